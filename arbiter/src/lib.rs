@@ -1,0 +1,1 @@
+//! Decides which proposal the motors get: arbitration, safety, execution, recording.

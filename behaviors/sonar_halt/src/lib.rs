@@ -1,0 +1,1 @@
+//! Halts the robot while a sonar sees something nearer than its gate.

@@ -1,0 +1,1 @@
+//! The vocabulary of Yamabico: messages, seams, bus, configuration, geometry, cameras and vision.

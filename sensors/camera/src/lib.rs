@@ -1,0 +1,1 @@
+//! Cameras: image sequences from files.

@@ -1,0 +1,1 @@
+//! A simulated world: cameras, sonars, wheel encoders and a drive.
