@@ -1,1 +1,13 @@
-//! The vocabulary of Yamabico: messages, seams, bus, configuration, geometry, cameras and vision.
+//! The vocabulary of Yamabico: what robots, sensors, behaviours and the arbiter say to each other.
+//!
+//! `Frame -> Behavior::propose -> Proposal -> arbiter::decide -> Command -> Drive`
+//!
+//! No device and no opinion lives here: [`message`] holds the types that travel, [`behavior`], [`sensor`] and [`drive`]
+//! the three seams that a plugin implements.
+
+pub mod behavior;
+pub mod bus;
+pub mod drive;
+pub mod message;
+pub mod sensor;
+pub mod time;

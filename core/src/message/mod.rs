@@ -1,0 +1,149 @@
+//! The types that travel over the bus.
+//!
+//! A message is a fixed header and, for lists, a slice of items behind it. Headers and items are plain old data without
+//! padding: every bit pattern is a valid value, so a hostile or broken sender can put nothing into shared memory that is
+//! undefined to read. What a number *means* is checked by accessors that answer `None` for a value outside the vocabulary.
+//!
+//! Type names carry a version; a change of layout is a new version.
+
+mod command;
+mod perception;
+mod proposal;
+mod registry;
+mod sensors;
+mod text;
+
+pub use command::{
+    Command, Control, ControlKind, DecisionHeader, Heartbeat, Mode, Outcome, PluginState, Verdict,
+};
+pub use perception::{
+    FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle, ObstaclesHeader,
+    PathHeader, PathPoint, Pose, PoseStatus,
+};
+pub use proposal::{Axes, Axis, Kind, Proposal, Reason, Sector, Twist};
+pub use registry::{ALL, MessageType};
+pub use sensors::{
+    Beam, Bumper, Clock, Encoding, FrameHeader, Imu, NO_ECHO, Odometry, RangeScanHeader, Truth,
+};
+pub use text::{Name, Note, Text};
+
+use bytemuck::Pod;
+use serde::Serialize;
+
+use crate::bus::ZeroCopySend;
+use crate::time::Time;
+
+/// How a channel treats a slow reader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Channel {
+    /// The newest value wins; a late reader gets the last one.
+    Latest,
+    /// Every value counts; a reader that overflows is told how many it lost.
+    Stream,
+}
+
+/// A type that travels: the header, and the items behind it.
+pub trait Message: Pod + ZeroCopySend + Serialize + std::fmt::Debug + 'static {
+    /// What the slice behind the header holds; [`u8`] and empty for a message without a list.
+    type Item: Pod + Serialize + std::fmt::Debug;
+    /// Versioned name, such as `yamabico.Odometry.v1`.
+    const NAME: &'static str;
+    /// How a channel of it treats a slow reader.
+    const CHANNEL: Channel;
+    /// The capture stamp.
+    fn stamp(&self) -> Time;
+    /// The oldest sensor data in it; the capture stamp for what a sensor measured itself.
+    fn evidence(&self) -> Time {
+        self.stamp()
+    }
+}
+
+/// Declares a header: `repr(C)`, plain old data, with its versioned name, its channel and its items.
+macro_rules! message {
+    (
+        $(#[$meta:meta])*
+        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)?
+        pub struct $ty:ident { $($body:tt)* }
+    ) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(
+            Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, ZeroCopySend, serde::Serialize,
+        )]
+        #[type_name($name)]
+        pub struct $ty { $($body)* }
+
+        impl Default for $ty {
+            fn default() -> Self {
+                bytemuck::Zeroable::zeroed()
+            }
+        }
+
+        impl crate::message::Message for $ty {
+            type Item = $item;
+            const NAME: &'static str = $name;
+            const CHANNEL: crate::message::Channel = crate::message::Channel::$channel;
+            fn stamp(&self) -> crate::time::Time {
+                crate::time::Time(self.stamp_ns)
+            }
+            $(fn evidence(&self) -> crate::time::Time {
+                crate::time::Time(self.$evidence)
+            })?
+        }
+    };
+}
+pub(crate) use message;
+
+/// Declares an element of a list: `repr(C)`, plain old data.
+macro_rules! item {
+    ($(#[$meta:meta])* pub struct $ty:ident { $($body:tt)* }) => {
+        $(#[$meta])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, serde::Serialize)]
+        pub struct $ty { $($body)* }
+
+        impl Default for $ty {
+            fn default() -> Self {
+                bytemuck::Zeroable::zeroed()
+            }
+        }
+    };
+}
+pub(crate) use item;
+
+/// Declares the vocabulary of a code that travels as `u32`.
+macro_rules! vocabulary {
+    ($(#[$meta:meta])* pub enum $ty:ident { $($(#[$vmeta:meta])* $variant:ident = $code:literal $text:literal,)* }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
+        #[repr(u32)]
+        pub enum $ty { $($(#[$vmeta])* $variant = $code,)* }
+
+        impl $ty {
+            /// Every word of this vocabulary.
+            pub const ALL: &'static [$ty] = &[$($ty::$variant),*];
+
+            /// The number that travels.
+            pub const fn code(self) -> u32 {
+                self as u32
+            }
+
+            /// The meaning of a number that travelled; `None` where it is not in the vocabulary.
+            pub const fn from_code(code: u32) -> Option<$ty> {
+                match code { $($code => Some($ty::$variant),)* _ => None }
+            }
+
+            /// In words, lower case.
+            pub const fn as_str(self) -> &'static str {
+                match self { $($ty::$variant => $text,)* }
+            }
+        }
+
+        impl std::fmt::Display for $ty {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad(self.as_str())
+            }
+        }
+    };
+}
+pub(crate) use vocabulary;

@@ -1,0 +1,132 @@
+//! Every message type by name, for whoever meets messages without knowing their Rust type: recorder, slots, tools.
+
+use super::*;
+
+/// What can be known of a message type without naming it in Rust.
+#[derive(Clone, Copy)]
+pub struct MessageType {
+    /// Versioned name, such as `yamabico.Odometry.v1`.
+    pub name: &'static str,
+    /// How a channel of it treats a slow reader.
+    pub channel: Channel,
+    /// Bytes of the header.
+    pub header_size: usize,
+    /// Bytes of one item.
+    pub item_size: usize,
+    /// The stamps (capture, evidence) of a header given as bytes; zero where it has the wrong size.
+    pub stamps: fn(header: &[u8]) -> (Time, Time),
+    /// Header and items as JSON; null where the sizes are wrong. A frame's pixels are left out.
+    pub to_json: fn(header: &[u8], items: &[u8]) -> serde_json::Value,
+}
+
+impl MessageType {
+    /// That of `M`.
+    pub const fn of<M: Message>() -> MessageType {
+        MessageType {
+            name: M::NAME,
+            channel: M::CHANNEL,
+            header_size: size_of::<M>(),
+            item_size: size_of::<M::Item>(),
+            stamps: stamps::<M>,
+            to_json: to_json::<M>,
+        }
+    }
+
+    /// The type of this name; `None` where no such type travels.
+    pub fn find(name: &str) -> Option<&'static MessageType> {
+        ALL.iter().find(|message| message.name == name)
+    }
+}
+
+impl PartialEq for MessageType {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for MessageType {}
+
+impl std::fmt::Debug for MessageType {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Every type that travels.
+pub static ALL: &[MessageType] = &[
+    MessageType::of::<FrameHeader>(),
+    MessageType::of::<RangeScanHeader>(),
+    MessageType::of::<Odometry>(),
+    MessageType::of::<Imu>(),
+    MessageType::of::<Bumper>(),
+    MessageType::of::<Clock>(),
+    MessageType::of::<Truth>(),
+    MessageType::of::<Goal>(),
+    MessageType::of::<PathHeader>(),
+    MessageType::of::<Pose>(),
+    MessageType::of::<ObstaclesHeader>(),
+    MessageType::of::<FreeSpaceHeader>(),
+    MessageType::of::<LandmarksHeader>(),
+    MessageType::of::<Intersection>(),
+    MessageType::of::<Proposal>(),
+    MessageType::of::<Command>(),
+    MessageType::of::<DecisionHeader>(),
+    MessageType::of::<Heartbeat>(),
+    MessageType::of::<Control>(),
+];
+
+fn stamps<M: Message>(header: &[u8]) -> (Time, Time) {
+    match bytemuck::try_pod_read_unaligned::<M>(header) {
+        Ok(header) => (header.stamp(), header.evidence()),
+        Err(_) => (Time::ZERO, Time::ZERO),
+    }
+}
+
+fn to_json<M: Message>(header: &[u8], items: &[u8]) -> serde_json::Value {
+    let Ok(header) = bytemuck::try_pod_read_unaligned::<M>(header) else { return serde_json::Value::Null };
+    let mut json = serde_json::to_value(header).unwrap_or_default();
+    let size = size_of::<M::Item>();
+    if size > 1
+        && let Some(object) = json.as_object_mut()
+    {
+        let items: Vec<M::Item> = items.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect();
+        object.insert("items".into(), serde_json::to_value(items).unwrap_or_default());
+    }
+    json
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_versioned_and_unique() {
+        for (i, message) in ALL.iter().enumerate() {
+            let (family, version) = message.name.rsplit_once(".v").unwrap();
+            assert!(family.starts_with("yamabico.") && version.parse::<u32>().is_ok(), "{}", message.name);
+            assert!(ALL[..i].iter().all(|other| other.name != message.name));
+            assert_eq!(MessageType::find(message.name), Some(message));
+        }
+    }
+
+    #[test]
+    fn a_list_becomes_json_with_its_items() {
+        let scan = RangeScanHeader { stamp_ns: 7, max_m: 3.0, ..Default::default() };
+        let beams =
+            [Beam { range_m: 0.4, ..Default::default() }, Beam { flags: NO_ECHO, ..Default::default() }];
+        let json = (MessageType::of::<RangeScanHeader>().to_json)(
+            bytemuck::bytes_of(&scan),
+            bytemuck::cast_slice(&beams),
+        );
+        assert_eq!(json["stamp_ns"], 7);
+        assert_eq!(json["items"][0]["range_m"], 0.4);
+        assert_eq!(json["items"].as_array().unwrap().len(), 2);
+    }
+
+    #[test]
+    fn wrong_sizes_are_null_and_not_a_panic() {
+        let odometry = MessageType::of::<Odometry>();
+        assert!((odometry.to_json)(&[1, 2, 3], &[]).is_null());
+        assert_eq!((odometry.stamps)(&[]), (Time::ZERO, Time::ZERO));
+    }
+}

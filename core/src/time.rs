@@ -1,0 +1,96 @@
+//! Instants on the one clock of a run.
+
+use std::fmt;
+use std::ops::{Add, Sub};
+use std::time::Duration;
+
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+use crate::bus::ZeroCopySend;
+
+/// An instant: nanoseconds since the run's clock began (`CLOCK_MONOTONIC` live, the start of the run in lockstep).
+///
+/// Instants of one run compare; those of different runs do not.
+#[repr(C)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Pod,
+    Zeroable,
+    ZeroCopySend,
+    Serialize,
+    Deserialize,
+)]
+pub struct Time(pub u64);
+
+impl Time {
+    /// The clock's beginning.
+    pub const ZERO: Time = Time(0);
+    /// Later than every instant that a run reaches.
+    pub const MAX: Time = Time(u64::MAX);
+
+    /// The instant `seconds` after the clock's beginning; negative and non-finite values give [`Time::ZERO`].
+    pub fn from_secs_f64(seconds: f64) -> Time {
+        Time((seconds * 1e9).round() as u64)
+    }
+
+    /// Seconds since the clock's beginning.
+    pub fn as_secs_f64(self) -> f64 {
+        self.0 as f64 * 1e-9
+    }
+
+    /// How long ago `earlier` was; zero where it lies in the future.
+    pub fn since(self, earlier: Time) -> Duration {
+        Duration::from_nanos(self.0.saturating_sub(earlier.0))
+    }
+
+    /// Signed seconds from `other` to `self`.
+    pub fn seconds_after(self, other: Time) -> f64 {
+        (self.0 as i128 - other.0 as i128) as f64 * 1e-9
+    }
+}
+
+impl Add<Duration> for Time {
+    type Output = Time;
+
+    fn add(self, duration: Duration) -> Time {
+        Time(self.0.saturating_add(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)))
+    }
+}
+
+impl Sub<Duration> for Time {
+    type Output = Time;
+
+    fn sub(self, duration: Duration) -> Time {
+        Time(self.0.saturating_sub(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)))
+    }
+}
+
+impl fmt::Display for Time {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.3} s", self.as_secs_f64())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_saturate_at_zero_and_keep_their_sign() {
+        let (a, b) = (Time::from_secs_f64(1.0), Time::from_secs_f64(1.5));
+        assert_eq!(b.since(a), Duration::from_millis(500));
+        assert_eq!(a.since(b), Duration::ZERO);
+        assert_eq!(a.seconds_after(b), -0.5);
+        assert_eq!(Time::from_secs_f64(-3.0), Time::ZERO);
+        assert_eq!(Time::from_secs_f64(f64::NAN), Time::ZERO);
+    }
+}
