@@ -7,7 +7,9 @@
 
 pub mod behavior;
 pub mod bus;
+pub mod camera;
 pub mod drive;
+pub mod geometry;
 pub mod message;
 pub mod sensor;
 pub mod time;
