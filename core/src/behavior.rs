@@ -1,1 +1,364 @@
-//! .
+//! The seam that a behaviour implements: sensors in, one proposal out.
+//!
+//! The contract of [`Behavior::propose`]:
+//! - it reads no clock ([`Inputs::now`] is the time), never sleeps, starts no threads, logs nothing;
+//! - it allocates nothing after warm-up;
+//! - "nothing seen" is a value: [`Proposal::abstain`] with a reason; a panic is a bug, caught at the boundary;
+//! - a failure never raises the speed.
+
+use std::marker::PhantomData;
+
+use schemars::{JsonSchema, Schema};
+use serde::de::DeserializeOwned;
+
+use crate::message::{Axes, Message, MessageType, Proposal};
+use crate::sensor::{Robot, SensorInfo};
+use crate::time::Time;
+
+/// A module that maps what it sees to a proposed motion.
+pub trait Behavior: Send {
+    /// Looks at the inputs once and proposes. What else it found out goes to `outputs`.
+    fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal;
+}
+
+/// A behaviour that can be composed in a task file.
+pub trait Plugin: Behavior + Sized + 'static {
+    /// Its parameters: the keys of its table in the task file beyond those that every behaviour has.
+    type Config: DeserializeOwned + JsonSchema;
+    /// Name in task files, kebab-case.
+    const NAME: &'static str;
+    /// What it does, in one sentence.
+    const SUMMARY: &'static str;
+    /// What it takes.
+    const INPUTS: &'static [SlotInfo];
+    /// What it publishes besides proposals.
+    const OUTPUTS: &'static [SlotInfo] = &[];
+    /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
+    const CLAIMS: Axes;
+
+    /// Builds it from its parameters for the given robot.
+    ///
+    /// # Errors
+    /// Parameters that contradict each other or the robot, with the key to change.
+    fn new(config: Self::Config, setup: &Setup) -> Result<Self, BuildError>;
+}
+
+/// What can be known of a behaviour without running it, and how to build one.
+#[derive(Clone, Copy)]
+pub struct BehaviorPlugin {
+    /// Name in task files.
+    pub name: &'static str,
+    /// What it does, in one sentence.
+    pub summary: &'static str,
+    /// What it takes.
+    pub inputs: &'static [SlotInfo],
+    /// What it publishes besides proposals.
+    pub outputs: &'static [SlotInfo],
+    /// Every axis that it may ever claim as a drive.
+    pub claims: Axes,
+    /// JSON Schema of its parameters.
+    pub schema: fn() -> Schema,
+    /// Builds one from its checked table.
+    pub build: fn(&toml::Table, &Setup) -> Result<Box<dyn Behavior>, BuildError>,
+}
+
+impl BehaviorPlugin {
+    /// The description of `B`.
+    pub const fn of<B: Plugin>() -> BehaviorPlugin {
+        BehaviorPlugin {
+            name: B::NAME,
+            summary: B::SUMMARY,
+            inputs: B::INPUTS,
+            outputs: B::OUTPUTS,
+            claims: B::CLAIMS,
+            schema: || schemars::schema_for!(B::Config),
+            build: |table, setup| {
+                let config = table.clone().try_into().map_err(|error: toml::de::Error| BuildError::new("", error.message()))?;
+                Ok(Box::new(B::new(config, setup)?))
+            },
+        }
+    }
+}
+
+impl std::fmt::Debug for BehaviorPlugin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// A parameter that does not fit.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}{problem}", if key.is_empty() { String::new() } else { format!("`{key}`: ") })]
+pub struct BuildError {
+    /// The key to change, dotted; empty where the whole table.
+    pub key: String,
+    /// What is wrong and what would be right.
+    pub problem: String,
+}
+
+impl BuildError {
+    /// `key` is wrong because of `problem`.
+    pub fn new(key: impl Into<String>, problem: impl Into<String>) -> BuildError {
+        BuildError { key: key.into(), problem: problem.into() }
+    }
+}
+
+/// What a behaviour is told when it is built.
+#[derive(Clone, Debug, Default)]
+pub struct Setup {
+    /// Its instance name in the task file.
+    pub name: String,
+    /// The robot that it is for.
+    pub robot: Robot,
+    /// What is plugged into each of its slots: slot name and the sensor, where it is a sensor.
+    pub sensors: Vec<(String, SensorInfo)>,
+}
+
+impl Setup {
+    /// The sensor in `slot`; `None` where the slot is empty or fed by a behaviour.
+    pub fn sensor<M>(&self, slot: &Slot<M>) -> Option<&SensorInfo> {
+        self.sensors.iter().find(|(name, _)| name == slot.name).map(|(_, info)| info)
+    }
+}
+
+/// A typed place that a message can be plugged into.
+#[derive(Debug)]
+pub struct Slot<M> {
+    /// Key under `inputs` in the task file.
+    pub name: &'static str,
+    /// What it is for.
+    pub summary: &'static str,
+    required: bool,
+    message: PhantomData<fn() -> M>,
+}
+
+impl<M: Message> Slot<M> {
+    /// A slot that the task file must fill.
+    pub const fn required(name: &'static str, summary: &'static str) -> Slot<M> {
+        Slot { name, summary, required: true, message: PhantomData }
+    }
+
+    /// A slot that may stay empty.
+    pub const fn optional(name: &'static str, summary: &'static str) -> Slot<M> {
+        Slot { name, summary, required: false, message: PhantomData }
+    }
+
+    /// Its description without the Rust type.
+    pub const fn info(&self) -> SlotInfo {
+        SlotInfo { name: self.name, summary: self.summary, required: self.required, message: MessageType::of::<M>() }
+    }
+}
+
+/// The description of a [`Slot`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotInfo {
+    /// Key under `inputs` in the task file.
+    pub name: &'static str,
+    /// What it is for.
+    pub summary: &'static str,
+    /// Whether the task file must fill it.
+    pub required: bool,
+    /// What it takes.
+    pub message: MessageType,
+}
+
+/// A message lent by whoever holds it.
+#[derive(Clone, Copy, Debug)]
+pub struct RawMessage<'a> {
+    /// The header's bytes, aligned for it.
+    pub header: &'a [u8],
+    /// The items' bytes, aligned for eight-byte numbers.
+    pub items: &'a [u8],
+}
+
+/// Where the messages of one slot come from: the bus, a recording, or a test.
+pub trait SlotSource {
+    /// The slot's name.
+    fn name(&self) -> &str;
+    /// Messages at hand, oldest first; the newest one stays at hand until a newer one arrives.
+    fn len(&self) -> usize;
+    /// Whether nothing has ever arrived.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// How many of them, counted from the newest, arrived since the last call of `propose`.
+    fn fresh(&self) -> usize;
+    /// Messages lost by overflow since the last call of `propose`.
+    fn lost(&self) -> u64;
+    /// The message at `index`, oldest first; `None` beyond [`SlotSource::len`].
+    fn get(&self, index: usize) -> Option<RawMessage<'_>>;
+}
+
+/// All slots of one behaviour.
+pub trait InputSource {
+    /// The slot at `index`; `None` beyond the last.
+    fn slot(&self, index: usize) -> Option<&dyn SlotSource>;
+}
+
+/// What a behaviour sees in one call.
+pub struct Inputs<'a> {
+    now: Time,
+    source: &'a dyn InputSource,
+}
+
+impl<'a> Inputs<'a> {
+    /// The slots of `source` at the instant `now`.
+    pub fn new(now: Time, source: &'a dyn InputSource) -> Inputs<'a> {
+        Inputs { now, source }
+    }
+
+    /// The time of this call.
+    pub fn now(&self) -> Time {
+        self.now
+    }
+
+    /// The newest message of a slot, however old; `None` where none ever arrived or its bytes do not fit.
+    pub fn latest<M: Message>(&self, slot: &Slot<M>) -> Option<View<'a, M>> {
+        let source = self.find(slot.name)?;
+        View::of(source.get(source.len().checked_sub(1)?)?)
+    }
+
+    /// Whether something arrived in a slot since the last call.
+    pub fn is_fresh<M: Message>(&self, slot: &Slot<M>) -> bool {
+        self.find(slot.name).is_some_and(|source| source.fresh() > 0)
+    }
+
+    /// The messages of a slot that arrived since the last call, oldest first.
+    pub fn fresh<M: Message>(&self, slot: &Slot<M>) -> impl Iterator<Item = View<'a, M>> + use<'a, M> {
+        let source = self.find(slot.name);
+        let range = source.map_or(0..0, |source| source.len() - source.fresh().min(source.len())..source.len());
+        range.filter_map(move |index| View::of(source?.get(index)?))
+    }
+
+    /// Messages of a slot lost by overflow since the last call.
+    pub fn lost<M: Message>(&self, slot: &Slot<M>) -> u64 {
+        self.find(slot.name).map_or(0, SlotSource::lost)
+    }
+
+    fn find(&self, name: &str) -> Option<&'a dyn SlotSource> {
+        (0..).map_while(|index| self.source.slot(index)).find(|source| source.name() == name)
+    }
+}
+
+/// A message read in place.
+#[derive(Debug)]
+pub struct View<'a, M: Message> {
+    /// The fixed part.
+    pub header: &'a M,
+    /// The list behind it.
+    pub items: &'a [M::Item],
+}
+
+impl<M: Message> Clone for View<'_, M> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<M: Message> Copy for View<'_, M> {}
+
+impl<'a, M: Message> View<'a, M> {
+    /// The typed view of raw bytes; `None` where sizes or alignment do not fit.
+    pub fn of(raw: RawMessage<'a>) -> Option<View<'a, M>> {
+        let header = bytemuck::try_from_bytes(raw.header).ok()?;
+        let items = bytemuck::try_cast_slice(raw.items).ok()?;
+        Some(View { header, items })
+    }
+}
+
+/// Where the messages that a plugin publishes go.
+pub trait OutputSink {
+    /// Publishes a whole message on the output `name`.
+    ///
+    /// # Errors
+    /// No such output, another type, too many items, or a bus that refused.
+    fn publish(&mut self, name: &str, message: &MessageType, header: &[u8], items: &[u8]) -> Result<(), PublishError>;
+
+    /// Publishes a message whose `len` bytes of items are written in place by `fill`.
+    ///
+    /// # Errors
+    /// As [`OutputSink::publish`].
+    fn publish_in_place(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        len: usize,
+        fill: &mut dyn FnMut(&mut [u8]),
+    ) -> Result<(), PublishError>;
+}
+
+/// A message that could not be published.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PublishError {
+    /// The plugin did not declare it, or nobody asked for it.
+    #[error("there is no output `{0}`")]
+    NoSuchOutput(String),
+    /// The output carries another type.
+    #[error("output `{output}` carries {expected}, not {actual}")]
+    WrongType {
+        /// The output.
+        output: String,
+        /// What it carries.
+        expected: &'static str,
+        /// What was to be published.
+        actual: &'static str,
+    },
+    /// The list is longer than the channel was opened for.
+    #[error("output `{output}` holds at most {most} bytes of items, not {len}")]
+    TooLong {
+        /// The output.
+        output: String,
+        /// What fits.
+        most: usize,
+        /// What was to be published.
+        len: usize,
+    },
+    /// The bus refused.
+    #[error("output `{output}`: {reason}")]
+    Refused {
+        /// The output.
+        output: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What a plugin may publish into.
+pub struct Outputs<'a> {
+    sink: &'a mut dyn OutputSink,
+}
+
+impl<'a> Outputs<'a> {
+    /// Outputs that end in `sink`.
+    pub fn new(sink: &'a mut dyn OutputSink) -> Outputs<'a> {
+        Outputs { sink }
+    }
+
+    /// Publishes a header and its items on the output `name`.
+    ///
+    /// # Errors
+    /// See [`PublishError`].
+    pub fn publish<M: Message>(&mut self, name: &str, header: &M, items: &[M::Item]) -> Result<(), PublishError> {
+        self.sink.publish(name, &MessageType::of::<M>(), bytemuck::bytes_of(header), bytemuck::cast_slice(items))
+    }
+
+    /// Publishes a message with `len` items that `fill` writes straight into shared memory.
+    ///
+    /// # Errors
+    /// See [`PublishError`].
+    pub fn publish_in_place<M: Message>(
+        &mut self,
+        name: &str,
+        header: &M,
+        len: usize,
+        mut fill: impl FnMut(&mut [M::Item]),
+    ) -> Result<(), PublishError> {
+        let bytes = len * size_of::<M::Item>();
+        self.sink.publish_in_place(name, &MessageType::of::<M>(), bytemuck::bytes_of(header), bytes, &mut |items| {
+            if let Ok(items) = bytemuck::try_cast_slice_mut(items) {
+                fill(items);
+            }
+        })
+    }
+}

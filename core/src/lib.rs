@@ -12,4 +12,5 @@ pub mod drive;
 pub mod geometry;
 pub mod message;
 pub mod sensor;
+pub mod testing;
 pub mod time;

@@ -1,1 +1,242 @@
-//! .
+//! The seam that a sensor implements, and what is known of a sensor and of a robot.
+
+use std::path::PathBuf;
+
+use schemars::Schema;
+use serde::{Deserialize, Serialize};
+
+use crate::behavior::{BuildError, Outputs, PublishError};
+use crate::camera::{Distortion, Intrinsics, Mount};
+use crate::drive::Drive;
+use crate::message::{Axes, MessageType};
+use crate::time::Time;
+
+/// A device that measures and publishes.
+pub trait Sensor: Send {
+    /// Publishes everything that is due up to `now` on the output of the sensor's own name, and tells when to come back.
+    ///
+    /// # Errors
+    /// The device failed; the run ends or the sensor is restarted.
+    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError>;
+}
+
+/// When a sensor has something again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Due {
+    /// Not before this instant.
+    At(Time),
+    /// Never: a recording has ended.
+    Ended,
+}
+
+/// A device that failed while it ran.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DeviceError {
+    /// It cannot go on.
+    #[error("device `{device}` failed: {reason}")]
+    Failed {
+        /// Its name in the robot file.
+        device: String,
+        /// What happened and what to do.
+        reason: String,
+    },
+    /// What it measured could not be published.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+}
+
+impl DeviceError {
+    /// `device` failed because of `reason`.
+    pub fn failed(device: impl Into<String>, reason: impl ToString) -> DeviceError {
+        DeviceError::Failed { device: device.into(), reason: reason.to_string() }
+    }
+}
+
+/// What a behaviour may know of a sensor: from the robot file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SensorInfo {
+    /// Its name in the robot file.
+    pub name: String,
+    /// Name of what it publishes, such as `yamabico.FrameHeader.v1`.
+    pub message: &'static str,
+    /// Seconds from one measurement to the next.
+    pub period_s: f64,
+    /// Seconds from the middle of a measurement to its arrival.
+    pub latency_s: f64,
+    /// What depends on the kind of sensor.
+    pub kind: SensorKind,
+}
+
+/// What is known of a sensor by its kind.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum SensorKind {
+    /// A pinhole camera.
+    Camera {
+        /// Focal lengths, centre and size, pixels.
+        intrinsics: Intrinsics,
+        /// Of the lens.
+        distortion: Distortion,
+        /// Where it sits on the robot.
+        mount: Mount,
+        /// Whether the intrinsics were measured, not guessed.
+        calibrated: Calibration,
+    },
+    /// Sonars or a laser.
+    Range {
+        /// Nearest range, metres.
+        min_m: f64,
+        /// Farthest range, metres.
+        max_m: f64,
+    },
+    /// Anything that needs no description.
+    Other,
+}
+
+/// How well the numbers of a camera are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Calibration {
+    /// Intrinsics and mount were measured: angles and distances can be trusted.
+    Measured,
+    /// They were guessed: directions are only roughly right, distances mean nothing.
+    Guessed,
+}
+
+/// What is known of the robot: from the robot file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Robot {
+    /// Its name.
+    pub name: String,
+    /// Radius of the circle about the centre that holds the whole robot, metres.
+    pub radius_m: f64,
+    /// What it can do.
+    pub limits: MotionLimits,
+    /// Axes that the drive has.
+    pub axes: Axes,
+}
+
+impl Default for Robot {
+    fn default() -> Self {
+        Robot { name: "robot".into(), radius_m: 0.25, limits: MotionLimits::default(), axes: Axes::PLANAR }
+    }
+}
+
+/// What a robot's drive can do. Each triple is for the linear, lateral and angular axis: m and m, rad.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MotionLimits {
+    /// Largest speed, per second.
+    pub speed: [f64; 3],
+    /// Largest acceleration while speeding up, per second squared.
+    pub acceleration: [f64; 3],
+    /// Largest deceleration in normal driving, per second squared.
+    pub deceleration: [f64; 3],
+    /// Deceleration of a halt and of the emergency stop, per second squared.
+    pub emergency: [f64; 3],
+    /// Largest change of acceleration, per second cubed.
+    pub jerk: [f64; 3],
+}
+
+impl Default for MotionLimits {
+    fn default() -> Self {
+        MotionLimits {
+            speed: [0.6, 0.0, 1.2],
+            acceleration: [0.5, 0.5, 2.0],
+            deceleration: [0.8, 0.8, 3.0],
+            emergency: [1.5, 1.5, 6.0],
+            jerk: [5.0, 5.0, 20.0],
+        }
+    }
+}
+
+/// A family of devices: what can be known without opening one, and how to open one.
+#[derive(Clone, Copy)]
+pub struct DriverPlugin {
+    /// Name in robot files, kebab-case.
+    pub name: &'static str,
+    /// What it drives, in one sentence.
+    pub summary: &'static str,
+    /// JSON Schema of the device's own table.
+    pub schema: fn() -> Schema,
+    /// The kinds of sensor that it offers.
+    pub sensors: &'static [SensorPlugin],
+    /// The kinds of drive that it offers.
+    pub drives: &'static [DrivePlugin],
+    /// Opens the device with its sensors and its drive.
+    pub open: fn(DeviceSpec) -> Result<Device, BuildError>,
+}
+
+impl std::fmt::Debug for DriverPlugin {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// A kind of sensor that a driver offers.
+#[derive(Clone, Copy)]
+pub struct SensorPlugin {
+    /// Name in robot files, kebab-case.
+    pub kind: &'static str,
+    /// What it measures, in one sentence.
+    pub summary: &'static str,
+    /// What it publishes.
+    pub message: MessageType,
+    /// JSON Schema of its parameters.
+    pub schema: fn() -> Schema,
+    /// What behaviours are told about one of the given name with the given checked table.
+    pub describe: fn(name: &str, &toml::Table) -> Result<SensorInfo, BuildError>,
+    /// The longest list of items in one of its messages, in bytes.
+    pub most_bytes: fn(&toml::Table) -> Result<usize, BuildError>,
+}
+
+/// A kind of drive that a driver offers.
+#[derive(Clone, Copy)]
+pub struct DrivePlugin {
+    /// Name in robot files, kebab-case.
+    pub kind: &'static str,
+    /// What it moves, in one sentence.
+    pub summary: &'static str,
+    /// The axes that it has.
+    pub axes: Axes,
+    /// JSON Schema of its parameters.
+    pub schema: fn() -> Schema,
+}
+
+/// What a driver is asked to open.
+#[derive(Clone, Debug)]
+pub struct DeviceSpec {
+    /// The device's name in the robot file.
+    pub name: String,
+    /// The device's own table, checked against the driver's schema.
+    pub table: toml::Table,
+    /// Its sensors: name, kind and checked table.
+    pub sensors: Vec<PartSpec>,
+    /// Its drive.
+    pub drive: Option<PartSpec>,
+    /// Relative paths in the tables start here.
+    pub folder: PathBuf,
+    /// Of the run; a device derives its own streams from it and its names.
+    pub seed: u64,
+    /// The robot that it is on.
+    pub robot: Robot,
+}
+
+/// A sensor or a drive of a device.
+#[derive(Clone, Debug)]
+pub struct PartSpec {
+    /// Name in the robot file.
+    pub name: String,
+    /// Which of the driver's kinds.
+    pub kind: String,
+    /// Its parameters, checked against the kind's schema.
+    pub table: toml::Table,
+}
+
+/// An open device.
+pub struct Device {
+    /// Its sensors in the order asked for: name and sensor.
+    pub sensors: Vec<(String, Box<dyn Sensor>)>,
+    /// Its drive.
+    pub drive: Option<Box<dyn Drive>>,
+    /// A simulator's own sensor of [`Truth`](crate::message::Truth), published on the output `truth`.
+    pub judge: Option<Box<dyn Sensor>>,
+}

@@ -1,0 +1,256 @@
+//! Runs one behaviour with no bus, robot, clock or file.
+//!
+//! ```ignore
+//! let mut bench = Bench::<SonarHalt>::new("gate_m = 0.5", Setup::default())?;
+//! bench.at(1.0).feed(&SONAR, &scan, &beams);
+//! let proposal = bench.propose();
+//! assert_eq!(proposal.kind(), Some(Kind::Halt));
+//! ```
+
+use std::collections::VecDeque;
+
+use crate::behavior::{
+    Behavior, BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, RawMessage, Setup, Slot, SlotSource,
+    View,
+};
+use crate::message::{Message, MessageType, Proposal};
+use crate::time::Time;
+
+/// How many messages a slot keeps at hand, as on the bus.
+const DEPTH: usize = 64;
+
+/// One behaviour and what it is fed.
+pub struct Bench<B: Plugin> {
+    /// The behaviour itself, to look into.
+    pub behavior: B,
+    now: Time,
+    slots: Slots,
+    published: Published,
+}
+
+impl<B: Plugin> Bench<B> {
+    /// The behaviour built from TOML text, as in its table of a task file without the keys that every behaviour has.
+    ///
+    /// # Errors
+    /// Text that is not TOML, unknown keys, wrong types, and whatever the behaviour itself refuses.
+    pub fn new(toml: &str, setup: Setup) -> Result<Bench<B>, BuildError> {
+        let config = toml::from_str(toml).map_err(|error| BuildError::new("", error.to_string()))?;
+        let slots = B::INPUTS.iter().map(|slot| Queue { name: slot.name, ..Queue::default() }).collect();
+        Ok(Bench {
+            behavior: B::new(config, &setup)?,
+            now: Time::ZERO,
+            slots: Slots(slots),
+            published: Published::default(),
+        })
+    }
+
+    /// Sets the time of the next calls, seconds.
+    pub fn at(&mut self, seconds: f64) -> &mut Self {
+        self.now = Time::from_secs_f64(seconds);
+        self
+    }
+
+    /// Puts a message into a slot.
+    ///
+    /// # Panics
+    /// The behaviour has no such slot.
+    pub fn feed<M: Message>(&mut self, slot: &Slot<M>, header: &M, items: &[M::Item]) -> &mut Self {
+        let queue = self.slots.find(slot.name);
+        queue.push(bytemuck::bytes_of(header), bytemuck::cast_slice(items));
+        self
+    }
+
+    /// Tells that `count` messages of a slot were lost by overflow.
+    ///
+    /// # Panics
+    /// The behaviour has no such slot.
+    pub fn lose<M: Message>(&mut self, slot: &Slot<M>, count: u64) -> &mut Self {
+        self.slots.find(slot.name).lost += count;
+        self
+    }
+
+    /// One call of the behaviour; what was fed is fresh in this call only.
+    pub fn propose(&mut self) -> Proposal {
+        self.published.0.clear();
+        let proposal =
+            self.behavior.propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
+        for queue in &mut self.slots.0 {
+            queue.fresh = 0;
+            queue.lost = 0;
+        }
+        proposal
+    }
+
+    /// What the last call published on the output `name`: header and items.
+    pub fn published<M: Message>(&self, name: &str) -> Vec<(M, Vec<M::Item>)> {
+        let of_name = self.published.0.iter().filter(|(output, message, _)| output == name && message.name == M::NAME);
+        of_name
+            .filter_map(|(_, _, stored)| View::<M>::of(stored.raw()).map(|view| (*view.header, view.items.to_vec())))
+            .collect()
+    }
+}
+
+/// A message kept in eight-byte words, so that its bytes are aligned for any header.
+#[derive(Default)]
+struct Stored {
+    header: Vec<u64>,
+    header_len: usize,
+    items: Vec<u64>,
+    items_len: usize,
+}
+
+impl Stored {
+    fn copy(&mut self, header: &[u8], items: &[u8]) {
+        self.header_len = copy_into(&mut self.header, header);
+        self.items_len = copy_into(&mut self.items, items);
+    }
+
+    fn raw(&self) -> RawMessage<'_> {
+        RawMessage {
+            header: &bytemuck::cast_slice(&self.header)[..self.header_len],
+            items: &bytemuck::cast_slice(&self.items)[..self.items_len],
+        }
+    }
+}
+
+fn copy_into(words: &mut Vec<u64>, bytes: &[u8]) -> usize {
+    words.resize(bytes.len().div_ceil(8), 0);
+    bytemuck::cast_slice_mut(words)[..bytes.len()].copy_from_slice(bytes);
+    bytes.len()
+}
+
+#[derive(Default)]
+struct Queue {
+    name: &'static str,
+    stored: VecDeque<Stored>,
+    fresh: usize,
+    lost: u64,
+}
+
+impl Queue {
+    /// Reuses the oldest entry's memory once the queue is full, so that feeding does not allocate for ever.
+    fn push(&mut self, header: &[u8], items: &[u8]) {
+        let mut entry = if self.stored.len() < DEPTH { None } else { self.stored.pop_front() }.unwrap_or_default();
+        entry.copy(header, items);
+        self.stored.push_back(entry);
+        self.fresh = (self.fresh + 1).min(DEPTH);
+    }
+}
+
+impl SlotSource for Queue {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn len(&self) -> usize {
+        self.stored.len()
+    }
+
+    fn fresh(&self) -> usize {
+        self.fresh
+    }
+
+    fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    fn get(&self, index: usize) -> Option<RawMessage<'_>> {
+        self.stored.get(index).map(Stored::raw)
+    }
+}
+
+struct Slots(Vec<Queue>);
+
+impl Slots {
+    fn find(&mut self, name: &str) -> &mut Queue {
+        let known: Vec<_> = self.0.iter().map(|queue| queue.name).collect();
+        match self.0.iter_mut().find(|queue| queue.name == name) {
+            Some(queue) => queue,
+            None => panic!("no slot `{name}` among {known:?}"),
+        }
+    }
+}
+
+impl InputSource for Slots {
+    fn slot(&self, index: usize) -> Option<&dyn SlotSource> {
+        self.0.get(index).map(|queue| queue as &dyn SlotSource)
+    }
+}
+
+#[derive(Default)]
+struct Published(Vec<(String, MessageType, Stored)>);
+
+impl OutputSink for Published {
+    fn publish(&mut self, name: &str, message: &MessageType, header: &[u8], items: &[u8]) -> Result<(), PublishError> {
+        let mut stored = Stored::default();
+        stored.copy(header, items);
+        self.0.push((name.to_owned(), *message, stored));
+        Ok(())
+    }
+
+    fn publish_in_place(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        len: usize,
+        fill: &mut dyn FnMut(&mut [u8]),
+    ) -> Result<(), PublishError> {
+        let mut items = vec![0_u64; len.div_ceil(8)];
+        fill(&mut bytemuck::cast_slice_mut(&mut items)[..len]);
+        self.publish(name, message, header, &bytemuck::cast_slice(&items)[..len])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::behavior::SlotInfo;
+    use crate::message::{Axes, Beam, Odometry, RangeScanHeader, Reason, Twist};
+
+    const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges");
+
+    /// Drives at the nearest range of all fresh scans, and publishes where it thinks it is.
+    struct Nearest;
+
+    #[derive(serde::Deserialize, schemars::JsonSchema)]
+    struct NoConfig {}
+
+    impl Plugin for Nearest {
+        type Config = NoConfig;
+        const NAME: &'static str = "nearest";
+        const SUMMARY: &'static str = "Drives at the nearest range.";
+        const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
+        const CLAIMS: Axes = Axes::LINEAR;
+
+        fn new(_: NoConfig, _: &Setup) -> Result<Self, BuildError> {
+            Ok(Nearest)
+        }
+    }
+
+    impl Behavior for Nearest {
+        fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
+            let ranges = inputs.fresh(&SONAR).flat_map(|scan| scan.items.iter().filter_map(Beam::echo_m));
+            let nearest = ranges.fold(f64::INFINITY, f64::min);
+            let odometry = Odometry { x: nearest, stamp_ns: inputs.now().0, ..Default::default() };
+            outputs.publish("odometry", &odometry, &[]).unwrap();
+            if inputs.is_fresh(&SONAR) {
+                Proposal::drive(Axes::LINEAR, Twist::planar(nearest, 0.0))
+            } else {
+                Proposal::abstain(Reason::StaleInput)
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_fed_is_fresh_once_and_what_is_published_can_be_read() {
+        let mut bench = Bench::<Nearest>::new("", Setup::default()).unwrap();
+        let beam = |range_m| Beam { range_m, ..Default::default() };
+        bench.at(1.5).feed(&SONAR, &RangeScanHeader::default(), &[beam(2.0), beam(0.7)]);
+        bench.feed(&SONAR, &RangeScanHeader::default(), &[beam(0.9)]);
+        assert_eq!(bench.propose().twist.linear, 0.7);
+        let published = bench.published::<Odometry>("odometry");
+        assert_eq!((published.len(), published[0].0.x, published[0].0.stamp_ns), (1, 0.7, 1_500_000_000));
+        assert_eq!(bench.propose().reason(), Some(Reason::StaleInput));
+    }
+}
