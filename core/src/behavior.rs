@@ -73,7 +73,10 @@ impl BehaviorPlugin {
             claims: B::CLAIMS,
             schema: || schemars::schema_for!(B::Config),
             build: |table, setup| {
-                let config = table.clone().try_into().map_err(|error: toml::de::Error| BuildError::new("", error.message()))?;
+                let config = table
+                    .clone()
+                    .try_into()
+                    .map_err(|error: toml::de::Error| BuildError::new("", error.message()))?;
                 Ok(Box::new(B::new(config, setup)?))
             },
         }
@@ -145,7 +148,12 @@ impl<M: Message> Slot<M> {
 
     /// Its description without the Rust type.
     pub const fn info(&self) -> SlotInfo {
-        SlotInfo { name: self.name, summary: self.summary, required: self.required, message: MessageType::of::<M>() }
+        SlotInfo {
+            name: self.name,
+            summary: self.summary,
+            required: self.required,
+            message: MessageType::of::<M>(),
+        }
     }
 }
 
@@ -226,7 +234,8 @@ impl<'a> Inputs<'a> {
     /// The messages of a slot that arrived since the last call, oldest first.
     pub fn fresh<M: Message>(&self, slot: &Slot<M>) -> impl Iterator<Item = View<'a, M>> + use<'a, M> {
         let source = self.find(slot.name);
-        let range = source.map_or(0..0, |source| source.len() - source.fresh().min(source.len())..source.len());
+        let range =
+            source.map_or(0..0, |source| source.len() - source.fresh().min(source.len())..source.len());
         range.filter_map(move |index| View::of(source?.get(index)?))
     }
 
@@ -272,7 +281,13 @@ pub trait OutputSink {
     ///
     /// # Errors
     /// No such output, another type, too many items, or a bus that refused.
-    fn publish(&mut self, name: &str, message: &MessageType, header: &[u8], items: &[u8]) -> Result<(), PublishError>;
+    fn publish(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), PublishError>;
 
     /// Publishes a message whose `len` bytes of items are written in place by `fill`.
     ///
@@ -339,8 +354,18 @@ impl<'a> Outputs<'a> {
     ///
     /// # Errors
     /// See [`PublishError`].
-    pub fn publish<M: Message>(&mut self, name: &str, header: &M, items: &[M::Item]) -> Result<(), PublishError> {
-        self.sink.publish(name, &MessageType::of::<M>(), bytemuck::bytes_of(header), bytemuck::cast_slice(items))
+    pub fn publish<M: Message>(
+        &mut self,
+        name: &str,
+        header: &M,
+        items: &[M::Item],
+    ) -> Result<(), PublishError> {
+        self.sink.publish(
+            name,
+            &MessageType::of::<M>(),
+            bytemuck::bytes_of(header),
+            bytemuck::cast_slice(items),
+        )
     }
 
     /// Publishes a message with `len` items that `fill` writes straight into shared memory.
@@ -355,10 +380,16 @@ impl<'a> Outputs<'a> {
         mut fill: impl FnMut(&mut [M::Item]),
     ) -> Result<(), PublishError> {
         let bytes = len * size_of::<M::Item>();
-        self.sink.publish_in_place(name, &MessageType::of::<M>(), bytemuck::bytes_of(header), bytes, &mut |items| {
-            if let Ok(items) = bytemuck::try_cast_slice_mut(items) {
-                fill(items);
-            }
-        })
+        self.sink.publish_in_place(
+            name,
+            &MessageType::of::<M>(),
+            bytemuck::bytes_of(header),
+            bytes,
+            &mut |items| {
+                if let Ok(items) = bytemuck::try_cast_slice_mut(items) {
+                    fill(items);
+                }
+            },
+        )
     }
 }

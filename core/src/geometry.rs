@@ -6,6 +6,7 @@
 //! - A transform `a_from_b` takes the coordinates of a point from frame b to frame a; a point is named `point_in_a`.
 //! - Lengths are metres, angles radians, times seconds. Angles are wrapped to (-pi, pi] by [`wrap_angle`] alone.
 
+pub use crate::message::Twist;
 use bytemuck::{Pod, Zeroable};
 use nalgebra::{Matrix3, Point2, Vector2};
 use schemars::JsonSchema;
@@ -107,7 +108,7 @@ impl Pose2 {
     /// The pose after moving with the constant body twist for `duration_s` (may be negative): the exact arc, not an
     /// Euler step.
     #[must_use]
-    pub fn integrate(&self, twist: &Twist2, duration_s: f64) -> Self {
+    pub fn integrate(&self, twist: &Twist, duration_s: f64) -> Self {
         self.compose(&twist.exponential(duration_s))
     }
 
@@ -133,23 +134,7 @@ impl Mul for Pose2 {
     }
 }
 
-/// A planar velocity in the body frame (REP-103).
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Pod, Zeroable)]
-#[serde(deny_unknown_fields)]
-pub struct Twist2 {
-    /// Forward velocity vx, m/s.
-    pub linear: f64,
-    /// Sideways velocity vy, m/s, positive to the left; zero for a differential drive.
-    pub lateral: f64,
-    /// Turning velocity omega, rad/s, positive to the left.
-    pub angular: f64,
-}
-
-impl Twist2 {
-    /// Standing still.
-    pub const ZERO: Self = Self { linear: 0.0, lateral: 0.0, angular: 0.0 };
-
+impl Twist {
     /// A body twist from vx (m/s), vy (m/s, left) and omega (rad/s, left).
     #[must_use]
     pub const fn new(linear: f64, lateral: f64, angular: f64) -> Self {
@@ -166,7 +151,7 @@ impl Twist2 {
     }
 
     /// The constant twist that makes the motion `start_from_end` in `duration_s` > 0 along the shortest arc: the
-    /// logarithm of SE(2), inverse of [`Twist2::exponential`] for turns below pi.
+    /// logarithm of SE(2), inverse of [`Twist::exponential`] for turns below pi.
     #[must_use]
     pub fn logarithm(start_from_end: &Pose2, duration_s: f64) -> Self {
         let (along, across) = arc_quotients(start_from_end.theta);
@@ -180,12 +165,6 @@ impl Twist2 {
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.linear.hypot(self.lateral)
-    }
-
-    /// Whether all three numbers are finite.
-    #[must_use]
-    pub fn is_finite(&self) -> bool {
-        self.linear.is_finite() && self.lateral.is_finite() && self.angular.is_finite()
     }
 }
 
@@ -202,6 +181,7 @@ fn arc_quotients(turn_rad: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    pub use crate::message::Twist;
     use proptest::prelude::*;
     use std::f64::consts::FRAC_PI_2;
 
@@ -222,16 +202,16 @@ mod tests {
     fn positive_angle_turns_left() {
         let left = Pose2::new(0.0, 0.0, FRAC_PI_2).transform_point(Point2::new(1.0, 0.0));
         assert!((left - Point2::new(0.0, 1.0)).norm() < 1e-15);
-        let end = Pose2::IDENTITY.integrate(&Twist2::new(1.0, 0.0, 0.5), 1.0);
+        let end = Pose2::IDENTITY.integrate(&Twist::new(1.0, 0.0, 0.5), 1.0);
         assert!(end.y > 0.0 && end.theta > 0.0);
         assert!((angle_difference(-3.0, 3.0) - (TAU - 6.0)).abs() < 1e-15);
     }
 
     #[test]
     fn quarter_circle_is_exact() {
-        let end = Pose2::IDENTITY.integrate(&Twist2::new(2.0, 0.0, 1.0), FRAC_PI_2);
+        let end = Pose2::IDENTITY.integrate(&Twist::new(2.0, 0.0, 1.0), FRAC_PI_2);
         assert!(close(&end, &Pose2::new(2.0, 2.0, FRAC_PI_2), 1e-14));
-        let sideways = Pose2::IDENTITY.integrate(&Twist2::new(0.0, 2.0, 1.0), FRAC_PI_2);
+        let sideways = Pose2::IDENTITY.integrate(&Twist::new(0.0, 2.0, 1.0), FRAC_PI_2);
         assert!(close(&sideways, &Pose2::new(-2.0, 2.0, FRAC_PI_2), 1e-14));
     }
 
@@ -260,22 +240,22 @@ mod tests {
 
         #[test]
         fn two_half_arcs_make_one(v in -2.0..2.0, w in -2.0..2.0, omega in -3.0..3.0, t in 0.0..2.0) {
-            let twist = Twist2::new(v, w, omega);
+            let twist = Twist::new(v, w, omega);
             let halves = Pose2::IDENTITY.integrate(&twist, t / 2.0).integrate(&twist, t / 2.0);
             prop_assert!(close(&halves, &Pose2::IDENTITY.integrate(&twist, t), 1e-12));
         }
 
         #[test]
         fn logarithm_inverts_the_exponential(v in -2.0..2.0, w in -2.0..2.0, omega in -3.0..3.0) {
-            let back = Twist2::logarithm(&Twist2::new(v, w, omega).exponential(1.0), 1.0);
+            let back = Twist::logarithm(&Twist::new(v, w, omega).exponential(1.0), 1.0);
             prop_assert!((back.linear - v).abs() + (back.lateral - w).abs() + (back.angular - omega).abs() < 1e-9);
         }
 
         #[test]
         fn series_meets_the_closed_form(v in -2.0..2.0, sign in prop::bool::ANY) {
             let omega = if sign { SMALL_TURN_RAD } else { -SMALL_TURN_RAD };
-            let below = Twist2::new(v, 0.0, omega * 0.999_999).exponential(1.0);
-            let above = Twist2::new(v, 0.0, omega * 1.000_001).exponential(1.0);
+            let below = Twist::new(v, 0.0, omega * 0.999_999).exponential(1.0);
+            let above = Twist::new(v, 0.0, omega * 1.000_001).exponential(1.0);
             prop_assert!(close(&below, &above, 1e-9));
         }
     }

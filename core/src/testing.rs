@@ -10,8 +10,8 @@
 use std::collections::VecDeque;
 
 use crate::behavior::{
-    Behavior, BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, RawMessage, Setup, Slot, SlotSource,
-    View,
+    BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, RawMessage, Setup, Slot,
+    SlotSource, View,
 };
 use crate::message::{Message, MessageType, Proposal};
 use crate::time::Time;
@@ -72,8 +72,9 @@ impl<B: Plugin> Bench<B> {
     /// One call of the behaviour; what was fed is fresh in this call only.
     pub fn propose(&mut self) -> Proposal {
         self.published.0.clear();
-        let proposal =
-            self.behavior.propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
+        let proposal = self
+            .behavior
+            .propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
         for queue in &mut self.slots.0 {
             queue.fresh = 0;
             queue.lost = 0;
@@ -83,9 +84,12 @@ impl<B: Plugin> Bench<B> {
 
     /// What the last call published on the output `name`: header and items.
     pub fn published<M: Message>(&self, name: &str) -> Vec<(M, Vec<M::Item>)> {
-        let of_name = self.published.0.iter().filter(|(output, message, _)| output == name && message.name == M::NAME);
+        let of_name =
+            self.published.0.iter().filter(|(output, message, _)| output == name && message.name == M::NAME);
         of_name
-            .filter_map(|(_, _, stored)| View::<M>::of(stored.raw()).map(|view| (*view.header, view.items.to_vec())))
+            .filter_map(|(_, _, stored)| {
+                View::<M>::of(stored.raw()).map(|view| (*view.header, view.items.to_vec()))
+            })
             .collect()
     }
 }
@@ -130,7 +134,8 @@ struct Queue {
 impl Queue {
     /// Reuses the oldest entry's memory once the queue is full, so that feeding does not allocate for ever.
     fn push(&mut self, header: &[u8], items: &[u8]) {
-        let mut entry = if self.stored.len() < DEPTH { None } else { self.stored.pop_front() }.unwrap_or_default();
+        let mut entry =
+            if self.stored.len() < DEPTH { None } else { self.stored.pop_front() }.unwrap_or_default();
         entry.copy(header, items);
         self.stored.push_back(entry);
         self.fresh = (self.fresh + 1).min(DEPTH);
@@ -181,7 +186,13 @@ impl InputSource for Slots {
 struct Published(Vec<(String, MessageType, Stored)>);
 
 impl OutputSink for Published {
-    fn publish(&mut self, name: &str, message: &MessageType, header: &[u8], items: &[u8]) -> Result<(), PublishError> {
+    fn publish(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), PublishError> {
         let mut stored = Stored::default();
         stored.copy(header, items);
         self.0.push((name.to_owned(), *message, stored));
@@ -205,7 +216,7 @@ impl OutputSink for Published {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::behavior::SlotInfo;
+    use crate::behavior::{Behavior, SlotInfo};
     use crate::message::{Axes, Beam, Odometry, RangeScanHeader, Reason, Twist};
 
     const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges");
