@@ -1,1 +1,95 @@
-//! Dependencies point one way.
+//! Dependencies point one way: core <- {behaviors, sensors, arbiter} <- cli, and no behaviour knows another part.
+
+use std::collections::BTreeMap;
+use std::process::Command;
+
+use serde_json::Value;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Layer {
+    Core,
+    Behavior,
+    Sensor,
+    Arbiter,
+    Cli,
+    Tests,
+}
+
+/// What each layer's library may name.
+fn may_depend(from: Layer, on: Layer) -> bool {
+    match from {
+        Layer::Core => false,
+        Layer::Behavior | Layer::Sensor | Layer::Arbiter => on == Layer::Core,
+        Layer::Cli => on != Layer::Cli && on != Layer::Tests,
+        Layer::Tests => on != Layer::Tests,
+    }
+}
+
+fn layer(manifest: &str) -> Layer {
+    let folders: Vec<_> = manifest.rsplit('/').skip(1).take(2).collect();
+    match folders.as_slice() {
+        ["core", _] => Layer::Core,
+        [_, "behaviors"] => Layer::Behavior,
+        [_, "sensors"] => Layer::Sensor,
+        ["arbiter", _] => Layer::Arbiter,
+        ["cli", "arbiter"] => Layer::Cli,
+        ["tests", _] => Layer::Tests,
+        other => panic!("{manifest}: no layer for {other:?}"),
+    }
+}
+
+#[test]
+fn dependencies_point_one_way() {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    let layers: BTreeMap<&str, Layer> = packages
+        .iter()
+        .map(|package| (package["name"].as_str().unwrap(), layer(package["manifest_path"].as_str().unwrap())))
+        .collect();
+
+    let mut seen = 0;
+    for package in packages {
+        let name = package["name"].as_str().unwrap();
+        for dependency in package["dependencies"].as_array().unwrap() {
+            // Tests, examples and benches may bring in a simulator; what is shipped may not.
+            let shipped = dependency["kind"] != "dev";
+            let on = dependency["name"].as_str().unwrap();
+            let Some(&on_layer) = layers.get(on) else { continue };
+            assert!(!shipped || may_depend(layers[name], on_layer), "{name} must not depend on {on}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 5, "only {seen} dependencies inside the workspace were seen");
+}
+
+#[test]
+fn only_the_bus_names_iceoryx2() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let mut files = 0;
+    for folder in ["core/src", "behaviors", "sensors", "arbiter"] {
+        visit(&root.join(folder), &mut |path, text| {
+            files += 1;
+            let bus = path.components().any(|part| part.as_os_str() == "bus");
+            let bench = path.components().any(|part| part.as_os_str() == "benches" || part.as_os_str() == "target");
+            assert!(bus || bench || !text.contains("iceoryx2::"), "{} names iceoryx2", path.display());
+        });
+    }
+    assert!(files > 20, "only {files} files were read");
+}
+
+fn visit(folder: &std::path::Path, see: &mut dyn FnMut(&std::path::Path, &str)) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            visit(&path, see);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            see(&path, &std::fs::read_to_string(&path).unwrap());
+        }
+    }
+}
