@@ -10,6 +10,7 @@ pub mod bus;
 pub mod camera;
 pub mod drive;
 pub mod geometry;
+pub mod inbox;
 pub mod message;
 pub mod sensor;
 pub mod testing;

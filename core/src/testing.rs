@@ -7,17 +7,12 @@
 //! assert_eq!(proposal.kind(), Some(Kind::Halt));
 //! ```
 
-use std::collections::VecDeque;
-
 use crate::behavior::{
-    BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, RawMessage, Setup, Slot,
-    SlotSource, View,
+    BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, Setup, Slot, SlotSource, View,
 };
+use crate::inbox::{Inbox, Stored};
 use crate::message::{Message, MessageType, Proposal};
 use crate::time::Time;
-
-/// How many messages a slot keeps at hand, as on the bus.
-const DEPTH: usize = 64;
 
 /// One behaviour and what it is fed.
 pub struct Bench<B: Plugin> {
@@ -35,7 +30,7 @@ impl<B: Plugin> Bench<B> {
     /// Text that is not TOML, unknown keys, wrong types, and whatever the behaviour itself refuses.
     pub fn new(toml: &str, setup: Setup) -> Result<Bench<B>, BuildError> {
         let config = toml::from_str(toml).map_err(|error| BuildError::new("", error.to_string()))?;
-        let slots = B::INPUTS.iter().map(|slot| Queue { name: slot.name, ..Queue::default() }).collect();
+        let slots = B::INPUTS.iter().map(|slot| Inbox::new(slot.name)).collect();
         Ok(Bench {
             behavior: B::new(config, &setup)?,
             now: Time::ZERO,
@@ -65,7 +60,7 @@ impl<B: Plugin> Bench<B> {
     /// # Panics
     /// The behaviour has no such slot.
     pub fn lose<M: Message>(&mut self, slot: &Slot<M>, count: u64) -> &mut Self {
-        self.slots.find(slot.name).lost += count;
+        self.slots.find(slot.name).lose(count);
         self
     }
 
@@ -76,8 +71,7 @@ impl<B: Plugin> Bench<B> {
             .behavior
             .propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
         for queue in &mut self.slots.0 {
-            queue.fresh = 0;
-            queue.lost = 0;
+            queue.seen();
         }
         proposal
     }
@@ -94,82 +88,12 @@ impl<B: Plugin> Bench<B> {
     }
 }
 
-/// A message kept in eight-byte words, so that its bytes are aligned for any header.
-#[derive(Default)]
-struct Stored {
-    header: Vec<u64>,
-    header_len: usize,
-    items: Vec<u64>,
-    items_len: usize,
-}
-
-impl Stored {
-    fn copy(&mut self, header: &[u8], items: &[u8]) {
-        self.header_len = copy_into(&mut self.header, header);
-        self.items_len = copy_into(&mut self.items, items);
-    }
-
-    fn raw(&self) -> RawMessage<'_> {
-        RawMessage {
-            header: &bytemuck::cast_slice(&self.header)[..self.header_len],
-            items: &bytemuck::cast_slice(&self.items)[..self.items_len],
-        }
-    }
-}
-
-fn copy_into(words: &mut Vec<u64>, bytes: &[u8]) -> usize {
-    words.resize(bytes.len().div_ceil(8), 0);
-    bytemuck::cast_slice_mut(words)[..bytes.len()].copy_from_slice(bytes);
-    bytes.len()
-}
-
-#[derive(Default)]
-struct Queue {
-    name: &'static str,
-    stored: VecDeque<Stored>,
-    fresh: usize,
-    lost: u64,
-}
-
-impl Queue {
-    /// Reuses the oldest entry's memory once the queue is full, so that feeding does not allocate for ever.
-    fn push(&mut self, header: &[u8], items: &[u8]) {
-        let mut entry =
-            if self.stored.len() < DEPTH { None } else { self.stored.pop_front() }.unwrap_or_default();
-        entry.copy(header, items);
-        self.stored.push_back(entry);
-        self.fresh = (self.fresh + 1).min(DEPTH);
-    }
-}
-
-impl SlotSource for Queue {
-    fn name(&self) -> &str {
-        self.name
-    }
-
-    fn len(&self) -> usize {
-        self.stored.len()
-    }
-
-    fn fresh(&self) -> usize {
-        self.fresh
-    }
-
-    fn lost(&self) -> u64 {
-        self.lost
-    }
-
-    fn get(&self, index: usize) -> Option<RawMessage<'_>> {
-        self.stored.get(index).map(Stored::raw)
-    }
-}
-
-struct Slots(Vec<Queue>);
+struct Slots(Vec<Inbox>);
 
 impl Slots {
-    fn find(&mut self, name: &str) -> &mut Queue {
-        let known: Vec<_> = self.0.iter().map(|queue| queue.name).collect();
-        match self.0.iter_mut().find(|queue| queue.name == name) {
+    fn find(&mut self, name: &str) -> &mut Inbox {
+        let known: Vec<_> = self.0.iter().map(|queue| queue.name().to_owned()).collect();
+        match self.0.iter_mut().find(|queue| queue.name() == name) {
             Some(queue) => queue,
             None => panic!("no slot `{name}` among {known:?}"),
         }
@@ -194,7 +118,7 @@ impl OutputSink for Published {
         items: &[u8],
     ) -> Result<(), PublishError> {
         let mut stored = Stored::default();
-        stored.copy(header, items);
+        stored.set(header, items);
         self.0.push((name.to_owned(), *message, stored));
         Ok(())
     }
