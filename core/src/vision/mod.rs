@@ -1,0 +1,10 @@
+//! What cameras see: one textbook noun a module. Pure functions over image views and caller-owned workspaces; nothing
+//! allocates once a workspace has seen its first frame.
+
+pub mod gradient;
+pub mod median;
+pub mod overlay;
+pub mod segment_fit;
+pub mod segments;
+pub mod vanishing_point;
+mod vectorise;
