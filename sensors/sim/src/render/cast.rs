@@ -1,0 +1,98 @@
+//! Radiance along single rays: for cameras that are no pinholes, and to check the polygons.
+
+use nalgebra::Vector3;
+use parry3d::query::{Ray, RayCullingMode};
+
+use super::project::Eye;
+use super::shade::{Shader, Spot};
+use crate::Scene;
+use crate::scene::glam;
+
+/// Beyond this nothing is seen, metres.
+const HORIZON_M: f32 = 300.0;
+/// Radiance where there is nothing.
+const DARKNESS: f32 = 0.02;
+
+/// A ray and its neighbours one pixel to the right and one down, which tell how large a pixel is where it ends.
+#[derive(Clone, Copy, Debug)]
+pub struct RayBundle {
+    /// Where it starts, world, metres.
+    pub origin: Vector3<f64>,
+    /// Its direction and its neighbours' directions, world; any length.
+    pub directions: [Vector3<f64>; 3],
+}
+
+impl RayBundle {
+    /// What is seen along the ray: radiance in one (luminance) or three channels.
+    #[must_use]
+    pub fn radiance<const C: usize>(&self, scene: &Scene) -> [f32; C] {
+        self.follow(scene, true)
+    }
+
+    fn follow<const C: usize>(&self, scene: &Scene, may_mirror: bool) -> [f32; C] {
+        let Some((index, distance)) = self.hit(scene) else { return [DARKNESS; C] };
+        let shader: Shader<'_, C> = Shader::new(scene, index);
+        if shader.emission > 0.0 {
+            return [shader.emission; C];
+        }
+        let surface = &scene.surfaces()[index];
+        let normal = surface.normal();
+        let height = normal.dot(&(surface.origin - self.origin));
+        let [here, right, below] = self.directions.map(|d| {
+            let way = normal.dot(&d);
+            // A neighbour that misses the plane ends where its own ray does.
+            let reach = if way.abs() > 1e-9 && height / way > 0.0 { height / way } else { distance };
+            let p = self.origin + d * reach - surface.origin;
+            surface.axes.map(|a| a.dot(&p))
+        });
+        let spread = |k: usize| ((right[k] - here[k]).abs() + (below[k] - here[k]).abs()) as f32;
+        let spot = Spot { u: here[0] as f32, v: here[1] as f32, du: spread(0), dv: spread(1) };
+        let shine = shader.shine(spot);
+        let mut seen = shader.albedo.map(|a| a * shine);
+        if may_mirror && shader.gloss > 0.0 {
+            let cosine = -normal.dot(&self.directions[0].normalize());
+            let share = shader.reflection(cosine as f32);
+            let reflected = self.mirrored(distance, normal).follow::<C>(scene, false);
+            for c in 0..C {
+                seen[c] += share * (reflected[c].min(4.0) - seen[c]);
+            }
+        }
+        seen
+    }
+
+    /// Surface met first, and how many times the direction's length away.
+    fn hit(&self, scene: &Scene) -> Option<(usize, f64)> {
+        let ray = Ray::new(glam(self.origin), glam(self.directions[0]));
+        let mut nearest: Option<(usize, f32)> = None;
+        for (mesh, first) in scene.meshes() {
+            let reach = nearest.map_or(HORIZON_M, |n| n.1);
+            let hit = mesh.cast_local_ray_with_culling(&ray, reach, RayCullingMode::IgnoreBackfaces);
+            if let Some(hit) = hit {
+                nearest = Some((first + hit.subshape as usize / 2, hit.time_of_impact));
+            }
+        }
+        nearest.map(|(index, reach)| (index, f64::from(reach)))
+    }
+
+    fn mirrored(&self, distance: f64, normal: Vector3<f64>) -> Self {
+        let reflect = |d: Vector3<f64>| d - normal * (2.0 * normal.dot(&d));
+        Self {
+            origin: self.origin + self.directions[0] * distance + normal * 1e-4,
+            directions: self.directions.map(reflect),
+        }
+    }
+}
+
+/// Mean radiance of a pinhole's pixel over `per_side` x `per_side` rays.
+pub fn pixel<const C: usize>(scene: &Scene, eye: &Eye, x: usize, y: usize, per_side: usize) -> [f32; C] {
+    let mut sum = [0.0; C];
+    let step = 1.0 / per_side as f64;
+    for i in 0..per_side * per_side {
+        let px = x as f64 + ((i % per_side) as f64 + 0.5) * step;
+        let py = y as f64 + ((i / per_side) as f64 + 0.5) * step;
+        let directions = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)].map(|(a, b)| eye.direction(px + a, py + b));
+        let seen = RayBundle { origin: eye.at, directions }.radiance::<C>(scene);
+        (0..C).for_each(|c| sum[c] += seen[c]);
+    }
+    sum.map(|s| s / (per_side * per_side) as f32)
+}

@@ -1,0 +1,125 @@
+//! From radiance to grey levels: vignetting, exposure, the camera's curve and noise.
+
+use rand::Rng;
+use rand_pcg::Pcg64;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use yamabico_core::camera::Intrinsics;
+
+/// What the lens and the sensor make of the light.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Photometry {
+    /// Gain; 1 shows a white wall under the usual lamps at about grey level 200. 0.05 to 20.
+    pub exposure: f32,
+    /// Share of the light that is missing in the picture's corners, 0 to 0.9.
+    pub vignetting: f32,
+    /// Standard deviation of the noise, grey levels, 0 to 50.
+    pub noise_sigma: f32,
+}
+
+impl Default for Photometry {
+    fn default() -> Self {
+        Self { exposure: 1.0, vignetting: 0.25, noise_sigma: 2.0 }
+    }
+}
+
+/// Radiance that gives grey level 255 at exposure 1.
+const WHITE_LEVEL: f32 = 1.25;
+/// Entries of the noise table; a power of two.
+const NOISE_STEPS: usize = 4096;
+
+/// A camera's curve and its noise.
+pub struct Film {
+    /// What the lens and the sensor do.
+    pub photometry: Photometry,
+    rng: Pcg64,
+    /// Quantiles of the standard normal distribution.
+    normal: Vec<f32>,
+}
+
+impl Film {
+    /// A film whose noise comes from `rng`.
+    #[must_use]
+    pub fn new(photometry: Photometry, rng: Pcg64) -> Self {
+        Self { photometry, rng, normal: normal_quantiles(NOISE_STEPS) }
+    }
+
+    /// Writes row `y` of a picture: `row` holds radiance, `pixels` gets grey levels, channels side by side.
+    pub fn develop<const C: usize>(&mut self, k: &Intrinsics, y: usize, row: &[[f32; C]], pixels: &mut [u8]) {
+        let corner = 0.25 * (f64::from(k.width).powi(2) + f64::from(k.height).powi(2));
+        let fall = f64::from(self.photometry.vignetting) / corner;
+        let centre = 0.5 * (f64::from(k.width) - 1.0);
+        let dy = y as f64 - 0.5 * (f64::from(k.height) - 1.0);
+        let gain = self.photometry.exposure / WHITE_LEVEL;
+        let (fall, centre, dy2) = (fall as f32, centre as f32, (dy * dy) as f32);
+        for (x, (radiance, out)) in row.iter().zip(pixels.chunks_exact_mut(C)).enumerate() {
+            let dx = x as f32 - centre;
+            let gain = gain * (1.0 - fall * (dx * dx + dy2));
+            for c in 0..C {
+                // A square root stands in for the usual gamma of 1/2.2.
+                out[c] = ((radiance[c] * gain).min(1.0).sqrt() * 255.0 + 0.5) as u8;
+            }
+        }
+        if self.photometry.noise_sigma > 0.0 {
+            self.add_noise(row, gain, fall, centre, dy2, pixels);
+        }
+    }
+
+    fn add_noise<const C: usize>(
+        &mut self,
+        row: &[[f32; C]],
+        gain: f32,
+        fall: f32,
+        centre: f32,
+        dy2: f32,
+        pixels: &mut [u8],
+    ) {
+        let sigma = self.photometry.noise_sigma;
+        let mut bits = 0_u64;
+        for (x, (radiance, out)) in row.iter().zip(pixels.chunks_exact_mut(C)).enumerate() {
+            let dx = x as f32 - centre;
+            let gain = gain * (1.0 - fall * (dx * dx + dy2));
+            for c in 0..C {
+                if (x * C + c).is_multiple_of(5) {
+                    bits = self.rng.next_u64();
+                }
+                let noise = sigma * self.normal[(bits as usize) % NOISE_STEPS];
+                bits >>= 12;
+                out[c] = ((radiance[c] * gain).min(1.0).sqrt() * 255.0 + noise + 0.5) as u8;
+            }
+        }
+    }
+}
+
+/// The standard normal distribution's quantiles at (i + 1/2) / `count`.
+fn normal_quantiles(count: usize) -> Vec<f32> {
+    let step = 5e-4;
+    let mut quantiles = vec![0.0; count];
+    let mut share = 0.5;
+    let mut z = 0.0_f64;
+    for i in count / 2..count {
+        let wanted = (i as f64 + 0.5) / count as f64;
+        while share < wanted && z < 6.0 {
+            share += step * (-(z + 0.5 * step).powi(2) / 2.0).exp() / std::f64::consts::TAU.sqrt();
+            z += step;
+        }
+        quantiles[i] = z as f32;
+        quantiles[count - 1 - i] = -z as f32;
+    }
+    quantiles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::normal_quantiles;
+
+    #[test]
+    fn noise_has_mean_zero_and_unit_deviation() {
+        let q = normal_quantiles(4096);
+        let mean = q.iter().sum::<f32>() / 4096.0;
+        let variance = q.iter().map(|z| z * z).sum::<f32>() / 4096.0;
+        assert!(mean.abs() < 1e-6 && (variance - 1.0).abs() < 0.01, "{mean} {variance}");
+        assert!((q[3993] - 1.96).abs() < 0.01, "{}", q[3993]);
+    }
+}

@@ -1,0 +1,196 @@
+//! Draws polygons row by row.
+
+use yamabico_core::camera::Intrinsics;
+
+use super::project::{Eye, Linear, Polygon, Side};
+use super::resolve::{LINES, Piece, Row};
+use super::shade::{Shader, Spot};
+use super::spans::{Line, NOTHING};
+use crate::Scene;
+
+/// How much smaller the picture of the mirrored world is, each way.
+const MIRROR_SHRINK: u32 = 4;
+/// Radiance where there is nothing.
+const DARKNESS: f32 = 0.02;
+
+/// Draws pictures with `C` channels; keeps its buffers.
+#[derive(Default)]
+pub struct Raster<const C: usize> {
+    polygons: Vec<Polygon>,
+    active: Vec<u16>,
+    line: Line,
+    row: Row,
+    pixels: Vec<[f32; C]>,
+    mirror: Mirror<C>,
+}
+
+/// A small blurred picture of the world below the floor.
+#[derive(Default)]
+struct Mirror<const C: usize> {
+    width: usize,
+    height: usize,
+    pixels: Vec<[f32; C]>,
+    spare: Vec<[f32; C]>,
+}
+
+impl<const C: usize> Raster<C> {
+    /// Draws the scene and hands over each row's radiance, from top to bottom.
+    pub fn draw(&mut self, scene: &Scene, eye: &Eye, mut take: impl FnMut(usize, &[[f32; C]], &Intrinsics)) {
+        let mirrors = scene.surfaces().iter().any(|s| s.material.gloss > 0.0);
+        self.mirror.width = 0;
+        if mirrors && eye.at.z > 0.0 {
+            let small = eye.shrunk(MIRROR_SHRINK);
+            let mut mirror = std::mem::take(&mut self.mirror);
+            mirror.width = small.intrinsics.width as usize;
+            mirror.height = small.intrinsics.height as usize;
+            mirror.pixels.clear();
+            self.pass(scene, &small, Side::Mirrored, |_, row, _| mirror.pixels.extend_from_slice(row));
+            mirror.blur();
+            self.mirror = mirror;
+        }
+        self.pass(scene, eye, Side::Direct, &mut take);
+    }
+
+    fn pass(
+        &mut self,
+        scene: &Scene,
+        eye: &Eye,
+        side: Side,
+        mut take: impl FnMut(usize, &[[f32; C]], &Intrinsics),
+    ) {
+        eye.project(scene.surfaces(), side, &mut self.polygons);
+        self.polygons.truncate(usize::from(NOTHING) - 1);
+        let shaders: Vec<Shader<'_, C>> =
+            self.polygons.iter().map(|p| Shader::new(scene, p.surface)).collect();
+        let (width, height) = (eye.intrinsics.width as usize, eye.intrinsics.height as usize);
+        self.pixels.clear();
+        self.pixels.resize(width, [0.0; C]);
+        for y in 0..height {
+            let top = y as f64;
+            self.active.clear();
+            let crossing =
+                self.polygons.iter().enumerate().filter(|(_, p)| p.y[0] < top + 1.0 && p.y[1] > top);
+            self.active.extend(crossing.map(|(i, _)| i as u16));
+            self.row.clear(width);
+            for l in 0..LINES {
+                let line_y = top + (l as f64 + 0.5) / LINES as f64;
+                self.line.scan(&self.polygons, &self.active, line_y, width as f64);
+                self.row.add(l, line_y, &self.line);
+            }
+            let (polygons, pixels, mirror) = (&self.polygons, &mut self.pixels, &self.mirror);
+            self.row.pieces(top, |piece| match piece {
+                Piece::Run { start, end, polygon } => {
+                    let out = &mut pixels[start..end];
+                    if polygon == NOTHING {
+                        out.fill([DARKNESS; C]);
+                    } else {
+                        let p = usize::from(polygon);
+                        let from = [start as f32 + 0.5, y as f32 + 0.5];
+                        paint(&polygons[p], &shaders[p], mirror, eye, from, out);
+                    }
+                }
+                Piece::Edge { x, parts } => {
+                    let mut sum = [0.0; C];
+                    for part in parts {
+                        let mut one = [[DARKNESS; C]];
+                        if part.polygon != NOTHING {
+                            let p = usize::from(part.polygon);
+                            paint(&polygons[p], &shaders[p], mirror, eye, [part.x, part.y], &mut one);
+                        }
+                        for c in 0..C {
+                            sum[c] += part.share * one[0][c];
+                        }
+                    }
+                    pixels[x] = sum;
+                }
+            });
+            take(y, &self.pixels, &eye.intrinsics);
+        }
+    }
+}
+
+/// Radiance of a polygon at the points `from`, one pixel to the right, and so on.
+fn paint<const C: usize>(
+    polygon: &Polygon,
+    shader: &Shader<'_, C>,
+    mirror: &Mirror<C>,
+    eye: &Eye,
+    from: [f32; 2],
+    out: &mut [[f32; C]],
+) {
+    if shader.emission > 0.0 {
+        out.fill([shader.emission; C]);
+        return;
+    }
+    let y = f64::from(from[1]);
+    let row = |l: &Linear| ((l[1] * y + l[2]) as f32, l[0] as f32, l[1] as f32);
+    let (w0, wx, wy) = row(&polygon.inverse_depth);
+    let (u0, ux, uy) = row(&polygon.u);
+    let (v0, vx, vy) = row(&polygon.v);
+    let k = &eye.intrinsics;
+    let ray_y = ((y - 0.5 - k.cy) / k.fy) as f32;
+    let (centre, per_pixel) = ((k.cx + 0.5) as f32, (1.0 / k.fx) as f32);
+    let glossy = shader.gloss > 0.0 && mirror.width > 0;
+    for (i, pixel) in out.iter_mut().enumerate() {
+        let x = from[0] + i as f32;
+        let z = (w0 + wx * x).max(1e-6).recip();
+        let (u, v) = ((u0 + ux * x) * z, (v0 + vx * x) * z);
+        let du = ((ux - u * wx).abs() + (uy - u * wy).abs()) * z;
+        let dv = ((vx - v * wx).abs() + (vy - v * wy).abs()) * z;
+        let shine = shader.shine(Spot { u, v, du, dv });
+        for c in 0..C {
+            pixel[c] = shader.albedo[c] * shine;
+        }
+        if glossy {
+            let ray_x = (x - centre) * per_pixel;
+            let length = z * (1.0 + ray_x * ray_x + ray_y * ray_y).sqrt();
+            let share = shader.reflection(eye.at.z as f32 / length);
+            let seen = mirror.at(x, from[1]);
+            for c in 0..C {
+                pixel[c] += share * (seen[c] - pixel[c]);
+            }
+        }
+    }
+}
+
+impl<const C: usize> Mirror<C> {
+    /// Box blur, three pixels wide and five high: a floor is never flat.
+    fn blur(&mut self) {
+        let (w, h) = (self.width, self.height);
+        // What is far brighter than white would not leave its colour visible anywhere near.
+        self.pixels.iter_mut().flatten().for_each(|p| *p = p.min(4.0));
+        for (step, length, reach) in [(1, w, 1_usize), (w, h, 2)] {
+            self.spare.clear();
+            for i in 0..w * h {
+                let at = i / step % length;
+                let (low, high) = (at.saturating_sub(reach), (at + reach).min(length - 1));
+                let mut sum = [0.0; C];
+                for j in low..=high {
+                    let q = i + j * step - at * step;
+                    (0..C).for_each(|c| sum[c] += self.pixels[q][c]);
+                }
+                let share = ((high - low + 1) as f32).recip();
+                self.spare.push(sum.map(|s| s * share));
+            }
+            std::mem::swap(&mut self.pixels, &mut self.spare);
+        }
+    }
+
+    /// Bilinear, at a point of the full picture.
+    fn at(&self, x: f32, y: f32) -> [f32; C] {
+        let place = |t: f32, n: usize| {
+            let t = (t / MIRROR_SHRINK as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+            let i = (t as usize).min(n.saturating_sub(2));
+            (i, (i + 1).min(n - 1), t - i as f32)
+        };
+        let (x0, x1, fx) = place(x, self.width);
+        let (y0, y1, fy) = place(y, self.height);
+        let (top, bottom) = (y0 * self.width, y1 * self.width);
+        std::array::from_fn(|c| {
+            let a = self.pixels[top + x0][c] + (self.pixels[top + x1][c] - self.pixels[top + x0][c]) * fx;
+            let b = self.pixels[bottom + x0][c]
+                + (self.pixels[bottom + x1][c] - self.pixels[bottom + x0][c]) * fx;
+            a + (b - a) * fy
+        })
+    }
+}

@@ -1,0 +1,103 @@
+//! Which polygon is seen where along one horizontal line: exact to the crossing of two edges or two planes.
+
+use super::project::Polygon;
+
+/// Nothing is seen here.
+pub const NOTHING: u16 = u16::MAX;
+
+/// A stretch of the line that shows one polygon, up to the start of the next.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch {
+    pub start: f64,
+    pub polygon: u16,
+}
+
+/// What is seen along one line, from left to right; ends with a stretch of [`NOTHING`] at the picture's width.
+#[derive(Default)]
+pub struct Line {
+    pub stretches: Vec<Stretch>,
+    pieces: Vec<Stretch>,
+}
+
+impl Line {
+    /// Sees what lies on the line `y` across a picture `width` wide; `candidates` index `polygons`.
+    pub fn scan(&mut self, polygons: &[Polygon], candidates: &[u16], y: f64, width: f64) {
+        self.stretches.clear();
+        self.stretches.push(Stretch { start: 0.0, polygon: NOTHING });
+        self.stretches.push(Stretch { start: width, polygon: NOTHING });
+        for &c in candidates {
+            if let Some((low, high)) = polygons[usize::from(c)].span(y) {
+                let (low, high) = (low.max(0.0), high.min(width));
+                if high - low > 1e-6 {
+                    self.insert(polygons, c, y, low, high);
+                }
+            }
+        }
+    }
+
+    fn insert(&mut self, polygons: &[Polygon], new: u16, y: f64, low: f64, high: f64) {
+        let depth = |p: u16| {
+            let d = &polygons[usize::from(p)].inverse_depth;
+            (d[0], d[1] * y + d[2])
+        };
+        let (slope, offset) = depth(new);
+        let first = self.stretches.partition_point(|s| s.start <= low) - 1;
+        let mut end = first;
+        let mut changed = false;
+        self.pieces.clear();
+        while self.stretches[end].start < high {
+            let old = self.stretches[end];
+            let stop = self.stretches[end + 1].start;
+            let (from, to) = (old.start.max(low), stop.min(high));
+            if old.start < low {
+                push(&mut self.pieces, old.start, old.polygon);
+            }
+            if old.polygon == NOTHING {
+                push(&mut self.pieces, from, new);
+                changed = true;
+            } else {
+                let (s, o) = depth(old.polygon);
+                let ahead = |x: f64| (slope - s) * x + (offset - o);
+                let (a, b) = (ahead(from), ahead(to));
+                let bias = 1e-9;
+                if a > bias || b > bias {
+                    changed = true;
+                    let cross = from + (to - from) * (a / (a - b));
+                    if a <= bias && b > bias {
+                        push(&mut self.pieces, from, old.polygon);
+                        push(&mut self.pieces, if a < 0.0 { cross } else { from }, new);
+                    } else {
+                        push(&mut self.pieces, from, new);
+                        if b < -bias {
+                            push(&mut self.pieces, cross, old.polygon);
+                        }
+                    }
+                } else {
+                    push(&mut self.pieces, from, old.polygon);
+                }
+            }
+            if to < stop {
+                push(&mut self.pieces, to, old.polygon);
+            }
+            end += 1;
+        }
+        if changed {
+            self.stretches.splice(first..end, self.pieces.iter().copied());
+        }
+    }
+}
+
+/// Appends a stretch; one that starts where the last one does replaces it, and equal neighbours become one.
+#[inline]
+fn push(pieces: &mut Vec<Stretch>, start: f64, polygon: u16) {
+    if let Some(last) = pieces.last_mut() {
+        if last.polygon == polygon {
+            return;
+        }
+        if start <= last.start {
+            last.polygon = polygon;
+            return;
+        }
+    }
+    pieces.push(Stretch { start, polygon });
+}

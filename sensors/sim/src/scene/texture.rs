@@ -1,0 +1,95 @@
+//! Seeded speckle: a tile of noise with mean 0 and standard deviation 1, with coarser levels for what is far away.
+
+use rand::RngExt;
+
+use crate::random::stream;
+
+/// Texels along each side of the finest level.
+const SIDE: usize = 256;
+
+/// A periodic noise picture in halved resolutions.
+#[derive(Clone, Debug)]
+pub struct Speckle {
+    levels: Vec<Vec<f32>>,
+}
+
+impl Speckle {
+    /// The speckle of a texture seed.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
+        let mut rng = stream(seed, "speckle");
+        let mut texels = vec![0.0; SIDE * SIDE];
+        for octave in 0..5_usize {
+            let side = SIDE >> octave;
+            let grid: Vec<f32> = (0..side * side).map(|_| rng.random_range(-1.0..1.0)).collect();
+            let scale = (side as f32) / SIDE as f32;
+            for (i, texel) in texels.iter_mut().enumerate() {
+                let (x, y) = ((i % SIDE) as f32 * scale, (i / SIDE) as f32 * scale);
+                *texel += sample(&grid, side, x, y);
+            }
+        }
+        let mean = texels.iter().sum::<f32>() / texels.len() as f32;
+        let variance = texels.iter().map(|t| (t - mean).powi(2)).sum::<f32>() / texels.len() as f32;
+        let gain = variance.sqrt().recip();
+        texels.iter_mut().for_each(|t| *t = (*t - mean) * gain);
+
+        let mut levels = vec![texels];
+        while let Some(fine) = levels.last().filter(|l| l.len() > 1) {
+            let (side, half) = (fine.len().isqrt(), fine.len().isqrt() / 2);
+            let coarse = (0..half * half).map(|i| {
+                let at = (i / half) * 2 * side + (i % half) * 2;
+                (fine[at] + fine[at + 1] + fine[at + side] + fine[at + side + 1]) / 4.0
+            });
+            let coarse = coarse.collect();
+            levels.push(coarse);
+        }
+        Self { levels }
+    }
+
+    /// Its value at (u, v) in texels, averaged over about `footprint` texels. Coordinates must not be negative.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, u: f32, v: f32, footprint: f32) -> f32 {
+        let level = ((footprint.to_bits() >> 23) as usize).saturating_sub(127).min(self.levels.len() - 1);
+        let shrink = f32::from_bits((127 - level as u32) << 23);
+        // The centre of a coarse texel lies between the centres of its fine ones.
+        let shift = 0.5 * shrink - 0.5;
+        sample(
+            &self.levels[level],
+            SIDE >> level,
+            (u * shrink + shift).max(0.0),
+            (v * shrink + shift).max(0.0),
+        )
+    }
+}
+
+/// Bilinear, periodic; `side` is a power of two.
+#[inline]
+fn sample(grid: &[f32], side: usize, x: f32, y: f32) -> f32 {
+    let (ix, iy) = (x as usize, y as usize);
+    let (fx, fy) = (x - ix as f32, y - iy as f32);
+    let mask = side - 1;
+    let (x0, x1) = (ix & mask, (ix + 1) & mask);
+    let (y0, y1) = ((iy & mask) * side, ((iy + 1) & mask) * side);
+    let top = grid[y0 + x0] + (grid[y0 + x1] - grid[y0 + x0]) * fx;
+    let bottom = grid[y1 + x0] + (grid[y1 + x1] - grid[y1 + x0]) * fx;
+    top + (bottom - top) * fy
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SIDE, Speckle};
+
+    #[test]
+    fn speckle_has_unit_contrast_near_and_fades_far() {
+        let speckle = Speckle::new(3);
+        let contrast = |footprint: f32| {
+            let n = SIDE * SIDE;
+            (0..n).map(|i| speckle.at((i % SIDE) as f32, (i / SIDE) as f32, footprint).powi(2)).sum::<f32>()
+                / n as f32
+        };
+        assert!((contrast(0.5) - 1.0).abs() < 0.01);
+        assert!(contrast(16.0) < 0.5 * contrast(2.0));
+        assert!(contrast(300.0) < 1e-6, "the mean is zero");
+    }
+}

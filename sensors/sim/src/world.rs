@@ -1,0 +1,326 @@
+//! What a world file says: walls, doors, boxes, lamps and people, before anything is built from it.
+//!
+//! World frame: x forward along the hallway, y left, z up, floor at z = 0. Metres, seconds; degrees only here.
+
+mod check;
+mod corridor;
+mod random;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use check::WorldError;
+pub use corridor::{Branch, Corridor, CorridorDoor, Side};
+
+/// Linear RGB reflectance, each 0 (black) to 1 (white).
+pub type Colour = [f32; 3];
+
+/// Everything that stands, hangs or walks in a world.
+#[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct World {
+    /// Name for people; may be empty.
+    pub name: String,
+    /// Seed of the surfaces' speckle. Any integer; the seed of a run does not change the building.
+    pub texture_seed: u64,
+    /// A straight hallway along +x, expanded into walls, doors, lamps and a window.
+    pub corridor: Option<Corridor>,
+    /// Further walls, anywhere.
+    #[serde(rename = "wall")]
+    pub walls: Vec<Wall>,
+    /// Boxes on the floor or above it.
+    #[serde(rename = "box")]
+    pub boxes: Vec<BoxItem>,
+    /// Lit ceiling panels besides those of the hallway.
+    #[serde(rename = "lamp")]
+    pub lamps: Vec<Lamp>,
+    /// People.
+    #[serde(rename = "person")]
+    pub people: Vec<Person>,
+    /// The floor.
+    pub floor: Floor,
+    /// The ceiling.
+    pub ceiling: Ceiling,
+    /// Light that comes from everywhere, relative to the light under a lamp, 0 to 1.
+    pub ambient: Option<f32>,
+}
+
+/// A straight wall. Its line is the face on its LEFT (seen from `from_m` to `to_m`); its thickness lies to the right.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Start of the face, x and y in metres.
+    pub from_m: [f64; 2],
+    /// End of the face, x and y in metres.
+    pub to_m: [f64; 2],
+    /// Height in metres, above 0.
+    #[serde(default = "wall_height")]
+    pub height_m: f64,
+    /// Thickness in metres, above 0.
+    #[serde(default = "wall_thickness")]
+    pub thickness_m: f64,
+    /// Reflectance.
+    #[serde(default = "wall_colour")]
+    pub colour: Colour,
+    /// The strip along the bottom of its left face; none when absent.
+    #[serde(default)]
+    pub baseboard: Option<Baseboard>,
+    /// Doors in it.
+    #[serde(default, rename = "door")]
+    pub doors: Vec<Door>,
+    /// Windows in it.
+    #[serde(default, rename = "window")]
+    pub windows: Vec<Window>,
+}
+
+/// A strip along the bottom of a wall.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Baseboard {
+    /// Height in metres, 0.02 to 0.5.
+    pub height_m: f64,
+    /// How far it stands out of the wall, metres, 0.002 to 0.05.
+    pub depth_m: f64,
+    /// Reflectance.
+    pub colour: Colour,
+}
+
+/// A door with its frame.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Door {
+    /// Centre of the opening, metres from the wall's start.
+    pub at_m: f64,
+    /// Width of the opening in metres, 0.4 to 3.
+    pub width_m: f64,
+    /// Height of the opening in metres, 1.5 to the wall's height.
+    pub height_m: f64,
+    /// How far the leaf is open, degrees, 0 (closed) to 120. It opens away from the hallway, into a room built for it.
+    pub open_deg: f64,
+    /// Depth in metres of the room behind an open door, 0.5 to 10.
+    pub room_depth_m: f64,
+    /// Reflectance of the leaf.
+    pub colour: Colour,
+    /// Reflectance of the frame.
+    pub frame_colour: Colour,
+}
+
+/// A bright opening.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Window {
+    /// Centre, metres from the wall's start; the wall's middle when absent.
+    pub at_m: Option<f64>,
+    /// Width in metres.
+    pub width_m: f64,
+    /// Height of its lower edge above the floor, metres.
+    pub sill_m: f64,
+    /// Height of the opening, metres.
+    pub height_m: f64,
+    /// Radiance relative to a white surface under a lamp, 0 to 20.
+    pub brightness: f32,
+    /// Reflectance of the frame and its cross bars.
+    pub frame_colour: Colour,
+}
+
+/// A box of cardboard or wood.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxItem {
+    /// Centre of its base, x and y in metres.
+    pub at_m: [f64; 2],
+    /// Height of its base above the floor, metres.
+    #[serde(default)]
+    pub base_m: f64,
+    /// Turn about the vertical axis, degrees, + to the left.
+    #[serde(default)]
+    pub yaw_deg: f64,
+    /// Length, width and height in metres.
+    #[serde(default = "box_size")]
+    pub size_m: [f64; 3],
+    /// Reflectance; `[0.85, 0.85, 0.83]` is white, `[0.30, 0.19, 0.10]` brown.
+    #[serde(default = "box_colour")]
+    pub colour: Colour,
+}
+
+/// A lit ceiling panel.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lamp {
+    /// Centre, x and y in metres.
+    pub at_m: [f64; 2],
+    /// Extent along x and y, metres.
+    #[serde(default = "lamp_size")]
+    pub size_m: [f64; 2],
+    /// Radiance relative to a white surface under a lamp, 0 (dark) to 50.
+    #[serde(default = "lamp_brightness")]
+    pub brightness: f32,
+}
+
+/// Somebody who stands or walks.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Person {
+    /// Corners of the walk, x and y in metres; one corner means that they stand.
+    pub path_m: Vec<[f64; 2]>,
+    /// Pause in seconds at each corner, in order; missing ones are 0.
+    #[serde(default)]
+    pub pause_s: Vec<f64>,
+    /// When they set off, seconds after the start of the run, 0 or more.
+    #[serde(default)]
+    pub start_s: f64,
+    /// The seed moves the start by up to this much either way, seconds.
+    #[serde(default)]
+    pub jitter_s: f64,
+    /// Walking speed in m/s, above 0 to 3.
+    #[serde(default = "walking_speed")]
+    pub speed_mps: f64,
+    /// Height in metres, 0.5 to 2.2.
+    #[serde(default = "person_height")]
+    pub height_m: f64,
+    /// Reflectance of the shirt.
+    #[serde(default = "shirt_colour")]
+    pub shirt: Colour,
+    /// Reflectance of the trousers.
+    #[serde(default = "trousers_colour")]
+    pub trousers: Colour,
+}
+
+/// The floor's surface.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Floor {
+    /// Reflectance.
+    pub colour: Colour,
+    /// Contrast of the speckle (standard deviation relative to the mean), 0 to 0.5.
+    pub speckle: f32,
+    /// Size of the finest speckle in metres, 0.002 to 0.1.
+    pub grain_m: f32,
+    /// How much it mirrors, 0 (matt) to 1 (polished).
+    pub gloss: f32,
+    /// Distance of the joints along x and y, metres; 0 means none.
+    pub joint_spacing_m: [f32; 2],
+    /// Width of the joints in metres.
+    pub joint_width_m: f32,
+    /// Brightness of the joints relative to the floor, 0 (black) to 1 (invisible).
+    pub joint_tone: f32,
+}
+
+/// The ceiling's surface.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Ceiling {
+    /// Height in metres, 2 to 10.
+    pub height_m: f64,
+    /// Reflectance.
+    pub colour: Colour,
+    /// Distance of the joints along x and y, metres; 0 means none.
+    pub joint_spacing_m: [f32; 2],
+}
+
+impl World {
+    /// Reads and checks a world file's text.
+    ///
+    /// # Errors
+    /// [`WorldError::Toml`] for text that is not a world, otherwise all values out of range.
+    pub fn from_toml(text: &str) -> Result<Self, WorldError> {
+        let world: Self = toml::from_str(text)?;
+        world.check()?;
+        Ok(world)
+    }
+
+    /// An empty straight hallway along +x from x = -2 m: lamps, baseboards and an end window, no doors.
+    ///
+    /// `length_m` and `width_m` are metres between the faces of the walls.
+    #[must_use]
+    pub fn corridor(length_m: f64, width_m: f64) -> Self {
+        Self { corridor: Some(Corridor { length_m, width_m, ..Corridor::default() }), ..Self::default() }
+    }
+}
+
+impl Default for Baseboard {
+    fn default() -> Self {
+        Self { height_m: 0.10, depth_m: 0.012, colour: [0.10, 0.09, 0.085] }
+    }
+}
+
+impl Default for Door {
+    fn default() -> Self {
+        Self {
+            at_m: 0.0,
+            width_m: 0.9,
+            height_m: 2.05,
+            open_deg: 0.0,
+            room_depth_m: 2.5,
+            colour: [0.36, 0.22, 0.12],
+            frame_colour: [0.26, 0.27, 0.28],
+        }
+    }
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self {
+            at_m: None,
+            width_m: 1.2,
+            sill_m: 0.9,
+            height_m: 1.3,
+            brightness: 2.5,
+            frame_colour: [0.5, 0.5, 0.5],
+        }
+    }
+}
+
+impl Default for Floor {
+    fn default() -> Self {
+        Self {
+            colour: [0.42, 0.39, 0.34],
+            speckle: 0.10,
+            grain_m: 0.006,
+            gloss: 0.5,
+            joint_spacing_m: [0.0, 0.0],
+            joint_width_m: 0.004,
+            joint_tone: 0.6,
+        }
+    }
+}
+
+impl Default for Ceiling {
+    fn default() -> Self {
+        Self { height_m: 2.6, colour: [0.80, 0.80, 0.78], joint_spacing_m: [0.6, 0.6] }
+    }
+}
+
+fn wall_height() -> f64 {
+    2.6
+}
+fn wall_thickness() -> f64 {
+    0.12
+}
+pub(crate) fn wall_colour() -> Colour {
+    [0.72, 0.71, 0.66]
+}
+fn box_size() -> [f64; 3] {
+    [0.24, 0.24, 0.35]
+}
+fn box_colour() -> Colour {
+    [0.85, 0.85, 0.83]
+}
+fn lamp_size() -> [f64; 2] {
+    [1.2, 0.3]
+}
+fn lamp_brightness() -> f32 {
+    12.0
+}
+fn walking_speed() -> f64 {
+    0.8
+}
+fn person_height() -> f64 {
+    1.75
+}
+fn shirt_colour() -> Colour {
+    [0.25, 0.32, 0.55]
+}
+fn trousers_colour() -> Colour {
+    [0.07, 0.08, 0.11]
+}

@@ -1,0 +1,254 @@
+//! A straight hallway in a few keys, expanded into walls and lamps.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Baseboard, Colour, Door, Lamp, Wall, Window};
+
+/// A straight hallway along +x, its centre line on y = 0.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Corridor {
+    /// World x of its near end, metres.
+    pub start_x_m: f64,
+    /// Length in metres, 1 to 200.
+    pub length_m: f64,
+    /// Width between the walls' faces in metres, 0.8 to 20.
+    pub width_m: f64,
+    /// Height of the walls in metres; the ceiling has its own.
+    pub height_m: f64,
+    /// Thickness of the walls in metres, 0.05 to 0.5.
+    pub thickness_m: f64,
+    /// Reflectance of the side walls.
+    pub colour: Colour,
+    /// Reflectance of the end walls.
+    pub end_colour: Colour,
+    /// The strip along the bottom of all walls; none when absent.
+    pub baseboard: Option<Baseboard>,
+    /// Doors in the side walls.
+    #[serde(rename = "door")]
+    pub doors: Vec<CorridorDoor>,
+    /// Side corridors.
+    #[serde(rename = "branch")]
+    pub branches: Vec<Branch>,
+    /// The window in the far end; none when absent.
+    pub window: Option<Window>,
+    /// Distance of the ceiling lamps, metres; 0 means no lamps.
+    pub lamp_spacing_m: f64,
+    /// Extent of a lamp along x and y, metres.
+    pub lamp_size_m: [f64; 2],
+    /// Radiance of the lamps relative to a white surface under them, 0 to 50.
+    pub lamp_brightness: f32,
+}
+
+/// Which wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Side {
+    /// The wall at + y.
+    Left,
+    /// The wall at - y.
+    Right,
+}
+
+/// A door of the hallway: a [`Door`] whose `at_m` is a world x, and the side that it is on.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CorridorDoor {
+    /// The wall that it is in.
+    pub side: Side,
+    /// World x of its centre, metres.
+    pub at_m: f64,
+    /// Width of the opening in metres, 0.4 to 3.
+    #[serde(default = "door_width")]
+    pub width_m: f64,
+    /// Height of the opening in metres.
+    #[serde(default = "door_height")]
+    pub height_m: f64,
+    /// How far the leaf is open, degrees, 0 (closed) to 120.
+    #[serde(default)]
+    pub open_deg: f64,
+    /// Depth in metres of the room behind it when open.
+    #[serde(default = "room_depth")]
+    pub room_depth_m: f64,
+    /// Reflectance of the leaf.
+    #[serde(default = "door_colour")]
+    pub colour: Colour,
+    /// Reflectance of the frame.
+    #[serde(default = "frame_colour")]
+    pub frame_colour: Colour,
+}
+
+/// A side corridor at a right angle.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Branch {
+    /// The side that it leaves to.
+    pub side: Side,
+    /// World x of its centre line, metres.
+    pub at_m: f64,
+    /// Width in metres.
+    pub width_m: f64,
+    /// Length in metres, 0.5 to 50.
+    pub depth_m: f64,
+}
+
+impl CorridorDoor {
+    /// A closed door of the usual size.
+    #[must_use]
+    pub fn closed(side: Side, at_m: f64) -> Self {
+        let d = Door::default();
+        Self {
+            side,
+            at_m,
+            width_m: d.width_m,
+            height_m: d.height_m,
+            open_deg: 0.0,
+            room_depth_m: d.room_depth_m,
+            colour: d.colour,
+            frame_colour: d.frame_colour,
+        }
+    }
+
+    /// An open door of the usual size.
+    #[must_use]
+    pub fn open(side: Side, at_m: f64) -> Self {
+        Self { open_deg: 85.0, ..Self::closed(side, at_m) }
+    }
+}
+
+impl Default for Corridor {
+    fn default() -> Self {
+        Self {
+            start_x_m: -2.0,
+            length_m: 18.0,
+            width_m: 2.0,
+            height_m: 2.6,
+            thickness_m: 0.12,
+            colour: super::wall_colour(),
+            end_colour: [0.66, 0.66, 0.62],
+            baseboard: Some(Baseboard::default()),
+            doors: Vec::new(),
+            branches: Vec::new(),
+            window: Some(Window::default()),
+            lamp_spacing_m: 2.4,
+            lamp_size_m: super::lamp_size(),
+            lamp_brightness: super::lamp_brightness(),
+        }
+    }
+}
+
+impl Corridor {
+    /// World x of its far end, metres.
+    #[must_use]
+    pub fn end_x_m(&self) -> f64 {
+        self.start_x_m + self.length_m
+    }
+
+    /// Its walls, counter-clockwise around the free space, so that the free space is on their left.
+    pub(crate) fn walls(&self) -> Vec<Wall> {
+        let (x0, x1, half) = (self.start_x_m, self.end_x_m(), self.width_m / 2.0);
+        let mut walls = Vec::new();
+        self.side_walls(Side::Right, &mut walls);
+        walls.push(Wall {
+            windows: self.window.into_iter().collect(),
+            colour: self.end_colour,
+            ..self.plain([x1, -half], [x1, half])
+        });
+        self.side_walls(Side::Left, &mut walls);
+        walls.push(Wall { colour: self.end_colour, ..self.plain([x0, half], [x0, -half]) });
+        walls
+    }
+
+    /// Its ceiling lamps, those of the side corridors included.
+    pub(crate) fn lamps(&self) -> Vec<Lamp> {
+        if self.lamp_spacing_m <= 0.0 {
+            return Vec::new();
+        }
+        let count = (self.length_m / self.lamp_spacing_m).round().max(1.0) as usize;
+        let pitch = self.length_m / count as f64;
+        let lamp = |at_m, size_m| Lamp { at_m, size_m, brightness: self.lamp_brightness };
+        let main =
+            (0..count).map(|i| lamp([self.start_x_m + pitch * (i as f64 + 0.5), 0.0], self.lamp_size_m));
+        let [long, wide] = self.lamp_size_m;
+        let side = self.branches.iter().map(|b| {
+            let y = self.width_m / 2.0 + b.depth_m / 2.0;
+            lamp([b.at_m, if b.side == Side::Left { y } else { -y }], [wide, long])
+        });
+        main.chain(side).collect()
+    }
+
+    fn plain(&self, from_m: [f64; 2], to_m: [f64; 2]) -> Wall {
+        Wall {
+            from_m,
+            to_m,
+            height_m: self.height_m,
+            thickness_m: self.thickness_m,
+            colour: self.colour,
+            baseboard: self.baseboard,
+            doors: Vec::new(),
+            windows: Vec::new(),
+        }
+    }
+
+    /// One side, walked with the free space on the left: +x on the right side, -x on the left side.
+    fn side_walls(&self, side: Side, walls: &mut Vec<Wall>) {
+        let sign = if side == Side::Right { 1.0 } else { -1.0 };
+        let y = -sign * self.width_m / 2.0;
+        let (start, end) = if side == Side::Right {
+            (self.start_x_m, self.end_x_m())
+        } else {
+            (self.end_x_m(), self.start_x_m)
+        };
+        let mut branches: Vec<_> = self.branches.iter().filter(|b| b.side == side).collect();
+        branches.sort_by(|a, b| (sign * a.at_m).total_cmp(&(sign * b.at_m)));
+
+        let mut x = start;
+        for b in branches {
+            let (near, far) = (b.at_m - sign * b.width_m / 2.0, b.at_m + sign * b.width_m / 2.0);
+            let deep = y - sign * b.depth_m;
+            self.straight(side, x, near, walls);
+            walls.push(self.plain([near, y], [near, deep]));
+            walls.push(self.plain([near, deep], [far, deep]));
+            walls.push(self.plain([far, deep], [far, y]));
+            x = far;
+        }
+        self.straight(side, x, end, walls);
+    }
+
+    fn straight(&self, side: Side, from_x: f64, to_x: f64, walls: &mut Vec<Wall>) {
+        let y = if side == Side::Right { -self.width_m / 2.0 } else { self.width_m / 2.0 };
+        let (low, high) = (from_x.min(to_x), from_x.max(to_x));
+        let doors = self
+            .doors
+            .iter()
+            .filter(|d| d.side == side && d.at_m > low && d.at_m < high)
+            .map(|d| Door {
+                at_m: (d.at_m - from_x).abs(),
+                width_m: d.width_m,
+                height_m: d.height_m,
+                open_deg: d.open_deg,
+                room_depth_m: d.room_depth_m,
+                colour: d.colour,
+                frame_colour: d.frame_colour,
+            })
+            .collect();
+        walls.push(Wall { doors, ..self.plain([from_x, y], [to_x, y]) });
+    }
+}
+
+fn door_width() -> f64 {
+    Door::default().width_m
+}
+fn door_height() -> f64 {
+    Door::default().height_m
+}
+fn room_depth() -> f64 {
+    Door::default().room_depth_m
+}
+fn door_colour() -> Colour {
+    Door::default().colour
+}
+fn frame_colour() -> Colour {
+    Door::default().frame_colour
+}

@@ -1,0 +1,63 @@
+//! Random hallways for sweeps.
+
+use rand::RngExt;
+
+use super::{BoxItem, Corridor, CorridorDoor, Floor, Side, World};
+use crate::random::stream;
+
+impl World {
+    /// A hallway `width_m` wide with random doors (open and closed), boxes along the walls, window, baseboards, floor
+    /// joints and colours. The same seed gives the same hallway.
+    #[must_use]
+    pub fn random_corridor(seed: u64, width_m: f64) -> Self {
+        let mut rng = stream(seed, "random corridor");
+        let mut corridor =
+            Corridor { length_m: rng.random_range(14.0..24.0), width_m, ..Corridor::default() };
+        let tone = rng.random_range(0.5..0.8_f32);
+        corridor.colour = [tone, tone * 0.98, tone * 0.92];
+        corridor.lamp_spacing_m = rng.random_range(1.8..3.6);
+        if rng.random_bool(0.15) {
+            corridor.window = None;
+        }
+        if let Some(b) = &mut corridor.baseboard {
+            b.height_m = rng.random_range(0.06..0.15);
+            let dark = rng.random_range(0.05..0.25_f32);
+            b.colour = [dark, dark * 0.95, dark * 0.9];
+        }
+        for side in [Side::Left, Side::Right] {
+            let mut x = corridor.start_x_m + rng.random_range(0.8..3.0);
+            while x < corridor.end_x_m() - 1.0 {
+                let door = CorridorDoor::closed(side, x);
+                let open_deg = if rng.random_bool(0.3) { rng.random_range(40.0..100.0) } else { 0.0 };
+                let wood = rng.random_range(0.5..1.6_f32);
+                let colour = door.colour.map(|c| c * wood);
+                corridor.doors.push(CorridorDoor { open_deg, colour, ..door });
+                x += rng.random_range(1.6..4.5);
+            }
+        }
+        let mut boxes = Vec::new();
+        for _ in 0..rng.random_range(0..4) {
+            let side = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+            let white = rng.random_bool(0.5);
+            boxes.push(BoxItem {
+                at_m: [
+                    rng.random_range(2.0..corridor.end_x_m() - 1.0),
+                    side * (width_m / 2.0 - rng.random_range(0.2..0.35)),
+                ],
+                base_m: 0.0,
+                yaw_deg: rng.random_range(-45.0..45.0),
+                size_m: super::box_size(),
+                colour: if white { super::box_colour() } else { [0.30, 0.19, 0.10] },
+            });
+        }
+        let shade = rng.random_range(0.25..0.5_f32);
+        let tiled = rng.random_bool(0.5);
+        let floor = Floor {
+            colour: [shade, shade * 0.94, shade * 0.85],
+            gloss: rng.random_range(0.0..0.6),
+            joint_spacing_m: if tiled { [0.5, 0.5] } else { [0.0, 0.0] },
+            ..Floor::default()
+        };
+        Self { texture_seed: seed, corridor: Some(corridor), boxes, floor, ..Self::default() }
+    }
+}
