@@ -72,20 +72,18 @@ impl Moments {
         let angle = 0.5 * (2.0 * self.uv).atan2(self.uu - self.vv);
         let (sin, cos) = angle.sin_cos();
         let normal = Vector2::new(-sin, cos);
-        let across = (self.uu * sin * sin - 2.0 * self.uv * sin * cos + self.vv * cos * cos).max(0.0);
-        let along = 0.5 * (total + anisotropy);
-        let rms = (across / self.count).sqrt();
-        let noise = rms.max(RMS_FLOOR_PX);
-        Some(FittedLine {
+        let squares_across = (self.uu * sin * sin - 2.0 * self.uv * sin * cos + self.vv * cos * cos).max(0.0);
+        let line = FittedLine {
             centroid: self.mean,
             angle,
             direction: Vector2::new(cos, sin),
             normal,
             rho: normal.dot(&self.mean),
-            rms,
-            sigma_mid: noise / self.count.sqrt(),
-            sigma_angle: noise / along.sqrt(),
-        })
+            rms: 0.0,
+            sigma_mid: 0.0,
+            sigma_angle: 0.0,
+        };
+        Some(line.with_residuals(squares_across, self.count, 0.5 * (total + anisotropy)))
     }
 }
 
@@ -111,6 +109,13 @@ pub struct FittedLine {
 }
 
 impl FittedLine {
+    /// The statistics of `count` points with these sums of squares across and along the line, px^2.
+    fn with_residuals(self, across: f64, count: f64, along: f64) -> Self {
+        let rms = (across / count).sqrt();
+        let noise = rms.max(RMS_FLOOR_PX);
+        Self { rms, sigma_mid: noise / count.sqrt(), sigma_angle: noise / along.sqrt(), ..self }
+    }
+
     /// Position of `point`'s foot along the line, px from the centroid.
     pub fn position_of(&self, point: Vector2<f64>) -> f64 {
         self.direction.dot(&(point - self.centroid))
@@ -140,13 +145,19 @@ pub struct FittedSegment {
 
 /// Fits a segment to `points` (px). `None` when they give no direction.
 pub fn fit_segment(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Option<FittedSegment> {
-    let line = Moments::of(points.clone()).line()?;
+    let moments = Moments::of(points.clone());
+    let line = moments.line()?;
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+    let (mut across, mut along) = (0.0, 0.0);
     for p in points {
         let t = line.position_of(p);
         first = first.min(t);
         last = last.max(t);
+        // From the points themselves: the difference of large moments would leave 1e-9 px of a perfect line.
+        across += line.normal.dot(&(p - line.centroid)).powi(2);
+        along += t * t;
     }
+    let line = line.with_residuals(across, moments.count, along);
     Some(FittedSegment { line, p0: line.point_at(first), p1: line.point_at(last) })
 }
 

@@ -48,7 +48,7 @@ impl Default for SegmentConfig {
             min_length_at_640_px: 20.0,
             shortest_px: 10.0,
             link_angle: 30_f64.to_radians(),
-            split_px: 1.5,
+            split_px: 1.0,
             merge_angle: 1_f64.to_radians(),
             merge_distance_px: 1.5,
             merge_gap_px: 10.0,
@@ -150,6 +150,12 @@ impl SegmentDetector {
             found @ 0..=1 => Err(SegmentError::TooFewSegments { found }),
             _ => Ok(&self.segments),
         }
+    }
+
+    /// The segments of the last image, longest first: also the single one of an image with too few.
+    #[must_use]
+    pub fn segments(&self) -> &[Segment] {
+        &self.segments
     }
 
     fn find_chains(&mut self, image: ImageView, min_length: f64) {
