@@ -1,1 +1,3 @@
 //! Decides which proposal the motors get: arbitration, safety, execution, recording.
+
+pub mod record;

@@ -1,0 +1,140 @@
+//! A file that fails once.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::RecordError;
+
+/// A buffered file that keeps its first failure and from then on swallows what it is given.
+///
+/// So whoever writes to it meets no second failure, and no half-known position.
+pub(super) struct OutputFile {
+    file: BufWriter<File>,
+    path: PathBuf,
+    position: u64,
+    length: u64,
+    failure: Failure,
+}
+
+/// The first failure of an [`OutputFile`], seen from elsewhere.
+#[derive(Clone, Default)]
+pub(super) struct Failure(Arc<Mutex<State>>);
+
+#[derive(Default)]
+struct State {
+    failed: bool,
+    error: Option<RecordError>,
+    bytes: u64,
+}
+
+impl Failure {
+    /// Whether the file has failed.
+    pub fn has_happened(&self) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).failed
+    }
+
+    /// What happened, for the first who asks.
+    pub fn take(&self) -> Option<RecordError> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).error.take()
+    }
+
+    /// Bytes of the file.
+    pub fn bytes(&self) -> u64 {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).bytes
+    }
+
+    fn set(&self, error: RecordError) {
+        tracing::error!("{error}");
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        state.failed = true;
+        state.error.get_or_insert(error);
+    }
+}
+
+impl OutputFile {
+    /// Creates the file or empties it.
+    pub fn create(path: &Path) -> Result<OutputFile, RecordError> {
+        let file = File::create(path).map_err(|error| RecordError::opening(path, error))?;
+        Ok(OutputFile {
+            file: BufWriter::with_capacity(1 << 18, file),
+            path: path.to_owned(),
+            position: 0,
+            length: 0,
+            failure: Failure::default(),
+        })
+    }
+
+    /// Where to ask for its failure.
+    pub fn failure(&self) -> Failure {
+        self.failure.clone()
+    }
+
+    fn fails(&self, error: io::Error) {
+        self.failure.set(RecordError::writing(&self.path, self.length, error));
+    }
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if !self.failure.has_happened()
+            && let Err(error) = self.file.write_all(bytes)
+        {
+            self.fails(error);
+        }
+        self.position += bytes.len() as u64;
+        self.length = self.length.max(self.position);
+        self.failure.0.lock().unwrap_or_else(PoisonError::into_inner).bytes = self.length;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if !self.failure.has_happened()
+            && let Err(error) = self.file.flush()
+        {
+            self.fails(error);
+        }
+        Ok(())
+    }
+}
+
+impl Seek for OutputFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let target = match to {
+            SeekFrom::Start(position) => Some(position),
+            SeekFrom::Current(by) => self.position.checked_add_signed(by),
+            SeekFrom::End(by) => self.length.checked_add_signed(by),
+        };
+        let target = target.ok_or(io::ErrorKind::InvalidInput)?;
+        if target != self.position {
+            if !self.failure.has_happened()
+                && let Err(error) = self.file.seek(SeekFrom::Start(target))
+            {
+                self.fails(error);
+            }
+            self.position = target;
+        }
+        Ok(self.position)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_one_failure_and_everything_after_it_is_swallowed() {
+        let mut file = OutputFile::create(Path::new("/dev/full")).unwrap();
+        let failure = file.failure();
+        file.write_all(&[1; 1 << 20]).unwrap();
+        file.flush().unwrap();
+        assert!(failure.has_happened());
+        assert!(matches!(failure.take(), Some(RecordError::Full { .. })));
+        assert_eq!(file.seek(SeekFrom::Start(8)).unwrap(), 8);
+        file.write_all(&[2; 4]).unwrap();
+        assert_eq!(file.stream_position().unwrap(), 12);
+        assert_eq!(file.seek(SeekFrom::End(0)).unwrap(), 1 << 20);
+        assert!(failure.take().is_none() && failure.has_happened());
+    }
+}

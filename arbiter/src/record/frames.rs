@@ -1,0 +1,152 @@
+//! Coordinate frames of a recording, and poses in them.
+
+use foxglove::messages::{FrameTransform, Pose, PoseInFrame, Quaternion, Timestamp, Vector3};
+use yamabico_core::camera::Mount;
+use yamabico_core::geometry::Pose2;
+
+/// The building.
+pub(super) const MAP: &str = "map";
+/// Where the wheels say that the robot started.
+pub(super) const ODOM: &str = "odom";
+/// The robot.
+pub(super) const BASE: &str = "base";
+
+/// An instant of the run.
+pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
+    let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
+    Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
+}
+
+pub(super) fn vector(x: f64, y: f64, z: f64) -> Vector3 {
+    Vector3 { x, y, z }
+}
+
+/// A turn about the vertical.
+pub(super) fn yaw(theta: f64) -> Quaternion {
+    let (sin, cos) = (theta / 2.0).sin_cos();
+    Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
+}
+
+/// A planar pose in space, on the floor.
+pub(super) fn pose(pose: &Pose2) -> Pose {
+    Pose { position: Some(vector(pose.x, pose.y, 0.0)), orientation: Some(yaw(pose.theta)) }
+}
+
+/// A planar pose in the frame `frame_id`; `None` where it is not finite.
+pub(super) fn pose_in_frame(stamp_ns: u64, frame_id: &str, at: &Pose2) -> Option<PoseInFrame> {
+    at.is_finite().then(|| PoseInFrame {
+        timestamp: Some(timestamp(stamp_ns)),
+        frame_id: frame_id.to_owned(),
+        pose: Some(pose(at)),
+    })
+}
+
+fn transform(stamp_ns: u64, parent: &str, child: &str, parent_from_child: &Pose2) -> FrameTransform {
+    FrameTransform {
+        timestamp: Some(timestamp(stamp_ns)),
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: Some(vector(parent_from_child.x, parent_from_child.y, 0.0)),
+        rotation: Some(yaw(parent_from_child.theta)),
+    }
+}
+
+/// Where a camera sits on the robot: its optical frame in the robot's.
+pub(super) fn mounted(frame_id: &str, mount: &Mount) -> FrameTransform {
+    let body_from_camera = mount.body_from_camera();
+    let (position, turn) = (body_from_camera.translation.vector, body_from_camera.rotation);
+    FrameTransform {
+        timestamp: Some(timestamp(0)),
+        parent_frame_id: BASE.to_owned(),
+        child_frame_id: frame_id.to_owned(),
+        translation: Some(vector(position.x, position.y, position.z)),
+        rotation: Some(Quaternion { x: turn.i, y: turn.j, z: turn.k, w: turn.w }),
+    }
+}
+
+/// Keeps the chain map, odom, base together from poses that arrive one by one.
+///
+/// As long as nobody tells a pose on the map, the odometry starts where the first truth says; without a truth, at the
+/// map's origin.
+#[derive(Default)]
+pub(super) struct Chain {
+    odom_from_base: Option<Pose2>,
+    map_from_odom: Option<Pose2>,
+    localised: bool,
+}
+
+impl Chain {
+    /// The wheels moved.
+    pub fn odometry(&mut self, stamp_ns: u64, odom_from_base: Pose2) -> Vec<FrameTransform> {
+        if !odom_from_base.is_finite() {
+            return Vec::new();
+        }
+        self.odom_from_base = Some(odom_from_base);
+        let map_from_odom = *self.map_from_odom.get_or_insert(Pose2::IDENTITY);
+        vec![transform(stamp_ns, MAP, ODOM, &map_from_odom), transform(stamp_ns, ODOM, BASE, &odom_from_base)]
+    }
+
+    /// A behaviour knows where the robot is.
+    pub fn localised(&mut self, map_from_base: &Pose2) {
+        if map_from_base.is_finite() {
+            self.localised = true;
+            self.map_from_odom = Some(self.from_base(map_from_base));
+        }
+    }
+
+    /// The judge knows where the robot is.
+    pub fn truth(&mut self, map_from_base: &Pose2) {
+        let first = !self.localised && self.map_from_odom.is_none_or(|known| known == Pose2::IDENTITY);
+        if first && map_from_base.is_finite() {
+            self.map_from_odom = Some(self.from_base(map_from_base));
+        }
+    }
+
+    fn from_base(&self, map_from_base: &Pose2) -> Pose2 {
+        map_from_base.compose(&self.odom_from_base.unwrap_or(Pose2::IDENTITY).inverse())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn translation(transforms: &[FrameTransform], index: usize) -> (f64, f64) {
+        let translation = transforms[index].translation.as_ref().unwrap();
+        (translation.x, translation.y)
+    }
+
+    #[test]
+    fn odometry_hangs_where_the_first_truth_says_until_a_pose_is_told() {
+        let mut chain = Chain::default();
+        chain.truth(&Pose2::new(2.0, 1.0, 0.0));
+        let moved = chain.odometry(1, Pose2::new(0.5, 0.0, 0.0));
+        assert_eq!((translation(&moved, 0), translation(&moved, 1)), ((2.0, 1.0), (0.5, 0.0)));
+        chain.truth(&Pose2::new(9.0, 9.0, 0.0));
+        assert_eq!(translation(&chain.odometry(2, Pose2::new(0.5, 0.0, 0.0)), 0), (2.0, 1.0));
+        chain.localised(&Pose2::new(2.6, 1.1, 0.0));
+        let corrected = translation(&chain.odometry(3, Pose2::new(0.5, 0.0, 0.0)), 0);
+        assert!((corrected.0 - 2.1).abs() < 1e-12 && (corrected.1 - 1.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_left_out() {
+        let nowhere = Pose2 { x: f64::NAN, y: 0.0, theta: 0.0 };
+        assert!(Chain::default().odometry(1, nowhere).is_empty());
+        assert!(pose_in_frame(1, MAP, &nowhere).is_none());
+    }
+
+    #[test]
+    fn a_level_camera_looks_along_the_robot() {
+        let transform = mounted("front", &Mount::level(0.6));
+        let q = transform.rotation.unwrap();
+        // The optical axis (0, 0, 1) turned by the quaternion.
+        let axis = (
+            2.0 * (q.x * q.z + q.w * q.y),
+            2.0 * (q.y * q.z - q.w * q.x),
+            1.0 - 2.0 * (q.x * q.x + q.y * q.y),
+        );
+        assert!((axis.0 - 1.0).abs() < 1e-12 && axis.1.abs() < 1e-12 && axis.2.abs() < 1e-12);
+        assert_eq!(transform.translation.unwrap().z, 0.6);
+    }
+}

@@ -1,0 +1,220 @@
+//! The thread that turns messages into the records of an MCAP file.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::io::Write;
+use std::sync::Arc;
+
+use bytemuck::Pod;
+use foxglove::{Context, Encode, PartialMetadata, RawChannel, Schema};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{
+    Beam, Command, Control, DecisionHeader, FrameHeader, Heartbeat, Message, MessageType, Odometry, Pose,
+    Proposal, RangeScanHeader, Truth,
+};
+use yamabico_core::sensor::{Robot, SensorInfo, SensorKind};
+use yamabico_core::time::Time;
+
+use super::frames::{self, Chain, MAP, ODOM};
+use super::images::{ImageFormat, compressed};
+use super::queue::{Entry, Queue};
+use super::words::Journal;
+use super::{ranges, scene, schema};
+
+/// Channel of the coordinate frames.
+const TRANSFORMS: &str = "/tf";
+/// Channel of what changed, in words.
+const LOG: &str = "/log";
+
+/// Turns messages into records and hands them to the channels of a context.
+pub(super) struct Writer {
+    context: Arc<Context>,
+    format: ImageFormat,
+    radius_m: f64,
+    channels: HashMap<String, Arc<RawChannel>>,
+    buffer: Vec<u8>,
+    chain: Chain,
+    odometry_topic: Option<Arc<str>>,
+    journal: Journal,
+    counts: BTreeMap<String, u64>,
+}
+
+impl Writer {
+    pub fn new(context: Arc<Context>, format: ImageFormat, robot: &Robot) -> Writer {
+        Writer {
+            context,
+            format,
+            radius_m: robot.radius_m,
+            channels: HashMap::new(),
+            buffer: Vec::new(),
+            chain: Chain::default(),
+            odometry_topic: None,
+            journal: Journal::default(),
+            counts: BTreeMap::new(),
+        }
+    }
+
+    /// Writes what does not change: the robot's outline, and where its cameras sit.
+    pub fn begin(&mut self, sensors: &[(String, SensorInfo)]) {
+        self.standard("/robot/scene", Time::ZERO, &scene::footprint(self.radius_m));
+        for (topic, sensor) in sensors {
+            if let SensorKind::Camera { mount, .. } = &sensor.kind {
+                self.standard(TRANSFORMS, Time::ZERO, &frames::mounted(topic, mount));
+            }
+        }
+    }
+
+    /// Writes everything that comes through the queue until it ends or `broken` says so; returns the messages written on
+    /// each topic.
+    pub fn run(mut self, queue: &Queue, broken: impl Fn() -> bool) -> BTreeMap<String, u64> {
+        let mut entries = VecDeque::new();
+        while queue.take(&mut entries) {
+            for entry in &entries {
+                self.write(entry);
+                if broken() {
+                    return self.counts;
+                }
+            }
+        }
+        self.counts
+    }
+
+    /// One message: once as JSON under its own topic, and in the standard schemas under `/topic/...`.
+    fn write(&mut self, entry: &Entry) {
+        let (topic, time) = (&*entry.topic, entry.time);
+        self.json(entry);
+        match entry.message.name {
+            FrameHeader::NAME => {
+                let Some(header) = header::<FrameHeader>(entry) else { return };
+                if let Some(image) = compressed(&header, &entry.items, self.format, topic) {
+                    self.standard(&under(topic, "image"), time, &image);
+                }
+            }
+            RangeScanHeader::NAME => {
+                let Some(header) = header::<RangeScanHeader>(entry) else { return };
+                let beams = items::<Beam>(entry);
+                if let Some(scan) = ranges::laser_scan(&header, &beams) {
+                    self.standard(&under(topic, "scan"), time, &scan);
+                }
+                self.standard(&under(topic, "scene"), time, &scene::cones(topic, &header, &beams));
+            }
+            Odometry::NAME => self.odometry(entry),
+            Pose::NAME => {
+                let Some(pose) = header::<Pose>(entry) else { return };
+                let at = Pose2::new(pose.x, pose.y, pose.theta);
+                self.chain.localised(&at);
+                self.pose(topic, time, pose.stamp_ns, MAP, &at);
+            }
+            Truth::NAME => {
+                let Some(truth) = header::<Truth>(entry) else { return };
+                let at = Pose2::new(truth.x, truth.y, truth.theta);
+                self.chain.truth(&at);
+                self.pose(topic, time, truth.stamp_ns, MAP, &at);
+                if let Some(scene) = scene::truth(topic, &truth, self.radius_m) {
+                    self.standard(&under(topic, "scene"), time, &scene);
+                }
+            }
+            Proposal::NAME => {
+                let Some(proposal) = header::<Proposal>(entry) else { return };
+                self.standard(&under(topic, "scene"), time, &scene::proposal(topic, &proposal));
+                let line = self.journal.proposal(topic, &proposal);
+                self.log(time, line);
+            }
+            Command::NAME => {
+                let Some(command) = header::<Command>(entry) else { return };
+                self.standard(&under(topic, "scene"), time, &scene::command(topic, &command));
+            }
+            DecisionHeader::NAME => {
+                let Some(decision) = header::<DecisionHeader>(entry) else { return };
+                let line = self.journal.decision(topic, &decision);
+                self.log(time, line);
+            }
+            Heartbeat::NAME => {
+                let Some(heartbeat) = header::<Heartbeat>(entry) else { return };
+                let line = self.journal.heartbeat(topic, &heartbeat);
+                self.log(time, line);
+            }
+            Control::NAME => {
+                let Some(control) = header::<Control>(entry) else { return };
+                let line = self.journal.control(&control);
+                self.log(time, Some(line));
+            }
+            _ => {}
+        }
+    }
+
+    /// The odometry topic that came first carries the robot's frame.
+    fn odometry(&mut self, entry: &Entry) {
+        let Some(odometry) = header::<Odometry>(entry) else { return };
+        let at = Pose2::new(odometry.x, odometry.y, odometry.theta);
+        self.pose(&entry.topic, entry.time, odometry.stamp_ns, ODOM, &at);
+        if *self.odometry_topic.get_or_insert_with(|| entry.topic.clone()) == entry.topic {
+            for transform in self.chain.odometry(odometry.stamp_ns, at) {
+                self.standard(TRANSFORMS, entry.time, &transform);
+            }
+        }
+    }
+
+    fn pose(&mut self, topic: &str, time: Time, stamp_ns: u64, frame_id: &str, at: &Pose2) {
+        if let Some(pose) = frames::pose_in_frame(stamp_ns, frame_id, at) {
+            self.standard(&under(topic, "pose"), time, &pose);
+        }
+    }
+
+    fn log(&mut self, time: Time, line: Option<foxglove::messages::Log>) {
+        if let Some(line) = line {
+            self.standard(LOG, time, &line);
+        }
+    }
+
+    fn json(&mut self, entry: &Entry) {
+        let value = schema::to_json(&entry.message, &entry.header, &entry.items);
+        self.buffer.clear();
+        if serde_json::to_writer(&mut self.buffer, &value).is_err() {
+            self.buffer.clear();
+            let _ = self.buffer.write_all(b"null");
+        }
+        let message = entry.message;
+        self.send(&entry.topic, entry.time, || json_channel(&message));
+        match self.counts.get_mut(&*entry.topic) {
+            Some(count) => *count += 1,
+            None => drop(self.counts.insert(entry.topic.to_string(), 1)),
+        }
+    }
+
+    fn standard<T: Encode>(&mut self, topic: &str, time: Time, message: &T) {
+        self.buffer.clear();
+        if message.encode(&mut self.buffer).is_ok() {
+            self.send(topic, time, || (T::get_message_encoding(), T::get_schema()));
+        }
+    }
+
+    fn send(&mut self, topic: &str, time: Time, kind: impl FnOnce() -> (String, Option<Schema>)) {
+        if !self.channels.contains_key(topic) {
+            let (encoding, schema) = kind();
+            let channel = self.context.channel_builder(topic).message_encoding(encoding).schema(schema);
+            let Ok(channel) = channel.build_raw() else { return };
+            self.channels.insert(topic.to_owned(), channel);
+        }
+        if let Some(channel) = self.channels.get(topic) {
+            channel.log_with_meta(&self.buffer, PartialMetadata::with_log_time(time.0));
+        }
+    }
+}
+
+fn json_channel(message: &MessageType) -> (String, Option<Schema>) {
+    let schema = schema::of(message).to_string().into_bytes();
+    ("json".to_owned(), Some(Schema::new(message.name, "jsonschema", schema)))
+}
+
+/// The channel for a standard form of what is on `topic`.
+fn under(topic: &str, form: &str) -> String {
+    format!("/{}/{form}", topic.trim_start_matches('/'))
+}
+
+fn header<M: Message>(entry: &Entry) -> Option<M> {
+    bytemuck::try_pod_read_unaligned(&entry.header).ok()
+}
+
+fn items<T: Pod>(entry: &Entry) -> Vec<T> {
+    entry.items.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
+}
