@@ -12,7 +12,7 @@ use super::Tap;
 /// SHA-256 over the topic, type name, header and items of all messages in order, and how many there were on each topic.
 ///
 /// Each part is preceded by its length (eight bytes, little endian), so that no two different runs give the same bytes.
-#[derive(Clone, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Digest {
     hash: Sha256,
     counts: BTreeMap<String, u64>,

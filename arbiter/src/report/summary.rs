@@ -1,0 +1,407 @@
+//! The numbers of a run.
+
+use std::collections::BTreeMap;
+
+use bytemuck::Pod;
+use serde::Serialize;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{
+    DecisionHeader, Kind, Message, MessageType, Odometry, Proposal, Reason, Truth, Verdict,
+};
+use yamabico_core::time::Time;
+
+use super::encounter::is_standing;
+use super::{ControlLog, Encounter, Encounters, Halt};
+use crate::record::{Digest, Tap};
+
+/// The line that a robot should keep to: through a point of the map, in a direction.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ReferenceLine {
+    /// A point on it, map frame, metres.
+    pub x: f64,
+    /// A point on it, map frame, metres.
+    pub y: f64,
+    /// Its direction, map frame, radians.
+    pub theta: f64,
+}
+
+impl Default for ReferenceLine {
+    /// The map's x axis.
+    fn default() -> Self {
+        ReferenceLine { x: 0.0, y: 0.0, theta: 0.0 }
+    }
+}
+
+impl ReferenceLine {
+    /// How far a point of the map lies left of the line, metres.
+    pub fn offset_m(&self, x: f64, y: f64) -> f64 {
+        let (sin, cos) = self.theta.sin_cos();
+        (y - self.y) * cos - (x - self.x) * sin
+    }
+}
+
+/// What cannot be read off the messages of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ending {
+    /// Whether the robot reached its goal.
+    pub arrived: bool,
+    /// Wall-clock time that the run took, seconds.
+    pub wall_s: f64,
+    /// Wall-clock figures of each behaviour, by name.
+    pub timings: BTreeMap<String, Timing>,
+}
+
+/// Wall-clock figures of one behaviour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Timing {
+    /// Calls of `propose`.
+    pub calls: u64,
+    /// Half of the calls took at most this, microseconds.
+    pub p50_us: f64,
+    /// 99 of 100 calls took at most this, microseconds.
+    pub p99_us: f64,
+    /// Calls that took longer than the budget.
+    pub overruns: u64,
+}
+
+impl Timing {
+    /// The figures of calls that took these times, seconds; sorts them.
+    pub fn of(durations_s: &mut [f64], overruns: u64) -> Timing {
+        durations_s.sort_unstable_by(f64::total_cmp);
+        let quantile = |share: f64| {
+            let rank = (share * durations_s.len() as f64).ceil() as usize;
+            durations_s.get(rank.saturating_sub(1)).map_or(0.0, |seconds| seconds * 1e6)
+        };
+        Timing { calls: durations_s.len() as u64, p50_us: quantile(0.5), p99_us: quantile(0.99), overruns }
+    }
+}
+
+/// One behaviour's part in a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct BehaviourSummary {
+    /// Wall-clock figures.
+    #[serde(flatten)]
+    pub timing: Timing,
+    /// Proposals that were heard.
+    pub proposals: u64,
+    /// Proposals that were abstentions.
+    pub abstentions: u64,
+    /// Abstentions by reason.
+    pub reasons: BTreeMap<&'static str, u64>,
+}
+
+/// The numbers of a run. What only a simulator knows is `None` without one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunSummary {
+    /// Whether the robot reached its goal.
+    pub arrived: bool,
+    /// Path length, metres: the truth's, or else the odometry's.
+    pub distance_m: f64,
+    /// From the first message to the last, seconds of the run.
+    pub time_s: f64,
+    /// Times that the robot's own motion touched something.
+    pub contacts: Option<u32>,
+    /// Times that a person walked into the standing robot.
+    pub struck: Option<u32>,
+    /// From the footprint to the nearest thing, metres.
+    pub smallest_clearance_m: Option<f64>,
+    /// From the footprint to the nearest person while the robot stood, metres; `None` where that never happened.
+    pub smallest_person_standing_m: Option<f64>,
+    /// From the footprint to the nearest person while the robot moved, metres; `None` where that never happened.
+    pub smallest_person_moving_m: Option<f64>,
+    /// Root mean square of the distance from the reference line over the path, metres; standing has no weight.
+    pub rms_offset_m: Option<f64>,
+    /// Meetings with people.
+    pub encounters: Vec<Encounter>,
+    /// Times that the arbiter kept the robot from moving forward.
+    pub halts: Vec<Halt>,
+    /// Seconds that each behaviour was in control.
+    pub control_s: BTreeMap<String, f64>,
+    /// Each behaviour's part.
+    pub behaviours: BTreeMap<String, BehaviourSummary>,
+    /// Messages on each topic.
+    pub topics: BTreeMap<String, u64>,
+    /// SHA-256 over all messages in order.
+    pub digest: String,
+    /// Wall-clock time that the run took, seconds.
+    pub wall_s: f64,
+    /// Seconds of the run in one second of the wall clock.
+    pub real_time_factor: f64,
+}
+
+/// Gathers a [`RunSummary`] message by message.
+#[derive(Clone, Debug)]
+pub struct SummaryTap {
+    line: ReferenceLine,
+    digest: Digest,
+    control: ControlLog,
+    encounters: Encounters,
+    behaviours: BTreeMap<String, BehaviourSummary>,
+    truth: Option<Truth>,
+    odometry: Option<Pose2>,
+    odometry_m: f64,
+    clearance_m: f64,
+    person_standing_m: f64,
+    person_moving_m: f64,
+    offset_square: Mean,
+    first: Option<Time>,
+    last: Time,
+    verdicts: Vec<Verdict>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Mean {
+    sum: f64,
+    weight: f64,
+}
+
+impl SummaryTap {
+    /// A run that should keep to `line`.
+    pub fn new(line: ReferenceLine) -> SummaryTap {
+        SummaryTap {
+            line,
+            digest: Digest::new(),
+            control: ControlLog::default(),
+            encounters: Encounters::default(),
+            behaviours: BTreeMap::new(),
+            truth: None,
+            odometry: None,
+            odometry_m: 0.0,
+            clearance_m: f64::INFINITY,
+            person_standing_m: f64::INFINITY,
+            person_moving_m: f64::INFINITY,
+            offset_square: Mean::default(),
+            first: None,
+            last: Time::ZERO,
+            verdicts: Vec::new(),
+        }
+    }
+
+    /// Digest of the messages so far.
+    pub fn digest(&self) -> &Digest {
+        &self.digest
+    }
+
+    /// Who is in control and who was.
+    pub fn control(&self) -> &ControlLog {
+        &self.control
+    }
+
+    /// The newest truth; `None` without a simulator.
+    pub fn truth(&self) -> Option<&Truth> {
+        self.truth.as_ref()
+    }
+
+    /// The numbers of the run that ended so.
+    pub fn finish(mut self, ending: Ending) -> RunSummary {
+        for (name, timing) in ending.timings {
+            self.behaviours.entry(name).or_default().timing = timing;
+        }
+        let time_s = self.first.map_or(0.0, |first| self.last.since(first).as_secs_f64());
+        let finite = |value: f64| value.is_finite().then_some(value);
+        RunSummary {
+            arrived: ending.arrived,
+            distance_m: self.truth.map_or(self.odometry_m, |truth| truth.distance_m),
+            time_s,
+            contacts: self.truth.map(|truth| truth.contacts),
+            struck: self.truth.map(|truth| truth.struck),
+            smallest_clearance_m: finite(self.clearance_m),
+            smallest_person_standing_m: finite(self.person_standing_m),
+            smallest_person_moving_m: finite(self.person_moving_m),
+            rms_offset_m: finite((self.offset_square.sum / self.offset_square.weight).sqrt()),
+            encounters: self.encounters.list(),
+            halts: self.control.halts(),
+            control_s: self.control.time_s().clone(),
+            behaviours: self.behaviours,
+            topics: self.digest.counts().clone(),
+            digest: self.digest.hex(),
+            wall_s: ending.wall_s,
+            real_time_factor: if ending.wall_s > 0.0 { time_s / ending.wall_s } else { 0.0 },
+        }
+    }
+
+    fn add_truth(&mut self, truth: Truth) {
+        self.clearance_m = self.clearance_m.min(truth.clearance_m);
+        let person =
+            if is_standing(&truth) { &mut self.person_standing_m } else { &mut self.person_moving_m };
+        *person = person.min(truth.person_m);
+        if let Some(before) = self.truth {
+            let moved = truth.distance_m - before.distance_m;
+            let square = self.line.offset_m(truth.x, truth.y).powi(2);
+            if moved > 0.0 && square.is_finite() {
+                self.offset_square.sum += moved * square;
+                self.offset_square.weight += moved;
+            }
+        }
+        self.encounters.truth(&truth);
+        self.truth = Some(truth);
+    }
+
+    fn add_odometry(&mut self, odometry: &Odometry) {
+        let pose = Pose2 { x: odometry.x, y: odometry.y, theta: odometry.theta };
+        if pose.is_finite() {
+            self.odometry_m += self.odometry.map_or(0.0, |before| before.distance(&pose));
+            self.odometry = Some(pose);
+        }
+    }
+
+    fn add_proposal(&mut self, proposal: &Proposal) {
+        let name = proposal.behaviour.as_str();
+        if !self.behaviours.contains_key(name) {
+            self.behaviours.insert(name.to_owned(), BehaviourSummary::default());
+        }
+        let Some(behaviour) = self.behaviours.get_mut(name) else { return };
+        behaviour.proposals += 1;
+        if proposal.kind() == Some(Kind::Abstain) {
+            behaviour.abstentions += 1;
+            let reason = proposal.reason().map_or("unknown", Reason::as_str);
+            *behaviour.reasons.entry(reason).or_default() += 1;
+        }
+    }
+}
+
+impl Tap for SummaryTap {
+    fn message(&mut self, topic: &str, message: &MessageType, time: Time, header: &[u8], items: &[u8]) {
+        self.digest.message(topic, message, time, header, items);
+        self.first.get_or_insert(time);
+        self.last = self.last.max(time);
+        match message.name {
+            Truth::NAME => {
+                if let Some(truth) = read(header) {
+                    self.add_truth(truth);
+                }
+            }
+            Odometry::NAME => {
+                if let Some(odometry) = read(header) {
+                    self.add_odometry(&odometry);
+                }
+            }
+            Proposal::NAME => {
+                if let Some(proposal) = read(header) {
+                    self.add_proposal(&proposal);
+                }
+            }
+            DecisionHeader::NAME => {
+                if let Some(decision) = read::<DecisionHeader>(header) {
+                    let verdicts = items.chunks_exact(size_of::<Verdict>());
+                    self.verdicts.clear();
+                    self.verdicts.extend(verdicts.map(bytemuck::pod_read_unaligned::<Verdict>));
+                    self.control.decision(&decision, &self.verdicts);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn read<T: Pod>(bytes: &[u8]) -> Option<T> {
+    bytemuck::try_pod_read_unaligned(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::message::{Axes, Mode, Name, Outcome, Twist};
+
+    fn send<M: Message>(tap: &mut SummaryTap, topic: &str, seconds: f64, header: &M, items: &[M::Item]) {
+        let time = Time::from_secs_f64(seconds);
+        let (header, items) = (bytemuck::bytes_of(header), bytemuck::cast_slice(items));
+        tap.message(topic, &MessageType::of::<M>(), time, header, items);
+    }
+
+    fn truth(x: f64, y: f64, vx: f64) -> Truth {
+        Truth {
+            x,
+            y,
+            vx,
+            distance_m: x,
+            clearance_m: 0.8 - y.abs(),
+            person_m: f64::INFINITY,
+            ..Truth::default()
+        }
+    }
+
+    #[test]
+    fn a_drive_beside_the_line_with_a_stop() {
+        let mut tap = SummaryTap::new(ReferenceLine::default());
+        for step in 0..=100 {
+            let x = 0.1 * f64::from(step);
+            let y = if step <= 50 { 0.03 } else { -0.04 };
+            send(&mut tap, "truth", 0.25 * f64::from(step), &truth(x, y, 0.4), &[]);
+        }
+        for step in 101..=200 {
+            let standing = Truth { person_m: 0.3, contacts: 0, struck: 2, ..truth(10.0, -0.5, 0.0) };
+            send(&mut tap, "truth", 0.25 * f64::from(step), &standing, &[]);
+        }
+        let timings = BTreeMap::from([("wall".to_owned(), Timing { calls: 5, ..Timing::default() })]);
+        let summary = tap.finish(Ending { arrived: true, wall_s: 5.0, timings });
+        assert_eq!((summary.distance_m, summary.time_s, summary.real_time_factor), (10.0, 50.0, 10.0));
+        let rms = ((0.03_f64.powi(2) + 0.04_f64.powi(2)) / 2.0).sqrt();
+        assert!((summary.rms_offset_m.unwrap() - rms).abs() < 1e-12, "standing has no weight");
+        assert!((summary.smallest_clearance_m.unwrap() - 0.3).abs() < 1e-12);
+        assert_eq!(summary.smallest_person_standing_m, Some(0.3));
+        assert_eq!(summary.smallest_person_moving_m, None);
+        assert_eq!((summary.contacts, summary.struck), (Some(0), Some(2)));
+        assert_eq!((summary.encounters.len(), summary.topics["truth"]), (1, 201));
+        assert_eq!((summary.behaviours["wall"].timing.calls, summary.digest.len()), (5, 64));
+    }
+
+    #[test]
+    fn without_a_judge_the_odometry_tells_the_distance() {
+        let mut tap = SummaryTap::new(ReferenceLine::default());
+        for (x, y) in [(0.0, 0.0), (3.0, 4.0), (f64::NAN, 0.0), (3.0, 5.0)] {
+            send(&mut tap, "odometry", 0.0, &Odometry { x, y, ..Odometry::default() }, &[]);
+        }
+        let summary = tap.finish(Ending::default());
+        assert_eq!((summary.distance_m, summary.contacts, summary.rms_offset_m), (6.0, None, None));
+        assert!(serde_json::to_string(&summary).unwrap().contains("\"rms_offset_m\":null"));
+    }
+
+    #[test]
+    fn abstentions_halts_and_control_are_counted() {
+        let mut tap = SummaryTap::new(ReferenceLine::default());
+        let named = |proposal| Proposal { behaviour: Name::new("wall"), ..proposal };
+        let drive = named(Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.0)));
+        send(&mut tap, "proposal/wall", 0.0, &drive, &[]);
+        for _ in 0..3 {
+            send(&mut tap, "proposal/wall", 0.1, &named(Proposal::abstain(Reason::NoWall)), &[]);
+        }
+        let verdict =
+            Verdict { behaviour: Name::new("wall"), outcome: Outcome::Won.code(), ..Default::default() };
+        for (seconds, mode, halted) in [
+            (0.0, Mode::Driving, Axes::NONE),
+            (2.0, Mode::Halted, Axes::ALL),
+            (3.0, Mode::Driving, Axes::NONE),
+        ] {
+            let stamp_ns = Time::from_secs_f64(seconds).0;
+            let decision = DecisionHeader { stamp_ns, mode: mode.code(), halted, ..Default::default() };
+            send(&mut tap, "decision", seconds, &decision, &[verdict]);
+        }
+        let summary = tap.finish(Ending::default());
+        let wall = &summary.behaviours["wall"];
+        assert_eq!((wall.proposals, wall.abstentions, wall.reasons["no wall"]), (4, 3, 3));
+        assert_eq!((summary.halts.len(), summary.halts[0].duration_s), (1, 1.0));
+        assert_eq!(summary.control_s["wall"], 2.0);
+    }
+
+    #[test]
+    fn the_line_may_point_anywhere() {
+        let line = ReferenceLine { x: 1.0, y: 1.0, theta: std::f64::consts::FRAC_PI_2 };
+        assert!((line.offset_m(0.5, 7.0) - 0.5).abs() < 1e-12, "left of a line that points to the left");
+    }
+
+    #[test]
+    fn quantiles_are_of_the_sorted_calls() {
+        let mut durations: Vec<_> = (1..=100).rev().map(|i| f64::from(i) * 1e-6).collect();
+        let timing = Timing::of(&mut durations, 2);
+        assert!((timing.p50_us - 50.0).abs() < 1e-9 && (timing.p99_us - 99.0).abs() < 1e-9);
+        assert_eq!(Timing::of(&mut [], 0).p99_us, 0.0);
+    }
+
+    #[test]
+    fn a_message_of_the_wrong_size_changes_nothing_but_the_digest() {
+        let mut tap = SummaryTap::new(ReferenceLine::default());
+        tap.message("truth", &MessageType::of::<Truth>(), Time::ZERO, &[1, 2, 3], &[]);
+        assert_eq!(tap.finish(Ending::default()).topics["truth"], 1);
+    }
+}
