@@ -1,4 +1,9 @@
 //! Decides which proposal the motors get: arbitration, safety, execution, recording.
 
+pub mod decide;
+pub mod kinematics;
+pub mod policy;
+pub mod ramp;
 pub mod record;
 pub mod report;
+pub mod safety;

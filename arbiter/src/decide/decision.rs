@@ -1,0 +1,193 @@
+//! What was decided and why, by index; and as it travels.
+
+use std::fmt::Write;
+
+use yamabico_core::message::{
+    Axes, Command, DecisionHeader, Kind, Mode, Note, Outcome, Reason, Twist, Verdict,
+};
+use yamabico_core::time::Time;
+
+use crate::policy::Policy;
+use crate::safety::Stop;
+
+/// One decision. Made once for a policy and overwritten by every call of [`decide`](super::decide).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decision {
+    /// When it was decided.
+    pub stamp: Time,
+    /// Oldest sensor data behind the winners; the stamp where nobody won.
+    pub evidence: Time,
+    /// Counts up by one a decision.
+    pub sequence: u64,
+    /// What the winners asked for, before limits and ramps.
+    pub wanted: Twist,
+    /// After limits, halts and stops, before ramps.
+    pub allowed: Twist,
+    /// What the motors get.
+    pub commanded: Twist,
+    /// Axes that a halt stops.
+    pub halted: Axes,
+    /// The state of things.
+    pub mode: Mode,
+    /// What stops the whole robot.
+    pub stop: Option<Stop>,
+    /// Whether some axis brakes with the emergency deceleration.
+    pub emergency: bool,
+    /// Who won each axis: index of the behaviour.
+    pub source: [Option<u16>; 3],
+    /// Who halts each axis.
+    pub halted_by: [Option<u16>; 3],
+    /// Whose limit binds each axis, and to what, m/s, m/s, rad/s.
+    pub limited_by: [Option<(u16, f64)>; 3],
+    /// What became of each behaviour, by its index.
+    pub rulings: Vec<Ruling>,
+}
+
+/// What became of one behaviour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ruling {
+    /// The outcome.
+    pub outcome: Outcome,
+    /// What is wrong with the proposal, also where its halt or limit counts nevertheless.
+    pub fault: Option<Outcome>,
+    /// Who beat, inhibited, suppressed or halted it.
+    pub by: Option<u16>,
+    /// A [`Kind`] code, as received.
+    pub kind: u32,
+    /// A [`Reason`] code, as received.
+    pub reason: u32,
+    /// Claimed, limited or halted.
+    pub claimed: Axes,
+    /// Driven by it in the end.
+    pub won: Axes,
+    /// Age in seconds, the limit, or zero.
+    pub number: f64,
+}
+
+impl Ruling {
+    /// Nothing has been heard.
+    pub const SILENT: Ruling = Ruling {
+        outcome: Outcome::Silent,
+        fault: None,
+        by: None,
+        kind: Kind::Abstain.code(),
+        reason: Reason::None.code(),
+        claimed: Axes::NONE,
+        won: Axes::NONE,
+        number: 0.0,
+    };
+}
+
+impl Decision {
+    /// An empty one, with room for every behaviour of `policy`.
+    pub fn new(policy: &Policy) -> Decision {
+        Decision {
+            stamp: Time::ZERO,
+            evidence: Time::ZERO,
+            sequence: 0,
+            wanted: Twist::ZERO,
+            allowed: Twist::ZERO,
+            commanded: Twist::ZERO,
+            halted: Axes::NONE,
+            mode: Mode::Idle,
+            stop: None,
+            emergency: false,
+            source: [None; 3],
+            halted_by: [None; 3],
+            limited_by: [None; 3],
+            rulings: vec![Ruling::SILENT; policy.behaviours.len()],
+        }
+    }
+
+    /// Clears everything but the rulings, each of which is written in turn.
+    pub(super) fn begin(&mut self, policy: &Policy, now: Time, sequence: u64) {
+        let mut rulings = std::mem::take(&mut self.rulings);
+        if rulings.len() != policy.behaviours.len() {
+            rulings.resize(policy.behaviours.len(), Ruling::SILENT);
+        }
+        *self = Decision {
+            stamp: now,
+            evidence: now,
+            sequence,
+            wanted: Twist::ZERO,
+            allowed: Twist::ZERO,
+            commanded: Twist::ZERO,
+            halted: Axes::NONE,
+            mode: Mode::Idle,
+            stop: None,
+            emergency: false,
+            source: [None; 3],
+            halted_by: [None; 3],
+            limited_by: [None; 3],
+            rulings,
+        };
+    }
+
+    /// The command as it travels.
+    pub fn command(&self, policy: &Policy) -> Command {
+        Command {
+            stamp_ns: self.stamp.0,
+            evidence_ns: self.evidence.0,
+            sequence: self.sequence,
+            twist: self.commanded,
+            emergency: u32::from(self.emergency),
+            reserved: 0,
+            source: self.source.map(|index| policy.name(index)),
+        }
+    }
+
+    /// The decision as it travels, without its verdicts.
+    pub fn header(&self, policy: &Policy) -> DecisionHeader {
+        DecisionHeader {
+            stamp_ns: self.stamp.0,
+            evidence_ns: self.evidence.0,
+            sequence: self.sequence,
+            wanted: self.wanted,
+            allowed: self.allowed,
+            commanded: self.commanded,
+            halted: self.halted,
+            mode: self.mode.code(),
+            note: self.note(policy),
+        }
+    }
+
+    /// Writes one verdict a behaviour, in the order of the policy, to the front of `verdicts`, as many as fit; returns how
+    /// many were written.
+    pub fn write_verdicts(&self, policy: &Policy, verdicts: &mut [Verdict]) -> usize {
+        for ((verdict, ruling), behaviour) in verdicts.iter_mut().zip(&self.rulings).zip(&policy.behaviours) {
+            *verdict = Verdict {
+                behaviour: behaviour.name,
+                by: policy.name(ruling.by),
+                priority: behaviour.priority,
+                outcome: ruling.outcome.code(),
+                claimed: ruling.claimed,
+                won: ruling.won,
+                number: ruling.number,
+                reason: ruling.reason,
+                kind: ruling.kind,
+            };
+        }
+        verdicts.len().min(self.rulings.len())
+    }
+
+    /// Why the mode is what it is, in words; empty where the mode says it all.
+    pub fn note(&self, policy: &Policy) -> Note {
+        let mut note = Note::default();
+        // Writing to a `Text` cuts and never fails.
+        let _ = match self.stop {
+            Some(Stop::Behaviour(index)) => write!(note, "{} is silent", policy.name(Some(index))),
+            Some(Stop::Sensor(index)) => match policy.sensors.get(usize::from(index)) {
+                Some(sensor) => write!(note, "{} is silent", sensor.name),
+                None => Ok(()),
+            },
+            Some(Stop::Clock) => write!(note, "time ran backwards"),
+            Some(Stop::EmergencyStop) => write!(note, "latched until reset"),
+            Some(Stop::ShuttingDown) => write!(note, "the run ends"),
+            None => match self.halted_by.iter().flatten().next() {
+                Some(&index) => write!(note, "{} halts {}", policy.name(Some(index)), self.halted),
+                None => Ok(()),
+            },
+        };
+        note
+    }
+}

@@ -1,0 +1,287 @@
+//! Steps 3 and 4: halts and limits, how long they last, and what they leave of the motion.
+
+use yamabico_core::geometry::angle_difference;
+use yamabico_core::message::{Axes, Outcome, Proposal, Sector, Twist};
+use yamabico_core::time::Time;
+
+use super::decision::Decision;
+use super::state::{Rule, State};
+use crate::safety::Stop;
+
+/// What a halt or limit says on arrival.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Assertion {
+    /// Stop; a stale or malformed one counts, but takes nothing back.
+    Halt { axes: Axes, sound: bool },
+    /// A sound limit.
+    Limit { axes: Axes, limits: Twist, sector: Sector },
+    /// A stale or malformed limit: zero in every direction.
+    Blind { axes: Axes },
+}
+
+/// The halt and the limit of one behaviour that are still in force.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Restraint {
+    /// Axes that it halts.
+    halted: Axes,
+    /// When each axis was last asked to halt, and the last instant at which it is halted without a word from the author.
+    halt_asked: [Time; 3],
+    halt_until: [Time; 3],
+    /// Axes that it limits.
+    limited: Axes,
+    limits: Twist,
+    sector: Sector,
+    /// Later than this the author is silent, and the limit is zero in every direction.
+    limit_sound_until: Time,
+    limit_until: Time,
+    /// Whether the newest proposal itself halts or limits; otherwise what is in force is held.
+    pub is_current: bool,
+}
+
+impl Default for Restraint {
+    fn default() -> Self {
+        Restraint {
+            halted: Axes::NONE,
+            halt_asked: [Time::ZERO; 3],
+            halt_until: [Time::ZERO; 3],
+            limited: Axes::NONE,
+            limits: Twist::ZERO,
+            sector: Sector::ALL,
+            limit_sound_until: Time::ZERO,
+            limit_until: Time::ZERO,
+            is_current: false,
+        }
+    }
+}
+
+impl Assertion {
+    /// The axes concerned.
+    pub fn axes(&self) -> Axes {
+        match *self {
+            Assertion::Halt { axes, .. } | Assertion::Limit { axes, .. } | Assertion::Blind { axes } => axes,
+        }
+    }
+}
+
+impl Restraint {
+    /// Whether anything is in force.
+    pub fn any(&self) -> bool {
+        !self.halted.union(self.limited).is_empty()
+    }
+
+    /// A new halt or limit arrived at `now`. A sound one replaces what the author said before, as far as `hold` allows.
+    pub fn assert(&mut self, assertion: &Assertion, proposal: &Proposal, rule: &Rule, now: Time) {
+        let sound_until = Time(
+            (proposal.stamp_ns.min(now.0).saturating_add(rule.max_age_ns))
+                .min(proposal.evidence_ns.min(now.0).saturating_add(rule.max_evidence_age_ns)),
+        );
+        // Silence of a critical author releases nothing.
+        let until = |from: Time| {
+            if rule.watch.is_some() { Time::MAX } else { Time(from.0.saturating_add(rule.hold_ns)) }
+        };
+        match *assertion {
+            Assertion::Halt { axes, sound } => {
+                if sound {
+                    self.release(rule);
+                }
+                let until = until(if sound { sound_until } else { now });
+                for axis in axes.iter().map(|axis| axis as usize) {
+                    self.halt_asked[axis] = now;
+                    self.halt_until[axis] = self.halt_until[axis].max(until);
+                }
+                self.halted = self.halted.union(axes);
+            }
+            Assertion::Limit { axes, limits, sector } => {
+                self.release(rule);
+                (self.limited, self.limits, self.sector) = (axes, limits, sector);
+                (self.limit_sound_until, self.limit_until) = (sound_until, until(sound_until));
+            }
+            Assertion::Blind { axes } => {
+                self.limited = self.limited.union(axes);
+                self.limit_sound_until = Time::ZERO;
+                self.limit_until = self.limit_until.max(until(now));
+            }
+        }
+    }
+
+    /// The author says something else: its limit ends, and its halt as soon as it has lasted for `hold`.
+    pub fn release(&mut self, rule: &Rule) {
+        for axis in self.halted.iter().map(|axis| axis as usize) {
+            let least = Time(self.halt_asked[axis].0.saturating_add(rule.hold_ns));
+            self.halt_until[axis] = self.halt_until[axis].min(least);
+        }
+        self.limited = Axes::NONE;
+        self.limit_until = Time::ZERO;
+    }
+
+    /// Drops what has run out at `now`; whether anything is left in force.
+    pub fn expire(&mut self, now: Time) -> bool {
+        for axis in self.halted.iter() {
+            if now > self.halt_until[axis as usize] {
+                self.halted = self.halted.without(axis.into());
+                self.halt_until[axis as usize] = Time::ZERO;
+            }
+        }
+        if now > self.limit_until {
+            self.limited = Axes::NONE;
+        }
+        self.any()
+    }
+
+    /// The limit at `now`: its speeds and where they count.
+    fn limit(&self, now: Time) -> (Twist, Sector) {
+        if now <= self.limit_sound_until { (self.limits, self.sector) } else { (Twist::ZERO, Sector::ALL) }
+    }
+}
+
+/// What halts and limits leave of `motion`; notes who halts and who limits, and rules on them.
+pub(super) fn restrain(state: &State, now: Time, motion: Twist, decision: &mut Decision) -> Twist {
+    for (slot, restraint) in in_force(state) {
+        for axis in restraint.halted.intersection(state.has).iter() {
+            decision.halted = decision.halted.union(axis.into());
+            decision.halted_by[axis as usize].get_or_insert(slot);
+        }
+    }
+    let mut motion = motion;
+    for axis in decision.halted.iter() {
+        motion.set(axis, 0.0);
+    }
+
+    let course = Swept::new(state.ramp.velocity(), motion);
+    let mut limited = Axes::NONE;
+    let mut least = Twist::ZERO;
+    for (slot, restraint) in in_force(state) {
+        let (limits, sector) = restraint.limit(now);
+        let counts = !restraint.limited.is_empty() && course.enters(&sector);
+        rule_on(restraint, counts, limits, &mut decision.rulings[usize::from(slot)]);
+        if !counts {
+            continue;
+        }
+        for axis in restraint.limited.intersection(state.has).iter() {
+            if !limited.contains(axis) || limits.get(axis) < least.get(axis) {
+                limited = limited.union(axis.into());
+                least.set(axis, limits.get(axis));
+                decision.limited_by[axis as usize] = Some((slot, limits.get(axis)));
+            }
+        }
+    }
+    limited_to(motion, limited, least)
+}
+
+/// Slots and restraints that are in force, the highest priority first.
+fn in_force(state: &State) -> impl Iterator<Item = (u16, &Restraint)> {
+    state
+        .restraining
+        .iter()
+        .map(|&row| (state.rules[usize::from(row)].slot, &state.restraints[usize::from(row)]))
+}
+
+fn rule_on(restraint: &Restraint, counts: bool, limits: Twist, ruling: &mut super::Ruling) {
+    let halts = !restraint.halted.is_empty();
+    ruling.outcome = match (restraint.is_current, halts, counts) {
+        (false, _, _) => Outcome::Held,
+        (true, true, _) => Outcome::Halting,
+        (true, false, true) => Outcome::Limiting,
+        (true, false, false) => Outcome::LimitElsewhere,
+    };
+    if ruling.won.is_empty() {
+        ruling.claimed = restraint.halted.union(restraint.limited);
+    }
+    if !halts {
+        ruling.number =
+            restraint.limited.iter().fold(f64::INFINITY, |least, axis| limits.get(axis).min(least));
+    }
+}
+
+/// `motion` with the speed on each axis of `axes` at most that of `limits`. The translation keeps its direction: where
+/// one of its axes must slow down, the other does in proportion. So a limit never turns the robot into a sector that it
+/// was not heading for, and one more limit never raises a speed.
+pub(super) fn limited_to(motion: Twist, axes: Axes, limits: Twist) -> Twist {
+    let mut factor = 1.0_f64;
+    for axis in axes.without(Axes::ANGULAR).iter() {
+        let (speed, limit) = (motion.get(axis).abs(), limits.get(axis).max(0.0));
+        if speed > limit {
+            factor = factor.min(limit / speed);
+        }
+    }
+    let mut slowed = motion;
+    if factor < 1.0 {
+        (slowed.linear, slowed.lateral) = (motion.linear * factor, motion.lateral * factor);
+    }
+    // The last digit of a product may lie beyond the limit.
+    for axis in axes.iter() {
+        let limit = limits.get(axis).max(0.0);
+        slowed.set(axis, slowed.get(axis).max(-limit).min(limit));
+    }
+    slowed
+}
+
+/// The directions of translation that the robot passes through from one velocity to another.
+///
+/// A ramp goes straight from one velocity to the other and so sweeps the smaller angle between their directions; where they
+/// are opposite it passes through zero.
+struct Swept {
+    from_rad: Option<f64>,
+    to_rad: Option<f64>,
+}
+
+/// Angles nearer than this are one, radians.
+const SAME_RAD: f64 = 1e-9;
+/// A translation slower than this has no direction, m/s.
+const STANDING_MPS: f64 = 1e-9;
+
+impl Swept {
+    fn new(from: Twist, to: Twist) -> Swept {
+        Swept { from_rad: direction(from), to_rad: direction(to) }
+    }
+
+    /// Whether some of these directions lie in `sector`. A robot that stands and shall stand is in no sector, but in one that
+    /// holds every direction.
+    fn enters(&self, sector: &Sector) -> bool {
+        if sector.half_width_rad >= std::f64::consts::PI {
+            return true;
+        }
+        let offset = |direction_rad: f64| angle_difference(direction_rad, sector.centre_rad);
+        let is_inside = |direction_rad: f64| offset(direction_rad).abs() <= sector.half_width_rad + SAME_RAD;
+        match (self.from_rad, self.to_rad) {
+            (Some(from), Some(to)) => {
+                let turn = angle_difference(to, from);
+                let straddles = turn.abs() < std::f64::consts::PI - SAME_RAD
+                    && offset(from) * offset(to) < 0.0
+                    && (offset(from) - offset(to)).abs() < std::f64::consts::PI;
+                is_inside(from) || is_inside(to) || straddles
+            }
+            (Some(only), None) | (None, Some(only)) => is_inside(only),
+            (None, None) => false,
+        }
+    }
+}
+
+/// Of translation, robot frame; `None` while standing.
+fn direction(twist: Twist) -> Option<f64> {
+    (twist.speed() > STANDING_MPS).then(|| twist.lateral.atan2(twist.linear))
+}
+
+/// Takes from the winners what a halt or a stop of the whole robot takes.
+pub(super) fn stop_drivers(state: &State, decision: &mut Decision) {
+    if decision.stop.is_some() {
+        decision.allowed = Twist::ZERO;
+    }
+    let stopped = if decision.stop.is_some() { Axes::ALL } else { decision.halted };
+    if stopped.is_empty() {
+        return;
+    }
+    for &row in &state.drivers {
+        let ruling = &mut decision.rulings[usize::from(state.rules[usize::from(row)].slot)];
+        let Some(axis) = ruling.won.intersection(stopped).iter().next() else { continue };
+        ruling.won = ruling.won.without(stopped);
+        if ruling.won.is_empty() && ruling.outcome != Outcome::Held {
+            ruling.outcome = Outcome::Stopped;
+            ruling.by = match decision.stop {
+                Some(Stop::Behaviour(index)) => Some(index),
+                Some(_) => None,
+                None => decision.halted_by[axis as usize],
+            };
+        }
+    }
+}

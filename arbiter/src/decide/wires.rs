@@ -1,0 +1,82 @@
+//! Step 2: who keeps whom from driving.
+
+use yamabico_core::message::{Axes, Outcome};
+use yamabico_core::time::Time;
+
+use super::decision::Decision;
+use super::state::{State, nanoseconds};
+use crate::policy::{Wire, WireKind};
+
+/// A wire between rows, and how long it still holds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    kind: WireKind,
+    by: usize,
+    what: usize,
+    hold_ns: u64,
+    /// It holds before this instant, though `by` is not active.
+    until: Time,
+    /// What `by` claims or last claimed.
+    axes: Axes,
+}
+
+impl Line {
+    pub fn new(wire: &Wire, by: usize, what: usize) -> Line {
+        Line {
+            kind: wire.kind,
+            by,
+            what,
+            hold_ns: nanoseconds(wire.hold),
+            until: Time::ZERO,
+            axes: Axes::NONE,
+        }
+    }
+}
+
+/// Takes drive proposals, or axes of them, out of the contest. An inhibited behaviour is not active, and so its own wires
+/// rest.
+pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
+    for line in &mut state.lines {
+        let by = state.hearings[line.by];
+        if by.active {
+            line.until = Time(now.0.saturating_add(line.hold_ns));
+            line.axes = by.named;
+        }
+        let what = &mut state.hearings[line.what];
+        if !what.drives || !(by.active || now < line.until) {
+            continue;
+        }
+        match line.kind {
+            WireKind::Inhibit => {
+                (what.drives, what.active) = (false, false);
+                let ruling = &mut decision.rulings[usize::from(state.rules[line.what].slot)];
+                ruling.outcome = Outcome::Inhibited;
+                ruling.by = Some(state.rules[line.by].slot);
+            }
+            WireKind::Suppress => {
+                if what.suppressed.is_empty() {
+                    what.suppressor = line.by as u16;
+                }
+                what.suppressed = what.suppressed.union(line.axes);
+            }
+        }
+    }
+}
+
+/// Every line into a row before the lines out of it; those of a cycle last.
+pub(super) fn in_order(mut lines: Vec<Line>) -> Vec<Line> {
+    let rows = lines.iter().map(|line| line.by.max(line.what) + 1).max().unwrap_or(0);
+    let mut place = vec![usize::MAX; rows];
+    for next in 0..rows {
+        let free = (0..rows).find(|&row| {
+            place[row] == usize::MAX
+                && lines.iter().all(|line| line.what != row || place[line.by] != usize::MAX)
+        });
+        match free {
+            Some(row) => place[row] = next,
+            None => break,
+        }
+    }
+    lines.sort_by_key(|line| (place[line.what], line.what, line.by, line.kind == WireKind::Suppress));
+    lines
+}

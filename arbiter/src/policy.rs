@@ -1,0 +1,191 @@
+//! The arbitration table of one task on one robot, as it stands in memory.
+
+mod mistakes;
+
+use std::time::Duration;
+
+use yamabico_core::message::{Axes, Axis, Name};
+use yamabico_core::sensor::MotionLimits;
+
+use crate::kinematics::Kinematics;
+
+pub use mistakes::{Mistake, Quantity};
+
+/// Everything that [`decide`](crate::decide::decide) goes by and that does not change while it runs.
+///
+/// Behaviours are named by their index in `behaviours`; slots of proposals, verdicts and wires all use that index.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Policy {
+    /// The behaviours, in any order; priorities alone rank them.
+    pub behaviours: Vec<BehaviourPolicy>,
+    /// Who keeps whom from driving.
+    pub wires: Vec<Wire>,
+    /// Sensors without which the robot must not move.
+    pub sensors: Vec<CriticalSensor>,
+    /// What equal priorities mean.
+    pub contest: Contest,
+    /// What the robot may do.
+    pub limits: MotionLimits,
+    /// How its drive moves it.
+    pub kinematics: Kinematics,
+    /// Rate of the keep-alive tick, Hz; decisions may come faster.
+    pub rate_hz: f64,
+    /// How far ahead of the decision a stamp may lie.
+    pub future_tolerance: Duration,
+}
+
+impl Policy {
+    /// A strict policy at 50 Hz, without wires and critical sensors, that allows stamps 2 ms ahead.
+    pub fn new(limits: MotionLimits, kinematics: Kinematics, behaviours: Vec<BehaviourPolicy>) -> Policy {
+        Policy {
+            behaviours,
+            wires: Vec::new(),
+            sensors: Vec::new(),
+            contest: Contest::Strict,
+            limits,
+            kinematics,
+            rate_hz: 50.0,
+            future_tolerance: Duration::from_millis(2),
+        }
+    }
+
+    /// The axes that the drive has.
+    pub fn axes(&self) -> Axes {
+        self.kinematics.axes()
+    }
+
+    /// Largest speed along `axis`: m/s or rad/s, zero where the drive has no such axis.
+    pub fn speed(&self, axis: Axis) -> f64 {
+        if self.axes().contains(axis) { self.limits.speed[axis as usize] } else { 0.0 }
+    }
+
+    /// The index of the behaviour of this name.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.behaviours.iter().position(|behaviour| behaviour.name.as_str() == name)
+    }
+
+    /// The name of the behaviour at `index`; empty for nobody.
+    pub fn name(&self, index: Option<u16>) -> Name {
+        index.and_then(|i| self.behaviours.get(usize::from(i))).map(|b| b.name).unwrap_or_default()
+    }
+}
+
+/// How one behaviour is heard.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BehaviourPolicy {
+    /// Its name in the task file, unique.
+    pub name: Name,
+    /// Higher wins.
+    pub priority: i32,
+    /// Whether the robot must not move without it.
+    pub critical: bool,
+    /// Whether it is heard at the start.
+    pub enabled: bool,
+    /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
+    pub claims: Axes,
+    /// Whether it is known to drive always, so that whoever stands behind it is never heard.
+    pub never_abstains: bool,
+    /// A critical one silent for longer stops the robot.
+    pub deadline: Duration,
+    /// Oldest stamp that is heard.
+    pub max_age: Duration,
+    /// Oldest evidence that is heard.
+    pub max_evidence_age: Duration,
+    /// A halt lasts at least this long, and a halt or limit outlives its silent author by this.
+    pub hold: Duration,
+    /// Lower priorities wait this long before they take over an axis that it drove.
+    pub dwell: Duration,
+}
+
+impl BehaviourPolicy {
+    /// One that may claim every axis, is not critical, and has the usual ages: stamps of 200 ms, evidence of 1 s, 500 ms of
+    /// hold, a deadline of 300 ms and no dwell.
+    pub fn new(name: &str, priority: i32) -> BehaviourPolicy {
+        BehaviourPolicy {
+            name: Name::new(name),
+            priority,
+            critical: false,
+            enabled: true,
+            claims: Axes::ALL,
+            never_abstains: false,
+            deadline: Duration::from_millis(300),
+            max_age: Duration::from_millis(200),
+            max_evidence_age: Duration::from_secs(1),
+            hold: Duration::from_millis(500),
+            dwell: Duration::ZERO,
+        }
+    }
+
+    /// The same, critical.
+    pub fn critical(self) -> BehaviourPolicy {
+        BehaviourPolicy { critical: true, ..self }
+    }
+
+    /// The same with another hold.
+    pub fn with_hold(self, hold: Duration) -> BehaviourPolicy {
+        BehaviourPolicy { hold, ..self }
+    }
+
+    /// The same with another dwell.
+    pub fn with_dwell(self, dwell: Duration) -> BehaviourPolicy {
+        BehaviourPolicy { dwell, ..self }
+    }
+
+    /// The same, known to claim at most `claims`.
+    pub fn with_claims(self, claims: Axes) -> BehaviourPolicy {
+        BehaviourPolicy { claims, ..self }
+    }
+}
+
+/// What a wire does to the drive proposals of the behaviour at its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WireKind {
+    /// They are not heard at all.
+    Inhibit,
+    /// They are not heard on the axes that the other claims or last claimed.
+    Suppress,
+}
+
+/// While behaviour `by` is active, and `hold` after, behaviour `what` does not drive. Halts and limits pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wire {
+    /// On every axis or on those that `by` claims.
+    pub kind: WireKind,
+    /// Index of the behaviour at the start.
+    pub by: usize,
+    /// Index of the behaviour at the end.
+    pub what: usize,
+    /// How long it outlives the activity of `by`; [`Duration::MAX`] is for ever.
+    pub hold: Duration,
+}
+
+impl Wire {
+    /// `by` keeps `what` from driving.
+    pub fn inhibit(by: usize, what: usize, hold: Duration) -> Wire {
+        Wire { kind: WireKind::Inhibit, by, what, hold }
+    }
+
+    /// `by` keeps `what` from driving on the axes that `by` claims.
+    pub fn suppress(by: usize, what: usize, hold: Duration) -> Wire {
+        Wire { kind: WireKind::Suppress, by, what, hold }
+    }
+}
+
+/// A sensor without which the robot must not move.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CriticalSensor {
+    /// Its name in the robot file.
+    pub name: Name,
+    /// Oldest measurement with which the robot still moves.
+    pub max_age: Duration,
+}
+
+/// What equal priorities mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Contest {
+    /// A mistake; should it stand nevertheless, the name that sorts first wins.
+    #[default]
+    Strict,
+    /// Their proposals are averaged for each axis, weighted by confidence.
+    Blend,
+}

@@ -1,0 +1,134 @@
+//! The rules of arbitration, one test a rule.
+
+use std::time::Duration;
+
+use yamabico_arbiter::decide::{Decision, State, decide, explain};
+use yamabico_arbiter::kinematics::Kinematics;
+use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
+use yamabico_arbiter::safety::Stop;
+use yamabico_core::message::{Axes, Kind, Mode, Outcome, Proposal, Reason, Sector, Twist, Verdict};
+use yamabico_core::sensor::MotionLimits;
+use yamabico_core::time::Time;
+
+const LIMITS: MotionLimits = MotionLimits {
+    speed: [1.0, 1.0, 2.0],
+    acceleration: [0.5, 0.5, 2.0],
+    deceleration: [1.0, 1.0, 3.0],
+    emergency: [2.0, 2.0, 6.0],
+    jerk: [50.0, 50.0, 200.0],
+};
+const TICK: Duration = Duration::from_millis(20);
+
+fn ms(milliseconds: u64) -> Duration {
+    Duration::from_millis(milliseconds)
+}
+
+/// A robot with behaviours whose proposals are set by hand, decided tick by tick.
+struct Bench {
+    policy: Policy,
+    state: State,
+    proposals: Vec<Option<Proposal>>,
+    now: Time,
+    sequence: u64,
+    decision: Decision,
+}
+
+impl Bench {
+    fn new(policy: Policy) -> Bench {
+        let state = State::new(&policy);
+        let decision = Decision::new(&policy);
+        let proposals = vec![None; policy.behaviours.len()];
+        Bench { policy, state, proposals, now: Time(10_000_000_000), sequence: 0, decision }
+    }
+
+    fn differential(behaviours: Vec<BehaviourPolicy>) -> Bench {
+        Bench::new(Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviours))
+    }
+
+    fn holonomic(behaviours: Vec<BehaviourPolicy>) -> Bench {
+        Bench::new(Policy::new(LIMITS, Kinematics::Body { axes: Axes::ALL }, behaviours))
+    }
+
+    /// Behaviour `index` proposes, with the stamps of this instant where it gives none.
+    fn say(&mut self, index: usize, proposal: Proposal) -> &mut Bench {
+        self.sequence += 1;
+        let or_now = |stamp: u64| if stamp == 0 { self.now.0 } else { stamp };
+        self.proposals[index] = Some(Proposal {
+            sequence: self.sequence,
+            stamp_ns: or_now(proposal.stamp_ns),
+            evidence_ns: or_now(proposal.evidence_ns),
+            ..proposal
+        });
+        self
+    }
+
+    fn decide(&mut self) -> &Decision {
+        decide(&self.policy, &mut self.state, &self.proposals, self.now, &mut self.decision);
+        &self.decision
+    }
+
+    fn after(&mut self, duration: Duration) -> &mut Bench {
+        self.now = self.now + duration;
+        self
+    }
+
+    /// Everybody says the same again, freshly stamped, for `duration`.
+    fn go_on(&mut self, duration: Duration) -> &Decision {
+        let end = self.now + duration;
+        while self.now < end {
+            self.now = self.now + TICK;
+            for index in 0..self.proposals.len() {
+                if let Some(proposal) = self.proposals[index] {
+                    self.say(index, Proposal { stamp_ns: 0, evidence_ns: 0, ..proposal });
+                }
+            }
+            self.decide();
+        }
+        &self.decision
+    }
+
+    fn outcome(&self, index: usize) -> Outcome {
+        self.decision.rulings[index].outcome
+    }
+}
+
+fn forward(speed: f64) -> Proposal {
+    Proposal::drive(Axes::PLANAR, Twist::planar(speed, 0.0))
+}
+
+fn turn(rate: f64) -> Proposal {
+    Proposal::drive(Axes::ANGULAR, Twist::planar(0.0, rate))
+}
+
+fn halt() -> Proposal {
+    Proposal::halt(Axes::NONE, Reason::Echo)
+}
+
+fn slow(limit: f64) -> Proposal {
+    Proposal::limit(Axes::LINEAR, Twist::planar(limit, 0.0), Reason::WallNear)
+}
+
+fn two() -> Vec<BehaviourPolicy> {
+    vec![BehaviourPolicy::new("high", 100), BehaviourPolicy::new("low", 10)]
+}
+
+#[test]
+fn the_highest_priority_drives_and_reaches_its_speed() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, forward(0.3)).say(1, forward(0.6)).decide();
+    let decision = bench.go_on(ms(2000));
+    assert_eq!(decision.commanded, Twist::planar(0.3, 0.0));
+    assert_eq!((decision.mode, decision.source), (Mode::Driving, [Some(0), None, Some(0)]));
+    assert_eq!((bench.outcome(0), bench.outcome(1)), (Outcome::Won, Outcome::OutRanked));
+    assert_eq!(bench.decision.rulings[1].by, Some(0));
+    let _ = (explain(&bench.policy, &bench.decision), Contest::Blend, Verdict::default(), Kind::Halt);
+    let _ = (
+        Stop::Clock,
+        Sector::ALL,
+        Wire::inhibit(0, 1, TICK),
+        CriticalSensor { name: "x".into(), max_age: TICK },
+    );
+    let _ = (turn(0.1), slow(0.1), halt());
+    let _ = Bench::holonomic(two());
+    bench.after(TICK);
+}
