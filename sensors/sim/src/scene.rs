@@ -153,6 +153,11 @@ impl Scene {
         &self.speckle
     }
 
+    /// The building without people.
+    pub(crate) fn building(&self) -> &TriMesh {
+        &self.building_mesh
+    }
+
     /// Meshes with two triangles a surface, and the index of their first surface.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = (&TriMesh, usize)> {
         std::iter::once((&self.building_mesh, 0))

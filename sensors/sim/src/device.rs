@@ -1,0 +1,230 @@
+//! The simulator as a device: the same seams and messages as any other.
+
+mod camera;
+mod judge;
+mod motors;
+mod sonars;
+mod wheels;
+
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use rand::RngExt;
+use schemars::{JsonSchema, schema_for};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use yamabico_core::behavior::BuildError;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Axes, Beam, FrameHeader, Message, MessageType, Odometry, RangeScanHeader};
+use yamabico_core::sensor::{
+    Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, Sensor, SensorInfo, SensorKind, SensorPlugin,
+};
+use yamabico_core::time::Time;
+
+use crate::body::Body;
+use crate::encoder::EncoderConfig;
+use crate::simulation::Simulation;
+use crate::sonar::SonarConfig;
+use crate::{Scene, World};
+
+pub use camera::{CameraConfig, PixelFormat};
+pub use motors::MotorConfig;
+
+/// The simulator's description: driver `sim` with cameras, sonars, wheel encoders, and two kinds of drive.
+pub const PLUGIN: DriverPlugin = DriverPlugin {
+    name: "sim",
+    summary: "A simulated world with its own time, cameras, sonars, wheel encoders and a body.",
+    schema: || schema_for!(SimConfig),
+    sensors: &[
+        SensorPlugin {
+            kind: "camera",
+            summary: "Pictures of a pinhole camera, rendered at the exposure and delivered after the latency.",
+            message: MessageType::of::<FrameHeader>(),
+            schema: || schema_for!(CameraConfig),
+            describe: |name, table| read::<CameraConfig>(table)?.info(name),
+            most_bytes: |table| Ok(read::<CameraConfig>(table)?.bytes()),
+        },
+        SensorPlugin {
+            kind: "sonar",
+            summary: "Ranges of ultrasonic sonars with wide cones, lost echoes and noise.",
+            message: MessageType::of::<RangeScanHeader>(),
+            schema: || schema_for!(SonarConfig),
+            describe: |name, table| sonars::info(&read::<SonarConfig>(table)?, name),
+            most_bytes: |table| Ok(read::<SonarConfig>(table)?.azimuths_deg.len() * size_of::<Beam>()),
+        },
+        SensorPlugin {
+            kind: "encoders",
+            summary: "Odometry of wheel encoders with steps, slip and wrong radii.",
+            message: MessageType::of::<Odometry>(),
+            schema: || schema_for!(EncoderConfig),
+            describe: |name, table| {
+                let c = read::<EncoderConfig>(table)?;
+                Ok(info::<Odometry>(name, c.period_ms, c.latency_ms, SensorKind::Other))
+            },
+            most_bytes: |_| Ok(0),
+        },
+    ],
+    drives: &[
+        DrivePlugin {
+            kind: "differential",
+            summary: "Two driven wheels: forward and turn.",
+            axes: Axes::PLANAR,
+            schema: || schema_for!(MotorConfig),
+        },
+        DrivePlugin {
+            kind: "holonomic",
+            summary: "Omnidirectional wheels: forward, sideways and turn.",
+            axes: Axes::ALL,
+            schema: || schema_for!(MotorConfig),
+        },
+    ],
+    open,
+};
+
+/// The simulated device's own keys.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SimConfig {
+    /// The world file, relative to the robot file.
+    pub world: String,
+    /// Where the robot starts.
+    #[serde(default)]
+    pub start: Start,
+    /// Height of the robot: things higher up are not run into. Metres, 0.05 to 3.
+    #[serde(default = "body_height")]
+    #[schemars(range(min = 0.05, max = 3.0))]
+    pub body_height_m: f64,
+    /// How often the truth is published, ms, 5 to 1000.
+    #[serde(default = "truth_period")]
+    #[schemars(range(min = 5.0, max = 1000.0))]
+    pub truth_period_ms: f64,
+}
+
+/// A start pose that the seed moves a little.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Start {
+    /// Along the world's x axis, metres.
+    #[schemars(range(min = -1000.0, max = 1000.0))]
+    pub x_m: f64,
+    /// Along the world's y axis, metres.
+    #[schemars(range(min = -1000.0, max = 1000.0))]
+    pub y_m: f64,
+    /// Degrees, + to the left.
+    #[schemars(range(min = -180.0, max = 180.0))]
+    pub heading_deg: f64,
+    /// The seed moves the start sideways by up to this much either way, metres, 0 to 5.
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub jitter_m: f64,
+    /// The seed turns the start by up to this much either way, degrees, 0 to 180.
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub jitter_deg: f64,
+}
+
+fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
+    let config: SimConfig = read(&spec.table)?;
+    let path = spec.folder.join(&config.world);
+    let refused = |e: &dyn std::fmt::Display| BuildError::new("world", format!("{}: {e}", path.display()));
+    let text = std::fs::read_to_string(&path).map_err(|e| refused(&e))?;
+    let world = World::from_toml(&text).map_err(|e| refused(&e))?;
+    let scene = Scene::new(&world, spec.seed).map_err(|e| refused(&e))?;
+
+    let motors = spec.drive.as_ref().map(|d| read::<MotorConfig>(&d.table)).transpose()?.unwrap_or_default();
+    let axes = match spec.drive.as_ref().map(|d| d.kind.as_str()) {
+        Some("holonomic") => [true; 3],
+        _ => [true, false, true],
+    };
+    let body = Body::new(start_pose(&config.start, spec.seed), motors.body_limits(&spec.robot.limits, axes));
+    let simulation = Simulation::new(scene, body, spec.robot.radius_m, config.body_height_m);
+    let simulation = Arc::new(Mutex::new(simulation));
+
+    let mut sensors: Vec<(String, Box<dyn Sensor>)> = Vec::new();
+    for part in &spec.sensors {
+        let (name, sim, seed) = (part.name.as_str(), Arc::clone(&simulation), spec.seed);
+        let sensor: Box<dyn Sensor> = match part.kind.as_str() {
+            "camera" => Box::new(camera::Camera::new(name, read(&part.table)?, sim, seed)),
+            "sonar" => Box::new(sonars::Sonars::new(name, read(&part.table)?, sim, seed)),
+            "encoders" => Box::new(wheels::WheelEncoders::new(name, read(&part.table)?, sim, seed)),
+            other => return Err(BuildError::new("kind", format!("the simulator has no sensor `{other}`"))),
+        };
+        sensors.push((part.name.clone(), sensor));
+    }
+    Ok(Device {
+        sensors,
+        drive: spec.drive.is_some().then(|| Box::new(motors::Motors::new(Arc::clone(&simulation))) as _),
+        judge: Some(Box::new(judge::Judge::new(config.truth_period_ms, simulation))),
+    })
+}
+
+fn start_pose(start: &Start, seed: u64) -> Pose2 {
+    let mut rng = crate::random::stream(seed, "start");
+    let (aside, turn): (f64, f64) = (rng.random_range(-1.0..=1.0), rng.random_range(-1.0..=1.0));
+    let heading = (start.heading_deg + turn * start.jitter_deg).to_radians();
+    let (sin, cos) = start.heading_deg.to_radians().sin_cos();
+    let aside = aside * start.jitter_m;
+    Pose2::new(start.x_m - sin * aside, start.y_m + cos * aside, heading)
+}
+
+fn read<T: DeserializeOwned>(table: &toml::Table) -> Result<T, BuildError> {
+    table.clone().try_into().map_err(|e: toml::de::Error| BuildError::new("", e.message()))
+}
+
+fn info<M: Message>(name: &str, period_ms: f64, latency_ms: f64, kind: SensorKind) -> SensorInfo {
+    SensorInfo {
+        name: name.to_owned(),
+        message: MessageType::of::<M>().name,
+        period_s: period_ms * 1e-3,
+        latency_s: latency_ms * 1e-3,
+        kind,
+    }
+}
+
+fn locked<'a>(
+    simulation: &'a Mutex<Simulation>,
+    name: &str,
+) -> Result<MutexGuard<'a, Simulation>, DeviceError> {
+    simulation.lock().map_err(|_| DeviceError::failed(name, "another part of the simulator panicked"))
+}
+
+/// Measurements at a steady rate from the run's beginning, each handed over after a latency.
+#[derive(Clone, Copy, Debug)]
+struct Beat {
+    period_ns: u64,
+    latency_ns: u64,
+    next: u64,
+}
+
+impl Beat {
+    fn new(period_ms: f64, latency_ms: f64) -> Self {
+        let ns = |ms: f64| Time::from_secs_f64(ms * 1e-3).0;
+        Self { period_ns: ns(period_ms).max(1), latency_ns: ns(latency_ms), next: 0 }
+    }
+
+    /// When the next measurement is handed over.
+    fn next(&self, origin: Time) -> Time {
+        Time(origin.0 + self.next * self.period_ns + self.latency_ns)
+    }
+
+    /// Takes the oldest measurement that is due: its number and instant.
+    fn oldest(&mut self, origin: Time, now: Time) -> Option<(u64, Time)> {
+        if self.next(origin) > now {
+            return None;
+        }
+        let number = self.next;
+        self.next += 1;
+        Some((number, Time(origin.0 + number * self.period_ns)))
+    }
+
+    /// Takes the newest measurement that is due and drops the others.
+    fn newest(&mut self, origin: Time, now: Time) -> Option<(u64, Time)> {
+        let behind = now.0.checked_sub(self.next(origin).0)?;
+        self.next += behind / self.period_ns;
+        self.oldest(origin, now)
+    }
+}
+
+fn body_height() -> f64 {
+    1.0
+}
+fn truth_period() -> f64 {
+    20.0
+}
