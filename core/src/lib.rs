@@ -8,6 +8,7 @@
 pub mod behavior;
 pub mod bus;
 pub mod camera;
+pub mod config;
 pub mod drive;
 pub mod geometry;
 pub mod image;

@@ -1,0 +1,244 @@
+//! A TOML text as a tree in which every key and value knows where it stands.
+
+use toml::de::{DeTable, DeValue};
+use toml::value::Datetime;
+
+use super::problem::{Problem, Span};
+
+/// Longest text that is read, bytes.
+pub(crate) const MOST_BYTES: usize = 1 << 20;
+/// Deepest dotted key that is read; the parser recurses once a part.
+const MOST_DOTS: usize = 64;
+
+/// A value and where it stands.
+#[derive(Clone, Debug)]
+pub(crate) struct Node {
+    pub span: Span,
+    pub value: Value,
+}
+
+/// What TOML can say.
+#[derive(Clone, Debug)]
+pub(crate) enum Value {
+    Text(String),
+    Whole(i64),
+    Number(f64),
+    Switch(bool),
+    Moment(Datetime),
+    List(Vec<Node>),
+    Table(Table),
+}
+
+/// Keys and values in the order of the text.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Table {
+    pub entries: Vec<Entry>,
+}
+
+/// One key of a table.
+#[derive(Clone, Debug)]
+pub(crate) struct Entry {
+    pub key: String,
+    pub key_span: Span,
+    pub node: Node,
+}
+
+impl Table {
+    pub fn entry(&self, key: &str) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.key == key)
+    }
+
+    pub fn entry_mut(&mut self, key: &str) -> Option<&mut Entry> {
+        self.entries.iter_mut().find(|entry| entry.key == key)
+    }
+
+    /// The table under `key`; `None` where it is missing or no table.
+    pub fn table(&self, key: &str) -> Option<&Table> {
+        self.entry(key)?.node.as_table()
+    }
+
+    /// Where the value of the dotted `path` stands, or as much of the path as there is.
+    pub fn span_of(&self, path: &str) -> Option<Span> {
+        let (first, rest) = path.split_once('.').unwrap_or((path, ""));
+        let entry = self.entry(first)?;
+        let deeper = entry.node.as_table().and_then(|table| table.span_of(rest));
+        Some(deeper.unwrap_or(entry.node.span))
+    }
+
+    /// The plain TOML table with the keys that `keep` picks.
+    pub fn to_toml(&self, keep: impl Fn(&str) -> bool) -> toml::Table {
+        let kept = self.entries.iter().filter(|entry| keep(&entry.key));
+        kept.map(|entry| (entry.key.clone(), entry.node.to_toml())).collect()
+    }
+}
+
+impl Node {
+    pub fn as_table(&self) -> Option<&Table> {
+        match &self.value {
+            Value::Table(table) => Some(table),
+            _ => None,
+        }
+    }
+
+    pub fn as_text(&self) -> Option<&str> {
+        match &self.value {
+            Value::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// The plain TOML value.
+    pub fn to_toml(&self) -> toml::Value {
+        match &self.value {
+            Value::Text(text) => toml::Value::String(text.clone()),
+            Value::Whole(number) => toml::Value::Integer(*number),
+            Value::Number(number) => toml::Value::Float(*number),
+            Value::Switch(on) => toml::Value::Boolean(*on),
+            Value::Moment(moment) => toml::Value::Datetime(*moment),
+            Value::List(items) => toml::Value::Array(items.iter().map(Node::to_toml).collect()),
+            Value::Table(table) => toml::Value::Table(table.to_toml(|_| true)),
+        }
+    }
+
+    /// What kind of value it is, with its article.
+    pub fn kind(&self) -> &'static str {
+        match self.value {
+            Value::Text(_) => "a text",
+            Value::Whole(_) => "a whole number",
+            Value::Number(_) => "a number",
+            Value::Switch(_) => "true or false",
+            Value::Moment(_) => "a date or time",
+            Value::List(_) => "a list",
+            Value::Table(_) => "a table",
+        }
+    }
+}
+
+/// Reads the text of source number `source`; every mistake of grammar is added to `problems`.
+pub(crate) fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<Table> {
+    if let Some(at) = deep_key(text) {
+        let span = Span { source, start: at, end: at + 1 };
+        problems.push(
+            Problem::new(span, format!("a key has more than {MOST_DOTS} parts"))
+                .label("here")
+                .help("tables here are at most five deep"),
+        );
+        return None;
+    }
+    let (root, errors) = DeTable::parse_recoverable(text);
+    if errors.is_empty() {
+        return Some(Reader { source, problems }.table(root.get_ref()));
+    }
+    let mut last_line = None;
+    for error in errors {
+        let range = error.span().unwrap_or(0..0);
+        let line = text.as_bytes().iter().take(range.start).filter(|&&byte| byte == b'\n').count();
+        if last_line.replace(line) != Some(line) {
+            let span = Span { source, start: range.start, end: range.end };
+            problems.push(grammar_problem(span, error.message(), text));
+        }
+    }
+    None
+}
+
+fn grammar_problem(span: Span, message: &str, text: &str) -> Problem {
+    let line_start = text[..span.start.min(text.len())].rfind('\n').map_or(0, |at| at + 1);
+    let line = text[line_start..].lines().next().unwrap_or("").trim();
+    let problem = Problem::new(span, "this is not TOML").label(message.to_owned());
+    if message.contains("duplicate key") {
+        return Problem::new(span, "this key is set twice")
+            .label("a second time here")
+            .help("keep one of them");
+    }
+    if line.starts_with('[') && !line.contains('=') && !line.ends_with(']') {
+        return problem.help("a table begins with its name in brackets on a line of its own: [arbiter]");
+    }
+    if let Some((key, value)) = line.split_once('=') {
+        let value = value.trim();
+        let bare = !value.is_empty()
+            && value.chars().all(|c| c.is_alphanumeric() || "-_./".contains(c))
+            && value.starts_with(char::is_alphabetic);
+        if bare {
+            return problem.help(format!("text stands in quotes: {} = \"{value}\"", key.trim()));
+        }
+        if value.is_empty() {
+            return problem.help(format!("a value is missing: {} = ...", key.trim()));
+        }
+    }
+    problem.help("a line is `key = value`, `[table]` or `# comment`")
+}
+
+/// The first byte of what looks like a key with too many parts.
+fn deep_key(text: &str) -> Option<usize> {
+    let mut start = 0;
+    let mut dots = 0;
+    let mut quote = None;
+    for (at, byte) in text.bytes().enumerate() {
+        match (quote, byte) {
+            (_, b'\n') => (quote, dots, start) = (None, 0, at + 1),
+            (Some(open), _) if open == byte => quote = None,
+            (Some(_), _) => {}
+            (None, b'"' | b'\'') => quote = Some(byte),
+            (None, b'=' | b',' | b'[' | b']' | b'{' | b'}') => (dots, start) = (0, at + 1),
+            (None, b'.') => dots += 1,
+            (None, b' ' | b'\t') if start == at => start = at + 1,
+            _ => {}
+        }
+        if dots > MOST_DOTS && text.as_bytes().get(start) != Some(&b'#') {
+            return Some(start);
+        }
+    }
+    None
+}
+
+struct Reader<'a> {
+    source: usize,
+    problems: &'a mut Vec<Problem>,
+}
+
+impl Reader<'_> {
+    fn span(&self, range: std::ops::Range<usize>) -> Span {
+        Span { source: self.source, start: range.start, end: range.end }
+    }
+
+    fn table(&mut self, table: &DeTable<'_>) -> Table {
+        let mut entries: Vec<Entry> = table
+            .iter()
+            .map(|(key, value)| Entry {
+                key: key.get_ref().to_string(),
+                key_span: self.span(key.span()),
+                node: self.node(value.get_ref(), value.span()),
+            })
+            .collect();
+        entries.sort_by_key(|entry| entry.key_span.start);
+        Table { entries }
+    }
+
+    fn node(&mut self, value: &DeValue<'_>, range: std::ops::Range<usize>) -> Node {
+        let span = self.span(range);
+        let value = match value {
+            DeValue::String(text) => Value::Text(text.to_string()),
+            DeValue::Integer(number) => match i64::from_str_radix(number.as_str(), number.radix()) {
+                Ok(number) => Value::Whole(number),
+                Err(_) => self.too_large(span, number.as_str()),
+            },
+            DeValue::Float(number) => Value::Number(number.as_str().parse().unwrap_or(f64::NAN)),
+            DeValue::Boolean(on) => Value::Switch(*on),
+            DeValue::Datetime(moment) => Value::Moment(*moment),
+            DeValue::Array(items) => {
+                Value::List(items.iter().map(|item| self.node(item.get_ref(), item.span())).collect())
+            }
+            DeValue::Table(table) => Value::Table(self.table(table)),
+        };
+        Node { span, value }
+    }
+
+    fn too_large(&mut self, span: Span, number: &str) -> Value {
+        self.problems.push(
+            Problem::new(span, "this number has too many digits")
+                .label(format!("{} digits", number.len()))
+                .help("whole numbers go up to 9223372036854775807"),
+        );
+        Value::Whole(0)
+    }
+}

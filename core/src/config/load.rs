@@ -1,0 +1,182 @@
+//! From files to a checked task.
+
+use std::path::{Component, Path, PathBuf};
+
+use super::document::{MOST_BYTES, Table, parse};
+use super::overrides::{Change, Overrides};
+use super::places::Places;
+use super::plugins::Plugins;
+use super::problem::{Problem, Problems, Source, Span};
+use super::read_robot::{RobotDraft, read_robot};
+use super::read_task::read_task;
+use super::task::Task;
+
+/// Reads a task file and its robot file with the changes of `overrides`, and checks everything that can be checked without
+/// opening a device.
+///
+/// # Errors
+/// Everything that is wrong in both files and the overrides, at once.
+pub fn load(path: &Path, overrides: &Overrides, plugins: &Plugins<'_>) -> Result<Task, Problems> {
+    let mut loader = Loader::default();
+    let task = loader.load(path, overrides, plugins);
+    let Loader { sources, task_tree, robot_tree, problems } = loader;
+    let mut problems = Problems { sources, problems };
+    problems.sort();
+    match task {
+        Some(mut task) if problems.is_empty() => {
+            task.places = Places { sources: problems.sources, task: task_tree, robot: robot_tree };
+            Ok(task)
+        }
+        _ => Err(problems),
+    }
+}
+
+#[derive(Default)]
+struct Loader {
+    sources: Vec<Source>,
+    task_tree: Table,
+    robot_tree: Table,
+    problems: Vec<Problem>,
+}
+
+impl Loader {
+    fn load(&mut self, path: &Path, overrides: &Overrides, plugins: &Plugins<'_>) -> Option<Task> {
+        let task_source = self.shelve(path.display().to_string(), String::new());
+        let tree = self.read(path, task_source, None);
+        let mut for_robot = Vec::new();
+        let mut for_task = Vec::new();
+        for text in &overrides.set {
+            let source = self.shelve("--set".to_owned(), text.clone());
+            match Change::parse(text, source, &mut self.problems).map(Change::split_robot) {
+                Some(Ok(change)) => for_robot.push(change),
+                Some(Err(change)) => for_task.push(change),
+                None => {}
+            }
+        }
+        self.task_tree = tree?;
+        for change in for_task {
+            change.apply(&mut self.task_tree, &mut self.problems);
+        }
+        let robot = self.robot_draft(path, task_source, overrides, for_robot, plugins);
+        read_task(path, task_source, &self.task_tree, robot, plugins, &mut self.problems)
+    }
+
+    fn robot_draft(
+        &mut self,
+        task_path: &Path,
+        task_source: usize,
+        overrides: &Overrides,
+        changes: Vec<Change>,
+        plugins: &Plugins<'_>,
+    ) -> Option<RobotDraft> {
+        let (path, named_at) = self.robot_path(task_path, task_source, overrides)?;
+        let source = self.shelve(path.display().to_string(), String::new());
+        self.robot_tree = self.read(&path, source, Some(named_at))?;
+        for change in changes {
+            change.apply(&mut self.robot_tree, &mut self.problems);
+        }
+        Some(read_robot(&path, source, &self.robot_tree, plugins, &mut self.problems))
+    }
+
+    /// The robot file's path, and where it is named.
+    fn robot_path(
+        &mut self,
+        task_path: &Path,
+        task_source: usize,
+        overrides: &Overrides,
+    ) -> Option<(PathBuf, Span)> {
+        if let Some(path) = &overrides.robot {
+            let text = path.display().to_string();
+            let span = Span { source: self.sources.len(), start: 0, end: text.len() };
+            self.shelve("--robot".to_owned(), text);
+            return Some((path.clone(), span));
+        }
+        let node = &self.task_tree.entry("robot")?.node;
+        let named = Path::new(node.as_text()?);
+        let folder = match node.span.source == task_source {
+            true => task_path.parent().unwrap_or(Path::new("")),
+            false => Path::new(""),
+        };
+        Some((tidy(&folder.join(named)), node.span))
+    }
+
+    fn shelve(&mut self, name: String, text: String) -> usize {
+        self.sources.push(Source { name, text });
+        self.sources.len() - 1
+    }
+
+    /// Reads a file into its place among the sources; `named_at` is where its name is written.
+    fn read(&mut self, path: &Path, source: usize, named_at: Option<Span>) -> Option<Table> {
+        let text = match read_text(path) {
+            Ok(text) => text,
+            Err(wrong) => {
+                let span = named_at.unwrap_or(Span { source, start: 0, end: 0 });
+                let problem = Problem::new(span, format!("{}: {}", path.display(), wrong.what));
+                self.problems.push(problem.label("named here").help(wrong.help));
+                return None;
+            }
+        };
+        self.sources[source].text = text;
+        parse(&self.sources[source].text, source, &mut self.problems)
+    }
+}
+
+struct Unreadable {
+    what: String,
+    help: String,
+}
+
+fn read_text(path: &Path) -> Result<String, Unreadable> {
+    let wrong = |what: &str, help: &str| Unreadable { what: what.to_owned(), help: help.to_owned() };
+    let data = std::fs::metadata(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => wrong("there is no such file", &files_near(path)),
+        _ => wrong(&error.to_string(), "make it readable for this user"),
+    })?;
+    if !data.is_file() {
+        return Err(wrong("this is not a file", &files_near(&path.join("x"))));
+    }
+    if data.len() > MOST_BYTES as u64 {
+        return Err(wrong("the file is larger than 1 MiB", "a configuration is a short TOML text"));
+    }
+    let bytes =
+        std::fs::read(path).map_err(|error| wrong(&error.to_string(), "make it readable for this user"))?;
+    String::from_utf8(bytes).map_err(|error| {
+        let line =
+            error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
+        wrong(&format!("line {line} is not UTF-8 text"), "save the file as UTF-8; is it a TOML file at all?")
+    })
+}
+
+/// What TOML files there are where one was looked for.
+fn files_near(path: &Path) -> String {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(files) = std::fs::read_dir(folder) else {
+        return format!("there is no folder {} either", folder.display());
+    };
+    let mut names: Vec<String> = files
+        .filter_map(|file| file.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".toml"))
+        .collect();
+    names.sort();
+    let wrong = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
+    match super::nearest::nearest(wrong, names.iter().map(String::as_str)) {
+        Some(name) => format!("did you mean {}?", tidy(&folder.join(name)).display()),
+        None if names.is_empty() => format!("there is no TOML file in {}", folder.display()),
+        None => format!("in {} there are: {}", folder.display(), names.join(", ")),
+    }
+}
+
+/// Without `.` and without `x/..`.
+fn tidy(path: &Path) -> PathBuf {
+    let mut tidy = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if matches!(tidy.components().next_back(), Some(Component::Normal(_))) => {
+                tidy.pop();
+            }
+            part => tidy.push(part),
+        }
+    }
+    tidy
+}

@@ -1,0 +1,33 @@
+//! TOML to a checked configuration; every mistake at once, with a pointer to the place.
+//!
+//! `task file + robot file + overrides -> load -> Task`
+//!
+//! Whatever a plugin takes is checked against its JSON Schema, so that [`describe`], [`schema`] and the diagnostics say
+//! the same. Nothing here opens a device.
+
+mod document;
+mod inputs;
+mod load;
+mod nearest;
+mod overrides;
+mod places;
+mod plugins;
+mod problem;
+mod read_robot;
+mod read_task;
+mod robot;
+mod schema_check;
+mod tables;
+mod task;
+mod units;
+mod wires;
+
+pub use load::load;
+pub use overrides::Overrides;
+pub use places::Part;
+pub use plugins::Plugins;
+pub use problem::{Entry, Problems, Style};
+pub use robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
+pub use tables::{Isolation, Policy};
+pub use task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task, Wire};
+pub use units::unit_of;

@@ -1,0 +1,298 @@
+//! From the tree of a task file, and what is known of the robot, to a checked task.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::document::{Entry, Table};
+use super::inputs::{Sources, read_inputs};
+use super::nearest::instead;
+use super::places::{Places, refusal};
+use super::plugins::Plugins;
+use super::problem::{Problem, Span};
+use super::read_robot::{RobotDraft, check_name, own_keys, read_keys, right_keys};
+use super::schema_check::{Shape, check_table};
+use super::tables::{ArbiterKeys, BehaviorKeys, Policy, TaskKeys};
+use super::task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task};
+use super::wires::{Wired, WrittenWire, check_input_cycles, check_wires, read_wires};
+use crate::behavior::{BehaviorPlugin, Setup};
+use crate::sensor::SensorInfo;
+
+/// Reads the tree of source number `source`; `robot` is missing where its file could not be read.
+pub(crate) fn read_task(
+    path: &Path,
+    source: usize,
+    tree: &Table,
+    robot: Option<RobotDraft>,
+    plugins: &Plugins<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Task> {
+    let top = Span { source, start: 0, end: 0 };
+    let keys: TaskKeys = read_keys(tree, top, "a task file", problems);
+    let drafts = read_behaviors(tree, plugins, problems);
+    if let Some(entry) = tree.entry("behaviors").filter(|_| drafts.is_empty()) {
+        problems.push(
+            Problem::new(entry.key_span, "there is no behaviour in this task")
+                .label("nothing would ever move")
+                .help(instead("", plugins.behaviors.iter().map(|plugin| plugin.name), "behaviour")),
+        );
+    }
+    let known: Vec<(String, Option<BehaviorPlugin>)> =
+        drafts.iter().map(|draft| (draft.entry.key.clone(), draft.plugin)).collect();
+    let sources = Sources { robot: robot.as_ref(), behaviors: &known };
+    let mut behaviors = Vec::new();
+    let mut input_spans = Vec::new();
+    for draft in &drafts {
+        let Some(plugin) = draft.plugin else { continue };
+        let before = problems.len();
+        let inputs = read_inputs(draft.entry, &plugin, &sources, problems);
+        for input in &inputs {
+            let span =
+                draft.table.span_of(&format!("inputs.{}", input.slot)).unwrap_or(draft.entry.node.span);
+            input_spans.push((draft.entry.key.clone(), input.source.clone(), span));
+        }
+        let inputs_are_right = problems.len() == before;
+        let behavior = draft.behavior(plugin, inputs, robot.as_ref(), &keys.arbiter);
+        draft.check_axes(&plugin, robot.as_ref(), problems);
+        draft.check_ages(&behavior, tree, robot.as_ref(), problems);
+        if robot.is_some() && draft.is_right && inputs_are_right && problems.len() == before {
+            if let Err(error) = behavior.build() {
+                problems.push(refusal(draft.entry, &error));
+            }
+        }
+        behaviors.push(behavior);
+    }
+    check_priorities(&drafts, keys.arbiter.policy, problems);
+    check_input_cycles(&input_spans, problems);
+    let inhibit = read_wires(tree, "inhibit");
+    let suppress = read_wires(tree, "suppress");
+    let wired: Vec<Wired> = drafts.iter().map(Draft::wired).collect();
+    let duration = keys.run.duration_s.map(|seconds| duration(seconds * 1e3));
+    check_wires(&[inhibit.as_slice(), &suppress].concat(), &wired, duration, problems);
+    behaviors.sort_by(|a, b| b.priority.cmp(&a.priority).then_with(|| a.name.cmp(&b.name)));
+    let period = Duration::from_secs_f64(1.0 / keys.arbiter.rate_hz.max(1.0));
+    let plain = |wires: Vec<WrittenWire>| wires.into_iter().map(|written| written.wire).collect();
+    Some(Task {
+        path: path.to_owned(),
+        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        robot: robot?.finish()?,
+        run: Run {
+            duration,
+            goal: keys.run.goal.map(|goal| GoalArea {
+                x_m: goal.x_m,
+                y_m: goal.y_m,
+                tolerance_m: goal.tolerance_m,
+            }),
+            step: keys.run.step_ms.map_or(period, self::duration),
+        },
+        arbiter: Arbiter { period, policy: keys.arbiter.policy },
+        behaviors,
+        inhibit: plain(inhibit),
+        suppress: plain(suppress),
+        places: Places::default(),
+    })
+}
+
+/// A behaviour's table on the way.
+struct Draft<'a> {
+    entry: &'a Entry,
+    table: &'a Table,
+    keys: BehaviorKeys,
+    own: toml::Table,
+    plugin: Option<BehaviorPlugin>,
+    is_right: bool,
+}
+
+fn read_behaviors<'a>(tree: &'a Table, plugins: &Plugins<'_>, problems: &mut Vec<Problem>) -> Vec<Draft<'a>> {
+    let entries = tree.table("behaviors").map_or(&[][..], |table| table.entries.as_slice());
+    entries.iter().filter_map(|entry| read_behavior(entry, plugins, problems)).collect()
+}
+
+fn read_behavior<'a>(
+    entry: &'a Entry,
+    plugins: &Plugins<'_>,
+    problems: &mut Vec<Problem>,
+) -> Option<Draft<'a>> {
+    let table = entry.node.as_table()?;
+    let before = problems.len();
+    check_name(entry, problems);
+    let named = table.entry("type");
+    let name = named.and_then(|named| named.node.as_text()).unwrap_or(&entry.key);
+    let plugin = plugins.behavior(name).copied();
+    if plugin.is_none() {
+        let span = named.map_or(entry.key_span, |named| named.node.span);
+        let names = plugins.behaviors.iter().map(|plugin| plugin.name);
+        let mut help = instead(name, names, "behaviour");
+        if named.is_none() {
+            help.push_str("; a table of another name says which behaviour it is: type = \"...\"");
+        }
+        problems
+            .push(Problem::new(span, format!("there is no behaviour `{name}`")).label("unknown").help(help));
+    }
+    let common = schemars::schema_for!(BehaviorKeys).to_value();
+    let own = plugin.map(|plugin| (plugin.schema)().to_value());
+    let mut shapes = vec![Shape::new(&common)];
+    shapes.extend(own.as_ref().map(Shape::new));
+    let mut found = Vec::new();
+    check_table(table, entry.node.span, &shapes, &format!("behaviour `{}`", entry.key), &mut found);
+    if plugin.is_none() {
+        // Its own keys cannot be judged while it is not known what it is.
+        found.retain(|problem| !problem.message.starts_with("unknown key"));
+    }
+    let keys = right_keys(table, entry.node.span, &found, problems);
+    problems.append(&mut found);
+    let own = own.map(|own| own_keys(table, &common, &own)).unwrap_or_default();
+    Some(Draft { entry, table, keys, own, plugin, is_right: problems.len() == before })
+}
+
+impl Draft<'_> {
+    fn wired(&self) -> Wired {
+        Wired {
+            name: self.entry.key.clone(),
+            span: self.span("critical"),
+            critical: self.keys.critical,
+            plugin: self.plugin,
+        }
+    }
+
+    /// Where `key` is set, else the table's header.
+    fn span(&self, key: &str) -> Span {
+        self.table.entry(key).map_or(self.entry.node.span, |entry| entry.node.span)
+    }
+
+    fn behavior(
+        &self,
+        plugin: BehaviorPlugin,
+        inputs: Vec<Input>,
+        robot: Option<&RobotDraft>,
+        arbiter: &ArbiterKeys,
+    ) -> BehaviorFile {
+        let keys = &self.keys;
+        let sensors: Vec<(String, SensorInfo)> = inputs
+            .iter()
+            .filter_map(|input| Some((input.slot.clone(), sensor_of(input, robot)?.clone())))
+            .collect();
+        let fastest = sensors.iter().map(|(_, sensor)| sensor.period_s).fold(f64::INFINITY, f64::min);
+        let own_period_ms = match keys.period_ms {
+            Some(period_ms) => period_ms,
+            None if fastest.is_finite() && fastest > 0.0 => fastest * 1e3,
+            None => 1e3 / arbiter.rate_hz.max(1.0),
+        };
+        BehaviorFile {
+            name: self.entry.key.clone(),
+            plugin,
+            table: self.own.clone(),
+            setup: Setup {
+                name: self.entry.key.clone(),
+                robot: robot.map(|robot| robot.robot.clone()).unwrap_or_default(),
+                sensors,
+            },
+            inputs,
+            priority: keys.priority.unwrap_or(0),
+            critical: keys.critical,
+            enabled: keys.enabled,
+            period: keys.period_ms.map(duration),
+            deadline: duration(keys.deadline_ms.unwrap_or(3.0 * own_period_ms)),
+            budget: keys.budget_ms.map(duration),
+            max_age: duration(keys.max_age_ms.unwrap_or(arbiter.max_age_ms)),
+            max_evidence_age: duration(keys.max_evidence_age_ms.unwrap_or(arbiter.max_evidence_age_ms)),
+            hold: duration(keys.hold_ms),
+            dwell: duration(keys.dwell_ms),
+            isolation: keys.isolation,
+            exec: keys.exec.as_ref().map(PathBuf::from),
+        }
+    }
+
+    fn check_axes(&self, plugin: &BehaviorPlugin, robot: Option<&RobotDraft>, problems: &mut Vec<Problem>) {
+        let Some(drive) = robot.and_then(|robot| robot.drive.as_ref()) else { return };
+        if !plugin.claims.is_empty() && plugin.claims.intersection(drive.axes).is_empty() {
+            problems.push(
+                Problem::new(self.entry.node.span, format!("`{}` can never win", self.entry.key))
+                    .label(format!("it drives {}, and this robot's drive has {}", plugin.claims, drive.axes))
+                    .help("take the behaviour away, or take a robot with such a drive"),
+            );
+        }
+    }
+
+    /// Largest ages against the periods of the sensors that feed it.
+    fn check_ages(
+        &self,
+        behavior: &BehaviorFile,
+        tree: &Table,
+        robot: Option<&RobotDraft>,
+        problems: &mut Vec<Problem>,
+    ) {
+        let sensors = || behavior.setup.sensors.iter().map(|(_, sensor)| sensor);
+        let fastest = sensors().min_by(|a, b| a.period_s.total_cmp(&b.period_s));
+        let slowest = sensors().max_by(|a, b| a.period_s.total_cmp(&b.period_s));
+        let checks = [
+            ("max_age_ms", behavior.max_age, fastest),
+            ("max_evidence_age_ms", behavior.max_evidence_age, slowest),
+        ];
+        for (key, age, sensor) in checks {
+            let Some(sensor) = sensor else { continue };
+            if age.as_secs_f64() >= sensor.period_s {
+                continue;
+            }
+            let arbiters = tree
+                .span_of(&format!("arbiter.{key}"))
+                .filter(|_| tree.table("arbiter").is_some_and(|t| t.entry(key).is_some()));
+            let written = self.table.entry(key).map(|entry| entry.node.span).or(arbiters);
+            let place = robot.and_then(|robot| robot.sensors.iter().find(|draft| draft.name == sensor.name));
+            let period_ms = super::units::number(sensor.period_s * 1e3);
+            let age_ms = super::units::number(age.as_secs_f64() * 1e3);
+            let mut problem = Problem::new(
+                written.unwrap_or(self.entry.node.span),
+                format!("`{}` would be refused as too old most of the time", self.entry.key),
+            )
+            .label(format!("{key} is {age_ms} ms, but `{}` measures every {period_ms} ms only", sensor.name))
+            .help(format!("set {key} to more than {period_ms} ms here, or take a faster sensor"));
+            if let Some(place) = place {
+                problem = problem.also(place.span, format!("`{}` is described here", sensor.name));
+            }
+            problems.push(problem);
+        }
+        if let Some(period) = behavior.period.filter(|period| *period > behavior.deadline) {
+            problems.push(
+                Problem::new(
+                    self.span("deadline_ms"),
+                    format!("`{}` would count as dead between two calls", self.entry.key),
+                )
+                .label(format!(
+                    "is shorter than its period of {} ms",
+                    super::units::number(period.as_secs_f64() * 1e3)
+                ))
+                .help("three periods are usual; leave deadline_ms out to get them"),
+            );
+        }
+    }
+}
+
+fn sensor_of<'a>(input: &Input, robot: Option<&'a RobotDraft>) -> Option<&'a SensorInfo> {
+    let InputSource::Sensor(name) = &input.source else { return None };
+    robot?.sensors.iter().find(|sensor| sensor.name == *name)?.info.as_ref()
+}
+
+fn check_priorities(drafts: &[Draft<'_>], policy: Policy, problems: &mut Vec<Problem>) {
+    if policy == Policy::Blend {
+        return;
+    }
+    for (index, draft) in drafts.iter().enumerate() {
+        let Some(priority) = draft.keys.priority else { continue };
+        if let Some(first) = drafts[..index].iter().find(|other| other.keys.priority == Some(priority)) {
+            let (name, other) = (&draft.entry.key, &first.entry.key);
+            problems.push(
+                Problem::new(
+                    draft.span("priority"),
+                    format!("`{name}` and `{other}` have the same priority"),
+                )
+                .label(format!("{priority} again"))
+                .also(first.span("priority"), format!("`{other}` has it first"))
+                .help("give one of them another priority, or set policy = \"blend\" under [arbiter]"),
+            );
+        }
+    }
+}
+
+fn duration(milliseconds: f64) -> Duration {
+    Duration::try_from_secs_f64(milliseconds * 1e-3).unwrap_or(Duration::ZERO)
+}

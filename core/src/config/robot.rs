@@ -1,0 +1,82 @@
+//! A checked robot file.
+
+use std::path::PathBuf;
+
+use crate::message::Axes;
+use crate::sensor::{DeviceSpec, DriverPlugin, PartSpec, Robot, SensorInfo};
+
+/// What a robot file says: devices, sensors, drive, footprint and limits.
+#[derive(Clone, Debug)]
+pub struct RobotFile {
+    /// Where it was read from.
+    pub path: PathBuf,
+    /// Name, footprint, limits and axes, as behaviours see them.
+    pub robot: Robot,
+    /// Every device, in the order of the file.
+    pub devices: Vec<DeviceFile>,
+    /// Every sensor, in the order of the file.
+    pub sensors: Vec<SensorFile>,
+    /// The drive.
+    pub drive: DriveFile,
+}
+
+/// A device of a robot file.
+#[derive(Clone, Debug)]
+pub struct DeviceFile {
+    /// Its name.
+    pub name: String,
+    /// What opens it.
+    pub driver: DriverPlugin,
+    /// The driver's own keys, checked against its schema.
+    pub table: toml::Table,
+}
+
+/// A sensor of a robot file.
+#[derive(Clone, Debug)]
+pub struct SensorFile {
+    /// Its device, its own name, its kind and the kind's own keys.
+    pub device: String,
+    /// Name, kind and checked keys.
+    pub part: PartSpec,
+    /// What behaviours are told about it.
+    pub info: SensorInfo,
+    /// The longest list in one of its messages, bytes.
+    pub most_bytes: usize,
+}
+
+/// The drive of a robot file.
+#[derive(Clone, Debug)]
+pub struct DriveFile {
+    /// Its device.
+    pub device: String,
+    /// Name (`drive`), kind and checked keys.
+    pub part: PartSpec,
+    /// The axes that it has.
+    pub axes: Axes,
+}
+
+impl RobotFile {
+    /// The sensor of this name.
+    pub fn sensor(&self, name: &str) -> Option<&SensorFile> {
+        self.sensors.iter().find(|sensor| sensor.part.name == name)
+    }
+
+    /// Every device with all that belongs to it, ready to open; `seed` is the run's.
+    pub fn specs(&self, seed: u64) -> Vec<(DriverPlugin, DeviceSpec)> {
+        let folder = self.path.parent().map(PathBuf::from).unwrap_or_default();
+        let spec = |device: &DeviceFile| {
+            let of_device = self.sensors.iter().filter(|sensor| sensor.device == device.name);
+            let spec = DeviceSpec {
+                name: device.name.clone(),
+                table: device.table.clone(),
+                sensors: of_device.map(|sensor| sensor.part.clone()).collect(),
+                drive: (self.drive.device == device.name).then(|| self.drive.part.clone()),
+                folder: folder.clone(),
+                seed,
+                robot: self.robot.clone(),
+            };
+            (device.driver, spec)
+        };
+        self.devices.iter().map(spec).collect()
+    }
+}

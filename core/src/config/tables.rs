@@ -1,0 +1,314 @@
+//! The keys that every task file and every robot file has, as they are written; units as in the file.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Top of a task file.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
+pub(crate) struct TaskKeys {
+    /// The robot file, relative to this file.
+    #[schemars(required)]
+    pub robot: Option<String>,
+    /// When the run ends.
+    #[serde(default)]
+    pub run: RunKeys,
+    /// How proposals become a command.
+    #[serde(default)]
+    pub arbiter: ArbiterKeys,
+    /// The behaviours by name.
+    #[serde(default)]
+    #[schemars(required)]
+    pub behaviors: BTreeMap<String, Keys>,
+    /// Wires: while one behaviour is active, another is not heard at all.
+    #[serde(default)]
+    pub inhibit: Vec<WireKeys>,
+    /// Wires: while one behaviour is active, another is not heard on the axes that the first claims.
+    #[serde(default)]
+    pub suppress: Vec<WireKeys>,
+}
+
+/// Keys that depend on a plugin.
+pub(crate) type Keys = serde_json::Map<String, serde_json::Value>;
+
+/// When a run ends.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+pub(crate) struct RunKeys {
+    /// Longest time of the run; without it, until the goal is reached or the sensors have ended.
+    #[schemars(range(min = 0.001, max = 1e6))]
+    pub duration_s: Option<f64>,
+    /// Where to arrive; without it, the run ends with its time or its sensors.
+    pub goal: Option<GoalKeys>,
+    /// Simulated time of one step; without it, one period of the arbiter.
+    #[schemars(range(min = 0.01, max = 1000.0))]
+    pub step_ms: Option<f64>,
+}
+
+/// A place to arrive at, in the frame of the map.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+pub(crate) struct GoalKeys {
+    /// Along the map's x axis.
+    #[schemars(range(min = -1e5, max = 1e5))]
+    pub x_m: f64,
+    /// Along the map's y axis.
+    #[schemars(range(min = -1e5, max = 1e5))]
+    pub y_m: f64,
+    /// How near is there.
+    #[schemars(range(min = 0.001, max = 1000.0))]
+    pub tolerance_m: f64,
+}
+
+/// How proposals become a command.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(default)]
+pub(crate) struct ArbiterKeys {
+    /// Commands a second, at the least.
+    #[schemars(range(min = 1.0, max = 1000.0))]
+    pub rate_hz: f64,
+    /// Who gets an axis: the highest priority, or a mean by confidence among equal priorities.
+    pub policy: Policy,
+    /// A proposal is refused when the instant that it describes is longer ago.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub max_age_ms: f64,
+    /// A proposal is refused when the oldest sensor data in it is older.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub max_evidence_age_ms: f64,
+}
+
+impl Default for ArbiterKeys {
+    fn default() -> Self {
+        ArbiterKeys { rate_hz: 50.0, policy: Policy::Strict, max_age_ms: 200.0, max_evidence_age_ms: 1000.0 }
+    }
+}
+
+/// Who gets an axis that several behaviours claim.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Policy {
+    /// The highest priority; equal priorities are a mistake.
+    #[default]
+    Strict,
+    /// Among equal priorities the mean, weighted by confidence.
+    Blend,
+}
+
+/// Where a behaviour runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Isolation {
+    /// In a process of its own.
+    #[default]
+    Process,
+    /// In a thread of the supervisor.
+    Thread,
+}
+
+/// The keys that every behaviour has, beside its own.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(default)]
+pub(crate) struct BehaviorKeys {
+    /// Which behaviour; without it, the one that the table is named after.
+    #[serde(rename = "type")]
+    pub kind: Option<String>,
+    /// Who wins an axis; higher wins.
+    #[schemars(required, range(min = -1_000_000, max = 1_000_000))]
+    pub priority: Option<i32>,
+    /// Whether its silence stops the robot.
+    pub critical: bool,
+    /// Whether it takes part from the start.
+    pub enabled: bool,
+    /// What is plugged into each of its inputs: the name of a sensor, or "behaviour.output".
+    pub inputs: BTreeMap<String, String>,
+    /// It is asked at least this often; without it, on new input only.
+    #[schemars(range(min = 0.1, max = 60000.0))]
+    pub period_ms: Option<f64>,
+    /// Longest silence before it counts as dead; without it, three periods.
+    #[schemars(range(min = 0.1, max = 60000.0))]
+    pub deadline_ms: Option<f64>,
+    /// Computing time that one proposal may take; a longer one is counted and reported.
+    #[schemars(range(min = 0.001, max = 60000.0))]
+    pub budget_ms: Option<f64>,
+    /// Its proposals are refused when the instant that they describe is longer ago; without it, the arbiter's.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub max_age_ms: Option<f64>,
+    /// Its proposals are refused when the oldest sensor data in them is older; without it, the arbiter's.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub max_evidence_age_ms: Option<f64>,
+    /// A halt or limit of it lasts at least this long.
+    #[schemars(range(min = 0.0, max = 3_600_000.0))]
+    pub hold_ms: f64,
+    /// It keeps an axis this long before a lower priority gets it.
+    #[schemars(range(min = 0.0, max = 3_600_000.0))]
+    pub dwell_ms: f64,
+    /// Where it runs in a live run.
+    pub isolation: Isolation,
+    /// The program that it runs in; without it, this one.
+    pub exec: Option<String>,
+}
+
+impl Default for BehaviorKeys {
+    fn default() -> Self {
+        BehaviorKeys {
+            kind: None,
+            priority: None,
+            critical: false,
+            enabled: true,
+            inputs: BTreeMap::new(),
+            period_ms: None,
+            deadline_ms: None,
+            budget_ms: None,
+            max_age_ms: None,
+            max_evidence_age_ms: None,
+            hold_ms: 500.0,
+            dwell_ms: 0.0,
+            isolation: Isolation::default(),
+            exec: None,
+        }
+    }
+}
+
+/// One behaviour silences another.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
+pub(crate) struct WireKeys {
+    /// The behaviour that silences while it is active.
+    pub by: String,
+    /// The behaviour that is silenced.
+    pub what: String,
+    /// How long after that it stays silenced.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 3_600_000.0))]
+    pub hold_ms: f64,
+}
+
+/// Top of a robot file.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
+pub(crate) struct RobotKeys {
+    /// Name of the robot.
+    #[schemars(required)]
+    pub name: Option<String>,
+    /// The room that the robot takes.
+    #[serde(default)]
+    #[schemars(required)]
+    pub footprint: FootprintKeys,
+    /// What the drive can do.
+    #[serde(default)]
+    pub limits: LimitsKeys,
+    /// The devices by name.
+    #[serde(default)]
+    #[schemars(required)]
+    pub devices: BTreeMap<String, Keys>,
+    /// The sensors by name.
+    #[serde(default)]
+    pub sensors: BTreeMap<String, Keys>,
+    /// What moves the robot.
+    #[serde(default)]
+    #[schemars(required)]
+    pub drive: Keys,
+}
+
+/// The room that the robot takes.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+pub(crate) struct FootprintKeys {
+    /// Of the circle about the centre that holds the whole robot.
+    #[schemars(required, range(min = 0.01, max = 10.0))]
+    pub radius_m: Option<f64>,
+}
+
+/// What the drive can do.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(default)]
+pub(crate) struct LimitsKeys {
+    /// Largest speed forward and backward.
+    #[schemars(range(min = 0.001, max = 10.0))]
+    pub max_linear_mps: f64,
+    /// Largest speed sideways; without it, the forward one where the drive moves sideways.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub max_lateral_mps: Option<f64>,
+    /// Largest turn rate.
+    #[schemars(range(min = 0.001, max = 20.0))]
+    pub max_angular_radps: f64,
+    /// Largest acceleration forward.
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub linear_acceleration_mps2: f64,
+    /// Largest acceleration sideways; without it, the forward one.
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub lateral_acceleration_mps2: Option<f64>,
+    /// Largest acceleration of a turn.
+    #[schemars(range(min = 0.01, max = 500.0))]
+    pub angular_acceleration_radps2: f64,
+    /// Largest deceleration forward in normal driving.
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub linear_deceleration_mps2: f64,
+    /// Largest deceleration sideways in normal driving; without it, the forward one.
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub lateral_deceleration_mps2: Option<f64>,
+    /// Largest deceleration of a turn in normal driving.
+    #[schemars(range(min = 0.01, max = 500.0))]
+    pub angular_deceleration_radps2: f64,
+    /// Deceleration of a halt, forward.
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub linear_emergency_mps2: f64,
+    /// Deceleration of a halt, sideways; without it, the forward one.
+    #[schemars(range(min = 0.01, max = 50.0))]
+    pub lateral_emergency_mps2: Option<f64>,
+    /// Deceleration of a halt, of a turn.
+    #[schemars(range(min = 0.01, max = 500.0))]
+    pub angular_emergency_radps2: f64,
+    /// Largest change of acceleration, forward.
+    #[schemars(range(min = 0.1, max = 1000.0))]
+    pub linear_jerk_mps3: f64,
+    /// Largest change of acceleration, sideways; without it, the forward one.
+    #[schemars(range(min = 0.1, max = 1000.0))]
+    pub lateral_jerk_mps3: Option<f64>,
+    /// Largest change of acceleration of a turn.
+    #[schemars(range(min = 0.1, max = 10000.0))]
+    pub angular_jerk_radps3: f64,
+}
+
+impl Default for LimitsKeys {
+    fn default() -> Self {
+        let limits = crate::sensor::MotionLimits::default();
+        LimitsKeys {
+            max_linear_mps: limits.speed[0],
+            max_lateral_mps: None,
+            max_angular_radps: limits.speed[2],
+            linear_acceleration_mps2: limits.acceleration[0],
+            lateral_acceleration_mps2: None,
+            angular_acceleration_radps2: limits.acceleration[2],
+            linear_deceleration_mps2: limits.deceleration[0],
+            lateral_deceleration_mps2: None,
+            angular_deceleration_radps2: limits.deceleration[2],
+            linear_emergency_mps2: limits.emergency[0],
+            lateral_emergency_mps2: None,
+            angular_emergency_radps2: limits.emergency[2],
+            linear_jerk_mps3: limits.jerk[0],
+            lateral_jerk_mps3: None,
+            angular_jerk_radps3: limits.jerk[2],
+        }
+    }
+}
+
+/// The keys that every device has, beside its driver's own.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
+pub(crate) struct DeviceKeys {
+    /// Which driver.
+    #[schemars(required)]
+    pub driver: Option<String>,
+}
+
+/// The keys that every sensor and every drive has, beside its kind's own.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
+pub(crate) struct PartKeys {
+    /// The device that it belongs to.
+    #[schemars(required)]
+    pub device: Option<String>,
+    /// Which of the kinds that the device's driver offers.
+    #[schemars(required)]
+    pub kind: Option<String>,
+}

@@ -1,0 +1,336 @@
+//! Small plugins to name in configurations; they do nothing.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use yamabico_core::behavior::{
+    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
+};
+use yamabico_core::config::{Overrides, Plugins, Problems, Task, load};
+use yamabico_core::message::{
+    Axes, FrameHeader, MessageType, Odometry, Pose, Proposal, RangeScanHeader, Reason, Truth,
+};
+use yamabico_core::sensor::{DrivePlugin, DriverPlugin, SensorInfo, SensorKind, SensorPlugin};
+
+pub const PLUGINS: Plugins<'static> = Plugins {
+    behaviors: &[
+        BehaviorPlugin::of::<Follower>(),
+        BehaviorPlugin::of::<Halt>(),
+        BehaviorPlugin::of::<Strafer>(),
+        BehaviorPlugin::of::<Localizer>(),
+    ],
+    drivers: &[SIM, BENCH],
+};
+
+pub fn check(path: &str) -> Result<Task, Problems> {
+    load(Path::new(path), &Overrides::default(), &PLUGINS)
+}
+
+const CAMERA: Slot<FrameHeader> = Slot::required("camera", "The camera that looks ahead.");
+const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "The sonars at the front.");
+const POSE: Slot<Pose> = Slot::optional("pose", "Where the robot is.");
+const WHEELS: Slot<Odometry> = Slot::required("odometry", "The wheels.");
+
+/// Follows a wall.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FollowerConfig {
+    /// Speed along the corridor.
+    #[schemars(range(min = 0.05, max = 2.0))]
+    speed_mps: f64,
+    /// Which wall to keep to.
+    side: Side,
+    /// Weights of the last three headings. Newest first.
+    #[schemars(length(min = 3, max = 3))]
+    weights: Vec<f64>,
+    /// How to look for a lost wall.
+    search: Option<Search>,
+    /// Pictures in a row without a wall.
+    patience: u32,
+}
+
+impl Default for FollowerConfig {
+    fn default() -> Self {
+        FollowerConfig {
+            speed_mps: 0.4,
+            side: Side::Centre,
+            weights: vec![0.5, 0.3, 0.2],
+            search: None,
+            patience: 5,
+        }
+    }
+}
+
+/// Which wall to keep to.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum Side {
+    Left,
+    Centre,
+    Right,
+}
+
+/// How to look for a lost wall.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Search {
+    /// Turn rate while looking.
+    #[schemars(range(min = 0.01, max = 2.0))]
+    turn_radps: f64,
+    /// Half of the angle that is searched.
+    #[schemars(range(min = 1.0, max = 180.0))]
+    sweep_deg: f64,
+}
+
+pub struct Follower;
+
+impl Behavior for Follower {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        Proposal::abstain(Reason::NoInput)
+    }
+}
+
+impl Plugin for Follower {
+    type Config = FollowerConfig;
+    const NAME: &'static str = "wall-follower";
+    const SUMMARY: &'static str = "Drives along a corridor.";
+    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), POSE.info()];
+    const CLAIMS: Axes = Axes::PLANAR;
+
+    fn new(config: FollowerConfig, setup: &Setup) -> Result<Self, BuildError> {
+        let most = setup.robot.limits.speed[0];
+        if config.speed_mps > most {
+            let problem = format!("{} m/s is more than this robot's {most} m/s", config.speed_mps);
+            return Err(BuildError::new("speed_mps", problem));
+        }
+        if config.search.is_some_and(|search| search.sweep_deg > 90.0 && search.turn_radps > 1.0) {
+            return Err(BuildError::new("search.sweep_deg", "a wide sweep needs a slow turn; at most 90"));
+        }
+        let sum: f64 = config.weights.iter().sum();
+        if sum <= 0.0 {
+            return Err(BuildError::new("weights", "the sum must be positive"));
+        }
+        let _ = (config.side, config.patience);
+        Ok(Follower)
+    }
+}
+
+/// Halts.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HaltConfig {
+    /// An echo nearer than this halts.
+    #[schemars(range(min = 0.05, max = 10.0))]
+    gate_m: f64,
+    /// Clean readings in a row that release.
+    #[serde(default = "three")]
+    #[schemars(range(min = 1, max = 100))]
+    clean: u32,
+}
+
+fn three() -> u32 {
+    3
+}
+
+pub struct Halt;
+
+impl Behavior for Halt {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        Proposal::abstain(Reason::NoInput)
+    }
+}
+
+impl Plugin for Halt {
+    type Config = HaltConfig;
+    const NAME: &'static str = "sonar-halt";
+    const SUMMARY: &'static str = "Halts before what the sonars see.";
+    const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
+    const CLAIMS: Axes = Axes::NONE;
+
+    fn new(config: HaltConfig, _: &Setup) -> Result<Self, BuildError> {
+        let _ = (config.gate_m, config.clean);
+        Ok(Halt)
+    }
+}
+
+/// No parameters.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Nothing {}
+
+pub struct Strafer;
+
+impl Behavior for Strafer {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        Proposal::abstain(Reason::NoInput)
+    }
+}
+
+impl Plugin for Strafer {
+    type Config = Nothing;
+    const NAME: &'static str = "strafer";
+    const SUMMARY: &'static str = "Evades sideways.";
+    const INPUTS: &'static [SlotInfo] = &[];
+    const CLAIMS: Axes = Axes::LATERAL;
+
+    fn new(_: Nothing, _: &Setup) -> Result<Self, BuildError> {
+        Ok(Strafer)
+    }
+}
+
+/// Keeps a map.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LocalizerConfig {
+    /// What to match.
+    #[serde(rename = "match")]
+    matching: Match,
+}
+
+/// What to match.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+enum Match {
+    /// Vertical edges.
+    Edges {
+        /// Smallest contrast.
+        #[schemars(range(min = 1, max = 255))]
+        contrast: u8,
+    },
+    /// Corners.
+    Corners {
+        /// How many.
+        #[schemars(range(min = 1, max = 1000))]
+        count: u32,
+    },
+}
+
+pub struct Localizer;
+
+impl Behavior for Localizer {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        Proposal::abstain(Reason::NoInput)
+    }
+}
+
+impl Plugin for Localizer {
+    type Config = LocalizerConfig;
+    const NAME: &'static str = "localizer";
+    const SUMMARY: &'static str = "Finds the robot on its map.";
+    const INPUTS: &'static [SlotInfo] = &[WHEELS.info(), Slot::<Pose>::optional("prior", "A guess.").info()];
+    const OUTPUTS: &'static [SlotInfo] = &[Slot::<Pose>::required("pose", "Where the robot is.").info()];
+    const CLAIMS: Axes = Axes::NONE;
+
+    fn new(config: LocalizerConfig, _: &Setup) -> Result<Self, BuildError> {
+        match config.matching {
+            Match::Edges { contrast } => _ = contrast,
+            Match::Corners { count } => _ = count,
+        }
+        Ok(Localizer)
+    }
+}
+
+/// Of a simulated world.
+#[derive(Debug, Deserialize, JsonSchema)]
+struct SimConfig {
+    /// The world file.
+    #[allow(dead_code, reason = "for the schema")]
+    world: String,
+}
+
+/// Of a camera.
+#[derive(Debug, Deserialize, JsonSchema)]
+struct CameraConfig {
+    /// Pictures a second.
+    #[schemars(range(min = 0.1, max = 200.0))]
+    rate_hz: f64,
+    /// Width of a picture.
+    #[schemars(range(min = 16, max = 4096))]
+    width_px: u32,
+    /// Horizontal field of view.
+    #[serde(default = "ninety")]
+    #[schemars(range(min = 10.0, max = 170.0))]
+    #[allow(dead_code, reason = "for the schema")]
+    fov_deg: f64,
+}
+
+fn ninety() -> f64 {
+    90.0
+}
+
+/// Of any other sensor.
+#[derive(Debug, Deserialize, JsonSchema)]
+struct PeriodConfig {
+    /// From one measurement to the next.
+    #[serde(default = "fifty")]
+    #[schemars(range(min = 1.0, max = 10000.0))]
+    period_ms: f64,
+}
+
+fn fifty() -> f64 {
+    50.0
+}
+
+const SIM: DriverPlugin = DriverPlugin {
+    name: "sim",
+    summary: "A simulated robot.",
+    schema: || schemars::schema_for!(SimConfig),
+    sensors: &[
+        SensorPlugin {
+            kind: "camera",
+            summary: "A pinhole camera.",
+            message: MessageType::of::<FrameHeader>(),
+            schema: || schemars::schema_for!(CameraConfig),
+            describe: |name, table| {
+                let config: CameraConfig = read(table)?;
+                if config.width_px % 2 == 1 {
+                    return Err(BuildError::new(
+                        "width_px",
+                        format!("{} is odd; take an even number", config.width_px),
+                    ));
+                }
+                Ok(info(name, "yamabico.FrameHeader.v1", 1.0 / config.rate_hz))
+            },
+            most_bytes: |table| Ok(read::<CameraConfig>(table)?.width_px as usize * 480),
+        },
+        periodic("sonar-ring", "Sonars.", MessageType::of::<RangeScanHeader>()),
+        periodic("wheels", "Wheel encoders.", MessageType::of::<Odometry>()),
+        periodic("truth", "The judge's truth.", MessageType::of::<Truth>()),
+    ],
+    drives: &[DrivePlugin {
+        kind: "differential",
+        summary: "Two wheels.",
+        axes: Axes::PLANAR,
+        schema: || schemars::schema_for!(Nothing),
+    }],
+    open: |_| Err(BuildError::new("", "cannot be opened")),
+};
+
+const BENCH: DriverPlugin = DriverPlugin {
+    name: "bench",
+    summary: "Nothing at all.",
+    schema: || schemars::schema_for!(Nothing),
+    sensors: &[],
+    drives: &[],
+    open: |_| Err(BuildError::new("", "cannot be opened")),
+};
+
+const fn periodic(kind: &'static str, summary: &'static str, message: MessageType) -> SensorPlugin {
+    SensorPlugin {
+        kind,
+        summary,
+        message,
+        schema: || schemars::schema_for!(PeriodConfig),
+        describe: |name, table| Ok(info(name, "", read::<PeriodConfig>(table)?.period_ms * 1e-3)),
+        most_bytes: |_| Ok(4096),
+    }
+}
+
+fn read<T: serde::de::DeserializeOwned>(table: &toml::Table) -> Result<T, BuildError> {
+    table.clone().try_into().map_err(|error: toml::de::Error| BuildError::new("", error.message()))
+}
+
+fn info(name: &str, message: &'static str, period_s: f64) -> SensorInfo {
+    SensorInfo { name: name.into(), message, period_s, latency_s: 0.0, kind: SensorKind::Other }
+}
