@@ -1,142 +1,139 @@
-//! Links edge points into chains that run along the edge with the brighter side on one hand.
+//! Follows edge pixels into chains that run along an edge with the brighter side on one hand.
 
-use super::edges::{EdgePoint, EdgePoints};
+use super::edges::{EDGE, EdgeMap, EdgePoint, SECTOR, SECTORS, STRONG};
 
-const NONE: u32 = u32::MAX;
+/// The strong bit of eight marks.
+const STRONG_IN_EACH: u64 = u64::from_le_bytes([STRONG; 8]);
 
-/// Which chains are kept.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ChainRule {
-    /// Neighbours whose gradients differ by more are not linked: squared cosine of the angle.
-    pub squared_cosine: f32,
-    /// A chain needs a point with at least this squared gradient.
-    pub squared_seed: f32,
-    /// A chain needs at least so many points.
-    pub least_points: usize,
-}
-
-/// The chains of one image, one after the other, with the buffers that link them.
+/// The chains of one image, one after the other, with the buffers that follow them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chains {
-    /// Points of all kept chains, in the order along each.
+    /// Points of all chains, in the order along each.
     pub points: Vec<EdgePoint>,
     /// Index behind the last point of each chain.
     pub ends: Vec<u32>,
-    links: Vec<Link>,
-    row_above: Vec<u32>,
-    row_here: Vec<u32>,
+    /// Pixels of the chain in hand, from its seed onwards, and from its seed backwards.
+    ahead: Vec<u32>,
+    behind: Vec<u32>,
 }
 
-/// The nearest point ahead and behind; ahead is where the brighter side is on the left in a picture with v downwards.
-#[derive(Clone, Copy, Debug)]
-struct Link {
-    ahead: u32,
-    behind: u32,
-    ahead_distance: f32,
-    behind_distance: f32,
-}
-
-const UNLINKED: Link =
-    Link { ahead: NONE, behind: NONE, ahead_distance: f32::INFINITY, behind_distance: f32::INFINITY };
+/// Steps to the three neighbours that may continue a chain, best first, for each sector of the gradient.
+type Steps = [[isize; 3]; SECTORS];
 
 impl Chains {
-    /// Links the points of an image `width` pixels wide.
-    pub(super) fn link(&mut self, edges: &EdgePoints, width: usize, rule: ChainRule) {
+    /// Follows every edge with at least one strong pixel, as far as neighbours differ by at most one sector (22.5 to 45
+    /// degrees), and keeps the chains of at least `least_points`. Uses up the marks of `edges`.
+    pub(super) fn follow(&mut self, edges: &mut EdgeMap, least_points: usize) {
         self.points.clear();
         self.ends.clear();
-        self.links.clear();
-        self.links.resize(edges.points.len(), UNLINKED);
-        for row in [&mut self.row_above, &mut self.row_here] {
-            row.clear();
-            row.resize(width + 2, NONE);
-        }
-        self.link_neighbours(edges, rule.squared_cosine);
-        self.walk(&edges.points, rule);
-    }
-
-    fn link_neighbours(&mut self, edges: &EdgePoints, squared_cosine: f32) {
-        let mut above = 0..0;
-        for row in edges.row_starts.windows(2) {
-            let here = row[0] as usize..row[1] as usize;
-            for i in here.clone() {
-                let u = usize::from(edges.columns[i]) + 1;
-                for j in
-                    [self.row_here[u - 1], self.row_above[u - 1], self.row_above[u], self.row_above[u + 1]]
-                {
-                    if j != NONE {
-                        relate(&edges.points, &mut self.links, i, j as usize, squared_cosine);
-                    }
-                }
-                self.row_here[u] = i as u32;
+        let steps = steps(edges.width() as isize);
+        for base in (0..edges.marks.len()).step_by(8) {
+            // Most of an image is no strong edge: eight pixels at a time.
+            let word = edges.marks[base..].first_chunk::<8>().map(|word| u64::from_le_bytes(*word));
+            if word.is_some_and(|word| word & STRONG_IN_EACH == 0) {
+                continue;
             }
-            for i in above {
-                self.row_above[usize::from(edges.columns[i]) + 1] = NONE;
-            }
-            std::mem::swap(&mut self.row_above, &mut self.row_here);
-            above = here;
-        }
-    }
-
-    /// Chains begin at points without a mutual link behind; what is left then are rings.
-    fn walk(&mut self, points: &[EdgePoint], rule: ChainRule) {
-        for ring in [false, true] {
-            for start in 0..points.len() {
-                let link = self.links[start];
-                let has_behind =
-                    link.behind != NONE && self.links[link.behind as usize].ahead == start as u32;
-                if link.ahead != NONE && has_behind == ring {
-                    self.follow(points, start, rule);
+            for seed in base..(base + 8).min(edges.marks.len()) {
+                if edges.marks[seed] & STRONG != 0 {
+                    self.follow_from(seed, edges, &steps, least_points);
                 }
             }
         }
     }
 
-    /// Takes the chain from `start` to its end and unlinks its points.
-    fn follow(&mut self, points: &[EdgePoint], start: usize, rule: ChainRule) {
-        let begin = self.points.len();
-        let mut strongest = 0.0_f32;
-        let mut here = start;
-        loop {
-            self.points.push(points[here]);
-            strongest = strongest.max(points[here].squared_gradient());
-            let next = std::mem::replace(&mut self.links[here].ahead, NONE);
-            if next == NONE || self.links[next as usize].behind != here as u32 {
-                break;
-            }
-            here = next as usize;
+    fn follow_from(&mut self, seed: usize, edges: &mut EdgeMap, steps: &Steps, least_points: usize) {
+        let mark = edges.marks[seed];
+        self.ahead.clear();
+        self.behind.clear();
+        self.ahead.push(seed as u32);
+        walk(seed, mark, 0, &mut edges.marks, steps, &mut self.ahead);
+        walk(seed, mark, SECTORS as u8 / 2, &mut edges.marks, steps, &mut self.behind);
+        if self.ahead.len() + self.behind.len() < least_points {
+            return;
         }
-        if self.points.len() - begin < rule.least_points || strongest < rule.squared_seed {
-            self.points.truncate(begin);
-        } else {
-            self.ends.push(self.points.len() as u32);
-        }
+        let pixels = self.behind.iter().rev().chain(&self.ahead);
+        self.points.extend(pixels.map(|&index| edges.point(index as usize)));
+        self.ends.push(self.points.len() as u32);
     }
 }
 
-/// Links the neighbours `i` and `j` when their gradients agree and one lies ahead of the other; the nearest wins.
-fn relate(points: &[EdgePoint], links: &mut [Link], i: usize, j: usize, squared_cosine: f32) {
-    let (a, b) = (points[i], points[j]);
-    let agreement = a.gx * b.gx + a.gy * b.gy;
-    if agreement <= 0.0
-        || agreement * agreement < squared_cosine * (a.squared_gradient() * b.squared_gradient())
-    {
-        return;
+/// Walks from `seed` (not noted) and notes each pixel; `turn` is 0 for forwards and half the sectors for backwards. The
+/// marks of the pixels it leaves or enters are cleared.
+#[inline(always)]
+fn walk(seed: usize, mark: u8, turn: u8, marks: &mut [u8], steps: &Steps, out: &mut Vec<u32>) {
+    marks[seed] = 0;
+    let (mut here, mut sector) = (seed, mark & SECTOR);
+    loop {
+        let ways = &steps[usize::from((sector + turn) & SECTOR)];
+        let [first, second, third] = ways.map(|step| here.wrapping_add_signed(step));
+        let [a, b, c] = [first, second, third].map(|there| *marks.get(there).unwrap_or(&0));
+        // Selections instead of branches: which neighbour goes on cannot be predicted.
+        let (mut there, mut mark) = (third, c);
+        (there, mark) = if agrees(b, sector) { (second, b) } else { (there, mark) };
+        (there, mark) = if agrees(a, sector) { (first, a) } else { (there, mark) };
+        if !agrees(mark, sector) {
+            return;
+        }
+        marks[there] = 0;
+        out.push(there as u32);
+        (here, sector) = (there, mark & SECTOR);
     }
-    let (du, dv) = (b.u - a.u, b.v - a.v);
-    let distance = du * du + dv * dv;
-    // Sum of the gradients: its perpendicular is the direction of the edge between the two.
-    let (gx, gy) = (a.gx + b.gx, a.gy + b.gy);
-    let progress = gx * dv - gy * du;
-    if progress * progress < 0.25 * distance * (gx * gx + gy * gy) {
-        return;
-    }
-    let (first, second) = if progress > 0.0 { (i, j) } else { (j, i) };
-    if distance < links[first].ahead_distance {
-        links[first].ahead = second as u32;
-        links[first].ahead_distance = distance;
-    }
-    if distance < links[second].behind_distance {
-        links[second].behind = first as u32;
-        links[second].behind_distance = distance;
+}
+
+/// Whether a mark is an edge in the same sector or one up or down (0, 1 or 2 after the shift by one).
+#[inline(always)]
+fn agrees(mark: u8, sector: u8) -> bool {
+    (mark & EDGE != 0) & ((mark.wrapping_sub(sector).wrapping_add(1) & SECTOR) <= 2)
+}
+
+/// The edge runs a quarter turn after its gradient; ahead are the neighbour nearest to that direction, then the second
+/// nearest, then the third.
+fn steps(width: isize) -> Steps {
+    std::array::from_fn(|sector| {
+        // Middle of the sector plus a quarter turn, in 1/8 turns: eight neighbours stand at multiples of it.
+        let course = (sector as f64 + 0.5) / 2.0 + 2.0;
+        let nearest = course.round();
+        let second = if course > nearest { nearest + 1.0 } else { nearest - 1.0 };
+        let third = 2.0 * nearest - second;
+        [nearest, second, third].map(|eighth| match (eighth as isize).rem_euclid(8) {
+            0 => 1,
+            1 => width + 1,
+            2 => width,
+            3 => width - 1,
+            4 => -1,
+            5 => -width - 1,
+            6 => -width,
+            _ => 1 - width,
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::edges::UNITS_PER_LEVEL;
+    use super::*;
+    use crate::image::ImageView;
+
+    #[test]
+    fn closed_outlines_are_followed_all_around() {
+        let (width, height) = (80, 70);
+        let disc = |u: usize, v: usize| {
+            let radius = (u as f64 - 40.0).hypot(v as f64 - 35.0);
+            (50.0 + 150.0 * (25.5 - radius).clamp(0.0, 1.0)) as u8
+        };
+        let square =
+            |u: usize, v: usize| if (20..60).contains(&u) && (15..55).contains(&v) { 200 } else { 50 };
+        for (shape, chains, points) in
+            [(&disc as &dyn Fn(usize, usize) -> u8, 1..=2, 130..=150), (&square, 1..=4, 145..=165)]
+        {
+            let data: Vec<u8> = (0..width * height).map(|i| shape(i % width, i / width)).collect();
+            let mut edges = EdgeMap::default();
+            let image = ImageView::new(&data, width, height, width).unwrap();
+            edges.find(image, 10.0 * UNITS_PER_LEVEL, 20.0 * UNITS_PER_LEVEL);
+            let mut found = Chains::default();
+            found.follow(&mut edges, 10);
+            assert!(chains.contains(&found.ends.len()), "{:?}", found.ends);
+            assert!(points.contains(&found.points.len()), "{}", found.points.len());
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The detector: configuration, failures and the order of the steps.
 
-use super::chains::{ChainRule, Chains};
-use super::edges::{EdgePoints, UNITS_PER_LEVEL};
+use super::chains::Chains;
+use super::edges::{EdgeMap, UNITS_PER_LEVEL};
 use super::glare::is_glare;
 use super::merge::{MergeRule, merge_collinear};
 use super::split::{Piece, split_chain};
@@ -23,8 +23,6 @@ pub struct SegmentConfig {
     pub min_length_at_640_px: f64,
     /// Shortest segment in any image, px.
     pub shortest_px: f64,
-    /// Largest angle between the gradients of two neighbouring points of one edge, rad.
-    pub link_angle: f64,
     /// A chain is cut where it leaves its chord by more, px.
     pub split_px: f64,
     /// Segments are merged when their directions differ by less, rad.
@@ -47,7 +45,6 @@ impl Default for SegmentConfig {
             lowest_threshold: 2.0,
             min_length_at_640_px: 20.0,
             shortest_px: 10.0,
-            link_angle: 30_f64.to_radians(),
             split_px: 1.0,
             merge_angle: 1_f64.to_radians(),
             merge_distance_px: 1.5,
@@ -89,7 +86,7 @@ pub struct SegmentDetector {
     config: SegmentConfig,
     /// Share of the configured thresholds that is in use.
     sensitivity: f64,
-    edges: EdgePoints,
+    edges: EdgeMap,
     chains: Chains,
     stack: Vec<(u32, u32)>,
     pieces: Vec<Piece>,
@@ -108,7 +105,7 @@ impl SegmentDetector {
         Self {
             config,
             sensitivity: 1.0,
-            edges: EdgePoints::default(),
+            edges: EdgeMap::default(),
             chains: Chains::default(),
             stack: Vec::new(),
             pieces: Vec::new(),
@@ -160,13 +157,11 @@ impl SegmentDetector {
 
     fn find_chains(&mut self, image: ImageView, min_length: f64) {
         let scale = self.sensitivity as f32 * UNITS_PER_LEVEL;
-        self.edges.find(image, self.config.low_threshold as f32 * scale);
-        let rule = ChainRule {
-            squared_cosine: (self.config.link_angle.cos() as f32).powi(2),
-            squared_seed: (self.config.high_threshold as f32 * scale).powi(2),
-            least_points: ((min_length * std::f64::consts::FRAC_1_SQRT_2) as usize).max(3),
-        };
-        self.chains.link(&self.edges, image.width(), rule);
+        let (low, high) =
+            (self.config.low_threshold as f32 * scale, self.config.high_threshold as f32 * scale);
+        self.edges.find(image, low, high);
+        let least_points = (min_length * std::f64::consts::FRAC_1_SQRT_2) as usize;
+        self.chains.follow(&mut self.edges, least_points.max(3));
     }
 
     fn cut_into_pieces(&mut self, min_length: f64) {
