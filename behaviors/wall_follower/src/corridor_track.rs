@@ -1,0 +1,408 @@
+//! Where the robot is in the corridor, kept from picture to picture with the odometry.
+//!
+//! Heading, left wall and right wall are three scalar filters; the corridor's axis stands still in the odometry frame.
+
+use nalgebra::Vector2;
+use yamabico_core::geometry::{Pose2, wrap_angle};
+
+use crate::centring::Walls;
+use crate::floor_lines::ExpectedWall;
+use crate::odometry_track::travel;
+use crate::sight::{Expectation, Sighting};
+
+/// Heading variance per radian turned (odometry), rad.
+const VARIANCE_PER_TURN: f64 = 1e-3;
+/// Heading variance per metre driven, rad^2/m.
+const VARIANCE_PER_METRE: f64 = 2e-4;
+/// Heading variance per second where there is no odometry, rad^2/s: a turn of half a radian a second is no surprise.
+const VARIANCE_PER_SECOND_BLIND: f64 = 0.25;
+/// A heading this far from the prediction (rad), and beyond three standard deviations, is refused ...
+const HEADING_JUMP_RAD: f64 = 0.045;
+/// ... unless so many pictures in a row agree.
+const CONSISTENT_PICTURES: u32 = 3;
+/// Beyond this standard deviation (rad) the heading is lost.
+const HEADING_LOST_RAD: f64 = 0.175;
+/// A wall that jumps farther (m) may be a recess ...
+const WALL_JUMP_M: f64 = 0.15;
+/// ... unless it stays for so far, m.
+const WALL_CONFIRM_M: f64 = 0.5;
+/// A wall unseen for so far (m) is forgotten.
+const WALL_FORGET_M: f64 = 1.0;
+/// Standard deviation that a wall's distance gains per metre driven without seeing it, m.
+const WALL_DRIFT_PER_METRE: f64 = 0.04;
+/// The width is the median of so many.
+const WIDTHS: usize = 15;
+/// The width is forgotten after so far without seeing both walls, m.
+const WIDTH_FORGET_M: f64 = 3.0;
+/// Two walls whose distance differs farther from the known width are not a pair, m.
+const WIDTH_TOLERANCE_M: f64 = 0.15;
+
+/// The robot in the corridor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// Heading from the axis, radians, positive to the left.
+    pub heading: f64,
+    /// Its standard deviation, radians.
+    pub heading_sigma: f64,
+    /// The walls from the robot's centre.
+    pub walls: Walls,
+    /// The corridor's width, metres, where it is known.
+    pub width_m: Option<f64>,
+}
+
+/// What became of a sighting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It was taken.
+    Accepted,
+    /// Its heading contradicts the prediction.
+    Gated,
+}
+
+/// The filters. Everything refers to the pose at the last picture.
+#[derive(Clone, Debug, Default)]
+pub struct CorridorTrack {
+    axis: Option<Axis>,
+    anchor: Pose2,
+    walls: [Option<Wall>; 2],
+    rival_walls: [Option<Rival>; 2],
+    widths: WidthMemory,
+    rejected: Option<(f64, u32)>,
+}
+
+/// The corridor's axis in the odometry frame.
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    angle: f64,
+    variance: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Wall {
+    distance_m: f64,
+    variance: f64,
+    unseen_m: f64,
+}
+
+/// A distance that contradicts the known one, waiting to be confirmed.
+#[derive(Clone, Copy, Debug)]
+struct Rival {
+    distance_m: f64,
+    for_m: f64,
+}
+
+/// How the robot moved between two pictures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// By odometry, to this pose in the odometry frame.
+    To(Pose2),
+    /// Nobody knows; so many seconds passed.
+    Unknown {
+        /// Seconds since the last picture.
+        elapsed_s: f64,
+    },
+}
+
+impl CorridorTrack {
+    /// Whether there is a heading to steer by.
+    #[must_use]
+    pub fn has_heading(&self) -> bool {
+        self.axis.is_some_and(|axis| axis.variance.sqrt() < HEADING_LOST_RAD)
+    }
+
+    /// Forgets everything but the corridor's width.
+    pub fn lose(&mut self) {
+        *self = Self { widths: self.widths.clone(), ..Self::default() };
+    }
+
+    /// Carries the state to the pose of the next picture.
+    pub fn predict(&mut self, motion: Motion) {
+        let pose = match motion {
+            Motion::To(pose) => pose,
+            Motion::Unknown { elapsed_s } => {
+                if let Some(axis) = &mut self.axis {
+                    axis.variance += VARIANCE_PER_SECOND_BLIND * elapsed_s;
+                }
+                self.anchor
+            }
+        };
+        let (metres, turned) = travel(&self.anchor, &pose);
+        let across_m = self.axis.map_or(0.0, |axis| across(axis.angle, &self.anchor, &pose));
+        if let Some(axis) = &mut self.axis {
+            axis.variance += VARIANCE_PER_TURN * turned + VARIANCE_PER_METRE * metres;
+        }
+        for wall in &mut self.walls {
+            if let Some(known) = wall {
+                known.distance_m -= across_m;
+                known.variance += (WALL_DRIFT_PER_METRE * metres).powi(2) + 1e-6;
+                known.unseen_m += metres;
+                if known.unseen_m > WALL_FORGET_M {
+                    *wall = None;
+                }
+            }
+        }
+        for rival in self.rival_walls.iter_mut().flatten() {
+            rival.distance_m -= across_m;
+            rival.for_m += metres;
+        }
+        self.widths.drive(metres);
+        self.anchor = pose;
+    }
+
+    /// What the next picture is expected to show, after [`CorridorTrack::predict`].
+    #[must_use]
+    pub fn expectation(&self) -> Option<Expectation> {
+        let axis = self.axis.filter(|_| self.has_heading())?;
+        Some(Expectation {
+            heading: wrap_angle(self.anchor.theta - axis.angle),
+            heading_sigma: axis.variance.sqrt(),
+            walls: self.walls.map(|wall| {
+                wall.map(|wall| ExpectedWall {
+                    distance_m: wall.distance_m,
+                    sigma_m: wall.variance.sqrt().max(0.02),
+                })
+            }),
+        })
+    }
+
+    /// Takes what a picture showed, taken at the pose that was predicted to.
+    pub fn update(&mut self, sighting: &Sighting) -> Verdict {
+        if !self.update_axis(sighting) {
+            return Verdict::Gated;
+        }
+        let seen = [sighting.left, sighting.right];
+        let pair = self.known_pair(seen);
+        for side in 0..2 {
+            if let Some(wall) = pair[side] {
+                self.update_wall(side, wall);
+            }
+        }
+        if let [Some(left), Some(right)] = pair {
+            self.widths.add(left.distance_m - right.distance_m);
+        }
+        Verdict::Accepted
+    }
+
+    /// The robot in the corridor at a later pose in the odometry frame; `None` without a heading.
+    #[must_use]
+    pub fn estimate_at(&self, pose: &Pose2) -> Option<Estimate> {
+        let axis = self.axis.filter(|_| self.has_heading())?;
+        let across_m = across(axis.angle, &self.anchor, pose);
+        let [left, right] = self.walls.map(|wall| wall.map(|wall| wall.distance_m - across_m));
+        Some(Estimate {
+            heading: wrap_angle(pose.theta - axis.angle),
+            heading_sigma: axis.variance.sqrt(),
+            walls: Walls { left_m: left, right_m: right },
+            width_m: self.widths.median_m(),
+        })
+    }
+
+    fn update_axis(&mut self, sighting: &Sighting) -> bool {
+        let seen = wrap_angle(self.anchor.theta - sighting.heading);
+        let noise = sighting.heading_sigma.powi(2);
+        let Some(axis) = self.axis.as_mut().filter(|axis| axis.variance.sqrt() < HEADING_LOST_RAD) else {
+            self.axis = Some(Axis { angle: seen, variance: noise });
+            return true;
+        };
+        let innovation = wrap_angle(seen - axis.angle);
+        let sigma = (axis.variance + noise).sqrt();
+        if innovation.abs() > (3.0 * sigma).max(HEADING_JUMP_RAD) {
+            let agreeing = match self.rejected {
+                Some((angle, count)) if wrap_angle(seen - angle).abs() < HEADING_JUMP_RAD => count + 1,
+                _ => 1,
+            };
+            self.rejected = Some((seen, agreeing));
+            if agreeing < CONSISTENT_PICTURES {
+                return false;
+            }
+            *axis = Axis { angle: seen, variance: noise };
+            self.walls = [None; 2];
+        } else {
+            let gain = axis.variance / (axis.variance + noise);
+            axis.angle = wrap_angle(axis.angle + gain * innovation);
+            axis.variance *= 1.0 - gain;
+        }
+        self.rejected = None;
+        true
+    }
+
+    /// The walls seen, without the one that does not fit the known width.
+    fn known_pair(&self, seen: [Option<ExpectedWall>; 2]) -> [Option<ExpectedWall>; 2] {
+        let ([Some(left), Some(right)], Some(width)) = (seen, self.widths.median_m()) else { return seen };
+        if (left.distance_m - right.distance_m - width).abs() <= WIDTH_TOLERANCE_M {
+            return seen;
+        }
+        let surprise = |side: usize, wall: ExpectedWall| {
+            self.walls[side].map_or(f64::INFINITY, |known| (wall.distance_m - known.distance_m).abs())
+        };
+        let (by_left, by_right) = (surprise(0, left), surprise(1, right));
+        if by_left.is_infinite() && by_right.is_infinite() {
+            seen
+        } else if by_left <= by_right {
+            [seen[0], None]
+        } else {
+            [None, seen[1]]
+        }
+    }
+
+    fn update_wall(&mut self, side: usize, seen: ExpectedWall) {
+        let noise = seen.sigma_m.powi(2);
+        let fresh = Wall { distance_m: seen.distance_m, variance: noise, unseen_m: 0.0 };
+        let Some(wall) = &mut self.walls[side] else {
+            self.walls[side] = Some(fresh);
+            return;
+        };
+        let innovation = seen.distance_m - wall.distance_m;
+        if innovation.abs() < WALL_JUMP_M {
+            let gain = wall.variance / (wall.variance + noise);
+            wall.distance_m += gain * innovation;
+            wall.variance *= 1.0 - gain;
+            wall.unseen_m = 0.0;
+            self.rival_walls[side] = None;
+            return;
+        }
+        let known = self.rival_walls[side]
+            .filter(|rival| (rival.distance_m - seen.distance_m).abs() < WALL_JUMP_M)
+            .unwrap_or(Rival { distance_m: seen.distance_m, for_m: 0.0 });
+        if known.for_m >= WALL_CONFIRM_M {
+            self.walls[side] = Some(fresh);
+            self.rival_walls[side] = None;
+        } else {
+            self.rival_walls[side] = Some(Rival { distance_m: seen.distance_m, for_m: known.for_m });
+        }
+    }
+}
+
+/// Metres to the left of an axis (angle in the odometry frame) that lead from one pose to another.
+fn across(axis_angle: f64, from: &Pose2, to: &Pose2) -> f64 {
+    let (sin, cos) = axis_angle.sin_cos();
+    Vector2::new(-sin, cos).dot(&(to.position() - from.position()))
+}
+
+/// The corridor's width: the median of the last pairs of walls.
+#[derive(Clone, Debug, Default)]
+struct WidthMemory {
+    widths: [f64; WIDTHS],
+    count: usize,
+    next: usize,
+    unseen_m: f64,
+}
+
+impl WidthMemory {
+    fn add(&mut self, width_m: f64) {
+        self.widths[self.next] = width_m;
+        self.next = (self.next + 1) % WIDTHS;
+        self.count = (self.count + 1).min(WIDTHS);
+        self.unseen_m = 0.0;
+    }
+
+    fn drive(&mut self, metres: f64) {
+        self.unseen_m += metres;
+        if self.unseen_m > WIDTH_FORGET_M {
+            *self = Self::default();
+        }
+    }
+
+    fn median_m(&self) -> Option<f64> {
+        let mut sorted = self.widths;
+        let known = &mut sorted[..self.count];
+        known.sort_by(f64::total_cmp);
+        known.get(self.count / 2).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sighting(heading: f64, left: Option<f64>, right: Option<f64>) -> Sighting {
+        let wall = |d: f64| ExpectedWall { distance_m: d, sigma_m: 0.01 };
+        Sighting {
+            heading,
+            heading_sigma: 0.002,
+            tilt: 0.0,
+            vanishing_point: Vector2::zeros(),
+            left: left.map(wall),
+            right: right.map(wall),
+        }
+    }
+
+    fn see(track: &mut CorridorTrack, pose: Pose2, left: Option<f64>, right: Option<f64>) -> Verdict {
+        track.predict(Motion::To(pose));
+        track.update(&sighting(pose.theta, left, right))
+    }
+
+    #[test]
+    fn odometry_carries_the_estimate_to_now() {
+        let mut track = CorridorTrack::default();
+        assert!(track.estimate_at(&Pose2::IDENTITY).is_none());
+        track.predict(Motion::To(Pose2::new(0.0, 0.0, 0.5)));
+        track.update(&sighting(0.1, Some(1.0), Some(-1.0)));
+        // The axis is at 0.4 in the odometry frame; one metre across it to the left is a metre towards the left wall.
+        let later = Pose2::new(-0.4_f64.sin() * 0.3, 0.4_f64.cos() * 0.3, 0.2);
+        let now = track.estimate_at(&later).unwrap();
+        assert!((now.heading + 0.2).abs() < 1e-12);
+        assert!((now.walls.left_m.unwrap() - 0.7).abs() < 1e-12);
+        assert!((now.walls.right_m.unwrap() + 1.3).abs() < 1e-12);
+        assert_eq!(now.width_m, Some(2.0));
+    }
+
+    #[test]
+    fn a_jump_of_the_heading_is_refused_until_it_lasts() {
+        let mut track = CorridorTrack::default();
+        see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-1.0));
+        for expected in [Verdict::Gated, Verdict::Gated, Verdict::Accepted] {
+            track.predict(Motion::To(Pose2::IDENTITY));
+            assert_eq!(track.update(&sighting(0.3, None, None)), expected);
+        }
+        assert!((track.estimate_at(&Pose2::IDENTITY).unwrap().heading - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_recess_is_passed_and_a_wider_corridor_is_accepted() {
+        let mut track = CorridorTrack::default();
+        let at = |x: f64| Pose2::new(x, 0.0, 0.0);
+        see(&mut track, at(0.0), Some(1.0), None);
+        see(&mut track, at(0.2), Some(1.3), None);
+        assert!((track.estimate_at(&at(0.2)).unwrap().walls.left_m.unwrap() - 1.0).abs() < 1e-9);
+        for step in 2..6 {
+            see(&mut track, at(0.2 * f64::from(step)), Some(1.3), None);
+        }
+        assert!((track.estimate_at(&at(1.0)).unwrap().walls.left_m.unwrap() - 1.3).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_width_outlives_a_wall_and_then_is_forgotten() {
+        let mut track = CorridorTrack::default();
+        see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-0.8));
+        for step in 1..=8 {
+            see(&mut track, Pose2::new(0.25 * f64::from(step), 0.0, 0.0), Some(1.0), None);
+        }
+        let two_metres_on = track.estimate_at(&Pose2::new(2.0, 0.0, 0.0)).unwrap();
+        assert!(two_metres_on.walls.right_m.is_none(), "unseen for too long");
+        assert!((two_metres_on.width_m.unwrap() - 1.8).abs() < 1e-9);
+        for step in 9..=14 {
+            see(&mut track, Pose2::new(0.25 * f64::from(step), 0.0, 0.0), Some(1.0), None);
+        }
+        assert_eq!(track.estimate_at(&Pose2::new(3.5, 0.0, 0.0)).unwrap().width_m, None);
+    }
+
+    #[test]
+    fn a_wall_that_does_not_fit_the_width_is_left_out() {
+        let mut track = CorridorTrack::default();
+        see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-1.0));
+        see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-0.87));
+        see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-0.80));
+        let estimate = track.estimate_at(&Pose2::IDENTITY).unwrap();
+        assert!(estimate.walls.right_m.unwrap() < -0.90, "{estimate:?}");
+    }
+
+    #[test]
+    fn without_odometry_the_picture_rules() {
+        let mut track = CorridorTrack::default();
+        track.update(&sighting(0.0, None, None));
+        track.predict(Motion::Unknown { elapsed_s: 0.1 });
+        assert_eq!(track.update(&sighting(0.2, None, None)), Verdict::Accepted);
+        assert!((track.estimate_at(&Pose2::IDENTITY).unwrap().heading - 0.2).abs() < 0.01);
+    }
+}

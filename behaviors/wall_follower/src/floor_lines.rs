@@ -1,0 +1,278 @@
+//! Which of the lines along the corridor are the floor lines of its walls.
+//!
+//! Kweon et al. (1991), section 3.2, take them as given. Here a line must run along the corridor below the horizon, differ in
+//! brightness from one side to the other (a joint between tiles does not), and be long; of two, the inner one is
+//! the floor line and the outer one the upper edge of the skirting.
+
+use nalgebra::Vector2;
+use yamabico_core::image::ImageView;
+
+use crate::wall_distance::CorridorView;
+
+/// A straight edge along the corridor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CorridorLine {
+    /// One end, undistorted pixels.
+    pub start: Vector2<f64>,
+    /// The other end, undistorted pixels.
+    pub end: Vector2<f64>,
+    /// Mean grey level just to the left of the edge, seen from start to end with u right and v down.
+    pub grey_left: f64,
+    /// Mean grey level just to the right of it.
+    pub grey_right: f64,
+}
+
+/// How lines are judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorLineRule {
+    /// The middle of a line must lie so far below the horizon, radians.
+    pub below_horizon_rad: f64,
+    /// Nearer lines (m) to the left or right of the camera are none of a wall's.
+    pub nearest_m: f64,
+    /// Farther lines (m) are none of this corridor's.
+    pub farthest_m: f64,
+    /// Grey levels by which the two sides must differ.
+    pub least_contrast: f64,
+    /// An inner line with this share of the length outranks an outer one.
+    pub inner_share: f64,
+    /// Lines this near (m) to the chosen one are pieces of the same wall's.
+    pub same_wall_m: f64,
+}
+
+impl Default for FloorLineRule {
+    fn default() -> Self {
+        Self {
+            below_horizon_rad: 0.018,
+            nearest_m: 0.1,
+            farthest_m: 5.0,
+            least_contrast: 8.0,
+            inner_share: 0.6,
+            same_wall_m: 0.05,
+        }
+    }
+}
+
+/// Where a wall is expected, from the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExpectedWall {
+    /// Signed distance, metres, positive on the left.
+    pub distance_m: f64,
+    /// Standard deviation, metres.
+    pub sigma_m: f64,
+}
+
+/// A wall found in one picture, from the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenWall {
+    /// Signed distance, metres, positive on the left.
+    pub distance_m: f64,
+    /// The point of its floor line that is farthest from the horizon, which bears most of the weight; undistorted pixels.
+    pub near_point: Vector2<f64>,
+    /// Total length of its pieces in the picture, pixels.
+    pub length_px: f64,
+}
+
+/// A line with its distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Candidate {
+    distance_m: f64,
+    length_px: f64,
+    /// Weight of its distance: pixels of length times the squared sine of how far below the horizon it lies.
+    weight: f64,
+    near_point: Vector2<f64>,
+    is_darker_at_the_wall: bool,
+}
+
+/// Finds the walls; keeps its buffers from picture to picture.
+#[derive(Clone, Debug, Default)]
+pub struct FloorLineFinder {
+    candidates: Vec<Candidate>,
+}
+
+/// The walls of one picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SeenWalls {
+    /// On the left, distance positive.
+    pub left: Option<SeenWall>,
+    /// On the right, distance negative.
+    pub right: Option<SeenWall>,
+}
+
+impl FloorLineFinder {
+    /// The walls among `lines`, each of which meets the vanishing point that `view` was made from. An expected wall is
+    /// preferred, not demanded.
+    pub fn find(
+        &mut self,
+        lines: impl Iterator<Item = CorridorLine>,
+        view: &CorridorView,
+        rule: &FloorLineRule,
+        expected: [Option<ExpectedWall>; 2],
+    ) -> SeenWalls {
+        self.candidates.clear();
+        self.candidates.extend(lines.filter_map(|line| candidate(&line, view, rule)));
+        SeenWalls { left: self.best(1.0, expected[0], rule), right: self.best(-1.0, expected[1], rule) }
+    }
+
+    fn best(&self, side: f64, expected: Option<ExpectedWall>, rule: &FloorLineRule) -> Option<SeenWall> {
+        let on_side = || self.candidates.iter().filter(|line| line.distance_m * side > 0.0);
+        let score = |line: &Candidate| {
+            let is_expected =
+                expected.is_some_and(|wall| (line.distance_m - wall.distance_m).abs() < 3.0 * wall.sigma_m);
+            let is_outer = on_side().any(|other| {
+                other.distance_m.abs() < line.distance_m.abs() - rule.same_wall_m
+                    && other.is_darker_at_the_wall >= line.is_darker_at_the_wall
+                    && other.length_px >= rule.inner_share * line.length_px
+            });
+            let darker = if line.is_darker_at_the_wall { 1.2 } else { 1.0 };
+            let wanted = if is_expected { 1.5 } else { 1.0 };
+            let inner = if is_outer { 0.5 } else { 1.0 };
+            line.length_px * darker * wanted * inner
+        };
+        let chosen = on_side().max_by(|a, b| score(a).total_cmp(&score(b)))?;
+        let same = || on_side().filter(|line| (line.distance_m - chosen.distance_m).abs() < rule.same_wall_m);
+        let weight: f64 = same().map(|line| line.weight).sum();
+        let lowest = same().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        Some(SeenWall {
+            distance_m: same().map(|line| line.weight * line.distance_m).sum::<f64>() / weight,
+            near_point: lowest.near_point,
+            length_px: same().map(|line| line.length_px).sum(),
+        })
+    }
+}
+
+/// The line as a wall's, or `None` where it cannot be one.
+fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> Option<Candidate> {
+    let middle = 0.5 * (line.start + line.end);
+    let along = line.end - line.start;
+    let length_px = along.norm();
+    let sine_below = depression_sine(view, middle);
+    if length_px < 1.0 || sine_below < rule.below_horizon_rad.sin() {
+        return None;
+    }
+    let distance_m = view.tied_distance(middle)?;
+    if !(rule.nearest_m..=rule.farthest_m).contains(&distance_m.abs()) {
+        return None;
+    }
+    if (line.grey_left - line.grey_right).abs() < rule.least_contrast {
+        return None;
+    }
+    // Seen from start to end in the picture (v down), the left side is at (along.y, -along.x).
+    let to_the_left = Vector2::new(along.y, -along.x) / length_px;
+    let beyond = view.tied_distance(middle + to_the_left)?;
+    let wall_is_left = beyond.abs() > distance_m.abs();
+    let (at_the_wall, on_the_floor) =
+        if wall_is_left { (line.grey_left, line.grey_right) } else { (line.grey_right, line.grey_left) };
+    let starts_lower = depression_sine(view, line.start) > depression_sine(view, line.end);
+    Some(Candidate {
+        distance_m,
+        length_px,
+        weight: length_px * sine_below * sine_below,
+        near_point: if starts_lower { line.start } else { line.end },
+        is_darker_at_the_wall: at_the_wall < on_the_floor,
+    })
+}
+
+/// Sine of the angle by which the ray of a pixel dips below the horizon.
+fn depression_sine(view: &CorridorView, pixel: Vector2<f64>) -> f64 {
+    let ray = view.corridor_from_camera * view.intrinsics.normalised_from_pixel(pixel).push(1.0);
+    -ray.z / ray.norm()
+}
+
+/// Mean grey levels `offset_px` to the left and to the right of the edge from `start` to `end` (pixels of the image as it
+/// is, u right, v down), sampled at a dozen places; outside the image the border's level.
+#[must_use]
+pub fn side_greys(
+    image: ImageView<'_>,
+    start: Vector2<f64>,
+    end: Vector2<f64>,
+    offset_px: f64,
+) -> (f64, f64) {
+    const SAMPLES: u32 = 12;
+    let along = end - start;
+    let left = Vector2::new(along.y, -along.x) / along.norm().max(1.0) * offset_px;
+    let grey = |at: Vector2<f64>| {
+        f64::from(image.pixel(at.x.round().max(0.0) as usize, at.y.round().max(0.0) as usize))
+    };
+    let (mut sum_left, mut sum_right) = (0.0, 0.0);
+    for sample in 0..SAMPLES {
+        let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES));
+        sum_left += grey(at + left);
+        sum_right += grey(at - left);
+    }
+    (sum_left / f64::from(SAMPLES), sum_right / f64::from(SAMPLES))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::heading::CameraAttitude;
+    use nalgebra::Vector3;
+    use yamabico_core::camera::Intrinsics;
+
+    fn view() -> CorridorView {
+        let attitude = CameraAttitude { heading: 0.05, tilt: 0.1 };
+        CorridorView::new(attitude, 0.0, 0.6, Intrinsics::from_horizontal_fov(640, 480, 1.05))
+    }
+
+    /// A line along the corridor at `d` and `height` above the floor, from 2 to `far` metres ahead.
+    fn line(d: f64, height: f64, far: f64, floor_grey: f64, wall_grey: f64) -> CorridorLine {
+        let view = view();
+        let pixel = |x: f64| {
+            let camera = view.corridor_from_camera.transpose() * Vector3::new(x, d, height - 0.6);
+            view.intrinsics.pixel_from_normalised(camera.xy() / camera.z)
+        };
+        // From near to far the left wall is on the left of its line.
+        let (grey_left, grey_right) = if d > 0.0 { (wall_grey, floor_grey) } else { (floor_grey, wall_grey) };
+        CorridorLine { start: pixel(2.0), end: pixel(far), grey_left, grey_right }
+    }
+
+    fn find(lines: &[CorridorLine], expected: [Option<ExpectedWall>; 2]) -> SeenWalls {
+        let mut finder = FloorLineFinder::default();
+        finder.find(lines.iter().copied(), &view(), &FloorLineRule::default(), expected)
+    }
+
+    #[test]
+    fn the_floor_line_wins_over_the_skirting_and_the_joint() {
+        let lines = [
+            line(1.0, 0.0, 8.0, 120.0, 40.0),
+            line(1.0, 0.1, 9.0, 40.0, 180.0),
+            line(0.5, 0.0, 9.0, 120.0, 121.0),
+            line(-0.9, 0.0, 8.0, 120.0, 40.0),
+            line(-0.9, 0.1, 9.0, 40.0, 180.0),
+            line(1.0, 2.4, 9.0, 120.0, 200.0),
+        ];
+        let walls = find(&lines, [None, None]);
+        assert!((walls.left.unwrap().distance_m - 1.0).abs() < 1e-9);
+        assert!((walls.right.unwrap().distance_m + 0.9).abs() < 1e-9);
+    }
+
+    #[test]
+    fn pieces_of_one_wall_are_joined() {
+        let lines = [line(1.0, 0.0, 4.0, 120.0, 40.0), line(1.01, 0.0, 8.0, 120.0, 40.0)];
+        let wall = find(&lines, [None, None]).left.unwrap();
+        assert!(wall.distance_m > 1.0 && wall.distance_m < 1.01);
+        assert!(find(&lines, [None, None]).right.is_none());
+    }
+
+    #[test]
+    fn an_expected_wall_is_preferred() {
+        let lines = [line(1.0, 0.0, 6.0, 120.0, 40.0), line(1.6, 0.0, 6.0, 120.0, 40.0)];
+        let expected = ExpectedWall { distance_m: 1.58, sigma_m: 0.05 };
+        assert!(find(&lines, [None, None]).left.unwrap().distance_m < 1.1);
+        let only_outer = [line(1.0, 0.0, 2.6, 120.0, 40.0), line(1.6, 0.0, 6.0, 120.0, 40.0)];
+        assert!(find(&only_outer, [Some(expected), None]).left.unwrap().distance_m > 1.5);
+    }
+
+    #[test]
+    fn greys_are_taken_on_their_sides() {
+        let mut data = vec![50_u8; 40 * 30];
+        for row in data.chunks_mut(40) {
+            row[20..].fill(200);
+        }
+        let image = ImageView::new(&data, 40, 30, 40).unwrap();
+        let up = side_greys(image, Vector2::new(20.0, 28.0), Vector2::new(20.0, 2.0), 4.0);
+        assert_eq!(up, (50.0, 200.0));
+        let outside = side_greys(image, Vector2::new(-9.0, 0.0), Vector2::new(-9.0, -5.0), 4.0);
+        assert_eq!(outside, (50.0, 50.0));
+    }
+}

@@ -1,0 +1,138 @@
+//! What to do while no vanishing point is found: drive on for a moment, stop, look to both sides, report.
+
+use yamabico_core::geometry::angle_difference;
+
+use crate::config::Lost;
+
+/// Turned to a direction of the search, radians.
+const ARRIVED_RAD: f64 = 0.03;
+
+/// What is left to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Recovery {
+    /// Drive on at half speed by the last estimate.
+    Coast,
+    /// Stand and turn to this heading in the odometry frame, radians.
+    TurnTo(f64),
+    /// Stand: everything was looked at, or there is no way to look.
+    GiveUp,
+}
+
+/// How the loss goes on; forgotten at the first picture with a vanishing point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Recoverer {
+    search: Option<Search>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Search {
+    start_heading: f64,
+    step: u32,
+    has_arrived: bool,
+}
+
+/// What is known while nothing is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loss {
+    /// Seconds since the last picture with a vanishing point; infinite where there was none.
+    pub for_s: f64,
+    /// Metres driven since.
+    pub for_m: f64,
+    /// Heading in the odometry frame, radians; `None` without odometry.
+    pub heading: Option<f64>,
+    /// Whether a picture without a vanishing point was taken since the last call.
+    pub has_new_picture: bool,
+}
+
+impl Recoverer {
+    /// Something was found: the next loss starts afresh.
+    pub fn found(&mut self) {
+        self.search = None;
+    }
+
+    /// What to do now.
+    pub fn step(&mut self, loss: &Loss, rules: &Lost) -> Recovery {
+        if self.search.is_none() && loss.for_s <= rules.coast_s && loss.for_m <= rules.coast_m {
+            return Recovery::Coast;
+        }
+        let Some(heading) = loss.heading else { return Recovery::GiveUp };
+        let search =
+            self.search.get_or_insert(Search { start_heading: heading, step: 0, has_arrived: false });
+        let Some(offset) = search_offset(search.step, rules) else { return Recovery::GiveUp };
+        let target = search.start_heading + offset;
+        if search.has_arrived && loss.has_new_picture {
+            *search = Search { step: search.step + 1, has_arrived: false, ..*search };
+        } else if angle_difference(target, heading).abs() < ARRIVED_RAD {
+            search.has_arrived = true;
+        }
+        search_offset(search.step, rules)
+            .map_or(Recovery::GiveUp, |offset| Recovery::TurnTo(search.start_heading + offset))
+    }
+}
+
+/// Directions of the search relative to its start (rad): by steps to the left, then to the right, then back; `None` when
+/// all were looked at.
+fn search_offset(step: u32, rules: &Lost) -> Option<f64> {
+    let looks = (rules.search_deg / rules.step_deg).floor() as u32;
+    let (number, side) = if step < looks { (step + 1, 1.0) } else { (step + 1 - looks.min(step + 1), -1.0) };
+    match step {
+        _ if looks == 0 || step > 2 * looks => None,
+        _ if step == 2 * looks => Some(0.0),
+        _ => Some(side * f64::from(number) * rules.step_deg.to_radians()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn loss(for_s: f64, for_m: f64, heading: Option<f64>) -> Loss {
+        Loss { for_s, for_m, heading, has_new_picture: true }
+    }
+
+    #[test]
+    fn coasts_for_a_second_or_half_a_metre() {
+        let rules = Lost::default();
+        assert_eq!(Recoverer::default().step(&loss(0.9, 0.4, Some(0.0)), &rules), Recovery::Coast);
+        assert_ne!(Recoverer::default().step(&loss(1.1, 0.4, Some(0.0)), &rules), Recovery::Coast);
+        assert_ne!(Recoverer::default().step(&loss(0.9, 0.6, Some(0.0)), &rules), Recovery::Coast);
+        assert_eq!(Recoverer::default().step(&loss(f64::INFINITY, 0.0, None), &rules), Recovery::GiveUp);
+    }
+
+    #[test]
+    fn looks_to_both_sides_in_steps_and_gives_up() {
+        let rules = Lost::default();
+        let mut recoverer = Recoverer::default();
+        let (mut heading, mut seen) = (0.5, Vec::new());
+        for _ in 0..100 {
+            match recoverer.step(&loss(2.0, 0.0, Some(heading)), &rules) {
+                Recovery::TurnTo(target) => {
+                    let degrees = (target - 0.5).to_degrees().round();
+                    if seen.last() != Some(&degrees) {
+                        seen.push(degrees);
+                    }
+                    heading = target;
+                }
+                other => assert_eq!(other, Recovery::GiveUp),
+            }
+        }
+        assert_eq!(seen, [10.0, 20.0, 30.0, -10.0, -20.0, -30.0, 0.0]);
+        assert_eq!(recoverer.step(&loss(2.0, 0.0, Some(heading)), &rules), Recovery::GiveUp);
+        recoverer.found();
+        assert_eq!(recoverer.step(&loss(0.1, 0.0, Some(heading)), &rules), Recovery::Coast);
+    }
+
+    #[test]
+    fn waits_for_a_picture_taken_after_the_turn() {
+        let rules = Lost::default();
+        let mut recoverer = Recoverer::default();
+        let blind = Loss { has_new_picture: false, ..loss(2.0, 0.0, Some(0.0)) };
+        let Recovery::TurnTo(first) = recoverer.step(&blind, &rules) else { panic!("no search") };
+        for _ in 0..5 {
+            let there = Loss { heading: Some(first), ..blind };
+            assert_eq!(recoverer.step(&there, &rules), Recovery::TurnTo(first));
+        }
+        let looked = Loss { heading: Some(first), has_new_picture: true, ..blind };
+        assert_ne!(recoverer.step(&looked, &rules), Recovery::TurnTo(first));
+    }
+}
