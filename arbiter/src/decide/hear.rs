@@ -12,7 +12,7 @@ use super::state::{Bounds, Rule, State};
 pub(super) struct Hearing {
     /// Sequence and stamp of the newest proposal seen.
     last: (u64, u64),
-    /// Whether it has a live proposal other than to abstain.
+    /// Whether it has a live proposal other than to abstain, or a halt or limit still in force.
     pub active: bool,
     /// Whether it has a live drive proposal that nobody inhibits.
     pub drives: bool,
@@ -43,6 +43,7 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
             decision.rulings[slot] = Ruling { outcome, ..Ruling::SILENT };
             if restraint.expire(now) {
                 state.restraining.push(row as u16);
+                (hearing.active, hearing.named) = (true, restraint.axes().intersection(state.has));
             }
             continue;
         };
@@ -61,8 +62,6 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
                     restraint.assert(&assertion, proposal, &rule, now);
                 }
                 restraint.is_current = is_new || fault.is_none();
-                hearing.active = restraint.is_current;
-                hearing.named = assertion.axes().intersection(state.has);
                 fault.unwrap_or(if kind == Some(Kind::Halt) { Outcome::Halting } else { Outcome::Limiting })
             }
             _ => {
@@ -79,6 +78,10 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
         };
         if restraint.expire(now) {
             state.restraining.push(row as u16);
+            hearing.active = true;
+            if !hearing.drives {
+                hearing.named = restraint.axes().intersection(state.has);
+            }
         }
         decision.rulings[slot] = Ruling {
             outcome,

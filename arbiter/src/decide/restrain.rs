@@ -54,19 +54,15 @@ impl Default for Restraint {
     }
 }
 
-impl Assertion {
-    /// The axes concerned.
-    pub fn axes(&self) -> Axes {
-        match *self {
-            Assertion::Halt { axes, .. } | Assertion::Limit { axes, .. } | Assertion::Blind { axes } => axes,
-        }
-    }
-}
-
 impl Restraint {
+    /// Axes that it halts or limits.
+    pub fn axes(&self) -> Axes {
+        self.halted.union(self.limited)
+    }
+
     /// Whether anything is in force.
     pub fn any(&self) -> bool {
-        !self.halted.union(self.limited).is_empty()
+        !self.axes().is_empty()
     }
 
     /// A new halt or limit arrived at `now`. A sound one replaces what the author said before, as far as `hold` allows.
@@ -185,7 +181,7 @@ fn rule_on(restraint: &Restraint, counts: bool, limits: Twist, ruling: &mut supe
         (true, false, false) => Outcome::LimitElsewhere,
     };
     if ruling.won.is_empty() {
-        ruling.claimed = restraint.halted.union(restraint.limited);
+        ruling.claimed = restraint.axes();
     }
     if !halts {
         ruling.number =

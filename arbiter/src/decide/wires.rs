@@ -48,7 +48,7 @@ pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
         }
         match line.kind {
             WireKind::Inhibit => {
-                (what.drives, what.active) = (false, false);
+                (what.drives, what.active) = (false, state.restraints[line.what].any());
                 let ruling = &mut decision.rulings[usize::from(state.rules[line.what].slot)];
                 ruling.outcome = Outcome::Inhibited;
                 ruling.by = Some(state.rules[line.by].slot);

@@ -1,10 +1,19 @@
 //! The rules of arbitration, one test a rule.
 
+mod blends;
+mod drives;
+mod halts;
+mod limits;
+mod mistakes;
+mod safety;
+mod wires;
+mod words;
+
 use std::time::Duration;
 
 use yamabico_arbiter::decide::{Decision, State, decide, explain};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Mistake, Policy, Wire};
 use yamabico_arbiter::safety::Stop;
 use yamabico_core::message::{Axes, Kind, Mode, Outcome, Proposal, Reason, Sector, Twist, Verdict};
 use yamabico_core::sensor::MotionLimits;
@@ -112,23 +121,9 @@ fn two() -> Vec<BehaviourPolicy> {
     vec![BehaviourPolicy::new("high", 100), BehaviourPolicy::new("low", 10)]
 }
 
-#[test]
-fn the_highest_priority_drives_and_reaches_its_speed() {
-    let mut bench = Bench::differential(two());
-    bench.say(0, forward(0.3)).say(1, forward(0.6)).decide();
-    let decision = bench.go_on(ms(2000));
-    assert_eq!(decision.commanded, Twist::planar(0.3, 0.0));
-    assert_eq!((decision.mode, decision.source), (Mode::Driving, [Some(0), None, Some(0)]));
-    assert_eq!((bench.outcome(0), bench.outcome(1)), (Outcome::Won, Outcome::OutRanked));
-    assert_eq!(bench.decision.rulings[1].by, Some(0));
-    let _ = (explain(&bench.policy, &bench.decision), Contest::Blend, Verdict::default(), Kind::Halt);
-    let _ = (
-        Stop::Clock,
-        Sector::ALL,
-        Wire::inhibit(0, 1, TICK),
-        CriticalSensor { name: "x".into(), max_age: TICK },
-    );
-    let _ = (turn(0.1), slow(0.1), halt());
-    let _ = Bench::holonomic(two());
-    bench.after(TICK);
+/// Two behaviours, "high" at index 0 before "low" at index 1.
+fn two_with(change: impl FnOnce(&mut Policy)) -> Bench {
+    let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, two());
+    change(&mut policy);
+    Bench::new(policy)
 }

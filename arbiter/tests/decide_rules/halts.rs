@@ -1,0 +1,109 @@
+//! Halts, and how long they last.
+
+use super::*;
+
+/// Cruising at 0.5 m/s and 0.5 rad/s by "low".
+fn cruising(bench: &mut Bench) {
+    bench.say(1, Proposal::drive(Axes::PLANAR, Twist::planar(0.5, 0.5))).decide();
+    bench.go_on(ms(2000));
+    assert_eq!(bench.decision.commanded, Twist::planar(0.5, 0.5));
+}
+
+#[test]
+fn a_halt_of_the_lowest_priority_stops_the_highest_with_the_emergency_deceleration() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, forward(0.5)).decide();
+    bench.go_on(ms(2000));
+    bench.after(TICK).say(1, halt());
+    let decision = bench.decide().clone();
+    assert!((decision.commanded.linear - (0.5 - 2.0 * 0.02)).abs() < 1e-9);
+    assert_eq!((decision.mode, decision.halted, decision.emergency), (Mode::Halted, Axes::PLANAR, true));
+    assert_eq!((bench.outcome(0), bench.outcome(1)), (Outcome::Stopped, Outcome::Halting));
+    assert_eq!(bench.decision.rulings[0].by, Some(1));
+    assert_eq!(bench.go_on(ms(300)).commanded, Twist::ZERO);
+}
+
+#[test]
+fn a_halt_on_one_axis_leaves_the_others() {
+    let mut bench = Bench::differential(two());
+    cruising(&mut bench);
+    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo));
+    let decision = bench.go_on(ms(500));
+    assert_eq!(decision.commanded, Twist::planar(0.0, 0.5));
+    assert_eq!((bench.outcome(1), bench.decision.rulings[1].won), (Outcome::Won, Axes::ANGULAR));
+}
+
+#[test]
+fn the_authors_next_proposal_releases_it_but_not_before_hold_is_over() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, halt()).say(1, forward(0.5)).decide();
+    bench.after(ms(100)).say(0, Proposal::abstain(Reason::Clear)).decide();
+    assert_eq!((bench.decision.mode, bench.outcome(0)), (Mode::Halted, Outcome::Held));
+    bench.after(ms(400)).say(1, forward(0.5)).decide();
+    assert_eq!(bench.decision.mode, Mode::Halted);
+    bench.after(Duration::from_nanos(1)).decide();
+    assert_eq!((bench.decision.mode, bench.outcome(0)), (Mode::Driving, Outcome::Stale));
+}
+
+#[test]
+fn silence_is_no_release_until_hold_is_over() {
+    for slot_is_cleared in [true, false] {
+        let mut bench = Bench::differential(two());
+        bench.say(0, halt()).decide();
+        if slot_is_cleared {
+            bench.proposals[0] = None;
+        }
+        bench.after(ms(699)).say(1, forward(0.5)).decide();
+        assert_eq!((bench.decision.mode, bench.outcome(0)), (Mode::Halted, Outcome::Held));
+        bench.after(ms(2)).say(1, forward(0.5)).decide();
+        assert_eq!(bench.decision.mode, Mode::Driving);
+    }
+}
+
+#[test]
+fn the_halt_of_a_dead_critical_author_stays_until_it_is_back() {
+    let mut bench = two_with(|policy| {
+        policy.behaviours[0].critical = true;
+        policy.behaviours[0].deadline = Duration::from_secs(3600);
+    });
+    bench.say(0, halt()).decide();
+    bench.proposals[0] = None;
+    bench.after(Duration::from_secs(600)).say(1, forward(0.5)).decide();
+    assert_eq!(bench.decision.mode, Mode::Halted);
+    bench.say(0, Proposal::abstain(Reason::Clear)).decide();
+    assert_eq!(bench.decision.mode, Mode::Driving);
+}
+
+#[test]
+fn a_stale_or_malformed_halt_is_still_a_halt() {
+    for spoil in [
+        |p: Proposal, now: u64| Proposal { stamp_ns: now - 5_000_000_000, ..p },
+        |p: Proposal, now: u64| Proposal { evidence_ns: now - 5_000_000_000, ..p },
+        |p: Proposal, now: u64| Proposal { stamp_ns: now + 5_000_000_000, ..p },
+        |p: Proposal, _: u64| Proposal { axes: bytemuck::cast(0xffff_u32), ..p },
+        |p: Proposal, _: u64| Proposal { stamp_ns: u64::MAX, twist: Twist::planar(f64::NAN, 0.0), ..p },
+    ] {
+        let mut bench = Bench::differential(two());
+        let proposal = spoil(halt(), bench.now.0);
+        bench.say(0, proposal).say(1, forward(0.5)).decide();
+        assert_eq!((bench.decision.mode, bench.decision.halted), (Mode::Halted, Axes::PLANAR));
+    }
+}
+
+#[test]
+fn a_stale_proposal_releases_nothing() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, halt()).decide();
+    bench.after(ms(600));
+    let stamp_ns = bench.now.0 - 300_000_000;
+    bench.say(0, Proposal { stamp_ns, ..Proposal::abstain(Reason::Clear) }).say(1, forward(0.5)).decide();
+    assert_eq!((bench.decision.mode, bench.outcome(0)), (Mode::Halted, Outcome::Held));
+}
+
+#[test]
+fn a_sound_halt_of_other_axes_replaces_the_first() {
+    let mut bench = two_with(|policy| policy.behaviours[0].hold = ms(0));
+    bench.say(0, halt()).say(1, forward(0.5)).decide();
+    bench.after(TICK).say(0, Proposal::halt(Axes::LINEAR, Reason::Echo)).decide();
+    assert_eq!(bench.decision.halted, Axes::LINEAR);
+}

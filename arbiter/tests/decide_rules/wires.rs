@@ -1,0 +1,68 @@
+//! Inhibition, suppression and dwell.
+
+use super::*;
+
+#[test]
+fn the_inhibited_is_not_heard_while_the_other_is_active_and_hold_after() {
+    let mut bench = two_with(|policy| policy.wires = vec![Wire::inhibit(1, 0, ms(100))]);
+    bench.say(0, forward(0.3)).say(1, turn(0.5)).decide();
+    assert_eq!((bench.outcome(0), bench.decision.rulings[0].by), (Outcome::Inhibited, Some(1)));
+    assert_eq!(bench.decision.source, [None, None, Some(1)]);
+    bench.say(1, Proposal::abstain(Reason::Clear)).after(ms(99)).decide();
+    assert_eq!(bench.outcome(0), Outcome::Inhibited);
+    bench.after(ms(1)).decide();
+    assert_eq!(bench.outcome(0), Outcome::Won);
+}
+
+#[test]
+fn a_halt_passes_an_inhibition_and_is_active_itself() {
+    let mut bench = two_with(|policy| policy.wires = vec![Wire::inhibit(1, 0, ms(0))]);
+    bench.say(0, halt()).say(1, forward(0.5));
+    assert_eq!(bench.decide().mode, Mode::Halted);
+    let mut bench = two_with(|policy| policy.wires = vec![Wire::inhibit(0, 1, ms(0))]);
+    bench.say(0, slow(0.5)).say(1, forward(0.5)).decide();
+    assert_eq!(bench.outcome(1), Outcome::Inhibited);
+}
+
+#[test]
+fn suppression_takes_only_the_axes_that_the_other_claims_or_last_claimed() {
+    let mut bench = two_with(|policy| policy.wires = vec![Wire::suppress(1, 0, ms(100))]);
+    bench.say(0, forward(0.3).uncoupled()).say(1, turn(0.5)).decide();
+    assert_eq!(bench.decision.source, [Some(0), None, Some(1)]);
+    assert_eq!((bench.outcome(0), bench.decision.rulings[0].by), (Outcome::WonPart, Some(1)));
+    bench.say(1, Proposal::abstain(Reason::Clear)).after(ms(50)).decide();
+    assert_eq!(bench.decision.source, [Some(0), None, None]);
+    bench.say(0, turn(0.1)).decide();
+    assert_eq!(bench.outcome(0), Outcome::Suppressed);
+    bench.say(0, forward(0.3)).decide();
+    assert_eq!(bench.outcome(0), Outcome::GaveUp);
+}
+
+#[test]
+fn an_inhibited_behaviour_does_not_inhibit_others() {
+    let mut behaviours = two();
+    behaviours.push(BehaviourPolicy::new("middle", 50));
+    let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviours);
+    policy.wires = vec![Wire::inhibit(2, 1, ms(0)), Wire::inhibit(0, 2, ms(0))];
+    let mut bench = Bench::new(policy);
+    bench
+        .say(0, turn(0.5))
+        .say(2, forward(0.2))
+        .say(1, Proposal::drive(Axes::LINEAR, Twist::planar(0.4, 0.0)));
+    bench.decide();
+    assert_eq!((bench.outcome(2), bench.outcome(1)), (Outcome::Inhibited, Outcome::Won));
+}
+
+#[test]
+fn a_hand_over_waits_towards_a_lower_priority_only() {
+    let mut bench = two_with(|policy| policy.behaviours[0].dwell = ms(300));
+    bench.say(0, forward(0.3)).say(1, forward(0.6)).decide();
+    bench.say(0, Proposal::abstain(Reason::TooFewSegments)).after(ms(150));
+    bench.say(1, forward(0.6)).decide();
+    assert_eq!((bench.outcome(1), bench.decision.rulings[1].by), (Outcome::Waiting, Some(0)));
+    assert_eq!(bench.decision.wanted, Twist::ZERO);
+    bench.after(ms(150)).decide();
+    assert_eq!(bench.outcome(1), Outcome::Won);
+    bench.say(0, forward(0.3)).decide();
+    assert_eq!(bench.outcome(0), Outcome::Won);
+}

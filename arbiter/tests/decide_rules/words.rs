@@ -1,0 +1,36 @@
+//! Decisions as they travel and in words.
+
+use super::*;
+
+#[test]
+fn a_decision_travels_with_names() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, halt()).say(1, forward(0.5)).decide();
+    let command = bench.decision.command(&bench.policy);
+    assert_eq!((command.source[0].as_str(), command.source[1].as_str()), ("low", ""));
+    let header = bench.decision.header(&bench.policy);
+    assert_eq!(header.mode(), Some(Mode::Halted));
+    assert_eq!(header.note.as_str(), "high halts linear+angular");
+    let mut verdicts = [Verdict::default(); 3];
+    assert_eq!(bench.decision.write_verdicts(&bench.policy, &mut verdicts), 2);
+    assert_eq!((verdicts[0].behaviour.as_str(), verdicts[0].priority), ("high", 100));
+    assert_eq!((verdicts[1].by.as_str(), verdicts[1].outcome()), ("high", Some(Outcome::Stopped)));
+    assert_eq!(verdicts[1].kind, Kind::Drive.code());
+}
+
+#[test]
+fn an_explanation_has_a_line_an_axis_and_a_loser() {
+    let mut behaviours = two();
+    behaviours.push(BehaviourPolicy::new("guard", 1));
+    let mut bench = Bench::differential(behaviours);
+    bench.say(0, forward(0.5)).say(1, turn(0.5)).say(2, slow(0.2));
+    bench.decide();
+    assert_eq!(
+        explain(&bench.policy, &bench.decision).to_string(),
+        "driving at 10.000 s\n\
+         linear 0.01 m/s: high wants 0.50, guard allows 0.20, on the ramp to 0.20\n\
+         angular 0.00 rad/s: high wants 0.00\n\
+         low: out-ranked on angular, by high\n\
+         guard: limiting, linear to 0.20 (wall near)\n"
+    );
+}
