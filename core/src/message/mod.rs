@@ -52,6 +52,8 @@ pub trait Message: Pod + ZeroCopySend + Serialize + std::fmt::Debug + 'static {
     const CHANNEL: Channel;
     /// The capture stamp.
     fn stamp(&self) -> Time;
+    /// Counts up by one a message; a reader of a stream counts its losses by the gaps.
+    fn sequence(&self) -> u64;
     /// The oldest sensor data in it; the capture stamp for what a sensor measured itself.
     fn evidence(&self) -> Time {
         self.stamp()
@@ -60,9 +62,11 @@ pub trait Message: Pod + ZeroCopySend + Serialize + std::fmt::Debug + 'static {
 
 /// Declares a header: `repr(C)`, plain old data, with its versioned name, its channel and its items.
 macro_rules! message {
+    (@sequence $header:ident) => { $header.sequence };
+    (@sequence $header:ident $field:ident) => { $header.$field };
     (
         $(#[$meta:meta])*
-        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)?
+        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)? $(counted by $sequence:ident)?
         pub struct $ty:ident { $($body:tt)* }
     ) => {
         $(#[$meta])*
@@ -85,6 +89,9 @@ macro_rules! message {
             const CHANNEL: crate::message::Channel = crate::message::Channel::$channel;
             fn stamp(&self) -> crate::time::Time {
                 crate::time::Time(self.stamp_ns)
+            }
+            fn sequence(&self) -> u64 {
+                crate::message::message!(@sequence self $($sequence)?)
             }
             $(fn evidence(&self) -> crate::time::Time {
                 crate::time::Time(self.$evidence)

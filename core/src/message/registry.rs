@@ -11,10 +11,14 @@ pub struct MessageType {
     pub channel: Channel,
     /// Bytes of the header.
     pub header_size: usize,
+    /// Alignment of the header, bytes.
+    pub header_align: usize,
     /// Bytes of one item.
     pub item_size: usize,
     /// The stamps (capture, evidence) of a header given as bytes; zero where it has the wrong size.
     pub stamps: fn(header: &[u8]) -> (Time, Time),
+    /// The sequence number of a header given as bytes; zero where it has the wrong size.
+    pub sequence: fn(header: &[u8]) -> u64,
     /// Header and items as JSON; null where the sizes are wrong. A frame's pixels are left out.
     pub to_json: fn(header: &[u8], items: &[u8]) -> serde_json::Value,
 }
@@ -26,8 +30,10 @@ impl MessageType {
             name: M::NAME,
             channel: M::CHANNEL,
             header_size: size_of::<M>(),
+            header_align: align_of::<M>(),
             item_size: size_of::<M::Item>(),
             stamps: stamps::<M>,
+            sequence: sequence::<M>,
             to_json: to_json::<M>,
         }
     }
@@ -82,6 +88,10 @@ fn stamps<M: Message>(header: &[u8]) -> (Time, Time) {
     }
 }
 
+fn sequence<M: Message>(header: &[u8]) -> u64 {
+    bytemuck::try_pod_read_unaligned::<M>(header).map_or(0, |header| header.sequence())
+}
+
 fn to_json<M: Message>(header: &[u8], items: &[u8]) -> serde_json::Value {
     let Ok(header) = bytemuck::try_pod_read_unaligned::<M>(header) else { return serde_json::Value::Null };
     let mut json = serde_json::to_value(header).unwrap_or_default();
@@ -128,5 +138,12 @@ mod tests {
         let odometry = MessageType::of::<Odometry>();
         assert!((odometry.to_json)(&[1, 2, 3], &[]).is_null());
         assert_eq!((odometry.stamps)(&[]), (Time::ZERO, Time::ZERO));
+        assert_eq!((odometry.sequence)(&[1]), 0);
+    }
+
+    #[test]
+    fn a_sequence_is_read_from_bytes() {
+        let clock = Clock { step: 9, ..Default::default() };
+        assert_eq!((MessageType::of::<Clock>().sequence)(bytemuck::bytes_of(&clock)), 9);
     }
 }

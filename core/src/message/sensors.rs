@@ -155,7 +155,7 @@ message! {
 
 message! {
     /// The time of a run whose clock is not the machine's.
-    "yamabico.Clock.v1" Stream [u8]
+    "yamabico.Clock.v1" Stream [u8] counted by step
     pub struct Clock {
         /// The instant that began.
         pub stamp_ns: u64,

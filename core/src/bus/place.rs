@@ -1,0 +1,155 @@
+//! Where a running robot keeps its files, and the lock that lets only one process run it.
+
+use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::io::{Read, Seek, Write};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use super::BusError;
+
+/// The folder and the segments of one robot of one user.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    robot: String,
+    /// Private to the user; holds what the transport keeps in files.
+    pub(super) root: PathBuf,
+    /// Starts the name of every segment and socket; no robot's prefix starts another's.
+    pub(super) prefix: String,
+}
+
+/// Held as long as the robot runs; released by the kernel when the process dies.
+#[derive(Debug)]
+pub(super) struct Lock {
+    file: File,
+    path: PathBuf,
+}
+
+const SEGMENTS: &str = "/dev/shm";
+/// `sun_path` of a Unix socket without its closing zero.
+const LONGEST_SOCKET_PATH: usize = 107;
+/// Prefix, port id of at most 39 digits, and `.event`, behind a slash.
+const LONGEST_SOCKET_NAME: usize = 1 + 19 + 39 + 6;
+
+impl Place {
+    /// That of `robot` for this user.
+    pub(super) fn of(robot: &str) -> Result<Place, BusError> {
+        let bad = |problem: String| BusError::BadName { what: "robot", name: robot.into(), problem };
+        let fits = |c: u8| c.is_ascii_alphanumeric() || c == b'-' || c == b'_';
+        if robot.is_empty() || !robot.bytes().all(fits) {
+            return Err(bad("use letters, digits, `-` and `_`".into()));
+        }
+        let root = base()?.join(robot);
+        let room = LONGEST_SOCKET_PATH - LONGEST_SOCKET_NAME;
+        let len = root.as_os_str().len();
+        if len > room {
+            return Err(bad(format!("its folder {} is {} bytes too long", root.display(), len - room)));
+        }
+        let prefix = format!("yb{:016x}_", fnv1a(root.as_os_str().as_encoded_bytes()));
+        Ok(Place { robot: robot.into(), root, prefix })
+    }
+
+    /// Takes the robot's name; refused while another process has it.
+    pub(super) fn lock(&self) -> Result<Lock, BusError> {
+        let path = self.lock_path();
+        let failed = |doing, source| BusError::Files { doing, path: path.clone(), source };
+        if let Some(folder) = path.parent() {
+            DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(|e| failed("create the folder of", e))?;
+        }
+        loop {
+            let mut file = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(false)
+                .mode(0o600)
+                .open(&path)
+                .map_err(|e| failed("open", e))?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    return Err(BusError::AlreadyRunning { robot: self.robot.clone(), pid: pid_in(&mut file) });
+                }
+                Err(TryLockError::Error(e)) => return Err(failed("lock", e)),
+            }
+            // Its last owner may have removed the file between the opening and the locking.
+            let inode = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
+            if std::fs::metadata(&path).ok().map(inode) != file.metadata().ok().map(inode) {
+                continue;
+            }
+            file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(|e| failed("write", e))?;
+            return Ok(Lock { file, path });
+        }
+    }
+
+    /// The process that runs the robot, or ran it last; `None` where it ended cleanly or never ran.
+    pub(super) fn owner(&self) -> Option<u32> {
+        let pid = pid_in(&mut File::open(self.lock_path()).ok()?);
+        (pid != 0 && Path::new("/proc").join(pid.to_string()).exists()).then_some(pid)
+    }
+
+    /// Refuses to go on without a running robot.
+    pub(super) fn check_running(&self) -> Result<(), BusError> {
+        self.owner().map(|_| ()).ok_or_else(|| BusError::NotRunning { robot: self.robot.clone() })
+    }
+
+    /// Removes the root and every segment together: only under the lock, before the first node and after the last.
+    pub(super) fn wipe(&self) -> Result<(), BusError> {
+        match std::fs::remove_dir_all(&self.root) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                return Err(BusError::Files { doing: "clear", path: self.root.clone(), source });
+            }
+            _ => {}
+        }
+        for segment in self.segments() {
+            match std::fs::remove_file(&segment) {
+                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                    return Err(BusError::Files { doing: "remove", path: segment, source });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Every shared-memory segment of this robot.
+    pub(super) fn segments(&self) -> Vec<PathBuf> {
+        let Ok(folder) = std::fs::read_dir(SEGMENTS) else { return Vec::new() };
+        folder
+            .flatten()
+            .filter(|entry| entry.file_name().as_encoded_bytes().starts_with(self.prefix.as_bytes()))
+            .map(|entry| entry.path())
+            .collect()
+    }
+
+    fn lock_path(&self) -> PathBuf {
+        self.root.with_extension("lock")
+    }
+}
+
+impl Lock {
+    /// Gives the name back and leaves nothing behind.
+    pub(super) fn release(self) {
+        // Removed while still locked, so that no successor's file can be hit.
+        let _ = std::fs::remove_file(&self.path);
+        let _ = self.file.unlock();
+    }
+}
+
+fn pid_in(file: &mut File) -> u32 {
+    let mut text = String::new();
+    let _ = file.rewind();
+    let _ = file.read_to_string(&mut text);
+    text.trim().parse().unwrap_or(0)
+}
+
+fn base() -> Result<PathBuf, BusError> {
+    let absolute = |key| std::env::var_os(key).map(PathBuf::from).filter(|path| path.is_absolute());
+    if let Some(runtime) = absolute("XDG_RUNTIME_DIR") {
+        return Ok(runtime.join("yamabico"));
+    }
+    absolute("HOME").map(|home| home.join(".local/state/yamabico/run")).ok_or(BusError::NoPlace)
+}
+
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}

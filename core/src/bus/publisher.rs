@@ -1,0 +1,188 @@
+//! The sending end of a topic.
+
+use std::marker::PhantomData;
+
+use iceoryx2::port::LoanError;
+use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, Service, ipc, local};
+use iceoryx2::service::marker::CustomHeaderMarker;
+
+use super::world::{Topic, list_bytes};
+use super::{Bus, BusError};
+use crate::message::{Message, MessageType};
+
+/// Sends messages of type `M` on one topic. Belongs to one thread at a time.
+pub struct Publisher<M: Message> {
+    raw: RawPublisher,
+    message: PhantomData<fn(M)>,
+}
+
+impl<M: Message> Publisher<M> {
+    pub(super) fn new(raw: RawPublisher) -> Publisher<M> {
+        Publisher { raw, message: PhantomData }
+    }
+
+    /// Sends a header and its items to every subscriber.
+    ///
+    /// # Errors
+    /// [`BusError::TooLong`], or the transport failed.
+    pub fn publish(&self, header: &M, items: &[M::Item]) -> Result<(), BusError> {
+        self.raw.publish(bytemuck::bytes_of(header), bytemuck::cast_slice(items))
+    }
+
+    /// Sends a message whose `len` items are written by `fill` where the subscribers will read them. `fill` must write
+    /// every item: what it leaves out holds what lay there before.
+    ///
+    /// # Errors
+    /// [`BusError::TooLong`], or the transport failed.
+    pub fn publish_in_place(
+        &self,
+        header: &M,
+        len: usize,
+        fill: impl FnOnce(&mut [M::Item]),
+    ) -> Result<(), BusError> {
+        let bytes = len.saturating_mul(size_of::<M::Item>());
+        self.raw.publish_in_place(bytemuck::bytes_of(header), bytes, |bytes| fill(bytemuck::cast_slice_mut(bytes)))
+    }
+}
+
+/// Sends messages of a type that is known as a [`MessageType`] only. Belongs to one thread at a time.
+pub struct RawPublisher {
+    port: AnyPublisher,
+    message: MessageType,
+    topic: String,
+    most: usize,
+    // Behind the port, so that the world goes last.
+    _bus: Bus,
+}
+
+enum AnyPublisher {
+    Local(IoxPublisher<local::Service, [u8], CustomHeaderMarker>),
+    Ipc(IoxPublisher<ipc::Service, [u8], CustomHeaderMarker>),
+}
+
+#[allow(unsafe_code, reason = "the port counts references to itself only in the samples that it loans, without a lock; a \
+    loan ends within the call that made it, so that whoever moves the port moves the only reference; not Sync")]
+unsafe impl Send for RawPublisher {}
+
+/// The transport's port of a topic, as both services offer it.
+pub(super) fn port<S: Service>(
+    topic: &str,
+    factory: &Topic<S>,
+) -> Result<(IoxPublisher<S, [u8], CustomHeaderMarker>, usize), BusError> {
+    let most = list_bytes(factory);
+    let port = factory
+        .publisher_builder()
+        .initial_max_slice_len(most.max(1))
+        .allocation_strategy(AllocationStrategy::Static)
+        .max_loaned_samples(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .create();
+    match port {
+        Ok(port) => Ok((port, most)),
+        Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => Err(BusError::TooManyPublishers {
+            topic: topic.into(),
+            most: factory_publishers(factory),
+        }),
+        Err(e) => Err(BusError::transport("publish on", topic, e)),
+    }
+}
+
+fn factory_publishers<S: Service>(factory: &Topic<S>) -> usize {
+    use iceoryx2::prelude::PortFactory as _;
+    factory.static_config().max_publishers()
+}
+
+impl RawPublisher {
+    pub(super) fn open(bus: &Bus, topic: &str, message: &MessageType) -> Result<RawPublisher, BusError> {
+        use super::Kind;
+        let (port, most) = match &bus.0.kind {
+            Kind::Local(world) => world.with_topic(topic, message, |factory| {
+                port(topic, factory).map(|(port, most)| (AnyPublisher::Local(port), most))
+            }),
+            Kind::Ipc(world) => world.with_topic(topic, message, |factory| {
+                port(topic, factory).map(|(port, most)| (AnyPublisher::Ipc(port), most))
+            }),
+        }?;
+        Ok(RawPublisher { port, message: *message, topic: topic.into(), most, _bus: bus.clone() })
+    }
+
+    /// The topic.
+    pub fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    /// The longest list that the topic holds, bytes.
+    pub fn most_bytes(&self) -> usize {
+        self.most
+    }
+
+    /// Sends a header and its items, both as bytes, to every subscriber.
+    ///
+    /// # Errors
+    /// [`BusError::Malformed`] where the sizes are not the type's, [`BusError::TooLong`], or the transport failed.
+    pub fn publish(&self, header: &[u8], items: &[u8]) -> Result<(), BusError> {
+        self.publish_in_place(header, items.len(), |bytes| bytes.copy_from_slice(items))
+    }
+
+    /// Sends a message whose `len` bytes of items are written by `fill` where the subscribers will read them. `fill` must
+    /// write every byte: what it leaves out holds what lay there before.
+    ///
+    /// # Errors
+    /// As [`RawPublisher::publish`].
+    pub fn publish_in_place(
+        &self,
+        header: &[u8],
+        len: usize,
+        fill: impl FnOnce(&mut [u8]),
+    ) -> Result<(), BusError> {
+        self.check(header, len)?;
+        match &self.port {
+            AnyPublisher::Local(port) => self.send(port, header, len, fill),
+            AnyPublisher::Ipc(port) => self.send(port, header, len, fill),
+        }
+    }
+
+    fn send<S: Service>(
+        &self,
+        port: &IoxPublisher<S, [u8], CustomHeaderMarker>,
+        header: &[u8],
+        len: usize,
+        fill: impl FnOnce(&mut [u8]),
+    ) -> Result<(), BusError> {
+        let mut sample = port.loan_slice_uninit(len).map_err(|e| match e {
+            LoanError::ExceedsMaxLoanSize => self.too_long(len),
+            e => BusError::transport("publish on", &self.topic, e),
+        })?;
+        let user_header = std::ptr::from_mut(sample.user_header_mut()).cast::<u8>();
+        #[allow(unsafe_code, reason = "the service's description gives the header this size; checked against `header`")]
+        unsafe {
+            std::ptr::copy_nonoverlapping(header.as_ptr(), user_header, header.len());
+        }
+        let items = sample.payload_mut();
+        #[allow(unsafe_code, reason = "bytes of a mapped segment, zeroed by the kernel or left by an earlier message")]
+        let items = unsafe { std::slice::from_raw_parts_mut(items.as_mut_ptr().cast::<u8>(), items.len()) };
+        fill(items);
+        #[allow(unsafe_code, reason = "header and items are bytes, for which every value is valid")]
+        let sample = unsafe { sample.assume_init() };
+        sample.send().map_err(|e| BusError::transport("publish on", &self.topic, e))?;
+        Ok(())
+    }
+
+    fn check(&self, header: &[u8], len: usize) -> Result<(), BusError> {
+        let malformed = |problem| BusError::Malformed { topic: self.topic.clone(), message: self.message.name, problem };
+        if header.len() != self.message.header_size {
+            let (is, should) = (header.len(), self.message.header_size);
+            return Err(malformed(format!("its header has {should} bytes, not {is}")));
+        }
+        if len % self.message.item_size != 0 {
+            let size = self.message.item_size;
+            return Err(malformed(format!("its items have {size} bytes each, so no list has {len}")));
+        }
+        if len > self.most { Err(self.too_long(len)) } else { Ok(()) }
+    }
+
+    fn too_long(&self, len: usize) -> BusError {
+        BusError::TooLong { topic: self.topic.clone(), most: self.most, len }
+    }
+}
