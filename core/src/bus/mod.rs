@@ -10,6 +10,7 @@
 //!   shared: they count without locks. Received samples stay with their port.
 //! - A `Latest` channel keeps the newest value, also for late subscribers. A `Stream` keeps [`STREAM_DEPTH`] messages; the
 //!   oldest are overwritten, and the gap in the sequence numbers tells how many.
+//! - A publisher's messages go with it: what nobody received before it was dropped is gone.
 //! - Nothing here cleans up after dead processes but the wipe at the supervisor's start and end: the processes of a
 //!   running robot that die are the supervisor's to clean up, on its own node, and iceoryx2's clean-up switches are off.
 
@@ -92,7 +93,8 @@ impl Bus {
     /// The supervisor's bus of the robot of this name, in shared memory. Clears what an earlier run left behind, and keeps
     /// the name until the last handle and port of it are gone; then nothing is left.
     ///
-    /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `$HOME/.local/state/yamabico/run`, private to the user.
+    /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `$HOME/.yamabico`, private to the user. Sockets among them
+    /// limit the length of the path, and so that of the robot's name.
     ///
     /// # Errors
     /// [`BusError::AlreadyRunning`] where another process runs a robot of this name; [`BusError::BadName`]; folders that

@@ -28,7 +28,9 @@ const SEGMENTS: &str = "/dev/shm";
 /// `sun_path` of a Unix socket without its closing zero.
 const LONGEST_SOCKET_PATH: usize = 107;
 /// Prefix, port id of at most 39 digits, and `.event`, behind a slash.
-const LONGEST_SOCKET_NAME: usize = 1 + 19 + 39 + 6;
+const LONGEST_SOCKET_NAME: usize = 1 + PREFIX_LEN + 39 + 6;
+/// `y`, ten digits of base 36, `_`.
+const PREFIX_LEN: usize = 12;
 
 impl Place {
     /// That of `robot` for this user.
@@ -44,7 +46,7 @@ impl Place {
         if len > room {
             return Err(bad(format!("its folder {} is {} bytes too long", root.display(), len - room)));
         }
-        let prefix = format!("yb{:016x}_", fnv1a(root.as_os_str().as_encoded_bytes()));
+        let prefix = prefix(fnv1a(root.as_os_str().as_encoded_bytes()));
         Ok(Place { robot: robot.into(), root, prefix })
     }
 
@@ -147,7 +149,16 @@ fn base() -> Result<PathBuf, BusError> {
     if let Some(runtime) = absolute("XDG_RUNTIME_DIR") {
         return Ok(runtime.join("yamabico"));
     }
-    absolute("HOME").map(|home| home.join(".local/state/yamabico/run")).ok_or(BusError::NoPlace)
+    absolute("HOME").map(|home| home.join(".yamabico")).ok_or(BusError::NoPlace)
+}
+
+fn prefix(mut hash: u64) -> String {
+    let mut prefix = String::from("y");
+    for _ in 0..PREFIX_LEN - 2 {
+        prefix.push(char::from(b"0123456789abcdefghijklmnopqrstuvwxyz"[(hash % 36) as usize]));
+        hash /= 36;
+    }
+    prefix + "_"
 }
 
 fn fnv1a(bytes: &[u8]) -> u64 {
