@@ -1,0 +1,86 @@
+//! A decision allocates nothing.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::time::Duration;
+
+use yamabico_arbiter::decide::{Decision, State, decide};
+use yamabico_arbiter::kinematics::Kinematics;
+use yamabico_arbiter::policy::{BehaviourPolicy, Contest, Policy, Wire};
+use yamabico_core::message::{Axes, Proposal, Reason, Sector, Twist, Verdict};
+use yamabico_core::sensor::MotionLimits;
+use yamabico_core::time::Time;
+
+/// Counts what the thread asks for.
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
+
+#[allow(unsafe_code, reason = "passes every call on to the system's allocator")]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.set(COUNT.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.set(COUNT.get() + 1);
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn proposal(i: usize, tick: u64) -> Option<Proposal> {
+    let ahead = Sector { centre_rad: 0.1, half_width_rad: 1.0 };
+    let proposal = match (i as u64 + tick) % 6 {
+        0 => Proposal::halt(Axes::ANGULAR, Reason::Echo),
+        1 => Proposal::limit(Axes::LINEAR, Twist::planar(0.3, 0.0), Reason::WallNear).in_sector(ahead),
+        2 => Proposal::abstain(Reason::Clear),
+        3 => return None,
+        4 => Proposal::drive(Axes::PLANAR, Twist::planar(f64::NAN, 0.0)),
+        _ => Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.1)),
+    };
+    let stamp = tick * 20_000_000;
+    Some(Proposal { sequence: tick, stamp_ns: stamp, evidence_ns: stamp, ..proposal })
+}
+
+#[test]
+fn a_decision_and_its_messages_allocate_nothing() {
+    let behaviours = (0..64).map(|i| {
+        BehaviourPolicy::new(&format!("b{i}"), i / 2)
+            .with_hold(Duration::from_millis(50))
+            .with_dwell(Duration::from_millis(30))
+    });
+    let mut policy = Policy::new(
+        MotionLimits::default(),
+        Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 10.0 },
+        behaviours.collect(),
+    );
+    policy.contest = Contest::Blend;
+    policy.wires = (0..32).map(|i| Wire::suppress(i, i + 32, Duration::from_millis(40))).collect();
+    let mut state = State::new(&policy);
+    let mut decision = Decision::new(&policy);
+    let mut proposals = vec![None; 64];
+    let mut verdicts = vec![Verdict::default(); 64];
+
+    assert!(COUNT.get() > 0);
+    let before = COUNT.get();
+    for tick in 1..500 {
+        for (i, slot) in proposals.iter_mut().enumerate() {
+            *slot = proposal(i, tick);
+        }
+        decide(&policy, &mut state, &proposals, Time(tick * 20_000_000), &mut decision);
+        decision.command(&policy);
+        decision.header(&policy);
+        decision.write_verdicts(&policy, &mut verdicts);
+    }
+    assert_eq!(COUNT.get() - before, 0);
+}
