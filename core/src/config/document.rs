@@ -129,43 +129,9 @@ pub(crate) fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> O
     if errors.is_empty() {
         return Some(Reader { source, problems }.table(root.get_ref()));
     }
-    let mut last_line = None;
-    for error in errors {
-        let range = error.span().unwrap_or(0..0);
-        let line = text.as_bytes().iter().take(range.start).filter(|&&byte| byte == b'\n').count();
-        if last_line.replace(line) != Some(line) {
-            let span = Span { source, start: range.start, end: range.end };
-            problems.push(grammar_problem(span, error.message(), text));
-        }
-    }
+    let grammar = errors.iter().map(|error| (error.span().unwrap_or(0..0), error.message()));
+    super::grammar::explain(text, source, grammar, problems);
     None
-}
-
-fn grammar_problem(span: Span, message: &str, text: &str) -> Problem {
-    let line_start = text[..span.start.min(text.len())].rfind('\n').map_or(0, |at| at + 1);
-    let line = text[line_start..].lines().next().unwrap_or("").trim();
-    let problem = Problem::new(span, "this is not TOML").label(message.to_owned());
-    if message.contains("duplicate key") {
-        return Problem::new(span, "this key is set twice")
-            .label("a second time here")
-            .help("keep one of them");
-    }
-    if line.starts_with('[') && !line.contains('=') && !line.ends_with(']') {
-        return problem.help("a table begins with its name in brackets on a line of its own: [arbiter]");
-    }
-    if let Some((key, value)) = line.split_once('=') {
-        let value = value.trim();
-        let bare = !value.is_empty()
-            && value.chars().all(|c| c.is_alphanumeric() || "-_./".contains(c))
-            && value.starts_with(char::is_alphabetic);
-        if bare {
-            return problem.help(format!("text stands in quotes: {} = \"{value}\"", key.trim()));
-        }
-        if value.is_empty() {
-            return problem.help(format!("a value is missing: {} = ...", key.trim()));
-        }
-    }
-    problem.help("a line is `key = value`, `[table]` or `# comment`")
 }
 
 /// The first byte of what looks like a key with too many parts.

@@ -45,9 +45,12 @@ pub(crate) fn read_inputs(
     let none = Table::default();
     let table = entry.node.as_table().unwrap_or(&none);
     let inputs = table.table("inputs").unwrap_or(&none);
+    let mut suggested = Vec::new();
     for input in &inputs.entries {
         if !plugin.inputs.iter().any(|slot| slot.name == input.key) {
             let slots = plugin.inputs.iter().map(|slot| slot.name);
+            suggested.extend(nearest(&input.key, slots.clone()));
+
             problems.push(
                 Problem::new(input.key_span, format!("`{}` has no input `{}`", plugin.name, input.key))
                     .label("unknown")
@@ -67,7 +70,9 @@ pub(crate) fn read_inputs(
                     Err(problem) => problems.push(*problem),
                 }
             }
-            None if slot.required => problems.push(missing(header, entry, slot, sources)),
+            None if slot.required && !suggested.contains(&slot.name) => {
+                problems.push(missing(header, entry, slot, sources))
+            }
             None => {}
         }
     }
@@ -167,11 +172,13 @@ fn no_sensor(text: &str, span: Span, entry: &Entry, slot: &SlotInfo, sources: &S
     }
     let names = sources.sensor_names();
     let fitting = sources.giving(&slot.message);
+    let fitting: Vec<&str> = fitting.iter().map(String::as_str).collect();
+    if let Some(name) = nearest(text, fitting.iter().copied()) {
+        return problem.help(format!("did you mean `{name}`?"));
+    }
     match (nearest(text, names.iter().copied()), fitting.is_empty()) {
-        (None, false) => {
-            let fitting: Vec<&str> = fitting.iter().map(String::as_str).collect();
-            problem.help(format!("what fits into `{}`: {}", slot.name, quoted(&fitting)))
-        }
+        (None, false) => problem.help(format!("what fits into `{}`: {}", slot.name, quoted(&fitting))),
+
         _ => problem.help(instead(text, names, "sensor")),
     }
 }

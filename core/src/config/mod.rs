@@ -5,7 +5,10 @@
 //! Whatever a plugin takes is checked against its JSON Schema, so that [`describe`], [`schema`] and the diagnostics say
 //! the same. Nothing here opens a device.
 
+mod describe;
 mod document;
+mod grammar;
+mod graph;
 mod inputs;
 mod load;
 mod nearest;
@@ -16,18 +19,22 @@ mod problem;
 mod read_robot;
 mod read_task;
 mod robot;
+mod schema;
 mod schema_check;
 mod tables;
 mod task;
 mod units;
 mod wires;
 
+pub use describe::{Description, Listed, Listing, Parameter, Port, describe, list};
+pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
 pub use overrides::Overrides;
 pub use places::Part;
 pub use plugins::Plugins;
 pub use problem::{Entry, Problems, Style};
 pub use robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
+pub use schema::{robot_schema, schema, task_schema};
 pub use tables::{Isolation, Policy};
 pub use task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task, Wire};
 pub use units::unit_of;

@@ -10,10 +10,10 @@ pub(crate) fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>)
         if name == wrong {
             return 2.0;
         }
-        if long_enough && (name.starts_with(&wrong) || wrong.starts_with(&name)) {
-            return 1.0;
-        }
-        strsim::jaro_winkler(&wrong, &name).min(0.2 + strsim::normalized_damerau_levenshtein(&wrong, &name))
+        let begins = long_enough && (name.starts_with(&wrong) || wrong.starts_with(&name));
+        let letters = strsim::jaro_winkler(&wrong, &name)
+            .min(0.2 + strsim::normalized_damerau_levenshtein(&wrong, &name));
+        if begins { letters.max(0.8) } else { letters }
     };
     names
         .into_iter()
@@ -32,7 +32,7 @@ pub(crate) fn instead<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>,
     names.sort_unstable();
     names.dedup();
     match names.as_slice() {
-        [] => format!("there is no {what}"),
+        [] => format!("there is no {what} to choose from"),
         [one] => format!("the only {what} is `{one}`"),
         many => format!("there are: {}", quoted(many)),
     }
@@ -55,11 +55,12 @@ mod tests {
         assert_eq!(nearest("max_age", names), Some("max_age_ms"));
         assert_eq!(nearest("max-age-ms", names), Some("max_age_ms"));
         assert_eq!(nearest("gain", names), None);
+        assert_eq!(nearest("front-sonr", ["front", "front-sonar"]), Some("front-sonar"));
     }
 
     #[test]
     fn without_a_near_name_all_are_told() {
         assert_eq!(instead("zzz", ["b", "a"], "sensor"), "there are: `a`, `b`");
-        assert_eq!(instead("zzz", [], "sensor"), "there is no sensor");
+        assert_eq!(instead("zzz", [], "sensor"), "there is no sensor to choose from");
     }
 }

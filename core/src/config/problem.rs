@@ -153,16 +153,18 @@ impl Problems {
             Some((span.source, source.range(span)))
         };
         let Some(span) = place(problem.span) else { return format!("Error: {}\n", problem.message) };
-        let mut report = Report::build(ReportKind::Error, span.clone())
+        let mut labels = vec![(problem.span, &problem.label, ariadne::Color::Red)];
+        labels.extend(problem.also.iter().map(|(span, label)| (*span, label, ariadne::Color::Yellow)));
+        // Labels of one file in the order of its lines share one picture of it.
+        labels.sort_by_key(|(span, ..)| (span.source != problem.span.source, *span));
+        let labels = labels.into_iter().filter_map(|(span, label, colour)| {
+            Some(Label::new(place(span)?).with_message(label).with_color(colour))
+        });
+        let mut report = Report::build(ReportKind::Error, span)
             .with_config(config)
             .with_message(&problem.message)
-            .with_label(Label::new(span).with_message(&problem.label).with_color(ariadne::Color::Red));
-        for (span, label) in &problem.also {
-            if let Some(span) = place(*span) {
-                report = report
-                    .with_label(Label::new(span).with_message(label).with_color(ariadne::Color::Yellow));
-            }
-        }
+            .with_labels(labels);
+
         if let Some(help) = &problem.help {
             report = report.with_help(help);
         }

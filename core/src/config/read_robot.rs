@@ -67,7 +67,7 @@ pub(crate) fn read_robot(
     let axes = drive.as_ref().map_or(Axes::ALL, |drive| drive.axes);
     let robot = Robot {
         name: keys.name.unwrap_or_default(),
-        radius_m: keys.footprint.radius_m.unwrap_or(0.25),
+        radius_m: keys.footprint.unwrap_or_default().radius_m.unwrap_or_default(),
         limits: motion_limits(&keys.limits, axes),
         axes,
     };

@@ -123,7 +123,7 @@ fn read_behavior<'a>(
         let names = plugins.behaviors.iter().map(|plugin| plugin.name);
         let mut help = instead(name, names, "behaviour");
         if named.is_none() {
-            help.push_str("; a table of another name says which behaviour it is: type = \"...\"");
+            help.push_str(" (a table of another name says which behaviour it is: type = \"...\")");
         }
         problems
             .push(Problem::new(span, format!("there is no behaviour `{name}`")).label("unknown").help(help));
@@ -207,7 +207,10 @@ impl Draft<'_> {
         if !plugin.claims.is_empty() && plugin.claims.intersection(drive.axes).is_empty() {
             problems.push(
                 Problem::new(self.entry.node.span, format!("`{}` can never win", self.entry.key))
-                    .label(format!("it drives {}, and this robot's drive has {}", plugin.claims, drive.axes))
+                    .label(format!(
+                        "it drives {} only, and this robot's drive has {}",
+                        plugin.claims, drive.axes
+                    ))
                     .help("take the behaviour away, or take a robot with such a drive"),
             );
         }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::Value as Json;
 
 use super::document::{Node, Table, Value};
-use super::nearest::{instead, quoted};
+use super::nearest::{instead, nearest, quoted};
 use super::problem::{Problem, Span};
 use super::units::{meant, number, unit_of};
 
@@ -118,26 +118,39 @@ pub(crate) fn check_table(
 ) {
     let shapes: Vec<Shape<'_>> = shapes.iter().map(|shape| shape.resolved()).collect();
     let known: Vec<(&str, Shape<'_>)> = shapes.iter().flat_map(|shape| shape.properties()).collect();
+    let mut suggested = BTreeSet::new();
     for entry in &table.entries {
         let property = known.iter().find(|(key, _)| *key == entry.key).map(|(_, shape)| *shape);
         let free = || shapes.iter().find_map(|shape| shape.free_keys());
         match property.or_else(free) {
             Some(shape) => check_value(&entry.key, &entry.node, shape, owner, problems),
-            None => problems.push(
-                Problem::new(entry.key_span, format!("unknown key `{}`", entry.key))
-                    .label(format!("{owner} has no such key"))
-                    .help(instead(&entry.key, known.iter().map(|(key, _)| *key), "key")),
-            ),
+            None => {
+                let absent = known.iter().map(|(key, _)| *key).filter(|key| table.entry(key).is_none());
+                let help = match nearest(&entry.key, absent) {
+                    Some(key) => {
+                        suggested.insert(key);
+                        format!("did you mean `{key}`?")
+                    }
+                    None => instead(&entry.key, known.iter().map(|(key, _)| *key), "key"),
+                };
+                problems.push(
+                    Problem::new(entry.key_span, format!("unknown key `{}`", entry.key))
+                        .label(format!("{owner} has no such key"))
+                        .help(help),
+                );
+            }
         }
     }
     for shape in &shapes {
         for key in shape.required() {
-            if table.entry(key).is_none() {
+            if table.entry(key).is_none() && !suggested.contains(key) {
                 let property = known.iter().find(|(name, _)| *name == key).map(|(_, shape)| *shape);
                 problems.push(
                     Problem::new(header, format!("`{key}` is missing"))
                         .label(format!("{owner} needs it"))
-                        .help(property.map_or(format!("add {key} = ..."), |shape| example(key, shape))),
+                        .help(
+                            property.map_or(format!("add {key} = ..."), |shape| example(key, shape, header)),
+                        ),
                 );
             }
         }
@@ -145,11 +158,17 @@ pub(crate) fn check_table(
 }
 
 /// How to write a key that is missing.
-fn example(key: &str, shape: Shape<'_>) -> String {
+fn example(key: &str, shape: Shape<'_>, header: Span) -> String {
     let about = shape.text("description").or(shape.resolved().text("description"));
     let about = about.map_or(String::new(), |text| format!("  # {}", first_sentence(text)));
     let shape = shape.resolved();
     let words = shape.words();
+    let is_top = header.start == header.end;
+    if is_top && shape.types() == ["object"] {
+        let free = shape.properties().is_empty() && shape.free_keys().is_some();
+        let every = if free { ".NAME" } else { "" };
+        return format!("add a table [{key}{every}]{about}");
+    }
     let value = match (words.first(), shape.types().first()) {
         (Some(word), _) => format!("\"{word}\""),
         (None, Some(&"string")) => "\"...\"".to_owned(),
@@ -293,8 +312,9 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
         Value::Text(text) if wants("number") && text.trim().parse::<f64>().is_ok() => {
             problem.help(format!("without the quotes: {key} = {}", text.trim()))
         }
-        Value::Text(text) if wants("boolean") && matches!(text.as_str(), "true" | "false") => {
-            problem.help(format!("without the quotes: {key} = {text}"))
+        Value::Text(text) if wants("boolean") => {
+            let on = matches!(text.to_lowercase().as_str(), "true" | "yes" | "on" | "1");
+            problem.help(format!("without quotes: {key} = {on}"))
         }
         Value::Whole(_) | Value::Number(_) | Value::Switch(_) if wants("string") => {
             problem.help(format!("text stands in quotes: {key} = \"{}\"", node.to_toml()))
@@ -305,7 +325,7 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
         _ => match default {
             Some(default) => problem.help(format!("write, for example, {key} = {default}{unit}")),
             None if wants("number") || wants("integer") => {
-                problem.help(format!("write {key} = and a number{unit}"))
+                problem.help(format!("write the number alone{unit}: {key} = ..."))
             }
             None => problem,
         },
@@ -376,7 +396,13 @@ fn check_items(
     let every = shape.part.get("items").filter(|part| part.is_object());
     for (index, item) in items.iter().enumerate() {
         if let Some(part) = tuple.and_then(|parts| parts.get(index)).or(every) {
+            let before = problems.len();
             check_value(key, item, shape.at(part), owner, problems);
+            for problem in problems[before..].iter_mut().filter(|problem| problem.span == item.span) {
+                let (name, item) = (format!("`{key}`"), format!("item {} of `{key}`", index + 1));
+                problem.message = problem.message.replacen(&name, &item, 1);
+                problem.help = problem.help.take().map(|help| help.replace(&format!("{key} = "), ""));
+            }
         }
     }
 }

@@ -19,9 +19,8 @@ pub(crate) struct TaskKeys {
     #[serde(default)]
     pub arbiter: ArbiterKeys,
     /// The behaviours by name.
-    #[serde(default)]
     #[schemars(required)]
-    pub behaviors: BTreeMap<String, Keys>,
+    pub behaviors: Option<BTreeMap<String, Keys>>,
     /// Wires: while one behaviour is active, another is not heard at all.
     #[serde(default)]
     pub inhibit: Vec<WireKeys>,
@@ -108,12 +107,13 @@ pub enum Isolation {
 /// The keys that every behaviour has, beside its own.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(default)]
+#[schemars(extend("required" = ["priority"]))]
 pub(crate) struct BehaviorKeys {
     /// Which behaviour; without it, the one that the table is named after.
     #[serde(rename = "type")]
     pub kind: Option<String>,
     /// Who wins an axis; higher wins.
-    #[schemars(required, range(min = -1_000_000, max = 1_000_000))]
+    #[schemars(range(min = -1_000_000, max = 1_000_000))]
     pub priority: Option<i32>,
     /// Whether its silence stops the robot.
     pub critical: bool,
@@ -191,23 +191,20 @@ pub(crate) struct RobotKeys {
     #[schemars(required)]
     pub name: Option<String>,
     /// The room that the robot takes.
-    #[serde(default)]
     #[schemars(required)]
-    pub footprint: FootprintKeys,
+    pub footprint: Option<FootprintKeys>,
     /// What the drive can do.
     #[serde(default)]
     pub limits: LimitsKeys,
     /// The devices by name.
-    #[serde(default)]
     #[schemars(required)]
-    pub devices: BTreeMap<String, Keys>,
+    pub devices: Option<BTreeMap<String, Keys>>,
     /// The sensors by name.
     #[serde(default)]
     pub sensors: BTreeMap<String, Keys>,
     /// What moves the robot.
-    #[serde(default)]
     #[schemars(required)]
-    pub drive: Keys,
+    pub drive: Option<Keys>,
 }
 
 /// The room that the robot takes.

@@ -126,6 +126,7 @@ fn check_target(
                 .also(target.span, "critical = true here")
                 .help("take the wire away, or `critical` if the robot is safe without it"),
         );
+        return;
     }
     let Some(plugin) = target.plugin else { return };
     if plugin.claims.is_empty() {

@@ -1,6 +1,9 @@
 //! The configuration: what a right one means, and what is said about a wrong one.
 
 mod fakes;
+mod fuzz;
+mod overrides;
+mod tools;
 
 use std::time::Duration;
 
@@ -29,4 +32,38 @@ fn a_right_configuration_is_read_in_si_units() {
     assert_eq!(specs[0].1.sensors.len(), 4);
     assert_eq!(specs[0].1.drive.as_ref().unwrap().kind, "differential");
     assert_eq!(specs[0].1.table.to_string(), "world = \"hallway.toml\"\n");
+}
+
+/// Every file in `tests/broken`, each against the text that is kept for it.
+#[test]
+fn every_broken_configuration_is_refused_in_words() {
+    let mut names: Vec<String> = std::fs::read_dir("tests/broken")
+        .unwrap()
+        .filter_map(|file| {
+            file.unwrap().file_name().into_string().unwrap().strip_suffix(".toml").map(str::to_owned)
+        })
+        .collect();
+    names.sort();
+    assert!(names.len() >= 25, "{names:?}");
+    for name in names {
+        let problems = check(&format!("tests/broken/{name}.toml")).expect_err(&name);
+        assert!(!problems.is_empty(), "{name}: refused without a reason");
+        insta::with_settings!({ prepend_module_to_snapshot => false, omit_expression => true, snapshot_path => "../broken/said" }, {
+            insta::assert_snapshot!(name, problems.to_string());
+        });
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_is_told_with_its_neighbours() {
+    let problems = check("tests/valid/halway.toml").unwrap_err();
+    insta::assert_snapshot!(problems.to_string());
+    insta::assert_snapshot!(check("tests/nowhere/hallway.toml").unwrap_err().to_string());
+    insta::assert_snapshot!(check("tests/valid").unwrap_err().to_string());
+}
+
+#[test]
+fn mistakes_are_data_too() {
+    let entries = check("tests/broken/unknown_key.toml").unwrap_err().entries();
+    insta::assert_snapshot!(serde_json::to_string_pretty(&entries).unwrap());
 }

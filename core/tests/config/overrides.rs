@@ -1,0 +1,64 @@
+//! `--set` and `--robot`.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use yamabico_core::config::{Overrides, Policy, Problems, Task, load};
+
+use crate::fakes::PLUGINS;
+
+fn with(set: &[&str]) -> Result<Task, Problems> {
+    let set = set.iter().map(|&text| text.to_owned()).collect();
+    load(Path::new("tests/valid/hallway.toml"), &Overrides { robot: None, set }, &PLUGINS)
+}
+
+#[test]
+fn values_of_both_files_change() {
+    let task = with(&[
+        "behaviors.sonar-halt.gate_m=0.7",
+        "behaviors.wall-follower.side = right",
+        "arbiter.policy=blend",
+        "run.goal={ x_m = 3, y_m = 1, tolerance_m = 0.5 }",
+        "run.duration_s = 5",
+        "behaviors.cruise.inputs.camera=front",
+        "robot.sensors.front.rate_hz=20",
+        "robot.name=\"other\"",
+    ])
+    .unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(task.behavior("sonar-halt").unwrap().table["gate_m"].as_float(), Some(0.7));
+    assert_eq!(task.behavior("wall-follower").unwrap().table["side"].as_str(), Some("right"));
+    assert_eq!(task.arbiter.policy, Policy::Blend);
+    assert_eq!(task.run.goal.unwrap().x_m, 3.0);
+    assert_eq!(task.run.duration, Some(Duration::from_secs(5)));
+    assert_eq!(task.robot.robot.name, "other");
+    assert_eq!(task.robot.sensor("front").unwrap().info.period_s, 0.05);
+}
+
+#[test]
+fn another_robot_is_taken() {
+    let overrides = Overrides { robot: Some(PathBuf::from("tests/valid/robots/sim.toml")), set: Vec::new() };
+    let task = load(Path::new("tests/broken/robot_file_missing.toml"), &overrides, &PLUGINS);
+    assert_eq!(task.unwrap().robot.path, Path::new("tests/valid/robots/sim.toml"));
+}
+
+#[test]
+fn wrong_overrides_are_told_like_wrong_files() {
+    let problems = with(&[
+        "behaviors.sonar-halt.gate_m",
+        "behaviors.sonar-halt.gate_m=far",
+        "behaviors.sonar-hault.gate_m=0.5",
+        "behaviors..gate_m=0.5",
+        "robot.limits.max_linear_mps=1000",
+        "run.goal.x_m.y=1",
+        "arbiter.policy.kind=strict",
+        "arbitre.rate_hz=50",
+        "inhibit=[{ by = \"cruise\" }]",
+        "run.duration_s=[1",
+        "run.duration_s=",
+    ])
+    .unwrap_err();
+    insta::assert_snapshot!(problems.to_string());
+    let overrides = Overrides { robot: Some(PathBuf::from("tests/valid/robots/sin.toml")), set: Vec::new() };
+    let problems = load(Path::new("tests/valid/hallway.toml"), &overrides, &PLUGINS).unwrap_err();
+    insta::assert_snapshot!(problems.to_string());
+}
