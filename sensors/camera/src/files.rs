@@ -1,0 +1,157 @@
+//! Which files make a sequence, and whether each can be one of its pictures.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+
+use image::{ImageError, ImageReader};
+
+/// A sequence that cannot be shown.
+#[derive(Debug, thiserror::Error)]
+pub enum SequenceError {
+    /// Neither a folder nor a file of that name.
+    #[error("there is no folder or file {}; give a folder, a pattern such as `drive/*.png`, or a file", .0.display())]
+    Missing(PathBuf),
+    /// The folder has no picture.
+    #[error("the folder {} has no .png, .jpg or .jpeg file", .0.display())]
+    EmptyFolder(PathBuf),
+    /// The pattern fits no file.
+    #[error("no file fits the pattern {}", .0.display())]
+    NoMatch(PathBuf),
+    /// The pattern is not one.
+    #[error("{} is not a pattern: {reason}", path.display())]
+    BadPattern {
+        /// The pattern.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A file or folder cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Unreadable {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file is neither PNG nor JPEG.
+    #[error("{} is neither a PNG nor a JPEG file", .0.display())]
+    NotAnImage(PathBuf),
+    /// A file breaks off.
+    #[error("{} is cut short: the picture is not complete", .0.display())]
+    Truncated(PathBuf),
+    /// A file that cannot be decoded.
+    #[error("{} cannot be decoded: {reason}", path.display())]
+    Broken {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A picture has another size than the camera.
+    #[error("{} is {actual_width}x{actual_height}, but `intrinsics` says {width}x{height}", path.display())]
+    WrongSize {
+        /// Which.
+        path: PathBuf,
+        /// Its width.
+        actual_width: u32,
+        /// Its height.
+        actual_height: u32,
+        /// The camera's width.
+        width: u32,
+        /// The camera's height.
+        height: u32,
+    },
+}
+
+impl SequenceError {
+    /// Why `path` could not be decoded.
+    pub(crate) fn decoding(path: &Path, error: ImageError) -> SequenceError {
+        let path = path.to_owned();
+        match error {
+            ImageError::IoError(source) if source.kind() == io::ErrorKind::UnexpectedEof => {
+                SequenceError::Truncated(path)
+            }
+            ImageError::IoError(source) => SequenceError::Unreadable { path, source },
+            ImageError::Unsupported(_) => SequenceError::NotAnImage(path),
+            other => SequenceError::Broken { path, reason: other.to_string() },
+        }
+    }
+}
+
+/// The files that `files` names, sorted by name; `folder` is where relative paths start. Never empty.
+///
+/// # Errors
+/// Nothing of that name, an empty folder, a pattern without a match, an unreadable folder.
+pub(crate) fn list(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+    let path: PathBuf = folder.join(files).components().collect();
+    let mut found = if path.is_dir() {
+        pictures_in(&path)?
+    } else if path.is_file() {
+        return Ok(vec![path]);
+    } else if files.contains(['*', '?', '[']) {
+        matches_of(files, folder)?
+    } else {
+        return Err(SequenceError::Missing(path));
+    };
+    found.sort();
+    Ok(found)
+}
+
+fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+    let unreadable = |source| SequenceError::Unreadable { path: folder.to_owned(), source };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+        if extension.is_some_and(|extension| ["png", "jpg", "jpeg"].iter().any(|known| extension == *known)) {
+            found.push(path);
+        }
+    }
+    if found.is_empty() { Err(SequenceError::EmptyFolder(folder.to_owned())) } else { Ok(found) }
+}
+
+/// Only what the robot file says is a pattern; the folder that it lies in is taken as it is.
+fn matches_of(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+    let path = folder.join(files);
+    let folder = glob::Pattern::escape(&folder.to_string_lossy());
+    let pattern = Path::new(&folder).join(files);
+    let paths = glob::glob(&pattern.to_string_lossy())
+        .map_err(|error| SequenceError::BadPattern { path: path.clone(), reason: error.msg.to_owned() })?;
+    let found = paths
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| SequenceError::Unreadable { path: error.path().to_owned(), source: error.into() })?;
+    let found: Vec<_> = found.into_iter().filter(|path| path.is_file()).collect();
+    if found.is_empty() { Err(SequenceError::NoMatch(path)) } else { Ok(found) }
+}
+
+/// Reads as much of a file as tells its kind and its size.
+///
+/// # Errors
+/// Unreadable, not an image, cut short, or not `width` x `height`.
+pub(crate) fn inspect(path: &Path, width: u32, height: u32) -> Result<(), SequenceError> {
+    let unreadable = |source| SequenceError::Unreadable { path: path.to_owned(), source };
+    let file = BufReader::new(File::open(path).map_err(unreadable)?);
+    let reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
+    if reader.format().is_none() {
+        return Err(SequenceError::NotAnImage(path.to_owned()));
+    }
+    let (actual_width, actual_height) =
+        reader.into_dimensions().map_err(|error| SequenceError::decoding(path, error))?;
+    check_size(path, (actual_width, actual_height), width, height)
+}
+
+/// # Errors
+/// `WrongSize`.
+pub(crate) fn check_size(
+    path: &Path,
+    actual: (u32, u32),
+    width: u32,
+    height: u32,
+) -> Result<(), SequenceError> {
+    if actual == (width, height) {
+        return Ok(());
+    }
+    let (actual_width, actual_height) = actual;
+    Err(SequenceError::WrongSize { path: path.to_owned(), actual_width, actual_height, width, height })
+}

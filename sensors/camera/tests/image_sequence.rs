@@ -1,0 +1,268 @@
+//! Files in, frames out; and what is wrong with a file is told with its name.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::path::{Path, PathBuf};
+
+use yamabico_camera::PLUGIN;
+use yamabico_core::behavior::{BuildError, OutputSink, Outputs, PublishError};
+use yamabico_core::message::{Encoding, FrameHeader, MessageType};
+use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, Due, PartSpec, Robot, Sensor};
+use yamabico_core::time::Time;
+
+const WIDTH: u32 = 32;
+const HEIGHT: u32 = 24;
+
+/// A folder that goes with the test.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = std::env::temp_dir().join(format!("yamabico-images-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+
+    /// A grey picture whose every pixel is `level`.
+    fn grey(&self, name: &str, level: u8) -> PathBuf {
+        let path = self.0.join(name);
+        image::GrayImage::from_pixel(WIDTH, HEIGHT, image::Luma([level])).save(&path).unwrap();
+        path
+    }
+
+    /// A picture with much in it, so that half of its file is not the whole picture.
+    fn noise(&self, name: &str) -> PathBuf {
+        let path = self.0.join(name);
+        let level = |x: u32, y: u32| {
+            (x.wrapping_mul(7919) ^ y.wrapping_mul(104_729)).wrapping_mul(2_654_435_761) >> 24
+        };
+        image::RgbImage::from_fn(WIDTH, HEIGHT, |x, y| {
+            image::Rgb([level(x, y) as u8, level(y, x + 9) as u8, level(x + 5, y + 3) as u8])
+        })
+        .save(&path)
+        .unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
+    let text = format!("intrinsics = {{ width = {WIDTH}, height = {HEIGHT} }}\n{keys}");
+    let part = PartSpec {
+        name: "front".into(),
+        kind: "image-sequence".into(),
+        table: toml::from_str(&text).unwrap(),
+    };
+    (PLUGIN.open)(DeviceSpec {
+        name: "camera".into(),
+        table: toml::Table::new(),
+        sensors: vec![part],
+        drive: None,
+        folder: folder.to_owned(),
+        seed: 0,
+        robot: Robot::default(),
+    })
+}
+
+fn sensor(folder: &Path, keys: &str) -> Box<dyn Sensor> {
+    match open(folder, keys) {
+        Ok(mut device) => device.sensors.remove(0).1,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn refusal(folder: &Path, keys: &str) -> String {
+    match open(folder, keys) {
+        Ok(_) => panic!("was opened"),
+        Err(error) => {
+            assert_eq!(error.key, "files");
+            error.to_string()
+        }
+    }
+}
+
+#[derive(Default)]
+struct Frames(Vec<(FrameHeader, Vec<u8>)>);
+
+impl OutputSink for Frames {
+    fn publish(
+        &mut self,
+        name: &str,
+        _: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), PublishError> {
+        assert_eq!(name, "front");
+        self.0.push((bytemuck::pod_read_unaligned(header), items.to_vec()));
+        Ok(())
+    }
+
+    fn publish_in_place(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        len: usize,
+        fill: &mut dyn FnMut(&mut [u8]),
+    ) -> Result<(), PublishError> {
+        let mut items = vec![0; len];
+        fill(&mut items);
+        self.publish(name, message, header, &items)
+    }
+}
+
+/// Polls whenever the sensor wants it until it ends or `most` frames came.
+fn watch(sensor: &mut dyn Sensor, most: usize) -> Result<Vec<(FrameHeader, Vec<u8>)>, DeviceError> {
+    let (mut frames, mut now) = (Frames::default(), Time::from_secs_f64(5.0));
+    while frames.0.len() < most {
+        match sensor.poll(now, &mut Outputs::new(&mut frames))? {
+            Due::At(next) => {
+                assert!(next > now, "time goes on");
+                now = next;
+            }
+            Due::Ended => break,
+        }
+    }
+    Ok(frames.0)
+}
+
+#[test]
+fn files_are_shown_by_name_at_the_rate_and_then_it_ends() {
+    let folder = Folder::new("order");
+    for (name, level) in [("b.png", 20), ("a.jpg", 10), ("c.PNG", 30)] {
+        folder.grey(name, level);
+    }
+    std::fs::write(folder.0.join("README.md"), "not a picture").unwrap();
+    let mut sensor = sensor(&folder.0, "files = \".\"\nrate_hz = 4.0\nlatency_ms = 100");
+    let frames = watch(&mut *sensor, usize::MAX).unwrap();
+    let told: Vec<_> =
+        frames.iter().map(|(header, pixels)| (header.stamp_ns, header.sequence, pixels[0])).collect();
+    assert_eq!(told, [(5_000_000_000, 0, 10), (5_250_000_000, 1, 20), (5_500_000_000, 2, 30)]);
+    let (header, pixels) = &frames[1];
+    assert_eq!((header.width, header.height, header.stride), (WIDTH, HEIGHT, WIDTH));
+    assert_eq!(header.encoding(), Some(Encoding::Gray8));
+    assert_eq!(pixels, &vec![20; (WIDTH * HEIGHT) as usize]);
+}
+
+#[test]
+fn a_pattern_chooses_and_a_repeated_sequence_begins_again() {
+    let folder = Folder::new("pattern [1]");
+    for (name, level) in [("left_1.png", 1), ("left_2.png", 2), ("right_1.png", 3)] {
+        folder.grey(name, level);
+    }
+    let mut repeated = sensor(&folder.0, "files = \"left_*.png\"\nrepeat = true");
+    let levels: Vec<_> = watch(&mut *repeated, 5).unwrap().iter().map(|(_, pixels)| pixels[0]).collect();
+    assert_eq!(levels, [1, 2, 1, 2, 1]);
+    let mut one = sensor(&folder.0, "files = \"right_1.png\"");
+    assert_eq!(watch(&mut *one, usize::MAX).unwrap().len(), 1);
+}
+
+#[test]
+fn a_late_poll_gets_the_newest_picture_only() {
+    let folder = Folder::new("late");
+    (1..=9).for_each(|i| drop(folder.grey(&format!("{i}.png"), i)));
+    let mut sensor = sensor(&folder.0, "files = \".\"");
+    let mut frames = Frames::default();
+    let mut poll =
+        |millis: u64| sensor.poll(Time(millis * 1_000_000), &mut Outputs::new(&mut frames)).unwrap();
+    assert_eq!(poll(0), Due::At(Time(100_000_000)));
+    assert_eq!(poll(50), Due::At(Time(100_000_000)));
+    assert_eq!(poll(450), Due::At(Time(500_000_000)));
+    assert_eq!(poll(2000), Due::At(Time(900_000_000)), "the last picture is shown however late");
+    assert_eq!(poll(2001), Due::Ended);
+    let told: Vec<_> = frames.0.iter().map(|(header, pixels)| (header.sequence, pixels[0])).collect();
+    assert_eq!(told, [(0, 1), (4, 5), (8, 9)]);
+}
+
+#[test]
+fn colour_becomes_luma() {
+    let folder = Folder::new("colour");
+    let image = image::RgbaImage::from_pixel(WIDTH, HEIGHT, image::Rgba([0, 255, 0, 128]));
+    image.save(folder.0.join("a.png")).unwrap();
+    let deep = image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(WIDTH, HEIGHT, image::Luma([0x8080]));
+    deep.save(folder.0.join("b.png")).unwrap();
+    let frames = watch(&mut *sensor(&folder.0, "files = \".\""), usize::MAX).unwrap();
+    assert_eq!((frames[0].1[7], frames[1].1[7]), (150, 128));
+}
+
+#[test]
+fn what_is_not_there_is_refused() {
+    let folder = Folder::new("missing");
+    let missing = refusal(&folder.0, "files = \"not-there\"");
+    assert!(missing.contains("there is no folder or file") && missing.contains("not-there"), "{missing}");
+    let empty = refusal(&folder.0, "files = \".\"");
+    assert!(empty.contains("has no .png, .jpg or .jpeg file"), "{empty}");
+    let unmatched = refusal(&folder.0, "files = \"*.png\"");
+    assert!(unmatched.contains("no file fits the pattern"), "{unmatched}");
+    let pattern = refusal(&folder.0, "files = \"a[.png\"");
+    assert!(pattern.contains("is not a pattern"), "{pattern}");
+}
+
+#[test]
+fn what_is_no_picture_is_refused_by_name() {
+    let folder = Folder::new("broken");
+    folder.grey("a.png", 1);
+    let bad = folder.0.join("b.png");
+    let refused = |bytes: &[u8], words: &str| {
+        std::fs::write(&bad, bytes).unwrap();
+        let refusal = refusal(&folder.0, "files = \".\"");
+        assert!(
+            refusal.contains(words) && refusal.contains("b.png") && refusal.contains("front"),
+            "{refusal}"
+        );
+    };
+    refused(b"This is no picture.", "is neither a PNG nor a JPEG file");
+    refused(b"", "is neither a PNG nor a JPEG file");
+    refused(&std::fs::read(folder.0.join("a.png")).unwrap()[..20], "is cut short");
+    refused(b"GIF89a\x20\x00\x18\x00\x00\x00\x00", "is neither a PNG nor a JPEG file");
+    image::GrayImage::new(WIDTH + 1, HEIGHT).save(&bad).unwrap();
+    let wrong = refusal(&folder.0, "files = \".\"");
+    assert!(wrong.contains("b.png is 33x24, but `intrinsics` says 32x24"), "{wrong}");
+    std::fs::remove_file(&bad).unwrap();
+    std::fs::create_dir(&bad).unwrap();
+    let folder_like_a_file = refusal(&folder.0, "files = \".\"");
+    assert!(
+        folder_like_a_file.contains("cannot read") && folder_like_a_file.contains("b.png"),
+        "{folder_like_a_file}"
+    );
+}
+
+#[test]
+fn a_file_that_breaks_off_or_changes_during_the_run_fails_the_device() {
+    for name in ["b.png", "b.jpg"] {
+        let folder = Folder::new(&format!("cut-{name}"));
+        folder.grey("a.png", 1);
+        let path = folder.noise(name);
+        let whole = std::fs::read(&path).unwrap();
+        let mut complete = sensor(&folder.0, "files = \".\"");
+        assert_eq!(watch(&mut *complete, usize::MAX).unwrap().len(), 2);
+        for share in [2, 3] {
+            std::fs::write(&path, &whole[..whole.len() - whole.len() / share]).unwrap();
+            let error = watch(&mut *sensor(&folder.0, "files = \".\""), usize::MAX).unwrap_err().to_string();
+            assert!(
+                error.contains("`front` failed") && error.contains(name) && error.contains("cut short"),
+                "{error}"
+            );
+        }
+        let mut opened = sensor(&folder.0, "files = \".\"");
+        image::GrayImage::new(WIDTH, HEIGHT + 5).save(&path).unwrap();
+        let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();
+        assert!(error.contains("is 32x29"), "{error}");
+        std::fs::remove_file(&path).unwrap();
+    }
+}
+
+#[test]
+fn a_file_that_vanishes_is_named() {
+    let folder = Folder::new("vanish");
+    let path = folder.grey("a.png", 1);
+    let mut opened = sensor(&folder.0, "files = \".\"");
+    std::fs::remove_file(path).unwrap();
+    let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();
+    assert!(error.contains("cannot read") && error.contains("a.png"), "{error}");
+}
