@@ -1,5 +1,7 @@
 //! A recording holds every message once, opens elsewhere, and never stops a run.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;

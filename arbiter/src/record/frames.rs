@@ -90,7 +90,7 @@ impl Chain {
     pub fn localised(&mut self, map_from_base: &Pose2) {
         if map_from_base.is_finite() {
             self.localised = true;
-            self.map_from_odom = Some(self.from_base(map_from_base));
+            self.map_from_odom = Some(self.origin_of_odometry(map_from_base));
         }
     }
 
@@ -98,11 +98,11 @@ impl Chain {
     pub fn truth(&mut self, map_from_base: &Pose2) {
         let first = !self.localised && self.map_from_odom.is_none_or(|known| known == Pose2::IDENTITY);
         if first && map_from_base.is_finite() {
-            self.map_from_odom = Some(self.from_base(map_from_base));
+            self.map_from_odom = Some(self.origin_of_odometry(map_from_base));
         }
     }
 
-    fn from_base(&self, map_from_base: &Pose2) -> Pose2 {
+    fn origin_of_odometry(&self, map_from_base: &Pose2) -> Pose2 {
         map_from_base.compose(&self.odom_from_base.unwrap_or(Pose2::IDENTITY).inverse())
     }
 }

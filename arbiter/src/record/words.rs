@@ -12,7 +12,10 @@ use yamabico_core::message::{
 
 use super::frames::timestamp;
 
+/// What a code means.
 type Words = fn(u32) -> Option<&'static str>;
+/// A field that holds a code.
+type Field = (&'static str, Words);
 
 macro_rules! words {
     ($ty:ident) => {
@@ -20,18 +23,18 @@ macro_rules! words {
     };
 }
 
-const ENCODING: (&str, Words) = ("encoding", words!(Encoding));
-const KIND: (&str, Words) = ("kind", words!(Kind));
-const REASON: (&str, Words) = ("reason", words!(Reason));
-const MODE: (&str, Words) = ("mode", words!(Mode));
-const OUTCOME: (&str, Words) = ("outcome", words!(Outcome));
-const STATE: (&str, Words) = ("state", words!(PluginState));
-const STATUS: (&str, Words) = ("status", words!(PoseStatus));
-const CONTROL: (&str, Words) = ("kind", words!(ControlKind));
+const ENCODING: Field = ("encoding", words!(Encoding));
+const KIND: Field = ("kind", words!(Kind));
+const REASON: Field = ("reason", words!(Reason));
+const MODE: Field = ("mode", words!(Mode));
+const OUTCOME: Field = ("outcome", words!(Outcome));
+const STATE: Field = ("state", words!(PluginState));
+const STATUS: Field = ("status", words!(PoseStatus));
+const CONTROL: Field = ("kind", words!(ControlKind));
 
 /// Adds to each code of a message and of its items what it means, as `..._text`; a code without meaning says so.
 pub(super) fn explain(message: &MessageType, value: &mut Value) {
-    let (fields, item_fields): (&[(&str, Words)], &[(&str, Words)]) = match message.name {
+    let (fields, item_fields): (&[Field], &[Field]) = match message.name {
         FrameHeader::NAME => (&[ENCODING], &[]),
         Proposal::NAME => (&[KIND, REASON], &[]),
         DecisionHeader::NAME => (&[MODE], &[OUTCOME, REASON, KIND]),
@@ -46,7 +49,7 @@ pub(super) fn explain(message: &MessageType, value: &mut Value) {
     }
 }
 
-fn add(value: &mut Value, fields: &[(&str, Words)]) {
+fn add(value: &mut Value, fields: &[Field]) {
     let Some(object) = value.as_object_mut() else { return };
     for (field, words) in fields {
         let code = object.get(*field).and_then(Value::as_u64).and_then(|code| u32::try_from(code).ok());

@@ -5,11 +5,16 @@
 
 mod control;
 mod encounter;
+mod lettering;
 mod summary;
+mod trace;
+mod trajectory;
 
 pub use control::{ControlLog, Halt};
 pub use encounter::{Encounter, Encounters};
 pub use summary::{BehaviourSummary, Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
+pub use trace::{HaltMark, Trace, TracePoint, Way};
+pub use trajectory::{Corner, PictureError, draw_trajectory, write_trajectory};
 
 /// A robot slower than this stands, m/s.
 pub const STANDING_MPS: f64 = 0.01;
