@@ -23,6 +23,8 @@ const LONGEST_PX: f64 = 1200.0;
 const HIGHEST_PX: f64 = 900.0;
 /// A metre is never more than this, pixels.
 const LARGEST_SCALE: f64 = 150.0;
+/// What is not a number of the map lies so far outside of it at most.
+const OUTSIDE_PX: f64 = 4000.0;
 const MARGIN_PX: i32 = 56;
 /// Around everything that is drawn, metres.
 const AROUND_M: f64 = 0.3;
@@ -127,9 +129,9 @@ impl Map {
     }
 
     fn pixel(&self, x: f64, y: f64) -> Pixel {
-        let right = ((x - self.left_m) * self.scale).round() as i32;
-        let down = ((self.top_m - y) * self.scale).round() as i32;
-        (MARGIN_PX + right, MARGIN_PX + down)
+        let right = ((x - self.left_m) * self.scale).clamp(-OUTSIDE_PX, OUTSIDE_PX);
+        let down = ((self.top_m - y) * self.scale).clamp(-OUTSIDE_PX, OUTSIDE_PX);
+        (MARGIN_PX + right.round() as i32, MARGIN_PX + down.round() as i32)
     }
 }
 
