@@ -2,9 +2,6 @@
 
 use super::edges::{EDGE, EdgeMap, EdgePoint, SECTOR, SECTORS, STRONG};
 
-/// The strong bit of eight marks.
-const STRONG_IN_EACH: u64 = u64::from_le_bytes([STRONG; 8]);
-
 /// The chains of one image, one after the other, with the buffers that follow them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chains {
@@ -23,17 +20,18 @@ type Steps = [[isize; 3]; SECTORS];
 impl Chains {
     /// Follows every edge with at least one strong pixel, as far as neighbours differ by at most one sector (22.5 to 45
     /// degrees), and keeps the chains of at least `least_points`. Uses up the marks of `edges`.
+    ///
+    /// Edges are entered only where they cross every so manieth row or column: all that are long enough do so twice, and
+    /// most specks never. Differs from a full hysteresis: an edge must be strong at such a place.
     pub(super) fn follow(&mut self, edges: &mut EdgeMap, least_points: usize) {
         self.points.clear();
         self.ends.clear();
         let steps = steps(edges.width() as isize);
-        for base in (0..edges.marks.len()).step_by(8) {
-            // Most of an image is no strong edge: eight pixels at a time.
-            let word = edges.marks[base..].first_chunk::<8>().map(|word| u64::from_le_bytes(*word));
-            if word.is_some_and(|word| word & STRONG_IN_EACH == 0) {
-                continue;
-            }
-            for seed in base..(base + 8).min(edges.marks.len()) {
+        let width = edges.width();
+        let pitch = (least_points / 2).max(1);
+        for row in 0..edges.marks.len() / width {
+            let step = if row % pitch == 0 { 1 } else { pitch };
+            for seed in (row * width..(row + 1) * width).step_by(step) {
                 if edges.marks[seed] & STRONG != 0 {
                     self.follow_from(seed, edges, &steps, least_points);
                 }
@@ -51,8 +49,12 @@ impl Chains {
         if self.ahead.len() + self.behind.len() < least_points {
             return;
         }
-        let pixels = self.behind.iter().rev().chain(&self.ahead);
-        self.points.extend(pixels.map(|&index| edges.point(index as usize)));
+        for &pixel in self.behind.iter().rev() {
+            self.points.push(edges.point(pixel as usize));
+        }
+        for &pixel in &self.ahead {
+            self.points.push(edges.point(pixel as usize));
+        }
         self.ends.push(self.points.len() as u32);
     }
 }
@@ -65,13 +67,14 @@ fn walk(seed: usize, mark: u8, turn: u8, marks: &mut [u8], steps: &Steps, out: &
     let (mut here, mut sector) = (seed, mark & SECTOR);
     loop {
         let ways = &steps[usize::from((sector + turn) & SECTOR)];
-        let [first, second, third] = ways.map(|step| here.wrapping_add_signed(step));
-        let [a, b, c] = [first, second, third].map(|there| *marks.get(there).unwrap_or(&0));
         // Selections instead of branches: which neighbour goes on cannot be predicted.
-        let (mut there, mut mark) = (third, c);
-        (there, mark) = if agrees(b, sector) { (second, b) } else { (there, mark) };
-        (there, mark) = if agrees(a, sector) { (first, a) } else { (there, mark) };
-        if !agrees(mark, sector) {
+        let (mut there, mut mark) = (0, 0);
+        for step in [ways[2], ways[1], ways[0]] {
+            let candidate = here.wrapping_add_signed(step);
+            let found = marks.get(candidate).copied().unwrap_or(0);
+            (there, mark) = if agrees(found, sector) { (candidate, found) } else { (there, mark) };
+        }
+        if mark == 0 {
             return;
         }
         marks[there] = 0;

@@ -45,12 +45,12 @@ impl Default for SegmentConfig {
             lowest_threshold: 2.0,
             min_length_at_640_px: 20.0,
             shortest_px: 10.0,
-            split_px: 1.0,
+            split_px: 1.2,
             merge_angle: 1_f64.to_radians(),
-            merge_distance_px: 1.5,
+            merge_distance_px: 1.2,
             merge_gap_px: 10.0,
             merge_gap_share: 0.3,
-            max_segments: 200,
+            max_segments: 250,
         }
     }
 }

@@ -38,8 +38,11 @@ pub(super) struct EdgeMap {
     per_width: f64,
     /// One mark a pixel, row by row, 0 where there is no edge; the outermost pixels never are.
     pub marks: Vec<u8>,
-    gx: Vec<i16>,
-    gy: Vec<i16>,
+    /// The gradient (along u, along v) of every pixel.
+    gradient: Vec<[i16; 2]>,
+    /// The gradient of the row in hand and of the two before it, in slot v % 3.
+    gx: [Vec<i16>; 3],
+    gy: [Vec<i16>; 3],
     rows: GradientRows,
 }
 
@@ -56,8 +59,10 @@ impl EdgeMap {
         self.per_width = 1.0 / image.width() as f64;
         self.marks.clear();
         self.marks.resize(count, 0);
-        self.gx.resize(count, 0);
-        self.gy.resize(count, 0);
+        self.gradient.resize(count, [0; 2]);
+        for row in self.gx.iter_mut().chain(&mut self.gy) {
+            row.resize(image.width(), 0);
+        }
         self.rows.start(image.width(), Smoothing::Binomial5);
         vectorise::run(Find { image, low: low as i16, high: high as i16, map: self });
     }
@@ -67,22 +72,30 @@ impl EdgeMap {
         self.width
     }
 
+    #[inline(always)]
+    fn gradient_at(&self, index: usize) -> (i32, i32) {
+        let [gx, gy] = self.gradient[index];
+        (i32::from(gx), i32::from(gy))
+    }
+
     /// The sub-pixel place of edge pixel `index` (row by row; not an outermost pixel): the top of the parabola through the
     /// derivative along its own gradient at the pixel and its two neighbours on the axis nearest to that.
     #[inline(always)]
     pub(super) fn point(&self, index: usize) -> EdgePoint {
-        let (gx, gy) = (f32::from(self.gx[index]), f32::from(self.gy[index]));
-        let along = |index: usize| gx * f32::from(self.gx[index]) + gy * f32::from(self.gy[index]);
+        let (gx, gy) = self.gradient_at(index);
         let is_steep = gx.abs() >= gy.abs();
         let step = if is_steep { 1 } else { self.width };
-        let (before, after) = (along(index - step), along(index + step));
-        let curvature = 2.0 * along(index) - before - after;
-        let offset = (0.5 * (after - before) / curvature.max(f32::MIN_POSITIVE)).clamp(-0.5, 0.5);
+        let (before_x, before_y) = self.gradient_at(index - step);
+        let (after_x, after_y) = self.gradient_at(index + step);
+        let before = (gx * before_x + gy * before_y) as f32;
+        let after = (gx * after_x + gy * after_y) as f32;
+        let curvature = (2.0 * (gx * gx + gy * gy) as f32 - before - after).max(1.0);
+        let offset = (0.5 * (after - before) / curvature).clamp(-0.5, 0.5);
         // An exact division (the half keeps it off the integers) without the divider's latency.
         let row = ((index as f64 + 0.5) * self.per_width) as usize;
         let column = index - row * self.width;
         let (du, dv) = if is_steep { (offset, 0.0) } else { (0.0, offset) };
-        EdgePoint { u: column as f32 + du, v: row as f32 + dv, gx, gy }
+        EdgePoint { u: column as f32 + du, v: row as f32 + dv, gx: gx as f32, gy: gy as f32 }
     }
 }
 
@@ -102,15 +115,19 @@ impl Kernel for Find<'_> {
         let width = map.width;
         for v in 0..image.height() {
             let here = v * width;
-            let (gx, gy) = (&mut map.gx[here..here + width], &mut map.gy[here..here + width]);
+            let (gx, gy) = (&mut map.gx[v % 3], &mut map.gy[v % 3]);
             map.rows.row(image, v, gx, gy);
+            for ((pair, &x), &y) in map.gradient[here..here + width].iter_mut().zip(gx.iter()).zip(gy.iter())
+            {
+                *pair = [x, y];
+            }
             if v >= 2 && width >= 3 {
-                let middle = here - width;
+                let [above, middle, below] = [(v + 1) % 3, (v + 2) % 3, v % 3];
                 let rows = Rows {
-                    gx: &map.gx[middle..here],
-                    gy: [&map.gy[middle - width..middle], &map.gy[middle..here], &map.gy[here..here + width]],
+                    gx: &map.gx[middle],
+                    gy: [above, middle, below].map(|slot| map.gy[slot].as_slice()),
                 };
-                mark_maxima(&rows, low, high, &mut map.marks[middle..here]);
+                mark_maxima(&rows, low, high, &mut map.marks[here - width..here]);
             }
         }
     }

@@ -44,13 +44,13 @@ impl Default for VanishingPointConfig {
     fn default() -> Self {
         Self {
             down_in_camera: Vector3::y(),
-            horizon_sigma_rad: 15_f64.to_radians(),
+            horizon_sigma_rad: 8_f64.to_radians(),
             vertical_rad: 10_f64.to_radians(),
             horizontal_rad: 5_f64.to_radians(),
             min_length_px: 20.0,
-            max_voters: 120,
+            max_voters: 150,
             candidates: 5,
-            refine: RefineRule { first_gate_px: 8.0, ..RefineRule::default() },
+            refine: RefineRule { first_gate_px: 8.0, sigma_floor_px: 2.0, ..RefineRule::default() },
             min_inliers: 3,
             min_spread_rad: 10_f64.to_radians(),
             max_sigma_px: 10.0,
@@ -185,7 +185,7 @@ impl VanishingPointFinder {
     ) -> Result<Candidate, VanishingPointError> {
         self.near.clear();
         self.near.extend(self.lines.iter().filter(|line| !line.straddles(peak)));
-        let refined = refine(&self.near, peak, &self.config.refine, &mut self.inliers)?;
+        let refined = refine(&self.near, peak, &self.config.refine.scaled(scale), &mut self.inliers)?;
         let spread_rad = spread(&self.near, &self.inliers);
         let direction = ray(refined.pixel, camera);
         let deviation = prediction.map(|p| angle_between(direction, p.direction) / p.sigma_rad);

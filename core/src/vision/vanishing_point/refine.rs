@@ -9,6 +9,10 @@ use nalgebra::{Matrix2, Vector2};
 pub struct RefineRule {
     /// Standard deviation of a segment's end across it, px.
     pub sigma_end_px: f64,
+    /// Standard deviation that no length removes, px: bent edges and what is left of the lens's distortion.
+    pub sigma_floor_px: f64,
+    /// A line this many standard deviations off counts half; infinite: all that take part count fully.
+    pub half_weight_sigmas: f64,
     /// A line takes part when it passes within three standard deviations, but at least this far, px.
     pub gate_min_px: f64,
     /// The same in the first round, when the start is coarse, px.
@@ -25,11 +29,25 @@ impl Default for RefineRule {
     fn default() -> Self {
         Self {
             sigma_end_px: 0.5,
+            sigma_floor_px: 0.0,
+            half_weight_sigmas: f64::INFINITY,
             gate_min_px: 2.0,
             first_gate_px: 2.0,
             min_eigen_ratio: 1e-3,
             step_px: 1e-6,
             max_rounds: 20,
+        }
+    }
+}
+
+impl RefineRule {
+    /// The rule for an image `scale` times as wide; the noise of a segment's ends is a matter of pixels and stays.
+    #[must_use]
+    pub fn scaled(&self, scale: f64) -> Self {
+        Self {
+            sigma_floor_px: self.sigma_floor_px * scale,
+            first_gate_px: self.first_gate_px * scale,
+            ..*self
         }
     }
 }
@@ -90,7 +108,7 @@ pub fn refine(
 
 fn variance(line: &VotingLine, pixel: Vector2<f64>, rule: &RefineRule) -> f64 {
     let ratio = (pixel - line.midpoint).norm_squared() / (line.length * line.length);
-    rule.sigma_end_px * rule.sigma_end_px * (0.5 + 2.0 * ratio)
+    rule.sigma_end_px * rule.sigma_end_px * (0.5 + 2.0 * ratio) + rule.sigma_floor_px * rule.sigma_floor_px
 }
 
 fn takes_part(distance: f64, variance: f64, gate: f64) -> bool {
@@ -103,8 +121,10 @@ fn normal_equations(lines: &[VotingLine], pixel: Vector2<f64>, rule: &RefineRule
     let mut members = 1;
     for (i, line) in lines.iter().enumerate() {
         let variance = variance(line, pixel, rule);
-        if takes_part(line.normal.dot(&pixel) - line.rho, variance, gate) {
-            let weight = 1.0 / variance;
+        let distance = line.normal.dot(&pixel) - line.rho;
+        if takes_part(distance, variance, gate) {
+            let doubt = distance * distance / (variance * rule.half_weight_sigmas * rule.half_weight_sigmas);
+            let weight = 1.0 / (variance * (1.0 + doubt));
             sums.a += line.normal * line.normal.transpose() * weight;
             sums.g += line.normal * (weight * line.rho);
             sums.count += 1;
