@@ -3,9 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use plotters::coord::Shift;
-use plotters::prelude::{
-    BitMapBackend, Circle, DrawingArea, EmptyElement, IntoDrawingArea, PathElement, Rectangle,
-};
+use plotters::prelude::{BitMapBackend, Circle, DrawingArea, IntoDrawingArea, PathElement, Rectangle};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::Trace;
@@ -18,19 +16,25 @@ pub type Corner = [f64; 2];
 type Pixel = (i32, i32);
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
-/// The longest side of the drawn map, pixels.
-const LONGEST_PX: f64 = 1200.0;
-const HIGHEST_PX: f64 = 900.0;
+/// Everything is drawn so much larger and then made smaller, so that slanted lines are smooth. All sizes below are those
+/// of the large drawing.
+const OVERSAMPLING: i32 = 2;
+/// The map is at most so wide, pixels.
+const WIDEST_PX: f64 = 2400.0;
+/// The map is at most so high, pixels.
+const HIGHEST_PX: f64 = 1800.0;
 /// A metre is never more than this, pixels.
-const LARGEST_SCALE: f64 = 150.0;
+const LARGEST_SCALE: f64 = 300.0;
+/// Corners of a drawn way are at least so far apart, pixels.
+const STRIDE_PX: i32 = 8;
 /// What is not a number of the map lies so far outside of it at most.
-const OUTSIDE_PX: f64 = 4000.0;
-const MARGIN_PX: i32 = 56;
+const OUTSIDE_PX: f64 = 8000.0;
+const MARGIN_PX: i32 = 112;
 /// Around everything that is drawn, metres.
 const AROUND_M: f64 = 0.3;
 /// Letters are enlarged so much.
-const LETTER_SCALE: i32 = 2;
-const LINE_PX: i32 = 26;
+const LETTER_SCALE: i32 = 4;
+const LINE_PX: i32 = 52;
 
 const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(232, 232, 232);
@@ -90,8 +94,10 @@ pub fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::Rg
     let mut bytes = vec![255; size.0 as usize * size.1 as usize * 3];
     draw(&mut bytes, size, trace, &odometry, walls, &map, &legend)
         .map_err(|error| PictureError::Drawing(error.to_string()))?;
-    image::RgbImage::from_raw(size.0, size.1, bytes)
-        .ok_or_else(|| PictureError::Drawing("the picture has no size".to_owned()))
+    let large = image::RgbImage::from_raw(size.0, size.1, bytes)
+        .ok_or_else(|| PictureError::Drawing("the picture has no size".to_owned()))?;
+    let (width, height) = (size.0 / OVERSAMPLING as u32, size.1 / OVERSAMPLING as u32);
+    Ok(image::imageops::thumbnail(&large, width, height))
 }
 
 /// From metres to pixels.
@@ -116,12 +122,12 @@ impl Map {
         }
         let [left_m, right_m] = [bounds[0] - AROUND_M, bounds[1] + AROUND_M];
         let [bottom_m, top_m] = [bounds[2] - AROUND_M, bounds[3] + AROUND_M];
-        let scale = (LONGEST_PX / (right_m - left_m)).min(HIGHEST_PX / (top_m - bottom_m)).min(LARGEST_SCALE);
+        let scale = (WIDEST_PX / (right_m - left_m)).min(HIGHEST_PX / (top_m - bottom_m)).min(LARGEST_SCALE);
         Map { left_m, right_m, bottom_m, top_m, scale }
     }
 
     fn width_px(&self) -> i32 {
-        (((self.right_m - self.left_m) * self.scale) as i32 + 2 * MARGIN_PX).max(480)
+        (((self.right_m - self.left_m) * self.scale) as i32 + 2 * MARGIN_PX).max(960)
     }
 
     fn height_px(&self) -> i32 {
@@ -155,7 +161,7 @@ fn legend(trace: &Trace) -> Vec<Legend> {
 }
 
 fn legend_width(entry: &Legend) -> i32 {
-    LETTER_SCALE * width(&entry.words) + 60
+    LETTER_SCALE * width(&entry.words) + 120
 }
 
 fn legend_rows(legend: &[Legend], most: i32) -> i32 {
@@ -188,26 +194,25 @@ fn draw(
     draw_axes(&area, map)?;
     for wall in walls {
         let corners: Vec<_> = wall.iter().map(|&[x, y]| map.pixel(x, y)).collect();
-        draw_line(&area, corners, WALL.stroke_width(4))?;
+        draw_line(&area, corners, WALL.stroke_width(7))?;
     }
     if trace.truth().is_empty() {
-        draw_way(&area, map, odometry, 3)?;
+        draw_way(&area, map, odometry, 6)?;
     } else {
-        let path = odometry.iter().map(|point| map.pixel(point.pose.x, point.pose.y)).collect();
-        draw_line(&area, path, WHEELS.stroke_width(2))?;
-        draw_way(&area, map, trace.truth(), 3)?;
+        draw_line(&area, path(map, odometry), WHEELS.stroke_width(4))?;
+        draw_way(&area, map, trace.truth(), 6)?;
     }
     for meeting in trace.encounters() {
         let centre = map.pixel(meeting.x, meeting.y);
-        area.draw(&Circle::new(centre, 12, PERSON.stroke_width(3)))?;
+        area.draw(&Circle::new(centre, 26, PERSON.stroke_width(6)))?;
         let words = format!("{:.2}", meeting.nearest_m);
-        draw_text(&area, &words, (centre.0 - text_width(&words) / 2, centre.1 + 20), PERSON)?;
+        draw_text(&area, &words, (centre.0 - text_width(&words) / 2, centre.1 + 40), PERSON)?;
     }
     for mark in trace.halts() {
         let (x, y) = map.pixel(mark.pose.x, mark.pose.y);
-        area.draw(&Rectangle::new([(x - 5, y - 5), (x + 5, y + 5)], HALT.filled()))?;
+        area.draw(&Rectangle::new([(x - 10, y - 10), (x + 10, y + 10)], HALT.filled()))?;
         let words = format!("{:.1}", mark.halt.duration_s);
-        draw_text(&area, &words, (x - text_width(&words) / 2, y - 34), HALT)?;
+        draw_text(&area, &words, (x - text_width(&words) / 2, y - 70), HALT)?;
     }
     draw_legend(&area, map, legend)?;
     area.present()?;
@@ -216,7 +221,7 @@ fn draw(
 
 fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
     let step = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 1000.0];
-    let step = step.into_iter().find(|step| step * map.scale >= 60.0).unwrap_or(10_000.0);
+    let step = step.into_iter().find(|step| step * map.scale >= 120.0).unwrap_or(10_000.0);
     let ticks = |low: f64, high: f64| {
         ((low / step).ceil() as i64..=(high / step).floor() as i64).map(move |i| i as f64 * step)
     };
@@ -224,20 +229,20 @@ fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
     let (right, bottom) = map.pixel(map.right_m, map.bottom_m);
     for x in ticks(map.left_m, map.right_m) {
         let at = map.pixel(x, 0.0).0;
-        draw_line(area, vec![(at, top), (at, bottom)], GRID.stroke_width(1))?;
+        draw_line(area, vec![(at, top), (at, bottom)], GRID.stroke_width(2))?;
         let words = format!("{x}");
-        draw_text(area, &words, (at - text_width(&words) / 2, bottom + 8), INK)?;
+        draw_text(area, &words, (at - text_width(&words) / 2, bottom + 16), INK)?;
     }
     for y in ticks(map.bottom_m, map.top_m) {
         let at = map.pixel(0.0, y).1;
-        draw_line(area, vec![(left, at), (right, at)], GRID.stroke_width(1))?;
+        draw_line(area, vec![(left, at), (right, at)], GRID.stroke_width(2))?;
         let words = format!("{y}");
-        draw_text(area, &words, (left - text_width(&words) - 6, at - ASCENT * LETTER_SCALE / 2), INK)?;
+        draw_text(area, &words, (left - text_width(&words) - 14, at - ASCENT * LETTER_SCALE / 2), INK)?;
     }
     let frame = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
-    draw_line(area, frame, INK.stroke_width(1))?;
-    draw_text(area, "x (m)", (right - text_width("x (m)"), bottom + 30), INK)?;
-    draw_text(area, "y (m)", (8, top - 26), INK)
+    draw_line(area, frame, INK.stroke_width(2))?;
+    draw_text(area, "x (m)", (right - text_width("x (m)"), bottom + 60), INK)?;
+    draw_text(area, "y (m)", (16, top - 52), INK)
 }
 
 /// A way, piece by piece in the colour of who was in control.
@@ -246,12 +251,24 @@ fn draw_way(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -
     for end in 1..=points.len() {
         if end == points.len() || points[end].owner != points[begin].owner {
             let piece = &points[begin..points.len().min(end + 1)];
-            let path = piece.iter().map(|point| map.pixel(point.pose.x, point.pose.y)).collect();
-            draw_line(area, path, owner_color(points[begin].owner).stroke_width(thickness))?;
+            draw_line(area, path(map, piece), owner_color(points[begin].owner).stroke_width(thickness))?;
             begin = end;
         }
     }
     Ok(())
+}
+
+/// The pixels of a way, without those that are too close together to show a direction.
+fn path(map: &Map, points: &[TracePoint]) -> Vec<Pixel> {
+    let mut path: Vec<Pixel> = Vec::new();
+    for (i, point) in points.iter().enumerate() {
+        let (x, y) = map.pixel(point.pose.x, point.pose.y);
+        let is_apart = |last: &Pixel| (x - last.0).abs() + (y - last.1).abs() >= STRIDE_PX;
+        if i + 1 == points.len() || path.last().is_none_or(is_apart) {
+            path.push((x, y));
+        }
+    }
+    path
 }
 
 fn draw_legend(area: &Area<'_>, map: &Map, legend: &[Legend]) -> DrawResult {
@@ -260,8 +277,8 @@ fn draw_legend(area: &Area<'_>, map: &Map, legend: &[Legend]) -> DrawResult {
         if x + legend_width(entry) > map.width_px() && x > MARGIN_PX {
             (x, y) = (MARGIN_PX, y + LINE_PX);
         }
-        area.draw(&Rectangle::new([(x, y), (x + 20, y + 12)], entry.color.filled()))?;
-        draw_text(area, &entry.words, (x + 28, y), INK)?;
+        area.draw(&Rectangle::new([(x, y), (x + 40, y + 28)], entry.color.filled()))?;
+        draw_text(area, &entry.words, (x + 56, y), INK)?;
         x += legend_width(entry);
     }
     Ok(())
@@ -278,8 +295,9 @@ fn text_width(text: &str) -> i32 {
 fn draw_text(area: &Area<'_>, text: &str, upper_left: Pixel, color: RGBColor) -> DrawResult {
     for (x, y) in pixels(text) {
         let corner = (upper_left.0 + LETTER_SCALE * x, upper_left.1 + LETTER_SCALE * y);
-        let end = (corner.0 + LETTER_SCALE - 1, corner.1 + LETTER_SCALE - 1);
-        area.draw(&(EmptyElement::at((0, 0)) + Rectangle::new([corner, end], color.filled())))?;
+        for (right, down) in (0..LETTER_SCALE * LETTER_SCALE).map(|i| (i % LETTER_SCALE, i / LETTER_SCALE)) {
+            area.draw_pixel((corner.0 + right, corner.1 + down), &color)?;
+        }
     }
     Ok(())
 }
@@ -342,13 +360,16 @@ mod tests {
         }
         // About a hundred pixels a metre, three wide: so much of the way is in each owner's colour.
         for (color, least) in
-            [(OWNERS[0], 1500), (OWNERS[2], 500), (WALL, 4000), (WHEELS, 500), (HALT, 121), (PERSON, 100)]
+            [(OWNERS[0], 1500), (OWNERS[2], 500), (WALL, 4000), (WHEELS, 500), (HALT, 80), (PERSON, 80)]
         {
             assert!(count(&picture, color) >= least, "{color:?}: {}", count(&picture, color));
         }
         let map = Map::around(&trace, &[], &walls);
         let halt = map.pixel(trace.halts()[0].pose.x, trace.halts()[0].pose.y);
-        assert_eq!(picture.get_pixel(halt.0 as u32, halt.1 as u32).0, [HALT.0, HALT.1, HALT.2]);
+        assert_eq!(
+            picture.get_pixel((halt.0 / OVERSAMPLING) as u32, (halt.1 / OVERSAMPLING) as u32).0,
+            [HALT.0, HALT.1, HALT.2]
+        );
     }
 
     #[test]
