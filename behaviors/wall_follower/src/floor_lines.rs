@@ -16,9 +16,9 @@ pub struct CorridorLine {
     pub start: Vector2<f64>,
     /// The other end, undistorted pixels.
     pub end: Vector2<f64>,
-    /// Mean grey level just to the left of the edge, seen from start to end with u right and v down.
+    /// Grey level at the edge, coming from the left, seen from start to end with u right and v down.
     pub grey_left: f64,
-    /// Mean grey level just to the right of it.
+    /// Grey level at the edge, coming from the right.
     pub grey_right: f64,
 }
 
@@ -33,8 +33,16 @@ pub struct FloorLineRule {
     pub farthest_m: f64,
     /// Grey levels by which the two sides must differ.
     pub least_contrast: f64,
-    /// An inner line with this share of the length outranks an outer one.
+    /// Lines count in proportion to their contrast, up to so many grey levels.
+    pub full_contrast: f64,
+    /// An inner line with this share of the length outranks an outer one ...
     pub inner_share: f64,
+    /// ... provided that it has this share of its contrast ...
+    pub inner_contrast: f64,
+    /// ... and with this share one that is brighter at the wall, as the upper edge of a dark skirting is ...
+    pub skirting_share: f64,
+    /// ... if its distance is at least this share: a skirting is low, seen from the camera's height.
+    pub skirting_ratio: f64,
     /// Lines this near (m) to the chosen one are pieces of the same wall's.
     pub same_wall_m: f64,
 }
@@ -43,10 +51,14 @@ impl Default for FloorLineRule {
     fn default() -> Self {
         Self {
             below_horizon_rad: 0.018,
-            nearest_m: 0.1,
+            nearest_m: 0.2,
             farthest_m: 5.0,
             least_contrast: 8.0,
+            full_contrast: 40.0,
             inner_share: 0.6,
+            inner_contrast: 0.6,
+            skirting_share: 0.3,
+            skirting_ratio: 0.6,
             same_wall_m: 0.05,
         }
     }
@@ -66,8 +78,10 @@ pub struct ExpectedWall {
 pub struct SeenWall {
     /// Signed distance, metres, positive on the left.
     pub distance_m: f64,
-    /// The point of its floor line that is farthest from the horizon, which bears most of the weight; undistorted pixels.
-    pub near_point: Vector2<f64>,
+    /// The ends of its heaviest piece, the one farther from the horizon first; undistorted pixels.
+    pub ends: [Vector2<f64>; 2],
+    /// Whether the wall's side is the darker one, as it is where a floor meets a dark skirting.
+    pub is_darker_at_the_wall: bool,
     /// Total length of its pieces in the picture, pixels.
     pub length_px: f64,
 }
@@ -79,7 +93,8 @@ struct Candidate {
     length_px: f64,
     /// Weight of its distance: pixels of length times the squared sine of how far below the horizon it lies.
     weight: f64,
-    near_point: Vector2<f64>,
+    ends: [Vector2<f64>; 2],
+    contrast: f64,
     is_darker_at_the_wall: bool,
 }
 
@@ -115,28 +130,53 @@ impl FloorLineFinder {
 
     fn best(&self, side: f64, expected: Option<ExpectedWall>, rule: &FloorLineRule) -> Option<SeenWall> {
         let on_side = || self.candidates.iter().filter(|line| line.distance_m * side > 0.0);
+        let wall_of = |line: &Candidate| {
+            let line = *line;
+            on_side().filter(move |other| line.is_same_wall(other, rule))
+        };
+        let length = |line: &Candidate| wall_of(line).map(|piece| piece.length_px).sum::<f64>();
+        let strength = |line: &Candidate| line.contrast.min(rule.full_contrast);
         let score = |line: &Candidate| {
+            let length_px = length(line);
             let is_expected =
                 expected.is_some_and(|wall| (line.distance_m - wall.distance_m).abs() < 3.0 * wall.sigma_m);
             let is_outer = on_side().any(|other| {
-                other.distance_m.abs() < line.distance_m.abs() - rule.same_wall_m
-                    && other.is_darker_at_the_wall >= line.is_darker_at_the_wall
-                    && other.length_px >= rule.inner_share * line.length_px
+                let is_inside =
+                    other.distance_m.abs() < line.distance_m.abs() && !line.is_same_wall(other, rule);
+                is_inside && length(other) >= line.share_to_yield_to(other, rule) * length_px
             });
             let darker = if line.is_darker_at_the_wall { 1.2 } else { 1.0 };
             let wanted = if is_expected { 1.5 } else { 1.0 };
-            let inner = if is_outer { 0.5 } else { 1.0 };
-            line.length_px * darker * wanted * inner
+            let inner = if is_outer { 0.1 } else { 1.0 };
+            length_px * darker * wanted * inner * strength(line)
         };
         let chosen = on_side().max_by(|a, b| score(a).total_cmp(&score(b)))?;
-        let same = || on_side().filter(|line| (line.distance_m - chosen.distance_m).abs() < rule.same_wall_m);
-        let weight: f64 = same().map(|line| line.weight).sum();
-        let lowest = same().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        let weight: f64 = wall_of(chosen).map(|line| line.weight).sum();
+        let lowest = wall_of(chosen).max_by(|a, b| a.weight.total_cmp(&b.weight))?;
         Some(SeenWall {
-            distance_m: same().map(|line| line.weight * line.distance_m).sum::<f64>() / weight,
-            near_point: lowest.near_point,
-            length_px: same().map(|line| line.length_px).sum(),
+            distance_m: wall_of(chosen).map(|line| line.weight * line.distance_m).sum::<f64>() / weight,
+            ends: lowest.ends,
+            is_darker_at_the_wall: lowest.is_darker_at_the_wall,
+            length_px: length(chosen),
         })
+    }
+}
+
+impl Candidate {
+    /// Whether the other line is a piece of the same wall's.
+    fn is_same_wall(&self, other: &Self, rule: &FloorLineRule) -> bool {
+        (self.distance_m - other.distance_m).abs() < rule.same_wall_m
+            && self.is_darker_at_the_wall == other.is_darker_at_the_wall
+    }
+
+    /// Share of this line's length that an inner line needs to outrank it.
+    fn share_to_yield_to(&self, inner: &Self, rule: &FloorLineRule) -> f64 {
+        match (inner.is_darker_at_the_wall, self.is_darker_at_the_wall) {
+            // From floor to skirting, then from skirting to wall.
+            (true, false) if inner.distance_m / self.distance_m > rule.skirting_ratio => rule.skirting_share,
+            (false, true) => f64::INFINITY,
+            _ => rule.inner_share,
+        }
     }
 }
 
@@ -167,7 +207,8 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
         distance_m,
         length_px,
         weight: length_px * sine_below * sine_below,
-        near_point: if starts_lower { line.start } else { line.end },
+        ends: if starts_lower { [line.start, line.end] } else { [line.end, line.start] },
+        contrast: (line.grey_left - line.grey_right).abs(),
         is_darker_at_the_wall: at_the_wall < on_the_floor,
     })
 }
@@ -178,8 +219,9 @@ fn depression_sine(view: &CorridorView, pixel: Vector2<f64>) -> f64 {
     -ray.z / ray.norm()
 }
 
-/// Mean grey levels `offset_px` to the left and to the right of the edge from `start` to `end` (pixels of the image as it
-/// is, u right, v down), sampled at a dozen places; outside the image the border's level.
+/// Grey levels at the edge from `start` to `end` (pixels of the image as it is, u right, v down), coming from the left and
+/// coming from the right: means along the edge at once and twice `offset_px` from it, extended to the edge, so that a
+/// brightness that changes evenly across it gives the same level twice. Outside the image the border's level.
 #[must_use]
 pub fn side_greys(
     image: ImageView<'_>,
@@ -187,19 +229,17 @@ pub fn side_greys(
     end: Vector2<f64>,
     offset_px: f64,
 ) -> (f64, f64) {
-    const SAMPLES: u32 = 12;
+    const SAMPLES: u32 = 24;
     let along = end - start;
     let left = Vector2::new(along.y, -along.x) / along.norm().max(1.0) * offset_px;
-    let grey = |at: Vector2<f64>| {
-        f64::from(image.pixel(at.x.round().max(0.0) as usize, at.y.round().max(0.0) as usize))
+    let mean = |offset: Vector2<f64>| {
+        let grey = |sample: u32| {
+            let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES)) + offset;
+            f64::from(image.pixel(at.x.round().max(0.0) as usize, at.y.round().max(0.0) as usize))
+        };
+        (0..SAMPLES).map(grey).sum::<f64>() / f64::from(SAMPLES)
     };
-    let (mut sum_left, mut sum_right) = (0.0, 0.0);
-    for sample in 0..SAMPLES {
-        let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES));
-        sum_left += grey(at + left);
-        sum_right += grey(at - left);
-    }
-    (sum_left / f64::from(SAMPLES), sum_right / f64::from(SAMPLES))
+    (2.0 * mean(left) - mean(2.0 * left), 2.0 * mean(-left) - mean(-2.0 * left))
 }
 
 #[cfg(test)]
@@ -274,5 +314,9 @@ mod tests {
         assert_eq!(up, (50.0, 200.0));
         let outside = side_greys(image, Vector2::new(-9.0, 0.0), Vector2::new(-9.0, -5.0), 4.0);
         assert_eq!(outside, (50.0, 50.0));
+        let ramp: Vec<u8> = (0..30).flat_map(|_| (0..40).map(|u| 3 * u)).collect();
+        let image = ImageView::new(&ramp, 40, 30, 40).unwrap();
+        let (left, right) = side_greys(image, Vector2::new(20.0, 28.0), Vector2::new(20.0, 2.0), 4.0);
+        assert_eq!(left, right, "a ramp is no edge");
     }
 }

@@ -11,6 +11,7 @@ pub mod heading;
 pub mod odometry_track;
 pub mod recovery;
 pub mod sight;
+pub mod skirting;
 pub mod stereo;
 pub mod wall_distance;
 

@@ -12,6 +12,7 @@ use yamabico_core::vision::vanishing_point::{
 
 use crate::floor_lines::{CorridorLine, ExpectedWall, FloorLineFinder, FloorLineRule, SeenWall, side_greys};
 use crate::heading::{CameraAttitude, RobotHeading};
+use crate::skirting::{FootSearch, foot_of_wall};
 use crate::wall_distance::{CorridorView, tied_distance_sigma};
 
 /// Distances to either side of an edge at which its brightness is read, pixels of an image 640 px wide.
@@ -156,12 +157,22 @@ impl Sight {
             CorridorLine { start: ideal.p0, end: ideal.p1, grey_left, grey_right }
         });
         let seen = self.floor_lines.find(lines, &view, &self.rule, walls);
+        let pinhole = &self.camera.pinhole;
+        let rule = &self.rule;
         let from_robot = |wall: SeenWall| {
-            let sigma = tied_distance_sigma(found.pixel, &covariance, wall.near_point, LINE_SIGMA_PX, &view);
-            ExpectedWall {
-                distance_m: wall.distance_m + offset_m,
-                sigma_m: sigma.max(LEAST_DISTANCE_SIGMA_M),
-            }
+            let foot = FootSearch {
+                found_m: wall.distance_m,
+                ends: wall.ends,
+                nearest_share: rule.skirting_ratio,
+                least_contrast: rule.least_contrast,
+            };
+            let distance_m = if wall.is_darker_at_the_wall {
+                wall.distance_m
+            } else {
+                foot_of_wall(image, pinhole, &view, &foot).unwrap_or(wall.distance_m)
+            };
+            let sigma = tied_distance_sigma(found.pixel, &covariance, wall.ends[0], LINE_SIGMA_PX, &view);
+            ExpectedWall { distance_m: distance_m + offset_m, sigma_m: sigma.max(LEAST_DISTANCE_SIGMA_M) }
         };
         sighting.left = seen.left.map(from_robot);
         sighting.right = seen.right.map(from_robot);
