@@ -1,7 +1,9 @@
 //! Channels behave alike within a process and in shared memory.
 
+use std::time::Duration;
+
 use yamabico_core::behavior::SlotSource;
-use yamabico_core::bus::{Bus, BusError, Inbox, STREAM_DEPTH, Spec};
+use yamabico_core::bus::{Bell, Bus, BusError, Inbox, STREAM_DEPTH, Spec};
 use yamabico_core::message::{Beam, Command, FrameHeader, MessageType, Odometry, Proposal, RangeScanHeader};
 
 /// Runs `claim` on a bus of either kind.
@@ -72,6 +74,7 @@ fn a_late_reader_of_a_latest_channel_gets_the_last_value() {
             publisher.publish(&Proposal { sequence, ..Default::default() }, &[]).unwrap();
         }
         let late = bus.subscriber::<Proposal>("proposal").unwrap();
+        publisher.welcome().unwrap();
         assert_eq!(late.receive().unwrap().unwrap().header().sequence, 5);
         assert!(late.receive().unwrap().is_none());
         for sequence in 6..=8 {
@@ -260,6 +263,31 @@ fn ports_work_on_threads_of_their_own() {
         let (received, lost) = receiver.join().unwrap();
         drop(publisher);
         assert!(received > 0 && received + lost <= 10_000, "{received} {lost}");
+    });
+}
+
+#[test]
+fn a_waiter_tells_what_rang() {
+    on_both("bell", |bus| {
+        let spec = Spec { bell: Bell::Rings, ..Spec::default() };
+        bus.create::<Odometry>("odometry", &spec).unwrap();
+        bus.create::<Command>("command", &spec).unwrap();
+        bus.create::<Proposal>("silent", &Spec::default()).unwrap();
+        let mut waiter = bus.waiter(&["odometry", "command"]).unwrap();
+        let publisher = bus.publisher::<Command>("command").unwrap();
+        let brief = Duration::from_millis(1);
+        let long = Duration::from_secs(60);
+        while !waiter.wait(brief).unwrap().is_empty() {}
+        publisher.publish(&Command::default(), &[]).unwrap();
+        publisher.publish(&Command::default(), &[]).unwrap();
+        let rang = waiter.wait(long).unwrap();
+        assert!(rang.contains(1) && !rang.contains(0));
+        assert!(waiter.wait(brief).unwrap().is_empty());
+        let woken = std::thread::spawn(move || waiter.wait(long).unwrap());
+        std::thread::sleep(brief);
+        publisher.publish(&Command::default(), &[]).unwrap();
+        assert!(woken.join().unwrap().contains(1));
+        assert!(matches!(bus.waiter(&["silent"]).err(), Some(BusError::Silent { .. })));
     });
 }
 

@@ -108,6 +108,12 @@ pub enum BusError {
         /// Samples that it may hold.
         most: usize,
     },
+    /// The topic was created without a bell, or not at all.
+    #[error("topic `{topic}` does not ring: create it with `Bell::Rings` to wait for it")]
+    Silent {
+        /// The topic.
+        topic: String,
+    },
     /// A waiter can tell only so many topics apart.
     #[error("a waiter hears at most {most} topics, not {asked}: use a second one on another thread")]
     TooManyBells {

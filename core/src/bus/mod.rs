@@ -8,12 +8,14 @@
 //! - The supervisor creates every topic; everybody else only opens them.
 //! - A [`Bus`] is cheap to clone and can be used by any thread. Ports can be moved to the thread that uses them and are not
 //!   shared: they count without locks. Received samples stay with their port.
-//! - A `Latest` channel keeps the newest value, also for late subscribers. A `Stream` keeps [`STREAM_DEPTH`] messages; the
+//! - A `Latest` channel keeps the newest value, also for late subscribers: a publisher hands it over when it publishes
+//!   next or is told to [`welcome`](RawPublisher::welcome) them. A `Stream` keeps [`STREAM_DEPTH`] messages; the
 //!   oldest are overwritten, and the gap in the sequence numbers tells how many.
 //! - A publisher's messages go with it: what nobody received before it was dropped is gone.
 //! - Nothing here cleans up after dead processes but the wipe at the supervisor's start and end: the processes of a
 //!   running robot that die are the supervisor's to clean up, on its own node, and iceoryx2's clean-up switches are off.
 
+mod bell;
 mod error;
 mod inbox;
 mod place;
@@ -25,6 +27,7 @@ mod world;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+pub use bell::{Bell, Rang, Waiter};
 pub use error::BusError;
 pub use iceoryx2::prelude::ZeroCopySend;
 pub use inbox::Inbox;
@@ -53,12 +56,14 @@ pub struct Spec {
     pub list_bytes: usize,
     /// Messages that a tap can fall behind; at least that of an ordinary subscriber.
     pub depth: usize,
+    /// Whether publishing wakes those who wait.
+    pub bell: Bell,
 }
 
 impl Default for Spec {
-    /// One publisher, eight subscribers, no list, no more depth than an ordinary subscriber has.
+    /// One publisher, eight subscribers, no list, no more depth than an ordinary subscriber has, no bell.
     fn default() -> Spec {
-        Spec { publishers: 1, subscribers: 8, list_bytes: 0, depth: 1 }
+        Spec { publishers: 1, subscribers: 8, list_bytes: 0, depth: 1, bell: Bell::Silent }
     }
 }
 
@@ -141,7 +146,8 @@ impl Bus {
         Ok(Publisher::new(self.publisher_raw(topic, &MessageType::of::<M>())?))
     }
 
-    /// Opens a receiving end of a topic: the newest value of a latest channel, also one sent before; the
+    /// Opens a receiving end of a topic: the newest value of a latest channel, also one sent before,
+    /// once its publisher publishes again or welcomes; the
     /// [`STREAM_DEPTH`] newest messages of a stream from now on.
     ///
     /// # Errors
@@ -175,6 +181,14 @@ impl Bus {
     /// See [`Bus::subscriber`].
     pub fn subscriber_raw(&self, topic: &str, message: &MessageType) -> Result<RawSubscriber, BusError> {
         RawSubscriber::open(self, topic, message, Depth::Ordinary)
+    }
+
+    /// A waiter for messages on these topics, which were created with [`Bell::Rings`]; at most 64.
+    ///
+    /// # Errors
+    /// [`BusError::Silent`], [`BusError::TooManyBells`], or the transport failed.
+    pub fn waiter(&self, topics: &[&str]) -> Result<Waiter, BusError> {
+        Waiter::open(self, topics)
     }
 
     /// A receiving end as deep as the topic was created for: for a recorder, which wants every message of every channel.

@@ -164,3 +164,47 @@ fn prefix(mut hash: u64) -> String {
 fn fnv1a(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus::{Bell, Bus, Spec};
+    use crate::message::Odometry;
+
+    #[test]
+    fn a_clean_end_leaves_nothing() {
+        let robot = format!("clean-{}", std::process::id());
+        let place = Place::of(&robot).unwrap();
+        let bus = Bus::ipc(&robot).unwrap();
+        bus.create::<Odometry>("odometry", &Spec { bell: Bell::Rings, ..Spec::default() }).unwrap();
+        let publisher = bus.publisher::<Odometry>("odometry").unwrap();
+        let subscriber = bus.subscriber::<Odometry>("odometry").unwrap();
+        publisher.publish(&Odometry::default(), &[]).unwrap();
+        drop((bus, subscriber));
+        assert!(!place.segments().is_empty() && place.root.exists() && place.lock_path().exists());
+        drop(publisher);
+        assert!(place.segments().is_empty() && !place.root.exists() && !place.lock_path().exists());
+    }
+
+    #[test]
+    fn a_start_clears_what_was_left() {
+        let robot = format!("left-{}", std::process::id());
+        let place = Place::of(&robot).unwrap();
+        let stale = [place.root.join("nodes/stale"), Path::new(SEGMENTS).join(format!("{}stale.data", place.prefix))];
+        std::fs::create_dir_all(place.root.join("nodes")).unwrap();
+        for file in &stale {
+            std::fs::write(file, "left").unwrap();
+        }
+        let _bus = Bus::ipc(&robot).unwrap();
+        assert!(stale.iter().all(|file| !file.exists()));
+    }
+
+    #[test]
+    fn places_of_robots_never_overlap() {
+        let places: Vec<_> = ["a", "ab", "a_b", "a-b", "b"].map(|robot| Place::of(robot).unwrap()).into();
+        for (i, a) in places.iter().enumerate() {
+            assert_eq!(a.prefix.len(), PREFIX_LEN);
+            assert!(places[..i].iter().all(|b| a.prefix != b.prefix && a.root != b.root));
+        }
+    }
+}

@@ -3,12 +3,15 @@
 use std::marker::PhantomData;
 
 use iceoryx2::port::LoanError;
+use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
-use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, Service, ipc, local};
+use iceoryx2::port::update_connections::UpdateConnections as _;
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, PortFactory as _, Service, ipc, local};
 use iceoryx2::service::marker::CustomHeaderMarker;
 
-use super::world::{Topic, list_bytes};
-use super::{Bus, BusError};
+use super::bell::{Ringer, ringer};
+use super::world::{Topic, World, list_bytes, rings};
+use super::{Bus, BusError, Kind};
 use crate::message::{Message, MessageType};
 
 /// Sends messages of type `M` on one topic. Belongs to one thread at a time.
@@ -44,11 +47,20 @@ impl<M: Message> Publisher<M> {
         let bytes = len.saturating_mul(size_of::<M::Item>());
         self.raw.publish_in_place(bytemuck::bytes_of(header), bytes, |bytes| fill(bytemuck::cast_slice_mut(bytes)))
     }
+
+    /// See [`RawPublisher::welcome`].
+    ///
+    /// # Errors
+    /// The transport failed.
+    pub fn welcome(&self) -> Result<(), BusError> {
+        self.raw.welcome()
+    }
 }
 
 /// Sends messages of a type that is known as a [`MessageType`] only. Belongs to one thread at a time.
 pub struct RawPublisher {
     port: AnyPublisher,
+    bell: Option<Ringer>,
     message: MessageType,
     topic: String,
     most: usize,
@@ -65,46 +77,52 @@ enum AnyPublisher {
     loan ends within the call that made it, so that whoever moves the port moves the only reference; not Sync")]
 unsafe impl Send for RawPublisher {}
 
-/// The transport's port of a topic, as both services offer it.
-pub(super) fn port<S: Service>(
+/// What one of the two services opens: the port, the longest list, and the bell.
+type Opened<S, N> = (IoxPublisher<S, [u8], CustomHeaderMarker>, usize, Option<N>);
+
+fn open<S: Service>(
+    world: &World<S>,
+    topic: &str,
+    message: &MessageType,
+) -> Result<Opened<S, Notifier<S>>, BusError> {
+    let (port, most, rings) =
+        world.with_topic(topic, message, |factory| Ok((port(topic, factory)?, list_bytes(factory), rings(factory))))?;
+    let bell = if rings { Some(ringer(world, topic)?) } else { None };
+    Ok((port, most, bell))
+}
+
+fn port<S: Service>(
     topic: &str,
     factory: &Topic<S>,
-) -> Result<(IoxPublisher<S, [u8], CustomHeaderMarker>, usize), BusError> {
-    let most = list_bytes(factory);
+) -> Result<IoxPublisher<S, [u8], CustomHeaderMarker>, BusError> {
     let port = factory
         .publisher_builder()
-        .initial_max_slice_len(most.max(1))
+        .initial_max_slice_len(list_bytes(factory).max(1))
         .allocation_strategy(AllocationStrategy::Static)
         .max_loaned_samples(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create();
-    match port {
-        Ok(port) => Ok((port, most)),
-        Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => Err(BusError::TooManyPublishers {
-            topic: topic.into(),
-            most: factory_publishers(factory),
-        }),
-        Err(e) => Err(BusError::transport("publish on", topic, e)),
-    }
-}
-
-fn factory_publishers<S: Service>(factory: &Topic<S>) -> usize {
-    use iceoryx2::prelude::PortFactory as _;
-    factory.static_config().max_publishers()
+    port.map_err(|e| match e {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => {
+            BusError::TooManyPublishers { topic: topic.into(), most: factory.static_config().max_publishers() }
+        }
+        e => BusError::transport("publish on", topic, e),
+    })
 }
 
 impl RawPublisher {
     pub(super) fn open(bus: &Bus, topic: &str, message: &MessageType) -> Result<RawPublisher, BusError> {
-        use super::Kind;
-        let (port, most) = match &bus.0.kind {
-            Kind::Local(world) => world.with_topic(topic, message, |factory| {
-                port(topic, factory).map(|(port, most)| (AnyPublisher::Local(port), most))
-            }),
-            Kind::Ipc(world) => world.with_topic(topic, message, |factory| {
-                port(topic, factory).map(|(port, most)| (AnyPublisher::Ipc(port), most))
-            }),
-        }?;
-        Ok(RawPublisher { port, message: *message, topic: topic.into(), most, _bus: bus.clone() })
+        let (port, most, bell) = match &bus.0.kind {
+            Kind::Local(world) => {
+                let (port, most, bell) = open(world, topic, message)?;
+                (AnyPublisher::Local(port), most, bell.map(Ringer::Local))
+            }
+            Kind::Ipc(world) => {
+                let (port, most, bell) = open(world, topic, message)?;
+                (AnyPublisher::Ipc(port), most, bell.map(Ringer::Ipc))
+            }
+        };
+        Ok(RawPublisher { port, bell, message: *message, topic: topic.into(), most, _bus: bus.clone() })
     }
 
     /// The topic.
@@ -140,7 +158,24 @@ impl RawPublisher {
         match &self.port {
             AnyPublisher::Local(port) => self.send(port, header, len, fill),
             AnyPublisher::Ipc(port) => self.send(port, header, len, fill),
+        }?;
+        if let Some(bell) = &self.bell {
+            bell.ring();
         }
+        Ok(())
+    }
+
+    /// Hands the last value of a latest channel to subscribers that came since the last message. Cheap where none came: for
+    /// those who publish rarely, at every turn.
+    ///
+    /// # Errors
+    /// The transport failed.
+    pub fn welcome(&self) -> Result<(), BusError> {
+        match &self.port {
+            AnyPublisher::Local(port) => port.update_connections(),
+            AnyPublisher::Ipc(port) => port.update_connections(),
+        }
+        .map_err(|e| BusError::transport("publish on", &self.topic, e))
     }
 
     fn send<S: Service>(

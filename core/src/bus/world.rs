@@ -15,10 +15,12 @@ use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
 };
 use iceoryx2::service::marker::CustomHeaderMarker;
+use iceoryx2::service::builder::event::EventOpenError;
+use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
-use super::{BusError, Spec};
+use super::{Bell, BusError, Spec};
 use crate::message::{Channel, MessageType};
 
 pub(super) type Topic<S> = PortFactory<S, [u8], CustomHeaderMarker>;
@@ -41,12 +43,14 @@ pub(super) struct World<S: Service> {
 
 struct Inside<S: Service> {
     topics: HashMap<String, Topic<S>>,
+    bells: HashMap<String, EventFactory<S>>,
     node: Node<S>,
 }
 
 /// Nodes, dead ones included, that may know a topic.
 pub(super) const MOST_NODES: usize = 64;
 const LIST_BYTES: &str = "yamabico.list_bytes";
+const RINGS: &str = "yamabico.rings";
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(25);
 
@@ -59,16 +63,17 @@ impl<S: Service> World<S> {
             |_| true,
         );
         let node = node.map_err(|reason| BusError::transport("join", name, reason))?;
-        Ok(World { config, patience, inside: Mutex::new(Inside { topics: HashMap::new(), node }) })
+        Ok(World { config, patience, inside: Mutex::new(Inside { topics: HashMap::new(), bells: HashMap::new(), node }) })
     }
 
     pub(super) fn create(&self, topic: &str, message: &MessageType, spec: &Spec) -> Result<(), BusError> {
         let failed = |reason: &dyn std::fmt::Debug| BusError::transport("create topic", topic, reason);
         let mut inside = self.inside();
+        let rings = spec.bell == Bell::Rings;
         let mut limits = AttributeSpecifier::new();
-        if let (Ok(key), Ok(value)) =
-            (AttributeKey::try_from(LIST_BYTES), AttributeValue::try_from(spec.list_bytes.to_string().as_str()))
-        {
+        for (key, value) in [(LIST_BYTES, spec.list_bytes.to_string()), (RINGS, rings.to_string())] {
+            let key = AttributeKey::try_from(key).map_err(|e| failed(&e))?;
+            let value = AttributeValue::try_from(value.as_str()).map_err(|e| failed(&e))?;
             limits = limits.define(&key, &value).map_err(|e| failed(&e))?;
         }
         let created = builder(&inside.node, topic, message)?
@@ -84,6 +89,18 @@ impl<S: Service> World<S> {
             PublishSubscribeCreateError::AlreadyExists => BusError::Exists { topic: topic.into() },
             e => failed(&e),
         })?;
+        if rings {
+            let bell = inside
+                .node
+                .service_builder(&service_name(topic)?)
+                .event()
+                .max_notifiers(spec.publishers)
+                .max_listeners(spec.subscribers)
+                .max_nodes(MOST_NODES)
+                .create()
+                .map_err(|e| BusError::transport("create the bell of", topic, e))?;
+            inside.bells.insert(topic.into(), bell);
+        }
         inside.topics.insert(topic.into(), factory);
         Ok(())
     }
@@ -108,6 +125,28 @@ impl<S: Service> World<S> {
             return Err(BusError::WrongType { topic: topic.into(), carries, asked: message.name });
         }
         work(factory)
+    }
+
+    /// Runs `work` on the bell of the topic, which is opened where it is not known yet.
+    pub(super) fn with_bell<R>(
+        &self,
+        topic: &str,
+        work: impl FnOnce(&EventFactory<S>) -> Result<R, BusError>,
+    ) -> Result<R, BusError> {
+        let mut inside = self.inside();
+        if !inside.bells.contains_key(topic) {
+            let name = service_name(topic)?;
+            let opened = self.patience.retry(|| inside.node.service_builder(&name).event().open(), |_| true);
+            let opened = opened.map_err(|e| match e {
+                EventOpenError::DoesNotExist => BusError::Silent { topic: topic.into() },
+                e => BusError::transport("open the bell of", topic, e),
+            })?;
+            inside.bells.insert(topic.into(), opened);
+        }
+        match inside.bells.get(topic) {
+            Some(bell) => work(bell),
+            None => Err(BusError::Silent { topic: topic.into() }),
+        }
     }
 
     fn open(&self, node: &Node<S>, topic: &str, message: &MessageType) -> Result<Topic<S>, BusError> {
@@ -179,10 +218,22 @@ pub(super) fn history(channel: Channel) -> usize {
 
 /// The longest list that the topic's creator made room for, bytes.
 pub(super) fn list_bytes<S: Service>(topic: &Topic<S>) -> usize {
-    AttributeKey::try_from(LIST_BYTES)
-        .ok()
-        .and_then(|key| topic.attributes().key_value(&key, 0)?.to_string().parse().ok())
-        .unwrap_or(0)
+    attribute(topic, LIST_BYTES).and_then(|bytes| bytes.parse().ok()).unwrap_or(0)
+}
+
+/// Whether publishing on the topic is to ring its bell.
+pub(super) fn rings<S: Service>(topic: &Topic<S>) -> bool {
+    attribute(topic, RINGS).is_some_and(|rings| rings == "true")
+}
+
+fn attribute<S: Service>(topic: &Topic<S>, key: &str) -> Option<String> {
+    let key = AttributeKey::try_from(key).ok()?;
+    topic.attributes().key_value(&key, 0).map(ToString::to_string)
+}
+
+fn service_name(topic: &str) -> Result<ServiceName, BusError> {
+    let bad = |e| BusError::BadName { what: "topic", name: topic.into(), problem: format!("{e:?}") };
+    ServiceName::new(topic).map_err(bad)
 }
 
 fn settings(root: &str, prefix: &str) -> Result<Config, iceoryx2::prelude::SemanticStringError> {
@@ -203,7 +254,7 @@ fn builder<S: Service>(
     message: &MessageType,
 ) -> Result<Builder<[u8], CustomHeaderMarker, S>, BusError> {
     let bad = |e: &dyn std::fmt::Debug| BusError::BadName { what: "topic", name: topic.into(), problem: format!("{e:?}") };
-    let name = ServiceName::new(topic).map_err(|e| bad(&e))?;
+    let name = service_name(topic)?;
     let header = TypeDetail::__internal_new_from_parts(
         TypeVariant::FixedSize,
         message.name,
