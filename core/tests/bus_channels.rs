@@ -170,7 +170,8 @@ fn wrong_sizes_are_errors() {
         let publisher = bus.publisher_raw("sonar", &scan).unwrap();
         let header = vec![0xff; scan.header_size];
         let size = scan.item_size;
-        for (header, items) in [(&header[1..], 0), (&[], 0), (&header[..], size - 1), (&header[..], size + 1)] {
+        for (header, items) in [(&header[1..], 0), (&[], 0), (&header[..], size - 1), (&header[..], size + 1)]
+        {
             let refused = publisher.publish(header, &vec![0xff; items]);
             assert!(matches!(refused, Err(BusError::Malformed { .. })), "{items} {refused:?}");
         }
@@ -252,7 +253,10 @@ fn ports_work_on_threads_of_their_own() {
             let mut received = 0;
             while last < 10_000 {
                 if let Some(sample) = subscriber.receive().unwrap() {
-                    assert!(sample.header().sequence > last && sample.header().x == sample.header().sequence as f64);
+                    assert!(
+                        sample.header().sequence > last
+                            && sample.header().x == sample.header().sequence as f64
+                    );
                     last = sample.header().sequence;
                     received += 1;
                 }

@@ -15,7 +15,9 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Does what it is told where this test was started as a child, nothing otherwise.
 #[test]
 fn child() {
-    let (Ok(role), Ok(robot)) = (std::env::var("BUS_TEST_ROLE"), std::env::var("BUS_TEST_ROBOT")) else { return };
+    let (Ok(role), Ok(robot)) = (std::env::var("BUS_TEST_ROLE"), std::env::var("BUS_TEST_ROBOT")) else {
+        return;
+    };
     match role.as_str() {
         "echo" => echo(&robot),
         "supervise" => {

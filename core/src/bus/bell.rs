@@ -42,7 +42,10 @@ pub(super) enum Ringer {
     Ipc(Notifier<ipc::Service>),
 }
 
-#[allow(unsafe_code, reason = "each listener counts references to itself only, without a lock, and hands none out; not Sync")]
+#[allow(
+    unsafe_code,
+    reason = "each listener counts references to itself only, without a lock, and hands none out; not Sync"
+)]
 unsafe impl Send for Waiter {}
 
 const MOST: usize = u64::BITS as usize;
@@ -57,13 +60,19 @@ impl Waiter {
             let (listener, fd) = match &bus.0.kind {
                 Kind::Local(world) => {
                     let listener = listener(world, topic)?;
-                    #[allow(unsafe_code, reason = "the descriptor is only polled, while its listener lives beside it")]
+                    #[allow(
+                        unsafe_code,
+                        reason = "the descriptor is only polled, while its listener lives beside it"
+                    )]
                     let fd = unsafe { listener.file_descriptor().native_handle() };
                     (AnyListener::Local(listener), fd)
                 }
                 Kind::Ipc(world) => {
                     let listener = listener(world, topic)?;
-                    #[allow(unsafe_code, reason = "the descriptor is only polled, while its listener lives beside it")]
+                    #[allow(
+                        unsafe_code,
+                        reason = "the descriptor is only polled, while its listener lives beside it"
+                    )]
                     let fd = unsafe { listener.file_descriptor().native_handle() };
                     (AnyListener::Ipc(listener), fd)
                 }
@@ -87,13 +96,25 @@ impl Waiter {
             tv_sec: timeout.as_secs().min(1 << 30) as libc::time_t,
             tv_nsec: libc::c_long::from(timeout.subsec_nanos()),
         };
-        #[allow(unsafe_code, reason = "the array and the time live through the call, and the length is that of the array")]
+        #[allow(
+            unsafe_code,
+            reason = "the array and the time live through the call, and the length is that of the array"
+        )]
         let ready = unsafe {
-            libc::ppoll(self.polled.as_mut_ptr(), self.polled.len() as libc::nfds_t, &timeout, std::ptr::null())
+            libc::ppoll(
+                self.polled.as_mut_ptr(),
+                self.polled.len() as libc::nfds_t,
+                &timeout,
+                std::ptr::null(),
+            )
         };
         if ready < 0 {
             let error = std::io::Error::last_os_error();
-            return if error.kind() == std::io::ErrorKind::Interrupted { Ok(Rang(0)) } else { Err(failed(&error)) };
+            return if error.kind() == std::io::ErrorKind::Interrupted {
+                Ok(Rang(0))
+            } else {
+                Err(failed(&error))
+            };
         }
         let mut rang = 0;
         for (i, (listener, polled)) in self.listeners.iter().zip(&self.polled).enumerate() {

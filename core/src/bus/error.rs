@@ -16,7 +16,9 @@ pub enum BusError {
         problem: String,
     },
     /// There is no folder for what a running robot keeps.
-    #[error("neither XDG_RUNTIME_DIR nor HOME is set: set one to an absolute path outside the temporary folder")]
+    #[error(
+        "neither XDG_RUNTIME_DIR nor HOME is set: set one to an absolute path outside the temporary folder"
+    )]
     NoPlace,
     /// A folder or file of the robot cannot be used.
     #[error("cannot {doing} {}: {source}", path.display())]

@@ -20,15 +20,25 @@ pub struct Inbox {
     lost_before: u64,
 }
 
-#[allow(unsafe_code, reason = "the samples count references only to the subscriber that lies beside them and moves with \
-    them; not Sync")]
+#[allow(
+    unsafe_code,
+    reason = "the samples count references only to the subscriber that lies beside them and moves with \
+    them; not Sync"
+)]
 unsafe impl Send for Inbox {}
 
 impl Inbox {
     /// An inbox of `subscriber` for the slot of this name.
     pub fn new(slot: impl Into<String>, subscriber: RawSubscriber) -> Inbox {
         let most = most_kept(&subscriber);
-        Inbox { held: VecDeque::with_capacity(most + 1), subscriber, slot: slot.into(), fresh: 0, lost: 0, lost_before: 0 }
+        Inbox {
+            held: VecDeque::with_capacity(most + 1),
+            subscriber,
+            slot: slot.into(),
+            fresh: 0,
+            lost: 0,
+            lost_before: 0,
+        }
     }
 
     /// Takes in what has arrived and lets go of what is older; returns how many arrived.

@@ -55,7 +55,11 @@ impl Place {
         let path = self.lock_path();
         let failed = |doing, source| BusError::Files { doing, path: path.clone(), source };
         if let Some(folder) = path.parent() {
-            DirBuilder::new().recursive(true).mode(0o700).create(folder).map_err(|e| failed("create the folder of", e))?;
+            DirBuilder::new()
+                .recursive(true)
+                .mode(0o700)
+                .create(folder)
+                .map_err(|e| failed("create the folder of", e))?;
         }
         loop {
             let mut file = OpenOptions::new()
@@ -69,7 +73,10 @@ impl Place {
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
-                    return Err(BusError::AlreadyRunning { robot: self.robot.clone(), pid: pid_in(&mut file) });
+                    return Err(BusError::AlreadyRunning {
+                        robot: self.robot.clone(),
+                        pid: pid_in(&mut file),
+                    });
                 }
                 Err(TryLockError::Error(e)) => return Err(failed("lock", e)),
             }
@@ -78,7 +85,9 @@ impl Place {
             if std::fs::metadata(&path).ok().map(inode) != file.metadata().ok().map(inode) {
                 continue;
             }
-            file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(|e| failed("write", e))?;
+            file.set_len(0)
+                .and_then(|()| write!(file, "{}", std::process::id()))
+                .map_err(|e| failed("write", e))?;
             return Ok(Lock { file, path });
         }
     }
@@ -162,7 +171,9 @@ fn prefix(mut hash: u64) -> String {
 }
 
 fn fnv1a(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
 }
 
 #[cfg(test)]
@@ -190,7 +201,8 @@ mod tests {
     fn a_start_clears_what_was_left() {
         let robot = format!("left-{}", std::process::id());
         let place = Place::of(&robot).unwrap();
-        let stale = [place.root.join("nodes/stale"), Path::new(SEGMENTS).join(format!("{}stale.data", place.prefix))];
+        let stale =
+            [place.root.join("nodes/stale"), Path::new(SEGMENTS).join(format!("{}stale.data", place.prefix))];
         std::fs::create_dir_all(place.root.join("nodes")).unwrap();
         for file in &stale {
             std::fs::write(file, "left").unwrap();

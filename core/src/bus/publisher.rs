@@ -45,7 +45,9 @@ impl<M: Message> Publisher<M> {
         fill: impl FnOnce(&mut [M::Item]),
     ) -> Result<(), BusError> {
         let bytes = len.saturating_mul(size_of::<M::Item>());
-        self.raw.publish_in_place(bytemuck::bytes_of(header), bytes, |bytes| fill(bytemuck::cast_slice_mut(bytes)))
+        self.raw.publish_in_place(bytemuck::bytes_of(header), bytes, |bytes| {
+            fill(bytemuck::cast_slice_mut(bytes))
+        })
     }
 
     /// See [`RawPublisher::welcome`].
@@ -73,8 +75,11 @@ enum AnyPublisher {
     Ipc(IoxPublisher<ipc::Service, [u8], CustomHeaderMarker>),
 }
 
-#[allow(unsafe_code, reason = "the port counts references to itself only in the samples that it loans, without a lock; a \
-    loan ends within the call that made it, so that whoever moves the port moves the only reference; not Sync")]
+#[allow(
+    unsafe_code,
+    reason = "the port counts references to itself only in the samples that it loans, without a lock; a \
+    loan ends within the call that made it, so that whoever moves the port moves the only reference; not Sync"
+)]
 unsafe impl Send for RawPublisher {}
 
 /// What one of the two services opens: the port, the longest list, and the bell.
@@ -85,8 +90,9 @@ fn open<S: Service>(
     topic: &str,
     message: &MessageType,
 ) -> Result<Opened<S, Notifier<S>>, BusError> {
-    let (port, most, rings) =
-        world.with_topic(topic, message, |factory| Ok((port(topic, factory)?, list_bytes(factory), rings(factory))))?;
+    let (port, most, rings) = world.with_topic(topic, message, |factory| {
+        Ok((port(topic, factory)?, list_bytes(factory), rings(factory)))
+    })?;
     let bell = if rings { Some(ringer(world, topic)?) } else { None };
     Ok((port, most, bell))
 }
@@ -103,9 +109,10 @@ fn port<S: Service>(
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create();
     port.map_err(|e| match e {
-        PublisherCreateError::ExceedsMaxSupportedPublishers => {
-            BusError::TooManyPublishers { topic: topic.into(), most: factory.static_config().max_publishers() }
-        }
+        PublisherCreateError::ExceedsMaxSupportedPublishers => BusError::TooManyPublishers {
+            topic: topic.into(),
+            most: factory.static_config().max_publishers(),
+        },
         e => BusError::transport("publish on", topic, e),
     })
 }
@@ -190,12 +197,18 @@ impl RawPublisher {
             e => BusError::transport("publish on", &self.topic, e),
         })?;
         let user_header = std::ptr::from_mut(sample.user_header_mut()).cast::<u8>();
-        #[allow(unsafe_code, reason = "the service's description gives the header this size; checked against `header`")]
+        #[allow(
+            unsafe_code,
+            reason = "the service's description gives the header this size; checked against `header`"
+        )]
         unsafe {
             std::ptr::copy_nonoverlapping(header.as_ptr(), user_header, header.len());
         }
         let items = sample.payload_mut();
-        #[allow(unsafe_code, reason = "bytes of a mapped segment, zeroed by the kernel or left by an earlier message")]
+        #[allow(
+            unsafe_code,
+            reason = "bytes of a mapped segment, zeroed by the kernel or left by an earlier message"
+        )]
         let items = unsafe { std::slice::from_raw_parts_mut(items.as_mut_ptr().cast::<u8>(), items.len()) };
         fill(items);
         #[allow(unsafe_code, reason = "header and items are bytes, for which every value is valid")]
@@ -205,7 +218,8 @@ impl RawPublisher {
     }
 
     fn check(&self, header: &[u8], len: usize) -> Result<(), BusError> {
-        let malformed = |problem| BusError::Malformed { topic: self.topic.clone(), message: self.message.name, problem };
+        let malformed =
+            |problem| BusError::Malformed { topic: self.topic.clone(), message: self.message.name, problem };
         if header.len() != self.message.header_size {
             let (is, should) = (header.len(), self.message.header_size);
             return Err(malformed(format!("its header has {should} bytes, not {is}")));

@@ -75,7 +75,10 @@ impl Held {
             AnySample::Ipc(sample) => (sample.user_header(), sample.payload()),
         };
         let header = std::ptr::from_ref(header).cast::<u8>();
-        #[allow(unsafe_code, reason = "the service's description gives the header this size, and the sample keeps it")]
+        #[allow(
+            unsafe_code,
+            reason = "the service's description gives the header this size, and the sample keeps it"
+        )]
         let header = unsafe { std::slice::from_raw_parts(header, self.header_size) };
         RawMessage { header, items }
     }

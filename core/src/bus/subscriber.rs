@@ -92,21 +92,30 @@ enum AnySubscriber {
     Ipc(IoxSubscriber<ipc::Service, [u8], CustomHeaderMarker>),
 }
 
-#[allow(unsafe_code, reason = "the port counts references to itself only in the samples that it hands out, without a lock; \
-    they borrow from the subscriber or lie beside it in an inbox, so that whoever moves the port moves all of them; not Sync")]
+#[allow(
+    unsafe_code,
+    reason = "the port counts references to itself only in the samples that it hands out, without a lock; \
+    they borrow from the subscriber or lie beside it in an inbox, so that whoever moves the port moves all of them; not Sync"
+)]
 unsafe impl Send for RawSubscriber {}
 
 /// Senders whose sequence is remembered; beyond it the one heard longest ago is forgotten.
 const MOST_SENDERS: usize = 32;
 
 impl RawSubscriber {
-    pub(super) fn open(bus: &Bus, topic: &str, message: &MessageType, depth: Depth) -> Result<RawSubscriber, BusError> {
+    pub(super) fn open(
+        bus: &Bus,
+        topic: &str,
+        message: &MessageType,
+        depth: Depth,
+    ) -> Result<RawSubscriber, BusError> {
         let port = match &bus.0.kind {
-            Kind::Local(world) => world
-                .with_topic(topic, message, |factory| port(topic, message, factory, depth).map(AnySubscriber::Local)),
-            Kind::Ipc(world) => {
-                world.with_topic(topic, message, |factory| port(topic, message, factory, depth).map(AnySubscriber::Ipc))
-            }
+            Kind::Local(world) => world.with_topic(topic, message, |factory| {
+                port(topic, message, factory, depth).map(AnySubscriber::Local)
+            }),
+            Kind::Ipc(world) => world.with_topic(topic, message, |factory| {
+                port(topic, message, factory, depth).map(AnySubscriber::Ipc)
+            }),
         }?;
         let counts = message.channel == Channel::Stream || depth == Depth::Deepest;
         Ok(RawSubscriber {

@@ -7,15 +7,15 @@ use std::time::Duration;
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{
-    Alignment, FileName, LogLevel, MessagingPattern, Path, PortFactory as _, SemanticString, Service, ServiceName,
-    SignalHandlingMode, set_log_level_from_env_or,
+    Alignment, FileName, LogLevel, MessagingPattern, Path, PortFactory as _, SemanticString, Service,
+    ServiceName, SignalHandlingMode, set_log_level_from_env_or,
 };
 use iceoryx2::service::attribute::{AttributeKey, AttributeSpecifier, AttributeValue};
+use iceoryx2::service::builder::event::EventOpenError;
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
 };
 use iceoryx2::service::marker::CustomHeaderMarker;
-use iceoryx2::service::builder::event::EventOpenError;
 use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
@@ -55,15 +55,29 @@ const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(25);
 
 impl<S: Service> World<S> {
-    pub(super) fn new(name: &str, root: &str, prefix: &str, patience: Patience) -> Result<World<S>, BusError> {
+    pub(super) fn new(
+        name: &str,
+        root: &str,
+        prefix: &str,
+        patience: Patience,
+    ) -> Result<World<S>, BusError> {
         set_log_level_from_env_or(LogLevel::Fatal);
         let config = settings(root, prefix).map_err(|reason| BusError::transport("set up", name, reason))?;
         let node = patience.retry(
-            || NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled).create::<S>(),
+            || {
+                NodeBuilder::new()
+                    .config(&config)
+                    .signal_handling_mode(SignalHandlingMode::Disabled)
+                    .create::<S>()
+            },
             |_| true,
         );
         let node = node.map_err(|reason| BusError::transport("join", name, reason))?;
-        Ok(World { config, patience, inside: Mutex::new(Inside { topics: HashMap::new(), bells: HashMap::new(), node }) })
+        Ok(World {
+            config,
+            patience,
+            inside: Mutex::new(Inside { topics: HashMap::new(), bells: HashMap::new(), node }),
+        })
     }
 
     pub(super) fn create(&self, topic: &str, message: &MessageType, spec: &Spec) -> Result<(), BusError> {
@@ -165,13 +179,15 @@ impl<S: Service> World<S> {
     }
 
     fn carried_by(&self, topic: &str) -> String {
-        let details = ServiceName::new(topic)
-            .ok()
-            .and_then(|name| S::details(&name, &self.config, MessagingPattern::PublishSubscribe).ok().flatten());
+        let details = ServiceName::new(topic).ok().and_then(|name| {
+            S::details(&name, &self.config, MessagingPattern::PublishSubscribe).ok().flatten()
+        });
         match details.as_ref().map(|details| details.static_details.messaging_pattern()) {
-            Some(iceoryx2::service::static_config::messaging_pattern::MessagingPattern::PublishSubscribe(pattern)) => {
-                pattern.message_type_details().user_header.type_name().to_string()
-            }
+            Some(
+                iceoryx2::service::static_config::messaging_pattern::MessagingPattern::PublishSubscribe(
+                    pattern,
+                ),
+            ) => pattern.message_type_details().user_header.type_name().to_string(),
             _ => "another type".into(),
         }
     }
@@ -182,7 +198,11 @@ impl<S: Service> World<S> {
 }
 
 impl Patience {
-    fn retry<T, E>(self, mut attempt: impl FnMut() -> Result<T, E>, worth_it: impl Fn(&E) -> bool) -> Result<T, E> {
+    fn retry<T, E>(
+        self,
+        mut attempt: impl FnMut() -> Result<T, E>,
+        worth_it: impl Fn(&E) -> bool,
+    ) -> Result<T, E> {
         let tries = if self == Patience::Bounded { TRIES } else { 1 };
         let mut tried = 1;
         loop {
@@ -253,7 +273,11 @@ fn builder<S: Service>(
     topic: &str,
     message: &MessageType,
 ) -> Result<Builder<[u8], CustomHeaderMarker, S>, BusError> {
-    let bad = |e: &dyn std::fmt::Debug| BusError::BadName { what: "topic", name: topic.into(), problem: format!("{e:?}") };
+    let bad = |e: &dyn std::fmt::Debug| BusError::BadName {
+        what: "topic",
+        name: topic.into(),
+        problem: format!("{e:?}"),
+    };
     let name = service_name(topic)?;
     let header = TypeDetail::__internal_new_from_parts(
         TypeVariant::FixedSize,
@@ -263,7 +287,10 @@ fn builder<S: Service>(
     );
     let header = header.map_err(|e| bad(&e))?;
     let builder = node.service_builder(&name).publish_subscribe::<[u8]>().user_header::<CustomHeaderMarker>();
-    #[allow(unsafe_code, reason = "the type is known only as its description; ports copy exactly `header_size` bytes")]
+    #[allow(
+        unsafe_code,
+        reason = "the type is known only as its description; ports copy exactly `header_size` bytes"
+    )]
     let builder = unsafe { builder.__internal_set_user_header_type_details(&header) };
     Ok(builder.payload_alignment(Alignment::ALIGN_8))
 }
