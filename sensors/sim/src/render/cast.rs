@@ -90,7 +90,7 @@ pub fn pixel<const C: usize>(scene: &Scene, eye: &Eye, x: usize, y: usize, per_s
     for i in 0..per_side * per_side {
         let px = x as f64 + ((i % per_side) as f64 + 0.5) * step;
         let py = y as f64 + ((i / per_side) as f64 + 0.5) * step;
-        let directions = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)].map(|(a, b)| eye.direction(px + a, py + b));
+        let directions = [(0.0, 0.0), (step, 0.0), (0.0, step)].map(|(a, b)| eye.direction(px + a, py + b));
         let seen = RayBundle { origin: eye.at, directions }.radiance::<C>(scene);
         (0..C).for_each(|c| sum[c] += seen[c]);
     }

@@ -53,6 +53,10 @@ impl Film {
         let dy = y as f64 - 0.5 * (f64::from(k.height) - 1.0);
         let gain = self.photometry.exposure / WHITE_LEVEL;
         let (fall, centre, dy2) = (fall as f32, centre as f32, (dy * dy) as f32);
+        if self.photometry.noise_sigma > 0.0 {
+            self.develop_noisy(row, gain, fall, centre, dy2, pixels);
+            return;
+        }
         for (x, (radiance, out)) in row.iter().zip(pixels.chunks_exact_mut(C)).enumerate() {
             let dx = x as f32 - centre;
             let gain = gain * (1.0 - fall * (dx * dx + dy2));
@@ -61,12 +65,9 @@ impl Film {
                 out[c] = ((radiance[c] * gain).min(1.0).sqrt() * 255.0 + 0.5) as u8;
             }
         }
-        if self.photometry.noise_sigma > 0.0 {
-            self.add_noise(row, gain, fall, centre, dy2, pixels);
-        }
     }
 
-    fn add_noise<const C: usize>(
+    fn develop_noisy<const C: usize>(
         &mut self,
         row: &[[f32; C]],
         gain: f32,

@@ -57,7 +57,7 @@ impl<'a, const C: usize> Shader<'a, C> {
     }
 
     /// Light times texture at a spot: what the reflectance is multiplied with.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn shine(&self, spot: Spot) -> f32 {
         let (u, v) = (spot.u.max(0.0), spot.v.max(0.0));
@@ -91,14 +91,15 @@ impl<'a, const C: usize> Shader<'a, C> {
         self.gloss * (NORMAL_REFLECTANCE + (1.0 - NORMAL_REFLECTANCE) * square * square * graze)
     }
 
-    #[inline]
+    #[inline(always)]
     fn incident(&self, u: f32, v: f32) -> f32 {
         let (x, y) = (
             (u * self.light_scale[0]).min(self.light_top[0]),
             (v * self.light_scale[1]).min(self.light_top[1]),
         );
-        let (ix, iy) = (x as usize, y as usize);
+        let (ix, iy) = (x as i32, y as i32);
         let (fx, fy) = (x - ix as f32, y - iy as f32);
+        let (ix, iy) = (ix as usize, iy as usize);
         let at = iy * self.surface.light.count[0] + ix;
         let below = at + self.surface.light.count[0];
         let top = self.light[at] + (self.light[at + 1] - self.light[at]) * fx;

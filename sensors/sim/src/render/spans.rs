@@ -41,7 +41,10 @@ impl Line {
             (d[0], d[1] * y + d[2])
         };
         let (slope, offset) = depth(new);
-        let first = self.stretches.partition_point(|s| s.start <= low) - 1;
+        let mut first = 0;
+        while self.stretches[first + 1].start <= low {
+            first += 1;
+        }
         let mut end = first;
         let mut changed = false;
         self.pieces.clear();

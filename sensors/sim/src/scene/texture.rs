@@ -47,7 +47,7 @@ impl Speckle {
     }
 
     /// Its value at (u, v) in texels, averaged over about `footprint` texels. Coordinates must not be negative.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn at(&self, u: f32, v: f32, footprint: f32) -> f32 {
         let level = ((footprint.to_bits() >> 23) as usize).saturating_sub(127).min(self.levels.len() - 1);
@@ -63,11 +63,13 @@ impl Speckle {
     }
 }
 
-/// Bilinear, periodic; `side` is a power of two.
-#[inline]
+/// Bilinear, periodic; `side` is a power of two, and the coordinates are below 2^31.
+#[inline(always)]
 fn sample(grid: &[f32], side: usize, x: f32, y: f32) -> f32 {
-    let (ix, iy) = (x as usize, y as usize);
+    // A cast to a signed number is one instruction, to an unsigned one several.
+    let (ix, iy) = (x as i32, y as i32);
     let (fx, fy) = (x - ix as f32, y - iy as f32);
+    let (ix, iy) = (ix as usize, iy as usize);
     let mask = side - 1;
     let (x0, x1) = (ix & mask, (ix + 1) & mask);
     let (y0, y1) = ((iy & mask) * side, ((iy + 1) & mask) * side);
