@@ -5,12 +5,36 @@ use yamabico_core::message::MessageType;
 
 use super::words;
 
+const HEADER_BYTES: &str = "header_hex";
+const ITEM_BYTES: &str = "items_hex";
+
 /// The message as JSON: the header's fields, its items under `items`, and each code once more in words under `..._text`.
-/// Numbers have full precision; one that is not finite is null. Pixels are left out.
+/// Numbers have full precision. JSON has no word for one that is not finite: it is null, and the bytes of header and items
+/// follow in hexadecimal under `header_hex` and `items_hex`, so that nothing is lost. Pixels are left out.
 pub(super) fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
     let mut value = (message.to_json)(header, items);
+    if has_null(&value)
+        && let Some(object) = value.as_object_mut()
+    {
+        object.insert(HEADER_BYTES.into(), hexadecimal(header).into());
+        object.insert(ITEM_BYTES.into(), hexadecimal(items).into());
+    }
     words::explain(message, &mut value);
     value
+}
+
+fn has_null(value: &Value) -> bool {
+    match value {
+        Value::Null => true,
+        Value::Array(items) => items.iter().any(has_null),
+        Value::Object(fields) => fields.values().any(has_null),
+        _ => false,
+    }
+}
+
+fn hexadecimal(bytes: &[u8]) -> String {
+    let digit = |half: u8| char::from_digit(u32::from(half), 16).unwrap_or('?');
+    bytes.iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 15)]).collect()
 }
 
 /// The JSON Schema of [`to_json`]'s values, read off a message of zeros: a message has always the same fields.
@@ -18,7 +42,11 @@ pub(super) fn of(message: &MessageType) -> Value {
     let example = to_json(message, &vec![0; message.header_size], &vec![0; message.item_size]);
     let mut schema = describe(&example);
     schema["title"] = json!(message.name);
-    schema["$comment"] = json!("A number that is not finite is null.");
+    schema["$comment"] =
+        json!("Where a number is not finite it is null, and the bytes follow in hexadecimal.");
+    for name in [HEADER_BYTES, ITEM_BYTES] {
+        schema["properties"][name] = json!({ "type": "string" });
+    }
     schema
 }
 
@@ -44,7 +72,7 @@ fn describe(example: &Value) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::message::{ALL, DecisionHeader, RangeScanHeader};
+    use yamabico_core::message::{ALL, DecisionHeader, RangeScanHeader, Truth};
 
     #[test]
     fn every_message_has_a_schema_that_names_all_its_fields() {
@@ -57,6 +85,18 @@ mod tests {
                 assert!(kind.is_string(), "{}: {field}: {kind}", message.name);
             }
         }
+    }
+
+    #[test]
+    fn what_json_cannot_say_is_there_as_bytes() {
+        let truth = Truth { stamp_ns: 0x01a2, person_m: f64::INFINITY, ..Truth::default() };
+        let message = MessageType::of::<Truth>();
+        let value = to_json(&message, bytemuck::bytes_of(&truth), &[]);
+        assert!(value["person_m"].is_null() && value["items_hex"] == "");
+        let hex = value["header_hex"].as_str().unwrap();
+        assert_eq!((&hex[..6], hex.len()), ("a20100", 2 * size_of::<Truth>()));
+        let finite = to_json(&message, bytemuck::bytes_of(&Truth::default()), &[]);
+        assert!(finite.get("header_hex").is_none());
     }
 
     #[test]

@@ -58,7 +58,11 @@ fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
         kind: "image-sequence".into(),
         table: toml::from_str(&text).unwrap(),
     };
-    (PLUGIN.open)(DeviceSpec {
+    (PLUGIN.open)(spec(folder, part))
+}
+
+fn spec(folder: &Path, part: PartSpec) -> DeviceSpec {
+    DeviceSpec {
         name: "camera".into(),
         table: toml::Table::new(),
         sensors: vec![part],
@@ -66,7 +70,7 @@ fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
         folder: folder.to_owned(),
         seed: 0,
         robot: Robot::default(),
-    })
+    }
 }
 
 fn sensor(folder: &Path, keys: &str) -> Box<dyn Sensor> {
@@ -265,4 +269,35 @@ fn a_file_that_vanishes_is_named() {
     std::fs::remove_file(path).unwrap();
     let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();
     assert!(error.contains("cannot read") && error.contains("a.png"), "{error}");
+}
+
+/// The photographs of a drive down a corridor, where they are at hand: `YAMABICO_DATA`, else `../shared/data`.
+#[test]
+fn photographs_of_a_corridor_are_shown() {
+    let data = std::env::var_os("YAMABICO_DATA").map(PathBuf::from);
+    let data = data.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"));
+    let folder = data.join("corridor_drive/images");
+    if !folder.is_dir() {
+        println!("skipped: there is no {}", folder.display());
+        return;
+    }
+    let table = "files = \".\"\nintrinsics = { width = 960, height = 540 }";
+    let part = PartSpec {
+        name: "front".into(),
+        kind: "image-sequence".into(),
+        table: toml::from_str(table).unwrap(),
+    };
+    let mut device = (PLUGIN.open)(spec(&folder, part)).unwrap_or_else(|error| panic!("{error}"));
+    let begin = std::time::Instant::now();
+    let frames = watch(&mut *device.sensors[0].1, usize::MAX).unwrap();
+    println!(
+        "{} pictures, {:.2} ms each",
+        frames.len(),
+        1e3 * begin.elapsed().as_secs_f64() / frames.len() as f64
+    );
+    assert_eq!(frames.len(), std::fs::read_dir(&folder).unwrap().count());
+    for (header, pixels) in &frames {
+        let mean = pixels.iter().map(|&level| f64::from(level)).sum::<f64>() / pixels.len() as f64;
+        assert!((40.0..220.0).contains(&mean), "picture {} has a mean of {mean}", header.sequence);
+    }
 }
