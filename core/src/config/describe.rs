@@ -7,8 +7,10 @@ use serde_json::Value as Json;
 
 use super::nearest::instead;
 use super::plugins::Plugins;
-use super::schema_check::Shape;
-use super::tables::{ArbiterKeys, BehaviorKeys, FootprintKeys, LimitsKeys, PartKeys, RunKeys, WireKeys};
+use super::shape::Shape;
+use super::tables::{
+    ArbiterKeys, BehaviorKeys, FootprintKeys, LimitsKeys, PartKeys, RunKeys, SensorKeys, WireKeys,
+};
 use super::units::{number, unit_of};
 use crate::behavior::SlotInfo;
 use crate::sensor::SensorPlugin;
@@ -123,7 +125,6 @@ pub fn describe(name: &str, plugins: &Plugins<'_>) -> Result<Description, String
     if let Some((driver, kind)) = name.split_once('/')
         && let Some(driver) = plugins.driver(driver)
     {
-        let common = parameters(&schemars::schema_for!(PartKeys).to_value());
         if let Some(plugin) = driver.sensor(kind) {
             let gives = Port {
                 name: kind.to_owned(),
@@ -132,10 +133,12 @@ pub fn describe(name: &str, plugins: &Plugins<'_>) -> Result<Description, String
                 summary: plugin.summary.into(),
             };
             let own = plain(name, "sensor", plugin.summary, &(plugin.schema)().to_value());
+            let common = parameters(&schemars::schema_for!(SensorKeys).to_value());
             return Ok(Description { outputs: vec![gives], common, ..own });
         }
         if let Some(plugin) = driver.drive(kind) {
             let own = plain(name, "drive", plugin.summary, &(plugin.schema)().to_value());
+            let common = parameters(&schemars::schema_for!(PartKeys).to_value());
             return Ok(Description { axes: Some(plugin.axes.to_string()), common, ..own });
         }
     }

@@ -71,7 +71,7 @@ pub(crate) fn read_inputs(
                 }
             }
             None if slot.required && !suggested.contains(&slot.name) => {
-                problems.push(missing(header, entry, slot, sources))
+                problems.push(missing(header, entry, slot, sources));
             }
             None => {}
         }

@@ -1,9 +1,10 @@
 //! From files to a checked task.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use super::document::{MOST_BYTES, Table, parse};
 use super::overrides::{Change, Overrides};
+use super::paths::{Home, tidy, what_is_near};
 use super::places::Places;
 use super::plugins::Plugins;
 use super::problem::{Problem, Problems, Source, Span};
@@ -58,7 +59,7 @@ impl Loader {
             change.apply(&mut self.task_tree, &mut self.problems);
         }
         let robot = self.robot_draft(path, task_source, overrides, for_robot, plugins);
-        read_task(path, task_source, &self.task_tree, robot, plugins, &mut self.problems)
+        read_task(Home { source: task_source, path }, &self.task_tree, robot, plugins, &mut self.problems)
     }
 
     fn robot_draft(
@@ -75,7 +76,7 @@ impl Loader {
         for change in changes {
             change.apply(&mut self.robot_tree, &mut self.problems);
         }
-        Some(read_robot(&path, source, &self.robot_tree, plugins, &mut self.problems))
+        Some(read_robot(Home { source, path: &path }, &self.robot_tree, plugins, &mut self.problems))
     }
 
     /// The robot file's path, and where it is named.
@@ -112,7 +113,8 @@ impl Loader {
             Err(wrong) => {
                 let span = named_at.unwrap_or(Span { source, start: 0, end: 0 });
                 let problem = Problem::new(span, format!("{}: {}", path.display(), wrong.what));
-                self.problems.push(problem.label("named here").help(wrong.help));
+                let label = if named_at.is_some() { "named here" } else { "cannot be read" };
+                self.problems.push(problem.label(label).help(wrong.help));
                 return None;
             }
         };
@@ -129,11 +131,11 @@ struct Unreadable {
 fn read_text(path: &Path) -> Result<String, Unreadable> {
     let wrong = |what: &str, help: &str| Unreadable { what: what.to_owned(), help: help.to_owned() };
     let data = std::fs::metadata(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => wrong("there is no such file", &files_near(path)),
+        std::io::ErrorKind::NotFound => wrong("there is no such file", &what_is_near(path)),
         _ => wrong(&error.to_string(), "make it readable for this user"),
     })?;
     if !data.is_file() {
-        return Err(wrong("this is not a file", &files_near(&path.join("x"))));
+        return Err(wrong("this is not a file", &what_is_near(&path.join("*"))));
     }
     if data.len() > MOST_BYTES as u64 {
         return Err(wrong("the file is larger than 1 MiB", "a configuration is a short TOML text"));
@@ -145,38 +147,4 @@ fn read_text(path: &Path) -> Result<String, Unreadable> {
             error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
         wrong(&format!("line {line} is not UTF-8 text"), "save the file as UTF-8; is it a TOML file at all?")
     })
-}
-
-/// What TOML files there are where one was looked for.
-fn files_near(path: &Path) -> String {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let Ok(files) = std::fs::read_dir(folder) else {
-        return format!("there is no folder {} either", folder.display());
-    };
-    let mut names: Vec<String> = files
-        .filter_map(|file| file.ok()?.file_name().into_string().ok())
-        .filter(|name| name.ends_with(".toml"))
-        .collect();
-    names.sort();
-    let wrong = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
-    match super::nearest::nearest(wrong, names.iter().map(String::as_str)) {
-        Some(name) => format!("did you mean {}?", tidy(&folder.join(name)).display()),
-        None if names.is_empty() => format!("there is no TOML file in {}", folder.display()),
-        None => format!("in {} there are: {}", folder.display(), names.join(", ")),
-    }
-}
-
-/// Without `.` and without `x/..`.
-fn tidy(path: &Path) -> PathBuf {
-    let mut tidy = PathBuf::new();
-    for part in path.components() {
-        match part {
-            Component::CurDir => {}
-            Component::ParentDir if matches!(tidy.components().next_back(), Some(Component::Normal(_))) => {
-                tidy.pop();
-            }
-            part => tidy.push(part),
-        }
-    }
-    tidy
 }

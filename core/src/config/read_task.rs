@@ -1,34 +1,36 @@
 //! From the tree of a task file, and what is known of the robot, to a checked task.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::document::{Entry, Table};
 use super::inputs::{Sources, read_inputs};
+use super::keys::{check_name, own_keys, read_keys, right_keys};
 use super::nearest::instead;
+use super::paths::{Home, resolve_paths};
 use super::places::{Places, refusal};
 use super::plugins::Plugins;
 use super::problem::{Problem, Span};
-use super::read_robot::{RobotDraft, check_name, own_keys, read_keys, right_keys};
-use super::schema_check::{Shape, check_table};
+use super::read_robot::RobotDraft;
+use super::schema_check::check_table;
+use super::shape::Shape;
 use super::tables::{ArbiterKeys, BehaviorKeys, Policy, TaskKeys};
 use super::task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task};
 use super::wires::{Wired, WrittenWire, check_input_cycles, check_wires, read_wires};
 use crate::behavior::{BehaviorPlugin, Setup};
 use crate::sensor::SensorInfo;
 
-/// Reads the tree of source number `source`; `robot` is missing where its file could not be read.
+/// Reads the tree of the file `home`; `robot` is missing where its file could not be read.
 pub(crate) fn read_task(
-    path: &Path,
-    source: usize,
+    home: Home<'_>,
     tree: &Table,
     robot: Option<RobotDraft>,
     plugins: &Plugins<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<Task> {
-    let top = Span { source, start: 0, end: 0 };
+    let top = Span { source: home.source, start: 0, end: 0 };
     let keys: TaskKeys = read_keys(tree, top, "a task file", problems);
-    let drafts = read_behaviors(tree, plugins, problems);
+    let drafts = read_behaviors(tree, home, plugins, problems);
     if let Some(entry) = tree.entry("behaviors").filter(|_| drafts.is_empty()) {
         problems.push(
             Problem::new(entry.key_span, "there is no behaviour in this task")
@@ -52,12 +54,15 @@ pub(crate) fn read_task(
         }
         let inputs_are_right = problems.len() == before;
         let behavior = draft.behavior(plugin, inputs, robot.as_ref(), &keys.arbiter);
+        draft.check_switches(problems);
         draft.check_axes(&plugin, robot.as_ref(), problems);
         draft.check_ages(&behavior, tree, robot.as_ref(), problems);
-        if robot.is_some() && draft.is_right && inputs_are_right && problems.len() == before {
-            if let Err(error) = behavior.build() {
-                problems.push(refusal(draft.entry, &error));
-            }
+        let is_right = draft.is_right && inputs_are_right && problems.len() == before;
+        if robot.is_some()
+            && is_right
+            && let Err(error) = behavior.build()
+        {
+            problems.push(refusal(draft.entry, &error));
         }
         behaviors.push(behavior);
     }
@@ -72,8 +77,8 @@ pub(crate) fn read_task(
     let period = Duration::from_secs_f64(1.0 / keys.arbiter.rate_hz.max(1.0));
     let plain = |wires: Vec<WrittenWire>| wires.into_iter().map(|written| written.wire).collect();
     Some(Task {
-        path: path.to_owned(),
-        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        path: home.path.to_owned(),
+        name: home.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         robot: robot?.finish()?,
         run: Run {
             duration,
@@ -102,13 +107,19 @@ struct Draft<'a> {
     is_right: bool,
 }
 
-fn read_behaviors<'a>(tree: &'a Table, plugins: &Plugins<'_>, problems: &mut Vec<Problem>) -> Vec<Draft<'a>> {
+fn read_behaviors<'a>(
+    tree: &'a Table,
+    home: Home<'_>,
+    plugins: &Plugins<'_>,
+    problems: &mut Vec<Problem>,
+) -> Vec<Draft<'a>> {
     let entries = tree.table("behaviors").map_or(&[][..], |table| table.entries.as_slice());
-    entries.iter().filter_map(|entry| read_behavior(entry, plugins, problems)).collect()
+    entries.iter().filter_map(|entry| read_behavior(entry, home, plugins, problems)).collect()
 }
 
 fn read_behavior<'a>(
     entry: &'a Entry,
+    home: Home<'_>,
     plugins: &Plugins<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<Draft<'a>> {
@@ -140,7 +151,12 @@ fn read_behavior<'a>(
     }
     let keys = right_keys(table, entry.node.span, &found, problems);
     problems.append(&mut found);
-    let own = own.map(|own| own_keys(table, &common, &own)).unwrap_or_default();
+    let own = own.map(|own| {
+        let mut keys = own_keys(table, &common, &own);
+        resolve_paths(table, &own, home, &mut keys, problems);
+        keys
+    });
+    let own = own.unwrap_or_default();
     Some(Draft { entry, table, keys, own, plugin, is_right: problems.len() == before })
 }
 
@@ -199,6 +215,20 @@ impl Draft<'_> {
             dwell: duration(keys.dwell_ms),
             isolation: keys.isolation,
             exec: keys.exec.as_ref().map(PathBuf::from),
+        }
+    }
+
+    fn check_switches(&self, problems: &mut Vec<Problem>) {
+        if self.keys.critical && !self.keys.enabled {
+            problems.push(
+                Problem::new(
+                    self.span("enabled"),
+                    format!("`{}` is critical and switched off", self.entry.key),
+                )
+                .label("the robot would never move")
+                .also(self.span("critical"), "critical here")
+                .help("take one of the two keys away"),
+            );
         }
     }
 
@@ -279,6 +309,9 @@ fn check_priorities(drafts: &[Draft<'_>], policy: Policy, problems: &mut Vec<Pro
     if policy == Policy::Blend {
         return;
     }
+    // Who never drives cannot contest an axis.
+    let drives = |draft: &&Draft<'_>| draft.plugin.is_none_or(|plugin| !plugin.claims.is_empty());
+    let drafts: Vec<&Draft<'_>> = drafts.iter().filter(drives).collect();
     for (index, draft) in drafts.iter().enumerate() {
         let Some(priority) = draft.keys.priority else { continue };
         if let Some(first) = drafts[..index].iter().find(|other| other.keys.priority == Some(priority)) {

@@ -1,6 +1,7 @@
 //! A checked robot file.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::message::Axes;
 use crate::sensor::{DeviceSpec, DriverPlugin, PartSpec, Robot, SensorInfo};
@@ -34,7 +35,7 @@ pub struct DeviceFile {
 /// A sensor of a robot file.
 #[derive(Clone, Debug)]
 pub struct SensorFile {
-    /// Its device, its own name, its kind and the kind's own keys.
+    /// Its device.
     pub device: String,
     /// Name, kind and checked keys.
     pub part: PartSpec,
@@ -42,6 +43,10 @@ pub struct SensorFile {
     pub info: SensorInfo,
     /// The longest list in one of its messages, bytes.
     pub most_bytes: usize,
+    /// Whether the robot must not move without it.
+    pub critical: bool,
+    /// Age of its newest measurement from which on it counts as dead: as written, or three periods and its latency.
+    pub max_age: Duration,
 }
 
 /// The drive of a robot file.

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value as Json, json};
 
 use super::plugins::Plugins;
-use super::tables::{BehaviorKeys, DeviceKeys, PartKeys, RobotKeys, TaskKeys};
+use super::tables::{BehaviorKeys, DeviceKeys, PartKeys, RobotKeys, SensorKeys, TaskKeys};
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
@@ -39,8 +39,8 @@ pub fn task_schema(plugins: &Plugins<'_>) -> Json {
 pub fn robot_schema(plugins: &Plugins<'_>) -> Json {
     let mut whole = Whole::new(schemars::schema_for!(RobotKeys).to_value(), "A robot of Yamabico");
     let mut devices = vec![whole.include("device", schemars::schema_for!(DeviceKeys).to_value())];
-    let part = whole.include("part", schemars::schema_for!(PartKeys).to_value());
-    let (mut sensors, mut drives) = (vec![part.clone()], vec![part]);
+    let mut sensors = vec![whole.include("sensor", schemars::schema_for!(SensorKeys).to_value())];
+    let mut drives = vec![whole.include("drive", schemars::schema_for!(PartKeys).to_value())];
     for driver in plugins.drivers {
         let mut own = (driver.schema)().to_value();
         describe_as(&mut own, driver.summary);

@@ -298,7 +298,7 @@ pub(crate) struct DeviceKeys {
     pub driver: Option<String>,
 }
 
-/// The keys that every sensor and every drive has, beside its kind's own.
+/// The keys that every drive has, beside its kind's own.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
 pub(crate) struct PartKeys {
@@ -308,4 +308,22 @@ pub(crate) struct PartKeys {
     /// Which of the kinds that the device's driver offers.
     #[schemars(required)]
     pub kind: Option<String>,
+}
+
+/// The keys that every sensor has, beside its kind's own.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[allow(dead_code, reason = "declared for the schema; read from the tree, with their places")]
+pub(crate) struct SensorKeys {
+    /// The device that it belongs to.
+    #[schemars(required)]
+    pub device: Option<String>,
+    /// Which of the kinds that the device's driver offers.
+    #[schemars(required)]
+    pub kind: Option<String>,
+    /// Whether the robot must not move without it.
+    #[serde(default)]
+    pub critical: bool,
+    /// Age of its newest measurement from which on it counts as dead; without it, three periods and its latency.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub max_age_ms: Option<f64>,
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
 };
@@ -63,7 +63,7 @@ impl Default for FollowerConfig {
 }
 
 /// Which wall to keep to.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum Side {
     Left,
@@ -235,6 +235,7 @@ impl Plugin for Localizer {
 #[derive(Debug, Deserialize, JsonSchema)]
 struct SimConfig {
     /// The world file.
+    #[schemars(extend("format" = "file"))]
     #[allow(dead_code, reason = "for the schema")]
     world: String,
 }

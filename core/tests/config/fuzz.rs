@@ -17,6 +17,8 @@ fn load_bytes(task: &[u8], robot: &[u8], set: Vec<String>) {
     let number = COUNT.fetch_add(1, Ordering::Relaxed);
     let folder = std::env::temp_dir().join(format!("yamabico-config-{}-{number}", std::process::id()));
     std::fs::create_dir_all(folder.join("robots")).unwrap();
+    std::fs::create_dir_all(folder.join("worlds")).unwrap();
+    std::fs::write(folder.join("worlds/hallway.toml"), "").unwrap();
     std::fs::write(folder.join("task.toml"), task).unwrap();
     std::fs::write(folder.join("robots/sim.toml"), robot).unwrap();
     let overrides = Overrides { robot: None::<PathBuf>, set };

@@ -26,12 +26,15 @@ fn a_right_configuration_is_read_in_si_units() {
     assert_eq!(task.arbiter.period, Duration::from_millis(20));
     assert_eq!(task.run.step, Duration::from_millis(20));
     assert_eq!(task.suppress[0].hold, Duration::from_millis(500));
+    let sonar = task.robot.sensor("front-sonar").unwrap();
+    assert!(sonar.critical);
+    assert_eq!(sonar.max_age, Duration::from_millis(150));
     assert_eq!(task.robot.robot.limits.speed, [0.6, 0.0, 1.2]);
     let specs = task.robot.specs(7);
     assert_eq!(specs.len(), 1);
     assert_eq!(specs[0].1.sensors.len(), 4);
     assert_eq!(specs[0].1.drive.as_ref().unwrap().kind, "differential");
-    assert_eq!(specs[0].1.table.to_string(), "world = \"hallway.toml\"\n");
+    assert_eq!(specs[0].1.table.to_string(), "world = \"../worlds/hallway.toml\"\n");
 }
 
 /// Every file in `tests/broken`, each against the text that is kept for it.

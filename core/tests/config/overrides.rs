@@ -35,6 +35,13 @@ fn values_of_both_files_change() {
 }
 
 #[test]
+fn a_path_on_the_command_line_starts_at_the_working_directory() {
+    let task = with(&["robot.devices.sim.world=tests/valid/worlds/hallway.toml"]).unwrap();
+    let world = task.robot.devices[0].table["world"].as_str().unwrap();
+    assert!(Path::new(world).is_absolute() && Path::new(world).is_file(), "{world}");
+}
+
+#[test]
 fn another_robot_is_taken() {
     let overrides = Overrides { robot: Some(PathBuf::from("tests/valid/robots/sim.toml")), set: Vec::new() };
     let task = load(Path::new("tests/broken/robot_file_missing.toml"), &overrides, &PLUGINS);
@@ -53,6 +60,7 @@ fn wrong_overrides_are_told_like_wrong_files() {
         "arbiter.policy.kind=strict",
         "arbitre.rate_hz=50",
         "inhibit=[{ by = \"cruise\" }]",
+        "robot.devices.sim.world=tests/valid/worlds/halway.toml",
         "run.duration_s=[1",
         "run.duration_s=",
     ])
