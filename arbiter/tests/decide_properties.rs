@@ -278,7 +278,7 @@ fn assert_no_faster(slower: &Decision, faster: &Decision) -> Result<(), TestCase
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 1000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn every_command_is_finite_and_within_the_limits(policy in policy(), history in history()) {

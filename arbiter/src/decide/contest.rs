@@ -6,6 +6,7 @@ use yamabico_core::message::{Axes, Axis, Outcome, Proposal};
 use yamabico_core::time::Time;
 
 use super::decision::Decision;
+use super::hear::Hearing;
 use super::state::State;
 
 /// Until when lower priorities wait for each axis that a behaviour drove.
@@ -19,6 +20,8 @@ pub(super) struct Tenure {
 struct Board {
     /// Driven by a higher priority.
     taken: Axes,
+    /// Slot of who drives every axis that the drive has, where that is one.
+    holder: Option<u16>,
     /// Left by a higher priority a moment ago.
     reserved: Axes,
     /// Row that left each reserved axis.
@@ -62,13 +65,23 @@ pub(super) fn award(state: &mut State, proposals: &[Option<Proposal>], now: Time
     let mut board = Board::default();
     let (mut next, mut next_dweller) = (0, 0);
     while next < state.drivers.len() {
-        let rule = &state.rules[usize::from(state.drivers[next])];
+        let row = usize::from(state.drivers[next]);
+        let rule = &state.rules[row];
+        if board.turns_down(&state.hearings[row]) {
+            let ruling = &mut decision.rulings[usize::from(rule.slot)];
+            (ruling.outcome, ruling.by) = (Outcome::OutRanked, board.holder);
+            next += 1;
+            continue;
+        }
         while next_dweller < state.dwellers.len() && state.dwellers[next_dweller] < rule.group_start {
             board.reserve(state.dwellers[next_dweller], state, now);
             next_dweller += 1;
         }
         let end = next + state.drivers[next..].iter().take_while(|&&row| row < rule.group_end).count();
         award_group(state, proposals, next..end, now, &mut board, decision);
+        if board.taken == state.has {
+            board.holder = one_of(&decision.source);
+        }
         next = end;
     }
 }
@@ -119,7 +132,20 @@ fn award_group(
     }
 }
 
+/// The only one among `slots`; `None` where there are several.
+fn one_of(slots: &[Option<u16>; 3]) -> Option<u16> {
+    let mut some = slots.iter().flatten();
+    let first = some.next().copied();
+    if some.all(|slot| Some(*slot) == first) { first } else { None }
+}
+
 impl Board {
+    /// Whether it is plain that the driver gets nothing, since one other has everything: the common case, decided without
+    /// a look at the proposal.
+    fn turns_down(&self, hearing: &Hearing) -> bool {
+        self.holder.is_some() && hearing.drives && !hearing.named.is_empty() && hearing.suppressed.is_empty()
+    }
+
     /// What the driver in `row` gets of the axes that it claims, the outcome, and who kept the rest from it.
     fn bid(
         &self,

@@ -4,18 +4,19 @@ use yamabico_core::message::{Axes, Kind, Outcome, Proposal, Twist};
 use yamabico_core::time::Time;
 
 use super::decision::{Decision, Ruling};
-use super::restrain::Assertion;
 use super::state::{Bounds, Rule, State};
 
 /// What one behaviour says in this decision, and what it said last.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hearing {
     /// Sequence and stamp of the newest proposal seen.
-    last: (u64, u64),
+    last: Option<(u64, u64)>,
     /// Whether it has a live proposal other than to abstain, or a halt or limit still in force.
     pub active: bool,
     /// Whether it has a live drive proposal that nobody inhibits.
     pub drives: bool,
+    /// Whether it may have a halt or limit in force.
+    restrains: bool,
     /// Axes that it claims, limits or halts, as far as the drive has them.
     pub named: Axes,
     /// Axes on which it is suppressed.
@@ -29,77 +30,84 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
     state.drivers.clear();
     state.restraining.clear();
     for row in 0..state.rules.len() {
-        let rule = state.rules[row];
+        let rule = &state.rules[row];
+        let hearing = &mut state.hearings[row];
         let slot = usize::from(rule.slot);
         let proposal = if rule.enabled { proposals.get(slot).and_then(Option::as_ref) } else { None };
-        let restraint = &mut state.restraints[row];
-        let hearing = &mut state.hearings[row];
-        (hearing.active, hearing.drives) = (false, false);
-        (hearing.named, hearing.suppressed) = (Axes::NONE, Axes::NONE);
-        restraint.is_current = false;
-
-        let Some(proposal) = proposal else {
-            let outcome = if rule.enabled { Outcome::Silent } else { Outcome::Disabled };
-            decision.rulings[slot] = Ruling { outcome, ..Ruling::SILENT };
-            if restraint.expire(now) {
-                state.restraining.push(row as u16);
-                (hearing.active, hearing.named) = (true, restraint.axes().intersection(state.has));
-            }
-            continue;
-        };
-        let kind = Kind::from_code(proposal.kind);
-        let (fault, age_s) = match fault(proposal, kind, &rule, &state.bounds, now, state.tolerance_ns) {
-            Some((fault, age_s)) => (Some(fault), age_s),
-            None => (None, 0.0),
-        };
-        let is_new = hearing.last != (proposal.sequence, proposal.stamp_ns);
-        hearing.last = (proposal.sequence, proposal.stamp_ns);
-
-        let outcome = match kind {
-            Some(Kind::Halt | Kind::Limit) => {
-                let assertion = assertion(proposal, fault);
-                if is_new {
-                    restraint.assert(&assertion, proposal, &rule, now);
-                }
-                restraint.is_current = is_new || fault.is_none();
-                fault.unwrap_or(if kind == Some(Kind::Halt) { Outcome::Halting } else { Outcome::Limiting })
-            }
-            _ => {
-                if fault.is_none() && restraint.any() {
-                    restraint.release(&rule);
+        hearing.begin();
+        decision.rulings[slot] = match proposal {
+            None if rule.enabled => Ruling::SILENT,
+            None => Ruling { outcome: Outcome::Disabled, ..Ruling::SILENT },
+            Some(proposal) => {
+                let kind = Kind::from_code(proposal.kind);
+                let fault = fault(proposal, kind, rule, &state.bounds, now, state.tolerance_ns);
+                let is_new = hearing.remember(proposal);
+                if let (Some(watch), true, None) = (rule.watch, is_new, fault) {
+                    state.watches[usize::from(watch)].1.hear(now);
                 }
                 if kind == Some(Kind::Drive) && fault.is_none() {
-                    hearing.named = proposal.axes.intersection(state.has);
                     (hearing.active, hearing.drives) = (true, true);
+                    hearing.named = proposal.axes.intersection(state.has);
                     state.drivers.push(row as u16);
                 }
-                fault.unwrap_or(Outcome::Abstained)
+                if hearing.restrains || matches!(kind, Some(Kind::Halt | Kind::Limit)) {
+                    hearing.restrains = true;
+                    state.restraints[row].hear(proposal, kind, fault, is_new, rule, now);
+                }
+                first_ruling(proposal, kind, fault, now)
             }
         };
-        if restraint.expire(now) {
-            state.restraining.push(row as u16);
-            hearing.active = true;
-            if !hearing.drives {
-                hearing.named = restraint.axes().intersection(state.has);
+        if hearing.restrains {
+            let restraint = &mut state.restraints[row];
+            restraint.is_current &= proposal.is_some();
+            hearing.restrains = restraint.expire(now);
+            if hearing.restrains {
+                state.restraining.push(row as u16);
+                hearing.active = true;
+                if !hearing.drives {
+                    hearing.named = restraint.axes().intersection(state.has);
+                }
             }
-        }
-        decision.rulings[slot] = Ruling {
-            outcome,
-            fault,
-            by: None,
-            kind: proposal.kind,
-            reason: proposal.reason,
-            claimed: if proposal.axes.is_valid() { proposal.axes } else { Axes::NONE },
-            won: Axes::NONE,
-            number: age_s,
-        };
-        if let (Some(watch), true, None) = (rule.watch, is_new, fault) {
-            state.behaviour_heard(watch, now);
         }
     }
 }
 
-/// What is wrong with `proposal`, and the age that is too great in seconds or zero.
+impl Hearing {
+    fn begin(&mut self) {
+        (self.active, self.drives) = (false, false);
+        (self.named, self.suppressed) = (Axes::NONE, Axes::NONE);
+    }
+
+    /// Whether `proposal` has not been seen before.
+    fn remember(&mut self, proposal: &Proposal) -> bool {
+        let this = Some((proposal.sequence, proposal.stamp_ns));
+        std::mem::replace(&mut self.last, this) != this
+    }
+}
+
+/// A ruling that stands unless wires, the contest or what is in force change it.
+fn first_ruling(proposal: &Proposal, kind: Option<Kind>, fault: Option<Outcome>, now: Time) -> Ruling {
+    let outcome = fault.unwrap_or(match kind {
+        Some(Kind::Halt) => Outcome::Halting,
+        Some(Kind::Limit) => Outcome::Limiting,
+        _ => Outcome::Abstained,
+    });
+    Ruling {
+        outcome,
+        fault,
+        by: None,
+        kind: proposal.kind,
+        reason: proposal.reason,
+        claimed: if proposal.axes.is_valid() { proposal.axes } else { Axes::NONE },
+        won: Axes::NONE,
+        number: match fault {
+            None => 0.0,
+            Some(fault) => age_s(proposal, fault, now),
+        },
+    }
+}
+
+/// What is wrong with `proposal`.
 fn fault(
     proposal: &Proposal,
     kind: Option<Kind>,
@@ -107,7 +115,7 @@ fn fault(
     bounds: &Bounds,
     now: Time,
     tolerance_ns: u64,
-) -> Option<(Outcome, f64)> {
+) -> Option<Outcome> {
     let well_formed = match kind {
         Some(Kind::Drive) => is_sound_drive(proposal, bounds),
         Some(Kind::Limit) => is_sound_limit(proposal),
@@ -116,19 +124,26 @@ fn fault(
         None => false,
     };
     if !well_formed {
-        return Some((Outcome::Malformed, 0.0));
-    }
-    let age_ns = now.0.saturating_sub(proposal.stamp_ns);
-    let evidence_age_ns = now.0.saturating_sub(proposal.evidence_ns);
-    if proposal.stamp_ns.max(proposal.evidence_ns).saturating_sub(now.0) > tolerance_ns {
-        let newest = Time(proposal.stamp_ns.max(proposal.evidence_ns));
-        Some((Outcome::FromTheFuture, now.seconds_after(newest)))
-    } else if age_ns > rule.max_age_ns {
-        Some((Outcome::Stale, age_ns as f64 * 1e-9))
-    } else if evidence_age_ns > rule.max_evidence_age_ns {
-        Some((Outcome::StaleEvidence, evidence_age_ns as f64 * 1e-9))
+        Some(Outcome::Malformed)
+    } else if proposal.stamp_ns.max(proposal.evidence_ns).saturating_sub(now.0) > tolerance_ns {
+        Some(Outcome::FromTheFuture)
+    } else if now.0.saturating_sub(proposal.stamp_ns) > rule.max_age_ns {
+        Some(Outcome::Stale)
+    } else if now.0.saturating_sub(proposal.evidence_ns) > rule.max_evidence_age_ns {
+        Some(Outcome::StaleEvidence)
     } else {
         None
+    }
+}
+
+/// The age that makes the fault, seconds, negative in the future; zero for other faults.
+#[cold]
+fn age_s(proposal: &Proposal, fault: Outcome, now: Time) -> f64 {
+    match fault {
+        Outcome::Stale => now.seconds_after(Time(proposal.stamp_ns)),
+        Outcome::StaleEvidence => now.seconds_after(Time(proposal.evidence_ns)),
+        Outcome::FromTheFuture => now.seconds_after(Time(proposal.stamp_ns.max(proposal.evidence_ns))),
+        _ => 0.0,
     }
 }
 
@@ -152,15 +167,4 @@ fn is_sound_limit(proposal: &Proposal) -> bool {
         && proposal.sector.centre_rad.is_finite()
         && proposal.sector.half_width_rad.is_finite()
         && proposal.sector.half_width_rad >= 0.0
-}
-
-/// What a halt or limit asserts: as it says while it is sound; one that is malformed concerns every axis that it does not
-/// clearly leave out.
-fn assertion(proposal: &Proposal, fault: Option<Outcome>) -> Assertion {
-    let axes = if proposal.axes.is_valid() && !proposal.axes.is_empty() { proposal.axes } else { Axes::ALL };
-    match (Kind::from_code(proposal.kind), fault) {
-        (Some(Kind::Halt), fault) => Assertion::Halt { axes, sound: fault.is_none() },
-        (_, None) => Assertion::Limit { axes, limits: proposal.limits, sector: proposal.sector },
-        (_, Some(_)) => Assertion::Blind { axes },
-    }
 }

@@ -1,7 +1,7 @@
 //! Steps 3 and 4: halts and limits, how long they last, and what they leave of the motion.
 
 use yamabico_core::geometry::angle_difference;
-use yamabico_core::message::{Axes, Outcome, Proposal, Sector, Twist};
+use yamabico_core::message::{Axes, Kind, Outcome, Proposal, Sector, Twist};
 use yamabico_core::time::Time;
 
 use super::decision::Decision;
@@ -10,7 +10,7 @@ use crate::safety::Stop;
 
 /// What a halt or limit says on arrival.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Assertion {
+enum Assertion {
     /// Stop; a stale or malformed one counts, but takes nothing back.
     Halt { axes: Axes, sound: bool },
     /// A sound limit.
@@ -65,8 +65,34 @@ impl Restraint {
         !self.axes().is_empty()
     }
 
-    /// A new halt or limit arrived at `now`. A sound one replaces what the author said before, as far as `hold` allows.
-    pub fn assert(&mut self, assertion: &Assertion, proposal: &Proposal, rule: &Rule, now: Time) {
+    /// The author's newest proposal at `now`, of whatever kind. A sound one replaces what it said before, as far as `hold`
+    /// allows.
+    pub fn hear(
+        &mut self,
+        proposal: &Proposal,
+        kind: Option<Kind>,
+        fault: Option<Outcome>,
+        is_new: bool,
+        rule: &Rule,
+        now: Time,
+    ) {
+        let assertion = match kind {
+            Some(Kind::Halt | Kind::Limit) => assertion(proposal, kind, fault),
+            _ => {
+                self.is_current = false;
+                if fault.is_none() {
+                    self.release(rule);
+                }
+                return;
+            }
+        };
+        self.is_current = is_new || fault.is_none();
+        if is_new || (fault.is_none() && !self.any()) {
+            self.assert(assertion, proposal, rule, now);
+        }
+    }
+
+    fn assert(&mut self, assertion: Assertion, proposal: &Proposal, rule: &Rule, now: Time) {
         let sound_until = Time(
             (proposal.stamp_ns.min(now.0).saturating_add(rule.max_age_ns))
                 .min(proposal.evidence_ns.min(now.0).saturating_add(rule.max_evidence_age_ns)),
@@ -75,7 +101,7 @@ impl Restraint {
         let until = |from: Time| {
             if rule.watch.is_some() { Time::MAX } else { Time(from.0.saturating_add(rule.hold_ns)) }
         };
-        match *assertion {
+        match assertion {
             Assertion::Halt { axes, sound } => {
                 if sound {
                     self.release(rule);
@@ -101,7 +127,7 @@ impl Restraint {
     }
 
     /// The author says something else: its limit ends, and its halt as soon as it has lasted for `hold`.
-    pub fn release(&mut self, rule: &Rule) {
+    fn release(&mut self, rule: &Rule) {
         for axis in self.halted.iter().map(|axis| axis as usize) {
             let least = Time(self.halt_asked[axis].0.saturating_add(rule.hold_ns));
             self.halt_until[axis] = self.halt_until[axis].min(least);
@@ -127,6 +153,17 @@ impl Restraint {
     /// The limit at `now`: its speeds and where they count.
     fn limit(&self, now: Time) -> (Twist, Sector) {
         if now <= self.limit_sound_until { (self.limits, self.sector) } else { (Twist::ZERO, Sector::ALL) }
+    }
+}
+
+/// What a halt or limit asserts: as it says while it is sound; one that is malformed concerns every axis that it does not
+/// clearly leave out.
+fn assertion(proposal: &Proposal, kind: Option<Kind>, fault: Option<Outcome>) -> Assertion {
+    let axes = if proposal.axes.is_valid() && !proposal.axes.is_empty() { proposal.axes } else { Axes::ALL };
+    match (kind, fault) {
+        (Some(Kind::Halt), fault) => Assertion::Halt { axes, sound: fault.is_none() },
+        (_, None) => Assertion::Limit { axes, limits: proposal.limits, sector: proposal.sector },
+        (_, Some(_)) => Assertion::Blind { axes },
     }
 }
 

@@ -29,7 +29,8 @@ pub struct State {
     pub(super) drivers: Vec<u16>,
     /// Rows of this decision with a halt or limit in force.
     pub(super) restraining: Vec<u16>,
-    watches: Vec<(u16, Watch)>,
+    /// Slots of critical behaviours.
+    pub(super) watches: Vec<(u16, Watch)>,
     sensors: Vec<Watch>,
     pub(super) bounds: Bounds,
     pub(super) has: Axes,
@@ -197,11 +198,6 @@ impl State {
     pub(super) fn next_sequence(&mut self) -> u64 {
         self.sequence = self.sequence.wrapping_add(1);
         self.sequence
-    }
-
-    /// The critical behaviour with this watch was heard at `now`.
-    pub(super) fn behaviour_heard(&mut self, watch: u16, now: Time) {
-        self.watches[usize::from(watch)].1.hear(now);
     }
 
     /// The first critical behaviour, or else sensor, that is silent.
