@@ -1,0 +1,108 @@
+//! Quantiles of many durations in constant memory.
+
+use std::time::Duration;
+
+/// Buckets to a doubling: a quantile is told to within 1/32 of itself.
+const PER_OCTAVE: usize = 32;
+const OCTAVES: usize = 40;
+
+/// A histogram of durations on a logarithmic scale, from nanoseconds to minutes. Taking one in does not allocate.
+#[derive(Clone, Debug)]
+pub struct Durations {
+    buckets: Vec<u64>,
+    count: u64,
+    max: Duration,
+}
+
+impl Default for Durations {
+    fn default() -> Self {
+        Durations { buckets: vec![0; PER_OCTAVE * OCTAVES], count: 0, max: Duration::ZERO }
+    }
+}
+
+impl Durations {
+    /// Takes one in.
+    pub fn add(&mut self, duration: Duration) {
+        self.buckets[bucket(duration.as_nanos() as u64)] += 1;
+        self.count += 1;
+        self.max = self.max.max(duration);
+    }
+
+    /// How many were taken in.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// The longest; zero before the first.
+    pub fn max(&self) -> Duration {
+        self.max
+    }
+
+    /// The duration that the share `quantile` (0 to 1) of all does not exceed, to within 1/32; zero before the first.
+    pub fn quantile(&self, quantile: f64) -> Duration {
+        let rank = (quantile.clamp(0.0, 1.0) * self.count as f64).ceil().max(1.0) as u64;
+        let mut seen = 0;
+        for (index, &count) in self.buckets.iter().enumerate() {
+            seen += count;
+            if seen >= rank {
+                return Duration::from_nanos(upper_edge(index)).min(self.max);
+            }
+        }
+        Duration::ZERO
+    }
+
+    /// Takes in all of `other`.
+    pub fn merge(&mut self, other: &Durations) {
+        for (mine, theirs) in self.buckets.iter_mut().zip(&other.buckets) {
+            *mine += theirs;
+        }
+        self.count += other.count;
+        self.max = self.max.max(other.max);
+    }
+}
+
+/// Linear below `PER_OCTAVE` nanoseconds, then `PER_OCTAVE` buckets to each doubling.
+fn bucket(nanos: u64) -> usize {
+    if nanos < PER_OCTAVE as u64 {
+        return nanos as usize;
+    }
+    let octave = nanos.ilog2() as usize - PER_OCTAVE.ilog2() as usize;
+    let within = (nanos >> octave) as usize - PER_OCTAVE;
+    ((octave + 1) * PER_OCTAVE + within).min(PER_OCTAVE * OCTAVES - 1)
+}
+
+fn upper_edge(index: usize) -> u64 {
+    if index < PER_OCTAVE {
+        return index as u64;
+    }
+    let (octave, within) = (index / PER_OCTAVE - 1, index % PER_OCTAVE);
+    (((PER_OCTAVE + within + 1) as u64) << octave) - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_right_to_a_thirtysecond() {
+        let mut durations = Durations::default();
+        for micros in 1..=1000 {
+            durations.add(Duration::from_micros(micros));
+        }
+        for (quantile, exact) in [(0.5, 500.0), (0.99, 990.0), (1.0, 1000.0)] {
+            let told = durations.quantile(quantile).as_secs_f64() * 1e6;
+            assert!((told - exact).abs() <= exact / 32.0, "{quantile}: {told} us");
+        }
+        assert_eq!(durations.max(), Duration::from_millis(1));
+        assert_eq!(Durations::default().quantile(0.5), Duration::ZERO);
+    }
+
+    #[test]
+    fn every_duration_lies_below_its_bucket_edge() {
+        for nanos in (0..200).chain([1 << 20, (1 << 20) + 12_345, u64::from(u32::MAX) * 100]) {
+            let index = bucket(nanos);
+            assert!(upper_edge(index) >= nanos && (index == 0 || upper_edge(index - 1) < nanos), "{nanos}");
+        }
+        Durations::default().add(Duration::MAX);
+    }
+}
