@@ -1,2 +1,39 @@
-//! The command line of Yamabico.
-fn main() {}
+//! The command line of Yamabico: one small file a command.
+
+mod commands;
+mod output;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use tracing_subscriber::EnvFilter;
+
+use commands::{Command, check, describe, graph, list, run, schema};
+
+/// Drives a robot with independent behaviours, and can say why.
+#[derive(Parser)]
+#[command(name = "yamabico", version, propagate_version = true, after_help = EXIT_CODES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    /// Print tables as JSON.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 arrived or done, 1 not arrived, 2 bad configuration or usage, 3 a device failed.";
+
+fn main() -> ExitCode {
+    let filter = EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    let Arguments { command, json } = Arguments::parse();
+    let print = if json { output::Print::Json } else { output::Print::Text };
+    match command {
+        Command::Run(arguments) => run::run(&arguments, print),
+        Command::Check(arguments) => check::check(&arguments, print),
+        Command::List => list::list(print),
+        Command::Describe(arguments) => describe::describe(&arguments, print),
+        Command::Schema => schema::schema(),
+        Command::Graph(arguments) => graph::graph(&arguments, print),
+    }
+}

@@ -7,12 +7,14 @@
 //! assert_eq!(proposal.kind(), Some(Kind::Halt));
 //! ```
 
+mod inbox;
+
 use crate::behavior::{
     BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, Setup, Slot, SlotSource, View,
 };
-use crate::inbox::{Inbox, Stored};
 use crate::message::{Message, MessageType, Proposal};
 use crate::time::Time;
+use inbox::{Inbox, Stored};
 
 /// One behaviour and what it is fed.
 pub struct Bench<B: Plugin> {

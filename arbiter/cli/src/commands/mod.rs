@@ -1,0 +1,66 @@
+//! The commands.
+
+pub mod check;
+pub mod describe;
+pub mod graph;
+pub mod list;
+pub mod run;
+pub mod schema;
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use yamabico_core::config::{Overrides, Problems, Task, load};
+
+use crate::output::Print;
+use yamabico::plugins::PLUGINS;
+
+/// What to do.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Run a task until its goal is reached, its time is over or its sensors have ended.
+    Run(run::Arguments),
+    /// Tell everything that is wrong with a task, without opening a device.
+    Check(TaskArguments),
+    /// List behaviours and drivers.
+    List,
+    /// Describe a behaviour, a driver, a sensor or a drive: its inputs, outputs and parameters.
+    Describe(describe::Arguments),
+    /// Print the JSON Schema of task and robot files, for editors.
+    Schema,
+    /// Draw a task: sensors, behaviours, wires, drive.
+    Graph(graph::Arguments),
+}
+
+/// A task and what is changed in it.
+#[derive(Args)]
+pub struct TaskArguments {
+    /// The task file.
+    pub file: PathBuf,
+    /// Use this robot file instead of the one that the task names.
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Change a key: `behaviors.wall-follower.speed_mps=0.2`, or `robot.sensors.front.fov_deg=70` in the robot file.
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+impl TaskArguments {
+    /// What `--robot` and `--set` say.
+    pub fn overrides(&self) -> Overrides {
+        Overrides { robot: self.robot.clone(), set: self.set.clone() }
+    }
+
+    /// The checked task.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn load(&self) -> Result<Task, Problems> {
+        load(&self.file, &self.overrides(), &PLUGINS)
+    }
+
+    /// The checked task; where there is none, what is wrong is printed.
+    pub fn load_or_tell(&self, print: Print) -> Option<Task> {
+        self.load().map_err(|problems| print.problems(&problems)).ok()
+    }
+}

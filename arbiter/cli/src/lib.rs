@@ -1,0 +1,3 @@
+//! The parts that the binary `yamabico` brings along; its commands are beside `main.rs`.
+
+pub mod plugins;

@@ -1,0 +1,17 @@
+//! Every behaviour and driver that this binary brings along.
+
+use yamabico_core::behavior::BehaviorPlugin;
+use yamabico_core::config::Plugins;
+use yamabico_core::sensor::DriverPlugin;
+
+/// The behaviours.
+static BEHAVIORS: &[BehaviorPlugin] = &[
+    BehaviorPlugin::of::<yamabico_sonar_halt::SonarHalt>(),
+    BehaviorPlugin::of::<yamabico_wall_follower::WallFollower>(),
+];
+
+/// The drivers.
+static DRIVERS: &[DriverPlugin] = &[yamabico_camera::DRIVER, yamabico_sim::DRIVER];
+
+/// All of them.
+pub static PLUGINS: Plugins<'static> = Plugins { behaviors: BEHAVIORS, drivers: DRIVERS };

@@ -1,0 +1,181 @@
+//! A behaviour at work: fed from the bus, asked when something is new, its proposal signed and sent.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+
+use yamabico_core::behavior::{Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Setup};
+use yamabico_core::bus::{Bus, BusError, Publisher};
+use yamabico_core::message::{Kind, MessageType, Name, Proposal};
+use yamabico_core::time::Time;
+
+use super::durations::Durations;
+use super::feed::Feed;
+use super::ports::Ports;
+use super::topics;
+
+/// After so many panics a behaviour stays out.
+const MOST_PANICS: u32 = 5;
+
+/// Everything needed to seat a behaviour.
+#[derive(Clone, Debug)]
+pub struct BehaviorPlan {
+    /// What it is.
+    pub plugin: BehaviorPlugin,
+    /// Its parameters.
+    pub table: toml::Table,
+    /// What it is told about itself and the robot.
+    pub setup: Setup,
+    /// Higher wins.
+    pub priority: i32,
+    /// Slot, topic and type of each input.
+    pub inputs: Vec<(String, String, MessageType)>,
+    /// Asked at least this often, new input or not.
+    pub period: Option<Duration>,
+    /// Longer calls count as overruns.
+    pub budget: Option<Duration>,
+}
+
+/// How a behaviour fared. Wall-clock figures: they never enter a decision.
+#[derive(Clone, Debug, Default)]
+pub struct BehaviorRecord {
+    /// Of all calls.
+    pub calls: Durations,
+    /// Calls longer than the budget.
+    pub overruns: u64,
+    /// Calls that proposed nothing.
+    pub abstentions: u64,
+    /// Calls that panicked.
+    pub panics: u32,
+}
+
+/// A behaviour between its feed and its ports.
+pub struct BehaviorSeat {
+    plan: BehaviorPlan,
+    behavior: Option<Box<dyn Behavior>>,
+    feed: Feed,
+    ports: Ports,
+    proposals: Publisher<Proposal>,
+    name: Name,
+    sequence: u64,
+    fresh: bool,
+    last_call: Option<Time>,
+    record: BehaviorRecord,
+}
+
+impl BehaviorSeat {
+    /// Builds the behaviour and opens its channels.
+    ///
+    /// # Errors
+    /// Parameters that do not fit, or channels that do not open.
+    pub fn open(plan: BehaviorPlan, bus: &Bus) -> Result<BehaviorSeat, SeatError> {
+        let instance = &plan.setup.name;
+        let outputs: Vec<_> = plan
+            .plugin
+            .outputs
+            .iter()
+            .map(|slot| (slot.name.to_owned(), topics::output(instance, slot.name), slot.message))
+            .collect();
+        Ok(BehaviorSeat {
+            behavior: Some((plan.plugin.build)(&plan.table, &plan.setup)?),
+            feed: Feed::open(bus, &plan.inputs)?,
+            ports: Ports::open(bus, &outputs)?,
+            proposals: bus.publisher(&topics::proposal(instance))?,
+            name: Name::new(instance),
+            sequence: 0,
+            fresh: false,
+            last_call: None,
+            record: BehaviorRecord::default(),
+            plan,
+        })
+    }
+
+    /// Its name in the task file.
+    pub fn name(&self) -> &str {
+        &self.plan.setup.name
+    }
+
+    /// How it fared so far.
+    pub fn record(&self) -> &BehaviorRecord {
+        &self.record
+    }
+
+    /// Takes in what has arrived.
+    ///
+    /// # Errors
+    /// The bus failed.
+    pub fn collect(&mut self) -> Result<(), BusError> {
+        self.fresh |= self.feed.collect()?;
+        Ok(())
+    }
+
+    /// When it wants to be asked though nothing is new; `None` where never.
+    pub fn next_call(&self) -> Option<Time> {
+        let period = self.plan.period?;
+        Some(self.last_call.map_or(Time::ZERO, |last| last + period))
+    }
+
+    /// Asks the behaviour where something is new or its period is over, and publishes its proposal. A panic is caught:
+    /// the behaviour falls silent for this call, as if it had died, and is built anew.
+    ///
+    /// # Errors
+    /// The bus refused the proposal.
+    pub fn propose(&mut self, now: Time) -> Result<(), BusError> {
+        let due = self.fresh || self.next_call().is_some_and(|at| at <= now);
+        let Some(behavior) = self.behavior.as_mut().filter(|_| due) else { return Ok(()) };
+        let started = Instant::now();
+        let (feed, ports) = (&self.feed, &mut self.ports);
+        let outcome =
+            catch_unwind(AssertUnwindSafe(|| behavior.propose(&Inputs::new(now, feed), &mut Outputs::new(ports))));
+        let took = started.elapsed();
+        self.record.calls.add(took);
+        self.record.overruns += u64::from(self.plan.budget.is_some_and(|budget| took > budget));
+        self.fresh = false;
+        self.last_call = Some(now);
+        let evidence_ns = self.feed.evidence_ns().unwrap_or(now.0);
+        match outcome {
+            Ok(proposal) => self.publish(proposal, now, evidence_ns),
+            Err(_) => {
+                self.start_anew();
+                Ok(())
+            }
+        }
+    }
+
+    fn publish(&mut self, mut proposal: Proposal, now: Time, evidence_ns: u64) -> Result<(), BusError> {
+        self.record.abstentions += u64::from(proposal.kind() == Some(Kind::Abstain));
+        self.sequence += 1;
+        proposal.behaviour = self.name;
+        proposal.sequence = self.sequence;
+        proposal.priority = self.plan.priority;
+        if proposal.stamp_ns == 0 {
+            proposal.stamp_ns = now.0;
+        }
+        if proposal.evidence_ns == 0 {
+            proposal.evidence_ns = evidence_ns;
+        }
+        self.proposals.publish(&proposal, &[])
+    }
+
+    fn start_anew(&mut self) {
+        self.record.panics += 1;
+        let name = &self.plan.setup.name;
+        if self.record.panics >= MOST_PANICS {
+            tracing::error!("behaviour `{name}` panicked {} times and stays out", self.record.panics);
+            self.behavior = None;
+            return;
+        }
+        tracing::error!("behaviour `{name}` panicked and is built anew");
+        self.behavior = (self.plan.plugin.build)(&self.plan.table, &self.plan.setup).ok();
+    }
+}
+
+/// A behaviour or a device that could not be set up.
+#[derive(Debug, thiserror::Error)]
+pub enum SeatError {
+    /// Its parameters do not fit.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// Its channels do not open.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+}

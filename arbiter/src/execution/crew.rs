@@ -1,0 +1,104 @@
+//! The behaviours of a lockstep run, on one thread or on several.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+use yamabico_core::bus::BusError;
+use yamabico_core::time::Time;
+
+use super::behavior_seat::{BehaviorRecord, BehaviorSeat};
+
+/// Behaviours that collect together and propose together.
+pub struct Crew {
+    /// On the caller's own thread.
+    here: Vec<BehaviorSeat>,
+    workers: Vec<Worker>,
+}
+
+struct Worker {
+    orders: Sender<Order>,
+    done: Receiver<Result<(), BusError>>,
+    thread: JoinHandle<Vec<BehaviorSeat>>,
+}
+
+#[derive(Clone, Copy)]
+enum Order {
+    Collect,
+    Propose(Time),
+}
+
+fn carry_out(seats: &mut [BehaviorSeat], order: Order) -> Result<(), BusError> {
+    seats.iter_mut().try_for_each(|seat| match order {
+        Order::Collect => seat.collect(),
+        Order::Propose(now) => seat.propose(now),
+    })
+}
+
+impl Crew {
+    /// Deals the seats out to `threads` threads, the caller's own among them.
+    pub fn new(seats: Vec<BehaviorSeat>, threads: usize) -> Crew {
+        let threads = threads.clamp(1, seats.len().max(1));
+        let mut hands: Vec<Vec<BehaviorSeat>> = (0..threads).map(|_| Vec::new()).collect();
+        for (i, seat) in seats.into_iter().enumerate() {
+            hands[i % threads].push(seat);
+        }
+        let here = hands.swap_remove(0);
+        Crew { here, workers: hands.into_iter().map(Worker::start).collect() }
+    }
+
+    /// Every behaviour takes in what has arrived.
+    ///
+    /// # Errors
+    /// The bus failed.
+    pub fn collect(&mut self) -> Result<(), BusError> {
+        self.order(Order::Collect)
+    }
+
+    /// Every behaviour that is due proposes. Call after [`Crew::collect`]: since all have collected by then, nobody sees
+    /// what another publishes in this step, and the number of threads cannot matter.
+    ///
+    /// # Errors
+    /// The bus refused a proposal.
+    pub fn propose(&mut self, now: Time) -> Result<(), BusError> {
+        self.order(Order::Propose(now))
+    }
+
+    fn order(&mut self, order: Order) -> Result<(), BusError> {
+        for worker in &self.workers {
+            // A worker ends only with the crew; if it did, the missing answer below tells.
+            let _ = worker.orders.send(order);
+        }
+        let mut outcome = carry_out(&mut self.here, order);
+        for worker in &self.workers {
+            let answer = worker.done.recv().unwrap_or(Ok(()));
+            outcome = outcome.and(answer);
+        }
+        outcome
+    }
+
+    /// Ends the threads; how each behaviour fared.
+    pub fn finish(self) -> Vec<(String, BehaviorRecord)> {
+        let mut seats = self.here;
+        for Worker { orders, done, thread } in self.workers {
+            drop((orders, done));
+            seats.extend(thread.join().unwrap_or_default());
+        }
+        seats.iter().map(|seat| (seat.name().to_owned(), seat.record().clone())).collect()
+    }
+}
+
+impl Worker {
+    fn start(mut seats: Vec<BehaviorSeat>) -> Worker {
+        let (orders, inbox) = channel();
+        let (answer, done) = channel();
+        let thread = std::thread::spawn(move || {
+            while let Ok(order) = inbox.recv() {
+                if answer.send(carry_out(&mut seats, order)).is_err() {
+                    break;
+                }
+            }
+            seats
+        });
+        Worker { orders, done, thread }
+    }
+}

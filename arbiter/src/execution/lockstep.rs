@@ -1,0 +1,98 @@
+//! Simulated or replayed time: everybody acts once a step, in a fixed order, and the same run gives the same bytes.
+
+use std::time::Duration;
+
+use yamabico_core::bus::{Bus, BusError, RawSubscriber};
+use yamabico_core::message::MessageType;
+use yamabico_core::sensor::{DeviceError, Due};
+use yamabico_core::time::Time;
+
+use super::arbiter_seat::ArbiterSeat;
+use super::behavior_seat::{BehaviorRecord, BehaviorSeat, SeatError};
+use super::crew::Crew;
+use super::device_seat::DeviceSeat;
+use super::plan::Plan;
+use crate::record::Tap;
+
+/// A run in lockstep.
+pub struct Lockstep {
+    // Ports go before the bus that they are on.
+    devices: Vec<DeviceSeat>,
+    crew: Crew,
+    arbiter: ArbiterSeat,
+    taps: Vec<(String, MessageType, RawSubscriber)>,
+    now: Time,
+    step: Duration,
+}
+
+/// Whether the sensors of a run have anything left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Supply {
+    /// Some sensor will measure again.
+    Lasting,
+    /// Every sensor has ended.
+    Ended,
+}
+
+impl Lockstep {
+    /// Opens everything on a bus within this process; the first step is at time zero.
+    ///
+    /// # Errors
+    /// Devices or behaviours that do not open.
+    pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, SeatError> {
+        let bus = Bus::local("lockstep")?;
+        plan.create_topics(&bus)?;
+        let taps = plan.topics.iter().map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
+        let taps = taps.collect::<Result<_, BusError>>()?;
+        let arbiter = ArbiterSeat::open(&plan, &bus)?;
+        let seats = plan.behaviors.into_iter().map(|behavior| BehaviorSeat::open(behavior, &bus));
+        let crew = Crew::new(seats.collect::<Result<_, _>>()?, threads);
+        let devices = plan.devices.into_iter().map(|device| DeviceSeat::open(device, &bus));
+        Ok(Lockstep { devices: devices.collect::<Result<_, _>>()?, crew, arbiter, taps, now: Time::ZERO, step })
+    }
+
+    /// The time of the next step.
+    pub fn now(&self) -> Time {
+        self.now
+    }
+
+    /// The arbiter.
+    pub fn arbiter(&mut self) -> &mut ArbiterSeat {
+        &mut self.arbiter
+    }
+
+    /// Sensors that are due publish, behaviours propose, the arbiter decides, the drive obeys, and `tap` is shown all of it.
+    /// Then time advances.
+    ///
+    /// # Errors
+    /// A device failed, or the bus did.
+    pub fn step(&mut self, tap: &mut dyn Tap) -> Result<Supply, DeviceError> {
+        let mut supply = Supply::Ended;
+        for device in &mut self.devices {
+            if device.poll(self.now)? != Due::Ended {
+                supply = Supply::Lasting;
+            }
+        }
+        self.crew.collect().and_then(|()| self.crew.propose(self.now)).map_err(bus_failed)?;
+        self.arbiter.step(self.now).map_err(bus_failed)?;
+        for device in &mut self.devices {
+            device.drive(self.now)?;
+        }
+        for (topic, message, subscriber) in &self.taps {
+            while let Some(sample) = subscriber.receive().map_err(bus_failed)? {
+                tap.message(topic, message, self.now, sample.header(), sample.items());
+            }
+        }
+        self.now = self.now + self.step;
+        Ok(supply)
+    }
+
+    /// Ends the run; how each behaviour fared.
+    pub fn finish(self) -> Vec<(String, BehaviorRecord)> {
+        self.crew.finish()
+    }
+}
+
+fn bus_failed(error: BusError) -> DeviceError {
+    DeviceError::failed("bus", error)
+}

@@ -1,0 +1,188 @@
+//! From a checked task to everything that is opened for a run.
+
+use std::time::Duration;
+
+use yamabico_core::behavior::SlotInfo;
+use yamabico_core::bus::{Bus, BusError, Spec};
+use yamabico_core::config::{self, InputSource, Task};
+use yamabico_core::message::{
+    Command, Control, DecisionHeader, FrameHeader, Message, MessageType, Name, Proposal, Truth, Verdict,
+};
+
+use super::behavior_seat::BehaviorPlan;
+use super::device_seat::DevicePlan;
+use super::topics;
+use crate::kinematics::Kinematics;
+use crate::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
+
+/// Items that an output of a behaviour may carry in one message.
+const MOST_OUTPUT_ITEMS: usize = 1024;
+/// Messages of a stream, and pictures, that the recorder may fall behind.
+const STREAM_TAP_DEPTH: usize = 1024;
+const FRAME_TAP_DEPTH: usize = 8;
+/// Readers that a topic has room for beside its behaviours: arbiter, drive, recorder, tools, and the dead.
+const SPARE_READERS: usize = 12;
+
+/// A channel of the run.
+#[derive(Clone, Debug)]
+pub struct Topic {
+    /// What it is called.
+    pub name: String,
+    /// What it carries.
+    pub message: MessageType,
+    /// Its limits.
+    pub spec: Spec,
+}
+
+/// Everything that is opened for a run, in the order in which it acts.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Every channel: sensors, truth, behaviours by priority, decision, command, control.
+    pub topics: Vec<Topic>,
+    /// The devices.
+    pub devices: Vec<DevicePlan>,
+    /// The behaviours, highest priority first, then by name.
+    pub behaviors: Vec<BehaviorPlan>,
+    /// How proposals become a command; behaviours in the same order.
+    pub policy: Policy,
+}
+
+impl Plan {
+    /// The plan of `task` with the run's `seed`.
+    pub fn new(task: &Task, seed: u64) -> Plan {
+        Plan {
+            topics: topics(task),
+            devices: devices(task, seed),
+            behaviors: task.behaviors.iter().map(|behavior| behavior_plan(task, behavior)).collect(),
+            policy: policy(task),
+        }
+    }
+
+    /// Creates every channel.
+    ///
+    /// # Errors
+    /// The transport failed.
+    pub fn create_topics(&self, bus: &Bus) -> Result<(), BusError> {
+        self.topics.iter().try_for_each(|topic| bus.create_raw(&topic.name, &topic.message, &topic.spec))
+    }
+}
+
+fn topics(task: &Task) -> Vec<Topic> {
+    let readers = task.behaviors.len() + SPARE_READERS;
+    let topic = |name: String, message: MessageType, publishers: usize, list_bytes: usize| {
+        let depth = if message.name == FrameHeader::NAME { FRAME_TAP_DEPTH } else { STREAM_TAP_DEPTH };
+        Topic { name, message, spec: Spec { publishers, subscribers: readers, list_bytes, depth } }
+    };
+    let mut all = Vec::new();
+    for sensor in &task.robot.sensors {
+        let message = MessageType::find(sensor.info.message).copied();
+        all.extend(message.map(|message| topic(topics::sensor(&sensor.part.name), message, 2, sensor.most_bytes)));
+    }
+    all.push(topic(topics::TRUTH.into(), MessageType::of::<Truth>(), 2, 0));
+    for behavior in &task.behaviors {
+        let output = |slot: &SlotInfo| {
+            let bytes = slot.message.item_size * MOST_OUTPUT_ITEMS;
+            topic(topics::output(&behavior.name, slot.name), slot.message, 2, bytes)
+        };
+        all.extend(behavior.plugin.outputs.iter().map(output));
+        all.push(topic(topics::proposal(&behavior.name), MessageType::of::<Proposal>(), 1, 0));
+    }
+    let verdicts = task.behaviors.len() * size_of::<Verdict>();
+    all.push(topic(topics::DECISION.into(), MessageType::of::<DecisionHeader>(), 1, verdicts));
+    all.push(topic(topics::COMMAND.into(), MessageType::of::<Command>(), 1, 0));
+    all.push(topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, 0));
+    all
+}
+
+fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
+    let of_device = |device: &str| {
+        let sensors = task.robot.sensors.iter().filter(|sensor| sensor.device == device);
+        let typed = sensors.filter_map(|sensor| Some((sensor.part.name.clone(), *MessageType::find(sensor.info.message)?)));
+        typed.collect()
+    };
+    let specs = task.robot.specs(seed).into_iter();
+    specs.map(|(plugin, spec)| DevicePlan { plugin, sensors: of_device(&spec.name), spec }).collect()
+}
+
+fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
+    let slot_type = |slot: &str| behavior.plugin.inputs.iter().find(|info| info.name == slot).map(|info| info.message);
+    let topic = |source: &InputSource| match source {
+        InputSource::Sensor(name) => topics::sensor(name),
+        InputSource::Output { behavior, output } => topics::output(behavior, output),
+    };
+    let inputs = behavior.inputs.iter();
+    BehaviorPlan {
+        plugin: behavior.plugin,
+        table: behavior.table.clone(),
+        setup: behavior.setup.clone(),
+        priority: behavior.priority,
+        inputs: inputs
+            .filter_map(|input| Some((input.slot.clone(), topic(&input.source), slot_type(&input.slot)?)))
+            .collect(),
+        period: behavior.period.or_else(|| behavior.critical.then_some(behavior.deadline / 3)),
+        budget: behavior.budget,
+    }
+    .in_task(task)
+}
+
+impl BehaviorPlan {
+    /// A behaviour without any input would never be asked: it is asked every tick.
+    fn in_task(mut self, task: &Task) -> BehaviorPlan {
+        if self.inputs.is_empty() && self.period.is_none() {
+            self.period = Some(task.arbiter.period);
+        }
+        self
+    }
+}
+
+fn policy(task: &Task) -> Policy {
+    let behaviors = task.behaviors.iter().map(|behavior| BehaviourPolicy {
+        name: Name::new(&behavior.name),
+        priority: behavior.priority,
+        critical: behavior.critical,
+        enabled: behavior.enabled,
+        claims: behavior.plugin.claims,
+        never_abstains: false,
+        deadline: behavior.deadline,
+        max_age: behavior.max_age,
+        max_evidence_age: behavior.max_evidence_age,
+        hold: behavior.hold,
+        dwell: behavior.dwell,
+    });
+    let index = |name: &str| task.behaviors.iter().position(|behavior| behavior.name == name);
+    let wire = |make: fn(usize, usize, Duration) -> Wire| {
+        move |wire: &config::Wire| Some(make(index(&wire.by)?, index(&wire.what)?, wire.hold))
+    };
+    let inhibit = task.inhibit.iter().filter_map(wire(Wire::inhibit));
+    let suppress = task.suppress.iter().filter_map(wire(Wire::suppress));
+    let kinematics = Kinematics::Body { axes: task.robot.drive.axes };
+    Policy {
+        wires: inhibit.chain(suppress).collect(),
+        sensors: critical_sensors(task),
+        contest: match task.arbiter.policy {
+            config::Policy::Strict => Contest::Strict,
+            config::Policy::Blend => Contest::Blend,
+        },
+        rate_hz: 1.0 / task.arbiter.period.as_secs_f64(),
+        ..Policy::new(task.robot.robot.limits, kinematics, behaviors.collect())
+    }
+}
+
+/// What a critical behaviour sees by: no such sensor may fall silent for longer than the behaviour itself may, plus its own
+/// period and latency.
+fn critical_sensors(task: &Task) -> Vec<CriticalSensor> {
+    let mut sensors: Vec<CriticalSensor> = Vec::new();
+    for behavior in task.behaviors.iter().filter(|behavior| behavior.critical) {
+        for input in &behavior.inputs {
+            let InputSource::Sensor(name) = &input.source else { continue };
+            let Some(sensor) = task.robot.sensor(name) else { continue };
+            let rhythm = Duration::from_secs_f64((sensor.info.period_s + sensor.info.latency_s).max(0.0));
+            let max_age = behavior.deadline + rhythm;
+            match sensors.iter_mut().find(|known| known.name.as_str() == name) {
+                Some(known) => known.max_age = known.max_age.min(max_age),
+                None => sensors.push(CriticalSensor { name: Name::new(name), max_age }),
+            }
+        }
+    }
+    sensors
+}

@@ -1,0 +1,27 @@
+//! What each channel is called.
+
+/// Motor commands.
+pub const COMMAND: &str = "command";
+/// Decisions with their verdicts.
+pub const DECISION: &str = "decision";
+/// Requests to the running robot.
+pub const CONTROL: &str = "control";
+/// Signs of life.
+pub const HEARTBEAT: &str = "heartbeat";
+/// A simulator's truth, for judging only.
+pub const TRUTH: &str = "truth";
+
+/// What the sensor `name` measures.
+pub fn sensor(name: &str) -> String {
+    format!("sensors/{name}")
+}
+
+/// What the behaviour `name` proposes.
+pub fn proposal(name: &str) -> String {
+    format!("behaviors/{name}/proposal")
+}
+
+/// What the behaviour `name` publishes on `output`.
+pub fn output(name: &str, output: &str) -> String {
+    format!("behaviors/{name}/{output}")
+}
