@@ -1,33 +1,36 @@
 //! A whole run: opened, driven to its end, recorded, summed up.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use yamabico_core::config::{Overrides, Task};
 use yamabico_core::sensor::DeviceError;
 
-use crate::execution::{self, End, Lockstep, Plan, Progress, SeatError, topics};
-use crate::record::{Digest, ImageFormat, McapRecorder, Pace, RecordError, Recording, Tap, Tee};
+use crate::execution::{BehaviorRecord, End, Lockstep, Plan, Progress, SeatError, run_lockstep, topics};
+use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
+use crate::report::{Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
 
 /// How a task is run.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// Of everything that is drawn by chance.
     pub seed: u64,
     /// Threads that the behaviours share in lockstep.
     pub threads: usize,
-    /// In real time.
-    pub live: bool,
-    /// Where the recording goes; none for no recording.
+    /// Where the recording goes; none for no recording. Its folder is made where it is missing.
     pub recording: Option<PathBuf>,
-    /// Where plots go; none for no plots. Made where it is missing.
-    pub out: Option<PathBuf>,
     /// What was changed in the task, for the record.
     pub overrides: Overrides,
+}
+
+impl Default for Options {
+    /// Seed 1, one thread, no recording, nothing changed.
+    fn default() -> Options {
+        Options { seed: 1, threads: 1, recording: None, overrides: Overrides::default() }
+    }
 }
 
 /// A run that could not be made.
@@ -36,11 +39,11 @@ pub enum RunError {
     /// Something could not be opened; nothing moved.
     #[error(transparent)]
     Setup(#[from] SeatError),
-    /// What the run is to leave behind cannot be written; nothing moved.
+    /// The recording cannot be begun; nothing moved.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The output folder cannot be made; nothing moved.
-    #[error("cannot make the output folder {}: {source}; choose another with --out", folder.display())]
+    #[error("cannot make the folder {}: {source}; choose another place", folder.display())]
     Folder {
         /// The folder.
         folder: PathBuf,
@@ -55,22 +58,113 @@ pub enum RunError {
 /// A run that was made: what became of it, and what it left behind.
 #[derive(Debug, Serialize)]
 pub struct Ran {
+    /// The task's name.
+    pub task: String,
+    /// Of everything that was drawn by chance.
+    pub seed: u64,
     /// Why it ended.
     pub end: End,
     /// The figures.
     #[serde(flatten)]
     pub summary: RunSummary,
-    /// The recording, where there is one: path and size in bytes.
-    pub recording: Option<(PathBuf, u64)>,
-    /// The plot of where the robot went, where there is one.
-    pub trajectory: Option<PathBuf>,
-    /// What could not be written, in words.
-    pub losses: Vec<String>,
+    /// The recording, where there is one.
+    pub recording: Option<Left>,
+}
+
+/// A recording that was left behind.
+#[derive(Debug, Serialize)]
+pub struct Left {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// Messages in it on each topic of the bus.
+    pub messages: BTreeMap<String, u64>,
+    /// Pictures and messages that are not in it because the disk was too slow or full.
+    pub missing: u64,
+    /// Why it broke off, where it did.
+    pub problem: Option<String>,
 }
 
 impl Ran {
     /// Whether the run did what was asked: the goal was reached, or there was none.
     pub fn is_done(&self) -> bool {
         matches!(self.end, End::Arrived | End::SensorsEnded)
+    }
+}
+
+impl From<Recorded> for Left {
+    fn from(recorded: Recorded) -> Left {
+        Left {
+            missing: recorded.pictures_dropped + recorded.messages_dropped,
+            problem: recorded.error.map(|error| error.to_string()),
+            path: recorded.path,
+            bytes: recorded.bytes,
+            messages: recorded.messages,
+        }
+    }
+}
+
+/// Runs `task` in lockstep to its end; `tap` is shown every message, `progress` every step. `interrupt`, once set, stops the
+/// robot and ends the run.
+///
+/// # Errors
+/// Something that does not open, or a device that fails on the way.
+pub fn run(
+    task: &Task,
+    options: &Options,
+    interrupt: &AtomicBool,
+    tap: &mut dyn Tap,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Ran, RunError> {
+    let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
+    let mut lockstep = Lockstep::open(Plan::new(task, options.seed), task.run.step, options.threads)?;
+    let mut summary = SummaryTap::new(ReferenceLine::default());
+    let began = Instant::now();
+    let end = {
+        let mut taps: Vec<&mut dyn Tap> = vec![&mut summary, tap];
+        taps.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Tap));
+        run_lockstep(&mut lockstep, &task.run, interrupt, &mut Tee(taps), progress)
+    };
+    let wall_s = began.elapsed().as_secs_f64();
+    let records = lockstep.finish();
+    let timings = records.into_iter().map(|(name, record)| (name, timing(&record))).collect();
+    let digest = summary.digest().hex();
+    let left = recorder.map(|recorder| recorder.finish([("digest".to_owned(), digest)].into()).into());
+    let end = end?;
+    let summary = summary.finish(Ending { arrived: end == End::Arrived, wall_s, timings });
+    Ok(Ran { task: task.name.clone(), seed: options.seed, end, summary, recording: left })
+}
+
+fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder)
+            .map_err(|source| RunError::Folder { folder: folder.to_owned(), source })?;
+    }
+    let files = [&task.path, &task.robot.path].into_iter();
+    let text = |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
+    let sensors = task.robot.sensors.iter();
+    let facts = [
+        ("seed", options.seed.to_string()),
+        ("overrides", options.overrides.set.join("\n")),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    let recording = Recording {
+        robot: task.robot.robot.clone(),
+        sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
+        files: files.map(text).collect(),
+        facts: facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+        ..Recording::new(path, Pace::Lockstep)
+    };
+    Ok(McapRecorder::create(recording)?)
+}
+
+fn timing(record: &BehaviorRecord) -> Timing {
+    let micros = |duration: Duration| duration.as_secs_f64() * 1e6;
+    Timing {
+        calls: record.calls.count(),
+        p50_us: micros(record.calls.quantile(0.5)),
+        p99_us: micros(record.calls.quantile(0.99)),
+        overruns: record.overruns,
     }
 }

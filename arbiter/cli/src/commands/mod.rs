@@ -5,6 +5,7 @@ pub mod describe;
 pub mod graph;
 pub mod list;
 pub mod run;
+mod run_table;
 pub mod schema;
 
 use std::path::PathBuf;

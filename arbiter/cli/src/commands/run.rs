@@ -9,10 +9,12 @@ use std::time::Duration;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use yamabico_arbiter::execution::Progress;
-use yamabico_arbiter::run::{Options, Ran, RunError, run as run_task};
+use yamabico_arbiter::record::Tee;
+use yamabico_arbiter::run::{Options, RunError, run as run_task};
 use yamabico_core::config::Task;
 
 use super::TaskArguments;
+use super::run_table::run_table;
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit};
 
 /// What `run` is told.
@@ -48,20 +50,19 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
     let options = Options {
         seed: arguments.seed,
         threads: usize::from(arguments.threads),
-        live: arguments.live,
-        recording: arguments.record.clone().unwrap_or_else(|| out.join("run.mcap")),
-        out,
+        recording: Some(arguments.record.clone().unwrap_or_else(|| out.join("run.mcap"))),
         overrides: arguments.task.overrides(),
     };
     let bar = progress_bar(&task, print);
-    let outcome = run_task(&task, &options, &interrupt, &mut |progress| show_progress(&bar, &task, progress));
+    let mut show = |progress| show_progress(&bar, &task, progress);
+    let outcome = run_task(&task, &options, &interrupt, &mut Tee::default(), &mut show);
     bar.finish_and_clear();
     match outcome {
         Ok(ran) => {
-            print.show(&ran, Ran::to_string);
+            print.show(&ran, run_table);
             exit(if ran.is_done() { DONE } else { NOT_ARRIVED })
         }
-        Err(error @ RunError::Setup(_)) => fail(&error.to_string(), BAD_CONFIGURATION),
+        Err(error @ RunError::Setup(_) | RunError::Record(_) | RunError::Folder { .. }) => fail(&error.to_string(), BAD_CONFIGURATION),
         Err(error) => fail(&error.to_string(), DEVICE_FAILED),
     }
 }

@@ -1,0 +1,98 @@
+//! The table at the end of a run.
+
+use std::fmt::Write;
+
+use yamabico_arbiter::execution::End;
+use yamabico_arbiter::run::Ran;
+
+use crate::output::table;
+
+/// The table of `ran`, for people.
+pub fn run_table(ran: &Ran) -> String {
+    let mut text = figures(ran);
+    if !ran.summary.halts.is_empty() {
+        text += &halts(ran);
+    }
+    text += &behaviours(ran);
+    text += &left(ran);
+    text
+}
+
+fn figures(ran: &Ran) -> String {
+    let summary = &ran.summary;
+    let end = match ran.end {
+        End::Arrived => "arrived",
+        End::SensorsEnded => "all sensors ended",
+        End::TimeOver => "time over, not arrived",
+        End::Interrupted => "interrupted",
+    };
+    let metres = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
+    let count = |value: Option<u32>| value.map_or("-".into(), |value| value.to_string());
+    let halted: f64 = summary.halts.iter().map(|halt| halt.duration_s).sum();
+    let mut table = table(&[&ran.task, end], 1..2);
+    table.add_row(["seed", &ran.seed.to_string()]);
+    table.add_row(["distance", &format!("{:.2} m", summary.distance_m)]);
+    table.add_row(["time", &format!("{:.1} s", summary.time_s)]);
+    table.add_row(["contacts", &count(summary.contacts)]);
+    table.add_row(["people who walked into it", &count(summary.struck)]);
+    table.add_row(["smallest clearance", &metres(summary.smallest_clearance_m)]);
+    table.add_row(["nearest person while standing", &metres(summary.smallest_person_standing_m)]);
+    table.add_row(["nearest person while moving", &metres(summary.smallest_person_moving_m)]);
+    table.add_row(["RMS offset", &metres(summary.rms_offset_m)]);
+    table.add_row(["halts", &format!("{} ({halted:.1} s)", summary.halts.len())]);
+    table.add_row(["faster than real time", &format!("{:.1} x", summary.real_time_factor)]);
+    format!("{table}\n")
+}
+
+fn halts(ran: &Ran) -> String {
+    let mut table = table(&["halt by", "at", "for", "nearest person"], 1..4);
+    for halt in &ran.summary.halts {
+        let end_s = halt.begin_s + halt.duration_s;
+        let met = ran.summary.encounters.iter().find(|met| met.begin_s <= end_s && met.end_s >= halt.begin_s);
+        let nearest = met.and_then(|met| met.stood_at_m).map_or("-".into(), |m| format!("{m:.2} m"));
+        table.add_row([
+            halt.by.clone(),
+            format!("{:.1} s", halt.begin_s),
+            format!("{:.1} s", halt.duration_s),
+            nearest,
+        ]);
+    }
+    format!("{table}\n")
+}
+
+fn behaviours(ran: &Ran) -> String {
+    let head = ["behaviour", "in control", "calls", "p50", "p99", "overruns", "abstained", "mostly because"];
+    let mut table = table(&head, 1..7);
+    for (name, behaviour) in &ran.summary.behaviours {
+        let control = ran.summary.control_s.get(name).copied().unwrap_or(0.0);
+        let timing = &behaviour.timing;
+        let because = behaviour.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
+        table.add_row([
+            name.clone(),
+            format!("{control:.1} s"),
+            timing.calls.to_string(),
+            format!("{:.0} us", timing.p50_us),
+            format!("{:.0} us", timing.p99_us),
+            timing.overruns.to_string(),
+            behaviour.abstentions.to_string(),
+            because.to_owned(),
+        ]);
+    }
+    format!("{table}\n")
+}
+
+fn left(ran: &Ran) -> String {
+    let mut text = format!("digest {}\n", ran.summary.digest);
+    if let Some(recording) = &ran.recording {
+        let megabytes = recording.bytes as f64 / 1e6;
+        // Writing to a `String` cannot fail.
+        let _ = writeln!(text, "recording {} ({megabytes:.1} MB)", recording.path.display());
+        if recording.missing > 0 {
+            let _ = writeln!(text, "{} messages or pictures are missing in it", recording.missing);
+        }
+        if let Some(problem) = &recording.problem {
+            let _ = writeln!(text, "{problem}");
+        }
+    }
+    text
+}
