@@ -12,7 +12,6 @@ pub mod config;
 pub mod drive;
 pub mod geometry;
 pub mod image;
-pub mod inbox;
 pub mod message;
 pub mod sensor;
 pub mod testing;

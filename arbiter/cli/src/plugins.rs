@@ -6,12 +6,11 @@ use yamabico_core::sensor::DriverPlugin;
 
 /// The behaviours.
 static BEHAVIORS: &[BehaviorPlugin] = &[
-    BehaviorPlugin::of::<yamabico_sonar_halt::SonarHalt>(),
     BehaviorPlugin::of::<yamabico_wall_follower::WallFollower>(),
 ];
 
 /// The drivers.
-static DRIVERS: &[DriverPlugin] = &[yamabico_camera::DRIVER, yamabico_sim::DRIVER];
+static DRIVERS: &[DriverPlugin] = &[yamabico_sim::PLUGIN];
 
 /// All of them.
 pub static PLUGINS: Plugins<'static> = Plugins { behaviors: BEHAVIORS, drivers: DRIVERS };

@@ -62,8 +62,8 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
             print.show(&ran, run_table);
             exit(if ran.is_done() { DONE } else { NOT_ARRIVED })
         }
-        Err(error @ RunError::Setup(_) | RunError::Record(_) | RunError::Folder { .. }) => fail(&error.to_string(), BAD_CONFIGURATION),
-        Err(error) => fail(&error.to_string(), DEVICE_FAILED),
+        Err(error @ RunError::Device(_)) => fail(&error.to_string(), DEVICE_FAILED),
+        Err(error) => fail(&error.to_string(), BAD_CONFIGURATION),
     }
 }
 
