@@ -76,7 +76,8 @@ fn only_the_bus_names_iceoryx2() {
         visit(&root.join(folder), &mut |path, text| {
             files += 1;
             let bus = path.components().any(|part| part.as_os_str() == "bus");
-            let bench = path.components().any(|part| part.as_os_str() == "benches" || part.as_os_str() == "target");
+            let bench =
+                path.components().any(|part| part.as_os_str() == "benches" || part.as_os_str() == "target");
             assert!(bus || bench || !text.contains("iceoryx2::"), "{} names iceoryx2", path.display());
         });
     }

@@ -142,7 +142,8 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
             .map_err(|source| RunError::Folder { folder: folder.to_owned(), source })?;
     }
     let files = [&task.path, &task.robot.path].into_iter();
-    let text = |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
+    let text =
+        |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
     let sensors = task.robot.sensors.iter();
     let facts = [
         ("seed", options.seed.to_string()),

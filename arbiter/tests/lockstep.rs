@@ -12,7 +12,8 @@ use yamabico_core::behavior::{
 use yamabico_core::config::{Overrides, Plugins, load};
 use yamabico_core::drive::Drive;
 use yamabico_core::message::{
-    Axes, Command, DecisionHeader, Intersection, Message, MessageType, Mode, Odometry, Proposal, Reason, Twist,
+    Axes, Command, DecisionHeader, Intersection, Message, MessageType, Mode, Odometry, Proposal, Reason,
+    Twist,
 };
 use yamabico_core::sensor::{
     Device, DeviceError, DrivePlugin, DriverPlugin, Due, Sensor, SensorInfo, SensorKind, SensorPlugin,
@@ -39,7 +40,8 @@ impl Sensor for Counter {
         }
         if now < Time::from_secs_f64(1.5) {
             self.0 += 1;
-            let odometry = Odometry { stamp_ns: now.0, sequence: self.0, x: self.0 as f64, ..Default::default() };
+            let odometry =
+                Odometry { stamp_ns: now.0, sequence: self.0, x: self.0 as f64, ..Default::default() };
             outputs.publish("wheels", &odometry, &[])?;
         }
         Ok(Due::At(now + STEP))
@@ -76,7 +78,8 @@ static DRIVER: DriverPlugin = DriverPlugin {
     }],
     drives: &[DrivePlugin { kind: "motor", summary: "Obeys.", axes: Axes::PLANAR, schema }],
     open: |spec| {
-        let sensors = spec.sensors.iter().map(|sensor| (sensor.name.clone(), Box::new(Counter(0)) as Box<dyn Sensor>));
+        let sensors =
+            spec.sensors.iter().map(|sensor| (sensor.name.clone(), Box::new(Counter(0)) as Box<dyn Sensor>));
         Ok(Device { sensors: sensors.collect(), drive: Some(Box::new(Motor)), judge: None })
     },
 };
@@ -104,7 +107,12 @@ impl Plugin for Leader {
 impl Behavior for Leader {
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let Some(wheels) = inputs.latest(&WHEELS) else { return Proposal::abstain(Reason::NoInput) };
-        let seen = Intersection { stamp_ns: inputs.now().0, evidence_ns: wheels.header.stamp_ns, distance_m: wheels.header.x, ..Default::default() };
+        let seen = Intersection {
+            stamp_ns: inputs.now().0,
+            evidence_ns: wheels.header.stamp_ns,
+            distance_m: wheels.header.x,
+            ..Default::default()
+        };
         if outputs.publish(SEEN.name, &seen, &[]).is_err() {
             return Proposal::abstain(Reason::Overflow);
         }
@@ -158,7 +166,11 @@ impl Behavior for Broken {
 }
 
 static PLUGINS: Plugins<'static> = Plugins {
-    behaviors: &[BehaviorPlugin::of::<Leader>(), BehaviorPlugin::of::<Follower>(), BehaviorPlugin::of::<Broken>()],
+    behaviors: &[
+        BehaviorPlugin::of::<Leader>(),
+        BehaviorPlugin::of::<Follower>(),
+        BehaviorPlugin::of::<Broken>(),
+    ],
     drivers: &[DRIVER],
 };
 

@@ -31,7 +31,9 @@ impl Print {
     pub fn show<T: Serialize>(self, value: &T, text: impl FnOnce(&T) -> String) {
         match self {
             Print::Text => println!("{}", text(value).trim_end()),
-            Print::Json => println!("{}", serde_json::to_string_pretty(value).unwrap_or_else(|error| error.to_string())),
+            Print::Json => {
+                println!("{}", serde_json::to_string_pretty(value).unwrap_or_else(|error| error.to_string()))
+            }
         }
     }
 
@@ -57,7 +59,10 @@ pub fn exit(code: u8) -> ExitCode {
 /// A table with this head; columns named in `numbers` are aligned to the right.
 pub fn table(head: &[&str], numbers: std::ops::Range<usize>) -> Table {
     let mut table = Table::new();
-    table.load_style(UTF8_FULL_CONDENSED).set_content_arrangement(ContentArrangement::Disabled).set_header(head);
+    table
+        .load_style(UTF8_FULL_CONDENSED)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(head);
     for column in numbers {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);

@@ -6,11 +6,12 @@ use yamabico_core::sensor::DriverPlugin;
 
 /// The behaviours.
 static BEHAVIORS: &[BehaviorPlugin] = &[
+    BehaviorPlugin::of::<yamabico_sonar_halt::SonarHalt>(),
     BehaviorPlugin::of::<yamabico_wall_follower::WallFollower>(),
 ];
 
 /// The drivers.
-static DRIVERS: &[DriverPlugin] = &[yamabico_sim::PLUGIN];
+static DRIVERS: &[DriverPlugin] = &[yamabico_camera::PLUGIN, yamabico_sim::PLUGIN];
 
 /// All of them.
 pub static PLUGINS: Plugins<'static> = Plugins { behaviors: BEHAVIORS, drivers: DRIVERS };

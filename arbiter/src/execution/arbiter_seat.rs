@@ -31,7 +31,10 @@ impl ArbiterSeat {
     pub fn open(plan: &Plan, bus: &Bus) -> Result<ArbiterSeat, BusError> {
         let policy = plan.policy.clone();
         let commands = bus.publisher(topics::COMMAND)?;
-        let incoming = policy.behaviours.iter().map(|behavior| bus.subscriber(&topics::proposal(behavior.name.as_str())));
+        let incoming = policy
+            .behaviours
+            .iter()
+            .map(|behavior| bus.subscriber(&topics::proposal(behavior.name.as_str())));
         let sensors = policy.sensors.iter().filter_map(|sensor| {
             let name = topics::sensor(sensor.name.as_str());
             let message = plan.topics.iter().find(|topic| topic.name == name)?.message;

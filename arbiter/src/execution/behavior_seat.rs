@@ -124,8 +124,9 @@ impl BehaviorSeat {
         let Some(behavior) = self.behavior.as_mut().filter(|_| due) else { return Ok(()) };
         let started = Instant::now();
         let (feed, ports) = (&self.feed, &mut self.ports);
-        let outcome =
-            catch_unwind(AssertUnwindSafe(|| behavior.propose(&Inputs::new(now, feed), &mut Outputs::new(ports))));
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            behavior.propose(&Inputs::new(now, feed), &mut Outputs::new(ports))
+        }));
         let took = started.elapsed();
         self.record.calls.add(took);
         self.record.overruns += u64::from(self.plan.budget.is_some_and(|budget| took > budget));

@@ -42,7 +42,10 @@ impl DeviceSeat {
     pub fn open(plan: DevicePlan, bus: &Bus) -> Result<DeviceSeat, SeatError> {
         let device = (plan.plugin.open)(plan.spec)?;
         let seat = |name: &str, topic: String, message: MessageType| -> Result<SensorSeat, BusError> {
-            Ok(SensorSeat { ports: Ports::open(bus, &[(name.to_owned(), topic, message)])?, due: Due::At(Time::ZERO) })
+            Ok(SensorSeat {
+                ports: Ports::open(bus, &[(name.to_owned(), topic, message)])?,
+                due: Due::At(Time::ZERO),
+            })
         };
         let sensors = plan.sensors.iter().map(|(name, message)| seat(name, topics::sensor(name), *message));
         let sensors = sensors.collect::<Result<_, _>>()?;
@@ -77,7 +80,9 @@ impl DeviceSeat {
     /// # Errors
     /// The drive does not obey, or the bus failed.
     pub fn drive(&mut self, now: Time) -> Result<(), DeviceError> {
-        let (Some(drive), Some(commands)) = (&mut self.device.drive, &mut self.commands) else { return Ok(()) };
+        let (Some(drive), Some(commands)) = (&mut self.device.drive, &mut self.commands) else {
+            return Ok(());
+        };
         let mut newest = None;
         while let Some(sample) =
             commands.receive().map_err(|error| DeviceError::failed("drive", error.to_string()))?

@@ -15,7 +15,9 @@ impl Feed {
     /// # Errors
     /// A topic that does not exist, carries another type or admits no more readers.
     pub fn open(bus: &Bus, slots: &[(String, String, MessageType)]) -> Result<Feed, BusError> {
-        let slots = slots.iter().map(|(slot, topic, message)| Ok(Inbox::new(slot, bus.subscriber_raw(topic, message)?)));
+        let slots = slots
+            .iter()
+            .map(|(slot, topic, message)| Ok(Inbox::new(slot, bus.subscriber_raw(topic, message)?)));
         Ok(Feed { slots: slots.collect::<Result<_, BusError>>()? })
     }
 

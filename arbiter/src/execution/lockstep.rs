@@ -42,13 +42,23 @@ impl Lockstep {
     pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, SeatError> {
         let bus = Bus::local("lockstep")?;
         plan.create_topics(&bus)?;
-        let taps = plan.topics.iter().map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
+        let taps = plan
+            .topics
+            .iter()
+            .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
         let taps = taps.collect::<Result<_, BusError>>()?;
         let arbiter = ArbiterSeat::open(&plan, &bus)?;
         let seats = plan.behaviors.into_iter().map(|behavior| BehaviorSeat::open(behavior, &bus));
         let crew = Crew::new(seats.collect::<Result<_, _>>()?, threads);
         let devices = plan.devices.into_iter().map(|device| DeviceSeat::open(device, &bus));
-        Ok(Lockstep { devices: devices.collect::<Result<_, _>>()?, crew, arbiter, taps, now: Time::ZERO, step })
+        Ok(Lockstep {
+            devices: devices.collect::<Result<_, _>>()?,
+            crew,
+            arbiter,
+            taps,
+            now: Time::ZERO,
+            step,
+        })
     }
 
     /// The time of the next step.

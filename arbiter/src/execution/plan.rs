@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use yamabico_core::behavior::SlotInfo;
-use yamabico_core::bus::{Bus, BusError, Spec};
+use yamabico_core::bus::{Bell, Bus, BusError, Spec};
 use yamabico_core::config::{self, InputSource, Task};
 use yamabico_core::message::{
     Command, Control, DecisionHeader, FrameHeader, Message, MessageType, Name, Proposal, Truth, Verdict,
@@ -71,12 +71,18 @@ fn topics(task: &Task) -> Vec<Topic> {
     let readers = task.behaviors.len() + SPARE_READERS;
     let topic = |name: String, message: MessageType, publishers: usize, list_bytes: usize| {
         let depth = if message.name == FrameHeader::NAME { FRAME_TAP_DEPTH } else { STREAM_TAP_DEPTH };
-        Topic { name, message, spec: Spec { publishers, subscribers: readers, list_bytes, depth } }
+        Topic {
+            name,
+            message,
+            spec: Spec { publishers, subscribers: readers, list_bytes, depth, bell: Bell::Silent },
+        }
     };
     let mut all = Vec::new();
     for sensor in &task.robot.sensors {
         let message = MessageType::find(sensor.info.message).copied();
-        all.extend(message.map(|message| topic(topics::sensor(&sensor.part.name), message, 2, sensor.most_bytes)));
+        all.extend(
+            message.map(|message| topic(topics::sensor(&sensor.part.name), message, 2, sensor.most_bytes)),
+        );
     }
     all.push(topic(topics::TRUTH.into(), MessageType::of::<Truth>(), 2, 0));
     for behavior in &task.behaviors {
@@ -97,7 +103,8 @@ fn topics(task: &Task) -> Vec<Topic> {
 fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
     let of_device = |device: &str| {
         let sensors = task.robot.sensors.iter().filter(|sensor| sensor.device == device);
-        let typed = sensors.filter_map(|sensor| Some((sensor.part.name.clone(), *MessageType::find(sensor.info.message)?)));
+        let typed = sensors
+            .filter_map(|sensor| Some((sensor.part.name.clone(), *MessageType::find(sensor.info.message)?)));
         typed.collect()
     };
     let specs = task.robot.specs(seed).into_iter();
@@ -105,7 +112,8 @@ fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
 }
 
 fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
-    let slot_type = |slot: &str| behavior.plugin.inputs.iter().find(|info| info.name == slot).map(|info| info.message);
+    let slot_type =
+        |slot: &str| behavior.plugin.inputs.iter().find(|info| info.name == slot).map(|info| info.message);
     let topic = |source: &InputSource| match source {
         InputSource::Sensor(name) => topics::sensor(name),
         InputSource::Output { behavior, output } => topics::output(behavior, output),

@@ -1,7 +1,7 @@
 //! Where a plugin's messages leave: its outputs by name, on the bus.
 
 use yamabico_core::behavior::{OutputSink, PublishError};
-use yamabico_core::bus::{RawPublisher, Bus, BusError};
+use yamabico_core::bus::{Bus, BusError, RawPublisher};
 use yamabico_core::message::MessageType;
 
 /// The outputs of one plugin.
@@ -16,9 +16,9 @@ impl Ports {
     /// # Errors
     /// A topic that does not exist, carries another type or has its publisher already.
     pub fn open(bus: &Bus, outputs: &[(String, String, MessageType)]) -> Result<Ports, BusError> {
-        let ports = outputs
-            .iter()
-            .map(|(output, topic, message)| Ok((output.clone(), *message, bus.publisher_raw(topic, message)?)));
+        let ports = outputs.iter().map(|(output, topic, message)| {
+            Ok((output.clone(), *message, bus.publisher_raw(topic, message)?))
+        });
         Ok(Ports { ports: ports.collect::<Result<_, BusError>>()? })
     }
 
@@ -28,13 +28,23 @@ impl Ports {
         if *carried == *message {
             Ok(publisher)
         } else {
-            Err(PublishError::WrongType { output: name.to_owned(), expected: carried.name, actual: message.name })
+            Err(PublishError::WrongType {
+                output: name.to_owned(),
+                expected: carried.name,
+                actual: message.name,
+            })
         }
     }
 }
 
 impl OutputSink for Ports {
-    fn publish(&mut self, name: &str, message: &MessageType, header: &[u8], items: &[u8]) -> Result<(), PublishError> {
+    fn publish(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), PublishError> {
         self.find(name, message)?.publish(header, items).map_err(|error| refused(name, error))
     }
 

@@ -66,7 +66,8 @@ fn behaviours(ran: &Ran) -> String {
     for (name, behaviour) in &ran.summary.behaviours {
         let control = ran.summary.control_s.get(name).copied().unwrap_or(0.0);
         let timing = &behaviour.timing;
-        let because = behaviour.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
+        let because =
+            behaviour.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
         table.add_row([
             name.clone(),
             format!("{control:.1} s"),

@@ -2,11 +2,13 @@
 
 use std::process::ExitCode;
 
+use yamabico::plugins::PLUGINS;
+use yamabico_core::config;
 
-use crate::output::{DONE, exit};
+use crate::output::{DONE, Print, exit};
 
 /// Prints the schema.
 pub fn schema() -> ExitCode {
-    
+    Print::Json.show(&config::schema(&PLUGINS), |_| String::new());
     exit(DONE)
 }
