@@ -61,7 +61,7 @@ impl Votes {
     /// Fills `peaks` with the centres (px) of the strongest cells, at most `count`, strongest first, none within
     /// `radius` cells of a stronger one.
     pub(super) fn peaks(
-        &self,
+        &mut self,
         camera: &Intrinsics,
         count: usize,
         radius: usize,
@@ -69,23 +69,35 @@ impl Votes {
     ) {
         peaks.clear();
         let grid = grid(camera);
-        let mut taken: [(usize, usize); 16] = [(0, 0); 16];
-        for n in 0..count.min(taken.len()) {
-            let mut best = (0.0, None);
-            for row in 0..ROWS {
-                for column in 0..COLUMNS {
-                    let votes = self.smooth[row * COLUMNS + column];
-                    let is_near =
-                        |&(c, r): &(usize, usize)| c.abs_diff(column) <= radius && r.abs_diff(row) <= radius;
-                    if votes > best.0 && !taken[..n].iter().any(is_near) {
-                        best = (votes, Some((column, row)));
-                    }
+        let mut row_best: [f32; ROWS] = std::array::from_fn(|row| self.best_of_row(row));
+        while peaks.len() < count {
+            let (row, best) = row_best
+                .iter()
+                .enumerate()
+                .fold((0, 0.0), |best, (row, &votes)| if votes > best.1 { (row, votes) } else { best });
+            let cells = &self.smooth[row * COLUMNS..][..COLUMNS];
+            let Some(column) = cells.iter().position(|&votes| votes == best && votes > 0.0) else { break };
+            peaks.push(self.centre_of_mass((column, row), &grid));
+            // What is near a peak is none: negative from now on.
+            let columns = column.saturating_sub(radius)..(column + radius + 1).min(COLUMNS);
+            for row in row.saturating_sub(radius)..(row + radius + 1).min(ROWS) {
+                for votes in &mut self.smooth[row * COLUMNS..][columns.clone()] {
+                    *votes = -votes.abs();
                 }
+                row_best[row] = self.best_of_row(row);
             }
-            let Some(cell) = best.1 else { break };
-            taken[n] = cell;
-            peaks.push(self.centre_of_mass(cell, &grid));
         }
+    }
+
+    fn best_of_row(&self, row: usize) -> f32 {
+        let (lanes, _) = self.smooth[row * COLUMNS..][..COLUMNS].as_chunks::<8>();
+        let mut best = [0.0_f32; 8];
+        for lane in lanes {
+            for (best, &votes) in best.iter_mut().zip(lane) {
+                *best = if votes > *best { votes } else { *best };
+            }
+        }
+        best.into_iter().fold(0.0, f32::max)
     }
 
     /// Mean place of the votes in the 3x3 cells about `cell`, px.
@@ -94,7 +106,7 @@ impl Votes {
         let mut total = 0.0;
         for row in cell.1.saturating_sub(1)..(cell.1 + 2).min(ROWS) {
             for column in cell.0.saturating_sub(1)..(cell.0 + 2).min(COLUMNS) {
-                let votes = self.smooth[row * COLUMNS + column];
+                let votes = self.smooth[row * COLUMNS + column].abs();
                 sum += Vector2::new(column as f32 + 0.5, row as f32 + 0.5) * votes;
                 total += votes;
             }
