@@ -1,5 +1,7 @@
 //! The simulator through its seams: opened like any device, polled and driven.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 

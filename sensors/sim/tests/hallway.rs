@@ -1,5 +1,7 @@
 //! The hallway's two people: a robot that keeps to the centre line and stops for echoes must meet both and hit none.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::time::Time;
 use yamabico_sim::body::{Body, BodyLimits, Urgency};
@@ -55,13 +57,12 @@ fn both_people_make_a_robot_halt_and_none_is_touched() {
     let world = World::from_toml(HALLWAY).unwrap();
     for seed in 1..=20 {
         let scene = Scene::new(&world, seed).unwrap();
-        for (speed, delay_s) in [(0.4, 0.0), (0.4, 1.0), (0.36, 0.3)] {
-            let (halts, nearest, seconds, contacts, struck) = drive(&scene, seed, speed, delay_s);
-            let told = format!(
-                "seed {seed} at {speed} m/s after {delay_s} s: {halts} halts, nearest {nearest:.2} m, {seconds:.1} s"
-            );
-            assert_eq!((halts, contacts, struck), (2, 0, 0), "{told}");
-            assert!(nearest > 0.2 && seconds < 60.0, "{told}");
-        }
+        let (speed, delay_s) = [(0.4, 0.0), (0.4, 1.0), (0.36, 0.3)][seed as usize % 3];
+        let (halts, nearest, seconds, contacts, struck) = drive(&scene, seed, speed, delay_s);
+        let told = format!(
+            "seed {seed} at {speed} m/s after {delay_s} s: {halts} halts, nearest {nearest:.2} m, {seconds:.1} s"
+        );
+        assert_eq!((halts, contacts, struck), (2, 0, 0), "{told}");
+        assert!(nearest > 0.2 && seconds < 60.0, "{told}");
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! `YAMABICO_BLESS=1 cargo test -p yamabico-sim --test render` writes the golden pictures anew: look at them then.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::PathBuf;
 
 use nalgebra::{Point3, Vector2};

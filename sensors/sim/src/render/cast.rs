@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use parry3d::query::{Ray, RayCullingMode};
 
 use super::project::Eye;
-use super::shade::{Shader, Spot};
+use super::shade::{BLOCK, Shader, Spots};
 use crate::Scene;
 use crate::scene::glam;
 
@@ -45,9 +45,10 @@ impl RayBundle {
             let p = self.origin + d * reach - surface.origin;
             surface.axes.map(|a| a.dot(&p))
         });
-        let spread = |k: usize| ((right[k] - here[k]).abs() + (below[k] - here[k]).abs()) as f32;
-        let spot = Spot { u: here[0] as f32, v: here[1] as f32, du: spread(0), dv: spread(1) };
-        let shine = shader.shine(spot);
+        let spread = |k: usize| (right[k] - here[k]).abs() + (below[k] - here[k]).abs();
+        let all = |value: f64| [value as f32; BLOCK];
+        let spots = Spots { u: all(here[0]), v: all(here[1]), du: all(spread(0)), dv: all(spread(1)) };
+        let shine = shader.shine(&spots, 1)[0];
         let mut seen = shader.albedo.map(|a| a * shine);
         if may_mirror && shader.gloss > 0.0 {
             let cosine = -normal.dot(&self.directions[0].normalize());

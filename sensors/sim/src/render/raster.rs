@@ -4,7 +4,7 @@ use yamabico_core::camera::Intrinsics;
 
 use super::project::{Eye, Linear, Polygon, Side};
 use super::resolve::{LINES, Piece, Row};
-use super::shade::{Shader, Spot};
+use super::shade::{BLOCK, Shader, Spots};
 use super::spans::{Line, NOTHING};
 use crate::Scene;
 
@@ -131,23 +131,34 @@ fn paint<const C: usize>(
     let ray_y = ((y - 0.5 - k.cy) / k.fy) as f32;
     let (centre, per_pixel) = ((k.cx + 0.5) as f32, (1.0 / k.fx) as f32);
     let glossy = shader.gloss > 0.0 && mirror.width > 0;
-    for (i, pixel) in out.iter_mut().enumerate() {
-        let x = from[0] + i as f32;
-        let z = (w0 + wx * x).max(1e-6).recip();
-        let (u, v) = ((u0 + ux * x) * z, (v0 + vx * x) * z);
-        let du = ((ux - u * wx).abs() + (uy - u * wy).abs()) * z;
-        let dv = ((vx - v * wx).abs() + (vy - v * wy).abs()) * z;
-        let shine = shader.shine(Spot { u, v, du, dv });
-        for c in 0..C {
-            pixel[c] = shader.albedo[c] * shine;
+    for (block, pixels) in out.chunks_mut(BLOCK).enumerate() {
+        let start = from[0] + (block * BLOCK) as f32;
+        let mut spots = Spots::default();
+        let mut depth = [0.0; BLOCK];
+        for (i, depth) in depth.iter_mut().enumerate() {
+            let x = start + i as f32;
+            let z = 1.0 / (w0 + wx * x).max(1e-6);
+            let (u, v) = ((u0 + ux * x) * z, (v0 + vx * x) * z);
+            *depth = z;
+            spots.u[i] = u;
+            spots.v[i] = v;
+            spots.du[i] = ((ux - u * wx).abs() + (uy - u * wy).abs()) * z;
+            spots.dv[i] = ((vx - v * wx).abs() + (vy - v * wy).abs()) * z;
+        }
+        let shine = shader.shine(&spots, pixels.len());
+        for (pixel, shine) in pixels.iter_mut().zip(shine) {
+            *pixel = shader.albedo.map(|a| a * shine);
         }
         if glossy {
-            let ray_x = (x - centre) * per_pixel;
-            let length = z * (1.0 + ray_x * ray_x + ray_y * ray_y).sqrt();
-            let share = shader.reflection(eye.at.z as f32 / length);
-            let seen = mirror.at(x, from[1]);
-            for c in 0..C {
-                pixel[c] += share * (seen[c] - pixel[c]);
+            for (i, pixel) in pixels.iter_mut().enumerate() {
+                let x = start + i as f32;
+                let ray_x = (x - centre) * per_pixel;
+                let length = depth[i] * (1.0 + ray_x * ray_x + ray_y * ray_y).sqrt();
+                let share = shader.reflection(eye.at.z as f32 / length);
+                let seen = mirror.at(x, from[1]);
+                for (p, s) in pixel.iter_mut().zip(seen) {
+                    *p += share * (s - *p);
+                }
             }
         }
     }

@@ -6,6 +6,8 @@ use crate::scene::{PERSON_RADIUS_M, Scene, Surface};
 const NORMAL_REFLECTANCE: f32 = 0.04;
 /// Radius of the soft shadow at a person's feet, metres.
 const SHADOW_RADIUS_M: f64 = 2.2 * PERSON_RADIUS_M;
+/// Speckle averaged over this many texels is no longer seen.
+const FADED: f32 = 64.0;
 /// Share of the light that is missing right between somebody's feet.
 const SHADOW_DEPTH: f32 = 0.55;
 
@@ -25,13 +27,16 @@ pub struct Shader<'a, const C: usize> {
     is_floor: bool,
 }
 
-/// A point on a surface and the size of a pixel there, metres along u and v.
-#[derive(Clone, Copy, Debug)]
-pub struct Spot {
-    pub u: f32,
-    pub v: f32,
-    pub du: f32,
-    pub dv: f32,
+/// Points that are shaded together.
+pub const BLOCK: usize = 8;
+
+/// Points on a surface and the size of a pixel at each, metres along u and v. All of them have numbers, used or not.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spots {
+    pub u: [f32; BLOCK],
+    pub v: [f32; BLOCK],
+    pub du: [f32; BLOCK],
+    pub dv: [f32; BLOCK],
 }
 
 impl<'a, const C: usize> Shader<'a, C> {
@@ -56,28 +61,35 @@ impl<'a, const C: usize> Shader<'a, C> {
         }
     }
 
-    /// Light times texture at a spot: what the reflectance is multiplied with.
+    /// Light times texture at the first `count` spots: what the reflectance is multiplied with.
     #[inline(always)]
     #[must_use]
-    pub fn shine(&self, spot: Spot) -> f32 {
-        let (u, v) = (spot.u.max(0.0), spot.v.max(0.0));
+    pub fn shine(&self, spots: &Spots, count: usize) -> [f32; BLOCK] {
         let m = &self.surface.material;
-        let mut shine = self.incident(u, v);
+        let u = spots.u.map(|u| u.max(0.0));
+        let v = spots.v.map(|v| v.max(0.0));
+        let mut shine = self.incident(&u, &v, count);
         if m.speckle > 0.0 {
             let texels = m.grain_m.recip();
-            let footprint = spot.du.max(spot.dv) * texels;
-            if footprint < 64.0 {
-                shine *= 1.0 + m.speckle * self.scene.speckle().at(u * texels, v * texels, footprint);
+            let middle = count / 2;
+            let footprint = spots.du[middle].max(spots.dv[middle]) * texels;
+            if footprint < FADED {
+                let level = self.scene.speckle().level(footprint);
+                for i in 0..count {
+                    shine[i] *= 1.0 + m.speckle * level.at(u[i] * texels, v[i] * texels);
+                }
             }
         }
         let [pu, pv] = m.joint_spacing_m;
         if pu > 0.0 || pv > 0.0 {
-            let along = joint_share(u, spot.du, pu, m.joint_width_m);
-            let across = joint_share(v, spot.dv, pv, m.joint_width_m);
-            shine *= 1.0 - (1.0 - m.joint_tone) * (1.0 - (1.0 - along) * (1.0 - across));
+            for i in 0..count {
+                let along = joint_share(u[i], spots.du[i], pu, m.joint_width_m);
+                let across = joint_share(v[i], spots.dv[i], pv, m.joint_width_m);
+                shine[i] *= 1.0 - (1.0 - m.joint_tone) * (1.0 - (1.0 - along) * (1.0 - across));
+            }
         }
         if self.is_floor {
-            shine *= self.shadows(u, v);
+            self.shadow(&u, &v, &mut shine);
         }
         shine
     }
@@ -92,32 +104,35 @@ impl<'a, const C: usize> Shader<'a, C> {
     }
 
     #[inline(always)]
-    fn incident(&self, u: f32, v: f32) -> f32 {
-        let (x, y) = (
-            (u * self.light_scale[0]).min(self.light_top[0]),
-            (v * self.light_scale[1]).min(self.light_top[1]),
-        );
-        let (ix, iy) = (x as i32, y as i32);
-        let (fx, fy) = (x - ix as f32, y - iy as f32);
-        let (ix, iy) = (ix as usize, iy as usize);
-        let at = iy * self.surface.light.count[0] + ix;
-        let below = at + self.surface.light.count[0];
-        let top = self.light[at] + (self.light[at + 1] - self.light[at]) * fx;
-        let bottom = self.light[below] + (self.light[below + 1] - self.light[below]) * fx;
-        top + (bottom - top) * fy
+    fn incident(&self, u: &[f32; BLOCK], v: &[f32; BLOCK], count: usize) -> [f32; BLOCK] {
+        let row = self.surface.light.count[0];
+        let mut incident = [0.0; BLOCK];
+        for i in 0..count {
+            let x = (u[i] * self.light_scale[0]).min(self.light_top[0]);
+            let y = (v[i] * self.light_scale[1]).min(self.light_top[1]);
+            let (ix, iy) = (x as i32, y as i32);
+            let (fx, fy) = (x - ix as f32, y - iy as f32);
+            let at = iy as usize * row + ix as usize;
+            let light = &self.light[at..at + row + 2];
+            let top = light[0] + (light[1] - light[0]) * fx;
+            let bottom = light[row] + (light[row + 1] - light[row]) * fx;
+            incident[i] = top + (bottom - top) * fy;
+        }
+        incident
     }
 
-    fn shadows(&self, u: f32, v: f32) -> f32 {
-        let mut share = 1.0;
+    /// Darkens what lies at somebody's feet.
+    fn shadow(&self, u: &[f32; BLOCK], v: &[f32; BLOCK], shine: &mut [f32; BLOCK]) {
         for place in self.scene.places() {
-            let du = u - (place.at[0] - self.surface.origin.x) as f32;
-            let dv = v - (place.at[1] - self.surface.origin.y) as f32;
-            let q = (du * du + dv * dv) * (1.0 / (SHADOW_RADIUS_M * SHADOW_RADIUS_M)) as f32;
-            if q < 1.0 {
-                share *= 1.0 - SHADOW_DEPTH * (1.0 - q) * (1.0 - q);
+            let foot =
+                [(place.at[0] - self.surface.origin.x) as f32, (place.at[1] - self.surface.origin.y) as f32];
+            for i in 0..BLOCK {
+                let (du, dv) = (u[i] - foot[0], v[i] - foot[1]);
+                let q = (du * du + dv * dv) * (1.0 / (SHADOW_RADIUS_M * SHADOW_RADIUS_M)) as f32;
+                let near = (1.0 - q).max(0.0);
+                shine[i] *= 1.0 - SHADOW_DEPTH * near * near;
             }
         }
-        share
     }
 }
 

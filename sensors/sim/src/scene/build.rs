@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::light::Emitter;
 use super::surface::{Material, Solid, Surface};
-use crate::world::{Ceiling, Colour, Door, Floor, Lamp, Wall, Window, World};
+use crate::world::{Ceiling, Colour, Corridor, Door, Floor, Lamp, Wall, Window, World};
 
 /// What the building consists of.
 #[derive(Default)]
@@ -30,7 +30,7 @@ impl Building {
     pub fn new(world: &World) -> Self {
         let mut b = Self::default();
         let walls: Vec<Wall> =
-            world.corridor.iter().flat_map(|c| c.walls()).chain(world.walls.iter().cloned()).collect();
+            world.corridor.iter().flat_map(Corridor::walls).chain(world.walls.iter().cloned()).collect();
         walls.iter().for_each(|w| b.wall(w));
         for item in &world.boxes {
             let (sin, cos) = item.yaw_deg.to_radians().sin_cos();
@@ -42,7 +42,7 @@ impl Building {
             b.slab(&Slab { corner, along, across, z }, material);
         }
         let lamps: Vec<Lamp> =
-            world.corridor.iter().flat_map(|c| c.lamps()).chain(world.lamps.iter().copied()).collect();
+            world.corridor.iter().flat_map(Corridor::lamps).chain(world.lamps.iter().copied()).collect();
         lamps.iter().for_each(|l| b.lamp(l, world.ceiling.height_m));
         b.floor_and_ceiling(&world.floor, &world.ceiling);
         b

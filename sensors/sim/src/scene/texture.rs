@@ -47,19 +47,39 @@ impl Speckle {
     }
 
     /// Its value at (u, v) in texels, averaged over about `footprint` texels. Coordinates must not be negative.
+    #[cfg(test)]
+    fn at(&self, u: f32, v: f32, footprint: f32) -> f32 {
+        let level = self.level(footprint);
+        level.at(u, v)
+    }
+
+    /// The resolution at which `footprint` texels are one.
     #[inline(always)]
     #[must_use]
-    pub fn at(&self, u: f32, v: f32, footprint: f32) -> f32 {
+    pub fn level(&self, footprint: f32) -> Level<'_> {
         let level = ((footprint.to_bits() >> 23) as usize).saturating_sub(127).min(self.levels.len() - 1);
         let shrink = f32::from_bits((127 - level as u32) << 23);
         // The centre of a coarse texel lies between the centres of its fine ones.
-        let shift = 0.5 * shrink - 0.5;
-        sample(
-            &self.levels[level],
-            SIDE >> level,
-            (u * shrink + shift).max(0.0),
-            (v * shrink + shift).max(0.0),
-        )
+        Level { texels: &self.levels[level], side: SIDE >> level, shrink, shift: 0.5 * shrink - 0.5 }
+    }
+}
+
+/// One resolution of a [`Speckle`].
+#[derive(Clone, Copy)]
+pub struct Level<'a> {
+    texels: &'a [f32],
+    side: usize,
+    shrink: f32,
+    shift: f32,
+}
+
+impl Level<'_> {
+    /// Its value at (u, v), in texels of the finest level. Coordinates must not be negative.
+    #[inline(always)]
+    #[must_use]
+    pub fn at(&self, u: f32, v: f32) -> f32 {
+        let place = |t: f32| (t * self.shrink + self.shift).max(0.0);
+        sample(self.texels, self.side, place(u), place(v))
     }
 }
 
