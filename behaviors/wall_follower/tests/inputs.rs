@@ -1,0 +1,124 @@
+//! Missing, stale and broken inputs.
+
+mod rig;
+
+use rig::{camera, frame_header, picture, setup};
+use yamabico_core::behavior::Setup;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Encoding, Kind, Odometry, Reason};
+use yamabico_core::sensor::Calibration;
+use yamabico_core::testing::Bench;
+use yamabico_core::time::Time;
+use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
+
+fn bench(calibration: Calibration) -> Bench<WallFollower> {
+    let (intrinsics, mount) = camera(256, 240);
+    Bench::new("speed_mps = 0.4", setup(intrinsics, mount, calibration)).unwrap()
+}
+
+fn odometry(seconds: f64) -> Odometry {
+    Odometry { stamp_ns: Time::from_secs_f64(seconds).0, ..Odometry::default() }
+}
+
+#[test]
+fn turns_right_when_it_points_left() {
+    let (intrinsics, mount) = camera(256, 240);
+    for (pose, calibration, reason) in [
+        (Pose2::new(0.0, 0.0, 0.1), Calibration::Measured, Reason::Nominal),
+        (Pose2::new(0.0, 0.3, 0.0), Calibration::Measured, Reason::Nominal),
+        (Pose2::new(0.0, 0.0, 0.1), Calibration::Guessed, Reason::NoHeightCalibration),
+    ] {
+        let pixels = picture(intrinsics, mount, pose);
+        let mut bench = bench(calibration);
+        bench.at(1.05).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
+        let proposal = bench.feed(&ODOMETRY, &odometry(1.04), &[]).propose();
+        assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Drive), Some(reason)), "{pose:?}");
+        assert!(proposal.twist.angular < -0.02 && proposal.twist.linear > 0.1, "{:?}", proposal.twist);
+        assert_eq!(proposal.evidence_ns, Time::from_secs_f64(1.0).0);
+        assert_eq!(proposal.stamp_ns, Time::from_secs_f64(1.04).0);
+    }
+}
+
+#[test]
+fn drives_by_pictures_alone() {
+    let (intrinsics, mount) = camera(256, 240);
+    let mut bench = bench(Calibration::Guessed);
+    for (i, heading) in [0.1, 0.05, -0.1].into_iter().enumerate() {
+        let pixels = picture(intrinsics, mount, Pose2::new(0.0, 0.0, heading));
+        let seconds = i as f64 * 0.1;
+        bench.at(seconds).feed(&CAMERA, &frame_header(&intrinsics, seconds), &pixels);
+        let turn = bench.propose().twist.angular;
+        assert!(turn * heading < 0.0, "heading {heading}: turns {turn}");
+    }
+}
+
+#[test]
+fn missing_and_stale_inputs_are_named() {
+    let (intrinsics, mount) = camera(256, 240);
+    let mut bench = bench(Calibration::Measured);
+    assert_eq!(bench.propose().reason(), Some(Reason::NoInput));
+    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    bench.at(1.0).feed(&ODOMETRY, &odometry(1.0), &[]).feed(
+        &CAMERA,
+        &frame_header(&intrinsics, 1.0),
+        &pixels,
+    );
+    assert_eq!(bench.propose().kind(), Some(Kind::Drive));
+    let silent = bench.at(1.5).propose();
+    assert_eq!((silent.kind(), silent.reason()), (Some(Kind::Abstain), Some(Reason::StaleInput)));
+}
+
+#[test]
+fn a_camera_that_falls_silent_stops_the_robot() {
+    let (intrinsics, mount) = camera(256, 240);
+    let mut bench = bench(Calibration::Measured);
+    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    bench.at(1.0).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
+    for i in 0..40 {
+        let seconds = 1.0 + 0.1 * f64::from(i);
+        let proposal = bench.at(seconds).feed(&ODOMETRY, &odometry(seconds), &[]).propose();
+        let is_driving = proposal.kind() == Some(Kind::Drive) && proposal.twist.linear > 0.0;
+        assert_eq!(is_driving, seconds <= 2.0 + 1e-9, "at {seconds} s: {:?}", proposal.reason());
+    }
+}
+
+#[test]
+fn broken_pictures_are_named() {
+    let (intrinsics, mount) = camera(256, 240);
+    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let good = frame_header(&intrinsics, 1.0);
+    for (header, pixels) in [
+        (yamabico_core::message::FrameHeader { width: 200, ..good }, &pixels[..]),
+        (yamabico_core::message::FrameHeader { stride: 10, ..good }, &pixels[..]),
+        (yamabico_core::message::FrameHeader { encoding: 77, ..good }, &pixels[..]),
+        (yamabico_core::message::FrameHeader { encoding: Encoding::Rgb8.code(), ..good }, &pixels[..]),
+        (yamabico_core::message::FrameHeader { stamp_ns: u64::MAX, ..good }, &pixels[..]),
+        (good, &pixels[..1000]),
+        (good, &[]),
+    ] {
+        let mut bench = bench(Calibration::Measured);
+        bench.at(1.0).feed(&ODOMETRY, &odometry(1.0), &[]).feed(&CAMERA, &header, pixels);
+        let proposal = bench.propose();
+        let moves = proposal.kind() == Some(Kind::Drive) && proposal.twist.linear != 0.0;
+        assert!(!moves, "{header:?}: {:?}", proposal.twist);
+    }
+    let mut bench = bench(Calibration::Measured);
+    let nan = Odometry { x: f64::NAN, ..odometry(1.0) };
+    bench.at(1.0).feed(&ODOMETRY, &nan, &[]).feed(&CAMERA, &good, &pixels);
+    assert!(bench.propose().twist.is_finite());
+}
+
+#[test]
+fn parameters_and_slots_are_checked() {
+    let (intrinsics, mount) = camera(256, 240);
+    let refused = |toml: &str| {
+        let setup = setup(intrinsics, mount, Calibration::Measured);
+        Bench::<WallFollower>::new(toml, setup).err().map(|error| error.key)
+    };
+    assert_eq!(refused("speed_mps = 9.0").as_deref(), Some("speed_mps"));
+    assert_eq!(refused("near_wall_m = 0.1\nstop_wall_m = 0.2").as_deref(), Some("stop_wall_m"));
+    assert_eq!(refused("lost = { step_deg = 0.0 }").as_deref(), Some("lost.step_deg"));
+    assert!(refused("speed = 0.4").is_some());
+    let blind = Bench::<WallFollower>::new("", Setup::default()).err().map(|error| error.key);
+    assert_eq!(blind.as_deref(), Some("inputs.camera"));
+}
