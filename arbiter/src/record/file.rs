@@ -40,9 +40,17 @@ impl Failure {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).error.take()
     }
 
-    /// Bytes of the file.
+    /// Bytes of the file; those before the failure where there was one.
     pub fn bytes(&self) -> u64 {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).bytes
+    }
+
+    /// A file that has failed grows no more.
+    fn grown_to(&self, bytes: u64) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !state.failed {
+            state.bytes = bytes;
+        }
     }
 
     fn set(&self, error: RecordError) {
@@ -85,7 +93,7 @@ impl Write for OutputFile {
         }
         self.position += bytes.len() as u64;
         self.length = self.length.max(self.position);
-        self.failure.0.lock().unwrap_or_else(PoisonError::into_inner).bytes = self.length;
+        self.failure.grown_to(self.length);
         Ok(bytes.len())
     }
 
@@ -136,5 +144,6 @@ mod tests {
         assert_eq!(file.stream_position().unwrap(), 12);
         assert_eq!(file.seek(SeekFrom::End(0)).unwrap(), 1 << 20);
         assert!(failure.take().is_none() && failure.has_happened());
+        assert!(failure.bytes() < 1 << 20, "what was swallowed is not in the file");
     }
 }
