@@ -172,8 +172,8 @@ impl CorridorTrack {
         }
         let seen = [sighting.left, sighting.right];
         let pair = self.known_pair(seen);
-        for side in 0..2 {
-            if let Some(wall) = pair[side] {
+        for (side, wall) in pair.into_iter().enumerate() {
+            if let Some(wall) = wall {
                 self.update_wall(side, wall);
             }
         }
