@@ -85,6 +85,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
 #[serde(deny_unknown_fields)]
 pub struct SimConfig {
     /// The world file, relative to the robot file.
+    #[schemars(extend("format" = "file"))]
     pub world: String,
     /// Where the robot starts.
     #[serde(default)]

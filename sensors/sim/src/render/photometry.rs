@@ -11,10 +11,13 @@ use yamabico_core::camera::Intrinsics;
 #[serde(default, deny_unknown_fields)]
 pub struct Photometry {
     /// Gain; 1 shows a white wall under the usual lamps at about grey level 200. 0.05 to 20.
+    #[schemars(range(min = 0.05, max = 20.0))]
     pub exposure: f32,
     /// Share of the light that is missing in the picture's corners, 0 to 0.9.
+    #[schemars(range(min = 0.0, max = 0.9))]
     pub vignetting: f32,
     /// Standard deviation of the noise, grey levels, 0 to 50.
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub noise_sigma: f32,
 }
 
