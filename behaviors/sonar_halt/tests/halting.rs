@@ -8,7 +8,7 @@ use yamabico_core::time::Time;
 use yamabico_sonar_halt::{SONAR, SonarHalt};
 
 fn bench() -> Bench<SonarHalt> {
-    Bench::new("gate_m = 0.5", Setup::default()).unwrap()
+    Bench::new("gate_m = 0.5", Setup::default()).expect("a valid configuration")
 }
 
 fn scan_at(bench: &mut Bench<SonarHalt>, seconds: f64, ranges: &[f64]) -> Proposal {

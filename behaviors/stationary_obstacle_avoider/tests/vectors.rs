@@ -84,7 +84,7 @@ mod vectors {
                 assert_eq!(order.v_zero, flag(expected, "v_zero"), "{at}");
                 match (order.target_heading, expected["target_heading"].as_f64()) {
                     (Some(target), Some(expected)) => {
-                        assert!((target - expected).abs() < 1e-9, "{at}: {target}")
+                        assert!((target - expected).abs() < 1e-9, "{at}: {target}");
                     }
                     (target, expected) => assert_eq!(target, expected, "{at}"),
                 }

@@ -18,7 +18,7 @@ fn drive(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
         count += 1.0;
         largest = largest.max(drive.robot.y.abs());
     }
-    ((sum / count as f64).sqrt(), largest)
+    ((sum / count).sqrt(), largest)
 }
 
 #[test]

@@ -13,7 +13,7 @@ use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 
 fn bench(calibration: Calibration) -> Bench<WallFollower> {
     let (intrinsics, mount) = camera(256, 240);
-    Bench::new("speed_mps = 0.4", setup(intrinsics, mount, calibration)).unwrap()
+    Bench::new("speed_mps = 0.4", setup(intrinsics, mount, calibration)).expect("a valid configuration")
 }
 
 fn odometry(seconds: f64) -> Odometry {
