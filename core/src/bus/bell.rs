@@ -32,14 +32,14 @@ pub struct Waiter {
 pub struct Rang(u64);
 
 enum AnyListener {
-    Local(Listener<local::Service>),
-    Ipc(Listener<ipc::Service>),
+    Local(Box<Listener<local::Service>>),
+    Ipc(Box<Listener<ipc::Service>>),
 }
 
 /// Rings the bell of one topic.
 pub(super) enum Ringer {
-    Local(Notifier<local::Service>),
-    Ipc(Notifier<ipc::Service>),
+    Local(Box<Notifier<local::Service>>),
+    Ipc(Box<Notifier<ipc::Service>>),
 }
 
 #[allow(
@@ -65,7 +65,7 @@ impl Waiter {
                         reason = "the descriptor is only polled, while its listener lives beside it"
                     )]
                     let fd = unsafe { listener.file_descriptor().native_handle() };
-                    (AnyListener::Local(listener), fd)
+                    (AnyListener::Local(Box::new(listener)), fd)
                 }
                 Kind::Ipc(world) => {
                     let listener = listener(world, topic)?;
@@ -74,7 +74,7 @@ impl Waiter {
                         reason = "the descriptor is only polled, while its listener lives beside it"
                     )]
                     let fd = unsafe { listener.file_descriptor().native_handle() };
-                    (AnyListener::Ipc(listener), fd)
+                    (AnyListener::Ipc(Box::new(listener)), fd)
                 }
             };
             waiter.listeners.push(listener);

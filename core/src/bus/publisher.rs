@@ -46,7 +46,7 @@ impl<M: Message> Publisher<M> {
     ) -> Result<(), BusError> {
         let bytes = len.saturating_mul(size_of::<M::Item>());
         self.raw.publish_in_place(bytemuck::bytes_of(header), bytes, |bytes| {
-            fill(bytemuck::cast_slice_mut(bytes))
+            fill(bytemuck::cast_slice_mut(bytes));
         })
     }
 
@@ -122,11 +122,11 @@ impl RawPublisher {
         let (port, most, bell) = match &bus.0.kind {
             Kind::Local(world) => {
                 let (port, most, bell) = open(world, topic, message)?;
-                (AnyPublisher::Local(port), most, bell.map(Ringer::Local))
+                (AnyPublisher::Local(port), most, bell.map(|bell| Ringer::Local(Box::new(bell))))
             }
             Kind::Ipc(world) => {
                 let (port, most, bell) = open(world, topic, message)?;
-                (AnyPublisher::Ipc(port), most, bell.map(Ringer::Ipc))
+                (AnyPublisher::Ipc(port), most, bell.map(|bell| Ringer::Ipc(Box::new(bell))))
             }
         };
         Ok(RawPublisher { port, bell, message: *message, topic: topic.into(), most, _bus: bus.clone() })
@@ -224,7 +224,7 @@ impl RawPublisher {
             let (is, should) = (header.len(), self.message.header_size);
             return Err(malformed(format!("its header has {should} bytes, not {is}")));
         }
-        if len % self.message.item_size != 0 {
+        if !len.is_multiple_of(self.message.item_size) {
             let size = self.message.item_size;
             return Err(malformed(format!("its items have {size} bytes each, so no list has {len}")));
         }

@@ -141,7 +141,7 @@ impl RawSubscriber {
     }
 
     /// The oldest message that was not received yet; `None` where there is none. Never waits. A message whose list is not
-    /// a whole number of items is skipped and counted by [`RawSubscriber::refused`].
+    /// a whole number of items, or not aligned, is skipped and counted by [`RawSubscriber::refused`].
     ///
     /// # Errors
     /// [`BusError::HoldsTooMany`] while too many samples are held, or the transport failed.
@@ -171,7 +171,7 @@ impl RawSubscriber {
         self.lost.get()
     }
 
-    /// Messages that were skipped because their list was not a whole number of items.
+    /// Messages that were skipped because their list was not a whole number of items, or not aligned.
     pub fn refused(&self) -> u64 {
         self.refused.get()
     }
@@ -200,7 +200,9 @@ impl RawSubscriber {
             if self.counting == Counting::Gaps {
                 self.count(origin, (self.message.sequence)(message.header));
             }
-            if message.items.len() % self.message.item_size == 0 {
+            let aligned = |bytes: &[u8]| bytes.as_ptr().addr().is_multiple_of(align_of::<u64>());
+            let whole = message.items.len().is_multiple_of(self.message.item_size);
+            if whole && aligned(message.header) && aligned(message.items) {
                 return Ok(Some(held));
             }
             self.refused.set(self.refused.get() + 1);
