@@ -1,6 +1,6 @@
 //! Follow, halt, look again, search, avoid, rejoin: one step a tick, a pure function of the state and the tick.
 //!
-//! Ohya, Kosaka & Kak (1998): any echo halts, a halt is followed by a fresh look. Differs from [1]: how a halt is
+//! Ohya, Kosaka & Kak (1998): any echo halts, a halt is followed by a fresh look. Differs from \[1\]: how a halt is
 //! released, when to search and when to give up are stated here.
 
 use yamabico_core::geometry::angle_difference;

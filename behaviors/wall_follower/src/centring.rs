@@ -1,6 +1,6 @@
 //! The law that brings the robot to the middle of the corridor and keeps it there, while driving.
 //!
-//! Kweon et al. (1991), section 4. Differs from [1]: continuous, instead of stopping, looking, moving to the centre and
+//! Kweon et al. (1991), section 4. Differs from \[1\]: continuous, instead of stopping, looking, moving to the centre and
 //! turning back.
 
 /// How the robot converges to the line that it follows.

@@ -1,6 +1,6 @@
 //! Heading and tilt of a camera from the vanishing point of a corridor, exactly, and back.
 //!
-//! Kweon et al. (1991), section 3.1. Differs from [1]: their pair of angles belongs to a camera that pans about its own
+//! Kweon et al. (1991), section 3.1. Differs from \[1\]: their pair of angles belongs to a camera that pans about its own
 //! vertical after tilting; a robot yaws about the world's vertical, which gives the pair here.
 
 use nalgebra::{Matrix2, Vector2, Vector3};

@@ -1,7 +1,7 @@
 //! Follows a corridor by the vanishing point and the floor lines of its walls.
 //!
 //! Kweon et al. (1991): the vanishing point gives the heading, the floor lines the place between the walls.
-//! Differs from [1]: exact for any heading, tilt and roll, and steers while driving instead of stopping to look.
+//! Differs from \[1\]: exact for any heading, tilt and roll, and steers while driving instead of stopping to look.
 
 pub mod centring;
 pub mod config;

@@ -1,6 +1,6 @@
 //! Height and lateral position of a wall's floor line from its slopes in two aligned pictures.
 //!
-//! Kweon et al. (1991), section 3.4. Differs from [1]: cotangents instead of tangents, so that a line under a camera is
+//! Kweon et al. (1991), section 3.4. Differs from \[1\]: cotangents instead of tangents, so that a line under a camera is
 //! no singular case.
 
 use nalgebra::Vector2;

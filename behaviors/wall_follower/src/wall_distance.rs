@@ -1,6 +1,6 @@
 //! Distance to a wall from the image of its floor line, exactly, for any heading, tilt and roll.
 //!
-//! Kweon et al. (1991), section 3.2. Differs from [1]: their formula holds for heading and tilt zero; these are exact.
+//! Kweon et al. (1991), section 3.2. Differs from \[1\]: their formula holds for heading and tilt zero; these are exact.
 
 use nalgebra::{Matrix2, Matrix3, Point2, RowVector4, Vector2, Vector3};
 use thiserror::Error;
