@@ -280,6 +280,17 @@ fn python_with_mcap(folder: &Path) -> Option<PathBuf> {
     let environment = folder.join("venv");
     let made = succeeds(Path::new("python3"), &["-m", "venv", environment.to_str()?]);
     let python = environment.join("bin/python");
-    let packages = ["-m", "pip", "install", "--quiet", "--retries", "0", "mcap", "mcap-protobuf-support"];
+    let packages = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--retries",
+        "0",
+        "--timeout",
+        "5",
+        "mcap",
+        "mcap-protobuf-support",
+    ];
     (made && succeeds(&python, &packages)).then_some(python)
 }

@@ -72,7 +72,8 @@ impl Journal {
             let reason = proposal.reason().map_or("unknown reason", Reason::as_str);
             let level = if proposal.kind() == Some(Kind::Halt) { Level::Warning } else { Level::Info };
             let note = proposal.note.as_str();
-            let note = if note.is_empty() { String::new() } else { format!(" ({note})") };
+            let says_more = !note.is_empty() && note != reason;
+            let note = if says_more { format!(" ({note})") } else { String::new() };
             line(proposal.stamp_ns, level, proposal.behaviour.as_str(), format!("{kind}: {reason}{note}"))
         })
     }
@@ -157,6 +158,8 @@ mod tests {
         assert_eq!((log.name.as_str(), log.message.as_str()), ("sonar-halt", "halt: echo (0.41 m ahead)"));
         assert_eq!(log.level, Level::Warning as i32);
         assert!(journal.proposal("p", &halt).is_none());
+        let silent = Proposal::halt(Axes::ALL, Reason::NoInput).with_note(format_args!("no input"));
+        assert_eq!(journal.proposal("p", &silent).unwrap().message, "halt: no input");
         assert!(journal.proposal("p", &Proposal::abstain(Reason::Clear)).is_some());
         let decision = DecisionHeader { mode: Mode::CriticalSilent.code(), ..Default::default() };
         assert_eq!(journal.decision("d", &decision).unwrap().message, "critical part silent");
