@@ -5,6 +5,7 @@
 //! from the horizon a point may be. It prints the median and 90th percentile of the column's error, and how often the
 //! steering sign is right among the frames whose label is more than 10 px off the centre.
 
+#[allow(dead_code, reason = "the other evaluations use the rest")]
 mod evaluation;
 
 use evaluation::{Arguments, draw, load_grey, percentile};
@@ -52,9 +53,6 @@ fn evaluate(arguments: &Arguments) -> Result<(), String> {
         let column = point.ok().map(|p| p.pixel.x);
         found += usize::from(column.is_some());
         errors.push(column.map_or(0.5 * width, |u| (u - label.x).abs()));
-        if !arguments.json && std::env::var_os("EVALUATE_EACH").is_some() {
-            println!("{name} {:?} labelled {:.1}", column, label.x);
-        }
         let offset = label.x - camera.cx;
         if offset.abs() > STEERING_DEADBAND_PX {
             steered += 1;

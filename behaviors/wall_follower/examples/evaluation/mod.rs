@@ -1,7 +1,5 @@
 //! What the evaluations on photographs share: arguments, loading, percentiles and the picture of one result.
 
-#![allow(dead_code, reason = "each example uses its part")]
-
 use nalgebra::Vector2;
 use serde_json::Value;
 use std::path::{Path, PathBuf};

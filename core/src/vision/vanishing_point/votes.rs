@@ -80,11 +80,12 @@ impl Votes {
             peaks.push(self.centre_of_mass((column, row), &grid));
             // What is near a peak is none: negative from now on.
             let columns = column.saturating_sub(radius)..(column + radius + 1).min(COLUMNS);
-            for row in row.saturating_sub(radius)..(row + radius + 1).min(ROWS) {
+            let rows = row.saturating_sub(radius)..(row + radius + 1).min(ROWS);
+            for (row, best) in rows.clone().zip(&mut row_best[rows]) {
                 for votes in &mut self.smooth[row * COLUMNS..][columns.clone()] {
                     *votes = -votes.abs();
                 }
-                row_best[row] = self.best_of_row(row);
+                *best = self.best_of_row(row);
             }
         }
     }
@@ -121,17 +122,20 @@ impl Votes {
             let (above, below) = (row.saturating_sub(1), (row + 1).min(ROWS - 1));
             let [a, b, c] = [above, row, below].map(|row| &self.cells[row * COLUMNS..][..COLUMNS]);
             let out = &mut self.smooth[row * COLUMNS..][..COLUMNS];
-            for u in 1..COLUMNS - 1 {
+            for (u, out) in out.iter_mut().enumerate().take(COLUMNS - 1).skip(1) {
                 let sum = |u: usize| a[u] + 2.0 * b[u] + c[u];
-                out[u] = sum(u - 1) + 2.0 * sum(u) + sum(u + 1);
+                *out = sum(u - 1) + 2.0 * sum(u) + sum(u + 1);
             }
         }
     }
 }
 
+/// One number of a line.
+type Number = fn(&VotingLine) -> f64;
+
 impl Voters {
     fn fill(&mut self, lines: &[VotingLine]) {
-        let columns: [(&mut Vec<f32>, fn(&VotingLine) -> f64); 6] = [
+        let columns: [(&mut Vec<f32>, Number); 6] = [
             (&mut self.normal_u, |l| l.normal.x),
             (&mut self.normal_v, |l| l.normal.y),
             (&mut self.rho, |l| l.rho),
