@@ -8,6 +8,7 @@
 //! vary; noise of 4 grey levels. A wall's distance is that of the line where its skirting meets the floor. `--out` writes the
 //! pictures with what was found: green the walls found, blue the true ones.
 
+#[allow(dead_code, reason = "the other evaluations use the rest")]
 mod evaluation;
 
 use evaluation::{exit_code, percentile};
