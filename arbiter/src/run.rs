@@ -9,9 +9,11 @@ use serde::Serialize;
 use yamabico_core::config::{Overrides, Task};
 use yamabico_core::sensor::DeviceError;
 
-use crate::execution::{BehaviorRecord, End, Lockstep, Plan, Progress, SeatError, run_lockstep, topics};
+use crate::execution::{BehaviorRecord, End, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics};
 use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
-use crate::report::{Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
+use crate::report::{
+    Ending, PictureError, ReferenceLine, RunSummary, SummaryTap, Timing, Trace, write_trajectory,
+};
 
 /// How a task is run.
 #[derive(Clone, Debug)]
@@ -22,14 +24,19 @@ pub struct Options {
     pub threads: usize,
     /// Where the recording goes; none for no recording. Its folder is made where it is missing.
     pub recording: Option<PathBuf>,
+    /// In real time instead of as fast as possible.
+    pub pace: Pace,
+    /// Where `trajectory.png` goes; none for no picture. The folder is made where it is missing.
+    pub pictures: Option<PathBuf>,
     /// What was changed in the task, for the record.
     pub overrides: Overrides,
 }
 
 impl Default for Options {
-    /// Seed 1, one thread, no recording, nothing changed.
+    /// Seed 1, lockstep on one thread, no recording, no picture, nothing changed.
     fn default() -> Options {
-        Options { seed: 1, threads: 1, recording: None, overrides: Overrides::default() }
+        let pace = Pace::Lockstep;
+        Options { seed: 1, threads: 1, pace, recording: None, pictures: None, overrides: Overrides::default() }
     }
 }
 
@@ -50,6 +57,9 @@ pub enum RunError {
         /// Why.
         source: std::io::Error,
     },
+    /// The picture of the way cannot be made; the run itself went to its end.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     /// A device failed on the way.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -69,6 +79,8 @@ pub struct Ran {
     pub summary: RunSummary,
     /// The recording, where there is one.
     pub recording: Option<Left>,
+    /// The picture of the way, where there is one.
+    pub trajectory: Option<PathBuf>,
 }
 
 /// A recording that was left behind.
@@ -105,8 +117,8 @@ impl From<Recorded> for Left {
     }
 }
 
-/// Runs `task` in lockstep to its end; `tap` is shown every message, `progress` every step. `interrupt`, once set, stops the
-/// robot and ends the run.
+/// Runs `task` to its end; `tap` is shown every message, `progress` every step. `interrupt`, once set, stops the robot and
+/// ends the run.
 ///
 /// # Errors
 /// Something that does not open, or a device that fails on the way.
@@ -118,28 +130,67 @@ pub fn run(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Ran, RunError> {
     let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
-    let mut lockstep = Lockstep::open(Plan::new(task, options.seed), task.run.step, options.threads)?;
-    let mut summary = SummaryTap::new(ReferenceLine::default());
+    let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
     let began = Instant::now();
-    let end = {
-        let mut taps: Vec<&mut dyn Tap> = vec![&mut summary, tap];
+    let outcome = {
+        let mut taps: Vec<&mut dyn Tap> = vec![&mut summary, &mut trace, tap];
         taps.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Tap));
-        run_lockstep(&mut lockstep, &task.run, interrupt, &mut Tee(taps), progress)
+        execute(task, options, interrupt, &mut Tee(taps), progress)
     };
     let wall_s = began.elapsed().as_secs_f64();
-    let records = lockstep.finish();
-    let timings = records.into_iter().map(|(name, record)| (name, timing(&record))).collect();
     let digest = summary.digest().hex();
     let left = recorder.map(|recorder| recorder.finish([("digest".to_owned(), digest)].into()).into());
-    let end = end?;
+    let Execution { end, records, walls } = outcome?;
+    let timings = records.into_iter().map(|(name, record)| (name, timing(&record))).collect();
     let summary = summary.finish(Ending { arrived: end == End::Arrived, wall_s, timings });
-    Ok(Ran { task: task.name.clone(), seed: options.seed, end, summary, recording: left })
+    let trajectory = options.pictures.as_deref().map(|folder| picture(folder, &trace, &walls)).transpose()?;
+    Ok(Ran { task: task.name.clone(), seed: options.seed, end, summary, recording: left, trajectory })
+}
+
+struct Execution {
+    end: End,
+    records: Vec<(String, BehaviorRecord)>,
+    walls: Vec<Vec<[f64; 2]>>,
+}
+
+fn execute(
+    task: &Task,
+    options: &Options,
+    interrupt: &AtomicBool,
+    tap: &mut dyn Tap,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Execution, RunError> {
+    let plan = Plan::new(task, options.seed);
+    match options.pace {
+        Pace::Lockstep => {
+            let mut lockstep = Lockstep::open(plan, task.run.step, options.threads)?;
+            let walls = lockstep.walls();
+            let end = run_lockstep(&mut lockstep, &task.run, interrupt, tap, progress)?;
+            Ok(Execution { end, records: lockstep.finish(), walls })
+        }
+        Pace::Live => {
+            let mut live = Live::start(plan, &task.robot.robot.name)?;
+            let walls = live.walls();
+            let (end, records) = live.run(&task.run, interrupt, tap, progress)?;
+            Ok(Execution { end, records, walls })
+        }
+    }
+}
+
+fn picture(folder: &Path, trace: &Trace, walls: &[Vec<[f64; 2]>]) -> Result<PathBuf, RunError> {
+    make_folder(folder)?;
+    let path = folder.join("trajectory.png");
+    write_trajectory(&path, trace, walls)?;
+    Ok(path)
+}
+
+fn make_folder(folder: &Path) -> Result<(), RunError> {
+    std::fs::create_dir_all(folder).map_err(|source| RunError::Folder { folder: folder.to_owned(), source })
 }
 
 fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| RunError::Folder { folder: folder.to_owned(), source })?;
+        make_folder(folder)?;
     }
     let files = [&task.path, &task.robot.path].into_iter();
     let text =
@@ -155,7 +206,7 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
         sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
         files: files.map(text).collect(),
         facts: facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
-        ..Recording::new(path, Pace::Lockstep)
+        ..Recording::new(path, options.pace)
     };
     Ok(McapRecorder::create(recording)?)
 }

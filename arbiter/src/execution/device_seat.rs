@@ -60,6 +60,11 @@ impl DeviceSeat {
         Ok(DeviceSeat { device, sensors, judge, commands })
     }
 
+    /// Walls that the device knows, for plots.
+    pub fn walls(&self) -> &[Vec<[f64; 2]>] {
+        &self.device.walls
+    }
+
     /// Lets every sensor that is due publish; tells when the next one is due, [`Due::Ended`] where none ever is again.
     ///
     /// # Errors

@@ -66,6 +66,11 @@ impl Lockstep {
         self.now
     }
 
+    /// Walls that the devices know, for plots.
+    pub fn walls(&self) -> Vec<Vec<[f64; 2]>> {
+        self.devices.iter().flat_map(|device| device.walls().to_vec()).collect()
+    }
+
     /// The arbiter.
     pub fn arbiter(&mut self) -> &mut ArbiterSeat {
         &mut self.arbiter

@@ -163,10 +163,11 @@ fn policy(task: &Task) -> Policy {
     };
     let inhibit = task.inhibit.iter().filter_map(wire(Wire::inhibit));
     let suppress = task.suppress.iter().filter_map(wire(Wire::suppress));
+    let critical = task.robot.sensors.iter().filter(|sensor| sensor.critical);
     let kinematics = Kinematics::Body { axes: task.robot.drive.axes };
     Policy {
         wires: inhibit.chain(suppress).collect(),
-        sensors: critical_sensors(task),
+        sensors: critical.map(|sensor| CriticalSensor { name: Name::new(&sensor.part.name), max_age: sensor.max_age }).collect(),
         contest: match task.arbiter.policy {
             config::Policy::Strict => Contest::Strict,
             config::Policy::Blend => Contest::Blend,
@@ -174,23 +175,4 @@ fn policy(task: &Task) -> Policy {
         rate_hz: 1.0 / task.arbiter.period.as_secs_f64(),
         ..Policy::new(task.robot.robot.limits, kinematics, behaviors.collect())
     }
-}
-
-/// What a critical behaviour sees by: no such sensor may fall silent for longer than the behaviour itself may, plus its own
-/// period and latency.
-fn critical_sensors(task: &Task) -> Vec<CriticalSensor> {
-    let mut sensors: Vec<CriticalSensor> = Vec::new();
-    for behavior in task.behaviors.iter().filter(|behavior| behavior.critical) {
-        for input in &behavior.inputs {
-            let InputSource::Sensor(name) = &input.source else { continue };
-            let Some(sensor) = task.robot.sensor(name) else { continue };
-            let rhythm = Duration::from_secs_f64((sensor.info.period_s + sensor.info.latency_s).max(0.0));
-            let max_age = behavior.deadline + rhythm;
-            match sensors.iter_mut().find(|known| known.name.as_str() == name) {
-                Some(known) => known.max_age = known.max_age.min(max_age),
-                None => sensors.push(CriticalSensor { name: Name::new(name), max_age }),
-            }
-        }
-    }
-    sensors
 }

@@ -12,8 +12,10 @@ pub use sequence::ImageSequence;
 use schemars::schema_for;
 use serde::de::DeserializeOwned;
 use yamabico_core::behavior::BuildError;
-use yamabico_core::message::{FrameHeader, MessageType};
-use yamabico_core::sensor::{Device, DeviceSpec, DriverPlugin, PartSpec, Sensor, SensorPlugin};
+use yamabico_core::drive::Drive;
+use yamabico_core::message::{Axes, Command, FrameHeader, MessageType};
+use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, PartSpec, Sensor, SensorPlugin};
+use yamabico_core::time::Time;
 
 /// The driver's description: driver `camera` with sensors of the kind `image-sequence`.
 pub const PLUGIN: DriverPlugin = DriverPlugin {
@@ -28,15 +30,17 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
         describe: |name, table| read::<ImageSequenceConfig>(table)?.info(name),
         most_bytes: |table| Ok(read::<ImageSequenceConfig>(table)?.bytes()),
     }],
-    drives: &[],
+    drives: &[DrivePlugin {
+        kind: "none",
+        summary: "Takes commands and moves nothing, for pictures without a robot.",
+        axes: Axes::PLANAR,
+        schema: || schema_for!(NoKeys),
+    }],
     open,
 };
 
 fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     read::<NoKeys>(&spec.table)?;
-    if let Some(drive) = &spec.drive {
-        return Err(BuildError::new("kind", format!("a camera has no drive `{}`", drive.kind)));
-    }
     let open_sensor = |part: &PartSpec| -> Result<(String, Box<dyn Sensor>), BuildError> {
         if part.kind != "image-sequence" {
             return Err(BuildError::new("kind", format!("a camera has no sensor `{}`", part.kind)));
@@ -48,7 +52,17 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
         Ok((part.name.clone(), Box::new(sequence)))
     };
     let sensors = spec.sensors.iter().map(open_sensor).collect::<Result<_, _>>()?;
-    Ok(Device { sensors, drive: None, judge: None })
+    let drive = spec.drive.map(|_| Box::new(NoDrive) as Box<dyn Drive>);
+    Ok(Device { sensors, drive, judge: None, walls: Vec::new() })
+}
+
+/// Moves nothing.
+struct NoDrive;
+
+impl Drive for NoDrive {
+    fn apply(&mut self, _: Option<&Command>, _: Time) -> Result<(), DeviceError> {
+        Ok(())
+    }
 }
 
 fn read<T: DeserializeOwned>(table: &toml::Table) -> Result<T, BuildError> {

@@ -135,6 +135,7 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
         _ => [true, false, true],
     };
     let body = Body::new(start_pose(&config.start, spec.seed), motors.body_limits(&spec.robot.limits, axes));
+    let walls = scene.floor_plan();
     let simulation = Simulation::new(scene, body, spec.robot.radius_m, config.body_height_m);
     let simulation = Arc::new(Mutex::new(simulation));
 
@@ -153,6 +154,7 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
         sensors,
         drive: spec.drive.is_some().then(|| Box::new(motors::Motors::new(Arc::clone(&simulation))) as _),
         judge: Some(Box::new(judge::Judge::new(config.truth_period_ms, simulation))),
+        walls,
     })
 }
 

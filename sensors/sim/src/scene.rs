@@ -127,6 +127,16 @@ impl Scene {
         &self.surfaces
     }
 
+    /// Where walls, doors and boxes meet the floor: two points each, x and y in metres.
+    #[must_use]
+    pub fn floor_plan(&self) -> Vec<Vec<[f64; 2]>> {
+        let foot = |surface: &Surface| -> Option<Vec<[f64; 2]>> {
+            let on_floor: Vec<_> = surface.corners.iter().filter(|corner| corner.z < 0.01).collect();
+            (on_floor.len() == 2).then(|| on_floor.iter().map(|corner| [corner.x, corner.y]).collect())
+        };
+        self.surfaces.iter().filter_map(foot).collect()
+    }
+
     /// What can be run into, people apart.
     #[must_use]
     pub fn solids(&self) -> &[Solid] {

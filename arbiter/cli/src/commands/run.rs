@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use yamabico_arbiter::execution::Progress;
-use yamabico_arbiter::record::Tee;
+use yamabico_arbiter::record::{Pace, Tee};
 use yamabico_arbiter::run::{Options, RunError, run as run_task};
 use yamabico_core::config::Task;
 
@@ -51,6 +51,8 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
         seed: arguments.seed,
         threads: usize::from(arguments.threads),
         recording: Some(arguments.record.clone().unwrap_or_else(|| out.join("run.mcap"))),
+        pace: if arguments.live { Pace::Live } else { Pace::Lockstep },
+        pictures: Some(out),
         overrides: arguments.task.overrides(),
     };
     let bar = progress_bar(&task, print);

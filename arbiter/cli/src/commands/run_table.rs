@@ -84,6 +84,10 @@ fn behaviours(ran: &Ran) -> String {
 
 fn left(ran: &Ran) -> String {
     let mut text = format!("digest {}\n", ran.summary.digest);
+    if let Some(trajectory) = &ran.trajectory {
+        // Writing to a `String` cannot fail.
+        let _ = writeln!(text, "picture {}", trajectory.display());
+    }
     if let Some(recording) = &ran.recording {
         let megabytes = recording.bytes as f64 / 1e6;
         // Writing to a `String` cannot fail.

@@ -1,0 +1,76 @@
+//! The hallway: the robot halts for both people, arrives, and the same seed gives the same bytes.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use yamabico::plugins::PLUGINS;
+use yamabico_arbiter::execution::End;
+use yamabico_arbiter::record::{Tap, Tee};
+use yamabico_arbiter::run::{Options, Ran, run};
+use yamabico_core::behavior::{RawMessage, View};
+use yamabico_core::config::{Overrides, Task, load};
+use yamabico_core::message::{Message, MessageType, Truth};
+use yamabico_core::time::Time;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn hallway() -> Task {
+    load(&root().join("configs/hallway.toml"), &Overrides::default(), &PLUGINS).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn drive(seed: u64, threads: usize) -> Ran {
+    let options = Options { seed, threads, ..Options::default() };
+    run(&hallway(), &options, &AtomicBool::new(false), &mut Tee::default(), &mut |_| {}).unwrap()
+}
+
+#[test]
+fn the_robot_halts_for_both_people_and_arrives() {
+    let ran = drive(1, 1);
+    let summary = &ran.summary;
+    assert_eq!((ran.end, summary.contacts, summary.struck), (End::Arrived, Some(0), Some(0)));
+    assert!(summary.rms_offset_m.unwrap() <= 0.05, "RMS offset {:?} m", summary.rms_offset_m);
+    let halts: Vec<_> = summary.halts.iter().filter(|halt| halt.by == "sonar-halt").collect();
+    assert_eq!(halts.len(), 2, "{halts:?}");
+    let stood = summary.encounters.iter().filter_map(|met| met.stood_at_m).collect::<Vec<_>>();
+    assert!(stood.len() == 2 && stood.iter().all(|&metres| metres >= 0.1), "stood at {stood:?} m from them");
+}
+
+#[test]
+fn one_seed_gives_one_run_on_any_number_of_threads() {
+    let first = drive(7, 1);
+    let second = drive(7, 2);
+    assert_eq!(first.summary.digest, second.summary.digest);
+    assert_eq!(first.summary.topics, second.summary.topics);
+    assert_ne!(first.summary.digest, drive(8, 1).summary.digest, "another seed is another run");
+}
+
+/// Raises a flag after so many seconds and keeps the last truth.
+struct Interrupter<'a> {
+    flag: &'a AtomicBool,
+    at: Time,
+    speed: Vec<f64>,
+}
+
+impl Tap for Interrupter<'_> {
+    fn message(&mut self, _: &str, message: &MessageType, time: Time, header: &[u8], items: &[u8]) {
+        if time >= self.at {
+            self.flag.store(true, Ordering::Relaxed);
+        }
+        if message.name == Truth::NAME {
+            self.speed.extend(View::<Truth>::of(RawMessage { header, items }).map(|truth| truth.header.vx));
+        }
+    }
+}
+
+#[test]
+fn an_interrupt_stops_the_robot_first() {
+    let flag = AtomicBool::new(false);
+    let mut tap = Interrupter { flag: &flag, at: Time::from_secs_f64(4.0), speed: Vec::new() };
+    let ran = run(&hallway(), &Options::default(), &flag, &mut tap, &mut |_| {}).unwrap();
+    assert_eq!(ran.end, End::Interrupted);
+    let fastest = tap.speed.iter().copied().fold(0.0, f64::max);
+    assert!(fastest > 0.3, "it drove at {fastest} m/s");
+    assert!(tap.speed.last().is_some_and(|speed| speed.abs() < 0.01), "it ended at {:?} m/s", tap.speed.last());
+}
