@@ -97,6 +97,8 @@ pub struct RunSummary {
     pub arrived: bool,
     /// Path length, metres: the truth's, or else the odometry's.
     pub distance_m: f64,
+    /// Time of the first message on the run's clock, seconds.
+    pub began_s: f64,
     /// From the first message to the last, seconds of the run.
     pub time_s: f64,
     /// Times that the robot's own motion touched something.
@@ -202,6 +204,7 @@ impl SummaryTap {
         RunSummary {
             arrived: ending.arrived,
             distance_m: self.truth.map_or(self.odometry_m, |truth| truth.distance_m),
+            began_s: self.first.unwrap_or_default().as_secs_f64(),
             time_s,
             contacts: self.truth.map(|truth| truth.contacts),
             struck: self.truth.map(|truth| truth.struck),

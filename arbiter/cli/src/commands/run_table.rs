@@ -52,7 +52,7 @@ fn halts(ran: &Ran) -> String {
         let nearest = met.and_then(|met| met.stood_at_m).map_or("-".into(), |m| format!("{m:.2} m"));
         table.add_row([
             halt.by.clone(),
-            format!("{:.1} s", halt.begin_s),
+            format!("{:.1} s", halt.begin_s - ran.summary.began_s),
             format!("{:.1} s", halt.duration_s),
             nearest,
         ]);
