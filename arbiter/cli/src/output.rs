@@ -1,6 +1,6 @@
 //! Text for people, JSON for programs.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use comfy_table::presets::UTF8_FULL_CONDENSED;
@@ -29,12 +29,12 @@ pub enum Print {
 impl Print {
     /// Prints `value` as JSON or as `text` makes of it.
     pub fn show<T: Serialize>(self, value: &T, text: impl FnOnce(&T) -> String) {
-        match self {
-            Print::Text => println!("{}", text(value).trim_end()),
-            Print::Json => {
-                println!("{}", serde_json::to_string_pretty(value).unwrap_or_else(|error| error.to_string()))
-            }
-        }
+        let text = match self {
+            Print::Text => text(value),
+            Print::Json => serde_json::to_string_pretty(value).unwrap_or_else(|error| error.to_string()),
+        };
+        // A reader that has gone away, as `head` does, wants no more.
+        let _ = writeln!(std::io::stdout(), "{}", text.trim_end());
     }
 
     /// Tells what is wrong with a configuration.
