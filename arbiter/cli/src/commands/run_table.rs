@@ -28,7 +28,7 @@ fn figures(ran: &Ran) -> String {
     };
     let metres = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
     let count = |value: Option<u32>| value.map_or("-".into(), |value| value.to_string());
-    let halted: f64 = summary.halts.iter().map(|halt| halt.duration_s).sum();
+    let halted = summary.halts.iter().fold(0.0, |sum, halt| sum + halt.duration_s);
     let mut table = table(&[&ran.task, end], 1..2);
     table.add_row(["seed", &ran.seed.to_string()]);
     table.add_row(["distance", &format!("{:.2} m", summary.distance_m)]);
