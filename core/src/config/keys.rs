@@ -62,11 +62,11 @@ pub(crate) fn own_keys(table: &Table, common: &Json, own: &Json) -> toml::Table 
 }
 
 /// A name must fit into messages and service names.
-pub(crate) fn check_name(entry: &Entry, problems: &mut Vec<Problem>) {
+pub(crate) fn check_name(name: &str, span: Span, problems: &mut Vec<Problem>) {
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if entry.key.is_empty() || entry.key.len() > 32 || !entry.key.chars().all(allowed) {
+    if name.is_empty() || name.len() > 32 || !name.chars().all(allowed) {
         problems.push(
-            Problem::new(entry.key_span, format!("`{}` cannot be a name", entry.key))
+            Problem::new(span, format!("`{}` cannot be a name", name.escape_debug()))
                 .label("1 to 32 letters, digits, `-` and `_`")
                 .help("for example front-sonar"),
         );

@@ -70,6 +70,9 @@ pub(crate) fn read_robot(
         groups("sensors").iter().map(|entry| read_sensor(entry, home, &devices, problems)).collect();
     let drive = tree.entry("drive").and_then(|entry| read_drive(entry, home, &devices, problems));
     let axes = drive.as_ref().map_or(Axes::ALL, |drive| drive.axes);
+    if let Some((name, entry)) = keys.name.as_deref().zip(tree.entry("name")) {
+        check_name(name, entry.node.span, problems);
+    }
     check_braking(&keys.limits, tree, problems);
     let robot = Robot {
         name: keys.name.unwrap_or_default(),
@@ -92,7 +95,7 @@ fn read_device(
     plugins: &Plugins<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<DeviceFile> {
-    check_name(entry, problems);
+    check_name(&entry.key, entry.key_span, problems);
     let table = entry.node.as_table()?;
     let owner = format!("device `{}`", entry.key);
     let common = schemars::schema_for!(DeviceKeys).to_value();
@@ -202,7 +205,7 @@ fn read_sensor(
     devices: &[(String, Option<DeviceFile>)],
     problems: &mut Vec<Problem>,
 ) -> SensorDraft {
-    check_name(entry, problems);
+    check_name(&entry.key, entry.key_span, problems);
     let mut draft =
         SensorDraft { name: entry.key.clone(), span: entry.node.span, plugin: None, info: None, file: None };
     let named = device_and_kind(entry, devices, problems);

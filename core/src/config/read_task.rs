@@ -125,7 +125,7 @@ fn read_behavior<'a>(
 ) -> Option<Draft<'a>> {
     let table = entry.node.as_table()?;
     let before = problems.len();
-    check_name(entry, problems);
+    check_name(&entry.key, entry.key_span, problems);
     let named = table.entry("type");
     let name = named.and_then(|named| named.node.as_text()).unwrap_or(&entry.key);
     let plugin = plugins.behavior(name).copied();

@@ -17,7 +17,8 @@ pub struct NoKeys {}
 #[serde(deny_unknown_fields)]
 pub struct ImageSequenceConfig {
     /// A folder (its .png, .jpg and .jpeg files), a pattern such as `drive/*.png`, or one file; relative to the robot
-    /// file. The order is that of the names.
+    /// file, or to the working directory on the command line. The order is that of the names.
+    #[schemars(extend("format" = "path"))]
     pub files: String,
     /// Pictures a second, 0.1 to 1000, default 10.
     #[serde(default = "default_rate_hz")]
