@@ -17,7 +17,8 @@ fn root() -> PathBuf {
 }
 
 fn hallway() -> Task {
-    load(&root().join("configs/hallway.toml"), &Overrides::default(), &PLUGINS).unwrap_or_else(|e| panic!("{e}"))
+    load(&root().join("configs/hallway.toml"), &Overrides::default(), &PLUGINS)
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn drive(seed: u64, threads: usize) -> Ran {
@@ -72,5 +73,9 @@ fn an_interrupt_stops_the_robot_first() {
     assert_eq!(ran.end, End::Interrupted);
     let fastest = tap.speed.iter().copied().fold(0.0, f64::max);
     assert!(fastest > 0.3, "it drove at {fastest} m/s");
-    assert!(tap.speed.last().is_some_and(|speed| speed.abs() < 0.01), "it ended at {:?} m/s", tap.speed.last());
+    assert!(
+        tap.speed.last().is_some_and(|speed| speed.abs() < 0.01),
+        "it ended at {:?} m/s",
+        tap.speed.last()
+    );
 }

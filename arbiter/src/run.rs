@@ -9,7 +9,9 @@ use serde::Serialize;
 use yamabico_core::config::{Overrides, Task};
 use yamabico_core::sensor::DeviceError;
 
-use crate::execution::{BehaviorRecord, End, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics};
+use crate::execution::{
+    BehaviorRecord, End, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics,
+};
 use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
 use crate::report::{
     Ending, PictureError, ReferenceLine, RunSummary, SummaryTap, Timing, Trace, write_trajectory,
@@ -36,7 +38,14 @@ impl Default for Options {
     /// Seed 1, lockstep on one thread, no recording, no picture, nothing changed.
     fn default() -> Options {
         let pace = Pace::Lockstep;
-        Options { seed: 1, threads: 1, pace, recording: None, pictures: None, overrides: Overrides::default() }
+        Options {
+            seed: 1,
+            threads: 1,
+            pace,
+            recording: None,
+            pictures: None,
+            overrides: Overrides::default(),
+        }
     }
 }
 

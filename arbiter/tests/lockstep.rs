@@ -80,7 +80,12 @@ static DRIVER: DriverPlugin = DriverPlugin {
     open: |spec| {
         let sensors =
             spec.sensors.iter().map(|sensor| (sensor.name.clone(), Box::new(Counter(0)) as Box<dyn Sensor>));
-        Ok(Device { sensors: sensors.collect(), drive: Some(Box::new(Motor)), judge: None, walls: Vec::new() })
+        Ok(Device {
+            sensors: sensors.collect(),
+            drive: Some(Box::new(Motor)),
+            judge: None,
+            walls: Vec::new(),
+        })
     },
 };
 

@@ -85,7 +85,17 @@ fn main() -> ExitCode {
 
 fn text(rows: &[Row]) -> String {
     let mut table = Table::new();
-    let head = ["seed", "end", "time", "contacts", "struck", "RMS offset", "clearance", "stood from people", "x real time"];
+    let head = [
+        "seed",
+        "end",
+        "time",
+        "contacts",
+        "struck",
+        "RMS offset",
+        "clearance",
+        "stood from people",
+        "x real time",
+    ];
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
     let metres = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
     let count = |value: Option<u32>| value.map_or("-".into(), |value| value.to_string());
@@ -105,5 +115,8 @@ fn text(rows: &[Row]) -> String {
     let arrived = rows.iter().filter(|row| row.end == End::Arrived).count();
     let contacts: u32 = rows.iter().filter_map(|row| row.contacts).sum();
     let worst = rows.iter().filter_map(|row| row.rms_offset_m).fold(0.0, f64::max);
-    format!("{table}\n{arrived} of {} arrived, {contacts} contacts, largest RMS offset {worst:.3} m", rows.len())
+    format!(
+        "{table}\n{arrived} of {} arrived, {contacts} contacts, largest RMS offset {worst:.3} m",
+        rows.len()
+    )
 }

@@ -81,11 +81,23 @@ impl Live {
         }
         let bus = Bus::ipc(robot)?;
         plan.create_topics(&bus)?;
-        let taps = plan.topics.iter().map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
+        let taps = plan
+            .topics
+            .iter()
+            .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
         let taps = taps.collect::<Result<Vec<_>, BusError>>()?;
         let orders = Arc::new(Orders::default());
         let (report, reports) = channel();
-        let mut live = Live { taps, orders, reports, working: 0, records: Vec::new(), walls: Vec::new(), began: monotonic_now(), _bus: bus.clone() };
+        let mut live = Live {
+            taps,
+            orders,
+            reports,
+            working: 0,
+            records: Vec::new(),
+            walls: Vec::new(),
+            began: monotonic_now(),
+            _bus: bus.clone(),
+        };
         let started = live.seat(plan, &bus, &report);
         if started.is_err() {
             live.dismiss();
@@ -97,7 +109,8 @@ impl Live {
     fn seat(&mut self, plan: Plan, bus: &Bus, report: &Sender<Report>) -> Result<(), SeatError> {
         let arbiter = ArbiterSeat::open(&plan, bus)?;
         let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
-        let mut heard: Vec<String> = plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name)).collect();
+        let mut heard: Vec<String> =
+            plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name)).collect();
         heard.push(topics::CONTROL.to_owned());
         let behaviors = plan.behaviors.into_iter().map(|behavior| {
             let inputs: Vec<String> = behavior.inputs.iter().map(|(_, topic, _)| topic.clone()).collect();
@@ -278,9 +291,10 @@ fn behave(mut seat: BehaviorSeat, bus: &Bus, inputs: &[String], orders: &Orders)
     while !orders.is_over() {
         let asked = seat.collect().and_then(|()| seat.propose(monotonic_now()));
         let sleep = seat.next_call().map_or(NAP, |at| at.since(monotonic_now()).min(NAP));
-        let slept = waiter.as_mut().map_err(|error| error.to_string()).and_then(|waiter| {
-            waiter.wait(sleep).map_err(|error| error.to_string())
-        });
+        let slept = waiter
+            .as_mut()
+            .map_err(|error| error.to_string())
+            .and_then(|waiter| waiter.wait(sleep).map_err(|error| error.to_string()));
         if let Err(problem) = asked.map_err(|error| error.to_string()).and(slept.map(drop)) {
             // Its silence is the arbiter's to deal with; it tries again.
             tracing::error!("behaviour `{}`: {problem}", seat.name());
@@ -291,7 +305,12 @@ fn behave(mut seat: BehaviorSeat, bus: &Bus, inputs: &[String], orders: &Orders)
 }
 
 /// Polls one device's sensors when they are due and hands its drive every command, until the end.
-fn operate(mut seat: DeviceSeat, bus: &Bus, orders: &Orders, report: &dyn Fn(Report)) -> Result<(), DeviceError> {
+fn operate(
+    mut seat: DeviceSeat,
+    bus: &Bus,
+    orders: &Orders,
+    report: &dyn Fn(Report),
+) -> Result<(), DeviceError> {
     let failed = |error: BusError| DeviceError::failed("bus", error);
     let mut waiter = bus.waiter(&[topics::COMMAND]).map_err(failed)?;
     let mut told = false;

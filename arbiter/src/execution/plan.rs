@@ -167,7 +167,9 @@ fn policy(task: &Task) -> Policy {
     let kinematics = Kinematics::Body { axes: task.robot.drive.axes };
     Policy {
         wires: inhibit.chain(suppress).collect(),
-        sensors: critical.map(|sensor| CriticalSensor { name: Name::new(&sensor.part.name), max_age: sensor.max_age }).collect(),
+        sensors: critical
+            .map(|sensor| CriticalSensor { name: Name::new(&sensor.part.name), max_age: sensor.max_age })
+            .collect(),
         contest: match task.arbiter.policy {
             config::Policy::Strict => Contest::Strict,
             config::Policy::Blend => Contest::Blend,

@@ -14,7 +14,9 @@ use serde::de::DeserializeOwned;
 use yamabico_core::behavior::BuildError;
 use yamabico_core::drive::Drive;
 use yamabico_core::message::{Axes, Command, FrameHeader, MessageType};
-use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, PartSpec, Sensor, SensorPlugin};
+use yamabico_core::sensor::{
+    Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, PartSpec, Sensor, SensorPlugin,
+};
 use yamabico_core::time::Time;
 
 /// The driver's description: driver `camera` with sensors of the kind `image-sequence`.
