@@ -36,6 +36,23 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
         let proposal = if rule.enabled { proposals.get(slot).and_then(Option::as_ref) } else { None };
         hearing.begin();
         decision.rulings[slot] = match proposal {
+            // The common case first: a sound drive of somebody with nothing else to watch.
+            Some(proposal)
+                if proposal.kind == Kind::Drive.code()
+                    && !(hearing.restrains || rule.watch.is_some())
+                    && is_sound_drive(proposal, &state.bounds)
+                    && fault_of_age(proposal, rule, now, state.tolerance_ns).is_none() =>
+            {
+                hearing.last = Some((proposal.sequence, proposal.stamp_ns));
+                hearing.drive(proposal.axes.intersection(state.has));
+                state.drivers.push(row as u16);
+                Ruling {
+                    kind: proposal.kind,
+                    reason: proposal.reason,
+                    claimed: proposal.axes,
+                    ..Ruling::SILENT
+                }
+            }
             None if rule.enabled => Ruling::SILENT,
             None => Ruling { outcome: Outcome::Disabled, ..Ruling::SILENT },
             Some(proposal) => {
@@ -46,8 +63,7 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
                     state.watches[usize::from(watch)].1.hear(now);
                 }
                 if kind == Some(Kind::Drive) && fault.is_none() {
-                    (hearing.active, hearing.drives) = (true, true);
-                    hearing.named = proposal.axes.intersection(state.has);
+                    hearing.drive(proposal.axes.intersection(state.has));
                     state.drivers.push(row as u16);
                 }
                 if hearing.restrains || matches!(kind, Some(Kind::Halt | Kind::Limit)) {
@@ -76,6 +92,10 @@ impl Hearing {
     fn begin(&mut self) {
         (self.active, self.drives) = (false, false);
         (self.named, self.suppressed) = (Axes::NONE, Axes::NONE);
+    }
+
+    fn drive(&mut self, claimed: Axes) {
+        (self.active, self.drives, self.named) = (true, true, claimed);
     }
 
     /// Whether `proposal` has not been seen before.
@@ -123,9 +143,12 @@ fn fault(
         Some(Kind::Abstain) => true,
         None => false,
     };
-    if !well_formed {
-        Some(Outcome::Malformed)
-    } else if proposal.stamp_ns.max(proposal.evidence_ns).saturating_sub(now.0) > tolerance_ns {
+    if well_formed { fault_of_age(proposal, rule, now, tolerance_ns) } else { Some(Outcome::Malformed) }
+}
+
+/// Whether `proposal` or its evidence is too old, or from the future.
+fn fault_of_age(proposal: &Proposal, rule: &Rule, now: Time, tolerance_ns: u64) -> Option<Outcome> {
+    if proposal.stamp_ns.max(proposal.evidence_ns).saturating_sub(now.0) > tolerance_ns {
         Some(Outcome::FromTheFuture)
     } else if now.0.saturating_sub(proposal.stamp_ns) > rule.max_age_ns {
         Some(Outcome::Stale)
@@ -150,12 +173,14 @@ fn age_s(proposal: &Proposal, fault: Outcome, now: Time) -> f64 {
 /// Finite, and within twice the robot's limits on the axes that it claims.
 fn is_sound_drive(proposal: &Proposal, bounds: &Bounds) -> bool {
     let (twist, bound) = (&proposal.twist, bounds.of(proposal.axes));
+    // Without short cuts, since all of it holds nearly always.
     proposal.axes.is_valid()
-        && !proposal.axes.is_empty()
-        && twist.linear.abs() <= bound.linear
-        && twist.lateral.abs() <= bound.lateral
-        && twist.angular.abs() <= bound.angular
-        && (0.0..=1.0).contains(&proposal.confidence)
+        & !proposal.axes.is_empty()
+        & (twist.linear.abs() <= bound.linear)
+        & (twist.lateral.abs() <= bound.lateral)
+        & (twist.angular.abs() <= bound.angular)
+        & (proposal.confidence >= 0.0)
+        & (proposal.confidence <= 1.0)
 }
 
 fn is_sound_limit(proposal: &Proposal) -> bool {
