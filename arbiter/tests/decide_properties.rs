@@ -15,10 +15,10 @@ const MOST: usize = 6;
 const SLACK: f64 = 1e-9;
 const LIMITS: MotionLimits = MotionLimits {
     speed: [0.8, 0.6, 1.5],
-    acceleration: [0.7, 0.5, 2.0],
-    deceleration: [1.0, 0.8, 3.0],
-    emergency: [2.0, 1.6, 6.0],
-    jerk: [8.0, 5.0, 20.0],
+    acceleration: [3.0, 2.5, 8.0],
+    deceleration: [4.0, 3.5, 10.0],
+    emergency: [8.0, 6.0, 20.0],
+    jerk: [200.0, 150.0, 600.0],
 };
 
 /// What one behaviour does before a decision.
@@ -190,7 +190,8 @@ fn act() -> impl Strategy<Value = Act> {
 
 /// A proposal with one number or code replaced by any bits.
 fn spoilt() -> impl Strategy<Value = Proposal> {
-    let number = prop_oneof![any::<f64>(), any::<u64>().prop_map(f64::from_bits)];
+    let number =
+        prop_oneof![Just(f64::NAN), Just(f64::INFINITY), any::<f64>(), any::<u64>().prop_map(f64::from_bits)];
     (proposal(), 0..10_u8, number, any::<u32>()).prop_map(|(mut p, field, number, code)| {
         match field {
             0 => p.twist.linear = number,
@@ -224,7 +225,7 @@ fn kinematics() -> impl Strategy<Value = Kinematics> {
     prop_oneof![
         Just(Kinematics::Body { axes: Axes::PLANAR }),
         Just(Kinematics::Body { axes: Axes::ALL }),
-        Just(Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 8.0 }),
+        Just(Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 6.0 }),
         Just(omni(OmniWheels::Three)),
         Just(omni(OmniWheels::Four)),
     ]
