@@ -1,5 +1,7 @@
 //! Dependencies point one way: core <- {behaviors, sensors, arbiter} <- cli, and no behaviour knows another part.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::collections::BTreeMap;
 use std::process::Command;
 

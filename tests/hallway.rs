@@ -1,5 +1,7 @@
 //! The hallway: the robot halts for both people, arrives, and the same seed gives the same bytes.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 

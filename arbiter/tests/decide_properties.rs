@@ -1,5 +1,7 @@
 //! What holds for every policy, every history and every proposal, sound or not.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::time::Duration;
 
 use proptest::collection::vec;
@@ -28,7 +30,7 @@ enum Act {
     Keep,
     Clear,
     /// With ages of stamp and evidence, milliseconds.
-    Say(Proposal, i64, i64),
+    Say(Box<Proposal>, i64, i64),
     /// Bits as they come.
     Bits(Vec<u8>),
 }
@@ -95,7 +97,7 @@ impl Run {
                     self.put(index, proposal, 0, 0);
                 }
             }
-            Act::Say(proposal, age, evidence_age) => self.put(index, *proposal, *age, *evidence_age),
+            Act::Say(proposal, age, evidence_age) => self.put(index, **proposal, *age, *evidence_age),
             Act::Bits(bits) => self.proposals[index] = Some(bytemuck::pod_read_unaligned(bits)),
         }
     }
@@ -182,8 +184,8 @@ fn act() -> impl Strategy<Value = Act> {
         8 => Just(Act::Repeat),
         2 => Just(Act::Keep),
         1 => Just(Act::Clear),
-        6 => (proposal(), age_ms(), age_ms()).prop_map(|(p, age, older)| Act::Say(p, age, older)),
-        1 => spoilt().prop_map(|p| Act::Say(p, 0, 0)),
+        6 => (proposal(), age_ms(), age_ms()).prop_map(|(p, age, older)| Act::Say(Box::new(p), age, older)),
+        1 => spoilt().prop_map(|p| Act::Say(Box::new(p), 0, 0)),
         1 => vec(any::<u8>(), size_of::<Proposal>()).prop_map(Act::Bits),
     ]
 }

@@ -1,5 +1,7 @@
 //! Lockstep with small stand-ins for devices and behaviours: order, panics, dead sensors, threads.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::time::Duration;
 
 use schemars::JsonSchema;

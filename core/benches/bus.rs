@@ -208,7 +208,7 @@ fn bare_service(node: &Node<ipc::Service>, name: &str, create: bool) -> BareServ
     if !create {
         return builder.open().unwrap();
     }
-    let service = builder
+    builder
         .max_publishers(1)
         .max_subscribers(8)
         .max_nodes(64)
@@ -217,8 +217,7 @@ fn bare_service(node: &Node<ipc::Service>, name: &str, create: bool) -> BareServ
         .history_size(1)
         .enable_safe_overflow(true)
         .create()
-        .unwrap();
-    service
+        .unwrap()
 }
 
 fn bare_node(root: &str) -> Node<ipc::Service> {

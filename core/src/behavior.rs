@@ -43,6 +43,9 @@ pub trait Plugin: Behavior + Sized + 'static {
     fn new(config: Self::Config, setup: &Setup) -> Result<Self, BuildError>;
 }
 
+/// Builds a behaviour from its table, which must have passed the schema.
+pub type Build = fn(&toml::Table, &Setup) -> Result<Box<dyn Behavior>, BuildError>;
+
 /// What can be known of a behaviour without running it, and how to build one.
 #[derive(Clone, Copy)]
 pub struct BehaviorPlugin {
@@ -59,7 +62,7 @@ pub struct BehaviorPlugin {
     /// JSON Schema of its parameters.
     pub schema: fn() -> Schema,
     /// Builds one from its checked table.
-    pub build: fn(&toml::Table, &Setup) -> Result<Box<dyn Behavior>, BuildError>,
+    pub build: Build,
 }
 
 impl BehaviorPlugin {

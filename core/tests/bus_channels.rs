@@ -1,5 +1,7 @@
 //! Channels behave alike within a process and in shared memory.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::time::Duration;
 
 use yamabico_core::behavior::SlotSource;

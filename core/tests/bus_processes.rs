@@ -1,5 +1,7 @@
 //! A robot's processes share its bus, and only one process runs it. The child processes are this test, started again.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};

@@ -117,7 +117,8 @@ fn pictures_without_edges_are_refused_by_name() {
 
 #[test]
 fn only_the_longest_are_kept() {
-    let stripes = picture(|u, v| if (v / 6.0) as usize % 2 == 0 && u < 40.0 + v { 200.0 } else { 50.0 });
+    let stripes =
+        picture(|u, v| if ((v / 6.0) as usize).is_multiple_of(2) && u < 40.0 + v { 200.0 } else { 50.0 });
     let config = SegmentConfig { max_segments: 7, ..SegmentConfig::default() };
     let all = detector().detect(stripes.view().unwrap()).unwrap().len();
     let mut detector = SegmentDetector::new(config);

@@ -1,5 +1,7 @@
 //! The search for the vanishing point on made-up segments: in view, far outside, predicted, and every failure.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::vision::segments::Segment;

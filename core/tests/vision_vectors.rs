@@ -1,5 +1,7 @@
 //! Known answers of the vision modules: segment_fit, segment_image, median3 and vp_vote_refine.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod vectors {
     use nalgebra::Vector2;
     use serde_json::Value;
