@@ -84,7 +84,7 @@ struct Wall {
     unseen_m: f64,
 }
 
-/// A distance that contradicts the known one, waiting to be confirmed.
+/// A distance or width that contradicts the known one, waiting to be confirmed.
 #[derive(Clone, Copy, Debug)]
 struct Rival {
     distance_m: f64,
@@ -226,10 +226,15 @@ impl CorridorTrack {
         true
     }
 
-    /// The walls seen, without the one that does not fit the known width.
-    fn known_pair(&self, seen: [Option<ExpectedWall>; 2]) -> [Option<ExpectedWall>; 2] {
-        let ([Some(left), Some(right)], Some(width)) = (seen, self.widths.median_m()) else { return seen };
-        if (left.distance_m - right.distance_m - width).abs() <= WIDTH_TOLERANCE_M {
+    /// The walls seen, without the one that does not fit the known width, unless another width lasts.
+    fn known_pair(&mut self, seen: [Option<ExpectedWall>; 2]) -> [Option<ExpectedWall>; 2] {
+        let [Some(left), Some(right)] = seen else { return seen };
+        let width_m = left.distance_m - right.distance_m;
+        if self.widths.fits(width_m) {
+            return seen;
+        }
+        if self.widths.contradict(width_m) {
+            self.walls = [None; 2];
             return seen;
         }
         let surprise = |side: usize, wall: ExpectedWall| {
@@ -286,10 +291,30 @@ struct WidthMemory {
     count: usize,
     next: usize,
     unseen_m: f64,
+    rival: Option<Rival>,
 }
 
 impl WidthMemory {
+    fn fits(&self, width_m: f64) -> bool {
+        self.median_m().is_none_or(|known| (width_m - known).abs() <= WIDTH_TOLERANCE_M)
+    }
+
+    /// Hears of a width that does not fit; forgets the known one and says so once the other has lasted.
+    fn contradict(&mut self, width_m: f64) -> bool {
+        let rival = self
+            .rival
+            .filter(|rival| (rival.distance_m - width_m).abs() < WIDTH_TOLERANCE_M)
+            .unwrap_or(Rival { distance_m: width_m, for_m: 0.0 });
+        if rival.for_m >= WALL_CONFIRM_M {
+            *self = Self::default();
+            return true;
+        }
+        self.rival = Some(rival);
+        false
+    }
+
     fn add(&mut self, width_m: f64) {
+        self.rival = None;
         self.widths[self.next] = width_m;
         self.next = (self.next + 1) % WIDTHS;
         self.count = (self.count + 1).min(WIDTHS);
@@ -298,6 +323,9 @@ impl WidthMemory {
 
     fn drive(&mut self, metres: f64) {
         self.unseen_m += metres;
+        if let Some(rival) = &mut self.rival {
+            rival.for_m += metres;
+        }
         if self.unseen_m > WIDTH_FORGET_M {
             *self = Self::default();
         }
@@ -395,6 +423,18 @@ mod tests {
         see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-0.80));
         let estimate = track.estimate_at(&Pose2::IDENTITY).unwrap();
         assert!(estimate.walls.right_m.unwrap() < -0.90, "{estimate:?}");
+    }
+
+    #[test]
+    fn a_width_that_was_wrong_gives_way_to_one_that_lasts() {
+        let mut track = CorridorTrack::default();
+        see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-0.24));
+        for step in 1..=4 {
+            see(&mut track, Pose2::new(0.2 * f64::from(step), 0.0, 0.0), Some(1.0), Some(-1.0));
+        }
+        let estimate = track.estimate_at(&Pose2::new(0.8, 0.0, 0.0)).unwrap();
+        assert!((estimate.width_m.unwrap() - 2.0).abs() < 1e-9, "{estimate:?}");
+        assert!((estimate.walls.right_m.unwrap() + 1.0).abs() < 1e-9, "{estimate:?}");
     }
 
     #[test]

@@ -16,10 +16,28 @@ pub struct CorridorLine {
     pub start: Vector2<f64>,
     /// The other end, undistorted pixels.
     pub end: Vector2<f64>,
-    /// Grey level at the edge, coming from the left, seen from start to end with u right and v down.
-    pub grey_left: f64,
+    /// The brightness on both sides.
+    pub sides: Sides,
+}
+
+/// The brightness to the left and to the right of an edge, seen from start to end with u right and v down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sides {
+    /// Grey level at the edge, coming from the left.
+    pub left: f64,
     /// Grey level at the edge, coming from the right.
-    pub grey_right: f64,
+    pub right: f64,
+    /// Mean difference between the two sides somewhat farther away, grey levels.
+    pub farther: f64,
+}
+
+impl Sides {
+    /// Grey levels by which the sides differ, both at the edge and farther away: nothing for a thin line between two halves
+    /// of the same floor.
+    #[must_use]
+    pub fn contrast(&self) -> f64 {
+        (self.left - self.right).abs().min(self.farther)
+    }
 }
 
 /// How lines are judged.
@@ -193,7 +211,8 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
     if !(rule.nearest_m..=rule.farthest_m).contains(&distance_m.abs()) {
         return None;
     }
-    if (line.grey_left - line.grey_right).abs() < rule.least_contrast {
+    let contrast = line.sides.contrast();
+    if contrast < rule.least_contrast {
         return None;
     }
     // Seen from start to end in the picture (v down), the left side is at (along.y, -along.x).
@@ -201,14 +220,14 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
     let beyond = view.tied_distance(middle + to_the_left)?;
     let wall_is_left = beyond.abs() > distance_m.abs();
     let (at_the_wall, on_the_floor) =
-        if wall_is_left { (line.grey_left, line.grey_right) } else { (line.grey_right, line.grey_left) };
+        if wall_is_left { (line.sides.left, line.sides.right) } else { (line.sides.right, line.sides.left) };
     let starts_lower = depression_sine(view, line.start) > depression_sine(view, line.end);
     Some(Candidate {
         distance_m,
         length_px,
         weight: length_px * sine_below * sine_below,
         ends: if starts_lower { [line.start, line.end] } else { [line.end, line.start] },
-        contrast: (line.grey_left - line.grey_right).abs(),
+        contrast,
         is_darker_at_the_wall: at_the_wall < on_the_floor,
     })
 }
@@ -219,27 +238,28 @@ fn depression_sine(view: &CorridorView, pixel: Vector2<f64>) -> f64 {
     -ray.z / ray.norm()
 }
 
-/// Grey levels at the edge from `start` to `end` (pixels of the image as it is, u right, v down), coming from the left and
-/// coming from the right: means along the edge at once and twice `offset_px` from it, extended to the edge, so that a
-/// brightness that changes evenly across it gives the same level twice. Outside the image the border's level.
+/// The brightness beside the edge from `start` to `end`, pixels of the image as it is, u right, v down. The levels at the
+/// edge are means along it at once and twice `offset_px` from it, extended to the edge, so that a brightness that changes
+/// evenly across it gives the same level twice. Outside the image the border's level.
 #[must_use]
-pub fn side_greys(
-    image: ImageView<'_>,
-    start: Vector2<f64>,
-    end: Vector2<f64>,
-    offset_px: f64,
-) -> (f64, f64) {
+pub fn sides(image: ImageView<'_>, start: Vector2<f64>, end: Vector2<f64>, offset_px: f64) -> Sides {
     const SAMPLES: u32 = 24;
     let along = end - start;
     let left = Vector2::new(along.y, -along.x) / along.norm().max(1.0) * offset_px;
-    let mean = |offset: Vector2<f64>| {
-        let grey = |sample: u32| {
-            let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES)) + offset;
+    let mut sum = Sides { left: 0.0, right: 0.0, farther: 0.0 };
+    for sample in 0..SAMPLES {
+        let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES));
+        let grey = |times: f64| {
+            let at = at + left * times;
             f64::from(image.pixel(at.x.round().max(0.0) as usize, at.y.round().max(0.0) as usize))
         };
-        (0..SAMPLES).map(grey).sum::<f64>() / f64::from(SAMPLES)
-    };
-    (2.0 * mean(left) - mean(2.0 * left), 2.0 * mean(-left) - mean(-2.0 * left))
+        let (far_left, far_right) = (grey(2.0), grey(-2.0));
+        sum.left += 2.0 * grey(1.0) - far_left;
+        sum.right += 2.0 * grey(-1.0) - far_right;
+        sum.farther += (far_left - far_right).abs();
+    }
+    let samples = f64::from(SAMPLES);
+    Sides { left: sum.left / samples, right: sum.right / samples, farther: sum.farther / samples }
 }
 
 #[cfg(test)]
@@ -262,8 +282,9 @@ mod tests {
             view.intrinsics.pixel_from_normalised(camera.xy() / camera.z)
         };
         // From near to far the left wall is on the left of its line.
-        let (grey_left, grey_right) = if d > 0.0 { (wall_grey, floor_grey) } else { (floor_grey, wall_grey) };
-        CorridorLine { start: pixel(2.0), end: pixel(far), grey_left, grey_right }
+        let (left, right) = if d > 0.0 { (wall_grey, floor_grey) } else { (floor_grey, wall_grey) };
+        let sides = Sides { left, right, farther: (left - right).abs() };
+        CorridorLine { start: pixel(2.0), end: pixel(far), sides }
     }
 
     fn find(lines: &[CorridorLine], expected: [Option<ExpectedWall>; 2]) -> SeenWalls {
@@ -304,19 +325,21 @@ mod tests {
     }
 
     #[test]
-    fn greys_are_taken_on_their_sides() {
-        let mut data = vec![50_u8; 40 * 30];
-        for row in data.chunks_mut(40) {
-            row[20..].fill(200);
-        }
-        let image = ImageView::new(&data, 40, 30, 40).unwrap();
-        let up = side_greys(image, Vector2::new(20.0, 28.0), Vector2::new(20.0, 2.0), 4.0);
-        assert_eq!(up, (50.0, 200.0));
-        let outside = side_greys(image, Vector2::new(-9.0, 0.0), Vector2::new(-9.0, -5.0), 4.0);
-        assert_eq!(outside, (50.0, 50.0));
-        let ramp: Vec<u8> = (0..30).flat_map(|_| (0..40).map(|u| 3 * u)).collect();
-        let image = ImageView::new(&ramp, 40, 30, 40).unwrap();
-        let (left, right) = side_greys(image, Vector2::new(20.0, 28.0), Vector2::new(20.0, 2.0), 4.0);
-        assert_eq!(left, right, "a ramp is no edge");
+    fn brightness_is_taken_on_its_side() {
+        let beside = |level: &dyn Fn(u8) -> u8, u: f64, v: [f64; 2]| {
+            let data: Vec<u8> = (0..30).flat_map(|_| (0..40).map(level)).collect();
+            let image = ImageView::new(&data, 40, 30, 40).unwrap();
+            sides(image, Vector2::new(u, v[0]), Vector2::new(u, v[1]), 4.0)
+        };
+        let step = |u: u8| if u < 20 { 50 } else { 200 };
+        let up = beside(&step, 20.0, [28.0, 2.0]);
+        assert_eq!((up.left, up.right, up.contrast()), (50.0, 200.0, 150.0));
+        let outside = beside(&step, -9.0, [0.0, -5.0]);
+        assert_eq!((outside.left, outside.right, outside.contrast()), (50.0, 50.0, 0.0));
+        let ramp = beside(&|u| 3 * u, 20.0, [28.0, 2.0]);
+        assert_eq!(ramp.contrast(), 0.0, "a ramp is no edge");
+        let joint = beside(&|u| if (20..25).contains(&u) { 60 } else { 120 }, 20.0, [28.0, 2.0]);
+        assert_eq!((joint.left, joint.contrast()), (120.0, 0.0), "a joint has the same floor on both sides");
+        assert!(joint.right < 1.0, "{joint:?}");
     }
 }

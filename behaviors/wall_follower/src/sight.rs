@@ -10,7 +10,7 @@ use yamabico_core::vision::vanishing_point::{
     Prediction, VanishingPoint, VanishingPointConfig, VanishingPointError, VanishingPointFinder,
 };
 
-use crate::floor_lines::{CorridorLine, ExpectedWall, FloorLineFinder, FloorLineRule, SeenWall, side_greys};
+use crate::floor_lines::{CorridorLine, ExpectedWall, FloorLineFinder, FloorLineRule, SeenWall, sides};
 use crate::heading::{CameraAttitude, RobotHeading};
 use crate::skirting::{FootSearch, foot_of_wall};
 use crate::wall_distance::{CorridorView, tied_distance_sigma};
@@ -153,8 +153,11 @@ impl Sight {
         let raw = self.detector.segments();
         let lines = found.inliers.iter().map(|&inlier| {
             let (ideal, source) = (&self.undistorted[inlier], &raw[self.sources[inlier]]);
-            let (grey_left, grey_right) = side_greys(image, source.p0, source.p1, side_px);
-            CorridorLine { start: ideal.p0, end: ideal.p1, grey_left, grey_right }
+            CorridorLine {
+                start: ideal.p0,
+                end: ideal.p1,
+                sides: sides(image, source.p0, source.p1, side_px),
+            }
         });
         let seen = self.floor_lines.find(lines, &view, &self.rule, walls);
         let pinhole = &self.camera.pinhole;
