@@ -6,16 +6,14 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
-use yamabico_core::config::{Overrides, Task};
+use yamabico_core::config::{GoalArea, Overrides, Task};
 use yamabico_core::sensor::DeviceError;
 
 use crate::execution::{
     BehaviorRecord, End, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics,
 };
 use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
-use crate::report::{
-    Ending, PictureError, ReferenceLine, RunSummary, SummaryTap, Timing, Trace, write_trajectory,
-};
+use crate::report::{Ending, ReferenceLine, RunSummary, SummaryTap, Timing, Trace, write_trajectory};
 
 /// How a task is run.
 #[derive(Clone, Debug)]
@@ -66,12 +64,16 @@ pub enum RunError {
         /// Why.
         source: std::io::Error,
     },
-    /// The picture of the way cannot be made; the run itself went to its end.
-    #[error(transparent)]
-    Picture(#[from] PictureError),
     /// A device failed on the way.
     #[error(transparent)]
     Device(#[from] DeviceError),
+}
+
+impl RunError {
+    /// Whether a device is to blame: it does not open, or failed on the way. Else the task or the options are.
+    pub fn is_of_a_device(&self) -> bool {
+        matches!(self, RunError::Device(_) | RunError::Setup(SeatError::Device { .. }))
+    }
 }
 
 /// A run that was made: what became of it, and what it left behind.
@@ -81,15 +83,21 @@ pub struct Ran {
     pub task: String,
     /// Of everything that was drawn by chance.
     pub seed: u64,
+    /// Where it was to arrive.
+    pub goal: Option<GoalArea>,
     /// Why it ended.
     pub end: End,
     /// The figures.
     #[serde(flatten)]
     pub summary: RunSummary,
+    /// Messages that came too fast to be seen: the figures, the digest and the recording are without them.
+    pub unseen: u64,
     /// The recording, where there is one.
     pub recording: Option<Left>,
     /// The picture of the way, where there is one.
     pub trajectory: Option<PathBuf>,
+    /// Why there is no picture of the way, where one was asked for.
+    pub trajectory_problem: Option<String>,
 }
 
 /// A recording that was left behind.
@@ -101,23 +109,27 @@ pub struct Left {
     pub bytes: u64,
     /// Messages in it on each topic of the bus.
     pub messages: BTreeMap<String, u64>,
-    /// Pictures and messages that are not in it because the disk was too slow or full.
+    /// Pictures and messages that are not in it because they came too fast, or the disk was too slow or full.
     pub missing: u64,
     /// Why it broke off, where it did.
     pub problem: Option<String>,
 }
 
 impl Ran {
-    /// Whether the run did what was asked: the goal was reached, or there was none.
+    /// Whether the run did what was asked: the goal was reached; without a goal, it went on to its end.
     pub fn is_done(&self) -> bool {
-        matches!(self.end, End::Arrived | End::SensorsEnded)
+        match self.end {
+            End::Arrived => true,
+            End::SensorsEnded | End::TimeOver => self.goal.is_none(),
+            End::Interrupted => false,
+        }
     }
 }
 
-impl From<Recorded> for Left {
-    fn from(recorded: Recorded) -> Left {
+impl Left {
+    fn of(recorded: Recorded, unseen: u64) -> Left {
         Left {
-            missing: recorded.pictures_dropped + recorded.messages_dropped,
+            missing: unseen + recorded.pictures_dropped + recorded.messages_dropped,
             problem: recorded.error.map(|error| error.to_string()),
             path: recorded.path,
             bytes: recorded.bytes,
@@ -129,6 +141,9 @@ impl From<Recorded> for Left {
 /// Runs `task` to its end; `tap` is shown every message, `progress` every step. `interrupt`, once set, stops the robot and
 /// ends the run.
 ///
+/// What a run leaves behind must not cost the run: a recording that breaks off and a picture that cannot be written are told
+/// in what is returned.
+///
 /// # Errors
 /// Something that does not open, or a device that fails on the way.
 pub fn run(
@@ -138,69 +153,102 @@ pub fn run(
     tap: &mut dyn Tap,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Ran, RunError> {
+    let recording_folder = options.recording.as_deref().and_then(Path::parent);
+    [recording_folder, options.pictures.as_deref()].into_iter().flatten().try_for_each(make_folder)?;
+    // An earlier recording is replaced only once everything is open: it may be that of a run that still goes on.
+    let mut robot = Opened::open(task, options)?;
+    let walls = robot.walls();
     let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
     let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
     let began = Instant::now();
-    let outcome = {
+    let end = {
         let mut taps: Vec<&mut dyn Tap> = vec![&mut summary, &mut trace, tap];
         taps.extend(recorder.as_mut().map(|recorder| recorder as &mut dyn Tap));
-        execute(task, options, interrupt, &mut Tee(taps), progress)
+        robot.run(task, interrupt, &mut Tee(taps), progress)
     };
     let wall_s = began.elapsed().as_secs_f64();
-    let digest = summary.digest().hex();
-    let left = recorder.map(|recorder| recorder.finish([("digest".to_owned(), digest)].into()).into());
-    let Execution { end, records, walls } = outcome?;
-    let timings = records.into_iter().map(|(name, record)| (name, timing(&record))).collect();
-    let summary = summary.finish(Ending { arrived: end == End::Arrived, wall_s, timings });
-    let trajectory = options.pictures.as_deref().map(|folder| picture(folder, &trace, &walls)).transpose()?;
-    Ok(Ran { task: task.name.clone(), seed: options.seed, end, summary, recording: left, trajectory })
+    let unseen = robot.lost();
+    let facts = [("digest".to_owned(), summary.digest().hex())];
+    let recording = recorder.map(|recorder| Left::of(recorder.finish(facts.into()), unseen));
+    let end = end?;
+    let timings = robot.finish().into_iter().map(|(name, record)| (name, timing(&record))).collect();
+    let picture = options.pictures.as_deref().map(|folder| folder.join("trajectory.png"));
+    let written = picture.as_deref().map(|path| write_trajectory(path, &trace, &walls));
+    let trajectory_problem = written.and_then(|written| written.err()).map(|error| error.to_string());
+    Ok(Ran {
+        task: task.name.clone(),
+        seed: options.seed,
+        goal: task.run.goal,
+        end,
+        summary: summary.finish(Ending { arrived: end == End::Arrived, wall_s, timings }),
+        unseen,
+        recording,
+        trajectory: picture.filter(|_| trajectory_problem.is_none()),
+        trajectory_problem,
+    })
 }
 
-struct Execution {
-    end: End,
-    records: Vec<(String, BehaviorRecord)>,
-    walls: Vec<Vec<[f64; 2]>>,
+/// A robot at rest with everything open.
+enum Opened {
+    Lockstep(Box<Lockstep>),
+    Live(Box<Live>),
 }
 
-fn execute(
-    task: &Task,
-    options: &Options,
-    interrupt: &AtomicBool,
-    tap: &mut dyn Tap,
-    progress: &mut dyn FnMut(Progress),
-) -> Result<Execution, RunError> {
-    let plan = Plan::new(task, options.seed);
-    match options.pace {
-        Pace::Lockstep => {
-            let mut lockstep = Lockstep::open(plan, task.run.step, options.threads)?;
-            let walls = lockstep.walls();
-            let end = run_lockstep(&mut lockstep, &task.run, interrupt, tap, progress)?;
-            Ok(Execution { end, records: lockstep.finish(), walls })
+impl Opened {
+    fn open(task: &Task, options: &Options) -> Result<Opened, SeatError> {
+        let plan = Plan::new(task, options.seed);
+        Ok(match options.pace {
+            Pace::Lockstep => {
+                Opened::Lockstep(Box::new(Lockstep::open(plan, task.run.step, options.threads)?))
+            }
+            Pace::Live => Opened::Live(Box::new(Live::open(plan, &task.robot.robot.name)?)),
+        })
+    }
+
+    fn walls(&self) -> Vec<Vec<[f64; 2]>> {
+        match self {
+            Opened::Lockstep(lockstep) => lockstep.walls(),
+            Opened::Live(live) => live.walls(),
         }
-        Pace::Live => {
-            let mut live = Live::start(plan, &task.robot.robot.name)?;
-            let walls = live.walls();
-            let (end, records) = live.run(&task.run, interrupt, tap, progress)?;
-            Ok(Execution { end, records, walls })
+    }
+
+    fn run(
+        &mut self,
+        task: &Task,
+        interrupt: &AtomicBool,
+        tap: &mut dyn Tap,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<End, DeviceError> {
+        match self {
+            Opened::Lockstep(lockstep) => run_lockstep(lockstep, &task.run, interrupt, tap, progress),
+            Opened::Live(live) => live.run(&task.run, interrupt, tap, progress),
+        }
+    }
+
+    fn lost(&self) -> u64 {
+        match self {
+            Opened::Lockstep(lockstep) => lockstep.lost(),
+            Opened::Live(live) => live.lost(),
+        }
+    }
+
+    fn finish(self) -> Vec<(String, BehaviorRecord)> {
+        match self {
+            Opened::Lockstep(lockstep) => lockstep.finish(),
+            Opened::Live(live) => live.finish(),
         }
     }
 }
 
-fn picture(folder: &Path, trace: &Trace, walls: &[Vec<[f64; 2]>]) -> Result<PathBuf, RunError> {
-    make_folder(folder)?;
-    let path = folder.join("trajectory.png");
-    write_trajectory(&path, trace, walls)?;
-    Ok(path)
-}
-
+/// `folder` may be empty: the working directory.
 fn make_folder(folder: &Path) -> Result<(), RunError> {
+    if folder.as_os_str().is_empty() {
+        return Ok(());
+    }
     std::fs::create_dir_all(folder).map_err(|source| RunError::Folder { folder: folder.to_owned(), source })
 }
 
 fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
-    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        make_folder(folder)?;
-    }
     let files = [&task.path, &task.robot.path].into_iter();
     let text =
         |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
@@ -227,5 +275,6 @@ fn timing(record: &BehaviorRecord) -> Timing {
         p50_us: micros(record.calls.quantile(0.5)),
         p99_us: micros(record.calls.quantile(0.99)),
         overruns: record.overruns,
+        panics: record.panics,
     }
 }

@@ -21,8 +21,7 @@ struct Arguments {
     json: bool,
 }
 
-const EXIT_CODES: &str =
-    "Exit codes: 0 arrived or done, 1 not arrived, 2 bad configuration or usage, 3 a device failed.";
+const EXIT_CODES: &str = "Exit codes: 0 arrived or done, 1 not arrived or interrupted, 2 bad configuration or usage, 3 a device failed.";
 
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));

@@ -21,6 +21,8 @@ pub struct ArbiterSeat {
     commands: Publisher<Command>,
     decisions: Publisher<DecisionHeader>,
     verdicts: Vec<Verdict>,
+    /// A decision could not be published.
+    is_mute: bool,
 }
 
 impl ArbiterSeat {
@@ -50,21 +52,29 @@ impl ArbiterSeat {
             commands,
             decisions: bus.publisher(topics::DECISION)?,
             verdicts: vec![Verdict::default(); policy.behaviours.len()],
+            is_mute: false,
             policy,
         })
     }
 
-    /// Takes in what has arrived, decides, and publishes the decision and the command. A bus that fails to deliver
-    /// proposals is silence, which stops the robot; only commands that cannot be sent are an error.
+    /// Takes in what has arrived, decides, and publishes the command and the decision. A bus that fails to deliver proposals
+    /// is silence, which stops the robot, and one that fails to deliver requests is an emergency stop. A decision that
+    /// cannot be sent is told once; only a command that cannot be sent is an error.
     ///
     /// # Errors
-    /// The command or the decision could not be sent.
+    /// The command could not be sent.
     pub fn step(&mut self, now: Time) -> Result<(), BusError> {
         self.listen();
         decide(&self.policy, &mut self.state, &self.proposals, now, &mut self.decision);
         self.commands.publish(&self.decision.command(&self.policy), &[])?;
         let count = self.decision.write_verdicts(&self.policy, &mut self.verdicts);
-        self.decisions.publish(&self.decision.header(&self.policy), &self.verdicts[..count])
+        let told = self.decisions.publish(&self.decision.header(&self.policy), &self.verdicts[..count]);
+        if let Err(error) = told
+            && !std::mem::replace(&mut self.is_mute, true)
+        {
+            tracing::error!("decisions are not published: {error}");
+        }
+        Ok(())
     }
 
     fn listen(&mut self) {
@@ -78,8 +88,18 @@ impl ArbiterSeat {
                 self.state.sensor_measured(index, (message.stamps)(newest.header()).0);
             }
         }
-        while let Ok(Some(control)) = self.controls.receive() {
-            obey(&self.policy, &mut self.state, control.header());
+        loop {
+            let control = self.controls.receive();
+            match control.map(|control| control.map(|control| *control.header())) {
+                Ok(Some(control)) => obey(&self.policy, &mut self.state, &control),
+                Ok(None) => break,
+                Err(error) => {
+                    // It may have been an emergency stop.
+                    tracing::error!("emergency stop, because requests are not heard: {error}");
+                    self.state.emergency_stop();
+                    break;
+                }
+            }
         }
     }
 

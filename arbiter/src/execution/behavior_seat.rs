@@ -108,9 +108,9 @@ impl BehaviorSeat {
         Ok(())
     }
 
-    /// When it wants to be asked though nothing is new; `None` where never.
+    /// When it wants to be asked though nothing is new; `None` where never, or where it stays out.
     pub fn next_call(&self) -> Option<Time> {
-        let period = self.plan.period?;
+        let period = self.plan.period.filter(|_| self.behavior.is_some())?;
         Some(self.last_call.map_or(Time::ZERO, |last| last + period))
     }
 
@@ -157,26 +157,55 @@ impl BehaviorSeat {
         self.proposals.publish(&proposal, &[])
     }
 
+    /// Whatever goes wrong in taking down the old one or building the new one, the seat stays empty.
     fn start_anew(&mut self) {
         self.record.panics += 1;
-        let name = &self.plan.setup.name;
-        if self.record.panics >= MOST_PANICS {
-            tracing::error!("behaviour `{name}` panicked {} times and stays out", self.record.panics);
-            self.behavior = None;
-            return;
+        let (plan, panics) = (&self.plan, self.record.panics);
+        let old = self.behavior.take();
+        let rebuilt = catch_unwind(AssertUnwindSafe(|| {
+            drop(old);
+            (panics < MOST_PANICS).then(|| (plan.plugin.build)(&plan.table, &plan.setup)).transpose()
+        }));
+        let name = &plan.setup.name;
+        match rebuilt {
+            Ok(Ok(Some(anew))) => {
+                tracing::error!("behaviour `{name}` panicked and is built anew");
+                self.behavior = Some(anew);
+            }
+            Ok(Ok(None)) => tracing::error!("behaviour `{name}` panicked {panics} times and stays out"),
+            Ok(Err(error)) => {
+                tracing::error!("behaviour `{name}` panicked, cannot be built anew and stays out: {error}");
+            }
+            Err(_) => {
+                tracing::error!("behaviour `{name}` panicked again while it was built anew and stays out")
+            }
         }
-        tracing::error!("behaviour `{name}` panicked and is built anew");
-        self.behavior = (self.plan.plugin.build)(&self.plan.table, &self.plan.setup).ok();
     }
 }
 
 /// A behaviour or a device that could not be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum SeatError {
-    /// Its parameters do not fit.
+    /// The parameters of a behaviour do not fit.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// Its channels do not open.
+    /// A device does not open.
+    #[error("device `{device}` does not open: {reason}")]
+    Device {
+        /// Its name in the robot file.
+        device: String,
+        /// Why.
+        reason: BuildError,
+    },
+    /// The channels do not open.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// A thread does not start.
+    #[error("cannot start the thread of `{name}`: {source}; end other programs or raise `ulimit -u`")]
+    Thread {
+        /// Whose.
+        name: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
 }

@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use serde::Serialize;
 use yamabico_core::config::Run;
-use yamabico_core::message::Twist;
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::Time;
 
@@ -62,8 +61,7 @@ pub fn run_lockstep(
         let Some(end) = end else { continue };
         let told = *told.get_or_insert(now);
         lockstep.arbiter().shut_down();
-        let resting = referee.stands() && lockstep.arbiter().decision().commanded == Twist::ZERO;
-        if (resting && now > told) || now.since(told) > REST {
+        if (referee.stands() && now > told) || now.since(told) > REST {
             return Ok(end);
         }
     }

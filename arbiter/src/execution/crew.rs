@@ -4,9 +4,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use yamabico_core::bus::BusError;
+use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::Time;
 
-use super::behavior_seat::{BehaviorRecord, BehaviorSeat};
+use super::behavior_seat::{BehaviorRecord, BehaviorSeat, SeatError};
 
 /// Behaviours that collect together and propose together.
 pub struct Crew {
@@ -36,21 +37,24 @@ fn carry_out(seats: &mut [BehaviorSeat], order: Order) -> Result<(), BusError> {
 
 impl Crew {
     /// Deals the seats out to `threads` threads, the caller's own among them.
-    pub fn new(seats: Vec<BehaviorSeat>, threads: usize) -> Crew {
+    ///
+    /// # Errors
+    /// A thread that does not start.
+    pub fn new(seats: Vec<BehaviorSeat>, threads: usize) -> Result<Crew, SeatError> {
         let threads = threads.clamp(1, seats.len().max(1));
         let mut hands: Vec<Vec<BehaviorSeat>> = (0..threads).map(|_| Vec::new()).collect();
         for (i, seat) in seats.into_iter().enumerate() {
             hands[i % threads].push(seat);
         }
         let here = hands.swap_remove(0);
-        Crew { here, workers: hands.into_iter().map(Worker::start).collect() }
+        Ok(Crew { here, workers: hands.into_iter().map(Worker::start).collect::<Result<_, _>>()? })
     }
 
     /// Every behaviour takes in what has arrived.
     ///
     /// # Errors
-    /// The bus failed.
-    pub fn collect(&mut self) -> Result<(), BusError> {
+    /// The bus failed, or a thread died.
+    pub fn collect(&mut self) -> Result<(), DeviceError> {
         self.order(Order::Collect)
     }
 
@@ -58,19 +62,21 @@ impl Crew {
     /// what another publishes in this step, and the number of threads cannot matter.
     ///
     /// # Errors
-    /// The bus refused a proposal.
-    pub fn propose(&mut self, now: Time) -> Result<(), BusError> {
+    /// The bus refused a proposal, or a thread died.
+    pub fn propose(&mut self, now: Time) -> Result<(), DeviceError> {
         self.order(Order::Propose(now))
     }
 
-    fn order(&mut self, order: Order) -> Result<(), BusError> {
+    fn order(&mut self, order: Order) -> Result<(), DeviceError> {
         for worker in &self.workers {
-            // A worker ends only with the crew; if it did, the missing answer below tells.
+            // Of a worker that died, the missing answer below tells.
             let _ = worker.orders.send(order);
         }
-        let mut outcome = carry_out(&mut self.here, order);
+        let bus_failed = |error| DeviceError::failed("bus", error);
+        let mut outcome = carry_out(&mut self.here, order).map_err(bus_failed);
         for worker in &self.workers {
-            let answer = worker.done.recv().unwrap_or(Ok(()));
+            let died = |_| DeviceError::failed("crew", "a thread of behaviours died");
+            let answer = worker.done.recv().map_err(died).and_then(|answer| answer.map_err(bus_failed));
             outcome = outcome.and(answer);
         }
         outcome
@@ -88,10 +94,10 @@ impl Crew {
 }
 
 impl Worker {
-    fn start(mut seats: Vec<BehaviorSeat>) -> Worker {
+    fn start(mut seats: Vec<BehaviorSeat>) -> Result<Worker, SeatError> {
         let (orders, inbox) = channel();
         let (answer, done) = channel();
-        let thread = std::thread::spawn(move || {
+        let thread = std::thread::Builder::new().name("crew".into()).spawn(move || {
             while let Ok(order) = inbox.recv() {
                 if answer.send(carry_out(&mut seats, order)).is_err() {
                     break;
@@ -99,6 +105,22 @@ impl Worker {
             }
             seats
         });
-        Worker { orders, done, thread }
+        let thread = thread.map_err(|source| SeatError::Thread { name: "crew".into(), source })?;
+        Ok(Worker { orders, done, thread })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_thread_that_died_is_an_error() {
+        let worker = Worker::start(Vec::new()).unwrap();
+        let mut crew = Crew { here: Vec::new(), workers: vec![worker] };
+        crew.collect().unwrap();
+        let (_, dead) = channel();
+        crew.workers[0].done = dead;
+        assert!(crew.propose(Time::ZERO).unwrap_err().to_string().contains("died"));
     }
 }

@@ -1,5 +1,7 @@
 //! A device at work: its sensors polled when they are due, its drive given every command.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use yamabico_core::behavior::Outputs;
 use yamabico_core::bus::{Bus, BusError, Subscriber};
 use yamabico_core::message::{Command, MessageType, Truth};
@@ -40,7 +42,9 @@ impl DeviceSeat {
     /// # Errors
     /// A device that does not open, or channels that do not.
     pub fn open(plan: DevicePlan, bus: &Bus) -> Result<DeviceSeat, SeatError> {
-        let device = (plan.plugin.open)(plan.spec)?;
+        let name = plan.spec.name.clone();
+        let device =
+            (plan.plugin.open)(plan.spec).map_err(|reason| SeatError::Device { device: name, reason })?;
         let seat = |name: &str, topic: String, message: MessageType| -> Result<SensorSeat, BusError> {
             Ok(SensorSeat {
                 ports: Ports::open(bus, &[(name.to_owned(), topic, message)])?,
@@ -65,19 +69,25 @@ impl DeviceSeat {
         &self.device.walls
     }
 
-    /// Lets every sensor that is due publish; tells when the next one is due, [`Due::Ended`] where none ever is again.
+    /// Whether there is anything to poll; a device may be a drive alone.
+    pub fn measures(&self) -> bool {
+        !self.sensors.is_empty() || self.judge.is_some()
+    }
+
+    /// Lets every sensor that is due publish; tells when the next one is due, [`Due::Ended`] where none ever is again. A
+    /// sensor that fails or panics is not asked again; the others go on.
     ///
     /// # Errors
-    /// The device failed.
+    /// A sensor failed.
     pub fn poll(&mut self, now: Time) -> Result<Due, DeviceError> {
-        let mut next = Due::Ended;
-        for ((_, sensor), seat) in self.device.sensors.iter_mut().zip(&mut self.sensors) {
-            next = earlier(next, seat.poll(sensor.as_mut(), now)?);
+        let sensors = self.device.sensors.iter_mut().map(|(name, sensor)| (name.as_str(), sensor));
+        let judge = self.device.judge.as_mut().map(|judge| (topics::TRUTH, judge));
+        let mut outcome = Ok(Due::Ended);
+        for ((name, sensor), seat) in sensors.zip(&mut self.sensors).chain(judge.zip(self.judge.as_mut())) {
+            let polled = seat.poll(name, sensor.as_mut(), now);
+            outcome = outcome.and_then(|next| Ok(earlier(next, polled?)));
         }
-        if let (Some(judge), Some(seat)) = (&mut self.device.judge, &mut self.judge) {
-            next = earlier(next, seat.poll(judge.as_mut(), now)?);
-        }
-        Ok(next)
+        outcome
     }
 
     /// Gives the drive what has been commanded since the last call, or nothing.
@@ -89,19 +99,24 @@ impl DeviceSeat {
             return Ok(());
         };
         let mut newest = None;
-        while let Some(sample) =
-            commands.receive().map_err(|error| DeviceError::failed("drive", error.to_string()))?
-        {
-            newest = Some(*sample.header());
-        }
-        drive.apply(newest.as_ref(), now)
+        let heard = loop {
+            match commands.receive() {
+                Ok(Some(sample)) => newest = Some(*sample.header()),
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(DeviceError::failed("drive", error)),
+            }
+        };
+        drive.apply(newest.as_ref(), now).and(heard)
     }
 }
 
 impl SensorSeat {
-    fn poll(&mut self, sensor: &mut dyn Sensor, now: Time) -> Result<Due, DeviceError> {
+    fn poll(&mut self, name: &str, sensor: &mut dyn Sensor, now: Time) -> Result<Due, DeviceError> {
         if matches!(self.due, Due::At(at) if at <= now) {
-            self.due = sensor.poll(now, &mut Outputs::new(&mut self.ports))?;
+            self.due = Due::Ended;
+            let ports = &mut self.ports;
+            let polled = catch_unwind(AssertUnwindSafe(|| sensor.poll(now, &mut Outputs::new(ports))));
+            self.due = polled.unwrap_or_else(|panic| Err(DeviceError::failed(name, panicked(&*panic))))?;
         }
         Ok(self.due)
     }
@@ -112,4 +127,10 @@ fn earlier(a: Due, b: Due) -> Due {
         (Due::At(a), Due::At(b)) => Due::At(a.min(b)),
         (Due::Ended, other) | (other, Due::Ended) => other,
     }
+}
+
+/// What a panic said, for people.
+pub(super) fn panicked(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+    format!("it panicked: {}; please report this", text.unwrap_or("without words"))
 }

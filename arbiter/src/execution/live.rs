@@ -3,13 +3,14 @@
 //! Stamps are the machine's monotonic clock. The arrival of a proposal triggers a decision and a command at once; the tick
 //! is the keep-alive.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
-use yamabico_core::bus::{Bell, Bus, BusError, RawSubscriber};
+use yamabico_core::bus::{Bell, Bus, BusError, RawSubscriber, Waiter};
 use yamabico_core::config::Run;
 use yamabico_core::message::MessageType;
 use yamabico_core::sensor::{DeviceError, Due};
@@ -18,7 +19,7 @@ use yamabico_core::time::Time;
 use super::arbiter_seat::ArbiterSeat;
 use super::behavior_seat::{BehaviorRecord, BehaviorSeat, SeatError};
 use super::course::{End, Progress, REST, ended};
-use super::device_seat::DeviceSeat;
+use super::device_seat::{DeviceSeat, panicked};
 use super::lockstep::Supply;
 use super::plan::Plan;
 use super::referee::Referee;
@@ -33,6 +34,8 @@ const DEVICE_NAP: Duration = Duration::from_millis(10);
 const RECORDER_NAP: Duration = Duration::from_millis(2);
 /// A thread that has not ended by then hangs, and is left behind.
 const FAREWELL: Duration = Duration::from_secs(1);
+/// Topics that one thread can wait for. The arbiter hears behaviours beyond that, those of the lowest priority, at its tick.
+const MOST_BELLS: usize = 64;
 
 /// Now, on the machine's monotonic clock.
 pub fn monotonic_now() -> Time {
@@ -42,15 +45,27 @@ pub fn monotonic_now() -> Time {
 
 /// A live run.
 pub struct Live {
+    seats: Option<Seats>,
     taps: Vec<(String, MessageType, RawSubscriber)>,
     orders: Arc<Orders>,
+    report: Sender<Report>,
     reports: Receiver<Report>,
     working: usize,
+    measuring: usize,
+    ended: usize,
+    failure: Option<DeviceError>,
     records: Vec<(String, BehaviorRecord)>,
     walls: Vec<Vec<[f64; 2]>>,
     began: Time,
     // Ports go before the bus that they are on.
     _bus: Bus,
+}
+
+/// Everything that has been opened and waits for its thread.
+struct Seats {
+    arbiter: (ArbiterSeat, Waiter, Duration),
+    behaviors: Vec<(BehaviorSeat, Waiter)>,
+    devices: Vec<(DeviceSeat, Waiter)>,
 }
 
 /// What the threads are told.
@@ -64,18 +79,23 @@ struct Orders {
 
 /// What the threads tell.
 enum Report {
-    Behavior(String, BehaviorRecord),
-    DeviceEnded,
-    DeviceDone(Result<(), DeviceError>),
-    ArbiterDone(Result<(), BusError>),
+    /// A device has nothing more to measure.
+    Ended,
+    /// Something failed; its thread goes on as well as it can.
+    Failed(DeviceError),
+    /// How a behaviour fared.
+    Fared(String, BehaviorRecord),
+    /// The thread has ended.
+    Done,
 }
 
 impl Live {
-    /// Opens everything in shared memory under the robot's name and starts every thread; the arbiter first.
+    /// Opens everything in shared memory under the robot's name. Nothing is asked, measured or moved before
+    /// [`Live::run`].
     ///
     /// # Errors
     /// A robot of this name runs already; devices or behaviours that do not open.
-    pub fn start(mut plan: Plan, robot: &str) -> Result<Live, SeatError> {
+    pub fn open(mut plan: Plan, robot: &str) -> Result<Live, SeatError> {
         for topic in &mut plan.topics {
             topic.spec.bell = Bell::Rings;
         }
@@ -86,57 +106,41 @@ impl Live {
             .iter()
             .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
         let taps = taps.collect::<Result<Vec<_>, BusError>>()?;
-        let orders = Arc::new(Orders::default());
+        let seats = Seats::open(plan, &bus)?;
+        let devices = || seats.devices.iter().map(|(device, _)| device);
         let (report, reports) = channel();
-        let mut live = Live {
+        Ok(Live {
             taps,
-            orders,
+            orders: Arc::default(),
+            report,
             reports,
             working: 0,
+            measuring: devices().filter(|device| device.measures()).count(),
+            ended: 0,
+            failure: None,
             records: Vec::new(),
-            walls: Vec::new(),
+            walls: devices().flat_map(|device| device.walls().to_vec()).collect(),
+            seats: Some(seats),
             began: monotonic_now(),
-            _bus: bus.clone(),
-        };
-        let started = live.seat(plan, &bus, &report);
-        if started.is_err() {
-            live.dismiss();
-        }
-        started.map(|()| live)
+            _bus: bus,
+        })
     }
 
-    /// Everything is opened before anything moves; then the threads start, the arbiter's first.
-    fn seat(&mut self, plan: Plan, bus: &Bus, report: &Sender<Report>) -> Result<(), SeatError> {
-        let arbiter = ArbiterSeat::open(&plan, bus)?;
-        let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
-        let mut heard: Vec<String> =
-            plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name)).collect();
-        heard.push(topics::CONTROL.to_owned());
-        let behaviors = plan.behaviors.into_iter().map(|behavior| {
-            let inputs: Vec<String> = behavior.inputs.iter().map(|(_, topic, _)| topic.clone()).collect();
-            Ok((BehaviorSeat::open(behavior, bus)?, inputs))
-        });
-        let behaviors = behaviors.collect::<Result<Vec<_>, SeatError>>()?;
-        let devices = plan.devices.into_iter().map(|device| DeviceSeat::open(device, bus));
-        let devices = devices.collect::<Result<Vec<_>, _>>()?;
-        self.walls = devices.iter().flat_map(|device| device.walls().to_vec()).collect();
-
-        self.start_thread("arbiter", bus, report, move |bus, orders, report| {
-            let outcome = arbitrate(arbiter, bus, &heard, period, orders);
-            report(Report::ArbiterDone(outcome));
-        });
-        for (seat, inputs) in behaviors {
+    /// Starts every thread, the arbiter's first.
+    fn start(&mut self) -> Result<(), DeviceError> {
+        let Some(Seats { arbiter: (arbiter, waiter, period), behaviors, devices }) = self.seats.take() else {
+            return Err(DeviceError::failed("live run", "it has been run before; open another one"));
+        };
+        self.began = monotonic_now();
+        self.start_thread("arbiter", move |orders, report| {
+            arbitrate(arbiter, waiter, period, orders, report)
+        })?;
+        for (seat, waiter) in behaviors {
             let name = seat.name().to_owned();
-            self.start_thread(&name, bus, report, move |bus, orders, report| {
-                let record = behave(seat, bus, &inputs, orders);
-                report(Report::Behavior(record.0, record.1));
-            });
+            self.start_thread(&name, move |orders, report| behave(seat, waiter, orders, report))?;
         }
-        for device in devices {
-            self.start_thread("device", bus, report, move |bus, orders, report| {
-                let outcome = operate(device, bus, orders, report);
-                report(Report::DeviceDone(outcome));
-            });
+        for (seat, waiter) in devices {
+            self.start_thread("device", move |orders, report| operate(seat, waiter, orders, report))?;
         }
         Ok(())
     }
@@ -144,19 +148,21 @@ impl Live {
     fn start_thread(
         &mut self,
         name: &str,
-        bus: &Bus,
-        report: &Sender<Report>,
-        work: impl FnOnce(&Bus, &Orders, &dyn Fn(Report)) + Send + 'static,
-    ) {
-        let (bus, orders, report) = (bus.clone(), Arc::clone(&self.orders), report.clone());
+        work: impl FnOnce(&Orders, &dyn Fn(Report)) + Send + 'static,
+    ) -> Result<(), DeviceError> {
+        let (orders, report, who) = (Arc::clone(&self.orders), self.report.clone(), name.to_owned());
         let body = move || {
             // Nobody listens any more only when the run has ended.
-            work(&bus, &orders, &|told| drop(report.send(told)));
+            let tell = |told| drop(report.send(told));
+            if let Err(panic) = catch_unwind(AssertUnwindSafe(|| work(&orders, &tell))) {
+                tell(Report::Failed(DeviceError::failed(who, panicked(&*panic))));
+            }
+            tell(Report::Done);
         };
-        match std::thread::Builder::new().name(name.to_owned()).spawn(body) {
-            Ok(_) => self.working += 1,
-            Err(error) => tracing::error!("cannot start the thread of `{name}`: {error}"),
-        }
+        let started = std::thread::Builder::new().name(name.to_owned()).spawn(body);
+        started.map_err(|error| DeviceError::failed(name, format!("its thread does not start: {error}")))?;
+        self.working += 1;
+        Ok(())
     }
 
     /// Walls that the devices know, for plots.
@@ -164,48 +170,55 @@ impl Live {
         self.walls.clone()
     }
 
-    /// Goes on until the goal is reached, the time is over, the sensors have ended or `interrupt` is set; then until the robot
-    /// stands. How each behaviour fared comes with it.
+    /// Starts, and goes on until the goal is reached, the time is over, the sensors have ended, something fails or `interrupt`
+    /// is set; then until the robot stands.
     ///
     /// # Errors
-    /// A device failed.
+    /// A device failed, a thread did not start, or one panicked.
     pub fn run(
         &mut self,
         run: &Run,
         interrupt: &AtomicBool,
         tap: &mut dyn Tap,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<(End, Vec<(String, BehaviorRecord)>), DeviceError> {
+    ) -> Result<End, DeviceError> {
+        self.failure = self.start().err();
         let mut referee = Referee::new(run.goal);
-        let mut supply = Supply::Lasting;
         let mut told: Option<(End, Time)> = None;
-        let mut failure = None;
         loop {
             let now = monotonic_now();
             self.show(&mut Tee(vec![&mut referee, tap]), now);
             let elapsed = now.since(self.began);
             progress(Progress { elapsed, to_go_m: referee.to_go_m() });
             while let Ok(report) = self.reports.try_recv() {
-                match report {
-                    Report::DeviceEnded => supply = Supply::Ended,
-                    other => failure = failure.or(self.note(other)),
-                }
+                self.note(report);
             }
-            if failure.is_some() && told.is_none() {
-                told = Some((End::Interrupted, now));
-            }
-            told = told.or_else(|| Some((ended(run, &referee, elapsed, supply, interrupt)?, now)));
+            let supply = Supply::of(self.measuring, self.ended);
+            let failed = self.failure.is_some().then_some(End::Interrupted);
+            told = told.or_else(|| {
+                Some((failed.or_else(|| ended(run, &referee, elapsed, supply, interrupt))?, now))
+            });
             if let Some((end, since)) = told {
                 self.orders.rest.store(true, Ordering::Relaxed);
                 let waited = now.since(since);
-                if (referee.stands() && waited > NAP) || waited > REST {
+                if (referee.stands() && waited > NAP) || waited > REST || self.working == 0 {
                     self.dismiss();
                     self.show(tap, monotonic_now());
-                    return failure.map_or(Ok((end, std::mem::take(&mut self.records))), Err);
+                    return self.failure.take().map_or(Ok(end), Err);
                 }
             }
             std::thread::sleep(RECORDER_NAP);
         }
+    }
+
+    /// Messages that the taps have lost.
+    pub fn lost(&self) -> u64 {
+        self.taps.iter().map(|(.., subscriber)| subscriber.lost()).sum()
+    }
+
+    /// How each behaviour fared in the run; without those that hang.
+    pub fn finish(mut self) -> Vec<(String, BehaviorRecord)> {
+        std::mem::take(&mut self.records)
     }
 
     /// Shows `tap` what has been published since the last call, in the order of publication as far as stamps tell it.
@@ -218,40 +231,62 @@ impl Live {
         }
     }
 
-    /// Takes down what a thread tells; a failure, where it is one.
-    fn note(&mut self, report: Report) -> Option<DeviceError> {
+    /// Takes down what a thread tells; of several failures the first.
+    fn note(&mut self, report: Report) {
         match report {
-            Report::DeviceEnded => return None,
-            Report::Behavior(name, record) => self.records.push((name, record)),
-            Report::DeviceDone(Ok(())) | Report::ArbiterDone(Ok(())) => {}
-            Report::DeviceDone(Err(error)) => {
-                self.working -= 1;
-                return Some(error);
-            }
-            Report::ArbiterDone(Err(error)) => {
-                self.working -= 1;
-                return Some(DeviceError::failed("arbiter", error));
-            }
+            Report::Ended => self.ended += 1,
+            Report::Failed(error) => drop(self.failure.get_or_insert(error)),
+            Report::Fared(name, record) => self.records.push((name, record)),
+            Report::Done => self.working -= 1,
         }
-        self.working -= 1;
-        None
     }
 
     /// Ends every thread; one that hangs is left behind.
     fn dismiss(&mut self) {
-        self.orders.rest.store(true, Ordering::Relaxed);
         self.orders.end.store(true, Ordering::Relaxed);
         let deadline = Instant::now() + FAREWELL;
         while self.working > 0 {
             let left = deadline.saturating_duration_since(Instant::now());
             match self.reports.recv_timeout(left) {
-                Ok(report) => drop(self.note(report)),
+                Ok(report) => self.note(report),
                 Err(_) => {
                     tracing::warn!("{} threads hang and are left behind", self.working);
-                    return;
+                    self.working = 0;
                 }
             }
         }
+    }
+}
+
+impl Seats {
+    fn open(plan: Plan, bus: &Bus) -> Result<Seats, SeatError> {
+        let arbiter = ArbiterSeat::open(&plan, bus)?;
+        let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
+        let proposals = plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name));
+        let heard: Vec<String> =
+            std::iter::once(topics::CONTROL.to_owned()).chain(proposals).take(MOST_BELLS).collect();
+        let waiter = bus.waiter(&heard.iter().map(String::as_str).collect::<Vec<_>>())?;
+        let behaviors = plan.behaviors.into_iter().map(|behavior| {
+            let inputs: Vec<String> = behavior.inputs.iter().map(|(_, topic, _)| topic.clone()).collect();
+            let waiter = bus.waiter(&inputs.iter().map(String::as_str).collect::<Vec<_>>())?;
+            Ok((BehaviorSeat::open(behavior, bus)?, waiter))
+        });
+        let behaviors = behaviors.collect::<Result<_, SeatError>>()?;
+        let devices = plan.devices.into_iter();
+        let devices =
+            devices.map(|device| Ok((DeviceSeat::open(device, bus)?, bus.waiter(&[topics::COMMAND])?)));
+        Ok(Seats {
+            arbiter: (arbiter, waiter, period),
+            behaviors,
+            devices: devices.collect::<Result<_, SeatError>>()?,
+        })
+    }
+}
+
+impl Drop for Live {
+    /// No thread outlives the run, however it ends.
+    fn drop(&mut self) {
+        self.dismiss();
     }
 }
 
@@ -261,72 +296,73 @@ impl Orders {
     }
 }
 
-/// Decides when a proposal arrives and at every tick, until the end; the last decisions bring the robot to rest.
+/// Decides when a proposal arrives and at every tick, until the end, whatever fails; the last decisions bring the robot to
+/// rest.
 fn arbitrate(
     mut seat: ArbiterSeat,
-    bus: &Bus,
-    heard: &[String],
+    mut waiter: Waiter,
     period: Duration,
     orders: &Orders,
-) -> Result<(), BusError> {
-    let mut waiter = bus.waiter(&heard.iter().map(String::as_str).collect::<Vec<_>>())?;
+    report: &dyn Fn(Report),
+) {
     let mut tick = monotonic_now();
     while !orders.is_over() {
         if orders.rest.load(Ordering::Relaxed) {
             seat.shut_down();
         }
         let now = monotonic_now();
-        seat.step(now)?;
+        if let Err(error) = seat.step(now) {
+            report(Report::Failed(DeviceError::failed("arbiter", error)));
+        }
         while tick <= now {
             tick = tick + period;
         }
-        waiter.wait(tick.since(monotonic_now()))?;
+        nap(&mut waiter, tick.since(monotonic_now()));
     }
-    Ok(())
 }
 
 /// Asks one behaviour whenever something arrives for it, until the end.
-fn behave(mut seat: BehaviorSeat, bus: &Bus, inputs: &[String], orders: &Orders) -> (String, BehaviorRecord) {
-    let mut waiter = bus.waiter(&inputs.iter().map(String::as_str).collect::<Vec<_>>());
+fn behave(mut seat: BehaviorSeat, mut waiter: Waiter, orders: &Orders, report: &dyn Fn(Report)) {
     while !orders.is_over() {
         let asked = seat.collect().and_then(|()| seat.propose(monotonic_now()));
         let sleep = seat.next_call().map_or(NAP, |at| at.since(monotonic_now()).min(NAP));
-        let slept = waiter
-            .as_mut()
-            .map_err(|error| error.to_string())
-            .and_then(|waiter| waiter.wait(sleep).map_err(|error| error.to_string()));
-        if let Err(problem) = asked.map_err(|error| error.to_string()).and(slept.map(drop)) {
-            // Its silence is the arbiter's to deal with; it tries again.
-            tracing::error!("behaviour `{}`: {problem}", seat.name());
-            std::thread::sleep(NAP);
+        match asked {
+            Ok(()) => nap(&mut waiter, sleep),
+            Err(error) => {
+                // Its silence is the arbiter's to deal with; it tries again.
+                tracing::error!("behaviour `{}`: {error}", seat.name());
+                std::thread::sleep(NAP);
+            }
         }
     }
-    (seat.name().to_owned(), seat.record().clone())
+    report(Report::Fared(seat.name().to_owned(), seat.record().clone()));
 }
 
-/// Polls one device's sensors when they are due and hands its drive every command, until the end.
-fn operate(
-    mut seat: DeviceSeat,
-    bus: &Bus,
-    orders: &Orders,
-    report: &dyn Fn(Report),
-) -> Result<(), DeviceError> {
-    let failed = |error: BusError| DeviceError::failed("bus", error);
-    let mut waiter = bus.waiter(&[topics::COMMAND]).map_err(failed)?;
-    let mut told = false;
+/// Polls one device's sensors when they are due and hands its drive every command, until the end, whatever fails.
+fn operate(mut seat: DeviceSeat, mut waiter: Waiter, orders: &Orders, report: &dyn Fn(Report)) {
+    let mut lasts = seat.measures();
     while !orders.is_over() {
-        let now = monotonic_now();
-        let due = seat.poll(now)?;
-        seat.drive(monotonic_now())?;
-        let sleep = match due {
-            Due::At(at) => at.since(monotonic_now()).min(DEVICE_NAP),
-            Due::Ended => DEVICE_NAP,
+        let polled = seat.poll(monotonic_now());
+        let driven = seat.drive(monotonic_now());
+        let sleep = match polled {
+            Ok(Due::At(at)) => at.since(monotonic_now()).min(DEVICE_NAP),
+            _ => DEVICE_NAP,
         };
-        if due == Due::Ended && !told {
-            told = true;
-            report(Report::DeviceEnded);
+        if polled == Ok(Due::Ended) && lasts {
+            lasts = false;
+            report(Report::Ended);
         }
-        waiter.wait(sleep).map_err(failed)?;
+        for error in [polled.err(), driven.err()].into_iter().flatten() {
+            report(Report::Failed(error));
+        }
+        nap(&mut waiter, sleep);
     }
-    Ok(())
+}
+
+/// Sleeps until something arrives, or for so long; where the waiter fails, for so long.
+fn nap(waiter: &mut Waiter, longest: Duration) {
+    if let Err(error) = waiter.wait(longest) {
+        tracing::error!("what arrives wakes nobody: {error}");
+        std::thread::sleep(longest);
+    }
 }

@@ -34,6 +34,13 @@ pub enum Supply {
     Ended,
 }
 
+impl Supply {
+    /// Of so many devices that measure, of which so many have ended. A robot without sensors has nothing that could end.
+    pub(super) fn of(measuring: usize, ended: usize) -> Supply {
+        if measuring > 0 && ended >= measuring { Supply::Ended } else { Supply::Lasting }
+    }
+}
+
 impl Lockstep {
     /// Opens everything on a bus within this process; the first step is at time zero.
     ///
@@ -49,7 +56,7 @@ impl Lockstep {
         let taps = taps.collect::<Result<_, BusError>>()?;
         let arbiter = ArbiterSeat::open(&plan, &bus)?;
         let seats = plan.behaviors.into_iter().map(|behavior| BehaviorSeat::open(behavior, &bus));
-        let crew = Crew::new(seats.collect::<Result<_, _>>()?, threads);
+        let crew = Crew::new(seats.collect::<Result<_, _>>()?, threads)?;
         let devices = plan.devices.into_iter().map(|device| DeviceSeat::open(device, &bus));
         Ok(Lockstep {
             devices: devices.collect::<Result<_, _>>()?,
@@ -82,13 +89,13 @@ impl Lockstep {
     /// # Errors
     /// A device failed, or the bus did.
     pub fn step(&mut self, tap: &mut dyn Tap) -> Result<Supply, DeviceError> {
-        let mut supply = Supply::Ended;
+        let (mut measuring, mut ended) = (0, 0);
         for device in &mut self.devices {
-            if device.poll(self.now)? != Due::Ended {
-                supply = Supply::Lasting;
-            }
+            measuring += usize::from(device.measures());
+            ended += usize::from(device.poll(self.now)? == Due::Ended && device.measures());
         }
-        self.crew.collect().and_then(|()| self.crew.propose(self.now)).map_err(bus_failed)?;
+        self.crew.collect()?;
+        self.crew.propose(self.now)?;
         self.arbiter.step(self.now).map_err(bus_failed)?;
         for device in &mut self.devices {
             device.drive(self.now)?;
@@ -99,7 +106,12 @@ impl Lockstep {
             }
         }
         self.now = self.now + self.step;
-        Ok(supply)
+        Ok(Supply::of(measuring, ended))
+    }
+
+    /// Messages that the taps have lost.
+    pub fn lost(&self) -> u64 {
+        self.taps.iter().map(|(.., subscriber)| subscriber.lost()).sum()
     }
 
     /// Ends the run; how each behaviour fared.

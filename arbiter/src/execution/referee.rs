@@ -2,7 +2,7 @@
 
 use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::config::GoalArea;
-use yamabico_core::message::{Message, MessageType, Odometry, Truth};
+use yamabico_core::message::{Command, Message, MessageType, Odometry, Truth, Twist};
 use yamabico_core::time::Time;
 
 use crate::record::Tap;
@@ -10,12 +10,14 @@ use crate::record::Tap;
 /// Slower than this the robot stands: m/s and rad/s.
 const STANDING: f64 = 0.01;
 
-/// Follows the robot: by a simulator's truth where there is one, else by odometry.
+/// Follows the robot: by a simulator's truth where there is one, else by odometry; without either, by what it is commanded.
 #[derive(Debug, Default)]
 pub struct Referee {
     goal: Option<GoalArea>,
     has_truth: bool,
     position: Option<[f64; 2]>,
+    commanded: Option<Twist>,
+    /// The larger of m/s and rad/s; infinite where it is no number.
     speed: f64,
     arrived: Option<Time>,
 }
@@ -31,9 +33,9 @@ impl Referee {
         self.arrived
     }
 
-    /// Whether the robot stands, as far as is known.
+    /// Whether the robot is commanded to stand, and does so as far as is known.
     pub fn stands(&self) -> bool {
-        self.speed < STANDING
+        self.commanded == Some(Twist::ZERO) && self.speed < STANDING
     }
 
     /// From the centre of the robot to the goal, metres; `None` without a goal or before the first position.
@@ -42,9 +44,14 @@ impl Referee {
         Some((goal.x_m - x).hypot(goal.y_m - y))
     }
 
-    fn is_at(&mut self, time: Time, x: f64, y: f64, speed: f64) {
+    fn is_at(&mut self, time: Time, [x, y]: [f64; 2], [vx, vy, omega]: [f64; 3]) {
         self.position = Some([x, y]);
-        self.speed = speed;
+        let speeds = [vx.hypot(vy), omega.abs()];
+        self.speed = if speeds.iter().all(|speed| speed.is_finite()) {
+            speeds[0].max(speeds[1])
+        } else {
+            f64::INFINITY
+        };
         let near = self.goal.zip(self.to_go_m()).is_some_and(|(goal, to_go)| to_go <= goal.tolerance_m);
         if near && self.arrived.is_none() {
             self.arrived = Some(time);
@@ -57,15 +64,17 @@ impl Tap for Referee {
         let raw = RawMessage { header, items };
         match message.name {
             Truth::NAME => {
-                let Some(truth) = View::<Truth>::of(raw) else { return };
+                let Some(View { header: truth, .. }) = View::<Truth>::of(raw) else { return };
                 self.has_truth = true;
-                let speed = truth.header.vx.hypot(truth.header.vy).max(truth.header.omega.abs());
-                self.is_at(time, truth.header.x, truth.header.y, speed);
+                self.is_at(time, [truth.x, truth.y], [truth.vx, truth.vy, truth.omega]);
             }
             Odometry::NAME if !self.has_truth => {
-                let Some(odometry) = View::<Odometry>::of(raw) else { return };
-                let speed = odometry.header.vx.hypot(odometry.header.vy).max(odometry.header.omega.abs());
-                self.is_at(time, odometry.header.x, odometry.header.y, speed);
+                let Some(View { header: wheels, .. }) = View::<Odometry>::of(raw) else { return };
+                self.is_at(time, [wheels.x, wheels.y], [wheels.vx, wheels.vy, wheels.omega]);
+            }
+            Command::NAME => {
+                let Some(command) = View::<Command>::of(raw) else { return };
+                self.commanded = Some(command.header.twist);
             }
             _ => {}
         }
@@ -90,6 +99,29 @@ mod tests {
         see(&mut referee, 2.0, &Odometry { x: 9.0, ..Default::default() });
         see(&mut referee, 3.0, &Truth { x: 2.5, ..Default::default() });
         assert_eq!(referee.arrived(), Some(Time::from_secs_f64(1.0)));
+        see(&mut referee, 3.0, &Command::default());
         assert!(referee.stands() && referee.to_go_m() == Some(0.5));
+    }
+
+    #[test]
+    fn without_odometry_the_robot_stands_when_it_is_commanded_to() {
+        let mut referee = Referee::new(None);
+        assert!(!referee.stands(), "nothing is known");
+        see(&mut referee, 0.1, &Command { twist: Twist::planar(0.2, 0.0), ..Default::default() });
+        assert!(!referee.stands());
+        see(&mut referee, 0.2, &Command::default());
+        assert!(referee.stands());
+    }
+
+    #[test]
+    fn a_speed_that_is_no_number_is_not_standing() {
+        let mut referee = Referee::new(None);
+        see(&mut referee, 0.1, &Command::default());
+        for (vx, omega) in [(f64::NAN, 0.0), (0.0, f64::NAN), (f64::INFINITY, 0.0), (0.0, 0.1)] {
+            see(&mut referee, 0.2, &Odometry { vx, omega, ..Default::default() });
+            assert!(!referee.stands(), "{vx} m/s, {omega} rad/s");
+        }
+        see(&mut referee, 0.3, &Odometry::default());
+        assert!(referee.stands());
     }
 }

@@ -62,6 +62,8 @@ pub struct Timing {
     pub p99_us: f64,
     /// Calls that took longer than the budget.
     pub overruns: u64,
+    /// Calls that panicked.
+    pub panics: u32,
 }
 
 impl Timing {
@@ -72,7 +74,13 @@ impl Timing {
             let rank = (share * durations_s.len() as f64).ceil() as usize;
             durations_s.get(rank.saturating_sub(1)).map_or(0.0, |seconds| seconds * 1e6)
         };
-        Timing { calls: durations_s.len() as u64, p50_us: quantile(0.5), p99_us: quantile(0.99), overruns }
+        Timing {
+            calls: durations_s.len() as u64,
+            p50_us: quantile(0.5),
+            p99_us: quantile(0.99),
+            overruns,
+            panics: 0,
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use yamabico_arbiter::execution::Progress;
 use yamabico_arbiter::record::{Pace, Tee};
-use yamabico_arbiter::run::{Options, RunError, run as run_task};
+use yamabico_arbiter::run::{Options, run as run_task};
 use yamabico_core::config::Task;
 
 use super::TaskArguments;
@@ -62,10 +62,14 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
     match outcome {
         Ok(ran) => {
             print.show(&ran, run_table);
+            if let Some(problem) = &ran.trajectory_problem {
+                eprintln!("warning: {problem}");
+            }
             exit(if ran.is_done() { DONE } else { NOT_ARRIVED })
         }
-        Err(error @ RunError::Device(_)) => fail(&error.to_string(), DEVICE_FAILED),
-        Err(error) => fail(&error.to_string(), BAD_CONFIGURATION),
+        Err(error) => {
+            fail(&error.to_string(), if error.is_of_a_device() { DEVICE_FAILED } else { BAD_CONFIGURATION })
+        }
     }
 }
 
