@@ -7,8 +7,10 @@ use super::problem::{Problem, Span};
 
 /// Longest text that is read, bytes.
 pub(crate) const MOST_BYTES: usize = 1 << 20;
-/// Deepest dotted key that is read; the parser recurses once a part.
-const MOST_DOTS: usize = 64;
+/// Most dots in a key that is read; the parser recurses once a part, within each bracket anew.
+const MOST_DOTS: usize = 16;
+/// Deepest bracket within brackets that is read.
+const MOST_NESTED: usize = 16;
 
 /// A value and where it stands.
 #[derive(Clone, Debug)]
@@ -116,13 +118,9 @@ impl Node {
 
 /// Reads the text of source number `source`; every mistake of grammar is added to `problems`.
 pub(crate) fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<Table> {
-    if let Some(at) = deep_key(text) {
+    if let Some((at, what)) = too_deep(text) {
         let span = Span { source, start: at, end: at + 1 };
-        problems.push(
-            Problem::new(span, format!("a key has more than {MOST_DOTS} parts"))
-                .label("here")
-                .help("tables here are at most five deep"),
-        );
+        problems.push(Problem::new(span, what).label("here").help("tables here are at most five deep"));
         return None;
     }
     let (root, errors) = DeTable::parse_recoverable(text);
@@ -134,27 +132,57 @@ pub(crate) fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> O
     None
 }
 
-/// The first byte of what looks like a key with too many parts.
-fn deep_key(text: &str) -> Option<usize> {
-    let mut start = 0;
-    let mut dots = 0;
-    let mut quote = None;
-    for (at, byte) in text.bytes().enumerate() {
-        match (quote, byte) {
-            (_, b'\n') => (quote, dots, start) = (None, 0, at + 1),
-            (Some(open), _) if open == byte => quote = None,
-            (Some(_), _) => {}
-            (None, b'"' | b'\'') => quote = Some(byte),
-            (None, b'=' | b',' | b'[' | b']' | b'{' | b'}') => (dots, start) = (0, at + 1),
-            (None, b'.') => dots += 1,
-            (None, b' ' | b'\t') if start == at => start = at + 1,
+/// Where `text` goes deeper than the parser's stack, and what is too deep there.
+fn too_deep(text: &str) -> Option<(usize, String)> {
+    let bytes = text.as_bytes();
+    let (mut at, mut key, mut dots, mut nested) = (0, 0, 0, 0_usize);
+    while let Some(&byte) = bytes.get(at) {
+        match byte {
+            b'#' => {
+                at += text[at..].find('\n').unwrap_or(text.len() - at);
+                continue;
+            }
+            b'"' | b'\'' => {
+                at = after_quotes(bytes, at);
+                continue;
+            }
+            b'[' | b'{' => nested += 1,
+            b']' | b'}' => nested = nested.saturating_sub(1),
+            b'.' => dots += 1,
             _ => {}
         }
-        if dots > MOST_DOTS && text.as_bytes().get(start) != Some(&b'#') {
-            return Some(start);
+        if matches!(byte, b'\n' | b'=' | b',' | b'[' | b']' | b'{' | b'}') {
+            (dots, key) = (0, at + 1);
+        } else if key == at && matches!(byte, b' ' | b'\t') {
+            key += 1;
         }
+        if nested > MOST_NESTED {
+            return Some((at, format!("brackets stand more than {MOST_NESTED} deep in each other")));
+        }
+        if dots > MOST_DOTS {
+            return Some((key, format!("a key has more than {MOST_DOTS} dots")));
+        }
+        at += 1;
     }
     None
+}
+
+/// The byte after the text whose quotes open at `open`; one with single quotes ends with its line at the latest.
+fn after_quotes(bytes: &[u8], open: usize) -> usize {
+    let quote = bytes[open];
+    let long = bytes[open..].starts_with(&[quote; 3]);
+    let mut at = open + if long { 3 } else { 1 };
+    while let Some(&byte) = bytes.get(at) {
+        match byte {
+            b'\\' if quote == b'"' => at += 1,
+            b'\n' if !long => return at,
+            _ if byte == quote && !long => return at + 1,
+            _ if long && bytes[at..].starts_with(&[quote; 3]) => return at + 3,
+            _ => {}
+        }
+        at += 1;
+    }
+    bytes.len()
 }
 
 struct Reader<'a> {
@@ -206,5 +234,59 @@ impl Reader<'_> {
                 .help("whole numbers go up to 9223372036854775807"),
         );
         Value::Whole(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How deep tables and lists stand in each other.
+    fn depth(node: &Node) -> usize {
+        let inside = match &node.value {
+            Value::Table(table) => table.entries.iter().map(|entry| depth(&entry.node)).max(),
+            Value::List(items) => items.iter().map(depth).max(),
+            _ => None,
+        };
+        1 + inside.unwrap_or(0)
+    }
+
+    fn refused(text: &str) -> bool {
+        let mut problems = Vec::new();
+        let table = parse(text, 0, &mut problems);
+        assert_eq!(table.is_none(), !problems.is_empty(), "{problems:?}");
+        problems.iter().any(|problem| problem.message.contains("more than"))
+    }
+
+    #[test]
+    fn depth_is_bounded_as_a_whole() {
+        let dotted = |dots: usize| vec!["a"; dots + 1].join(".");
+        let tables = |depth: usize, dots: usize| {
+            format!("{}1{}", format!("{} = {{", dotted(dots)).repeat(depth) + "b = ", "}".repeat(depth))
+        };
+        assert!(!refused(&tables(MOST_NESTED, MOST_DOTS)));
+        assert!(refused(&tables(MOST_NESTED + 1, 0)));
+        assert!(refused(&tables(1, MOST_DOTS + 1)));
+        assert!(refused(&tables(2000, 60)));
+        let table = parse(&tables(MOST_NESTED, MOST_DOTS), 0, &mut Vec::new()).unwrap();
+        assert_eq!(depth(&table.entries[0].node), (MOST_DOTS + 1) * MOST_NESTED + 1);
+    }
+
+    #[test]
+    fn dots_and_brackets_in_texts_and_comments_do_not_count() {
+        let dots = "[{.".repeat(40);
+        for text in [
+            format!("a = 1 # {dots}"),
+            format!("# {dots}\na = 1"),
+            format!("a = \"{dots}\""),
+            format!("a = \"\\\"{dots}\""),
+            format!("a = '{dots}'"),
+            format!("a = \"\"\"\n{dots}\n\"\"\""),
+            format!("a = '''\n{dots}\n'''"),
+            "a = [[1], [2]]\n[[b]]\n".to_owned(),
+        ] {
+            assert!(!refused(&text), "{text}");
+        }
+        assert!(refused(&format!("a = \"b\" # c\n{}d = 1", "e.".repeat(MOST_DOTS + 1))));
     }
 }

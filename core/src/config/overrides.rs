@@ -47,14 +47,14 @@ impl Change {
         if let Some(table) = parse(text, source, &mut grammar)
             && let Some(node) = descend(table, &path)
         {
-            return Some(Change { path, node });
+            let is_right = grammar.is_empty();
+            problems.append(&mut grammar);
+            return is_right.then_some(Change { path, node });
         }
         let value = value.trim();
         if value.is_empty() || value.contains('\n') || value.starts_with(['[', '{', '"', '\'']) {
-            problems.extend(grammar.into_iter().take(1));
-            if problems.is_empty() {
-                problems.push(wrong(value_span).label("is not one value"));
-            }
+            let first = grammar.into_iter().next();
+            problems.push(first.unwrap_or_else(|| wrong(value_span).label("is not one value")));
             return None;
         }
         Some(Change { path, node: Node { span: value_span, value: Value::Text(value.to_owned()) } })

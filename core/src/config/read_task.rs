@@ -16,6 +16,7 @@ use super::schema_check::check_table;
 use super::shape::Shape;
 use super::tables::{ArbiterKeys, BehaviorKeys, Policy, TaskKeys};
 use super::task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task};
+use super::units::number;
 use super::wires::{Wired, WrittenWire, check_input_cycles, check_wires, read_wires};
 use crate::behavior::{BehaviorPlugin, Setup};
 use crate::sensor::SensorInfo;
@@ -75,6 +76,11 @@ pub(crate) fn read_task(
     check_wires(&[inhibit.as_slice(), &suppress].concat(), &wired, duration, problems);
     behaviors.sort_by(|a, b| b.priority.cmp(&a.priority).then_with(|| a.name.cmp(&b.name)));
     let period = Duration::from_secs_f64(1.0 / keys.arbiter.rate_hz.max(1.0));
+    let step = keys.run.step_ms.map_or(period, self::duration);
+    // As near as a period is written in words.
+    if step > period + Duration::from_micros(1) {
+        problems.push(step_too_long(tree, step, period));
+    }
     let plain = |wires: Vec<WrittenWire>| wires.into_iter().map(|written| written.wire).collect();
     Some(Task {
         path: home.path.to_owned(),
@@ -87,7 +93,7 @@ pub(crate) fn read_task(
                 y_m: goal.y_m,
                 tolerance_m: goal.tolerance_m,
             }),
-            step: keys.run.step_ms.map_or(period, self::duration),
+            step: step.min(period),
         },
         arbiter: Arbiter { period, policy: keys.arbiter.policy },
         behaviors,
@@ -255,15 +261,16 @@ impl Draft<'_> {
         problems: &mut Vec<Problem>,
     ) {
         let sensors = || behavior.setup.sensors.iter().map(|(_, sensor)| sensor);
-        let fastest = sensors().min_by(|a, b| a.period_s.total_cmp(&b.period_s));
-        let slowest = sensors().max_by(|a, b| a.period_s.total_cmp(&b.period_s));
+        let oldest_s = |sensor: &SensorInfo| sensor.period_s + sensor.latency_s;
+        let fastest = sensors().min_by(|a, b| oldest_s(a).total_cmp(&oldest_s(b)));
+        let slowest = sensors().max_by(|a, b| oldest_s(a).total_cmp(&oldest_s(b)));
         let checks = [
             ("max_age_ms", behavior.max_age, fastest),
             ("max_evidence_age_ms", behavior.max_evidence_age, slowest),
         ];
         for (key, age, sensor) in checks {
             let Some(sensor) = sensor else { continue };
-            if age.as_secs_f64() >= sensor.period_s {
+            if age >= Duration::try_from_secs_f64(oldest_s(sensor)).unwrap_or(Duration::MAX) {
                 continue;
             }
             let arbiters = tree
@@ -271,14 +278,17 @@ impl Draft<'_> {
                 .filter(|_| tree.table("arbiter").is_some_and(|t| t.entry(key).is_some()));
             let written = self.table.entry(key).map(|entry| entry.node.span).or(arbiters);
             let place = robot.and_then(|robot| robot.sensors.iter().find(|draft| draft.name == sensor.name));
-            let period_ms = super::units::number(sensor.period_s * 1e3);
-            let age_ms = super::units::number(age.as_secs_f64() * 1e3);
+            let oldest_ms = number(oldest_s(sensor) * 1e3);
+            let age_ms = number(age.as_secs_f64() * 1e3);
             let mut problem = Problem::new(
                 written.unwrap_or(self.entry.node.span),
                 format!("`{}` would be refused as too old most of the time", self.entry.key),
             )
-            .label(format!("{key} is {age_ms} ms, but `{}` measures every {period_ms} ms only", sensor.name))
-            .help(format!("set {key} to more than {period_ms} ms here, or take a faster sensor"));
+            .label(format!(
+                "{key} is {age_ms} ms, but what `{}` measured gets {oldest_ms} ms old: its period and latency",
+                sensor.name
+            ))
+            .help(format!("set {key} to more than {oldest_ms} ms here, or take a faster sensor"));
             if let Some(place) = place {
                 problem = problem.also(place.span, format!("`{}` is described here", sensor.name));
             }
@@ -290,13 +300,24 @@ impl Draft<'_> {
                     self.span("deadline_ms"),
                     format!("`{}` would count as dead between two calls", self.entry.key),
                 )
-                .label(format!(
-                    "is shorter than its period of {} ms",
-                    super::units::number(period.as_secs_f64() * 1e3)
-                ))
+                .label(format!("is shorter than its period of {} ms", number(period.as_secs_f64() * 1e3)))
                 .help("three periods are usual; leave deadline_ms out to get them"),
             );
         }
+    }
+}
+
+fn step_too_long(tree: &Table, step: Duration, period: Duration) -> Problem {
+    let milliseconds = |duration: Duration| number(duration.as_secs_f64() * 1e3);
+    let (step_ms, period_ms) = (milliseconds(step), milliseconds(period));
+    let written = |group: &str, key: &str| Some(tree.table(group)?.entry(key)?.node.span);
+    let span = written("run", "step_ms").unwrap_or_default();
+    let problem = Problem::new(span, format!("`step_ms` = {step_ms} ms passes over decisions"))
+        .label(format!("the arbiter decides every {period_ms} ms"))
+        .help(format!("set step_ms to {period_ms} or less, or leave it out: a step is one decision then"));
+    match written("arbiter", "rate_hz") {
+        Some(rate) => problem.also(rate, format!("every {period_ms} ms")),
+        None => problem,
     }
 }
 

@@ -249,6 +249,10 @@ struct CameraConfig {
     /// Width of a picture.
     #[schemars(range(min = 16, max = 4096))]
     width_px: u32,
+    /// From the middle of the exposure to delivery.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    latency_ms: f64,
     /// Horizontal field of view.
     #[serde(default = "ninety")]
     #[schemars(range(min = 10.0, max = 170.0))]
@@ -291,7 +295,8 @@ const SIM: DriverPlugin = DriverPlugin {
                         format!("{} is odd; take an even number", config.width_px),
                     ));
                 }
-                Ok(info(name, "yamabico.FrameHeader.v1", 1.0 / config.rate_hz))
+                let info = info(name, "yamabico.FrameHeader.v1", 1.0 / config.rate_hz);
+                Ok(SensorInfo { latency_s: config.latency_ms * 1e-3, ..info })
             },
             most_bytes: |table| Ok(read::<CameraConfig>(table)?.width_px as usize * 480),
         },

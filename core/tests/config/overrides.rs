@@ -70,3 +70,17 @@ fn wrong_overrides_are_told_like_wrong_files() {
     let problems = load(Path::new("tests/valid/hallway.toml"), &overrides, &PLUGINS).unwrap_err();
     insta::assert_snapshot!(problems.to_string());
 }
+
+#[test]
+fn a_number_with_too_many_digits_is_not_nothing() {
+    let problems = with(&["behaviors.wall-follower.patience=99999999999999999999"]).unwrap_err();
+    insta::assert_snapshot!(problems.to_string());
+}
+
+#[test]
+fn every_wrong_override_is_told() {
+    let problems = with(&["behaviors.sonar-halt.gate_m", "run.duration_s=1\narbiter.rate_hz=5"]).unwrap_err();
+    let columns: Vec<(usize, String)> =
+        problems.entries().into_iter().map(|entry| (entry.column, entry.label)).collect();
+    assert_eq!(columns, [(1, "there is no `=`".to_owned()), (16, "is not one value".to_owned())]);
+}

@@ -24,6 +24,7 @@ pub struct Corridor {
     /// Reflectance of the end walls.
     pub end_colour: Colour,
     /// The strip along the bottom of all walls; none when absent.
+    #[serde(default)]
     pub baseboard: Option<Baseboard>,
     /// Doors in the side walls.
     #[serde(rename = "door")]
@@ -32,6 +33,7 @@ pub struct Corridor {
     #[serde(rename = "branch")]
     pub branches: Vec<Branch>,
     /// The window in the far end; none when absent.
+    #[serde(default)]
     pub window: Option<Window>,
     /// Distance of the ceiling lamps, metres; 0 means no lamps.
     pub lamp_spacing_m: f64,
@@ -251,4 +253,18 @@ fn door_colour() -> Colour {
 }
 fn frame_colour() -> Colour {
     Door::default().frame_colour
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::World;
+
+    #[test]
+    fn a_corridor_has_a_window_and_baseboards_only_where_they_are_written() {
+        let corridor = |text: &str| World::from_toml(text).unwrap().corridor.unwrap();
+        let bare = corridor("[corridor]\nlength_m = 10");
+        assert!(bare.window.is_none() && bare.baseboard.is_none());
+        let both = corridor("[corridor.window]\n[corridor.baseboard]");
+        assert!(both.window.is_some() && both.baseboard.is_some());
+    }
 }
