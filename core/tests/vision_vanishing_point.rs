@@ -119,6 +119,11 @@ fn failures_have_names() {
         failure(&parallel),
         Some(VanishingPointError::NoVanishingPoint | VanishingPointError::Degenerate)
     ));
+    // Pieces of one edge: a single plane, in which every direction lies.
+    let on_edge = |u: f64| [u, 300.0 + 0.12 * u];
+    let one_edge: Vec<_> =
+        [20.0, 240.0, 460.0].into_iter().map(|u| between(on_edge(u), on_edge(u + 120.0))).collect();
+    assert!(failure(&one_edge).is_some());
     let mut broken = star([320.0, 240.0], &[30.0, 60.0, 150.0]);
     for segment in &mut broken {
         segment.rho = f64::NAN;

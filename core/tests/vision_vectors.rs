@@ -103,7 +103,6 @@ mod vectors {
             gate_min_px: param("gate_min_px"),
             first_gate_px: param("gate_min_px"),
             sigma_floor_px: 0.0,
-            half_weight_sigmas: f64::INFINITY,
             min_eigen_ratio: param("kappa_eig_ratio"),
             step_px: 1e-12,
             max_rounds: 200,

@@ -113,11 +113,11 @@ pub struct Look {
 pub struct Tick<'a> {
     /// Now, seconds.
     pub now_s: f64,
-    /// Ranges of the sonars (m); `None` without an echo.
+    /// Ranges of the sonars (m); `None` without an echo. No sonar at all counts as an echo.
     pub sonar_m: &'a [Option<f64>],
     /// Speed of the robot, m/s, either sign.
     pub speed_mps: f64,
-    /// Heading of the robot, radians.
+    /// Heading of the robot, radians. NaN turns and drives nowhere.
     pub heading: f64,
     /// Offset from the path, metres, positive to the left.
     pub lateral_m: f64,
@@ -178,7 +178,8 @@ impl Machine {
     /// One step: the machine afterwards and what the robot is to do.
     #[must_use]
     pub fn step(mut self, tick: &Tick<'_>, rules: &Rules) -> (Self, Order) {
-        let echo = tick.sonar_m.iter().flatten().any(|&range| range < rules.gate_m || range.is_nan());
+        let echo = tick.sonar_m.is_empty()
+            || tick.sonar_m.iter().flatten().any(|&range| range < rules.gate_m || range.is_nan());
         self.clean = if echo { 0 } else { self.clean.saturating_add(1) };
         self.advance(tick, rules, echo);
         let order = Order {
@@ -199,7 +200,8 @@ impl Machine {
             State::Halt | State::Blocked => {}
             State::Relook | State::Search => self.look(tick, rules),
             State::Follow | State::Rejoin | State::Avoid if echo => {
-                let is_turning = self.state == State::Avoid && self.left_to_turn(tick) > rules.aligned_rad;
+                let is_turning =
+                    self.state == State::Avoid && !self.is_turned_within(tick, rules.aligned_rad);
                 if !is_turning {
                     self.stop(State::Halt);
                 }
@@ -291,8 +293,9 @@ impl Machine {
         self.progress_mark_m = tick.progress_m;
     }
 
-    fn left_to_turn(&self, tick: &Tick<'_>) -> f64 {
-        self.target_heading.map_or(0.0, |target| angle_difference(target, tick.heading).abs())
+    /// Whether at most `rad` is left to turn; no with a heading that is no number.
+    fn is_turned_within(&self, tick: &Tick<'_>, rad: f64) -> bool {
+        self.target_heading.is_none_or(|target| angle_difference(target, tick.heading).abs() <= rad)
     }
 
     fn must_stand(&self, tick: &Tick<'_>, rules: &Rules, echo: bool) -> bool {
@@ -301,7 +304,7 @@ impl Machine {
             State::Halt | State::Relook | State::Search | State::Lost | State::Blocked => true,
             State::Avoid => {
                 echo || self.clean < rules.release_readings
-                    || self.left_to_turn(tick) > 3.0 * rules.aligned_rad
+                    || !self.is_turned_within(tick, 3.0 * rules.aligned_rad)
             }
         }
     }

@@ -5,7 +5,8 @@
 //! Every picture stands alone: no prediction, no memory. Heading -15 to 15 degrees, tilt -2 to 8 degrees (the behaviour is told
 //! the tilt with an error of up to 0.87, half a degree rms, as a mount has it), offset up to 0.4 m from the middle of a
 //! corridor 2 m wide, a new one every ten poses: closed and open doors, boxes along the walls, skirtings, floors and lamps
-//! vary; noise of 4 grey levels. A wall's distance is that of the line where its skirting meets the floor. `--out` writes the
+//! vary; noise of 4 grey levels. A wall's distance is that of the line where its skirting meets the floor. Then the same at
+//! 0.56 m from the left wall (Kweon et al. 1991, section 5), heading by heading, where a bias shows. `--out` writes the
 //! pictures with what was found: green the walls found, blue the true ones.
 
 #[allow(dead_code, reason = "the other evaluations use the rest")]
@@ -22,7 +23,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::sensor::Calibration;
 use yamabico_core::vision::overlay::Canvas;
-use yamabico_sim::random::stream;
+use yamabico_sim::random::{Stream, stream};
 use yamabico_sim::world::Corridor;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_wall_follower::floor_lines::FloorLineRule;
@@ -32,6 +33,11 @@ use yamabico_wall_follower::sight::{CorridorCamera, Sight, Sighting};
 const WIDTH_M: f64 = 2.0;
 const HEIGHT_M: f64 = 0.6;
 const POSES_PER_WORLD: usize = 10;
+/// Distance from the left wall in the sweep over headings, metres.
+const NEAR_WALL_M: f64 = 0.56;
+/// Its headings (degrees), and how many poses at each.
+const HEADINGS_DEG: [i32; 7] = [-15, -10, -5, 0, 5, 10, 15];
+const POSES_PER_HEADING: usize = 40;
 
 struct Arguments {
     json: bool,
@@ -67,6 +73,17 @@ impl Arguments {
     }
 }
 
+/// Renders poses in corridors, a new one every few poses, and looks at them.
+struct Course {
+    intrinsics: Intrinsics,
+    renderer: Renderer,
+    rng: Stream,
+    scene: Scene,
+    worlds: u64,
+    poses_left: usize,
+    pixels: Vec<u8>,
+}
+
 /// Absolute errors over all poses.
 #[derive(Default)]
 struct Errors {
@@ -82,49 +99,78 @@ fn main() -> ExitCode {
 }
 
 fn sweep(arguments: &Arguments) -> Result<(), String> {
-    let (width, height) = arguments.size;
-    let intrinsics = Intrinsics::from_horizontal_fov(width, height, 60_f64.to_radians());
-    let photometry = Photometry { noise_sigma: 4.0, ..Photometry::default() };
-    let mut renderer = Renderer::new(photometry, stream(1, "noise"));
-    let mut rng = stream(1, "sweep");
-    let mut pixels = vec![0; (width * height) as usize];
+    let mut course = Course::new(arguments.size)?;
     let mut errors = Errors::default();
-    let mut scene = None;
     for pose in 0..arguments.poses {
-        if pose % POSES_PER_WORLD == 0 {
-            scene = Some(
-                Scene::new(&World::random_corridor(pose as u64, WIDTH_M), 0).map_err(|e| e.to_string())?,
-            );
+        let (offset_m, heading_deg) =
+            (course.rng.random_range(-0.4..0.4), course.rng.random_range(-15.0_f64..15.0));
+        let (truth, seen) = course.look(offset_m, heading_deg)?;
+        let worst_mm = errors.add(&truth, seen.as_ref());
+        if let Some(folder) = &arguments.out {
+            let path = folder.join(format!("{pose:03}_{worst_mm:04.0}mm.png"));
+            draw(course.image()?, &truth, seen.as_ref(), &path)?;
         }
-        let Some(scene) = &scene else { continue };
+    }
+    let mut headings = Vec::new();
+    for heading_deg in HEADINGS_DEG {
+        let mut errors_mm = Vec::new();
+        for _ in 0..POSES_PER_HEADING {
+            let offset_m = 0.5 * WIDTH_M - skirting_m() - NEAR_WALL_M;
+            let (truth, seen) = course.look(offset_m, f64::from(heading_deg))?;
+            let wall = seen.and_then(|seen| seen.left);
+            errors_mm.extend(wall.map(|wall| 1e3 * (wall.distance_m - left_m(&truth))));
+        }
+        headings.push((heading_deg, errors_mm));
+    }
+    print(&errors, &headings, arguments);
+    Ok(())
+}
+
+impl Course {
+    fn new((width, height): (u32, u32)) -> Result<Self, String> {
+        let photometry = Photometry { noise_sigma: 4.0, ..Photometry::default() };
+        Ok(Self {
+            intrinsics: Intrinsics::from_horizontal_fov(width, height, 60_f64.to_radians()),
+            renderer: Renderer::new(photometry, stream(1, "noise")),
+            rng: stream(1, "sweep"),
+            scene: corridor(0)?,
+            worlds: 1,
+            poses_left: POSES_PER_WORLD,
+            pixels: vec![0; (width * height) as usize],
+        })
+    }
+
+    /// The picture at this offset (m, to the left) and heading: what was true and what was seen.
+    fn look(&mut self, offset_m: f64, heading_deg: f64) -> Result<(CameraView, Option<Sighting>), String> {
+        if self.poses_left == 0 {
+            self.scene = corridor(self.worlds)?;
+            (self.worlds, self.poses_left) = (self.worlds + 1, POSES_PER_WORLD);
+        }
+        self.poses_left -= 1;
         let truth = CameraView {
-            intrinsics,
-            mount: Mount::tilted(HEIGHT_M, rng.random_range(-2.0_f64..8.0).to_radians()),
-            robot: Pose2::new(
-                rng.random_range(0.0..4.0),
-                rng.random_range(-0.4..0.4),
-                rng.random_range(-15.0_f64..15.0).to_radians(),
-            ),
+            intrinsics: self.intrinsics,
+            mount: Mount::tilted(HEIGHT_M, self.rng.random_range(-2.0_f64..8.0).to_radians()),
+            robot: Pose2::new(self.rng.random_range(0.0..4.0), offset_m, heading_deg.to_radians()),
         };
-        renderer.render(scene, &truth, &mut pixels).map_err(|e| e.to_string())?;
-        let image = ImageView::new(&pixels, width as usize, height as usize, width as usize)
-            .map_err(|e| e.to_string())?;
-        let told_tilt = truth.mount.tilt + rng.random_range(-0.87_f64..0.87).to_radians();
+        self.renderer.render(&self.scene, &truth, &mut self.pixels).map_err(|e| e.to_string())?;
+        let told_tilt = truth.mount.tilt + self.rng.random_range(-0.87_f64..0.87).to_radians();
         let camera = CorridorCamera {
-            pinhole: Pinhole::ideal(intrinsics),
+            pinhole: Pinhole::ideal(self.intrinsics),
             mount: Mount { tilt: told_tilt, ..truth.mount },
             calibration: Calibration::Measured,
             horizon_sigma_rad: 1_f64.to_radians(),
         };
-        let seen = Sight::new(camera, FloorLineRule::default()).look(image, None);
-        let worst_mm = errors.add(&truth, seen.as_ref().ok());
-        if let Some(folder) = &arguments.out {
-            let path = folder.join(format!("{pose:03}_{worst_mm:04.0}mm.png"));
-            draw(image, &truth, seen.as_ref().ok(), &path)?;
-        }
+        Ok((truth, Sight::new(camera, FloorLineRule::default()).look(self.image()?, None).ok()))
     }
-    errors.print(arguments);
-    Ok(())
+
+    fn image(&self) -> Result<ImageView<'_>, String> {
+        let (width, height) = (self.intrinsics.width as usize, self.intrinsics.height as usize);
+        ImageView::new(&self.pixels, width, height, width).map_err(|e| e.to_string())
+    }
+}
+
+fn corridor(number: u64) -> Result<Scene, String> {
+    Scene::new(&World::random_corridor(number, WIDTH_M), 0).map_err(|e| e.to_string())
 }
 
 impl Errors {
@@ -146,35 +192,55 @@ impl Errors {
         }
         worst
     }
+}
 
-    fn print(&self, arguments: &Arguments) {
-        let figures = |values: &[f64]| [0.5, 0.95, 1.0].map(|share| percentile(values, share));
-        let (heading, vp, wall) =
-            (figures(&self.heading_deg), figures(&self.vanishing_point_px), figures(&self.wall_mm));
-        let (width, height) = arguments.size;
-        if arguments.json {
-            let row = |[median, p95, max]: [f64; 3]| json!({"median": median, "p95": p95, "max": max});
-            println!(
-                "{}",
-                json!({"size": [width, height], "poses": self.poses, "headings_found": self.heading_deg.len(),
-                       "walls": self.walls, "walls_found": self.wall_mm.len(), "heading_deg": row(heading),
-                       "vanishing_point_px": row(vp), "wall_mm": row(wall)})
-            );
-            return;
+/// Prints both sweeps: median, 95 % and largest error; and, by heading, mean and standard deviation at the near wall.
+fn print(errors: &Errors, headings: &[(i32, Vec<f64>)], arguments: &Arguments) {
+    let figures = |values: &[f64]| [0.5, 0.95, 1.0].map(|share| percentile(values, share));
+    let rows = [
+        ("heading, degrees", "heading_deg", figures(&errors.heading_deg)),
+        ("vanishing point, px", "vanishing_point_px", figures(&errors.vanishing_point_px)),
+        ("wall distance, mm", "wall_mm", figures(&errors.wall_mm)),
+    ];
+    let (width, height) = arguments.size;
+    if arguments.json {
+        let mut table = json!({"size": [width, height], "poses": errors.poses, "walls": errors.walls,
+            "headings_found": errors.heading_deg.len(), "walls_found": errors.wall_mm.len()});
+        for (_, key, [median, p95, max]) in rows {
+            table[key] = json!({"median": median, "p95": p95, "max": max});
         }
-        println!(
-            "{} poses at {width} x {height}: {} headings, {} of {} walls found",
-            self.poses,
-            self.heading_deg.len(),
-            self.wall_mm.len(),
-            self.walls
-        );
-        println!("error                    median     95 %      max");
-        let row = |name: &str, [a, b, c]: [f64; 3]| println!("{name:<22} {a:>8.3} {b:>8.3} {c:>8.3}");
-        row("heading, degrees", heading);
-        row("vanishing point, px", vp);
-        row("wall distance, mm", wall);
+        let row = |(heading_deg, errors_mm): &(i32, Vec<f64>)| {
+            let (mean_mm, sd_mm) = mean_and_deviation(errors_mm);
+            json!({"heading_deg": heading_deg, "found": errors_mm.len(), "mean_mm": mean_mm, "sd_mm": sd_mm})
+        };
+        table["near_wall"] = headings.iter().map(row).collect();
+        println!("{table}");
+        return;
     }
+    println!(
+        "{} poses at {width} x {height}: {} headings, {} of {} walls found",
+        errors.poses,
+        errors.heading_deg.len(),
+        errors.wall_mm.len(),
+        errors.walls
+    );
+    println!("error                    median     95 %      max");
+    for (name, _, [median, p95, max]) in rows {
+        println!("{name:<22} {median:>8.3} {p95:>8.3} {max:>8.3}");
+    }
+    println!("\nleft wall at {NEAR_WALL_M} m, {POSES_PER_HEADING} poses at each heading");
+    println!("heading, degrees        found  mean, mm    sd, mm");
+    for (heading_deg, errors_mm) in headings {
+        let (mean_mm, sd_mm) = mean_and_deviation(errors_mm);
+        println!("{heading_deg:>+4} {:>24} {mean_mm:>+9.1} {sd_mm:>9.1}", errors_mm.len());
+    }
+}
+
+fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (mean, variance.sqrt())
 }
 
 /// How far the skirting stands out of the wall, metres.

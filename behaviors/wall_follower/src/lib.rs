@@ -30,7 +30,7 @@ use yamabico_core::time::Time;
 use crate::centring::{Centring, align_in_place, allowed_speed};
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
 use crate::floor_lines::FloorLineRule;
-use crate::odometry_track::OdometryTrack;
+use crate::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use crate::recovery::{Loss, Recoverer, Recovery};
 use crate::sight::{CorridorCamera, Sight};
 
@@ -52,8 +52,6 @@ const CREEP_MPS: f64 = 0.1;
 const SEARCH_RAD_S: f64 = 0.5;
 /// Odometry older than this (s) is none.
 const ODOMETRY_STALE_S: f64 = 0.3;
-/// A picture stamped later than now by more than this (s) is refused.
-const FUTURE_TOLERANCE_S: f64 = 0.02;
 
 /// Drives along the middle of a corridor.
 #[derive(Clone, Debug)]
@@ -141,8 +139,13 @@ impl Plugin for WallFollower {
 impl Behavior for WallFollower {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
+        let had_odometry = self.odometry.newest().is_some();
         for odometry in inputs.fresh(&ODOMETRY) {
-            self.odometry.push(odometry.header);
+            self.odometry.push(odometry.header, now);
+        }
+        if !had_odometry && self.odometry.newest().is_some() {
+            // What was seen so far does not refer to the odometry frame.
+            self.track.lose();
         }
         let look = match inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             Some(frame) => self.look(&frame, now),
@@ -167,7 +170,7 @@ impl Behavior for WallFollower {
                     .with_evidence(last_picture)
                     .because(Reason::Searching)
             }
-            _ => Proposal::abstain(self.trouble.unwrap_or(Reason::NoVanishingPoint)).with_evidence(evidence),
+            _ => Proposal::abstain(self.why_lost(last_picture, now)).with_evidence(evidence),
         };
         self.stamped(proposal)
     }
@@ -233,7 +236,10 @@ impl WallFollower {
         let loss = Loss {
             for_s: age_s,
             for_m: driven_m,
-            heading: pose.map(|pose| pose.theta).filter(|_| self.trouble.is_some()),
+            // A camera that is silent or sends no pictures shows nothing more on the other side.
+            heading: pose
+                .map(|pose| pose.theta)
+                .filter(|_| self.trouble.is_some_and(|why| why != Reason::MalformedInput)),
             has_new_picture: look == Look::NotFound,
         };
         let recovery = self.recoverer.step(&loss, &self.config.lost);
@@ -241,6 +247,12 @@ impl WallFollower {
             self.track.lose();
         }
         Some(recovery)
+    }
+
+    /// Why there is nothing to steer by.
+    fn why_lost(&self, last_picture: Time, now: Time) -> Reason {
+        let is_silent = now.seconds_after(last_picture) > self.config.lost.coast_s;
+        self.trouble.unwrap_or(if is_silent { Reason::StaleInput } else { Reason::HeadingLost })
     }
 
     /// Along the corridor, with `share` of the cruising speed.

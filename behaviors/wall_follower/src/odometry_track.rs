@@ -6,6 +6,9 @@ use yamabico_core::time::Time;
 
 const CAPACITY: usize = 256;
 
+/// What is stamped later than now by more than this (s) is refused.
+pub const FUTURE_TOLERANCE_S: f64 = 0.02;
+
 /// The newest readings, oldest overwritten first; never allocates.
 #[derive(Clone, Debug)]
 pub struct OdometryTrack {
@@ -32,15 +35,17 @@ impl Default for OdometryTrack {
 }
 
 impl OdometryTrack {
-    /// Takes one reading. One that is not finite or not newer than the last is ignored, and `false` is returned.
-    pub fn push(&mut self, odometry: &Odometry) -> bool {
+    /// Takes one reading. One that is not finite, not newer than the last or later than `now` is ignored, and `false` is
+    /// returned.
+    pub fn push(&mut self, odometry: &Odometry, now: Time) -> bool {
         let reading = Reading {
             stamp: Time(odometry.stamp_ns),
             pose: Pose2::new(odometry.x, odometry.y, odometry.theta),
             twist: Twist::new(odometry.vx, odometry.vy, odometry.omega),
         };
         let is_newer = self.newest().is_none_or(|last| reading.stamp > last.stamp);
-        if !is_newer || !reading.pose.is_finite() || !reading.twist.is_finite() {
+        let is_future = reading.stamp.seconds_after(now) > FUTURE_TOLERANCE_S;
+        if !is_newer || is_future || !reading.pose.is_finite() || !reading.twist.is_finite() {
             return false;
         }
         self.newest = (self.newest + 1) % CAPACITY;
@@ -106,7 +111,8 @@ mod tests {
         let mut track = OdometryTrack::default();
         assert!(track.pose_at(Time::ZERO).is_none());
         for i in 0..400 {
-            assert!(track.push(&reading(1.0 + 0.01 * f64::from(i), 0.01 * f64::from(i), 0.0)));
+            let seconds = 1.0 + 0.01 * f64::from(i);
+            assert!(track.push(&reading(seconds, seconds - 1.0, 0.0), Time::from_secs_f64(seconds)));
         }
         let at = |seconds: f64| track.pose_at(Time::from_secs_f64(seconds)).unwrap().x;
         assert!((at(4.005) - 3.005).abs() < 1e-9);
@@ -118,9 +124,11 @@ mod tests {
     #[test]
     fn nonsense_is_refused() {
         let mut track = OdometryTrack::default();
-        assert!(track.push(&reading(1.0, 0.0, 0.0)));
-        assert!(!track.push(&reading(1.0, 5.0, 0.0)) && !track.push(&reading(0.5, 5.0, 0.0)));
-        assert!(!track.push(&reading(2.0, f64::NAN, 0.0)));
+        let now = Time::from_secs_f64(2.0);
+        assert!(track.push(&reading(1.0, 0.0, 0.0), now));
+        assert!(!track.push(&reading(1.0, 5.0, 0.0), now) && !track.push(&reading(0.5, 5.0, 0.0), now));
+        assert!(!track.push(&reading(2.0, f64::NAN, 0.0), now));
+        assert!(!track.push(&reading(9.0, 5.0, 0.0), now), "from the future");
         assert_eq!(track.newest().map(|reading| reading.pose.x), Some(0.0));
     }
 }

@@ -129,11 +129,14 @@ impl Sight {
             Calibration::Measured => RobotHeading::from_axis(axis_of(attitude, mount.roll), mount).heading,
             Calibration::Guessed => attitude.heading - mount.pan,
         };
-        let heading_sigma =
-            attitude.covariance(&covariance, intrinsics)[(0, 0)].sqrt().max(LEAST_HEADING_SIGMA_RAD);
+        let heading_sigma = if found.at_infinity {
+            found.covariance[(0, 0)].sqrt() / intrinsics.fx
+        } else {
+            attitude.covariance(&covariance, intrinsics)[(0, 0)].sqrt()
+        };
         let mut sighting = Sighting {
             heading,
-            heading_sigma,
+            heading_sigma: heading_sigma.max(LEAST_HEADING_SIGMA_RAD),
             tilt: attitude.tilt,
             vanishing_point: found.pixel,
             left: None,
@@ -174,11 +177,21 @@ impl Sight {
             } else {
                 foot_of_wall(image, pinhole, &view, &foot).unwrap_or(wall.distance_m)
             };
-            let sigma = tied_distance_sigma(found.pixel, &covariance, wall.ends[0], LINE_SIGMA_PX, &view);
-            ExpectedWall { distance_m: distance_m + offset_m, sigma_m: sigma.max(LEAST_DISTANCE_SIGMA_M) }
+            let sigma_m = tied_distance_sigma(
+                found.pixel,
+                &covariance,
+                wall.ends[0],
+                LINE_SIGMA_PX,
+                &view,
+                mount.roll,
+            )?;
+            Some(ExpectedWall {
+                distance_m: distance_m + offset_m,
+                sigma_m: sigma_m.max(LEAST_DISTANCE_SIGMA_M),
+            })
         };
-        sighting.left = seen.left.map(from_robot);
-        sighting.right = seen.right.map(from_robot);
+        sighting.left = seen.left.and_then(from_robot);
+        sighting.right = seen.right.and_then(from_robot);
         Ok(sighting)
     }
 

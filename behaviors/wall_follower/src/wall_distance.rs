@@ -138,8 +138,8 @@ pub fn distance_gradient(inverse_slope: f64, attitude: CameraAttitude, height_m:
 }
 
 /// Standard deviation (m) of [`CorridorView::tied_distance`] through `far_point`, from the covariance of the vanishing
-/// point (px^2) and of the point across its line (px), by central differences; infinite where a difference has no floor
-/// point.
+/// point (px^2) and of the point across its line (px), by central differences; a camera with this roll (rad). `None` where
+/// a difference has no floor point.
 #[must_use]
 pub fn tied_distance_sigma(
     vanishing_point: Vector2<f64>,
@@ -147,11 +147,12 @@ pub fn tied_distance_sigma(
     far_point: Vector2<f64>,
     point_sigma_px: f64,
     view: &CorridorView,
-) -> f64 {
+    roll: f64,
+) -> Option<f64> {
     const STEP_PX: f64 = 0.25;
     let distance = |vp: Vector2<f64>, point: Vector2<f64>| {
-        let attitude = CameraAttitude::from_vanishing_point(view.intrinsics.normalised_from_pixel(vp), 0.0);
-        CorridorView::new(attitude, 0.0, view.height_m, view.intrinsics).tied_distance(point)
+        let attitude = CameraAttitude::from_vanishing_point(view.intrinsics.normalised_from_pixel(vp), roll);
+        CorridorView::new(attitude, roll, view.height_m, view.intrinsics).tied_distance(point)
     };
     let slope = |step_vp: Vector2<f64>, step_point: Vector2<f64>| {
         let plus = distance(vanishing_point + step_vp, far_point + step_point)?;
@@ -160,15 +161,10 @@ pub fn tied_distance_sigma(
     };
     let (across_u, across_v) = (Vector2::new(STEP_PX, 0.0), Vector2::new(0.0, STEP_PX));
     let line = line_through(vanishing_point, far_point);
-    let gradient = || {
-        Some((
-            Vector2::new(slope(across_u, Vector2::zeros())?, slope(across_v, Vector2::zeros())?),
-            slope(Vector2::zeros(), line.xy() * STEP_PX)?,
-        ))
-    };
-    gradient().map_or(f64::INFINITY, |(vp, point)| {
-        (vp.dot(&(covariance * vp)) + (point * point_sigma_px).powi(2)).sqrt()
-    })
+    let by_vp = Vector2::new(slope(across_u, Vector2::zeros())?, slope(across_v, Vector2::zeros())?);
+    let by_point = slope(Vector2::zeros(), line.xy() * STEP_PX)?;
+    let sigma = (by_vp.dot(&(covariance * by_vp)) + (by_point * point_sigma_px).powi(2)).sqrt();
+    sigma.is_finite().then_some(sigma)
 }
 
 #[cfg(test)]
@@ -240,7 +236,7 @@ mod tests {
         let vp = view.intrinsics.pixel_from_normalised(ATTITUDE.vanishing_point());
         let point = pixel(&view, Vector3::new(3.0, 1.0, -0.6));
         let sigma = |vp_px: f64, px: f64| {
-            tied_distance_sigma(vp, &(Matrix2::identity() * vp_px * vp_px), point, px, &view)
+            tied_distance_sigma(vp, &(Matrix2::identity() * vp_px * vp_px), point, px, &view, 0.0).unwrap()
         };
         assert!(sigma(1.0, 0.5) > sigma(0.5, 0.5) && sigma(0.5, 1.0) > sigma(0.5, 0.5));
         assert!(sigma(1.0, 0.5) > 0.001 && sigma(1.0, 0.5) < 0.1);

@@ -5,7 +5,7 @@ mod rig;
 use rig::{camera, frame_header, picture, setup};
 use yamabico_core::behavior::Setup;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Encoding, Kind, Odometry, Reason};
+use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Reason};
 use yamabico_core::sensor::Calibration;
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
@@ -79,6 +79,9 @@ fn a_camera_that_falls_silent_stops_the_robot() {
         let proposal = bench.at(seconds).feed(&ODOMETRY, &odometry(seconds), &[]).propose();
         let is_driving = proposal.kind() == Some(Kind::Drive) && proposal.twist.linear > 0.0;
         assert_eq!(is_driving, seconds <= 2.0 + 1e-9, "at {seconds} s: {:?}", proposal.reason());
+        if !is_driving {
+            assert_eq!(proposal.reason(), Some(Reason::StaleInput), "at {seconds} s");
+        }
     }
 }
 
@@ -88,24 +91,63 @@ fn broken_pictures_are_named() {
     let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
     let good = frame_header(&intrinsics, 1.0);
     for (header, pixels) in [
-        (yamabico_core::message::FrameHeader { width: 200, ..good }, &pixels[..]),
-        (yamabico_core::message::FrameHeader { stride: 10, ..good }, &pixels[..]),
-        (yamabico_core::message::FrameHeader { encoding: 77, ..good }, &pixels[..]),
-        (yamabico_core::message::FrameHeader { encoding: Encoding::Rgb8.code(), ..good }, &pixels[..]),
-        (yamabico_core::message::FrameHeader { stamp_ns: u64::MAX, ..good }, &pixels[..]),
+        (FrameHeader { width: 200, ..good }, &pixels[..]),
+        (FrameHeader { stride: 10, ..good }, &pixels[..]),
+        (FrameHeader { encoding: 77, ..good }, &pixels[..]),
+        (FrameHeader { encoding: Encoding::Rgb8.code(), ..good }, &pixels[..]),
+        (FrameHeader { stamp_ns: u64::MAX, ..good }, &pixels[..]),
         (good, &pixels[..1000]),
         (good, &[]),
     ] {
         let mut bench = bench(Calibration::Measured);
         bench.at(1.0).feed(&ODOMETRY, &odometry(1.0), &[]).feed(&CAMERA, &header, pixels);
-        let proposal = bench.propose();
-        let moves = proposal.kind() == Some(Kind::Drive) && proposal.twist.linear != 0.0;
-        assert!(!moves, "{header:?}: {:?}", proposal.twist);
+        let first = bench.propose();
+        assert_eq!(
+            (first.kind(), first.reason()),
+            (Some(Kind::Abstain), Some(Reason::MalformedInput)),
+            "{header:?}"
+        );
+        // Seconds later it neither drives nor looks around.
+        bench.at(4.0).feed(&ODOMETRY, &odometry(4.0), &[]);
+        let header = FrameHeader { stamp_ns: header.stamp_ns.saturating_add(3_000_000_000), ..header };
+        let later = bench.feed(&CAMERA, &header, pixels).propose();
+        assert_eq!(
+            (later.kind(), later.reason()),
+            (Some(Kind::Abstain), Some(Reason::MalformedInput)),
+            "{header:?}"
+        );
     }
     let mut bench = bench(Calibration::Measured);
     let nan = Odometry { x: f64::NAN, ..odometry(1.0) };
     bench.at(1.0).feed(&ODOMETRY, &nan, &[]).feed(&CAMERA, &good, &pixels);
     assert!(bench.propose().twist.is_finite());
+}
+
+#[test]
+fn odometry_from_the_future_is_refused() {
+    let (intrinsics, mount) = camera(256, 240);
+    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let mut bench = bench(Calibration::Measured);
+    bench.at(1.0).feed(&ODOMETRY, &Odometry { stamp_ns: u64::MAX, ..odometry(1.0) }, &[]);
+    let proposal =
+        bench.feed(&ODOMETRY, &odometry(1.0), &[]).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
+    assert_eq!(proposal.propose().stamp_ns, Time::from_secs_f64(1.0).0);
+}
+
+#[test]
+fn odometry_that_starts_late_turns_nothing() {
+    let (intrinsics, mount) = camera(256, 240);
+    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let mut bench = bench(Calibration::Measured);
+    bench.at(1.0).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
+    assert_eq!(bench.propose().kind(), Some(Kind::Drive));
+    let turned = |seconds: f64| Odometry { theta: 2.0, ..odometry(seconds) };
+    let first = bench.at(1.05).feed(&ODOMETRY, &turned(1.05), &[]).propose();
+    assert!(first.twist.angular.abs() < 0.05, "{first:?}");
+    bench.at(1.1).feed(&ODOMETRY, &turned(1.1), &[]).feed(&CAMERA, &frame_header(&intrinsics, 1.1), &pixels);
+    let second = bench.propose();
+    assert_eq!((second.kind(), second.reason()), (Some(Kind::Drive), Some(Reason::Nominal)));
+    assert!(second.twist.angular.abs() < 0.05, "{:?}", second.twist);
 }
 
 #[test]

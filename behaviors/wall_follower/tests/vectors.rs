@@ -4,6 +4,7 @@ mod vectors {
     use nalgebra::{Vector2, Vector3};
     use serde_json::Value;
     use yamabico_core::camera::{Intrinsics, Mount};
+    use yamabico_core::geometry::Pose2;
     use yamabico_wall_follower::centring::{Centring, Walls};
     use yamabico_wall_follower::heading::{
         CameraAttitude, RobotHeading, axis_from_normalised, vanishing_point_homogeneous,
@@ -77,6 +78,16 @@ mod vectors {
         Vector2::new(f(&value[0]), f(&value[1]))
     }
 
+    /// Where the camera sees a point of the corridor (x along it, y to the left, z up).
+    fn pixel_of(point: Vector3<f64>, robot: Pose2, mount: &Mount, intrinsics: &Intrinsics) -> Vector2<f64> {
+        let (sin, cos) = robot.theta.sin_cos();
+        let (along, across) = (point.x - robot.x, point.y - robot.y);
+        let in_robot = Vector3::new(cos * along + sin * across, cos * across - sin * along, point.z);
+        let in_body = in_robot - Vector3::new(mount.x, mount.y, mount.z);
+        let in_camera = mount.rotation_body_from_camera().transpose() * in_body;
+        intrinsics.pixel_from_normalised(in_camera.xy() / in_camera.z)
+    }
+
     fn vector(value: &Value) -> Vector3<f64> {
         Vector3::new(f(&value[0]), f(&value[1]), f(&value[2]))
     }
@@ -135,7 +146,6 @@ mod vectors {
                 }
             }
 
-            case.if_given("camera_height", mount.z);
             let view = CorridorView::new(attitude, mount.roll, mount.z, intrinsics);
             let mut distances = [None, None];
             let mut slopes = [None, None];
@@ -144,7 +154,10 @@ mod vectors {
                 if wall.is_null() {
                     continue;
                 }
-                let line = line_through(point(&wall["image_points"][0]), point(&wall["image_points"][1]));
+                let robot = Pose2::new(0.0, case.number("robot_y"), robot_heading);
+                let wall_y = case.number(&format!("wall_{name}_y"));
+                let seen = |x_m: f64| pixel_of(Vector3::new(x_m, wall_y, 0.0), robot, &mount, &intrinsics);
+                let line = line_through(seen(4.0), seen(9.0));
                 let expected_line = vector(&wall["line_abc"]);
                 let line = if line.dot(&expected_line) < 0.0 { -line } else { line };
                 for axis in 0..3 {

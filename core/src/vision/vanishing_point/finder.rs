@@ -36,6 +36,8 @@ pub struct VanishingPointConfig {
     pub max_sigma_px: f64,
     /// A second point at least this good, as a share of the best one, makes the choice ambiguous.
     pub ambiguity_ratio: f64,
+    /// Largest standard deviation of the heading of a point far outside, rad.
+    pub max_far_sigma_rad: f64,
     /// Gate of the interpretation planes for points far outside, rad.
     pub plane_gate_rad: f64,
 }
@@ -55,6 +57,7 @@ impl Default for VanishingPointConfig {
             min_spread_rad: 10_f64.to_radians(),
             max_sigma_px: 10.0,
             ambiguity_ratio: 0.97,
+            max_far_sigma_rad: 5_f64.to_radians(),
             plane_gate_rad: 1_f64.to_radians(),
         }
     }
@@ -242,7 +245,9 @@ impl VanishingPointFinder {
         let is_outside = direction.z < (0.5 * camera.horizontal_fov()).cos();
         let is_expected =
             prediction.is_none_or(|p| angle_between(direction, p.direction) <= 3.0 * p.sigma_rad);
-        let is_enough = self.best_inliers.len() >= self.config.min_inliers;
+        let is_enough = self.best_inliers.len() >= self.config.min_inliers
+            && found.spread_rad >= self.config.min_spread_rad
+            && found.variance[0].sqrt() <= self.config.max_far_sigma_rad;
         (is_outside && is_expected && is_enough).then(|| VanishingPoint {
             pixel: pixel(direction, camera),
             direction,

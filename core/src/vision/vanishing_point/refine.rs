@@ -11,8 +11,6 @@ pub struct RefineRule {
     pub sigma_end_px: f64,
     /// Standard deviation that no length removes, px: bent edges and what is left of the lens's distortion.
     pub sigma_floor_px: f64,
-    /// A line this many standard deviations off counts half; infinite: all that take part count fully.
-    pub half_weight_sigmas: f64,
     /// A line takes part when it passes within three standard deviations, but at least this far, px.
     pub gate_min_px: f64,
     /// The same in the first round, when the start is coarse, px.
@@ -30,7 +28,6 @@ impl Default for RefineRule {
         Self {
             sigma_end_px: 0.5,
             sigma_floor_px: 0.0,
-            half_weight_sigmas: f64::INFINITY,
             gate_min_px: 2.0,
             first_gate_px: 2.0,
             min_eigen_ratio: 1e-3,
@@ -91,7 +88,8 @@ pub fn refine(
     let mut pixel = start;
     let mut set = 0;
     let mut gate = rule.first_gate_px.max(rule.gate_min_px);
-    for _ in 0..rule.max_rounds {
+    let mut largest = (0, start);
+    for round in 0..rule.max_rounds {
         let (sums, members) = normal_equations(lines, pixel, rule, gate);
         let (next, _) = solve(&sums, rule)?;
         let step = (next - pixel).norm();
@@ -100,10 +98,14 @@ pub fn refine(
         set = members;
         gate = rule.gate_min_px;
         if step < rule.step_px && is_stable {
-            break;
+            return finish(lines, pixel, rule, inliers);
+        }
+        if 2 * round >= rule.max_rounds && sums.count >= largest.0 {
+            largest = (sums.count, next);
         }
     }
-    finish(lines, pixel, rule, inliers)
+    // The set goes back and forth: the larger one holds.
+    finish(lines, largest.1, rule, inliers)
 }
 
 fn variance(line: &VotingLine, pixel: Vector2<f64>, rule: &RefineRule) -> f64 {
@@ -123,8 +125,7 @@ fn normal_equations(lines: &[VotingLine], pixel: Vector2<f64>, rule: &RefineRule
         let variance = variance(line, pixel, rule);
         let distance = line.normal.dot(&pixel) - line.rho;
         if takes_part(distance, variance, gate) {
-            let doubt = distance * distance / (variance * rule.half_weight_sigmas * rule.half_weight_sigmas);
-            let weight = 1.0 / (variance * (1.0 + doubt));
+            let weight = 1.0 / variance;
             sums.a += line.normal * line.normal.transpose() * weight;
             sums.g += line.normal * (weight * line.rho);
             sums.count += 1;
