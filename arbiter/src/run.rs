@@ -70,9 +70,14 @@ pub enum RunError {
 }
 
 impl RunError {
-    /// Whether a device is to blame: it does not open, or failed on the way. Else the task or the options are.
+    /// Whether a device is to blame: it does not open though no key of its table is wrong, or it failed on the way. Else the
+    /// task, the robot file or the options are.
     pub fn is_of_a_device(&self) -> bool {
-        matches!(self, RunError::Device(_) | RunError::Setup(SeatError::Device { .. }))
+        match self {
+            RunError::Device(_) => true,
+            RunError::Setup(SeatError::Device { reason, .. }) => reason.key.is_empty(),
+            _ => false,
+        }
     }
 }
 

@@ -13,10 +13,10 @@ pub enum SequenceError {
     #[error("there is no folder or file {}; give a folder, a pattern such as `drive/*.png`, or a file", .0.display())]
     Missing(PathBuf),
     /// The folder has no picture.
-    #[error("the folder {} has no .png, .jpg or .jpeg file", .0.display())]
+    #[error("the folder {} has no .png, .jpg or .jpeg file; put some there or name another", .0.display())]
     EmptyFolder(PathBuf),
     /// The pattern fits no file.
-    #[error("no file fits the pattern {}", .0.display())]
+    #[error("no file fits the pattern {}; change it or the folder", .0.display())]
     NoMatch(PathBuf),
     /// The pattern is not one.
     #[error("{} is not a pattern: {reason}", path.display())]
@@ -35,13 +35,13 @@ pub enum SequenceError {
         source: io::Error,
     },
     /// A file is neither PNG nor JPEG.
-    #[error("{} is neither a PNG nor a JPEG file", .0.display())]
+    #[error("{} is neither a PNG nor a JPEG file; convert it or take it out", .0.display())]
     NotAnImage(PathBuf),
     /// A file breaks off.
-    #[error("{} is cut short: the picture is not complete", .0.display())]
+    #[error("{} is cut short: the picture is not complete; copy it again or take it out", .0.display())]
     Truncated(PathBuf),
     /// A file that cannot be decoded.
-    #[error("{} cannot be decoded: {reason}", path.display())]
+    #[error("{} cannot be decoded: {reason}; save it again or take it out", path.display())]
     Broken {
         /// Which.
         path: PathBuf,
@@ -49,7 +49,7 @@ pub enum SequenceError {
         reason: String,
     },
     /// A picture has another size than the camera.
-    #[error("{} is {actual_width}x{actual_height}, but `intrinsics` says {width}x{height}", path.display())]
+    #[error("{} is {actual_width}x{actual_height}, but `intrinsics` says {width}x{height}; change one of them", path.display())]
     WrongSize {
         /// Which.
         path: PathBuf,

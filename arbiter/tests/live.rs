@@ -1,0 +1,387 @@
+//! Live runs with small stand-ins for devices and behaviours: whatever happens, the drive is left at rest.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use yamabico_arbiter::execution::{End, Live, Plan, Progress};
+use yamabico_arbiter::record::{Pace, Tee};
+use yamabico_arbiter::run::{Options, Ran, RunError, run};
+use yamabico_core::behavior::{
+    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, SlotInfo,
+};
+use yamabico_core::config::{Overrides, Plugins, Task, load};
+use yamabico_core::drive::Drive;
+use yamabico_core::message::{
+    Axes, Command, DecisionHeader, Message, MessageType, Odometry, Proposal, Twist,
+};
+use yamabico_core::sensor::{
+    Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, Due, Sensor, SensorInfo, SensorKind,
+    SensorPlugin,
+};
+use yamabico_core::time::Time;
+
+const PERIOD: Duration = Duration::from_millis(20);
+/// Polls or commands until what is to fail does so: 0.3 s.
+const LIFE: u64 = 15;
+
+/// Speeds that each robot's drive was given, m/s.
+static GIVEN: Mutex<BTreeMap<String, Vec<f64>>> = Mutex::new(BTreeMap::new());
+
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Nothing {}
+
+fn schema() -> schemars::Schema {
+    schemars::schema_for!(Nothing)
+}
+
+/// Odometry of a body that moves as it is told; some kinds come to an end.
+struct Wheels {
+    name: String,
+    kind: String,
+    speed: Arc<Mutex<f64>>,
+    polls: u64,
+}
+
+impl Sensor for Wheels {
+    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
+        self.polls += 1;
+        match self.kind.as_str() {
+            "failing" if self.polls > LIFE => {
+                return Err(DeviceError::failed(&self.name, "the cable is off"));
+            }
+            "panicking" if self.polls > LIFE => panic!("the cable is off"),
+            "ending" if self.polls > LIFE => return Ok(Due::Ended),
+            _ => {}
+        }
+        let vx = *self.speed.lock().unwrap();
+        outputs.publish(&self.name, &Odometry { stamp_ns: now.0, vx, ..Default::default() }, &[])?;
+        Ok(Due::At(now + PERIOD))
+    }
+}
+
+struct Motor {
+    robot: String,
+    kind: String,
+    speed: Arc<Mutex<f64>>,
+    commands: u64,
+}
+
+impl Drive for Motor {
+    fn apply(&mut self, command: Option<&Command>, _: Time) -> Result<(), DeviceError> {
+        let Some(command) = command else { return Ok(()) };
+        self.commands += 1;
+        assert!(self.kind != "panicking" || self.commands <= LIFE, "the motor is off");
+        *self.speed.lock().unwrap() = command.twist.linear;
+        GIVEN.lock().unwrap().entry(self.robot.clone()).or_default().push(command.twist.linear);
+        Ok(())
+    }
+}
+
+fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
+    if spec.sensors.iter().any(|sensor| sensor.kind == "unplugged") {
+        return Err(BuildError::new("", "nothing is plugged in"));
+    }
+    let speed = Arc::new(Mutex::new(0.0));
+    let sensors = spec.sensors.iter().map(|sensor| {
+        let (name, kind) = (sensor.name.clone(), sensor.kind.clone());
+        let wheels = Wheels { name: name.clone(), kind, speed: Arc::clone(&speed), polls: 0 };
+        (name, Box::new(wheels) as Box<dyn Sensor>)
+    });
+    let sensors = sensors.collect();
+    let motor = |drive: yamabico_core::sensor::PartSpec| {
+        Box::new(Motor { robot: spec.robot.name.clone(), kind: drive.kind, speed, commands: 0 }) as _
+    };
+    Ok(Device { sensors, drive: spec.drive.map(motor), judge: None, walls: Vec::new() })
+}
+
+const fn sensor(kind: &'static str) -> SensorPlugin {
+    SensorPlugin {
+        kind,
+        summary: "Odometry.",
+        message: MessageType::of::<Odometry>(),
+        schema,
+        describe: |name, _| {
+            Ok(SensorInfo {
+                name: name.into(),
+                message: Odometry::NAME,
+                period_s: PERIOD.as_secs_f64(),
+                latency_s: 0.0,
+                kind: SensorKind::Other,
+            })
+        },
+        most_bytes: |_| Ok(0),
+    }
+}
+
+const fn drive(kind: &'static str) -> DrivePlugin {
+    DrivePlugin { kind, summary: "Obeys.", axes: Axes::PLANAR, schema }
+}
+
+static DRIVER: DriverPlugin = DriverPlugin {
+    name: "stand-in",
+    summary: "A body that moves as it is told.",
+    schema,
+    sensors: &[
+        sensor("lasting"),
+        sensor("failing"),
+        sensor("panicking"),
+        sensor("ending"),
+        sensor("unplugged"),
+    ],
+    drives: &[drive("motor"), drive("panicking")],
+    open,
+};
+
+/// Drives straight on, whatever happens.
+struct Runner;
+
+impl Plugin for Runner {
+    type Config = Nothing;
+    const NAME: &'static str = "runner";
+    const SUMMARY: &'static str = "Drives straight on.";
+    const INPUTS: &'static [SlotInfo] = &[];
+    const CLAIMS: Axes = Axes::LINEAR;
+
+    fn new(_: Nothing, _: &Setup) -> Result<Self, BuildError> {
+        Ok(Runner)
+    }
+}
+
+impl Behavior for Runner {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        Proposal::drive(Axes::LINEAR, Twist::planar(0.3, 0.0))
+    }
+}
+
+/// Panics at every call.
+struct Broken;
+
+impl Plugin for Broken {
+    type Config = Nothing;
+    const NAME: &'static str = "broken";
+    const SUMMARY: &'static str = "Panics.";
+    const INPUTS: &'static [SlotInfo] = &[];
+    const CLAIMS: Axes = Axes::LINEAR;
+
+    fn new(_: Nothing, _: &Setup) -> Result<Self, BuildError> {
+        Ok(Broken)
+    }
+}
+
+impl Behavior for Broken {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        panic!("as every time")
+    }
+}
+
+static PLUGINS: Plugins<'static> = Plugins {
+    behaviors: &[BehaviorPlugin::of::<Runner>(), BehaviorPlugin::of::<Broken>()],
+    drivers: &[DRIVER],
+};
+
+const BODY: &str =
+    "devices.body = { driver = \"stand-in\" }\ndrive = { device = \"body\", kind = \"motor\" }\n";
+const WHEELS: &str = "sensors.wheels = { device = \"body\", kind = \"lasting\" }\n";
+const RUNNER: &str = "[behaviors.runner]\npriority = 10\n";
+
+/// A task of its own robot in a folder of its own.
+struct Test {
+    folder: PathBuf,
+    robot: String,
+    task: Task,
+}
+
+impl Test {
+    fn new(name: &str, robot: &str, task: &str) -> Test {
+        let name = format!("live-{}-{name}", std::process::id());
+        let folder = std::env::temp_dir().join(format!("yamabico-{name}"));
+        std::fs::create_dir_all(&folder).unwrap();
+        let robot = format!("name = \"{name}\"\nfootprint = {{ radius_m = 0.2 }}\n{robot}");
+        std::fs::write(folder.join("robot.toml"), robot).unwrap();
+        std::fs::write(folder.join("task.toml"), format!("robot = \"robot.toml\"\n{task}")).unwrap();
+        let task = load(&folder.join("task.toml"), &Overrides::default(), &PLUGINS);
+        let task = task.unwrap_or_else(|problems| panic!("{problems}"));
+        Test { folder, robot: name, task }
+    }
+
+    fn recording(&self) -> PathBuf {
+        self.folder.join("run.mcap")
+    }
+
+    fn options(&self) -> Options {
+        Options { pace: Pace::Live, recording: Some(self.recording()), ..Options::default() }
+    }
+
+    fn run(&self) -> Result<Ran, RunError> {
+        let flag = AtomicBool::new(false);
+        run(&self.task, &self.options(), &flag, &mut Tee::default(), &mut |_| {})
+    }
+
+    /// Runs and presses Ctrl-C after `pressed_s` seconds.
+    fn run_and_interrupt(&self, pressed_s: f64) -> Result<Ran, RunError> {
+        let flag = AtomicBool::new(false);
+        let mut press =
+            |progress: Progress| flag.store(progress.elapsed.as_secs_f64() > pressed_s, Ordering::Relaxed);
+        run(&self.task, &self.options(), &flag, &mut Tee::default(), &mut press)
+    }
+
+    /// The drive was moved, and what it was given last was to stand.
+    fn assert_left_at_rest(&self) {
+        let given = GIVEN.lock().unwrap().get(&self.robot).cloned().unwrap_or_default();
+        let fastest = given.iter().copied().fold(0.0, f64::max);
+        assert!(fastest > 0.05, "it was driven at {fastest} m/s");
+        assert_eq!(given.last(), Some(&0.0), "it was left at this speed");
+    }
+}
+
+impl Drop for Test {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+#[test]
+fn ctrl_c_ends_at_rest() {
+    let test = Test::new("ctrl-c", &format!("{BODY}{WHEELS}"), RUNNER);
+    let ran = test.run_and_interrupt(0.6).unwrap();
+    assert_eq!((ran.end, ran.is_done()), (End::Interrupted, false));
+    test.assert_left_at_rest();
+    let recording = ran.recording.unwrap();
+    assert_eq!((recording.problem, recording.missing, ran.unseen), (None, 0, 0));
+    assert!(recording.messages["command"] > 25, "{:?}", recording.messages);
+}
+
+#[test]
+fn a_drive_without_any_sensor_runs_and_is_waited_for() {
+    let test = Test::new("blind", BODY, RUNNER);
+    assert_eq!(test.run_and_interrupt(0.6).unwrap().end, End::Interrupted);
+    test.assert_left_at_rest();
+}
+
+#[test]
+fn a_sensor_that_dies_leaves_the_drive_at_rest() {
+    for (kind, words) in [("failing", "the cable is off"), ("panicking", "it panicked: the cable is off")] {
+        let side = format!("sensors.side = {{ device = \"body\", kind = \"{kind}\" }}\n");
+        let test = Test::new(kind, &format!("{BODY}{WHEELS}{side}"), RUNNER);
+        let error = test.run().unwrap_err();
+        assert!(error.is_of_a_device(), "{error}");
+        let error = error.to_string();
+        assert!(error.contains("`side`") && error.contains(words), "{error}");
+        test.assert_left_at_rest();
+    }
+}
+
+#[test]
+fn a_drive_that_panics_is_a_failure() {
+    let test = Test::new("motor", &BODY.replace("\"motor\"", "\"panicking\""), RUNNER);
+    let error = test.run().unwrap_err().to_string();
+    assert!(error.contains("it panicked: the motor is off"), "{error}");
+}
+
+#[test]
+fn the_run_ends_with_its_last_sensor_and_not_with_the_first() {
+    let other = "devices.other = { driver = \"stand-in\" }\nsensors.other = { device = \"other\", kind = \"ending\" }\n";
+    let run = "[run]\nduration_s = 1\n";
+    let test = Test::new("one-ends", &format!("{BODY}{WHEELS}{other}"), &format!("{run}{RUNNER}"));
+    let ran = test.run().unwrap();
+    assert_eq!(
+        (ran.end, ran.is_done()),
+        (End::TimeOver, true),
+        "without a goal, the time was all that was asked"
+    );
+    test.assert_left_at_rest();
+
+    let goal = "[run]\nduration_s = 9\ngoal = { x_m = 100, y_m = 0, tolerance_m = 0.3 }\n";
+    let wheels = WHEELS.replace("lasting", "ending");
+    let test = Test::new("all-end", &format!("{BODY}{wheels}{other}"), &format!("{goal}{RUNNER}"));
+    let ran = test.run().unwrap();
+    assert_eq!((ran.end, ran.is_done()), (End::SensorsEnded, false), "it did not arrive");
+}
+
+#[test]
+fn a_name_that_runs_is_refused_and_its_recording_is_left_alone() {
+    let test = Test::new("twice", &format!("{BODY}{WHEELS}"), RUNNER);
+    let flag = AtomicBool::new(false);
+    let mut refused = None;
+    let mut again = |progress: Progress| {
+        if progress.elapsed.as_secs_f64() > 0.3 {
+            refused.get_or_insert_with(|| test.run().unwrap_err());
+            flag.store(true, Ordering::Relaxed);
+        }
+    };
+    let ran = run(&test.task, &test.options(), &flag, &mut Tee::default(), &mut again).unwrap();
+    let refused = refused.unwrap();
+    assert!(refused.to_string().contains("already running") && !refused.is_of_a_device(), "{refused}");
+    let bytes = std::fs::read(test.recording()).unwrap();
+    assert!(bytes.starts_with(b"\x89MCAP0\r\n"), "the recording has lost its head");
+    assert_eq!(bytes.len() as u64, ran.recording.unwrap().bytes);
+}
+
+#[test]
+fn a_device_that_does_not_open_costs_no_earlier_recording() {
+    let test = Test::new("closed", &format!("{BODY}{}", WHEELS.replace("lasting", "unplugged")), RUNNER);
+    std::fs::write(test.recording(), "an earlier run").unwrap();
+    let error = test.run().unwrap_err();
+    assert!(error.is_of_a_device() && error.to_string().contains("`body` does not open"), "{error}");
+    assert_eq!(std::fs::read(test.recording()).unwrap(), b"an earlier run");
+}
+
+#[test]
+fn decisions_that_cannot_be_published_keep_no_command_back() {
+    let test = Test::new("mute", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 0.6\n{RUNNER}"));
+    let mut plan = Plan::new(&test.task, 1);
+    let decision = plan.topics.iter_mut().find(|topic| topic.message.name == DecisionHeader::NAME).unwrap();
+    decision.spec.list_bytes = 0;
+    let mut live = Live::open(plan, &test.robot).unwrap();
+    let end = live.run(&test.task.run, &AtomicBool::new(false), &mut Tee::default(), &mut |_| {}).unwrap();
+    assert_eq!(end, End::TimeOver);
+    test.assert_left_at_rest();
+}
+
+#[test]
+fn more_behaviours_than_one_thread_can_wait_for_are_heard() {
+    let idle: String = (0..66)
+        .map(|i| format!("[behaviors.idle-{i}]\ntype = \"broken\"\npriority = {}\n", 100 + i))
+        .collect();
+    let test =
+        Test::new("many", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 1\n{RUNNER}{idle}"));
+    let ran = test.run().unwrap();
+    assert_eq!(ran.end, End::TimeOver);
+    test.assert_left_at_rest();
+}
+
+#[test]
+fn a_behaviour_that_panics_is_asked_five_times_and_told_of() {
+    let broken = "[behaviors.broken]\npriority = 20\n";
+    let test = Test::new(
+        "broken",
+        &format!("{BODY}{WHEELS}"),
+        &format!("[run]\nduration_s = 0.6\n{RUNNER}{broken}"),
+    );
+    let ran = test.run().unwrap();
+    let timing = ran.summary.behaviours["broken"].timing;
+    assert_eq!((timing.calls, timing.panics), (5, 5));
+    test.assert_left_at_rest();
+}
+
+#[test]
+fn the_folder_of_the_recording_is_made_before_anything_opens() {
+    let test = Test::new("folder", &format!("{BODY}{WHEELS}"), RUNNER);
+    std::fs::write(test.folder.join("file"), "").unwrap();
+    let options = Options { recording: Some(test.folder.join("file/run.mcap")), ..test.options() };
+    let error =
+        run(&test.task, &options, &AtomicBool::new(false), &mut Tee::default(), &mut |_| {}).unwrap_err();
+    assert!(
+        matches!(&error, RunError::Folder { folder, .. } if folder.ends_with(Path::new("file"))),
+        "{error}"
+    );
+    assert!(!GIVEN.lock().unwrap().contains_key(&test.robot));
+}
