@@ -7,12 +7,14 @@ mod vectors {
     use serde_json::Value;
     use std::f64::consts::PI;
     use std::path::PathBuf;
+    use yamabico_core::camera::Intrinsics;
     use yamabico_core::image::{GrayImage, ImageView};
     use yamabico_core::vision::median::Median3;
     use yamabico_core::vision::segment_fit::fit_segment;
     use yamabico_core::vision::segments::{Segment, SegmentConfig, SegmentDetector};
     use yamabico_core::vision::vanishing_point::{
-        Belief, RefineRule, VanishingPointError, VotingLine, belief_at, belief_peak, refine,
+        Belief, RefineRule, VanishingPointConfig, VanishingPointError, VanishingPointFinder, VotingLine,
+        belief_at, belief_peak, refine,
     };
 
     #[test]
@@ -123,7 +125,45 @@ mod vectors {
                 .collect();
             check_belief(case, &lines, &belief);
             check_refined(case, &lines, &rule);
+            check_found(case, &rule);
         });
+    }
+
+    /// The search, which knows no start, ends at the same point, within its standard deviation where there are outliers.
+    fn check_found(case: &Case, rule: &RefineRule) {
+        let refined = &case.expect["refined"];
+        let is_searched = refined["inliers"].as_array().is_some_and(|inliers| inliers.len() >= 3);
+        if refined["status"] != "ok" || !is_searched {
+            return;
+        }
+        let segments: Vec<Segment> = case.input["segments"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|ends| {
+                let ends = numbers(ends);
+                Segment::between(Vector2::new(ends[0], ends[1]), Vector2::new(ends[2], ends[3]), 0.5).unwrap()
+            })
+            .collect();
+        let camera = Intrinsics::from_horizontal_fov(640, 480, 1.0);
+        let config = VanishingPointConfig {
+            refine: RefineRule { first_gate_px: 8.0, ..*rule },
+            horizon_sigma_rad: 10.0,
+            vertical_rad: 0.0,
+            horizontal_rad: 0.0,
+            min_length_px: 0.0,
+            max_sigma_px: 100.0,
+            ..VanishingPointConfig::default()
+        };
+        let mut finder = VanishingPointFinder::new(config);
+        let found = finder.find(&segments, &camera, None).unwrap_or_else(|e| panic!("{}: {e}", case.id));
+        let vp = numbers(&refined["vp"]);
+        let cov = &refined["cov"];
+        let sigma_px = (cov[0][0].as_f64().unwrap() + cov[1][1].as_f64().unwrap()).sqrt();
+        let apart_px = (found.pixel - Vector2::new(vp[0], vp[1])).norm();
+        // Among outliers there are several sets of lines that agree; without, there is one.
+        let limit_px = if numbers(&refined["inliers"]).len() == segments.len() { 1e-5 } else { sigma_px };
+        assert!(apart_px <= limit_px, "{}: {apart_px} px from the reference, sigma {sigma_px} px", case.id);
     }
 
     fn check_belief(case: &Case, lines: &[VotingLine], belief: &Belief) {
