@@ -52,7 +52,7 @@ pub struct Ruling {
     pub fault: Option<Outcome>,
     /// Who beat, inhibited, suppressed or halted it.
     pub by: Option<u16>,
-    /// A [`Kind`] code, as received.
+    /// A [`Kind`] code: as received, or that of the halt or limit that is held.
     pub kind: u32,
     /// A [`Reason`] code, as received.
     pub reason: u32,

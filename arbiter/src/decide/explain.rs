@@ -98,9 +98,13 @@ impl Explanation<'_> {
         }
         if let Some(fault) = ruling.fault
             && fault != ruling.outcome
+            && ruling.outcome != Outcome::Held
         {
             let kind = Kind::from_code(ruling.kind).map_or("proposal", Kind::as_str);
             write!(f, ", its {kind} is {fault} and counts all the same")?;
+        }
+        if let (Outcome::Held, Some(fault)) = (ruling.outcome, ruling.fault) {
+            write!(f, ", its newest proposal is {fault}")?;
         }
         match Reason::from_code(ruling.reason) {
             None | Some(Reason::None | Reason::Nominal) => Ok(()),

@@ -40,6 +40,7 @@ pub fn decide(
     decision.begin(policy, now, state.next_sequence());
     hear::hear(state, proposals, tick.now, decision);
     wires::apply(state, tick.now, decision);
+    restrain::halt(state, decision);
     contest::award(state, proposals, tick.now, decision);
     let reachable = within_limits(policy, state.ramp.velocity(), decision.wanted);
     decision.allowed = restrain::restrain(state, tick.now, reachable, decision);

@@ -167,14 +167,18 @@ fn assertion(proposal: &Proposal, kind: Option<Kind>, fault: Option<Outcome>) ->
     }
 }
 
-/// What halts and limits leave of `motion`; notes who halts and who limits, and rules on them.
-pub(super) fn restrain(state: &State, now: Time, motion: Twist, decision: &mut Decision) -> Twist {
+/// Notes which axes are halted, and by whom.
+pub(super) fn halt(state: &State, decision: &mut Decision) {
     for (slot, restraint) in in_force(state) {
         for axis in restraint.halted.intersection(state.has).iter() {
             decision.halted = decision.halted.union(axis.into());
             decision.halted_by[axis as usize].get_or_insert(slot);
         }
     }
+}
+
+/// What halts and limits leave of `motion`; notes who limits, and rules on all of them.
+pub(super) fn restrain(state: &State, now: Time, motion: Twist, decision: &mut Decision) -> Twist {
     let mut motion = motion;
     for axis in decision.halted.iter() {
         motion.set(axis, 0.0);
@@ -217,8 +221,11 @@ fn rule_on(restraint: &Restraint, counts: bool, limits: Twist, ruling: &mut supe
         (true, false, true) => Outcome::Limiting,
         (true, false, false) => Outcome::LimitElsewhere,
     };
+    if !restraint.is_current {
+        ruling.kind = if halts { Kind::Halt } else { Kind::Limit }.code();
+    }
     if ruling.won.is_empty() {
-        ruling.claimed = restraint.axes();
+        ruling.claimed = if halts { restraint.halted } else { restraint.limited };
     }
     if !halts {
         ruling.number =

@@ -8,8 +8,10 @@ use yamabico_core::time::Time;
 
 /// In control while no behaviour is.
 const NOBODY: &str = "nobody";
+/// In control until every critical part has been heard for the first time.
+const FIRST_READINGS: &str = "wait for first readings";
 
-/// A time during which the arbiter kept the robot from moving forward.
+/// A time during which the arbiter kept the robot from moving forward, once every critical part had been heard.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Halt {
     /// When it began, seconds of the run.
@@ -23,6 +25,8 @@ pub struct Halt {
 /// Follows the decisions of a run.
 #[derive(Clone, Debug, Default)]
 pub struct ControlLog {
+    /// Whether every critical part has been heard.
+    ready: bool,
     current: Option<(Time, String)>,
     halted_since: Option<(Time, String)>,
     time_s: BTreeMap<String, f64>,
@@ -33,8 +37,13 @@ impl ControlLog {
     /// The next decision.
     pub fn decision(&mut self, header: &DecisionHeader, verdicts: &[Verdict]) {
         let now = Time(header.stamp_ns);
-        let halter = halter(header, verdicts);
-        let owner = halter.clone().unwrap_or_else(|| driver(verdicts));
+        self.ready |= header.mode() != Some(Mode::CriticalSilent);
+        let halter = if self.ready { halter(header, verdicts) } else { None };
+        let owner = match &halter {
+            Some(halter) => halter.clone(),
+            None if self.ready => driver(verdicts),
+            None => FIRST_READINGS.to_owned(),
+        };
         match &mut self.current {
             Some((since, current)) => {
                 let elapsed = now.since(*since).as_secs_f64();
@@ -75,7 +84,7 @@ impl ControlLog {
         log.halts
     }
 
-    /// Seconds that each behaviour was in control.
+    /// Seconds that each behaviour was in control; what was in control while no behaviour was goes by its own name.
     pub fn time_s(&self) -> &BTreeMap<String, f64> {
         &self.time_s
     }
@@ -96,16 +105,21 @@ fn halter(header: &DecisionHeader, verdicts: &[Verdict]) -> Option<String> {
     match header.mode() {
         Some(mode @ (Mode::CriticalSilent | Mode::EmergencyStop)) => Some(mode.as_str().to_owned()),
         Some(Mode::Halted) if header.halted.contains(Axis::Linear) => {
-            let halts = |verdict: &&Verdict| {
-                let outcome = verdict.outcome();
-                outcome == Some(Outcome::Halting)
-                    || (outcome == Some(Outcome::Held) && verdict.kind == Kind::Halt.code())
-            };
-            let author = verdicts.iter().find(halts);
+            let author = verdicts.iter().find(|verdict| halts_forward_motion(verdict));
             Some(author.map_or(Mode::Halted.as_str(), |verdict| verdict.behaviour.as_str()).to_owned())
         }
         _ => None,
     }
+}
+
+/// Whether the behaviour's own halt, even one that is only held, is on the forward axis.
+fn halts_forward_motion(verdict: &Verdict) -> bool {
+    let halts = match verdict.outcome() {
+        Some(Outcome::Halting) => true,
+        Some(Outcome::Held) => verdict.kind == Kind::Halt.code(),
+        _ => false,
+    };
+    halts && verdict.claimed.without(verdict.won).contains(Axis::Linear)
 }
 
 /// Everybody who drives, joined by `+`.
@@ -129,7 +143,8 @@ mod tests {
 
     fn verdict(behaviour: &str, outcome: Outcome, kind: Kind) -> Verdict {
         let behaviour = Name::new(behaviour);
-        Verdict { behaviour, outcome: outcome.code(), kind: kind.code(), ..Verdict::default() }
+        let (outcome, kind) = (outcome.code(), kind.code());
+        Verdict { behaviour, outcome, kind, claimed: Axes::PLANAR, ..Verdict::default() }
     }
 
     fn decision(seconds: f64, mode: Mode, halted: Axes) -> DecisionHeader {
@@ -165,6 +180,33 @@ mod tests {
         let wall = verdict("wall", Outcome::WonPart, Kind::Drive);
         log.decision(&decision(0.0, Mode::Halted, Axes::ANGULAR), &[wall]);
         assert_eq!((log.owner(), log.is_halted()), (Some("wall"), false));
+    }
+
+    #[test]
+    fn a_halt_goes_to_the_author_that_halts_driving_forward() {
+        let mut log = ControlLog::default();
+        let turn = Verdict { claimed: Axes::ANGULAR, ..verdict("turn", Outcome::Halting, Kind::Halt) };
+        let limit = verdict("limit", Outcome::Held, Kind::Limit);
+        let sonar = verdict("sonar", Outcome::Held, Kind::Halt);
+        log.decision(&decision(0.0, Mode::Halted, Axes::PLANAR), &[turn, limit, sonar]);
+        assert_eq!(log.owner(), Some("sonar"));
+    }
+
+    #[test]
+    fn waiting_for_the_first_readings_is_no_halt_but_losing_them_is() {
+        let mut log = ControlLog::default();
+        for (seconds, mode) in [
+            (0.0, Mode::CriticalSilent),
+            (0.25, Mode::Idle),
+            (1.0, Mode::CriticalSilent),
+            (3.0, Mode::Idle),
+        ] {
+            log.decision(&decision(seconds, mode, Axes::NONE), &[]);
+        }
+        let halts = log.halts();
+        assert_eq!((halts.len(), halts[0].begin_s, halts[0].duration_s), (1, 1.0, 2.0));
+        assert_eq!(log.time_s()[FIRST_READINGS], 0.25);
+        assert_eq!(log.time_s().values().sum::<f64>(), 3.0);
     }
 
     #[test]

@@ -123,9 +123,9 @@ pub struct RunSummary {
     pub rms_offset_m: Option<f64>,
     /// Meetings with people.
     pub encounters: Vec<Encounter>,
-    /// Times that the arbiter kept the robot from moving forward.
+    /// Times that the arbiter kept the robot from moving forward, once every critical part had been heard.
     pub halts: Vec<Halt>,
-    /// Seconds that each behaviour was in control.
+    /// Seconds that each behaviour was in control; what was in control while no behaviour was goes by its own name.
     pub control_s: BTreeMap<String, f64>,
     /// Each behaviour's part.
     pub behaviours: BTreeMap<String, BehaviourSummary>,
@@ -190,16 +190,6 @@ impl SummaryTap {
     /// Digest of the messages so far.
     pub fn digest(&self) -> &Digest {
         &self.digest
-    }
-
-    /// Who is in control and who was.
-    pub fn control(&self) -> &ControlLog {
-        &self.control
-    }
-
-    /// The newest truth; `None` without a simulator.
-    pub fn truth(&self) -> Option<&Truth> {
-        self.truth.as_ref()
     }
 
     /// The numbers of the run that ended so.

@@ -27,10 +27,56 @@ fn a_halt_of_the_lowest_priority_stops_the_highest_with_the_emergency_decelerati
 fn a_halt_on_one_axis_leaves_the_others() {
     let mut bench = Bench::differential(two());
     cruising(&mut bench);
-    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo));
+    let uncoupled = Proposal::drive(Axes::PLANAR, Twist::planar(0.5, 0.5)).uncoupled();
+    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo)).say(1, uncoupled);
     let decision = bench.go_on(ms(500));
     assert_eq!(decision.commanded, Twist::planar(0.0, 0.5));
     assert_eq!((bench.outcome(1), bench.decision.rulings[1].won), (Outcome::Won, Axes::ANGULAR));
+}
+
+#[test]
+fn a_coupled_drive_that_a_halt_stops_on_one_axis_gives_up_all() {
+    let mut bench = Bench::differential(two());
+    cruising(&mut bench);
+    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo));
+    let decision = bench.go_on(ms(500));
+    assert_eq!((decision.commanded, decision.source), (Twist::ZERO, [None; 3]));
+    let ruling = bench.decision.rulings[1];
+    assert_eq!((ruling.outcome, ruling.by, ruling.won), (Outcome::GaveUp, Some(0), Axes::NONE));
+    let words = explain(&bench.policy, &bench.decision).to_string();
+    assert!(words.contains("low: gave up, coupled on linear+angular, by high"), "{words}");
+}
+
+#[test]
+fn what_a_coupled_drive_gives_up_to_a_halt_is_free_for_the_next() {
+    let mut behaviours = two();
+    behaviours.push(BehaviourPolicy::new("lowest", 1));
+    let mut bench = Bench::differential(behaviours);
+    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo));
+    bench.say(1, Proposal::drive(Axes::PLANAR, Twist::planar(0.5, 0.5))).say(2, turn(-0.3));
+    let decision = bench.go_on(ms(500));
+    assert_eq!((decision.commanded, decision.source[2]), (Twist::planar(0.0, -0.3), Some(2)));
+}
+
+#[test]
+fn a_coupled_turn_on_the_spot_loses_nothing_to_a_halt_of_driving_forward() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo));
+    bench.say(1, Proposal::drive(Axes::PLANAR, Twist::planar(0.0, 0.4)));
+    assert_eq!(bench.go_on(ms(500)).commanded, Twist::planar(0.0, 0.4));
+    assert_eq!((bench.outcome(1), bench.decision.rulings[1].won), (Outcome::Won, Axes::ANGULAR));
+}
+
+#[test]
+fn a_held_halt_is_recorded_as_a_halt_of_its_author() {
+    let mut bench = Bench::differential(two());
+    bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo)).say(1, forward(0.5)).decide();
+    bench.after(ms(100)).say(0, Proposal::abstain(Reason::Clear)).decide();
+    let mut verdicts = [Verdict::default(); 2];
+    bench.decision.write_verdicts(&bench.policy, &mut verdicts);
+    let held = &verdicts[0];
+    assert_eq!((held.outcome(), held.kind), (Some(Outcome::Held), Kind::Halt.code()));
+    assert_eq!(held.claimed, Axes::LINEAR);
 }
 
 #[test]

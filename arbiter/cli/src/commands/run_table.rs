@@ -14,6 +14,7 @@ pub fn run_table(ran: &Ran) -> String {
         text += &halts(ran);
     }
     text += &behaviours(ran);
+    text += &topics(ran);
     text += &left(ran);
     text
 }
@@ -63,14 +64,15 @@ fn halts(ran: &Ran) -> String {
 fn behaviours(ran: &Ran) -> String {
     let head = ["behaviour", "in control", "calls", "p50", "p99", "overruns", "abstained", "mostly because"];
     let mut table = table(&head, 1..7);
-    for (name, behaviour) in &ran.summary.behaviours {
-        let control = ran.summary.control_s.get(name).copied().unwrap_or(0.0);
+    let (behaviours, control_s) = (&ran.summary.behaviours, &ran.summary.control_s);
+    let seconds = |name: &str| format!("{:.1} s", control_s.get(name).copied().unwrap_or(0.0));
+    for (name, behaviour) in behaviours {
         let timing = &behaviour.timing;
         let because =
             behaviour.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
         table.add_row([
             name.clone(),
-            format!("{control:.1} s"),
+            seconds(name),
             timing.calls.to_string(),
             format!("{:.0} us", timing.p50_us),
             format!("{:.0} us", timing.p99_us),
@@ -78,6 +80,17 @@ fn behaviours(ran: &Ran) -> String {
             behaviour.abstentions.to_string(),
             because.to_owned(),
         ]);
+    }
+    for name in control_s.keys().filter(|name| !behaviours.contains_key(*name)) {
+        table.add_row([name.clone(), seconds(name)]);
+    }
+    format!("{table}\n")
+}
+
+fn topics(ran: &Ran) -> String {
+    let mut table = table(&["topic", "messages"], 1..2);
+    for (topic, messages) in &ran.summary.topics {
+        table.add_row([topic.clone(), messages.to_string()]);
     }
     format!("{table}\n")
 }
