@@ -164,7 +164,8 @@ impl Board {
         // What a halt leaves of a coupled motion would be an arc that nobody proposed. Where it leaves nothing, the motion
         // is stopped as a whole.
         let cut = decision.halted.intersection(free).iter().find(|&axis| proposal.twist.get(axis) != 0.0);
-        if let (Some(axis), true) = (cut, proposal.coupled != 0 && !free.without(decision.halted).is_empty()) {
+        if let (Some(axis), true) = (cut, proposal.coupled != 0 && !free.without(decision.halted).is_empty())
+        {
             return (Axes::NONE, Outcome::GaveUp, decision.halted_by[axis as usize]);
         }
         // A motion along an axis that the drive lacks is lost, too.

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use yamabico_core::message::{Axis, DecisionHeader, Kind, Mode, Outcome, Verdict};
+use yamabico_core::message::{Axis, DecisionHeader, Kind, Mode, Outcome, Reason, Verdict};
 use yamabico_core::time::Time;
 
 /// In control while no behaviour is.
 const NOBODY: &str = "nobody";
-/// In control until every critical part has been heard for the first time.
+/// In control from the start of the run until no part stops the robot for want of its first reading.
 const FIRST_READINGS: &str = "wait for first readings";
 
-/// A time during which the arbiter kept the robot from moving forward, once every critical part had been heard.
+/// A time during which the arbiter kept the robot from moving forward, once the first readings were there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Halt {
     /// When it began, seconds of the run.
@@ -25,7 +25,7 @@ pub struct Halt {
 /// Follows the decisions of a run.
 #[derive(Clone, Debug, Default)]
 pub struct ControlLog {
-    /// Whether every critical part has been heard.
+    /// Whether the first readings are there.
     ready: bool,
     current: Option<(Time, String)>,
     halted_since: Option<(Time, String)>,
@@ -37,7 +37,7 @@ impl ControlLog {
     /// The next decision.
     pub fn decision(&mut self, header: &DecisionHeader, verdicts: &[Verdict]) {
         let now = Time(header.stamp_ns);
-        self.ready |= header.mode() != Some(Mode::CriticalSilent);
+        self.ready |= !lacks_first_readings(header, verdicts);
         let halter = if self.ready { halter(header, verdicts) } else { None };
         let owner = match &halter {
             Some(halter) => halter.clone(),
@@ -105,21 +105,35 @@ fn halter(header: &DecisionHeader, verdicts: &[Verdict]) -> Option<String> {
     match header.mode() {
         Some(mode @ (Mode::CriticalSilent | Mode::EmergencyStop)) => Some(mode.as_str().to_owned()),
         Some(Mode::Halted) if header.halted.contains(Axis::Linear) => {
-            let author = verdicts.iter().find(|verdict| halts_forward_motion(verdict));
+            let author = halting(verdicts);
             Some(author.map_or(Mode::Halted.as_str(), |verdict| verdict.behaviour.as_str()).to_owned())
         }
         _ => None,
     }
 }
 
-/// Whether the behaviour's own halt, even one that is only held, is on the forward axis.
-fn halts_forward_motion(verdict: &Verdict) -> bool {
-    let halts = match verdict.outcome() {
-        Some(Outcome::Halting) => true,
-        Some(Outcome::Held) => verdict.kind == Kind::Halt.code(),
-        _ => false,
+/// The verdict on who halts driving forward, be it by a halt that is only held.
+fn halting(verdicts: &[Verdict]) -> Option<&Verdict> {
+    verdicts.iter().find(|verdict| {
+        let halts = match verdict.outcome() {
+            Some(Outcome::Halting) => true,
+            Some(Outcome::Held) => verdict.kind == Kind::Halt.code(),
+            _ => false,
+        };
+        halts && verdict.claimed.without(verdict.won).contains(Axis::Linear)
+    })
+}
+
+/// Whether, at the start of a run, the robot stands since some part waits for its first reading, or did a moment ago.
+fn lacks_first_readings(header: &DecisionHeader, verdicts: &[Verdict]) -> bool {
+    let waits = |verdict: &Verdict| {
+        verdict.outcome() == Some(Outcome::Held) || verdict.reason == Reason::NoInput.code()
     };
-    halts && verdict.claimed.without(verdict.won).contains(Axis::Linear)
+    match header.mode() {
+        Some(Mode::CriticalSilent) => true,
+        Some(Mode::Halted) => halting(verdicts).is_some_and(waits),
+        _ => false,
+    }
 }
 
 /// Everybody who drives, joined by `+`.
@@ -188,25 +202,37 @@ mod tests {
         let turn = Verdict { claimed: Axes::ANGULAR, ..verdict("turn", Outcome::Halting, Kind::Halt) };
         let limit = verdict("limit", Outcome::Held, Kind::Limit);
         let sonar = verdict("sonar", Outcome::Held, Kind::Halt);
-        log.decision(&decision(0.0, Mode::Halted, Axes::PLANAR), &[turn, limit, sonar]);
+        log.decision(&decision(0.0, Mode::Idle, Axes::NONE), &[]);
+        log.decision(&decision(1.0, Mode::Halted, Axes::PLANAR), &[turn, limit, sonar]);
         assert_eq!(log.owner(), Some("sonar"));
     }
 
     #[test]
     fn waiting_for_the_first_readings_is_no_halt_but_losing_them_is() {
         let mut log = ControlLog::default();
-        for (seconds, mode) in [
-            (0.0, Mode::CriticalSilent),
-            (0.25, Mode::Idle),
-            (1.0, Mode::CriticalSilent),
-            (3.0, Mode::Idle),
-        ] {
-            log.decision(&decision(seconds, mode, Axes::NONE), &[]);
-        }
+        let blind =
+            Verdict { reason: Reason::NoInput.code(), ..verdict("sonar", Outcome::Halting, Kind::Halt) };
+        let held = verdict("sonar", Outcome::Held, Kind::Halt);
+        log.decision(&decision(0.0, Mode::CriticalSilent, Axes::ALL), &[blind]);
+        log.decision(&decision(0.25, Mode::Halted, Axes::ALL), &[blind]);
+        log.decision(&decision(0.5, Mode::Halted, Axes::ALL), &[held]);
+        assert!(!log.is_halted());
+        log.decision(&decision(0.75, Mode::Idle, Axes::NONE), &[]);
+        log.decision(&decision(1.0, Mode::CriticalSilent, Axes::NONE), &[]);
+        log.decision(&decision(3.0, Mode::Halted, Axes::ALL), &[held]);
+        log.decision(&decision(4.0, Mode::Idle, Axes::NONE), &[]);
         let halts = log.halts();
-        assert_eq!((halts.len(), halts[0].begin_s, halts[0].duration_s), (1, 1.0, 2.0));
-        assert_eq!(log.time_s()[FIRST_READINGS], 0.25);
-        assert_eq!(log.time_s().values().sum::<f64>(), 3.0);
+        assert_eq!((halts.len(), halts[0].begin_s, halts[0].duration_s), (1, 1.0, 3.0));
+        assert_eq!((log.time_s()[FIRST_READINGS], log.time_s()["sonar"]), (0.75, 1.0));
+        assert_eq!(log.time_s().values().sum::<f64>(), 4.0);
+    }
+
+    #[test]
+    fn an_echo_at_the_start_is_a_halt() {
+        let mut log = ControlLog::default();
+        let echo = Verdict { reason: Reason::Echo.code(), ..verdict("sonar", Outcome::Halting, Kind::Halt) };
+        log.decision(&decision(0.0, Mode::Halted, Axes::ALL), &[echo]);
+        assert!(log.is_halted());
     }
 
     #[test]

@@ -123,7 +123,7 @@ pub struct RunSummary {
     pub rms_offset_m: Option<f64>,
     /// Meetings with people.
     pub encounters: Vec<Encounter>,
-    /// Times that the arbiter kept the robot from moving forward, once every critical part had been heard.
+    /// Times that the arbiter kept the robot from moving forward, once the first readings were there.
     pub halts: Vec<Halt>,
     /// Seconds that each behaviour was in control; what was in control while no behaviour was goes by its own name.
     pub control_s: BTreeMap<String, f64>,
