@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use yamabico_arbiter::execution::End;
+use yamabico_arbiter::report::RunSummary;
 use yamabico_arbiter::run::Ran;
 
 use crate::output::table;
@@ -13,8 +14,8 @@ pub fn run_table(ran: &Ran) -> String {
     if !ran.summary.halts.is_empty() {
         text += &halts(ran);
     }
-    text += &behaviours(ran);
-    text += &topics(ran);
+    text += &behaviours(&ran.summary);
+    text += &topics(&ran.summary);
     text += &left(ran);
     text
 }
@@ -61,10 +62,20 @@ fn halts(ran: &Ran) -> String {
     format!("{table}\n")
 }
 
-fn behaviours(ran: &Ran) -> String {
-    let head = ["behaviour", "in control", "calls", "p50", "p99", "overruns", "abstained", "mostly because"];
-    let mut table = table(&head, 1..7);
-    let (behaviours, control_s) = (&ran.summary.behaviours, &ran.summary.control_s);
+fn behaviours(summary: &RunSummary) -> String {
+    let head = [
+        "behaviour",
+        "in control",
+        "calls",
+        "p50",
+        "p99",
+        "overruns",
+        "panics",
+        "abstained",
+        "mostly because",
+    ];
+    let mut table = table(&head, 1..8);
+    let (behaviours, control_s) = (&summary.behaviours, &summary.control_s);
     let seconds = |name: &str| format!("{:.1} s", control_s.get(name).copied().unwrap_or(0.0));
     for (name, behaviour) in behaviours {
         let timing = &behaviour.timing;
@@ -77,6 +88,7 @@ fn behaviours(ran: &Ran) -> String {
             format!("{:.0} us", timing.p50_us),
             format!("{:.0} us", timing.p99_us),
             timing.overruns.to_string(),
+            timing.panics.to_string(),
             behaviour.abstentions.to_string(),
             because.to_owned(),
         ]);
@@ -87,9 +99,9 @@ fn behaviours(ran: &Ran) -> String {
     format!("{table}\n")
 }
 
-fn topics(ran: &Ran) -> String {
+fn topics(summary: &RunSummary) -> String {
     let mut table = table(&["topic", "messages"], 1..2);
-    for (topic, messages) in &ran.summary.topics {
+    for (topic, messages) in &summary.topics {
         table.add_row([topic.clone(), messages.to_string()]);
     }
     format!("{table}\n")
@@ -113,4 +125,42 @@ fn left(ran: &Ran) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_arbiter::report::{BehaviourSummary, Ending, ReferenceLine, SummaryTap};
+
+    fn summary() -> RunSummary {
+        RunSummary {
+            control_s: [("wall", 2.5), ("nobody", 0.5)].map(|(name, s)| (name.into(), s)).into(),
+            behaviours: [("wall".into(), BehaviourSummary::default())].into(),
+            topics: [("truth".into(), 41)].into(),
+            ..SummaryTap::new(ReferenceLine::default()).finish(Ending::default())
+        }
+    }
+
+    #[test]
+    fn every_second_of_control_is_in_the_table() {
+        let table = behaviours(&summary());
+        let seconds_of = |name: &str| {
+            let row = table.lines().find(|line| line.contains(name)).unwrap();
+            row.split('┆').nth(1).unwrap().trim().trim_end_matches(['│', ' ']).to_owned()
+        };
+        assert_eq!((seconds_of("wall"), seconds_of("nobody")), ("2.5 s".into(), "0.5 s".into()));
+    }
+
+    #[test]
+    fn panics_are_told() {
+        let mut summary = summary();
+        summary.behaviours.values_mut().for_each(|behaviour| behaviour.timing.panics = 73);
+        assert!(behaviours(&summary).contains("73"));
+    }
+
+    #[test]
+    fn topics_are_told_with_their_messages() {
+        let table = topics(&summary());
+        assert!(table.lines().any(|line| line.contains("truth") && line.contains("41")), "{table}");
+    }
 }
