@@ -95,7 +95,8 @@ pub struct Ran {
     /// The figures.
     #[serde(flatten)]
     pub summary: RunSummary,
-    /// Messages that came too fast to be seen: the figures, the digest and the recording are without them.
+    /// Messages whose numbers are missing, because they came too fast or their device passed over them: the figures, the
+    /// digest and the recording are without them.
     pub unseen: u64,
     /// The recording, where there is one.
     pub recording: Option<Left>,
@@ -114,7 +115,7 @@ pub struct Left {
     pub bytes: u64,
     /// Messages in it on each topic of the bus.
     pub messages: BTreeMap<String, u64>,
-    /// Pictures and messages that are not in it because they came too fast, or the disk was too slow or full.
+    /// Pictures and messages that are not in it: unseen, or left out because the disk was too slow or full.
     pub missing: u64,
     /// Why it broke off, where it did.
     pub problem: Option<String>,
@@ -179,7 +180,7 @@ pub fn run(
     let timings = robot.finish().into_iter().map(|(name, record)| (name, timing(&record))).collect();
     let picture = options.pictures.as_deref().map(|folder| folder.join("trajectory.png"));
     let written = picture.as_deref().map(|path| write_trajectory(path, &trace, &walls));
-    let trajectory_problem = written.and_then(|written| written.err()).map(|error| error.to_string());
+    let trajectory_problem = written.and_then(Result::err).map(|error| error.to_string());
     Ok(Ran {
         task: task.name.clone(),
         seed: options.seed,

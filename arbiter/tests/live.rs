@@ -31,6 +31,9 @@ const PERIOD: Duration = Duration::from_millis(20);
 /// Polls or commands until what is to fail does so: 0.3 s.
 const LIFE: u64 = 15;
 
+/// More messages at once than a recorder can fall behind, which are 1024.
+const FLOOD: u64 = 1100;
+
 /// Speeds that each robot's drive was given, m/s.
 static GIVEN: Mutex<BTreeMap<String, Vec<f64>>> = Mutex::new(BTreeMap::new());
 
@@ -48,6 +51,7 @@ struct Wheels {
     kind: String,
     speed: Arc<Mutex<f64>>,
     polls: u64,
+    sequence: u64,
 }
 
 impl Sensor for Wheels {
@@ -61,8 +65,14 @@ impl Sensor for Wheels {
             "ending" if self.polls > LIFE => return Ok(Due::Ended),
             _ => {}
         }
-        let vx = *self.speed.lock().unwrap();
-        outputs.publish(&self.name, &Odometry { stamp_ns: now.0, vx, ..Default::default() }, &[])?;
+        let vx = if self.kind == "raving" { f64::NAN } else { *self.speed.lock().unwrap() };
+        let messages = if self.kind == "flooding" && self.polls == 2 { FLOOD } else { 1 };
+        for _ in 0..messages {
+            self.sequence += 1;
+            let header =
+                Odometry { stamp_ns: now.0, sequence: self.sequence, vx, x: vx, ..Default::default() };
+            outputs.publish(&self.name, &header, &[])?;
+        }
         Ok(Due::At(now + PERIOD))
     }
 }
@@ -92,7 +102,7 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     let speed = Arc::new(Mutex::new(0.0));
     let sensors = spec.sensors.iter().map(|sensor| {
         let (name, kind) = (sensor.name.clone(), sensor.kind.clone());
-        let wheels = Wheels { name: name.clone(), kind, speed: Arc::clone(&speed), polls: 0 };
+        let wheels = Wheels { name: name.clone(), kind, speed: Arc::clone(&speed), polls: 0, sequence: 0 };
         (name, Box::new(wheels) as Box<dyn Sensor>)
     });
     let sensors = sensors.collect();
@@ -135,6 +145,8 @@ static DRIVER: DriverPlugin = DriverPlugin {
         sensor("panicking"),
         sensor("ending"),
         sensor("unplugged"),
+        sensor("raving"),
+        sensor("flooding"),
     ],
     drives: &[drive("motor"), drive("panicking")],
     open,
@@ -182,8 +194,33 @@ impl Behavior for Broken {
     }
 }
 
+/// Proposes what is no number.
+struct Raving;
+
+impl Plugin for Raving {
+    type Config = Nothing;
+    const NAME: &'static str = "raving";
+    const SUMMARY: &'static str = "Proposes what is no number.";
+    const INPUTS: &'static [SlotInfo] = &[];
+    const CLAIMS: Axes = Axes::PLANAR;
+
+    fn new(_: Nothing, _: &Setup) -> Result<Self, BuildError> {
+        Ok(Raving)
+    }
+}
+
+impl Behavior for Raving {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        Proposal::drive(Axes::PLANAR, Twist::planar(f64::NAN, f64::INFINITY))
+    }
+}
+
 static PLUGINS: Plugins<'static> = Plugins {
-    behaviors: &[BehaviorPlugin::of::<Runner>(), BehaviorPlugin::of::<Broken>()],
+    behaviors: &[
+        BehaviorPlugin::of::<Runner>(),
+        BehaviorPlugin::of::<Broken>(),
+        BehaviorPlugin::of::<Raving>(),
+    ],
     drivers: &[DRIVER],
 };
 
@@ -221,8 +258,12 @@ impl Test {
     }
 
     fn run(&self) -> Result<Ran, RunError> {
-        let flag = AtomicBool::new(false);
-        run(&self.task, &self.options(), &flag, &mut Tee::default(), &mut |_| {})
+        self.run_at(Pace::Live)
+    }
+
+    fn run_at(&self, pace: Pace) -> Result<Ran, RunError> {
+        let (flag, options) = (AtomicBool::new(false), Options { pace, ..self.options() });
+        run(&self.task, &options, &flag, &mut Tee::default(), &mut |_| {})
     }
 
     /// Runs and presses Ctrl-C after `pressed_s` seconds.
@@ -270,13 +311,34 @@ fn a_drive_without_any_sensor_runs_and_is_waited_for() {
 fn a_sensor_that_dies_leaves_the_drive_at_rest() {
     for (kind, words) in [("failing", "the cable is off"), ("panicking", "it panicked: the cable is off")] {
         let side = format!("sensors.side = {{ device = \"body\", kind = \"{kind}\" }}\n");
-        let test = Test::new(kind, &format!("{BODY}{WHEELS}{side}"), RUNNER);
-        let error = test.run().unwrap_err();
-        assert!(error.is_of_a_device(), "{error}");
-        let error = error.to_string();
-        assert!(error.contains("`side`") && error.contains(words), "{error}");
-        test.assert_left_at_rest();
+        for pace in [Pace::Live, Pace::Lockstep] {
+            let test = Test::new(&format!("{kind}-{pace:?}"), &format!("{BODY}{WHEELS}{side}"), RUNNER);
+            let error = test.run_at(pace).unwrap_err();
+            assert!(error.is_of_a_device(), "{error}");
+            let error = error.to_string();
+            assert!(error.contains("`side`") && error.contains(words), "{error}");
+            test.assert_left_at_rest();
+        }
     }
+}
+
+#[test]
+fn what_is_no_number_moves_nothing() {
+    let raving = "[behaviors.raving]\npriority = 20\n";
+    let robot = format!("{BODY}{}", WHEELS.replace("lasting", "raving"));
+    let test = Test::new("raving", &robot, &format!("[run]\nduration_s = 0.5\n{raving}"));
+    let ran = test.run_at(Pace::Lockstep).unwrap();
+    assert_eq!((ran.end, ran.summary.distance_m), (End::TimeOver, 0.0));
+    let given = GIVEN.lock().unwrap()[&test.robot].clone();
+    assert!(given.len() > 20 && given.iter().all(|&speed| speed == 0.0), "{given:?}");
+}
+
+#[test]
+fn messages_that_came_too_fast_are_told_of() {
+    let robot = format!("{BODY}{}", WHEELS.replace("lasting", "flooding"));
+    let test = Test::new("flood", &robot, &format!("[run]\nduration_s = 0.5\n{RUNNER}"));
+    let ran = test.run_at(Pace::Lockstep).unwrap();
+    assert_eq!((ran.unseen, ran.recording.unwrap().missing), (FLOOD - 1024, FLOOD - 1024));
 }
 
 #[test]

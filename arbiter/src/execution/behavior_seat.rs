@@ -167,19 +167,24 @@ impl BehaviorSeat {
             (panics < MOST_PANICS).then(|| (plan.plugin.build)(&plan.table, &plan.setup)).transpose()
         }));
         let name = &plan.setup.name;
-        match rebuilt {
+        self.behavior = match rebuilt {
             Ok(Ok(Some(anew))) => {
                 tracing::error!("behaviour `{name}` panicked and is built anew");
-                self.behavior = Some(anew);
+                Some(anew)
             }
-            Ok(Ok(None)) => tracing::error!("behaviour `{name}` panicked {panics} times and stays out"),
+            Ok(Ok(None)) => {
+                tracing::error!("behaviour `{name}` panicked {panics} times and stays out");
+                None
+            }
             Ok(Err(error)) => {
                 tracing::error!("behaviour `{name}` panicked, cannot be built anew and stays out: {error}");
+                None
             }
             Err(_) => {
-                tracing::error!("behaviour `{name}` panicked again while it was built anew and stays out")
+                tracing::error!("behaviour `{name}` panicked, again while it was built anew, and stays out");
+                None
             }
-        }
+        };
     }
 }
 
@@ -208,4 +213,74 @@ pub enum SeatError {
         /// What the system said.
         source: std::io::Error,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use yamabico_core::bus::Spec;
+    use yamabico_core::message::Axes;
+
+    struct Broken;
+
+    impl Behavior for Broken {
+        fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+            panic!("as every time")
+        }
+    }
+
+    fn seat(build: yamabico_core::behavior::Build) -> BehaviorSeat {
+        let bus = Bus::local("seat").unwrap();
+        bus.create::<Proposal>(&topics::proposal("broken"), &Spec::default()).unwrap();
+        let plugin = BehaviorPlugin {
+            name: "broken",
+            summary: "Panics.",
+            inputs: &[],
+            outputs: &[],
+            claims: Axes::NONE,
+            schema: schemars::Schema::default,
+            build,
+        };
+        let plan = BehaviorPlan {
+            plugin,
+            table: toml::Table::new(),
+            setup: Setup { name: "broken".into(), ..Setup::default() },
+            priority: 1,
+            inputs: Vec::new(),
+            period: Some(Duration::from_millis(20)),
+            budget: None,
+        };
+        BehaviorSeat::open(plan, &bus).unwrap()
+    }
+
+    fn panics_of(mut seat: BehaviorSeat) -> u32 {
+        for step in 0..10 {
+            seat.propose(Time::from_secs_f64(0.02 * f64::from(step))).unwrap();
+        }
+        assert_eq!(seat.next_call(), None, "who stays out wants nothing");
+        assert_eq!(u64::from(seat.record().panics), seat.record().calls.count());
+        seat.record().panics
+    }
+
+    #[test]
+    fn who_panics_too_often_stays_out() {
+        assert_eq!(panics_of(seat(|_, _| Ok(Box::new(Broken)))), MOST_PANICS);
+    }
+
+    #[test]
+    fn who_cannot_be_built_anew_stays_out() {
+        static REFUSED: AtomicU32 = AtomicU32::new(0);
+        let refuses = seat(|_, _| match REFUSED.fetch_add(1, Ordering::Relaxed) {
+            0 => Ok(Box::new(Broken)),
+            _ => Err(BuildError::new("", "not again")),
+        });
+        assert_eq!(panics_of(refuses), 1);
+        static PANICKED: AtomicU32 = AtomicU32::new(0);
+        let panics = seat(|_, _| match PANICKED.fetch_add(1, Ordering::Relaxed) {
+            0 => Ok(Box::new(Broken)),
+            _ => panic!("not again"),
+        });
+        assert_eq!(panics_of(panics), 1);
+    }
 }

@@ -38,8 +38,8 @@ pub struct Progress {
     pub to_go_m: Option<f64>,
 }
 
-/// Runs `lockstep` until its goal is reached, its time is over, its sensors have ended or `interrupt` is set; then until the
-/// robot stands. `tap` is shown every message, `progress` every step.
+/// Runs `lockstep` until its goal is reached, its time is over, its sensors have ended, something fails or `interrupt` is set;
+/// then until the robot stands. `tap` is shown every message, `progress` every step.
 ///
 /// # Errors
 /// A device failed.
@@ -51,18 +51,25 @@ pub fn run_lockstep(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<End, DeviceError> {
     let mut referee = Referee::new(run.goal);
-    let mut end = None;
-    let mut told: Option<Time> = None;
+    let mut failure = None;
+    let mut told: Option<(End, Time)> = None;
     loop {
         let now = lockstep.now();
-        let supply = lockstep.step(&mut Tee(vec![&mut referee, tap]))?;
-        progress(Progress { elapsed: now.since(Time::ZERO), to_go_m: referee.to_go_m() });
-        end = end.or_else(|| ended(run, &referee, now.since(Time::ZERO), supply, interrupt));
-        let Some(end) = end else { continue };
-        let told = *told.get_or_insert(now);
+        let elapsed = now.since(Time::ZERO);
+        let stepped = lockstep.step(&mut Tee(vec![&mut referee, tap]));
+        progress(Progress { elapsed, to_go_m: referee.to_go_m() });
+        let over = match stepped {
+            Ok(supply) => ended(run, &referee, elapsed, supply, interrupt),
+            Err(error) => {
+                failure.get_or_insert(error);
+                Some(End::Interrupted)
+            }
+        };
+        told = told.or_else(|| Some((over?, now)));
+        let Some((end, since)) = told else { continue };
         lockstep.arbiter().shut_down();
-        if (referee.stands() && now > told) || now.since(told) > REST {
-            return Ok(end);
+        if (referee.stands() && now > since) || now.since(since) > REST {
+            return failure.map_or(Ok(end), Err);
         }
     }
 }

@@ -133,7 +133,7 @@ impl Live {
         };
         self.began = monotonic_now();
         self.start_thread("arbiter", move |orders, report| {
-            arbitrate(arbiter, waiter, period, orders, report)
+            arbitrate(arbiter, waiter, period, orders, report);
         })?;
         for (seat, waiter) in behaviors {
             let name = seat.name().to_owned();
@@ -356,6 +356,10 @@ fn operate(mut seat: DeviceSeat, mut waiter: Waiter, orders: &Orders, report: &d
             report(Report::Failed(error));
         }
         nap(&mut waiter, sleep);
+    }
+    // What was commanded before the end is obeyed before the end.
+    if let Err(error) = seat.drive(monotonic_now()) {
+        report(Report::Failed(error));
     }
 }
 

@@ -84,21 +84,23 @@ impl Lockstep {
     }
 
     /// Sensors that are due publish, behaviours propose, the arbiter decides, the drive obeys, and `tap` is shown all of it.
-    /// Then time advances.
+    /// Then time advances. What fails keeps nobody else from their turn.
     ///
     /// # Errors
-    /// A device failed, or the bus did.
+    /// A device failed, or the bus did; of several failures the first.
     pub fn step(&mut self, tap: &mut dyn Tap) -> Result<Supply, DeviceError> {
+        let mut outcome = Ok(());
         let (mut measuring, mut ended) = (0, 0);
         for device in &mut self.devices {
+            let polled = device.poll(self.now);
             measuring += usize::from(device.measures());
-            ended += usize::from(device.poll(self.now)? == Due::Ended && device.measures());
+            ended += usize::from(polled == Ok(Due::Ended) && device.measures());
+            outcome = outcome.and(polled.map(drop));
         }
-        self.crew.collect()?;
-        self.crew.propose(self.now)?;
-        self.arbiter.step(self.now).map_err(bus_failed)?;
+        outcome = outcome.and(self.crew.collect()).and(self.crew.propose(self.now));
+        outcome = outcome.and(self.arbiter.step(self.now).map_err(bus_failed));
         for device in &mut self.devices {
-            device.drive(self.now)?;
+            outcome = outcome.and(device.drive(self.now));
         }
         for (topic, message, subscriber) in &self.taps {
             while let Some(sample) = subscriber.receive().map_err(bus_failed)? {
@@ -106,7 +108,7 @@ impl Lockstep {
             }
         }
         self.now = self.now + self.step;
-        Ok(Supply::of(measuring, ended))
+        outcome.map(|()| Supply::of(measuring, ended))
     }
 
     /// Messages that the taps have lost.
