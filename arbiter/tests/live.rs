@@ -128,6 +128,7 @@ const fn sensor(kind: &'static str) -> SensorPlugin {
             })
         },
         most_bytes: |_| Ok(0),
+        check: |_, _| Ok(()),
     }
 }
 
@@ -139,6 +140,7 @@ static DRIVER: DriverPlugin = DriverPlugin {
     name: "stand-in",
     summary: "A body that moves as it is told.",
     schema,
+    files: &[],
     sensors: &[
         sensor("lasting"),
         sensor("failing"),

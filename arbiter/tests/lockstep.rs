@@ -62,6 +62,7 @@ static DRIVER: DriverPlugin = DriverPlugin {
     name: "stand-in",
     summary: "Counts.",
     schema,
+    files: &[],
     sensors: &[SensorPlugin {
         kind: "counter",
         summary: "Counts up.",
@@ -77,6 +78,7 @@ static DRIVER: DriverPlugin = DriverPlugin {
             })
         },
         most_bytes: |_| Ok(0),
+        check: |_, _| Ok(()),
     }],
     drives: &[DrivePlugin { kind: "motor", summary: "Obeys.", axes: Axes::PLANAR, schema }],
     open: |spec| {

@@ -1,12 +1,13 @@
 //! The seam that a sensor implements, and what is known of a sensor and of a robot.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use schemars::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{BuildError, Outputs, PublishError};
 use crate::camera::{Distortion, Intrinsics, Mount};
+use crate::config::FileKind;
 use crate::drive::Drive;
 use crate::message::{Axes, MessageType};
 use crate::time::Time;
@@ -157,6 +158,8 @@ pub struct DriverPlugin {
     pub summary: &'static str,
     /// JSON Schema of the device's own table.
     pub schema: fn() -> Schema,
+    /// The TOML files that the device's own table names; they are checked with it.
+    pub files: &'static [FileKind],
     /// The kinds of sensor that it offers.
     pub sensors: &'static [SensorPlugin],
     /// The kinds of drive that it offers.
@@ -186,6 +189,9 @@ pub struct SensorPlugin {
     pub describe: fn(name: &str, &toml::Table) -> Result<SensorInfo, BuildError>,
     /// The longest list of items in one of its messages, in bytes.
     pub most_bytes: fn(&toml::Table) -> Result<usize, BuildError>,
+    /// Looks whether what a checked table names outside the robot file, such as pictures, is there and fits. Relative
+    /// paths start at the folder. Opens no device.
+    pub check: fn(&toml::Table, &Path) -> Result<(), BuildError>,
 }
 
 /// A kind of drive that a driver offers.

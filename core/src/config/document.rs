@@ -59,12 +59,19 @@ impl Table {
         self.entry(key)?.node.as_table()
     }
 
-    /// Where the value of the dotted `path` stands, or as much of the path as there is.
+    /// Where the value of the dotted `path`, such as `door[2].at_m`, stands, or as much of the path as there is.
     pub fn span_of(&self, path: &str) -> Option<Span> {
         let (first, rest) = path.split_once('.').unwrap_or((path, ""));
-        let entry = self.entry(first)?;
-        let deeper = entry.node.as_table().and_then(|table| table.span_of(rest));
-        Some(deeper.unwrap_or(entry.node.span))
+        let (key, index) = match first.strip_suffix(']').and_then(|first| first.split_once('[')) {
+            Some((key, index)) => (key, index.parse::<usize>().ok()),
+            None => (first, None),
+        };
+        let mut node = &self.entry(key)?.node;
+        if let (Value::List(items), Some(index)) = (&node.value, index) {
+            node = items.get(index).unwrap_or(node);
+        }
+        let deeper = node.as_table().and_then(|table| table.span_of(rest));
+        Some(deeper.unwrap_or(node.span))
     }
 
     /// The plain TOML table with the keys that `keep` picks.

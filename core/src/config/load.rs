@@ -10,6 +10,7 @@ use super::plugins::Plugins;
 use super::problem::{Problem, Problems, Source, Span};
 use super::read_robot::{RobotDraft, read_robot};
 use super::read_task::read_task;
+use super::robot::DeviceFile;
 use super::task::Task;
 
 /// Reads a task file and its robot file with the changes of `overrides`, and checks everything that can be checked without
@@ -76,7 +77,29 @@ impl Loader {
         for change in changes {
             change.apply(&mut self.robot_tree, &mut self.problems);
         }
-        Some(read_robot(Home { source, path: &path }, &self.robot_tree, plugins, &mut self.problems))
+        let home = Home { source, path: &path };
+        let draft = read_robot(home, &self.robot_tree, plugins, &mut self.problems);
+        for device in &draft.devices {
+            self.check_files(device, home);
+        }
+        Some(draft)
+    }
+
+    /// Checks the files that a device's table names; those that are not there have been told.
+    fn check_files(&mut self, device: &DeviceFile, home: Home<'_>) {
+        for kind in device.driver.files {
+            let table = self.robot_tree.table("devices").and_then(|devices| devices.table(&device.name));
+            let Some(entry) = table.and_then(|table| table.entry(kind.key)) else { continue };
+            let (Some(text), span) = (entry.node.as_text(), entry.node.span) else { continue };
+            let path = home.file(text, span);
+            if !path.is_file() {
+                continue;
+            }
+            let source = self.shelve(path.display().to_string(), String::new());
+            if let Some(tree) = self.read(&path, source, Some(span)) {
+                kind.check(&tree, source, &mut self.problems);
+            }
+        }
     }
 
     /// The robot file's path, and where it is named.

@@ -7,6 +7,7 @@
 
 mod describe;
 mod document;
+mod file;
 mod grammar;
 mod graph;
 mod inputs;
@@ -31,6 +32,7 @@ mod units;
 mod wires;
 
 pub use describe::{Description, Listed, Listing, Parameter, Port, describe, list};
+pub use file::FileKind;
 pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
 pub use overrides::Overrides;

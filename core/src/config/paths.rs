@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 
 use super::document::Table;
 use super::nearest::nearest;
-use super::problem::Problem;
+use super::problem::{Problem, Span};
 use super::shape::Shape;
 
 /// The file that a table is written in.
@@ -23,6 +23,14 @@ impl Home<'_> {
     /// Its folder.
     pub fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The file or folder that `text`, written at `span`, names.
+    pub fn file(&self, text: &str, span: Span) -> PathBuf {
+        match span.source == self.source {
+            true => tidy(&self.folder().join(text)),
+            false => PathBuf::from(text),
+        }
     }
 }
 
@@ -41,10 +49,7 @@ pub(crate) fn resolve_paths(
         let Some(entry) = table.entry(key) else { continue };
         let Some(text) = entry.node.as_text() else { continue };
         let on_command_line = entry.node.span.source != home.source;
-        let path = match on_command_line {
-            true => PathBuf::from(text),
-            false => tidy(&home.folder().join(text)),
-        };
+        let path = home.file(text, entry.node.span);
         let is_there = match format {
             "file" => path.is_file(),
             "folder" => path.is_dir(),

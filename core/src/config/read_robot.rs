@@ -182,8 +182,13 @@ fn check_part(
     let mut found = Vec::new();
     check_table(table, entry.node.span, &shapes, &shape.owner, &mut found);
     if shape.own.is_none() {
-        // Its own keys cannot be judged while the kind is not known.
-        found.retain(|problem| !problem.message.starts_with("unknown key"));
+        // Its own keys cannot be judged while the kind is not known, but those that stand in for a common one can.
+        let required = Shape::new(&shape.common).required();
+        let meant: Vec<String> = required.iter().map(|key| format!("did you mean `{key}`?")).collect();
+        found.retain(|problem| {
+            !problem.message.starts_with("unknown key")
+                || problem.help.as_ref().is_some_and(|help| meant.contains(help))
+        });
     }
     for problem in found.iter_mut().filter(|problem| problem.message == "`kind` is missing") {
         if !shape.offered.is_empty() {
@@ -230,6 +235,10 @@ fn read_sensor(
     match ((plugin.describe)(&entry.key, &table), (plugin.most_bytes)(&table)) {
         (Ok(info), Ok(most_bytes)) => {
             draft.info = Some(info.clone());
+            if let Err(error) = (plugin.check)(&table, home.folder()) {
+                let other = format!("--set robot.sensors.{}.{}=...", entry.key, error.key);
+                problems.push(refusal(entry, &error).help(format!("another one for this run: {other}")));
+            }
             let (critical, max_age) = criticality(entry, &info, problems);
             let part = PartSpec { name: entry.key.clone(), kind: plugin.kind.to_owned(), table };
             draft.file = Some(SensorFile { device, part, info, most_bytes, critical, max_age });

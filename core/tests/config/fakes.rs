@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
 };
-use yamabico_core::config::{Overrides, Plugins, Problems, Task, load};
+use yamabico_core::config::{FileKind, Overrides, Plugins, Problems, Task, load};
 use yamabico_core::message::{
     Axes, FrameHeader, MessageType, Odometry, Pose, Proposal, RangeScanHeader, Reason, Truth,
 };
@@ -240,6 +240,27 @@ struct SimConfig {
     world: String,
 }
 
+/// A world.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct World {
+    /// Of the hallway.
+    #[schemars(range(min = 1.0, max = 200.0))]
+    length_m: f64,
+    /// Doors.
+    #[serde(rename = "door")]
+    doors: Vec<Door>,
+}
+
+/// A door.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Door {
+    /// Along the hallway.
+    #[schemars(range(min = 0.0, max = 200.0))]
+    at_m: f64,
+}
+
 /// Of a camera.
 #[derive(Debug, Deserialize, JsonSchema)]
 struct CameraConfig {
@@ -253,6 +274,8 @@ struct CameraConfig {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1000.0))]
     latency_ms: f64,
+    /// A picture that is black where nothing is to be seen.
+    mask: Option<String>,
     /// Horizontal field of view.
     #[serde(default = "ninety")]
     #[schemars(range(min = 10.0, max = 170.0))]
@@ -281,6 +304,18 @@ const SIM: DriverPlugin = DriverPlugin {
     name: "sim",
     summary: "A simulated robot.",
     schema: || schemars::schema_for!(SimConfig),
+    files: &[FileKind {
+        key: "world",
+        what: "a world file",
+        schema: || schemars::schema_for!(World),
+        rules: |table| {
+            let world: World = read(table).unwrap_or_default();
+            let outside = world.doors.iter().enumerate().filter(|(_, door)| door.at_m > world.length_m);
+            outside
+                .map(|(i, _)| BuildError::new(format!("door[{i}].at_m"), "lies beyond the far end"))
+                .collect()
+        },
+    }],
     sensors: &[
         SensorPlugin {
             kind: "camera",
@@ -299,6 +334,12 @@ const SIM: DriverPlugin = DriverPlugin {
                 Ok(SensorInfo { latency_s: config.latency_ms * 1e-3, ..info })
             },
             most_bytes: |table| Ok(read::<CameraConfig>(table)?.width_px as usize * 480),
+            check: |table, folder| match &read::<CameraConfig>(table)?.mask {
+                Some(mask) if !folder.join(mask).is_file() => {
+                    Err(BuildError::new("mask", format!("there is no picture {mask}")))
+                }
+                _ => Ok(()),
+            },
         },
         periodic("sonar-ring", "Sonars.", MessageType::of::<RangeScanHeader>()),
         periodic("wheels", "Wheel encoders.", MessageType::of::<Odometry>()),
@@ -317,6 +358,7 @@ const BENCH: DriverPlugin = DriverPlugin {
     name: "bench",
     summary: "Nothing at all.",
     schema: || schemars::schema_for!(Nothing),
+    files: &[],
     sensors: &[],
     drives: &[],
     open: |_| Err(BuildError::new("", "cannot be opened")),
@@ -330,6 +372,7 @@ const fn periodic(kind: &'static str, summary: &'static str, message: MessageTyp
         schema: || schemars::schema_for!(PeriodConfig),
         describe: |name, table| Ok(info(name, "", read::<PeriodConfig>(table)?.period_ms * 1e-3)),
         most_bytes: |_| Ok(4096),
+        check: |_, _| Ok(()),
     }
 }
 

@@ -23,7 +23,12 @@ fn load_bytes(task: &[u8], robot: &[u8], set: Vec<String>) -> std::io::Result<()
     std::fs::write(folder.join("robots/sim.toml"), robot)?;
     let overrides = Overrides { robot: None::<PathBuf>, set };
     if let Err(problems) = load(&folder.join("task.toml"), &overrides, &PLUGINS) {
-        assert!(!problems.is_empty());
+        assert!(
+            !problems.is_empty(),
+            "refused without a reason:\n{}\n{}",
+            String::from_utf8_lossy(task),
+            String::from_utf8_lossy(robot)
+        );
         assert!(!problems.render(Style::Plain).is_empty());
         assert!(!problems.render(Style::Coloured).is_empty());
         assert_eq!(problems.entries().len(), problems.len());

@@ -1,10 +1,11 @@
 //! Which files make a sequence, and whether each can be one of its pictures.
 
-use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 
-use image::{ImageError, ImageReader};
+use image::{ImageError, ImageFormat, ImageReader};
+
+use crate::config::ImageSequenceConfig;
 
 /// A sequence that cannot be shown.
 #[derive(Debug, thiserror::Error)]
@@ -83,7 +84,7 @@ impl SequenceError {
 ///
 /// # Errors
 /// Nothing of that name, an empty folder, a pattern without a match, an unreadable folder.
-pub(crate) fn list(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+fn list(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let path: PathBuf = folder.join(files).components().collect();
     let mut found = if path.is_dir() {
         pictures_in(&path)?
@@ -125,20 +126,69 @@ fn matches_of(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError>
     if found.is_empty() { Err(SequenceError::NoMatch(path)) } else { Ok(found) }
 }
 
-/// Reads as much of a file as tells its kind and its size.
+/// Finds the pictures of a sequence and looks at each; `folder` is where relative paths start. Never empty.
+///
+/// # Errors
+/// As [`list`] and [`inspect`].
+pub(crate) fn find(config: &ImageSequenceConfig, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+    let files = list(&config.files, folder)?;
+    for file in &files {
+        inspect(file, config.intrinsics.width, config.intrinsics.height)?;
+    }
+    Ok(files)
+}
+
+/// Tells a picture's kind and size and whether it is all there, without decoding it.
 ///
 /// # Errors
 /// Unreadable, not an image, cut short, or not `width` x `height`.
-pub(crate) fn inspect(path: &Path, width: u32, height: u32) -> Result<(), SequenceError> {
+fn inspect(path: &Path, width: u32, height: u32) -> Result<(), SequenceError> {
     let unreadable = |source| SequenceError::Unreadable { path: path.to_owned(), source };
-    let file = BufReader::new(File::open(path).map_err(unreadable)?);
-    let reader = ImageReader::new(file).with_guessed_format().map_err(unreadable)?;
-    if reader.format().is_none() {
-        return Err(SequenceError::NotAnImage(path.to_owned()));
+    let bytes = std::fs::read(path).map_err(unreadable)?;
+    let format = image::guess_format(&bytes).map_err(|_| SequenceError::NotAnImage(path.to_owned()))?;
+    let actual = ImageReader::with_format(Cursor::new(&bytes), format)
+        .into_dimensions()
+        .map_err(|error| SequenceError::decoding(path, error))?;
+    check_size(path, actual, width, height)?;
+    if is_complete(format, &bytes) { Ok(()) } else { Err(SequenceError::Truncated(path.to_owned())) }
+}
+
+/// Whether a picture's data come to their end: the decoder of JPEG fills what is missing with grey and says nothing.
+pub(crate) fn is_complete(format: ImageFormat, bytes: &[u8]) -> bool {
+    match format {
+        ImageFormat::Jpeg => jpeg_is_complete(bytes),
+        ImageFormat::Png => png_is_complete(bytes),
+        _ => true,
     }
-    let (actual_width, actual_height) =
-        reader.into_dimensions().map_err(|error| SequenceError::decoding(path, error))?;
-    check_size(path, (actual_width, actual_height), width, height)
+}
+
+/// Whether the chunks go on to the last one.
+fn png_is_complete(bytes: &[u8]) -> bool {
+    let mut at = 8;
+    while let Some(&[a, b, c, d, ref kind @ ..]) = bytes.get(at..at + 8) {
+        if kind == b"IEND" {
+            return true;
+        }
+        // Length, kind and checksum are four bytes each.
+        at = at.saturating_add(12).saturating_add(u32::from_be_bytes([a, b, c, d]) as usize);
+    }
+    false
+}
+
+/// Whether the picture's data come to their end marker.
+fn jpeg_is_complete(bytes: &[u8]) -> bool {
+    const START_OF_SCAN: u8 = 0xda;
+    const END_OF_IMAGE: [u8; 2] = [0xff, 0xd9];
+    let mut at = 2;
+    while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
+        if marker == START_OF_SCAN {
+            // Within a scan 0xff is followed by zero or a restart marker: the end marker cannot occur by chance.
+            return bytes[at..].windows(2).any(|pair| pair == END_OF_IMAGE);
+        }
+        // Padding before a marker is one byte of 0xff; a segment tells its length.
+        at += if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
+    }
+    false
 }
 
 /// # Errors
@@ -154,4 +204,19 @@ pub(crate) fn check_size(
     }
     let (actual_width, actual_height) = actual;
     Err(SequenceError::WrongSize { path: path.to_owned(), actual_width, actual_height, width, height })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_marker_in_a_thumbnail_is_not_the_end() {
+        let thumbnail = [0xff, 0xe1, 0, 6, 0xff, 0xd9, 1, 2];
+        let scan = [0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0, 4];
+        let cut = [&[0xff, 0xd8][..], &thumbnail, &scan].concat();
+        assert!(!jpeg_is_complete(&cut));
+        assert!(jpeg_is_complete(&[&cut[..], &[0xff, 0xd9]].concat()));
+        assert!(!jpeg_is_complete(&[0xff, 0xd8]) && !jpeg_is_complete(&[]));
+    }
 }

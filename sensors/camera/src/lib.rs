@@ -24,6 +24,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
     name: "camera",
     summary: "Cameras, and pictures from files in the place of one.",
     schema: || schema_for!(NoKeys),
+    files: &[],
     sensors: &[SensorPlugin {
         kind: "image-sequence",
         summary: "PNG or JPEG files in the order of their names, as a camera would take them.",
@@ -31,6 +32,10 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
         schema: || schema_for!(ImageSequenceConfig),
         describe: |name, table| read::<ImageSequenceConfig>(table)?.info(name),
         most_bytes: |table| Ok(read::<ImageSequenceConfig>(table)?.bytes()),
+        check: |table, folder| {
+            let refused = |error: SequenceError| BuildError::new("files", error.to_string());
+            files::find(&read::<ImageSequenceConfig>(table)?, folder).map_err(refused).map(drop)
+        },
     }],
     drives: &[DrivePlugin {
         kind: "none",

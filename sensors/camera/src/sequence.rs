@@ -23,19 +23,16 @@ pub struct ImageSequence {
 }
 
 impl ImageSequence {
-    /// Finds the files and looks at the head of each; relative paths start at `folder`.
+    /// Finds the files and looks whether each is there, whole and of the right size; relative paths start at `folder`.
     ///
     /// # Errors
-    /// See [`SequenceError`]; what is wrong beyond a file's head shows when it is its turn.
+    /// See [`SequenceError`]; what is wrong inside the data of a picture shows when it is its turn.
     pub fn open(
         name: &str,
         config: ImageSequenceConfig,
         folder: &Path,
     ) -> Result<ImageSequence, SequenceError> {
-        let files = files::list(&config.files, folder)?;
-        for file in &files {
-            files::inspect(file, config.intrinsics.width, config.intrinsics.height)?;
-        }
+        let files = files::find(&config, folder)?;
         Ok(ImageSequence { name: name.to_owned(), config, files, begin: None, next: 0 })
     }
 

@@ -52,13 +52,16 @@ impl Drop for Folder {
 }
 
 fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
-    let text = format!("intrinsics = {{ width = {WIDTH}, height = {HEIGHT} }}\n{keys}");
     let part = PartSpec {
         name: "front".into(),
         kind: "image-sequence".into(),
-        table: toml::from_str(&text).unwrap(),
+        table: toml::from_str(&keys_of(keys)).unwrap(),
     };
     (PLUGIN.open)(spec(folder, part))
+}
+
+fn keys_of(keys: &str) -> String {
+    format!("intrinsics = {{ width = {WIDTH}, height = {HEIGHT} }}\n{keys}")
 }
 
 fn spec(folder: &Path, part: PartSpec) -> DeviceSpec {
@@ -85,6 +88,9 @@ fn refusal(folder: &Path, keys: &str) -> String {
         Ok(_) => panic!("was opened"),
         Err(error) => {
             assert_eq!(error.key, "files");
+            let table = toml::from_str(&keys_of(keys)).unwrap();
+            let checked = (PLUGIN.sensors[0].check)(&table, folder).unwrap_err();
+            assert!(error.problem.ends_with(&checked.problem), "{checked} / {error}");
             error.to_string()
         }
     }
@@ -246,12 +252,16 @@ fn a_file_that_breaks_off_or_changes_during_the_run_fails_the_device() {
         let mut complete = sensor(&folder.0, "files = \".\"");
         assert_eq!(watch(&mut *complete, usize::MAX).unwrap().len(), 2);
         for share in [2, 3] {
+            let mut opened = sensor(&folder.0, "files = \".\"");
             std::fs::write(&path, &whole[..whole.len() - whole.len() / share]).unwrap();
-            let error = watch(&mut *sensor(&folder.0, "files = \".\""), usize::MAX).unwrap_err().to_string();
+            let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();
             assert!(
                 error.contains("`front` failed") && error.contains(name) && error.contains("cut short"),
                 "{error}"
             );
+            let refused = refusal(&folder.0, "files = \".\"");
+            assert!(refused.contains(name) && refused.contains("cut short"), "{refused}");
+            std::fs::write(&path, &whole).unwrap();
         }
         let mut opened = sensor(&folder.0, "files = \".\"");
         image::GrayImage::new(WIDTH, HEIGHT + 5).save(&path).unwrap();

@@ -20,11 +20,12 @@ use yamabico_core::sensor::{
 };
 use yamabico_core::time::Time;
 
+use crate::Scene;
 use crate::body::Body;
 use crate::encoder::EncoderConfig;
 use crate::simulation::Simulation;
 use crate::sonar::SonarConfig;
-use crate::{Scene, World};
+use crate::world::{WORLD_FILE, World};
 
 pub use camera::{CameraConfig, PixelFormat};
 pub use motors::MotorConfig;
@@ -34,6 +35,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
     name: "sim",
     summary: "A simulated world with its own time, cameras, sonars, wheel encoders and a body.",
     schema: || schema_for!(SimConfig),
+    files: &[WORLD_FILE],
     sensors: &[
         SensorPlugin {
             kind: "camera",
@@ -42,6 +44,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
             schema: || schema_for!(CameraConfig),
             describe: |name, table| read::<CameraConfig>(table)?.info(name),
             most_bytes: |table| Ok(read::<CameraConfig>(table)?.bytes()),
+            check: |_, _| Ok(()),
         },
         SensorPlugin {
             kind: "sonar",
@@ -50,6 +53,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
             schema: || schema_for!(SonarConfig),
             describe: |name, table| sonars::info(&read::<SonarConfig>(table)?, name),
             most_bytes: |table| Ok(read::<SonarConfig>(table)?.azimuths_deg.len() * size_of::<Beam>()),
+            check: |_, _| Ok(()),
         },
         SensorPlugin {
             kind: "encoders",
@@ -61,6 +65,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
                 Ok(info::<Odometry>(name, c.period_ms, c.latency_ms, SensorKind::Other))
             },
             most_bytes: |_| Ok(0),
+            check: |_, _| Ok(()),
         },
     ],
     drives: &[

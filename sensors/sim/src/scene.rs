@@ -10,7 +10,9 @@ mod walker;
 use parry3d::shape::TriMesh;
 use thiserror::Error;
 
-use crate::world::{World, WorldError};
+use yamabico_core::config::Problems;
+
+use crate::world::World;
 use build::Building;
 use figure::Facet;
 use light::Lighting;
@@ -43,7 +45,7 @@ pub struct Scene {
 pub enum SceneError {
     /// The world has values out of range.
     #[error(transparent)]
-    World(#[from] WorldError),
+    World(#[from] Problems),
     /// The world's surfaces do not make a mesh.
     #[error("the world has no usable surfaces: {0}")]
     Mesh(String),

@@ -8,8 +8,9 @@ mod random;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use yamabico_core::config::Problems;
 
-pub use check::WorldError;
+pub use check::WORLD_FILE;
 pub use corridor::{Branch, Corridor, CorridorDoor, Side};
 
 /// Linear RGB reflectance, each 0 (black) to 1 (white).
@@ -27,21 +28,26 @@ pub struct World {
     pub corridor: Option<Corridor>,
     /// Further walls, anywhere.
     #[serde(rename = "wall")]
+    #[schemars(length(max = 1000))]
     pub walls: Vec<Wall>,
     /// Boxes on the floor or above it.
     #[serde(rename = "box")]
+    #[schemars(length(max = 1000))]
     pub boxes: Vec<BoxItem>,
     /// Lit ceiling panels besides those of the hallway.
     #[serde(rename = "lamp")]
+    #[schemars(length(max = 1000))]
     pub lamps: Vec<Lamp>,
     /// People.
     #[serde(rename = "person")]
+    #[schemars(length(max = 1000))]
     pub people: Vec<Person>,
     /// The floor.
     pub floor: Floor,
     /// The ceiling.
     pub ceiling: Ceiling,
     /// Light that comes from everywhere, relative to the light under a lamp, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub ambient: Option<f32>,
 }
 
@@ -49,27 +55,34 @@ pub struct World {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
-    /// Start of the face, x and y in metres.
+    /// Start of the face, x and y in metres, each -1000 to 1000.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub from_m: [f64; 2],
-    /// End of the face, x and y in metres.
+    /// End of the face, x and y in metres, each -1000 to 1000; at most 500 m away.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub to_m: [f64; 2],
-    /// Height in metres, above 0.
+    /// Height in metres, 0.05 to 10.
     #[serde(default = "wall_height")]
+    #[schemars(range(min = 0.05, max = 10.0))]
     pub height_m: f64,
-    /// Thickness in metres, above 0.
+    /// Thickness in metres, 0.01 to 1.
     #[serde(default = "wall_thickness")]
+    #[schemars(range(min = 0.01, max = 1.0))]
     pub thickness_m: f64,
     /// Reflectance.
     #[serde(default = "wall_colour")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
     /// The strip along the bottom of its left face; none when absent.
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
     /// Doors in it.
     #[serde(default, rename = "door")]
+    #[schemars(length(max = 1000))]
     pub doors: Vec<Door>,
     /// Windows in it.
     #[serde(default, rename = "window")]
+    #[schemars(length(max = 1000))]
     pub windows: Vec<Window>,
 }
 
@@ -78,10 +91,13 @@ pub struct Wall {
 #[serde(default, deny_unknown_fields)]
 pub struct Baseboard {
     /// Height in metres, 0.02 to 0.5.
+    #[schemars(range(min = 0.02, max = 0.5))]
     pub height_m: f64,
     /// How far it stands out of the wall, metres, 0.002 to 0.05.
+    #[schemars(range(min = 0.002, max = 0.05))]
     pub depth_m: f64,
     /// Reflectance.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
 }
 
@@ -89,19 +105,26 @@ pub struct Baseboard {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Door {
-    /// Centre of the opening, metres from the wall's start.
+    /// Centre of the opening, metres from the wall's start, 0 to 500.
+    #[schemars(range(min = 0.0, max = 500.0))]
     pub at_m: f64,
     /// Width of the opening in metres, 0.4 to 3.
+    #[schemars(range(min = 0.4, max = 3.0))]
     pub width_m: f64,
     /// Height of the opening in metres, 1.5 to the wall's height.
+    #[schemars(range(min = 1.5, max = 10.0))]
     pub height_m: f64,
     /// How far the leaf is open, degrees, 0 (closed) to 120. It opens away from the hallway, into a room built for it.
+    #[schemars(range(min = 0.0, max = 120.0))]
     pub open_deg: f64,
     /// Depth in metres of the room behind an open door, 0.5 to 10.
+    #[schemars(range(min = 0.5, max = 10.0))]
     pub room_depth_m: f64,
     /// Reflectance of the leaf.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
     /// Reflectance of the frame.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub frame_colour: Colour,
 }
 
@@ -109,17 +132,23 @@ pub struct Door {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Window {
-    /// Centre, metres from the wall's start; the wall's middle when absent.
+    /// Centre, metres from the wall's start, 0 to 500; the wall's middle when absent.
+    #[schemars(range(min = 0.0, max = 500.0))]
     pub at_m: Option<f64>,
-    /// Width in metres.
+    /// Width in metres, 0.2 to 20.
+    #[schemars(range(min = 0.2, max = 20.0))]
     pub width_m: f64,
-    /// Height of its lower edge above the floor, metres.
+    /// Height of its lower edge above the floor, metres, 0 to 10.
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub sill_m: f64,
-    /// Height of the opening, metres.
+    /// Height of the opening, metres, 0.2 to the wall's height above the sill.
+    #[schemars(range(min = 0.2, max = 10.0))]
     pub height_m: f64,
     /// Radiance relative to a white surface under a lamp, 0 to 20.
+    #[schemars(range(min = 0.0, max = 20.0))]
     pub brightness: f32,
     /// Reflectance of the frame and its cross bars.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub frame_colour: Colour,
 }
 
@@ -127,19 +156,24 @@ pub struct Window {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxItem {
-    /// Centre of its base, x and y in metres.
+    /// Centre of its base, x and y in metres, each -1000 to 1000.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Height of its base above the floor, metres.
+    /// Height of its base above the floor, metres, 0 to 10.
     #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
     pub base_m: f64,
-    /// Turn about the vertical axis, degrees, + to the left.
+    /// Turn about the vertical axis, degrees, + to the left, -360 to 360.
     #[serde(default)]
+    #[schemars(range(min = -360.0, max = 360.0))]
     pub yaw_deg: f64,
-    /// Length, width and height in metres.
+    /// Length, width and height in metres, each 0.01 to 10.
     #[serde(default = "box_size")]
+    #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub size_m: [f64; 3],
     /// Reflectance; `[0.85, 0.85, 0.83]` is white, `[0.30, 0.19, 0.10]` brown.
     #[serde(default = "box_colour")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
 }
 
@@ -147,13 +181,16 @@ pub struct BoxItem {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Centre, x and y in metres.
+    /// Centre, x and y in metres, each -1000 to 1000.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Extent along x and y, metres.
+    /// Extent along x and y, metres, each 0.01 to 10.
     #[serde(default = "lamp_size")]
+    #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub size_m: [f64; 2],
     /// Radiance relative to a white surface under a lamp, 0 (dark) to 50.
     #[serde(default = "lamp_brightness")]
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub brightness: f32,
 }
 
@@ -161,28 +198,36 @@ pub struct Lamp {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Person {
-    /// Corners of the walk, x and y in metres; one corner means that they stand.
+    /// Corners of the walk, x and y in metres, each -1000 to 1000; one corner means that they stand.
+    #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub path_m: Vec<[f64; 2]>,
-    /// Pause in seconds at each corner, in order; missing ones are 0.
+    /// Pause in seconds at each corner, in order, each 0 to 3600; missing ones are 0.
     #[serde(default)]
+    #[schemars(inner(range(min = 0.0, max = 3600.0)))]
     pub pause_s: Vec<f64>,
-    /// When they set off, seconds after the start of the run, 0 or more.
+    /// When they set off, seconds after the start of the run, 0 to 86400.
     #[serde(default)]
+    #[schemars(range(min = 0.0, max = 86_400.0))]
     pub start_s: f64,
-    /// The seed moves the start by up to this much either way, seconds.
+    /// The seed moves the start by up to this much either way, seconds, 0 to 60.
     #[serde(default)]
+    #[schemars(range(min = 0.0, max = 60.0))]
     pub jitter_s: f64,
-    /// Walking speed in m/s, above 0 to 3.
+    /// Walking speed in m/s, 0.01 to 3.
     #[serde(default = "walking_speed")]
+    #[schemars(range(min = 0.01, max = 3.0))]
     pub speed_mps: f64,
     /// Height in metres, 0.5 to 2.2.
     #[serde(default = "person_height")]
+    #[schemars(range(min = 0.5, max = 2.2))]
     pub height_m: f64,
     /// Reflectance of the shirt.
     #[serde(default = "shirt_colour")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub shirt: Colour,
     /// Reflectance of the trousers.
     #[serde(default = "trousers_colour")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub trousers: Colour,
 }
 
@@ -191,18 +236,25 @@ pub struct Person {
 #[serde(default, deny_unknown_fields)]
 pub struct Floor {
     /// Reflectance.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
     /// Contrast of the speckle (standard deviation relative to the mean), 0 to 0.5.
+    #[schemars(range(min = 0.0, max = 0.5))]
     pub speckle: f32,
     /// Size of the finest speckle in metres, 0.002 to 0.1.
+    #[schemars(range(min = 0.002, max = 0.1))]
     pub grain_m: f32,
     /// How much it mirrors, 0 (matt) to 1 (polished).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub gloss: f32,
-    /// Distance of the joints along x and y, metres; 0 means none.
+    /// Distance of the joints along x and y, metres, each 0.05 to 100; 0 means none.
+    #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub joint_spacing_m: [f32; 2],
-    /// Width of the joints in metres.
+    /// Width of the joints in metres, 0 to 0.05.
+    #[schemars(range(min = 0.0, max = 0.05))]
     pub joint_width_m: f32,
     /// Brightness of the joints relative to the floor, 0 (black) to 1 (invisible).
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub joint_tone: f32,
 }
 
@@ -211,10 +263,13 @@ pub struct Floor {
 #[serde(default, deny_unknown_fields)]
 pub struct Ceiling {
     /// Height in metres, 2 to 10.
+    #[schemars(range(min = 2.0, max = 10.0))]
     pub height_m: f64,
     /// Reflectance.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
-    /// Distance of the joints along x and y, metres; 0 means none.
+    /// Distance of the joints along x and y, metres, each 0.05 to 100; 0 means none.
+    #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub joint_spacing_m: [f32; 2],
 }
 
@@ -222,11 +277,9 @@ impl World {
     /// Reads and checks a world file's text.
     ///
     /// # Errors
-    /// [`WorldError::Toml`] for text that is not a world, otherwise all values out of range.
-    pub fn from_toml(text: &str) -> Result<Self, WorldError> {
-        let world: Self = toml::from_str(text)?;
-        world.check()?;
-        Ok(world)
+    /// Everything that is wrong in it, with its place.
+    pub fn from_toml(text: &str) -> Result<Self, Problems> {
+        WORLD_FILE.read("the world", text).map(|table| table.try_into().unwrap_or_default())
     }
 
     /// An empty straight hallway along +x from x = -2 m: lamps, baseboards and an end window, no doors.

@@ -9,37 +9,49 @@ use super::{Baseboard, Colour, Door, Lamp, Wall, Window};
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Corridor {
-    /// World x of its near end, metres.
+    /// World x of its near end, metres, -1000 to 1000.
+    #[schemars(range(min = -1000.0, max = 1000.0))]
     pub start_x_m: f64,
     /// Length in metres, 1 to 200.
+    #[schemars(range(min = 1.0, max = 200.0))]
     pub length_m: f64,
     /// Width between the walls' faces in metres, 0.8 to 20.
+    #[schemars(range(min = 0.8, max = 20.0))]
     pub width_m: f64,
-    /// Height of the walls in metres; the ceiling has its own.
+    /// Height of the walls in metres, 1 to 10; the ceiling has its own.
+    #[schemars(range(min = 1.0, max = 10.0))]
     pub height_m: f64,
     /// Thickness of the walls in metres, 0.05 to 0.5.
+    #[schemars(range(min = 0.05, max = 0.5))]
     pub thickness_m: f64,
     /// Reflectance of the side walls.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
     /// Reflectance of the end walls.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub end_colour: Colour,
     /// The strip along the bottom of all walls; none when absent.
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
     /// Doors in the side walls.
     #[serde(rename = "door")]
+    #[schemars(length(max = 1000))]
     pub doors: Vec<CorridorDoor>,
     /// Side corridors.
     #[serde(rename = "branch")]
+    #[schemars(length(max = 1000))]
     pub branches: Vec<Branch>,
     /// The window in the far end; none when absent.
     #[serde(default)]
     pub window: Option<Window>,
-    /// Distance of the ceiling lamps, metres; 0 means no lamps.
+    /// Distance of the ceiling lamps, metres, 0.5 to 50; 0 means no lamps.
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub lamp_spacing_m: f64,
-    /// Extent of a lamp along x and y, metres.
+    /// Extent of a lamp along x and y, metres, each 0.01 to 10.
+    #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub lamp_size_m: [f64; 2],
     /// Radiance of the lamps relative to a white surface under them, 0 to 50.
+    #[schemars(range(min = 0.0, max = 50.0))]
     pub lamp_brightness: f32,
 }
 
@@ -60,24 +72,31 @@ pub struct CorridorDoor {
     /// The wall that it is in.
     pub side: Side,
     /// World x of its centre, metres.
+    #[schemars(range(min = -1000.0, max = 1200.0))]
     pub at_m: f64,
     /// Width of the opening in metres, 0.4 to 3.
     #[serde(default = "door_width")]
+    #[schemars(range(min = 0.4, max = 3.0))]
     pub width_m: f64,
-    /// Height of the opening in metres.
+    /// Height of the opening in metres, 1.5 to the walls' height.
     #[serde(default = "door_height")]
+    #[schemars(range(min = 1.5, max = 10.0))]
     pub height_m: f64,
     /// How far the leaf is open, degrees, 0 (closed) to 120.
     #[serde(default)]
+    #[schemars(range(min = 0.0, max = 120.0))]
     pub open_deg: f64,
-    /// Depth in metres of the room behind it when open.
+    /// Depth in metres of the room behind it when open, 0.5 to 10.
     #[serde(default = "room_depth")]
+    #[schemars(range(min = 0.5, max = 10.0))]
     pub room_depth_m: f64,
     /// Reflectance of the leaf.
     #[serde(default = "door_colour")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
     /// Reflectance of the frame.
     #[serde(default = "frame_colour")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub frame_colour: Colour,
 }
 
@@ -88,10 +107,13 @@ pub struct Branch {
     /// The side that it leaves to.
     pub side: Side,
     /// World x of its centre line, metres.
+    #[schemars(range(min = -1000.0, max = 1200.0))]
     pub at_m: f64,
-    /// Width in metres.
+    /// Width in metres, 0.5 to 20.
+    #[schemars(range(min = 0.5, max = 20.0))]
     pub width_m: f64,
     /// Length in metres, 0.5 to 50.
+    #[schemars(range(min = 0.5, max = 50.0))]
     pub depth_m: f64,
 }
 
