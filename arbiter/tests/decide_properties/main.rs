@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod commands;
+mod restraints;
+
 use std::time::Duration;
 
 use proptest::collection::vec;
@@ -71,9 +74,9 @@ impl Run {
     }
 
     /// With one more behaviour at the end, which has no wires, is not critical and does nothing by itself.
-    fn with_stranger(policy: &Policy) -> Run {
+    fn with_stranger(policy: &Policy, priority: i32) -> Run {
         let mut policy = policy.clone();
-        policy.behaviours.push(BehaviourPolicy::new("stranger", 1000));
+        policy.behaviours.push(BehaviourPolicy::new("stranger", priority));
         Run { actors: policy.behaviours.len() - 1, ..Run::new(&policy) }
     }
 
@@ -190,6 +193,16 @@ fn act() -> impl Strategy<Value = Act> {
     ]
 }
 
+/// Below, among and above the others, whose priorities are 0 to 7.
+fn priority() -> impl Strategy<Value = i32> {
+    -2..10_i32
+}
+
+/// Sound now and then, else stale or from the future by any amount.
+fn wild_age_ms() -> impl Strategy<Value = i64> {
+    prop_oneof![2 => Just(0_i64), 1 => 0..10_000_i64, 1 => -10_000..0_i64, 1 => -1_000_000_000..1_000_000_000_i64]
+}
+
 /// A proposal with one number or code replaced by any bits.
 fn spoilt() -> impl Strategy<Value = Proposal> {
     let number =
@@ -268,218 +281,9 @@ fn policy() -> impl Strategy<Value = Policy> {
         })
 }
 
-/// No axis is allowed more, and neither the translation nor the turn is faster.
-fn assert_no_faster(slower: &Decision, faster: &Decision) -> Result<(), TestCaseError> {
-    for axis in Axis::ALL {
-        let (less, more) = (slower.allowed.get(axis).abs(), faster.allowed.get(axis).abs());
-        prop_assert!(less <= more + SLACK, "{axis:?} allowed {less} instead of {more}");
-    }
-    let (less, more) = (slower.commanded, faster.commanded);
-    prop_assert!(less.speed() <= more.speed() + SLACK, "{less:?} instead of {more:?}");
-    prop_assert!(less.angular.abs() <= more.angular.abs() + SLACK, "{less:?} instead of {more:?}");
-    Ok(())
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn every_command_is_finite_and_within_the_limits(policy in policy(), history in history()) {
-        let mut run = Run::new(&policy);
-        let mut before = Twist::ZERO;
-        for (i, moment) in history.iter().enumerate() {
-            let twist = run.live(moment).commanded;
-            prop_assert!(twist.is_finite());
-            prop_assert_eq!(run.decision.sequence, i as u64 + 1);
-            for axis in Axis::ALL {
-                prop_assert!(twist.get(axis).abs() <= policy.speed(axis) + SLACK, "{:?}", twist);
-            }
-            let wheels = policy.kinematics.wheels_from_twist(twist).fastest();
-            let most = match policy.kinematics {
-                Kinematics::Differential { max_wheel_rad_s, .. } | Kinematics::Omni { max_wheel_rad_s, .. } => {
-                    max_wheel_rad_s
-                }
-                Kinematics::Body { .. } => f64::INFINITY,
-            };
-            prop_assert!(wheels <= most + SLACK, "wheel at {} for {:?}", wheels, twist);
-            let dt_s = (moment.wait_ms.max(20) as f64) * 1e-3;
-            let change = (twist.angular - before.angular).abs();
-            prop_assert!(change <= LIMITS.emergency[2] * dt_s + SLACK, "turn changes by {}", change);
-            let faster = twist.speed() - before.speed();
-            prop_assert!(faster <= LIMITS.acceleration[0] * dt_s.min(0.04) + SLACK, "faster by {}", faster);
-            before = twist;
-        }
-    }
-
-    #[test]
-    fn a_halt_always_wins_on_the_axes_it_names(
-        policy in policy(), history in history(), halt in halt(), spoil in 0..4_u8, bits in any::<u64>(),
-    ) {
-        let mut run = Run::with_stranger(&policy);
-        for moment in &history {
-            run.live(moment);
-        }
-        let named = if halt.axes.is_empty() { Axes::ALL } else { halt.axes };
-        let halt = match spoil {
-            0 => Proposal { confidence: f64::from_bits(bits), ..halt },
-            1 => Proposal { twist: Twist::new(f64::from_bits(bits), 1.0, 1.0), ..halt },
-            _ => halt,
-        };
-        run.wait(20);
-        run.put(policy.behaviours.len(), halt, 0, if spoil == 2 { 5000 } else { 0 });
-        let before = run.state.commanded();
-        let after = run.decide().commanded;
-        for axis in named.intersection(policy.axes()).iter() {
-            prop_assert_eq!(run.decision.allowed.get(axis), 0.0);
-            prop_assert!(run.decision.halted.contains(axis));
-            prop_assert!(after.get(axis).abs() <= before.get(axis).abs());
-            prop_assert!(!run.decision.rulings.iter().any(|ruling| ruling.won.contains(axis)));
-        }
-        // 0.8 m/s and 1.5 rad/s are gone in half a second.
-        for _ in 0..26 {
-            run.wait(20);
-            run.put(policy.behaviours.len(), halt, 0, 0);
-            run.decide();
-        }
-        for axis in named.intersection(policy.axes()).iter() {
-            prop_assert_eq!(run.decision.commanded.get(axis), 0.0);
-        }
-    }
-
-    #[test]
-    fn one_more_limit_never_raises_a_speed(
-        policy in policy(), history in history(), last in moment(), one_more in limit(), spoil in 0..6_u8,
-    ) {
-        let stranger = policy.behaviours.len();
-        let mut run = Run::with_stranger(&policy);
-        for moment in &history {
-            run.live(moment);
-        }
-        run.prepare(&last);
-        let mut limited = run.clone();
-        limited.put(stranger, one_more, if spoil == 0 { 300 } else { 0 }, 0);
-        if spoil == 1 {
-            limited.proposals[stranger].as_mut().unwrap().limits.linear = f64::NAN;
-        }
-        assert_no_faster(limited.decide(), run.decide())?;
-    }
-
-    #[test]
-    fn falling_silent_with_a_halt_or_limit_never_raises_a_speed_within_hold(
-        policy in policy(), history in history(), last in vec(moment(), 1..12),
-        who in 0..MOST, held in restraint(), clears in any::<bool>(),
-    ) {
-        let who = who % policy.behaviours.len();
-        let mut run = Run::new(&policy);
-        for moment in &history {
-            run.live(moment);
-        }
-        run.state.enable(who);
-        run.wait(20);
-        run.put(who, held, 0, 0);
-        run.decide();
-        let said = run.now;
-        for mut moment in last {
-            moment.acts[who] = if clears { Act::Clear } else { Act::Keep };
-            moment.wait_ms = moment.wait_ms.max(0);
-            moment.order = u8::MAX;
-            run.prepare(&moment);
-            // The other author is never silent.
-            let mut speaking = run.clone();
-            speaking.put(who, held, 0, 0);
-            let within_hold = run.now <= said + policy.behaviours[who].hold;
-            run.decide();
-            speaking.decide();
-            if within_hold || policy.behaviours[who].critical {
-                assert_no_faster(&run.decision, &speaking.decision)?;
-            }
-        }
-    }
-
-    #[test]
-    fn the_order_of_behaviours_does_not_matter(
-        policy in policy(), history in history(), places in Just((0..MOST).collect::<Vec<_>>()).prop_shuffle(),
-    ) {
-        let n = policy.behaviours.len();
-        let places: Vec<usize> = places.into_iter().filter(|&place| place < n).collect();
-        let mut other = policy.clone();
-        for (i, &place) in places.iter().enumerate() {
-            other.behaviours[place] = policy.behaviours[i].clone();
-        }
-        for wire in &mut other.wires {
-            (wire.by, wire.what) = (places[wire.by], places[wire.what]);
-        }
-        let (mut a, mut b) = (Run::new(&policy), Run::new(&other));
-        for moment in &history {
-            let mut moment = Moment { order: moment.order.min(4), ..moment.clone() };
-            a.prepare(&moment);
-            moment.acts.clear();
-            b.prepare(&moment);
-            for (i, &place) in places.iter().enumerate() {
-                b.proposals[place] = a.proposals[i];
-            }
-            let (a, b) = (a.decide().clone(), b.decide());
-            prop_assert_eq!(a.commanded, b.commanded);
-            prop_assert_eq!((a.mode, a.halted, a.wanted), (b.mode, b.halted, b.wanted));
-            for (i, &place) in places.iter().enumerate() {
-                prop_assert_eq!(a.rulings[i].outcome, b.rulings[place].outcome);
-                prop_assert_eq!(a.rulings[i].won, b.rulings[place].won);
-            }
-        }
-    }
-
-    #[test]
-    fn the_stale_never_win(policy in policy(), history in history()) {
-        let mut run = Run::new(&policy);
-        let mut latest = Time::ZERO;
-        for moment in &history {
-            run.live(moment);
-            latest = latest.max(run.now);
-            for (i, behaviour) in policy.behaviours.iter().enumerate() {
-                let sound = run.proposals[i].is_some_and(|p| {
-                    p.kind() == Some(Kind::Drive)
-                        && latest.since(Time(p.stamp_ns)) <= behaviour.max_age
-                        && latest.since(Time(p.evidence_ns)) <= behaviour.max_evidence_age
-                        && Time(p.stamp_ns.max(p.evidence_ns)) <= latest + policy.future_tolerance
-                        && p.twist.is_finite()
-                });
-                if !sound {
-                    prop_assert!(run.decision.rulings[i].won.is_empty());
-                    prop_assert!(!run.decision.source.contains(&Some(i as u16)));
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn when_time_runs_backwards_nothing_gets_faster(
-        policy in policy(), history in history(), back_ms in 1..100_000_i64, last in moment(),
-    ) {
-        let mut run = Run::new(&policy);
-        for moment in &history {
-            run.live(&Moment { wait_ms: moment.wait_ms.abs(), ..moment.clone() });
-        }
-        let before = run.state.commanded();
-        run.live(&Moment { wait_ms: -back_ms, ..last });
-        let after = run.decision.commanded;
-        prop_assert!(after.speed() <= before.speed() && after.angular.abs() <= before.angular.abs());
-        prop_assert_eq!(run.decision.allowed, Twist::ZERO);
-    }
-
-    #[test]
-    fn the_emergency_stop_is_latched_until_reset(policy in policy(), history in history(), rest in history()) {
-        let mut run = Run::new(&policy);
-        for moment in &history {
-            run.live(moment);
-        }
-        run.state.emergency_stop();
-        let mut before = run.state.commanded();
-        for moment in &rest {
-            run.live(&Moment { order: u8::MAX, ..moment.clone() });
-            prop_assert_eq!(run.decision.mode, Mode::EmergencyStop);
-            let after = run.decision.commanded;
-            prop_assert!(after.speed() <= before.speed() && after.angular.abs() <= before.angular.abs());
-            before = after;
-        }
-    }
+/// Whether neither stamp nor evidence of `proposal` is too old or from the future.
+fn is_live(proposal: &Proposal, behaviour: &BehaviourPolicy, policy: &Policy, now: Time) -> bool {
+    now.since(Time(proposal.stamp_ns)) <= behaviour.max_age
+        && now.since(Time(proposal.evidence_ns)) <= behaviour.max_evidence_age
+        && Time(proposal.stamp_ns.max(proposal.evidence_ns)) <= now + policy.future_tolerance
 }
