@@ -1,0 +1,289 @@
+//! Sensors that go wrong in the hallway: the robot comes to a stand and stays there, or goes on unharmed; nothing panics.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use bytemuck::Pod;
+use yamabico::plugins::PLUGINS;
+use yamabico_arbiter::execution::End;
+use yamabico_arbiter::record::Tap;
+use yamabico_arbiter::run::{Options, Ran, run};
+use yamabico_core::behavior::{BuildError, OutputSink, Outputs, PublishError};
+use yamabico_core::config::{Overrides, Plugins, load};
+use yamabico_core::message::{
+    Beam, Command, FrameHeader, Message, MessageType, Odometry, RangeScanHeader, Truth,
+};
+use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
+use yamabico_core::time::Time;
+
+/// When the sensor goes wrong: the robot has its speed by then, and has met nobody yet.
+const WRONG: Time = Time(2_000_000_000);
+/// From then on it must stand: old evidence is good for a second, and braking takes half a one.
+const STAND: Time = Time(4_000_000_000);
+
+/// What a sensor does from [`WRONG`] on.
+#[derive(Clone, Copy, Debug)]
+enum Fault {
+    Silent,
+    Empty,
+    NoNumber,
+    FromTheFuture,
+    FromThePast,
+    None,
+}
+
+const FAULTS: [Fault; 6] =
+    [Fault::Silent, Fault::Empty, Fault::NoNumber, Fault::FromTheFuture, Fault::FromThePast, Fault::None];
+
+/// A sensor whose messages are damaged on their way.
+struct Damaged {
+    name: String,
+    sensor: Box<dyn Sensor>,
+    fault: Fault,
+}
+
+impl Sensor for Damaged {
+    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
+        if now < WRONG {
+            return self.sensor.poll(now, outputs);
+        }
+        let mut said = Said::default();
+        let due = self.sensor.poll(now, &mut Outputs::new(&mut said))?;
+        for (message, header, items) in &said.0 {
+            match message.name {
+                RangeScanHeader::NAME => self.pass_on::<RangeScanHeader>(header, items, outputs)?,
+                FrameHeader::NAME => self.pass_on::<FrameHeader>(header, items, outputs)?,
+                _ => self.pass_on::<Odometry>(header, items, outputs)?,
+            }
+        }
+        Ok(due)
+    }
+}
+
+/// A message with something to damage.
+trait Damage: Message {
+    fn restamp(&mut self, shift: fn(u64) -> u64);
+    fn spoil(&mut self, items: &mut [Self::Item]);
+}
+
+impl Damage for RangeScanHeader {
+    fn restamp(&mut self, shift: fn(u64) -> u64) {
+        self.stamp_ns = shift(self.stamp_ns);
+    }
+
+    fn spoil(&mut self, beams: &mut [Beam]) {
+        for beam in beams {
+            (beam.range_m, beam.flags) = (f64::NAN, 0);
+        }
+    }
+}
+
+impl Damage for FrameHeader {
+    fn restamp(&mut self, shift: fn(u64) -> u64) {
+        self.stamp_ns = shift(self.stamp_ns);
+    }
+
+    /// A picture has no room for what is no number; what it says of its size can be nonsense.
+    fn spoil(&mut self, _: &mut [u8]) {
+        (self.exposure, self.stride) = (f64::NAN, u32::MAX);
+    }
+}
+
+impl Damage for Odometry {
+    fn restamp(&mut self, shift: fn(u64) -> u64) {
+        self.stamp_ns = shift(self.stamp_ns);
+    }
+
+    fn spoil(&mut self, _: &mut [u8]) {
+        (self.x, self.y, self.theta, self.vx, self.omega) =
+            (f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN);
+    }
+}
+
+impl Damaged {
+    fn pass_on<M: Damage>(
+        &self,
+        header: &[u8],
+        items: &[u8],
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), PublishError>
+    where
+        M::Item: Pod,
+    {
+        let mut header: M = bytemuck::pod_read_unaligned(header);
+        let mut items: Vec<M::Item> = bytemuck::pod_collect_to_vec(items);
+        match self.fault {
+            Fault::None => {}
+            Fault::Silent => return Ok(()),
+            Fault::Empty => items.clear(),
+            Fault::NoNumber => header.spoil(&mut items),
+            Fault::FromTheFuture => header.restamp(|stamp_ns| stamp_ns + 60_000_000_000),
+            Fault::FromThePast => header.restamp(|stamp_ns| stamp_ns / 1000),
+        }
+        outputs.publish(&self.name, &header, &items)
+    }
+}
+
+#[derive(Default)]
+struct Said(Vec<(MessageType, Vec<u8>, Vec<u8>)>);
+
+impl OutputSink for Said {
+    fn publish(
+        &mut self,
+        _: &str,
+        message: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), PublishError> {
+        self.0.push((*message, header.to_vec(), items.to_vec()));
+        Ok(())
+    }
+
+    fn publish_in_place(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        len: usize,
+        fill: &mut dyn FnMut(&mut [u8]),
+    ) -> Result<(), PublishError> {
+        let mut items = vec![0; len];
+        fill(&mut items);
+        self.publish(name, message, header, &items)
+    }
+}
+
+/// The simulator with one sensor that goes wrong: `SENSOR` is its place in [`SENSORS`], `FAULT` the fault's in [`FAULTS`].
+fn open<const SENSOR: usize, const FAULT: usize>(spec: DeviceSpec) -> Result<Device, BuildError> {
+    let mut device = (yamabico_sim::PLUGIN.open)(spec)?;
+    device.sensors = device
+        .sensors
+        .into_iter()
+        .map(|(name, sensor)| match name == SENSORS[SENSOR] {
+            true => {
+                (name.clone(), Box::new(Damaged { name, sensor, fault: FAULTS[FAULT] }) as Box<dyn Sensor>)
+            }
+            false => (name, sensor),
+        })
+        .collect();
+    Ok(device)
+}
+
+const SENSORS: [&str; 3] = ["sonar", "front", "wheels"];
+const SONAR: usize = 0;
+const FRONT: usize = 1;
+const WHEELS: usize = 2;
+const SILENT: usize = 0;
+const EMPTY: usize = 1;
+const NO_NUMBER: usize = 2;
+const FUTURE: usize = 3;
+const PAST: usize = 4;
+const SOUND: usize = 5;
+
+/// How fast the robot was when, and what the motors were told.
+#[derive(Default)]
+struct Speeds {
+    true_mps: Vec<(Time, f64)>,
+    commands: u64,
+}
+
+impl Tap for Speeds {
+    fn message(&mut self, _: &str, message: &MessageType, time: Time, header: &[u8], _: &[u8]) {
+        match message.name {
+            Truth::NAME => {
+                let truth: Truth = bytemuck::pod_read_unaligned(header);
+                self.true_mps.push((time, truth.vx.hypot(truth.vy)));
+            }
+            Command::NAME => {
+                let command: Command = bytemuck::pod_read_unaligned(header);
+                assert!(command.twist.linear.is_finite() && command.twist.angular.is_finite(), "{command:?}");
+                self.commands += 1;
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Speeds {
+    fn fastest_mps(&self, from: Time, to: Time) -> f64 {
+        let within = self.true_mps.iter().filter(|(time, _)| (from..to).contains(time));
+        within.map(|&(_, speed)| speed).fold(0.0, f64::max)
+    }
+}
+
+fn drive<const SENSOR: usize, const FAULT: usize>() -> (Ran, Speeds) {
+    let plugin = DriverPlugin { open: open::<SENSOR, FAULT>, ..yamabico_sim::PLUGIN };
+    let plugins = Plugins { drivers: &[plugin], ..PLUGINS };
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hallway.toml");
+    let mut task =
+        load(&path, &Overrides::default(), &plugins).unwrap_or_else(|problems| panic!("{problems}"));
+    task.run.duration = Some(Duration::from_secs(6));
+    let mut speeds = Speeds::default();
+    let ran = run(&task, &Options::default(), &AtomicBool::new(false), &mut speeds, &mut |_| {}).unwrap();
+    assert_eq!((ran.end, ran.is_done(), ran.summary.contacts), (End::TimeOver, false, Some(0)));
+    assert!(speeds.commands >= 300, "{} commands in six seconds", speeds.commands);
+    let before = speeds.fastest_mps(Time::ZERO, WRONG);
+    assert!(before > 0.3, "it had {before} m/s before the sensor went wrong");
+    (ran, speeds)
+}
+
+fn stands<const SENSOR: usize, const FAULT: usize>() {
+    let (_, speeds) = drive::<SENSOR, FAULT>();
+    let after = speeds.fastest_mps(STAND, Time(u64::MAX));
+    assert!(after < 0.01, "{} {:?}: it moved at {after} m/s", SENSORS[SENSOR], FAULTS[FAULT]);
+}
+
+#[test]
+fn a_sound_robot_drives_on() {
+    let (_, speeds) = drive::<SONAR, SOUND>();
+    assert!(speeds.fastest_mps(STAND, Time(u64::MAX)) > 0.3);
+}
+
+#[test]
+fn a_silent_sonar_stops_the_robot() {
+    stands::<SONAR, SILENT>();
+}
+
+#[test]
+fn an_empty_scan_stops_the_robot() {
+    stands::<SONAR, EMPTY>();
+}
+
+#[test]
+fn ranges_that_are_no_numbers_stop_the_robot() {
+    stands::<SONAR, NO_NUMBER>();
+}
+
+#[test]
+fn ranges_from_another_time_stop_the_robot() {
+    stands::<SONAR, FUTURE>();
+    stands::<SONAR, PAST>();
+}
+
+#[test]
+fn a_silent_camera_stops_the_robot() {
+    stands::<FRONT, SILENT>();
+}
+
+#[test]
+fn pictures_that_are_none_stop_the_robot() {
+    stands::<FRONT, EMPTY>();
+    stands::<FRONT, NO_NUMBER>();
+}
+
+#[test]
+fn pictures_from_another_time_stop_the_robot() {
+    stands::<FRONT, FUTURE>();
+    stands::<FRONT, PAST>();
+}
+
+#[test]
+fn wheels_that_go_wrong_cost_no_contact() {
+    drive::<WHEELS, SILENT>();
+    drive::<WHEELS, NO_NUMBER>();
+    drive::<WHEELS, FUTURE>();
+    drive::<WHEELS, PAST>();
+}
