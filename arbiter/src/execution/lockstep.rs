@@ -103,9 +103,15 @@ impl Lockstep {
             outcome = outcome.and(device.drive(self.now));
         }
         for (topic, message, subscriber) in &self.taps {
-            while let Some(sample) = subscriber.receive().map_err(bus_failed)? {
-                tap.message(topic, message, self.now, sample.header(), sample.items());
-            }
+            outcome = outcome.and(loop {
+                match subscriber.receive() {
+                    Ok(Some(sample)) => {
+                        tap.message(topic, message, self.now, sample.header(), sample.items());
+                    }
+                    Ok(None) => break Ok(()),
+                    Err(error) => break Err(bus_failed(error)),
+                }
+            });
         }
         self.now = self.now + self.step;
         outcome.map(|()| Supply::of(measuring, ended))
