@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use yamabico_core::config::DriveFile;
 use yamabico_core::message::{Axes, Twist};
 
 /// How a drive turns wheel speeds into motion.
@@ -71,6 +72,27 @@ impl WheelSpeeds {
 }
 
 impl Kinematics {
+    /// Those of a drive in a checked robot file.
+    pub fn of(drive: &DriveFile) -> Kinematics {
+        let Some(wheels) = drive.wheels else { return Kinematics::Body { axes: drive.axes } };
+        let (wheel_radius_m, max_wheel_rad_s) = (wheels.radius_m, wheels.max_rad_s);
+        let omni = |count| Kinematics::Omni {
+            wheels: count,
+            ring_radius_m: wheels.from_centre_m,
+            wheel_radius_m,
+            max_wheel_rad_s,
+        };
+        match wheels.count {
+            2 => Kinematics::Differential {
+                base_m: 2.0 * wheels.from_centre_m,
+                wheel_radius_m,
+                max_wheel_rad_s,
+            },
+            3 => omni(OmniWheels::Three),
+            _ => omni(OmniWheels::Four),
+        }
+    }
+
     /// The axes that the drive has.
     pub fn axes(&self) -> Axes {
         match *self {
@@ -204,6 +226,8 @@ pub(crate) fn scaled(twist: Twist, factor: f64) -> Twist {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yamabico_core::config::Wheels;
+    use yamabico_core::sensor::PartSpec;
 
     const DIFFERENTIAL: Kinematics =
         Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 10.0 };
@@ -216,6 +240,20 @@ mod tests {
         for axis in yamabico_core::message::Axis::ALL {
             assert!((a.get(axis) - b.get(axis)).abs() < 1e-12, "{a:?} {b:?}");
         }
+    }
+
+    #[test]
+    fn the_wheels_of_a_robot_file_are_taken_over() {
+        let part = PartSpec { name: "drive".into(), kind: "any".into(), table: Default::default() };
+        let wheels = Wheels { count: 2, from_centre_m: 0.2, radius_m: 0.1, max_rad_s: 10.0 };
+        let drive = DriveFile { device: "base".into(), part, axes: Axes::PLANAR, wheels: Some(wheels) };
+        assert_eq!(Kinematics::of(&drive), DIFFERENTIAL);
+        let (ring, three) =
+            (Wheels { count: 3, radius_m: 0.05, max_rad_s: 20.0, ..wheels }, OmniWheels::Three);
+        let round = DriveFile { axes: Axes::ALL, wheels: Some(ring), ..drive.clone() };
+        assert_eq!(Kinematics::of(&round), omni(three));
+        let own = DriveFile { wheels: None, ..drive };
+        assert_eq!(Kinematics::of(&own), Kinematics::Body { axes: Axes::PLANAR });
     }
 
     #[test]

@@ -164,7 +164,6 @@ fn policy(task: &Task) -> Policy {
     let inhibit = task.inhibit.iter().filter_map(wire(Wire::inhibit));
     let suppress = task.suppress.iter().filter_map(wire(Wire::suppress));
     let critical = task.robot.sensors.iter().filter(|sensor| sensor.critical);
-    let kinematics = Kinematics::Body { axes: task.robot.drive.axes };
     Policy {
         wires: inhibit.chain(suppress).collect(),
         sensors: critical
@@ -175,6 +174,6 @@ fn policy(task: &Task) -> Policy {
             config::Policy::Blend => Contest::Blend,
         },
         rate_hz: 1.0 / task.arbiter.period.as_secs_f64(),
-        ..Policy::new(task.robot.robot.limits, kinematics, behaviors.collect())
+        ..Policy::new(task.robot.robot.limits, Kinematics::of(&task.robot.drive), behaviors.collect())
     }
 }

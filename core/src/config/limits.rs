@@ -2,6 +2,7 @@
 
 use super::document::Table;
 use super::problem::Problem;
+use super::robot::DriveFile;
 use super::tables::LimitsKeys;
 use super::units::number;
 use crate::message::{Axes, Axis};
@@ -52,5 +53,56 @@ pub(crate) fn check_braking(keys: &LimitsKeys, tree: &Table, problems: &mut Vec<
                 .label(format!("{} in a halt, {} in normal driving", number(emergency), number(normal)))
                 .help(format!("make {} at least as large as {}", key("emergency"), key("deceleration"))),
         );
+    }
+}
+
+/// The wheels must suit the drive, and alone each largest speed must be within their reach.
+pub(crate) fn check_wheels(
+    drive: &DriveFile,
+    limits: &MotionLimits,
+    tree: &Table,
+    problems: &mut Vec<Problem>,
+) {
+    let Some((wheels, entry)) = drive.wheels.zip(tree.table("drive").and_then(|table| table.entry("wheels")))
+    else {
+        return;
+    };
+    let written = |table: Option<&Table>, key: &str| {
+        table.and_then(|table| table.entry(key)).map_or(entry.key_span, |entry| entry.node.span)
+    };
+    let (fits, right) = match drive.axes {
+        Axes::PLANAR => (wheels.count == 2, "2"),
+        Axes::ALL => (wheels.count > 2, "3 or 4"),
+        _ => (false, "no"),
+    };
+    if !fits {
+        problems.push(
+            Problem::new(
+                written(entry.node.as_table(), "count"),
+                format!("a drive of kind `{}` has {right} wheels", drive.part.kind),
+            )
+            .label(format!("it moves along {}", drive.axes))
+            .help(format!("write {right}, or leave wheels out")),
+        );
+    }
+    let rim_mps = wheels.max_rad_s * wheels.radius_m;
+    let most = [rim_mps, rim_mps, rim_mps / wheels.from_centre_m];
+    let keys = ["max_linear_mps", "max_lateral_mps", "max_angular_radps"];
+    for (axis, (key, most)) in Axis::ALL.into_iter().zip(keys.into_iter().zip(most)) {
+        let limit = limits.speed[axis as usize];
+        if drive.axes.contains(axis) && limit > most {
+            problems.push(
+                Problem::new(written(tree.table("limits"), key), "the wheels cannot turn so fast")
+                    .label(format!(
+                        "{} would need {} rad/s of them",
+                        number(limit),
+                        number(limit / most * wheels.max_rad_s)
+                    ))
+                    .help(format!(
+                        "with these wheels limits.{key} is at most {}",
+                        number((most * 1e3).floor() * 1e-3)
+                    )),
+            );
+        }
     }
 }

@@ -7,16 +7,16 @@ use serde_json::Value as Json;
 
 use super::document::{Entry, Table, Value};
 use super::keys::{check_name, own_keys, read_keys};
-use super::limits::{check_braking, motion_limits};
+use super::limits::{check_braking, check_wheels, motion_limits};
 use super::nearest::{instead, quoted};
 use super::paths::{Home, resolve_paths};
 use super::places::refusal;
 use super::plugins::Plugins;
 use super::problem::{Problem, Span};
-use super::robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
+use super::robot::{DeviceFile, DriveFile, RobotFile, SensorFile, Wheels};
 use super::schema_check::check_table;
 use super::shape::Shape;
-use super::tables::{DeviceKeys, PartKeys, RobotKeys, SensorKeys};
+use super::tables::{DeviceKeys, PartKeys, RobotKeys, SensorKeys, WheelKeys};
 use crate::message::Axes;
 use crate::sensor::{DriverPlugin, PartSpec, Robot, SensorInfo, SensorPlugin};
 
@@ -74,6 +74,9 @@ pub(crate) fn read_robot(
         check_name(name, entry.node.span, problems);
     }
     check_braking(&keys.limits, tree, problems);
+    if let Some(drive) = &drive {
+        check_wheels(drive, &motion_limits(&keys.limits, axes), tree, problems);
+    }
     let robot = Robot {
         name: keys.name.unwrap_or_default(),
         radius_m: keys.footprint.unwrap_or_default().radius_m.unwrap_or_default(),
@@ -296,7 +299,15 @@ fn read_drive(
     let table = check_part(entry, &shape, home, problems);
     let (plugin, (_, device, _)) = (plugin?, named?);
     // The axes count for the behaviours even where a key is wrong; the file is refused then anyway.
+    let wheels = table.as_ref().and_then(|_| wheels(entry));
     let part =
         PartSpec { name: "drive".into(), kind: plugin.kind.to_owned(), table: table.unwrap_or_default() };
-    Some(DriveFile { device, part, axes: plugin.axes })
+    Some(DriveFile { device, part, axes: plugin.axes, wheels })
+}
+
+/// The wheels of a drive whose keys are right.
+fn wheels(entry: &Entry) -> Option<Wheels> {
+    let keys: PartKeys = entry.node.as_table()?.to_toml(|key| key == "wheels").try_into().ok()?;
+    let WheelKeys { count, from_centre_m, radius_m, max_radps } = keys.wheels?;
+    Some(Wheels { count, from_centre_m, radius_m, max_rad_s: max_radps })
 }

@@ -1,6 +1,5 @@
 //! From the tree of a task file, and what is known of the robot, to a checked task.
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use super::document::{Entry, Table};
@@ -219,8 +218,6 @@ impl Draft<'_> {
             max_evidence_age: duration(keys.max_evidence_age_ms.unwrap_or(arbiter.max_evidence_age_ms)),
             hold: duration(keys.hold_ms),
             dwell: duration(keys.dwell_ms),
-            isolation: keys.isolation,
-            exec: keys.exec.as_ref().map(PathBuf::from),
         }
     }
 

@@ -58,6 +58,21 @@ pub struct DriveFile {
     pub part: PartSpec,
     /// The axes that it has.
     pub axes: Axes,
+    /// Its wheels, where the file tells: two for a drive that goes ahead and turns, three or four for one that goes sideways.
+    pub wheels: Option<Wheels>,
+}
+
+/// The wheels of a drive, all alike and equally far from the robot's centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wheels {
+    /// How many.
+    pub count: u8,
+    /// From the robot's centre to where each touches the floor, metres.
+    pub from_centre_m: f64,
+    /// Radius of each, metres.
+    pub radius_m: f64,
+    /// Largest speed of each, rad/s.
+    pub max_rad_s: f64,
 }
 
 impl RobotFile {

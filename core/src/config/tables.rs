@@ -93,17 +93,6 @@ pub enum Policy {
     Blend,
 }
 
-/// Where a behaviour runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Isolation {
-    /// In a process of its own.
-    #[default]
-    Process,
-    /// In a thread of the supervisor.
-    Thread,
-}
-
 /// The keys that every behaviour has, beside its own.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -142,10 +131,6 @@ pub(crate) struct BehaviorKeys {
     /// It keeps an axis this long before a lower priority gets it.
     #[schemars(range(min = 0.0, max = 3_600_000.0))]
     pub dwell_ms: f64,
-    /// Where it runs in a live run.
-    pub isolation: Isolation,
-    /// The program that it runs in; without it, this one.
-    pub exec: Option<String>,
 }
 
 impl Default for BehaviorKeys {
@@ -163,8 +148,6 @@ impl Default for BehaviorKeys {
             max_evidence_age_ms: None,
             hold_ms: 500.0,
             dwell_ms: 0.0,
-            isolation: Isolation::default(),
-            exec: None,
         }
     }
 }
@@ -308,6 +291,25 @@ pub(crate) struct PartKeys {
     /// Which of the kinds that the device's driver offers.
     #[schemars(required)]
     pub kind: Option<String>,
+    /// Its wheels, so that none is asked to turn faster than it can; without them, `[limits]` alone bounds a motion.
+    pub wheels: Option<WheelKeys>,
+}
+
+/// The wheels of a drive. A motion that asks for more than they can roll is slowed down on the same curve.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+pub(crate) struct WheelKeys {
+    /// How many: 2 on one axle, or 3 or 4 omnidirectional ones on a circle.
+    #[schemars(range(min = 2, max = 4))]
+    pub count: u8,
+    /// From the robot's centre to where each wheel touches the floor: half the wheel base, or the radius of the circle.
+    #[schemars(range(min = 0.01, max = 5.0))]
+    pub from_centre_m: f64,
+    /// Of each wheel.
+    #[schemars(range(min = 0.005, max = 1.0))]
+    pub radius_m: f64,
+    /// Largest turn rate of a wheel.
+    #[schemars(range(min = 0.1, max = 1000.0))]
+    pub max_radps: f64,
 }
 
 /// The keys that every sensor has, beside its kind's own.

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::robot::RobotFile;
-use super::tables::{Isolation, Policy};
+use super::tables::Policy;
 use crate::behavior::{Behavior, BehaviorPlugin, BuildError, Setup};
 
 /// What a task file and its robot file say together. Nothing in it is unchecked.
@@ -95,10 +95,6 @@ pub struct BehaviorFile {
     pub hold: Duration,
     /// How long it keeps an axis before a lower priority gets it.
     pub dwell: Duration,
-    /// Where it runs in a live run.
-    pub isolation: Isolation,
-    /// The program that it runs in; none for this one.
-    pub exec: Option<PathBuf>,
 }
 
 /// What is plugged into a slot.

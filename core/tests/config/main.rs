@@ -8,6 +8,7 @@ mod tools;
 use std::time::Duration;
 
 use fakes::check;
+use yamabico_core::config::Wheels;
 
 const HALLWAY: &str = "tests/valid/hallway.toml";
 
@@ -30,6 +31,8 @@ fn a_right_configuration_is_read_in_si_units() {
     assert!(sonar.critical);
     assert_eq!(sonar.max_age, Duration::from_millis(150));
     assert_eq!(task.robot.robot.limits.speed, [0.6, 0.0, 1.2]);
+    let wheels = Wheels { count: 2, from_centre_m: 0.2, radius_m: 0.1, max_rad_s: 10.0 };
+    assert_eq!(task.robot.drive.wheels, Some(wheels));
     let specs = task.robot.specs(7);
     assert_eq!(specs.len(), 1);
     assert_eq!(specs[0].1.sensors.len(), 4);
