@@ -106,19 +106,19 @@ fn sweep(arguments: &Arguments) -> Result<(), String> {
             (course.rng.random_range(-0.4..0.4), course.rng.random_range(-15.0_f64..15.0));
         let (truth, seen) = course.look(offset_m, heading_deg)?;
         let worst_mm = errors.add(&truth, seen.as_ref());
-        if let Some(folder) = &arguments.out {
-            let path = folder.join(format!("{pose:03}_{worst_mm:04.0}mm.png"));
-            draw(course.image()?, &truth, seen.as_ref(), &path)?;
-        }
+        course.keep(arguments, &format!("{pose:03}_{worst_mm:04.0}mm"), &truth, seen.as_ref())?;
     }
     let mut headings = Vec::new();
     for heading_deg in HEADINGS_DEG {
         let mut errors_mm = Vec::new();
-        for _ in 0..POSES_PER_HEADING {
+        for pose in 0..POSES_PER_HEADING {
             let offset_m = 0.5 * WIDTH_M - skirting_m() - NEAR_WALL_M;
             let (truth, seen) = course.look(offset_m, f64::from(heading_deg))?;
             let wall = seen.and_then(|seen| seen.left);
-            errors_mm.extend(wall.map(|wall| 1e3 * (wall.distance_m - left_m(&truth))));
+            let error_mm = wall.map(|wall| 1e3 * (wall.distance_m - left_m(&truth)));
+            errors_mm.extend(error_mm);
+            let name = format!("near_{heading_deg:+03}_{pose:02}_{:+04.0}mm", error_mm.unwrap_or(f64::NAN));
+            course.keep(arguments, &name, &truth, seen.as_ref())?;
         }
         headings.push((heading_deg, errors_mm));
     }
@@ -161,6 +161,18 @@ impl Course {
             horizon_sigma_rad: 1_f64.to_radians(),
         };
         Ok((truth, Sight::new(camera, FloorLineRule::default()).look(self.image()?, None).ok()))
+    }
+
+    /// Writes the last picture with what was seen, where pictures are wanted.
+    fn keep(
+        &self,
+        arguments: &Arguments,
+        name: &str,
+        truth: &CameraView,
+        seen: Option<&Sighting>,
+    ) -> Result<(), String> {
+        let Some(folder) = &arguments.out else { return Ok(()) };
+        draw(self.image()?, truth, seen, &folder.join(name).with_extension("png"))
     }
 
     fn image(&self) -> Result<ImageView<'_>, String> {
