@@ -382,16 +382,16 @@ impl<'a> Outputs<'a> {
         len: usize,
         mut fill: impl FnMut(&mut [M::Item]),
     ) -> Result<(), PublishError> {
-        let bytes = len * size_of::<M::Item>();
+        let bytes = len.saturating_mul(size_of::<M::Item>());
         self.sink.publish_in_place(
             name,
             &MessageType::of::<M>(),
             bytemuck::bytes_of(header),
             bytes,
-            &mut |items| {
-                if let Ok(items) = bytemuck::try_cast_slice_mut(items) {
-                    fill(items);
-                }
+            &mut |bytes| match bytemuck::try_cast_slice_mut(bytes) {
+                Ok(items) => fill(items),
+                // Memory that no item fits into must not carry what an earlier message left there.
+                Err(_) => bytes.fill(0),
             },
         )
     }

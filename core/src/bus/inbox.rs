@@ -69,7 +69,7 @@ impl Inbox {
         if most == 1 {
             crowded_out = 0;
         }
-        self.lost = self.subscriber.lost() - self.lost_before + crowded_out;
+        self.lost = self.subscriber.lost().saturating_sub(self.lost_before).saturating_add(crowded_out);
         self.lost_before = self.subscriber.lost();
         outcome
     }

@@ -3,7 +3,7 @@
 use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::BusError;
 
@@ -92,10 +92,13 @@ impl Place {
         }
     }
 
-    /// The process that runs the robot, or ran it last; `None` where it ended cleanly or never ran.
+    /// The process that runs the robot; `None` where none holds the lock, whatever the file of a dead one says.
     pub(super) fn owner(&self) -> Option<u32> {
-        let pid = pid_in(&mut File::open(self.lock_path()).ok()?);
-        (pid != 0 && Path::new("/proc").join(pid.to_string()).exists()).then_some(pid)
+        let mut file = File::open(self.lock_path()).ok()?;
+        match file.try_lock_shared() {
+            Err(TryLockError::WouldBlock) => Some(pid_in(&mut file)),
+            _ => None,
+        }
     }
 
     /// Refuses to go on without a running robot.
@@ -178,6 +181,8 @@ fn fnv1a(bytes: &[u8]) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::bus::{Bell, Bus, Spec};
     use crate::message::Odometry;

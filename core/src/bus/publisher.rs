@@ -207,7 +207,8 @@ impl RawPublisher {
         let items = sample.payload_mut();
         #[allow(
             unsafe_code,
-            reason = "bytes of a mapped segment, zeroed by the kernel or left by an earlier message"
+            reason = "bytes that are initialised: of a mapped segment, zeroed by the kernel or left by an earlier \
+            message, or of a heap segment of the local service, which the transport zeroes"
         )]
         let items = unsafe { std::slice::from_raw_parts_mut(items.as_mut_ptr().cast::<u8>(), items.len()) };
         fill(items);

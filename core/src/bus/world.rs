@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
@@ -30,7 +30,7 @@ pub(super) type Topic<S> = PortFactory<S, [u8], CustomHeaderMarker>;
 pub(super) enum Patience {
     /// What is not there is not going to be.
     None,
-    /// Tries again, for half a second at most.
+    /// Tries again, but begins no attempt after half a second.
     Bounded,
 }
 
@@ -51,7 +51,7 @@ struct Inside<S: Service> {
 pub(super) const MOST_NODES: usize = 64;
 const LIST_BYTES: &str = "yamabico.list_bytes";
 const RINGS: &str = "yamabico.rings";
-const TRIES: u32 = 20;
+const LONGEST: Duration = Duration::from_millis(500);
 const PAUSE: Duration = Duration::from_millis(25);
 
 impl<S: Service> World<S> {
@@ -203,14 +203,13 @@ impl Patience {
         mut attempt: impl FnMut() -> Result<T, E>,
         worth_it: impl Fn(&E) -> bool,
     ) -> Result<T, E> {
-        let tries = if self == Patience::Bounded { TRIES } else { 1 };
-        let mut tried = 1;
+        let begin = Instant::now();
+        let again = || self == Patience::Bounded && begin.elapsed() + PAUSE < LONGEST;
         loop {
             match attempt() {
-                Err(e) if tried < tries && worth_it(&e) => std::thread::sleep(PAUSE),
+                Err(e) if again() && worth_it(&e) => std::thread::sleep(PAUSE),
                 answer => return answer,
             }
-            tried += 1;
         }
     }
 }
@@ -293,4 +292,34 @@ fn builder<S: Service>(
     )]
     let builder = unsafe { builder.__internal_set_user_header_type_details(&header) };
     Ok(builder.payload_alignment(Alignment::ALIGN_8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patience_ends_after_half_a_second_however_slow_an_attempt_is() {
+        let begin = Instant::now();
+        let mut attempts = 0;
+        let slow = || {
+            attempts += 1;
+            std::thread::sleep(Duration::from_millis(200));
+            Err::<(), ()>(())
+        };
+        assert!(Patience::Bounded.retry(slow, |_| true).is_err());
+        assert!((2..=3).contains(&attempts), "{attempts}");
+        assert!(begin.elapsed() < Duration::from_millis(1000), "{:?}", begin.elapsed());
+        let mut attempts = 0;
+        let _ = Patience::None.retry(
+            || {
+                Err::<(), u32>({
+                    attempts += 1;
+                    attempts
+                })
+            },
+            |_| true,
+        );
+        assert_eq!(attempts, 1);
+    }
 }

@@ -5,8 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A camera's position and attitude in the body frame (x forward, y left, z up), radians.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Mount {
     /// Ahead of the robot's centre, metres.
     pub x: f64,
@@ -70,24 +69,29 @@ impl Mount {
 
 /// A [`Mount`] as a robot file writes it: metres and degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct MountConfig {
     /// Ahead of the robot's centre, m, -5 to 5, default 0.
+    #[serde(default)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub x_m: f64,
     /// Left of the robot's centre, m, -5 to 5, default 0.
+    #[serde(default)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub y_m: f64,
-    /// Above the floor, m, 0 to 5, default 0.
+    /// Above the floor, m, 0 to 5; distances to walls are measured from it.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub z_m: f64,
     /// Turn about the vertical, degrees, positive to the left, -180 to 180, default 0.
+    #[serde(default)]
     #[schemars(range(min = -180.0, max = 180.0))]
     pub pan_deg: f64,
     /// Downward tilt, degrees, -90 to 90, default 0.
+    #[serde(default)]
     #[schemars(range(min = -90.0, max = 90.0))]
     pub tilt_deg: f64,
     /// Turn about the forward axis, degrees, positive lowers the right side, -180 to 180, default 0.
+    #[serde(default)]
     #[schemars(range(min = -180.0, max = 180.0))]
     pub roll_deg: f64,
 }
@@ -140,6 +144,12 @@ mod tests {
         let down = Vector3::new(-psi.cos() * tilt.sin(), -psi.sin() * tilt.sin(), -tilt.cos());
         let forward = Vector3::new(psi.cos() * tilt.cos(), psi.sin() * tilt.cos(), -tilt.sin());
         assert!((rotation - Matrix3::from_columns(&[right, down, forward])).norm() < 1e-14);
+    }
+
+    #[test]
+    fn the_height_must_be_told() {
+        assert!(toml::from_str::<MountConfig>("tilt_deg = 6.0").unwrap_err().message().contains("z_m"));
+        assert_eq!(toml::from_str::<MountConfig>("z_m = 0.6").unwrap().tilt_deg, 0.0);
     }
 
     #[test]

@@ -13,8 +13,7 @@ const UNDISTORTION_TOLERANCE: f64 = 1e-14;
 const UNDISTORTION_STEPS: usize = 60;
 
 /// The linear part of a camera and its image size; pixels, pixel centres on integers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.
     pub fx: f64,
@@ -94,15 +93,20 @@ impl Intrinsics {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Distortion {
-    /// Radial coefficient of r^2.
+    /// Radial coefficient of r^2, no unit, -10 to 10, default 0.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub k1: f64,
-    /// Radial coefficient of r^4.
+    /// Radial coefficient of r^4, no unit, -10 to 10, default 0.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub k2: f64,
-    /// First tangential coefficient.
+    /// First tangential coefficient, no unit, -1 to 1, default 0.
+    #[schemars(range(min = -1.0, max = 1.0))]
     pub p1: f64,
-    /// Second tangential coefficient.
+    /// Second tangential coefficient, no unit, -1 to 1, default 0.
+    #[schemars(range(min = -1.0, max = 1.0))]
     pub p2: f64,
-    /// Radial coefficient of r^6.
+    /// Radial coefficient of r^6, no unit, -10 to 10, default 0.
+    #[schemars(range(min = -10.0, max = 10.0))]
     pub k3: f64,
 }
 
@@ -293,17 +297,21 @@ pub struct IntrinsicsConfig {
     #[serde(default = "default_fov_deg")]
     #[schemars(range(min = 5.0, max = 170.0))]
     pub fov_deg: f64,
-    /// Horizontal focal length, pixels, > 0; default from `fov_deg`.
+    /// Horizontal focal length, pixels, 1 to 100000; default from `fov_deg`.
     #[serde(default)]
+    #[schemars(range(min = 1.0, max = 1e5))]
     pub fx: Option<f64>,
-    /// Vertical focal length, pixels, > 0; default as `fx`.
+    /// Vertical focal length, pixels, 1 to 100000; default as `fx`.
     #[serde(default)]
+    #[schemars(range(min = 1.0, max = 1e5))]
     pub fy: Option<f64>,
-    /// Column of the principal point, pixels; default (width - 1)/2.
+    /// Column of the principal point, pixels, -8192 to 16384; default (width - 1)/2.
     #[serde(default)]
+    #[schemars(range(min = -8192.0, max = 16_384.0))]
     pub cx: Option<f64>,
-    /// Row of the principal point, pixels; default (height - 1)/2.
+    /// Row of the principal point, pixels, -8192 to 16384; default (height - 1)/2.
     #[serde(default)]
+    #[schemars(range(min = -8192.0, max = 16_384.0))]
     pub cy: Option<f64>,
     /// Brown-Conrady coefficients, default none.
     #[serde(default)]
@@ -354,6 +362,18 @@ mod tests {
         let config: IntrinsicsConfig = toml::from_str("width = 640\nheight = 480\nfov_deg = 60.0").unwrap();
         assert_eq!(config.intrinsics(), intrinsics);
         assert!(toml::from_str::<IntrinsicsConfig>("width = 640\nheight = 480\nfov = 60.0").is_err());
+    }
+
+    #[test]
+    fn every_number_of_a_camera_has_a_range() {
+        let schema = schemars::schema_for!(IntrinsicsConfig).to_value();
+        let distortion = &schema["$defs"]["Distortion"];
+        for properties in [&schema["properties"], &distortion["properties"]] {
+            for (key, part) in properties.as_object().unwrap().iter().filter(|(key, _)| *key != "distortion")
+            {
+                assert!(part["minimum"].is_number() && part["maximum"].is_number(), "{key}: {part}");
+            }
+        }
     }
 
     #[test]

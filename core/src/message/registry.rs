@@ -119,6 +119,26 @@ mod tests {
         }
     }
 
+    /// A layout that changes needs a new version in its header's name.
+    #[test]
+    fn layouts_belong_to_their_versions() {
+        let mut layouts = String::new();
+        for message in ALL {
+            let header = vec![0; message.header_size];
+            let items = vec![0; if message.item_size > 1 { message.item_size } else { 0 }];
+            let json = (message.to_json)(&header, &items);
+            let keys = |json: &serde_json::Value| {
+                json.as_object().map_or_else(String::new, |o| o.keys().cloned().collect::<Vec<_>>().join(" "))
+            };
+            layouts += &format!("{}: {} + {}\n", message.name, message.header_size, message.item_size);
+            layouts += &format!("  {}\n", keys(&json));
+            if let Some(item) = json.get("items").and_then(|items| items.get(0)) {
+                layouts += &format!("  items: {}\n", keys(item));
+            }
+        }
+        insta::assert_snapshot!(layouts);
+    }
+
     #[test]
     fn a_list_becomes_json_with_its_items() {
         let scan = RangeScanHeader { stamp_ns: 7, max_m: 3.0, ..Default::default() };

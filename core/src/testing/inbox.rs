@@ -3,14 +3,16 @@
 use std::collections::VecDeque;
 
 use crate::behavior::{RawMessage, SlotSource};
+use crate::message::Channel;
 
 /// How many messages of a stream an inbox keeps at hand.
 pub const DEPTH: usize = 64;
 
-/// The newest [`DEPTH`] messages of a slot. Reuses its memory: a full inbox takes messages of the same size without
+/// The newest messages of a slot, as many as the bus keeps: one or [`DEPTH`]. Reuses its memory: a full inbox takes messages of the same size without
 /// allocating.
 pub struct Inbox {
     name: String,
+    depth: usize,
     kept: VecDeque<Stored>,
     fresh: usize,
     lost: u64,
@@ -18,20 +20,24 @@ pub struct Inbox {
 
 impl Inbox {
     /// An empty inbox of the slot `name`.
-    pub fn new(name: impl Into<String>) -> Inbox {
-        Inbox { name: name.into(), kept: VecDeque::with_capacity(DEPTH), fresh: 0, lost: 0 }
+    pub fn new(name: impl Into<String>, channel: Channel) -> Inbox {
+        let depth = match channel {
+            Channel::Latest => 1,
+            Channel::Stream => DEPTH,
+        };
+        Inbox { name: name.into(), depth, kept: VecDeque::with_capacity(depth), fresh: 0, lost: 0 }
     }
 
-    /// Takes a message; the oldest one makes room, and counts as lost where it was not yet seen.
+    /// Takes a message; the oldest one makes room, and counts as lost where it was not yet seen and a newer one does not stand for it.
     pub fn push(&mut self, header: &[u8], items: &[u8]) {
         let mut entry =
-            if self.kept.len() < DEPTH { None } else { self.kept.pop_front() }.unwrap_or_default();
+            if self.kept.len() < self.depth { None } else { self.kept.pop_front() }.unwrap_or_default();
         entry.set(header, items);
         self.kept.push_back(entry);
-        if self.fresh == DEPTH {
-            self.lost += 1;
-        } else {
+        if self.fresh < self.depth {
             self.fresh += 1;
+        } else if self.depth > 1 {
+            self.lost += 1;
         }
     }
 
@@ -106,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_full_inbox_tells_what_it_lost() {
-        let mut inbox = Inbox::new("sonar");
+        let mut inbox = Inbox::new("sonar", Channel::Stream);
         for i in 0..DEPTH as u64 + 3 {
             inbox.push(&i.to_ne_bytes(), &[]);
         }

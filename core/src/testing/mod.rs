@@ -10,8 +10,10 @@
 mod inbox;
 
 use crate::behavior::{
-    BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, Setup, Slot, SlotSource, View,
+    BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, Setup, Slot, SlotInfo,
+    SlotSource, View,
 };
+use crate::config::FileKind;
 use crate::message::{Message, MessageType, Proposal};
 use crate::time::Time;
 use inbox::{Inbox, Stored};
@@ -29,16 +31,21 @@ impl<B: Plugin> Bench<B> {
     /// The behaviour built from TOML text, as in its table of a task file without the keys that every behaviour has.
     ///
     /// # Errors
-    /// Text that is not TOML, unknown keys, wrong types, and whatever the behaviour itself refuses.
+    /// Text that is not TOML, whatever the behaviour itself refuses, and what a task file's check would refuse: unknown
+    /// keys, wrong types, values out of range.
     pub fn new(toml: &str, setup: Setup) -> Result<Bench<B>, BuildError> {
         let config = toml::from_str(toml).map_err(|error| BuildError::new("", error.to_string()))?;
-        let slots = B::INPUTS.iter().map(|slot| Inbox::new(slot.name)).collect();
-        Ok(Bench {
-            behavior: B::new(config, &setup)?,
-            now: Time::ZERO,
-            slots: Slots(slots),
-            published: Published::default(),
-        })
+        let behavior = B::new(config, &setup)?;
+        let table = FileKind {
+            key: B::NAME,
+            what: "the behaviour",
+            schema: || schemars::schema_for!(B::Config),
+            rules: |_| Vec::new(),
+        };
+        table.read(B::NAME, toml).map_err(|problems| BuildError::new("", problems.to_string()))?;
+        let slots = B::INPUTS.iter().map(|slot| Inbox::new(slot.name, slot.message.channel)).collect();
+        let published = Published { declared: B::OUTPUTS, kept: Vec::new() };
+        Ok(Bench { behavior, now: Time::ZERO, slots: Slots(slots), published })
     }
 
     /// Sets the time of the next calls, seconds.
@@ -68,7 +75,7 @@ impl<B: Plugin> Bench<B> {
 
     /// One call of the behaviour; what was fed is fresh in this call only.
     pub fn propose(&mut self) -> Proposal {
-        self.published.0.clear();
+        self.published.kept.clear();
         let proposal = self
             .behavior
             .propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
@@ -80,8 +87,11 @@ impl<B: Plugin> Bench<B> {
 
     /// What the last call published on the output `name`: header and items.
     pub fn published<M: Message>(&self, name: &str) -> Vec<(M, Vec<M::Item>)> {
-        let of_name =
-            self.published.0.iter().filter(|(output, message, _)| output == name && message.name == M::NAME);
+        let of_name = self
+            .published
+            .kept
+            .iter()
+            .filter(|(output, message, _)| output == name && message.name == M::NAME);
         of_name
             .filter_map(|(_, _, stored)| {
                 View::<M>::of(stored.raw()).map(|view| (*view.header, view.items.to_vec()))
@@ -108,8 +118,10 @@ impl InputSource for Slots {
     }
 }
 
-#[derive(Default)]
-struct Published(Vec<(String, MessageType, Stored)>);
+struct Published {
+    declared: &'static [SlotInfo],
+    kept: Vec<(String, MessageType, Stored)>,
+}
 
 impl OutputSink for Published {
     fn publish(
@@ -119,9 +131,18 @@ impl OutputSink for Published {
         header: &[u8],
         items: &[u8],
     ) -> Result<(), PublishError> {
+        let declared = self.declared.iter().find(|output| output.name == name);
+        let declared = declared.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?.message;
+        if declared != *message {
+            return Err(PublishError::WrongType {
+                output: name.to_owned(),
+                expected: declared.name,
+                actual: message.name,
+            });
+        }
         let mut stored = Stored::default();
         stored.set(header, items);
-        self.0.push((name.to_owned(), *message, stored));
+        self.kept.push((name.to_owned(), *message, stored));
         Ok(())
     }
 
@@ -142,25 +163,39 @@ impl OutputSink for Published {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::behavior::{Behavior, SlotInfo};
-    use crate::message::{Axes, Beam, Odometry, RangeScanHeader, Reason, Twist};
+    use crate::behavior::Behavior;
+    use crate::message::{Axes, Beam, Odometry, Pose, RangeScanHeader, Reason, Twist};
 
     const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges");
+    const POSE: Slot<Pose> = Slot::optional("pose", "where the robot is");
 
     /// Drives at the nearest range of all fresh scans, and publishes where it thinks it is.
     struct Nearest;
 
     #[derive(serde::Deserialize, schemars::JsonSchema)]
-    struct NoConfig {}
+    #[serde(default)]
+    struct OneKey {
+        /// Ranges below this are noise.
+        #[schemars(range(min = 0.0, max = 1.0))]
+        least_m: f32,
+    }
+
+    impl Default for OneKey {
+        fn default() -> Self {
+            OneKey { least_m: 0.1 }
+        }
+    }
 
     impl Plugin for Nearest {
-        type Config = NoConfig;
+        type Config = OneKey;
         const NAME: &'static str = "nearest";
         const SUMMARY: &'static str = "Drives at the nearest range.";
-        const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
+        const INPUTS: &'static [SlotInfo] = &[SONAR.info(), POSE.info()];
+        const OUTPUTS: &'static [SlotInfo] = &[Slot::<Odometry>::required("odometry", "where it is").info()];
         const CLAIMS: Axes = Axes::LINEAR;
 
-        fn new(_: NoConfig, _: &Setup) -> Result<Self, BuildError> {
+        fn new(config: OneKey, _: &Setup) -> Result<Self, BuildError> {
+            let _ = config.least_m;
             Ok(Nearest)
         }
     }
@@ -171,6 +206,11 @@ mod tests {
             let nearest = ranges.fold(f64::INFINITY, f64::min);
             let odometry = Odometry { x: nearest, stamp_ns: inputs.now().0, ..Default::default() };
             outputs.publish("odometry", &odometry, &[]).unwrap();
+            let undeclared = outputs.publish("wheels", &odometry, &[]);
+            assert_eq!(undeclared, Err(PublishError::NoSuchOutput("wheels".into())));
+            let wrong = outputs.publish("odometry", &Pose::default(), &[]);
+            assert!(matches!(wrong, Err(PublishError::WrongType { .. })), "{wrong:?}");
+            assert!(inputs.fresh(&POSE).count() <= 1);
             if inputs.is_fresh(&SONAR) {
                 Proposal::drive(Axes::LINEAR, Twist::planar(nearest, 0.0))
             } else {
@@ -189,5 +229,23 @@ mod tests {
         let published = bench.published::<Odometry>("odometry");
         assert_eq!((published.len(), published[0].0.x, published[0].0.stamp_ns), (1, 0.7, 1_500_000_000));
         assert_eq!(bench.propose().reason(), Some(Reason::StaleInput));
+    }
+
+    #[test]
+    fn a_newest_value_replaces_the_one_before() {
+        let mut bench = Bench::<Nearest>::new("", Setup::default()).unwrap();
+        for _ in 0..3 {
+            bench.feed(&POSE, &Pose::default(), &[]);
+        }
+        let pose = bench.slots.find("pose");
+        assert_eq!((pose.len(), pose.fresh(), pose.lost()), (1, 1, 0));
+        bench.propose();
+    }
+
+    #[test]
+    fn what_a_check_would_refuse_is_refused() {
+        let refused = |toml: &str| Bench::<Nearest>::new(toml, Setup::default()).err().unwrap().problem;
+        assert!(refused("lest_m = 0.5").contains("did you mean `least_m`?"));
+        assert!(refused("least_m = 3").contains("must be at most 1 m"));
     }
 }

@@ -38,7 +38,6 @@ pub struct ImageSequenceConfig {
     #[serde(default = "default_calibration")]
     pub calibration: Calibration,
     /// Where the camera sat on the robot.
-    #[serde(default)]
     pub mount: MountConfig,
 }
 
@@ -98,7 +97,9 @@ mod tests {
 
     #[test]
     fn little_needs_to_be_said() {
-        let config = config("files = \"drive\"\nintrinsics = { width = 960, height = 540 }").unwrap();
+        let config =
+            config("files = \"drive\"\nintrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }")
+                .unwrap();
         let info = config.info("front").unwrap();
         assert_eq!((info.period_s, info.latency_s, config.bytes()), (0.1, 0.0, 960 * 540));
         let SensorKind::Camera { intrinsics, calibrated, .. } = info.kind else { panic!("no camera") };
@@ -108,7 +109,7 @@ mod tests {
 
     #[test]
     fn wrong_keys_and_numbers_are_refused() {
-        let size = "intrinsics = { width = 960, height = 540 }";
+        let size = "intrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }";
         assert!(config(size).unwrap_err().message().contains("files"));
         assert!(config(&format!("files = \"a\"\nrate = 3\n{size}")).unwrap_err().message().contains("rate"));
         for (key, line) in
@@ -117,7 +118,8 @@ mod tests {
             let config = config(&format!("files = \"a\"\n{line}\n{size}")).unwrap();
             assert_eq!(config.info("front").unwrap_err().key, key);
         }
-        let flat = "files = \"a\"\nintrinsics = { width = 960, height = 540, fx = -1.0 }";
+        let flat =
+            "files = \"a\"\nintrinsics = { width = 960, height = 540, fx = -1.0 }\nmount = { z_m = 0.3 }";
         assert_eq!(config(flat).unwrap().info("front").unwrap_err().key, "intrinsics");
     }
 

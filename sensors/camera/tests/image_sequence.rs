@@ -61,7 +61,7 @@ fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
 }
 
 fn keys_of(keys: &str) -> String {
-    format!("intrinsics = {{ width = {WIDTH}, height = {HEIGHT} }}\n{keys}")
+    format!("intrinsics = {{ width = {WIDTH}, height = {HEIGHT} }}\nmount = {{ z_m = 0.3 }}\n{keys}")
 }
 
 fn spec(folder: &Path, part: PartSpec) -> DeviceSpec {
@@ -291,7 +291,7 @@ fn photographs_of_a_corridor_are_shown() {
         println!("skipped: there is no {}", folder.display());
         return;
     }
-    let table = "files = \".\"\nintrinsics = { width = 960, height = 540 }";
+    let table = "files = \".\"\nintrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }";
     let part = PartSpec {
         name: "front".into(),
         kind: "image-sequence".into(),

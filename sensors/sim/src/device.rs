@@ -22,7 +22,7 @@ use yamabico_core::time::Time;
 
 use crate::Scene;
 use crate::body::Body;
-use crate::encoder::EncoderConfig;
+use crate::encoder::{EncoderConfig, Wheels};
 use crate::simulation::Simulation;
 use crate::sonar::SonarConfig;
 use crate::world::{WORLD_FILE, World};
@@ -150,7 +150,11 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
         let sensor: Box<dyn Sensor> = match part.kind.as_str() {
             "camera" => Box::new(camera::Camera::new(name, read(&part.table)?, sim, seed)),
             "sonar" => Box::new(sonars::Sonars::new(name, read(&part.table)?, sim, seed)),
-            "encoders" => Box::new(wheels::WheelEncoders::new(name, read(&part.table)?, sim, seed)),
+            "encoders" => {
+                let mut config: EncoderConfig = read(&part.table)?;
+                config.wheels.get_or_insert(if axes[1] { Wheels::Three } else { Wheels::Two });
+                Box::new(wheels::WheelEncoders::new(name, config, sim, seed))
+            }
             other => return Err(BuildError::new("kind", format!("the simulator has no sensor `{other}`"))),
         };
         sensors.push((part.name.clone(), sensor));

@@ -18,8 +18,8 @@ pub struct EncoderConfig {
     /// Time from a reading to its arrival, ms, 0 to 1000.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub latency_ms: f64,
-    /// How the wheels stand.
-    pub wheels: Wheels,
+    /// How the wheels stand; without it, three where the drive moves sideways, else two.
+    pub wheels: Option<Wheels>,
     /// Distance of the two wheels, or twice the distance of each of three from the centre, metres, 0.05 to 2.
     #[schemars(range(min = 0.05, max = 2.0))]
     pub track_m: f64,
@@ -59,7 +59,7 @@ impl Default for EncoderConfig {
         Self {
             period_ms: 20.0,
             latency_ms: 0.0,
-            wheels: Wheels::Two,
+            wheels: None,
             track_m: 0.36,
             ticks_per_m: 5000.0,
             scale_error: 0.005,
@@ -139,7 +139,7 @@ impl Odometer {
     /// Travel of each wheel for a motion (forward, left, turn); with two wheels the third is unused.
     fn wheel_from_motion(&self) -> Matrix3<f64> {
         let b = self.config.track_m / 2.0;
-        match self.config.wheels {
+        match self.config.wheels.unwrap_or_default() {
             Wheels::Two => Matrix3::new(1.0, 0.0, -b, 1.0, 0.0, b, 0.0, 0.0, 0.0),
             Wheels::Three => {
                 let [p, q, r] = [60.0_f64, 180.0, 300.0].map(|a| a.to_radians().sin_cos());
@@ -150,7 +150,7 @@ impl Odometer {
 
     fn motion_from_wheel(&self) -> Matrix3<f64> {
         let b = self.config.track_m / 2.0;
-        match self.config.wheels {
+        match self.config.wheels.unwrap_or_default() {
             Wheels::Two => Matrix3::new(0.5, 0.5, 0.0, 0.0, 0.0, 0.0, -0.5 / b, 0.5 / b, 0.0),
             Wheels::Three => {
                 let two_thirds = 2.0 / 3.0;

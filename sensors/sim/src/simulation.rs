@@ -33,6 +33,7 @@ pub struct Simulation {
     struck: u32,
     touches_solid: bool,
     touches_person: bool,
+    struck_standing: bool,
 }
 
 /// The body at one instant.
@@ -67,6 +68,7 @@ impl Simulation {
             struck: 0,
             touches_solid: false,
             touches_person: false,
+            struck_standing: false,
         }
     }
 
@@ -157,10 +159,17 @@ impl Simulation {
         }
         if person < 0.0 && !self.touches_person {
             self.touches_person = true;
+            self.struck_standing = !moving;
             if moving { self.contacts += 1 } else { self.struck += 1 }
+        }
+        // Whoever struck the standing robot is touched by its own motion as soon as it sets off into them.
+        if self.struck_standing && into_person && next.twist.speed() > last.twist.speed() {
+            self.struck_standing = false;
+            self.contacts += 1;
         }
         self.touches_solid &= solid < RELEASE_M;
         self.touches_person &= person < RELEASE_M;
+        self.struck_standing &= self.touches_person;
         if into_solid || into_person {
             next.pose = last.pose;
             next.twist = Twist::ZERO;

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use yamabico_core::behavior::{OutputSink, Outputs, PublishError};
-use yamabico_core::message::{Beam, Command, FrameHeader, MessageType, NO_ECHO, Odometry, Truth};
-use yamabico_core::sensor::{Device, DeviceSpec, Due, PartSpec, Robot};
+use yamabico_core::message::{Beam, Command, FrameHeader, MessageType, NO_ECHO, Odometry, Truth, Twist};
+use yamabico_core::sensor::{Device, DeviceSpec, Due, MotionLimits, PartSpec, Robot};
 use yamabico_core::time::Time;
 use yamabico_sim::PLUGIN;
 
@@ -53,6 +53,10 @@ impl Tape {
 }
 
 fn open(world: &str, seed: u64) -> Device {
+    open_with(world, seed, "differential")
+}
+
+fn open_with(world: &str, seed: u64, drive: &str) -> Device {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let folder =
@@ -73,10 +77,13 @@ fn open(world: &str, seed: u64) -> Device {
             part("ears", "sonar", "x_m = 0.25\ndropout = 0.0"),
             part("wheels", "encoders", ""),
         ],
-        drive: Some(part("drive", "differential", "")),
+        drive: Some(part("drive", drive, "")),
         folder: folder.clone(),
         seed,
-        robot: Robot::default(),
+        robot: Robot {
+            limits: MotionLimits { speed: [0.6, 0.6, 1.2], ..Default::default() },
+            ..Default::default()
+        },
     };
     let device = (PLUGIN.open)(spec).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
@@ -85,8 +92,14 @@ fn open(world: &str, seed: u64) -> Device {
 
 /// Drives at `speed` m/s for `seconds`, then keeps silent for as long as `silent`.
 fn run(device: &mut Device, speed: f64, seconds: f64, silent: f64) -> Tape {
+    let ahead = |now: f64| (now < seconds).then(|| Twist { linear: speed, ..Twist::default() });
+    run_by(device, ahead, seconds + silent)
+}
+
+/// Drives as `told` says of every instant.
+fn run_by(device: &mut Device, told: impl Fn(f64) -> Option<Twist>, seconds: f64) -> Tape {
     let mut tape = Tape::default();
-    let ticks = ((seconds + silent) / TICK_S).round() as u64;
+    let ticks = (seconds / TICK_S).round() as u64;
     for tick in 0..=ticks {
         let now = Time::from_secs_f64(tick as f64 * TICK_S);
         let judge = device.judge.as_mut().unwrap();
@@ -94,10 +107,8 @@ fn run(device: &mut Device, speed: f64, seconds: f64, silent: f64) -> Tape {
             let due = sensor.poll(now, &mut Outputs::new(&mut tape)).unwrap();
             assert!(matches!(due, Due::At(at) if at > now));
         }
-        let mut command: Command = bytemuck::Zeroable::zeroed();
-        command.twist.linear = speed;
-        let heard = now.as_secs_f64() < seconds;
-        device.drive.as_mut().unwrap().apply(heard.then_some(&command), now).unwrap();
+        let command = told(now.as_secs_f64()).map(|twist| Command { twist, ..bytemuck::Zeroable::zeroed() });
+        device.drive.as_mut().unwrap().apply(command.as_ref(), now).unwrap();
     }
     tape
 }
@@ -164,4 +175,29 @@ fn a_person_who_walks_into_the_standing_robot_is_counted_apart() {
     assert_eq!((standing.contacts, standing.struck), (0, 1));
     let driving = *run(&mut open(&world, 1), 0.3, 4.0, 0.0).headers::<Truth>("truth").last().unwrap();
     assert_eq!((driving.contacts, driving.struck), (1, 0));
+}
+
+#[test]
+fn driving_on_into_somebody_who_struck_the_robot_is_a_contact() {
+    let world = format!("{EMPTY}\n[[person]]\npath_m = [[3, 0], [0.3, 0]]\nspeed_mps = 1");
+    let waits = |now: f64| Some(Twist { linear: if now < 4.0 { 0.0 } else { 0.3 }, ..Twist::default() });
+    let tape = run_by(&mut open(&world, 1), waits, 6.0);
+    let truth = tape.headers::<Truth>("truth");
+    let waited = truth.iter().rfind(|truth| truth.stamp_ns < 4_000_000_000).unwrap();
+    assert_eq!((waited.contacts, waited.struck), (0, 1));
+    let end = truth.last().unwrap();
+    assert_eq!((end.contacts, end.struck), (1, 1));
+}
+
+#[test]
+fn a_holonomic_drive_moves_sideways_and_its_wheels_tell() {
+    let sideways = |_: f64| Some(Twist { lateral: 0.2, ..Twist::default() });
+    let tape = run_by(&mut open_with(EMPTY, 1, "holonomic"), sideways, 2.0);
+    let truth = tape.headers::<Truth>("truth");
+    let (begin, end) = (truth.first().unwrap(), truth.last().unwrap());
+    assert!((0.3..0.45).contains(&(end.y - begin.y)), "{} to {}", begin.y, end.y);
+    let at_end = *tape.headers::<Odometry>("wheels").last().unwrap();
+    assert!((at_end.y - (end.y - begin.y)).abs() < 0.03, "{} {}", at_end.y, end.y - begin.y);
+    let tape = run_by(&mut open(EMPTY, 1), sideways, 1.0);
+    assert_eq!(tape.headers::<Truth>("truth").last().unwrap().distance_m, 0.0, "two wheels do not");
 }

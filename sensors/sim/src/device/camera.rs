@@ -32,7 +32,6 @@ pub struct CameraConfig {
     /// Size and focal length; a distortion is refused.
     pub intrinsics: IntrinsicsConfig,
     /// Where it sits on the robot.
-    #[serde(default)]
     pub mount: MountConfig,
     /// Exposure, vignetting and noise.
     #[serde(default)]

@@ -60,7 +60,7 @@ fn limb(
     colour: Colour,
     out: &mut Vec<Facet>,
 ) {
-    let material = Material { sound_hard: false, ..Material::matt(colour) };
+    let material = Material::matt(colour);
     let around = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / sides as f64;
         Vector3::new(angle.cos(), angle.sin(), 0.0)

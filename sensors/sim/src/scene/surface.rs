@@ -23,12 +23,10 @@ pub struct Material {
     pub joint_width_m: f32,
     /// Brightness of the joints relative to the surface.
     pub joint_tone: f32,
-    /// Whether it mirrors sound, so that an oblique sonar hears nothing.
-    pub sound_hard: bool,
 }
 
 impl Material {
-    /// A matt, sound-hard material without texture.
+    /// A matt material without texture.
     #[must_use]
     pub fn matt(albedo: Colour) -> Self {
         Self {
@@ -40,7 +38,6 @@ impl Material {
             joint_spacing_m: [0.0; 2],
             joint_width_m: 0.0,
             joint_tone: 1.0,
-            sound_hard: true,
         }
     }
 
