@@ -169,7 +169,7 @@ mod tests {
 
     fn perfect(wheels: Wheels) -> Odometer {
         let config = EncoderConfig {
-            wheels,
+            wheels: Some(wheels),
             scale_error: 0.0,
             slip_m: 0.0,
             ticks_per_m: 1e6,

@@ -146,7 +146,6 @@ fn the_world_with_everything_is_shown() {
 fn every_number_has_a_range() {
     let count = numbers_in(&mut all()).len();
     assert!(count > 90, "{count}");
-    // The first is a box's position or any other key but the seed, for which every whole number is right.
     for i in 0..count {
         for wrong in [f64::NAN, 1e300, -1e300] {
             let mut world = all();
