@@ -36,7 +36,7 @@ fn the_robot_halts_for_both_people_and_arrives() {
     assert!(summary.rms_offset_m.unwrap() <= 0.05, "RMS offset {:?} m", summary.rms_offset_m);
     let halts: Vec<_> = summary.halts.iter().filter(|halt| halt.by == "sonar-halt").collect();
     assert_eq!(halts.len(), 2, "{halts:?}");
-    let stood = summary.encounters.iter().filter_map(|met| met.stood_at_m).collect::<Vec<_>>();
+    let stood = summary.encounters.iter().flat_map(|met| met.stood_at_m.clone()).collect::<Vec<_>>();
     assert!(stood.len() == 2 && stood.iter().all(|&metres| metres >= 0.1), "stood at {stood:?} m from them");
 }
 

@@ -1,6 +1,6 @@
 //! How much a digest, a summary and a recording slow a lockstep run down.
 //!
-//!     cargo run --release -p yamabico-arbiter --example recording_speed [FILE.mcap]
+//!     cargo run --release -p yamabico-arbiter --example recording_speed [FILE.mcap] [--json]
 //!
 //! Sends the messages of 60 seconds of a robot with a camera of 256x240 pixels at 10 Hz, sonars at 20 Hz, odometry, truth,
 //! two behaviours, decisions and commands at 50 Hz, as fast as the taps take them, and prints how much faster than real
@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use serde::Serialize;
 use yamabico_arbiter::record::{Digest, ImageFormat, McapRecorder, Pace, Recording, Tap, Tee};
 use yamabico_arbiter::report::{ReferenceLine, SummaryTap, Trace};
 use yamabico_core::message::{
@@ -25,40 +26,84 @@ const WIDTH: u32 = 256;
 const HEIGHT: u32 = 240;
 
 fn main() {
-    let path = std::env::args().nth(1).map(PathBuf::from);
+    let is_json = std::env::args().any(|argument| argument == "--json");
+    let path = std::env::args().skip(1).find(|argument| argument != "--json").map(PathBuf::from);
     let path = path.unwrap_or_else(|| std::env::temp_dir().join("yamabico_recording_speed.mcap"));
     let frames: Vec<Vec<u8>> = (0..8).map(frame).collect();
-    report("digest", || drive(&mut Digest::new(), &frames));
-    report("summary with digest", || drive(&mut SummaryTap::new(ReferenceLine::default()), &frames));
-    report("trace", || drive(&mut Trace::default(), &frames));
-    for (name, images) in [("png", ImageFormat::Png), ("jpeg 85", ImageFormat::Jpeg(85))] {
-        report(&format!("recording, {name}"), || record(&path, images, &frames, &mut Tee::default()));
+    let mut rows = vec![
+        measure("digest", || plain(&mut Digest::new(), &frames)),
+        measure("summary with digest", || plain(&mut SummaryTap::new(ReferenceLine::default()), &frames)),
+        measure("trace", || plain(&mut Trace::default(), &frames)),
+    ];
+    for (name, images) in
+        [("recording, png", ImageFormat::Png), ("recording, jpeg 85", ImageFormat::Jpeg(85))]
+    {
+        rows.push(measure(name, || record(&path, images, &frames, &mut Tee::default())));
     }
-    report("all, png", || {
+    rows.push(measure("all, png", || {
         let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
-        let mut others = Tee(vec![&mut summary, &mut trace]);
-        record(&path, ImageFormat::Png, &frames, &mut others);
-    });
+        record(&path, ImageFormat::Png, &frames, &mut Tee(vec![&mut summary, &mut trace]))
+    }));
     let _ = std::fs::remove_file(path);
+    if is_json {
+        println!("{}", serde_json::to_string_pretty(&rows).unwrap());
+    } else {
+        rows.iter().for_each(|row| println!("{}", row.text()));
+    }
 }
 
-fn report(name: &str, run: impl FnOnce()) {
+/// What was written in one measurement.
+#[derive(Default, Serialize)]
+struct Written {
+    messages: u64,
+    megabytes: f64,
+    error: Option<String>,
+}
+
+/// One measurement.
+#[derive(Serialize)]
+struct Row {
+    what: &'static str,
+    seconds: f64,
+    real_time_factor: f64,
+    written: Option<Written>,
+}
+
+impl Row {
+    fn text(&self) -> String {
+        let Row { what, seconds, real_time_factor, written } = self;
+        let mut text =
+            format!("{what:22} {seconds:7.3} s for {SECONDS} s: {real_time_factor:7.0} x real time");
+        if let Some(Written { messages, megabytes, error }) = written {
+            text +=
+                &format!(", {messages} messages, {megabytes:.1} MB{}", error.as_deref().unwrap_or_default());
+        }
+        text
+    }
+}
+
+fn measure(what: &'static str, run: impl FnOnce() -> Option<Written>) -> Row {
     let begin = Instant::now();
-    run();
+    let written = run();
     let seconds = begin.elapsed().as_secs_f64();
-    println!("{name:22} {seconds:7.3} s for {SECONDS} s: {:7.0} x real time", SECONDS as f64 / seconds);
+    Row { what, seconds, real_time_factor: SECONDS as f64 / seconds, written }
 }
 
-fn record(path: &Path, images: ImageFormat, frames: &[Vec<u8>], others: &mut dyn Tap) {
+fn plain(tap: &mut dyn Tap, frames: &[Vec<u8>]) -> Option<Written> {
+    drive(tap, frames);
+    None
+}
+
+fn record(path: &Path, images: ImageFormat, frames: &[Vec<u8>], others: &mut dyn Tap) -> Option<Written> {
     let recording = Recording { images, ..Recording::new(path, Pace::Lockstep) };
     let mut recorder = McapRecorder::create(recording).unwrap();
     drive(&mut Tee(vec![&mut recorder, others]), frames);
     let recorded = recorder.finish(BTreeMap::new());
-    let messages: u64 = recorded.messages.values().sum();
-    print!("{messages} messages, {:.1} MB; ", recorded.bytes as f64 * 1e-6);
-    if let Some(error) = recorded.error {
-        print!("{error}; ");
-    }
+    Some(Written {
+        messages: recorded.messages.values().sum(),
+        megabytes: recorded.bytes as f64 * 1e-6,
+        error: recorded.error.map(|error| error.to_string()),
+    })
 }
 
 /// A hallway of sorts: smooth shades, two edges and noise of a few levels.

@@ -1,15 +1,11 @@
 //! The arbitration table of one task on one robot, as it stands in memory.
 
-mod mistakes;
-
 use std::time::Duration;
 
 use yamabico_core::message::{Axes, Axis, Name};
 use yamabico_core::sensor::MotionLimits;
 
 use crate::kinematics::Kinematics;
-
-pub use mistakes::{Mistake, Quantity};
 
 /// Everything that [`decide`](crate::decide::decide) goes by and that does not change while it runs.
 ///
@@ -81,10 +77,6 @@ pub struct BehaviourPolicy {
     pub critical: bool,
     /// Whether it is heard at the start.
     pub enabled: bool,
-    /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
-    pub claims: Axes,
-    /// Whether it is known to drive always, so that whoever stands behind it is never heard.
-    pub never_abstains: bool,
     /// A critical one silent for longer stops the robot.
     pub deadline: Duration,
     /// Oldest stamp that is heard.
@@ -98,7 +90,7 @@ pub struct BehaviourPolicy {
 }
 
 impl BehaviourPolicy {
-    /// One that may claim every axis, is not critical, and has the usual ages: stamps of 200 ms, evidence of 1 s, 500 ms of
+    /// One that is not critical and has the usual ages: stamps of 200 ms, evidence of 1 s, 500 ms of
     /// hold, a deadline of 300 ms and no dwell.
     pub fn new(name: &str, priority: i32) -> BehaviourPolicy {
         BehaviourPolicy {
@@ -106,8 +98,6 @@ impl BehaviourPolicy {
             priority,
             critical: false,
             enabled: true,
-            claims: Axes::ALL,
-            never_abstains: false,
             deadline: Duration::from_millis(300),
             max_age: Duration::from_millis(200),
             max_evidence_age: Duration::from_secs(1),
@@ -129,11 +119,6 @@ impl BehaviourPolicy {
     /// The same with another dwell.
     pub fn with_dwell(self, dwell: Duration) -> BehaviourPolicy {
         BehaviourPolicy { dwell, ..self }
-    }
-
-    /// The same, known to claim at most `claims`.
-    pub fn with_claims(self, claims: Axes) -> BehaviourPolicy {
-        BehaviourPolicy { claims, ..self }
     }
 }
 

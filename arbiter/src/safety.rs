@@ -85,11 +85,6 @@ impl Watch {
     pub fn is_silent(&self, now: Time, tolerance: Duration) -> bool {
         self.heard.is_none_or(|heard| now.since(heard) > self.longest || heard > now + tolerance)
     }
-
-    /// How long it has been silent at `now`; `None` where it was never heard.
-    pub fn silence(&self, now: Time) -> Option<Duration> {
-        self.heard.map(|heard| now.since(heard))
-    }
 }
 
 /// The instant and the time that one decision may use.

@@ -149,8 +149,6 @@ fn policy(task: &Task) -> Policy {
         priority: behavior.priority,
         critical: behavior.critical,
         enabled: behavior.enabled,
-        claims: behavior.plugin.claims,
-        never_abstains: false,
         deadline: behavior.deadline,
         max_age: behavior.max_age,
         max_evidence_age: behavior.max_evidence_age,

@@ -12,7 +12,7 @@ const MEETING_M: f64 = 1.0;
 const PARTING_M: f64 = 1.2;
 
 /// One meeting with people.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Encounter {
     /// When somebody came near, seconds of the run.
     pub begin_s: f64,
@@ -26,14 +26,16 @@ pub struct Encounter {
     pub nearest_m: f64,
     /// Smallest distance while the robot moved by itself, metres; `None` where it stood all the time.
     pub nearest_moving_m: Option<f64>,
-    /// Distance at the moment when it came to stand, metres; `None` where it never stood.
-    pub stood_at_m: Option<f64>,
+    /// Distance at each moment when it came to stand, metres; empty where it never stood.
+    pub stood_at_m: Vec<f64>,
 }
 
 /// Follows the truth of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Encounters {
     current: Option<Encounter>,
+    /// Whether the robot stood at the last truth of the current meeting.
+    stands: bool,
     past: Vec<Encounter>,
 }
 
@@ -42,6 +44,7 @@ impl Encounters {
     pub fn truth(&mut self, truth: &Truth) {
         let (now_s, person_m) = (Time(truth.stamp_ns).as_secs_f64(), truth.person_m);
         if self.current.is_none() && person_m < MEETING_M {
+            self.stands = false;
             self.current = Some(Encounter {
                 begin_s: now_s,
                 end_s: now_s,
@@ -49,7 +52,7 @@ impl Encounters {
                 y: truth.y,
                 nearest_m: f64::INFINITY,
                 nearest_moving_m: None,
-                stood_at_m: None,
+                stood_at_m: Vec::new(),
             });
         }
         let Some(mut current) = self.current.take() else { return };
@@ -61,8 +64,9 @@ impl Encounters {
         if person_m < current.nearest_m {
             (current.x, current.y, current.nearest_m) = (truth.x, truth.y, person_m);
         }
-        if is_standing(truth) {
-            current.stood_at_m.get_or_insert(person_m);
+        let stood = std::mem::replace(&mut self.stands, is_standing(truth));
+        if self.stands {
+            current.stood_at_m.extend((!stood).then_some(person_m));
         } else {
             let nearest = current.nearest_moving_m.unwrap_or(f64::INFINITY).min(person_m);
             current.nearest_moving_m = Some(nearest);
@@ -72,7 +76,7 @@ impl Encounters {
 
     /// Meetings so far, with the one that lasts.
     pub fn list(&self) -> Vec<Encounter> {
-        self.past.iter().chain(&self.current).copied().collect()
+        self.past.iter().chain(&self.current).cloned().collect()
     }
 }
 
@@ -94,6 +98,7 @@ mod tests {
             (2.0, 0.5, 0.2),
             (3.0, 0.4, 0.0),
             (4.0, 0.3, 0.0),
+            (4.5, 0.45, 0.2),
             (5.0, 1.1, 0.0),
             (6.0, 1.3, 0.3),
             (7.0, 0.8, 0.4),
@@ -109,11 +114,11 @@ mod tests {
             x: 4.0,
             y: 0.0,
             nearest_m: 0.3,
-            nearest_moving_m: Some(0.5),
-            stood_at_m: Some(0.4),
+            nearest_moving_m: Some(0.45),
+            stood_at_m: vec![0.4, 1.1],
         };
         assert_eq!(list[0], first);
-        assert_eq!((list.len(), list[1].stood_at_m, list[1].begin_s), (2, None, 7.0));
+        assert_eq!((list.len(), list[1].stood_at_m.as_slice(), list[1].begin_s), (2, &[][..], 7.0));
     }
 
     #[test]

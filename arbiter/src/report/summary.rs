@@ -66,24 +66,6 @@ pub struct Timing {
     pub panics: u32,
 }
 
-impl Timing {
-    /// The figures of calls that took these times, seconds; sorts them.
-    pub fn of(durations_s: &mut [f64], overruns: u64) -> Timing {
-        durations_s.sort_unstable_by(f64::total_cmp);
-        let quantile = |share: f64| {
-            let rank = (share * durations_s.len() as f64).ceil() as usize;
-            durations_s.get(rank.saturating_sub(1)).map_or(0.0, |seconds| seconds * 1e6)
-        };
-        Timing {
-            calls: durations_s.len() as u64,
-            p50_us: quantile(0.5),
-            p99_us: quantile(0.99),
-            overruns,
-            panics: 0,
-        }
-    }
-}
-
 /// One behaviour's part in a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BehaviourSummary {
@@ -389,14 +371,6 @@ mod tests {
     fn the_line_may_point_anywhere() {
         let line = ReferenceLine { x: 1.0, y: 1.0, theta: std::f64::consts::FRAC_PI_2 };
         assert!((line.offset_m(0.5, 7.0) - 0.5).abs() < 1e-12, "left of a line that points to the left");
-    }
-
-    #[test]
-    fn quantiles_are_of_the_sorted_calls() {
-        let mut durations: Vec<_> = (1..=100).rev().map(|i| f64::from(i) * 1e-6).collect();
-        let timing = Timing::of(&mut durations, 2);
-        assert!((timing.p50_us - 50.0).abs() < 1e-9 && (timing.p99_us - 99.0).abs() < 1e-9);
-        assert_eq!(Timing::of(&mut [], 0).p99_us, 0.0);
     }
 
     #[test]

@@ -4,7 +4,6 @@ mod blends;
 mod drives;
 mod halts;
 mod limits;
-mod mistakes;
 mod safety;
 mod wires;
 mod words;
@@ -13,7 +12,7 @@ use std::time::Duration;
 
 use yamabico_arbiter::decide::{Decision, State, decide, explain};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Mistake, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
 use yamabico_arbiter::safety::Stop;
 use yamabico_core::message::{Axes, Kind, Mode, Outcome, Proposal, Reason, Sector, Twist, Verdict};
 use yamabico_core::sensor::MotionLimits;

@@ -50,8 +50,10 @@ fn halts(ran: &Ran) -> String {
     let mut table = table(&["halt by", "at", "for", "nearest person"], 1..4);
     for halt in &ran.summary.halts {
         let end_s = halt.begin_s + halt.duration_s;
-        let met = ran.summary.encounters.iter().find(|met| met.begin_s <= end_s && met.end_s >= halt.begin_s);
-        let nearest = met.and_then(|met| met.stood_at_m).map_or("-".into(), |m| format!("{m:.2} m"));
+        let met =
+            ran.summary.encounters.iter().filter(|met| met.begin_s <= end_s && met.end_s >= halt.begin_s);
+        let nearest = met.flat_map(|met| &met.stood_at_m).copied().reduce(f64::min);
+        let nearest = nearest.map_or("-".into(), |m| format!("{m:.2} m"));
         table.add_row([
             halt.by.clone(),
             format!("{:.1} s", halt.begin_s - ran.summary.began_s),
