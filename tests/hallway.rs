@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
+use yamabico_arbiter::execution::{End, Plan};
+use yamabico_arbiter::kinematics::Kinematics;
 use yamabico_arbiter::record::{Tap, Tee};
 use yamabico_arbiter::run::{Options, Ran, run};
 use yamabico_core::behavior::{RawMessage, View};
@@ -38,6 +39,13 @@ fn the_robot_halts_for_both_people_and_arrives() {
     assert_eq!(halts.len(), 2, "{halts:?}");
     let stood = summary.encounters.iter().flat_map(|met| met.stood_at_m.clone()).collect::<Vec<_>>();
     assert!(stood.len() == 2 && stood.iter().all(|&metres| metres >= 0.1), "stood at {stood:?} m from them");
+}
+
+#[test]
+fn the_wheels_of_the_robot_file_bound_what_is_commanded() {
+    let kinematics = Plan::new(&hallway(), 1).policy.kinematics;
+    let wheels = Kinematics::Differential { base_m: 0.32, wheel_radius_m: 0.05, max_wheel_rad_s: 14.0 };
+    assert_eq!(kinematics, wheels);
 }
 
 #[test]
