@@ -224,4 +224,18 @@ mod tests {
             assert!(places[..i].iter().all(|b| a.prefix != b.prefix && a.root != b.root));
         }
     }
+
+    #[test]
+    fn the_file_of_a_dead_robot_is_no_running_robot() {
+        let robot = format!("dead-{}", std::process::id());
+        let place = Place::of(&robot).unwrap();
+        let lock = place.lock().unwrap();
+        assert_eq!(place.owner(), Some(std::process::id()));
+        // As after kill -9: the lock is gone, the file stays, and its number belongs to a process that runs.
+        let path = place.lock_path();
+        drop(lock);
+        std::fs::write(&path, std::process::id().to_string()).unwrap();
+        assert_eq!(place.owner(), None);
+        std::fs::remove_file(path).unwrap();
+    }
 }
