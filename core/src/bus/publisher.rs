@@ -205,10 +205,13 @@ impl RawPublisher {
             std::ptr::copy_nonoverlapping(header.as_ptr(), user_header, header.len());
         }
         let items = sample.payload_mut();
+        if matches!(self.port, AnyPublisher::Local(_)) {
+            items.fill(std::mem::MaybeUninit::new(0));
+        }
         #[allow(
             unsafe_code,
-            reason = "bytes that are initialised: of a mapped segment, zeroed by the kernel or left by an earlier \
-            message, or of a heap segment of the local service, which the transport zeroes"
+            reason = "initialised bytes: of a mapped segment, zeroed by the kernel or left by an earlier message, or \
+            of the local service's heap, zeroed above"
         )]
         let items = unsafe { std::slice::from_raw_parts_mut(items.as_mut_ptr().cast::<u8>(), items.len()) };
         fill(items);
