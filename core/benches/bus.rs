@@ -46,6 +46,9 @@ fn measure() {
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
+    // Both greet once they listen: what is sent before would be lost.
+    poll(|| ours_back.receive().unwrap().map(|_| 0));
+    poll(|| bare_back.receive().unwrap().map(|_| 0));
     println!("publish to receive in two processes, {ROUNDS} rounds of {PER_ROUND}, nanoseconds");
     println!(
         "{:>8} {:>10} {:>10} {:>10} {:>10} {:>7}",
@@ -88,6 +91,8 @@ fn answer(robot: &str, bare_root: &str) {
     let bare = ["small", "frame"].map(|name| bare_subscriber(&node, name));
     let ours_back = bus.publisher::<FrameHeader>("answer").unwrap();
     let bare_back = Bare::new(&node, "answer", SMALL);
+    ours_back.publish(&FrameHeader::default(), &[0; SMALL]).unwrap();
+    bare_back.send(&FrameHeader::default(), SMALL);
     loop {
         for subscriber in &ours {
             if let Some(sample) = subscriber.receive().unwrap() {
