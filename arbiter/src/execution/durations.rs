@@ -50,15 +50,6 @@ impl Durations {
         }
         Duration::ZERO
     }
-
-    /// Takes in all of `other`.
-    pub fn merge(&mut self, other: &Durations) {
-        for (mine, theirs) in self.buckets.iter_mut().zip(&other.buckets) {
-            *mine += theirs;
-        }
-        self.count += other.count;
-        self.max = self.max.max(other.max);
-    }
 }
 
 /// Linear below `PER_OCTAVE` nanoseconds, then `PER_OCTAVE` buckets to each doubling.

@@ -6,8 +6,6 @@ pub const COMMAND: &str = "command";
 pub const DECISION: &str = "decision";
 /// Requests to the running robot.
 pub const CONTROL: &str = "control";
-/// Signs of life.
-pub const HEARTBEAT: &str = "heartbeat";
 /// A simulator's truth, for judging only.
 pub const TRUTH: &str = "truth";
 

@@ -138,12 +138,7 @@ impl Problems {
     /// Every mistake with the line that it stands in and what would be right, for a person.
     pub fn render(&self, style: Style) -> String {
         let reports = self.problems.iter().map(|problem| self.report(problem, style));
-        let mut text: String = reports.collect::<Vec<_>>().join("\n");
-        let count = self.problems.len();
-        if count > 1 {
-            text.push_str(&format!("\n{count} mistakes\n"));
-        }
-        text
+        reports.collect::<Vec<_>>().join("\n")
     }
 
     fn report(&self, problem: &Problem, style: Style) -> String {

@@ -41,7 +41,7 @@ pub struct TaskArguments {
     /// Use this robot file instead of the one that the task names.
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Change a key: `behaviors.wall-follower.speed_mps=0.2`, or `robot.sensors.front.fov_deg=70` in the robot file.
+    /// Change a key: `behaviors.wall-follower.speed_mps=0.2`, or `robot.sensors.front.intrinsics.fov_deg=70` in the robot file.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }

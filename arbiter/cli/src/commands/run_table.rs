@@ -25,6 +25,7 @@ fn figures(ran: &Ran) -> String {
     let end = match ran.end {
         End::Arrived => "arrived",
         End::SensorsEnded => "all sensors ended",
+        End::TimeOver if ran.is_done() => "time over",
         End::TimeOver => "time over, not arrived",
         End::Interrupted => "interrupted",
     };
