@@ -11,12 +11,13 @@ use yamabico::plugins::PLUGINS;
 use yamabico_arbiter::execution::End;
 use yamabico_arbiter::record::Tap;
 use yamabico_arbiter::run::{Options, Ran, run};
-use yamabico_core::behavior::{BuildError, OutputSink, Outputs, PublishError};
+use yamabico_core::behavior::{BuildError, Outputs, PublishError, RawMessage};
 use yamabico_core::config::{Overrides, Plugins, load};
 use yamabico_core::message::{
     Beam, Command, FrameHeader, Message, MessageType, Odometry, RangeScanHeader, Truth,
 };
 use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
+use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
 
 /// When the sensor goes wrong: the robot has its speed by then, and has met nobody yet.
@@ -50,9 +51,9 @@ impl Sensor for Damaged {
         if now < WRONG {
             return self.sensor.poll(now, outputs);
         }
-        let mut said = Said::default();
+        let mut said = Published::default();
         let due = self.sensor.poll(now, &mut Outputs::new(&mut said))?;
-        for (message, header, items) in &said.0 {
+        for (_, message, RawMessage { header, items }) in said.iter() {
             match message.name {
                 RangeScanHeader::NAME => self.pass_on::<RangeScanHeader>(header, items, outputs)?,
                 FrameHeader::NAME => self.pass_on::<FrameHeader>(header, items, outputs)?,
@@ -124,35 +125,6 @@ impl Damaged {
             Fault::FromThePast => header.restamp(|stamp_ns| stamp_ns / 1000),
         }
         outputs.publish(&self.name, &header, &items)
-    }
-}
-
-#[derive(Default)]
-struct Said(Vec<(MessageType, Vec<u8>, Vec<u8>)>);
-
-impl OutputSink for Said {
-    fn publish(
-        &mut self,
-        _: &str,
-        message: &MessageType,
-        header: &[u8],
-        items: &[u8],
-    ) -> Result<(), PublishError> {
-        self.0.push((*message, header.to_vec(), items.to_vec()));
-        Ok(())
-    }
-
-    fn publish_in_place(
-        &mut self,
-        name: &str,
-        message: &MessageType,
-        header: &[u8],
-        len: usize,
-        fill: &mut dyn FnMut(&mut [u8]),
-    ) -> Result<(), PublishError> {
-        let mut items = vec![0; len];
-        fill(&mut items);
-        self.publish(name, message, header, &items)
     }
 }
 

@@ -8,15 +8,15 @@
 //! ```
 
 mod inbox;
+mod published;
 
-use crate::behavior::{
-    BuildError, InputSource, Inputs, OutputSink, Outputs, Plugin, PublishError, Setup, Slot, SlotInfo,
-    SlotSource, View,
-};
+pub use published::Published;
+
+use crate::behavior::{BuildError, InputSource, Inputs, Outputs, Plugin, Setup, Slot, SlotSource};
 use crate::config::FileKind;
-use crate::message::{Message, MessageType, Proposal};
+use crate::message::{Message, Proposal};
 use crate::time::Time;
-use inbox::{Inbox, Stored};
+use inbox::Inbox;
 
 /// One behaviour and what it is fed.
 pub struct Bench<B: Plugin> {
@@ -44,7 +44,7 @@ impl<B: Plugin> Bench<B> {
         };
         table.read(B::NAME, toml).map_err(|problems| BuildError::new("", problems.to_string()))?;
         let slots = B::INPUTS.iter().map(|slot| Inbox::new(slot.name, slot.message.channel)).collect();
-        let published = Published { declared: B::OUTPUTS, kept: Vec::new() };
+        let published = Published::declared(B::OUTPUTS);
         Ok(Bench { behavior, now: Time::ZERO, slots: Slots(slots), published })
     }
 
@@ -75,7 +75,7 @@ impl<B: Plugin> Bench<B> {
 
     /// One call of the behaviour; what was fed is fresh in this call only.
     pub fn propose(&mut self) -> Proposal {
-        self.published.kept.clear();
+        self.published.clear();
         let proposal = self
             .behavior
             .propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
@@ -87,16 +87,7 @@ impl<B: Plugin> Bench<B> {
 
     /// What the last call published on the output `name`: header and items.
     pub fn published<M: Message>(&self, name: &str) -> Vec<(M, Vec<M::Item>)> {
-        let of_name = self
-            .published
-            .kept
-            .iter()
-            .filter(|(output, message, _)| output == name && message.name == M::NAME);
-        of_name
-            .filter_map(|(_, _, stored)| {
-                View::<M>::of(stored.raw()).map(|view| (*view.header, view.items.to_vec()))
-            })
-            .collect()
+        self.published.of(name)
     }
 }
 
@@ -118,52 +109,10 @@ impl InputSource for Slots {
     }
 }
 
-struct Published {
-    declared: &'static [SlotInfo],
-    kept: Vec<(String, MessageType, Stored)>,
-}
-
-impl OutputSink for Published {
-    fn publish(
-        &mut self,
-        name: &str,
-        message: &MessageType,
-        header: &[u8],
-        items: &[u8],
-    ) -> Result<(), PublishError> {
-        let declared = self.declared.iter().find(|output| output.name == name);
-        let declared = declared.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?.message;
-        if declared != *message {
-            return Err(PublishError::WrongType {
-                output: name.to_owned(),
-                expected: declared.name,
-                actual: message.name,
-            });
-        }
-        let mut stored = Stored::default();
-        stored.set(header, items);
-        self.kept.push((name.to_owned(), *message, stored));
-        Ok(())
-    }
-
-    fn publish_in_place(
-        &mut self,
-        name: &str,
-        message: &MessageType,
-        header: &[u8],
-        len: usize,
-        fill: &mut dyn FnMut(&mut [u8]),
-    ) -> Result<(), PublishError> {
-        let mut items = vec![0_u64; len.div_ceil(8)];
-        fill(&mut bytemuck::cast_slice_mut(&mut items)[..len]);
-        self.publish(name, message, header, &bytemuck::cast_slice(&items)[..len])
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::behavior::Behavior;
+    use crate::behavior::{Behavior, PublishError, SlotInfo};
     use crate::message::{Axes, Beam, Odometry, Pose, RangeScanHeader, Reason, Twist};
 
     const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges");

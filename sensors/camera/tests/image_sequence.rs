@@ -5,9 +5,10 @@
 use std::path::{Path, PathBuf};
 
 use yamabico_camera::PLUGIN;
-use yamabico_core::behavior::{BuildError, OutputSink, Outputs, PublishError};
-use yamabico_core::message::{Encoding, FrameHeader, MessageType};
+use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::message::{Encoding, FrameHeader};
 use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, Due, PartSpec, Robot, Sensor};
+use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
 
 const WIDTH: u32 = 32;
@@ -96,41 +97,11 @@ fn refusal(folder: &Path, keys: &str) -> String {
     }
 }
 
-#[derive(Default)]
-struct Frames(Vec<(FrameHeader, Vec<u8>)>);
-
-impl OutputSink for Frames {
-    fn publish(
-        &mut self,
-        name: &str,
-        _: &MessageType,
-        header: &[u8],
-        items: &[u8],
-    ) -> Result<(), PublishError> {
-        assert_eq!(name, "front");
-        self.0.push((bytemuck::pod_read_unaligned(header), items.to_vec()));
-        Ok(())
-    }
-
-    fn publish_in_place(
-        &mut self,
-        name: &str,
-        message: &MessageType,
-        header: &[u8],
-        len: usize,
-        fill: &mut dyn FnMut(&mut [u8]),
-    ) -> Result<(), PublishError> {
-        let mut items = vec![0; len];
-        fill(&mut items);
-        self.publish(name, message, header, &items)
-    }
-}
-
 /// Polls whenever the sensor wants it until it ends or `most` frames came.
 fn watch(sensor: &mut dyn Sensor, most: usize) -> Result<Vec<(FrameHeader, Vec<u8>)>, DeviceError> {
-    let (mut frames, mut now) = (Frames::default(), Time::from_secs_f64(5.0));
-    while frames.0.len() < most {
-        match sensor.poll(now, &mut Outputs::new(&mut frames))? {
+    let (mut published, mut now) = (Published::default(), Time::from_secs_f64(5.0));
+    while published.iter().count() < most {
+        match sensor.poll(now, &mut Outputs::new(&mut published))? {
             Due::At(next) => {
                 assert!(next > now, "time goes on");
                 now = next;
@@ -138,7 +109,7 @@ fn watch(sensor: &mut dyn Sensor, most: usize) -> Result<Vec<(FrameHeader, Vec<u
             Due::Ended => break,
         }
     }
-    Ok(frames.0)
+    Ok(published.of("front"))
 }
 
 #[test]
@@ -177,15 +148,16 @@ fn a_late_poll_gets_the_newest_picture_only() {
     let folder = Folder::new("late");
     (1..=9).for_each(|i| drop(folder.grey(&format!("{i}.png"), i)));
     let mut sensor = sensor(&folder.0, "files = \".\"");
-    let mut frames = Frames::default();
+    let mut published = Published::default();
     let mut poll =
-        |millis: u64| sensor.poll(Time(millis * 1_000_000), &mut Outputs::new(&mut frames)).unwrap();
+        |millis: u64| sensor.poll(Time(millis * 1_000_000), &mut Outputs::new(&mut published)).unwrap();
     assert_eq!(poll(0), Due::At(Time(100_000_000)));
     assert_eq!(poll(50), Due::At(Time(100_000_000)));
     assert_eq!(poll(450), Due::At(Time(500_000_000)));
     assert_eq!(poll(2000), Due::At(Time(900_000_000)), "the last picture is shown however late");
     assert_eq!(poll(2001), Due::Ended);
-    let told: Vec<_> = frames.0.iter().map(|(header, pixels)| (header.sequence, pixels[0])).collect();
+    let frames = published.of::<FrameHeader>("front");
+    let told: Vec<_> = frames.iter().map(|(header, pixels)| (header.sequence, pixels[0])).collect();
     assert_eq!(told, [(0, 1), (4, 5), (8, 9)]);
 }
 

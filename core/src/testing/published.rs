@@ -1,0 +1,79 @@
+//! What a behaviour or a sensor publishes, kept to be looked at.
+
+use crate::behavior::{OutputSink, PublishError, RawMessage, SlotInfo, View};
+use crate::message::{Message, MessageType};
+
+use super::inbox::Stored;
+
+/// Keeps whatever is published: the outputs of a behaviour on the bench, or of a sensor that a test polls.
+#[derive(Debug, Default)]
+pub struct Published {
+    declared: Option<&'static [SlotInfo]>,
+    kept: Vec<(String, MessageType, Stored)>,
+}
+
+impl Published {
+    /// Refuses what is not among `declared`, as the bus does.
+    #[must_use]
+    pub fn declared(declared: &'static [SlotInfo]) -> Published {
+        Published { declared: Some(declared), kept: Vec::new() }
+    }
+
+    /// Header and items of every message of type `M` on `output`, in the order of publication.
+    #[must_use]
+    pub fn of<M: Message>(&self, output: &str) -> Vec<(M, Vec<M::Item>)> {
+        let views = self.iter().filter(|&(name, message, _)| name == output && message.name == M::NAME);
+        views
+            .filter_map(|(_, _, raw)| View::<M>::of(raw).map(|view| (*view.header, view.items.to_vec())))
+            .collect()
+    }
+
+    /// Output, type and bytes of every message, in the order of publication.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &MessageType, RawMessage<'_>)> {
+        self.kept.iter().map(|(name, message, stored)| (name.as_str(), message, stored.raw()))
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.kept.clear();
+    }
+}
+
+impl OutputSink for Published {
+    fn publish(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), PublishError> {
+        if let Some(declared) = self.declared {
+            let output = declared.iter().find(|output| output.name == name);
+            let expected = output.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?.message;
+            if expected != *message {
+                return Err(PublishError::WrongType {
+                    output: name.to_owned(),
+                    expected: expected.name,
+                    actual: message.name,
+                });
+            }
+        }
+        let mut stored = Stored::default();
+        stored.set(header, items);
+        self.kept.push((name.to_owned(), *message, stored));
+        Ok(())
+    }
+
+    fn publish_in_place(
+        &mut self,
+        name: &str,
+        message: &MessageType,
+        header: &[u8],
+        len: usize,
+        fill: &mut dyn FnMut(&mut [u8]),
+    ) -> Result<(), PublishError> {
+        let mut items = vec![0_u64; len.div_ceil(8)];
+        fill(&mut bytemuck::cast_slice_mut(&mut items)[..len]);
+        self.publish(name, message, header, &bytemuck::cast_slice(&items)[..len])
+    }
+}
