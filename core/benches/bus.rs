@@ -5,7 +5,7 @@
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark")]
 
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use iceoryx2::prelude::*;
@@ -27,8 +27,9 @@ fn main() {
 
 fn measure() {
     let robot = format!("bench-{}", std::process::id());
-    let bare_root = std::path::PathBuf::from(std::env::var_os("HOME").unwrap())
-        .join(format!(".yb{}", std::process::id()));
+    let home = std::path::PathBuf::from(std::env::var_os("HOME").unwrap());
+    let bare_root = BareRoot(home.join(format!(".yb{}", std::process::id())));
+    let bare_root = &bare_root.0;
     let bus = Bus::ipc(&robot).unwrap();
     let node = bare_node(bare_root.to_str().unwrap());
     let _services = [("small", SMALL), ("frame", FRAME), ("answer", SMALL)].map(|(name, len)| {
@@ -40,12 +41,12 @@ fn measure() {
     let bare = sizes.map(|(name, len)| (len, Bare::new(&node, name, len)));
     let ours_back = bus.subscriber::<FrameHeader>("answer").unwrap();
     let bare_back = bare_subscriber(&node, "answer");
-    let mut child = Command::new(std::env::current_exe().unwrap())
+    let child = Command::new(std::env::current_exe().unwrap())
         .env("BUS_BENCH_ROBOT", &robot)
-        .env("BUS_BENCH_BARE", &bare_root)
+        .env("BUS_BENCH_BARE", bare_root)
         .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
+        .spawn();
+    let child = Answerer(child.unwrap());
     // Both greet once they listen: what is sent before would be lost.
     poll(|| ours_back.receive().unwrap().map(|_| 0));
     poll(|| bare_back.receive().unwrap().map(|_| 0));
@@ -75,12 +76,20 @@ fn measure() {
         worst = worst.max(ratio);
         println!("{:>8} {ours50:>10} {bare50:>10} {ours99:>10} {bare99:>10} {ratio:>7.3}", ours[i].0);
     }
-    child.kill().unwrap();
-    child.wait().unwrap();
+    drop(child);
     within_a_thread(&bus, &node);
-    drop((ours_back, bare_back, ours, bare, node));
-    clear_bare(&bare_root);
     println!("worst ratio {worst:.3}, bar {BAR}: {}", if worst <= BAR { "held" } else { "MISSED" });
+}
+
+/// The other process, which spins until it is ended: with the measurement, also with one that fails.
+struct Answerer(Child);
+
+impl Drop for Answerer {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// Receives on every topic and answers with the latency of each frame.
@@ -245,12 +254,17 @@ fn bare_prefix(root: &str) -> String {
     format!("{}_", root.rsplit('.').next().unwrap())
 }
 
-fn clear_bare(root: &std::path::Path) {
-    let prefix = bare_prefix(root.to_str().unwrap());
-    let _ = std::fs::remove_dir_all(root);
-    for segment in std::fs::read_dir("/dev/shm").unwrap().flatten() {
-        if segment.file_name().to_string_lossy().starts_with(&prefix) {
-            let _ = std::fs::remove_file(segment.path());
+/// Where the bare services keep their files; cleared when everything else is gone.
+struct BareRoot(std::path::PathBuf);
+
+impl Drop for BareRoot {
+    fn drop(&mut self) {
+        let prefix = bare_prefix(self.0.to_str().unwrap());
+        let _ = std::fs::remove_dir_all(&self.0);
+        for segment in std::fs::read_dir("/dev/shm").unwrap().flatten() {
+            if segment.file_name().to_string_lossy().starts_with(&prefix) {
+                let _ = std::fs::remove_file(segment.path());
+            }
         }
     }
 }
