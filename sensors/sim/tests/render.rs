@@ -147,18 +147,44 @@ fn the_hallway_looks_as_it_did() {
     for (name, seconds, robot) in views {
         scene.set_time(seconds).unwrap();
         let view = view(160, 120, Mount::tilted(0.6, 0.09), robot);
-        let pixels = picture(&scene, &view, PLAIN);
-        let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
-        if std::env::var_os("YAMABICO_BLESS").is_some() {
-            image::save_buffer(&path, &pixels, 160, 120, image::ExtendedColorType::L8).unwrap();
-        }
-        let golden = image::open(&path).unwrap().to_luma8().into_raw();
-        let differences = pixels.iter().zip(&golden).map(|(a, b)| f64::from(a.abs_diff(*b)));
-        let mean = differences.clone().sum::<f64>() / pixels.len() as f64;
-        let far_off = differences.filter(|d| *d > 10.0).count();
-        assert!(
-            golden.len() == pixels.len() && mean < 0.5 && far_off < 40,
-            "{name}: mean {mean}, far off {far_off}"
-        );
+        agrees_with_golden(name, &picture(&scene, &view, PLAIN));
     }
+}
+
+#[test]
+fn a_white_and_a_brown_box_stand_out_each_in_its_way() {
+    let boxes = "[[box]]\nat_m = [2.2, 0.4]\ncolour = [0.85, 0.85, 0.83]\n\
+                 [[box]]\nat_m = [2.2, -0.4]\ncolour = [0.30, 0.19, 0.10]";
+    let scene = Scene::new(&World::from_toml(&format!("{HALLWAY}\n{boxes}")).unwrap(), 1).unwrap();
+    let view = view(160, 120, Mount::tilted(0.6, 0.25), Pose2::IDENTITY);
+    let pixels = picture(&scene, &view, PLAIN);
+    let grey_at = |point: Point3<f64>| {
+        let pixel = pixel_of(&view, point);
+        f64::from(pixels[pixel.y.round() as usize * 160 + pixel.x.round() as usize])
+    };
+    // The faces towards the robot, and the floor before them, beside the mirror image of the lamps.
+    let (white, brown) = (grey_at(Point3::new(2.08, 0.4, 0.2)), grey_at(Point3::new(2.08, -0.4, 0.2)));
+    let floor = grey_at(Point3::new(1.8, 0.4, 0.0));
+    let top = grey_at(Point3::new(2.2, 0.4, 0.35));
+    assert!(
+        top > floor + 40.0 && white > floor + 8.0 && brown < floor - 60.0,
+        "white {top} and {white}, floor {floor}, brown {brown}"
+    );
+    agrees_with_golden("boxes", &pixels);
+}
+
+/// Compares with a kept picture of 160 x 120 pixels.
+fn agrees_with_golden(name: &str, pixels: &[u8]) {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
+    if std::env::var_os("YAMABICO_BLESS").is_some() {
+        image::save_buffer(&path, pixels, 160, 120, image::ExtendedColorType::L8).unwrap();
+    }
+    let golden = image::open(&path).unwrap().to_luma8().into_raw();
+    let differences = pixels.iter().zip(&golden).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let mean = differences.clone().sum::<f64>() / pixels.len() as f64;
+    let far_off = differences.filter(|d| *d > 10.0).count();
+    assert!(
+        golden.len() == pixels.len() && mean < 0.5 && far_off < 40,
+        "{name}: mean {mean}, far off {far_off}"
+    );
 }
