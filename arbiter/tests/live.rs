@@ -2,14 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod stand_ins;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
-use schemars::JsonSchema;
-use serde::Deserialize;
+use stand_ins::{Nothing, PERIOD, drive, schema, sensor};
 use yamabico_arbiter::execution::{End, Live, Plan, Progress};
 use yamabico_arbiter::record::{Pace, Tee};
 use yamabico_arbiter::run::{Options, Ran, RunError, run};
@@ -18,16 +18,10 @@ use yamabico_core::behavior::{
 };
 use yamabico_core::config::{Overrides, Plugins, Task, load};
 use yamabico_core::drive::Drive;
-use yamabico_core::message::{
-    Axes, Command, DecisionHeader, Message, MessageType, Odometry, Proposal, Twist,
-};
-use yamabico_core::sensor::{
-    Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, Due, Sensor, SensorInfo, SensorKind,
-    SensorPlugin,
-};
+use yamabico_core::message::{Axes, Command, DecisionHeader, Message, Odometry, Proposal, Twist};
+use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
 use yamabico_core::time::Time;
 
-const PERIOD: Duration = Duration::from_millis(20);
 /// Polls or commands until what is to fail does so: 0.3 s.
 const LIFE: u64 = 15;
 
@@ -36,14 +30,6 @@ const FLOOD: u64 = 1100;
 
 /// Speeds that each robot's drive was given, m/s.
 static GIVEN: Mutex<BTreeMap<String, Vec<f64>>> = Mutex::new(BTreeMap::new());
-
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
-
-fn schema() -> schemars::Schema {
-    schemars::schema_for!(Nothing)
-}
 
 /// Odometry of a body that moves as it is told; some kinds come to an end.
 struct Wheels {
@@ -110,30 +96,6 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
         Box::new(Motor { robot: spec.robot.name.clone(), kind: drive.kind, speed, commands: 0 }) as _
     };
     Ok(Device { sensors, drive: spec.drive.map(motor), judge: None, walls: Vec::new() })
-}
-
-const fn sensor(kind: &'static str) -> SensorPlugin {
-    SensorPlugin {
-        kind,
-        summary: "Odometry.",
-        message: MessageType::of::<Odometry>(),
-        schema,
-        describe: |name, _| {
-            Ok(SensorInfo {
-                name: name.into(),
-                message: Odometry::NAME,
-                period_s: PERIOD.as_secs_f64(),
-                latency_s: 0.0,
-                kind: SensorKind::Other,
-            })
-        },
-        most_bytes: |_| Ok(0),
-        check: |_, _| Ok(()),
-    }
-}
-
-const fn drive(kind: &'static str) -> DrivePlugin {
-    DrivePlugin { kind, summary: "Obeys.", axes: Axes::PLANAR, schema }
 }
 
 static DRIVER: DriverPlugin = DriverPlugin {

@@ -2,10 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use std::time::Duration;
+mod stand_ins;
 
-use schemars::JsonSchema;
-use serde::Deserialize;
+use stand_ins::{Nothing, PERIOD, drive, schema, sensor};
 use yamabico_arbiter::execution::{Lockstep, Plan, Supply};
 use yamabico_arbiter::record::{Digest, Tap, Tee};
 use yamabico_core::behavior::{
@@ -17,20 +16,8 @@ use yamabico_core::message::{
     Axes, Command, DecisionHeader, Intersection, Message, MessageType, Mode, Odometry, Proposal, Reason,
     Twist,
 };
-use yamabico_core::sensor::{
-    Device, DeviceError, DrivePlugin, DriverPlugin, Due, Sensor, SensorInfo, SensorKind, SensorPlugin,
-};
+use yamabico_core::sensor::{Device, DeviceError, DriverPlugin, Due, Sensor};
 use yamabico_core::time::Time;
-
-const STEP: Duration = Duration::from_millis(20);
-
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Nothing {}
-
-fn schema() -> schemars::Schema {
-    schemars::schema_for!(Nothing)
-}
 
 /// Counts up every 20 ms; falls silent after a second and a half, ends after three.
 struct Counter(u64);
@@ -46,7 +33,7 @@ impl Sensor for Counter {
                 Odometry { stamp_ns: now.0, sequence: self.0, x: self.0 as f64, ..Default::default() };
             outputs.publish("wheels", &odometry, &[])?;
         }
-        Ok(Due::At(now + STEP))
+        Ok(Due::At(now + PERIOD))
     }
 }
 
@@ -63,24 +50,8 @@ static DRIVER: DriverPlugin = DriverPlugin {
     summary: "Counts.",
     schema,
     files: &[],
-    sensors: &[SensorPlugin {
-        kind: "counter",
-        summary: "Counts up.",
-        message: MessageType::of::<Odometry>(),
-        schema,
-        describe: |name, _| {
-            Ok(SensorInfo {
-                name: name.into(),
-                message: Odometry::NAME,
-                period_s: STEP.as_secs_f64(),
-                latency_s: 0.0,
-                kind: SensorKind::Other,
-            })
-        },
-        most_bytes: |_| Ok(0),
-        check: |_, _| Ok(()),
-    }],
-    drives: &[DrivePlugin { kind: "motor", summary: "Obeys.", axes: Axes::PLANAR, schema }],
+    sensors: &[sensor("counter")],
+    drives: &[drive("motor")],
     open: |spec| {
         let sensors =
             spec.sensors.iter().map(|sensor| (sensor.name.clone(), Box::new(Counter(0)) as Box<dyn Sensor>));
@@ -148,7 +119,7 @@ impl Behavior for Follower {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let Some(seen) = inputs.latest(&AHEAD) else { return Proposal::abstain(Reason::NoInput) };
         let age = inputs.now().since(seen.header.stamp());
-        assert_eq!(age, STEP, "what is published in one step is seen in the next");
+        assert_eq!(age, PERIOD, "what is published in one step is seen in the next");
         Proposal::drive(Axes::ANGULAR, Twist::planar(0.0, seen.header.distance_m * 0.001))
     }
 }
@@ -225,7 +196,7 @@ impl Tap for Decisions {
 }
 
 fn run(test: &str, task: &str, threads: usize) -> (Vec<DecisionHeader>, Digest) {
-    let mut lockstep = Lockstep::open(plan(test, task), STEP, threads).unwrap();
+    let mut lockstep = Lockstep::open(plan(test, task), PERIOD, threads).unwrap();
     let (mut decisions, mut digest) = (Decisions::default(), Digest::new());
     while lockstep.step(&mut Tee(vec![&mut decisions, &mut digest])).unwrap() == Supply::Lasting {}
     (decisions.0, digest)
@@ -244,7 +215,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 #[test]
 fn silent_sensors_end_in_a_stop_and_never_in_silence() {
     let (decisions, _) = run("silent", TASK, 1);
-    let at = |seconds: f64| &decisions[(seconds / STEP.as_secs_f64()) as usize];
+    let at = |seconds: f64| &decisions[(seconds / PERIOD.as_secs_f64()) as usize];
     assert!(at(1.4).commanded.linear > 0.3, "{:?}", at(1.4));
     assert_eq!((at(2.9).commanded, at(2.9).mode()), (Twist::ZERO, Some(Mode::Idle)));
 }
