@@ -1,4 +1,4 @@
-//! JSON Schemas of task files and robot files, for editors.
+//! JSON Schemas of task files, robot files and the files that robots name, for editors.
 
 use serde_json::{Map, Value as Json, json};
 
@@ -7,9 +7,14 @@ use super::tables::{BehaviorKeys, DeviceKeys, PartKeys, RobotKeys, SensorKeys, T
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
-/// The JSON Schemas of both kinds of file, with the keys of every plugin: `{ "task": ..., "robot": ... }`.
+/// The JSON Schemas of every kind of file, with the keys of every plugin: `{ "task": ..., "robot": ..., "world": ... }`,
+/// the files that a device's table names by the key that names them.
 pub fn schema(plugins: &Plugins<'_>) -> Json {
-    json!({ "task": task_schema(plugins), "robot": robot_schema(plugins) })
+    let mut kinds = json!({ "task": task_schema(plugins), "robot": robot_schema(plugins) });
+    for file in plugins.drivers.iter().flat_map(|driver| driver.files) {
+        kinds[file.key] = (file.schema)().to_value();
+    }
+    kinds
 }
 
 /// The JSON Schema of a task file.

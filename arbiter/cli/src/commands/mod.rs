@@ -27,7 +27,7 @@ pub enum Command {
     List,
     /// Describe a behaviour, a driver, a sensor or a drive: its inputs, outputs and parameters.
     Describe(describe::Arguments),
-    /// Print the JSON Schema of task and robot files, for editors.
+    /// Print the JSON Schemas of task, robot and world files, for editors.
     Schema,
     /// Draw a task: sensors, behaviours, wires, drive.
     Graph(graph::Arguments),

@@ -1,4 +1,4 @@
-//! `yamabico schema`: the JSON Schema of task and robot files.
+//! `yamabico schema`: the JSON Schemas of task, robot and world files.
 
 use std::process::ExitCode;
 
