@@ -1,4 +1,5 @@
-//! What the comments of the configurations say of a key's range is what is checked.
+//! What the comments of the configurations say of a key's range is what is checked; where keys of one name have several
+//! ranges, one of them.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

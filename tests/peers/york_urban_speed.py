@@ -1,6 +1,7 @@
+# Without an argument the pictures of York Urban; else those of a pattern, such as 'FRAMES/hallway_640x480_*.png'.
 import glob
 from p5_vp import *
-K=os.path.join(os.environ.get('YAMABICO_DATA','../../../shared/data'),'york_urban','images','*.jpg')
+K=sys.argv[1] if len(sys.argv)>1 else os.path.join(os.environ.get('YAMABICO_DATA','../../../shared/data'),'york_urban','images','*.jpg')
 ims=[cv2.imread(f,0) for f in sorted(glob.glob(K))]
 def best(f,n=15):
     b=1e9
