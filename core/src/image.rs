@@ -5,6 +5,10 @@
 
 use thiserror::Error;
 
+use crate::behavior::View;
+use crate::camera::Intrinsics;
+use crate::message::{Encoding, FrameHeader};
+
 /// Why some bytes are not an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ImageError {
@@ -166,6 +170,27 @@ impl GrayImage {
             }
         }
         Ok(())
+    }
+
+    /// The grey levels of a frame: the frame's own bytes where it is grey, else its luma in this buffer. `None` where the
+    /// encoding is not known, or where size or stride do not fit the bytes or the camera.
+    pub fn view_of_frame<'a>(
+        &'a mut self,
+        frame: &View<'a, FrameHeader>,
+        camera: &Intrinsics,
+    ) -> Option<ImageView<'a>> {
+        let header = frame.header;
+        if (header.width, header.height) != (camera.width, camera.height) {
+            return None;
+        }
+        let (width, height, stride) = (header.width as usize, header.height as usize, header.stride as usize);
+        match header.encoding()? {
+            Encoding::Gray8 => ImageView::new(frame.items, width, height, stride).ok(),
+            Encoding::Rgb8 => {
+                self.copy_from_rgb8(frame.items, width, height, stride).ok()?;
+                self.view().ok()
+            }
+        }
     }
 }
 

@@ -6,14 +6,8 @@
 pub mod centring;
 pub mod config;
 pub mod corridor_track;
-pub mod floor_lines;
-pub mod heading;
-pub mod odometry_track;
 pub mod recovery;
-pub mod sight;
-pub mod skirting;
 pub mod stereo;
-pub mod wall_distance;
 
 pub use config::Config;
 
@@ -22,17 +16,17 @@ use yamabico_core::behavior::{
 };
 use yamabico_core::camera::Pinhole;
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::message::{Axes, Encoding, FrameHeader, Odometry, Proposal, Reason};
+use yamabico_core::image::GrayImage;
+use yamabico_core::message::{Axes, FrameHeader, Odometry, Proposal, Reason};
 use yamabico_core::sensor::{Calibration, SensorKind};
 use yamabico_core::time::Time;
 
 use crate::centring::{Centring, align_in_place, allowed_speed};
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
-use crate::floor_lines::FloorLineRule;
-use crate::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use crate::recovery::{Loss, Recoverer, Recovery};
-use crate::sight::{CorridorCamera, Sight};
+use yamabico_core::corridor::floor_lines::FloorLineRule;
+use yamabico_core::corridor::sight::{CorridorCamera, Sight};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 
 /// The plugin, to be listed by the program.
 pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<WallFollower>();
@@ -194,7 +188,7 @@ impl WallFollower {
         let elapsed_s = self.last_picture.map_or(0.0, |last| stamp.seconds_after(last));
         self.track.predict(pose.map_or(Motion::Unknown { elapsed_s }, Motion::To));
         self.last_picture = Some(stamp);
-        let seen = match grey_view(&mut self.grey, frame, &self.sight) {
+        let seen = match self.grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics()) {
             Some(image) => self.sight.look(image, self.track.expectation()),
             None => Err(Reason::MalformedInput),
         };
@@ -319,25 +313,4 @@ impl WallFollower {
 fn turn_in_place(heading: f64, target: f64, largest_rad_s: f64) -> Proposal {
     Proposal::drive(Axes::PLANAR, Twist::planar(0.0, align_in_place(heading, target, largest_rad_s)))
         .uncoupled()
-}
-
-/// The picture as grey levels; `None` where size, stride or encoding do not fit the camera.
-fn grey_view<'a>(
-    grey: &'a mut GrayImage,
-    frame: &View<'a, FrameHeader>,
-    sight: &Sight,
-) -> Option<ImageView<'a>> {
-    let intrinsics = sight.camera().pinhole.intrinsics();
-    let header = frame.header;
-    if (header.width, header.height) != (intrinsics.width, intrinsics.height) {
-        return None;
-    }
-    let (width, height, stride) = (header.width as usize, header.height as usize, header.stride as usize);
-    match header.encoding()? {
-        Encoding::Gray8 => ImageView::new(frame.items, width, height, stride).ok(),
-        Encoding::Rgb8 => {
-            grey.copy_from_rgb8(frame.items, width, height, stride).ok()?;
-            grey.view().ok()
-        }
-    }
 }

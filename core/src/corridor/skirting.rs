@@ -3,11 +3,11 @@
 //! Mean brightness along lines that run through the vanishing point, as a function of their distance from the camera: the
 //! average over a whole line shows a step where no single edge can be followed.
 
+use crate::camera::Pinhole;
+use crate::image::ImageView;
 use nalgebra::{Vector2, Vector3};
-use yamabico_core::camera::Pinhole;
-use yamabico_core::image::ImageView;
 
-use crate::wall_distance::CorridorView;
+use crate::corridor::wall_distance::CorridorView;
 
 /// Lines of the profile.
 const LINES: usize = 48;
@@ -102,8 +102,8 @@ fn bilinear(image: ImageView<'_>, at: Vector2<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::heading::CameraAttitude;
-    use yamabico_core::camera::Intrinsics;
+    use crate::camera::Intrinsics;
+    use crate::corridor::heading::CameraAttitude;
 
     /// A picture in which everything on the floor plane beyond `foot_m` on the left is dark, and beyond `top_m` bright.
     fn picture(view: &CorridorView, foot_m: f64, top_m: f64) -> Vec<u8> {

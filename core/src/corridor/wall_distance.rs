@@ -2,11 +2,11 @@
 //!
 //! Kweon et al. (1991), section 3.2. Differs from \[1\]: their formula holds for heading and tilt zero; these are exact.
 
+use crate::camera::Intrinsics;
 use nalgebra::{Matrix2, Matrix3, Point2, RowVector4, Vector2, Vector3};
 use thiserror::Error;
-use yamabico_core::camera::Intrinsics;
 
-use crate::heading::CameraAttitude;
+use crate::corridor::heading::CameraAttitude;
 
 /// A line whose plane leans away from the corridor's axis by more than this (rad) is not one of its walls.
 pub const LARGEST_SKEW_RAD: f64 = 0.0349;
@@ -39,11 +39,11 @@ impl CorridorView {
     /// The view of a camera with this attitude and roll (rad).
     #[must_use]
     pub fn new(attitude: CameraAttitude, roll: f64, height_m: f64, intrinsics: Intrinsics) -> Self {
-        let mount = yamabico_core::camera::Mount {
+        let mount = crate::camera::Mount {
             pan: attitude.heading,
             tilt: attitude.tilt,
             roll,
-            ..yamabico_core::camera::Mount::level(height_m)
+            ..crate::camera::Mount::level(height_m)
         };
         Self { corridor_from_camera: mount.rotation_body_from_camera(), height_m, intrinsics }
     }

@@ -3,8 +3,8 @@
 //! Kweon et al. (1991), section 3.1. Differs from \[1\]: their pair of angles belongs to a camera that pans about its own
 //! vertical after tilting; a robot yaws about the world's vertical, which gives the pair here.
 
+use crate::camera::{Intrinsics, Mount};
 use nalgebra::{Matrix2, Vector2, Vector3};
-use yamabico_core::camera::{Intrinsics, Mount};
 
 /// Where the camera's axis points, relative to the corridor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

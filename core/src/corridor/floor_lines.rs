@@ -4,10 +4,10 @@
 //! brightness from one side to the other (a joint between tiles does not), and be long; of two, the inner one is
 //! the floor line and the outer one the upper edge of the skirting.
 
+use crate::image::ImageView;
 use nalgebra::Vector2;
-use yamabico_core::image::ImageView;
 
-use crate::wall_distance::CorridorView;
+use crate::corridor::wall_distance::CorridorView;
 
 /// A straight edge along the corridor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -265,9 +265,9 @@ pub fn sides(image: ImageView<'_>, start: Vector2<f64>, end: Vector2<f64>, offse
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::heading::CameraAttitude;
+    use crate::camera::Intrinsics;
+    use crate::corridor::heading::CameraAttitude;
     use nalgebra::Vector3;
-    use yamabico_core::camera::Intrinsics;
 
     fn view() -> CorridorView {
         let attitude = CameraAttitude { heading: 0.05, tilt: 0.1 };

@@ -1,8 +1,8 @@
 //! Where the robot was at an instant: the recent odometry.
 
-use yamabico_core::geometry::{Pose2, Twist, angle_difference};
-use yamabico_core::message::Odometry;
-use yamabico_core::time::Time;
+use crate::geometry::{Pose2, Twist, angle_difference};
+use crate::message::Odometry;
+use crate::time::Time;
 
 const CAPACITY: usize = 256;
 

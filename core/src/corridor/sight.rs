@@ -1,19 +1,21 @@
 //! What one picture tells of the corridor: the robot's heading and its walls.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
-use yamabico_core::camera::{Distortion, Mount, Pinhole};
-use yamabico_core::image::ImageView;
-use yamabico_core::message::Reason;
-use yamabico_core::sensor::Calibration;
-use yamabico_core::vision::segments::{Segment, SegmentConfig, SegmentDetector};
-use yamabico_core::vision::vanishing_point::{
+use crate::camera::{Distortion, Mount, Pinhole};
+use crate::image::ImageView;
+use crate::message::Reason;
+use crate::sensor::Calibration;
+use crate::vision::segments::{Segment, SegmentConfig, SegmentDetector};
+use crate::vision::vanishing_point::{
     Prediction, VanishingPoint, VanishingPointConfig, VanishingPointError, VanishingPointFinder,
 };
+use nalgebra::{Matrix2, Vector2, Vector3};
 
-use crate::floor_lines::{CorridorLine, ExpectedWall, FloorLineFinder, FloorLineRule, SeenWall, sides};
-use crate::heading::{CameraAttitude, RobotHeading};
-use crate::skirting::{FootSearch, foot_of_wall};
-use crate::wall_distance::{CorridorView, tied_distance_sigma};
+use crate::corridor::floor_lines::{
+    CorridorLine, ExpectedWall, FloorLineFinder, FloorLineRule, SeenWall, sides,
+};
+use crate::corridor::heading::{CameraAttitude, RobotHeading};
+use crate::corridor::skirting::{FootSearch, foot_of_wall};
+use crate::corridor::wall_distance::{CorridorView, tied_distance_sigma};
 
 /// Distances to either side of an edge at which its brightness is read, pixels of an image 640 px wide.
 const SIDE_OFFSET_AT_640_PX: f64 = 4.0;
