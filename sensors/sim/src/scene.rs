@@ -52,13 +52,13 @@ pub enum SceneError {
 }
 
 impl Scene {
-    /// Builds the world for the run of `seed` (which moves only what the world lets it: the people's start), at time 0.
+    /// Builds the world for the run of `seed` (which moves only what the world lets it: boxes and the people's start), at time 0.
     ///
     /// # Errors
     /// [`SceneError`] for a world with values out of range.
     pub fn new(world: &World, seed: u64) -> Result<Self, SceneError> {
         world.check()?;
-        let mut building = Building::new(world);
+        let mut building = Building::new(world, seed);
         let building_mesh = mesh(&building.surfaces)?;
         let lighting = Lighting {
             emitters: std::mem::take(&mut building.emitters),

@@ -153,7 +153,7 @@ pub struct Window {
 }
 
 /// A box of cardboard or wood.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxItem {
     /// Centre of its base, x and y in metres, each -1000 to 1000.
@@ -175,6 +175,18 @@ pub struct BoxItem {
     #[serde(default = "box_colour")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub colour: Colour,
+    /// The seed picks one of these reflectances instead of `colour`; none when absent.
+    #[serde(default)]
+    #[schemars(length(max = 100), inner(inner(range(min = 0.0, max = 1.0))))]
+    pub colours: Vec<Colour>,
+    /// The seed moves the box by up to this much either way, along x and y in metres, each 0 to 100.
+    #[serde(default)]
+    #[schemars(inner(range(min = 0.0, max = 100.0)))]
+    pub jitter_m: [f64; 2],
+    /// The seed turns the box by up to this much either way, degrees, 0 to 180.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 180.0))]
+    pub jitter_deg: f64,
 }
 
 /// A lit ceiling panel.
@@ -288,6 +300,21 @@ impl World {
     #[must_use]
     pub fn corridor(length_m: f64, width_m: f64) -> Self {
         Self { corridor: Some(Corridor { length_m, width_m, ..Corridor::default() }), ..Self::default() }
+    }
+}
+
+impl Default for BoxItem {
+    fn default() -> Self {
+        Self {
+            at_m: [0.0; 2],
+            base_m: 0.0,
+            yaw_deg: 0.0,
+            size_m: box_size(),
+            colour: box_colour(),
+            colours: Vec::new(),
+            jitter_m: [0.0; 2],
+            jitter_deg: 0.0,
+        }
     }
 }
 

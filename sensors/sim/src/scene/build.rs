@@ -27,12 +27,12 @@ const FRAME_DEPTH_M: f64 = 0.02;
 const LEAF_M: f64 = 0.04;
 
 impl Building {
-    pub fn new(world: &World) -> Self {
+    pub fn new(world: &World, seed: u64) -> Self {
         let mut b = Self::default();
         let walls: Vec<Wall> =
             world.corridor.iter().flat_map(Corridor::walls).chain(world.walls.iter().cloned()).collect();
         walls.iter().for_each(|w| b.wall(w));
-        for item in &world.boxes {
+        for item in world.boxes.iter().enumerate().map(|(index, item)| item.placed(index, seed)) {
             let (sin, cos) = item.yaw_deg.to_radians().sin_cos();
             let along = Vector2::new(cos, sin) * item.size_m[0];
             let across = Vector2::new(-sin, cos) * item.size_m[1];

@@ -1,9 +1,25 @@
-//! Random hallways for sweeps.
+//! What a seed decides: where boxes stand, and whole hallways for sweeps.
 
 use rand::RngExt;
 
 use super::{BoxItem, Corridor, CorridorDoor, Floor, Side, World};
 use crate::random::stream;
+
+impl BoxItem {
+    /// Box number `index` as the run of `seed` has it: moved, turned and painted within what the world lets the seed do.
+    #[must_use]
+    pub fn placed(&self, index: usize, seed: u64) -> Self {
+        let mut rng = stream(seed, &format!("box {index}"));
+        let mut within = |most: f64| rng.random_range(-1.0..=1.0) * most;
+        let [x_m, y_m] = self.jitter_m.map(&mut within);
+        let yaw_deg = self.yaw_deg + within(self.jitter_deg);
+        let colour = match self.colours.len() {
+            0 => self.colour,
+            count => self.colours[rng.random_range(0..count)],
+        };
+        Self { at_m: [self.at_m[0] + x_m, self.at_m[1] + y_m], yaw_deg, colour, ..self.clone() }
+    }
+}
 
 impl World {
     /// A hallway `width_m` wide with random doors (open and closed), boxes along the walls, window, baseboards, floor
@@ -44,10 +60,9 @@ impl World {
                     rng.random_range(2.0..corridor.end_x_m() - 1.0),
                     side * (width_m / 2.0 - rng.random_range(0.2..0.35)),
                 ],
-                base_m: 0.0,
                 yaw_deg: rng.random_range(-45.0..45.0),
-                size_m: super::box_size(),
                 colour: if white { super::box_colour() } else { [0.30, 0.19, 0.10] },
+                ..BoxItem::default()
             });
         }
         let shade = rng.random_range(0.25..0.5_f32);
@@ -59,5 +74,34 @@ impl World {
             ..Floor::default()
         };
         Self { texture_seed: seed, corridor: Some(corridor), boxes, floor, ..Self::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seed_moves_a_box_only_within_its_jitter() {
+        let still = BoxItem { at_m: [3.0, 0.2], yaw_deg: 10.0, ..BoxItem::default() };
+        let placed = still.placed(0, 7);
+        assert_eq!((placed.at_m, placed.yaw_deg, placed.colour), (still.at_m, still.yaw_deg, still.colour));
+
+        let colours = vec![[0.9; 3], [0.2; 3]];
+        let loose =
+            BoxItem { jitter_m: [1.0, 0.3], jitter_deg: 45.0, colours: colours.clone(), ..still.clone() };
+        let places: Vec<_> = (0..64).map(|seed| loose.placed(0, seed)).collect();
+        for (seed, placed) in places.iter().enumerate() {
+            assert!((placed.at_m[0] - 3.0).abs() <= 1.0 && (placed.at_m[1] - 0.2).abs() <= 0.3);
+            assert!((placed.yaw_deg - 10.0).abs() <= 45.0);
+            assert_eq!(placed.at_m, loose.placed(0, seed as u64).at_m);
+        }
+        let spread = |index: usize| {
+            let at = places.iter().map(|placed| placed.at_m[index]);
+            at.clone().fold(f64::MIN, f64::max) - at.fold(f64::MAX, f64::min)
+        };
+        assert!(spread(0) > 1.5 && spread(1) > 0.45, "the seed uses its room");
+        assert!(colours.iter().all(|colour| places.iter().any(|placed| placed.colour == *colour)));
+        assert_ne!(loose.placed(0, 1).at_m, loose.placed(1, 1).at_m, "each box has a place of its own");
     }
 }
