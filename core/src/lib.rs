@@ -13,6 +13,7 @@ pub mod corridor;
 pub mod drive;
 pub mod geometry;
 pub mod image;
+pub mod map;
 pub mod message;
 pub mod odometry_track;
 pub mod sensor;

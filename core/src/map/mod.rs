@@ -1,0 +1,11 @@
+//! What is known of a building before the robot sees it.
+//!
+//! [`WireFrame`] holds its edges and walls, [`ExpectationMap`] tells which of them a camera should see from a pose.
+
+pub mod expectation;
+pub mod view;
+pub mod wire_frame;
+
+pub use expectation::{ExpectationMap, ExpectationRules, ExpectedEdge};
+pub use view::MapView;
+pub use wire_frame::{Edge, EdgeKind, MapError, WIRE_FRAME_FILE, Wall, WireFrame};
