@@ -1,6 +1,7 @@
 //! What cameras see: one textbook noun a module. Pure functions over image views and caller-owned workspaces; nothing
 //! allocates once a workspace has seen its first frame.
 
+pub mod bit_image;
 pub mod gradient;
 pub mod median;
 pub mod overlay;
@@ -8,3 +9,4 @@ pub mod segment_fit;
 pub mod segments;
 pub mod vanishing_point;
 mod vectorise;
+pub mod vertical_edges;

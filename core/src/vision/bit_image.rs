@@ -1,0 +1,208 @@
+//! A picture of one bit a pixel: edges, masks and what they have in common, 64 pixels at a time.
+
+use nalgebra::Vector2;
+
+use super::vectorise::{self, Kernel};
+use crate::image::ImageView;
+
+/// A mask of `width` x `height` pixels. Filling it again allocates only when it must grow.
+///
+/// Rows are 64-bit words, lowest bit leftmost. An empty word stands before the first row and behind every row, so that
+/// whole pictures can be shifted sideways without bits running into the neighbouring row.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct BitImage {
+    width: usize,
+    height: usize,
+    words: Vec<u64>,
+}
+
+impl BitImage {
+    /// An empty mask.
+    #[must_use]
+    pub fn new(width: usize, height: usize) -> Self {
+        let mut image = Self::default();
+        image.clear(width, height);
+        image
+    }
+
+    /// Gives the mask this size and empties it.
+    pub fn clear(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.words.clear();
+        self.words.resize(1 + self.stride() * height, 0);
+    }
+
+    /// Columns.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Whether the pixel in column `u` and row `v` is set; outside, none is.
+    #[must_use]
+    pub fn get(&self, u: usize, v: usize) -> bool {
+        u < self.width && v < self.height && self.words[self.index(u, v)] >> (u % 64) & 1 == 1
+    }
+
+    /// Sets the pixel in column `u` and row `v`; outside, nothing happens.
+    pub fn set(&mut self, u: usize, v: usize) {
+        if u < self.width && v < self.height {
+            let index = self.index(u, v);
+            self.words[index] |= 1 << (u % 64);
+        }
+    }
+
+    /// Sets a line between two pixels: one pixel a row where it is steep, one a column where it is flat. What lies outside
+    /// is left out; a line with an end that is not finite or absurdly far away is not drawn.
+    pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>) {
+        const FARTHEST_PX: f64 = 1e5;
+        if !from.iter().chain(to.iter()).all(|x| x.abs() < FARTHEST_PX) {
+            return;
+        }
+        let along = to - from;
+        let is_steep = along.y.abs() >= along.x.abs();
+        let (main, step) = if is_steep { (1, along.y) } else { (0, along.x) };
+        let (first, last) = (from[main].min(to[main]).round(), from[main].max(to[main]).round());
+        let size = if is_steep { self.height } else { self.width };
+        let (first, last) = (first.max(0.0) as usize, last.min(size as f64 - 1.0));
+        if last < 0.0 || size == 0 {
+            return;
+        }
+        for i in first..=last as usize {
+            let share = if step == 0.0 { 0.0 } else { ((i as f64 - from[main]) / step).clamp(0.0, 1.0) };
+            let across = (from[1 - main] + share * along[1 - main]).round();
+            if across >= 0.0 {
+                let (u, v) = if is_steep { (across as usize, i) } else { (i, across as usize) };
+                self.set(u, v);
+            }
+        }
+    }
+
+    /// Sets the pixels of `image` that are at least `least`, and no others.
+    pub fn threshold(&mut self, image: ImageView, least: u8) {
+        self.clear(image.width(), image.height());
+        vectorise::run(Threshold { image, least, out: self });
+    }
+
+    /// The set pixels.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.words.iter().map(|word| word.count_ones()).sum()
+    }
+
+    /// The words of row `v`.
+    #[must_use]
+    pub fn row(&self, v: usize) -> &[u64] {
+        let start = 1 + v * self.stride();
+        &self.words[start..start + self.stride() - 1]
+    }
+
+    /// Columns and rows of the set pixels, row by row.
+    pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> {
+        (0..self.height).flat_map(move |v| {
+            (0..self.width).filter(move |&u| self.row(v)[u / 64] >> (u % 64) & 1 == 1).map(move |u| (u, v))
+        })
+    }
+
+    /// Words from one row to the next: those of a row and the empty one behind it.
+    pub(crate) fn stride(&self) -> usize {
+        self.width.div_ceil(64) + 1
+    }
+
+    /// The empty word and then the rows, each with an empty word behind it.
+    pub(crate) fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    pub(crate) fn row_mut(&mut self, v: usize) -> &mut [u64] {
+        let stride = self.stride();
+        let start = 1 + v * stride;
+        &mut self.words[start..start + stride - 1]
+    }
+
+    fn index(&self, u: usize, v: usize) -> usize {
+        1 + v * self.stride() + u / 64
+    }
+}
+
+struct Threshold<'a> {
+    image: ImageView<'a>,
+    least: u8,
+    out: &'a mut BitImage,
+}
+
+impl Kernel for Threshold<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut flags = [0; 64];
+        for v in 0..self.image.height() {
+            let row = self.image.row(v);
+            for (word, levels) in self.out.row_mut(v).iter_mut().zip(row.chunks(64)) {
+                flags[levels.len()..].fill(0);
+                for (flag, &level) in flags.iter_mut().zip(levels) {
+                    *flag = u8::from(level >= self.least);
+                }
+                *word = pack(&flags);
+            }
+        }
+    }
+}
+
+/// 64 flags, each 0 or 1, as the bits of a word, the first one lowest.
+#[inline(always)]
+pub(crate) fn pack(flags: &[u8; 64]) -> u64 {
+    // The product brings the lowest bit of byte i to bit 56 + i, and no two of its terms meet.
+    const GATHER: u64 = 0x0102_0408_1020_4080;
+    let mut word = 0;
+    for (i, &eight) in flags.as_chunks::<8>().0.iter().enumerate() {
+        word |= (u64::from_le_bytes(eight).wrapping_mul(GATHER) >> 56) << (8 * i);
+    }
+    word
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flags_become_bits_in_their_order() {
+        for i in 0..64 {
+            let mut flags = [0; 64];
+            flags[i] = 1;
+            assert_eq!(pack(&flags), 1 << i);
+        }
+        assert_eq!(pack(&[1; 64]), u64::MAX);
+    }
+
+    #[test]
+    fn a_threshold_keeps_what_reaches_it() {
+        let data: Vec<u8> = (0..3 * 70).map(|i| (i % 70) as u8).collect();
+        let mut mask = BitImage::default();
+        mask.threshold(ImageView::new(&data, 70, 3, 70).unwrap(), 66);
+        assert_eq!(mask.count(), 3 * 4);
+        assert!(mask.get(66, 1) && !mask.get(65, 1) && !mask.get(70, 1) && !mask.get(0, 3));
+        assert_eq!(mask.pixels().next(), Some((66, 0)));
+    }
+
+    #[test]
+    fn a_steep_line_has_a_pixel_in_each_of_its_rows() {
+        let mut mask = BitImage::new(100, 50);
+        mask.line(Vector2::new(70.0, 40.0), Vector2::new(66.0, 10.0));
+        assert_eq!(mask.count(), 31);
+        assert!(mask.get(70, 40) && mask.get(66, 10) && mask.get(68, 25));
+        mask.clear(100, 50);
+        mask.line(Vector2::new(-20.0, 3.0), Vector2::new(200.0, 3.0));
+        assert_eq!(mask.count(), 100);
+        mask.line(Vector2::new(f64::NAN, 3.0), Vector2::new(2.0, 30.0));
+        mask.line(Vector2::new(5.0, -30.0), Vector2::new(5.0, -1.0));
+        assert_eq!(mask.count(), 100);
+    }
+}
