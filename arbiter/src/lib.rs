@@ -3,6 +3,7 @@
 pub mod decide;
 pub mod execution;
 pub mod kinematics;
+pub mod operator;
 pub mod policy;
 pub mod ramp;
 pub mod record;

@@ -7,10 +7,12 @@
 //! - a failure never raises the speed.
 
 use std::marker::PhantomData;
+use std::path::PathBuf;
 
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
 
+use crate::config::FileKind;
 use crate::message::{Axes, Message, MessageType, Proposal};
 use crate::sensor::{Robot, SensorInfo};
 use crate::time::Time;
@@ -33,6 +35,8 @@ pub trait Plugin: Behavior + Sized + 'static {
     const INPUTS: &'static [SlotInfo];
     /// What it publishes besides proposals.
     const OUTPUTS: &'static [SlotInfo] = &[];
+    /// The TOML files that its keys name, such as maps; they are checked with the task.
+    const FILES: &'static [FileKind] = &[];
     /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
     const CLAIMS: Axes;
 
@@ -57,6 +61,8 @@ pub struct BehaviorPlugin {
     pub inputs: &'static [SlotInfo],
     /// What it publishes besides proposals.
     pub outputs: &'static [SlotInfo],
+    /// The TOML files that its keys name.
+    pub files: &'static [FileKind],
     /// Every axis that it may ever claim as a drive.
     pub claims: Axes,
     /// JSON Schema of its parameters.
@@ -73,6 +79,7 @@ impl BehaviorPlugin {
             summary: B::SUMMARY,
             inputs: B::INPUTS,
             outputs: B::OUTPUTS,
+            files: B::FILES,
             claims: B::CLAIMS,
             schema: || schemars::schema_for!(B::Config),
             build: |table, setup| {
@@ -116,6 +123,8 @@ pub struct Setup {
     pub name: String,
     /// The robot that it is for.
     pub robot: Robot,
+    /// Relative paths in its keys start here.
+    pub folder: PathBuf,
     /// What is plugged into each of its slots: slot name and the sensor, where it is a sensor.
     pub sensors: Vec<(String, SensorInfo)>,
 }

@@ -56,6 +56,12 @@ pub fn exit(code: u8) -> ExitCode {
     ExitCode::from(code)
 }
 
+/// Tells on standard error what went wrong, for an exit with this code.
+pub fn fail(problem: &str, code: u8) -> ExitCode {
+    eprintln!("error: {problem}");
+    exit(code)
+}
+
 /// A table with this head; columns named in `numbers` are aligned to the right.
 pub fn table(head: &[&str], numbers: std::ops::Range<usize>) -> Table {
     let mut table = Table::new();

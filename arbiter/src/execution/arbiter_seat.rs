@@ -1,7 +1,9 @@
 //! The arbiter at work: fed with proposals from the bus, its decisions and commands sent.
 
 use yamabico_core::bus::{Bus, BusError, Publisher, RawSubscriber, Subscriber};
-use yamabico_core::message::{Command, Control, ControlKind, DecisionHeader, MessageType, Proposal, Verdict};
+use yamabico_core::message::{
+    Command, Control, ControlKind, DecisionHeader, Goal, MessageType, Proposal, Verdict,
+};
 use yamabico_core::time::Time;
 
 use super::plan::Plan;
@@ -18,6 +20,7 @@ pub struct ArbiterSeat {
     incoming: Vec<Subscriber<Proposal>>,
     sensors: Vec<(RawSubscriber, MessageType)>,
     controls: Subscriber<Control>,
+    goals: Publisher<Goal>,
     commands: Publisher<Command>,
     decisions: Publisher<DecisionHeader>,
     verdicts: Vec<Verdict>,
@@ -49,6 +52,7 @@ impl ArbiterSeat {
             incoming: incoming.collect::<Result<_, _>>()?,
             sensors: sensors.collect::<Result<_, _>>()?,
             controls: bus.subscriber(topics::CONTROL)?,
+            goals: bus.publisher(topics::GOAL)?,
             commands,
             decisions: bus.publisher(topics::DECISION)?,
             verdicts: vec![Verdict::default(); policy.behaviours.len()],
@@ -64,7 +68,7 @@ impl ArbiterSeat {
     /// # Errors
     /// The command could not be sent.
     pub fn step(&mut self, now: Time) -> Result<(), BusError> {
-        self.listen();
+        self.listen(now);
         decide(&self.policy, &mut self.state, &self.proposals, now, &mut self.decision);
         self.commands.publish(&self.decision.command(&self.policy), &[])?;
         let count = self.decision.write_verdicts(&self.policy, &mut self.verdicts);
@@ -77,7 +81,7 @@ impl ArbiterSeat {
         Ok(())
     }
 
-    fn listen(&mut self) {
+    fn listen(&mut self, now: Time) {
         for (slot, incoming) in self.proposals.iter_mut().zip(&self.incoming) {
             if let Ok(Some(newest)) = incoming.newest() {
                 *slot = Some(*newest.header());
@@ -88,10 +92,13 @@ impl ArbiterSeat {
                 self.state.sensor_measured(index, (message.stamps)(newest.header()).0);
             }
         }
+        if let Err(error) = self.goals.welcome() {
+            tracing::error!("a newcomer is not told the goal: {error}");
+        }
         loop {
             let control = self.controls.receive();
             match control.map(|control| control.map(|control| *control.header())) {
-                Ok(Some(control)) => obey(&self.policy, &mut self.state, &control),
+                Ok(Some(control)) => self.obey(&control, now),
                 Ok(None) => break,
                 Err(error) => {
                     // It may have been an emergency stop.
@@ -100,6 +107,25 @@ impl ArbiterSeat {
                     break;
                 }
             }
+        }
+    }
+
+    fn obey(&mut self, control: &Control, now: Time) {
+        let target = self.policy.find(control.target.as_str());
+        match (control.kind(), target) {
+            (Some(ControlKind::EmergencyStop), _) => self.state.emergency_stop(),
+            (Some(ControlKind::Reset), _) => self.state.reset(),
+            (Some(ControlKind::Enable), Some(index)) => self.state.enable(index),
+            (Some(ControlKind::Disable), Some(index)) => self.state.disable(index),
+            (Some(ControlKind::Goal), _) if is_goal(control.goal) => {
+                let [x, y, theta, tolerance_m] = control.goal;
+                let (stamp_ns, sequence) = (now.0, control.sequence);
+                let told = self.goals.publish(&Goal { stamp_ns, sequence, x, y, theta, tolerance_m }, &[]);
+                if let Err(error) = told {
+                    tracing::error!("a goal is not handed on: {error}");
+                }
+            }
+            _ => tracing::warn!("refused a request: {control:?}"),
         }
     }
 
@@ -119,13 +145,7 @@ impl ArbiterSeat {
     }
 }
 
-fn obey(policy: &Policy, state: &mut State, control: &Control) {
-    let target = || policy.find(control.target.as_str());
-    match (control.kind(), target()) {
-        (Some(ControlKind::EmergencyStop), _) => state.emergency_stop(),
-        (Some(ControlKind::Reset), _) => state.reset(),
-        (Some(ControlKind::Enable), Some(index)) => state.enable(index),
-        (Some(ControlKind::Disable), Some(index)) => state.disable(index),
-        _ => tracing::warn!("refused a request: {control:?}"),
-    }
+/// Whether x, y, theta (which may be NaN: any heading will do) and tolerance are a place that can be gone to.
+fn is_goal([x, y, theta, tolerance_m]: [f64; 4]) -> bool {
+    x.is_finite() && y.is_finite() && !theta.is_infinite() && tolerance_m.is_finite() && tolerance_m > 0.0
 }

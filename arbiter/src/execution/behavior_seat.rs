@@ -238,6 +238,7 @@ mod tests {
             summary: "Panics.",
             inputs: &[],
             outputs: &[],
+            files: &[],
             claims: Axes::NONE,
             schema: schemars::Schema::default,
             build,

@@ -2,7 +2,7 @@
 
 use yamabico_core::behavior::{InputSource, SlotSource};
 use yamabico_core::bus::{Bus, BusError, Inbox};
-use yamabico_core::message::MessageType;
+use yamabico_core::message::{Goal, Message, MessageType};
 
 /// The slots of one behaviour, fed from the bus.
 pub struct Feed {
@@ -33,9 +33,11 @@ impl Feed {
         Ok(any)
     }
 
-    /// The oldest evidence among the newest messages of all slots; `None` where nothing ever arrived.
+    /// The oldest evidence among the newest messages of all slots; `None` where nothing ever arrived. A goal is what
+    /// somebody wants and no evidence.
     pub fn evidence_ns(&self) -> Option<u64> {
         let newest = self.slots.iter().filter_map(|slot| Some((slot.subscriber().message(), slot.newest()?)));
+        let newest = newest.filter(|(message, _)| message.name != Goal::NAME);
         newest.map(|(message, newest)| (message.stamps)(newest.header).1.0).min()
     }
 }

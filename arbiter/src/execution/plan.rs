@@ -6,7 +6,7 @@ use yamabico_core::behavior::SlotInfo;
 use yamabico_core::bus::{Bell, Bus, BusError, Spec};
 use yamabico_core::config::{self, InputSource, Task};
 use yamabico_core::message::{
-    Command, Control, DecisionHeader, FrameHeader, Message, MessageType, Name, Proposal, Truth, Verdict,
+    Command, Control, DecisionHeader, FrameHeader, Goal, Message, MessageType, Name, Proposal, Truth, Verdict,
 };
 
 use super::behavior_seat::BehaviorPlan;
@@ -37,7 +37,7 @@ pub struct Topic {
 /// Everything that is opened for a run, in the order in which it acts.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Every channel: sensors, truth, behaviours by priority, decision, command, control.
+    /// Every channel: sensors, truth, behaviours by priority, decision, command, goal, control.
     pub topics: Vec<Topic>,
     /// The devices.
     pub devices: Vec<DevicePlan>,
@@ -96,6 +96,7 @@ fn topics(task: &Task) -> Vec<Topic> {
     let verdicts = task.behaviors.len() * size_of::<Verdict>();
     all.push(topic(topics::DECISION.into(), MessageType::of::<DecisionHeader>(), 1, verdicts));
     all.push(topic(topics::COMMAND.into(), MessageType::of::<Command>(), 1, 0));
+    all.push(topic(topics::GOAL.into(), MessageType::of::<Goal>(), 1, 0));
     all.push(topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, 0));
     all
 }
@@ -117,6 +118,7 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
     let topic = |source: &InputSource| match source {
         InputSource::Sensor(name) => topics::sensor(name),
         InputSource::Output { behavior, output } => topics::output(behavior, output),
+        InputSource::Operator => topics::GOAL.to_owned(),
     };
     let inputs = behavior.inputs.iter();
     BehaviorPlan {

@@ -6,6 +6,8 @@ pub const COMMAND: &str = "command";
 pub const DECISION: &str = "decision";
 /// Requests to the running robot.
 pub const CONTROL: &str = "control";
+/// Where the operator last sent the robot.
+pub const GOAL: &str = "goal";
 /// A simulator's truth, for judging only.
 pub const TRUTH: &str = "truth";
 

@@ -125,6 +125,11 @@ impl Bus {
         Ok(Bus(Arc::new(Inside { kind: Kind::Ipc(world), _guard: None, name: robot.into() })))
     }
 
+    /// The names of this user's running robots, in alphabetical order.
+    pub fn running() -> Vec<String> {
+        Place::running()
+    }
+
     /// The name that it was opened with.
     pub fn name(&self) -> &str {
         &self.0.name

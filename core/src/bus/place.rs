@@ -50,6 +50,20 @@ impl Place {
         Ok(Place { robot: robot.into(), root, prefix })
     }
 
+    /// The names of this user's robots whose process holds the lock, in alphabetical order.
+    pub(super) fn running() -> Vec<String> {
+        let Some(folder) = base().ok().and_then(|base| std::fs::read_dir(base).ok()) else {
+            return Vec::new();
+        };
+        let locks = folder.flatten().map(|entry| entry.path());
+        let locks = locks.filter(|path| path.extension().is_some_and(|extension| extension == "lock"));
+        let names = locks.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()));
+        let mut running: Vec<String> =
+            names.filter(|name| Place::of(name).is_ok_and(|place| place.owner().is_some())).collect();
+        running.sort();
+        running
+    }
+
     /// Takes the robot's name; refused while another process has it.
     pub(super) fn lock(&self) -> Result<Lock, BusError> {
         let path = self.lock_path();
@@ -231,11 +245,13 @@ mod tests {
         let place = Place::of(&robot).unwrap();
         let lock = place.lock().unwrap();
         assert_eq!(place.owner(), Some(std::process::id()));
+        assert!(Place::running().contains(&robot));
         // As after kill -9: the lock is gone, the file stays, and its number belongs to a process that runs.
         let path = place.lock_path();
         drop(lock);
         std::fs::write(&path, std::process::id().to_string()).unwrap();
         assert_eq!(place.owner(), None);
+        assert!(!Place::running().contains(&robot));
         std::fs::remove_file(path).unwrap();
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::task::{InputSource, Task};
+use super::task::{InputSource, OPERATOR, Task};
 use crate::message::Axes;
 
 /// Sensors, behaviours, arbiter and drive, and what goes between them.
@@ -32,6 +32,8 @@ pub struct GraphNode {
 pub enum GraphPart {
     /// A sensor.
     Sensor,
+    /// Whoever gives goals.
+    Operator,
     /// A behaviour.
     Behavior,
     /// The arbiter.
@@ -76,6 +78,11 @@ pub fn graph(task: &Task) -> Graph {
             lines: vec![sensor.part.name.clone(), format!("{}/{}", sensor.device, sensor.part.kind)],
         });
     }
+    if task.behaviors.iter().flat_map(|behavior| &behavior.inputs).any(|i| i.source == InputSource::Operator)
+    {
+        let id = OPERATOR.to_owned();
+        nodes.push(GraphNode { id: id.clone(), what: GraphPart::Operator, lines: vec![id] });
+    }
     for behavior in &task.behaviors {
         let id = format!("behavior/{}", behavior.name);
         let mut lines = vec![behavior.name.clone(), format!("priority {}", behavior.priority)];
@@ -92,6 +99,7 @@ pub fn graph(task: &Task) -> Graph {
         for input in &behavior.inputs {
             let (from, label) = match &input.source {
                 InputSource::Sensor(name) => (format!("sensor/{name}"), input.slot.clone()),
+                InputSource::Operator => (OPERATOR.to_owned(), input.slot.clone()),
                 InputSource::Output { behavior, output } if *output == input.slot => {
                     (format!("behavior/{behavior}"), output.clone())
                 }
@@ -140,7 +148,7 @@ impl Graph {
         for (index, node) in self.nodes.iter().enumerate() {
             let label = escaped(&node.lines.join("<br>"), "#quot;");
             let (open, close) = match node.what {
-                GraphPart::Sensor => ("([", "])"),
+                GraphPart::Sensor | GraphPart::Operator => ("([", "])"),
                 GraphPart::Behavior => ("[", "]"),
                 GraphPart::Arbiter => ("{{", "}}"),
                 GraphPart::Drive => ("[/", "/]"),
@@ -164,7 +172,7 @@ impl Graph {
         for (index, node) in self.nodes.iter().enumerate() {
             let lines: Vec<String> = node.lines.iter().map(|line| escaped(line, "\\\"")).collect();
             let shape = match node.what {
-                GraphPart::Sensor => "ellipse",
+                GraphPart::Sensor | GraphPart::Operator => "ellipse",
                 GraphPart::Behavior => "box",
                 GraphPart::Arbiter => "hexagon",
                 GraphPart::Drive => "parallelogram",

@@ -4,9 +4,9 @@ use super::document::{Entry, Table};
 use super::nearest::{instead, nearest, quoted};
 use super::problem::{Problem, Span};
 use super::read_robot::RobotDraft;
-use super::task::{Input, InputSource};
+use super::task::{Input, InputSource, OPERATOR};
 use crate::behavior::{BehaviorPlugin, SlotInfo};
-use crate::message::{Message, MessageType, Truth};
+use crate::message::{Goal, Message, MessageType, Truth};
 
 /// Everything that an input can be plugged into.
 pub(crate) struct Sources<'a> {
@@ -26,6 +26,9 @@ impl Sources<'_> {
             let outputs = plugin.iter().flat_map(|plugin| plugin.outputs);
             let right = outputs.filter(|output| output.message == *message);
             names.extend(right.map(|output| format!("{name}.{}", output.name)));
+        }
+        if *message == MessageType::of::<Goal>() {
+            names.push(OPERATOR.to_owned());
         }
         names
     }
@@ -123,11 +126,14 @@ fn find_source(
         }
         None => {
             let Some(robot) = sources.robot else { return Ok(None) };
-            let Some(sensor) = robot.sensors.iter().find(|sensor| sensor.name == text) else {
-                return Err(Box::new(no_sensor(text, span, entry, slot, sources)));
-            };
-            let Some(plugin) = sensor.plugin else { return Ok(None) };
-            (plugin.message, InputSource::Sensor(text.to_owned()), Some(sensor.span))
+            match robot.sensors.iter().find(|sensor| sensor.name == text) {
+                Some(sensor) => {
+                    let Some(plugin) = sensor.plugin else { return Ok(None) };
+                    (plugin.message, InputSource::Sensor(text.to_owned()), Some(sensor.span))
+                }
+                None if text == OPERATOR => (MessageType::of::<Goal>(), InputSource::Operator, None),
+                None => return Err(Box::new(no_sensor(text, span, entry, slot, sources))),
+            }
         }
     };
     if message.name == Truth::NAME {

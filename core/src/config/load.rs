@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::document::{MOST_BYTES, Table, parse};
+use super::file::FileKind;
 use super::overrides::{Change, Overrides};
 use super::paths::{Home, tidy, what_is_near};
 use super::places::Places;
@@ -10,7 +11,6 @@ use super::plugins::Plugins;
 use super::problem::{Problem, Problems, Source, Span};
 use super::read_robot::{RobotDraft, read_robot};
 use super::read_task::read_task;
-use super::robot::DeviceFile;
 use super::task::Task;
 
 /// Reads a task file and its robot file with the changes of `overrides`, and checks everything that can be checked without
@@ -60,7 +60,9 @@ impl Loader {
             change.apply(&mut self.task_tree, &mut self.problems);
         }
         let robot = self.robot_draft(path, task_source, overrides, for_robot, plugins);
-        read_task(Home { source: task_source, path }, &self.task_tree, robot, plugins, &mut self.problems)
+        let home = Home { source: task_source, path };
+        let unfed = self.check_files_of_behaviors(home, plugins);
+        read_task(home, &self.task_tree, robot, &unfed, plugins, &mut self.problems)
     }
 
     fn robot_draft(
@@ -79,24 +81,42 @@ impl Loader {
         }
         let home = Home { source, path: &path };
         let draft = read_robot(home, &self.robot_tree, plugins, &mut self.problems);
-        for device in &draft.devices {
-            self.check_files(device, home);
-        }
+        let devices = self.robot_tree.table("devices");
+        let named = draft.devices.iter().filter_map(|device| {
+            let table = devices?.table(&device.name)?;
+            Some(named_files(table, device.driver.files, home))
+        });
+        let named: Vec<NamedFile> = named.flatten().collect();
+        self.check_files(&named);
         Some(draft)
     }
 
-    /// Checks the files that a device's table names; those that are not there have been told.
-    fn check_files(&mut self, device: &DeviceFile, home: Home<'_>) {
-        for kind in device.driver.files {
-            let table = self.robot_tree.table("devices").and_then(|devices| devices.table(&device.name));
-            let Some(entry) = table.and_then(|table| table.entry(kind.key)) else { continue };
-            let (Some(text), span) = (entry.node.as_text(), entry.node.span) else { continue };
-            let path = home.file(text, span);
-            if !path.is_file() {
-                continue;
+    /// Checks the files that the tables of behaviours name; the names of the behaviours that name a wrong one.
+    fn check_files_of_behaviors(&mut self, home: Home<'_>, plugins: &Plugins<'_>) -> Vec<String> {
+        let entries = self.task_tree.table("behaviors").map_or(&[][..], |table| table.entries.as_slice());
+        let named = entries.iter().filter_map(|entry| {
+            let table = entry.node.as_table()?;
+            let named = table.entry("type").and_then(|named| named.node.as_text());
+            let plugin = plugins.behavior(named.unwrap_or(&entry.key))?;
+            Some((entry.key.clone(), named_files(table, plugin.files, home)))
+        });
+        let named: Vec<(String, Vec<NamedFile>)> = named.collect();
+        let mut wrong = Vec::new();
+        for (name, files) in named {
+            let before = self.problems.len();
+            self.check_files(&files);
+            if self.problems.len() > before {
+                wrong.push(name);
             }
+        }
+        wrong
+    }
+
+    /// Checks files that a table names.
+    fn check_files(&mut self, files: &[NamedFile]) {
+        for &NamedFile { kind, ref path, span } in files {
             let source = self.shelve(path.display().to_string(), String::new());
-            if let Some(tree) = self.read(&path, source, Some(span)) {
+            if let Some(tree) = self.read(path, source, Some(span)) {
                 kind.check(&tree, source, &mut self.problems);
             }
         }
@@ -144,6 +164,23 @@ impl Loader {
         self.sources[source].text = text;
         parse(&self.sources[source].text, source, &mut self.problems)
     }
+}
+
+/// A TOML file that a key of a table names.
+struct NamedFile {
+    kind: FileKind,
+    path: PathBuf,
+    span: Span,
+}
+
+/// Those of `kinds` that `table`, written in the file `home`, names and that are there; those that are not have been told.
+fn named_files(table: &Table, kinds: &[FileKind], home: Home<'_>) -> Vec<NamedFile> {
+    let named = kinds.iter().filter_map(|kind| {
+        let node = &table.entry(kind.key)?.node;
+        let path = home.file(node.as_text()?, node.span);
+        path.is_file().then_some(NamedFile { kind: *kind, path, span: node.span })
+    });
+    named.collect()
 }
 
 struct Unreadable {

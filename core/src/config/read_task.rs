@@ -20,11 +20,13 @@ use super::wires::{Wired, WrittenWire, check_input_cycles, check_wires, read_wir
 use crate::behavior::{BehaviorPlugin, Setup};
 use crate::sensor::SensorInfo;
 
-/// Reads the tree of the file `home`; `robot` is missing where its file could not be read.
+/// Reads the tree of the file `home`; `robot` is missing where its file could not be read, and `unfed` are the behaviours
+/// that name a file in which something is wrong.
 pub(crate) fn read_task(
     home: Home<'_>,
     tree: &Table,
     robot: Option<RobotDraft>,
+    unfed: &[String],
     plugins: &Plugins<'_>,
     problems: &mut Vec<Problem>,
 ) -> Option<Task> {
@@ -53,11 +55,12 @@ pub(crate) fn read_task(
             input_spans.push((draft.entry.key.clone(), input.source.clone(), span));
         }
         let inputs_are_right = problems.len() == before;
-        let behavior = draft.behavior(plugin, inputs, robot.as_ref(), &keys.arbiter);
+        let behavior = draft.behavior(plugin, inputs, robot.as_ref(), &keys.arbiter, home);
         draft.check_switches(problems);
         draft.check_axes(&plugin, robot.as_ref(), problems);
         draft.check_ages(&behavior, tree, robot.as_ref(), problems);
-        let is_right = draft.is_right && inputs_are_right && problems.len() == before;
+        let is_fed = inputs_are_right && !unfed.contains(&draft.entry.key);
+        let is_right = draft.is_right && is_fed && problems.len() == before;
         if robot.is_some()
             && is_right
             && let Err(error) = behavior.build()
@@ -186,6 +189,7 @@ impl Draft<'_> {
         inputs: Vec<Input>,
         robot: Option<&RobotDraft>,
         arbiter: &ArbiterKeys,
+        home: Home<'_>,
     ) -> BehaviorFile {
         let keys = &self.keys;
         let sensors: Vec<(String, SensorInfo)> = inputs
@@ -205,6 +209,7 @@ impl Draft<'_> {
             setup: Setup {
                 name: self.entry.key.clone(),
                 robot: robot.map(|robot| robot.robot.clone()).unwrap_or_default(),
+                folder: home.folder().to_owned(),
                 sensors,
             },
             inputs,

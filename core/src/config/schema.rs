@@ -8,10 +8,11 @@ use super::tables::{BehaviorKeys, DeviceKeys, PartKeys, RobotKeys, SensorKeys, T
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
 /// The JSON Schemas of every kind of file, with the keys of every plugin: `{ "task": ..., "robot": ..., "world": ... }`,
-/// the files that a device's table names by the key that names them.
+/// the files that tables of devices and behaviours name by the key that names them.
 pub fn schema(plugins: &Plugins<'_>) -> Json {
     let mut kinds = json!({ "task": task_schema(plugins), "robot": robot_schema(plugins) });
-    for file in plugins.drivers.iter().flat_map(|driver| driver.files) {
+    let of_drivers = plugins.drivers.iter().flat_map(|driver| driver.files);
+    for file in of_drivers.chain(plugins.behaviors.iter().flat_map(|behavior| behavior.files)) {
         kinds[file.key] = (file.schema)().to_value();
     }
     kinds

@@ -106,6 +106,9 @@ pub struct Input {
     pub source: InputSource,
 }
 
+/// What an input is plugged into that goals are to come through.
+pub(crate) const OPERATOR: &str = "operator";
+
 /// Where messages come from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub enum InputSource {
@@ -118,6 +121,8 @@ pub enum InputSource {
         /// Its output.
         output: String,
     },
+    /// Whoever sends the running robot to a goal.
+    Operator,
 }
 
 impl std::fmt::Display for InputSource {
@@ -125,6 +130,7 @@ impl std::fmt::Display for InputSource {
         match self {
             InputSource::Sensor(name) => f.write_str(name),
             InputSource::Output { behavior, output } => write!(f, "{behavior}.{output}"),
+            InputSource::Operator => f.write_str(OPERATOR),
         }
     }
 }

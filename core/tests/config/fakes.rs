@@ -9,7 +9,7 @@ use yamabico_core::behavior::{
 };
 use yamabico_core::config::{FileKind, Overrides, Plugins, Problems, Task, load};
 use yamabico_core::message::{
-    Axes, FrameHeader, MessageType, Odometry, Pose, Proposal, RangeScanHeader, Reason, Truth,
+    Axes, FrameHeader, Goal, MessageType, Odometry, Pose, Proposal, RangeScanHeader, Reason, Truth,
 };
 use yamabico_core::sensor::{DrivePlugin, DriverPlugin, SensorInfo, SensorKind, SensorPlugin};
 
@@ -186,6 +186,19 @@ pub struct LocalizerConfig {
     /// What to match.
     #[serde(rename = "match")]
     matching: Match,
+    /// The file of what is known.
+    #[schemars(extend("format" = "file"))]
+    map: Option<String>,
+}
+
+/// A map.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MapFile {
+    /// Of the map.
+    #[schemars(range(min = 1.0, max = 200.0))]
+    #[allow(dead_code, reason = "for the schema")]
+    length_m: f64,
 }
 
 /// What to match.
@@ -218,11 +231,24 @@ impl Plugin for Localizer {
     type Config = LocalizerConfig;
     const NAME: &'static str = "localizer";
     const SUMMARY: &'static str = "Finds the robot on its map.";
-    const INPUTS: &'static [SlotInfo] = &[WHEELS.info(), Slot::<Pose>::optional("prior", "A guess.").info()];
+    const INPUTS: &'static [SlotInfo] = &[
+        WHEELS.info(),
+        Slot::<Pose>::optional("prior", "A guess.").info(),
+        Slot::<Goal>::optional("goal", "Where to go.").info(),
+    ];
+    const FILES: &'static [FileKind] = &[FileKind {
+        key: "map",
+        what: "a map file",
+        schema: || schemars::schema_for!(MapFile),
+        rules: |_| Vec::new(),
+    }];
     const OUTPUTS: &'static [SlotInfo] = &[Slot::<Pose>::required("pose", "Where the robot is.").info()];
     const CLAIMS: Axes = Axes::NONE;
 
-    fn new(config: LocalizerConfig, _: &Setup) -> Result<Self, BuildError> {
+    fn new(config: LocalizerConfig, setup: &Setup) -> Result<Self, BuildError> {
+        if let Some(map) = config.map.filter(|map| !setup.folder.join(map).is_file()) {
+            return Err(BuildError::new("map", format!("there is no {map} in {}", setup.folder.display())));
+        }
         match config.matching {
             Match::Edges { contrast } => _ = contrast,
             Match::Corners { count } => _ = count,

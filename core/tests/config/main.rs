@@ -5,10 +5,11 @@ mod fuzz;
 mod overrides;
 mod tools;
 
+use std::path::Path;
 use std::time::Duration;
 
 use fakes::check;
-use yamabico_core::config::Wheels;
+use yamabico_core::config::{InputSource, Wheels};
 
 const HALLWAY: &str = "tests/valid/hallway.toml";
 
@@ -24,6 +25,8 @@ fn a_right_configuration_is_read_in_si_units() {
     assert_eq!(halt.table.to_string(), "gate_m = 0.5\n");
     assert_eq!(halt.setup.sensors[0].1.name, "front-sonar");
     assert_eq!(task.behavior("wall-follower").unwrap().inputs[1].source.to_string(), "map.pose");
+    assert_eq!(task.behavior("map").unwrap().inputs[1].source, InputSource::Operator);
+    assert_eq!(task.behavior("map").unwrap().setup.folder, Path::new("tests/valid"));
     assert_eq!(task.arbiter.period, Duration::from_millis(20));
     assert_eq!(task.run.step, Duration::from_millis(20));
     assert_eq!(task.suppress[0].hold, Duration::from_millis(500));

@@ -12,7 +12,7 @@ fn a_plugin_is_described_with_units_ranges_and_defaults() {
     insta::assert_snapshot!(
         serde_json::to_string_pretty(&describe("sim/camera", &PLUGINS).unwrap()).unwrap()
     );
-    assert_eq!(describe("localizer", &PLUGINS).unwrap().parameters.len(), 5);
+    assert_eq!(describe("localizer", &PLUGINS).unwrap().parameters.len(), 6);
     let error = describe("wall-folower", &PLUGINS).unwrap_err();
     assert_eq!(error, "there is nothing called `wall-folower`; did you mean `wall-follower`?");
 }

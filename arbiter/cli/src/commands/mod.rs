@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod describe;
+pub mod goto;
 pub mod graph;
 pub mod list;
 pub mod run;
@@ -21,6 +22,8 @@ use yamabico::plugins::PLUGINS;
 pub enum Command {
     /// Run a task until its goal is reached, its time is over or its sensors have ended.
     Run(run::Arguments),
+    /// Send a running robot to a goal and wait until it is there.
+    Goto(goto::Arguments),
     /// Tell everything that is wrong with a task, without opening a device.
     Check(TaskArguments),
     /// List behaviours and drivers.

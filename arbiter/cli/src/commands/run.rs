@@ -15,7 +15,7 @@ use yamabico_core::config::Task;
 
 use super::TaskArguments;
 use super::run_table::run_table;
-use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit};
+use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail};
 
 /// What `run` is told.
 #[derive(Args)]
@@ -73,14 +73,9 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
     }
 }
 
-fn fail(problem: &str, code: u8) -> ExitCode {
-    eprintln!("error: {problem}");
-    exit(code)
-}
-
 /// Set by Ctrl-C and by SIGTERM: the robot is stopped first. A second Ctrl-C ends the program at once; the drive's watchdog
 /// then stops the robot.
-fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
+pub(super) fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&flag))?;
