@@ -7,6 +7,7 @@ pub mod median;
 pub mod overlay;
 pub mod segment_fit;
 pub mod segments;
+pub mod template;
 pub mod vanishing_point;
 mod vectorise;
 pub mod vertical_edges;

@@ -1,0 +1,76 @@
+//! The two edges of an intersection: where the partner of one of them must be, and the way between them.
+//!
+//! Kweon et al. (1991), section 3.5. Differs from \[1\]: exact for any heading and tilt where they take the heading as small
+//! and the tilt as none; the way between two edges is the mean of their bearings, not of their columns.
+
+use nalgebra::{Vector2, Vector3};
+use yamabico_core::camera::{Intrinsics, Mount};
+use yamabico_core::corridor::wall_distance::CorridorView;
+
+/// The direction across the corridor, to its left, in the camera's optical frame: unit length. Through the intrinsics it is
+/// the homogeneous vanishing point of all lines across, at infinity for a camera that looks along the corridor.
+#[must_use]
+pub fn across_in_camera(view: &CorridorView) -> Vector3<f64> {
+    view.corridor_from_camera.transpose() * Vector3::y()
+}
+
+/// The pixel on `other_wall`, a pixel line (a, b, c) with a u + b v + c = 0, that lies straight across the corridor from the
+/// floor point seen at `base`. `None` where the two lines do not meet in the picture plane.
+#[must_use]
+pub fn partner(base: Vector2<f64>, other_wall: Vector3<f64>, view: &CorridorView) -> Option<Vector2<f64>> {
+    let vanishing_point = view.intrinsics.matrix() * across_in_camera(view);
+    let meeting = base.push(1.0).cross(&vanishing_point).cross(&other_wall);
+    let pixel = meeting.xy() / meeting.z;
+    (pixel.x.is_finite() && pixel.y.is_finite()).then_some(pixel)
+}
+
+/// The slope dy/dx, in normalised coordinates, of the line between two pixels.
+#[must_use]
+pub fn slope(from: Vector2<f64>, to: Vector2<f64>, intrinsics: &Intrinsics) -> f64 {
+    let along = intrinsics.normalised_from_pixel(to) - intrinsics.normalised_from_pixel(from);
+    along.y / along.x
+}
+
+/// The slope dy/dx of the line across the corridor through a normalised point, for a level camera with this heading (rad).
+#[must_use]
+pub fn level_slope(normalised: Vector2<f64>, heading: f64) -> f64 {
+    let (sin, cos) = heading.sin_cos();
+    normalised.y * sin / (cos + normalised.x * sin)
+}
+
+/// Bearing (rad, positive to the left) in the robot's frame of what is seen at `pixel`, undistorted.
+#[must_use]
+pub fn bearing(pixel: Vector2<f64>, intrinsics: &Intrinsics, mount: &Mount) -> f64 {
+    let ray = mount.rotation_body_from_camera() * intrinsics.normalised_from_pixel(pixel).push(1.0);
+    ray.y.atan2(ray.x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::corridor::heading::CameraAttitude;
+    use yamabico_core::corridor::wall_distance::line_through;
+
+    #[test]
+    fn the_partner_is_straight_across_with_roll_too() {
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.05);
+        for (heading, tilt, roll) in [(0.0, 0.0, 0.0), (0.2, 0.1, 0.05), (-0.3, -0.05, -0.1)] {
+            let view = CorridorView::new(CameraAttitude { heading, tilt }, roll, 0.6, intrinsics);
+            let pixel = |x: f64, y: f64| {
+                let point = view.corridor_from_camera.transpose() * Vector3::new(x, y, -0.6);
+                intrinsics.pixel_from_normalised(point.xy() / point.z)
+            };
+            let other_wall = line_through(pixel(3.0, -1.2), pixel(9.0, -1.2));
+            let found = partner(pixel(5.0, 0.8), other_wall, &view).unwrap();
+            assert!((found - pixel(5.0, -1.2)).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn lines_that_do_not_meet_have_no_partner() {
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.05);
+        let view = CorridorView::new(CameraAttitude::default(), 0.0, 0.6, intrinsics);
+        assert_eq!(partner(Vector2::new(100.0, 300.0), Vector3::new(0.0, 1.0, -250.0), &view), None);
+        assert_eq!(partner(Vector2::new(f64::NAN, 300.0), Vector3::new(1.0, 0.0, -250.0), &view), None);
+    }
+}
