@@ -92,6 +92,9 @@ pub struct SimConfig {
     /// The world file, relative to the robot file.
     #[schemars(extend("format" = "file"))]
     pub world: String,
+    /// Whether boxes and people are there, or the building alone.
+    #[serde(default)]
+    pub clutter: Clutter,
     /// Where the robot starts.
     #[serde(default)]
     pub start: Start,
@@ -103,6 +106,17 @@ pub struct SimConfig {
     #[serde(default = "truth_period")]
     #[schemars(range(min = 5.0, max = 1000.0))]
     pub truth_period_ms: f64,
+}
+
+/// What stands and walks in the building.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clutter {
+    /// Every box and person of the world file.
+    #[default]
+    AsWritten,
+    /// Neither boxes nor people: for learning what the empty building looks like.
+    None,
 }
 
 /// A start pose that the seed moves a little.
@@ -131,7 +145,11 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     let path = spec.folder.join(&config.world);
     let refused = |e: &dyn std::fmt::Display| BuildError::new("world", format!("{}: {e}", path.display()));
     let text = std::fs::read_to_string(&path).map_err(|e| refused(&e))?;
-    let world = World::from_toml(&text).map_err(|e| refused(&e))?;
+    let mut world = World::from_toml(&text).map_err(|e| refused(&e))?;
+    if config.clutter == Clutter::None {
+        world.boxes.clear();
+        world.people.clear();
+    }
     let scene = Scene::new(&world, spec.seed).map_err(|e| refused(&e))?;
 
     let motors = spec.drive.as_ref().map(|d| read::<MotorConfig>(&d.table)).transpose()?.unwrap_or_default();

@@ -23,6 +23,10 @@ fn open(world: &str, seed: u64) -> Device {
 }
 
 fn open_with(world: &str, seed: u64, drive: &str, latency_ms: u32) -> Device {
+    open_spec(spec(world, seed, drive, latency_ms))
+}
+
+fn spec(world: &str, seed: u64, drive: &str, latency_ms: u32) -> DeviceSpec {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let folder =
@@ -35,7 +39,7 @@ fn open_with(world: &str, seed: u64, drive: &str, latency_ms: u32) -> Device {
         table: table.parse().unwrap(),
     };
     let camera = "intrinsics = { width = 64, height = 48 }\nmount = { z_m = 0.6 }";
-    let spec = DeviceSpec {
+    DeviceSpec {
         name: "world".into(),
         table: "world = \"world.toml\"\nstart = { jitter_m = 0.1 }".parse().unwrap(),
         sensors: vec![
@@ -44,13 +48,17 @@ fn open_with(world: &str, seed: u64, drive: &str, latency_ms: u32) -> Device {
             part("wheels", "encoders", ""),
         ],
         drive: Some(part("drive", drive, "")),
-        folder: folder.clone(),
+        folder,
         seed,
         robot: Robot {
             limits: MotionLimits { speed: [0.6, 0.6, 1.2], ..Default::default() },
             ..Default::default()
         },
-    };
+    }
+}
+
+fn open_spec(spec: DeviceSpec) -> Device {
+    let folder = spec.folder.clone();
     let device = (PLUGIN.open)(spec).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
     device
@@ -144,6 +152,16 @@ fn a_box_is_heard_then_run_into_once() {
     assert_eq!(end.contacts, 1);
     assert!((end.x - 1.1).abs() < 0.01, "radius 0.25 m before 1.35 m: {}", end.x);
     assert!(end.clearance_m.abs() < 0.01);
+}
+
+#[test]
+fn without_clutter_the_building_is_empty() {
+    let world = "[corridor]\n[[box]]\nat_m = [1.0, 0.0]\n[[person]]\npath_m = [[0.5, 0.0]]";
+    let mut empty = spec(world, 1, "differential", 50);
+    empty.table.insert("clutter".into(), "none".into());
+    let tape = run(&mut open_spec(empty), 0.4, 4.0, 1.0);
+    let last = *headers::<Truth>(&tape, "truth").last().unwrap();
+    assert!(last.x > 1.3 && last.contacts == 0 && last.person_m.is_infinite(), "{last:?}");
 }
 
 #[test]
