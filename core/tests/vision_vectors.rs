@@ -1,4 +1,4 @@
-//! Known answers of the vision modules: segment_fit, segment_image, median3 and vp_vote_refine.
+//! Known answers of the vision modules: segment_fit, segment_image, median3, isodata and vp_vote_refine.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -9,6 +9,7 @@ mod vectors {
     use std::path::PathBuf;
     use yamabico_core::camera::Intrinsics;
     use yamabico_core::image::{GrayImage, ImageView};
+    use yamabico_core::vision::isodata::{IsodataError, threshold_of_histogram, threshold_of_pixels};
     use yamabico_core::vision::median::Median3;
     use yamabico_core::vision::segment_fit::fit_segment;
     use yamabico_core::vision::segments::{Segment, SegmentConfig, SegmentDetector};
@@ -88,6 +89,31 @@ mod vectors {
             let mut out = GrayImage::default();
             Median3::default().filter(ImageView::new(&data, width, height, width).unwrap(), &mut out);
             assert_eq!(out.pixels(), expected, "{}", case.id);
+        });
+    }
+
+    #[test]
+    fn isodata() {
+        for_each_case("isodata", |case| {
+            let (mut histogram, mut pixels) = ([0; 256], Vec::new());
+            for bin in case.input["histogram"].as_array().unwrap() {
+                let (value, count) = (bin["value"].as_u64().unwrap() as u8, bin["count"].as_u64().unwrap());
+                histogram[value as usize] += count;
+                pixels.extend((0..count).map(|_| value));
+            }
+            for found in [threshold_of_histogram(&histogram), threshold_of_pixels(&pixels)] {
+                match (case.expect["status"].as_str().unwrap(), found) {
+                    ("ok", Ok(found)) => {
+                        case.check("threshold", &[found.level]);
+                        case.check("iterations", &[f64::from(found.rounds)]);
+                        case.check("n_dark", &[found.dark.count as f64]);
+                        case.check("mu_dark", &[found.dark.mean()]);
+                        case.check("mu_bright", &[found.bright.mean()]);
+                    }
+                    ("low_contrast", Err(IsodataError::LowContrast { mean })) => case.check("mean", &[mean]),
+                    (expected, found) => panic!("{}: {expected}, not {found:?}", case.id),
+                }
+            }
         });
     }
 

@@ -1,8 +1,11 @@
 //! What cameras see: one textbook noun a module. Pure functions over image views and caller-owned workspaces; nothing
 //! allocates once a workspace has seen its first frame.
 
+pub mod area_average;
 pub mod bit_image;
+pub mod dark_cells;
 pub mod gradient;
+pub mod isodata;
 pub mod median;
 pub mod overlay;
 pub mod segment_fit;

@@ -1,0 +1,144 @@
+//! The grid of cells: which ones hold an obstacle, and how many are free below it.
+
+/// Columns and rows of a grid, and the side of its square cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GridSize {
+    /// Cells across.
+    pub columns: usize,
+    /// Cells from bottom to top.
+    pub rows: usize,
+    /// Side of a cell, pixels of the picture that is looked at.
+    pub cell_px: usize,
+}
+
+impl GridSize {
+    /// 17 x 9 cells of 20 x 20 pixels: the grid of Abdelfatah et al.
+    pub const PAPER: Self = Self { columns: 17, rows: 9, cell_px: 20 };
+
+    /// Width of the picture that the grid covers, pixels.
+    #[must_use]
+    pub const fn width_px(&self) -> usize {
+        self.columns * self.cell_px
+    }
+
+    /// Height of the picture that the grid covers, pixels.
+    #[must_use]
+    pub const fn height_px(&self) -> usize {
+        self.rows * self.cell_px
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub const fn cells(&self) -> usize {
+        self.columns * self.rows
+    }
+}
+
+/// Which cells hold an obstacle.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cells {
+    size: GridSize,
+    /// Row by row from the top, left to right.
+    is_obstacle: Vec<bool>,
+}
+
+impl Cells {
+    /// A grid without obstacles.
+    #[must_use]
+    pub fn new(size: GridSize) -> Self {
+        Self { size, is_obstacle: vec![false; size.cells()] }
+    }
+
+    /// Columns, rows, side.
+    #[must_use]
+    pub fn size(&self) -> GridSize {
+        self.size
+    }
+
+    /// Marks as obstacles the cells where more than a quarter of the pixels are not floor; `other` counts these, row by row
+    /// from the top. Cells beyond the end of `other` stay as they are.
+    pub fn mark(&mut self, other: impl Iterator<Item = u32>) {
+        let pixels = self.size.cell_px * self.size.cell_px;
+        for (cell, count) in self.is_obstacle.iter_mut().zip(other) {
+            *cell = 4 * count as usize > pixels;
+        }
+    }
+
+    /// Whether the cell in this column (from the left) and row (from the BOTTOM) holds an obstacle; outside the grid, none.
+    #[must_use]
+    pub fn is_obstacle(&self, column: usize, row: usize) -> bool {
+        let GridSize { columns, rows, .. } = self.size;
+        column < columns && row < rows && self.is_obstacle[(rows - 1 - row) * columns + column]
+    }
+
+    /// Writes the navigation profile to `free`: of each column from the left, the free cells below its lowest obstacle.
+    pub fn profile(&self, free: &mut Vec<u32>) {
+        free.clear();
+        free.extend((0..self.size.columns).map(|column| {
+            let obstacle = (0..self.size.rows).find(|&row| self.is_obstacle(column, row));
+            obstacle.unwrap_or(self.size.rows) as u32
+        }));
+    }
+
+    /// Share of the cells that hold an obstacle, 0 to 1.
+    #[must_use]
+    pub fn obstacle_share(&self) -> f64 {
+        let obstacles = self.is_obstacle.iter().filter(|&&cell| cell).count();
+        obstacles as f64 / self.is_obstacle.len().max(1) as f64
+    }
+
+    /// Whether the middle of the lowest rows is free: 3 x 2 cells of 17 x 9, as large a part of other grids. The robot
+    /// stands before them, so at the start they must be floor.
+    #[must_use]
+    pub fn is_foreground_free(&self) -> bool {
+        let GridSize { columns, rows, .. } = self.size;
+        let half = (3 * columns).div_ceil(2 * 17);
+        let (begin, end) = ((columns / 2).saturating_sub(half - columns % 2), columns / 2 + half);
+        (0..(2 * rows).div_ceil(9)).all(|row| (begin..end).all(|column| !self.is_obstacle(column, row)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(rows: &[&str]) -> Cells {
+        let size = GridSize { columns: rows[0].len(), rows: rows.len(), cell_px: 2 };
+        let mut cells = Cells::new(size);
+        cells.mark(rows.iter().flat_map(|row| row.bytes()).map(|cell| u32::from(cell - b'0')));
+        cells
+    }
+
+    #[test]
+    fn more_than_a_quarter_is_an_obstacle() {
+        let cells = cells(&["0123", "4000"]);
+        let marked: Vec<bool> = (0..4).map(|column| cells.is_obstacle(column, 1)).collect();
+        assert_eq!(marked, [false, false, true, true], "one of four pixels is not enough");
+        assert!(cells.is_obstacle(0, 0) && !cells.is_obstacle(4, 0) && !cells.is_obstacle(0, 2));
+        assert_eq!(cells.obstacle_share(), 3.0 / 8.0);
+    }
+
+    #[test]
+    fn the_profile_counts_from_the_bottom_and_fills_upwards() {
+        let mut free = vec![99; 7];
+        cells(&["0400", "0040", "0440", "0004"]).profile(&mut free);
+        assert_eq!(free, [4, 1, 1, 0]);
+    }
+
+    #[test]
+    fn the_foreground_is_three_by_two_of_the_paper_s_grid() {
+        for (column, row, is_in) in
+            [(7, 0, true), (9, 1, true), (8, 0, true), (6, 0, false), (10, 1, false), (8, 2, false)]
+        {
+            let mut cells = Cells::new(GridSize::PAPER);
+            let place = (8 - row) * 17 + column;
+            cells.mark((0..=place).map(|i| if i == place { 400 } else { 0 }));
+            assert_eq!(cells.is_foreground_free(), !is_in, "column {column}, row {row}");
+        }
+        let mut fine = Cells::new(GridSize { columns: 34, rows: 18, cell_px: 1 });
+        for (column, is_in) in [(13, false), (14, true), (19, true), (20, false)] {
+            fine.mark((0..34 * 18).map(|i| u32::from(i == 14 * 34 + column)));
+            assert_eq!(fine.is_foreground_free(), !is_in, "column {column}");
+        }
+    }
+}
