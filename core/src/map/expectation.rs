@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Point3, Vector2};
 
 use super::view::{Clipped, MapView};
-use super::wire_frame::{Edge, EdgeKind, Wall, WireFrame};
+use super::wire_frame::{Edge, EdgeKind, EdgeRole, Wall, WireFrame};
 use crate::camera::{Mount, Pinhole};
 use crate::geometry::Pose2;
 
@@ -17,7 +17,8 @@ pub struct ExpectationRules {
     pub least_length_px: f64,
     /// Edges that are farther away, metres.
     pub farthest_m: f64,
-    /// Both of two parallel edges that are nearer to each other, pixels: the camera cannot tell them apart. 0 keeps all.
+    /// Both of two parallel edges that are nearer to each other, pixels: the camera cannot tell them apart. Where one is an
+    /// outline and the other a detail, only the detail. 0 keeps all.
     pub least_gap_px: f64,
     /// Level edges whose upright plane passes nearer to the camera, metres: their lines say nothing of it. 0 keeps all.
     pub grazing_m: f64,
@@ -59,6 +60,8 @@ pub struct ExpectedEdge {
     pub edge: usize,
     /// Its direction in space.
     pub kind: EdgeKind,
+    /// How well it is seen.
+    pub role: EdgeRole,
     /// One end, ideal (undistorted) pixels, within the picture; the edge's order.
     pub from: Vector2<f64>,
     /// The other end.
@@ -143,23 +146,23 @@ impl ExpectationMap {
         }
         if edge.kind == EdgeKind::Vertical {
             if view.sees(near, walls) {
-                self.keep(index, edge.kind, &clipped, [0.0, 1.0], view);
+                self.keep(index, edge, &clipped, [0.0, 1.0], view);
             }
             return;
         }
         self.hiding.clear();
         self.hiding.extend(walls.iter().filter(|wall| is_in_triangle(wall, camera, near, far)));
         if self.hiding.is_empty() {
-            self.keep(index, edge.kind, &clipped, [0.0, 1.0], view);
+            self.keep(index, edge, &clipped, [0.0, 1.0], view);
         } else {
-            self.keep_visible_runs(index, edge.kind, &clipped, length_px, view);
+            self.keep_visible_runs(index, edge, &clipped, length_px, view);
         }
     }
 
     fn keep_visible_runs(
         &mut self,
         index: usize,
-        kind: EdgeKind,
+        edge: &Edge,
         clipped: &Clipped,
         length_px: f64,
         view: &MapView,
@@ -173,7 +176,7 @@ impl ExpectationMap {
             match (begin, is_seen) {
                 (None, true) => begin = Some(share),
                 (Some(from), false) => {
-                    self.keep(index, kind, clipped, [from, last], view);
+                    self.keep(index, edge, clipped, [from, last], view);
                     begin = None;
                 }
                 _ => {}
@@ -181,11 +184,11 @@ impl ExpectationMap {
             last = share;
         }
         if let Some(from) = begin {
-            self.keep(index, kind, clipped, [from, 1.0], view);
+            self.keep(index, edge, clipped, [from, 1.0], view);
         }
     }
 
-    fn keep(&mut self, edge: usize, kind: EdgeKind, clipped: &Clipped, shares: [f64; 2], view: &MapView) {
+    fn keep(&mut self, index: usize, edge: &Edge, clipped: &Clipped, shares: [f64; 2], view: &MapView) {
         let [p, q] = clipped.pixels;
         let [from, to] = shares.map(|share| p + (q - p) * share);
         if (to - from).norm() < self.rules.least_length_px {
@@ -197,7 +200,8 @@ impl ExpectationMap {
         let range_m = range_m[0].min(range_m[1]);
         if range_m <= self.rules.farthest_m {
             let depth_m = ends[0].z.min(ends[1].z);
-            self.expected.push(ExpectedEdge { edge, kind, from, to, range_m, depth_m });
+            let Edge { kind, role, .. } = *edge;
+            self.expected.push(ExpectedEdge { edge: index, kind, role, from, to, range_m, depth_m });
         }
     }
 
@@ -217,14 +221,19 @@ impl ExpectationMap {
         for (i, a) in self.expected.iter().enumerate() {
             for (j, b) in self.expected.iter().enumerate().skip(i + 1) {
                 if a.edge != b.edge && are_close(a, b, gap_px) {
-                    self.is_close[i] = true;
-                    self.is_close[j] = true;
+                    self.is_close[i] |= !stands_out(a, b);
+                    self.is_close[j] |= !stands_out(b, a);
                 }
             }
         }
         let mut is_close = self.is_close.iter();
         self.expected.retain(|_| is_close.next() == Some(&false));
     }
+}
+
+/// Whether `a` is seen as if `b` beside it were not there.
+fn stands_out(a: &ExpectedEdge, b: &ExpectedEdge) -> bool {
+    a.role == EdgeRole::Outline && b.role == EdgeRole::Detail
 }
 
 /// The point of the optical frame at a share of the way in the picture.
@@ -311,6 +320,10 @@ mod tests {
         let indices = |rules| expected(&map, rules).iter().map(|part| part.edge).collect::<Vec<_>>();
         assert_eq!(indices(ExpectationRules::default()), [2]);
         assert_eq!(indices(ExpectationRules::everything()), [0, 1, 2]);
+        let mut lines = map.edges().to_vec();
+        lines[1] = lines[1].detail();
+        let parts = expected(&WireFrame::new(lines, Vec::new()), ExpectationRules::default());
+        assert_eq!(parts.iter().map(|part| part.edge).collect::<Vec<_>>(), [0, 2], "the detail yields");
     }
 
     #[test]

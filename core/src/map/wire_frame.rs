@@ -46,6 +46,19 @@ pub struct Edge {
     pub to: Point3<f64>,
     /// Its direction in space.
     pub kind: EdgeKind,
+    /// How well it is seen.
+    pub role: EdgeRole,
+}
+
+/// How well an edge is seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum EdgeRole {
+    /// It stands out, also from afar.
+    #[default]
+    Outline,
+    /// It runs beside an outline, such as the inner edges of a door frame, and from afar cannot be told from it.
+    Detail,
 }
 
 /// Which way an edge runs.
@@ -85,7 +98,7 @@ pub enum MapError {
 }
 
 impl Edge {
-    /// The edge between two points, map frame, metres.
+    /// The outline between two points, map frame, metres.
     #[must_use]
     pub fn between(from: Point3<f64>, to: Point3<f64>) -> Self {
         let run = to - from;
@@ -96,7 +109,13 @@ impl Edge {
         } else {
             EdgeKind::Other
         };
-        Self { from, to, kind }
+        Self { from, to, kind, role: EdgeRole::Outline }
+    }
+
+    /// The same edge as a detail beside an outline.
+    #[must_use]
+    pub fn detail(self) -> Self {
+        Self { role: EdgeRole::Detail, ..self }
     }
 
     /// Distance between its ends, metres.
@@ -161,10 +180,11 @@ impl WireFrame {
         use std::fmt::Write;
         let mut text = String::from("edge = [\n");
         // Writing to a string does not fail.
-        for Edge { from: a, to: b, .. } in &self.edges {
+        for Edge { from: a, to: b, role, .. } in &self.edges {
+            let role = if *role == EdgeRole::Detail { ", role = \"detail\"" } else { "" };
             let _ = writeln!(
                 text,
-                "  {{ from_m = [{:.3}, {:.3}, {:.3}], to_m = [{:.3}, {:.3}, {:.3}] }},",
+                "  {{ from_m = [{:.3}, {:.3}, {:.3}], to_m = [{:.3}, {:.3}, {:.3}]{role} }},",
                 a.x, a.y, a.z, b.x, b.y, b.z
             );
         }
@@ -206,7 +226,11 @@ impl WireFrame {
         let file: MapFile = table.try_into().unwrap_or_default();
         let point = Point3::from;
         Ok(Self {
-            edges: file.edges.iter().map(|e| Edge::between(point(e.from_m), point(e.to_m))).collect(),
+            edges: file
+                .edges
+                .iter()
+                .map(|e| Edge { role: e.role, ..Edge::between(point(e.from_m), point(e.to_m)) })
+                .collect(),
             walls: file
                 .walls
                 .iter()
@@ -242,6 +266,9 @@ struct EdgeEntry {
     /// The other end: x, y, z, metres, each -1000000 to 1000000.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     to_m: [f64; 3],
+    /// How well it is seen, default outline.
+    #[serde(default)]
+    role: EdgeRole,
 }
 
 /// A wall.
@@ -320,12 +347,12 @@ fn ends_in_millimetres(from: &[f64; 3], to: &[f64; 3]) -> [[i64; 3]; 2] {
 mod tests {
     use super::*;
 
-    const DOOR: &str = "edge = [
+    const DOOR: &str = r#"edge = [
         { from_m = [6, 1, 0], to_m = [6, 1, 2.1] },
         { from_m = [6, 1, 2.1], to_m = [7, 1, 2.1] },
-        { from_m = [6, 1, 0], to_m = [7, 1, 2.1] },
+        { from_m = [6, 1, 0], to_m = [7, 1, 2.1], role = "detail" },
     ]
-    wall = [{ from_m = [0, 1], to_m = [6, 1] }]";
+    wall = [{ from_m = [0, 1], to_m = [6, 1] }]"#;
 
     fn refusal(text: &str) -> String {
         WireFrame::from_toml(text).unwrap_err().to_string()

@@ -1,6 +1,6 @@
 //! A world made ready to be seen, heard and touched.
 
-mod build;
+pub(crate) mod build;
 mod figure;
 mod light;
 mod surface;

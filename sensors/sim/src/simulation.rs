@@ -12,7 +12,7 @@ use crate::scene::{Place, Scene};
 /// Longest step of the integration.
 const STEP_NS: u64 = 5_000_000;
 /// States are kept this long, so that sensors can ask for the recent past.
-const MEMORY_NS: u64 = 2_000_000_000;
+const MEMORY_NS: u64 = 16_000_000_000;
 /// Slower than this, the robot stands.
 const STANDING_MPS: f64 = 0.01;
 /// A touch has ended when the gap is wider than this.
@@ -106,7 +106,7 @@ impl Simulation {
         self.body.command(twist, urgency);
     }
 
-    /// The body at an instant of the last two seconds; the nearest known one otherwise.
+    /// The body at an instant of the last sixteen seconds; the nearest known one otherwise.
     #[must_use]
     pub fn at(&self, at: Time) -> Moment {
         let after = self.past.partition_point(|m| m.at <= at);

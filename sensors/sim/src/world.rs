@@ -5,6 +5,7 @@
 mod check;
 mod corridor;
 mod random;
+mod wire_frame;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -22,9 +22,9 @@ pub struct CameraConfig {
     #[serde(default = "period_ms")]
     #[schemars(range(min = 5.0, max = 10000.0))]
     pub period_ms: f64,
-    /// Time from the exposure to the picture's arrival, ms, 0 to 1000: the robot moves on meanwhile.
+    /// Time from the exposure to the picture's arrival, ms, 0 to 15000: the robot moves on meanwhile.
     #[serde(default = "latency_ms")]
-    #[schemars(range(min = 0.0, max = 1000.0))]
+    #[schemars(range(min = 0.0, max = 15000.0))]
     pub latency_ms: f64,
     /// What a pixel holds.
     #[serde(default)]

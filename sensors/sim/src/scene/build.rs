@@ -22,9 +22,16 @@ struct Slab {
     z: [f64; 2],
 }
 
-const FRAME_WIDTH_M: f64 = 0.06;
-const FRAME_DEPTH_M: f64 = 0.02;
-const LEAF_M: f64 = 0.04;
+/// How far a door's frame reaches over the wall beside the opening, metres ...
+pub(crate) const FRAME_WIDTH_M: f64 = 0.06;
+/// ... into the opening ...
+pub(crate) const REBATE_M: f64 = 0.03;
+/// ... and out of the wall.
+pub(crate) const FRAME_DEPTH_M: f64 = 0.02;
+/// Thickness of a door's leaf, metres.
+pub(crate) const LEAF_M: f64 = 0.04;
+/// Width of the bars around a window's panes, metres.
+pub(crate) const WINDOW_BAR_M: f64 = 0.05;
 
 impl Building {
     pub fn new(world: &World, seed: u64) -> Self {
@@ -128,26 +135,26 @@ impl Building {
             across: left * deep,
             z,
         };
-        self.slab(&bar(-half - FRAME_WIDTH_M, -half + 0.03, [0.0, d.height_m]), frame);
-        self.slab(&bar(half - 0.03, half + FRAME_WIDTH_M, [0.0, d.height_m]), frame);
+        self.slab(&bar(-half - FRAME_WIDTH_M, -half + REBATE_M, [0.0, d.height_m]), frame);
+        self.slab(&bar(half - REBATE_M, half + FRAME_WIDTH_M, [0.0, d.height_m]), frame);
         self.slab(
             &bar(
                 -half - FRAME_WIDTH_M,
                 half + FRAME_WIDTH_M,
-                [d.height_m - 0.03, d.height_m + FRAME_WIDTH_M],
+                [d.height_m - REBATE_M, d.height_m + FRAME_WIDTH_M],
             ),
             frame,
         );
 
-        let hinge = at - along * (half - 0.03) - left * (thickness * 0.6);
+        let hinge = at - along * (half - REBATE_M) - left * (thickness * 0.6);
         let (sin, cos) = (-d.open_deg.to_radians()).sin_cos();
         let turned = Vector2::new(cos * along.x - sin * along.y, sin * along.x + cos * along.y);
         let out = Vector2::new(-turned.y, turned.x);
         let leaf = Material { speckle: 0.05, grain_m: 0.02, ..Material::matt(d.colour) };
-        let width = d.width_m - 0.06;
+        let width = d.width_m - 2.0 * REBATE_M;
         let corner = hinge - out * LEAF_M;
         self.slab(
-            &Slab { corner, along: turned * width, across: out * LEAF_M, z: [0.004, d.height_m - 0.03] },
+            &Slab { corner, along: turned * width, across: out * LEAF_M, z: [0.004, d.height_m - REBATE_M] },
             leaf,
         );
         let handle = Slab {
@@ -195,7 +202,7 @@ impl Building {
             across: left * (thickness * 0.8 + 0.015),
             z,
         };
-        let w = 0.05;
+        let w = WINDOW_BAR_M;
         for (a, b) in [(-half, -half + w), (half - w, half)] {
             self.slab(&bar(a, b, z), frame);
         }

@@ -1,0 +1,46 @@
+//! The map of the hallway is that of its world.
+
+use std::path::PathBuf;
+
+use nalgebra::Point2;
+use yamabico_core::map::{EdgeKind, WireFrame};
+use yamabico_sim::World;
+
+fn config(name: &str) -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs")).join(name)
+}
+
+fn hallway() -> World {
+    World::from_toml(&std::fs::read_to_string(config("worlds/hallway.toml")).unwrap()).unwrap()
+}
+
+#[test]
+fn the_map_file_is_what_the_world_gives() {
+    let map = WireFrame::read(&config("maps/hallway.toml")).unwrap();
+    let from_world = WireFrame::from_toml(&hallway().wire_frame().to_toml()).unwrap();
+    assert_eq!(map, from_world, "write it again with the example wire_frame_map");
+    assert!(map.edges().iter().filter(|edge| edge.kind == EdgeKind::Vertical).count() > 40);
+}
+
+#[test]
+fn walls_close_the_hallway_but_for_open_doors_and_the_side_corridor() {
+    let map = hallway().wire_frame();
+    let aside = |x: f64, y: f64| map.is_open(Point2::new(x, 0.0), Point2::new(x, y));
+    assert!(!aside(0.0, 1.3) && !aside(0.0, -1.3), "walls");
+    assert!(!aside(1.6, 1.3), "a closed door");
+    assert!(aside(5.0, 1.3) && aside(6.2, -1.3), "open doors");
+    assert!(aside(9.4, -4.0) && !aside(9.4, -6.0), "the side corridor and its end");
+    assert!(!map.is_open(Point2::new(12.0, 0.0), Point2::new(17.0, 0.0)), "the far end");
+    assert!((map.clearance(Point2::new(0.0, 0.2)) - 0.8).abs() < 1e-9);
+}
+
+#[test]
+fn a_wall_without_a_skirting_stands_on_the_floor() {
+    let world = World::from_toml("[corridor]\nlength_m = 10").unwrap();
+    let lines = world.wire_frame();
+    let on_floor = |y: f64| {
+        let lies = |z: f64, place: f64| z == 0.0 && (place - y).abs() < 1e-9;
+        lines.edges().iter().any(|edge| lies(edge.from.z, edge.from.y) && lies(edge.to.z, edge.to.y))
+    };
+    assert!(on_floor(1.0) && on_floor(-1.0));
+}
