@@ -7,8 +7,16 @@
 
 pub mod cells;
 pub mod decision;
+pub mod ground;
+pub mod look;
+pub mod sight;
+pub mod steering;
 pub mod weights;
 
 pub use cells::Cells;
 pub use decision::{Decision, Passage, Side, decide};
+pub use ground::GroundGrid;
+pub use look::{Look, Polarity};
+pub use sight::{Sight, Trouble};
+pub use steering::{Motion, Outlook, Steering};
 pub use weights::{Sets, Weights};

@@ -1,0 +1,209 @@
+//! The grid on the floor: where each cell lies in front of the robot.
+
+use nalgebra::{Point2, Vector2, Vector3};
+use yamabico_core::camera::{Mount, Pinhole};
+use yamabico_core::message::FreeDirection;
+
+use super::cells::GridSize;
+
+/// Floor that is seen free to the horizon is told to reach so far, metres.
+pub const FARTHEST_M: f64 = 20.0;
+
+/// An obstacle may reach this far (cells) out of the cells that are marked: a cell is free with a quarter of it taken.
+const OVERHANG: f64 = 0.25;
+
+/// The camera's grid, cell by cell on the floor plane; body frame, metres.
+#[derive(Clone, Debug)]
+pub struct GroundGrid {
+    size: GridSize,
+    /// Row by row from the BOTTOM, left to right; `None` where a cell shows no floor.
+    floor: Vec<Option<CellFloor>>,
+    /// Ends of free columns: of each column from the left, of each number of free cells from 0 to all.
+    ends: Vec<FreeDirection>,
+}
+
+/// The floor that an obstacle in a cell may stand on: its nearest line, a quarter of a cell larger than the cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct CellFloor {
+    near_m: f64,
+    left_m: f64,
+    right_m: f64,
+}
+
+/// A part of the floor straight ahead of the robot's centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Swath {
+    /// From the robot's centre to its far end, metres.
+    pub length_m: f64,
+    /// To either side of the robot's axis, metres.
+    pub half_width_m: f64,
+}
+
+impl Swath {
+    /// This one, longer by `length_m` and wider by `side_m` on either side.
+    #[must_use]
+    pub fn enlarged(&self, length_m: f64, side_m: f64) -> Self {
+        Self { length_m: self.length_m + length_m, half_width_m: self.half_width_m + side_m }
+    }
+}
+
+impl GroundGrid {
+    /// The grid laid over the whole picture of this camera.
+    #[must_use]
+    pub fn new(size: GridSize, camera: &Pinhole, mount: &Mount) -> Self {
+        let eye = Eye { camera, mount, size };
+        let places = |row| (0..size.columns).map(move |column| (column, row));
+        Self {
+            size,
+            floor: (0..size.rows).flat_map(places).map(|(column, row)| eye.floor(column, row)).collect(),
+            ends: (0..size.columns)
+                .flat_map(|column| (0..=size.rows).map(move |free| (column, free)))
+                .map(|(column, free)| eye.end(column, free))
+                .collect(),
+        }
+    }
+
+    /// Of each column from the left, how many cells from the bottom it takes to cover what of the swath is in view: an
+    /// obstacle in a higher cell stands outside.
+    #[must_use]
+    pub fn cells_of(&self, swath: &Swath) -> Vec<u32> {
+        let covers = |column: usize, row: usize| {
+            self.floor[row * self.size.columns + column].is_some_and(|floor| {
+                floor.near_m <= swath.length_m
+                    && floor.right_m <= swath.half_width_m
+                    && floor.left_m >= -swath.half_width_m
+            })
+        };
+        (0..self.size.columns)
+            .map(|column| {
+                let highest = (0..self.size.rows).rev().find(|&row| covers(column, row));
+                highest.map_or(0, |row| row as u32 + 1)
+            })
+            .collect()
+    }
+
+    /// How far ahead the lowest line of the picture's middle shows the floor, metres from the robot's centre; `None` where
+    /// it shows none.
+    #[must_use]
+    pub fn nearest_m(&self) -> Option<f64> {
+        let floor = self.floor.get(self.size.columns / 2)?.as_ref()?;
+        floor.near_m.is_finite().then_some(floor.near_m)
+    }
+
+    /// Share of the cells that show floor, 0 to 1.
+    #[must_use]
+    pub fn floor_share(&self) -> f64 {
+        let cells = self.floor.iter().flatten().count();
+        cells as f64 / self.floor.len().max(1) as f64
+    }
+
+    /// The end of the free floor of a column with so many free cells from the bottom: the near edge of the first that is
+    /// not, less the quarter that an obstacle may reach out of it. Direction and distance from the robot's centre.
+    #[must_use]
+    pub fn end(&self, column: usize, free: u32) -> Option<FreeDirection> {
+        let free = (free as usize).min(self.size.rows);
+        (column < self.size.columns).then(|| self.ends[column * (self.size.rows + 1) + free])
+    }
+}
+
+struct Eye<'a> {
+    camera: &'a Pinhole,
+    mount: &'a Mount,
+    size: GridSize,
+}
+
+impl Eye<'_> {
+    /// The direction (body frame) through a point of the picture: cells from its left and from its bottom edge.
+    fn ray(&self, from_left: f64, from_bottom: f64) -> Option<Vector3<f64>> {
+        let k = self.camera.intrinsics();
+        let u = f64::from(k.width) * from_left / self.size.columns as f64 - 0.5;
+        let v = f64::from(k.height) * (1.0 - from_bottom / self.size.rows as f64) - 0.5;
+        let ray = self.camera.normalised_from_pixel(Vector2::new(u, v))?.push(1.0);
+        Some(self.mount.rotation_body_from_camera() * ray)
+    }
+
+    /// The floor at a point of the picture; `None` at and above the horizon.
+    fn point(&self, from_left: f64, from_bottom: f64) -> Option<Point2<f64>> {
+        let ray = self.ray(from_left, from_bottom)?;
+        if ray.z >= 0.0 || self.mount.z <= 0.0 {
+            return None;
+        }
+        let share = self.mount.z / -ray.z;
+        let point = Point2::new(self.mount.x + share * ray.x, self.mount.y + share * ray.y);
+        point.coords.iter().all(|coordinate| coordinate.is_finite()).then_some(point)
+    }
+
+    fn floor(&self, column: usize, row: usize) -> Option<CellFloor> {
+        let (column, bottom) = (column as f64, row as f64 - OVERHANG);
+        let left = self.point(column - OVERHANG, bottom)?;
+        let right = self.point(column + 1.0 + OVERHANG, bottom)?;
+        // A cell whose own lower edge shows no floor shows none at all.
+        self.point(column + 0.5, row as f64)?;
+        Some(CellFloor {
+            near_m: left.x.min(right.x),
+            left_m: left.y.max(right.y),
+            right_m: left.y.min(right.y),
+        })
+    }
+
+    fn end(&self, column: usize, free: usize) -> FreeDirection {
+        let column = column as f64;
+        let bottom = free as f64 - OVERHANG;
+        let along = [column, column + 0.5, column + 1.0].map(|place| self.point(place, bottom));
+        let distance_m = along
+            .iter()
+            .map(|point| point.map_or(FARTHEST_M, |point| point.coords.norm()))
+            .fold(FARTHEST_M, f64::min);
+        let azimuth_rad = match along[1] {
+            Some(point) => point.y.atan2(point.x),
+            None => self.ray(column + 0.5, bottom).map_or(0.0, |ray| ray.y.atan2(ray.x)),
+        };
+        FreeDirection { azimuth_rad, distance_m }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::camera::Intrinsics;
+
+    fn grid(tilt_deg: f64) -> GroundGrid {
+        let camera = Pinhole::ideal(Intrinsics::from_horizontal_fov(340, 180, 90_f64.to_radians()));
+        GroundGrid::new(GridSize::PAPER, &camera, &Mount::tilted(0.6, tilt_deg.to_radians()))
+    }
+
+    #[test]
+    fn distances_are_those_of_the_ground_plane() {
+        let grid = grid(28.0);
+        // The lower edge of the third row from below lies (139.5 - 89.5) px under the middle, a quarter of a cell is 5 px.
+        let angle = 28_f64.to_radians() + (55.0_f64 / 170.0).atan();
+        let end = grid.end(8, 2).unwrap();
+        assert!((end.distance_m - 0.6 / angle.tan()).abs() < 1e-9 && end.azimuth_rad.abs() < 1e-9);
+        assert!(grid.end(0, 2).unwrap().azimuth_rad > 0.5 && grid.end(16, 2).unwrap().azimuth_rad < -0.5);
+        assert_eq!(grid.end(17, 0), None);
+        let nearer = |free| grid.end(8, free).unwrap().distance_m < grid.end(8, free + 1).unwrap().distance_m;
+        assert!((0..9).all(nearer));
+    }
+
+    #[test]
+    fn a_swath_is_a_trapezium_in_the_picture() {
+        let grid = grid(28.0);
+        let swath = Swath { length_m: 1.6, half_width_m: 0.5 };
+        let cells = grid.cells_of(&swath);
+        let mut mirrored = cells.clone();
+        mirrored.reverse();
+        assert_eq!(cells, mirrored);
+        assert!(cells[..9].is_sorted() && cells[8] == 6 && cells[0] == 0, "{cells:?}");
+        let wider = grid.cells_of(&swath.enlarged(0.3, 0.3));
+        assert!(wider.iter().zip(&cells).all(|(wide, narrow)| wide >= narrow), "{wider:?}");
+        assert!(grid.cells_of(&Swath { length_m: 0.2, half_width_m: 0.5 }).iter().all(|&cells| cells == 0));
+    }
+
+    #[test]
+    fn a_camera_that_looks_up_shows_no_floor() {
+        assert_eq!((grid(-40.0).nearest_m(), grid(-40.0).floor_share()), (None, 0.0));
+        assert!(grid(28.0).nearest_m().is_some_and(|near_m| near_m < 0.42));
+        assert_eq!(grid(0.0).floor_share(), 5.0 / 9.0);
+        assert_eq!(grid(-40.0).end(3, 9).unwrap().distance_m, FARTHEST_M);
+    }
+}
