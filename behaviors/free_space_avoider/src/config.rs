@@ -18,7 +18,7 @@ pub struct Config {
     /// Rate of turns where the robot stands, rad/s, 0.05 to 3, default 0.4.
     #[schemars(range(min = 0.05, max = 3.0))]
     pub turn_rad_s: f64,
-    /// Distance from the robot's circle to what it would stop before, m, 0 to 3, default 0.3.
+    /// Distance from the robot's circle to what it would stop before, m, 0 to 3, default 0.4.
     #[schemars(range(min = 0.0, max = 3.0))]
     pub margin_m: f64,
     /// Room beside the robot's circle that the way ahead needs, m, 0 to 1, default 0.05.
@@ -72,7 +72,7 @@ impl Default for Config {
             method: Method::NavelGrid,
             speed_mps: 0.3,
             turn_rad_s: 0.4,
-            margin_m: 0.3,
+            margin_m: 0.4,
             side_m: 0.05,
             freer_side_m: 0.4,
             columns: GridSize::PAPER.columns as u32,

@@ -21,7 +21,7 @@ use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
 
 use crate::navel_grid::ground::Swath;
-use crate::navel_grid::{Motion, Outlook, Sight, Steering, Trouble};
+use crate::navel_grid::{Motion, Sight, Steering, Trouble};
 use crate::stopping::stopping_distance_m;
 
 /// The plugin, to be listed by the program.
@@ -144,12 +144,8 @@ impl FreeSpaceAvoider {
         let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.malformed = usable.is_none();
         let Some(image) = usable else { return };
-        let seen = self.sight.see(image);
-        self.trouble = seen.err();
-        let outlook = match seen {
-            Ok((weights, passage)) => Outlook::Seen(weights, passage),
-            Err(_) => Outlook::Unclear,
-        };
+        let (outlook, trouble) = self.sight.see(image);
+        self.trouble = trouble;
         let turned_rad = match (self.odometry.newest(), self.last_picture) {
             (Some(_), _) => std::mem::take(&mut self.turned_rad),
             (None, Some(last)) => self.turn_rad_s * stamp.seconds_after(last),

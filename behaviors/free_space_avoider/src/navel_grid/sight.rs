@@ -9,7 +9,8 @@ use super::cells::{Cells, GridSize};
 use super::decision::Passage;
 use super::ground::{GroundGrid, Swath};
 use super::look::{Look, Polarity};
-use super::weights::{Sets, Weights};
+use super::steering::Outlook;
+use super::weights::Sets;
 use crate::config::{Config, PolarityRule};
 
 /// With a larger share of obstacles the floor itself looks like one.
@@ -19,7 +20,7 @@ const SPARE_LENGTH_M: f64 = 0.1;
 /// ... and wider on either side.
 const SPARE_SIDE_M: f64 = 0.05;
 
-/// Why a picture tells nothing of the way ahead.
+/// What is wrong with a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trouble {
     /// Floor and obstacles cannot be told apart: darkness, glare, a covered lens, or nothing but one surface.
@@ -102,26 +103,28 @@ impl Sight {
         })
     }
 
-    /// What a picture of the camera says: the weights of what intrudes, and whether the robot fits.
-    ///
-    /// # Errors
-    /// [`Trouble`], where it says nothing.
-    pub fn see(&mut self, image: ImageView) -> Result<(Weights, Passage), Trouble> {
+    /// What a picture of the camera says of the way ahead, and what is wrong with it. More obstacles than floor are never
+    /// driven at, though the freer side is told.
+    pub fn see(&mut self, image: ImageView) -> (Outlook, Option<Trouble>) {
         self.directions.clear();
-        self.look.measure(image).map_err(|_| Trouble::LowContrast)?;
-        let polarity = self.start().ok_or(Trouble::NoFloorAhead)?;
+        if self.look.measure(image).is_err() {
+            return (Outlook::Unclear, Some(Trouble::LowContrast));
+        }
+        let Some(polarity) = self.start() else {
+            return (Outlook::Unclear, Some(Trouble::NoFloorAhead));
+        };
         self.cells.clone_from(self.look.cells(polarity));
         self.cells.profile(&mut self.free);
+        let weights = self.sets.weigh(&self.free);
         if self.cells.obstacle_share() > LARGEST_OBSTACLE_SHARE {
-            return Err(Trouble::FloorModelBroken);
+            return (Outlook::Seen(weights, Passage::Obstructed), Some(Trouble::FloorModelBroken));
         }
-        let ends =
-            self.free.iter().enumerate().rev().filter_map(|(column, &free)| self.ground.end(column, free));
-        self.directions.extend(ends);
-        Ok((self.sets.weigh(&self.free), self.passage()))
+        let ends = self.free.iter().enumerate().rev();
+        self.directions.extend(ends.filter_map(|(column, &free)| self.ground.end(column, free)));
+        (Outlook::Seen(weights, self.passage()), None)
     }
 
-    /// How far the floor is free by the last picture, from right to left; empty where it said nothing.
+    /// How far the floor is free by the last picture, from right to left; empty where something was wrong with it.
     #[must_use]
     pub fn directions(&self) -> &[FreeDirection] {
         &self.directions

@@ -1,4 +1,6 @@
 //! From decision to decision: no dithering, and no turning for ever.
+//!
+//! Differs from \[1\], which decides on each picture alone.
 
 use yamabico_core::time::Time;
 
@@ -11,10 +13,9 @@ pub const RELEASE_LIMIT: f64 = 30.0;
 pub const REVERSAL_S: f64 = 2.0;
 /// ... only where the weights of the sides differ by more than this.
 pub const REVERSAL_WEIGHT: f64 = 20.0;
-/// After more than this many reversals ...
-pub const MOST_REVERSALS: usize = 3;
-/// ... within this time (s), the robot keeps on turning to the same side.
-pub const REVERSALS_S: f64 = 6.0;
+/// After so many reversals the robot keeps on turning to the same side until it finds a way forward: between the two walls of
+/// a corner it would turn to and fro for ever.
+pub const MOST_REVERSALS: u32 = 1;
 /// Sides that differ by more than this let the robot veer while it drives.
 const VEER_WEIGHT: f64 = 20.0;
 /// Turn rate of a veer, rad/s for each unit of weight.
@@ -60,9 +61,9 @@ pub struct Steering {
     motion: Motion,
     /// The last turn and when it began.
     turn: Option<(Side, Time)>,
-    /// When turns were reversed, oldest overwritten first.
-    reversals: [Option<Time>; MOST_REVERSALS + 1],
-    /// Turned since the robot last drove, radians.
+    /// Turns reversed since the robot last drove.
+    reversals: u32,
+    /// Turned since then, or since the last reversal, radians.
     turned_rad: f64,
     /// Standing since.
     stopped: Option<Time>,
@@ -72,14 +73,7 @@ impl Steering {
     /// A robot that stands. Blocked on both sides, it looks around after `patience_s`.
     #[must_use]
     pub fn new(patience_s: f64) -> Self {
-        Self {
-            patience_s,
-            motion: Motion::Stop,
-            turn: None,
-            reversals: [None; MOST_REVERSALS + 1],
-            turned_rad: 0.0,
-            stopped: None,
-        }
+        Self { patience_s, motion: Motion::Stop, turn: None, reversals: 0, turned_rad: 0.0, stopped: None }
     }
 
     /// What the robot does.
@@ -96,7 +90,7 @@ impl Steering {
         self.motion = match outlook {
             Outlook::Seen(weights, passage) if self.goes_forward(&weights, passage) => {
                 self.turned_rad = 0.0;
-                self.reversals = [None; MOST_REVERSALS + 1];
+                self.reversals = 0;
                 self.stopped = None;
                 forward(&weights)
             }
@@ -131,23 +125,20 @@ impl Steering {
             Some((side, since)) if side != wanted && !self.may_reverse(weights, since, at) => side,
             _ => wanted,
         };
-        match self.turn {
-            Some((last, _)) if last == side && matches!(self.motion, Motion::Turn(_)) => {}
-            last => {
-                if last.is_some_and(|(last, _)| last != side) {
-                    self.reversals.rotate_right(1);
-                    self.reversals[0] = Some(at);
-                }
-                self.turn = Some((side, at));
+        let goes_on = matches!(self.motion, Motion::Turn(last) if last == side);
+        if !goes_on {
+            if matches!(self.motion, Motion::Turn(_)) {
+                self.reversals += 1;
+                self.turned_rad = 0.0;
             }
+            self.turn = Some((side, at));
         }
         Motion::Turn(side)
     }
 
     fn may_reverse(&self, weights: &Weights, since: Time, at: Time) -> bool {
-        let recent = self.reversals.iter().flatten().filter(|&&then| at.seconds_after(then) <= REVERSALS_S);
         let is_clear = (weights.right - weights.left).abs() > REVERSAL_WEIGHT;
-        recent.count() <= MOST_REVERSALS && (is_clear || at.seconds_after(since) >= REVERSAL_S)
+        self.reversals < MOST_REVERSALS && (is_clear || at.seconds_after(since) >= REVERSAL_S)
     }
 }
 
@@ -205,8 +196,10 @@ mod tests {
         steering.step(seen(50.0, 40.0, 60.0), 0.0, at(0.0));
         assert_eq!(steering.step(seen(40.0, 50.0, 60.0), 0.0, at(0.5)), Motion::Turn(Side::Right));
         assert_eq!(steering.step(seen(40.0, 61.0, 60.0), 0.0, at(0.6)), Motion::Turn(Side::Left));
-        assert_eq!(steering.step(seen(50.0, 40.0, 60.0), 0.0, at(2.5)), Motion::Turn(Side::Left));
-        assert_eq!(steering.step(seen(50.0, 40.0, 60.0), 0.0, at(2.7)), Motion::Turn(Side::Right));
+        let mut steering = Steering::new(3.0);
+        steering.step(seen(50.0, 40.0, 60.0), 0.0, at(0.0));
+        assert_eq!(steering.step(seen(40.0, 50.0, 60.0), 0.0, at(1.9)), Motion::Turn(Side::Right));
+        assert_eq!(steering.step(seen(40.0, 50.0, 60.0), 0.0, at(2.0)), Motion::Turn(Side::Left));
     }
 
     #[test]
@@ -215,11 +208,13 @@ mod tests {
         let mut turns = Vec::new();
         for i in 0..30 {
             let heavy_right = if i % 2 == 0 { seen(70.0, 30.0, 60.0) } else { seen(30.0, 70.0, 60.0) };
-            turns.push(steering.step(heavy_right, 0.01, at(0.1 * f64::from(i))));
+            turns.push(steering.step(heavy_right, 0.1, at(2.5 * f64::from(i))));
         }
         let reversals = turns.windows(2).filter(|pair| pair[0] != pair[1]).count();
-        assert_eq!(reversals, MOST_REVERSALS + 1);
-        assert!(matches!(steering.step(seen(0.0, 0.0, 0.0), 0.0, at(3.0)), Motion::Forward { .. }));
+        assert_eq!(reversals, 1);
+        assert!(matches!(steering.step(seen(0.0, 0.0, 0.0), 0.0, at(80.0)), Motion::Forward { .. }));
+        assert_eq!(steering.step(seen(30.0, 70.0, 60.0), 0.0, at(80.1)), Motion::Turn(Side::Left));
+        assert_eq!(steering.step(seen(70.0, 30.0, 60.0), 0.0, at(80.2)), Motion::Turn(Side::Right));
     }
 
     #[test]

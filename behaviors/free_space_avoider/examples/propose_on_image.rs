@@ -1,0 +1,92 @@
+//! What the free-space avoider proposes on one picture.
+//!
+//! `propose_on_image [PICTURE] [--at X,Y,HEADING_DEG] [--set TOML] [--out FILE]`
+//!
+//! Without a picture the simulator takes one in the office, at a pose (m, degrees). The camera is the one of the office
+//! robot in either case. `--set` gives keys of the behaviour, such as `columns = 34`; `--out` writes what it saw.
+
+mod office;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::GrayImage;
+use yamabico_core::testing::Bench;
+use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider};
+use yamabico_sim::random::stream;
+use yamabico_sim::{Renderer, Scene, World};
+
+fn main() -> ExitCode {
+    match propose() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(problem) => {
+            eprintln!("{problem}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn propose() -> Result<(), String> {
+    let (mut picture, mut out, mut toml) = (None, None, String::new());
+    let mut at = [1.2, 2.9, 10.0];
+    let mut rest = std::env::args().skip(1);
+    while let Some(argument) = rest.next() {
+        let mut value = || rest.next().ok_or(format!("{argument} needs a value"));
+        match argument.as_str() {
+            "--at" => {
+                let text = value()?;
+                let numbers: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
+                at = numbers.ok().and_then(|list| list.try_into().ok()).ok_or("--at X,Y,HEADING_DEG")?;
+            }
+            "--set" => toml = toml + &value()? + "\n",
+            "--out" => out = Some(PathBuf::from(value()?)),
+            _ if picture.is_none() && !argument.starts_with('-') => picture = Some(PathBuf::from(&argument)),
+            _ => return Err(format!("unknown argument {argument}")),
+        }
+    }
+    let image = match picture {
+        Some(path) => {
+            let rgb = image::open(&path).map_err(|e| format!("{}: {e}", path.display()))?.to_rgb8();
+            let (width, height) = (rgb.width() as usize, rgb.height() as usize);
+            let mut grey = GrayImage::default();
+            grey.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).map_err(|e| e.to_string())?;
+            grey
+        }
+        None => {
+            let world = World::from_toml(office::OFFICE).map_err(|e| e.to_string())?;
+            let scene = Scene::new(&world, 1).map_err(|e| e.to_string())?;
+            let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
+            let robot = Pose2::new(at[0], at[1], at[2].to_radians());
+            office::render(&mut renderer, &scene, office::camera(340, 180), robot)?
+        }
+    };
+    let (intrinsics, mount) = office::camera(image.width() as u32, image.height() as u32);
+    let mut bench =
+        Bench::<FreeSpaceAvoider>::new(&toml, office::setup(intrinsics, mount)).map_err(|e| e.to_string())?;
+    bench.at(1.0).feed(&CAMERA, &office::frame_header(&intrinsics, 1.0), image.pixels());
+    let proposal = bench.propose();
+    println!(
+        "{:?}: {:.2} m/s, {:+.2} rad/s; {}; {}",
+        proposal.kind(),
+        proposal.twist.linear,
+        proposal.twist.angular,
+        proposal.reason().map_or("", |reason| reason.as_str()),
+        proposal.note,
+    );
+    let sight = bench.behavior.sight();
+    println!(
+        "free cells  {:?}\nway         {:?}\nweighed     {:?}",
+        sight.free(),
+        sight.covered().0,
+        sight.covered().1
+    );
+    for direction in sight.directions() {
+        print!("{:+.0} deg {:.2} m  ", direction.azimuth_rad.to_degrees(), direction.distance_m);
+    }
+    println!();
+    match out {
+        Some(path) => office::draw(image.view().map_err(|e| e.to_string())?, sight, &proposal, &path),
+        None => Ok(()),
+    }
+}
