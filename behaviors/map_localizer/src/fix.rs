@@ -1,0 +1,229 @@
+//! One picture against the map: the belief before it becomes the belief after it.
+
+use nalgebra::Vector2;
+use yamabico_core::camera::{Distortion, Mount, Pinhole};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_core::map::{EdgeKind, ExpectationMap, ExpectationRules, ExpectedEdge, WireFrame};
+use yamabico_core::message::Reason;
+use yamabico_core::vision::segments::{Segment, SegmentConfig, SegmentDetector};
+
+use crate::association::GATE;
+use crate::belief::{Belief, Update};
+use crate::matching::{Gates, LineNoise, Match, Matcher, Scene};
+use crate::projected_line::LineCamera;
+
+/// A picture whose fix moves the image by more (pixels) is matched once more.
+const REMATCH_PX: f64 = 5.0;
+/// Uprights whose columns differ by less (pixels) count as one.
+const SAME_COLUMN_PX: f64 = 8.0;
+/// Least number of lines of a fix.
+const LEAST_LINES: usize = 3;
+
+/// What a picture told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix {
+    /// The belief after it; the prior where nothing was matched.
+    pub posterior: Belief,
+    /// Whether it counts, or why not. What was matched moved the belief also where it does not count.
+    pub verdict: Result<(), Reason>,
+    /// Lines that moved the belief.
+    pub lines: usize,
+    /// Edges that should be in view.
+    pub expected: usize,
+    /// Upright edges that should be in view, and of these the ones that moved the belief.
+    pub uprights: [usize; 2],
+    /// Sum over the lines of half the squared distance: 1 a line where covariances are honest.
+    pub surprise: f64,
+}
+
+/// Looks for the map in pictures; keeps its buffers.
+#[derive(Clone, Debug)]
+pub struct Fixer {
+    map: WireFrame,
+    pinhole: Pinhole,
+    mount: Mount,
+    camera: LineCamera,
+    expectation: ExpectationMap,
+    detector: SegmentDetector,
+    segments: Vec<Segment>,
+    matcher: Matcher,
+    used: Vec<Match>,
+    gates: Gates,
+}
+
+impl Fixer {
+    /// One for this map and camera.
+    #[must_use]
+    pub fn new(map: WireFrame, pinhole: Pinhole, mount: Mount) -> Self {
+        let rules = ExpectationRules::for_width(pinhole.intrinsics().width);
+        Self {
+            map,
+            pinhole,
+            mount,
+            camera: LineCamera::new(pinhole.intrinsics(), &mount),
+            expectation: ExpectationMap::new(rules),
+            detector: SegmentDetector::new(SegmentConfig::default()),
+            segments: Vec::new(),
+            matcher: Matcher::default(),
+            used: Vec::new(),
+            gates: Gates::default(),
+        }
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &WireFrame {
+        &self.map
+    }
+
+    /// The camera's lens and image.
+    #[must_use]
+    pub fn pinhole(&self) -> &Pinhole {
+        &self.pinhole
+    }
+
+    /// Where the camera sits.
+    #[must_use]
+    pub fn mount(&self) -> &Mount {
+        &self.mount
+    }
+
+    /// What should have been in view in the last picture, from the last pose that it was computed for.
+    #[must_use]
+    pub fn expected(&self) -> &[ExpectedEdge] {
+        self.expectation.expected()
+    }
+
+    /// The segments of the last picture, undistorted.
+    #[must_use]
+    pub fn segments(&self) -> &[Segment] {
+        &self.segments
+    }
+
+    /// The pairs of expected edges and segments that moved the belief at the last picture.
+    #[must_use]
+    pub fn used(&self) -> &[Match] {
+        &self.used
+    }
+
+    /// Takes a picture's segments.
+    ///
+    /// # Errors
+    /// `TooFewSegments`: it is blank, dark or blurred.
+    pub fn take(&mut self, image: ImageView<'_>) -> Result<(), Reason> {
+        self.segments.clear();
+        self.used.clear();
+        let found = self.detector.detect(image).map_err(|_| Reason::TooFewSegments)?;
+        if *self.pinhole.distortion() == Distortion::NONE {
+            self.segments.extend_from_slice(found);
+        } else {
+            let pinhole = &self.pinhole;
+            self.segments.extend(found.iter().filter_map(|segment| undistorted(segment, pinhole)));
+        }
+        Ok(())
+    }
+
+    /// What the segments taken last make of a belief.
+    pub fn fix(&mut self, prior: &Belief, noise: &LineNoise) -> Fix {
+        let mut fix = self.fix_from(prior, &prior.clone(), noise);
+        if fix.verdict.is_ok() && self.image_shift(&fix.posterior.pose) > REMATCH_PX {
+            // The new pose only tells which line is which edge: the measurements act on the prior, once.
+            fix = self.fix_from(prior, &fix.posterior.clone(), noise);
+        }
+        fix
+    }
+
+    /// Matches as seen from `about`, and applies what was matched to `prior`.
+    fn fix_from(&mut self, prior: &Belief, about: &Belief, noise: &LineNoise) -> Fix {
+        self.used.clear();
+        self.expectation.compute(&self.map, &self.pinhole, &self.mount, &about.pose);
+        let expected = self.expectation.expected();
+        let upright = |edge: &&ExpectedEdge| edge.kind == EdgeKind::Vertical;
+        let mut fix = Fix {
+            posterior: *prior,
+            verdict: Err(Reason::TooFewMatches),
+            lines: 0,
+            expected: expected.len(),
+            uprights: [expected.iter().filter(upright).count(), 0],
+            surprise: 0.0,
+        };
+        if expected.is_empty() {
+            fix.verdict = Err(Reason::NoModel);
+            return fix;
+        }
+        let scene = Scene {
+            map: &self.map,
+            expected,
+            segments: &self.segments,
+            camera: &self.camera,
+            focal_px: self.pinhole.intrinsics().fx,
+        };
+        self.matcher.pair(&scene, about, noise, &self.gates, |_| true);
+        for pair in self.matcher.matches() {
+            let expected = &scene.expected[pair.expected];
+            let segment = &scene.segments[pair.segment];
+            let view = scene.camera.at(&fix.posterior.pose);
+            let Some(line) = scene.edge(expected).and_then(|edge| view.project(edge)) else { continue };
+            let noise = noise.of(scene.focal_px, expected.depth_m);
+            let residual = line.residual([segment.p0, segment.p1]);
+            if let Update::Applied(distance) = fix.posterior.update(&residual, &noise, GATE) {
+                self.used.push(Match { distance_squared: distance, ..*pair });
+                fix.lines += 1;
+                fix.surprise += 0.5 * distance;
+                fix.uprights[1] += usize::from(expected.kind == EdgeKind::Vertical);
+            }
+        }
+        fix.verdict = self.verdict(fix.lines);
+        fix
+    }
+
+    /// Whether the lines in use make a fix: three, of two directions or in two columns.
+    fn verdict(&self, lines: usize) -> Result<(), Reason> {
+        let near = self.matcher.edges_with_segments_near();
+        if lines == 0 && near >= LEAST_LINES {
+            return Err(Reason::Gated);
+        }
+        if lines < LEAST_LINES {
+            return Err(Reason::TooFewMatches);
+        }
+        let expected = self.expectation.expected();
+        let kinds = || self.used.iter().map(|pair| &expected[pair.expected]);
+        let has_level = kinds().any(|edge| edge.kind != EdgeKind::Vertical);
+        let columns = || kinds().filter(|edge| edge.kind == EdgeKind::Vertical).map(|edge| edge.from.x);
+        let (left, right) =
+            columns().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, r), u| (l.min(u), r.max(u)));
+        let has_upright = left.is_finite();
+        if (has_upright && has_level) || right - left > SAME_COLUMN_PX {
+            Ok(())
+        } else {
+            // Lines of one direction leave the way along them open.
+            Err(Reason::Degenerate)
+        }
+    }
+
+    /// How far (pixels) the expected edges' middles lie from their lines as seen from another pose, at most.
+    fn image_shift(&self, to: &Pose2) -> f64 {
+        let view = self.camera.at(to);
+        let shift = |expected: &ExpectedEdge| {
+            let line = view.project(self.map.edges().get(expected.edge)?)?;
+            Some(line.distance(0.5 * (expected.from + expected.to)).0.abs())
+        };
+        self.expectation.expected().iter().filter_map(shift).fold(0.0, f64::max)
+    }
+}
+
+/// The segment as a camera without distortion would see it; `None` where the lens model ends.
+fn undistorted(segment: &Segment, pinhole: &Pinhole) -> Option<Segment> {
+    let ends: [Vector2<f64>; 2] =
+        [pinhole.undistort_pixel(segment.p0)?, pinhole.undistort_pixel(segment.p1)?];
+    let straight = Segment::between(ends[0], ends[1], 1.0)?;
+    Some(Segment {
+        p0: ends[0],
+        p1: ends[1],
+        normal: straight.normal,
+        rho: straight.rho,
+        length: straight.length,
+        ..*segment
+    })
+}

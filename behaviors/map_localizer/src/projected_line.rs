@@ -1,0 +1,286 @@
+//! The image of an edge of the map, and how it moves with the robot.
+//!
+//! The image line of an edge is the cross product of its ends in the optical frame: that holds without clipping, also for
+//! ends behind the camera.
+
+use nalgebra::{Matrix2x3, Matrix3, Point3, Vector2, Vector3};
+use yamabico_core::camera::{Intrinsics, Mount};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::map::Edge;
+
+/// A line whose plane passes this near to the optical centre, relative to the edge's distance, has no image.
+const SMALLEST_NORM: f64 = 1e-12;
+/// Nearer (m) along the optical axis an upright edge has no column.
+const NEAREST_M: f64 = 0.1;
+
+/// The camera on the robot, ready for projecting.
+#[derive(Clone, Copy, Debug)]
+pub struct LineCamera {
+    intrinsics: Intrinsics,
+    camera_from_body: Matrix3<f64>,
+    mount_in_camera: Vector3<f64>,
+}
+
+/// The camera at one pose of the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct LineView {
+    intrinsics: Intrinsics,
+    /// Of directions.
+    camera_from_map: Matrix3<f64>,
+    mount_in_camera: Vector3<f64>,
+    position: Vector3<f64>,
+}
+
+/// An image line with its derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProjectedLine {
+    /// (cos alpha, sin alpha, -rho): the signed distance of a pixel (u, v) is its product with (u, v, 1).
+    pub coefficients: Vector3<f64>,
+    /// Derivatives of the coefficients (rows) with respect to the robot's x, y and theta (columns).
+    pub jacobian: Matrix3<f64>,
+}
+
+/// Signed distances of two image points from a projected line, and their derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Residual {
+    /// Pixels.
+    pub distance_px: Vector2<f64>,
+    /// With respect to the robot's x, y (px/m) and theta (px/rad).
+    pub jacobian: Matrix2x3<f64>,
+}
+
+/// A line by its distance from pixel (0, 0) and the direction of its normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HoughLine {
+    /// Pixels, never negative.
+    pub rho: f64,
+    /// Radians.
+    pub alpha: f64,
+    /// Derivatives of rho with respect to the robot's x, y and theta.
+    pub rho_jacobian: Vector3<f64>,
+    /// Derivatives of alpha.
+    pub alpha_jacobian: Vector3<f64>,
+}
+
+impl LineCamera {
+    /// A camera without distortion, where it sits on the robot.
+    #[must_use]
+    pub fn new(intrinsics: &Intrinsics, mount: &Mount) -> Self {
+        let camera_from_body = mount.rotation_body_from_camera().transpose();
+        Self {
+            intrinsics: *intrinsics,
+            camera_from_body,
+            mount_in_camera: camera_from_body * mount.position_in_body(),
+        }
+    }
+
+    /// It, with the robot at this pose.
+    #[must_use]
+    pub fn at(&self, map_from_robot: &Pose2) -> LineView {
+        let (sin, cos) = map_from_robot.theta.sin_cos();
+        let body_from_map = Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0);
+        LineView {
+            intrinsics: self.intrinsics,
+            camera_from_map: self.camera_from_body * body_from_map,
+            mount_in_camera: self.mount_in_camera,
+            position: Vector3::new(map_from_robot.x, map_from_robot.y, 0.0),
+        }
+    }
+}
+
+impl LineView {
+    /// The edge's image line; `None` where the edge points at the optical centre.
+    #[must_use]
+    #[inline]
+    pub fn project(&self, edge: &Edge) -> Option<ProjectedLine> {
+        let (from, a) = self.in_camera(&edge.from);
+        let (to, b) = self.in_camera(&edge.to);
+        let line = self.pixel_line(a.cross(&b));
+        let norm = line.xy().norm();
+        if norm.is_nan() || norm <= SMALLEST_NORM * (1.0 + a.norm() * b.norm()) {
+            return None;
+        }
+        let run = b - a;
+        let along_x = self.pixel_line((-self.camera_from_map.column(0)).cross(&run));
+        let along_y = self.pixel_line((-self.camera_from_map.column(1)).cross(&run));
+        let turned = |v: Vector3<f64>| self.camera_from_map * Vector3::new(v.y, -v.x, 0.0);
+        let turn = self.pixel_line(turned(from).cross(&b) + a.cross(&turned(to)));
+        let coefficients = line / norm;
+        // What only makes the normal longer does not move the line.
+        let of_unit = |change: Vector3<f64>| {
+            let change = change / norm;
+            change - coefficients * coefficients.xy().dot(&change.xy())
+        };
+        let jacobian = Matrix3::from_columns(&[of_unit(along_x), of_unit(along_y), of_unit(turn)]);
+        Some(ProjectedLine { coefficients, jacobian })
+    }
+
+    /// A point of the map relative to the robot in map directions, and in the optical frame.
+    #[inline]
+    fn in_camera(&self, point: &Point3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let from_robot = point.coords - self.position;
+        (from_robot, self.camera_from_map * from_robot - self.mount_in_camera)
+    }
+
+    /// The pixel line of the plane through the optical centre with this normal.
+    #[inline]
+    fn pixel_line(&self, normal: Vector3<f64>) -> Vector3<f64> {
+        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
+        let (u, v) = (normal.x / fx, normal.y / fy);
+        Vector3::new(u, v, normal.z - cx * u - cy * v)
+    }
+}
+
+impl ProjectedLine {
+    /// The unit normal (cos alpha, sin alpha).
+    #[must_use]
+    #[inline]
+    pub fn normal(&self) -> Vector2<f64> {
+        self.coefficients.xy()
+    }
+
+    /// Signed distance of a pixel, and its derivatives with respect to the robot's x, y, theta.
+    #[must_use]
+    #[inline]
+    pub fn distance(&self, pixel: Vector2<f64>) -> (f64, Vector3<f64>) {
+        let pixel = pixel.push(1.0);
+        (self.coefficients.dot(&pixel), self.jacobian.tr_mul(&pixel))
+    }
+
+    /// Both ends of what was seen against the line.
+    #[must_use]
+    #[inline]
+    pub fn residual(&self, ends: [Vector2<f64>; 2]) -> Residual {
+        let [(r0, h0), (r1, h1)] = ends.map(|end| self.distance(end));
+        Residual {
+            distance_px: Vector2::new(r0, r1),
+            jacobian: Matrix2x3::from_rows(&[h0.transpose(), h1.transpose()]),
+        }
+    }
+
+    /// Derivatives of the normal's direction alpha, rad.
+    #[must_use]
+    #[inline]
+    pub fn alpha_jacobian(&self) -> Vector3<f64> {
+        let n = self.coefficients;
+        (self.jacobian.row(1) * n.x - self.jacobian.row(0) * n.y).transpose()
+    }
+
+    /// The line in Hough's space, with rho >= 0.
+    #[must_use]
+    pub fn hough(&self) -> HoughLine {
+        let sign = if self.coefficients.z > 0.0 { -1.0 } else { 1.0 };
+        let n = self.coefficients * sign;
+        HoughLine {
+            rho: -n.z,
+            alpha: n.y.atan2(n.x),
+            rho_jacobian: -sign * self.jacobian.row(2).transpose(),
+            alpha_jacobian: self.alpha_jacobian(),
+        }
+    }
+}
+
+/// The column (px) in which a level camera without roll sees an upright edge at (x, y) = `edge`, and its derivatives with
+/// respect to the robot's x, y and theta. `None` nearer than 0.1 m in front of it.
+#[must_use]
+pub fn vertical_edge_column(
+    edge: Vector2<f64>,
+    map_from_robot: &Pose2,
+    intrinsics: &Intrinsics,
+    mount: &Mount,
+) -> Option<(f64, Vector3<f64>)> {
+    let robot = Vector2::new(map_from_robot.x, map_from_robot.y);
+    let camera = map_from_robot.transform_point(nalgebra::Point2::new(mount.x, mount.y)).coords;
+    let (sin, cos) = (map_from_robot.theta + mount.pan).sin_cos();
+    let d = edge - camera;
+    let (ahead, left) = (cos * d.x + sin * d.y, -sin * d.x + cos * d.y);
+    if ahead.is_nan() || ahead <= NEAREST_M {
+        return None;
+    }
+    let scale = intrinsics.fx / (ahead * ahead);
+    let jacobian = Vector3::new(-d.y, d.x, d.dot(&(edge - robot))) * scale;
+    Some((intrinsics.cx - intrinsics.fx * left / ahead, jacobian))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use yamabico_core::camera::Pinhole;
+
+    fn random_case(random: &mut rand_pcg::Pcg64) -> (Intrinsics, Mount, Pose2, Edge) {
+        let mut of = |low: f64, high: f64| random.random_range(low..high);
+        let mount = Mount {
+            x: of(-0.2, 0.2),
+            y: of(-0.1, 0.1),
+            z: of(0.3, 1.0),
+            pan: of(-0.3, 0.3),
+            tilt: of(-0.1, 0.3),
+            roll: of(-0.1, 0.1),
+        };
+        let pose = Pose2::new(of(-2.0, 2.0), of(-1.0, 1.0), of(-0.5, 0.5));
+        let from = Point3::new(of(4.0, 9.0), of(-2.0, 2.0), of(0.0, 1.0));
+        let to = from + Vector3::new(of(-1.0, 1.0), of(-1.0, 1.0), of(-1.0, 2.0));
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.0);
+        (intrinsics, mount, pose, Edge::between(from, to))
+    }
+
+    #[test]
+    fn the_line_passes_through_the_images_of_the_ends() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(1);
+        for _ in 0..200 {
+            let (intrinsics, mount, pose, edge) = random_case(&mut random);
+            let line = LineCamera::new(&intrinsics, &mount).at(&pose).project(&edge).unwrap();
+            for end in [edge.from, edge.to] {
+                let in_body = pose.inverse().transform_point(end.xy());
+                let in_camera = mount.body_from_camera().inverse() * Point3::new(in_body.x, in_body.y, end.z);
+                let pixel = Pinhole::ideal(intrinsics).project(&in_camera).unwrap();
+                assert!(line.distance(pixel).0.abs() < 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_are_those_of_small_steps() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(2);
+        const STEP: f64 = 1e-6;
+        for _ in 0..200 {
+            let (intrinsics, mount, pose, edge) = random_case(&mut random);
+            let camera = LineCamera::new(&intrinsics, &mount);
+            let line = camera.at(&pose).project(&edge).unwrap();
+            let (h, pixel) = (line.hough(), Vector2::new(300.0, 200.0));
+            let (_, slope) = line.distance(pixel);
+            for k in 0..3 {
+                let moved = |step: f64| {
+                    let mut by = [0.0; 3];
+                    by[k] = step;
+                    let pose = Pose2::new(pose.x + by[0], pose.y + by[1], pose.theta + by[2]);
+                    camera.at(&pose).project(&edge).unwrap()
+                };
+                let (ahead, back) = (moved(STEP), moved(-STEP));
+                let central = |f: &dyn Fn(&ProjectedLine) -> f64| (f(&ahead) - f(&back)) / (2.0 * STEP);
+                let close = |a: f64, b: f64| (a - b).abs() < 1e-4 * (1.0 + a.abs());
+                assert!(close(slope[k], central(&|line| line.distance(pixel).0)));
+                assert!(close(h.rho_jacobian[k], central(&|line| line.hough().rho)));
+                assert!(close(h.alpha_jacobian[k], central(&|line| line.hough().alpha)));
+            }
+        }
+    }
+
+    #[test]
+    fn an_edge_through_the_optical_centre_has_no_image() {
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.0);
+        let view = LineCamera::new(&intrinsics, &Mount::level(0.6)).at(&Pose2::IDENTITY);
+        let edge = Edge::between(Point3::new(1.0, 0.0, 0.6), Point3::new(2.0, 0.0, 0.6));
+        assert!(view.project(&edge).is_none());
+    }
+
+    #[test]
+    fn an_upright_edge_behind_has_no_column() {
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.0);
+        let column = |x: f64| {
+            vertical_edge_column(Vector2::new(x, 0.3), &Pose2::IDENTITY, &intrinsics, &Mount::level(0.6))
+        };
+        assert!(column(0.05).is_none() && column(-3.0).is_none() && column(0.2).is_some());
+    }
+}
