@@ -1,5 +1,392 @@
 //! Finds the two vertical edges where the walls of a corridor end, tracks them and steers between them.
 //!
-//! Kweon et al. (1991), sections 3.5 and 4.
+//! Kweon et al. (1991), sections 3.5 and 4. Differs from \[1\]: exact geometry, and a tracker that knows where the edges stand,
+//! checks every match, and says when it has lost them.
 
+pub mod config;
+pub mod edge_template;
+pub mod finder;
+pub mod landmarks;
 pub mod pair;
+pub mod snap;
+pub mod strip;
+pub mod track;
+
+pub use config::Config;
+
+use nalgebra::Point2;
+use yamabico_core::behavior::{
+    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
+};
+use yamabico_core::camera::Pinhole;
+use yamabico_core::corridor::floor_lines::FloorLineRule;
+use yamabico_core::corridor::sight::{CorridorCamera, Expectation, Sight};
+use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
+use yamabico_core::image::{GrayImage, ImageView};
+use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
+use yamabico_core::sensor::{Calibration, SensorKind};
+use yamabico_core::time::Time;
+
+use crate::finder::{EndFinder, FinderRule, Side};
+use crate::landmarks::Motion;
+use crate::track::{IntersectionTrack, Sides};
+
+/// The plugin, to be listed by the program.
+pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<IntersectionTracker>();
+
+/// The camera that looks ahead.
+pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the corridor ahead");
+/// Where the wheels say the robot is.
+pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "motion between pictures");
+/// What is ahead.
+pub const INTERSECTION: Slot<Intersection> =
+    Slot::required("intersection", "bearing and distance of the intersection ahead");
+
+/// Odometry or pictures older than this (s) are none.
+const STALE_S: f64 = 0.3;
+/// Without a picture in which an edge was seen for so long (s) the intersection is lost.
+const COAST_S: f64 = 1.0;
+/// For so long (s) after a loss it is told.
+const MOURN_S: f64 = 2.0;
+/// Faster (m/s, rad/s) no robot moves: the odometry jumped.
+const JUMP_SPEEDS: [f64; 2] = [3.0, 6.0];
+/// A heading seen so long ago (s) is still expected.
+const AXIS_KEPT_S: f64 = 3.0;
+/// Standard deviation of that expectation, radians.
+const AXIS_SIGMA_RAD: f64 = 0.03;
+/// What is handed over is not found again before it is this much farther away (m) and from the border (px).
+const APART: (f64, f64) = (0.3, 10.0);
+/// A pair nearer by this (m) than the one that is not yet confirmed is taken instead.
+const NEARER_M: f64 = 0.8;
+/// A new intersection must lie this much beyond the one handed over, metres.
+const PASSED_M: f64 = 0.5;
+
+/// Steers towards the middle between the two edges where the walls of a corridor end.
+#[derive(Clone, Debug)]
+pub struct IntersectionTracker {
+    config: Config,
+    sight: Sight,
+    finder: EndFinder,
+    rule: FinderRule,
+    track: IntersectionTrack,
+    odometry: OdometryTrack,
+    grey: GrayImage,
+    sequence: u64,
+    last_picture: Option<Picture>,
+    last_seen: Option<Time>,
+    /// Angle of the corridor's axis in the odometry frame, and when it was seen.
+    axis: Option<(f64, Time)>,
+    lost_at: Option<Time>,
+    handed_over: Option<Point2<f64>>,
+    trouble: Option<Reason>,
+}
+
+/// When and where a picture was taken.
+#[derive(Clone, Copy, Debug)]
+struct Picture {
+    stamp: Time,
+    pose: Option<Pose2>,
+}
+
+impl Plugin for IntersectionTracker {
+    type Config = Config;
+    const NAME: &'static str = "intersection-tracker";
+    const SUMMARY: &'static str =
+        "Steers towards the middle between the edges where the walls of a corridor end.";
+    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info()];
+    const OUTPUTS: &'static [SlotInfo] = &[INTERSECTION.info()];
+    const CLAIMS: Axes = Axes::PLANAR;
+
+    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
+        config.check()?;
+        let Some(SensorKind::Camera { intrinsics, distortion, mount, calibrated }) =
+            setup.sensor(&CAMERA).map(|sensor| &sensor.kind)
+        else {
+            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
+        };
+        if !intrinsics.is_valid() || !mount.is_finite() {
+            return Err(BuildError::new(
+                "inputs.camera",
+                "the camera's intrinsics or mount are no usable numbers",
+            ));
+        }
+        if *calibrated == Calibration::Guessed || mount.z <= 0.0 {
+            return Err(BuildError::new(
+                "inputs.camera",
+                "needs a camera with measured intrinsics, above the floor: distances come from its height",
+            ));
+        }
+        let camera = CorridorCamera {
+            pinhole: Pinhole::new(*intrinsics, *distortion),
+            mount: *mount,
+            calibration: *calibrated,
+            horizon_sigma_rad: config.horizon_sigma_deg.to_radians(),
+        };
+        let rule = FloorLineRule { least_contrast: config.floor_contrast, ..FloorLineRule::default() };
+        Ok(Self {
+            sight: Sight::new(camera, rule),
+            finder: EndFinder::default(),
+            rule: FinderRule {
+                range_m: [config.nearest_m + APART.0, config.farthest_m],
+                border_px: config.border_px + APART.1,
+                pair_m: config.pair_m,
+            },
+            track: IntersectionTrack::new(intrinsics.width, &config),
+            config,
+            odometry: OdometryTrack::default(),
+            grey: GrayImage::default(),
+            sequence: 0,
+            last_picture: None,
+            last_seen: None,
+            axis: None,
+            lost_at: None,
+            handed_over: None,
+            trouble: None,
+        })
+    }
+}
+
+impl Behavior for IntersectionTracker {
+    fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
+        let now = inputs.now();
+        let had_odometry = self.odometry.newest().is_some();
+        for odometry in inputs.fresh(&ODOMETRY) {
+            self.odometry.push(odometry.header, now);
+        }
+        if !had_odometry && self.odometry.newest().is_some() {
+            // What was seen so far does not refer to the odometry frame.
+            self.forget();
+        }
+        if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
+            self.look(&frame, now);
+        }
+        let Some(picture) = self.last_picture else {
+            return Proposal::abstain(self.trouble.unwrap_or(Reason::NoInput));
+        };
+        if now.seconds_after(picture.stamp) > STALE_S {
+            return Proposal::abstain(Reason::StaleInput).with_evidence(picture.stamp);
+        }
+        let pose = match self.odometry.newest() {
+            None => Pose2::IDENTITY,
+            Some(newest) if now.seconds_after(newest.stamp) > STALE_S => {
+                return Proposal::abstain(Reason::StaleInput).with_evidence(picture.stamp);
+            }
+            Some(_) => self.odometry.pose_at(now).unwrap_or_default(),
+        };
+        let mut proposal = match self.ahead(&pose) {
+            Some(ahead) => {
+                self.publish(&ahead, picture.stamp, now, outputs);
+                self.steer(&ahead)
+            }
+            None => self.nothing_ahead(now),
+        };
+        proposal = proposal.with_evidence(self.last_seen.unwrap_or(picture.stamp));
+        if let Some(newest) = self.odometry.newest() {
+            proposal.stamp_ns = newest.stamp.0;
+        }
+        proposal
+    }
+}
+
+/// The intersection from the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ahead {
+    /// Of the middle between the edges: the mean of their bearings, radians, positive to the left.
+    pub bearing: f64,
+    /// From the robot's centre to the middle between the edges, along the robot's heading, metres.
+    pub distance_m: f64,
+    /// Standard deviation of the distance, metres.
+    pub sigma_m: f64,
+}
+
+impl IntersectionTracker {
+    /// The tracker, to look into.
+    #[must_use]
+    pub fn track(&self) -> &IntersectionTrack {
+        &self.track
+    }
+
+    /// The intersection as seen from a robot at `pose` in the odometry frame; `None` while none is tracked.
+    #[must_use]
+    pub fn ahead(&self, pose: &Pose2) -> Option<Ahead> {
+        let landmarks = self.track.landmarks()?;
+        let mount = &self.sight.camera().mount;
+        let [left, right] = Side::BOTH.map(|side| landmarks.bearing(pose, side, mount));
+        let (middle, sigma_m) = landmarks.middle(pose);
+        Some(Ahead { bearing: 0.5 * (left + right), distance_m: middle.x, sigma_m })
+    }
+
+    fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
+        let stamp = Time(frame.header.stamp_ns);
+        let is_newer = self.last_picture.is_none_or(|last| stamp > last.stamp);
+        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+            self.trouble = Some(Reason::MalformedInput);
+            return;
+        }
+        let taken = Picture { stamp, pose: self.odometry.pose_at(stamp) };
+        let motion = self.motion_to(&taken);
+        self.last_picture = Some(taken);
+        match motion {
+            Ok(motion) => self.track.predict(motion),
+            Err(reason) => {
+                self.forget();
+                self.lost_at = None;
+                self.trouble = Some(reason);
+            }
+        }
+        let mut grey = std::mem::take(&mut self.grey);
+        match grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics()) {
+            Some(image) => self.look_at(image, &taken),
+            None => self.trouble = Some(Reason::MalformedInput),
+        }
+        self.grey = grey;
+        if self.track.landmarks().is_some() && self.track.drop_lost(&taken.pose.unwrap_or_default()) {
+            self.lost_at = Some(stamp);
+        }
+    }
+
+    /// How the robot moved since the last picture.
+    fn motion_to(&self, taken: &Picture) -> Result<Motion, Reason> {
+        let Some(last) = self.last_picture else { return Ok(Motion::Unknown { elapsed_s: 0.0 }) };
+        let elapsed_s = taken.stamp.seconds_after(last.stamp);
+        if elapsed_s > COAST_S {
+            return Err(Reason::StaleInput);
+        }
+        let (Some(from), Some(to)) = (last.pose, taken.pose) else {
+            return Ok(Motion::Unknown { elapsed_s });
+        };
+        let (metres, turned) = travel(&from, &to);
+        let [fastest, quickest] = JUMP_SPEEDS;
+        if metres > fastest * elapsed_s + 0.1 || turned > quickest * elapsed_s + 0.1 {
+            return Err(Reason::Inconsistent);
+        }
+        Ok(Motion::Between(from, to))
+    }
+
+    fn look_at(&mut self, image: ImageView<'_>, taken: &Picture) {
+        let pose = taken.pose.unwrap_or_default();
+        let camera = *self.sight.camera();
+        if self.hands_over(&pose, &camera) {
+            self.handed_over = self.track.landmarks().map(|landmarks| {
+                nalgebra::center(&landmarks.point(Side::Left), &landmarks.point(Side::Right))
+            });
+            self.forget();
+        }
+        let seen = self.track.follow(image, &pose, &camera);
+        self.trouble = None;
+        let is_confirmed = self.track.pictures() >= self.config.confirm_pictures;
+        if taken.pose.is_none() || !is_confirmed || self.track.needs_ends() {
+            self.trouble = self.look_for_ends(image, taken, &pose).err();
+        }
+        if seen != Sides::None || Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some()) {
+            self.last_seen = Some(taken.stamp);
+            self.lost_at = None;
+        }
+    }
+
+    fn hands_over(&self, pose: &Pose2, camera: &CorridorCamera) -> bool {
+        let is_near =
+            self.ahead(pose).is_some_and(|ahead| ahead.distance_m - camera.mount.x < self.config.nearest_m);
+        is_near || self.track.leaves_picture(pose, camera)
+    }
+
+    /// Finds where the walls end, for a new track or for the edges that the track misses.
+    fn look_for_ends(&mut self, image: ImageView<'_>, taken: &Picture, pose: &Pose2) -> Result<(), Reason> {
+        let expectation = self.axis.filter(|_| taken.pose.is_some()).and_then(|(axis, seen)| {
+            let is_fresh = taken.stamp.seconds_after(seen) < AXIS_KEPT_S;
+            let heading = wrap_angle(pose.theta - axis);
+            is_fresh.then_some(Expectation { heading, heading_sigma: AXIS_SIGMA_RAD, walls: [None; 2] })
+        });
+        let sighting = self.sight.look(image, expectation)?;
+        self.axis = Some((wrap_angle(pose.theta - sighting.heading), taken.stamp));
+        let camera = *self.sight.camera();
+        let ends = self.finder.find(&self.sight, &sighting, &self.rule);
+        if self.track.landmarks().is_some() {
+            for end in ends {
+                self.track.reacquire(image, pose, &camera, end);
+            }
+            if self.track.pictures() >= self.config.confirm_pictures {
+                return Ok(());
+            }
+        }
+        let tracked_m = self.ahead(pose).map(|ahead| ahead.distance_m);
+        let is_new = |point: Point2<f64>| {
+            let passed = self.handed_over.map(|passed| pose.inverse().transform_point(passed));
+            taken.pose.is_none() || passed.is_none_or(|passed| point.x > passed.x + PASSED_M)
+        };
+        if let Some(pair) = self.finder.pair(&self.sight, &sighting, &self.rule) {
+            let middle = nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot);
+            let is_nearer = tracked_m.is_none_or(|tracked| middle.x < tracked - NEARER_M);
+            if is_new(middle) && (is_nearer || self.track.pictures() == 0) {
+                return self.track.begin_pair(image, pose, &camera, &pair);
+            }
+        }
+        let single = self.finder.nearest().filter(|end| is_new(end.point_in_robot));
+        if let (None, Some(end)) = (self.track.landmarks(), single)
+            && let Some(partner) = EndFinder::partner(&self.sight, &sighting, &end)
+        {
+            return self.track.begin_single(image, pose, &camera, &end, partner);
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self, ahead: &Ahead, picture: Time, now: Time, outputs: &mut Outputs<'_>) {
+        let message = Intersection {
+            stamp_ns: self.odometry.newest().map_or(now, |newest| newest.stamp).0,
+            evidence_ns: self.last_seen.unwrap_or(picture).0,
+            sequence: self.sequence,
+            bearing_rad: ahead.bearing,
+            distance_m: ahead.distance_m,
+            sigma_m: ahead.sigma_m,
+        };
+        self.sequence += 1;
+        // Nobody may be listening.
+        let _ = outputs.publish(INTERSECTION.name, &message, &[]);
+    }
+
+    /// Towards the middle, or why not.
+    fn steer(&self, ahead: &Ahead) -> Proposal {
+        let note = format_args!(
+            "{:.1} m ahead +- {:.2}, {:+.1} degrees",
+            ahead.distance_m,
+            ahead.sigma_m,
+            ahead.bearing.to_degrees()
+        );
+        if self.track.pictures() < self.config.confirm_pictures {
+            let reason = match self.track.sides() {
+                Sides::Both => Reason::Searching,
+                _ => Reason::OneSided,
+            };
+            return Proposal::abstain(reason).with_note(note);
+        }
+        let is_seen = Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some());
+        let (share, reason) = match self.track.sides() {
+            _ if !is_seen => (0.5, Reason::Coasting),
+            Sides::Both => (1.0, Reason::Nominal),
+            _ => (0.5, Reason::OneSided),
+        };
+        let speed = share * self.config.speed_mps * (1.0 - ahead.bearing.abs() / 0.5).max(0.3);
+        let most = self.config.largest_turn_rad_s;
+        let turn = (self.config.turn_gain * ahead.bearing).clamp(-most, most);
+        Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn)).because(reason).with_note(note)
+    }
+
+    fn nothing_ahead(&self, now: Time) -> Proposal {
+        let is_mourned = self.lost_at.is_some_and(|lost| now.seconds_after(lost) < MOURN_S);
+        if is_mourned {
+            return Proposal::abstain(Reason::IntersectionLost);
+        }
+        if let Some(reason) = self.trouble {
+            return Proposal::abstain(reason);
+        }
+        match self.handed_over {
+            Some(_) => Proposal::abstain(Reason::Nominal).with_note(format_args!("handed over")),
+            None => Proposal::abstain(Reason::Clear),
+        }
+    }
+
+    fn forget(&mut self) {
+        self.track.lose();
+    }
+}

@@ -79,6 +79,8 @@ pub struct Sight {
     floor_lines: FloorLineFinder,
     undistorted: Vec<Segment>,
     sources: Vec<usize>,
+    along: Vec<usize>,
+    view: Option<CorridorView>,
 }
 
 impl Sight {
@@ -102,6 +104,8 @@ impl Sight {
             floor_lines: FloorLineFinder::default(),
             undistorted: Vec::new(),
             sources: Vec::new(),
+            along: Vec::new(),
+            view: None,
         }
     }
 
@@ -111,11 +115,31 @@ impl Sight {
         &self.camera
     }
 
+    /// Every edge of the last picture, undistorted pixels, the longest first.
+    #[must_use]
+    pub fn segments(&self) -> &[Segment] {
+        &self.undistorted
+    }
+
+    /// The edges of the last picture that run along the corridor, on its floor, its walls and its ceiling.
+    pub fn along_corridor(&self) -> impl Iterator<Item = &Segment> {
+        self.along.iter().map(|&index| &self.undistorted[index])
+    }
+
+    /// The last picture's camera as the corridor sees it; `None` where that picture showed no floor to measure.
+    #[must_use]
+    pub fn view(&self) -> Option<&CorridorView> {
+        self.view.as_ref()
+    }
+
     /// Heading and walls in a picture of this camera.
     ///
     /// # Errors
     /// Why there is no heading, in the common vocabulary; no wall is no error.
     pub fn look(&mut self, image: ImageView<'_>, expected: Option<Expectation>) -> Result<Sighting, Reason> {
+        self.view = None;
+        self.along.clear();
+        self.undistorted.clear();
         self.detector.detect(image).map_err(|_| Reason::TooFewSegments)?;
         self.undistort();
         let intrinsics = self.camera.pinhole.intrinsics();
@@ -126,6 +150,7 @@ impl Sight {
             sigma_rad: expected.heading_sigma.max(0.01),
         });
         let found = self.finder.find(&self.undistorted, intrinsics, prediction).map_err(reason)?;
+        self.along.extend_from_slice(found.inliers);
         let (attitude, covariance) = level(&found, &self.camera);
         let heading = match self.camera.calibration {
             Calibration::Measured => RobotHeading::from_axis(axis_of(attitude, mount.roll), mount).heading,
@@ -150,6 +175,7 @@ impl Sight {
         }
 
         let view = CorridorView::new(attitude, mount.roll, mount.z, *intrinsics);
+        self.view = Some(view);
         let offset_m = mount.x * heading.sin() + mount.y * heading.cos();
         let from_camera =
             |wall: ExpectedWall| ExpectedWall { distance_m: wall.distance_m - offset_m, ..wall };

@@ -1,0 +1,297 @@
+//! One edge from picture to picture: template search, snap to the edge, and the checks that keep it from drifting.
+//!
+//! Kweon et al. (1991), section 4, search a template with SSDA and replace it every time. Differs from \[1\]: the search runs
+//! along a row only, since an edge looks alike all along itself; the edge is located anew after each match; a match must
+//! correlate, be unique, be found back in the last picture, and agree with the template of the beginning.
+
+use nalgebra::Vector2;
+use yamabico_core::image::ImageView;
+use yamabico_core::message::Reason;
+use yamabico_core::vision::template::correlation::{correlation, peak_offset};
+use yamabico_core::vision::template::ssda::search;
+use yamabico_core::vision::template::{Place, SearchArea, Template, TemplateError};
+
+use crate::snap::{Brighter, SnapWindow, Snapped, snap};
+use crate::strip::Strip;
+
+/// Size of a template, pixels of an image 640 px wide.
+const SIZE_AT_640_PX: [f64; 2] = [20.0, 40.0];
+/// Smallest size, pixels.
+const LEAST_SIZE_PX: [usize; 2] = [10, 16];
+/// Columns to either side of the prediction that are searched, pixels of an image 640 px wide.
+const REACH_AT_640_PX: f64 = 12.0;
+/// Columns to either side of a match in which the edge is located, pixels of an image 640 px wide.
+const SNAP_AT_640_PX: f64 = 5.0;
+/// Another place farther away than this (px) must correlate less ...
+const APART_PX: usize = 4;
+/// ... by this.
+const UNIQUE_BY: f64 = 0.05;
+/// The running template is replaced above this correlation only.
+const REPLACE_ABOVE: f64 = 0.8;
+/// Largest difference between the match and that of the anchor, and of the way back, pixels.
+const AGREE_PX: f64 = 1.5;
+/// The anchor is taken anew when things have grown by this.
+const RENEW_AT_SCALE: f64 = 1.5;
+
+/// What is known of an edge before looking.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aim {
+    /// Where it is expected, pixels of the picture as it is.
+    pub pixel: Vector2<f64>,
+    /// Farther from there (px) it is none.
+    pub gate_px: f64,
+    /// Distance along the camera's axis, metres: tells how much it grew.
+    pub depth_m: f64,
+    /// Columns per row by which it leans.
+    pub lean: f64,
+}
+
+/// The templates of one edge.
+#[derive(Clone, Debug)]
+pub struct EdgeTemplate {
+    size: [usize; 2],
+    reach: usize,
+    snap_reach: usize,
+    least_correlation: f64,
+    brighter: Brighter,
+    anchor: Patch,
+    anchor_depth_m: f64,
+    running: Patch,
+    scaled: Template,
+    found: Template,
+    /// A wider piece of the last picture in which it was found.
+    last: Patch,
+    strip: Strip,
+}
+
+/// A template and the column of the edge in it.
+#[derive(Clone, Debug, Default)]
+struct Patch {
+    template: Template,
+    edge: f64,
+}
+
+impl EdgeTemplate {
+    /// Empty templates for pictures of this width; matches must correlate by `least_correlation`, 0 to 1.
+    #[must_use]
+    pub fn new(image_width: u32, least_correlation: f64) -> Self {
+        let scale = f64::from(image_width) / 640.0;
+        let even = |px: f64, least: usize| ((0.5 * px * scale).round() as usize * 2).max(least);
+        Self {
+            size: [even(SIZE_AT_640_PX[0], LEAST_SIZE_PX[0]), even(SIZE_AT_640_PX[1], LEAST_SIZE_PX[1])],
+            reach: ((REACH_AT_640_PX * scale).round() as usize).max(6),
+            snap_reach: ((SNAP_AT_640_PX * scale).round() as usize).max(3),
+            least_correlation,
+            brighter: Brighter::Left,
+            anchor: Patch::default(),
+            anchor_depth_m: 1.0,
+            running: Patch::default(),
+            scaled: Template::default(),
+            found: Template::default(),
+            last: Patch::default(),
+            strip: Strip::default(),
+        }
+    }
+
+    /// Rows above and below the aim that must lie in the picture, pixels.
+    #[must_use]
+    pub fn half_rows(&self) -> f64 {
+        0.5 * self.size[1] as f64 + 5.0
+    }
+
+    /// The edge at an aim, of either polarity, within the gate; `None` where there is none.
+    #[must_use]
+    pub fn edge_at(&self, image: ImageView<'_>, aim: &Aim) -> Option<(Snapped, Brighter)> {
+        let reach = (aim.gate_px.ceil().max(2.0) as usize).min(self.snap_reach);
+        let edges = [Brighter::Left, Brighter::Right].map(|brighter| {
+            let window = SnapWindow { reach, brighter, ..self.window(aim, aim.pixel) };
+            snap(image, &window).map(|edge| (edge, brighter))
+        });
+        let is_near =
+            |(edge, _): &(Snapped, Brighter)| (edge.column - aim.pixel.x).abs() <= aim.gate_px.max(2.0);
+        edges.into_iter().flatten().filter(is_near).max_by(|a, b| a.0.gradient.total_cmp(&b.0.gradient))
+    }
+
+    /// Takes the templates at an edge and gives its exact column, pixels.
+    ///
+    /// # Errors
+    /// `LowCorrelation` where there is no edge within the gate, `FlatTemplate` where it has no contrast, `Gated` where it does
+    /// not lie in the picture; nothing can be tracked then.
+    pub fn acquire(&mut self, image: ImageView<'_>, aim: &Aim) -> Result<f64, Reason> {
+        let (edge, brighter) = self.edge_at(image, aim).ok_or(Reason::LowCorrelation)?;
+        self.brighter = brighter;
+        let at = Vector2::new(edge.column, aim.pixel.y);
+        let mut strip = std::mem::take(&mut self.strip);
+        let taken = self.cut(&mut strip, image, at).and_then(|at| {
+            self.running.take(&strip, at, self.size, 0)?;
+            self.renew(&strip, at, aim.depth_m)
+        });
+        self.strip = strip;
+        taken.map(|()| edge.column)
+    }
+
+    /// The edge in the next picture.
+    ///
+    /// # Errors
+    /// `LowCorrelation` for a match too weak or one that is not found back in the last picture, `Ambiguous` for one of several,
+    /// `Gated` for one outside the gate or the picture. The templates stay as they were.
+    pub fn track(&mut self, image: ImageView<'_>, aim: &Aim) -> Result<Snapped, Reason> {
+        let mut strip = std::mem::take(&mut self.strip);
+        let found = self.track_in(&mut strip, image, aim);
+        self.strip = strip;
+        found
+    }
+
+    fn track_in(&mut self, strip: &mut Strip, image: ImageView<'_>, aim: &Aim) -> Result<Snapped, Reason> {
+        let expected = self.cut(strip, image, aim.pixel)?;
+        let view = strip.view().ok_or(Reason::Gated)?;
+        let middle = Strip::place(expected, self.running.edge, self.size[1]).ok_or(Reason::Gated)?;
+        let area =
+            SearchArea::along_row(view, &self.running.template, middle, self.reach).ok_or(Reason::Gated)?;
+        let place = search(view, &self.running.template, &area, middle).place;
+        let alike = correlation(view, &self.running.template, place);
+        if alike < self.least_correlation {
+            return Err(Reason::LowCorrelation);
+        }
+        if !self.is_unique(view, &area, place, alike) {
+            return Err(Reason::Ambiguous);
+        }
+        let matched = place.u as f64 + self.offset(view, place, &area) + self.running.edge;
+        if !self.is_found_back(view, place, matched) {
+            return Err(Reason::LowCorrelation);
+        }
+        let at = Vector2::new(strip.outside(matched), aim.pixel.y);
+        let edge = snap(image, &self.window(aim, at)).ok_or(Reason::LowCorrelation)?;
+        let is_near = (edge.column - aim.pixel.x).abs() <= aim.gate_px;
+        if !is_near || (edge.column - at.x).abs() > 2.0 * AGREE_PX {
+            return Err(Reason::Gated);
+        }
+        let at = strip.inside(Vector2::new(edge.column, aim.pixel.y));
+        self.update(strip, at, aim.depth_m, alike);
+        Ok(edge)
+    }
+
+    /// Cuts the strip about a pixel; gives that pixel in it.
+    fn cut(
+        &self,
+        strip: &mut Strip,
+        image: ImageView<'_>,
+        pixel: Vector2<f64>,
+    ) -> Result<Vector2<f64>, Reason> {
+        let [width, height] = self.size;
+        let widest = width + 2 * (2 * self.reach + 2);
+        let is_cut = strip.cut(image, pixel, widest, height + 2);
+        if is_cut { Ok(strip.inside(pixel)) } else { Err(Reason::Gated) }
+    }
+
+    /// Whether every place apart from the best correlates clearly less.
+    fn is_unique(&self, view: ImageView<'_>, area: &SearchArea, best: Place, alike: f64) -> bool {
+        area.places()
+            .filter(|place| place.u.abs_diff(best.u) > APART_PX)
+            .all(|place| correlation(view, &self.running.template, place) <= alike - UNIQUE_BY)
+    }
+
+    /// Fraction of a column from the best place to the peak of the correlation.
+    fn offset(&self, view: ImageView<'_>, place: Place, area: &SearchArea) -> f64 {
+        if place.u <= area.first().u || place.u >= area.last().u {
+            return 0.0;
+        }
+        let at = |u: usize| correlation(view, &self.running.template, Place { u, ..place });
+        peak_offset(at(place.u - 1), at(place.u), at(place.u + 1))
+    }
+
+    /// Whether what was found, looked for in the last picture, is where the edge was.
+    fn is_found_back(&mut self, view: ImageView<'_>, place: Place, matched: f64) -> bool {
+        let [width, height] = self.size;
+        if self.found.take(view, place, width, height).is_err() {
+            return false;
+        }
+        let Some(band) = self.last.template.view() else { return true };
+        let Some(area) = SearchArea::whole(band, &self.found) else { return false };
+        let in_patch = matched - place.u as f64;
+        let start = Place { u: (self.last.edge - in_patch).max(0.0) as usize, v: 0 };
+        let back = search(band, &self.found, &area, start).place;
+        // The way back is known to whole columns.
+        (back.u as f64 + in_patch - self.last.edge).abs() <= AGREE_PX + 0.5
+    }
+
+    fn update(&mut self, strip: &Strip, at: Vector2<f64>, depth_m: f64, alike: f64) {
+        let scale = self.anchor_depth_m / depth_m;
+        if alike >= REPLACE_ABOVE && self.anchor_agrees(strip, at, scale) {
+            let is_kept = self.running.take(strip, at, self.size, 0).is_ok();
+            if is_kept && scale > RENEW_AT_SCALE {
+                // Without contrast the old anchor stays.
+                let _ = self.renew(strip, at, depth_m);
+            }
+        }
+        // A flat band finds nothing back, which the next picture will tell.
+        let _ = self.last.take(strip, at, self.size, self.reach);
+    }
+
+    /// Whether the anchor, grown by `scale`, is found where the edge is.
+    fn anchor_agrees(&mut self, strip: &Strip, at: Vector2<f64>, scale: f64) -> bool {
+        let (Some(anchor), Some(view)) = (self.anchor.template.view(), strip.view()) else { return false };
+        let [width, height] = self.size;
+        let (middle_u, middle_v) = (0.5 * width as f64, 0.5 * height as f64);
+        let anchor_edge = self.anchor.edge;
+        self.scaled.fill(width, height, |u, v| {
+            let from_edge = Vector2::new(u as f64 - middle_u, v as f64 - middle_v) / scale.max(0.5);
+            bilinear(anchor, from_edge + Vector2::new(anchor_edge, middle_v))
+        });
+        let Some(middle) = Strip::place(at, middle_u, height) else { return false };
+        let reach = 2 * AGREE_PX.ceil() as usize;
+        let Some(area) = SearchArea::along_row(view, &self.scaled, middle, reach) else { return false };
+        let best = area.places().map(|place| (place.u, correlation(view, &self.scaled, place)));
+        let best = best.max_by(|a, b| a.1.total_cmp(&b.1));
+        best.is_some_and(|(u, alike)| {
+            alike >= self.least_correlation && (u as f64 + middle_u - at.x).abs() <= AGREE_PX
+        })
+    }
+
+    fn renew(&mut self, strip: &Strip, at: Vector2<f64>, depth_m: f64) -> Result<(), Reason> {
+        self.anchor.take(strip, at, self.size, 0)?;
+        self.anchor_depth_m = depth_m;
+        self.last.take(strip, at, self.size, self.reach)
+    }
+
+    fn window(&self, aim: &Aim, middle: Vector2<f64>) -> SnapWindow {
+        SnapWindow {
+            middle,
+            reach: self.snap_reach,
+            rows: self.size[1] + 1,
+            lean: aim.lean,
+            brighter: self.brighter,
+        }
+    }
+}
+
+impl Patch {
+    /// Takes the patch about an edge, `margin` columns wider on either side.
+    fn take(
+        &mut self,
+        strip: &Strip,
+        at: Vector2<f64>,
+        [width, height]: [usize; 2],
+        margin: usize,
+    ) -> Result<(), Reason> {
+        let place = Strip::place(at, (width / 2 + margin) as f64, height);
+        let (Some(place), Some(view)) = (place, strip.view()) else { return Err(Reason::Gated) };
+        match self.template.take(view, place, width + 2 * margin, height) {
+            Err(TemplateError::Outside) => Err(Reason::Gated),
+            taken => {
+                self.edge = at.x - place.u as f64;
+                taken.map_err(|_| Reason::FlatTemplate)
+            }
+        }
+    }
+}
+
+/// Grey level between pixels; outside the picture the border's.
+fn bilinear(image: ImageView<'_>, at: Vector2<f64>) -> u8 {
+    let (u, v) = (at.x.max(0.0), at.y.max(0.0));
+    let (right, down) = (u.fract(), v.fract());
+    let level = |du: usize, dv: usize| f64::from(image.pixel(u as usize + du, v as usize + dv));
+    let upper = level(0, 0) * (1.0 - right) + level(1, 0) * right;
+    let lower = level(0, 1) * (1.0 - right) + level(1, 1) * right;
+    (upper * (1.0 - down) + lower * down).round() as u8
+}

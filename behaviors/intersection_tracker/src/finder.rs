@@ -1,0 +1,381 @@
+//! Where the walls of a corridor end: vertical edges that stand on a floor line which does not go on behind them.
+//!
+//! Kweon et al. (1991), section 3.5.
+
+use nalgebra::{Matrix2, Point2, Rotation2, Vector2, Vector3};
+use yamabico_core::camera::Intrinsics;
+use yamabico_core::corridor::sight::{Sight, Sighting};
+use yamabico_core::corridor::wall_distance::CorridorView;
+use yamabico_core::vision::segments::Segment;
+
+use crate::pair::partner;
+
+/// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
+const LARGEST_LEAN_RAD: f64 = 0.1;
+/// An edge ends at most this far above the floor: the skirting's height and some, metres; and this far where it is seen to
+/// be higher than a door, since wall and background may look alike further down ...
+const HIGHEST_FOOT_M: [f64; 2] = [0.2, 1.6];
+/// ... or so far from the floor line, pixels of an image 640 px wide.
+const FOOT_AT_640_PX: f64 = 5.0;
+/// Shortest edge, pixels of an image 640 px wide.
+const SHORTEST_AT_640_PX: f64 = 30.0;
+/// A wall that is seen again so much farther on goes on: an opening in it is a door's, metres.
+const DOOR_M: f64 = 1.2;
+/// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
+const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
+/// Where its upper end is seen, the end of a wall is higher than any door, metres.
+const DOOR_HEIGHT_M: f64 = 2.15;
+/// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
+const SAME_EDGE_AT_640_PX: f64 = 2.5;
+/// An edge that comes so near to the upper border of the picture goes on beyond it, pixels.
+const UPPER_BORDER_PX: f64 = 3.0;
+/// Standard deviation of an edge's column, pixels.
+const COLUMN_SIGMA_PX: f64 = 1.0;
+/// Part of a wall's distance by which its skirting stands out, at most.
+const SKIRTING_SHARE: f64 = 0.015;
+/// Part of the way from edge to edge that a line on the floor must cover to be a wall's across the corridor.
+const CLOSED_SHARE: f64 = 0.4;
+
+/// Left or right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Where the lateral coordinate is positive.
+    Left,
+    /// Where it is negative.
+    Right,
+}
+
+impl Side {
+    /// Both, the left one first.
+    pub const BOTH: [Side; 2] = [Side::Left, Side::Right];
+
+    /// 0 for the left, 1 for the right.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The other one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Side::Left => Side::Right,
+            Side::Right => Side::Left,
+        }
+    }
+}
+
+/// A vertical edge where a wall may end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WallEnd {
+    /// Which wall.
+    pub side: Side,
+    /// Where it stands on the floor line, undistorted pixels.
+    pub base: Vector2<f64>,
+    /// Where it stands, from the robot's centre, x ahead and y to the left, metres.
+    pub point_in_robot: Point2<f64>,
+    /// Covariance of that, m^2.
+    pub covariance: Matrix2<f64>,
+    /// From the camera, along the corridor, metres.
+    pub ahead_m: f64,
+    /// Standard deviation of `ahead_m`, metres.
+    pub ahead_sigma_m: f64,
+    /// Length in the picture, pixels.
+    pub length_px: f64,
+}
+
+/// What must hold of a wall's end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinderRule {
+    /// Nearest and farthest along the corridor, metres.
+    pub range_m: [f64; 2],
+    /// Ends nearer to the left or right border of the picture are left out, pixels.
+    pub border_px: f64,
+    /// Two ends that differ less along the corridor are a pair, metres; or less than three standard deviations.
+    pub pair_m: f64,
+}
+
+/// The ends of one picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ends {
+    /// The left wall's.
+    pub left: Option<WallEnd>,
+    /// The right wall's.
+    pub right: Option<WallEnd>,
+}
+
+impl Ends {
+    /// That of one side.
+    #[must_use]
+    pub fn of(&self, side: Side) -> Option<&WallEnd> {
+        match side {
+            Side::Left => self.left.as_ref(),
+            Side::Right => self.right.as_ref(),
+        }
+    }
+}
+
+/// Finds where walls end; keeps its buffer from picture to picture.
+#[derive(Clone, Debug, Default)]
+pub struct EndFinder {
+    ends: Vec<WallEnd>,
+}
+
+/// What the picture's geometry is worked out from.
+struct Scene<'a> {
+    sight: &'a Sight,
+    sighting: &'a Sighting,
+    view: &'a CorridorView,
+    rule: &'a FinderRule,
+}
+
+impl EndFinder {
+    /// Everything in the last picture of `sight` that may be the end of a wall.
+    pub fn find(&mut self, sight: &Sight, sighting: &Sighting, rule: &FinderRule) -> &[WallEnd] {
+        self.ends.clear();
+        let Some(view) = sight.view() else { return &self.ends };
+        let scene = Scene { sight, sighting, view, rule };
+        for side in Side::BOTH {
+            let Some(wall) = scene.wall(side) else { continue };
+            let ends = sight.segments().iter().filter_map(|segment| scene.wall_end(segment, side, wall));
+            self.ends.extend(ends);
+        }
+        &self.ends
+    }
+
+    /// The nearest two ends that belong together: equally far along the corridor, with an open floor between them; `None`
+    /// for a picture without such.
+    #[must_use]
+    pub fn pair(&self, sight: &Sight, sighting: &Sighting, rule: &FinderRule) -> Option<[WallEnd; 2]> {
+        let view = sight.view()?;
+        let scene = Scene { sight, sighting, view, rule };
+        let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
+        let pairs = on(Side::Left).flat_map(|left| on(Side::Right).map(move |right| [*left, *right]));
+        let ahead_m = |pair: &[WallEnd; 2]| 0.5 * (pair[0].ahead_m + pair[1].ahead_m);
+        pairs
+            .filter(|[left, right]| scene.belong_together(left, right) && !scene.is_closed(left, right))
+            .min_by(|a, b| ahead_m(a).total_cmp(&ahead_m(b)))
+    }
+
+    /// The nearest end of any side, the longer of two at the same place.
+    #[must_use]
+    pub fn nearest(&self) -> Option<WallEnd> {
+        self.ends.iter().min_by(|a, b| a.ahead_m.total_cmp(&b.ahead_m)).copied()
+    }
+
+    /// Where the partner of an end must stand, from the robot's centre, with its covariance; `None` where the other wall is
+    /// not seen.
+    #[must_use]
+    pub fn partner(sight: &Sight, sighting: &Sighting, end: &WallEnd) -> Option<(Point2<f64>, Matrix2<f64>)> {
+        let view = sight.view()?;
+        let rule = FinderRule { range_m: [0.0, f64::INFINITY], border_px: 0.0, pair_m: 0.0 };
+        let scene = Scene { sight, sighting, view, rule: &rule };
+        let wall = scene.wall(end.side.other())?;
+        let base = partner(end.base, floor_line(view, wall.distance_m), view)?;
+        let place = scene.place(base, wall)?;
+        Some((place.point_in_robot, place.covariance))
+    }
+}
+
+/// A wall as the camera sees it.
+#[derive(Clone, Copy)]
+struct WallAt {
+    distance_m: f64,
+    sigma_m: f64,
+}
+
+/// How far up an edge is seen.
+enum Reach {
+    /// Not higher than a door.
+    Door,
+    /// To the upper border of the picture, and lower than a door there.
+    OutOfPicture,
+    /// Higher than a door.
+    High,
+}
+
+/// Where something on a wall's floor line stands.
+struct Standing {
+    point_in_robot: Point2<f64>,
+    covariance: Matrix2<f64>,
+    ahead_m: f64,
+    ahead_sigma_m: f64,
+}
+
+impl Scene<'_> {
+    fn wall(&self, side: Side) -> Option<WallAt> {
+        let wall = match side {
+            Side::Left => self.sighting.left,
+            Side::Right => self.sighting.right,
+        }?;
+        let mount = &self.sight.camera().mount;
+        let (sin, cos) = self.sighting.heading.sin_cos();
+        Some(WallAt { distance_m: wall.distance_m - mount.x * sin - mount.y * cos, sigma_m: wall.sigma_m })
+    }
+
+    fn wall_end(&self, segment: &Segment, side: Side, wall: WallAt) -> Option<WallEnd> {
+        let intrinsics = &self.view.intrinsics;
+        let scale = f64::from(intrinsics.width) / 640.0;
+        if segment.length < SHORTEST_AT_640_PX * scale || !is_upright(segment, self.view) {
+            return None;
+        }
+        let edge = segment.normal.push(-segment.rho);
+        let meeting = edge.cross(&floor_line(self.view, wall.distance_m));
+        let base = meeting.xy() / meeting.z;
+        let place = self.place(base, wall)?;
+        let [nearest_m, farthest_m] = self.rule.range_m;
+        let is_in_view = base.x >= self.rule.border_px
+            && base.x <= f64::from(intrinsics.width) - 1.0 - self.rule.border_px;
+        if !is_in_view || !(nearest_m..=farthest_m).contains(&place.ahead_m) {
+            return None;
+        }
+        let lower_end = if segment.p0.y > segment.p1.y { segment.p0 } else { segment.p1 };
+        let highest_m = match self.reach(segment, &place) {
+            Reach::Door => return None,
+            Reach::OutOfPicture => HIGHEST_FOOT_M[0],
+            Reach::High => HIGHEST_FOOT_M[1],
+        };
+        let highest_px = (highest_m * intrinsics.fy / place.ahead_m).max(FOOT_AT_640_PX * scale);
+        let above_px = base.y - lower_end.y;
+        if !(-FOOT_AT_640_PX * scale..=highest_px).contains(&above_px) || self.goes_on(&place, wall) {
+            return None;
+        }
+        Some(WallEnd {
+            side,
+            base,
+            point_in_robot: place.point_in_robot,
+            covariance: place.covariance,
+            ahead_m: place.ahead_m,
+            ahead_sigma_m: place.ahead_sigma_m,
+            length_px: segment.length,
+        })
+    }
+
+    /// Where a pixel of a wall's floor line stands: its bearing is exact, its distance as good as the wall's.
+    fn place(&self, base: Vector2<f64>, wall: WallAt) -> Option<Standing> {
+        let on_floor = self.view.floor_point(base)?;
+        let (x, y) = (on_floor.x, wall.distance_m);
+        if !x.is_finite() || x <= 0.1 {
+            return None;
+        }
+        let from_camera = Vector2::new(x, y);
+        let range_m = from_camera.norm();
+        let bearing_sigma = COLUMN_SIGMA_PX / self.view.intrinsics.fx;
+        let wall_share = (wall.sigma_m / y).hypot(SKIRTING_SHARE);
+        let turned = bearing_sigma.hypot(self.sighting.heading_sigma) * x / y.abs();
+        let along = range_m * wall_share.hypot(turned);
+        let across = range_m * bearing_sigma;
+        let robot_from_corridor = Rotation2::new(-self.sighting.heading);
+        let turn = (robot_from_corridor * Rotation2::new(y.atan2(x))).into_inner();
+        let mount = &self.sight.camera().mount;
+        Some(Standing {
+            point_in_robot: Point2::from(robot_from_corridor * from_camera + Vector2::new(mount.x, mount.y)),
+            covariance: turn
+                * Matrix2::from_diagonal(&Vector2::new(along * along, across * across))
+                * turn.transpose(),
+            ahead_m: x,
+            ahead_sigma_m: along,
+        })
+    }
+
+    /// Whether the wall goes on behind this place: then it is a door's frame, or a mark on the wall.
+    fn goes_on(&self, place: &Standing, wall: WallAt) -> bool {
+        let column_m = place.ahead_m.powi(2) / (wall.distance_m.abs() * self.view.intrinsics.fx);
+        let (from_m, to_m) = (place.ahead_m + 0.1 + 2.0 * column_m, place.ahead_m + DOOR_M);
+        self.sight.along_corridor().any(|line| {
+            let (Some(a), Some(b)) = (self.on_wall(line.p0, wall), self.on_wall(line.p1, wall)) else {
+                return false;
+            };
+            let height_m = 0.5 * (a.y + b.y);
+            (FOOT_HEIGHTS_M[0]..=FOOT_HEIGHTS_M[1]).contains(&height_m)
+                && a.x.min(b.x) < to_m
+                && a.x.max(b.x) > from_m
+        })
+    }
+
+    /// How far up an edge reaches, with all pieces of it.
+    fn reach(&self, edge: &Segment, place: &Standing) -> Reach {
+        let aside_px = SAME_EDGE_AT_640_PX * f64::from(self.view.intrinsics.width) / 640.0;
+        let of_edge = |piece: &&Segment| {
+            edge.distance(piece.p0).abs() < aside_px
+                && edge.distance(piece.p1).abs() < aside_px
+                && is_upright(piece, self.view)
+        };
+        let upper_end = |piece: &Segment| if piece.p0.y < piece.p1.y { piece.p0 } else { piece.p1 };
+        let pieces = self.sight.segments().iter().filter(of_edge);
+        let Some(top) = pieces.map(upper_end).min_by(|a, b| a.y.total_cmp(&b.y)) else { return Reach::Door };
+        // All of the edge is as far ahead as its base.
+        let ray = self.ray(top);
+        let height_m = self.view.height_m + place.ahead_m * ray.z / ray.x;
+        if height_m > DOOR_HEIGHT_M {
+            Reach::High
+        } else if top.y < UPPER_BORDER_PX {
+            Reach::OutOfPicture
+        } else {
+            Reach::Door
+        }
+    }
+
+    /// Where on a wall something is seen: metres ahead of the camera and above the floor; `None` beside the wall.
+    fn on_wall(&self, pixel: Vector2<f64>, wall: WallAt) -> Option<Vector2<f64>> {
+        let ray = self.ray(pixel);
+        let scale = wall.distance_m / ray.y;
+        (scale > 0.0 && scale.is_finite())
+            .then(|| Vector2::new(scale * ray.x, self.view.height_m + scale * ray.z))
+    }
+
+    /// The direction of a pixel in the corridor's frame, not of unit length.
+    fn ray(&self, pixel: Vector2<f64>) -> Vector3<f64> {
+        self.view.corridor_from_camera * self.view.intrinsics.normalised_from_pixel(pixel).push(1.0)
+    }
+
+    fn belong_together(&self, left: &WallEnd, right: &WallEnd) -> bool {
+        let sigma_m = left.ahead_sigma_m.hypot(right.ahead_sigma_m);
+        (left.ahead_m - right.ahead_m).abs() < self.rule.pair_m.max(3.0 * sigma_m)
+    }
+
+    /// Whether a wall stands across the corridor between the two: a dead end.
+    fn is_closed(&self, left: &WallEnd, right: &WallEnd) -> bool {
+        let (from, to) = (left.base.x.min(right.base.x), left.base.x.max(right.base.x));
+        let ahead_m = 0.5 * (left.ahead_m + right.ahead_m);
+        let row_m = ahead_m.powi(2) / (self.view.height_m * self.view.intrinsics.fy);
+        let covered: f64 = self
+            .sight
+            .segments()
+            .iter()
+            .filter(|line| line.direction().x.abs() > 0.9)
+            .filter(|line| {
+                let here =
+                    |pixel| self.view.floor_point(pixel).is_some_and(|p| (p.x - ahead_m).abs() < 2.0 * row_m);
+                here(line.p0) && here(line.p1)
+            })
+            .map(|line| {
+                let (a, b) = (line.p0.x.min(line.p1.x), line.p0.x.max(line.p1.x));
+                (b.min(to) - a.max(from)).max(0.0)
+            })
+            .sum();
+        covered > CLOSED_SHARE * (to - from)
+    }
+}
+
+/// The floor line of a wall at this signed distance from the camera, as a pixel line of unit normal.
+#[must_use]
+pub fn floor_line(view: &CorridorView, distance_m: f64) -> Vector3<f64> {
+    let normal = Vector3::new(0.0, view.height_m, distance_m);
+    let line = inverse_transposed(&view.intrinsics, view.corridor_from_camera.transpose() * normal);
+    line / line.xy().norm()
+}
+
+/// K^-T n.
+fn inverse_transposed(k: &Intrinsics, n: Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(n.x / k.fx, n.y / k.fy, n.z - n.x * k.cx / k.fx - n.y * k.cy / k.fy)
+}
+
+/// Whether the segment points to where all plumb lines meet in this picture.
+fn is_upright(segment: &Segment, view: &CorridorView) -> bool {
+    let plumb = view.intrinsics.matrix() * (view.corridor_from_camera.transpose() * Vector3::z());
+    let middle = segment.midpoint();
+    let towards = plumb.xy() - middle * plumb.z;
+    let sine = segment.normal.dot(&towards) / towards.norm();
+    sine.abs() < LARGEST_LEAN_RAD.sin()
+}

@@ -1,0 +1,141 @@
+//! A smoothed piece of a picture about a vertical edge.
+//!
+//! An edge looks alike along itself, so that the mean over some rows takes the noise away and leaves the edge.
+
+use nalgebra::Vector2;
+use yamabico_core::image::{GrayImage, ImageView};
+use yamabico_core::vision::template::Place;
+
+/// Rows of the vertical mean, an odd number.
+const ROWS: usize = 9;
+/// Columns that the horizontal binomial takes to either side.
+const MARGIN: usize = 2;
+
+/// A piece of a picture, smoothed; keeps its buffers.
+#[derive(Clone, Debug, Default)]
+pub struct Strip {
+    smooth: GrayImage,
+    origin: Vector2<f64>,
+    line: Vec<u8>,
+    across: Vec<u16>,
+    sums: Vec<u32>,
+}
+
+impl Strip {
+    /// Takes `width` x `height` pixels about `middle`: means over 9 rows of the binomial (1, 4, 6, 4, 1)/16 along the row. What
+    /// lies outside the picture is its border's. Returns whether the middle lies in the picture.
+    pub fn cut(&mut self, image: ImageView<'_>, middle: Vector2<f64>, width: usize, height: usize) -> bool {
+        let inside = |at: f64, size: usize| (0.0..size as f64).contains(&at);
+        if !inside(middle.x, image.width()) || !inside(middle.y, image.height()) {
+            return false;
+        }
+        let left = middle.x.round() as isize - (width / 2) as isize;
+        let top = middle.y.round() as isize - (height / 2) as isize;
+        self.origin = Vector2::new(left as f64, top as f64);
+        self.smooth.resize(width, height);
+        let rows = height + ROWS - 1;
+        self.across.resize(rows * width, 0);
+        for (row, out) in self.across.chunks_exact_mut(width).enumerate() {
+            let v = (top + row as isize - (ROWS / 2) as isize).max(0) as usize;
+            take_line(image.row(v), left - MARGIN as isize, width + 2 * MARGIN, &mut self.line);
+            let line = &self.line;
+            for (i, sum) in out.iter_mut().enumerate() {
+                let level = |k: usize| u16::from(line[i + k]);
+                *sum = level(0) + level(4) + 4 * (level(1) + level(3)) + 6 * level(2);
+            }
+        }
+        self.sums.clear();
+        self.sums.resize(width, 0);
+        let divisor = 16 * ROWS as u32;
+        for row in 0..rows {
+            let newest = &self.across[row * width..][..width];
+            for (sum, &level) in self.sums.iter_mut().zip(newest) {
+                *sum += u32::from(level);
+            }
+            let Some(out_row) = (row + 1).checked_sub(ROWS) else { continue };
+            let out = &mut self.smooth.pixels_mut()[out_row * width..][..width];
+            let oldest = &self.across[out_row * width..][..width];
+            for ((sum, out), &level) in self.sums.iter_mut().zip(out).zip(oldest) {
+                *out = ((*sum + divisor / 2) / divisor) as u8;
+                *sum -= u32::from(level);
+            }
+        }
+        true
+    }
+
+    /// The strip as a picture; `None` before the first cut.
+    #[must_use]
+    pub fn view(&self) -> Option<ImageView<'_>> {
+        self.smooth.view().ok()
+    }
+
+    /// A pixel of the picture in the strip.
+    #[must_use]
+    pub fn inside(&self, pixel: Vector2<f64>) -> Vector2<f64> {
+        pixel - self.origin
+    }
+
+    /// A column of the strip in the picture.
+    #[must_use]
+    pub fn outside(&self, column: f64) -> f64 {
+        column + self.origin.x
+    }
+
+    /// The place at which a patch of this size has `pixel`, of the strip, at column `edge` and in its middle row; `None` where
+    /// it leaves the strip to the left or above.
+    #[must_use]
+    pub fn place(pixel: Vector2<f64>, edge: f64, height: usize) -> Option<Place> {
+        let corner = Vector2::new(pixel.x - edge, pixel.y - (height / 2) as f64).map(f64::round);
+        (corner.x >= 0.0 && corner.y >= 0.0).then(|| Place { u: corner.x as usize, v: corner.y as usize })
+    }
+}
+
+/// `count` pixels of a row from column `first` on, the border repeated beyond it.
+fn take_line(row: &[u8], first: isize, count: usize, line: &mut Vec<u8>) {
+    line.clear();
+    if let Some(inside) = usize::try_from(first).ok().and_then(|first| row.get(first..first + count)) {
+        line.extend_from_slice(inside);
+        return;
+    }
+    let last = row.len() as isize - 1;
+    line.extend((first..first + count as isize).map(|u| row[u.clamp(0, last) as usize]));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_stays_and_the_border_is_repeated() {
+        let data: Vec<u8> = (0..40 * 30).map(|i| (3 * (i % 40)) as u8).collect();
+        let image = ImageView::new(&data, 40, 30, 40).unwrap();
+        let mut strip = Strip::default();
+        assert!(strip.cut(image, Vector2::new(20.4, 15.0), 16, 12));
+        let view = strip.view().unwrap();
+        assert_eq!((view.width(), view.height()), (16, 12));
+        assert_eq!(view.row(5)[3], 3 * 15, "column 12 + 3");
+        assert!((strip.inside(Vector2::new(20.4, 15.0)).x - 8.4).abs() < 1e-9);
+        assert!(strip.cut(image, Vector2::new(1.0, 0.0), 16, 12));
+        assert_eq!(strip.view().unwrap().row(0)[2], 0);
+        assert!(!strip.cut(image, Vector2::new(f64::NAN, 3.0), 16, 12));
+        assert!(!strip.cut(image, Vector2::new(40.0, 3.0), 16, 12));
+    }
+
+    #[test]
+    fn noise_falls_to_a_fifth() {
+        let mut seed = 1_u32;
+        let mut noise = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((seed >> 24) % 64) as u8 + 90
+        };
+        let data: Vec<u8> = (0..100 * 100).map(|_| noise()).collect();
+        let mut strip = Strip::default();
+        strip.cut(ImageView::new(&data, 100, 100, 100).unwrap(), Vector2::new(50.0, 50.0), 60, 60);
+        let deviation = |pixels: &[u8]| {
+            let mean = pixels.iter().map(|&x| f64::from(x)).sum::<f64>() / pixels.len() as f64;
+            (pixels.iter().map(|&x| (f64::from(x) - mean).powi(2)).sum::<f64>() / pixels.len() as f64).sqrt()
+        };
+        let (before, after) = (deviation(&data), deviation(strip.view().unwrap().row(30)));
+        assert!(after < 0.25 * before, "{before} to {after}");
+    }
+}

@@ -1,0 +1,383 @@
+//! The two edges followed from picture to picture, as long as they are seen.
+
+use nalgebra::{Matrix2, Point2, Vector2};
+use yamabico_core::camera::Pinhole;
+use yamabico_core::corridor::sight::CorridorCamera;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_core::message::Reason;
+
+use crate::config::Config;
+use crate::edge_template::{Aim, EdgeTemplate};
+use crate::finder::{Side, WallEnd};
+use crate::landmarks::{Expected, Landmarks, Motion};
+
+/// Edges nearer to or farther from each other than this (m) are no corridor's.
+const WIDTHS_M: [f64; 2] = [0.5, 8.0];
+/// Standard deviation of the distance (m) above which nothing is known.
+const LARGEST_SIGMA_M: f64 = 2.0;
+
+/// Heights above the floor (m) at which an edge may be followed: where it is seen best.
+const HEIGHTS_M: [f64; 8] = [0.35, 0.6, 0.85, 1.1, 1.35, 1.6, 1.85, 2.1];
+/// Another height is taken where the edge is so much steeper there.
+const BETTER_BY: f64 = 1.5;
+
+/// An edge and how it is seen.
+#[derive(Clone, Debug)]
+struct Edge {
+    template: EdgeTemplate,
+    /// Where along it the templates are taken, metres above the camera.
+    above_m: f64,
+    is_tracked: bool,
+    misses: u32,
+    seen_at: Option<Vector2<f64>>,
+    trouble: Option<Reason>,
+}
+
+/// How much of the intersection is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// Neither edge.
+    None,
+    /// This one; where the other must be is worked out.
+    One(Side),
+    /// Both.
+    Both,
+}
+
+/// The tracker of one intersection at a time; keeps its buffers from one to the next.
+#[derive(Clone, Debug)]
+pub struct IntersectionTrack {
+    landmarks: Option<Landmarks>,
+    edges: [Edge; 2],
+    pictures: u32,
+    reacquire_misses: u32,
+    lost_misses: u32,
+    border_px: f64,
+}
+
+impl IntersectionTrack {
+    /// Nothing tracked yet, for pictures of this width.
+    #[must_use]
+    pub fn new(image_width: u32, config: &Config) -> Self {
+        let edge = Edge {
+            template: EdgeTemplate::new(image_width, config.least_correlation),
+            above_m: 0.0,
+            is_tracked: false,
+            misses: 0,
+            seen_at: None,
+            trouble: None,
+        };
+        Self {
+            landmarks: None,
+            edges: [edge.clone(), edge],
+            pictures: 0,
+            reacquire_misses: config.reacquire_misses,
+            lost_misses: config.lost_misses,
+            border_px: config.border_px,
+        }
+    }
+
+    /// The edges' places; `None` while nothing is tracked.
+    #[must_use]
+    pub fn landmarks(&self) -> Option<&Landmarks> {
+        self.landmarks.as_ref()
+    }
+
+    /// Pictures in which both edges were seen.
+    #[must_use]
+    pub fn pictures(&self) -> u32 {
+        self.pictures
+    }
+
+    /// Which edges are followed.
+    #[must_use]
+    pub fn sides(&self) -> Sides {
+        match [self.edges[0].is_tracked, self.edges[1].is_tracked] {
+            [true, true] => Sides::Both,
+            [true, false] => Sides::One(Side::Left),
+            [false, true] => Sides::One(Side::Right),
+            [false, false] => Sides::None,
+        }
+    }
+
+    /// Where an edge was seen in the last picture, at the camera's height, undistorted pixels.
+    #[must_use]
+    pub fn seen_at(&self, side: Side) -> Option<Vector2<f64>> {
+        self.edges[side.index()].seen_at
+    }
+
+    /// Why an edge was not seen in the last picture.
+    #[must_use]
+    pub fn trouble(&self, side: Side) -> Option<Reason> {
+        self.edges[side.index()].trouble
+    }
+
+    /// Whether an edge has to be looked for among the ends of the walls.
+    #[must_use]
+    pub fn needs_ends(&self) -> bool {
+        self.edges.iter().any(|edge| !edge.is_tracked || edge.misses >= self.reacquire_misses)
+    }
+
+    /// Forgets everything.
+    pub fn lose(&mut self) {
+        self.landmarks = None;
+        self.pictures = 0;
+        for edge in &mut self.edges {
+            (edge.is_tracked, edge.misses, edge.seen_at, edge.trouble) = (false, 0, None, None);
+        }
+    }
+
+    /// Begins with the ends of both walls, seen from a robot at `pose`.
+    ///
+    /// # Errors
+    /// Why neither edge can be followed.
+    pub fn begin_pair(
+        &mut self,
+        image: ImageView<'_>,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        ends: &[WallEnd; 2],
+    ) -> Result<(), Reason> {
+        self.lose();
+        let points = [ends[0].point_in_robot, ends[1].point_in_robot];
+        self.landmarks = Some(Landmarks::new(pose, points, [ends[0].covariance, ends[1].covariance]));
+        let taken = [0, 1].map(|i| self.acquire(image, pose, camera, &ends[i]));
+        self.pictures = u32::from(taken[0].is_ok() && taken[1].is_ok());
+        self.begun(taken[0].or(taken[1]))
+    }
+
+    /// Begins with the end of one wall and where its partner must be.
+    ///
+    /// # Errors
+    /// Why the edge cannot be followed.
+    pub fn begin_single(
+        &mut self,
+        image: ImageView<'_>,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        end: &WallEnd,
+        partner: (Point2<f64>, Matrix2<f64>),
+    ) -> Result<(), Reason> {
+        self.lose();
+        let mut points = [partner.0; 2];
+        let mut covariances = [partner.1; 2];
+        points[end.side.index()] = end.point_in_robot;
+        covariances[end.side.index()] = end.covariance;
+        self.landmarks = Some(Landmarks::new(pose, points, covariances));
+        let taken = self.acquire(image, pose, camera, end);
+        self.begun(taken)
+    }
+
+    fn begun(&mut self, taken: Result<(), Reason>) -> Result<(), Reason> {
+        if taken.is_err() {
+            self.lose();
+        }
+        taken
+    }
+
+    /// Carries what is known to the next picture.
+    pub fn predict(&mut self, motion: Motion) {
+        if let Some(landmarks) = &mut self.landmarks {
+            landmarks.predict(motion);
+        }
+    }
+
+    /// Whether the intersection is so near, or so far aside, that an edge leaves the picture.
+    #[must_use]
+    pub fn leaves_picture(&self, pose: &Pose2, camera: &CorridorCamera) -> bool {
+        let Some(landmarks) = &self.landmarks else { return false };
+        let width = f64::from(camera.pinhole.intrinsics().width);
+        Side::BOTH.into_iter().any(|side| {
+            let at = landmarks.expected(pose, (side, 0.0), &camera.mount, camera.pinhole.intrinsics());
+            at.and_then(|at| raw(&camera.pinhole, at.pixel))
+                .is_none_or(|pixel| pixel.x < self.border_px || pixel.x > width - 1.0 - self.border_px)
+        })
+    }
+
+    /// Looks for both edges in a picture taken from `pose`; gives which were seen in it.
+    pub fn follow(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera) -> Sides {
+        let Some(landmarks) = &mut self.landmarks else { return Sides::None };
+        for side in Side::BOTH {
+            let edge = &mut self.edges[side.index()];
+            edge.seen_at = None;
+            if !edge.is_tracked {
+                continue;
+            }
+            match edge.look(image, landmarks, pose, camera, side) {
+                Ok(column) => (edge.seen_at, edge.misses, edge.trouble) = (Some(column), 0, None),
+                Err(reason) => {
+                    edge.misses += 1;
+                    edge.trouble = Some(reason);
+                }
+            }
+        }
+        let seen = [self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()];
+        match seen {
+            [true, true] => {
+                self.pictures = self.pictures.saturating_add(1);
+                Sides::Both
+            }
+            [true, false] => Sides::One(Side::Left),
+            [false, true] => Sides::One(Side::Right),
+            [false, false] => Sides::None,
+        }
+    }
+
+    /// Takes an end for the edge of its wall where that is not followed or was missed too often, and where it stands for
+    /// the distance. Gives whether an edge was taken.
+    pub fn reacquire(
+        &mut self,
+        image: ImageView<'_>,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        end: &WallEnd,
+    ) -> bool {
+        let Some(landmarks) = &mut self.landmarks else { return false };
+        if !landmarks.observe_point(pose, end.side, end.point_in_robot, &end.covariance) {
+            return false;
+        }
+        let edge = &self.edges[end.side.index()];
+        let is_wanted = !edge.is_tracked || edge.misses >= self.reacquire_misses;
+        is_wanted && self.acquire(image, pose, camera, end).is_ok()
+    }
+
+    /// Drops edges that were missed too often, and everything where no edge is left or the two are no corridor's; gives
+    /// whether the intersection is lost.
+    pub fn drop_lost(&mut self, pose: &Pose2) -> bool {
+        let Some(landmarks) = &self.landmarks else { return false };
+        for edge in &mut self.edges {
+            edge.is_tracked &= edge.misses < self.lost_misses;
+        }
+        let width_m = (landmarks.point(Side::Left) - landmarks.point(Side::Right)).norm();
+        let (_, sigma_m) = landmarks.middle(pose);
+        let is_sane = (WIDTHS_M[0]..=WIDTHS_M[1]).contains(&width_m) && sigma_m < LARGEST_SIGMA_M;
+        let is_lost = self.sides() == Sides::None || !is_sane;
+        if is_lost {
+            self.lose();
+        }
+        is_lost
+    }
+
+    fn acquire(
+        &mut self,
+        image: ImageView<'_>,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        end: &WallEnd,
+    ) -> Result<(), Reason> {
+        let Some(landmarks) = &mut self.landmarks else { return Err(Reason::IntersectionLost) };
+        let edge = &mut self.edges[end.side.index()];
+        let taken = edge.take(image, landmarks, pose, camera, end.side);
+        edge.trouble = taken.err();
+        let at = taken?;
+        (edge.is_tracked, edge.misses, edge.seen_at) = (true, 0, Some(at));
+        Ok(())
+    }
+}
+
+impl Edge {
+    /// Looks for the edge; gives its place at the camera's height, undistorted pixels.
+    fn look(
+        &mut self,
+        image: ImageView<'_>,
+        landmarks: &mut Landmarks,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        side: Side,
+    ) -> Result<Vector2<f64>, Reason> {
+        let (expected, aim) = aim(landmarks, pose, camera, (side, self.above_m)).ok_or(Reason::Gated)?;
+        let edge = self.template.track(image, &aim)?;
+        let at = observe(landmarks, pose, camera, side, &expected, Vector2::new(edge.column, aim.pixel.y))?;
+        let best = self.best_height(image, landmarks, pose, camera, side);
+        if let Some((above_m, best_aim, gradient)) = best
+            && above_m != self.above_m
+            && (gradient > BETTER_BY * edge.gradient || self.leaves(&aim, image))
+            && self.template.acquire(image, &best_aim).is_ok()
+        {
+            self.above_m = above_m;
+        }
+        Ok(at)
+    }
+
+    /// Takes the templates where the edge is seen best; gives its place at the camera's height, undistorted pixels.
+    fn take(
+        &mut self,
+        image: ImageView<'_>,
+        landmarks: &mut Landmarks,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        side: Side,
+    ) -> Result<Vector2<f64>, Reason> {
+        let best = self.best_height(image, landmarks, pose, camera, side);
+        let (above_m, ..) = best.ok_or(Reason::LowCorrelation)?;
+        let (expected, aim) = aim(landmarks, pose, camera, (side, above_m)).ok_or(Reason::Gated)?;
+        let column = self.template.acquire(image, &aim)?;
+        self.above_m = above_m;
+        observe(landmarks, pose, camera, side, &expected, Vector2::new(column, aim.pixel.y))
+    }
+
+    /// Where along the edge it is steepest: metres above the camera, the aim there, grey levels a pixel.
+    fn best_height(
+        &self,
+        image: ImageView<'_>,
+        landmarks: &Landmarks,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        side: Side,
+    ) -> Option<(f64, Aim, f64)> {
+        let at = |height_m: f64| {
+            let above_m = height_m - camera.mount.z;
+            let (_, aim) = aim(landmarks, pose, camera, (side, above_m))?;
+            let is_inside = !self.leaves(&aim, image);
+            let (edge, _) = self.template.edge_at(image, &aim).filter(|_| is_inside)?;
+            Some((above_m, aim, edge.gradient))
+        };
+        HEIGHTS_M.into_iter().filter_map(at).max_by(|a, b| a.2.total_cmp(&b.2))
+    }
+
+    /// Whether a template at this aim reaches out of the picture above or below.
+    fn leaves(&self, aim: &Aim, image: ImageView<'_>) -> bool {
+        let rows = self.template.half_rows();
+        aim.pixel.y < rows || aim.pixel.y > image.height() as f64 - 1.0 - rows
+    }
+}
+
+/// Where the edge is expected, some height above the camera.
+fn aim(
+    landmarks: &Landmarks,
+    pose: &Pose2,
+    camera: &CorridorCamera,
+    at: (Side, f64),
+) -> Option<(Expected, Aim)> {
+    let expected = landmarks.expected(pose, at, &camera.mount, camera.pinhole.intrinsics())?;
+    let aim = Aim {
+        pixel: raw(&camera.pinhole, expected.pixel)?,
+        gate_px: 3.0 * expected.sigma_px + 2.0,
+        depth_m: expected.depth_m,
+        lean: expected.lean,
+    };
+    Some((expected, aim))
+}
+
+/// Takes a pixel of the picture as the edge; gives its place at the camera's height, undistorted pixels.
+fn observe(
+    landmarks: &mut Landmarks,
+    pose: &Pose2,
+    camera: &CorridorCamera,
+    side: Side,
+    expected: &Expected,
+    pixel: Vector2<f64>,
+) -> Result<Vector2<f64>, Reason> {
+    let at = camera.pinhole.undistort_pixel(pixel).ok_or(Reason::Gated)?;
+    let level = landmarks.expected(pose, (side, 0.0), &camera.mount, camera.pinhole.intrinsics());
+    let level = level.ok_or(Reason::Gated)?.pixel;
+    landmarks.observe_column(expected, at.x);
+    Ok(level + Vector2::new(at.x - expected.pixel.x, 0.0))
+}
+
+/// The pixel as the lens shows it.
+fn raw(pinhole: &Pinhole, ideal: Vector2<f64>) -> Option<Vector2<f64>> {
+    let ray = pinhole.intrinsics().normalised_from_pixel(ideal).push(1.0);
+    pinhole.project(&ray.into()).ok()
+}
