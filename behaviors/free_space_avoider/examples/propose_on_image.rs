@@ -5,6 +5,7 @@
 //! Without a picture the simulator takes one in the office, at a pose (m, degrees). The camera is the one of the office
 //! robot in either case. `--set` gives keys of the behaviour, such as `columns = 34`; `--out` writes what it saw.
 
+#[allow(dead_code, reason = "the other examples use the rest")]
 mod office;
 
 use std::path::PathBuf;

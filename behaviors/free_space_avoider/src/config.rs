@@ -18,7 +18,7 @@ pub struct Config {
     /// Rate of turns where the robot stands, rad/s, 0.05 to 3, default 0.4.
     #[schemars(range(min = 0.05, max = 3.0))]
     pub turn_rad_s: f64,
-    /// Distance from the robot's circle to what it would stop before, m, 0 to 3, default 0.4.
+    /// Distance from the robot's circle to what it would stop before, m, 0 to 3, default 0.35.
     #[schemars(range(min = 0.0, max = 3.0))]
     pub margin_m: f64,
     /// Room beside the robot's circle that the way ahead needs, m, 0 to 1, default 0.05.
@@ -41,6 +41,10 @@ pub struct Config {
     /// Least difference between the means of dark and bright pixels, grey levels, 10 to 200, default 25.
     #[schemars(range(min = 10.0, max = 200.0))]
     pub least_contrast: f64,
+    /// A floor whose darker part has less than this share of its brighter part's grey level is two things, 0 (take them for one)
+    /// to 1, default 0.7.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub floor_evenness: f64,
     /// Blocked on both sides, the robot looks around after so long, s, 0.1 to 600, default 3.
     #[schemars(range(min = 0.1, max = 600.0))]
     pub patience_s: f64,
@@ -72,7 +76,7 @@ impl Default for Config {
             method: Method::NavelGrid,
             speed_mps: 0.3,
             turn_rad_s: 0.4,
-            margin_m: 0.4,
+            margin_m: 0.35,
             side_m: 0.05,
             freer_side_m: 0.4,
             columns: GridSize::PAPER.columns as u32,
@@ -80,6 +84,7 @@ impl Default for Config {
             cell_px: GridSize::PAPER.cell_px as u32,
             polarity: PolarityRule::BrightFloor,
             least_contrast: 25.0,
+            floor_evenness: 0.7,
             patience_s: 3.0,
         }
     }
@@ -101,6 +106,7 @@ impl Config {
             ("rows", f64::from(self.rows), 3.0, 45.0),
             ("cell_px", f64::from(self.cell_px), 4.0, 64.0),
             ("least_contrast", self.least_contrast, 10.0, 200.0),
+            ("floor_evenness", self.floor_evenness, 0.0, 1.0),
             ("patience_s", self.patience_s, 0.1, 600.0),
         ] {
             if !(low..=high).contains(&value) {

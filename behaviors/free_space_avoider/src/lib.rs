@@ -43,6 +43,7 @@ pub struct FreeSpaceAvoider {
     speed_mps: f64,
     turn_rad_s: f64,
     intrinsics: Intrinsics,
+    way: Swath,
     sight: Sight,
     steering: Steering,
     odometry: OdometryTrack,
@@ -85,6 +86,7 @@ impl Plugin for FreeSpaceAvoider {
             speed_mps: config.speed_mps,
             turn_rad_s: config.turn_rad_s,
             intrinsics: *intrinsics,
+            way,
             sight: Sight::new(&config, &Pinhole::new(*intrinsics, *distortion), mount, &way)?,
             steering: Steering::new(config.patience_s),
             odometry: OdometryTrack::default(),
@@ -123,6 +125,12 @@ impl FreeSpaceAvoider {
     #[must_use]
     pub fn sight(&self) -> &Sight {
         &self.sight
+    }
+
+    /// The way ahead that must be free: as far as the robot needs to stop, as wide as it is.
+    #[must_use]
+    pub fn way(&self) -> Swath {
+        self.way
     }
 
     /// Adds up the turn between pictures, where odometry tells it.

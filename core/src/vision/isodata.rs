@@ -3,6 +3,8 @@
 //! Ridler & Calvard (1978), as Abdelfatah et al. use it: start at the mean, split, take the middle of both means, repeat
 //! until nothing changes.
 
+use std::ops::RangeInclusive;
+
 use super::vectorise::{self, Kernel};
 
 /// An image whose grey levels span less than this has no two classes.
@@ -83,6 +85,24 @@ pub fn threshold_of_pixels(pixels: &[u8]) -> Result<Threshold, IsodataError> {
     iterate(all, range, |first_bright| vectorise::run(DarkPixels { pixels, first_bright }))
 }
 
+/// The threshold of those pixels alone whose grey level is in `levels`.
+///
+/// # Errors
+/// [`IsodataError`]; `LowContrast` where they all have one level.
+pub fn threshold_within(pixels: &[u8], levels: RangeInclusive<u8>) -> Result<Threshold, IsodataError> {
+    let dark_below = |first_bright| vectorise::run(DarkPixels { pixels, first_bright });
+    let darker = dark_below(*levels.start());
+    let up_to_end = match levels.end().checked_add(1) {
+        Some(above) => dark_below(above),
+        None => vectorise::run(Survey(pixels)).0,
+    };
+    if levels.is_empty() {
+        return Err(IsodataError::Empty);
+    }
+    let range = [*levels.start(), *levels.end()];
+    iterate(up_to_end.without(darker), range, |first_bright| dark_below(first_bright).without(darker))
+}
+
 /// The threshold of the pixels that a histogram counts.
 ///
 /// # Errors
@@ -110,13 +130,16 @@ fn iterate(
     if highest - lowest < LEAST_RANGE {
         return Err(IsodataError::LowContrast { mean });
     }
-    // The mean lies above the lowest and below the highest level, and so does every middle of two means.
+    // With two levels or more, the mean lies above the lowest and below the highest, and so does every middle of two means.
     let mut threshold =
         Threshold { level: mean, rounds: 0, dark: Class::default(), bright: Class::default() };
     while threshold.rounds < MOST_ROUNDS {
         threshold.rounds += 1;
         threshold.dark = dark_below(threshold.first_bright());
         threshold.bright = all.without(threshold.dark);
+        if threshold.dark.count == 0 || threshold.bright.count == 0 {
+            return Err(IsodataError::LowContrast { mean });
+        }
         let middle = (threshold.dark.mean() + threshold.bright.mean()) / 2.0;
         if middle == threshold.level {
             break;
@@ -219,6 +242,19 @@ mod tests {
                 assert_eq!(Survey(&pixels).run(), vectorise::run(Survey(&pixels)), "{length}");
             }
         }
+    }
+
+    #[test]
+    fn a_part_of_the_levels_is_thresholded_as_if_alone() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(6);
+        let pixels: Vec<u8> = (0..5000).map(|_| random.random()).collect();
+        for levels in [0..=255, 100..=255, 0..=99, 40..=200] {
+            let alone: Vec<u8> = pixels.iter().copied().filter(|pixel| levels.contains(pixel)).collect();
+            assert_eq!(threshold_within(&pixels, levels), threshold_of_pixels(&alone));
+        }
+        let low_contrast = Err(IsodataError::LowContrast { mean: 77.0 });
+        assert_eq!(threshold_within(&[5, 77, 77, 200], 50..=100), low_contrast);
+        assert_eq!(threshold_within(&[5, 77], 100..=255), Err(IsodataError::Empty));
     }
 
     #[test]

@@ -53,13 +53,11 @@ pub fn frame_header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
 }
 
 /// Its lens and sensor.
-#[allow(dead_code, reason = "not every example renders")]
 pub fn photometry() -> Photometry {
     Photometry { exposure: 0.65, ..Photometry::default() }
 }
 
 /// A picture of the scene.
-#[allow(dead_code, reason = "not every example renders")]
 pub fn render(
     renderer: &mut Renderer,
     scene: &Scene,

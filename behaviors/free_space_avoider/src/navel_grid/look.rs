@@ -5,7 +5,7 @@ use serde::Deserialize;
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::vision::area_average::AreaAverage;
 use yamabico_core::vision::dark_cells::DarkCells;
-use yamabico_core::vision::isodata::{IsodataError, Threshold, threshold_of_pixels};
+use yamabico_core::vision::isodata::{IsodataError, Threshold, threshold_of_pixels, threshold_within};
 use yamabico_core::vision::median::Median3;
 
 use super::cells::{Cells, GridSize};
@@ -24,6 +24,7 @@ pub enum Polarity {
 #[derive(Clone, Debug)]
 pub struct Look {
     least_contrast: f64,
+    floor_evenness: f64,
     average: AreaAverage,
     scaled: GrayImage,
     median: Median3,
@@ -31,15 +32,19 @@ pub struct Look {
     dark: DarkCells,
     counts: Vec<u32>,
     cells: Cells,
+    threshold: Option<Threshold>,
 }
 
 impl Look {
     /// A look at pictures through this grid, which refuses those whose dark and bright pixels differ by less than
-    /// `least_contrast` grey levels on average.
+    /// `least_contrast` grey levels on average. A floor whose darker part is darker than `floor_evenness` (0 to 1) of its
+    /// brighter part, on average, is not one floor; 0 takes it for one.
     #[must_use]
-    pub fn new(size: GridSize, least_contrast: f64) -> Self {
+    pub fn new(size: GridSize, least_contrast: f64, floor_evenness: f64) -> Self {
         Self {
             least_contrast,
+            floor_evenness,
+            threshold: None,
             average: AreaAverage::default(),
             scaled: GrayImage::new(size.width_px(), size.height_px()),
             median: Median3::default(),
@@ -50,11 +55,12 @@ impl Look {
         }
     }
 
-    /// Counts the dark pixels of each cell of a picture of any size, which is scaled to the grid's where it has another.
+    /// Filters a picture of any size, which is scaled to the grid's where it has another, and finds its threshold.
     ///
     /// # Errors
     /// [`IsodataError::LowContrast`] where floor and obstacles cannot be told apart.
     pub fn measure(&mut self, image: ImageView) -> Result<Threshold, IsodataError> {
+        self.threshold = None;
         let size = self.cells.size();
         let image = if (image.width(), image.height()) == (size.width_px(), size.height_px()) {
             image
@@ -70,20 +76,42 @@ impl Look {
             let all = threshold.dark.sum + threshold.bright.sum;
             return Err(IsodataError::LowContrast { mean: all as f64 / pixels.len() as f64 });
         }
-        let filtered = self.filtered.view().map_err(|_| IsodataError::Empty)?;
-        self.dark.count(filtered, threshold.first_bright(), size.cell_px, &mut self.counts);
+        self.threshold = Some(threshold);
         Ok(threshold)
     }
 
-    /// The cells of the picture measured last, for a floor of this polarity.
+    /// The cells of the picture measured last, for a floor of this polarity; as before where it had no threshold.
+    ///
+    /// Differs from \[1\]: among black things a grey wall counts as bright as the floor. Where the class of the floor falls
+    /// into two that are farther apart than the light on one floor is uneven, only the outer one is floor.
     pub fn cells(&mut self, polarity: Polarity) -> &Cells {
-        let pixels = (self.cells.size().cell_px * self.cells.size().cell_px) as u32;
+        let (Some(threshold), Ok(filtered)) = (self.threshold, self.filtered.view()) else {
+            return &self.cells;
+        };
+        let side = self.cells.size().cell_px;
+        let first_bright = self.first_bright(&threshold, polarity);
+        self.dark.count(filtered, first_bright, side, &mut self.counts);
         let dark = self.counts.iter().copied();
         match polarity {
             Polarity::BrightFloor => self.cells.mark(dark),
-            Polarity::DarkFloor => self.cells.mark(dark.map(|dark| pixels - dark)),
+            Polarity::DarkFloor => self.cells.mark(dark.map(|dark| (side * side) as u32 - dark)),
         }
         &self.cells
+    }
+
+    /// The lowest bright level, once what is as uneven as no floor is split off.
+    fn first_bright(&self, threshold: &Threshold, polarity: Polarity) -> u8 {
+        let first_bright = threshold.first_bright();
+        let floor = match polarity {
+            Polarity::BrightFloor => first_bright..=u8::MAX,
+            Polarity::DarkFloor => 0..=first_bright - 1,
+        };
+        match threshold_within(self.filtered.pixels(), floor) {
+            Ok(parts) if parts.dark.mean() < self.floor_evenness * parts.bright.mean() => {
+                parts.first_bright()
+            }
+            _ => first_bright,
+        }
     }
 
     /// The filtered picture that was measured last.
@@ -113,7 +141,7 @@ mod tests {
     #[test]
     fn a_box_is_found_in_pictures_of_any_size() {
         for (width, height) in [(340, 180), (640, 480), (170, 90), (1920, 1080)] {
-            let mut look = Look::new(GridSize::PAPER, 25.0);
+            let mut look = Look::new(GridSize::PAPER, 25.0, 0.7);
             let threshold = look.measure(picture(width, height).view().unwrap()).unwrap();
             assert!((100.0..140.0).contains(&threshold.level));
             let cells = look.cells(Polarity::BrightFloor);
@@ -129,8 +157,32 @@ mod tests {
     }
 
     #[test]
+    fn a_grey_wall_is_no_floor_beside_a_black_one() {
+        let mut image = GrayImage::new(340, 180);
+        for v in 0..180 {
+            for u in 0..340 {
+                let level = if v >= 120 {
+                    200
+                } else if u < 200 {
+                    20
+                } else {
+                    110
+                };
+                image.pixels_mut()[v * 340 + u] = level;
+            }
+        }
+        for (floor_evenness, is_obstacle) in [(0.0, false), (0.7, true)] {
+            let mut look = Look::new(GridSize::PAPER, 25.0, floor_evenness);
+            assert!(look.measure(image.view().unwrap()).unwrap().level < 110.0);
+            let cells = look.cells(Polarity::BrightFloor);
+            assert!(cells.is_obstacle(2, 5) && !cells.is_obstacle(2, 1) && !cells.is_obstacle(15, 1));
+            assert_eq!(cells.is_obstacle(15, 5), is_obstacle);
+        }
+    }
+
+    #[test]
     fn flat_pictures_have_low_contrast() {
-        let mut look = Look::new(GridSize::PAPER, 25.0);
+        let mut look = Look::new(GridSize::PAPER, 25.0, 0.7);
         for (low, high) in [(0, 0), (255, 255), (120, 128), (100, 120)] {
             let mut image = GrayImage::new(340, 180);
             let (upper, lower) = image.pixels_mut().split_at_mut(170 * 180);

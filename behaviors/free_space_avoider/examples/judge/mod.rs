@@ -1,0 +1,208 @@
+//! What a robot should do, by the outlines of the solids around it: no picture is looked at.
+
+use yamabico_core::camera::Mount;
+use yamabico_core::geometry::Pose2;
+use yamabico_free_space_avoider::navel_grid::ground::Swath;
+use yamabico_free_space_avoider::navel_grid::{Decision, Side};
+use yamabico_free_space_avoider::{Config, FreeSpaceAvoider};
+use yamabico_sim::scene::Solid;
+
+/// Of a side, the taken share from which on it is blocked: the paper's 80 of 219.
+const BLOCKED_SHARE: f64 = 80.0 / 219.0;
+/// Shares nearer than this are equal.
+const EQUAL: f64 = 0.1;
+/// Directions looked into.
+const DIRECTIONS: usize = 120;
+
+pub struct Judge {
+    way: Swath,
+    /// The way and what is nearer to it than a cell.
+    cell: Swath,
+    sides_m: f64,
+    nearest_m: f64,
+    half_view_rad: f64,
+    camera_x_m: f64,
+}
+
+#[derive(Debug)]
+#[allow(dead_code, reason = "the figures are printed with wrong answers")]
+pub struct Verdict {
+    /// The one answer.
+    pub best: Decision,
+    /// All that are as good.
+    pub allowed: [Option<Decision>; 4],
+    /// Why there is more than one.
+    pub borderline: Option<&'static str>,
+    /// Whether a solid stands in the way within the stopping distance.
+    pub is_blocked: bool,
+    /// How far ahead the first solid in the way is, metres.
+    pub ahead_m: f64,
+    /// Shares taken on the left and on the right.
+    pub taken: [f64; 2],
+}
+
+impl Judge {
+    pub fn new(behavior: &FreeSpaceAvoider, config: &Config, mount: Mount) -> Self {
+        let way = behavior.way();
+        let sight = behavior.sight();
+        let (rows, columns) = (f64::from(config.rows), f64::from(config.columns));
+        let covered = sight.covered().0.iter().copied().max().unwrap_or(0);
+        let middle = sight.size().columns / 2;
+        // The far edge of the last row of cells that the way reaches into, and the width of a cell there.
+        let end = |column, free| sight.ground().end(column, free).map_or(0.0, |end| end.distance_m);
+        let length_m = end(middle, (covered + 1).min(rows as u32));
+        let half_view_rad = 45_f64.to_radians();
+        let cell_m = 2.0 * (length_m - mount.x) * half_view_rad.tan() / columns / mount.tilt.cos();
+        Self {
+            way,
+            cell: Swath { length_m, half_width_m: way.half_width_m + cell_m },
+            sides_m: way.half_width_m + config.freer_side_m,
+            nearest_m: sight.ground().nearest_m().unwrap_or(0.0),
+            half_view_rad,
+            camera_x_m: mount.x,
+        }
+    }
+
+    /// Whether all of a solid in the way is nearer than the lower edge of the picture, which may then show nothing of it.
+    pub fn is_blind(&self, solids: &[Solid], robot: Pose2) -> bool {
+        outlines(solids, robot).iter().any(|outline| {
+            let ahead = in_strip(outline, self.way.half_width_m);
+            !ahead.is_empty() && ahead.iter().all(|point| point[0] < self.nearest_m)
+        })
+    }
+
+    pub fn judge(&self, solids: &[Solid], robot: Pose2) -> Verdict {
+        let outlines = outlines(solids, robot);
+        let ahead_m = nearest_ahead(&outlines, self.way.half_width_m);
+        let is_blocked = ahead_m <= self.way.length_m;
+        let is_near = nearest_ahead(&outlines, self.cell.half_width_m) <= self.cell.length_m;
+        let taken = [1.0, -1.0].map(|side| self.taken(&outlines, side));
+        let turn = if taken[0] <= taken[1] { Side::Left } else { Side::Right };
+        let least = taken[0].min(taken[1]);
+        let blocked = if least > BLOCKED_SHARE { Decision::Stop } else { Decision::Turn(turn) };
+        let mut allowed = [None; 4];
+        let mut borderline = None;
+        let best = if is_blocked { blocked } else { Decision::Forward };
+        allowed[0] = Some(best);
+        if is_blocked || is_near {
+            if !is_blocked {
+                allowed[1] = Some(blocked);
+                borderline = Some("a solid nearer to the way than a cell");
+            }
+            if (taken[0] - taken[1]).abs() < EQUAL {
+                allowed[2] = Some(Decision::Turn(Side::Left));
+                allowed[3] = Some(Decision::Turn(Side::Right));
+                borderline = borderline.or(Some("sides equally free"));
+                if least > BLOCKED_SHARE + EQUAL {
+                    // Turning is no answer where both sides are clearly blocked.
+                    (allowed[2], allowed[3]) = (None, None);
+                    borderline = borderline.filter(|&why| why != "sides equally free");
+                }
+            }
+            if (least - BLOCKED_SHARE).abs() < EQUAL {
+                allowed[1] = allowed[1].or(Some(Decision::Stop));
+                let other = allowed.iter().position(Option::is_none);
+                if let Some(place) = other {
+                    allowed[place] =
+                        Some(if blocked == Decision::Stop { Decision::Turn(turn) } else { Decision::Stop });
+                }
+                borderline = borderline.or(Some("a side nearly blocked, or just so"));
+            }
+        }
+        Verdict { best, allowed, borderline, is_blocked, ahead_m, taken }
+    }
+
+    /// Share of the floor on one side (sign of y) that solids take or hide: mean over the directions from the camera, of which
+    /// those farther to the side count more.
+    fn taken(&self, outlines: &[Vec<[f64; 2]>], side: f64) -> f64 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for i in 0..DIRECTIONS {
+            // Tangents of the azimuth: from the edge of the view on this side (1) to the other (-1).
+            let aside = 1.0 - 2.0 * (i as f64 + 0.5) / DIRECTIONS as f64;
+            // The paper's set: full for the two outer columns of 17, less by a tenth a column, nothing beyond the eleventh.
+            let weight = (3.0 + 8.5 * aside).clamp(0.0, 10.0);
+            let (sin, cos) = (side * aside * self.half_view_rad.tan()).atan().sin_cos();
+            let begin = (self.nearest_m - self.camera_x_m) / cos;
+            let end = ((self.way.length_m - self.camera_x_m) / cos).min(self.sides_m / sin.abs());
+            if end <= begin {
+                continue;
+            }
+            let hit = outlines
+                .iter()
+                .filter_map(|outline| first_hit([self.camera_x_m, 0.0], [cos, sin], outline))
+                .fold(f64::INFINITY, f64::min);
+            sum += weight * (1.0 - (hit.clamp(begin, end) - begin) / (end - begin));
+            weights += weight;
+        }
+        sum / weights
+    }
+}
+
+fn in_robot(robot: &Pose2, point: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = robot.theta.sin_cos();
+    let (x, y) = (point[0] - robot.x, point[1] - robot.y);
+    [cos * x + sin * y, cos * y - sin * x]
+}
+
+/// Outlines of what a robot can run into, in its frame.
+fn outlines(solids: &[Solid], robot: Pose2) -> Vec<Vec<[f64; 2]>> {
+    solids
+        .iter()
+        .filter(|solid| solid.z[0] < 1.0 && solid.z[1] > 0.0)
+        .map(|solid| solid.base.iter().map(|corner| in_robot(&robot, *corner)).collect())
+        .collect()
+}
+
+/// The part of an outline ahead of the robot's centre with |y| <= `half_width_m`.
+fn in_strip(outline: &[[f64; 2]], half_width_m: f64) -> Vec<[f64; 2]> {
+    let left = clipped(outline, |p| half_width_m - p[1]);
+    clipped(&clipped(&left, |p| half_width_m + p[1]), |p| p[0])
+}
+
+/// How far ahead (x) the first outline reaches into the strip |y| <= `half_width_m`; infinite where none does.
+fn nearest_ahead(outlines: &[Vec<[f64; 2]>], half_width_m: f64) -> f64 {
+    let points = outlines.iter().flat_map(|outline| in_strip(outline, half_width_m));
+    points.map(|point| point[0]).fold(f64::INFINITY, f64::min)
+}
+
+/// The part of a convex outline where `inside` (linear) is not negative.
+fn clipped(outline: &[[f64; 2]], inside: impl Fn(&[f64; 2]) -> f64) -> Vec<[f64; 2]> {
+    let mut kept = Vec::new();
+    for (i, a) in outline.iter().enumerate() {
+        let b = &outline[(i + 1) % outline.len()];
+        let (da, db) = (inside(a), inside(b));
+        if da >= 0.0 {
+            kept.push(*a);
+        }
+        if da * db < 0.0 {
+            let t = da / (da - db);
+            kept.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+        }
+    }
+    kept
+}
+
+/// Distance along a ray (unit direction) to where it enters an outline; zero inside it.
+fn first_hit(from: [f64; 2], towards: [f64; 2], outline: &[[f64; 2]]) -> Option<f64> {
+    let mut hits = Vec::new();
+    for (i, a) in outline.iter().enumerate() {
+        let b = outline[(i + 1) % outline.len()];
+        let edge = [b[0] - a[0], b[1] - a[1]];
+        let to = [a[0] - from[0], a[1] - from[1]];
+        let cross = towards[0] * edge[1] - towards[1] * edge[0];
+        if cross.abs() < 1e-12 {
+            continue;
+        }
+        let along = (to[0] * edge[1] - to[1] * edge[0]) / cross;
+        let place = (to[0] * towards[1] - to[1] * towards[0]) / cross;
+        if (0.0..=1.0).contains(&place) && along >= 0.0 {
+            hits.push(along);
+        }
+    }
+    // One crossing of a convex outline: the ray began inside.
+    match hits.len() {
+        0 => None,
+        1 => Some(0.0),
+        _ => Some(hits.iter().copied().fold(f64::INFINITY, f64::min)),
+    }
+}
