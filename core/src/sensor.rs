@@ -6,7 +6,7 @@ use schemars::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{BuildError, Outputs, PublishError};
-use crate::camera::{Distortion, Intrinsics, Mount};
+use crate::camera::{Distortion, Intrinsics, MirrorCamera, Mount};
 use crate::config::FileKind;
 use crate::drive::Drive;
 use crate::message::{Axes, MessageType};
@@ -82,6 +82,15 @@ pub enum SensorKind {
         /// Whether the intrinsics were measured, not guessed.
         calibrated: Calibration,
     },
+    /// A camera that looks all around through a mirror.
+    MirrorCamera {
+        /// The mirror and its image.
+        camera: Box<MirrorCamera>,
+        /// Where the lens, or the viewpoint of a radial model, sits on the robot; upright at zero angles.
+        mount: Mount,
+        /// Whether mirror and mount were measured, not guessed.
+        calibrated: Calibration,
+    },
     /// Sonars or a laser.
     Range {
         /// Nearest range, metres.
@@ -114,6 +123,17 @@ pub struct Robot {
     pub limits: MotionLimits,
     /// Axes that the drive has.
     pub axes: Axes,
+}
+
+impl SensorKind {
+    /// Where a camera of any kind sits on the robot; `None` for everything else.
+    #[must_use]
+    pub fn camera_mount(&self) -> Option<&Mount> {
+        match self {
+            SensorKind::Camera { mount, .. } | SensorKind::MirrorCamera { mount, .. } => Some(mount),
+            SensorKind::Range { .. } | SensorKind::Other => None,
+        }
+    }
 }
 
 impl Default for Robot {

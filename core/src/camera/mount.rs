@@ -48,10 +48,26 @@ impl Mount {
     /// body frame at zero angles.
     #[must_use]
     pub fn rotation_body_from_camera(&self) -> Matrix3<f64> {
+        self.rotation_body_from_mirror() * Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0)
+    }
+
+    /// The rigid transform from a mirror camera's frame (x ahead, y left, z along the mirror's axis) to the body frame.
+    #[must_use]
+    pub fn body_from_mirror(&self) -> Isometry3<f64> {
+        let rotation = Rotation3::from_matrix_unchecked(self.rotation_body_from_mirror());
+        Isometry3::from_parts(
+            Translation3::from(self.position_in_body()),
+            UnitQuaternion::from_rotation_matrix(&rotation),
+        )
+    }
+
+    /// The rotation `Rz(pan) Ry(tilt) Rx(roll)`: a mirror camera's axes in the body frame.
+    #[must_use]
+    pub fn rotation_body_from_mirror(&self) -> Matrix3<f64> {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.pan)
             * Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt)
             * Rotation3::from_axis_angle(&Vector3::x_axis(), self.roll);
-        turn.matrix() * Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0)
+        turn.into_inner()
     }
 
     /// The optical centre in the body frame, metres.

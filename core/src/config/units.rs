@@ -26,6 +26,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_radps3", "rad/s³"),
     ("_percent", "%"),
     ("_per_m", "1/m"),
+    ("deg_per_px", "°/px"),
     ("_kg", "kg"),
     ("_n", "N"),
     ("_nm", "N m"),

@@ -1,0 +1,267 @@
+//! The picture of a mirror: a ring in the image, in which the direction from the centre tells the azimuth.
+
+use nalgebra::{Matrix2, Vector2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::mirror_camera::MirrorError;
+
+/// Image up is ahead of the robot, image left is its left: a picture as a bird sees it.
+pub const BIRDS_EYE: [[f64; 2]; 2] = [[0.0, -1.0], [-1.0, 0.0]];
+
+/// Where in the image the mirror is seen, and how it is turned there.
+///
+/// The mirror plane has its origin at the image of the mirror's axis; its x points ahead of the robot and its y to the
+/// left, in pixels, so that the angle of a point in it is the azimuth of what is seen there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(into = "MirrorImageConfig")]
+pub struct MirrorImage {
+    /// Image width, pixels.
+    pub width: u32,
+    /// Image height, pixels.
+    pub height: u32,
+    centre: Vector2<f64>,
+    mirror_from_image: Matrix2<f64>,
+    image_from_mirror: Matrix2<f64>,
+    blind_radius_px: f64,
+    rim_radius_px: f64,
+}
+
+impl MirrorImage {
+    /// The image of a mirror as a bird sees it, centred, blind nowhere, with its rim where the image ends.
+    #[must_use]
+    pub fn centred(width: u32, height: u32) -> Self {
+        let turn = Matrix2::new(BIRDS_EYE[0][0], BIRDS_EYE[0][1], BIRDS_EYE[1][0], BIRDS_EYE[1][1]);
+        Self {
+            width,
+            height,
+            centre: Vector2::new(0.5 * (f64::from(width) - 1.0), 0.5 * (f64::from(height) - 1.0)),
+            mirror_from_image: turn,
+            image_from_mirror: turn,
+            blind_radius_px: 0.0,
+            rim_radius_px: 0.5 * f64::from(width.min(height)),
+        }
+    }
+
+    /// The same with its axis at another pixel (u, v).
+    ///
+    /// # Errors
+    /// [`MirrorError::Centre`] for numbers that are not finite.
+    pub fn with_centre(self, centre: Vector2<f64>) -> Result<Self, MirrorError> {
+        if !centre.iter().all(|value| value.is_finite()) {
+            return Err(MirrorError::Centre);
+        }
+        Ok(Self { centre, ..self })
+    }
+
+    /// The same with another matrix from image to mirror directions: a turned or a flipped picture, or pixels that are
+    /// not square.
+    ///
+    /// # Errors
+    /// [`MirrorError::Orientation`] for a matrix that has no useful inverse.
+    pub fn with_orientation(self, mirror_from_image: Matrix2<f64>) -> Result<Self, MirrorError> {
+        let determinant = mirror_from_image.determinant().abs();
+        match mirror_from_image.try_inverse() {
+            Some(image_from_mirror) if (0.05..=20.0).contains(&determinant) => {
+                Ok(Self { mirror_from_image, image_from_mirror, ..self })
+            }
+            _ => Err(MirrorError::Orientation),
+        }
+    }
+
+    /// The same with another ring, from the blind centre to the rim of the mirror, pixels of the mirror plane.
+    ///
+    /// # Errors
+    /// [`MirrorError::Ring`] unless 0 <= blind < rim.
+    pub fn with_ring(self, blind_radius_px: f64, rim_radius_px: f64) -> Result<Self, MirrorError> {
+        if blind_radius_px >= 0.0 && blind_radius_px < rim_radius_px && rim_radius_px.is_finite() {
+            Ok(Self { blind_radius_px, rim_radius_px, ..self })
+        } else {
+            Err(MirrorError::Ring { blind_radius_px, rim_radius_px })
+        }
+    }
+
+    /// The pixel (u, v) of the mirror's axis.
+    #[must_use]
+    pub fn centre(&self) -> Vector2<f64> {
+        self.centre
+    }
+
+    /// Nothing is seen nearer to the axis than this, pixels of the mirror plane: camera and robot are in the way.
+    #[must_use]
+    pub fn blind_radius_px(&self) -> f64 {
+        self.blind_radius_px
+    }
+
+    /// The mirror ends here, pixels of the mirror plane.
+    #[must_use]
+    pub fn rim_radius_px(&self) -> f64 {
+        self.rim_radius_px
+    }
+
+    /// The point of the mirror plane (x ahead, y left, pixels) at a pixel.
+    #[inline]
+    #[must_use]
+    pub fn mirror_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
+        self.mirror_from_image * (pixel - self.centre)
+    }
+
+    /// The pixel of a point of the mirror plane.
+    #[inline]
+    #[must_use]
+    pub fn pixel_from_mirror(&self, point_in_mirror: Vector2<f64>) -> Vector2<f64> {
+        self.centre + self.image_from_mirror * point_in_mirror
+    }
+
+    /// The pixel at a distance from the axis (pixels of the mirror plane) and an azimuth (rad, to the left of ahead).
+    #[inline]
+    #[must_use]
+    pub fn pixel_from_polar(&self, radius_px: f64, azimuth_rad: f64) -> Vector2<f64> {
+        let (sin, cos) = azimuth_rad.sin_cos();
+        self.pixel_from_mirror(Vector2::new(radius_px * cos, radius_px * sin))
+    }
+
+    /// The azimuth seen at a pixel, rad in (-pi, pi], to the left of ahead; `None` on the axis, where there is none.
+    #[must_use]
+    pub fn azimuth_from_pixel(&self, pixel: Vector2<f64>) -> Option<f64> {
+        let point = self.mirror_from_pixel(pixel);
+        (point.norm_squared() > 0.0).then(|| point.y.atan2(point.x))
+    }
+
+    /// How a pixel moves, per pixel of the mirror plane, on the way outwards at an azimuth.
+    #[must_use]
+    pub fn outward(&self, azimuth_rad: f64) -> Vector2<f64> {
+        let (sin, cos) = azimuth_rad.sin_cos();
+        self.image_from_mirror * Vector2::new(cos, sin)
+    }
+
+    /// How a pixel moves, per pixel of the mirror plane, on the way of growing azimuth.
+    #[must_use]
+    pub fn around(&self, azimuth_rad: f64) -> Vector2<f64> {
+        let (sin, cos) = azimuth_rad.sin_cos();
+        self.image_from_mirror * Vector2::new(-sin, cos)
+    }
+
+    /// Whether the mirror shows something at this distance from its axis.
+    #[inline]
+    #[must_use]
+    pub fn is_in_ring(&self, radius_px: f64) -> bool {
+        radius_px >= self.blind_radius_px && radius_px <= self.rim_radius_px
+    }
+
+    /// Whether the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
+    #[must_use]
+    pub fn contains(&self, pixel: Vector2<f64>) -> bool {
+        pixel.x >= -0.5
+            && pixel.y >= -0.5
+            && pixel.x < f64::from(self.width) - 0.5
+            && pixel.y < f64::from(self.height) - 0.5
+    }
+}
+
+/// A [`MirrorImage`] as a robot file writes it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MirrorImageConfig {
+    /// Image width, pixels, 16 to 8192.
+    #[schemars(range(min = 16, max = 8192))]
+    pub width: u32,
+    /// Image height, pixels, 16 to 8192.
+    #[schemars(range(min = 16, max = 8192))]
+    pub height: u32,
+    /// Column of the mirror's axis, pixels, -8192 to 16384; default (width - 1)/2.
+    #[serde(default)]
+    #[schemars(range(min = -8192.0, max = 16_384.0))]
+    pub cu: Option<f64>,
+    /// Row of the mirror's axis, pixels, -8192 to 16384; default (height - 1)/2.
+    #[serde(default)]
+    #[schemars(range(min = -8192.0, max = 16_384.0))]
+    pub cv: Option<f64>,
+    /// Radius around the axis in which camera and robot are seen and nothing else, pixels, 0 to 8192, default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 8192.0))]
+    pub blind_radius_px: f64,
+    /// Radius of the mirror's rim, pixels, 1 to 16384; default half of the image's shorter side.
+    #[serde(default)]
+    #[schemars(range(min = 1.0, max = 16_384.0))]
+    pub rim_radius_px: Option<f64>,
+    /// Two rows that turn (right, down) in the image into (ahead, left) at the mirror, each -4 to 4; default
+    /// [[0, -1], [-1, 0]]: image up is ahead, image left is left. A camera that looks up at its mirror and whose picture
+    /// was not flipped has [[0, -1], [1, 0]].
+    #[serde(default = "birds_eye")]
+    #[schemars(inner(inner(range(min = -4.0, max = 4.0))))]
+    pub mirror_from_image: [[f64; 2]; 2],
+}
+
+impl MirrorImageConfig {
+    /// The checked image.
+    ///
+    /// # Errors
+    /// [`MirrorError`] for a matrix without inverse or a ring without width.
+    pub fn image(&self) -> Result<MirrorImage, MirrorError> {
+        let plain = MirrorImage::centred(self.width, self.height);
+        let [[a, b], [c, d]] = self.mirror_from_image;
+        let centre = Vector2::new(self.cu.unwrap_or(plain.centre.x), self.cv.unwrap_or(plain.centre.y));
+        plain
+            .with_centre(centre)?
+            .with_orientation(Matrix2::new(a, b, c, d))?
+            .with_ring(self.blind_radius_px, self.rim_radius_px.unwrap_or(plain.rim_radius_px))
+    }
+}
+
+impl From<MirrorImage> for MirrorImageConfig {
+    fn from(image: MirrorImage) -> Self {
+        let m = &image.mirror_from_image;
+        Self {
+            width: image.width,
+            height: image.height,
+            cu: Some(image.centre.x),
+            cv: Some(image.centre.y),
+            blind_radius_px: image.blind_radius_px,
+            rim_radius_px: Some(image.rim_radius_px),
+            mirror_from_image: [[m.m11, m.m12], [m.m21, m.m22]],
+        }
+    }
+}
+
+fn birds_eye() -> [[f64; 2]; 2] {
+    BIRDS_EYE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn up_is_ahead_and_left_is_left() {
+        let image = MirrorImage::centred(512, 480);
+        assert_eq!(image.mirror_from_pixel(Vector2::new(255.5, 139.5)), Vector2::new(100.0, 0.0));
+        assert_eq!(image.azimuth_from_pixel(Vector2::new(155.5, 239.5)), Some(FRAC_PI_2));
+        assert_eq!(image.azimuth_from_pixel(image.centre()), None);
+        assert!((image.outward(0.0) - Vector2::new(0.0, -1.0)).norm() < 1e-15);
+        assert!((image.around(0.0) - Vector2::new(-1.0, 0.0)).norm() < 1e-15);
+        assert_eq!((image.rim_radius_px(), image.is_in_ring(240.1)), (240.0, false));
+    }
+
+    #[test]
+    fn a_picture_that_was_not_flipped_has_left_on_its_right() {
+        let config: MirrorImageConfig =
+            toml::from_str("width = 64\nheight = 64\nmirror_from_image = [[0, -1], [1, 0]]").unwrap();
+        let image = config.image().unwrap();
+        assert_eq!(image.azimuth_from_pixel(Vector2::new(60.0, 31.5)), Some(FRAC_PI_2));
+        let there = image.pixel_from_polar(20.0, 0.7);
+        assert!((image.azimuth_from_pixel(there).unwrap() - 0.7).abs() < 1e-14);
+        assert!((image.mirror_from_pixel(there).norm() - 20.0).abs() < 1e-13);
+    }
+
+    #[test]
+    fn what_is_no_ring_and_no_orientation_is_refused() {
+        let image = MirrorImage::centred(64, 48);
+        assert!(matches!(image.with_ring(30.0, 24.0), Err(MirrorError::Ring { .. })));
+        assert!(image.with_ring(-1.0, 24.0).is_err() && image.with_ring(0.0, f64::NAN).is_err());
+        assert_eq!(image.with_orientation(Matrix2::new(1.0, 1.0, 1.0, 1.0)), Err(MirrorError::Orientation));
+        assert_eq!(image.with_orientation(Matrix2::repeat(f64::NAN)), Err(MirrorError::Orientation));
+        assert_eq!(image.with_centre(Vector2::new(f64::NAN, 0.0)), Err(MirrorError::Centre));
+    }
+}
