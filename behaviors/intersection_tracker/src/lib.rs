@@ -59,8 +59,10 @@ const AXIS_SIGMA_RAD: f64 = 0.03;
 const APART: (f64, f64) = (0.3, 10.0);
 /// A pair nearer by this (m) than the one that is not yet confirmed is taken instead.
 const NEARER_M: f64 = 0.8;
-/// A new intersection must lie this much beyond the one handed over, metres.
-const PASSED_M: f64 = 0.5;
+/// An intersection handed over is passed once it is behind the robot or farther away than this (m) ...
+const PASSED_M: f64 = 3.0;
+/// ... or, without odometry, after so long, s.
+const PASSED_S: f64 = 5.0;
 
 /// Steers towards the middle between the two edges where the walls of a corridor end.
 #[derive(Clone, Debug)]
@@ -78,7 +80,7 @@ pub struct IntersectionTracker {
     /// Angle of the corridor's axis in the odometry frame, and when it was seen.
     axis: Option<(f64, Time)>,
     lost_at: Option<Time>,
-    handed_over: Option<Point2<f64>>,
+    handed_over: Option<HandedOver>,
     trouble: Option<Reason>,
 }
 
@@ -87,6 +89,13 @@ pub struct IntersectionTracker {
 struct Picture {
     stamp: Time,
     pose: Option<Pose2>,
+}
+
+/// An intersection that the robot has come to: where, in the odometry frame, and when.
+#[derive(Clone, Copy, Debug)]
+struct HandedOver {
+    point: Point2<f64>,
+    stamp: Time,
 }
 
 impl Plugin for IntersectionTracker {
@@ -268,11 +277,17 @@ impl IntersectionTracker {
         let pose = taken.pose.unwrap_or_default();
         let camera = *self.sight.camera();
         if self.hands_over(&pose, &camera) {
-            self.handed_over = self.track.landmarks().map(|landmarks| {
-                nalgebra::center(&landmarks.point(Side::Left), &landmarks.point(Side::Right))
+            self.handed_over = self.track.landmarks().map(|landmarks| HandedOver {
+                point: nalgebra::center(&landmarks.point(Side::Left), &landmarks.point(Side::Right)),
+                stamp: taken.stamp,
             });
             self.forget();
         }
+        if !self.has_passed(taken) {
+            self.trouble = None;
+            return;
+        }
+        self.handed_over = None;
         let seen = self.track.follow(image, &pose, &camera);
         self.trouble = None;
         let is_confirmed = self.track.pictures() >= self.config.confirm_pictures;
@@ -289,6 +304,18 @@ impl IntersectionTracker {
         let is_near =
             self.ahead(pose).is_some_and(|ahead| ahead.distance_m - camera.mount.x < self.config.nearest_m);
         is_near || self.track.leaves_picture(pose, camera)
+    }
+
+    /// Whether there is no intersection at which the robot still is.
+    fn has_passed(&self, taken: &Picture) -> bool {
+        let Some(last) = self.handed_over else { return true };
+        match taken.pose {
+            Some(pose) => {
+                let point = pose.inverse().transform_point(last.point);
+                point.x < 0.0 || point.coords.norm() > PASSED_M
+            }
+            None => taken.stamp.seconds_after(last.stamp) > PASSED_S,
+        }
     }
 
     /// Finds where the walls end, for a new track or for the edges that the track misses.
@@ -311,19 +338,14 @@ impl IntersectionTracker {
             }
         }
         let tracked_m = self.ahead(pose).map(|ahead| ahead.distance_m);
-        let is_new = |point: Point2<f64>| {
-            let passed = self.handed_over.map(|passed| pose.inverse().transform_point(passed));
-            taken.pose.is_none() || passed.is_none_or(|passed| point.x > passed.x + PASSED_M)
-        };
         if let Some(pair) = self.finder.pair(&self.sight, &sighting, &self.rule) {
             let middle = nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot);
             let is_nearer = tracked_m.is_none_or(|tracked| middle.x < tracked - NEARER_M);
-            if is_new(middle) && (is_nearer || self.track.pictures() == 0) {
+            if is_nearer || self.track.pictures() == 0 {
                 return self.track.begin_pair(image, pose, &camera, &pair);
             }
         }
-        let single = self.finder.nearest().filter(|end| is_new(end.point_in_robot));
-        if let (None, Some(end)) = (self.track.landmarks(), single)
+        if let (None, Some(end)) = (self.track.landmarks(), self.finder.nearest())
             && let Some(partner) = EndFinder::partner(&self.sight, &sighting, &end)
         {
             return self.track.begin_single(image, pose, &camera, &end, partner);

@@ -21,6 +21,8 @@ const LARGEST_SIGMA_M: f64 = 2.0;
 const HEIGHTS_M: [f64; 8] = [0.35, 0.6, 0.85, 1.1, 1.35, 1.6, 1.85, 2.1];
 /// Another height is taken where the edge is so much steeper there.
 const BETTER_BY: f64 = 1.5;
+/// After a miss an edge is looked for elsewhere along itself only where its column is known so well, pixels.
+const RETAKE_GATE_PX: f64 = 5.0;
 
 /// An edge and how it is seen.
 #[derive(Clone, Debug)]
@@ -209,6 +211,7 @@ impl IntersectionTrack {
                 Err(reason) => {
                     edge.misses += 1;
                     edge.trouble = Some(reason);
+                    edge.retake(image, landmarks, pose, camera, side);
                 }
             }
         }
@@ -298,6 +301,24 @@ impl Edge {
             self.above_m = above_m;
         }
         Ok(at)
+    }
+
+    /// After a miss: takes the templates anew where the edge is still seen just where it must be. It stays missed until the
+    /// next picture matches.
+    fn retake(
+        &mut self,
+        image: ImageView<'_>,
+        landmarks: &Landmarks,
+        pose: &Pose2,
+        camera: &CorridorCamera,
+        side: Side,
+    ) {
+        if let Some((above_m, aim, _)) = self.best_height(image, landmarks, pose, camera, side)
+            && aim.gate_px < RETAKE_GATE_PX
+            && self.template.acquire(image, &aim).is_ok()
+        {
+            self.above_m = above_m;
+        }
     }
 
     /// Takes the templates where the edge is seen best; gives its place at the camera's height, undistorted pixels.
