@@ -7,6 +7,7 @@ use yamabico_core::sensor::DriverPlugin;
 /// The behaviours.
 static BEHAVIORS: &[BehaviorPlugin] = &[
     BehaviorPlugin::of::<yamabico_free_space_avoider::FreeSpaceAvoider>(),
+    BehaviorPlugin::of::<yamabico_intersection_tracker::IntersectionTracker>(),
     BehaviorPlugin::of::<yamabico_map_localizer::MapLocalizer>(),
     BehaviorPlugin::of::<yamabico_sonar_halt::SonarHalt>(),
     BehaviorPlugin::of::<yamabico_wall_follower::WallFollower>(),
