@@ -80,11 +80,17 @@ impl Cells {
         }));
     }
 
-    /// Share of the cells that hold an obstacle, 0 to 1.
+    /// Share of the cells that hold an obstacle, 0 to 1, among the lowest ones: so many of each column, from the left. Zero
+    /// among none.
     #[must_use]
-    pub fn obstacle_share(&self) -> f64 {
-        let obstacles = self.is_obstacle.iter().filter(|&&cell| cell).count();
-        obstacles as f64 / self.is_obstacle.len().max(1) as f64
+    pub fn obstacle_share(&self, among: &[u32]) -> f64 {
+        let (mut cells, mut obstacles) = (0, 0);
+        for (column, &height) in among.iter().enumerate().take(self.size.columns) {
+            let rows = 0..(height as usize).min(self.size.rows);
+            cells += rows.len();
+            obstacles += rows.filter(|&row| self.is_obstacle(column, row)).count();
+        }
+        obstacles as f64 / cells.max(1) as f64
     }
 
     /// Whether the middle of the lowest rows is free: 3 x 2 cells of 17 x 9, as large a part of other grids. The robot
@@ -115,7 +121,9 @@ mod tests {
         let marked: Vec<bool> = (0..4).map(|column| cells.is_obstacle(column, 1)).collect();
         assert_eq!(marked, [false, false, true, true], "one of four pixels is not enough");
         assert!(cells.is_obstacle(0, 0) && !cells.is_obstacle(4, 0) && !cells.is_obstacle(0, 2));
-        assert_eq!(cells.obstacle_share(), 3.0 / 8.0);
+        assert_eq!(cells.obstacle_share(&[2; 4]), 3.0 / 8.0);
+        assert_eq!(cells.obstacle_share(&[1, 0, 0, 2]), 2.0 / 3.0);
+        assert_eq!(cells.obstacle_share(&[0; 4]), 0.0);
     }
 
     #[test]

@@ -90,15 +90,9 @@ impl GroundGrid {
         floor.near_m.is_finite().then_some(floor.near_m)
     }
 
-    /// Share of the cells that show floor, 0 to 1.
-    #[must_use]
-    pub fn floor_share(&self) -> f64 {
-        let cells = self.floor.iter().flatten().count();
-        cells as f64 / self.floor.len().max(1) as f64
-    }
-
     /// The end of the free floor of a column with so many free cells from the bottom: the near edge of the first that is
-    /// not, less the quarter that an obstacle may reach out of it. Direction and distance from the robot's centre.
+    /// not, less the quarter that an obstacle across the column may reach out of it; a narrower one may reach out farther.
+    /// Direction and distance from the robot's centre.
     #[must_use]
     pub fn end(&self, column: usize, free: u32) -> Option<FreeDirection> {
         let free = (free as usize).min(self.size.rows);
@@ -201,9 +195,8 @@ mod tests {
 
     #[test]
     fn a_camera_that_looks_up_shows_no_floor() {
-        assert_eq!((grid(-40.0).nearest_m(), grid(-40.0).floor_share()), (None, 0.0));
+        assert_eq!(grid(-40.0).nearest_m(), None);
         assert!(grid(28.0).nearest_m().is_some_and(|near_m| near_m < 0.42));
-        assert_eq!(grid(0.0).floor_share(), 5.0 / 9.0);
         assert_eq!(grid(-40.0).end(3, 9).unwrap().distance_m, FARTHEST_M);
     }
 }

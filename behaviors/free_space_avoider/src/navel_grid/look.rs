@@ -114,6 +114,18 @@ impl Look {
         }
     }
 
+    /// The cells as they were marked last.
+    #[must_use]
+    pub fn marked(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// Columns, rows, side.
+    #[must_use]
+    pub fn size(&self) -> GridSize {
+        self.cells.size()
+    }
+
     /// The filtered picture that was measured last.
     #[must_use]
     pub fn filtered(&self) -> &GrayImage {

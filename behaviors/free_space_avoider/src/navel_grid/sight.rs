@@ -13,7 +13,7 @@ use super::steering::Outlook;
 use super::weights::Sets;
 use crate::config::{Config, PolarityRule};
 
-/// With a larger share of obstacles the floor itself looks like one.
+/// With a larger share of obstacles among the cells of the floor that is weighed, the floor itself looks like one.
 const LARGEST_OBSTACLE_SHARE: f64 = 0.6;
 /// A turn ends where the way is free for so much (m) farther ...
 const SPARE_LENGTH_M: f64 = 0.1;
@@ -25,7 +25,7 @@ const SPARE_SIDE_M: f64 = 0.05;
 pub enum Trouble {
     /// Floor and obstacles cannot be told apart: darkness, glare, a covered lens, or nothing but one surface.
     LowContrast,
-    /// More than 60 % of the cells look like obstacles.
+    /// More than 60 % of the cells of the floor within the stopping distance look like obstacles.
     FloorModelBroken,
     /// At the start, the floor right before the robot looks like an obstacle: of the other polarity, or something is there.
     NoFloorAhead,
@@ -54,7 +54,6 @@ pub struct Sight {
     spare: Vec<u32>,
     polarity: Option<Polarity>,
     has_started: bool,
-    cells: Cells,
     free: Vec<u32>,
     directions: Vec<FreeDirection>,
 }
@@ -79,9 +78,6 @@ impl Sight {
                  further down, drive faster or set a larger margin_m"
             ));
         };
-        if 2.0 * ground.floor_share() < LARGEST_OBSTACLE_SHARE {
-            return broken("shows mostly what is above the horizon: tilt it further down".into());
-        }
         if !half_width_m.is_finite() || !length_m.is_finite() {
             return broken("the robot's radius, speed or deceleration give no finite way to stop".into());
         }
@@ -97,7 +93,6 @@ impl Sight {
                 PolarityRule::Auto => None,
             },
             has_started: false,
-            cells: Cells::new(size),
             free: Vec::with_capacity(size.columns),
             directions: Vec::with_capacity(size.columns),
         })
@@ -113,10 +108,11 @@ impl Sight {
         let Some(polarity) = self.start() else {
             return (Outlook::Unclear, Some(Trouble::NoFloorAhead));
         };
-        self.cells.clone_from(self.look.cells(polarity));
-        self.cells.profile(&mut self.free);
+        let cells = self.look.cells(polarity);
+        cells.profile(&mut self.free);
+        let share = cells.obstacle_share(&self.sets.profile);
         let weights = self.sets.weigh(&self.free);
-        if self.cells.obstacle_share() > LARGEST_OBSTACLE_SHARE {
+        if share > LARGEST_OBSTACLE_SHARE {
             return (Outlook::Seen(weights, Passage::Obstructed), Some(Trouble::FloorModelBroken));
         }
         let ends = self.free.iter().enumerate().rev();
@@ -130,10 +126,10 @@ impl Sight {
         &self.directions
     }
 
-    /// The cells of the last picture that said something.
+    /// The cells of the last picture with floor and obstacles in it.
     #[must_use]
     pub fn cells(&self) -> &Cells {
-        &self.cells
+        self.look.marked()
     }
 
     /// Of each column from the left, the free cells from the bottom.
@@ -157,7 +153,7 @@ impl Sight {
     /// Columns, rows, side.
     #[must_use]
     pub fn size(&self) -> GridSize {
-        self.cells.size()
+        self.look.size()
     }
 
     /// The polarity, once the floor right before the robot has been floor.

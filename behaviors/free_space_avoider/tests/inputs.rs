@@ -1,0 +1,252 @@
+//! Good, missing, stale and broken pictures, and cameras that cannot do.
+
+#[allow(dead_code, reason = "the examples use the rest")]
+#[path = "../examples/office/mod.rs"]
+mod office;
+
+use yamabico_core::camera::{Intrinsics, Mount};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::GrayImage;
+use yamabico_core::message::{FreeSpaceHeader, Kind, Odometry, Proposal, Reason};
+use yamabico_core::testing::Bench;
+use yamabico_core::time::Time;
+use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, ODOMETRY};
+use yamabico_sim::random::stream;
+use yamabico_sim::{Renderer, Scene, World};
+
+const WIDTH: usize = 340;
+const HEIGHT: usize = 180;
+
+/// Free floor ahead, from the middle of the first room.
+const FREE: Pose2 = Pose2 { x: 1.7, y: 2.6, theta: 0.0 };
+/// Before the cupboard.
+const BLOCKED: Pose2 = Pose2 { x: 1.2, y: 2.6, theta: 3.1 };
+
+fn picture(robot: Pose2) -> GrayImage {
+    let scene = Scene::new(&World::from_toml(office::OFFICE).expect("a world"), 1).expect("a scene");
+    let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
+    office::render(&mut renderer, &scene, office::camera(WIDTH as u32, HEIGHT as u32), robot)
+        .expect("a picture")
+}
+
+fn bench(toml: &str) -> Bench<FreeSpaceAvoider> {
+    let (intrinsics, mount) = office::camera(WIDTH as u32, HEIGHT as u32);
+    Bench::new(toml, office::setup(intrinsics, mount)).expect("a valid configuration")
+}
+
+fn show(bench: &mut Bench<FreeSpaceAvoider>, seconds: f64, image: &GrayImage) -> Proposal {
+    let (intrinsics, _) = office::camera(WIDTH as u32, HEIGHT as u32);
+    bench.at(seconds).feed(&CAMERA, &office::frame_header(&intrinsics, seconds), image.pixels()).propose()
+}
+
+fn flat(level: u8) -> GrayImage {
+    let mut image = GrayImage::new(WIDTH, HEIGHT);
+    image.pixels_mut().fill(level);
+    image
+}
+
+fn negative(image: &GrayImage) -> GrayImage {
+    let mut negative = image.clone();
+    negative.pixels_mut().iter_mut().for_each(|pixel| *pixel = 255 - *pixel);
+    negative
+}
+
+/// Mean of the surrounding square.
+fn blurred(image: &GrayImage, radius: usize) -> GrayImage {
+    let view = image.view().expect("pixels");
+    let mut blurred = image.clone();
+    for v in 0..HEIGHT {
+        for u in 0..WIDTH {
+            let (mut sum, mut count) = (0_u32, 0);
+            for y in v.saturating_sub(radius)..=(v + radius).min(HEIGHT - 1) {
+                for x in u.saturating_sub(radius)..=(u + radius).min(WIDTH - 1) {
+                    sum += u32::from(view.pixel(x, y));
+                    count += 1;
+                }
+            }
+            blurred.pixels_mut()[v * WIDTH + u] = (sum / count) as u8;
+        }
+    }
+    blurred
+}
+
+fn is_standing(proposal: &Proposal) -> bool {
+    proposal.kind() == Some(Kind::Drive) && proposal.twist.linear == 0.0 && proposal.twist.angular == 0.0
+}
+
+#[test]
+fn drives_on_free_floor_and_turns_before_a_cupboard() {
+    let mut bench = bench("");
+    let proposal = show(&mut bench, 1.0, &picture(FREE));
+    assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Drive), Some(Reason::Nominal)));
+    assert!((0.2..=0.3).contains(&proposal.twist.linear), "{}", proposal.twist.linear);
+    assert_eq!(proposal.evidence_ns, Time::from_secs_f64(1.0).0);
+    let proposal = show(&mut bench, 1.1, &picture(BLOCKED));
+    assert_eq!((proposal.twist.linear, proposal.twist.angular.abs()), (0.0, 0.4));
+    assert_eq!((proposal.reason(), proposal.coupled), (Some(Reason::Searching), 0));
+}
+
+#[test]
+fn free_space_is_told_from_right_to_left_and_never_too_far() {
+    let mut bench = bench("");
+    show(&mut bench, 1.0, &picture(FREE));
+    let published = bench.published::<FreeSpaceHeader>("free-space");
+    let [(header, directions)] = &published[..] else { panic!("{} messages", published.len()) };
+    assert_eq!((header.stamp_ns, header.evidence_ns), (1_000_000_000, 1_000_000_000));
+    assert_eq!(directions.len(), 17);
+    assert!(directions.is_sorted_by(|a, b| a.azimuth_rad < b.azimuth_rad));
+    // The free room in the true world: from the robot's centre along each direction to the first solid.
+    let scene = Scene::new(&World::from_toml(office::OFFICE).expect("a world"), 1).expect("a scene");
+    let free_m = |azimuth_rad: f64| {
+        let hits = |metres: &f64| {
+            let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*metres, 0.0].into());
+            let point = FREE.transform_point(ahead);
+            yamabico_sim::clearance::to_solids(scene.solids(), [point.x, point.y], 0.0, 1.0) <= 0.0
+        };
+        (1..2000).map(|step| 0.005 * f64::from(step)).find(hits).unwrap_or(10.0)
+    };
+    for direction in directions {
+        // What stands in less than a quarter of a cell is not seen: the column is free that far somewhere in its width.
+        let across = [-0.05, -0.025, 0.0, 0.025, 0.05].map(|aside| free_m(direction.azimuth_rad + aside));
+        let farthest_m = across.into_iter().fold(0.0, f64::max);
+        let (told_m, degrees) = (direction.distance_m, direction.azimuth_rad.to_degrees());
+        assert!(told_m <= farthest_m, "{degrees:.0} degrees: told {told_m:.2} m, free {farthest_m:.2} m");
+    }
+    show(&mut bench, 1.1, &flat(90));
+    assert!(bench.published::<FreeSpaceHeader>("free-space").is_empty(), "nothing was seen");
+}
+
+#[test]
+fn missing_and_stale_pictures_are_named() {
+    let mut bench = bench("");
+    assert_eq!(bench.propose().reason(), Some(Reason::NoInput));
+    show(&mut bench, 1.0, &picture(FREE));
+    assert_eq!(bench.at(1.4).propose().kind(), Some(Kind::Drive));
+    let stale = bench.at(1.6).propose();
+    assert_eq!((stale.kind(), stale.reason()), (Some(Kind::Abstain), Some(Reason::StaleInput)));
+    assert_eq!(show(&mut bench, 1.7, &picture(FREE)).kind(), Some(Kind::Drive));
+}
+
+#[test]
+fn frames_of_wrong_size_encoding_or_time_are_refused() {
+    let image = picture(FREE);
+    let (intrinsics, _) = office::camera(WIDTH as u32, HEIGHT as u32);
+    let good = office::frame_header(&intrinsics, 2.0);
+    let mut headers = vec![good; 6];
+    headers[0].width = 640;
+    headers[1].stride = 100;
+    headers[2].encoding = 99;
+    headers[3].stamp_ns = Time::from_secs_f64(5.0).0;
+    headers[4].stamp_ns = Time::from_secs_f64(1.0).0;
+    headers[5].height = 181;
+    for (case, header) in headers.iter().enumerate() {
+        let mut bench = bench("");
+        show(&mut bench, 1.5, &image);
+        let proposal = bench.at(2.0).feed(&CAMERA, header, image.pixels()).propose();
+        assert_eq!(proposal.kind(), Some(Kind::Abstain), "case {case}");
+        assert_eq!(proposal.reason(), Some(Reason::MalformedInput), "case {case}");
+        let proposal = bench.at(2.1).feed(&CAMERA, &good, image.pixels()).propose();
+        assert_eq!(proposal.kind(), Some(Kind::Drive), "case {case}: recovers");
+    }
+    let mut bench = bench("");
+    let proposal = bench.at(2.0).feed(&CAMERA, &good, &image.pixels()[1..]).propose();
+    assert_eq!(proposal.reason(), Some(Reason::MalformedInput), "too few bytes");
+}
+
+#[test]
+fn dark_bright_and_covered_pictures_stop_it() {
+    let free = picture(FREE);
+    for level in [0, 90, 255] {
+        let mut bench = bench("");
+        show(&mut bench, 1.0, &free);
+        for tenth in 11..60 {
+            let proposal = show(&mut bench, 0.1 * f64::from(tenth), &flat(level));
+            assert!(is_standing(&proposal), "level {level}");
+            assert_eq!(proposal.reason(), Some(Reason::LowContrast), "level {level}");
+        }
+        assert!(show(&mut bench, 6.0, &free).twist.linear > 0.0, "level {level}: goes on");
+    }
+    let mut dusk = free.clone();
+    dusk.pixels_mut().iter_mut().for_each(|pixel| *pixel /= 12);
+    let mut bench = bench("");
+    assert_eq!(show(&mut bench, 1.0, &dusk).reason(), Some(Reason::LowContrast));
+    // A hand before the lower three quarters.
+    let mut covered = free.clone();
+    covered.pixels_mut()[WIDTH * HEIGHT / 4..].fill(5);
+    show(&mut bench, 1.1, &free);
+    let proposal = show(&mut bench, 1.2, &covered);
+    assert!(is_standing(&proposal), "{:?}", proposal.twist);
+    assert_eq!(proposal.reason(), Some(Reason::FloorModelBroken));
+}
+
+#[test]
+fn blurred_pictures_give_the_same_turns() {
+    for radius in [1, 3, 6] {
+        let mut bench = bench("");
+        assert!(show(&mut bench, 1.0, &blurred(&picture(FREE), radius)).twist.linear > 0.0, "{radius}");
+        let proposal = show(&mut bench, 1.1, &blurred(&picture(BLOCKED), radius));
+        assert_eq!(proposal.twist.linear, 0.0, "{radius}");
+    }
+}
+
+#[test]
+fn a_floor_of_the_other_polarity_stops_it_unless_it_may_tell() {
+    let (free, blocked) = (picture(FREE), picture(BLOCKED));
+    let (dark_free, dark_blocked) = (negative(&free), negative(&blocked));
+    let mut bright = bench("");
+    let proposal = show(&mut bright, 1.0, &dark_free);
+    assert!(is_standing(&proposal) && proposal.reason() == Some(Reason::FloorModelBroken));
+    assert!(proposal.note.as_str().contains("polarity"), "{}", proposal.note);
+    for toml in ["polarity = \"dark-floor\"", "polarity = \"auto\""] {
+        let mut bench = bench(toml);
+        assert!(show(&mut bench, 1.0, &dark_free).twist.linear > 0.0, "{toml}");
+        assert_eq!(show(&mut bench, 1.1, &dark_blocked).twist.linear, 0.0, "{toml}");
+    }
+    let mut auto = bench("polarity = \"auto\"");
+    assert!(show(&mut auto, 1.0, &free).twist.linear > 0.0);
+    assert!(show(&mut auto, 1.1, &dark_free).twist.linear == 0.0, "the first picture decided");
+}
+
+#[test]
+fn shut_in_it_stops_after_a_full_turn_and_says_so() {
+    for has_odometry in [true, false] {
+        let mut bench = bench("");
+        let (free, blocked) = (picture(FREE), picture(BLOCKED));
+        show(&mut bench, 1.0, &free);
+        let (mut turned, mut seconds) = (0.0, 1.0);
+        let shut_in = loop {
+            seconds += 0.1;
+            if has_odometry {
+                let theta = yamabico_core::geometry::wrap_angle(turned);
+                let stamp_ns = Time::from_secs_f64(seconds).0;
+                bench.at(seconds).feed(&ODOMETRY, &Odometry { stamp_ns, theta, ..Odometry::default() }, &[]);
+            }
+            let proposal = show(&mut bench, seconds, &blocked);
+            assert_eq!(proposal.twist.linear, 0.0);
+            if proposal.twist.angular == 0.0 {
+                break proposal;
+            }
+            turned += 0.1 * proposal.twist.angular;
+        };
+        assert_eq!(shut_in.reason(), Some(Reason::PassageBlocked));
+        let full = std::f64::consts::TAU;
+        assert!((full..full + 0.2).contains(&turned.abs()), "turned {turned}, odometry {has_odometry}");
+        assert!(is_standing(&show(&mut bench, seconds + 0.1, &blocked)));
+        assert!(show(&mut bench, seconds + 0.2, &free).twist.linear > 0.0, "the way is free again");
+    }
+}
+
+#[test]
+fn cameras_that_cannot_do_are_refused_with_a_remedy() {
+    let refused = |intrinsics: Intrinsics, mount: Mount, toml: &str| {
+        Bench::<FreeSpaceAvoider>::new(toml, office::setup(intrinsics, mount)).err().expect("refused")
+    };
+    let (intrinsics, mount) = office::camera(340, 180);
+    let upwards = refused(intrinsics, Mount { tilt: -0.8, ..mount }, "");
+    assert!(upwards.problem.contains("no floor") && upwards.problem.contains("tilt"), "{upwards}");
+    assert!(refused(intrinsics, Mount { z: 0.0, ..mount }, "").problem.contains("above the floor"));
+    let far = refused(intrinsics, Mount { x: 0.8, ..mount }, "");
+    assert!(far.problem.contains("stops within"), "{far}");
+    assert_eq!(refused(intrinsics, Mount { z: f64::NAN, ..mount }, "").key, "inputs.camera");
+    assert_eq!(refused(intrinsics, mount, "columns = 3").key, "columns");
+}
