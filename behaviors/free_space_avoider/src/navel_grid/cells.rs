@@ -1,5 +1,7 @@
 //! The grid of cells: which ones hold an obstacle, and how many are free below it.
 
+use std::ops::Range;
+
 /// Columns and rows of a grid, and the side of its square cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridSize {
@@ -93,15 +95,20 @@ impl Cells {
         obstacles as f64 / cells.max(1) as f64
     }
 
-    /// Whether the middle of the lowest rows is free: 3 x 2 cells of 17 x 9, as large a part of other grids. The robot
-    /// stands before them, so at the start they must be floor.
+    /// Whether the foreground, the middle of the lowest rows, is free: 3 x 2 cells of 17 x 9, as large a part of other grids.
+    /// The robot stands before them, so at the start they must be floor.
     #[must_use]
     pub fn is_foreground_free(&self) -> bool {
-        let GridSize { columns, rows, .. } = self.size;
-        let half = (3 * columns).div_ceil(2 * 17);
-        let (begin, end) = ((columns / 2).saturating_sub(half - columns % 2), columns / 2 + half);
-        (0..(2 * rows).div_ceil(9)).all(|row| (begin..end).all(|column| !self.is_obstacle(column, row)))
+        let (mut across, up) = foreground(self.size.columns, self.size.rows);
+        across.all(|column| up.clone().all(|row| !self.is_obstacle(column, row)))
     }
+}
+
+/// Columns (from the left) and rows (from the bottom) of the foreground: 3 x 2 cells of 17 x 9, as large a part of others.
+pub(super) fn foreground(columns: usize, rows: usize) -> (Range<usize>, Range<usize>) {
+    let half = (3 * columns).div_ceil(2 * 17);
+    let begin = (columns / 2).saturating_sub(half - columns % 2);
+    (begin..(columns / 2 + half).min(columns), 0..(2 * rows).div_ceil(9))
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use yamabico_core::vision::dark_cells::DarkCells;
 use yamabico_core::vision::isodata::{IsodataError, Threshold, threshold_of_pixels, threshold_within};
 use yamabico_core::vision::median::Median3;
 
-use super::cells::{Cells, GridSize};
+use super::cells::{Cells, GridSize, foreground};
 
 /// Which side of the threshold is floor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -33,6 +33,7 @@ pub struct Look {
     counts: Vec<u32>,
     cells: Cells,
     threshold: Option<Threshold>,
+    floor_level: Option<f64>,
 }
 
 impl Look {
@@ -45,6 +46,7 @@ impl Look {
             least_contrast,
             floor_evenness,
             threshold: None,
+            floor_level: None,
             average: AreaAverage::default(),
             scaled: GrayImage::new(size.width_px(), size.height_px()),
             median: Median3::default(),
@@ -83,34 +85,58 @@ impl Look {
     /// The cells of the picture measured last, for a floor of this polarity; as before where it had no threshold.
     ///
     /// Differs from \[1\]: among black things a grey wall counts as bright as the floor. Where the class of the floor falls
-    /// into two that are farther apart than the light on one floor is uneven, only the outer one is floor.
+    /// into two that are farther apart than the light on one floor is uneven, only the outer one is floor, unless the floor
+    /// learnt before is like the other.
     pub fn cells(&mut self, polarity: Polarity) -> &Cells {
-        let (Some(threshold), Ok(filtered)) = (self.threshold, self.filtered.view()) else {
-            return &self.cells;
+        if let Some(threshold) = self.threshold {
+            let whole = threshold.first_bright();
+            let split = self.split(whole, polarity).filter(|parts| match (self.floor_level, polarity) {
+                (None, _) => true,
+                (Some(floor), Polarity::BrightFloor) => floor >= parts.level,
+                (Some(floor), Polarity::DarkFloor) => floor < parts.level,
+            });
+            self.mark(split.map_or(whole, |parts| parts.first_bright()), polarity);
+            if split.is_some() && self.floor_level.is_none() && !self.cells.is_foreground_free() {
+                // What lies right before the robot is floor, unless nothing is.
+                self.mark(whole, polarity);
+            }
+        }
+        &self.cells
+    }
+
+    /// Remembers how bright the floor is, from what lies right before the robot in the picture measured last.
+    pub fn learn_floor(&mut self) {
+        let GridSize { columns, rows, cell_px } = self.cells.size();
+        let (across, up) = foreground(columns, rows);
+        let (mut sum, mut count) = (0, 0);
+        if let Ok(filtered) = self.filtered.view() {
+            for v in (rows - up.end) * cell_px..rows * cell_px {
+                let row = &filtered.row(v)[across.start * cell_px..across.end * cell_px];
+                sum += row.iter().map(|&pixel| u32::from(pixel)).sum::<u32>();
+                count += row.len();
+            }
+            self.floor_level = (count > 0).then(|| f64::from(sum) / count as f64);
+        }
+    }
+
+    /// The two parts of the floor's class, where they are too uneven for one floor.
+    fn split(&self, first_bright: u8, polarity: Polarity) -> Option<Threshold> {
+        let floor = match polarity {
+            Polarity::BrightFloor => first_bright..=u8::MAX,
+            Polarity::DarkFloor => 0..=first_bright - 1,
         };
+        let parts = threshold_within(self.filtered.pixels(), floor).ok()?;
+        (parts.dark.mean() < self.floor_evenness * parts.bright.mean()).then_some(parts)
+    }
+
+    fn mark(&mut self, first_bright: u8, polarity: Polarity) {
+        let Ok(filtered) = self.filtered.view() else { return };
         let side = self.cells.size().cell_px;
-        let first_bright = self.first_bright(&threshold, polarity);
         self.dark.count(filtered, first_bright, side, &mut self.counts);
         let dark = self.counts.iter().copied();
         match polarity {
             Polarity::BrightFloor => self.cells.mark(dark),
             Polarity::DarkFloor => self.cells.mark(dark.map(|dark| (side * side) as u32 - dark)),
-        }
-        &self.cells
-    }
-
-    /// The lowest bright level, once what is as uneven as no floor is split off.
-    fn first_bright(&self, threshold: &Threshold, polarity: Polarity) -> u8 {
-        let first_bright = threshold.first_bright();
-        let floor = match polarity {
-            Polarity::BrightFloor => first_bright..=u8::MAX,
-            Polarity::DarkFloor => 0..=first_bright - 1,
-        };
-        match threshold_within(self.filtered.pixels(), floor) {
-            Ok(parts) if parts.dark.mean() < self.floor_evenness * parts.bright.mean() => {
-                parts.first_bright()
-            }
-            _ => first_bright,
         }
     }
 
@@ -189,6 +215,30 @@ mod tests {
             let cells = look.cells(Polarity::BrightFloor);
             assert!(cells.is_obstacle(2, 5) && !cells.is_obstacle(2, 1) && !cells.is_obstacle(15, 1));
             assert_eq!(cells.is_obstacle(15, 5), is_obstacle);
+            look.learn_floor();
+            assert_eq!(look.cells(Polarity::BrightFloor).is_obstacle(15, 5), is_obstacle);
+        }
+    }
+
+    #[test]
+    fn a_grey_floor_stays_floor_beside_white_things() {
+        let mut image = GrayImage::new(340, 180);
+        for v in 0..180 {
+            for u in 0..340 {
+                let level = match (v, u) {
+                    (0..60, 0..200) => 20,
+                    (0..60, 320..) => 255,
+                    _ => 120,
+                };
+                image.pixels_mut()[v * 340 + u] = level;
+            }
+        }
+        let mut look = Look::new(GridSize::PAPER, 25.0, 0.7);
+        for picture in 0..3 {
+            look.measure(image.view().unwrap()).unwrap();
+            let cells = look.cells(Polarity::BrightFloor);
+            assert!(cells.is_foreground_free() && cells.is_obstacle(2, 7), "picture {picture}");
+            look.learn_floor();
         }
     }
 

@@ -110,7 +110,11 @@ impl Sight {
         };
         let cells = self.look.cells(polarity);
         cells.profile(&mut self.free);
+        let has_foreground = cells.is_foreground_free();
         let share = cells.obstacle_share(&self.sets.profile);
+        if has_foreground {
+            self.look.learn_floor();
+        }
         let weights = self.sets.weigh(&self.free);
         if share > LARGEST_OBSTACLE_SHARE {
             return (Outlook::Seen(weights, Passage::Obstructed), Some(Trouble::FloorModelBroken));
