@@ -56,6 +56,10 @@ pub struct Config {
     #[serde(default = "map_sigma_m")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub map_sigma_m: f64,
+    /// Pictures taken nearer to each other than this err alike, m, 0 to 10, default 1.
+    #[serde(default = "correlation_m")]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub correlation_m: f64,
     /// How uncertain the odometry is.
     #[serde(default)]
     pub odometry: OdometryNoise,
@@ -143,6 +147,7 @@ impl Config {
             ("wall_margin_m", self.wall_margin_m, 0.0, 2.0),
             ("sigma_px", self.sigma_px, 0.05, 10.0),
             ("map_sigma_m", self.map_sigma_m, 0.0, 1.0),
+            ("correlation_m", self.correlation_m, 0.0, 10.0),
             ("odometry.k_ss", self.odometry.k_ss, 0.0, 1.0),
             ("odometry.k_tt", self.odometry.k_tt, 0.0, 1.0),
             ("odometry.k_ts", self.odometry.k_ts, 0.0, 1.0),
@@ -181,4 +186,7 @@ fn sigma_px() -> f64 {
 }
 fn map_sigma_m() -> f64 {
     0.01
+}
+fn correlation_m() -> f64 {
+    1.0
 }

@@ -9,7 +9,7 @@ use yamabico_core::message::Reason;
 use yamabico_core::vision::segments::{Segment, SegmentConfig, SegmentDetector};
 
 use crate::association::GATE;
-use crate::belief::{Belief, Update};
+use crate::belief::{Belief, Update, gate_distance};
 use crate::matching::{Gates, LineNoise, Match, Matcher, Scene};
 use crate::projected_line::LineCamera;
 
@@ -17,6 +17,12 @@ use crate::projected_line::LineCamera;
 const REMATCH_PX: f64 = 5.0;
 /// Uprights whose columns differ by less (pixels) count as one.
 const SAME_COLUMN_PX: f64 = 8.0;
+/// Where this share of the expected edges is matched, no other match is looked for.
+const WELL_SEEN: f64 = 0.75;
+/// Otherwise the robot's heading is looked from so many standard deviations to either side ...
+const ASIDE_SIGMAS: f64 = 1.5;
+/// ... with this share of the prior's covariance.
+const ASIDE_SHARE: f64 = 0.25;
 /// Least number of lines of a fix.
 const LEAST_LINES: usize = 3;
 
@@ -126,12 +132,33 @@ impl Fixer {
 
     /// What the segments taken last make of a belief.
     pub fn fix(&mut self, prior: &Belief, noise: &LineNoise) -> Fix {
-        let mut fix = self.fix_from(prior, &prior.clone(), noise);
+        let mut fix = self.fix_from(prior, prior, noise);
+        if (fix.lines as f64) < WELL_SEEN * fix.expected as f64 {
+            fix = self.fix_from_aside(prior, noise, fix);
+        }
         if fix.verdict.is_ok() && self.image_shift(&fix.posterior.pose) > REMATCH_PX {
             // The new pose only tells which line is which edge: the measurements act on the prior, once.
-            fix = self.fix_from(prior, &fix.posterior.clone(), noise);
+            fix = self.fix_from(prior, &fix.posterior, noise);
         }
         fix
+    }
+
+    /// Where much of what should be in view was not matched, looks from headings to both sides of the prior too, and takes what
+    /// matches most.
+    fn fix_from_aside(&mut self, prior: &Belief, noise: &LineNoise, first: Fix) -> Fix {
+        let turn = ASIDE_SIGMAS * prior.sigma_theta_rad();
+        let mut best = (first, *prior);
+        for turn in [turn, -turn] {
+            let Pose2 { x, y, theta } = prior.pose;
+            let aside =
+                Belief { pose: Pose2::new(x, y, theta + turn), covariance: prior.covariance * ASIDE_SHARE };
+            let fix = self.fix_from(prior, &aside, noise);
+            if fix.lines > best.0.lines {
+                best = (fix, aside);
+            }
+        }
+        // Leaves behind what belongs to the best.
+        self.fix_from(prior, &best.1, noise)
     }
 
     /// Matches as seen from `about`, and applies what was matched to `prior`.
@@ -159,15 +186,20 @@ impl Fixer {
             camera: &self.camera,
             focal_px: self.pinhole.intrinsics().fx,
         };
-        self.matcher.pair(&scene, about, noise, &self.gates, |_| true);
+        self.matcher.pair(&scene, about, noise, &self.gates);
         for pair in self.matcher.matches() {
             let expected = &scene.expected[pair.expected];
             let segment = &scene.segments[pair.segment];
             let view = scene.camera.at(&fix.posterior.pose);
             let Some(line) = scene.edge(expected).and_then(|edge| view.project(edge)) else { continue };
-            let noise = noise.of(scene.focal_px, expected.depth_m);
+            let of_picture = noise.of(scene.focal_px, expected.depth_m);
             let residual = line.residual([segment.p0, segment.p1]);
-            if let Update::Applied(distance) = fix.posterior.update(&residual, &noise, GATE) {
+            let distance = gate_distance(&residual, &fix.posterior.covariance, &of_picture);
+            if distance > GATE {
+                continue;
+            }
+            let of_news = of_picture * noise.repetition;
+            if let Update::Applied(_) = fix.posterior.update(&residual, &of_news, f64::INFINITY) {
                 self.used.push(Match { distance_squared: distance, ..*pair });
                 fix.lines += 1;
                 fix.surprise += 0.5 * distance;

@@ -7,6 +7,7 @@
 pub mod association;
 pub mod belief;
 pub mod config;
+pub mod consensus;
 pub mod fix;
 pub mod health;
 pub mod history;
@@ -72,6 +73,10 @@ const FLOOR: [f64; 3] = [25e-6, 25e-6, 3.046e-6];
 const LARGE: (f64, f64) = (0.5, 14.16);
 /// ... within these (m, rad).
 const AGREEING: (f64, f64) = (0.15, 0.05);
+/// Turning by a radian changes what is seen as much as driving so far, metres.
+const TURN_M: f64 = 0.5;
+/// Pictures from one place still tell a little.
+const MOST_REPETITION: f64 = 400.0;
 /// With a belief wider than this (m, rad) the robot drives slowly.
 const VAGUE: (f64, f64) = (0.2, 0.07);
 /// Odometry that moves faster than the robot can by this factor has jumped ...
@@ -96,6 +101,9 @@ pub struct MapLocalizer {
     odometry: Option<(Time, Pose2)>,
     driven_m: f64,
     looked_at_m: f64,
+    /// Driven, and turned for [`TURN_M`] a radian.
+    moved_m: f64,
+    fixed_at_m: f64,
     last_picture: Option<Time>,
     last_fix: Option<Time>,
     begun: Option<Time>,
@@ -155,6 +163,8 @@ impl Plugin for MapLocalizer {
             odometry: None,
             driven_m: 0.0,
             looked_at_m: 0.0,
+            moved_m: 0.0,
+            fixed_at_m: 0.0,
             last_picture: None,
             last_fix: None,
             begun: None,
@@ -299,6 +309,7 @@ impl MapLocalizer {
         } else {
             self.history.advance(stamp, increment);
             self.driven_m += increment.forward_m.abs();
+            self.moved_m += increment.forward_m.abs() + TURN_M * increment.turn_rad.abs();
         }
         self.jump.pass(elapsed_s);
         if let Some((_, belief)) = self.history.newest()
@@ -366,8 +377,11 @@ impl MapLocalizer {
         }
         let mut posterior = fix.posterior;
         posterior.floor(FLOOR);
-        if self.apply(stamp, prior, posterior) && fix.verdict.is_ok() {
-            self.last_fix = Some(stamp);
+        if self.apply(stamp, prior, posterior) {
+            self.fixed_at_m = self.moved_m;
+            if fix.verdict.is_ok() {
+                self.last_fix = Some(stamp);
+            }
         }
     }
 
@@ -415,6 +429,18 @@ impl MapLocalizer {
             sigma_px: self.config.sigma_px,
             map_sigma_m: self.config.map_sigma_m,
             scale: self.health.noise_scale(),
+            repetition: self.repetition(),
+        }
+    }
+
+    /// By how much a picture tells less than its lines could, because those of the picture before stood in nearly the same
+    /// places and err alike.
+    fn repetition(&self) -> f64 {
+        let moved_m = self.moved_m - self.fixed_at_m;
+        if self.last_fix.is_none() {
+            1.0
+        } else {
+            (self.config.correlation_m / moved_m).clamp(1.0, MOST_REPETITION)
         }
     }
 
@@ -425,7 +451,7 @@ impl MapLocalizer {
     }
 
     fn search(&mut self, stamp: Time, prior: &Belief) {
-        let noise = LineNoise { scale: 1.0, ..self.noise() };
+        let noise = LineNoise { scale: 1.0, repetition: 1.0, ..self.noise() };
         match self.relocaliser.find(&mut self.fixer, prior, &noise) {
             Some(found) => {
                 if self.apply(stamp, prior, found) {

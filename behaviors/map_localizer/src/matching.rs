@@ -6,6 +6,7 @@ use yamabico_core::vision::segments::Segment;
 
 use crate::association::{Association, AssociationRule, Candidate};
 use crate::belief::{Belief, gate_distance};
+use crate::consensus::{Witness, agree};
 use crate::projected_line::{LineCamera, ProjectedLine};
 
 /// How near a segment must be to an edge's image.
@@ -44,6 +45,8 @@ pub struct LineNoise {
     pub map_sigma_m: f64,
     /// Factor on the variance, from how well earlier measurements agreed.
     pub scale: f64,
+    /// Factor on the variance where a measurement moves the belief, >= 1: pictures from nearly one place err alike.
+    pub repetition: f64,
 }
 
 impl LineNoise {
@@ -71,6 +74,7 @@ pub struct Match {
 #[derive(Clone, Debug, Default)]
 pub struct Matcher {
     candidates: Vec<Candidate>,
+    witnesses: Vec<Witness>,
     association: Association,
     matches: Vec<Match>,
     near: usize,
@@ -100,39 +104,19 @@ impl Scene<'_> {
 }
 
 impl Matcher {
-    /// Pairs expected edges and segments one to one, by ascending distance; edges for which `is_wanted` is false are left out.
-    pub fn pair(
-        &mut self,
-        scene: &Scene<'_>,
-        belief: &Belief,
-        noise: &LineNoise,
-        gates: &Gates,
-        is_wanted: impl Fn(&ExpectedEdge) -> bool,
-    ) -> &[Match] {
-        self.candidates.clear();
-        self.near = 0;
-        let view = scene.camera.at(&belief.pose);
-        for (number, expected) in scene.expected.iter().enumerate() {
-            if !is_wanted(expected) {
-                continue;
+    /// Pairs expected edges and segments one to one, by ascending distance.
+    ///
+    /// Differs from the plain nearest neighbours of the prior: distances are those from the pose that most of the candidates
+    /// agree on, so that a wrong pair does not draw the others after it.
+    pub fn pair(&mut self, scene: &Scene<'_>, belief: &Belief, noise: &LineNoise, gates: &Gates) -> &[Match] {
+        self.gather(scene, belief, noise, gates);
+        if let Some(agreement) = agree(&belief.covariance, &self.witnesses) {
+            for (candidate, witness) in self.candidates.iter_mut().zip(&self.witnesses) {
+                let mut residual = witness.residual;
+                residual.distance_px += residual.jacobian * agreement.shift;
+                let noise = Matrix2::from_diagonal_element(witness.variance);
+                candidate.distance_squared = gate_distance(&residual, &agreement.covariance, &noise);
             }
-            let Some(line) = scene.edge(expected).and_then(|edge| view.project(edge)) else { continue };
-            let noise = noise.of(scene.focal_px, expected.depth_m);
-            let begin = self.candidates.len();
-            let strip = Strip::new(expected, &line, &belief.covariance, gates);
-            for (segment_number, segment) in scene.segments.iter().enumerate() {
-                if !strip.holds(segment, &belief.covariance, gates) {
-                    continue;
-                }
-                let residual = line.residual([segment.p0, segment.p1]);
-                self.candidates.push(Candidate {
-                    edge: number,
-                    line: segment_number,
-                    distance_squared: gate_distance(&residual, &belief.covariance, &noise),
-                });
-            }
-            self.near += usize::from(self.candidates.len() > begin);
-            keep_longest_of_each_line(&mut self.candidates, begin, scene.segments);
         }
         let pairs = self.association.pair(&self.candidates, &gates.association);
         self.matches.clear();
@@ -142,6 +126,36 @@ impl Matcher {
             distance_squared: pair.distance_squared,
         }));
         &self.matches
+    }
+
+    /// Every segment in the strip of an edge is a candidate.
+    fn gather(&mut self, scene: &Scene<'_>, belief: &Belief, noise: &LineNoise, gates: &Gates) {
+        self.candidates.clear();
+        self.witnesses.clear();
+        self.near = 0;
+        let view = scene.camera.at(&belief.pose);
+        for (number, expected) in scene.expected.iter().enumerate() {
+            let Some(line) = scene.edge(expected).and_then(|edge| view.project(edge)) else { continue };
+            let noise = noise.of(scene.focal_px, expected.depth_m);
+            let begin = self.candidates.len();
+            let strip = Strip::new(expected, &line, &belief.covariance, gates);
+            for (segment_number, segment) in scene.segments.iter().enumerate() {
+                if !strip.holds(segment, &belief.covariance, gates) {
+                    continue;
+                }
+                self.candidates.push(Candidate {
+                    edge: number,
+                    line: segment_number,
+                    distance_squared: f64::INFINITY,
+                });
+            }
+            self.near += usize::from(self.candidates.len() > begin);
+            keep_longest_of_each_line(&mut self.candidates, begin, scene.segments);
+            self.witnesses.extend(self.candidates[begin..].iter().map(|candidate| {
+                let segment = &scene.segments[candidate.line];
+                Witness { residual: line.residual([segment.p0, segment.p1]), variance: noise.m11 }
+            }));
+        }
     }
 
     /// The last pairs.
