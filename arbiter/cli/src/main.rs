@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use tracing_subscriber::EnvFilter;
 
-use commands::{Command, check, describe, goto, graph, list, run, schema};
+use commands::{Command, check, describe, goto, graph, learn, list, run, schema};
 
 /// Drives a robot with independent behaviours, and can say why.
 #[derive(Parser)]
@@ -31,6 +31,7 @@ fn main() -> ExitCode {
     match command {
         Command::Run(arguments) => run::run(&arguments, print),
         Command::Goto(arguments) => goto::goto(&arguments, print),
+        Command::Learn(what) => learn::learn(&what, print),
         Command::Check(arguments) => check::check(&arguments, print),
         Command::List => list::list(print),
         Command::Describe(arguments) => describe::describe(&arguments, print),

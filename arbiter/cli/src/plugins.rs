@@ -10,6 +10,7 @@ static BEHAVIORS: &[BehaviorPlugin] = &[
     BehaviorPlugin::of::<yamabico_intersection_tracker::IntersectionTracker>(),
     BehaviorPlugin::of::<yamabico_map_localizer::MapLocalizer>(),
     BehaviorPlugin::of::<yamabico_sonar_halt::SonarHalt>(),
+    BehaviorPlugin::of::<yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider>(),
     BehaviorPlugin::of::<yamabico_wall_follower::WallFollower>(),
 ];
 

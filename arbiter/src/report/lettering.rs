@@ -1,13 +1,13 @@
 //! Letters for pictures, on machines without fonts: five pixels wide, seven high, two below the line.
 
 /// From one letter to the next, pixels.
-pub(super) const ADVANCE: i32 = 6;
+pub const ADVANCE: i32 = 6;
 /// Of a line of text above its base line, pixels.
-pub(super) const ASCENT: i32 = 7;
+pub const ASCENT: i32 = 7;
 
 /// The pixels of `text`, in pixels right of and below the text's upper left corner. Capitals are small; a letter that is
 /// not known is a box.
-pub(super) fn pixels(text: &str) -> impl Iterator<Item = (i32, i32)> {
+pub fn pixels(text: &str) -> impl Iterator<Item = (i32, i32)> {
     text.chars().zip(0..).flat_map(|(letter, position)| {
         let rows = glyph(letter.to_ascii_lowercase());
         (0..).zip(rows).flat_map(move |(y, row)| {
@@ -18,7 +18,7 @@ pub(super) fn pixels(text: &str) -> impl Iterator<Item = (i32, i32)> {
 }
 
 /// Pixels that `text` is wide.
-pub(super) fn width(text: &str) -> i32 {
+pub fn width(text: &str) -> i32 {
     i32::try_from(text.chars().count()).unwrap_or(i32::MAX / ADVANCE).saturating_mul(ADVANCE)
 }
 

@@ -5,7 +5,7 @@
 
 mod control;
 mod encounter;
-mod lettering;
+pub mod lettering;
 mod summary;
 mod trace;
 mod trajectory;

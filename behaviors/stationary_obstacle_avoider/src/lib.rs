@@ -1,6 +1,593 @@
-//! Around what stands in the way: the state machine between vision and sonar.
+//! Drives around what stands in the way and is not on the map.
+//!
+//! Ohya, Kosaka & Kak (1998): vertical edges that the map does not explain are obstacles; the robot turns to a safe passage,
+//! drives through it and comes back to its path, and any echo of the sonars halts it. Differs from \[1\]: obstacles are put where
+//! their foot is seen and remembered on the map, walls of the map bound every passage, and faint boxes are seen by their sides
+//! on the bare floor.
 
+pub mod config;
+pub mod detector;
 pub mod halt_state_machine;
+pub mod kept_pictures;
 pub mod obstacle_regions;
+pub mod overlay;
 pub mod safe_passage;
+pub mod seen_floor;
+pub mod sonar_watch;
+pub mod things;
 pub mod threshold_learning;
+pub mod threshold_table;
+pub mod uprights;
+pub mod way;
+
+pub use config::Config;
+
+use nalgebra::{Point2, Vector2};
+use yamabico_core::behavior::{
+    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
+};
+use yamabico_core::camera::Pinhole;
+use yamabico_core::config::FileKind;
+use yamabico_core::geometry::{Pose2, Twist, angle_difference};
+use yamabico_core::image::GrayImage;
+use yamabico_core::map::{WIRE_FRAME_FILE, WireFrame};
+use yamabico_core::message::{
+    Axes, FrameHeader, Obstacle, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus,
+    Proposal, RangeScanHeader, Reason,
+};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::sensor::SensorKind;
+use yamabico_core::time::Time;
+
+use crate::detector::{Detector, DetectorRules};
+use crate::halt_state_machine::{Look, Machine, Order, Rules, State, Tick};
+use crate::kept_pictures::KeptPictures;
+use crate::safe_passage::{Interval, PLANE_M, SafePassage, region_on_plane};
+use crate::seen_floor::SeenFloor;
+use crate::sonar_watch::SonarWatch;
+use crate::things::Things;
+use crate::threshold_table::{THRESHOLD_FILE, ThresholdTable};
+use crate::way::{Room, Surroundings, aim, is_clear, place_on};
+
+/// The plugin, to be listed by the program.
+pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<StationaryObstacleAvoider>();
+
+/// The camera that looks ahead.
+pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of what is ahead");
+/// Where the robot is on the map.
+pub const POSE: Slot<Pose> = Slot::required("pose", "where the robot is on the map");
+/// Where the wheels say the robot is.
+pub const ODOMETRY: Slot<Odometry> = Slot::required("odometry", "motion since a picture was taken");
+/// The sonars.
+pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
+/// The path that it leaves and comes back to.
+pub const PATH: Slot<PathHeader> =
+    Slot::required("path", "the planned path, and where the robot stands on it");
+/// What stands in the way.
+pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "what stands in the way");
+
+/// A pose that is older (s) is none.
+const POSE_STALE_S: f64 = 0.5;
+/// Without a look at a picture for longer (s), vision tells nothing.
+const LOOK_STALE_S: f64 = 1.0;
+/// The path is steered for so far ahead, metres.
+const LOOK_AHEAD_M: f64 = 1.2;
+/// A goal that lies farther to the side of the plane is taken for this, metres.
+const WIDEST_GOAL_M: f64 = 1.0;
+/// What was seen is remembered for so long, what was heard for so long, seconds.
+const MEMORY_S: (f64, f64) = (30.0, 1.5);
+/// Something left behind by less is still beside the robot, metres.
+const BESIDE_M: f64 = 0.4;
+/// An echo so near to a wall of the map is the wall's, metres.
+const WALL_ECHO_M: f64 = 0.15;
+/// Turn rate per radian of heading error, 1/s.
+const TURN_GAIN: f64 = 1.8;
+/// Directions of the search, from where it began, degrees.
+const SEARCH_DEG: [f64; 5] = [0.0, 40.0, -40.0, 80.0, -80.0];
+/// Turned to one of them, rad.
+const SEARCHED_RAD: f64 = 0.06;
+/// Pixels of an obstacle that tell where its foot is.
+const FOOT_PX: u32 = 4;
+
+/// Drives around what stands in the way and is not on the map.
+#[derive(Clone, Debug)]
+pub struct StationaryObstacleAvoider {
+    config: Config,
+    rules: Rules,
+    room: Room,
+    detector: Detector,
+    table: Option<ThresholdTable>,
+    grey: GrayImage,
+    pictures: KeptPictures,
+    odometry: OdometryTrack,
+    sonar: SonarWatch,
+    localised: Option<Localised>,
+    path: Vec<PathPoint>,
+    station: PathHeader,
+    things: Things,
+    floor: SeenFloor,
+    passage: SafePassage,
+    machine: Machine,
+    order: Order,
+    pending: Option<Look>,
+    looked: Option<Time>,
+    trouble: Option<Reason>,
+    search: Search,
+    entered: Time,
+    obstacles: Vec<Obstacle>,
+    sequence: u64,
+}
+
+/// Where the robot is.
+#[derive(Clone, Copy, Debug)]
+struct Localised {
+    stamp: Time,
+    evidence: Time,
+    pose: Pose2,
+    odometry: Pose2,
+    heading_sigma: f64,
+    is_usable: bool,
+}
+
+/// How far the search has come.
+#[derive(Clone, Copy, Debug, Default)]
+struct Search {
+    begun_at: Option<f64>,
+    station: usize,
+    since: Option<Time>,
+}
+
+impl Plugin for StationaryObstacleAvoider {
+    type Config = Config;
+    const NAME: &'static str = "stationary-obstacle-avoider";
+    const SUMMARY: &'static str = "Drives around what stands in the way and is not on the map.";
+    const INPUTS: &'static [SlotInfo] =
+        &[CAMERA.info(), POSE.info(), ODOMETRY.info(), SONAR.info(), PATH.info()];
+    const OUTPUTS: &'static [SlotInfo] = &[OBSTACLES.info()];
+    const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE, THRESHOLD_FILE];
+    const CLAIMS: Axes = Axes::PLANAR;
+
+    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
+        config.check()?;
+        let Some(SensorKind::Camera { intrinsics, distortion, mount, .. }) =
+            setup.sensor(&CAMERA).map(|sensor| &sensor.kind)
+        else {
+            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
+        };
+        if !intrinsics.is_valid() || !mount.is_finite() {
+            return Err(BuildError::new(
+                "inputs.camera",
+                "the camera's intrinsics or mount are no usable numbers",
+            ));
+        }
+        let half_view = (0.5 * intrinsics.horizontal_fov()).tan();
+        let half_width_m = setup.robot.radius_m + config.margin_m;
+        if half_width_m >= half_view * PLANE_M {
+            let problem = format!(
+                "sees {:.2} m to either side a metre ahead, and the robot needs {half_width_m:.2} m",
+                half_view * PLANE_M
+            );
+            return Err(BuildError::new("inputs.camera", problem));
+        }
+        let mut rules = DetectorRules::for_size(intrinsics.width, intrinsics.height);
+        rules.edges.epsilon = config.epsilon;
+        let map = WireFrame::read(&setup.folder.join(&config.map))
+            .map_err(|error| BuildError::new("map", error.to_string()))?;
+        let table = match &config.thresholds {
+            Some(file) => {
+                let table = ThresholdTable::read(&setup.folder.join(file))
+                    .map_err(|error| BuildError::new("thresholds", error))?;
+                if (table.width, table.height) != (intrinsics.width, intrinsics.height) {
+                    let problem = format!(
+                        "were learned with pictures of {} x {} pixels, and this camera's are {} x {}: learn them again",
+                        table.width, table.height, intrinsics.width, intrinsics.height
+                    );
+                    return Err(BuildError::new("thresholds", problem));
+                }
+                rules.regions = table.regions as usize;
+                Some(table)
+            }
+            None => None,
+        };
+        let machine_rules = Rules { gate_m: config.gate_m, passing_m: config.passing_m, ..Rules::default() };
+        let machine = Machine::new(&machine_rules);
+        Ok(Self {
+            rules: machine_rules,
+            room: Room { half_width_m, gap_margin_m: config.gap_margin_m },
+            detector: Detector::new(Pinhole::new(*intrinsics, *distortion), *mount, map, rules),
+            table,
+            grey: GrayImage::default(),
+            pictures: KeptPictures::default(),
+            odometry: OdometryTrack::default(),
+            sonar: SonarWatch::default(),
+            localised: None,
+            path: Vec::with_capacity(64),
+            station: PathHeader::default(),
+            things: Things::default(),
+            floor: SeenFloor::new(half_view, mount.pan),
+            passage: SafePassage::default(),
+            order: Order { state: machine.state(), v_zero: true, target_heading: None },
+            machine,
+            pending: None,
+            looked: None,
+            trouble: None,
+            search: Search::default(),
+            entered: Time::ZERO,
+            obstacles: Vec::with_capacity(32),
+            sequence: 0,
+            config,
+        })
+    }
+}
+
+impl Behavior for StationaryObstacleAvoider {
+    fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
+        let now = inputs.now();
+        for odometry in inputs.fresh(&ODOMETRY) {
+            self.odometry.push(odometry.header, now);
+        }
+        if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
+            self.keep_picture(&frame, now);
+        }
+        self.take_path(inputs);
+        if let Some(pose) = inputs.latest(&POSE).filter(|_| inputs.is_fresh(&POSE)) {
+            self.take_pose(pose.header, now, outputs);
+        }
+        if self.sonar.take(inputs, &SONAR, self.config.stale_ms * 1e-3) {
+            self.step(now);
+        }
+        let mut proposal = self.proposal(now);
+        if let Some(newest) = self.odometry.newest() {
+            proposal.stamp_ns = newest.stamp.0;
+        }
+        proposal
+    }
+}
+
+impl StationaryObstacleAvoider {
+    /// What the robot is doing.
+    #[must_use]
+    pub fn state(&self) -> State {
+        self.order.state
+    }
+
+    /// What stands in the way, on the map.
+    #[must_use]
+    pub fn things(&self) -> &Things {
+        &self.things
+    }
+
+    /// What looks at the pictures.
+    #[must_use]
+    pub fn detector(&self) -> &Detector {
+        &self.detector
+    }
+
+    /// The robot on the map now, by its last pose and the odometry since.
+    fn robot(&self) -> Option<Pose2> {
+        let localised = self.localised?;
+        let newest = self.odometry.newest()?;
+        Some(localised.pose * localised.odometry.relative(&newest.pose))
+    }
+
+    fn keep_picture(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
+        let stamp = Time(frame.header.stamp_ns);
+        let is_newer = self.pictures.newest().is_none_or(|last| stamp > last);
+        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+            self.trouble = Some(Reason::MalformedInput);
+            return;
+        }
+        let exposure = match frame.header.exposure {
+            exposure if exposure > 0.0 && exposure.is_finite() => exposure,
+            _ => 1.0,
+        };
+        match self.grey.view_of_frame(frame, self.detector.camera().intrinsics()) {
+            Some(image) => self.pictures.keep(stamp, exposure, image),
+            None => self.trouble = Some(Reason::MalformedInput),
+        }
+    }
+
+    fn take_path(&mut self, inputs: &Inputs<'_>) {
+        let Some(path) = inputs.latest(&PATH).filter(|_| inputs.is_fresh(&PATH)) else { return };
+        let numbers = [path.header.lateral_error_m, path.header.heading_error_rad, path.header.progress_m];
+        if numbers.iter().all(|x| x.is_finite()) {
+            self.station = *path.header;
+            self.path.clear();
+            self.path.extend(path.items.iter().filter(|p| p.x.is_finite() && p.y.is_finite()).take(64));
+        }
+    }
+
+    /// Takes a pose; where it rests on a picture that was not looked at yet, looks at it.
+    fn take_pose(&mut self, pose: &Pose, now: Time, outputs: &mut Outputs<'_>) {
+        let (stamp, evidence) = (Time(pose.stamp_ns), Time(pose.evidence_ns));
+        let on_map = Pose2::new(pose.x, pose.y, pose.theta);
+        let heading_sigma = pose.covariance[8].sqrt();
+        let is_old = self.localised.is_some_and(|last| stamp < last.stamp);
+        let (Some(odometry), false) = (self.odometry.pose_at(stamp), is_old) else { return };
+        if !on_map.is_finite() || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+            self.trouble = Some(Reason::MalformedInput);
+            return;
+        }
+        let is_new = self.localised.is_none_or(|last| evidence > last.evidence);
+        let is_usable = matches!(
+            pose.status(),
+            Some(PoseStatus::Tracking | PoseStatus::Coasting | PoseStatus::Inconsistent)
+        );
+        let localised = Localised { stamp, evidence, pose: on_map, odometry, heading_sigma, is_usable };
+        self.localised = Some(localised);
+        if is_new && is_usable && self.pictures.of(evidence).is_some() {
+            self.look(&localised, now);
+            self.publish(now, outputs);
+        }
+    }
+
+    /// Looks at the picture that a pose rests on.
+    fn look(&mut self, localised: &Localised, now: Time) {
+        let Some(at_picture) = self.odometry.pose_at(localised.evidence) else { return };
+        let robot = localised.pose * localised.odometry.relative(&at_picture);
+        let result = self.detect(localised, &robot, now);
+        self.trouble = result.err();
+        self.looked = Some(localised.evidence);
+        if self.order.state == State::Search && !self.is_searched(localised.evidence) {
+            return;
+        }
+        let look =
+            Look { image_s: localised.evidence.as_secs_f64(), valid: false, clear: false, bearing: None };
+        self.pending = Some(match result {
+            Ok(()) => self.judge(look),
+            Err(_) => look,
+        });
+    }
+
+    /// Finds what stands in the way in a picture taken at `robot`.
+    fn detect(&mut self, localised: &Localised, robot: &Pose2, now: Time) -> Result<(), Reason> {
+        let picture = self.pictures.of(localised.evidence).ok_or(Reason::NoInput)?;
+        let table = self.table.as_ref().ok_or(Reason::NoThreshold)?;
+        let place = table.at(robot, picture.exposure).ok_or(Reason::NoThreshold)?;
+        let image = picture.image.view().map_err(|_| Reason::MalformedInput)?;
+        self.detector.look(image, robot, localised.heading_sigma, &place)?;
+        self.floor.look(now, robot);
+        self.things.begin();
+        let half_view = (0.5 * self.detector.camera().intrinsics().horizontal_fov()).tan();
+        let pan = self.detector.mount().pan;
+        let camera = Pose2::new(0.0, 0.0, pan);
+        let count = self.detector.regions().count();
+        for region in 0..count {
+            let Some(foot) = self.detector.foot(region, FOOT_PX) else { continue };
+            let ahead_m = self.depth(foot).map_or(PLANE_M, |depth_m| depth_m.clamp(0.6, 3.5));
+            let Interval { low, high } = region_on_plane(region, count, half_view);
+            let middle = Point2::new(ahead_m, 0.5 * (low + high) * ahead_m);
+            let at = robot.transform_point(camera.transform_point(middle));
+            let radius_m = (0.5 * (high - low) * ahead_m).clamp(0.12, 0.3);
+            self.things.see(at, radius_m, now, MEMORY_S.0);
+        }
+        let (floor, map) = (&self.floor, self.detector.map());
+        self.things.end(|place| floor.is_in_view(robot, place) && map.is_open(robot.position(), place));
+        Ok(())
+    }
+
+    /// Distance ahead of the camera of the floor at a pixel, metres; `None` above the horizon.
+    fn depth(&self, pixel: Vector2<f64>) -> Option<f64> {
+        let ray = self.detector.camera().ray_from_pixel(pixel)?;
+        let (mount, in_body) =
+            (self.detector.mount(), self.detector.mount().rotation_body_from_camera() * ray);
+        let ahead = in_body.x * mount.pan.cos() + in_body.y * mount.pan.sin();
+        (in_body.z < -1e-3).then(|| ahead * mount.z / -in_body.z)
+    }
+
+    /// Whether the way is clear, and where a passage is.
+    fn judge(&mut self, look: Look) -> Look {
+        let Some(robot) = self.robot() else { return look };
+        let goal_m = self.goal_on_plane(&robot);
+        let beside = self.things.confirmed().any(|thing| {
+            let at = robot.inverse().transform_point(thing.at);
+            at.x > -BESIDE_M && at.x < 2.0 && at.y.abs() < 2.0 * self.room.half_width_m + thing.radius_m
+        });
+        let around = Surroundings {
+            robot: &robot,
+            map: self.detector.map(),
+            things: &self.things,
+            floor: &self.floor,
+        };
+        let is_avoiding = self.order.state == State::Avoid;
+        let clear = is_clear(&around, goal_m, &self.room) && !(is_avoiding && beside);
+        let bearing = aim(&around, goal_m, &self.room, &mut self.passage).map(|aim| aim.bearing());
+        Look { valid: true, clear, bearing, ..look }
+    }
+
+    /// Where the path leads, on the plane one metre ahead, metres; while avoiding, where it runs, leaning to the passage that
+    /// was chosen.
+    fn goal_on_plane(&self, robot: &Pose2) -> f64 {
+        let on_path = place_on(&self.path, self.station.progress_m, LOOK_AHEAD_M);
+        let bearing = match (on_path, self.order.state) {
+            (None, _) => 0.0,
+            (Some((_, heading)), State::Avoid) => angle_difference(heading, robot.theta),
+            (Some((place, _)), _) => {
+                let at = robot.inverse().transform_point(place);
+                at.y.atan2(at.x)
+            }
+        };
+        let widest = WIDEST_GOAL_M.atan2(PLANE_M);
+        bearing.clamp(-widest, widest).tan() * PLANE_M
+    }
+
+    fn step(&mut self, now: Time) {
+        self.hear_echoes(now);
+        self.things.expire(now);
+        let robot = self.robot();
+        let is_current = self.localised.is_some_and(|localised| {
+            localised.is_usable && now.seconds_after(localised.stamp) <= POSE_STALE_S
+        });
+        let speed_mps = self.odometry.newest().map_or(0.0, |newest| newest.twist.speed());
+        let tick = Tick {
+            now_s: now.as_secs_f64(),
+            sonar_m: self.sonar.ranges_m(),
+            speed_mps,
+            heading: robot.map_or(f64::NAN, |robot| robot.theta),
+            lateral_m: self.station.lateral_error_m,
+            path_heading_error: self.station.heading_error_rad,
+            progress_m: self.station.progress_m,
+            pose_ok: is_current && robot.is_some(),
+            vision: self.pending.take(),
+        };
+        let before = self.order.state;
+        (self.machine, self.order) = self.machine.step(&tick, &self.rules);
+        if self.order.state != before {
+            self.entered = now;
+            self.search = Search { begun_at: robot.map(|robot| robot.theta), ..Search::default() };
+        }
+        if self.order.state == State::Blocked && now.seconds_after(self.entered) > self.config.retry_s {
+            self.machine = Machine::new(&self.rules);
+            self.things.clear();
+        }
+    }
+
+    /// What the sonars hear stands in the way, unless it is a wall of the map.
+    fn hear_echoes(&mut self, now: Time) {
+        let Some(robot) = self.robot() else { return };
+        for beam in self.sonar.beams() {
+            let Some(range_m) = beam.echo_m().filter(|range| (0.0..self.config.gate_m).contains(range))
+            else {
+                continue;
+            };
+            let (sin, cos) = beam.azimuth_rad.sin_cos();
+            let at = Point2::new(beam.x_m + range_m * cos, beam.y_m + range_m * sin);
+            let on_map = robot.transform_point(at);
+            let is_sound = on_map.x.is_finite() && on_map.y.is_finite();
+            if is_sound && self.detector.map().clearance(on_map) > WALL_ECHO_M {
+                self.things.hear(on_map, 0.1, now, MEMORY_S.1);
+            }
+        }
+    }
+
+    fn publish(&mut self, now: Time, outputs: &mut Outputs<'_>) {
+        let (Some(robot), Some(newest), Some(looked)) = (self.robot(), self.odometry.newest(), self.looked)
+        else {
+            return;
+        };
+        self.obstacles.clear();
+        for thing in self.things.confirmed() {
+            let at = robot.inverse().transform_point(thing.at);
+            let variance = (0.1 * at.coords.norm()).powi(2);
+            self.obstacles.push(Obstacle {
+                x: at.x,
+                y: at.y,
+                radius_m: thing.radius_m,
+                covariance: [variance, 0.0, 0.0, variance],
+                confidence: (1.0 - now.seconds_after(thing.seen) / MEMORY_S.0).clamp(0.0, 1.0),
+            });
+        }
+        self.sequence += 1;
+        let header =
+            ObstaclesHeader { stamp_ns: newest.stamp.0, evidence_ns: looked.0, sequence: self.sequence };
+        // Nobody listens, or the bus is full: the proposal counts all the same.
+        let _ = outputs.publish(OBSTACLES.name, &header, &self.obstacles);
+    }
+
+    fn proposal(&mut self, now: Time) -> Proposal {
+        let evidence = self.looked.or(self.sonar.newest()).unwrap_or(now);
+        let robot = self.robot();
+        let state = self.order.state;
+        let translation = Axes::LINEAR.union(Axes::LATERAL);
+        let proposal = match (state, robot) {
+            (State::Follow | State::Rejoin, _) => self.follow(now),
+            (State::Lost, _) => Proposal::halt(translation, self.why_lost()),
+            (State::Avoid, Some(robot)) => self.avoid(&robot),
+            (State::Search, Some(robot)) => self.turn_to_look(&robot, now),
+            (State::Blocked, _) => Proposal::halt(Axes::ALL, Reason::PassageBlocked),
+            (State::Relook, _) => Proposal::halt(Axes::ALL, Reason::Searching),
+            _ => Proposal::halt(Axes::ALL, Reason::Echo),
+        };
+        // A halt, a limit or an abstention rests on there being nothing better.
+        let rests_on_looks = matches!(state, State::Avoid);
+        let proposal = proposal.with_evidence(if rests_on_looks { evidence } else { now });
+        if state == State::Avoid || state == State::Follow {
+            proposal
+        } else {
+            proposal.with_note(format_args!("{}", state.as_str()))
+        }
+    }
+
+    /// Others drive; slowly where vision tells nothing.
+    fn follow(&self, now: Time) -> Proposal {
+        let is_blind = self.looked.is_none_or(|looked| now.seconds_after(looked) > LOOK_STALE_S);
+        let why = match self.trouble {
+            Some(reason) => Some(reason),
+            None if is_blind => Some(Reason::StaleInput),
+            None => None,
+        };
+        match why {
+            Some(reason) => {
+                let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
+                Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
+                    .with_note(format_args!("vision tells nothing: {reason}"))
+            }
+            None => Proposal::abstain(Reason::Clear),
+        }
+    }
+
+    /// Towards the target heading, as far as walls and things allow.
+    fn avoid(&mut self, robot: &Pose2) -> Proposal {
+        let target = self.order.target_heading.unwrap_or(robot.theta);
+        let off = angle_difference(target, robot.theta);
+        if self.order.v_zero {
+            return turn(off, self.config.largest_turn_rad_s)
+                .because(Reason::Nominal)
+                .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
+        }
+        let around =
+            Surroundings { robot, map: self.detector.map(), things: &self.things, floor: &self.floor };
+        let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
+        let Some(aim) = aim(&around, wanted_m, &self.room, &mut self.passage) else {
+            return turn(off, self.config.largest_turn_rad_s)
+                .because(Reason::PassageBlocked)
+                .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
+        };
+        let bearing = aim.bearing();
+        let fastest =
+            if self.trouble.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
+        let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
+        let rate =
+            (TURN_GAIN * bearing).clamp(-self.config.largest_turn_rad_s, self.config.largest_turn_rad_s);
+        Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
+            "past {} things, {:+.0} deg",
+            self.things.confirmed().count(),
+            bearing.to_degrees()
+        ))
+    }
+
+    /// The next direction of the search.
+    fn turn_to_look(&mut self, robot: &Pose2, now: Time) -> Proposal {
+        let begun_at = *self.search.begun_at.get_or_insert(robot.theta);
+        let target = begun_at + SEARCH_DEG[self.search.station % SEARCH_DEG.len()].to_radians();
+        let off = angle_difference(target, robot.theta);
+        if off.abs() <= SEARCHED_RAD {
+            self.search.since.get_or_insert(now);
+        }
+        turn(off, self.config.largest_turn_rad_s).because(Reason::Searching)
+    }
+
+    /// Whether a picture shows a direction of the search; the next one then follows.
+    fn is_searched(&mut self, picture: Time) -> bool {
+        let is_there = self.search.since.is_some_and(|since| picture > since);
+        if is_there {
+            self.search.station += 1;
+            self.search.since = None;
+        }
+        is_there
+    }
+
+    fn why_lost(&self) -> Reason {
+        match self.localised {
+            None => Reason::NoInput,
+            Some(localised) if !localised.is_usable => Reason::Lost,
+            Some(_) => Reason::StaleInput,
+        }
+    }
+}
+
+/// A turn where the robot stands; keeps turning where a halt names only translation.
+fn turn(off: f64, largest_rad_s: f64) -> Proposal {
+    let rate = if off.is_finite() { (TURN_GAIN * off).clamp(-largest_rad_s, largest_rad_s) } else { 0.0 };
+    Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate)).uncoupled()
+}

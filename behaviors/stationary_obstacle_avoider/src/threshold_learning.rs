@@ -113,8 +113,74 @@ pub fn learn(rows: &[Row]) -> Option<Learned> {
     })
 }
 
-/// The thresholds of the second pass: [`FINE_STEP`] apart, from one coarse step below `t0` to one above.
-pub fn refined(t0: u8) -> impl Iterator<Item = u8> {
+/// Every threshold that a place is learned with, grey levels: those of both passes.
+pub fn thresholds() -> impl Iterator<Item = u8> {
+    (COARSE[0]..=COARSE[COARSE.len() - 1]).step_by(FINE_STEP.into())
+}
+
+/// What was learned from the rows of [`thresholds`]: first by [`COARSE`], then by the thresholds around its T0.
+#[must_use]
+pub fn learn_in_two_passes(rows: &[Row]) -> Option<Learned> {
+    let coarse: Vec<Row> = rows.iter().filter(|row| COARSE.contains(&row.threshold)).cloned().collect();
+    let t0 = learn(&coarse)?.t0;
     let step = COARSE[1] - COARSE[0];
-    (t0.saturating_sub(step).max(FINE_STEP)..=t0.saturating_add(step)).step_by(FINE_STEP.into())
+    let near: Vec<Row> = rows.iter().filter(|row| row.threshold.abs_diff(t0) <= step).cloned().collect();
+    learn(&near)
+}
+
+/// One place, learned from all pictures that were taken there: for each threshold the largest count of any of them, and the mean
+/// of their recalls.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlaceLearner {
+    rows: Vec<Row>,
+    contrast: f64,
+    pictures: u32,
+}
+
+impl PlaceLearner {
+    /// Takes the rows of a picture and its strongest upright step on the floor, grey levels. Every picture must have been
+    /// swept with the same thresholds.
+    pub fn take(&mut self, rows: &[Row], contrast: f64) {
+        self.pictures += 1;
+        self.contrast = self.contrast.max(contrast);
+        if self.rows.len() != rows.len() {
+            self.rows = rows.to_vec();
+            return;
+        }
+        for (worst, row) in self.rows.iter_mut().zip(rows) {
+            let counts = worst.differing.iter_mut().zip(&row.differing);
+            counts
+                .chain(worst.extra.iter_mut().zip(&row.extra))
+                .for_each(|(worst, &n)| *worst = n.max(*worst));
+            let weight = 1.0 / f64::from(self.pictures);
+            worst.recall = match (worst.recall, row.recall) {
+                (Some(mean), Some(recall)) => Some(mean + weight * (recall - mean)),
+                (a, b) => a.or(b),
+            };
+        }
+    }
+
+    /// How many pictures were taken.
+    #[must_use]
+    pub fn pictures(&self) -> u32 {
+        self.pictures
+    }
+
+    /// The worst counts for each threshold.
+    #[must_use]
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
+    /// The strongest upright step on the floor, grey levels.
+    #[must_use]
+    pub fn contrast(&self) -> f64 {
+        self.contrast
+    }
+
+    /// What was learned; `None` without a picture.
+    #[must_use]
+    pub fn learned(&self) -> Option<Learned> {
+        learn_in_two_passes(&self.rows)
+    }
 }

@@ -90,10 +90,33 @@ impl BitImage {
         vectorise::run(Threshold { image, least, out: self });
     }
 
+    /// Unsets what is set in `other`, a mask of the same size; one of another size changes nothing.
+    pub fn remove(&mut self, other: &BitImage) {
+        if (self.width, self.height) == (other.width, other.height) {
+            for (word, other) in self.words.iter_mut().zip(&other.words) {
+                *word &= !other;
+            }
+        }
+    }
+
+    /// Empties the rows above row `v`.
+    pub fn clear_above(&mut self, v: usize) {
+        let end = (1 + v.min(self.height) * self.stride()).min(self.words.len());
+        self.words[..end].fill(0);
+    }
+
     /// The set pixels.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.words.iter().map(|word| word.count_ones()).sum()
+    }
+
+    /// Writes to `out` the pixels that are part of a nearly upright line: of five rows one after the other, each of which has
+    /// a pixel in the same column or beside it. Lines that lean by more than 30 degrees, and what is shorter, fall out.
+    pub fn upright(&self, spare: &mut BitImage, out: &mut BitImage) {
+        spare.clear(self.width, self.height);
+        out.clear(self.width, self.height);
+        vectorise::run(Upright { image: self, spare, out });
     }
 
     /// The words of row `v`.
@@ -128,6 +151,57 @@ impl BitImage {
 
     fn index(&self, u: usize, v: usize) -> usize {
         1 + v * self.stride() + u / 64
+    }
+}
+
+struct Upright<'a> {
+    image: &'a BitImage,
+    spare: &'a mut BitImage,
+    out: &'a mut BitImage,
+}
+
+impl Kernel for Upright<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let stride = self.image.stride();
+        let words = &self.image.words[..];
+        let len = words.len();
+        if self.image.height < 5 {
+            return;
+        }
+        // Columns with a pixel in or beside them; then those in five rows, kept at the first one; then all five.
+        let (before, here, after) = (&words[..len - 2], &words[1..len - 1], &words[2..]);
+        let wide = &mut self.spare.words[1..len - 1];
+        for i in 0..wide.len() {
+            wide[i] = here[i] | here[i] << 1 | here[i] >> 1 | before[i] >> 63 | after[i] << 63;
+        }
+        let wide = &self.spare.words[..];
+        let rows = len - 4 * stride;
+        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|row| &wide[row * stride..][..rows]);
+        let run = &mut self.out.words[..rows];
+        for i in 0..rows {
+            run[i] = a[i] & b[i] & c[i] & d[i] & e[i];
+        }
+        // An upright run counts for the pixels beside it as well.
+        let run = &self.out.words[..];
+        let wide = &mut self.spare.words[1..len - 1];
+        for i in 0..wide.len() {
+            wide[i] = run[i + 1] | run[i + 1] << 1 | run[i + 1] >> 1 | run[i] >> 63 | run[i + 2] << 63;
+        }
+        let wide = &self.spare.words[..];
+        let out = &mut self.out.words[..];
+        out.copy_from_slice(wide);
+        for row in 1..5 {
+            let shifted = &mut out[row * stride..];
+            for i in 0..shifted.len() {
+                shifted[i] |= wide[i];
+            }
+        }
+        for (out, &image) in out.iter_mut().zip(words) {
+            *out &= image;
+        }
     }
 }
 
@@ -190,6 +264,20 @@ mod tests {
         assert_eq!(mask.count(), 3 * 4);
         assert!(mask.get(66, 1) && !mask.get(65, 1) && !mask.get(70, 1) && !mask.get(0, 3));
         assert_eq!(mask.pixels().next(), Some((66, 0)));
+    }
+
+    #[test]
+    fn only_upright_lines_of_five_rows_are_kept() {
+        let (mut mask, mut spare, mut out) =
+            (BitImage::new(200, 40), BitImage::default(), BitImage::default());
+        mask.line(Vector2::new(63.0, 5.0), Vector2::new(65.0, 25.0));
+        mask.line(Vector2::new(150.0, 10.0), Vector2::new(150.0, 13.0));
+        mask.line(Vector2::new(80.0, 0.0), Vector2::new(119.0, 39.0));
+        mask.line(Vector2::new(0.0, 39.0), Vector2::new(199.0, 39.0));
+        mask.upright(&mut spare, &mut out);
+        let rows: Vec<usize> = out.pixels().map(|(_, v)| v).collect();
+        assert_eq!((rows.first(), rows.last(), rows.len()), (Some(&5), Some(&25), 21));
+        assert!(out.pixels().all(|(u, _)| (63..=65).contains(&u)));
     }
 
     #[test]

@@ -156,12 +156,22 @@ impl Regions {
 
     /// Adds the set bits of `word`, whose lowest bit is column `start`, to the counts of their regions.
     #[inline(always)]
-    fn add(&self, mut word: u64, start: usize, counts: &mut [u32]) {
+    fn add(&self, word: u64, start: usize, counts: &mut [u32]) {
+        self.split(word, start, |region, count| counts[region] += count);
+    }
+
+    /// Takes them away.
+    fn subtract(&self, word: u64, start: usize, counts: &mut [u32]) {
+        self.split(word, start, |region, count| counts[region] -= count.min(counts[region]));
+    }
+
+    #[inline(always)]
+    fn split(&self, mut word: u64, start: usize, mut take: impl FnMut(usize, u32)) {
         while word != 0 {
             let region = self.of_column(start + word.trailing_zeros() as usize);
             let end = self.first[region + 1] - start;
             let below = if end >= 64 { u64::MAX } else { (1 << end) - 1 };
-            counts[region] += (word & below).count_ones();
+            take(region, (word & below).count_ones());
             word &= !below;
         }
     }
@@ -219,6 +229,31 @@ impl EdgeDifference {
         let (surplus, missing) = (&mut self.surplus[..], &mut self.missing[..]);
         vectorise::run(Compare { seen, expected, radius, surplus, missing });
         self.count(seen, expected, regions);
+    }
+
+    /// Takes the pixels of `explained` out of those seen and not expected, and out of both counts. The masks must be of the size
+    /// of those that were compared last, and `seen` the same.
+    pub fn explain(&mut self, seen: &BitImage, explained: &BitImage, regions: &Regions) {
+        if self.surplus.len() != explained.words().len() || seen.words().len() != explained.words().len() {
+            return;
+        }
+        let stride = seen.stride();
+        for (at, (surplus, &known)) in self.surplus.iter_mut().zip(explained.words()).enumerate() {
+            let gone = *surplus & known;
+            if gone != 0 {
+                *surplus &= !known;
+                let start = 64 * ((at - 1) % stride);
+                regions.subtract(gone, start, &mut self.extra);
+                regions.subtract(gone, start, &mut self.differing);
+            }
+        }
+    }
+
+    /// Whether a pixel of `seen`, which must be what was compared last, is not expected.
+    #[must_use]
+    pub fn is_extra(&self, seen: &BitImage, u: usize, v: usize) -> bool {
+        let at = 1 + v * seen.stride() + u / 64;
+        u < seen.width() && self.surplus.get(at).is_some_and(|word| word >> (u % 64) & 1 == 1)
     }
 
     /// The pixels seen and not expected of the last comparison as a mask of `width` columns.

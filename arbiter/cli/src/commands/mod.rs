@@ -4,6 +4,8 @@ pub mod check;
 pub mod describe;
 pub mod goto;
 pub mod graph;
+pub mod learn;
+mod learn_plot;
 pub mod list;
 pub mod run;
 mod run_table;
@@ -24,6 +26,9 @@ pub enum Command {
     Run(run::Arguments),
     /// Send a running robot to a goal and wait until it is there.
     Goto(goto::Arguments),
+    /// Drive through an empty building and learn what it looks like.
+    #[command(subcommand)]
+    Learn(learn::Learn),
     /// Tell everything that is wrong with a task, without opening a device.
     Check(TaskArguments),
     /// List behaviours and drivers.

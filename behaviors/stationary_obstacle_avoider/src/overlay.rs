@@ -1,0 +1,49 @@
+//! What the detector made of a picture, drawn over it for people to look at.
+
+use nalgebra::Vector2;
+use yamabico_core::image::ImageView;
+use yamabico_core::vision::overlay::{Canvas, Colour};
+
+use crate::detector::Detector;
+
+/// Edges that the map explains.
+const EXPLAINED: Colour = [60, 200, 60];
+/// Edges that it does not.
+const EXTRA: Colour = [255, 60, 60];
+/// Edges that it lets expect and that are not seen.
+const MISSING: Colour = [70, 120, 255];
+/// The strongest step on the floor of a region, and the regions that hold something.
+const STEP: Colour = [255, 220, 0];
+/// Where the floor begins that steps are looked for on.
+const FLOOR: Colour = [150, 90, 200];
+
+/// Draws the last look of `detector` over the picture it looked at.
+pub fn draw(detector: &Detector, image: ImageView, canvas: &mut Canvas) {
+    canvas.copy_grey(image);
+    for (u, v) in detector.floor() {
+        canvas.dot(Vector2::new(u as f64, v as f64), FLOOR);
+    }
+    let (seen, expected) = (detector.seen(), detector.expected());
+    for (u, v) in expected.pixels() {
+        canvas.dot(Vector2::new(u as f64, v as f64), MISSING);
+    }
+    for (u, v) in seen.pixels() {
+        let is_extra = detector.difference().is_extra(seen, u, v);
+        canvas.dot(Vector2::new(u as f64, v as f64), if is_extra { EXTRA } else { EXPLAINED });
+    }
+    let last = image.height() as f64 - 1.0;
+    for (region, sight) in detector.sights().iter().enumerate() {
+        let columns = detector.regions().columns(region);
+        let (first, end) = (columns.start as f64, columns.end as f64 - 1.0);
+        canvas.line(Vector2::new(first, last - 6.0), Vector2::new(first, last), [200; 3]);
+        if sight.is_step {
+            canvas.line(sight.upright.foot, Vector2::new(sight.upright.foot.x, sight.upright.top_v), STEP);
+        }
+        if sight.is_obstacle {
+            for row in 0..3 {
+                let v = last - f64::from(row);
+                canvas.line(Vector2::new(first, v), Vector2::new(end, v), STEP);
+            }
+        }
+    }
+}

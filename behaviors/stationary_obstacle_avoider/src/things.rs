@@ -1,0 +1,200 @@
+//! What stands in the way and where, remembered while it is out of view.
+//!
+//! Ohya, Kosaka & Kak (1998) take all obstacles to stand one metre ahead. Differs from \[1\]: they are put where their foot is
+//! seen on the floor, and stay on the map when the robot drives past.
+
+use nalgebra::Point2;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::time::Time;
+
+/// How many are remembered.
+const MOST: usize = 24;
+/// A sighting this much beyond the radius of a thing is still that thing, metres.
+const SAME_M: f64 = 0.3;
+/// Pictures without it, though its place is in view, after which it is gone.
+const FORGOTTEN: u32 = 3;
+
+/// Something that the map does not have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thing {
+    /// Its middle on the map, metres.
+    pub at: Point2<f64>,
+    /// Metres.
+    pub radius_m: f64,
+    /// Whether it was seen in two of three pictures.
+    pub is_confirmed: bool,
+    /// When it was last sensed.
+    pub seen: Time,
+    lifetime_s: f64,
+    history: u8,
+    misses: u32,
+    is_fresh: bool,
+}
+
+/// The things.
+#[derive(Clone, Debug)]
+pub struct Things {
+    list: Vec<Thing>,
+}
+
+impl Default for Things {
+    fn default() -> Self {
+        Self { list: Vec::with_capacity(MOST) }
+    }
+}
+
+impl Things {
+    /// All of them.
+    #[must_use]
+    pub fn all(&self) -> &[Thing] {
+        &self.list
+    }
+
+    /// Those that count.
+    pub fn confirmed(&self) -> impl Iterator<Item = &Thing> {
+        self.list.iter().filter(|thing| thing.is_confirmed)
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.list.clear();
+    }
+
+    /// Begins a picture.
+    pub fn begin(&mut self) {
+        for thing in &mut self.list {
+            thing.is_fresh = false;
+        }
+    }
+
+    /// Takes a sighting of the picture begun: at a place on the map, metres.
+    pub fn see(&mut self, at: Point2<f64>, radius_m: f64, now: Time, lifetime_s: f64) {
+        let is_same = |thing: &Thing| (thing.at - at).norm() < thing.radius_m.max(radius_m) + SAME_M;
+        let known = self.list.iter_mut().filter(|thing| !thing.is_fresh && is_same(thing));
+        let nearest = known.min_by(|a, b| (a.at - at).norm().total_cmp(&(b.at - at).norm()));
+        let new = Thing {
+            at,
+            radius_m,
+            is_confirmed: false,
+            seen: now,
+            lifetime_s,
+            history: 0,
+            misses: 0,
+            is_fresh: true,
+        };
+        if let Some(thing) = nearest {
+            let Thing { is_confirmed, history, .. } = *thing;
+            *thing = Thing { is_confirmed, history, ..new };
+        } else if self.list.len() < MOST {
+            self.list.push(new);
+        }
+    }
+
+    /// Takes an echo at a place on the map, metres: it counts at once.
+    pub fn hear(&mut self, at: Point2<f64>, radius_m: f64, now: Time, lifetime_s: f64) {
+        if let Some(thing) = self.list.iter_mut().find(|thing| (thing.at - at).norm() < thing.radius_m) {
+            (thing.is_confirmed, thing.seen) = (true, now);
+            return;
+        }
+        if self.list.len() < MOST {
+            self.list.push(Thing {
+                at,
+                radius_m,
+                is_confirmed: true,
+                seen: now,
+                lifetime_s,
+                history: 0,
+                misses: 0,
+                is_fresh: true,
+            });
+        }
+    }
+
+    /// Ends a picture: `is_in_view` tells of a place whether it would have been seen.
+    pub fn end(&mut self, is_in_view: impl Fn(Point2<f64>) -> bool) {
+        for thing in &mut self.list {
+            if !thing.is_fresh && !is_in_view(thing.at) {
+                continue;
+            }
+            thing.history = thing.history << 1 | u8::from(thing.is_fresh);
+            thing.misses = if thing.is_fresh { 0 } else { thing.misses + 1 };
+            thing.is_confirmed |= (thing.history & 0b111).count_ones() >= 2;
+        }
+        self.list.retain(|thing| thing.misses < FORGOTTEN);
+    }
+
+    /// Forgets what was sensed too long ago.
+    pub fn expire(&mut self, now: Time) {
+        self.list.retain(|thing| now.seconds_after(thing.seen) <= thing.lifetime_s);
+    }
+
+    /// Whether a robot of `half_width_m` that goes from `pose` for `length_m` in the direction `bearing` (rad, from its heading)
+    /// touches none that counts. One that is nearer already may be left behind.
+    #[must_use]
+    pub fn is_free(&self, pose: &Pose2, bearing: f64, length_m: f64, half_width_m: f64) -> bool {
+        let inverse = pose.inverse();
+        let (sin, cos) = bearing.sin_cos();
+        self.confirmed().all(|thing| {
+            let at = inverse.transform_point(thing.at);
+            let (along, across) = (cos * at.x + sin * at.y, cos * at.y - sin * at.x);
+            let nearest = across.hypot(along - along.clamp(0.0, length_m));
+            along <= 0.0 || nearest >= thing.radius_m + half_width_m
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(things: &mut Things, x: f64) {
+        things.begin();
+        things.see(Point2::new(x, 0.0), 0.2, Time::ZERO, 10.0);
+        things.end(|_| true);
+    }
+
+    #[test]
+    fn two_of_three_pictures_confirm_and_three_without_forget() {
+        let mut things = Things::default();
+        seen(&mut things, 2.0);
+        assert_eq!(things.confirmed().count(), 0);
+        things.begin();
+        things.end(|_| true);
+        seen(&mut things, 2.1);
+        assert_eq!(things.confirmed().count(), 1);
+        for _ in 0..5 {
+            things.begin();
+            things.end(|_| false);
+        }
+        assert_eq!(things.confirmed().count(), 1, "out of view it stays");
+        for _ in 0..3 {
+            things.begin();
+            things.end(|_| true);
+        }
+        assert!(things.all().is_empty());
+    }
+
+    #[test]
+    fn the_way_past_a_thing_is_free_and_the_way_into_it_is_not() {
+        let mut things = Things::default();
+        seen(&mut things, 1.5);
+        seen(&mut things, 1.5);
+        let free = |bearing: f64| things.is_free(&Pose2::IDENTITY, bearing, 2.0, 0.23);
+        assert!(!free(0.0) && !free(0.2) && free(0.35) && free(-0.35));
+        let beside = Pose2::new(1.5, 0.45, 0.0);
+        assert!(
+            things.is_free(&beside, 0.0, 2.0, 0.23)
+                && !things.is_free(&Pose2::new(1.3, 0.6, 0.0), -1.2, 2.0, 0.23)
+        );
+    }
+
+    #[test]
+    fn time_ends_a_memory() {
+        let mut things = Things::default();
+        things.hear(Point2::new(0.5, 0.0), 0.1, Time::ZERO, 1.0);
+        things.expire(Time::from_secs_f64(0.9));
+        assert_eq!(things.confirmed().count(), 1);
+        things.expire(Time::from_secs_f64(1.1));
+        assert!(things.all().is_empty());
+    }
+}
