@@ -56,7 +56,7 @@ pub struct Config {
     #[serde(default = "map_sigma_m")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub map_sigma_m: f64,
-    /// Pictures taken nearer to each other than this err alike, m, 0 to 10, default 1.
+    /// Pictures taken nearer to each other than this err alike, m, 0 to 10, default 0.5.
     #[serde(default = "correlation_m")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub correlation_m: f64,
@@ -188,5 +188,5 @@ fn map_sigma_m() -> f64 {
     0.01
 }
 fn correlation_m() -> f64 {
-    1.0
+    0.5
 }

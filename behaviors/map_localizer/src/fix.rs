@@ -19,10 +19,15 @@ const REMATCH_PX: f64 = 5.0;
 const SAME_COLUMN_PX: f64 = 8.0;
 /// Where this share of the expected edges is matched, no other match is looked for.
 const WELL_SEEN: f64 = 0.75;
-/// Otherwise the robot's heading is looked from so many standard deviations to either side ...
+/// Otherwise the robot's heading is looked from so many standard deviations to either side.
 const ASIDE_SIGMAS: f64 = 1.5;
-/// ... with this share of the prior's covariance.
-const ASIDE_SHARE: f64 = 0.25;
+/// With a prior wider than this the match is looked for from places this far apart (m, rad) ...
+const START_STEP_M: f64 = 0.07;
+const START_STEP_RAD: f64 = 0.0175;
+/// ... each with these standard deviations.
+const START_SIGMAS: (f64, f64) = (0.1, 0.012);
+/// At most so many steps to either side.
+const START_STEPS: i32 = 6;
 /// Least number of lines of a fix.
 const LEAST_LINES: usize = 3;
 
@@ -132,9 +137,21 @@ impl Fixer {
 
     /// What the segments taken last make of a belief.
     pub fn fix(&mut self, prior: &Belief, noise: &LineNoise) -> Fix {
+        let sigma_across_m = across_sigma_m(prior);
+        let is_wide = prior.sigma_theta_rad() > START_STEP_RAD || sigma_across_m > START_STEP_M;
         let mut fix = self.fix_from(prior, prior, noise);
-        if (fix.lines as f64) < WELL_SEEN * fix.expected as f64 {
-            fix = self.fix_from_aside(prior, noise, fix);
+        if is_wide {
+            let aside = within(1.5 * sigma_across_m, START_STEP_M);
+            let turns = within(2.0 * prior.sigma_theta_rad(), START_STEP_RAD);
+            fix = self.best_start(prior, noise, fix, START_SIGMAS, &|i| {
+                let (column, row) = (i % aside.len(), i / aside.len());
+                (row < turns.len()).then(|| (aside.at(column), turns.at(row)))
+            });
+        } else if (fix.lines as f64) < WELL_SEEN * fix.expected as f64 {
+            let turn = ASIDE_SIGMAS * prior.sigma_theta_rad();
+            let sigmas = (0.5 * prior.sigma_xy_m(), 0.5 * prior.sigma_theta_rad());
+            fix =
+                self.best_start(prior, noise, fix, sigmas, &|i| [(0.0, turn), (0.0, -turn)].get(i).copied());
         }
         if fix.verdict.is_ok() && self.image_shift(&fix.posterior.pose) > REMATCH_PX {
             // The new pose only tells which line is which edge: the measurements act on the prior, once.
@@ -143,18 +160,30 @@ impl Fixer {
         fix
     }
 
-    /// Where much of what should be in view was not matched, looks from headings to both sides of the prior too, and takes what
-    /// matches most.
-    fn fix_from_aside(&mut self, prior: &Belief, noise: &LineNoise, first: Fix) -> Fix {
-        let turn = ASIDE_SIGMAS * prior.sigma_theta_rad();
+    /// Matches from other poses than the prior's too, and keeps what matches most: `start` gives by how much they lie to the
+    /// left (m) and are turned (rad), `sigmas` how wide is looked from each (m, rad).
+    fn best_start(
+        &mut self,
+        prior: &Belief,
+        noise: &LineNoise,
+        first: Fix,
+        sigmas: (f64, f64),
+        start: &dyn Fn(usize) -> Option<(f64, f64)>,
+    ) -> Fix {
         let mut best = (first, *prior);
-        for turn in [turn, -turn] {
-            let Pose2 { x, y, theta } = prior.pose;
-            let aside =
-                Belief { pose: Pose2::new(x, y, theta + turn), covariance: prior.covariance * ASIDE_SHARE };
-            let fix = self.fix_from(prior, &aside, noise);
-            if fix.lines > best.0.lines {
-                best = (fix, aside);
+        let Pose2 { x, y, theta } = prior.pose;
+        let (sin, cos) = theta.sin_cos();
+        for (left_m, turn) in (0..).map_while(start) {
+            let pose = Pose2::new(x - sin * left_m, y + cos * left_m, theta + turn);
+            let about = Belief::new(
+                pose,
+                sigmas.0.min(prior.sigma_xy_m()).max(1e-3),
+                sigmas.1.min(prior.sigma_theta_rad()).max(1e-4),
+            );
+            let fix = self.fix_from(prior, &about, noise);
+            let score = |fix: &Fix| fix.lines as f64 - fix.surprise;
+            if score(&fix) > score(&best.0) {
+                best = (fix, about);
             }
         }
         // Leaves behind what belongs to the best.
@@ -242,6 +271,36 @@ impl Fixer {
             Some(line.distance(0.5 * (expected.from + expected.to)).0.abs())
         };
         self.expectation.expected().iter().filter_map(shift).fold(0.0, f64::max)
+    }
+}
+
+/// Standard deviation of the place across the robot's heading, metres.
+fn across_sigma_m(belief: &Belief) -> f64 {
+    let (sin, cos) = belief.pose.theta.sin_cos();
+    let across = Vector2::new(-sin, cos);
+    let covariance = belief.covariance.fixed_view::<2, 2>(0, 0);
+    across.dot(&(covariance * across)).max(0.0).sqrt()
+}
+
+/// Steps to both sides of zero.
+#[derive(Clone, Copy)]
+struct Steps {
+    to_either_side: i32,
+    step: f64,
+}
+
+/// Steps of this length that reach as far.
+fn within(reach: f64, step: f64) -> Steps {
+    Steps { to_either_side: ((reach / step) as i32).min(START_STEPS), step }
+}
+
+impl Steps {
+    fn len(self) -> usize {
+        2 * self.to_either_side.unsigned_abs() as usize + 1
+    }
+
+    fn at(self, i: usize) -> f64 {
+        f64::from(i as i32 - self.to_either_side) * self.step
     }
 }
 

@@ -574,6 +574,9 @@ impl MapLocalizer {
         let Some((stamp, belief)) = self.history.newest() else { return };
         let (stamp_ns, evidence_ns) = (stamp.0, self.evidence().0);
         self.sequence += 1;
+        // How far the map's edges are off together is in every picture: it does not grow less with more of them.
+        let variance = self.config.map_sigma_m.powi(2);
+        let of_map = [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, 0.0];
         let pose = Pose {
             stamp_ns,
             evidence_ns,
@@ -581,7 +584,7 @@ impl MapLocalizer {
             x: belief.pose.x,
             y: belief.pose.y,
             theta: belief.pose.theta,
-            covariance: std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)]),
+            covariance: std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)] + of_map[i]),
             status: self.health.status().code(),
             reserved: 0,
         };
