@@ -134,7 +134,7 @@ fn draw(picture: &Picture, bench: &Bench<IntersectionTracker>) -> Result<image::
                 }
             }
             let rule = FinderRule { range_m: [1.5, 12.0], border_px: 25.0, pair_m: 0.3 };
-            for end in EndFinder::default().find(&sight, &sighting, &rule) {
+            for end in EndFinder::default().find(image, &sight, &sighting, &rule) {
                 println!(
                     "{:?} wall ends {:.2} m ahead, {:.2} m aside",
                     end.side, end.ahead_m, end.point_in_robot.y

@@ -144,7 +144,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
             }
             ran.is_lost = true;
         }
-        ran.one_sided += u32::from(matches!(track.sides(), Sides::One(_)) && track.pictures() > 0);
+        ran.one_sided += u32::from(matches!(track.sides(), Sides::One(_)) && track.confirmations() > 2);
         if arguments.verbose {
             let ahead = drive.bench.behavior.ahead(&drive.wheels);
             let at = |side| track.seen_at(side).map_or(f64::NAN, |at| at.x);

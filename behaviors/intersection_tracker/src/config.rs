@@ -29,7 +29,7 @@ pub struct Config {
     /// Two wall ends that differ by less along the corridor are a pair, m, 0.05 to 2, default 0.3.
     #[schemars(range(min = 0.05, max = 2.0))]
     pub pair_m: f64,
-    /// So many pictures in which it was seen before it steers, 1 to 20, default 3.
+    /// So many pictures must show both ends before it steers, 1 to 20, default 3.
     #[schemars(range(min = 1, max = 20))]
     pub confirm_pictures: u32,
     /// Least correlation of a match, 0.3 to 0.99, default 0.7.

@@ -6,6 +6,7 @@ use nalgebra::{Matrix2, Point2, Rotation2, Vector2, Vector3};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::corridor::sight::{Sight, Sighting};
 use yamabico_core::corridor::wall_distance::CorridorView;
+use yamabico_core::image::ImageView;
 use yamabico_core::vision::segments::Segment;
 
 use crate::pair::partner;
@@ -23,6 +24,12 @@ const SHORTEST_AT_640_PX: f64 = 30.0;
 const DOOR_M: f64 = 1.2;
 /// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
+/// Heights there at which the picture is compared before and behind an edge ...
+const FOOT_SAMPLES: u32 = 16;
+/// ... so many columns from it ...
+const FOOT_COLUMNS_PX: [f64; 4] = [2.0, 3.0, 4.0, 5.0];
+/// ... must differ by this, root mean square, grey levels.
+const FOOT_CONTRAST: f64 = 12.0;
 /// Where its upper end is seen, the end of a wall is higher than any door, metres.
 const DOOR_HEIGHT_M: f64 = 2.15;
 /// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
@@ -35,6 +42,8 @@ const COLUMN_SIGMA_PX: f64 = 1.0;
 const SKIRTING_SHARE: f64 = 0.015;
 /// Part of the way from edge to edge that a line on the floor must cover to be a wall's across the corridor.
 const CLOSED_SHARE: f64 = 0.4;
+/// Part of its distance by which such a line may stand before or behind the ends, besides two rows.
+const CLOSED_TOLERANCE: f64 = 0.04;
 
 /// Left or right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,15 +139,21 @@ struct Scene<'a> {
 }
 
 impl EndFinder {
-    /// Everything in the last picture of `sight` that may be the end of a wall.
-    pub fn find(&mut self, sight: &Sight, sighting: &Sighting, rule: &FinderRule) -> &[WallEnd] {
+    /// Everything in `image`, the last picture of `sight`, that may be the end of a wall.
+    pub fn find(
+        &mut self,
+        image: ImageView<'_>,
+        sight: &Sight,
+        sighting: &Sighting,
+        rule: &FinderRule,
+    ) -> &[WallEnd] {
         self.ends.clear();
         let Some(view) = sight.view() else { return &self.ends };
         let scene = Scene { sight, sighting, view, rule };
         for side in Side::BOTH {
             let Some(wall) = scene.wall(side) else { continue };
             let ends = sight.segments().iter().filter_map(|segment| scene.wall_end(segment, side, wall));
-            self.ends.extend(ends);
+            self.ends.extend(ends.filter(|end| scene.ends_at_foot(image, end, wall)));
         }
         &self.ends
     }
@@ -293,6 +308,31 @@ impl Scene<'_> {
         })
     }
 
+    /// Whether the foot of the wall looks different before and behind its end: a shade on the wall leaves the skirting alike,
+    /// and so does the edge of something farther away.
+    fn ends_at_foot(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
+        let column_m = end.ahead_m.powi(2) / (wall.distance_m.abs() * self.view.intrinsics.fx);
+        let camera_from_corridor = self.view.corridor_from_camera.transpose();
+        let level = |aside_px: f64, height_m: f64| {
+            let ahead_m = end.ahead_m + aside_px * column_m;
+            let point = Vector3::new(ahead_m, wall.distance_m, height_m - self.view.height_m);
+            let pixel = self.sight.camera().pinhole.project(&(camera_from_corridor * point).into()).ok()?;
+            let (u, v) = (pixel.x.round(), pixel.y.round());
+            (u >= 0.0 && v >= 0.0).then(|| f64::from(image.pixel(u as usize, v as usize)))
+        };
+        let mean = |sign: f64, height_m: f64| {
+            let levels = FOOT_COLUMNS_PX.map(|aside_px| level(sign * aside_px, height_m));
+            levels.into_iter().sum::<Option<f64>>().map(|sum| sum / FOOT_COLUMNS_PX.len() as f64)
+        };
+        let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
+        let squares = (0..FOOT_SAMPLES).map(|sample| {
+            let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
+            Some((mean(-1.0, height_m)? - mean(1.0, height_m)?).powi(2))
+        });
+        let sum = squares.sum::<Option<f64>>();
+        sum.is_some_and(|sum| sum > FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES))
+    }
+
     /// How far up an edge reaches, with all pieces of it.
     fn reach(&self, edge: &Segment, place: &Standing) -> Reach {
         let aside_px = SAME_EDGE_AT_640_PX * f64::from(self.view.intrinsics.width) / 640.0;
@@ -339,6 +379,7 @@ impl Scene<'_> {
         let (from, to) = (left.base.x.min(right.base.x), left.base.x.max(right.base.x));
         let ahead_m = 0.5 * (left.ahead_m + right.ahead_m);
         let row_m = ahead_m.powi(2) / (self.view.height_m * self.view.intrinsics.fy);
+        let tolerance_m = 2.0 * row_m + CLOSED_TOLERANCE * ahead_m;
         let covered: f64 = self
             .sight
             .segments()
@@ -346,7 +387,7 @@ impl Scene<'_> {
             .filter(|line| line.direction().x.abs() > 0.9)
             .filter(|line| {
                 let here =
-                    |pixel| self.view.floor_point(pixel).is_some_and(|p| (p.x - ahead_m).abs() < 2.0 * row_m);
+                    |pixel| self.view.floor_point(pixel).is_some_and(|p| (p.x - ahead_m).abs() < tolerance_m);
                 here(line.p0) && here(line.p1)
             })
             .map(|line| {

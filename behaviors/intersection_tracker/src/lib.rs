@@ -57,6 +57,8 @@ const AXIS_KEPT_S: f64 = 3.0;
 const AXIS_SIGMA_RAD: f64 = 0.03;
 /// What is handed over is not found again before it is this much farther away (m) and from the border (px).
 const APART: (f64, f64) = (0.3, 10.0);
+/// What is not confirmed after so many pictures is given up.
+const UNCONFIRMED_PICTURES: u32 = 20;
 /// A pair nearer by this (m) than the one that is not yet confirmed is taken instead.
 const NEARER_M: f64 = 0.8;
 /// An intersection handed over is passed once it is behind the robot or farther away than this (m) ...
@@ -290,8 +292,7 @@ impl IntersectionTracker {
         self.handed_over = None;
         let seen = self.track.follow(image, &pose, &camera);
         self.trouble = None;
-        let is_confirmed = self.track.pictures() >= self.config.confirm_pictures;
-        if taken.pose.is_none() || !is_confirmed || self.track.needs_ends() {
+        if taken.pose.is_none() || !self.is_confirmed() || self.track.needs_ends() {
             self.trouble = self.look_for_ends(image, taken, &pose).err();
         }
         if seen != Sides::None || Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some()) {
@@ -328,20 +329,27 @@ impl IntersectionTracker {
         let sighting = self.sight.look(image, expectation)?;
         self.axis = Some((wrap_angle(pose.theta - sighting.heading), taken.stamp));
         let camera = *self.sight.camera();
-        let ends = self.finder.find(&self.sight, &sighting, &self.rule);
+        let ends = self.finder.find(image, &self.sight, &sighting, &self.rule);
         if self.track.landmarks().is_some() {
+            let mut agree = [false; 2];
             for end in ends {
-                self.track.reacquire(image, pose, &camera, end);
+                agree[end.side.index()] |= self.track.reacquire(image, pose, &camera, end);
             }
-            if self.track.pictures() >= self.config.confirm_pictures {
+            if agree == [true; 2] {
+                self.track.confirm();
+            }
+            if self.is_confirmed() {
                 return Ok(());
+            }
+            if self.track.pictures() > UNCONFIRMED_PICTURES {
+                self.track.lose();
             }
         }
         let tracked_m = self.ahead(pose).map(|ahead| ahead.distance_m);
         if let Some(pair) = self.finder.pair(&self.sight, &sighting, &self.rule) {
             let middle = nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot);
             let is_nearer = tracked_m.is_none_or(|tracked| middle.x < tracked - NEARER_M);
-            if is_nearer || self.track.pictures() == 0 {
+            if is_nearer || self.track.sides() != Sides::Both {
                 return self.track.begin_pair(image, pose, &camera, &pair);
             }
         }
@@ -375,7 +383,7 @@ impl IntersectionTracker {
             ahead.sigma_m,
             ahead.bearing.to_degrees()
         );
-        if self.track.pictures() < self.config.confirm_pictures {
+        if !self.is_confirmed() {
             let reason = match self.track.sides() {
                 Sides::Both => Reason::Searching,
                 _ => Reason::OneSided,
@@ -406,6 +414,10 @@ impl IntersectionTracker {
             Some(_) => Proposal::abstain(Reason::Nominal).with_note(format_args!("handed over")),
             None => Proposal::abstain(Reason::Clear),
         }
+    }
+
+    fn is_confirmed(&self) -> bool {
+        self.track.confirmations() >= self.config.confirm_pictures
     }
 
     fn forget(&mut self) {

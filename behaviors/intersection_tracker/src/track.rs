@@ -52,6 +52,7 @@ pub enum Sides {
 pub struct IntersectionTrack {
     landmarks: Option<Landmarks>,
     edges: [Edge; 2],
+    confirmations: u32,
     pictures: u32,
     reacquire_misses: u32,
     lost_misses: u32,
@@ -73,6 +74,7 @@ impl IntersectionTrack {
         Self {
             landmarks: None,
             edges: [edge.clone(), edge],
+            confirmations: 0,
             pictures: 0,
             reacquire_misses: config.reacquire_misses,
             lost_misses: config.lost_misses,
@@ -86,10 +88,21 @@ impl IntersectionTrack {
         self.landmarks.as_ref()
     }
 
-    /// Pictures in which both edges were seen.
+    /// Pictures in which both walls were found to end where the edges are.
+    #[must_use]
+    pub fn confirmations(&self) -> u32 {
+        self.confirmations
+    }
+
+    /// Pictures since the beginning.
     #[must_use]
     pub fn pictures(&self) -> u32 {
         self.pictures
+    }
+
+    /// Counts a picture in which both walls end where the edges are.
+    pub fn confirm(&mut self) {
+        self.confirmations = self.confirmations.saturating_add(1);
     }
 
     /// Which edges are followed.
@@ -124,7 +137,7 @@ impl IntersectionTrack {
     /// Forgets everything.
     pub fn lose(&mut self) {
         self.landmarks = None;
-        self.pictures = 0;
+        (self.confirmations, self.pictures) = (0, 0);
         for edge in &mut self.edges {
             (edge.is_tracked, edge.misses, edge.seen_at, edge.trouble) = (false, 0, None, None);
         }
@@ -145,7 +158,7 @@ impl IntersectionTrack {
         let points = [ends[0].point_in_robot, ends[1].point_in_robot];
         self.landmarks = Some(Landmarks::new(pose, points, [ends[0].covariance, ends[1].covariance]));
         let taken = [0, 1].map(|i| self.acquire(image, pose, camera, &ends[i]));
-        self.pictures = u32::from(taken[0].is_ok() && taken[1].is_ok());
+        self.confirmations = u32::from(taken[0].is_ok() && taken[1].is_ok());
         self.begun(taken[0].or(taken[1]))
     }
 
@@ -216,19 +229,17 @@ impl IntersectionTrack {
             }
         }
         let seen = [self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()];
+        self.pictures = self.pictures.saturating_add(1);
         match seen {
-            [true, true] => {
-                self.pictures = self.pictures.saturating_add(1);
-                Sides::Both
-            }
+            [true, true] => Sides::Both,
             [true, false] => Sides::One(Side::Left),
             [false, true] => Sides::One(Side::Right),
             [false, false] => Sides::None,
         }
     }
 
-    /// Takes an end for the edge of its wall where that is not followed or was missed too often, and where it stands for
-    /// the distance. Gives whether an edge was taken.
+    /// Takes where the end of a wall stands for the distance of its edge, and the end for the edge where that is not followed
+    /// or was missed too often. Gives whether the two agree.
     pub fn reacquire(
         &mut self,
         image: ImageView<'_>,
@@ -242,7 +253,7 @@ impl IntersectionTrack {
         }
         let edge = &self.edges[end.side.index()];
         let is_wanted = !edge.is_tracked || edge.misses >= self.reacquire_misses;
-        is_wanted && self.acquire(image, pose, camera, end).is_ok()
+        !is_wanted || self.acquire(image, pose, camera, end).is_ok()
     }
 
     /// Drops edges that were missed too often, and everything where no edge is left or the two are no corridor's; gives
