@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Isometry3;
 use schemars::Schema;
 use serde::{Deserialize, Serialize};
 
@@ -126,11 +127,13 @@ pub struct Robot {
 }
 
 impl SensorKind {
-    /// Where a camera of any kind sits on the robot; `None` for everything else.
+    /// The rigid transform from a camera's own frame (a pinhole's optical frame, a mirror's frame) to the body frame;
+    /// `None` for what is no camera.
     #[must_use]
-    pub fn camera_mount(&self) -> Option<&Mount> {
+    pub fn body_from_camera(&self) -> Option<Isometry3<f64>> {
         match self {
-            SensorKind::Camera { mount, .. } | SensorKind::MirrorCamera { mount, .. } => Some(mount),
+            SensorKind::Camera { mount, .. } => Some(mount.body_from_camera()),
+            SensorKind::MirrorCamera { mount, .. } => Some(mount.body_from_mirror()),
             SensorKind::Range { .. } | SensorKind::Other => None,
         }
     }

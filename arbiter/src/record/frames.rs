@@ -1,7 +1,7 @@
 //! Coordinate frames of a recording, and poses in them.
 
 use foxglove::messages::{FrameTransform, Pose, PoseInFrame, Quaternion, Timestamp, Vector3};
-use yamabico_core::camera::Mount;
+use nalgebra::Isometry3;
 use yamabico_core::geometry::Pose2;
 
 /// The building.
@@ -51,9 +51,8 @@ fn transform(stamp_ns: u64, parent: &str, child: &str, parent_from_child: &Pose2
     }
 }
 
-/// Where a camera sits on the robot: its optical frame in the robot's.
-pub(super) fn mounted(frame_id: &str, mount: &Mount) -> FrameTransform {
-    let body_from_camera = mount.body_from_camera();
+/// Where a camera sits on the robot: its own frame in the robot's.
+pub(super) fn mounted(frame_id: &str, body_from_camera: &Isometry3<f64>) -> FrameTransform {
     let (position, turn) = (body_from_camera.translation.vector, body_from_camera.rotation);
     FrameTransform {
         timestamp: Some(timestamp(0)),

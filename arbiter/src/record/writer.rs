@@ -11,7 +11,7 @@ use yamabico_core::message::{
     Beam, Command, Control, DecisionHeader, FrameHeader, Heartbeat, Message, MessageType, Odometry, Pose,
     Proposal, RangeScanHeader, Truth,
 };
-use yamabico_core::sensor::{Robot, SensorInfo, SensorKind};
+use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_core::time::Time;
 
 use super::frames::{self, Chain, MAP, ODOM};
@@ -57,8 +57,8 @@ impl Writer {
     pub fn begin(&mut self, sensors: &[(String, SensorInfo)]) {
         self.standard("/robot/scene", Time::ZERO, &scene::footprint(self.radius_m));
         for (topic, sensor) in sensors {
-            if let SensorKind::Camera { mount, .. } = &sensor.kind {
-                self.standard(TRANSFORMS, Time::ZERO, &frames::mounted(topic, mount));
+            if let Some(body_from_camera) = sensor.kind.body_from_camera() {
+                self.standard(TRANSFORMS, Time::ZERO, &frames::mounted(topic, &body_from_camera));
             }
         }
     }

@@ -16,6 +16,6 @@ pub mod sonar;
 pub mod world;
 
 pub use device::PLUGIN;
-pub use render::{CameraView, Photometry, Renderer};
+pub use render::{CameraView, MirrorRenderer, MirrorView, Photometry, Renderer};
 pub use scene::Scene;
 pub use world::World;

@@ -1,10 +1,13 @@
 //! Pictures of a scene: polygons with exact edges along each line, and a ray caster for everything else.
 
 mod cast;
+mod meridian;
+mod mirror;
 mod photometry;
 mod project;
 mod raster;
 mod resolve;
+mod ring;
 mod shade;
 mod spans;
 
@@ -19,6 +22,7 @@ use project::Eye;
 use raster::Raster;
 
 pub use cast::RayBundle;
+pub use mirror::{MirrorRenderer, MirrorView};
 pub use photometry::Photometry;
 
 /// A pinhole camera on a robot.
@@ -68,8 +72,9 @@ impl Renderer {
     /// [`RenderError`] when the buffer or the view do not fit.
     pub fn render(&mut self, scene: &Scene, view: &CameraView, image: &mut [u8]) -> Result<(), RenderError> {
         view.check(image.len(), 1)?;
-        self.grey
-            .draw(scene, &Eye::new(view), |y, row, k| self.film.develop(k, y, row, line(image, y, k, 1)));
+        self.grey.draw(scene, &Eye::new(view), |y, row, k| {
+            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 1))
+        });
         Ok(())
     }
 
@@ -84,8 +89,9 @@ impl Renderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         view.check(image.len(), 3)?;
-        self.colour
-            .draw(scene, &Eye::new(view), |y, row, k| self.film.develop(k, y, row, line(image, y, k, 3)));
+        self.colour.draw(scene, &Eye::new(view), |y, row, k| {
+            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 3))
+        });
         Ok(())
     }
 
@@ -108,7 +114,7 @@ impl Renderer {
             for (x, pixel) in row.iter_mut().enumerate() {
                 *pixel = cast::pixel(scene, &eye, x, y, per_side);
             }
-            self.film.develop(k, y, &row, line(image, y, k, 1));
+            self.film.develop([k.width, k.height], y, &row, line(image, y, k.width, 1));
         }
         Ok(())
     }
@@ -124,7 +130,7 @@ impl CameraView {
     }
 }
 
-fn line<'a>(image: &'a mut [u8], y: usize, k: &Intrinsics, channels: usize) -> &'a mut [u8] {
-    let stride = k.width as usize * channels;
+fn line(image: &mut [u8], y: usize, width: u32, channels: usize) -> &mut [u8] {
+    let stride = width as usize * channels;
     &mut image[y * stride..(y + 1) * stride]
 }

@@ -4,7 +4,6 @@ use rand::Rng;
 use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use yamabico_core::camera::Intrinsics;
 
 /// What the lens and the sensor make of the light.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
@@ -48,12 +47,13 @@ impl Film {
         Self { photometry, rng, normal: normal_quantiles(NOISE_STEPS) }
     }
 
-    /// Writes row `y` of a picture: `row` holds radiance, `pixels` gets grey levels, channels side by side.
-    pub fn develop<const C: usize>(&mut self, k: &Intrinsics, y: usize, row: &[[f32; C]], pixels: &mut [u8]) {
-        let corner = 0.25 * (f64::from(k.width).powi(2) + f64::from(k.height).powi(2));
+    /// Writes row `y` of a picture of this width and height: `row` holds radiance, `pixels` gets grey levels, channels side by side.
+    pub fn develop<const C: usize>(&mut self, size: [u32; 2], y: usize, row: &[[f32; C]], pixels: &mut [u8]) {
+        let [width, height] = size.map(f64::from);
+        let corner = 0.25 * (width * width + height * height);
         let fall = f64::from(self.photometry.vignetting) / corner;
-        let centre = 0.5 * (f64::from(k.width) - 1.0);
-        let dy = y as f64 - 0.5 * (f64::from(k.height) - 1.0);
+        let centre = 0.5 * (width - 1.0);
+        let dy = y as f64 - 0.5 * (height - 1.0);
         let gain = self.photometry.exposure / WHITE_LEVEL;
         let (fall, centre, dy2) = (fall as f32, centre as f32, (dy * dy) as f32);
         if self.photometry.noise_sigma > 0.0 {

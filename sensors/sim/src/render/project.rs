@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use yamabico_core::camera::Intrinsics;
 
 use super::CameraView;
+use super::spans::Outline;
 use crate::scene::Surface;
 
 /// Nothing nearer than this is drawn, metres along the optical axis.
@@ -167,11 +168,9 @@ impl Eye {
     }
 }
 
-impl Polygon {
-    /// Where the horizontal line `y` enters and leaves it.
+impl Outline for Polygon {
     #[inline]
-    #[must_use]
-    pub fn span(&self, y: f64) -> Option<(f64, f64)> {
+    fn span(&self, y: f64) -> Option<(f64, f64)> {
         let (mut low, mut high) = (f64::MAX, f64::MIN);
         for e in &self.edges[..self.edge_count] {
             if e.y[0] <= y && y < e.y[1] {
@@ -181,5 +180,11 @@ impl Polygon {
             }
         }
         (low < high).then_some((low, high))
+    }
+
+    #[inline]
+    fn inverse_depth(&self, y: f64) -> (f64, f64) {
+        let [slope, down, offset] = self.inverse_depth;
+        (slope, down * y + offset)
     }
 }

@@ -3,13 +3,15 @@
 use yamabico_core::camera::Intrinsics;
 
 use super::project::{Eye, Linear, Polygon, Side};
-use super::resolve::{LINES, Piece, Row};
+use super::resolve::{Piece, Row};
 use super::shade::{BLOCK, Shader, Spots};
 use super::spans::{Line, NOTHING};
 use crate::Scene;
 
+/// Lines in each row.
+const LINES: usize = 4;
 /// How much smaller the picture of the mirrored world is, each way.
-const MIRROR_SHRINK: u32 = 4;
+pub const MIRROR_SHRINK: u32 = 4;
 /// Radiance where there is nothing.
 const DARKNESS: f32 = 0.02;
 
@@ -21,12 +23,12 @@ pub struct Raster<const C: usize> {
     line: Line,
     row: Row,
     pixels: Vec<[f32; C]>,
-    mirror: Mirror<C>,
+    mirror: Reflection<C>,
 }
 
-/// A small blurred picture of the world below the floor.
+/// A small blurred picture of the world as the floor mirrors it.
 #[derive(Default)]
-struct Mirror<const C: usize> {
+pub struct Reflection<const C: usize> {
     width: usize,
     height: usize,
     pixels: Vec<[f32; C]>,
@@ -74,11 +76,11 @@ impl<const C: usize> Raster<C> {
             self.row.clear(width);
             for l in 0..LINES {
                 let line_y = top + (l as f64 + 0.5) / LINES as f64;
-                self.line.scan(&self.polygons, &self.active, line_y, width as f64);
-                self.row.add(l, line_y, &self.line);
+                self.line.scan(&self.polygons, &self.active, line_y, [0.0, width as f64]);
+                self.row.add(line_y, (LINES as f32).recip(), &self.line);
             }
             let (polygons, pixels, mirror) = (&self.polygons, &mut self.pixels, &self.mirror);
-            self.row.pieces(top, |piece| match piece {
+            self.row.pieces(|piece| match piece {
                 Piece::Run { start, end, polygon } => {
                     let out = &mut pixels[start..end];
                     if polygon == NOTHING {
@@ -113,7 +115,7 @@ impl<const C: usize> Raster<C> {
 fn paint<const C: usize>(
     polygon: &Polygon,
     shader: &Shader<'_, C>,
-    mirror: &Mirror<C>,
+    mirror: &Reflection<C>,
     eye: &Eye,
     from: [f32; 2],
     out: &mut [[f32; C]],
@@ -164,9 +166,31 @@ fn paint<const C: usize>(
     }
 }
 
-impl<const C: usize> Mirror<C> {
+impl<const C: usize> Reflection<C> {
+    /// Forgets everything: nothing is mirrored.
+    pub fn clear(&mut self) {
+        self.width = 0;
+        self.pixels.clear();
+    }
+
+    /// Whether nothing is mirrored.
+    pub fn is_empty(&self) -> bool {
+        self.width == 0
+    }
+
+    /// Begins a picture that [`Reflection::push`] fills row by row.
+    pub fn begin(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.pixels.clear();
+    }
+
+    /// Appends a row.
+    pub fn push(&mut self, row: &[[f32; C]]) {
+        self.pixels.extend_from_slice(row);
+    }
+
     /// Box blur, three pixels wide and five high: a floor is never flat.
-    fn blur(&mut self) {
+    pub fn blur(&mut self) {
         let (w, h) = (self.width, self.height);
         // What is far brighter than white would not leave its colour visible anywhere near.
         self.pixels.iter_mut().flatten().for_each(|p| *p = p.min(4.0));
@@ -188,7 +212,7 @@ impl<const C: usize> Mirror<C> {
     }
 
     /// Bilinear, at a point of the full picture.
-    fn at(&self, x: f32, y: f32) -> [f32; C] {
+    pub fn at(&self, x: f32, y: f32) -> [f32; C] {
         let place = |t: f32, n: usize| {
             let t = (t / MIRROR_SHRINK as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             let i = (t as usize).min(n.saturating_sub(2));

@@ -2,8 +2,6 @@
 
 use super::spans::{Line, NOTHING};
 
-/// Lines in each row.
-pub const LINES: usize = 4;
 /// Polygons that are told apart in one edge pixel; more are counted to the first.
 const SLOTS: usize = 6;
 /// Marks a pixel that a line sees an edge in.
@@ -24,6 +22,8 @@ pub struct Part {
 #[derive(Default)]
 pub struct Row {
     width: usize,
+    /// Height in the picture and share of the row of each line.
+    lines: Vec<(f64, f32)>,
     whole: Vec<u16>,
     parts: Vec<[Part; SLOTS]>,
     counts: Vec<u8>,
@@ -41,41 +41,45 @@ impl Row {
     /// Forgets everything, for a picture `width` wide.
     pub fn clear(&mut self, width: usize) {
         self.width = width;
-        self.whole.resize(width * LINES, NOTHING);
+        self.lines.clear();
         self.parts.resize(width, [Part::default(); SLOTS]);
         self.counts.clear();
         self.counts.resize(width, 0);
     }
 
-    /// Takes over line number `index` of the row, at the height `y`.
-    pub fn add(&mut self, index: usize, y: f64, line: &Line) {
-        let base = index * self.width;
+    /// Takes over the row's next line: its height `y` in the picture, and its share of the row.
+    pub fn add(&mut self, y: f64, share: f32, line: &Line) {
+        let base = self.lines.len() * self.width;
+        self.lines.push((y, share));
+        if self.whole.len() < base + self.width {
+            self.whole.resize(base + self.width, NOTHING);
+        }
         for pair in line.stretches.windows(2) {
             let (a, b, polygon) = (pair[0].start, pair[1].start, pair[0].polygon);
             let (ia, ib) = (a as usize, b as usize);
             if ia == ib {
-                self.partial(base, ia, polygon, [a, b], y);
+                self.partial(base, ia, polygon, [a, b], y, share);
                 continue;
             }
             let mut start = ia;
             if a > ia as f64 {
-                self.partial(base, ia, polygon, [a, (ia + 1) as f64], y);
+                self.partial(base, ia, polygon, [a, (ia + 1) as f64], y, share);
                 start += 1;
             }
             self.whole[base + start..base + ib].fill(polygon);
             if b > ib as f64 {
-                self.partial(base, ib, polygon, [ib as f64, b], y);
+                self.partial(base, ib, polygon, [ib as f64, b], y, share);
             }
         }
     }
 
     /// Hands out the row from left to right.
-    pub fn pieces(&mut self, y: f64, mut draw: impl FnMut(Piece<'_>)) {
-        let w = self.width;
+    pub fn pieces(&mut self, mut draw: impl FnMut(Piece<'_>)) {
+        let (w, lines) = (self.width, self.lines.len());
         let mut x = 0;
         while x < w {
             let polygon = self.whole[x];
-            let uniform = |whole: &[u16], x: usize| (0..LINES).all(|l| whole[l * w + x] == polygon);
+            let uniform = |whole: &[u16], x: usize| (0..lines).all(|l| whole[l * w + x] == polygon);
             if polygon != MIXED && uniform(&self.whole, x) {
                 let start = x;
                 while x < w && uniform(&self.whole, x) {
@@ -84,28 +88,27 @@ impl Row {
                 draw(Piece::Run { start, end: x, polygon });
                 continue;
             }
-            for l in 0..LINES {
+            for l in 0..lines {
                 let polygon = self.whole[l * w + x];
                 if polygon != MIXED {
-                    let line_y = y + (l as f64 + 0.5) / LINES as f64;
-                    self.note(x, polygon, 1.0, x as f64 + 0.5, line_y);
+                    let (y, share) = self.lines[l];
+                    self.note(x, polygon, share, x as f64 + 0.5, y);
                 }
             }
             let count = usize::from(self.counts[x]);
             for part in &mut self.parts[x][..count] {
                 part.x /= part.share;
                 part.y /= part.share;
-                part.share /= LINES as f32;
             }
             draw(Piece::Edge { x, parts: &self.parts[x][..count] });
             x += 1;
         }
     }
 
-    fn partial(&mut self, base: usize, x: usize, polygon: u16, span: [f64; 2], y: f64) {
+    fn partial(&mut self, base: usize, x: usize, polygon: u16, span: [f64; 2], y: f64, share: f32) {
         let x = x.min(self.width - 1);
         self.whole[base + x] = MIXED;
-        self.note(x, polygon, (span[1] - span[0]) as f32, 0.5 * (span[0] + span[1]), y);
+        self.note(x, polygon, share * (span[1] - span[0]) as f32, 0.5 * (span[0] + span[1]), y);
     }
 
     fn note(&mut self, x: usize, polygon: u16, share: f32, centre_x: f64, centre_y: f64) {

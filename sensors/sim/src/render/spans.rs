@@ -1,9 +1,16 @@
 //! Which polygon is seen where along one horizontal line: exact to the crossing of two edges or two planes.
 
-use super::project::Polygon;
-
 /// Nothing is seen here.
 pub const NOTHING: u16 = u16::MAX;
+
+/// What a line across the picture may meet.
+pub trait Outline {
+    /// Where the line `y` enters and leaves it.
+    fn span(&self, y: f64) -> Option<(f64, f64)>;
+
+    /// Slope and offset of 1 / depth along the line `y`.
+    fn inverse_depth(&self, y: f64) -> (f64, f64);
+}
 
 /// A stretch of the line that shows one polygon, up to the start of the next.
 #[derive(Clone, Copy, Debug)]
@@ -12,7 +19,7 @@ pub struct Stretch {
     pub polygon: u16,
 }
 
-/// What is seen along one line, from left to right; ends with a stretch of [`NOTHING`] at the picture's width.
+/// What is seen along one line, from left to right; ends with a stretch of [`NOTHING`] at the line's end.
 #[derive(Default)]
 pub struct Line {
     pub stretches: Vec<Stretch>,
@@ -20,26 +27,22 @@ pub struct Line {
 }
 
 impl Line {
-    /// Sees what lies on the line `y` across a picture `width` wide; `candidates` index `polygons`.
-    pub fn scan(&mut self, polygons: &[Polygon], candidates: &[u16], y: f64, width: f64) {
+    /// Sees what lies on the line `y` between its two ends; `candidates` index `outlines`.
+    pub fn scan<O: Outline>(&mut self, outlines: &[O], candidates: &[u16], y: f64, ends: [f64; 2]) {
         self.stretches.clear();
-        self.stretches.push(Stretch { start: 0.0, polygon: NOTHING });
-        self.stretches.push(Stretch { start: width, polygon: NOTHING });
+        self.stretches.extend(ends.map(|start| Stretch { start, polygon: NOTHING }));
         for &c in candidates {
-            if let Some((low, high)) = polygons[usize::from(c)].span(y) {
-                let (low, high) = (low.max(0.0), high.min(width));
+            if let Some((low, high)) = outlines[usize::from(c)].span(y) {
+                let (low, high) = (low.max(ends[0]), high.min(ends[1]));
                 if high - low > 1e-6 {
-                    self.insert(polygons, c, y, low, high);
+                    self.insert(outlines, c, y, low, high);
                 }
             }
         }
     }
 
-    fn insert(&mut self, polygons: &[Polygon], new: u16, y: f64, low: f64, high: f64) {
-        let depth = |p: u16| {
-            let d = &polygons[usize::from(p)].inverse_depth;
-            (d[0], d[1] * y + d[2])
-        };
+    fn insert<O: Outline>(&mut self, outlines: &[O], new: u16, y: f64, low: f64, high: f64) {
+        let depth = |p: u16| outlines[usize::from(p)].inverse_depth(y);
         let (slope, offset) = depth(new);
         let mut first = 0;
         while self.stretches[first + 1].start <= low {

@@ -1,0 +1,281 @@
+//! Pictures of a camera that looks all around through a mirror.
+//!
+//! The mirror's ring is drawn unrolled ([`super::ring`]), finer inside than the picture needs, and the picture taken from
+//! it by a table of places: the same light, texture, people and mirror images as a pinhole sees.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+use rand_pcg::Pcg64;
+use yamabico_core::camera::{Meridian, MirrorCamera, Mount};
+use yamabico_core::geometry::Pose2;
+
+use super::cast::RayBundle;
+use super::meridian::MirrorEye;
+use super::photometry::Film;
+use super::ring::{Ring, RingPainter};
+use super::{Photometry, RenderError, line};
+use crate::Scene;
+
+/// Width of a row at the outer end of a ring, pixels.
+const ROW_PX: f64 = 1.0;
+/// Rings end here, and the innermost goes to the centre.
+const SMALLEST_RING_PX: f64 = 16.0;
+/// Radiance of what is not mirror.
+const BLACK: f32 = 0.0;
+
+/// Where a mirror camera is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MirrorView {
+    /// Where the camera is on the robot.
+    pub mount: Mount,
+    /// Where the robot is in the world.
+    pub robot: Pose2,
+}
+
+/// Takes pictures with one mirror camera; keeps its tables, its buffers and its noise from picture to picture.
+pub struct MirrorRenderer {
+    camera: MirrorCamera,
+    film: Film,
+    rings: Vec<Ring>,
+    /// Where each pixel finds its light; pixels outside the ring find none.
+    taps: Vec<Tap>,
+    grey: Layer<1>,
+    colour: Layer<3>,
+}
+
+#[derive(Default)]
+struct Layer<const C: usize> {
+    painter: RingPainter<C>,
+    rings: Vec<[f32; C]>,
+    row: Vec<[f32; C]>,
+}
+
+/// Four neighbours in the unrolled rings and how much of the second row and column counts.
+#[derive(Clone, Copy, Debug)]
+struct Tap {
+    /// Index of the left one in the one row and in the next; [`Tap::NONE`] outside.
+    first: u32,
+    second: u32,
+    across: f32,
+    along: f32,
+}
+
+impl Tap {
+    const NONE: u32 = u32::MAX;
+    const OUTSIDE: Self = Self { first: Self::NONE, second: 0, across: 0.0, along: 0.0 };
+}
+
+impl MirrorRenderer {
+    /// A camera with this photometry, whose noise comes from `rng` (see [`crate::random::stream`]).
+    #[must_use]
+    pub fn new(camera: MirrorCamera, photometry: Photometry, rng: Pcg64) -> Self {
+        let rings = rings(&camera);
+        let taps = taps(&camera, &rings);
+        let film = Film::new(photometry, rng);
+        Self { camera, film, rings, taps, grey: Layer::default(), colour: Layer::default() }
+    }
+
+    /// The camera.
+    #[must_use]
+    pub fn camera(&self) -> &MirrorCamera {
+        &self.camera
+    }
+
+    /// Draws the view as grey levels, row by row, width x height bytes; black outside the ring.
+    ///
+    /// # Errors
+    /// [`RenderError`] when the buffer or the view do not fit.
+    pub fn render(&mut self, scene: &Scene, view: &MirrorView, image: &mut [u8]) -> Result<(), RenderError> {
+        self.check(view, image.len(), 1)?;
+        let eye = self.eye(view);
+        let size = self.size();
+        self.grey.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
+            self.film.develop(size, y, row, line(image, y, size[0], 1));
+        });
+        Ok(())
+    }
+
+    /// Draws the view in colour, three bytes (red, green, blue) a pixel; black outside the ring.
+    ///
+    /// # Errors
+    /// [`RenderError`] when the buffer or the view do not fit.
+    pub fn render_rgb(
+        &mut self,
+        scene: &Scene,
+        view: &MirrorView,
+        image: &mut [u8],
+    ) -> Result<(), RenderError> {
+        self.check(view, image.len(), 3)?;
+        let eye = self.eye(view);
+        let size = self.size();
+        self.colour.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
+            self.film.develop(size, y, row, line(image, y, size[0], 3));
+        });
+        Ok(())
+    }
+
+    /// Draws the view as grey levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
+    ///
+    /// # Errors
+    /// [`RenderError`] when the buffer or the view do not fit.
+    pub fn cast(
+        &mut self,
+        scene: &Scene,
+        view: &MirrorView,
+        per_side: usize,
+        image: &mut [u8],
+    ) -> Result<(), RenderError> {
+        self.check(view, image.len(), 1)?;
+        let eye = self.eye(view);
+        let size = self.size();
+        let mut row = vec![[BLACK; 1]; size[0] as usize];
+        for y in 0..size[1] as usize {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = self.cast_pixel(scene, &eye, Vector2::new(x as f64, y as f64), per_side);
+            }
+            self.film.develop(size, y, &row, line(image, y, size[0], 1));
+        }
+        Ok(())
+    }
+
+    fn cast_pixel(&self, scene: &Scene, eye: &MirrorEye, pixel: Vector2<f64>, per_side: usize) -> [f32; 1] {
+        let step = 1.0 / per_side as f64;
+        let world_from_mirror = eye.mirror_from_world.transpose();
+        let mut sum = 0.0;
+        for i in 0..per_side * per_side {
+            let part = |i: usize| (i as f64 + 0.5) * step - 0.5;
+            let at = pixel + Vector2::new(part(i % per_side), part(i / per_side));
+            let Some(ray) = self.camera.ray_from_pixel(at) else {
+                sum += BLACK;
+                continue;
+            };
+            let beside = |by: Vector2<f64>| {
+                let neighbour = self.camera.ray_from_pixel(at + by * step);
+                world_from_mirror * neighbour.map_or(ray.direction, |ray| ray.direction)
+            };
+            let directions = [Vector2::zeros(), Vector2::x(), Vector2::y()].map(beside);
+            let origin = eye.at + world_from_mirror * ray.origin.coords;
+            sum += RayBundle { origin, directions }.radiance::<1>(scene)[0];
+        }
+        [sum / (per_side * per_side) as f32]
+    }
+
+    fn size(&self) -> [u32; 2] {
+        [self.camera.image().width, self.camera.image().height]
+    }
+
+    fn check(&self, view: &MirrorView, given: usize, channels: usize) -> Result<(), RenderError> {
+        if !(view.mount.is_finite() && view.robot.is_finite()) {
+            return Err(RenderError::View);
+        }
+        let needed = self.taps.len() * channels;
+        if given == needed { Ok(()) } else { Err(RenderError::BufferSize { needed, given }) }
+    }
+
+    fn eye(&self, view: &MirrorView) -> MirrorEye {
+        let (sin, cos) = view.robot.theta.sin_cos();
+        let world_from_body = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let world_from_mirror = world_from_body * view.mount.rotation_body_from_mirror();
+        let on_floor = Vector3::new(view.robot.x, view.robot.y, 0.0);
+        MirrorEye {
+            at: on_floor + world_from_body * view.mount.position_in_body(),
+            mirror_from_world: world_from_mirror.transpose(),
+            viewpoint: self.camera.mirror().viewpoint(),
+        }
+    }
+}
+
+impl<const C: usize> Layer<C> {
+    fn draw(
+        &mut self,
+        scene: &Scene,
+        eye: &MirrorEye,
+        rings: &[Ring],
+        taps: &[Tap],
+        size: [u32; 2],
+        mut take: impl FnMut(usize, &[[f32; C]]),
+    ) {
+        let pixels_of = |ring: &Ring| ring.grid.rows * ring.grid.width();
+        self.rings.resize(rings.iter().map(pixels_of).sum(), [0.0; C]);
+        let mut rest = self.rings.as_mut_slice();
+        for ring in rings {
+            let (pixels, others) = rest.split_at_mut(pixels_of(ring));
+            self.painter.draw(scene, eye, ring, pixels);
+            rest = others;
+        }
+        let width = size[0] as usize;
+        self.row.resize(width, [BLACK; C]);
+        for (y, taps) in taps.chunks_exact(width).enumerate() {
+            for (pixel, tap) in self.row.iter_mut().zip(taps) {
+                *pixel = if tap.first == Tap::NONE { [BLACK; C] } else { blend(&self.rings, tap) };
+            }
+            take(y, &self.row);
+        }
+    }
+}
+
+#[inline]
+fn blend<const C: usize>(rings: &[[f32; C]], tap: &Tap) -> [f32; C] {
+    let two = |at: u32| [&rings[at as usize], &rings[at as usize + 1]];
+    let ([a, b], [c, d]) = (two(tap.first), two(tap.second));
+    std::array::from_fn(|i| {
+        let first = a[i] + (b[i] - a[i]) * tap.across;
+        let second = c[i] + (d[i] - c[i]) * tap.across;
+        first + (second - first) * tap.along
+    })
+}
+
+/// Rings from the rim inwards, each half as wide as the one around it and with half as many rows.
+fn rings(camera: &MirrorCamera) -> Vec<Ring> {
+    let image = camera.image();
+    let (blind_px, rim_px) = (image.blind_radius_px().floor(), image.rim_radius_px());
+    let mut rings = Vec::new();
+    let mut outer_px = rim_px.ceil();
+    loop {
+        let half = (0.5 * outer_px).floor();
+        let inner_px = if half < blind_px.max(SMALLEST_RING_PX) { blind_px } else { half };
+        // One column more on either side, for the neighbours of the ring's own.
+        let (first_px, end_px) = ((inner_px - 1.0).max(0.0), outer_px + 1.0);
+        let rows = (TAU * outer_px / ROW_PX).ceil() as usize;
+        rings.push(Ring::new(camera.mirror(), rows, first_px, (end_px - first_px) as usize, rim_px));
+        if inner_px == blind_px {
+            return rings;
+        }
+        outer_px = inner_px;
+    }
+}
+
+fn taps(camera: &MirrorCamera, rings: &[Ring]) -> Vec<Tap> {
+    let image = camera.image();
+    let mut bases = vec![0];
+    for ring in rings {
+        bases.push(bases[bases.len() - 1] + ring.grid.rows * ring.grid.width());
+    }
+    let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| [x, y]));
+    let tap = |[x, y]: [u32; 2]| {
+        let point = image.mirror_from_pixel(Vector2::new(f64::from(x), f64::from(y)));
+        let radius_px = point.norm();
+        if !image.is_in_ring(radius_px) {
+            return Tap::OUTSIDE;
+        }
+        // The innermost ring that has the pixel with its neighbours.
+        let inside = |ring: &Ring| ring.grid.first_px + ring.grid.width() as f64 - 1.0 >= radius_px;
+        let index = rings.iter().rposition(inside).unwrap_or(0);
+        let grid = &rings[index].grid;
+        let column = (radius_px - grid.first_px - 0.5).clamp(0.0, grid.width() as f64 - 1.001);
+        let row = point.y.atan2(point.x).rem_euclid(TAU) / TAU * grid.rows as f64 - 0.5;
+        let (above, left) = (row.floor(), column.floor());
+        let start = |row: f64| {
+            let row = row.rem_euclid(grid.rows as f64) as usize % grid.rows;
+            (bases[index] + row * grid.width() + left as usize) as u32
+        };
+        Tap {
+            first: start(above),
+            second: start(above + 1.0),
+            across: (column - left) as f32,
+            along: (row - above) as f32,
+        }
+    };
+    pixels.map(tap).collect()
+}

@@ -1,0 +1,378 @@
+//! A ring of a mirror's picture, unrolled: a row an azimuth, a column an image radius.
+//!
+//! Along a row, which polygon is seen where is exact to the crossing of two edges, as in the rows of a pinhole's
+//! picture: the rays of a half-plane meet in one point, whatever the mirror. Rows are cut where a corner of a surface
+//! begins or ends, so that upright edges are exact as well.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use nalgebra::Vector2;
+use yamabico_core::camera::{Meridian, Mirror};
+
+use super::meridian::{Azimuth, InPlane, MirrorEye, Slice, Surroundings};
+use super::project::Side;
+use super::raster::{MIRROR_SHRINK, Reflection};
+use super::resolve::{Piece, Row};
+use super::shade::{BLOCK, Shader, Spots};
+use super::spans::{Line, NOTHING};
+use crate::Scene;
+
+/// Radiance where there is nothing.
+const DARKNESS: f32 = 0.02;
+/// A part of a row is at most this wide, in rows.
+const WIDEST_LINE: f64 = 0.55;
+/// Corners nearer than this to each other share a line, in rows.
+const NARROWEST_LINE: f64 = 0.02;
+/// Steepest way that is drawn, tangent of the elevation.
+const STEEPEST: f64 = 1e3;
+/// Small rows that the mirror image is drawn beyond either end, so that it can be blurred across them.
+const OVERLAP: usize = 4;
+
+/// The sampling of a ring.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// Rows around the circle; the first begins at azimuth 0.
+    pub rows: usize,
+    /// Image radius at which the first column begins, pixels.
+    pub first_px: f64,
+    /// Width of a column, pixels.
+    pub column_px: f64,
+    columns: Columns,
+    /// Tangents of the elevation at the inner and the outer end.
+    ends: [f64; 2],
+    mirror: Mirror,
+}
+
+/// What the columns' middles see, in their half-plane.
+#[derive(Clone, Debug, Default)]
+struct Columns {
+    out: Vec<f32>,
+    up: Vec<f32>,
+    /// Radians to the next image pixel outwards.
+    turn: Vec<f32>,
+    /// Radians to the next image pixel around.
+    around: Vec<f32>,
+}
+
+/// Draws rings; keeps its buffers.
+#[derive(Default)]
+pub struct RingPainter<const C: usize> {
+    surroundings: Surroundings,
+    slices: Vec<Slice>,
+    cuts: Vec<f64>,
+    line: Line,
+    row: Row,
+    pixels: Vec<[f32; C]>,
+    reflection: Reflection<C>,
+}
+
+impl Grid {
+    /// A sampling with `rows` rows of `count` columns.
+    #[must_use]
+    pub fn new(
+        mirror: &Mirror,
+        rows: usize,
+        first_px: f64,
+        column_px: f64,
+        count: usize,
+        rim_px: f64,
+    ) -> Self {
+        let mut columns = Columns::default();
+        let way = |radius_px: f64| {
+            let radius_px = radius_px.clamp(1e-3, rim_px);
+            (radius_px, mirror.direction(radius_px).unwrap_or(Vector2::new(0.0, -1.0)))
+        };
+        for i in 0..count {
+            let (radius_px, direction) = way(first_px + (i as f64 + 0.5) * column_px);
+            columns.out.push(direction.x as f32);
+            columns.up.push(direction.y as f32);
+            columns.turn.push((column_px * mirror.nadir_slope(radius_px)) as f32);
+            columns.around.push((column_px / radius_px) as f32);
+        }
+        let ends = [first_px, first_px + count as f64 * column_px].map(|radius_px| {
+            let (_, direction) = way(radius_px);
+            (direction.y / direction.x.max(1e-9)).clamp(-STEEPEST, STEEPEST)
+        });
+        Self { rows, first_px, column_px, columns, ends, mirror: mirror.clone() }
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.columns.out.len()
+    }
+
+    /// The same ring with rows and columns `factor` times as wide.
+    fn coarse(&self, factor: usize, rim_px: f64) -> Self {
+        let (rows, count) = (self.rows.div_ceil(factor), self.width().div_ceil(factor));
+        Self::new(&self.mirror, rows, self.first_px, self.column_px * factor as f64, count, rim_px)
+    }
+
+    /// The column coordinate of a way's tangent; the first column covers 0 to 1.
+    #[inline]
+    fn column(&self, tangent: f64) -> f64 {
+        let width = self.width() as f64;
+        let Some(radius_px) = self.mirror.radius_px(Vector2::new(1.0, tangent)) else { return width };
+        ((radius_px - self.first_px) / self.column_px).clamp(0.0, width)
+    }
+}
+
+/// A ring and the coarser sampling of its mirror image on the floor.
+#[derive(Clone, Debug)]
+pub struct Ring {
+    /// How it is sampled.
+    pub grid: Grid,
+    coarse: Grid,
+}
+
+impl Ring {
+    /// A ring with its own rows; their number is made a multiple of what the mirror image needs.
+    #[must_use]
+    pub fn new(mirror: &Mirror, rows: usize, first_px: f64, count: usize, rim_px: f64) -> Self {
+        let step = MIRROR_SHRINK as usize;
+        let grid = Grid::new(mirror, rows.next_multiple_of(step), first_px, 1.0, count, rim_px);
+        Self { coarse: grid.coarse(step, rim_px), grid }
+    }
+}
+
+impl<const C: usize> RingPainter<C> {
+    /// Draws a ring's radiance into `out`, rows x columns, from azimuth 0 on.
+    pub fn draw(&mut self, scene: &Scene, eye: &MirrorEye, ring: &Ring, out: &mut [[f32; C]]) {
+        let glossy = scene.surfaces().iter().any(|s| s.material.gloss > 0.0) && eye.at.z > 0.0;
+        let mut reflection = std::mem::take(&mut self.reflection);
+        reflection.clear();
+        if glossy {
+            let coarse = &ring.coarse;
+            let (rows, beyond) = (coarse.rows as i64, OVERLAP as i64);
+            reflection.begin(coarse.width(), coarse.rows + 2 * OVERLAP);
+            self.pass(
+                scene,
+                eye,
+                coarse,
+                Side::Mirrored,
+                -beyond..rows + beyond,
+                &Reflection::default(),
+                |_, row| {
+                    reflection.push(row);
+                },
+            );
+            reflection.blur();
+        }
+        let (rows, width) = (ring.grid.rows as i64, ring.grid.width());
+        self.pass(scene, eye, &ring.grid, Side::Direct, 0..rows, &reflection, |i, row| {
+            out[i * width..][..width].copy_from_slice(row);
+        });
+        self.reflection = reflection;
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "the scene, the eye, and what is drawn of them")]
+    fn pass(
+        &mut self,
+        scene: &Scene,
+        eye: &MirrorEye,
+        grid: &Grid,
+        side: Side,
+        rows: Range<i64>,
+        reflection: &Reflection<C>,
+        mut take: impl FnMut(usize, &[[f32; C]]),
+    ) {
+        self.surroundings.look(eye, scene.surfaces(), side);
+        let Self { surroundings, slices, cuts, line, row, pixels, .. } = self;
+        let shaders: Vec<Shader<'_, C>> =
+            surroundings.facets.iter().map(|f| Shader::new(scene, f.surface)).collect();
+        slices.clear();
+        slices.resize(surroundings.facets.len(), Slice::default());
+        pixels.clear();
+        pixels.resize(grid.width(), [DARKNESS; C]);
+        let step = TAU / grid.rows as f64;
+        for (index, number) in rows.enumerate() {
+            row.clear(grid.width());
+            let at = number.rem_euclid(grid.rows as i64);
+            cut(at as f64, step, &surroundings.corners, cuts);
+            for ends in cuts.windows(2) {
+                let middle = 0.5 * (ends[0] + ends[1]);
+                let azimuth = Azimuth::new(middle * step);
+                let candidates = surroundings.around(middle * step);
+                for &c in candidates {
+                    let c = usize::from(c);
+                    slices[c] = surroundings.facets[c].slice(azimuth, eye.viewpoint);
+                }
+                line.scan(slices, candidates, 0.0, grid.ends);
+                let last = line.stretches.len() - 1;
+                for (i, stretch) in line.stretches.iter_mut().enumerate() {
+                    stretch.start = match i {
+                        0 => 0.0,
+                        i if i == last => grid.width() as f64,
+                        _ => grid.column(stretch.start),
+                    };
+                }
+                row.add(middle, (ends[1] - ends[0]) as f32, line);
+            }
+            let look = |polygon: u16, azimuth_rows: f64| {
+                let p = usize::from(polygon);
+                View::new(surroundings, &shaders[p], p, Azimuth::new(azimuth_rows * step), eye.viewpoint)
+            };
+            row.pieces(|piece| match piece {
+                Piece::Run { start, end, polygon } => {
+                    let out = &mut pixels[start..end];
+                    if polygon == NOTHING {
+                        out.fill([DARKNESS; C]);
+                    } else {
+                        let place = [start as f32, index as f32 + 0.5];
+                        look(polygon, at as f64 + 0.5).paint(&grid.columns, start, reflection, place, out);
+                    }
+                }
+                Piece::Edge { x, parts } => {
+                    let mut sum = [0.0; C];
+                    for part in parts {
+                        let mut one = [[DARKNESS; C]];
+                        if part.polygon != NOTHING {
+                            let place = [x as f32, index as f32 + 0.5];
+                            look(part.polygon, f64::from(part.y)).paint(
+                                &grid.columns,
+                                x,
+                                reflection,
+                                place,
+                                &mut one,
+                            );
+                        }
+                        (0..C).for_each(|c| sum[c] += part.share * one[0][c]);
+                    }
+                    pixels[x] = sum;
+                }
+            });
+            take(index, pixels);
+        }
+    }
+}
+
+/// Cuts row number `at` (`step` radians each) at the corners in it and into parts that are narrow enough.
+fn cut(at: f64, step: f64, corners: &[f64], cuts: &mut Vec<f64>) {
+    cuts.clear();
+    cuts.push(at);
+    let first = corners.partition_point(|c| *c <= at * step);
+    let inside = corners[first..].iter().map(|c| c / step).take_while(|c| *c < at + 1.0 - NARROWEST_LINE);
+    for end in inside.chain([at + 1.0]) {
+        let start = cuts[cuts.len() - 1];
+        if end - start < NARROWEST_LINE {
+            continue;
+        }
+        let parts = ((end - start) / WIDEST_LINE).ceil();
+        cuts.extend((1..=parts as usize).map(|i| start + (end - start) * i as f64 / parts));
+    }
+}
+
+/// One facet as one half-plane sees it.
+struct View<'a, const C: usize> {
+    shader: &'a Shader<'a, C>,
+    /// Of the plane behind the viewpoint.
+    height: f32,
+    viewpoint_out: f32,
+    normal: [f32; 3],
+    axes: [[f32; 3]; 2],
+    /// Surface coordinates of the viewpoint's foot.
+    foot: [f32; 2],
+}
+
+impl<'a, const C: usize> View<'a, C> {
+    fn new(
+        surroundings: &Surroundings,
+        shader: &'a Shader<'a, C>,
+        facet: usize,
+        azimuth: Azimuth,
+        viewpoint: Vector2<f64>,
+    ) -> Self {
+        let facet = &surroundings.facets[facet];
+        let single = |p: InPlane| [p.out as f32, p.up as f32, p.aside as f32];
+        let normal = azimuth.split(&facet.normal);
+        let axes = facet.axes.map(|axis| azimuth.split(&axis));
+        let foot = [0, 1].map(|k| {
+            let axis = &axes[k];
+            (axis.out * viewpoint.x + axis.up * viewpoint.y - facet.axes[k].dot(&facet.origin)) as f32
+        });
+        Self {
+            shader,
+            height: facet.height(normal, viewpoint) as f32,
+            viewpoint_out: viewpoint.x as f32,
+            normal: single(normal),
+            axes: axes.map(single),
+            foot,
+        }
+    }
+
+    /// Radiance in the columns from `first` on; `place` is where that is in the whole ring, for what the floor mirrors.
+    fn paint(
+        &self,
+        columns: &Columns,
+        first: usize,
+        reflection: &Reflection<C>,
+        place: [f32; 2],
+        out: &mut [[f32; C]],
+    ) {
+        let shader = self.shader;
+        if shader.emission > 0.0 {
+            out.fill([shader.emission; C]);
+            return;
+        }
+        let glossy = shader.gloss > 0.0 && !reflection.is_empty();
+        let (n, [a, b]) = (&self.normal, &self.axes);
+        for (block, pixels) in out.chunks_mut(BLOCK).enumerate() {
+            let from = first + block * BLOCK;
+            let count = pixels.len();
+            let mut spots = Spots::default();
+            let mut cosine = [1.0; BLOCK];
+            for i in 0..count {
+                let (along, up) = (columns.out[from + i], columns.up[from + i]);
+                let (turn, around) = (columns.turn[from + i], columns.around[from + i]);
+                let way = (n[0] * along + n[1] * up).min(-1e-6);
+                let reach = (self.height / way).clamp(0.0, 1e3);
+                cosine[i] = -way;
+                // How the ray turns to the next column, and how its end moves to the next pixel around.
+                let tilt = (n[1] * along - n[0] * up) / way;
+                let (sway, aside) = (reach * turn, (self.viewpoint_out + reach * along) * around);
+                let lean = n[2] / way;
+                let at = |axis: &[f32; 3]| {
+                    let here = axis[0] * along + axis[1] * up;
+                    let radial = sway * (axis[1] * along - axis[0] * up - here * tilt);
+                    let tangential = aside * (axis[2] - here * lean);
+                    (here, radial.abs() + tangential.abs())
+                };
+                let ((u, du), (v, dv)) = (at(a), at(b));
+                spots.u[i] = self.foot[0] + reach * u;
+                spots.v[i] = self.foot[1] + reach * v;
+                spots.du[i] = du;
+                spots.dv[i] = dv;
+            }
+            let shine = shader.shine(&spots, count);
+            for (pixel, shine) in pixels.iter_mut().zip(shine) {
+                *pixel = shader.albedo.map(|albedo| albedo * shine);
+            }
+            if glossy {
+                for (i, pixel) in pixels.iter_mut().enumerate() {
+                    let share = shader.reflection(cosine[i]);
+                    let row = place[1] + (OVERLAP * MIRROR_SHRINK as usize) as f32;
+                    let seen = reflection.at(place[0] + (block * BLOCK + i) as f32 + 0.5, row);
+                    for (p, s) in pixel.iter_mut().zip(seen) {
+                        *p += share * (s - *p);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_cut_at_corners_and_nowhere_too_fine() {
+        let mut cuts = Vec::new();
+        cut(4.0, 0.1, &[0.1, 0.43, 0.4301, 0.46, 0.52], &mut cuts);
+        let expected = [4.0, 4.3, 4.6, 5.0];
+        assert!(cuts.len() == 4 && cuts.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{cuts:?}");
+        cut(0.0, 0.1, &[], &mut cuts);
+        assert_eq!(cuts, [0.0, 0.5, 1.0]);
+    }
+}
