@@ -65,7 +65,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             renderer.render_rgb(&scene, &view, &mut pixels)?;
         }
         let each_ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(pictures);
-        save_buffer(folder.join(name).with_extension("png"), &pixels, width, height, ExtendedColorType::Rgb8)?;
+        save_buffer(
+            folder.join(name).with_extension("png"),
+            &pixels,
+            width,
+            height,
+            ExtendedColorType::Rgb8,
+        )?;
         println!("{name}: {width} x {height} colour in {each_ms:.1} ms");
     }
     Ok(())

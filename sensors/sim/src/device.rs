@@ -2,6 +2,7 @@
 
 mod camera;
 mod judge;
+mod mirror_camera;
 mod motors;
 mod sonars;
 mod wheels;
@@ -28,9 +29,10 @@ use crate::sonar::SonarConfig;
 use crate::world::{WORLD_FILE, World};
 
 pub use camera::{CameraConfig, PixelFormat};
+pub use mirror_camera::MirrorCameraConfig;
 pub use motors::MotorConfig;
 
-/// The simulator's description: driver `sim` with cameras, sonars, wheel encoders, and two kinds of drive.
+/// The simulator's description: driver `sim` with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
 pub const PLUGIN: DriverPlugin = DriverPlugin {
     name: "sim",
     summary: "A simulated world with its own time, cameras, sonars, wheel encoders and a body.",
@@ -44,6 +46,15 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
             schema: || schema_for!(CameraConfig),
             describe: |name, table| read::<CameraConfig>(table)?.info(name),
             most_bytes: |table| Ok(read::<CameraConfig>(table)?.bytes()),
+            check: |_, _| Ok(()),
+        },
+        SensorPlugin {
+            kind: "mirror-camera",
+            summary: "Pictures of a camera that looks all around through a conic, hyperboloidal or measured mirror.",
+            message: MessageType::of::<FrameHeader>(),
+            schema: || schema_for!(MirrorCameraConfig),
+            describe: |name, table| read::<MirrorCameraConfig>(table)?.info(name),
+            most_bytes: |table| Ok(read::<MirrorCameraConfig>(table)?.bytes()),
             check: |_, _| Ok(()),
         },
         SensorPlugin {
@@ -167,6 +178,7 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
         let (name, sim, seed) = (part.name.as_str(), Arc::clone(&simulation), spec.seed);
         let sensor: Box<dyn Sensor> = match part.kind.as_str() {
             "camera" => Box::new(camera::Camera::new(name, read(&part.table)?, sim, seed)),
+            "mirror-camera" => Box::new(mirror_camera::AllAround::new(name, read(&part.table)?, sim, seed)?),
             "sonar" => Box::new(sonars::Sonars::new(name, read(&part.table)?, sim, seed)),
             "encoders" => {
                 let mut config: EncoderConfig = read(&part.table)?;

@@ -73,7 +73,7 @@ impl Renderer {
     pub fn render(&mut self, scene: &Scene, view: &CameraView, image: &mut [u8]) -> Result<(), RenderError> {
         view.check(image.len(), 1)?;
         self.grey.draw(scene, &Eye::new(view), |y, row, k| {
-            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 1))
+            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 1));
         });
         Ok(())
     }
@@ -90,7 +90,7 @@ impl Renderer {
     ) -> Result<(), RenderError> {
         view.check(image.len(), 3)?;
         self.colour.draw(scene, &Eye::new(view), |y, row, k| {
-            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 3))
+            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 3));
         });
         Ok(())
     }

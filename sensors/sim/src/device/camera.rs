@@ -50,7 +50,7 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
-    fn encoding(self) -> Encoding {
+    pub(super) fn encoding(self) -> Encoding {
         match self {
             Self::Gray8 => Encoding::Gray8,
             Self::Rgb8 => Encoding::Rgb8,
@@ -149,9 +149,9 @@ impl Sensor for Camera {
     }
 }
 
-fn period_ms() -> f64 {
+pub(super) fn period_ms() -> f64 {
     100.0
 }
-fn latency_ms() -> f64 {
+pub(super) fn latency_ms() -> f64 {
     30.0
 }

@@ -10,8 +10,12 @@ use crate::scene::Surface;
 
 /// Nothing nearer to the mirror's axis than this is drawn, metres.
 const NEAR_M: f64 = 0.03;
+/// Edges that turn less than this around the axis, radians, are cut finely: they run nearly along a row.
+const NEARLY_RADIAL_RAD: f64 = 0.06;
+/// Edges that turn less than this run along a row, radians.
+const RADIAL_RAD: f64 = 1e-6;
 /// Sectors of the circle that know their surfaces.
-const SECTORS: usize = 128;
+const SECTORS: usize = 360;
 
 /// Where a mirror camera is in the world.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +74,8 @@ pub struct Surroundings {
     sectors: Vec<Vec<u16>>,
     /// Azimuths of the facets' corners, 0 to 2 pi, growing.
     pub corners: Vec<f64>,
+    /// First azimuth (0 to 2 pi) and extent of edges that are nearly radial, radians.
+    pub oblique: Vec<[f64; 2]>,
 }
 
 impl Azimuth {
@@ -96,6 +102,7 @@ impl Surroundings {
         self.sectors.resize_with(SECTORS, Vec::new);
         self.sectors.iter_mut().for_each(Vec::clear);
         self.corners.clear();
+        self.oblique.clear();
         let width = TAU / SECTORS as f64;
         for (i, facet) in self.facets.iter().enumerate() {
             let [start, extent] = facet.sector;
@@ -104,9 +111,22 @@ impl Surroundings {
             for sector in first..=last {
                 self.sectors[sector.rem_euclid(SECTORS as i64) as usize].push(i as u16);
             }
-            self.corners.extend(facet.corners.iter().map(|c| c.y.atan2(c.x).rem_euclid(TAU)));
+            let azimuths = facet.corners.map(|c| c.y.atan2(c.x).rem_euclid(TAU));
+            self.corners.extend(azimuths);
+            for i in 0..4 {
+                let (a, b) = (azimuths[i], azimuths[(i + 1) % 4]);
+                let turn = (b - a + PI).rem_euclid(TAU) - PI;
+                if (RADIAL_RAD..NEARLY_RADIAL_RAD).contains(&turn.abs()) {
+                    self.oblique.push([if turn > 0.0 { a } else { b }, turn.abs()]);
+                }
+            }
         }
         self.corners.sort_by(f64::total_cmp);
+    }
+
+    /// Nothing is there.
+    pub fn clear(&mut self) {
+        self.facets.clear();
     }
 
     /// Indices of the facets around an azimuth.
@@ -123,7 +143,7 @@ impl Facet {
         let turn = |p: Vector3<f64>| eye.mirror_from_world * flip(p);
         let place = |p: Vector3<f64>| eye.mirror_from_world * (flip(p) - eye.at);
         let corners = s.corners.map(place);
-        let nearest = corners.iter().map(|c| c.norm_squared()).fold(f64::MAX, f64::min);
+        let nearest = corners.iter().map(Vector3::norm_squared).fold(f64::MAX, f64::min);
         Self {
             surface: index,
             normal: turn(s.normal()),
@@ -258,7 +278,7 @@ mod tests {
             Surface::rectangle(origin, Vector3::x() * 6.0, Vector3::y() * 6.0, Material::matt([0.5; 3]));
         let mut around = Surroundings::default();
         around.look(&eye(), &[floor], Side::Direct);
-        for azimuth in [0.0, 1.0, 3.0, 5.0, 6.28] {
+        for azimuth in [0.0, 1.0, 3.0, 5.0, 6.25] {
             assert_eq!(around.around(azimuth), &[0]);
             assert!(around.facets[0].slice(Azimuth::new(azimuth), eye().viewpoint).span.is_some());
         }

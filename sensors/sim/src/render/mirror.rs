@@ -51,20 +51,26 @@ struct Layer<const C: usize> {
     row: Vec<[f32; C]>,
 }
 
-/// Four neighbours in the unrolled rings and how much of the second row and column counts.
+/// What a pixel covers of the unrolled rings: three rows and two columns, and how much of each counts.
 #[derive(Clone, Copy, Debug)]
 struct Tap {
-    /// Index of the left one in the one row and in the next; [`Tap::NONE`] outside.
+    /// Index of the left one in the first row; [`Tap::NONE`] outside.
     first: u32,
-    second: u32,
-    across: f32,
-    along: f32,
+    /// From row to row.
+    stride: u32,
+    /// Shares of the rows.
+    rows: [f32; 3],
+    /// Share of the second column.
+    right: f32,
 }
 
 impl Tap {
     const NONE: u32 = u32::MAX;
-    const OUTSIDE: Self = Self { first: Self::NONE, second: 0, across: 0.0, along: 0.0 };
+    const OUTSIDE: Self = Self { first: Self::NONE, stride: 0, rows: [0.0; 3], right: 0.0 };
 }
+
+/// Rows that follow a ring's last and repeat its first, so that no pixel's rows are apart.
+const REPEATED: usize = 2;
 
 impl MirrorRenderer {
     /// A camera with this photometry, whose noise comes from `rng` (see [`crate::random::stream`]).
@@ -196,12 +202,13 @@ impl<const C: usize> Layer<C> {
         size: [u32; 2],
         mut take: impl FnMut(usize, &[[f32; C]]),
     ) {
-        let pixels_of = |ring: &Ring| ring.grid.rows * ring.grid.width();
-        self.rings.resize(rings.iter().map(pixels_of).sum(), [0.0; C]);
+        self.rings.resize(rings.iter().map(stored).sum(), [0.0; C]);
+        self.painter.look(scene, eye);
         let mut rest = self.rings.as_mut_slice();
         for ring in rings {
-            let (pixels, others) = rest.split_at_mut(pixels_of(ring));
-            self.painter.draw(scene, eye, ring, pixels);
+            let (pixels, others) = rest.split_at_mut(stored(ring));
+            self.painter.draw(scene, eye.viewpoint, ring, pixels);
+            pixels.copy_within(..REPEATED * ring.grid.width, ring.grid.rows * ring.grid.width);
             rest = others;
         }
         let width = size[0] as usize;
@@ -217,13 +224,17 @@ impl<const C: usize> Layer<C> {
 
 #[inline]
 fn blend<const C: usize>(rings: &[[f32; C]], tap: &Tap) -> [f32; C] {
-    let two = |at: u32| [&rings[at as usize], &rings[at as usize + 1]];
-    let ([a, b], [c, d]) = (two(tap.first), two(tap.second));
-    std::array::from_fn(|i| {
-        let first = a[i] + (b[i] - a[i]) * tap.across;
-        let second = c[i] + (d[i] - c[i]) * tap.across;
-        first + (second - first) * tap.along
-    })
+    let mut sum = [0.0; C];
+    for (i, share) in tap.rows.iter().enumerate() {
+        let at = (tap.first + i as u32 * tap.stride) as usize;
+        let (left, right) = (&rings[at], &rings[at + 1]);
+        (0..C).for_each(|c| sum[c] += share * (left[c] + (right[c] - left[c]) * tap.right));
+    }
+    sum
+}
+
+fn stored(ring: &Ring) -> usize {
+    (ring.grid.rows + REPEATED) * ring.grid.width
 }
 
 /// Rings from the rim inwards, each half as wide as the one around it and with half as many rows.
@@ -250,7 +261,7 @@ fn taps(camera: &MirrorCamera, rings: &[Ring]) -> Vec<Tap> {
     let image = camera.image();
     let mut bases = vec![0];
     for ring in rings {
-        bases.push(bases[bases.len() - 1] + ring.grid.rows * ring.grid.width());
+        bases.push(bases[bases.len() - 1] + stored(ring));
     }
     let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| [x, y]));
     let tap = |[x, y]: [u32; 2]| {
@@ -260,21 +271,22 @@ fn taps(camera: &MirrorCamera, rings: &[Ring]) -> Vec<Tap> {
             return Tap::OUTSIDE;
         }
         // The innermost ring that has the pixel with its neighbours.
-        let inside = |ring: &Ring| ring.grid.first_px + ring.grid.width() as f64 - 1.0 >= radius_px;
+        let inside = |ring: &Ring| ring.grid.first_px + ring.grid.width as f64 - 1.0 >= radius_px;
         let index = rings.iter().rposition(inside).unwrap_or(0);
         let grid = &rings[index].grid;
-        let column = (radius_px - grid.first_px - 0.5).clamp(0.0, grid.width() as f64 - 1.001);
-        let row = point.y.atan2(point.x).rem_euclid(TAU) / TAU * grid.rows as f64 - 0.5;
-        let (above, left) = (row.floor(), column.floor());
-        let start = |row: f64| {
-            let row = row.rem_euclid(grid.rows as f64) as usize % grid.rows;
-            (bases[index] + row * grid.width() + left as usize) as u32
-        };
+        let column = (radius_px - grid.first_px - 0.5).clamp(0.0, grid.width as f64 - 1.001);
+        // A pixel is one pixel wide, which is one to two rows: shares of the rows between its two sides.
+        let turn = point.y.atan2(point.x).rem_euclid(TAU) / TAU;
+        let width = (grid.rows as f64 / (TAU * radius_px.max(0.5))).clamp(1.0, 2.0);
+        let low = turn * grid.rows as f64 - 0.5 * width;
+        let (first, left) = (low.floor(), column.floor());
+        let share = |i: f64| (low + width).min(first + i + 1.0) - low.max(first + i);
+        let start = (first as i64).rem_euclid(grid.rows as i64) as usize * grid.width;
         Tap {
-            first: start(above),
-            second: start(above + 1.0),
-            across: (column - left) as f32,
-            along: (row - above) as f32,
+            first: (bases[index] + start + left as usize) as u32,
+            stride: grid.width as u32,
+            rows: [0.0, 1.0, 2.0].map(|i| (share(i).max(0.0) / width) as f32),
+            right: (column - left) as f32,
         }
     };
     pixels.map(tap).collect()

@@ -20,8 +20,10 @@ use crate::Scene;
 
 /// Radiance where there is nothing.
 const DARKNESS: f32 = 0.02;
-/// A part of a row is at most this wide, in rows.
-const WIDEST_LINE: f64 = 0.55;
+/// A part of a row is at most this wide, in rows: usually, and where an edge runs nearly along the row.
+const FINE: [f64; 2] = [0.55, 0.125];
+/// The same for what is blurred anyway.
+const COARSE: [f64; 2] = [1.0, 1.0];
 /// Corners nearer than this to each other share a line, in rows.
 const NARROWEST_LINE: f64 = 0.02;
 /// Steepest way that is drawn, tangent of the elevation.
@@ -38,13 +40,15 @@ pub struct Grid {
     pub first_px: f64,
     /// Width of a column, pixels.
     pub column_px: f64,
+    /// Number of columns.
+    pub width: usize,
     columns: Columns,
     /// Tangents of the elevation at the inner and the outer end.
     ends: [f64; 2],
     mirror: Mirror,
 }
 
-/// What the columns' middles see, in their half-plane.
+/// What the columns' middles see, in their half-plane; as many more columns follow as are shaded together.
 #[derive(Clone, Debug, Default)]
 struct Columns {
     out: Vec<f32>,
@@ -55,16 +59,36 @@ struct Columns {
     around: Vec<f32>,
 }
 
+impl Columns {
+    #[inline(always)]
+    fn block(&self, from: usize) -> [&[f32; BLOCK]; 4] {
+        [&self.out, &self.up, &self.turn, &self.around].map(|list| part(list, from))
+    }
+}
+
+#[inline(always)]
+fn part(list: &[f32], from: usize) -> &[f32; BLOCK] {
+    list[from..].first_chunk().unwrap_or(&[0.0; BLOCK])
+}
+
 /// Draws rings; keeps its buffers.
 #[derive(Default)]
 pub struct RingPainter<const C: usize> {
-    surroundings: Surroundings,
+    direct: Surroundings,
+    mirrored: Surroundings,
+    reflection: Reflection<C>,
+    brush: Brush<C>,
+}
+
+#[derive(Default)]
+struct Brush<const C: usize> {
     slices: Vec<Slice>,
     cuts: Vec<f64>,
+    /// Rows with edges that are nearly radial.
+    fine: Vec<bool>,
     line: Line,
     row: Row,
     pixels: Vec<[f32; C]>,
-    reflection: Reflection<C>,
 }
 
 impl Grid {
@@ -83,7 +107,7 @@ impl Grid {
             let radius_px = radius_px.clamp(1e-3, rim_px);
             (radius_px, mirror.direction(radius_px).unwrap_or(Vector2::new(0.0, -1.0)))
         };
-        for i in 0..count {
+        for i in 0..count + BLOCK {
             let (radius_px, direction) = way(first_px + (i as f64 + 0.5) * column_px);
             columns.out.push(direction.x as f32);
             columns.up.push(direction.y as f32);
@@ -94,25 +118,19 @@ impl Grid {
             let (_, direction) = way(radius_px);
             (direction.y / direction.x.max(1e-9)).clamp(-STEEPEST, STEEPEST)
         });
-        Self { rows, first_px, column_px, columns, ends, mirror: mirror.clone() }
-    }
-
-    /// Number of columns.
-    #[must_use]
-    pub fn width(&self) -> usize {
-        self.columns.out.len()
+        Self { rows, first_px, column_px, width: count, columns, ends, mirror: mirror.clone() }
     }
 
     /// The same ring with rows and columns `factor` times as wide.
     fn coarse(&self, factor: usize, rim_px: f64) -> Self {
-        let (rows, count) = (self.rows.div_ceil(factor), self.width().div_ceil(factor));
+        let (rows, count) = (self.rows.div_ceil(factor), self.width.div_ceil(factor));
         Self::new(&self.mirror, rows, self.first_px, self.column_px * factor as f64, count, rim_px)
     }
 
     /// The column coordinate of a way's tangent; the first column covers 0 to 1.
     #[inline]
     fn column(&self, tangent: f64) -> f64 {
-        let width = self.width() as f64;
+        let width = self.width as f64;
         let Some(radius_px) = self.mirror.radius_px(Vector2::new(1.0, tangent)) else { return width };
         ((radius_px - self.first_px) / self.column_px).clamp(0.0, width)
     }
@@ -137,73 +155,77 @@ impl Ring {
 }
 
 impl<const C: usize> RingPainter<C> {
-    /// Draws a ring's radiance into `out`, rows x columns, from azimuth 0 on.
-    pub fn draw(&mut self, scene: &Scene, eye: &MirrorEye, ring: &Ring, out: &mut [[f32; C]]) {
-        let glossy = scene.surfaces().iter().any(|s| s.material.gloss > 0.0) && eye.at.z > 0.0;
-        let mut reflection = std::mem::take(&mut self.reflection);
-        reflection.clear();
-        if glossy {
-            let coarse = &ring.coarse;
-            let (rows, beyond) = (coarse.rows as i64, OVERLAP as i64);
-            reflection.begin(coarse.width(), coarse.rows + 2 * OVERLAP);
-            self.pass(
-                scene,
-                eye,
-                coarse,
-                Side::Mirrored,
-                -beyond..rows + beyond,
-                &Reflection::default(),
-                |_, row| {
-                    reflection.push(row);
-                },
-            );
-            reflection.blur();
+    /// Looks around, for the rings that are drawn next.
+    pub fn look(&mut self, scene: &Scene, eye: &MirrorEye) {
+        let surfaces = scene.surfaces();
+        self.direct.look(eye, surfaces, Side::Direct);
+        self.mirrored.clear();
+        if eye.at.z > 0.0 && surfaces.iter().any(|s| s.material.gloss > 0.0) {
+            self.mirrored.look(eye, surfaces, Side::Mirrored);
         }
-        let (rows, width) = (ring.grid.rows as i64, ring.grid.width());
-        self.pass(scene, eye, &ring.grid, Side::Direct, 0..rows, &reflection, |i, row| {
-            out[i * width..][..width].copy_from_slice(row);
-        });
-        self.reflection = reflection;
     }
 
-    #[allow(clippy::too_many_arguments, reason = "the scene, the eye, and what is drawn of them")]
+    /// Draws a ring's radiance into `out`, rows x columns, from azimuth 0 on.
+    pub fn draw(&mut self, scene: &Scene, viewpoint: Vector2<f64>, ring: &Ring, out: &mut [[f32; C]]) {
+        let Self { direct, mirrored, reflection, brush } = self;
+        reflection.clear();
+        if !mirrored.facets.is_empty() {
+            let (nothing, coarse) = (Reflection::default(), &ring.coarse);
+            let (rows, beyond) = (coarse.rows as i64, OVERLAP as i64);
+            reflection.begin(coarse.width, coarse.rows + 2 * OVERLAP);
+            let seen =
+                Seen { scene, surroundings: mirrored, reflection: &nothing, viewpoint, line_rows: COARSE };
+            brush.pass(&seen, coarse, -beyond..rows + beyond, |_, row| reflection.push(row));
+            reflection.blur();
+        }
+        let (rows, width) = (ring.grid.rows as i64, ring.grid.width);
+        let seen = Seen { scene, surroundings: direct, reflection, viewpoint, line_rows: FINE };
+        brush.pass(&seen, &ring.grid, 0..rows, |i, row| out[i * width..][..width].copy_from_slice(row));
+    }
+}
+
+impl<const C: usize> Brush<C> {
     fn pass(
         &mut self,
-        scene: &Scene,
-        eye: &MirrorEye,
+        seen: &Seen<'_, C>,
         grid: &Grid,
-        side: Side,
         rows: Range<i64>,
-        reflection: &Reflection<C>,
         mut take: impl FnMut(usize, &[[f32; C]]),
     ) {
-        self.surroundings.look(eye, scene.surfaces(), side);
-        let Self { surroundings, slices, cuts, line, row, pixels, .. } = self;
+        let Seen { surroundings, reflection, viewpoint, line_rows, .. } = *seen;
+        let Self { slices, cuts, fine, line, row, pixels } = self;
         let shaders: Vec<Shader<'_, C>> =
-            surroundings.facets.iter().map(|f| Shader::new(scene, f.surface)).collect();
+            surroundings.facets.iter().map(|f| Shader::new(seen.scene, f.surface)).collect();
         slices.clear();
         slices.resize(surroundings.facets.len(), Slice::default());
         pixels.clear();
-        pixels.resize(grid.width(), [DARKNESS; C]);
+        pixels.resize(grid.width, [DARKNESS; C]);
         let step = TAU / grid.rows as f64;
+        fine.clear();
+        fine.resize(grid.rows, false);
+        for [start, extent] in &surroundings.oblique {
+            let rows = (start / step) as usize..=((start + extent) / step) as usize;
+            rows.for_each(|row| fine[row % grid.rows] = true);
+        }
         for (index, number) in rows.enumerate() {
-            row.clear(grid.width());
+            row.clear(grid.width);
             let at = number.rem_euclid(grid.rows as i64);
-            cut(at as f64, step, &surroundings.corners, cuts);
+            let widest = line_rows[usize::from(fine[at as usize])];
+            cut(at as f64, step, &surroundings.corners, widest, cuts);
             for ends in cuts.windows(2) {
                 let middle = 0.5 * (ends[0] + ends[1]);
                 let azimuth = Azimuth::new(middle * step);
                 let candidates = surroundings.around(middle * step);
                 for &c in candidates {
                     let c = usize::from(c);
-                    slices[c] = surroundings.facets[c].slice(azimuth, eye.viewpoint);
+                    slices[c] = surroundings.facets[c].slice(azimuth, viewpoint);
                 }
                 line.scan(slices, candidates, 0.0, grid.ends);
                 let last = line.stretches.len() - 1;
                 for (i, stretch) in line.stretches.iter_mut().enumerate() {
                     stretch.start = match i {
                         0 => 0.0,
-                        i if i == last => grid.width() as f64,
+                        i if i == last => grid.width as f64,
                         _ => grid.column(stretch.start),
                     };
                 }
@@ -211,7 +233,7 @@ impl<const C: usize> RingPainter<C> {
             }
             let look = |polygon: u16, azimuth_rows: f64| {
                 let p = usize::from(polygon);
-                View::new(surroundings, &shaders[p], p, Azimuth::new(azimuth_rows * step), eye.viewpoint)
+                View::new(surroundings, &shaders[p], p, Azimuth::new(azimuth_rows * step), viewpoint)
             };
             row.pieces(|piece| match piece {
                 Piece::Run { start, end, polygon } => {
@@ -247,8 +269,20 @@ impl<const C: usize> RingPainter<C> {
     }
 }
 
-/// Cuts row number `at` (`step` radians each) at the corners in it and into parts that are narrow enough.
-fn cut(at: f64, step: f64, corners: &[f64], cuts: &mut Vec<f64>) {
+/// What a pass draws.
+#[derive(Clone, Copy)]
+struct Seen<'a, const C: usize> {
+    scene: &'a Scene,
+    surroundings: &'a Surroundings,
+    /// What the floor mirrors.
+    reflection: &'a Reflection<C>,
+    viewpoint: Vector2<f64>,
+    /// [`FINE`] or [`COARSE`].
+    line_rows: [f64; 2],
+}
+
+/// Cuts row number `at` (`step` radians each) at the corners in it and into parts of at most `widest` rows.
+fn cut(at: f64, step: f64, corners: &[f64], widest: f64, cuts: &mut Vec<f64>) {
     cuts.clear();
     cuts.push(at);
     let first = corners.partition_point(|c| *c <= at * step);
@@ -258,7 +292,7 @@ fn cut(at: f64, step: f64, corners: &[f64], cuts: &mut Vec<f64>) {
         if end - start < NARROWEST_LINE {
             continue;
         }
-        let parts = ((end - start) / WIDEST_LINE).ceil();
+        let parts = ((end - start) / widest).ceil();
         cuts.extend((1..=parts as usize).map(|i| start + (end - start) * i as f64 / parts));
     }
 }
@@ -322,12 +356,12 @@ impl<'a, const C: usize> View<'a, C> {
             let count = pixels.len();
             let mut spots = Spots::default();
             let mut cosine = [1.0; BLOCK];
-            for i in 0..count {
-                let (along, up) = (columns.out[from + i], columns.up[from + i]);
-                let (turn, around) = (columns.turn[from + i], columns.around[from + i]);
+            let [outs, ups, turns, arounds] = columns.block(from);
+            for (i, cosine) in cosine.iter_mut().enumerate() {
+                let (along, up, turn, around) = (outs[i], ups[i], turns[i], arounds[i]);
                 let way = (n[0] * along + n[1] * up).min(-1e-6);
                 let reach = (self.height / way).clamp(0.0, 1e3);
-                cosine[i] = -way;
+                *cosine = -way;
                 // How the ray turns to the next column, and how its end moves to the next pixel around.
                 let tilt = (n[1] * along - n[0] * up) / way;
                 let (sway, aside) = (reach * turn, (self.viewpoint_out + reach * along) * around);
@@ -369,10 +403,10 @@ mod tests {
     #[test]
     fn rows_are_cut_at_corners_and_nowhere_too_fine() {
         let mut cuts = Vec::new();
-        cut(4.0, 0.1, &[0.1, 0.43, 0.4301, 0.46, 0.52], &mut cuts);
+        cut(4.0, 0.1, &[0.1, 0.43, 0.4301, 0.46, 0.52], 0.55, &mut cuts);
         let expected = [4.0, 4.3, 4.6, 5.0];
         assert!(cuts.len() == 4 && cuts.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{cuts:?}");
-        cut(0.0, 0.1, &[], &mut cuts);
+        cut(0.0, 0.1, &[], 0.55, &mut cuts);
         assert_eq!(cuts, [0.0, 0.5, 1.0]);
     }
 }
