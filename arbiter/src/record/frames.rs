@@ -109,6 +109,7 @@ impl Chain {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yamabico_core::camera::Mount;
 
     fn translation(transforms: &[FrameTransform], index: usize) -> (f64, f64) {
         let translation = transforms[index].translation.as_ref().unwrap();
@@ -137,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_level_camera_looks_along_the_robot() {
-        let transform = mounted("front", &Mount::level(0.6));
+        let transform = mounted("front", &Mount::level(0.6).body_from_camera());
         let q = transform.rotation.unwrap();
         // The optical axis (0, 0, 1) turned by the quaternion.
         let axis = (

@@ -326,7 +326,8 @@ impl Scene<'_> {
         };
         let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
         let squares = (0..FOOT_SAMPLES).map(|sample| {
-            let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
+            let height_m =
+                lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
             Some((mean(-1.0, height_m)? - mean(1.0, height_m)?).powi(2))
         });
         let sum = squares.sum::<Option<f64>>();
