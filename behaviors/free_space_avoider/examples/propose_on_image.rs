@@ -30,7 +30,7 @@ fn main() -> ExitCode {
 
 fn propose() -> Result<(), String> {
     let (mut picture, mut out, mut toml) = (None, None, String::new());
-    let mut at = [1.2, 2.9, 10.0];
+    let mut at = [3.3, 3.0, 170.0];
     let mut rest = std::env::args().skip(1);
     while let Some(argument) = rest.next() {
         let mut value = || rest.next().ok_or(format!("{argument} needs a value"));

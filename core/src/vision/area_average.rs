@@ -8,6 +8,11 @@ use crate::image::{GrayImage, ImageView};
 pub struct AreaAverage {
     /// One row of the result before its columns are averaged.
     row: Vec<f32>,
+    /// Of each column of the result, the first old column that it covers, and the shares of that and the next ones.
+    columns: Vec<usize>,
+    shares: Vec<f32>,
+    /// Old and new width that the shares are for.
+    widths: (usize, usize),
 }
 
 impl AreaAverage {
@@ -19,14 +24,38 @@ impl AreaAverage {
         if width == 0 || height == 0 {
             return;
         }
-        self.row.resize(image.width(), 0.0);
-        vectorise::run(Scale { image, row: &mut self.row, out: out.pixels_mut(), width, height });
+        self.prepare(image.width(), width);
+        vectorise::run(Scale { image, buffers: self, out: out.pixels_mut(), width, height });
     }
+
+    fn prepare(&mut self, old: usize, new: usize) {
+        if self.widths == (old, new) {
+            return;
+        }
+        self.widths = (old, new);
+        let span = span(old, new);
+        // Every column reads as many old ones; the last ones have no share beyond the image.
+        self.row.clear();
+        self.row.resize(old + span, 0.0);
+        self.columns.clear();
+        self.columns.extend((0..new).map(|column| column * old / new));
+        self.shares.clear();
+        for column in 0..new {
+            let covered = Covered::by(column, old, new).map(|(_, share)| share);
+            self.shares.extend(covered.chain(std::iter::repeat(0.0)).take(span));
+        }
+    }
+}
+
+/// As many old columns as a new one can touch.
+#[inline(always)]
+fn span(old: usize, new: usize) -> usize {
+    old.div_ceil(new) + 1
 }
 
 struct Scale<'a> {
     image: ImageView<'a>,
-    row: &'a mut [f32],
+    buffers: &'a mut AreaAverage,
     out: &'a mut [u8],
     width: usize,
     height: usize,
@@ -37,7 +66,8 @@ impl Kernel for Scale<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Scale { image, row, out, width, height } = self;
+        let Scale { image, buffers: AreaAverage { row, columns, shares, .. }, out, width, height } = self;
+        let span = span(image.width(), width);
         for (v, out) in out.chunks_exact_mut(width).enumerate() {
             row.fill(0.0);
             for (old, share) in Covered::by(v, image.height(), height) {
@@ -45,10 +75,9 @@ impl Kernel for Scale<'_> {
                     *sum += share * f32::from(pixel);
                 }
             }
-            for (u, pixel) in out.iter_mut().enumerate() {
-                let mean: f32 =
-                    Covered::by(u, image.width(), width).map(|(old, share)| share * row[old]).sum();
-                *pixel = (mean + 0.5) as u8;
+            for ((pixel, &begin), shares) in out.iter_mut().zip(&*columns).zip(shares.chunks_exact(span)) {
+                let covered = row[begin..begin + span].iter().zip(shares);
+                *pixel = (covered.map(|(sum, share)| sum * share).sum::<f32>() + 0.5) as u8;
             }
         }
     }

@@ -3,8 +3,6 @@
 //! Ridler & Calvard (1978), as Abdelfatah et al. use it: start at the mean, split, take the middle of both means, repeat
 //! until nothing changes.
 
-use std::ops::RangeInclusive;
-
 use super::vectorise::{self, Kernel};
 
 /// An image whose grey levels span less than this has no two classes.
@@ -39,6 +37,15 @@ impl Threshold {
     pub fn contrast(&self) -> f64 {
         self.bright.mean() - self.dark.mean()
     }
+}
+
+/// One of the two classes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tone {
+    /// Below the threshold.
+    Dark,
+    /// Not below it.
+    Bright,
 }
 
 /// Pixels of one class.
@@ -85,22 +92,24 @@ pub fn threshold_of_pixels(pixels: &[u8]) -> Result<Threshold, IsodataError> {
     iterate(all, range, |first_bright| vectorise::run(DarkPixels { pixels, first_bright }))
 }
 
-/// The threshold of those pixels alone whose grey level is in `levels`.
+/// The threshold of one class of the pixels alone, as if the others were not there.
 ///
 /// # Errors
-/// [`IsodataError`]; `LowContrast` where they all have one level.
-pub fn threshold_within(pixels: &[u8], levels: RangeInclusive<u8>) -> Result<Threshold, IsodataError> {
-    let dark_below = |first_bright| vectorise::run(DarkPixels { pixels, first_bright });
-    let darker = dark_below(*levels.start());
-    let up_to_end = match levels.end().checked_add(1) {
-        Some(above) => dark_below(above),
-        None => vectorise::run(Survey(pixels)).0,
+/// [`IsodataError::LowContrast`] where the class has one level only.
+pub fn threshold_of_class(
+    pixels: &[u8],
+    threshold: &Threshold,
+    tone: Tone,
+) -> Result<Threshold, IsodataError> {
+    let (all, darker, range) = match tone {
+        Tone::Dark => (threshold.dark, Class::default(), [0, threshold.first_bright() - 1]),
+        Tone::Bright => (threshold.bright, threshold.dark, [threshold.first_bright(), u8::MAX]),
     };
-    if levels.is_empty() {
-        return Err(IsodataError::Empty);
+    let dark_below = |first_bright| vectorise::run(DarkPixels { pixels, first_bright }).without(darker);
+    if range[1] - range[0] < LEAST_RANGE {
+        return Err(IsodataError::LowContrast { mean: all.mean() });
     }
-    let range = [*levels.start(), *levels.end()];
-    iterate(up_to_end.without(darker), range, |first_bright| dark_below(first_bright).without(darker))
+    iterate(all, range, dark_below)
 }
 
 /// The threshold of the pixels that a histogram counts.
@@ -133,9 +142,16 @@ fn iterate(
     // With two levels or more, the mean lies above the lowest and below the highest, and so does every middle of two means.
     let mut threshold =
         Threshold { level: mean, rounds: 0, dark: Class::default(), bright: Class::default() };
+    let mut split_at = None;
     while threshold.rounds < MOST_ROUNDS {
         threshold.rounds += 1;
-        threshold.dark = dark_below(threshold.first_bright());
+        let first_bright = threshold.first_bright();
+        if split_at == Some(first_bright) {
+            // The same pixels on either side: so is the middle of their means.
+            break;
+        }
+        split_at = Some(first_bright);
+        threshold.dark = dark_below(first_bright);
         threshold.bright = all.without(threshold.dark);
         if threshold.dark.count == 0 || threshold.bright.count == 0 {
             return Err(IsodataError::LowContrast { mean });
@@ -149,9 +165,9 @@ fn iterate(
     Ok(threshold)
 }
 
-/// Pixels summed up in vector lanes at a time: 128 of 255 still fit 16 bits.
-const LANES: usize = 32;
-const BLOCK: usize = 128 * LANES;
+/// Pixels summed up in vector lanes at a time: as many of 255 as fit 16 bits.
+const LANES: usize = 64;
+const BLOCK: usize = 255 * LANES;
 
 /// All pixels as one class, the lowest and the highest level.
 struct Survey<'a>(&'a [u8]);
@@ -198,21 +214,24 @@ impl Kernel for DarkPixels<'_> {
     fn run(self) -> Class {
         let mut dark = Class::default();
         for block in self.pixels.chunks(BLOCK) {
-            let (mut counts, mut sums) = ([0_u8; LANES], [0_u16; LANES]);
+            // How far below the level each pixel is tells both: the dark ones are those that are below at all.
+            let (mut counts, mut depths) = ([0_u8; LANES], [0_u16; LANES]);
             let (lanes, rest) = block.as_chunks::<LANES>();
             for pixels in lanes {
                 for i in 0..LANES {
-                    let is_dark = u8::from(pixels[i] < self.first_bright);
-                    counts[i] += is_dark;
-                    sums[i] += u16::from(pixels[i] & is_dark.wrapping_neg());
+                    let depth = self.first_bright.saturating_sub(pixels[i]);
+                    counts[i] += u8::from(depth != 0);
+                    depths[i] += u16::from(depth);
                 }
             }
             for &pixel in rest.iter().filter(|&&pixel| pixel < self.first_bright) {
                 dark.count += 1;
                 dark.sum += u64::from(pixel);
             }
-            dark.count += counts.iter().map(|&count| u64::from(count)).sum::<u64>();
-            dark.sum += sums.iter().map(|&sum| u64::from(sum)).sum::<u64>();
+            let count = counts.iter().map(|&count| u64::from(count)).sum::<u64>();
+            let depth = depths.iter().map(|&depth| u64::from(depth)).sum::<u64>();
+            dark.count += count;
+            dark.sum += count * u64::from(self.first_bright) - depth;
         }
         dark
     }
@@ -245,16 +264,21 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_the_levels_is_thresholded_as_if_alone() {
+    fn a_class_is_thresholded_as_if_alone() {
         let mut random = rand_pcg::Pcg64::seed_from_u64(6);
-        let pixels: Vec<u8> = (0..5000).map(|_| random.random()).collect();
-        for levels in [0..=255, 100..=255, 0..=99, 40..=200] {
-            let alone: Vec<u8> = pixels.iter().copied().filter(|pixel| levels.contains(pixel)).collect();
-            assert_eq!(threshold_within(&pixels, levels), threshold_of_pixels(&alone));
+        for highest in [30, 200, 255] {
+            let pixels: Vec<u8> = (0..5000).map(|_| random.random_range(0..=highest)).collect();
+            let threshold = threshold_of_pixels(&pixels).unwrap();
+            for tone in [Tone::Dark, Tone::Bright] {
+                let is_in = |&pixel: &u8| (pixel < threshold.first_bright()) == (tone == Tone::Dark);
+                let alone: Vec<u8> = pixels.iter().copied().filter(is_in).collect();
+                assert_eq!(threshold_of_class(&pixels, &threshold, tone), threshold_of_pixels(&alone));
+            }
         }
-        let low_contrast = Err(IsodataError::LowContrast { mean: 77.0 });
-        assert_eq!(threshold_within(&[5, 77, 77, 200], 50..=100), low_contrast);
-        assert_eq!(threshold_within(&[5, 77], 100..=255), Err(IsodataError::Empty));
+        let pixels = [20, 20, 200, 200];
+        let threshold = threshold_of_pixels(&pixels).unwrap();
+        let low_contrast = Err(IsodataError::LowContrast { mean: 200.0 });
+        assert_eq!(threshold_of_class(&pixels, &threshold, Tone::Bright), low_contrast);
     }
 
     #[test]

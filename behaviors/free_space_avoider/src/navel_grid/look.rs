@@ -5,7 +5,9 @@ use serde::Deserialize;
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::vision::area_average::AreaAverage;
 use yamabico_core::vision::dark_cells::DarkCells;
-use yamabico_core::vision::isodata::{IsodataError, Threshold, threshold_of_pixels, threshold_within};
+use yamabico_core::vision::isodata::{
+    IsodataError, Threshold, Tone, threshold_of_class, threshold_of_pixels,
+};
 use yamabico_core::vision::median::Median3;
 
 use super::cells::{Cells, GridSize, foreground};
@@ -90,7 +92,7 @@ impl Look {
     pub fn cells(&mut self, polarity: Polarity) -> &Cells {
         if let Some(threshold) = self.threshold {
             let whole = threshold.first_bright();
-            let split = self.split(whole, polarity).filter(|parts| match (self.floor_level, polarity) {
+            let split = self.split(&threshold, polarity).filter(|parts| match (self.floor_level, polarity) {
                 (None, _) => true,
                 (Some(floor), Polarity::BrightFloor) => floor >= parts.level,
                 (Some(floor), Polarity::DarkFloor) => floor < parts.level,
@@ -120,12 +122,12 @@ impl Look {
     }
 
     /// The two parts of the floor's class, where they are too uneven for one floor.
-    fn split(&self, first_bright: u8, polarity: Polarity) -> Option<Threshold> {
+    fn split(&self, threshold: &Threshold, polarity: Polarity) -> Option<Threshold> {
         let floor = match polarity {
-            Polarity::BrightFloor => first_bright..=u8::MAX,
-            Polarity::DarkFloor => 0..=first_bright - 1,
+            Polarity::BrightFloor => Tone::Bright,
+            Polarity::DarkFloor => Tone::Dark,
         };
-        let parts = threshold_within(self.filtered.pixels(), floor).ok()?;
+        let parts = threshold_of_class(self.filtered.pixels(), threshold, floor).ok()?;
         (parts.dark.mean() < self.floor_evenness * parts.bright.mean()).then_some(parts)
     }
 
