@@ -13,9 +13,15 @@ use comfy_table::presets::UTF8_FULL_CONDENSED;
 use serde::Serialize;
 use yamabico::plugins::PLUGINS;
 use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tee;
+use yamabico_arbiter::record::Tap;
 use yamabico_arbiter::run::{Options, Ran, run};
+use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::config::{Overrides, Task, load};
+use yamabico_core::message::{Message, MessageType, Truth};
+use yamabico_core::time::Time;
+
+/// The first metres of a run, in which a robot that starts beside its line comes to it, metres.
+const SETTLING_M: f64 = 5.0;
 
 #[derive(Parser)]
 struct Arguments {
@@ -45,6 +51,8 @@ struct Row {
     contacts: Option<u32>,
     struck: Option<u32>,
     rms_offset_m: Option<f64>,
+    /// The same without the first 5 m.
+    settled_rms_offset_m: Option<f64>,
     clearance_m: Option<f64>,
     /// Each time that the robot came to stand near a person: how near.
     stood_at_m: Vec<f64>,
@@ -78,7 +86,7 @@ fn main() -> ExitCode {
 }
 
 impl Row {
-    fn of(ran: Ran) -> Row {
+    fn of(ran: Ran, settled: &Settled) -> Row {
         let summary = ran.summary;
         Row {
             seed: ran.seed,
@@ -87,6 +95,7 @@ impl Row {
             contacts: summary.contacts,
             struck: summary.struck,
             rms_offset_m: summary.rms_offset_m,
+            settled_rms_offset_m: settled.rms_offset_m(),
             clearance_m: summary.smallest_clearance_m,
             stood_at_m: summary.encounters.into_iter().flat_map(|met| met.stood_at_m).collect(),
             real_time_factor: summary.real_time_factor,
@@ -95,6 +104,35 @@ impl Row {
 
     fn is_clean(&self) -> bool {
         self.end == End::Arrived && self.contacts.is_none_or(|contacts| contacts == 0)
+    }
+}
+
+/// Offsets from the reference line, the map's x axis, after the first metres.
+#[derive(Default)]
+struct Settled {
+    square_sum: f64,
+    path_m: f64,
+    before_m: f64,
+}
+
+impl Settled {
+    fn rms_offset_m(&self) -> Option<f64> {
+        (self.path_m > 0.0).then(|| (self.square_sum / self.path_m).sqrt())
+    }
+}
+
+impl Tap for Settled {
+    fn message(&mut self, _: &str, message: &MessageType, _: Time, header: &[u8], items: &[u8]) {
+        if message.name != Truth::NAME {
+            return;
+        }
+        let Some(truth) = View::<Truth>::of(RawMessage { header, items }) else { return };
+        let moved_m = truth.header.distance_m - self.before_m;
+        self.before_m = truth.header.distance_m;
+        if truth.header.distance_m > SETTLING_M && moved_m > 0.0 {
+            self.square_sum += moved_m * truth.header.y.powi(2);
+            self.path_m += moved_m;
+        }
     }
 }
 
@@ -109,8 +147,9 @@ fn sweep(task: &Task, seeds: u64, jobs: usize) -> Result<Vec<Row>, String> {
                 return Ok(rows);
             }
             let options = Options { seed, ..Options::default() };
-            let ran = run(task, &options, &AtomicBool::new(false), &mut Tee::default(), &mut |_| {});
-            rows.push(Row::of(ran.map_err(|error| format!("seed {seed}: {error}"))?));
+            let mut settled = Settled::default();
+            let ran = run(task, &options, &AtomicBool::new(false), &mut settled, &mut |_| {});
+            rows.push(Row::of(ran.map_err(|error| format!("seed {seed}: {error}"))?, &settled));
         }
     };
     let parts: Vec<Result<Vec<Row>, String>> = std::thread::scope(|scope| {
@@ -133,6 +172,7 @@ fn text(rows: &[Row]) -> String {
         "contacts",
         "struck",
         "RMS offset",
+        "after 5 m",
         "clearance",
         "stood from people",
         "x real time",
@@ -148,6 +188,7 @@ fn text(rows: &[Row]) -> String {
             count(row.contacts),
             count(row.struck),
             metres(row.rms_offset_m),
+            metres(row.settled_rms_offset_m),
             metres(row.clearance_m),
             row.stood_at_m.iter().map(|metres| format!("{metres:.2} m")).collect::<Vec<_>>().join(", "),
             format!("{:.1}", row.real_time_factor),

@@ -21,7 +21,15 @@ const FOOT_AT_640_PX: f64 = 5.0;
 /// Shortest edge, pixels of an image 640 px wide.
 const SHORTEST_AT_640_PX: f64 = 30.0;
 /// A wall that is seen again so much farther on goes on: an opening in it is a door's, metres.
-const DOOR_M: f64 = 1.2;
+const DOOR_M: f64 = 1.3;
+/// Where the wall is compared with what is behind its end: so far before it, metres ...
+const BEFORE_M: f64 = 0.15;
+/// ... where it looks as it does so far before it, metres ...
+const FARTHER_BEFORE_M: f64 = 0.7;
+/// ... and in such steps behind it, metres.
+const BEHIND_STEP_M: f64 = 0.1;
+/// Two feet of a wall look alike if they correlate by this.
+const ALIKE: f64 = 0.8;
 /// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
 /// Heights there at which the picture is compared before and behind an edge ...
@@ -89,6 +97,8 @@ pub struct WallEnd {
     pub ahead_m: f64,
     /// Standard deviation of `ahead_m`, metres.
     pub ahead_sigma_m: f64,
+    /// Whether it is seen to be higher than a door.
+    pub is_high: bool,
     /// Length in the picture, pixels.
     pub length_px: f64,
 }
@@ -102,26 +112,6 @@ pub struct FinderRule {
     pub border_px: f64,
     /// Two ends that differ less along the corridor are a pair, metres; or less than three standard deviations.
     pub pair_m: f64,
-}
-
-/// The ends of one picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Ends {
-    /// The left wall's.
-    pub left: Option<WallEnd>,
-    /// The right wall's.
-    pub right: Option<WallEnd>,
-}
-
-impl Ends {
-    /// That of one side.
-    #[must_use]
-    pub fn of(&self, side: Side) -> Option<&WallEnd> {
-        match side {
-            Side::Left => self.left.as_ref(),
-            Side::Right => self.right.as_ref(),
-        }
-    }
 }
 
 /// Finds where walls end; keeps its buffer from picture to picture.
@@ -155,6 +145,7 @@ impl EndFinder {
             let ends = sight.segments().iter().filter_map(|segment| scene.wall_end(segment, side, wall));
             self.ends.extend(ends.filter(|end| scene.ends_at_foot(image, end, wall)));
         }
+        self.leave_out_dead_ends(&scene);
         &self.ends
     }
 
@@ -168,8 +159,21 @@ impl EndFinder {
         let pairs = on(Side::Left).flat_map(|left| on(Side::Right).map(move |right| [*left, *right]));
         let ahead_m = |pair: &[WallEnd; 2]| 0.5 * (pair[0].ahead_m + pair[1].ahead_m);
         pairs
-            .filter(|[left, right]| scene.belong_together(left, right) && !scene.is_closed(left, right))
+            .filter(|[left, right]| scene.belong_together(left, right))
             .min_by(|a, b| ahead_m(a).total_cmp(&ahead_m(b)))
+    }
+
+    /// Leaves out ends between which a wall stands, and all beyond.
+    fn leave_out_dead_ends(&mut self, scene: &Scene<'_>) {
+        let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
+        let pairs = on(Side::Left).flat_map(|left| on(Side::Right).map(move |right| (left, right)));
+        let closed = pairs
+            .filter(|(left, right)| scene.belong_together(left, right) && scene.is_closed(left, right))
+            .map(|(left, right)| left.ahead_m.min(right.ahead_m))
+            .min_by(f64::total_cmp);
+        if let Some(closed_m) = closed {
+            self.ends.retain(|end| end.ahead_m < closed_m);
+        }
     }
 
     /// The nearest end of any side, the longer of two at the same place.
@@ -245,14 +249,14 @@ impl Scene<'_> {
             return None;
         }
         let lower_end = if segment.p0.y > segment.p1.y { segment.p0 } else { segment.p1 };
-        let highest_m = match self.reach(segment, &place) {
+        let (highest_m, is_high) = match self.reach(segment, &place) {
             Reach::Door => return None,
-            Reach::OutOfPicture => HIGHEST_FOOT_M[0],
-            Reach::High => HIGHEST_FOOT_M[1],
+            Reach::OutOfPicture => (HIGHEST_FOOT_M[0], false),
+            Reach::High => (HIGHEST_FOOT_M[1], true),
         };
         let highest_px = (highest_m * intrinsics.fy / place.ahead_m).max(FOOT_AT_640_PX * scale);
         let above_px = base.y - lower_end.y;
-        if !(-FOOT_AT_640_PX * scale..=highest_px).contains(&above_px) || self.goes_on(&place, wall) {
+        if !(-FOOT_AT_640_PX * scale..=highest_px).contains(&above_px) {
             return None;
         }
         Some(WallEnd {
@@ -262,6 +266,7 @@ impl Scene<'_> {
             covariance: place.covariance,
             ahead_m: place.ahead_m,
             ahead_sigma_m: place.ahead_sigma_m,
+            is_high,
             length_px: segment.length,
         })
     }
@@ -293,45 +298,56 @@ impl Scene<'_> {
         })
     }
 
-    /// Whether the wall goes on behind this place: then it is a door's frame, or a mark on the wall.
-    fn goes_on(&self, place: &Standing, wall: WallAt) -> bool {
-        let column_m = place.ahead_m.powi(2) / (wall.distance_m.abs() * self.view.intrinsics.fx);
-        let (from_m, to_m) = (place.ahead_m + 0.1 + 2.0 * column_m, place.ahead_m + DOOR_M);
-        self.sight.along_corridor().any(|line| {
-            let (Some(a), Some(b)) = (self.on_wall(line.p0, wall), self.on_wall(line.p1, wall)) else {
-                return false;
-            };
-            let height_m = 0.5 * (a.y + b.y);
-            (FOOT_HEIGHTS_M[0]..=FOOT_HEIGHTS_M[1]).contains(&height_m)
-                && a.x.min(b.x) < to_m
-                && a.x.max(b.x) > from_m
+    /// Whether there is a wall behind its end, no farther than a door is wide, or none before it.
+    fn goes_on(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
+        let Some(before) = self.foot_profile(image, end.ahead_m - BEFORE_M, wall) else { return true };
+        let is_wall = |farther: FootProfile| !is_flat(&before) && are_alike(&before, &farther);
+        if !self.foot_profile(image, end.ahead_m - FARTHER_BEFORE_M, wall).is_some_and(is_wall) {
+            return true;
+        }
+        let steps = (DOOR_M / BEHIND_STEP_M) as u32;
+        (1..=steps).any(|step| {
+            let ahead_m = end.ahead_m + BEHIND_STEP_M * f64::from(step);
+            self.foot_profile(image, ahead_m, wall).is_some_and(|behind| are_alike(&before, &behind))
         })
+    }
+
+    /// Grey levels from below to above the foot of a wall; `None` outside the picture.
+    fn foot_profile(&self, image: ImageView<'_>, ahead_m: f64, wall: WallAt) -> Option<FootProfile> {
+        let mut profile = [0.0; FOOT_SAMPLES as usize];
+        for (sample, level) in (0..).zip(&mut profile) {
+            *level = self.foot_level(image, ahead_m, wall, sample)?;
+        }
+        Some(profile)
+    }
+
+    /// The grey level of one sample of the foot.
+    fn foot_level(&self, image: ImageView<'_>, ahead_m: f64, wall: WallAt, sample: u32) -> Option<f64> {
+        let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
+        let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
+        let point = Vector3::new(ahead_m, wall.distance_m, height_m - self.view.height_m);
+        let in_camera = self.view.corridor_from_camera.transpose() * point;
+        let pixel = self.sight.camera().pinhole.project(&in_camera.into()).ok()?;
+        let (u, v) = (pixel.x.round(), pixel.y.round());
+        let is_inside = u >= 0.0 && v >= 0.0 && u < image.width() as f64 && v < image.height() as f64;
+        is_inside.then(|| f64::from(image.pixel(u as usize, v as usize)))
     }
 
     /// Whether the foot of the wall looks different before and behind its end: a shade on the wall leaves the skirting alike,
     /// and so does the edge of something farther away.
     fn ends_at_foot(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
         let column_m = end.ahead_m.powi(2) / (wall.distance_m.abs() * self.view.intrinsics.fx);
-        let camera_from_corridor = self.view.corridor_from_camera.transpose();
-        let level = |aside_px: f64, height_m: f64| {
-            let ahead_m = end.ahead_m + aside_px * column_m;
-            let point = Vector3::new(ahead_m, wall.distance_m, height_m - self.view.height_m);
-            let pixel = self.sight.camera().pinhole.project(&(camera_from_corridor * point).into()).ok()?;
-            let (u, v) = (pixel.x.round(), pixel.y.round());
-            (u >= 0.0 && v >= 0.0).then(|| f64::from(image.pixel(u as usize, v as usize)))
-        };
-        let mean = |sign: f64, height_m: f64| {
-            let levels = FOOT_COLUMNS_PX.map(|aside_px| level(sign * aside_px, height_m));
+        let mean = |sign: f64, sample: u32| {
+            let levels = FOOT_COLUMNS_PX.map(|aside_px| {
+                self.foot_level(image, end.ahead_m + sign * aside_px * column_m, wall, sample)
+            });
             levels.into_iter().sum::<Option<f64>>().map(|sum| sum / FOOT_COLUMNS_PX.len() as f64)
         };
-        let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
-        let squares = (0..FOOT_SAMPLES).map(|sample| {
-            let height_m =
-                lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
-            Some((mean(-1.0, height_m)? - mean(1.0, height_m)?).powi(2))
-        });
+        let squares =
+            (0..FOOT_SAMPLES).map(|sample| Some((mean(-1.0, sample)? - mean(1.0, sample)?).powi(2)));
         let sum = squares.sum::<Option<f64>>();
-        sum.is_some_and(|sum| sum > FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES))
+        let is_different = sum.is_some_and(|sum| sum > FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES));
+        is_different && (end.is_high || !self.goes_on(image, end, wall))
     }
 
     /// How far up an edge reaches, with all pieces of it.
@@ -355,14 +371,6 @@ impl Scene<'_> {
         } else {
             Reach::Door
         }
-    }
-
-    /// Where on a wall something is seen: metres ahead of the camera and above the floor; `None` beside the wall.
-    fn on_wall(&self, pixel: Vector2<f64>, wall: WallAt) -> Option<Vector2<f64>> {
-        let ray = self.ray(pixel);
-        let scale = wall.distance_m / ray.y;
-        (scale > 0.0 && scale.is_finite())
-            .then(|| Vector2::new(scale * ray.x, self.view.height_m + scale * ray.z))
     }
 
     /// The direction of a pixel in the corridor's frame, not of unit length.
@@ -411,6 +419,27 @@ pub fn floor_line(view: &CorridorView, distance_m: f64) -> Vector3<f64> {
 /// K^-T n.
 fn inverse_transposed(k: &Intrinsics, n: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(n.x / k.fx, n.y / k.fy, n.z - n.x * k.cx / k.fx - n.y * k.cy / k.fy)
+}
+
+/// Grey levels across the foot of a wall, from below upwards.
+type FootProfile = [f64; FOOT_SAMPLES as usize];
+
+/// Whether two feet of walls look alike, whatever the light; a foot without contrast looks like any.
+fn are_alike(a: &FootProfile, b: &FootProfile) -> bool {
+    let mean = |profile: &FootProfile| profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let sum = |x: &FootProfile, mean_x: f64, y: &FootProfile, mean_y: f64| {
+        x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>()
+    };
+    let (of_a, of_b) = (sum(a, mean_a, a, mean_a), sum(b, mean_b, b, mean_b));
+    is_flat(a) || sum(a, mean_a, b, mean_b) > ALIKE * (of_a * of_b).sqrt()
+}
+
+/// Whether a foot of a wall has no contrast.
+fn is_flat(profile: &FootProfile) -> bool {
+    let mean = profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
+    let squares: f64 = profile.iter().map(|level| (level - mean).powi(2)).sum();
+    squares < FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES)
 }
 
 /// Whether the segment points to where all plumb lines meet in this picture.

@@ -335,7 +335,8 @@ impl IntersectionTracker {
             for end in ends {
                 agree[end.side.index()] |= self.track.reacquire(image, pose, &camera, end);
             }
-            if agree == [true; 2] {
+            let has_pair = self.finder.pair(&self.sight, &sighting, &self.rule).is_some();
+            if agree == [true; 2] && has_pair {
                 self.track.confirm();
             }
             if self.is_confirmed() {

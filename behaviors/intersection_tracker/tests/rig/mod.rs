@@ -128,6 +128,8 @@ pub struct Drive {
     pub otherwise: Twist,
     /// Grey levels are made so much brighter or darker.
     pub gain: f64,
+    /// From this column on pictures are black.
+    pub covered_from: usize,
     /// Whether readings of the odometry arrive.
     pub has_odometry: bool,
     scene: Scene,
@@ -160,6 +162,7 @@ impl Drive {
             photometry,
             otherwise: Twist::planar(0.4, 0.0),
             gain: 1.0,
+            covered_from: usize::MAX,
             has_odometry: true,
             scene: Scene::new(world, 0).unwrap(),
             renderer: Renderer::new(photometry, stream(seed, "drive")),
@@ -188,8 +191,9 @@ impl Drive {
         let intrinsics = &self.view.intrinsics;
         let mut pixels = vec![0; (intrinsics.width * intrinsics.height) as usize];
         self.renderer.render(&self.scene, &self.view, &mut pixels).unwrap();
-        for level in &mut pixels {
-            *level = (f64::from(*level) * self.gain).round().min(255.0) as u8;
+        for (i, level) in pixels.iter_mut().enumerate() {
+            let is_covered = i % intrinsics.width as usize >= self.covered_from;
+            *level = if is_covered { 0 } else { (f64::from(*level) * self.gain).round().min(255.0) as u8 };
         }
         pixels
     }

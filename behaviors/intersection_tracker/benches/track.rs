@@ -1,0 +1,108 @@
+//! Speed of following both edges through rendered pictures, and of looking for them, on one core.
+//!
+//! `cargo bench -p yamabico-intersection-tracker`
+
+#![allow(clippy::unwrap_used, reason = "a benchmark may panic")]
+
+#[path = "../tests/rig/mod.rs"]
+mod rig;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use nalgebra::Vector2;
+use rig::{Drive, END_M, Ending, camera, world};
+use std::hint::black_box;
+use yamabico_core::camera::Pinhole;
+use yamabico_core::corridor::floor_lines::FloorLineRule;
+use yamabico_core::corridor::sight::{CorridorCamera, Sight};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_core::sensor::Calibration;
+use yamabico_core::vision::template::correlation::correlation;
+use yamabico_core::vision::template::ssda::search;
+use yamabico_core::vision::template::{Place, SearchArea, Template};
+use yamabico_intersection_tracker::Config;
+use yamabico_intersection_tracker::edge_template::{Aim, EdgeTemplate};
+use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side};
+use yamabico_intersection_tracker::landmarks::Motion;
+use yamabico_intersection_tracker::track::{IntersectionTrack, Sides};
+
+fn benches(criterion: &mut Criterion) {
+    let (intrinsics, mount) = camera(640, 480, 60.0);
+    let start = Pose2::new(END_M - 6.0, 0.05, 0.0);
+    let mut drive = Drive::new(&world(Ending::Crossing, 2.4), start, (intrinsics, mount), 4.0, 1);
+    let pictures: Vec<_> = (0..8).map(|_| drive.render()).collect();
+    let views: Vec<_> = pictures.iter().map(|data| ImageView::new(data, 640, 480, 640).unwrap()).collect();
+    let mut next = 0;
+    let mut picture = move || {
+        next = (next + 1) % 8;
+        next
+    };
+
+    let at = [Side::Left, Side::Right].map(|side| Vector2::new(drive.true_column(side).unwrap(), 181.0));
+    let mut templates = [Template::default(), Template::default()];
+    for (template, at) in templates.iter_mut().zip(at) {
+        template.take(views[0], Place { u: at.x as usize - 10, v: 161 }, 20, 40).unwrap();
+    }
+    criterion.bench_function("SSDA and correlation, two 20x40 templates, 25 columns", |bencher| {
+        bencher.iter(|| {
+            let view = views[picture()];
+            for (template, at) in templates.iter().zip(at) {
+                let middle = Place { u: at.x as usize - 10, v: 161 };
+                let area = SearchArea::along_row(view, template, middle, 12).unwrap();
+                let best = search(view, template, &area, middle);
+                black_box(correlation(view, template, best.place));
+            }
+        });
+    });
+
+    let aims = at.map(|pixel| Aim { pixel, gate_px: 4.0, depth_m: 6.0, lean: 0.0 });
+    let mut edges = aims.map(|aim| {
+        let mut edge = EdgeTemplate::new(640, 0.7);
+        edge.acquire(views[0], &aim).unwrap();
+        edge
+    });
+    criterion.bench_function("track of two 20x40 templates, every check", |bencher| {
+        bencher.iter(|| {
+            let view = views[picture()];
+            for (edge, aim) in edges.iter_mut().zip(&aims) {
+                edge.track(view, aim).unwrap();
+            }
+        });
+    });
+
+    let seen_by = CorridorCamera {
+        pinhole: Pinhole::ideal(intrinsics),
+        mount,
+        calibration: Calibration::Measured,
+        horizon_sigma_rad: 1_f64.to_radians(),
+    };
+    let mut sight = Sight::new(seen_by, FloorLineRule::default());
+    let mut finder = EndFinder::default();
+    let rule = FinderRule { range_m: [1.5, 12.0], border_px: 25.0, pair_m: 0.3 };
+    let sighting = sight.look(views[0], None).unwrap();
+    finder.find(views[0], &sight, &sighting, &rule);
+    let pair = finder.pair(&sight, &sighting, &rule).unwrap();
+    let mut track = IntersectionTrack::new(640, &Config::default());
+    track.begin_pair(views[0], &Pose2::IDENTITY, &seen_by, &pair).unwrap();
+    criterion.bench_function("follow both edges, with landmarks and heights", |bencher| {
+        bencher.iter(|| {
+            let pose = Pose2::IDENTITY;
+            track.predict(Motion::Between(pose, pose));
+            assert_eq!(track.follow(views[picture()], &pose, &seen_by), Sides::Both);
+        });
+    });
+    criterion.bench_function(
+        "find the ends of both walls, 640x480, with vanishing point and floor lines",
+        |bencher| {
+            bencher.iter(|| {
+                let view = views[picture()];
+                if let Ok(sighting) = sight.look(view, None) {
+                    black_box(finder.find(view, &sight, &sighting, &rule).len());
+                }
+            });
+        },
+    );
+}
+
+criterion_group!(track, benches);
+criterion_main!(track);

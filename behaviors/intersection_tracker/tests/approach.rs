@@ -1,0 +1,134 @@
+//! Approaches to rendered intersections.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod rig;
+
+use rig::{Drive, END_M, Ending, camera, world};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Intersection, Kind, Reason};
+use yamabico_intersection_tracker::finder::Side;
+
+/// A robot so far before the end of the walls, beside the middle and turned.
+fn before(ending: Ending, ahead_m: f64) -> Drive {
+    let start = Pose2::new(END_M - ahead_m, 0.15, -0.05);
+    Drive::new(&world(ending, 2.4), start, camera(640, 480, 60.0), 4.0, 5)
+}
+
+fn is_driving(drive: &Drive) -> bool {
+    drive.proposal.kind() == Some(Kind::Drive)
+}
+
+#[test]
+fn comes_to_a_crossing_and_to_a_tee_and_hands_over() {
+    for ending in [Ending::Crossing, Ending::Tee] {
+        let mut drive = before(ending, 10.0);
+        let (mut worst_px, mut worst_near_px, mut pictures) = (0.0_f64, 0.0_f64, 0);
+        loop {
+            let has_picture = drive.step();
+            let ahead_m = END_M - drive.robot.x;
+            assert!(drive.now_s() < 40.0, "stands at {:?} with {:?}", drive.robot, drive.proposal.reason());
+            if drive.now_s() > 1.0 && !is_driving(&drive) {
+                break;
+            }
+            if !has_picture || !is_driving(&drive) {
+                continue;
+            }
+            let published = drive.bench.published::<Intersection>("intersection");
+            let (message, _) = &published[0];
+            assert!((message.distance_m - ahead_m).abs() < 0.05 * ahead_m + 0.02, "{message:?} at {ahead_m}");
+            assert!((message.distance_m - ahead_m).abs() < 4.0 * message.sigma_m, "{message:?} at {ahead_m}");
+            let track = drive.bench.behavior.track();
+            let error = |side| Some(track.seen_at(side)?.x - drive.true_column(side)?);
+            let Some((left, right)) = error(Side::Left).zip(error(Side::Right)) else { continue };
+            let middle_px = 0.5 * (left + right).abs();
+            worst_px = worst_px.max(middle_px);
+            if ahead_m < 4.0 {
+                worst_near_px = worst_near_px.max(middle_px);
+            }
+            pictures += 1;
+        }
+        assert_eq!(drive.proposal.reason(), Some(Reason::Nominal), "{ending:?}: handed over");
+        assert!(END_M - drive.robot.x < 2.3, "{ending:?}: handed over at {}", drive.robot.x);
+        assert!(drive.robot.y.abs() < 0.06, "{ending:?}: {} m beside the middle", drive.robot.y);
+        assert!(pictures > 180, "{ending:?}: {pictures} pictures");
+        assert!(
+            worst_px <= 2.0 && worst_near_px <= 1.0,
+            "{ending:?}: {worst_px} px, {worst_near_px} px near"
+        );
+    }
+}
+
+#[test]
+fn a_dead_end_is_none() {
+    let mut drive = before(Ending::DeadEnd, 9.0);
+    while END_M - drive.robot.x > 1.5 {
+        drive.step();
+        assert!(!is_driving(&drive), "drives at {:?}", drive.robot);
+    }
+}
+
+#[test]
+fn one_edge_is_enough_for_a_while_at_half_the_speed() {
+    let mut drive = before(Ending::Crossing, 8.0);
+    while drive.now_s() < 4.0 {
+        drive.step();
+    }
+    assert!(is_driving(&drive) && drive.proposal.twist.linear > 0.35, "{:?}", drive.proposal.reason());
+    drive.covered_from = 330;
+    while drive.now_s() < 6.0 {
+        drive.step();
+        assert!(drive.proposal.twist.linear <= 0.4, "never faster");
+    }
+    assert_eq!(drive.proposal.reason(), Some(Reason::OneSided));
+    assert!((drive.proposal.twist.linear - 0.2).abs() < 0.02, "{:?}", drive.proposal.twist);
+    drive.covered_from = usize::MAX;
+    while drive.now_s() < 8.0 {
+        drive.step();
+    }
+    assert_eq!((drive.proposal.reason(), is_driving(&drive)), (Some(Reason::Nominal), true), "found again");
+}
+
+#[test]
+fn in_the_dark_it_coasts_then_is_lost_then_finds_again() {
+    let mut drive = before(Ending::Crossing, 8.0);
+    while drive.now_s() < 3.0 {
+        drive.step();
+    }
+    drive.gain = 0.0;
+    let mut reasons = Vec::new();
+    while drive.now_s() < 5.5 {
+        drive.step();
+        let reason = drive.proposal.reason();
+        if reasons.last() != Some(&reason) {
+            reasons.push(reason);
+        }
+        let dark_s = drive.now_s() - 3.0;
+        if dark_s > 0.3 && is_driving(&drive) {
+            assert!(drive.proposal.twist.linear <= 0.2 + 1e-9, "{dark_s} s: {:?}", drive.proposal.twist);
+        }
+        assert!(dark_s < 1.4 || !is_driving(&drive), "still drives after {dark_s} s in the dark");
+    }
+    let [nominal, coasting, lost] = [Reason::Nominal, Reason::Coasting, Reason::IntersectionLost].map(Some);
+    assert_eq!(reasons, [nominal, coasting, lost]);
+    drive.gain = 1.0;
+    drive.otherwise.linear = 0.0;
+    while drive.now_s() < 8.0 {
+        drive.step();
+    }
+    assert!(is_driving(&drive), "light again: {:?}", drive.proposal.reason());
+}
+
+#[test]
+fn drives_by_pictures_alone() {
+    let mut drive = before(Ending::Tee, 6.0);
+    drive.has_odometry = false;
+    let mut driven = 0;
+    while END_M - drive.robot.x > 3.0 {
+        drive.step();
+        driven += u32::from(is_driving(&drive));
+        assert!(drive.now_s() < 30.0, "stands at {:?} with {:?}", drive.robot, drive.proposal.reason());
+    }
+    assert!(driven > 200, "drove {driven} ticks");
+    assert!(drive.robot.y.abs() < 0.15, "{} m beside the middle", drive.robot.y);
+}
