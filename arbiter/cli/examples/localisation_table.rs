@@ -27,9 +27,12 @@ use yamabico_core::time::Time;
 struct Arguments {
     /// The task file.
     file: PathBuf,
-    /// Seeds 1 to this.
+    /// How many seeds.
     #[arg(long, default_value_t = 5)]
     seeds: u64,
+    /// The first of them.
+    #[arg(long, default_value_t = 1)]
+    first: u64,
     /// Latencies of the camera, ms.
     #[arg(long, value_delimiter = ',', default_value = "40,100,1000,10000")]
     latencies: Vec<u32>,
@@ -184,7 +187,7 @@ fn row(arguments: &Arguments, latency_ms: u32, retroactive: bool) -> Result<Row,
     let overrides = Overrides { robot: None, set };
     let task = load(&arguments.file, &overrides, &PLUGINS).map_err(|problems| problems.to_string())?;
     let (mut samples, mut arrived) = (Vec::new(), 0);
-    for seed in 1..=arguments.seeds {
+    for seed in arguments.first..arguments.first + arguments.seeds {
         let mut judge = Judge::default();
         let options = Options { seed, ..Options::default() };
         let mut tee = Tee(vec![&mut judge]);
@@ -195,7 +198,7 @@ fn row(arguments: &Arguments, latency_ms: u32, retroactive: bool) -> Result<Row,
             "{latency_ms} ms, retroactive {retroactive}, seed {seed}: {:?} after {:.1} s",
             ran.end, ran.summary.time_s
         );
-        samples.append(&mut judge.samples(arguments.trace && seed == 1));
+        samples.append(&mut judge.samples(arguments.trace && seed == arguments.first));
     }
     let part = |is_in: fn(&Sample) -> bool| samples.iter().filter(|s| is_in(s)).count() as f64;
     let good: Vec<f64> = samples.iter().filter(|s| s.is_tracking).map(|s| s.nees).collect();

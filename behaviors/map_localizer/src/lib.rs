@@ -76,7 +76,7 @@ const AGREEING: (f64, f64) = (0.15, 0.05);
 /// Turning by a radian changes what is seen as much as driving so far, metres.
 const TURN_M: f64 = 0.5;
 /// Pictures from one place still tell a little.
-const MOST_REPETITION: f64 = 400.0;
+const MOST_REPETITION: f64 = 50.0;
 /// With a belief wider than this (m, rad) the robot drives slowly.
 const VAGUE: (f64, f64) = (0.2, 0.07);
 /// Odometry that moves faster than the robot can by this factor has jumped ...
