@@ -17,6 +17,8 @@ use crate::projected_line::LineCamera;
 const REMATCH_PX: f64 = 5.0;
 /// Uprights whose columns differ by less (pixels) count as one.
 const SAME_COLUMN_PX: f64 = 8.0;
+/// With a smaller share of the expected edges it is not known whether the matches are right.
+pub const LEAST_SHARE: f64 = 0.35;
 /// Where this share of the expected edges is matched, no other match is looked for.
 const WELL_SEEN: f64 = 0.75;
 /// Otherwise the robot's heading is looked from so many standard deviations to either side.
@@ -36,7 +38,8 @@ const LEAST_LINES: usize = 3;
 pub struct Fix {
     /// The belief after it; the prior where nothing was matched.
     pub posterior: Belief,
-    /// Whether it counts, or why not. What was matched moved the belief also where it does not count.
+    /// Whether it counts, or why not. What was matched moved the belief also where it does not count; where that is because it
+    /// is ambiguous, the posterior is not to be used.
     pub verdict: Result<(), Reason>,
     /// Lines that moved the belief.
     pub lines: usize,
@@ -249,6 +252,10 @@ impl Fixer {
             return Err(Reason::TooFewMatches);
         }
         let expected = self.expectation.expected();
+        if (lines as f64) < LEAST_SHARE * expected.len() as f64 {
+            // A few lines agree on something by chance.
+            return Err(Reason::Ambiguous);
+        }
         let kinds = || self.used.iter().map(|pair| &expected[pair.expected]);
         let has_level = kinds().any(|edge| edge.kind != EdgeKind::Vertical);
         let columns = || kinds().filter(|edge| edge.kind == EdgeKind::Vertical).map(|edge| edge.from.x);

@@ -23,8 +23,6 @@ const BLOWN_UP: (f64, f64) = (0.5, 10.0 * std::f64::consts::PI / 180.0);
 const LOST_M: f64 = 1.5;
 /// Below this share of the upright edges that should be in view, the place along the way has no support.
 const SUPPORT: f64 = 0.2;
-/// Below this share of all of them, the rest may be wrong.
-const SUPPORT_OF_ALL: f64 = 0.35;
 /// With fewer upright edges in view nothing is said of the support.
 const LEAST_UPRIGHTS: usize = 3;
 /// So far (m) the robot goes on without support.
@@ -95,7 +93,7 @@ impl Health {
         self.judge_surprise(fix);
         let [expected, seen] = fix.uprights;
         let has_uprights = expected < LEAST_UPRIGHTS || seen as f64 >= SUPPORT * expected as f64;
-        let has_support = has_uprights && fix.lines as f64 >= SUPPORT_OF_ALL * fix.expected as f64;
+        let has_support = has_uprights && fix.verdict != Err(Reason::Ambiguous);
         self.unsupported_m = if has_support { 0.0 } else { self.unsupported_m + driven_m };
         match fix.verdict {
             Ok(()) => {

@@ -372,7 +372,8 @@ impl MapLocalizer {
             }
             Advice::LookAround => return self.begin_search(),
         }
-        if fix.lines == 0 || self.is_held_back(prior, &fix) {
+        let is_usable = fix.lines > 0 && fix.verdict != Err(Reason::Ambiguous);
+        if !is_usable || self.is_held_back(prior, &fix) {
             return;
         }
         let mut posterior = fix.posterior;
