@@ -1,9 +1,12 @@
-//! Pictures a second, noise included, at the two usual sizes.
+//! Pictures a second, noise included: of a pinhole at the two usual sizes, and of mirror cameras.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use yamabico_core::camera::{Intrinsics, Mount};
+use yamabico_core::camera::{
+    ConicMirror, HyperboloidalMirror, Intrinsics, Mirror, MirrorCamera, MirrorImage, Mount, RadialModel,
+    RadialProfile,
+};
 use yamabico_core::geometry::Pose2;
-use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
+use yamabico_sim::{CameraView, MirrorRenderer, MirrorView, Photometry, Renderer, Scene, World, random};
 
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
 
@@ -34,5 +37,40 @@ fn render(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, render);
+fn mirrors(c: &mut Criterion) {
+    let world = World::from_toml(HALLWAY).expect("the hallway is a valid world");
+    let mut scene = Scene::new(&world, 1).expect("the hallway can be built");
+    let image = MirrorImage::centred(512, 480).with_ring(16.0, 240.0).expect("a ring");
+    let cone = ConicMirror::new(112.6_f64.to_radians(), 0.11, 576.563).expect("a cone");
+    let hyperboloid = HyperboloidalMirror::new(520.0, 1.45, 0.08).expect("a hyperboloid");
+    let profile = RadialProfile::Tangent { range_m: 1.788, rad_per_px: 0.0077, height_m: 0.6 };
+    let radial = RadialModel::new(profile, 16.0, 240.0).expect("a profile that grows");
+    let mirrors = [
+        ("conic", 0.3, Mirror::Conic(cone)),
+        ("hyperboloidal", 0.6, Mirror::Hyperboloidal(hyperboloid)),
+        ("radial", 0.6, Mirror::Radial(radial)),
+    ];
+    let mut group = c.benchmark_group("mirror-512x480-rgb");
+    for (name, height_m, mirror) in mirrors {
+        let camera = MirrorCamera::new(image, mirror).expect("all of the ring is mirror");
+        let mut pixels = vec![0; 3 * 512 * 480];
+        let mut renderer = MirrorRenderer::new(camera, Photometry::default(), random::stream(1, "bench"));
+        let mut step = 0;
+        group.throughput(Throughput::Elements(1));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                step = (step + 1) % 120;
+                let along = 0.1 * f64::from(step);
+                scene.set_time(along / 0.4).expect("figures are well formed");
+                let robot = Pose2::new(along, 0.1 * along.sin(), 0.1 * along.cos());
+                let view = MirrorView { mount: Mount::level(height_m), robot };
+                renderer.render_rgb(&scene, &view, &mut pixels).expect("the view is valid");
+                pixels[0]
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, render, mirrors);
 criterion_main!(benches);

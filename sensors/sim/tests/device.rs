@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use yamabico_core::behavior::Outputs;
 use yamabico_core::message::{Command, FrameHeader, Message, Odometry, RangeScanHeader, Truth, Twist};
-use yamabico_core::sensor::{Device, DeviceSpec, Due, MotionLimits, PartSpec, Robot};
+use yamabico_core::sensor::{Device, DeviceSpec, Due, MotionLimits, PartSpec, Robot, SensorKind};
 use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
 use yamabico_sim::PLUGIN;
@@ -124,6 +124,41 @@ fn pictures_show_where_the_robot_was_and_not_where_it_is_when_they_arrive() {
         assert!(seen == seen_late, "the picture of {} ns differs", header.stamp_ns);
     }
     assert!(at_once[10].1 != at_once[14].1, "0.2 m farther on it looks otherwise");
+}
+
+#[test]
+fn a_mirror_camera_tells_its_mirror_and_hands_over_pictures_of_it() {
+    let table = "picture = { width = 64, height = 60, blind_radius_px = 3, rim_radius_px = 30 }\n\
+        mirror = { kind = 'hyperboloidal', focal_px = 65, eccentricity = 1.45, foci_m = 0.08 }\n\
+        mount = { z_m = 0.5 }\nencoding = 'rgb8'\nphotometry = { noise_sigma = 0.0 }";
+    let table: toml::Table = table.parse().unwrap();
+    let plugin = PLUGIN.sensors.iter().find(|sensor| sensor.kind == "mirror-camera").unwrap();
+    let SensorKind::MirrorCamera { camera, mount, .. } = (plugin.describe)("ring", &table).unwrap().kind
+    else {
+        panic!("another kind")
+    };
+    assert_eq!((camera.image().width, camera.image().rim_radius_px(), mount.z), (64, 30.0, 0.5));
+    assert_eq!((plugin.most_bytes)(&table).unwrap(), 64 * 60 * 3);
+
+    let mut spec = spec(EMPTY, 1, "differential", 50);
+    let part = PartSpec { name: "ring".into(), kind: "mirror-camera".into(), table: table.clone() };
+    spec.sensors.push(part);
+    let frames = run(&mut open_spec(spec), 0.3, 1.0, 0.0).of::<FrameHeader>("ring");
+    assert_eq!((frames.len(), frames[3].0.stamp_ns), (10, 300_000_000));
+    let grey_at = |(header, pixels): &(FrameHeader, Vec<u8>), [x, y]: [usize; 2]| {
+        assert_eq!((header.width, header.stride, pixels.len()), (64, 192, 64 * 60 * 3));
+        pixels[y * 192 + 3 * x + 1]
+    };
+    for frame in &frames {
+        assert_eq!((grey_at(frame, [0, 0]), grey_at(frame, [31, 29])), (0, 0), "beside the ring is nothing");
+        assert!(grey_at(frame, [31, 20]) > 60, "the floor before it");
+    }
+
+    let mut narrow = table;
+    narrow["picture"].as_table_mut().unwrap().insert("blind_radius_px".into(), toml::Value::Float(40.0));
+    let refused = (plugin.describe)("ring", &narrow).unwrap_err();
+    assert_eq!(refused.key, "picture");
+    assert!(refused.problem.contains("40 to 30 px"), "{}", refused.problem);
 }
 
 #[test]
