@@ -1,5 +1,7 @@
 //! The known answers on maps.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 mod vectors {
     use std::path::PathBuf;
 

@@ -1,7 +1,6 @@
 //! One picture against the map: the whole behaviour, and its steps.
 
 use std::hint::black_box;
-use std::path::PathBuf;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix2, Vector2};
@@ -36,7 +35,7 @@ fn picture(intrinsics: Intrinsics, mount: Mount) -> GrayImage {
 }
 
 fn hallway() -> WireFrame {
-    WireFrame::read(&PathBuf::from(rig::configs()).join("maps/hallway.toml")).expect("the map")
+    WireFrame::read(&rig::configs().join("maps/hallway.toml")).expect("the map")
 }
 
 /// Forty edges of the map with noisy ends as they would be seen, and a prior beside the truth: gate, project anew, update.

@@ -1,5 +1,7 @@
 //! The known answers on localisation.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::PathBuf;
 
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};

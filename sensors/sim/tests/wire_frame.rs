@@ -1,5 +1,7 @@
 //! The map of the hallway is that of its world.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::PathBuf;
 
 use nalgebra::Point2;
