@@ -82,8 +82,12 @@ const BESIDE_M: f64 = 0.4;
 const WALL_ECHO_M: f64 = 0.15;
 /// Turn rate per radian of heading error, 1/s.
 const TURN_GAIN: f64 = 1.8;
-/// Directions of the search, from where it began, degrees.
-const SEARCH_DEG: [f64; 5] = [0.0, 40.0, -40.0, 80.0, -80.0];
+/// Directions of the search, from that of the path, degrees: as far aside as thresholds that were learned along the path hold.
+const SEARCH_DEG: [f64; 4] = [0.0, 25.0, 0.0, -25.0];
+/// A direction of the search in which no picture can be judged is left after this, seconds.
+const SEARCH_PATIENCE_S: f64 = 1.5;
+/// Somebody who stands in the way is waited for so long before the search, seconds.
+const WAIT_S: f64 = 3.0;
 /// Turned to one of them, rad.
 const SEARCHED_RAD: f64 = 0.06;
 /// Pixels of an obstacle that tell where its foot is.
@@ -132,7 +136,7 @@ struct Localised {
 /// How far the search has come.
 #[derive(Clone, Copy, Debug, Default)]
 struct Search {
-    begun_at: Option<f64>,
+    along: Option<f64>,
     station: usize,
     since: Option<Time>,
 }
@@ -149,8 +153,9 @@ impl Plugin for StationaryObstacleAvoider {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
+        let camera = setup.sensor(&CAMERA);
         let Some(SensorKind::Camera { intrinsics, distortion, mount, .. }) =
-            setup.sensor(&CAMERA).map(|sensor| &sensor.kind)
+            camera.map(|sensor| &sensor.kind)
         else {
             return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
         };
@@ -189,7 +194,13 @@ impl Plugin for StationaryObstacleAvoider {
             }
             None => None,
         };
-        let machine_rules = Rules { gate_m: config.gate_m, passing_m: config.passing_m, ..Rules::default() };
+        let pictures_a_wait = camera.map_or(0.0, |camera| (WAIT_S / camera.period_s).clamp(0.0, 1000.0));
+        let machine_rules = Rules {
+            gate_m: config.gate_m,
+            passing_m: config.passing_m,
+            looks: Rules::default().looks.max(pictures_a_wait as u32),
+            ..Rules::default()
+        };
         let machine = Machine::new(&machine_rules);
         Ok(Self {
             rules: machine_rules,
@@ -335,6 +346,10 @@ impl StationaryObstacleAvoider {
             Look { image_s: localised.evidence.as_secs_f64(), valid: false, clear: false, bearing: None };
         self.pending = Some(match result {
             Ok(()) => self.judge(look),
+            // Turned aside, the robot finds its way back by what it remembers.
+            Err(Reason::NoThreshold) if self.order.state == State::Avoid => {
+                Look { clear: false, ..self.judge(look) }
+            }
             Err(_) => look,
         });
     }
@@ -413,6 +428,7 @@ impl StationaryObstacleAvoider {
 
     fn step(&mut self, now: Time) {
         self.hear_echoes(now);
+        self.leave_blind_direction(now);
         self.things.expire(now);
         let robot = self.robot();
         let is_current = self.localised.is_some_and(|localised| {
@@ -434,7 +450,8 @@ impl StationaryObstacleAvoider {
         (self.machine, self.order) = self.machine.step(&tick, &self.rules);
         if self.order.state != before {
             self.entered = now;
-            self.search = Search { begun_at: robot.map(|robot| robot.theta), ..Search::default() };
+            let along = robot.map(|robot| robot.theta - self.station.heading_error_rad);
+            self.search = Search { along, ..Search::default() };
         }
         if self.order.state == State::Blocked && now.seconds_after(self.entered) > self.config.retry_s {
             self.machine = Machine::new(&self.rules);
@@ -558,8 +575,8 @@ impl StationaryObstacleAvoider {
 
     /// The next direction of the search.
     fn turn_to_look(&mut self, robot: &Pose2, now: Time) -> Proposal {
-        let begun_at = *self.search.begun_at.get_or_insert(robot.theta);
-        let target = begun_at + SEARCH_DEG[self.search.station % SEARCH_DEG.len()].to_radians();
+        let along = *self.search.along.get_or_insert(robot.theta);
+        let target = along + SEARCH_DEG[self.search.station % SEARCH_DEG.len()].to_radians();
         let off = angle_difference(target, robot.theta);
         if off.abs() <= SEARCHED_RAD {
             self.search.since.get_or_insert(now);
@@ -575,6 +592,17 @@ impl StationaryObstacleAvoider {
             self.search.since = None;
         }
         is_there
+    }
+
+    /// Goes on with the search where no picture of a direction can be judged.
+    fn leave_blind_direction(&mut self, now: Time) {
+        let is_over = self.search.since.is_some_and(|since| now.seconds_after(since) > SEARCH_PATIENCE_S);
+        if self.order.state == State::Search && is_over {
+            self.search.station += 1;
+            self.search.since = None;
+            self.pending =
+                Some(Look { image_s: now.as_secs_f64(), valid: false, clear: false, bearing: None });
+        }
     }
 
     fn why_lost(&self) -> Reason {
