@@ -95,6 +95,8 @@ fn navel_grid(criterion: &mut Criterion) {
             median.filter(black_box(pictures[next].view().unwrap()), &mut filtered);
         });
     });
+    let view = pictures[0].view().unwrap();
+    println!("median, best {:.1} us", best_us(|| median.filter(black_box(view), &mut filtered)));
     let filtered: Vec<GrayImage> = pictures
         .iter()
         .map(|picture| {
@@ -103,6 +105,11 @@ fn navel_grid(criterion: &mut Criterion) {
             filtered
         })
         .collect();
+    let pixels = filtered[0].pixels();
+    let threshold_us = best_us(|| {
+        black_box(threshold_of_pixels(black_box(pixels)).is_ok());
+    });
+    println!("threshold, best {threshold_us:.1} us");
     group.bench_function("threshold", |bencher| {
         bencher.iter(|| {
             next = (next + 1) % pictures.len();
@@ -110,6 +117,8 @@ fn navel_grid(criterion: &mut Criterion) {
         });
     });
     let (mut cells, mut counts) = (DarkCells::default(), [0; 17 * 9]);
+    let view = filtered[0].view().unwrap();
+    println!("dark cells, best {:.1} us", best_us(|| cells.count(black_box(view), 120, 20, &mut counts)));
     group.bench_function("dark cells", |bencher| {
         bencher.iter(|| {
             next = (next + 1) % pictures.len();

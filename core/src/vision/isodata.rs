@@ -89,7 +89,7 @@ pub enum IsodataError {
 /// [`IsodataError`].
 pub fn threshold_of_pixels(pixels: &[u8]) -> Result<Threshold, IsodataError> {
     let (all, range) = vectorise::run(Survey(pixels));
-    iterate(all, range, |first_bright| vectorise::run(DarkPixels { pixels, first_bright }))
+    iterate(all, range, MOST_ROUNDS, |first_bright| vectorise::run(DarkPixels { pixels, first_bright }))
 }
 
 /// The threshold of one class of the pixels alone, as if the others were not there.
@@ -101,15 +101,15 @@ pub fn threshold_of_class(
     threshold: &Threshold,
     tone: Tone,
 ) -> Result<Threshold, IsodataError> {
-    let (all, darker, range) = match tone {
-        Tone::Dark => (threshold.dark, Class::default(), [0, threshold.first_bright() - 1]),
-        Tone::Bright => (threshold.bright, threshold.dark, [threshold.first_bright(), u8::MAX]),
-    };
-    let dark_below = |first_bright| vectorise::run(DarkPixels { pixels, first_bright }).without(darker);
-    if range[1] - range[0] < LEAST_RANGE {
-        return Err(IsodataError::LowContrast { mean: all.mean() });
-    }
-    iterate(all, range, dark_below)
+    iterate_class(pixels, threshold, tone, MOST_ROUNDS)
+}
+
+/// The first round towards the threshold of one class: what is below and what is above its mean, for a single pass.
+///
+/// # Errors
+/// [`IsodataError::LowContrast`] where the class has one level only.
+pub fn halves_of_class(pixels: &[u8], threshold: &Threshold, tone: Tone) -> Result<Threshold, IsodataError> {
+    iterate_class(pixels, threshold, tone, 1)
 }
 
 /// The threshold of the pixels that a histogram counts.
@@ -123,13 +123,33 @@ pub fn threshold_of_histogram(histogram: &[u64; 256]) -> Result<Threshold, Isoda
     };
     let lowest = histogram.iter().position(|&count| count > 0).unwrap_or(0) as u8;
     let highest = histogram.iter().rposition(|&count| count > 0).unwrap_or(0) as u8;
-    iterate(class(histogram), [lowest, highest], |first_bright| class(&histogram[..first_bright as usize]))
+    iterate(class(histogram), [lowest, highest], MOST_ROUNDS, |first_bright| {
+        class(&histogram[..first_bright as usize])
+    })
+}
+
+fn iterate_class(
+    pixels: &[u8],
+    threshold: &Threshold,
+    tone: Tone,
+    most_rounds: u32,
+) -> Result<Threshold, IsodataError> {
+    let (all, darker, range) = match tone {
+        Tone::Dark => (threshold.dark, Class::default(), [0, threshold.first_bright() - 1]),
+        Tone::Bright => (threshold.bright, threshold.dark, [threshold.first_bright(), u8::MAX]),
+    };
+    let dark_below = |first_bright| vectorise::run(DarkPixels { pixels, first_bright }).without(darker);
+    if range[1] - range[0] < LEAST_RANGE {
+        return Err(IsodataError::LowContrast { mean: all.mean() });
+    }
+    iterate(all, range, most_rounds, dark_below)
 }
 
 /// The rule, on whatever tells the pixels below a level.
 fn iterate(
     all: Class,
     [lowest, highest]: [u8; 2],
+    most_rounds: u32,
     dark_below: impl Fn(u8) -> Class,
 ) -> Result<Threshold, IsodataError> {
     if all.count == 0 {
@@ -143,7 +163,7 @@ fn iterate(
     let mut threshold =
         Threshold { level: mean, rounds: 0, dark: Class::default(), bright: Class::default() };
     let mut split_at = None;
-    while threshold.rounds < MOST_ROUNDS {
+    while threshold.rounds < most_rounds {
         threshold.rounds += 1;
         let first_bright = threshold.first_bright();
         if split_at == Some(first_bright) {
@@ -272,7 +292,12 @@ mod tests {
             for tone in [Tone::Dark, Tone::Bright] {
                 let is_in = |&pixel: &u8| (pixel < threshold.first_bright()) == (tone == Tone::Dark);
                 let alone: Vec<u8> = pixels.iter().copied().filter(is_in).collect();
-                assert_eq!(threshold_of_class(&pixels, &threshold, tone), threshold_of_pixels(&alone));
+                let of_class = threshold_of_class(&pixels, &threshold, tone).unwrap();
+                assert_eq!(Ok(of_class), threshold_of_pixels(&alone));
+                let halves = halves_of_class(&pixels, &threshold, tone).unwrap();
+                assert_eq!(halves.dark.sum + halves.bright.sum, of_class.dark.sum + of_class.bright.sum);
+                let mean = alone.iter().map(|&pixel| f64::from(pixel)).sum::<f64>() / alone.len() as f64;
+                assert!(halves.dark.mean() < mean && halves.bright.mean() >= mean);
             }
         }
         let pixels = [20, 20, 200, 200];

@@ -78,6 +78,8 @@ pub fn draw(image: ImageView, sight: &Sight, proposal: &Proposal, path: &Path) -
     let (width, height) = (2 * image.width(), 2 * image.height());
     let mut larger = GrayImage::new(width, height);
     AreaAverage::default().scale(image, &mut larger);
+    // Sixteen levels are enough to look at, and make small files.
+    larger.pixels_mut().iter_mut().for_each(|pixel| *pixel = *pixel / 17 * 17);
     let mut data = vec![0; 3 * width * height];
     let mut canvas = Canvas::new(&mut data, width, height).ok_or("a canvas of the wrong size")?;
     canvas.copy_grey(larger.view().map_err(|e| e.to_string())?);

@@ -6,7 +6,7 @@ use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::vision::area_average::AreaAverage;
 use yamabico_core::vision::dark_cells::DarkCells;
 use yamabico_core::vision::isodata::{
-    IsodataError, Threshold, Tone, threshold_of_class, threshold_of_pixels,
+    IsodataError, Threshold, Tone, halves_of_class, threshold_of_class, threshold_of_pixels,
 };
 use yamabico_core::vision::median::Median3;
 
@@ -127,8 +127,13 @@ impl Look {
             Polarity::BrightFloor => Tone::Bright,
             Polarity::DarkFloor => Tone::Dark,
         };
-        let parts = threshold_of_class(self.filtered.pixels(), threshold, floor).ok()?;
-        (parts.dark.mean() < self.floor_evenness * parts.bright.mean()).then_some(parts)
+        let pixels = self.filtered.pixels();
+        let halves = halves_of_class(pixels, threshold, floor).ok()?;
+        if halves.dark.mean() < self.floor_evenness * halves.bright.mean() {
+            threshold_of_class(pixels, threshold, floor).ok()
+        } else {
+            None
+        }
     }
 
     fn mark(&mut self, first_bright: u8, polarity: Polarity) {
