@@ -9,6 +9,7 @@ pub mod conic_mirror;
 pub mod hyperboloidal_mirror;
 pub mod mirror_camera;
 pub mod mirror_image;
+pub mod mirror_table;
 pub mod mount;
 pub mod pinhole;
 pub mod radial_model;
@@ -17,6 +18,7 @@ pub use conic_mirror::ConicMirror;
 pub use hyperboloidal_mirror::{FloorFormula, HyperboloidalMirror};
 pub use mirror_camera::{Meridian, Mirror, MirrorCamera, MirrorConfig, MirrorError, MirrorRay, Unseen};
 pub use mirror_image::{MirrorImage, MirrorImageConfig};
+pub use mirror_table::MirrorTable;
 pub use mount::{Mount, MountConfig};
 pub use pinhole::{
     Distortion, Intrinsics, IntrinsicsConfig, NEAR_PLANE_M, Pinhole, ProjectionError, clip_to_near_plane,
