@@ -5,6 +5,7 @@ mod judge;
 mod mirror_camera;
 mod motors;
 mod sonars;
+mod sway;
 mod wheels;
 
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -31,6 +32,7 @@ use crate::world::{WORLD_FILE, World};
 pub use camera::{CameraConfig, PixelFormat};
 pub use mirror_camera::MirrorCameraConfig;
 pub use motors::MotorConfig;
+pub use sway::SwayConfig;
 
 /// The simulator's description: driver `sim` with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
 pub const PLUGIN: DriverPlugin = DriverPlugin {

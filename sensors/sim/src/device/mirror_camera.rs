@@ -12,6 +12,7 @@ use yamabico_core::sensor::{Calibration, DeviceError, Due, Sensor, SensorInfo, S
 use yamabico_core::time::Time;
 
 use super::camera::{PixelFormat, latency_ms, period_ms};
+use super::sway::{Sway, SwayConfig};
 use super::{Beat, locked};
 use crate::render::{MirrorRenderer, MirrorView, Photometry, RenderError};
 use crate::simulation::Simulation;
@@ -40,6 +41,9 @@ pub struct MirrorCameraConfig {
     /// Exposure, vignetting and noise.
     #[serde(default)]
     pub photometry: Photometry,
+    /// How the camera sways on the robot, which nobody is told; without it, not at all.
+    #[serde(default)]
+    pub sway: SwayConfig,
 }
 
 impl MirrorCameraConfig {
@@ -74,6 +78,7 @@ pub struct AllAround {
     config: MirrorCameraConfig,
     simulation: Arc<Mutex<Simulation>>,
     renderer: MirrorRenderer,
+    sway: Sway,
     beat: Beat,
 }
 
@@ -90,8 +95,9 @@ impl AllAround {
     ) -> Result<Self, BuildError> {
         let noise = crate::random::stream(seed, name);
         let renderer = MirrorRenderer::new(config.camera()?, config.photometry, noise);
+        let sway = Sway::new(config.sway, crate::random::stream(seed, &format!("{name} sway")));
         let beat = Beat::new(config.period_ms, config.latency_ms);
-        Ok(Self { name: name.to_owned(), config, simulation, renderer, beat })
+        Ok(Self { name: name.to_owned(), config, simulation, renderer, sway, beat })
     }
 }
 
@@ -107,7 +113,8 @@ impl Sensor for AllAround {
         let seconds = simulation.seconds(stamp);
         let moment = simulation.at(stamp);
         simulation.scene.set_time(seconds).map_err(|e| failed(&e))?;
-        let view = MirrorView { mount: self.config.mount.into(), robot: moment.pose };
+        let mount = self.sway.mount(self.config.mount.into(), sequence);
+        let view = MirrorView { mount, robot: moment.pose };
         let encoding = self.config.encoding.encoding();
         let header = FrameHeader {
             stamp_ns: stamp.0,
