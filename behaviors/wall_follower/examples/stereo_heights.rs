@@ -1,0 +1,128 @@
+//! How exactly two cameras side by side tell the height of floor lines, on rendered pictures.
+//!
+//! `stereo_heights [--pairs N]`
+//!
+//! Two cameras of 640 x 480, 0.12 m apart and 0.6 m above the floor, in corridors 2 m wide, a new one every pair: colours,
+//! lamps, floors, skirtings and doors vary; heading -5 to 5 degrees, offset up to 0.3 m, noise of 2 grey levels. Each floor
+//! line is found in each picture by itself; what the two disagree about in heading and tilt is shared, since they are mounted
+//! together. The height of a floor line below the cameras is 0.6 m (Kweon et al. 1991, section 3.4).
+
+use nalgebra::Vector2;
+use rand::RngExt;
+use std::process::ExitCode;
+use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
+use yamabico_core::corridor::floor_lines::{ExpectedWall, FloorLineRule};
+use yamabico_core::corridor::heading::CameraAttitude;
+use yamabico_core::corridor::sight::{CorridorCamera, Sight, Sighting};
+use yamabico_core::corridor::wall_distance::CorridorView;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_core::sensor::Calibration;
+use yamabico_sim::random::stream;
+use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
+use yamabico_wall_follower::stereo::{lateral_baseline, stereo_wall};
+
+const BASELINE_M: f64 = 0.12;
+const HEIGHT_M: f64 = 0.6;
+/// How far ahead of the cameras the lines are compared, metres.
+const AHEAD_M: f64 = 2.5;
+
+/// What one camera saw.
+struct Eye {
+    sighting: Sighting,
+    view: CorridorView,
+    mount: Mount,
+}
+
+fn main() -> ExitCode {
+    let pairs = std::env::args().skip_while(|argument| argument != "--pairs").nth(1);
+    match pairs.map_or(Ok(100), |count| count.parse()).map_err(|e| format!("--pairs: {e}")).and_then(sweep) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(problem) => {
+            eprintln!("{problem}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn sweep(pairs: u64) -> Result<(), String> {
+    let mut errors_mm = Vec::new();
+    let mut refused = 0;
+    for seed in 0..pairs {
+        let mut rng = stream(seed, "stereo");
+        let mut world = World::random_corridor(seed, 2.0);
+        world.boxes.clear();
+        let scene = Scene::new(&world, 0).map_err(|e| e.to_string())?;
+        let robot = Pose2::new(
+            rng.random_range(0.0..4.0),
+            rng.random_range(-0.3..0.3),
+            rng.random_range(-5.0_f64..5.0).to_radians(),
+        );
+        let tilt = rng.random_range(3.0_f64..7.0).to_radians();
+        let look = |y: f64, name: &str| {
+            look(&scene, robot, Mount { y, ..Mount::tilted(HEIGHT_M, tilt) }, seed, name)
+        };
+        let (Some(left), Some(right)) = (look(0.5 * BASELINE_M, "left")?, look(-0.5 * BASELINE_M, "right")?)
+        else {
+            refused += 2;
+            continue;
+        };
+        for wall in [|sighting: &Sighting| sighting.left, |sighting: &Sighting| sighting.right] {
+            match height_m(&left, &right, wall) {
+                Some(height_m) => errors_mm.push(1e3 * (height_m - HEIGHT_M).abs()),
+                None => refused += 1,
+            }
+        }
+    }
+    errors_mm.sort_by(f64::total_cmp);
+    let share = |share: f64| errors_mm.get((share * (errors_mm.len() - 1) as f64).round() as usize);
+    println!(
+        "{pairs} pairs, baseline {BASELINE_M} m: {} heights of floor lines, {refused} not found",
+        errors_mm.len()
+    );
+    println!("error, mm: median {:.1?}, 95 % {:.1?}, largest {:.1?}", share(0.5), share(0.95), share(1.0));
+    Ok(())
+}
+
+/// What a camera of the robot sees; `None` without a heading.
+fn look(scene: &Scene, robot: Pose2, mount: Mount, seed: u64, name: &str) -> Result<Option<Eye>, String> {
+    let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 60_f64.to_radians());
+    let mut pixels = vec![0; 640 * 480];
+    Renderer::new(Photometry::default(), stream(seed, name))
+        .render(scene, &CameraView { intrinsics, mount, robot }, &mut pixels)
+        .map_err(|e| e.to_string())?;
+    let image = ImageView::new(&pixels, 640, 480, 640).map_err(|e| e.to_string())?;
+    let camera = CorridorCamera {
+        pinhole: Pinhole::ideal(intrinsics),
+        mount,
+        calibration: Calibration::Measured,
+        horizon_sigma_rad: 0.1_f64.to_radians(),
+    };
+    let mut sight = Sight::new(camera, FloorLineRule::default());
+    let sighting = sight.look(image, None).ok();
+    Ok(sighting.zip(sight.view().copied()).map(|(sighting, view)| Eye { sighting, view, mount }))
+}
+
+/// The height (m) of the cameras above a wall's floor line; `None` where a camera does not see it or the two do not fit.
+fn height_m(left: &Eye, right: &Eye, wall: fn(&Sighting) -> Option<ExpectedWall>) -> Option<f64> {
+    let shared = CameraAttitude {
+        heading: 0.5 * (left.sighting.heading + right.sighting.heading),
+        tilt: 0.5 * (left.sighting.tilt + right.sighting.tilt),
+    };
+    let cotangent = |eye: &Eye| {
+        let pixel = on_floor_line(eye, wall(&eye.sighting)?)?;
+        let view = CorridorView::new(shared, 0.0, HEIGHT_M, eye.view.intrinsics);
+        Some(view.tied_distance(pixel)? / HEIGHT_M)
+    };
+    let baseline_m = lateral_baseline(BASELINE_M, shared);
+    stereo_wall(cotangent(left)?, cotangent(right)?, baseline_m).ok().map(|wall| wall.height_m)
+}
+
+/// A pixel of the floor line that a camera found.
+fn on_floor_line(eye: &Eye, wall: ExpectedWall) -> Option<Vector2<f64>> {
+    let (sin, cos) = eye.sighting.heading.sin_cos();
+    let distance_m = wall.distance_m - eye.mount.x * sin - eye.mount.y * cos;
+    let point = nalgebra::Vector3::new(AHEAD_M, distance_m, -eye.view.height_m);
+    let in_camera = eye.view.corridor_from_camera.transpose() * point;
+    (in_camera.z > 0.1).then(|| eye.view.intrinsics.pixel_from_normalised(in_camera.xy() / in_camera.z))
+}

@@ -1,0 +1,61 @@
+//! The intersection: the tracker takes over from the wall-follower, tells the distance, and hands over before the end.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use yamabico::plugins::PLUGINS;
+use yamabico_arbiter::execution::End;
+use yamabico_arbiter::record::Tap;
+use yamabico_arbiter::run::{Options, run};
+use yamabico_core::behavior::{RawMessage, View};
+use yamabico_core::config::{Overrides, load};
+use yamabico_core::message::{Intersection, Message, MessageType, Truth};
+use yamabico_core::time::Time;
+
+/// World x at which the walls end, metres.
+const END_M: f64 = 15.0;
+
+/// Compares what is published with the truth.
+#[derive(Default)]
+struct Listener {
+    x_m: f64,
+    heard: u32,
+    /// Largest error of the distance, as a share of it.
+    worst: f64,
+    nearest_m: f64,
+}
+
+impl Tap for Listener {
+    fn message(&mut self, _: &str, message: &MessageType, _: Time, header: &[u8], items: &[u8]) {
+        let raw = RawMessage { header, items };
+        if message.name == Truth::NAME {
+            self.x_m = View::<Truth>::of(raw).unwrap().header.x;
+        } else if message.name == Intersection::NAME {
+            let distance_m = View::<Intersection>::of(raw).unwrap().header.distance_m;
+            let truth_m = END_M - self.x_m;
+            self.heard += 1;
+            self.worst = self.worst.max((distance_m - truth_m).abs() / truth_m);
+            self.nearest_m = truth_m;
+        }
+    }
+}
+
+#[test]
+fn the_robot_steers_between_the_ends_of_the_walls_and_hands_over() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/intersection.toml");
+    // Half a metre before the walls end is far enough: by then it is handed over.
+    let overrides = Overrides { set: vec!["run.goal.x_m=14.5".into()], ..Overrides::default() };
+    let task = load(&file, &overrides, &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
+    let mut listener = Listener::default();
+    let ran = run(&task, &Options::default(), &AtomicBool::new(false), &mut listener, &mut |_| {}).unwrap();
+    let summary = &ran.summary;
+    assert_eq!((ran.end, summary.contacts), (End::Arrived, Some(0)));
+    let in_control_s = |name: &str| summary.control_s.get(name).copied().unwrap_or(0.0);
+    assert!(in_control_s("intersection-tracker") > 20.0, "{:?}", summary.control_s);
+    assert!(in_control_s("wall-follower") > 1.0, "{:?}", summary.control_s);
+    assert!(listener.heard > 1000, "{} messages", listener.heard);
+    assert!(listener.worst < 0.05, "the distance is off by {:.1} %", 100.0 * listener.worst);
+    assert!((1.0..2.0).contains(&listener.nearest_m), "handed over at {} m", listener.nearest_m);
+}
