@@ -9,6 +9,7 @@ use yamabico_core::corridor::wall_distance::CorridorView;
 use yamabico_core::image::ImageView;
 use yamabico_core::vision::segments::Segment;
 
+use crate::foot::{FOOT_CONTRAST, FOOT_SAMPLES, FootProfile, are_alike, is_flat};
 use crate::pair::partner;
 
 /// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
@@ -28,16 +29,10 @@ const BEFORE_M: f64 = 0.15;
 const FARTHER_BEFORE_M: f64 = 0.7;
 /// ... and in such steps behind it, metres.
 const BEHIND_STEP_M: f64 = 0.1;
-/// Two feet of a wall look alike if they correlate by this.
-const ALIKE: f64 = 0.8;
 /// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
-/// Heights there at which the picture is compared before and behind an edge ...
-const FOOT_SAMPLES: u32 = 16;
-/// ... so many columns from it ...
+/// The picture is compared so many columns before and behind an edge.
 const FOOT_COLUMNS_PX: [f64; 4] = [2.0, 3.0, 4.0, 5.0];
-/// ... must differ by this, root mean square, grey levels.
-const FOOT_CONTRAST: f64 = 12.0;
 /// Where its upper end is seen, the end of a wall is higher than any door, metres.
 const DOOR_HEIGHT_M: f64 = 2.15;
 /// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
@@ -419,27 +414,6 @@ pub fn floor_line(view: &CorridorView, distance_m: f64) -> Vector3<f64> {
 /// K^-T n.
 fn inverse_transposed(k: &Intrinsics, n: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(n.x / k.fx, n.y / k.fy, n.z - n.x * k.cx / k.fx - n.y * k.cy / k.fy)
-}
-
-/// Grey levels across the foot of a wall, from below upwards.
-type FootProfile = [f64; FOOT_SAMPLES as usize];
-
-/// Whether two feet of walls look alike, whatever the light; a foot without contrast looks like any.
-fn are_alike(a: &FootProfile, b: &FootProfile) -> bool {
-    let mean = |profile: &FootProfile| profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
-    let (mean_a, mean_b) = (mean(a), mean(b));
-    let sum = |x: &FootProfile, mean_x: f64, y: &FootProfile, mean_y: f64| {
-        x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>()
-    };
-    let (of_a, of_b) = (sum(a, mean_a, a, mean_a), sum(b, mean_b, b, mean_b));
-    is_flat(a) || sum(a, mean_a, b, mean_b) > ALIKE * (of_a * of_b).sqrt()
-}
-
-/// Whether a foot of a wall has no contrast.
-fn is_flat(profile: &FootProfile) -> bool {
-    let mean = profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
-    let squares: f64 = profile.iter().map(|level| (level - mean).powi(2)).sum();
-    squares < FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES)
 }
 
 /// Whether the segment points to where all plumb lines meet in this picture.

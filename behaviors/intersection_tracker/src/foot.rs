@@ -1,0 +1,56 @@
+//! The foot of a wall in the picture: floor, skirting, wall.
+
+/// Heights at which it is sampled.
+pub const FOOT_SAMPLES: u32 = 16;
+/// Contrast that a foot has, and by which two differ, root mean square, grey levels.
+pub const FOOT_CONTRAST: f64 = 12.0;
+/// Two feet of a wall look alike if they correlate by this.
+const ALIKE: f64 = 0.8;
+
+/// Grey levels across the foot of a wall, from below upwards.
+pub type FootProfile = [f64; FOOT_SAMPLES as usize];
+
+/// Whether two feet of walls look alike, whatever the light; a foot without contrast looks like any.
+#[must_use]
+pub fn are_alike(a: &FootProfile, b: &FootProfile) -> bool {
+    let mean = |profile: &FootProfile| profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
+    let (mean_a, mean_b) = (mean(a), mean(b));
+    let sum = |x: &FootProfile, mean_x: f64, y: &FootProfile, mean_y: f64| {
+        x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>()
+    };
+    let (of_a, of_b) = (sum(a, mean_a, a, mean_a), sum(b, mean_b, b, mean_b));
+    is_flat(a) || sum(a, mean_a, b, mean_b) > ALIKE * (of_a * of_b).sqrt()
+}
+
+/// Whether a foot of a wall has no contrast.
+#[must_use]
+pub fn is_flat(profile: &FootProfile) -> bool {
+    let mean = profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
+    let squares: f64 = profile.iter().map(|level| (level - mean).powi(2)).sum();
+    squares < FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn foot(floor: f64, skirting: f64, wall: f64, shift: usize) -> FootProfile {
+        std::array::from_fn(|i| match i + shift {
+            0..4 => floor,
+            4..9 => skirting,
+            _ => wall,
+        })
+    }
+
+    #[test]
+    fn feet_are_alike_in_any_light_but_not_shifted() {
+        let here = foot(120.0, 40.0, 190.0, 0);
+        assert!(are_alike(&here, &foot(80.0, 30.0, 120.0, 0)));
+        assert!(
+            !are_alike(&here, &foot(190.0, 120.0, 40.0, 0))
+                && !are_alike(&here, &foot(120.0, 40.0, 190.0, 6))
+        );
+        assert!(is_flat(&foot(100.0, 105.0, 100.0, 0)) && !is_flat(&here));
+        assert!(are_alike(&foot(100.0, 105.0, 100.0, 0), &here), "no contrast is like any");
+    }
+}
