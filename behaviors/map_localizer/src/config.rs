@@ -3,7 +3,9 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use yamabico_core::behavior::BuildError;
+use yamabico_core::geometry::Pose2;
 
+use crate::belief::Belief;
 use crate::motion::MotionNoise;
 
 /// Parameters of [`MapLocalizer`](crate::MapLocalizer).
@@ -119,6 +121,15 @@ impl Default for Start {
 impl Default for OdometryNoise {
     fn default() -> Self {
         Self { k_ss: 1e-4, k_tt: 1e-3, k_ts: 6e-4 }
+    }
+}
+
+impl Start {
+    /// As a belief.
+    #[must_use]
+    pub fn belief(&self) -> Belief {
+        let pose = Pose2::new(self.x_m, self.y_m, self.heading_deg.to_radians());
+        Belief::new(pose, self.sigma_m, self.sigma_deg.to_radians())
     }
 }
 
