@@ -90,6 +90,8 @@ const SEARCH_PATIENCE_S: f64 = 1.5;
 const WAIT_S: f64 = 3.0;
 /// Turned to one of them, rad.
 const SEARCHED_RAD: f64 = 0.06;
+/// A passage on the side that was begun may be farther from the goal by this, metres.
+const LEAN_M: f64 = 0.3;
 /// Pixels of an obstacle that tell where its foot is.
 const FOOT_PX: u32 = 4;
 
@@ -111,6 +113,7 @@ pub struct StationaryObstacleAvoider {
     things: Things,
     floor: SeenFloor,
     passage: SafePassage,
+    lean_m: f64,
     machine: Machine,
     order: Order,
     pending: Option<Look>,
@@ -217,6 +220,7 @@ impl Plugin for StationaryObstacleAvoider {
             things: Things::default(),
             floor: SeenFloor::new(half_view, mount.pan),
             passage: SafePassage::default(),
+            lean_m: 0.0,
             order: Order { state: machine.state(), v_zero: true, target_heading: None },
             machine,
             pending: None,
@@ -406,7 +410,11 @@ impl StationaryObstacleAvoider {
         };
         let is_avoiding = self.order.state == State::Avoid;
         let clear = is_clear(&around, goal_m, &self.room) && !(is_avoiding && beside);
-        let bearing = aim(&around, goal_m, &self.room, &mut self.passage).map(|aim| aim.bearing());
+        let aim = aim(&around, goal_m, self.lean_m, &self.room, &mut self.passage);
+        if !clear && let Some(aim) = aim.filter(|aim| aim.deviates) {
+            self.lean_m = LEAN_M.copysign(aim.lateral_m - goal_m);
+        }
+        let bearing = aim.map(|aim| aim.bearing());
         Look { valid: true, clear, bearing, ..look }
     }
 
@@ -452,6 +460,9 @@ impl StationaryObstacleAvoider {
             self.entered = now;
             let along = robot.map(|robot| robot.theta - self.station.heading_error_rad);
             self.search = Search { along, ..Search::default() };
+            if matches!(self.order.state, State::Follow | State::Rejoin | State::Search) {
+                self.lean_m = 0.0;
+            }
         }
         if self.order.state == State::Blocked && now.seconds_after(self.entered) > self.config.retry_s {
             self.machine = Machine::new(&self.rules);
@@ -555,7 +566,7 @@ impl StationaryObstacleAvoider {
         let around =
             Surroundings { robot, map: self.detector.map(), things: &self.things, floor: &self.floor };
         let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
-        let Some(aim) = aim(&around, wanted_m, &self.room, &mut self.passage) else {
+        let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
             return turn(off, self.config.largest_turn_rad_s)
                 .because(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));

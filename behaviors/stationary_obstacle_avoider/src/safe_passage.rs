@@ -101,13 +101,20 @@ impl SafePassage {
     /// equally near ones that in the wider gap, then the left one. `None` where everything is blocked.
     #[must_use]
     pub fn choose(&self, goal_m: f64, margin_m: f64) -> Option<Aim> {
+        self.choose_leaning(goal_m, 0.0, margin_m)
+    }
+
+    /// As [`SafePassage::choose`], of the gap that is nearest to a place `lean_m` to the left of the goal: who has begun to
+    /// pass on one side goes on there, though the other one may seem a little nearer now.
+    #[must_use]
+    pub fn choose_leaning(&self, goal_m: f64, lean_m: f64, margin_m: f64) -> Option<Aim> {
         let aims = self.free.iter().map(|&gap| {
             let margin = margin_m.min(0.5 * gap.width());
             let (low, high) = (gap.low + margin, gap.high - margin);
             let lateral_m = if low < high { goal_m.clamp(low, high) } else { 0.5 * (gap.low + gap.high) };
             Aim { gap, lateral_m, deviates: (lateral_m - goal_m).abs() > TIE_M }
         });
-        let off = |aim: &Aim| (aim.lateral_m - goal_m).abs();
+        let off = |aim: &Aim| (aim.lateral_m - goal_m - lean_m).abs();
         aims.fold(None, |best: Option<Aim>, next| match best {
             None => Some(next),
             Some(best) => {

@@ -45,9 +45,16 @@ pub fn is_clear(around: &Surroundings<'_>, goal_m: f64, room: &Room) -> bool {
     around.things.is_free(around.robot, goal_m.atan2(PLANE_M), REACH_M, room.half_width_m)
 }
 
-/// The free place on the plane one metre ahead that is nearest to `goal_m`; `None` where nothing is free.
+/// The free place on the plane one metre ahead that is nearest to `goal_m`, of the gap that is nearest to `lean_m` to the left
+/// of it; `None` where nothing is free.
 #[must_use]
-pub fn aim(around: &Surroundings<'_>, goal_m: f64, room: &Room, passage: &mut SafePassage) -> Option<Aim> {
+pub fn aim(
+    around: &Surroundings<'_>,
+    goal_m: f64,
+    lean_m: f64,
+    room: &Room,
+    passage: &mut SafePassage,
+) -> Option<Aim> {
     passage.begin(Interval::new(-WIDEST_M, WIDEST_M));
     let steps = (2.0 * WIDEST_M / STEP_M).round() as i32;
     for step in 0..=steps {
@@ -56,7 +63,7 @@ pub fn aim(around: &Surroundings<'_>, goal_m: f64, room: &Room, passage: &mut Sa
             passage.block(Interval::new(lateral_m, lateral_m).widened(0.5 * STEP_M + 1e-6));
         }
     }
-    passage.choose(goal_m, room.gap_margin_m)
+    passage.choose_leaning(goal_m, lean_m, room.gap_margin_m)
 }
 
 fn is_open(around: &Surroundings<'_>, lateral_m: f64, room: &Room) -> bool {
@@ -124,7 +131,7 @@ mod tests {
             }
         }
         let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor };
-        aim(&around, goal_m, &ROOM, &mut SafePassage::default())
+        aim(&around, goal_m, 0.0, &ROOM, &mut SafePassage::default())
     }
 
     #[test]
@@ -157,7 +164,7 @@ mod tests {
         }
         let robot = Pose2::IDENTITY;
         let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor };
-        assert_eq!(aim(&around, 0.0, &ROOM, &mut SafePassage::default()), None);
+        assert_eq!(aim(&around, 0.0, 0.0, &ROOM, &mut SafePassage::default()), None);
         assert!(!is_clear(&around, 0.0, &ROOM));
     }
 
