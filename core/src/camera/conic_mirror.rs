@@ -11,7 +11,7 @@ use super::mirror_camera::{Meridian, MirrorError};
 /// Its rays do not meet in one point. In the half-plane of each azimuth they meet in the mirror image of the lens, which
 /// lies beyond the axis; turned through all azimuths it is a horizontal circle of viewpoints.
 ///
-/// Yagi, Nishizawa & Yachida (1995), section II. Differs from [1]: the camera looks up and the tip points down, and
+/// Yagi, Nishizawa & Yachida (1995), section II. Differs from it: the camera looks up and the tip points down, and
 /// the viewpoints are exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ConicMirror {
