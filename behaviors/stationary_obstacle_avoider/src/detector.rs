@@ -10,10 +10,11 @@ use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::map::{EdgeKind, ExpectationMap, ExpectationRules, WireFrame};
 use yamabico_core::message::Reason;
 use yamabico_core::vision::bit_image::BitImage;
+use yamabico_core::vision::level_edges::LevelEdges;
 use yamabico_core::vision::vertical_edges::{EdgeDifference, Regions, VerticalEdges};
 
 use crate::obstacle_regions::Sensitivity;
-use crate::threshold_learning::{Row, thresholds};
+use crate::threshold_learning::{FloorLook, Row, thresholds};
 use crate::threshold_table::Place;
 use crate::uprights::{Upright, Uprights};
 
@@ -22,7 +23,9 @@ const LARGEST_BLUR_PX: f64 = 6.0;
 /// Pieces that an expected edge is drawn in where the lens bends it.
 const BENT_PIECES: usize = 8;
 /// Rows around an expected level edge in which what seems upright is its staircase.
-const LEVEL_ROWS: f64 = 3.0;
+const LEVEL_ROWS: f64 = 6.0;
+/// Level edges (grey levels) that no floor has.
+const LEVEL_EDGES: u8 = 30;
 /// Edges so far beyond the picture's sides are expected as well, columns.
 const BESIDE_PX: f64 = 24.0;
 /// What the robot may be beside its pose, metres.
@@ -37,6 +40,8 @@ pub struct DetectorRules {
     pub tolerance_px: usize,
     /// How much difference of edges is no obstacle.
     pub edges: Sensitivity,
+    /// How many pixels of level edges are no obstacle.
+    pub level: Sensitivity,
     /// How strong a faint upright step is no obstacle; in grey levels.
     pub contrast: Sensitivity,
 }
@@ -48,8 +53,9 @@ impl DetectorRules {
         Self {
             regions: 5,
             tolerance_px: (2.0 + (f64::from(width) - 256.0) / 384.0).round().clamp(1.0, 8.0) as usize,
-            edges: Sensitivity { epsilon: 0.5, floor_px: 20.0 * f64::from(height) / 240.0 },
-            contrast: Sensitivity { epsilon: 0.25, floor_px: 7.5 },
+            edges: Sensitivity { epsilon: 0.5, floor_px: 60.0 * f64::from(height) / 240.0 },
+            level: Sensitivity { epsilon: 0.5, floor_px: 9.0 * f64::from(width) / 256.0 },
+            contrast: Sensitivity { epsilon: 0.15, floor_px: 6.5 },
         }
     }
 }
@@ -61,6 +67,8 @@ pub struct RegionSight {
     pub extra: u32,
     /// Largest number of them that is no obstacle, pixels.
     pub limit: f64,
+    /// Pixels of level edges that the map does not have.
+    pub level: u32,
     /// The strongest upright step on the floor.
     pub upright: Upright,
     /// Whether that step is an obstacle's.
@@ -79,6 +87,9 @@ pub struct Detector {
     regions: Regions,
     expectation: ExpectationMap,
     operator: VerticalEdges,
+    level_operator: LevelEdges,
+    level: BitImage,
+    level_counts: Vec<u32>,
     /// The first row that is looked at: what stands on the floor has its foot below.
     horizon: usize,
     uprights: Uprights,
@@ -108,6 +119,9 @@ impl Detector {
             map,
             rules,
             operator: VerticalEdges::default(),
+            level_operator: LevelEdges::default(),
+            level: BitImage::default(),
+            level_counts: Vec::new(),
             expected: BitImage::default(),
             explained: BitImage::default(),
             raw: BitImage::default(),
@@ -143,28 +157,43 @@ impl Detector {
         self.uprights.find(image, self.map.walls(), map_from_robot, &self.regions, &mut self.steps);
         self.sights.clear();
         let learned = f64::from(place.n0_extra);
-        for (&extra, &upright) in self.difference.extra.iter().zip(&self.steps) {
+        self.find_level(image);
+        let evidence = self.difference.extra.iter().zip(&self.level_counts).zip(&self.steps);
+        for ((&extra, &level), &upright) in evidence {
             let is_step = upright.contrast > self.rules.contrast.limit(place.contrast);
-            let is_obstacle = is_step || self.rules.edges.is_obstacle(extra, learned);
+            let is_obstacle = is_step
+                || self.rules.edges.is_obstacle(extra, learned)
+                || self.rules.level.is_obstacle(level, f64::from(place.level));
             let limit = self.rules.edges.limit(learned);
-            self.sights.push(RegionSight { extra, limit, upright, is_step, is_obstacle });
+            self.sights.push(RegionSight { extra, limit, level, upright, is_step, is_obstacle });
         }
         Ok(&self.sights)
     }
 
-    /// What a picture of the empty place teaches: the counts for each of [`thresholds`], and the strongest upright step on the
-    /// floor, grey levels.
+    /// What a picture of the empty place teaches: the counts for each of [`thresholds`], and what else is seen.
     ///
     /// # Errors
     /// `MalformedInput` for a picture of another size or a pose that is not finite.
-    pub fn learn(&mut self, image: ImageView, map_from_robot: &Pose2) -> Result<(Vec<Row>, f64), Reason> {
+    pub fn learn(
+        &mut self,
+        image: ImageView,
+        map_from_robot: &Pose2,
+    ) -> Result<(Vec<Row>, FloorLook), Reason> {
         let tolerance_px = self.tolerance(image, map_from_robot, 0.0)?;
         self.operator.thinned(image, &mut self.thinned);
         self.expect(map_from_robot, tolerance_px);
         let rows = self.sweep(tolerance_px)?;
         self.uprights.find(image, self.map.walls(), map_from_robot, &self.regions, &mut self.steps);
         let contrast = self.steps.iter().map(|step| step.contrast).fold(0.0, f64::max);
-        Ok((rows, contrast))
+        self.find_level(image);
+        let level = self.level_counts.iter().copied().max().unwrap_or(0);
+        Ok((rows, FloorLook { contrast, level }))
+    }
+
+    /// The level edges in the last picture that the map does not have.
+    #[must_use]
+    pub fn level(&self) -> &BitImage {
+        &self.level
     }
 
     /// Where the foot of what a region holds is, pixels: that of a faint step, else the lowest place of the edges that the map does
@@ -179,7 +208,8 @@ impl Detector {
         let middle = 0.5 * (columns.start + columns.end) as f64;
         let mut left = least_px;
         for v in (self.horizon..self.seen.height()).rev() {
-            let lowest = columns.clone().rev().find(|&u| self.difference.is_extra(&self.seen, u, v));
+            let is_seen = |u: usize| self.difference.is_extra(&self.seen, u, v) || self.level.get(u, v);
+            let lowest = columns.clone().rev().find(|&u| is_seen(u));
             if let Some(u) = lowest {
                 left = left.saturating_sub(1);
                 if left == 0 {
@@ -254,6 +284,24 @@ impl Detector {
             return Err(Reason::MisRegistered);
         }
         Ok(self.rules.tolerance_px.max(blur_px.ceil() as usize))
+    }
+
+    /// Counts the level edges that the map does not have, region by region.
+    fn find_level(&mut self, image: ImageView) {
+        self.level_operator.edges(image, LEVEL_EDGES, &mut self.raw);
+        self.raw.level(&mut self.spare, &mut self.level);
+        self.level.clear_above(self.horizon);
+        for (u, v) in self.uprights.feet() {
+            let near_px = v.saturating_sub(self.horizon) as f64 * POSE_ERROR_M / self.mount.z.max(0.1);
+            let rows = LEVEL_ROWS + near_px;
+            for beside in -1..=1 {
+                let at = Vector2::new(u as f64 + f64::from(beside), v as f64);
+                let shift = Vector2::new(0.0, rows);
+                self.explained.line(at - shift, at + shift);
+            }
+        }
+        self.level.remove(&self.explained);
+        self.regions.count_columns(&self.level, &mut self.level_counts);
     }
 
     /// Draws what the map lets expect: the upright edges, and the bands around all edges in which edges seen are theirs.

@@ -31,6 +31,9 @@ pub fn draw(detector: &Detector, image: ImageView, canvas: &mut Canvas) {
         let is_extra = detector.difference().is_extra(seen, u, v);
         canvas.dot(Vector2::new(u as f64, v as f64), if is_extra { EXTRA } else { EXPLAINED });
     }
+    for (u, v) in detector.level().pixels() {
+        canvas.dot(Vector2::new(u as f64, v as f64), EXTRA);
+    }
     let last = image.height() as f64 - 1.0;
     for (region, sight) in detector.sights().iter().enumerate() {
         let columns = detector.regions().columns(region);

@@ -128,21 +128,31 @@ pub fn learn_in_two_passes(rows: &[Row]) -> Option<Learned> {
     learn(&near)
 }
 
+/// What a picture shows on the floor besides edges that the map has.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FloorLook {
+    /// The strongest upright step, grey levels.
+    pub contrast: f64,
+    /// The largest number of pixels of level edges of any region.
+    pub level: u32,
+}
+
 /// One place, learned from all pictures that were taken there: for each threshold the largest count of any of them, and the mean
 /// of their recalls.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaceLearner {
     rows: Vec<Row>,
-    contrast: f64,
+    look: FloorLook,
     pictures: u32,
 }
 
 impl PlaceLearner {
-    /// Takes the rows of a picture and its strongest upright step on the floor, grey levels. Every picture must have been
-    /// swept with the same thresholds.
-    pub fn take(&mut self, rows: &[Row], contrast: f64) {
+    /// Takes the rows of a picture and what it shows on the floor. Every picture must have been swept with the same
+    /// thresholds.
+    pub fn take(&mut self, rows: &[Row], look: FloorLook) {
         self.pictures += 1;
-        self.contrast = self.contrast.max(contrast);
+        self.look.contrast = self.look.contrast.max(look.contrast);
+        self.look.level = self.look.level.max(look.level);
         if self.rows.len() != rows.len() {
             self.rows = rows.to_vec();
             return;
@@ -172,10 +182,10 @@ impl PlaceLearner {
         &self.rows
     }
 
-    /// The strongest upright step on the floor, grey levels.
+    /// The most that any picture shows on the floor.
     #[must_use]
-    pub fn contrast(&self) -> f64 {
-        self.contrast
+    pub fn look(&self) -> FloorLook {
+        self.look
     }
 
     /// What was learned; `None` without a picture.

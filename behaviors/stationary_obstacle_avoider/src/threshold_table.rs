@@ -72,6 +72,10 @@ pub struct Place {
     /// Strongest upright step on the floor, grey levels, 0 to 255.
     #[schemars(range(min = 0.0, max = 255.0))]
     pub contrast: f64,
+    /// Largest number of pixels of level edges of any region that the map does not have, 0 to 100000000, default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0, max = 100_000_000))]
+    pub level: u32,
     /// Share of the map's edges that is seen at that threshold, 0 to 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub recall: f64,
@@ -124,7 +128,7 @@ impl ThresholdTable {
              width = {}\nheight = {}\nregions = {}\n\
              # Exposure relative to the camera's nominal one, 0.001 to 1000.\nexposure = {}\n\n\
              # Place on the map (m, m, degrees), threshold (grey levels), differing and unexplained pixels, strongest upright\n\
-             # step on the floor (grey levels), share of the map's edges that is seen.\nplace = [\n",
+             # step on the floor (grey levels), pixels of level edges, share of the map's edges that is seen.\nplace = [\n",
             self.width, self.height, self.regions, self.exposure
         );
         for p in &self.places {
@@ -132,8 +136,8 @@ impl ThresholdTable {
             let _ = writeln!(
                 text,
                 "  {{ x_m = {:.3}, y_m = {:.3}, heading_deg = {:.2}, t0 = {}, n0 = {}, n0_extra = {}, \
-                 contrast = {:.1}, recall = {:.2} }},",
-                p.x_m, p.y_m, p.heading_deg, p.t0, p.n0, p.n0_extra, p.contrast, p.recall
+                 contrast = {:.1}, level = {}, recall = {:.2} }},",
+                p.x_m, p.y_m, p.heading_deg, p.t0, p.n0, p.n0_extra, p.contrast, p.level, p.recall
             );
         }
         text.push_str("]\n");

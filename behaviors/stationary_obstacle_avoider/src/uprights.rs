@@ -58,6 +58,7 @@ pub struct Uprights {
     focal_px: f64,
     sums: Vec<i32>,
     eroded: Vec<usize>,
+    feet: Vec<(usize, usize)>,
     derivative: Vec<i16>,
 }
 
@@ -140,6 +141,7 @@ impl Uprights {
             focal_px: k.fx,
             sums: vec![0; (height - first) * width],
             eroded: vec![height; width],
+            feet: vec![(0, 0); width],
             derivative: vec![0; width],
         }
     }
@@ -189,6 +191,11 @@ impl Uprights {
         lines.map(|(c, &v)| (usize::from(self.columns[(v - self.first) * self.width + c]), v))
     }
 
+    /// Columns and rows where the feet of the walls are that were looked at last.
+    pub fn feet(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.feet.iter().copied()
+    }
+
     /// The first row of bare floor of each upright line, and the lowest of its neighbours'.
     fn find_floor(&mut self, walls: &[Wall], map_from_robot: &Pose2) {
         let camera = map_from_robot.transform_point(self.position);
@@ -204,6 +211,11 @@ impl Uprights {
             } else {
                 (ray.row(2.0 * REACH_M.1), 0)
             };
+            let foot = ray.row(nearest_m).clamp(self.first as f64, self.height as f64 - 1.0) as usize;
+            if let Some(place) = c.checked_sub(BESIDE_PX).and_then(|c| Some((c, self.feet.get_mut(c)?))) {
+                let (c, kept) = place;
+                *kept = (usize::from(self.columns[(foot - self.first) * self.width + c]), foot);
+            }
             let floor = floor.clamp(self.first as f64, self.height as f64) as usize;
             let reach = REACH_PX + 2 + reach;
             let (first, end) =

@@ -143,6 +143,11 @@ impl BitImage {
         &self.words
     }
 
+    /// The same, to be written: the empty words must stay empty.
+    pub(crate) fn words_mut(&mut self) -> &mut [u64] {
+        &mut self.words
+    }
+
     pub(crate) fn row_mut(&mut self, v: usize) -> &mut [u64] {
         let stride = self.stride();
         let start = 1 + v * stride;

@@ -6,6 +6,7 @@ pub mod bit_image;
 pub mod dark_cells;
 pub mod gradient;
 pub mod isodata;
+pub mod level_edges;
 pub mod median;
 pub mod overlay;
 pub mod segment_fit;

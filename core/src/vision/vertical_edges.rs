@@ -154,6 +154,20 @@ impl Regions {
         (self.count * u / self.width.max(1)).min(self.count - 1)
     }
 
+    /// Writes to `counts` how many pixels of a mask, whose width must be that of the regions, are set in each.
+    pub fn count_columns(&self, mask: &BitImage, counts: &mut Vec<u32>) {
+        counts.clear();
+        counts.resize(self.count, 0);
+        if mask.width() != self.width {
+            return;
+        }
+        for v in 0..mask.height() {
+            for (i, &word) in mask.row(v).iter().enumerate() {
+                self.add(word, 64 * i, counts);
+            }
+        }
+    }
+
     /// Adds the set bits of `word`, whose lowest bit is column `start`, to the counts of their regions.
     #[inline(always)]
     fn add(&self, word: u64, start: usize, counts: &mut [u32]) {

@@ -122,7 +122,7 @@ fn fail(problem: &str, code: u8) -> ExitCode {
 }
 
 fn text(learned: &Learned) -> String {
-    let head = ["x m", "y m", "heading", "T0", "N0", "unexplained", "contrast", "recall"];
+    let head = ["x m", "y m", "heading", "T0", "N0", "unexplained", "contrast", "level", "recall"];
     let mut places = table(&head, 0..head.len());
     for p in &learned.places {
         places.add_row([
@@ -133,6 +133,7 @@ fn text(learned: &Learned) -> String {
             p.n0.to_string(),
             p.n0_extra.to_string(),
             format!("{:.1}", p.contrast),
+            p.level.to_string(),
             format!("{:.2}", p.recall),
         ]);
     }
@@ -258,17 +259,17 @@ impl Student {
         let (Some(then), Some(at_picture), Ok(image)) = (poses.0, poses.1, grey.view()) else { return };
         let robot = Pose2::new(pose.x, pose.y, pose.theta) * then.relative(&at_picture);
         self.learned_at = Some(evidence);
-        let Ok((rows, contrast)) = self.detector.learn(image, &robot) else { return };
+        let Ok((rows, look)) = self.detector.learn(image, &robot) else { return };
         self.exposures.push(*exposure);
         self.count += 1;
-        self.place(&robot).take(&rows, contrast);
+        self.place(&robot).take(&rows, look);
     }
 
     /// The place that a pose belongs to: the last one, or a new one where the robot has left it.
     fn place(&mut self, robot: &Pose2) -> &mut PlaceLearner {
         let half_m = 0.5 * self.every_m;
         let is_there = self.places.last().is_some_and(|(at, _)| {
-            at.distance(robot) <= half_m && angle_difference(at.theta, robot.theta).abs() <= TURNED_RAD
+            at.distance(robot) <= 1.02 * half_m && angle_difference(at.theta, robot.theta).abs() <= TURNED_RAD
         });
         if !is_there {
             // The place's middle lies ahead: pictures are taken from half a step before it to half a step behind it.
@@ -300,7 +301,8 @@ impl Student {
                         t0: learned.t0,
                         n0: learned.n0,
                         n0_extra: learned.n0_extra,
-                        contrast: learner.contrast(),
+                        contrast: learner.look().contrast,
+                        level: learner.look().level,
                         recall,
                     });
                     continue;

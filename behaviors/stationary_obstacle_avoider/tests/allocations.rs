@@ -1,0 +1,70 @@
+//! After warm-up, a call of the behaviour allocates nothing.
+
+mod rig;
+
+use rig::{TABLE, Told, camera, feed, picture, setup};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+use yamabico_core::camera::Pinhole;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_core::map::WireFrame;
+use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
+use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+#[allow(unsafe_code, reason = "hands every call on to the system's allocator, and counts")]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_frame_allocates_nothing_after_warm_up() {
+    let setup = setup(camera().0);
+    let map = WireFrame::read(&setup.folder.join("maps/hallway.toml")).expect("a map");
+    let table = ThresholdTable::read(&setup.folder.join("maps/hallway-thresholds.toml")).expect("a table");
+    let (intrinsics, mount) = camera();
+    let mut detector =
+        Detector::new(Pinhole::ideal(intrinsics), mount, map, DetectorRules::for_size(256, 240));
+    let poses = [0.0, 0.05, -0.05].map(|theta| Pose2::new(3.0, 0.1, theta));
+    let pictures = poses.map(|pose| picture(pose, Some([4.6, 0.2])));
+    for i in 0..60 {
+        let (pose, pixels) = (poses[i % 3], &pictures[i % 3]);
+        let image = ImageView::new(pixels, 256, 240, 256).expect("a picture");
+        let place = table.at(&pose, 1.0).expect("thresholds");
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let flagged =
+            detector.look(image, &pose, 1e-3, &place).expect("sights").iter().any(|s| s.is_obstacle);
+        let during = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        assert!(flagged && (i < 10 || during == 0), "look {i}: {during}");
+    }
+    // What is published with a picture is copied by the bench itself.
+    let mut bench = yamabico_core::testing::Bench::new(TABLE, setup).expect("a configuration");
+    let mut counted = 0;
+    for i in 0..200_u32 {
+        let told = Told { seconds: 0.05 * f64::from(i), robot: poses[0], ..Told::default() };
+        let pixels = (i % 2 == 0).then_some(&pictures[0][..]);
+        feed(&mut bench, &told, pixels);
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        bench.propose();
+        let during = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        if i >= 100 && pixels.is_none() {
+            assert_eq!(during, 0, "call {i}");
+            counted += 1;
+        }
+    }
+    assert_eq!(counted, 50);
+}

@@ -1,0 +1,144 @@
+//! A robot in the rendered hallway, with the avoider alone: it is told where it is, what it sees and what it hears.
+
+use yamabico_core::behavior::Setup;
+use yamabico_core::camera::{Distortion, Intrinsics, Mount};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{
+    Beam, Encoding, FrameHeader, NO_ECHO, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal,
+    RangeScanHeader,
+};
+use yamabico_core::sensor::{Calibration, Robot, SensorInfo, SensorKind};
+use yamabico_core::testing::Bench;
+use yamabico_core::time::Time;
+use yamabico_sim::random::stream;
+use yamabico_sim::world::BoxItem;
+use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
+use yamabico_stationary_obstacle_avoider::{CAMERA, ODOMETRY, PATH, POSE, SONAR, StationaryObstacleAvoider};
+
+/// The avoider's table, with the map and the thresholds of the hallway.
+pub const TABLE: &str = "map = \"maps/hallway.toml\"\nthresholds = \"maps/hallway-thresholds.toml\"";
+
+/// The camera of the robot of the hallway.
+pub fn camera() -> (Intrinsics, Mount) {
+    (Intrinsics::from_horizontal_fov(256, 240, 60_f64.to_radians()), Mount::tilted(0.6, 6_f64.to_radians()))
+}
+
+/// The robot.
+pub fn setup(intrinsics: Intrinsics) -> Setup {
+    let kind = SensorKind::Camera {
+        intrinsics,
+        distortion: Distortion::NONE,
+        mount: camera().1,
+        calibrated: Calibration::Measured,
+    };
+    let sensor = SensorInfo {
+        name: "front".into(),
+        message: "yamabico.FrameHeader.v1",
+        period_s: 0.1,
+        latency_s: 0.04,
+        kind,
+    };
+    Setup {
+        robot: Robot { radius_m: 0.2, ..Robot::default() },
+        sensors: vec![("camera".into(), sensor)],
+        folder: std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs"),
+        ..Setup::default()
+    }
+}
+
+/// A picture of the empty hallway, or with a white box in it.
+pub fn picture(robot: Pose2, at_m: Option<[f64; 2]>) -> Vec<u8> {
+    let text = include_str!("../../../../configs/worlds/hallway.toml");
+    let mut world = World::from_toml(text).expect("a world");
+    world.people.clear();
+    world.boxes = at_m.map(|at_m| BoxItem { at_m, ..BoxItem::default() }).into_iter().collect();
+    let scene = Scene::new(&world, 1).expect("a scene");
+    let (intrinsics, mount) = camera();
+    let mut pixels = vec![0; (intrinsics.width * intrinsics.height) as usize];
+    Renderer::new(Photometry::default(), stream(3, "picture"))
+        .render(&scene, &CameraView { intrinsics, mount, robot }, &mut pixels)
+        .expect("a view");
+    pixels
+}
+
+/// What the robot is told in one tick.
+#[derive(Clone, Debug)]
+pub struct Told {
+    pub seconds: f64,
+    pub robot: Pose2,
+    pub status: PoseStatus,
+    pub range_m: Option<f64>,
+    pub exposure: f64,
+}
+
+impl Default for Told {
+    fn default() -> Self {
+        let robot = Pose2::new(3.0, 0.0, 0.0);
+        Self { seconds: 0.0, robot, status: PoseStatus::Tracking, range_m: None, exposure: 1.0 }
+    }
+}
+
+/// Feeds everything at once, the picture was taken now; then asks.
+#[allow(dead_code, reason = "each test uses its part")]
+pub fn tick(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: Option<&[u8]>) -> Proposal {
+    feed(bench, told, pixels);
+    bench.propose()
+}
+
+/// Feeds everything at once: the picture was taken now.
+pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: Option<&[u8]>) {
+    let stamp_ns = Time::from_secs_f64(told.seconds).0;
+    bench.at(told.seconds);
+    let robot = told.robot;
+    let odometry = Odometry { stamp_ns, x: robot.x, y: robot.y, theta: robot.theta, ..Odometry::default() };
+    bench.feed(&ODOMETRY, &odometry, &[]);
+    if let Some(pixels) = pixels {
+        let header = FrameHeader {
+            stamp_ns,
+            width: 256,
+            height: 240,
+            stride: 256,
+            encoding: Encoding::Gray8.code(),
+            exposure: told.exposure,
+            ..FrameHeader::default()
+        };
+        bench.feed(&CAMERA, &header, pixels);
+    }
+    hear(bench, stamp_ns, told.range_m);
+    let mut covariance = [0.0; 9];
+    (covariance[0], covariance[4], covariance[8]) = (1e-4, 1e-4, 1e-6);
+    let pose = Pose {
+        stamp_ns,
+        evidence_ns: stamp_ns,
+        x: robot.x,
+        y: robot.y,
+        theta: robot.theta,
+        covariance,
+        status: told.status.code(),
+        ..Pose::default()
+    };
+    bench.feed(&POSE, &pose, &[]);
+    let path = PathHeader {
+        stamp_ns,
+        evidence_ns: stamp_ns,
+        lateral_error_m: robot.y,
+        heading_error_rad: robot.theta,
+        progress_m: robot.x,
+        ..PathHeader::default()
+    };
+    bench.feed(&PATH, &path, &[PathPoint { x: 0.0, y: 0.0 }, PathPoint { x: 12.5, y: 0.0 }]);
+}
+
+/// A scan of three beams.
+pub fn hear(bench: &mut Bench<StationaryObstacleAvoider>, stamp_ns: u64, range_m: Option<f64>) {
+    let beam = |azimuth_rad: f64| Beam {
+        azimuth_rad,
+        cone_rad: 0.43,
+        range_m: range_m.unwrap_or(3.0),
+        x_m: 0.2,
+        flags: if range_m.is_some() { 0 } else { NO_ECHO },
+        ..Beam::default()
+    };
+    let header = RangeScanHeader { stamp_ns, min_m: 0.05, max_m: 3.0, ..RangeScanHeader::default() };
+    bench.feed(&SONAR, &header, &[beam(0.35), beam(0.0), beam(-0.35)]);
+}
