@@ -188,7 +188,9 @@ impl Behavior for IntersectionTracker {
         };
         let mut proposal = match self.ahead(&pose) {
             Some(ahead) => {
-                self.publish(&ahead, picture.stamp, now, outputs);
+                if self.is_confirmed() {
+                    self.publish(&ahead, picture.stamp, now, outputs);
+                }
                 self.steer(&ahead)
             }
             None => self.nothing_ahead(now),
