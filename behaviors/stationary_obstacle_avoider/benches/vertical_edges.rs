@@ -63,7 +63,7 @@ fn benches(criterion: &mut Criterion) {
     let mut detector = Detector::new(Pinhole::ideal(intrinsics), mount, map, rules);
     let image = ImageView::new(&rendered, SIZE.0, SIZE.1, SIZE.0).unwrap();
     criterion.bench_function("whole look at the hallway 256x240", |b| {
-        b.iter(|| detector.look(black_box(image), &robot, 1e-3, &place).map(|sights| sights.len()));
+        b.iter(|| detector.look(black_box(image), &robot, 1e-3, &place).map(<[_]>::len));
     });
 }
 

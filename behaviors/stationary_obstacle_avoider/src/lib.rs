@@ -14,6 +14,7 @@ pub mod overlay;
 pub mod safe_passage;
 pub mod seen_floor;
 pub mod sonar_watch;
+mod steering;
 pub mod things;
 pub mod threshold_learning;
 pub mod threshold_table;
@@ -28,7 +29,7 @@ use yamabico_core::behavior::{
 };
 use yamabico_core::camera::Pinhole;
 use yamabico_core::config::FileKind;
-use yamabico_core::geometry::{Pose2, Twist, angle_difference};
+use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::map::{WIRE_FRAME_FILE, WireFrame};
 use yamabico_core::message::{
@@ -68,8 +69,6 @@ pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "what s
 
 /// A pose that is older (s) is none.
 const POSE_STALE_S: f64 = 0.5;
-/// Without a look at a picture for longer (s), vision tells nothing.
-const LOOK_STALE_S: f64 = 1.0;
 /// The path is steered for so far ahead, metres.
 const LOOK_AHEAD_M: f64 = 1.2;
 /// A goal that lies farther to the side of the plane is taken for this, metres.
@@ -80,16 +79,8 @@ const MEMORY_S: (f64, f64) = (30.0, 1.5);
 const BESIDE_M: f64 = 0.4;
 /// An echo so near to a wall of the map is the wall's, metres.
 const WALL_ECHO_M: f64 = 0.15;
-/// Turn rate per radian of heading error, 1/s.
-const TURN_GAIN: f64 = 1.8;
-/// Directions of the search, from that of the path, degrees: as far aside as thresholds that were learned along the path hold.
-const SEARCH_DEG: [f64; 4] = [0.0, 25.0, 0.0, -25.0];
-/// A direction of the search in which no picture can be judged is left after this, seconds.
-const SEARCH_PATIENCE_S: f64 = 1.5;
 /// Somebody who stands in the way is waited for so long before the search, seconds.
 const WAIT_S: f64 = 3.0;
-/// Turned to one of them, rad.
-const SEARCHED_RAD: f64 = 0.06;
 /// A passage on the side that was begun may be farther from the goal by this, metres.
 const LEAN_M: f64 = 0.3;
 /// Pixels of an obstacle that tell where its foot is.
@@ -511,122 +502,4 @@ impl StationaryObstacleAvoider {
         // Nobody listens, or the bus is full: the proposal counts all the same.
         let _ = outputs.publish(OBSTACLES.name, &header, &self.obstacles);
     }
-
-    fn proposal(&mut self, now: Time) -> Proposal {
-        let evidence = self.looked.or(self.sonar.newest()).unwrap_or(now);
-        let robot = self.robot();
-        let state = self.order.state;
-        let translation = Axes::LINEAR.union(Axes::LATERAL);
-        let proposal = match (state, robot) {
-            (State::Follow | State::Rejoin, _) => self.follow(now),
-            (State::Lost, _) => Proposal::halt(translation, self.why_lost()),
-            (State::Avoid, Some(robot)) => self.avoid(&robot),
-            (State::Search, Some(robot)) => self.turn_to_look(&robot, now),
-            (State::Blocked, _) => Proposal::halt(Axes::ALL, Reason::PassageBlocked),
-            (State::Relook, _) => Proposal::halt(Axes::ALL, Reason::Searching),
-            _ => Proposal::halt(Axes::ALL, Reason::Echo),
-        };
-        // A halt, a limit or an abstention rests on there being nothing better.
-        let rests_on_looks = matches!(state, State::Avoid);
-        let proposal = proposal.with_evidence(if rests_on_looks { evidence } else { now });
-        if state == State::Avoid || state == State::Follow {
-            proposal
-        } else {
-            proposal.with_note(format_args!("{}", state.as_str()))
-        }
-    }
-
-    /// Others drive; slowly where vision tells nothing.
-    fn follow(&self, now: Time) -> Proposal {
-        let is_blind = self.looked.is_none_or(|looked| now.seconds_after(looked) > LOOK_STALE_S);
-        let why = match self.trouble {
-            Some(reason) => Some(reason),
-            None if is_blind => Some(Reason::StaleInput),
-            None => None,
-        };
-        match why {
-            Some(reason) => {
-                let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
-                Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
-                    .with_note(format_args!("vision tells nothing: {reason}"))
-            }
-            None => Proposal::abstain(Reason::Clear),
-        }
-    }
-
-    /// Towards the target heading, as far as walls and things allow.
-    fn avoid(&mut self, robot: &Pose2) -> Proposal {
-        let target = self.order.target_heading.unwrap_or(robot.theta);
-        let off = angle_difference(target, robot.theta);
-        if self.order.v_zero {
-            return turn(off, self.config.largest_turn_rad_s)
-                .because(Reason::Nominal)
-                .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
-        }
-        let around =
-            Surroundings { robot, map: self.detector.map(), things: &self.things, floor: &self.floor };
-        let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
-        let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
-            return turn(off, self.config.largest_turn_rad_s)
-                .because(Reason::PassageBlocked)
-                .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
-        };
-        let bearing = aim.bearing();
-        let fastest =
-            if self.trouble.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
-        let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
-        let rate =
-            (TURN_GAIN * bearing).clamp(-self.config.largest_turn_rad_s, self.config.largest_turn_rad_s);
-        Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
-            "past {} things, {:+.0} deg",
-            self.things.confirmed().count(),
-            bearing.to_degrees()
-        ))
-    }
-
-    /// The next direction of the search.
-    fn turn_to_look(&mut self, robot: &Pose2, now: Time) -> Proposal {
-        let along = *self.search.along.get_or_insert(robot.theta);
-        let target = along + SEARCH_DEG[self.search.station % SEARCH_DEG.len()].to_radians();
-        let off = angle_difference(target, robot.theta);
-        if off.abs() <= SEARCHED_RAD {
-            self.search.since.get_or_insert(now);
-        }
-        turn(off, self.config.largest_turn_rad_s).because(Reason::Searching)
-    }
-
-    /// Whether a picture shows a direction of the search; the next one then follows.
-    fn is_searched(&mut self, picture: Time) -> bool {
-        let is_there = self.search.since.is_some_and(|since| picture > since);
-        if is_there {
-            self.search.station += 1;
-            self.search.since = None;
-        }
-        is_there
-    }
-
-    /// Goes on with the search where no picture of a direction can be judged.
-    fn leave_blind_direction(&mut self, now: Time) {
-        let is_over = self.search.since.is_some_and(|since| now.seconds_after(since) > SEARCH_PATIENCE_S);
-        if self.order.state == State::Search && is_over {
-            self.search.station += 1;
-            self.search.since = None;
-            self.pending =
-                Some(Look { image_s: now.as_secs_f64(), valid: false, clear: false, bearing: None });
-        }
-    }
-
-    fn why_lost(&self) -> Reason {
-        match self.localised {
-            None => Reason::NoInput,
-            Some(localised) if !localised.is_usable => Reason::Lost,
-            Some(_) => Reason::StaleInput,
-        }
-    }
-}
-
-/// A turn where the robot stands; keeps turning where a halt names only translation.
-fn turn(off: f64, largest_rad_s: f64) -> Proposal {
-    let rate = if off.is_finite() { (TURN_GAIN * off).clamp(-largest_rad_s, largest_rad_s) } else { 0.0 };
-    Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate)).uncoupled()
 }

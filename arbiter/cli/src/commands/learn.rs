@@ -11,7 +11,7 @@ use serde::Serialize;
 use yamabico_arbiter::execution::{End, topics};
 use yamabico_arbiter::record::Tap;
 use yamabico_arbiter::run::{Options, run as run_task};
-use yamabico_core::behavior::{RawMessage, View};
+use yamabico_core::behavior::{Plugin, RawMessage, View};
 use yamabico_core::camera::Pinhole;
 use yamabico_core::config::{BehaviorFile, InputSource, Task};
 use yamabico_core::geometry::{Pose2, angle_difference};
@@ -21,13 +21,14 @@ use yamabico_core::message::{FrameHeader, Message, MessageType, Odometry, Pose, 
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
+use yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider;
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Row, Validity};
 use yamabico_stationary_obstacle_avoider::threshold_table::{Place, ThresholdTable};
 
 use super::TaskArguments;
 use super::learn_plot::plot;
-use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, table};
+use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for their pose.
 const MOST_PICTURES: usize = 8;
@@ -83,7 +84,11 @@ struct Refused {
 /// Learns and prints what.
 pub fn learn(learn: &Learn, print: Print) -> ExitCode {
     let Learn::Thresholds(arguments) = learn;
-    let Some(task) = arguments.task.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
+    let Some(mut task) = arguments.task.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
+    // What it knew so far must not turn the robot aside from what it learns.
+    for behavior in &mut task.behaviors {
+        behavior.enabled &= behavior.plugin.name != StationaryObstacleAvoider::NAME;
+    }
     let mut student = match Student::new(&task, arguments.every) {
         Ok(student) => student,
         Err(problem) => return fail(&problem, BAD_CONFIGURATION),
@@ -114,11 +119,6 @@ pub fn learn(learn: &Learn, print: Print) -> ExitCode {
     print.show(&learned, text);
     let is_done = !learned.places.is_empty() && end != End::Interrupted;
     exit(if is_done { DONE } else { NOT_ARRIVED })
-}
-
-fn fail(problem: &str, code: u8) -> ExitCode {
-    eprintln!("error: {problem}");
-    exit(code)
 }
 
 fn text(learned: &Learned) -> String {
