@@ -73,8 +73,13 @@ impl StationaryObstacleAvoider {
                 .because(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
-        let around =
-            Surroundings { robot, map: self.detector.map(), things: &self.things, floor: &self.floor };
+        let around = Surroundings {
+            robot,
+            map: self.detector.map(),
+            things: &self.things,
+            floor: &self.floor,
+            path: &self.path,
+        };
         let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
         let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
             return turn(off, self.config.largest_turn_rad_s)

@@ -14,6 +14,8 @@ use crate::things::Things;
 const WIDEST_M: f64 = 1.2;
 /// Distance of two directions on the plane, metres.
 const STEP_M: f64 = 0.04;
+/// No farther from its path than this (m) does a robot go to pass something: a side corridor is no way around.
+const FARTHEST_ASIDE_M: f64 = 1.0;
 /// Things farther ahead are not avoided yet, metres.
 const REACH_M: f64 = 2.0;
 
@@ -37,6 +39,8 @@ pub struct Surroundings<'a> {
     pub things: &'a Things,
     /// What was looked at.
     pub floor: &'a SeenFloor,
+    /// The path that is to be come back to; empty where there is none.
+    pub path: &'a [PathPoint],
 }
 
 /// Whether the way straight to the place `goal_m` on the plane is clear of things.
@@ -67,7 +71,7 @@ pub fn aim(
 }
 
 fn is_open(around: &Surroundings<'_>, lateral_m: f64, room: &Room) -> bool {
-    let Surroundings { robot, map, things, floor } = around;
+    let Surroundings { robot, map, things, floor, path } = around;
     let bearing = lateral_m.atan2(PLANE_M);
     let place = robot.transform_point(Point2::new(PLANE_M, lateral_m));
     let here_m = map.clearance(robot.position());
@@ -77,8 +81,20 @@ fn is_open(around: &Surroundings<'_>, lateral_m: f64, room: &Room) -> bool {
     map.clearance(place) >= room.half_width_m
         && map.clearance(halfway) >= least_m
         && map.is_open(robot.position(), place)
+        && aside(path, place) <= FARTHEST_ASIDE_M.max(aside(path, robot.position()))
         && floor.is_known(place, map)
         && things.is_free(robot, bearing, REACH_M, room.half_width_m)
+}
+
+/// Distance of a place from a path, metres; zero where there is none.
+fn aside(path: &[PathPoint], place: Point2<f64>) -> f64 {
+    let pieces = path.windows(2).map(|pair| {
+        let (from, to) = (Point2::new(pair[0].x, pair[0].y), Point2::new(pair[1].x, pair[1].y));
+        let (run, off) = (to - from, place - from);
+        let along = (off.dot(&run) / run.norm_squared().max(1e-12)).clamp(0.0, 1.0);
+        (off - run * along).norm()
+    });
+    pieces.reduce(f64::min).unwrap_or(0.0)
 }
 
 /// The place `ahead_m` beyond the progress `progress_m` (m) on a path, on its last piece beyond its end; and the path's heading
@@ -130,7 +146,7 @@ mod tests {
                 things.end(|_| false);
             }
         }
-        let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor };
+        let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor, path: &[] };
         aim(&around, goal_m, 0.0, &ROOM, &mut SafePassage::default())
     }
 
@@ -157,13 +173,31 @@ mod tests {
     }
 
     #[test]
+    fn a_side_corridor_is_no_way_around() {
+        let wall = |y: f64, from: f64, to: f64| Wall { from: Point2::new(from, y), to: Point2::new(to, y) };
+        let open_right = [wall(1.0, -5.0, 20.0), wall(-1.0, -5.0, 0.2), wall(-1.0, 4.0, 20.0)];
+        let map = WireFrame::new(Vec::new(), open_right.to_vec());
+        let (things, mut floor) = (Things::default(), SeenFloor::new(5.0, 0.0));
+        let robot = Pose2::new(0.5, -0.5, -0.6);
+        floor.look(Time::ZERO, &robot);
+        let path = [[0.0, 0.0], [10.0, 0.0]].map(|[x, y]| PathPoint { x, y });
+        let aims = |path: &[PathPoint]| {
+            let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor, path };
+            let aim = aim(&around, -0.3, 0.0, &ROOM, &mut SafePassage::default());
+            robot.transform_point(Point2::new(PLANE_M, aim.expect("free").lateral_m)).y
+        };
+        assert!(aims(&[]) < -1.1, "there is room in it");
+        assert!(aims(&path) > -1.01);
+    }
+
+    #[test]
     fn what_fills_the_corridor_leaves_no_way() {
         let (map, mut things, floor) = (corridor(), Things::default(), SeenFloor::new(5.0, 0.0));
         for y in [-0.7, -0.35, 0.0, 0.35, 0.7] {
             things.hear(Point2::new(1.2, y), 0.17, Time::ZERO, 10.0);
         }
         let robot = Pose2::IDENTITY;
-        let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor };
+        let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor, path: &[] };
         assert_eq!(aim(&around, 0.0, 0.0, &ROOM, &mut SafePassage::default()), None);
         assert!(!is_clear(&around, 0.0, &ROOM));
     }
