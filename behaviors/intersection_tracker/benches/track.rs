@@ -81,7 +81,7 @@ fn benches(criterion: &mut Criterion) {
     let rule = FinderRule { range_m: [1.5, 12.0], border_px: 25.0, pair_m: 0.3 };
     let sighting = sight.look(views[0], None).unwrap();
     finder.find(views[0], &sight, &sighting, &rule);
-    let pair = finder.pair(&sight, &sighting, &rule).unwrap();
+    let pair = finder.pair(&rule).unwrap();
     let mut track = IntersectionTrack::new(640, &Config::default());
     track.begin_pair(views[0], &Pose2::IDENTITY, &seen_by, &pair).unwrap();
     criterion.bench_function("follow both edges, with landmarks and heights", |bencher| {

@@ -6,8 +6,9 @@
 //! 0.4 m/s with a picture every 0.1 s: half of them to a crossing, half to a T, in corridors 1.7 to 2.4 m wide whose colours,
 //! lamps, floors, skirtings and doors vary; noise of 8 grey levels; brightness that grows or shrinks by a fifth on the way;
 //! start up to 0.3 m beside the middle and up to 5 degrees turned; odometry that errs by 1 % and 0.3 degrees a metre. Lost is
-//! an approach in which the behaviour says so, or that is not tracked from 8 m on. The error is that of the mean column of
-//! both edges, at the camera's height. `--out` writes a picture of each loss.
+//! an approach in which the behaviour says so, that is not tracked from 8 m on, or in which what is confirmed is off by more
+//! than 20 px or 3 m. The error is that of the mean column of both edges, at the camera's height. `--out` writes a picture of
+//! each loss.
 
 #![allow(clippy::unwrap_used, reason = "an evaluation may panic")]
 
@@ -132,6 +133,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
         }
         let track = drive.bench.behavior.track();
         let is_tracked = track.landmarks().is_some();
+        let is_confirmed = track.confirmations() > 2;
         if arguments.verbose && drive.now_s() < 0.2 {
             keep(&drive, arguments, &format!("first_{seed:03}"));
         }
@@ -144,7 +146,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
             }
             ran.is_lost = true;
         }
-        ran.one_sided += u32::from(matches!(track.sides(), Sides::One(_)) && track.confirmations() > 2);
+        ran.one_sided += u32::from(matches!(track.sides(), Sides::One(_)) && is_confirmed);
         if arguments.verbose {
             let ahead = drive.bench.behavior.ahead(&drive.wheels);
             let at = |side| track.seen_at(side).map_or(f64::NAN, |at| at.x);
@@ -160,18 +162,25 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
                 track.trouble(Side::Right)
             );
         }
-        if track.sides() != Sides::Both {
+        if track.sides() != Sides::Both || !is_confirmed {
             continue;
         }
         let error = |side| Some(track.seen_at(side)?.x - drive.true_column(side)?);
         let Some((left, right)) = error(Side::Left).zip(error(Side::Right)) else { continue };
         let Some(ahead) = drive.bench.behavior.ahead(&drive.wheels) else { continue };
         let middle_px = 0.5 * (left + right).abs();
+        let truth_m = drive.robot.inverse().transform_point([END_M, 0.0].into()).x;
+        let is_elsewhere = left.abs().max(right.abs()) > 20.0 || (ahead.distance_m - truth_m).abs() > 3.0;
+        if is_elsewhere && is_confirmed {
+            if !ran.is_lost {
+                keep(&drive, arguments, &format!("elsewhere_{seed:03}_{ahead_m:.1}m"));
+            }
+            ran.is_lost = true;
+        }
         if middle_px > 4.0 {
             keep(&drive, arguments, &format!("off_{seed:03}_{ahead_m:.1}m_{middle_px:.1}px"));
         }
         if let Some(bin) = bins.iter_mut().find(|bin| ahead_m >= bin.from_m && ahead_m < bin.to_m) {
-            let truth_m = drive.robot.inverse().transform_point([END_M, 0.0].into()).x;
             bin.middle_px.push(middle_px);
             bin.distance.push(100.0 * (ahead.distance_m / truth_m - 1.0).abs());
             bin.normalised.push((ahead.distance_m - truth_m) / ahead.sigma_m);

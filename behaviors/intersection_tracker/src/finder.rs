@@ -10,7 +10,6 @@ use yamabico_core::image::ImageView;
 use yamabico_core::vision::segments::Segment;
 
 use crate::foot::{FOOT_CONTRAST, FOOT_SAMPLES, FootProfile, are_alike, is_flat};
-use crate::pair::partner;
 
 /// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
 const LARGEST_LEAN_RAD: f64 = 0.1;
@@ -109,6 +108,13 @@ pub struct FinderRule {
     pub pair_m: f64,
 }
 
+impl FinderRule {
+    fn belong_together(&self, left: &WallEnd, right: &WallEnd) -> bool {
+        let sigma_m = left.ahead_sigma_m.hypot(right.ahead_sigma_m);
+        (left.ahead_m - right.ahead_m).abs() < self.pair_m.max(3.0 * sigma_m)
+    }
+}
+
 /// Finds where walls end; keeps its buffer from picture to picture.
 #[derive(Clone, Debug, Default)]
 pub struct EndFinder {
@@ -144,50 +150,36 @@ impl EndFinder {
         &self.ends
     }
 
-    /// The nearest two ends that belong together: equally far along the corridor, with an open floor between them; `None`
-    /// for a picture without such.
-    #[must_use]
-    pub fn pair(&self, sight: &Sight, sighting: &Sighting, rule: &FinderRule) -> Option<[WallEnd; 2]> {
-        let view = sight.view()?;
-        let scene = Scene { sight, sighting, view, rule };
+    /// Any two ends that belong together, left and right: equally far along the corridor, with an open floor between them.
+    pub fn pairs(&self, rule: &FinderRule) -> impl Iterator<Item = [WallEnd; 2]> {
         let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
-        let pairs = on(Side::Left).flat_map(|left| on(Side::Right).map(move |right| [*left, *right]));
+        let pairs = on(Side::Left).flat_map(move |left| on(Side::Right).map(move |right| [*left, *right]));
+        pairs.filter(|[left, right]| rule.belong_together(left, right))
+    }
+
+    /// The nearest of the [pairs](Self::pairs); `None` for a picture without any.
+    #[must_use]
+    pub fn pair(&self, rule: &FinderRule) -> Option<[WallEnd; 2]> {
         let ahead_m = |pair: &[WallEnd; 2]| 0.5 * (pair[0].ahead_m + pair[1].ahead_m);
-        pairs
-            .filter(|[left, right]| scene.belong_together(left, right))
-            .min_by(|a, b| ahead_m(a).total_cmp(&ahead_m(b)))
+        self.pairs(rule).min_by(|a, b| ahead_m(a).total_cmp(&ahead_m(b)))
+    }
+
+    /// The ends found in the last picture.
+    #[must_use]
+    pub fn ends(&self) -> &[WallEnd] {
+        &self.ends
     }
 
     /// Leaves out ends between which a wall stands, and all beyond.
     fn leave_out_dead_ends(&mut self, scene: &Scene<'_>) {
-        let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
-        let pairs = on(Side::Left).flat_map(|left| on(Side::Right).map(move |right| (left, right)));
-        let closed = pairs
-            .filter(|(left, right)| scene.belong_together(left, right) && scene.is_closed(left, right))
-            .map(|(left, right)| left.ahead_m.min(right.ahead_m))
+        let closed = self
+            .pairs(scene.rule)
+            .filter(|[left, right]| scene.is_closed(left, right))
+            .map(|[left, right]| left.ahead_m.min(right.ahead_m))
             .min_by(f64::total_cmp);
         if let Some(closed_m) = closed {
             self.ends.retain(|end| end.ahead_m < closed_m);
         }
-    }
-
-    /// The nearest end of any side, the longer of two at the same place.
-    #[must_use]
-    pub fn nearest(&self) -> Option<WallEnd> {
-        self.ends.iter().min_by(|a, b| a.ahead_m.total_cmp(&b.ahead_m)).copied()
-    }
-
-    /// Where the partner of an end must stand, from the robot's centre, with its covariance; `None` where the other wall is
-    /// not seen.
-    #[must_use]
-    pub fn partner(sight: &Sight, sighting: &Sighting, end: &WallEnd) -> Option<(Point2<f64>, Matrix2<f64>)> {
-        let view = sight.view()?;
-        let rule = FinderRule { range_m: [0.0, f64::INFINITY], border_px: 0.0, pair_m: 0.0 };
-        let scene = Scene { sight, sighting, view, rule: &rule };
-        let wall = scene.wall(end.side.other())?;
-        let base = partner(end.base, floor_line(view, wall.distance_m), view)?;
-        let place = scene.place(base, wall)?;
-        Some((place.point_in_robot, place.covariance))
     }
 }
 
@@ -371,11 +363,6 @@ impl Scene<'_> {
     /// The direction of a pixel in the corridor's frame, not of unit length.
     fn ray(&self, pixel: Vector2<f64>) -> Vector3<f64> {
         self.view.corridor_from_camera * self.view.intrinsics.normalised_from_pixel(pixel).push(1.0)
-    }
-
-    fn belong_together(&self, left: &WallEnd, right: &WallEnd) -> bool {
-        let sigma_m = left.ahead_sigma_m.hypot(right.ahead_sigma_m);
-        (left.ahead_m - right.ahead_m).abs() < self.rule.pair_m.max(3.0 * sigma_m)
     }
 
     /// Whether a wall stands across the corridor between the two: a dead end.

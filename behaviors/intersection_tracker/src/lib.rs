@@ -29,7 +29,7 @@ use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
 use yamabico_core::sensor::{Calibration, SensorKind};
 use yamabico_core::time::Time;
 
-use crate::finder::{EndFinder, FinderRule, Side};
+use crate::finder::{EndFinder, FinderRule, Side, WallEnd};
 use crate::landmarks::Motion;
 use crate::track::{IntersectionTrack, Sides};
 
@@ -56,6 +56,10 @@ const JUMP_SPEEDS: [f64; 2] = [3.0, 6.0];
 const AXIS_KEPT_S: f64 = 3.0;
 /// Standard deviation of that expectation, radians.
 const AXIS_SIGMA_RAD: f64 = 0.03;
+/// Every so many pictures the ends of the walls are compared with the tracked edges.
+const REVIEW_PICTURES: u32 = 5;
+/// Walls that end near by but elsewhere in so many comparisons in a row: the edges are given up.
+const CONTRADICTIONS: u32 = 3;
 /// What is handed over is not found again before it is this much farther away (m) and from the border (px).
 const APART: (f64, f64) = (0.3, 10.0);
 /// What is not confirmed after so many pictures is given up.
@@ -168,7 +172,7 @@ impl Behavior for IntersectionTracker {
         }
         if !had_odometry && self.odometry.newest().is_some() {
             // What was seen so far does not refer to the odometry frame.
-            self.forget();
+            self.track.lose();
         }
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             self.look(&frame, now);
@@ -244,7 +248,7 @@ impl IntersectionTracker {
         match motion {
             Ok(motion) => self.track.predict(motion),
             Err(reason) => {
-                self.forget();
+                self.track.lose();
                 self.lost_at = None;
                 self.trouble = Some(reason);
             }
@@ -286,7 +290,7 @@ impl IntersectionTracker {
                 point: nalgebra::center(&landmarks.point(Side::Left), &landmarks.point(Side::Right)),
                 stamp: taken.stamp,
             });
-            self.forget();
+            self.track.lose();
         }
         if !self.has_passed(taken) {
             self.trouble = None;
@@ -295,7 +299,8 @@ impl IntersectionTracker {
         self.handed_over = None;
         let seen = self.track.follow(image, &pose, &camera);
         self.trouble = None;
-        if taken.pose.is_none() || !self.is_confirmed() || self.track.needs_ends() {
+        let is_due = self.track.pictures().is_multiple_of(REVIEW_PICTURES);
+        if taken.pose.is_none() || !self.is_confirmed() || self.track.needs_ends() || is_due {
             self.trouble = self.look_for_ends(image, taken, &pose).err();
         }
         if seen != Sides::None || Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some()) {
@@ -332,37 +337,48 @@ impl IntersectionTracker {
         let sighting = self.sight.look(image, expectation)?;
         self.axis = Some((wrap_angle(pose.theta - sighting.heading), taken.stamp));
         let camera = *self.sight.camera();
-        let ends = self.finder.find(image, &self.sight, &sighting, &self.rule);
+        self.finder.find(image, &self.sight, &sighting, &self.rule);
+        let pair = self.finder.pair(&self.rule);
         if self.track.landmarks().is_some() {
-            let mut agree = [false; 2];
-            for end in ends {
-                agree[end.side.index()] |= self.track.reacquire(image, pose, &camera, end);
-            }
-            let has_pair = self.finder.pair(&self.sight, &sighting, &self.rule).is_some();
-            if agree == [true; 2] && has_pair {
-                self.track.confirm();
-            }
-            if self.is_confirmed() {
+            let is_given_up = self.compare(image, pose);
+            if self.is_confirmed() && !is_given_up {
                 return Ok(());
             }
-            if self.track.pictures() > UNCONFIRMED_PICTURES {
+            if is_given_up || self.track.pictures() > UNCONFIRMED_PICTURES {
                 self.track.lose();
             }
         }
         let tracked_m = self.ahead(pose).map(|ahead| ahead.distance_m);
-        if let Some(pair) = self.finder.pair(&self.sight, &sighting, &self.rule) {
-            let middle = nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot);
-            let is_nearer = tracked_m.is_none_or(|tracked| middle.x < tracked - NEARER_M);
-            if is_nearer || self.track.sides() != Sides::Both {
-                return self.track.begin_pair(image, pose, &camera, &pair);
-            }
-        }
-        if let (None, Some(end)) = (self.track.landmarks(), self.finder.nearest())
-            && let Some(partner) = EndFinder::partner(&self.sight, &sighting, &end)
-        {
-            return self.track.begin_single(image, pose, &camera, &end, partner);
+        let Some(pair) = pair else {
+            // A single end may be a door's.
+            return if self.finder.ends().is_empty() { Ok(()) } else { Err(Reason::OneSided) };
+        };
+        let is_nearer = tracked_m.is_none_or(|tracked| middle(&pair).x < tracked - NEARER_M);
+        if is_nearer || self.track.sides() != Sides::Both {
+            return self.track.begin_pair(image, pose, &camera, &pair);
         }
         Ok(())
+    }
+
+    /// Compares the edges that are followed with the ends of the walls in a picture; gives whether the walls ended elsewhere
+    /// too often.
+    fn compare(&mut self, image: ImageView<'_>, pose: &Pose2) -> bool {
+        let camera = *self.sight.camera();
+        if let Some(pair) = self.finder.pairs(&self.rule).find(|pair| self.track.agrees(pose, pair)) {
+            if !self.is_confirmed() || self.track.needs_ends() {
+                for end in &pair {
+                    self.track.reacquire(image, pose, &camera, end);
+                }
+            }
+            if self.track.sides() == Sides::Both {
+                self.track.confirm();
+            }
+            return false;
+        }
+        // An intersection has corners behind it too, which say nothing of the edges that are followed.
+        let tracked_m = self.ahead(pose).map_or(f64::INFINITY, |ahead| ahead.distance_m);
+        let is_there = |pair: [WallEnd; 2]| (middle(&pair).x - tracked_m).abs() < NEARER_M;
+        self.finder.pairs(&self.rule).any(is_there) && self.track.contradict() >= CONTRADICTIONS
     }
 
     fn publish(&mut self, ahead: &Ahead, picture: Time, now: Time, outputs: &mut Outputs<'_>) {
@@ -394,11 +410,14 @@ impl IntersectionTracker {
             };
             return Proposal::abstain(reason).with_note(note);
         }
+        if self.track.sides() != Sides::Both {
+            return Proposal::abstain(Reason::OneSided).with_note(note);
+        }
         let is_seen = Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some());
-        let (share, reason) = match self.track.sides() {
+        let (share, reason) = match self.track.needs_ends() {
             _ if !is_seen => (0.5, Reason::Coasting),
-            Sides::Both => (1.0, Reason::Nominal),
-            _ => (0.5, Reason::OneSided),
+            true => (0.5, Reason::OneSided),
+            false => (1.0, Reason::Nominal),
         };
         let speed = share * self.config.speed_mps * (1.0 - ahead.bearing.abs() / 0.5).max(0.3);
         let most = self.config.largest_turn_rad_s;
@@ -423,8 +442,8 @@ impl IntersectionTracker {
     fn is_confirmed(&self) -> bool {
         self.track.confirmations() >= self.config.confirm_pictures
     }
+}
 
-    fn forget(&mut self) {
-        self.track.lose();
-    }
+fn middle(pair: &[WallEnd; 2]) -> Point2<f64> {
+    nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot)
 }

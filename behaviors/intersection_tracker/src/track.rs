@@ -1,6 +1,6 @@
 //! The two edges followed from picture to picture, as long as they are seen.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::Vector2;
 use yamabico_core::camera::Pinhole;
 use yamabico_core::corridor::sight::CorridorCamera;
 use yamabico_core::geometry::Pose2;
@@ -53,6 +53,7 @@ pub struct IntersectionTrack {
     landmarks: Option<Landmarks>,
     edges: [Edge; 2],
     confirmations: u32,
+    contradictions: u32,
     pictures: u32,
     reacquire_misses: u32,
     lost_misses: u32,
@@ -75,6 +76,7 @@ impl IntersectionTrack {
             landmarks: None,
             edges: [edge.clone(), edge],
             confirmations: 0,
+            contradictions: 0,
             pictures: 0,
             reacquire_misses: config.reacquire_misses,
             lost_misses: config.lost_misses,
@@ -103,6 +105,21 @@ impl IntersectionTrack {
     /// Counts a picture in which both walls end where the edges are.
     pub fn confirm(&mut self) {
         self.confirmations = self.confirmations.saturating_add(1);
+        self.contradictions = 0;
+    }
+
+    /// Counts a picture in which the walls end elsewhere; gives how many there were in a row.
+    pub fn contradict(&mut self) -> u32 {
+        self.contradictions = self.contradictions.saturating_add(1);
+        self.contradictions
+    }
+
+    /// Whether the walls end, by one picture alone taken from `pose`, where the edges are.
+    #[must_use]
+    pub fn agrees(&self, pose: &Pose2, ends: &[WallEnd; 2]) -> bool {
+        self.landmarks.is_some_and(|landmarks| {
+            ends.iter().all(|end| landmarks.agrees(pose, end.side, end.point_in_robot, &end.covariance))
+        })
     }
 
     /// Which edges are followed.
@@ -128,7 +145,7 @@ impl IntersectionTrack {
         self.edges[side.index()].trouble
     }
 
-    /// Whether an edge has to be looked for among the ends of the walls.
+    /// Whether an edge is not followed, or was missed so often that it has to be looked for among the ends of the walls.
     #[must_use]
     pub fn needs_ends(&self) -> bool {
         self.edges.iter().any(|edge| !edge.is_tracked || edge.misses >= self.reacquire_misses)
@@ -137,7 +154,7 @@ impl IntersectionTrack {
     /// Forgets everything.
     pub fn lose(&mut self) {
         self.landmarks = None;
-        (self.confirmations, self.pictures) = (0, 0);
+        (self.confirmations, self.contradictions, self.pictures) = (0, 0, 0);
         for edge in &mut self.edges {
             (edge.is_tracked, edge.misses, edge.seen_at, edge.trouble) = (false, 0, None, None);
         }
@@ -160,28 +177,6 @@ impl IntersectionTrack {
         let taken = [0, 1].map(|i| self.acquire(image, pose, camera, &ends[i]));
         self.confirmations = u32::from(taken[0].is_ok() && taken[1].is_ok());
         self.begun(taken[0].or(taken[1]))
-    }
-
-    /// Begins with the end of one wall and where its partner must be.
-    ///
-    /// # Errors
-    /// Why the edge cannot be followed.
-    pub fn begin_single(
-        &mut self,
-        image: ImageView<'_>,
-        pose: &Pose2,
-        camera: &CorridorCamera,
-        end: &WallEnd,
-        partner: (Point2<f64>, Matrix2<f64>),
-    ) -> Result<(), Reason> {
-        self.lose();
-        let mut points = [partner.0; 2];
-        let mut covariances = [partner.1; 2];
-        points[end.side.index()] = end.point_in_robot;
-        covariances[end.side.index()] = end.covariance;
-        self.landmarks = Some(Landmarks::new(pose, points, covariances));
-        let taken = self.acquire(image, pose, camera, end);
-        self.begun(taken)
     }
 
     fn begun(&mut self, taken: Result<(), Reason>) -> Result<(), Reason> {
@@ -224,8 +219,13 @@ impl IntersectionTrack {
                 Err(reason) => {
                     edge.misses += 1;
                     edge.trouble = Some(reason);
-                    edge.retake(image, landmarks, pose, camera, side);
                 }
+            }
+        }
+        for side in Side::BOTH {
+            let edge = &mut self.edges[side.index()];
+            if edge.is_tracked && edge.seen_at.is_none() {
+                edge.retake(image, landmarks, pose, camera, side);
             }
         }
         let seen = [self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()];
