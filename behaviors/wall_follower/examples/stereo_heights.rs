@@ -4,8 +4,8 @@
 //!
 //! Two cameras of 640 x 480, 0.12 m apart and 0.6 m above the floor, in corridors 2 m wide, a new one every pair: colours,
 //! lamps, floors, skirtings and doors vary; heading -5 to 5 degrees, offset up to 0.3 m, noise of 2 grey levels. Each floor
-//! line is found in each picture by itself; what the two disagree about in heading and tilt is shared, since they are mounted
-//! together. The height of a floor line below the cameras is 0.6 m (Kweon et al. 1991, section 3.4).
+//! line is found in the left picture and matched in the right one; what the two disagree about in heading and tilt is shared,
+//! since they are mounted together. A height off by more than 0.08 m is no floor line's, and counts as not found. The height of a floor line below the cameras is 0.6 m (Kweon et al. 1991, section 3.4).
 
 use nalgebra::Vector2;
 use rand::RngExt;
@@ -20,18 +20,24 @@ use yamabico_core::image::ImageView;
 use yamabico_core::sensor::Calibration;
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
-use yamabico_wall_follower::stereo::{lateral_baseline, stereo_wall};
+use yamabico_wall_follower::stereo::{is_floor_line, lateral_baseline, stereo_wall};
+use yamabico_wall_follower::stereo_match::{StereoPicture, matching_cotangent};
 
 const BASELINE_M: f64 = 0.12;
 const HEIGHT_M: f64 = 0.6;
 /// How far ahead of the cameras the lines are compared, metres.
 const AHEAD_M: f64 = 2.5;
+/// Heights that are looked for, metres.
+const HEIGHTS_M: [f64; 2] = [0.4, 0.9];
+/// A height farther from the cameras' is no floor line's, metres.
+const TOLERANCE_M: f64 = 0.08;
 
 /// What one camera saw.
 struct Eye {
     sighting: Sighting,
     view: CorridorView,
     mount: Mount,
+    pixels: Vec<u8>,
 }
 
 fn main() -> ExitCode {
@@ -99,8 +105,8 @@ fn look(scene: &Scene, robot: Pose2, mount: Mount, seed: u64, name: &str) -> Res
         horizon_sigma_rad: 0.1_f64.to_radians(),
     };
     let mut sight = Sight::new(camera, FloorLineRule::default());
-    let sighting = sight.look(image, None).ok();
-    Ok(sighting.zip(sight.view().copied()).map(|(sighting, view)| Eye { sighting, view, mount }))
+    let Some(sighting) = sight.look(image, None).ok() else { return Ok(None) };
+    Ok(sight.view().map(|&view| Eye { sighting, view, mount, pixels }))
 }
 
 /// The height (m) of the cameras above a wall's floor line; `None` where a camera does not see it or the two do not fit.
@@ -109,13 +115,25 @@ fn height_m(left: &Eye, right: &Eye, wall: fn(&Sighting) -> Option<ExpectedWall>
         heading: 0.5 * (left.sighting.heading + right.sighting.heading),
         tilt: 0.5 * (left.sighting.tilt + right.sighting.tilt),
     };
-    let cotangent = |eye: &Eye| {
-        let pixel = on_floor_line(eye, wall(&eye.sighting)?)?;
-        let view = CorridorView::new(shared, 0.0, HEIGHT_M, eye.view.intrinsics);
-        Some(view.tied_distance(pixel)? / HEIGHT_M)
-    };
+    let view = CorridorView::new(shared, 0.0, HEIGHT_M, left.view.intrinsics);
+    let pixel = on_floor_line(left, wall(&left.sighting)?)?;
+    let cotangent = view.tied_distance(pixel)? / HEIGHT_M;
     let baseline_m = lateral_baseline(BASELINE_M, shared);
-    stereo_wall(cotangent(left)?, cotangent(right)?, baseline_m).ok().map(|wall| wall.height_m)
+    let [lowest_m, highest_m] = HEIGHTS_M;
+    let matching = matching_cotangent(
+        &left.picture(&view)?,
+        &right.picture(&view)?,
+        cotangent,
+        baseline_m / highest_m..=baseline_m / lowest_m,
+    )?;
+    let wall = stereo_wall(cotangent, matching, baseline_m).ok()?;
+    is_floor_line(&wall, HEIGHT_M, TOLERANCE_M).then_some(wall.height_m)
+}
+
+impl Eye {
+    fn picture<'a>(&'a self, view: &'a CorridorView) -> Option<StereoPicture<'a>> {
+        Some(StereoPicture { image: ImageView::new(&self.pixels, 640, 480, 640).ok()?, view })
+    }
 }
 
 /// A pixel of the floor line that a camera found.

@@ -8,6 +8,7 @@ pub mod config;
 pub mod corridor_track;
 pub mod recovery;
 pub mod stereo;
+pub mod stereo_match;
 
 pub use config::Config;
 
