@@ -176,7 +176,7 @@ fn is_blown_up(belief: &Belief) -> bool {
     belief.sigma_xy_m() > BLOWN_UP.0 || belief.sigma_theta_rad() > BLOWN_UP.1
 }
 
-/// Whether the place is not known within [`LOST_M`].
+/// Whether the place is not known within `LOST_M`.
 #[must_use]
 pub fn is_lost(belief: &Belief) -> bool {
     belief.sigma_xy_m() > LOST_M
