@@ -8,7 +8,7 @@ use yamabico_core::message::{Control, ControlKind, Goal, PathHeader};
 use crate::execution::{monotonic_now, topics};
 
 /// How long the robot may take to hear a request, and to plan a path to a goal.
-const PATIENCE: Duration = Duration::from_secs(3);
+const PATIENCE: Duration = Duration::from_secs(5);
 /// From one look at what the robot answered to the next.
 const PAUSE: Duration = Duration::from_millis(20);
 /// A path that ends this near to a goal (m) leads to it.

@@ -111,6 +111,15 @@ const ROBOT: &str = "footprint = { radius_m = 0.2 }\n\
 const TASK: &str = "robot = \"robot.toml\"\n[behaviors.tram]\npriority = 1\n\
     inputs = { odometry = \"wheels\", goal = \"operator\" }\n";
 
+/// Raises its flag in the end, also where a test fails before.
+struct Raise<'a>(&'a AtomicBool);
+
+impl Drop for Raise<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 fn place(x_m: f64, y_m: f64) -> Place {
     Place { x_m, y_m, heading: None, tolerance_m: 0.05 }
 }
@@ -130,6 +139,7 @@ fn a_goal_is_taken_reached_or_refused() {
 
     let flag = AtomicBool::new(false);
     std::thread::scope(|scope| {
+        let ends_the_run = Raise(&flag);
         let live = scope.spawn(|| {
             let options = Options { pace: Pace::Live, ..Options::default() };
             run(&task, &options, &flag, &mut Tee::default(), &mut |_| {}).map(drop)
@@ -138,7 +148,7 @@ fn a_goal_is_taken_reached_or_refused() {
         let mut operator = loop {
             match Operator::join(&robot, "tram") {
                 Ok(operator) => break operator,
-                Err(error) => assert!(began.elapsed() < Duration::from_secs(10), "{error}"),
+                Err(error) => assert!(began.elapsed() < Duration::from_secs(60), "{error}"),
             }
             std::thread::sleep(Duration::from_millis(50));
         };
@@ -149,7 +159,7 @@ fn a_goal_is_taken_reached_or_refused() {
         assert!((to_go_m - 0.4).abs() < 0.2, "{to_go_m} m to go at first");
         let began = Instant::now();
         while to_go_m > goal.tolerance_m {
-            assert!(began.elapsed() < Duration::from_secs(20), "still {to_go_m} m to go");
+            assert!(began.elapsed() < Duration::from_secs(60), "still {to_go_m} m to go");
             std::thread::sleep(Duration::from_millis(20));
             to_go_m = operator.to_go_m(&goal).unwrap().unwrap_or(to_go_m);
         }
@@ -159,7 +169,7 @@ fn a_goal_is_taken_reached_or_refused() {
         let nowhere = operator.go_to(&place(f64::NAN, 0.0));
         assert!(matches!(nowhere, Err(GoalError::NotHeard)), "{nowhere:?}");
 
-        flag.store(true, Ordering::Relaxed);
+        drop(ends_the_run);
         live.join().unwrap().unwrap();
     });
     assert!(!Operator::is_running(&robot));
