@@ -1,6 +1,6 @@
 //! How exactly the middle of an intersection is seen on the way to it, and how often it is lost, over rendered approaches.
 //!
-//! `sweep_approaches [--approaches N] [--fov DEGREES] [--size WxH] [--out DIR] [--verbose]`
+//! `sweep_approaches [--approaches N] [--first SEED] [--fov DEGREES] [--size WxH] [--out DIR] [--verbose]`
 //!
 //! From 10 m to 1.5 m before the place where both walls end, or to where an edge comes within 15 px of the picture's border, at
 //! 0.4 m/s with a picture every 0.1 s: half of them to a crossing, half to a T, in corridors 1.7 to 2.4 m wide whose colours,
@@ -27,6 +27,7 @@ use rig::{Drive, END_M, Ending, camera, random_world};
 
 struct Arguments {
     approaches: u64,
+    first: u64,
     fov_deg: f64,
     size: (u32, u32),
     out: Option<PathBuf>,
@@ -53,7 +54,7 @@ fn main() {
         normalised: Vec::new(),
     });
     let (mut lost, mut late, mut one_sided, mut ended_m) = (0, 0, 0, Vec::new());
-    for seed in 0..arguments.approaches {
+    for seed in arguments.first..arguments.first + arguments.approaches {
         let ran = approach(seed, &arguments, &mut bins);
         lost += u32::from(ran.is_lost);
         late += u32::from(ran.acquired_m < 9.5);
@@ -205,12 +206,13 @@ fn percentile(values: &[f64], share: f64) -> f64 {
 
 fn parse() -> Arguments {
     let mut arguments =
-        Arguments { approaches: 100, fov_deg: 60.0, size: (640, 480), out: None, verbose: false };
+        Arguments { approaches: 100, first: 0, fov_deg: 60.0, size: (640, 480), out: None, verbose: false };
     let mut rest = std::env::args().skip(1);
     while let Some(argument) = rest.next() {
         let mut value = || rest.next().expect("a value");
         match argument.as_str() {
             "--approaches" => arguments.approaches = value().parse().unwrap(),
+            "--first" => arguments.first = value().parse().unwrap(),
             "--fov" => arguments.fov_deg = value().parse().unwrap(),
             "--size" => {
                 let size = value();

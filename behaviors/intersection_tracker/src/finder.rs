@@ -28,6 +28,10 @@ const BEFORE_M: f64 = 0.15;
 const FARTHER_BEFORE_M: f64 = 0.7;
 /// ... and in such steps behind it, metres.
 const BEHIND_STEP_M: f64 = 0.1;
+/// A wall that begins at an edge is seen so far behind it, metres ...
+const BEHIND_BEGIN_M: [f64; 2] = [0.3, 0.7];
+/// ... and not so far before it: as wide as a corridor across may be at least, metres.
+const BEFORE_BEGIN_M: [f64; 2] = [0.7, 1.2];
 /// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
 /// The picture is compared so many columns before and behind an edge.
@@ -93,6 +97,8 @@ pub struct WallEnd {
     pub ahead_sigma_m: f64,
     /// Whether it is seen to be higher than a door.
     pub is_high: bool,
+    /// Whether a wall is seen behind it and none before it, as at the corners behind another corridor.
+    pub begins: bool,
     /// Length in the picture, pixels.
     pub length_px: f64,
 }
@@ -144,7 +150,8 @@ impl EndFinder {
         for side in Side::BOTH {
             let Some(wall) = scene.wall(side) else { continue };
             let ends = sight.segments().iter().filter_map(|segment| scene.wall_end(segment, side, wall));
-            self.ends.extend(ends.filter(|end| scene.ends_at_foot(image, end, wall)));
+            let ends = ends.filter(|end| scene.ends_at_foot(image, end, wall));
+            self.ends.extend(ends.map(|end| WallEnd { begins: scene.begins(image, &end, wall), ..end }));
         }
         self.leave_out_dead_ends(&scene);
         &self.ends
@@ -154,7 +161,7 @@ impl EndFinder {
     pub fn pairs(&self, rule: &FinderRule) -> impl Iterator<Item = [WallEnd; 2]> {
         let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
         let pairs = on(Side::Left).flat_map(move |left| on(Side::Right).map(move |right| [*left, *right]));
-        pairs.filter(|[left, right]| rule.belong_together(left, right))
+        pairs.filter(|[left, right]| rule.belong_together(left, right) && !(left.begins && right.begins))
     }
 
     /// The nearest of the [pairs](Self::pairs); `None` for a picture without any.
@@ -254,6 +261,7 @@ impl Scene<'_> {
             ahead_m: place.ahead_m,
             ahead_sigma_m: place.ahead_sigma_m,
             is_high,
+            begins: false,
             length_px: segment.length,
         })
     }
@@ -297,6 +305,16 @@ impl Scene<'_> {
             let ahead_m = end.ahead_m + BEHIND_STEP_M * f64::from(step);
             self.foot_profile(image, ahead_m, wall).is_some_and(|behind| are_alike(&before, &behind))
         })
+    }
+
+    /// Whether a wall begins there, as behind another corridor: it is seen behind the edge and not before it.
+    fn begins(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
+        let at = |farther_m: f64| self.foot_profile(image, end.ahead_m + farther_m, wall);
+        let [near_m, far_m] = BEHIND_BEGIN_M;
+        let (Some(behind), Some(farther)) = (at(near_m), at(far_m)) else { return false };
+        let is_wall_behind = !is_flat(&behind) && are_alike(&behind, &farther);
+        let is_other = |before: FootProfile| !are_alike(&behind, &before);
+        is_wall_behind && BEFORE_BEGIN_M.iter().all(|&m| at(-m).is_some_and(is_other))
     }
 
     /// Grey levels from below to above the foot of a wall; `None` outside the picture.

@@ -39,6 +39,17 @@ pub enum Motion {
     },
 }
 
+/// The intersection from the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ahead {
+    /// Of the middle between the edges: the mean of their bearings, radians, positive to the left.
+    pub bearing: f64,
+    /// From the robot's centre to the middle between the edges, along the robot's heading, metres.
+    pub distance_m: f64,
+    /// Standard deviation of the distance, metres.
+    pub sigma_m: f64,
+}
+
 /// Left and right edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landmarks {

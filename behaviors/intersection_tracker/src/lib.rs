@@ -14,6 +14,7 @@ pub mod strip;
 pub mod track;
 
 pub use config::Config;
+pub use landmarks::Ahead;
 
 use nalgebra::Point2;
 use yamabico_core::behavior::{
@@ -207,17 +208,6 @@ impl Behavior for IntersectionTracker {
     }
 }
 
-/// The intersection from the robot.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ahead {
-    /// Of the middle between the edges: the mean of their bearings, radians, positive to the left.
-    pub bearing: f64,
-    /// From the robot's centre to the middle between the edges, along the robot's heading, metres.
-    pub distance_m: f64,
-    /// Standard deviation of the distance, metres.
-    pub sigma_m: f64,
-}
-
 impl IntersectionTracker {
     /// The tracker, to look into.
     #[must_use]
@@ -364,6 +354,7 @@ impl IntersectionTracker {
     /// too often.
     fn compare(&mut self, image: ImageView<'_>, pose: &Pose2) -> bool {
         let camera = *self.sight.camera();
+        let tracked_m = self.ahead(pose).map_or(f64::INFINITY, |ahead| ahead.distance_m);
         if let Some(pair) = self.finder.pairs(&self.rule).find(|pair| self.track.agrees(pose, pair)) {
             if !self.is_confirmed() || self.track.needs_ends() {
                 for end in &pair {
@@ -376,7 +367,6 @@ impl IntersectionTracker {
             return false;
         }
         // An intersection has corners behind it too, which say nothing of the edges that are followed.
-        let tracked_m = self.ahead(pose).map_or(f64::INFINITY, |ahead| ahead.distance_m);
         let is_there = |pair: [WallEnd; 2]| (middle(&pair).x - tracked_m).abs() < NEARER_M;
         self.finder.pairs(&self.rule).any(is_there) && self.track.contradict() >= CONTRADICTIONS
     }
