@@ -368,9 +368,7 @@ impl IntersectionTracker {
         }
         // An intersection has corners behind it too, which say nothing of the edges that are followed.
         let is_there = |pair: [WallEnd; 2]| (middle(&pair).x - tracked_m).abs() < NEARER_M;
-        // Near by, the true ends are too close to the border to be found.
-        let is_far = tracked_m > self.rule.range_m[0] + 2.0 * NEARER_M;
-        is_far && self.finder.pairs(&self.rule).any(is_there) && self.track.contradict() >= CONTRADICTIONS
+        self.finder.pairs(&self.rule).any(is_there) && self.track.contradict() >= CONTRADICTIONS
     }
 
     fn publish(&mut self, ahead: &Ahead, picture: Time, now: Time, outputs: &mut Outputs<'_>) {
