@@ -143,8 +143,11 @@ impl Course {
             robot.theta + 0.2_f64.to_radians() * self.normal(),
         );
         let Some(place) = self.table.at(&told, 1.0) else { panic!("nothing was learned near {told:?}") };
-        let sights = self.detector.look(view(pixels), &told, 0.2_f64.to_radians(), &place).unwrap();
-        std::array::from_fn(|region| sights[region].is_obstacle)
+        match self.detector.look(view(pixels), &told, 0.2_f64.to_radians(), &place) {
+            Ok(sights) => std::array::from_fn(|region| sights[region].is_obstacle),
+            // A picture that is not judged shows nothing.
+            Err(_) => [false; REGIONS],
+        }
     }
 
     /// Keeps a picture with what was seen in it, where that was asked for.
