@@ -46,6 +46,8 @@ struct Course {
     rng: Stream,
     detector: Detector,
     table: ThresholdTable,
+    /// Pictures that the detector refused to judge: they show no obstacle, and are no proof of a clear way either.
+    unjudged: u32,
     show: Option<PathBuf>,
 }
 
@@ -79,6 +81,7 @@ impl Course {
             rng: stream(1, "boxes"),
             show: None,
             detector: Detector::new(Pinhole::ideal(intrinsics), mount, map, rules),
+            unjudged: 0,
             table: ThresholdTable {
                 width: SIZE.0,
                 height: SIZE.1,
@@ -145,8 +148,10 @@ impl Course {
         let Some(place) = self.table.at(&told, 1.0) else { panic!("nothing was learned near {told:?}") };
         match self.detector.look(view(pixels), &told, 0.2_f64.to_radians(), &place) {
             Ok(sights) => std::array::from_fn(|region| sights[region].is_obstacle),
-            // A picture that is not judged shows nothing.
-            Err(_) => [false; REGIONS],
+            Err(_) => {
+                self.unjudged += 1;
+                [false; REGIONS]
+            }
         }
     }
 
@@ -348,8 +353,9 @@ fn main() {
         }
     }
     println!(
-        "clear pictures with a false alarm: {false_alarms} of {clear} ({:.1} %)",
-        100.0 * f64::from(false_alarms) / clear as f64
+        "clear pictures with a false alarm: {false_alarms} of {clear} ({:.1} %), not judged: {}",
+        100.0 * f64::from(false_alarms) / clear as f64,
+        course.unjudged
     );
     for (name, faint) in [("white", None), ("brown, 12 to 20 grey levels", Some(FAINT))] {
         let (mut wanted, mut seen) = ([images; REGIONS], Vec::new());
@@ -358,6 +364,7 @@ fn main() {
         }
         report(name, &seen);
     }
+    println!("pictures not judged so far, which count as not found: {}", course.unjudged);
     if let Some(file) = file {
         let (mut wanted, mut seen) = ([images; REGIONS], Vec::new());
         while wanted.iter().sum::<usize>() > images {
