@@ -1,13 +1,15 @@
 //! One picture against the map: the whole behaviour, and its steps.
 
 use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix2, Vector2};
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::{ExpectationMap, ExpectationRules, WireFrame};
+use yamabico_core::map::{Edge, ExpectationMap, ExpectationRules, WireFrame};
 use yamabico_core::message::Odometry;
 use yamabico_core::testing::Bench;
 use yamabico_map_localizer::association::GATE;
@@ -22,6 +24,9 @@ use yamabico_sim::{CameraView, Photometry, Renderer, Scene};
 #[allow(dead_code, reason = "the bench drives nowhere")]
 #[path = "../tests/rig/mod.rs"]
 mod rig;
+
+/// An edge of the map and the pixels where its ends were seen.
+type SeenLine = (Edge, [Vector2<f64>; 2]);
 
 const ROBOT: Pose2 = Pose2 { x: 3.0, y: 0.1, theta: 0.03 };
 
@@ -56,19 +61,61 @@ fn update(criterion: &mut Criterion) {
     let camera = LineCamera::new(&intrinsics, &mount);
     let prior = Belief::new(Pose2::new(3.02, 0.08, 0.025), 0.05, 0.02);
     let noise = Matrix2::identity();
+    let filter = |prior: Belief, lines: &[SeenLine]| {
+        let (mut belief, mut applied) = (prior, 0);
+        for (edge, ends) in lines {
+            let Some(line) = camera.at(&belief.pose).project(edge) else { continue };
+            let update = belief.update(&line.residual(*ends), &noise, GATE);
+            applied += usize::from(matches!(update, Update::Applied(_)));
+        }
+        assert!(applied >= 38, "{applied}");
+        belief
+    };
+    let Pose2 { x, y, theta } = filter(prior, &lines).pose;
+    let mut runs: Vec<_> = (0..20_000)
+        .map(|_| {
+            let from = Instant::now();
+            black_box(filter(black_box(prior), black_box(&lines)));
+            from.elapsed()
+        })
+        .collect();
+    runs.sort_unstable();
+    println!(
+        "40 edges: pose {x:.9} {y:.9} {theta:.9}, median {:?} a run, as the peer measures",
+        runs[runs.len() / 2]
+    );
+    leave_for_peer(&intrinsics, &mount, &prior, &lines);
     criterion.bench_function("map_localizer/update/40_edges", |b| {
-        b.iter(|| {
-            let mut belief = black_box(prior);
-            let mut applied = 0;
-            for (edge, ends) in black_box(&lines) {
-                let Some(line) = camera.at(&belief.pose).project(edge) else { continue };
-                let update = belief.update(&line.residual(*ends), &noise, GATE);
-                applied += usize::from(matches!(update, Update::Applied(_)));
-            }
-            assert!(applied >= 38, "{applied}");
-            belief
-        });
+        b.iter(|| filter(black_box(prior), black_box(&lines)));
     });
+}
+
+/// The same problem for `tests/peers/p6_lines.cpp`, which tells the layout.
+fn leave_for_peer(intrinsics: &Intrinsics, mount: &Mount, prior: &Belief, lines: &[SeenLine]) {
+    let rotation = mount.rotation_body_from_camera().transpose();
+    let mut numbers = vec![intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy];
+    numbers.extend(rotation.transpose().iter());
+    numbers.extend((rotation * mount.position_in_body()).iter());
+    numbers.extend([
+        prior.pose.x,
+        prior.pose.y,
+        prior.pose.theta,
+        prior.sigma_xy_m(),
+        prior.sigma_theta_rad(),
+    ]);
+    numbers.extend([GATE, lines.len() as f64]);
+    for (edge, ends) in lines {
+        numbers.extend(edge.from.iter().chain(edge.to.iter()).chain(ends.iter().flatten()));
+    }
+    let folder = std::env::var_os("PEERS_DATA")
+        .map_or_else(|| std::env::temp_dir().join("yamabico-peers"), PathBuf::from);
+    let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_ne_bytes()).collect();
+    if std::fs::create_dir_all(&folder)
+        .and_then(|()| std::fs::write(folder.join("p6_lines.raw"), bytes))
+        .is_err()
+    {
+        println!("the peer's problem could not be written to {}", folder.display());
+    }
 }
 
 fn steps(criterion: &mut Criterion) {

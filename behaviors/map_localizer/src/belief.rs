@@ -61,6 +61,7 @@ impl Belief {
 
     /// Gates and applies the distances of two image points from a line, with the covariance `noise` (px squared): Kalman's
     /// update in Joseph's form. The gate is on the squared Mahalanobis distance.
+    #[inline]
     pub fn update(&mut self, residual: &Residual, noise: &Matrix2<f64>, gate: f64) -> Update {
         let h = &residual.jacobian;
         let spread = self.covariance * h.transpose();
@@ -72,8 +73,9 @@ impl Belief {
         }
         let gain = spread * inverse;
         self.shift(-(gain * residual.distance_px));
-        let keep = Matrix3::identity() - gain * h;
-        self.covariance = keep * self.covariance * keep.transpose() + gain * noise * gain.transpose();
+        // (I - KH) P (I - KH)' + K R K', multiplied out from the left.
+        let kept = self.covariance - gain * spread.transpose();
+        self.covariance = kept - (kept * h.transpose() - gain * noise) * gain.transpose();
         self.symmetrise();
         Update::Applied(distance)
     }

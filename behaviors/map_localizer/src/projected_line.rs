@@ -13,21 +13,19 @@ const SMALLEST_NORM: f64 = 1e-12;
 /// Nearer (m) along the optical axis an upright edge has no column.
 const NEAREST_M: f64 = 0.1;
 
-/// The camera on the robot, ready for projecting.
+/// The camera on the robot, ready for projecting: both map the body frame to homogeneous pixels (px m, px m, m).
 #[derive(Clone, Copy, Debug)]
 pub struct LineCamera {
-    intrinsics: Intrinsics,
-    camera_from_body: Matrix3<f64>,
-    mount_in_camera: Vector3<f64>,
+    pixel_from_body: Matrix3<f64>,
+    mount: Vector3<f64>,
 }
 
-/// The camera at one pose of the robot.
+/// The camera at one pose of the robot, likewise from the map.
 #[derive(Clone, Copy, Debug)]
 pub struct LineView {
-    intrinsics: Intrinsics,
     /// Of directions.
-    camera_from_map: Matrix3<f64>,
-    mount_in_camera: Vector3<f64>,
+    pixel_from_map: Matrix3<f64>,
+    mount: Vector3<f64>,
     position: Vector3<f64>,
 }
 
@@ -66,23 +64,23 @@ impl LineCamera {
     /// A camera without distortion, where it sits on the robot.
     #[must_use]
     pub fn new(intrinsics: &Intrinsics, mount: &Mount) -> Self {
-        let camera_from_body = mount.rotation_body_from_camera().transpose();
-        Self {
-            intrinsics: *intrinsics,
-            camera_from_body,
-            mount_in_camera: camera_from_body * mount.position_in_body(),
-        }
+        let Intrinsics { fx, fy, cx, cy, .. } = *intrinsics;
+        let pixel_from_camera = Matrix3::new(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0);
+        let pixel_from_body = pixel_from_camera * mount.rotation_body_from_camera().transpose();
+        Self { pixel_from_body, mount: pixel_from_body * mount.position_in_body() }
     }
 
     /// It, with the robot at this pose.
     #[must_use]
+    #[inline]
     pub fn at(&self, map_from_robot: &Pose2) -> LineView {
         let (sin, cos) = map_from_robot.theta.sin_cos();
-        let body_from_map = Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let (ahead, left) = (self.pixel_from_body.column(0), self.pixel_from_body.column(1));
+        let columns =
+            [ahead * cos - left * sin, ahead * sin + left * cos, self.pixel_from_body.column(2).into()];
         LineView {
-            intrinsics: self.intrinsics,
-            camera_from_map: self.camera_from_body * body_from_map,
-            mount_in_camera: self.mount_in_camera,
+            pixel_from_map: Matrix3::from_columns(&columns),
+            mount: self.mount,
             position: Vector3::new(map_from_robot.x, map_from_robot.y, 0.0),
         }
     }
@@ -93,41 +91,34 @@ impl LineView {
     #[must_use]
     #[inline]
     pub fn project(&self, edge: &Edge) -> Option<ProjectedLine> {
-        let (from, a) = self.in_camera(&edge.from);
-        let (to, b) = self.in_camera(&edge.to);
-        let line = self.pixel_line(a.cross(&b));
+        let (from, a) = self.in_pixels(&edge.from);
+        let (to, b) = self.in_pixels(&edge.to);
+        let line = a.cross(&b);
         let norm = line.xy().norm();
         if norm.is_nan() || norm <= SMALLEST_NORM * (1.0 + a.norm() * b.norm()) {
             return None;
         }
-        let run = b - a;
-        let along_x = self.pixel_line((-self.camera_from_map.column(0)).cross(&run));
-        let along_y = self.pixel_line((-self.camera_from_map.column(1)).cross(&run));
-        let turned = |v: Vector3<f64>| self.camera_from_map * Vector3::new(v.y, -v.x, 0.0);
-        let turn = self.pixel_line(turned(from).cross(&b) + a.cross(&turned(to)));
-        let coefficients = line / norm;
+        // The robot's step moves both ends the other way, its turn moves each about the robot.
+        let (x_axis, y_axis) = (self.pixel_from_map.column(0), self.pixel_from_map.column(1));
+        let run = a - b;
+        let turned = |v: Vector3<f64>| x_axis * v.y - y_axis * v.x;
+        let turn = turned(from).cross(&b) + a.cross(&turned(to));
+        let per_norm = norm.recip();
+        let coefficients = line * per_norm;
         // What only makes the normal longer does not move the line.
         let of_unit = |change: Vector3<f64>| {
-            let change = change / norm;
+            let change = change * per_norm;
             change - coefficients * coefficients.xy().dot(&change.xy())
         };
-        let jacobian = Matrix3::from_columns(&[of_unit(along_x), of_unit(along_y), of_unit(turn)]);
-        Some(ProjectedLine { coefficients, jacobian })
+        let columns = [of_unit(x_axis.cross(&run)), of_unit(y_axis.cross(&run)), of_unit(turn)];
+        Some(ProjectedLine { coefficients, jacobian: Matrix3::from_columns(&columns) })
     }
 
-    /// A point of the map relative to the robot in map directions, and in the optical frame.
+    /// A point of the map relative to the robot in map directions, and as a homogeneous pixel.
     #[inline]
-    fn in_camera(&self, point: &Point3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    fn in_pixels(&self, point: &Point3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_robot = point.coords - self.position;
-        (from_robot, self.camera_from_map * from_robot - self.mount_in_camera)
-    }
-
-    /// The pixel line of the plane through the optical centre with this normal.
-    #[inline]
-    fn pixel_line(&self, normal: Vector3<f64>) -> Vector3<f64> {
-        let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
-        let (u, v) = (normal.x / fx, normal.y / fy);
-        Vector3::new(u, v, normal.z - cx * u - cy * v)
+        (from_robot, self.pixel_from_map * from_robot - self.mount)
     }
 }
 
