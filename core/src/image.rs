@@ -1,7 +1,11 @@
 //! 8-bit grey images: a borrowed view with checked dimensions and an owned buffer that is filled again without
-//! allocating.
+//! allocating; and a borrowed view of colour images.
 //!
 //! Pixel centres stand on integer coordinates; u counts columns to the right, v rows downwards.
+
+mod rgb;
+
+pub use rgb::RgbView;
 
 use thiserror::Error;
 

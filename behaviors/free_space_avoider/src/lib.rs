@@ -4,7 +4,9 @@
 //! Differs from \[1\]: see [`navel_grid`]; besides, nothing within the stopping distance is driven at, and failures stop.
 
 pub mod config;
+pub mod direction;
 pub mod navel_grid;
+pub mod polar_cells;
 pub mod stopping;
 
 pub use config::Config;

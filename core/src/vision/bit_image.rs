@@ -47,13 +47,13 @@ impl BitImage {
     /// Whether the pixel in column `u` and row `v` is set; outside, none is.
     #[must_use]
     pub fn get(&self, u: usize, v: usize) -> bool {
-        u < self.width && v < self.height && self.words[self.index(u, v)] >> (u % 64) & 1 == 1
+        u < self.width && v < self.height && self.words[self.word_index(u, v)] >> (u % 64) & 1 == 1
     }
 
     /// Sets the pixel in column `u` and row `v`; outside, nothing happens.
     pub fn set(&mut self, u: usize, v: usize) {
         if u < self.width && v < self.height {
-            let index = self.index(u, v);
+            let index = self.word_index(u, v);
             self.words[index] |= 1 << (u % 64);
         }
     }
@@ -154,7 +154,8 @@ impl BitImage {
         &mut self.words[start..start + stride - 1]
     }
 
-    fn index(&self, u: usize, v: usize) -> usize {
+    /// Where in [`BitImage::words`] a pixel's bit is.
+    pub(crate) fn word_index(&self, u: usize, v: usize) -> usize {
         1 + v * self.stride() + u / 64
     }
 }

@@ -4,11 +4,14 @@
 pub mod area_average;
 pub mod bit_image;
 pub mod dark_cells;
+pub mod floor_colour;
 pub mod gradient;
 pub mod isodata;
 pub mod level_edges;
 pub mod median;
+pub mod morphology;
 pub mod overlay;
+pub mod ring_cells;
 pub mod segment_fit;
 pub mod segments;
 pub mod template;

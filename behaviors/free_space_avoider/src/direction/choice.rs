@@ -1,0 +1,320 @@
+//! The direction for a robot that can drive in every direction without turning.
+
+use nalgebra::Vector2;
+use yamabico_core::geometry::wrap_angle;
+
+use super::free_distances::FreeDistances;
+use super::limited_motion::LimitedMotion;
+
+/// Deviations from the wished direction that differ by less than this (rad) are equal.
+pub const SAME_DEVIATION_RAD: f64 = 1e-9;
+/// A deviation below this (rad) is to neither side.
+const STRAIGHT_RAD: f64 = 1e-6;
+
+/// Whether the velocity that the robot has counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Velocity {
+    /// It does: the robot comes from its velocity to the new one as its acceleration allows.
+    Considered,
+    /// Every direction is taken at once, as without inertia: for comparison.
+    Ignored,
+}
+
+/// How directions are judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChoiceRules {
+    /// Least and best: the speed to drive at, m/s.
+    pub speed_mps: f64,
+    /// The largest acceleration in any direction, m/s^2, above 0.
+    pub acceleration_mps2: f64,
+    /// The robot's radius and what is kept beside it, m.
+    pub clearance_m: f64,
+    /// Time between two looks at a way, s.
+    pub step_s: f64,
+    /// Time until the next choice takes effect, s: so long after, the robot must still be able to stop.
+    pub reaction_s: f64,
+    /// Whether the velocity that the robot has counts.
+    pub velocity: Velocity,
+}
+
+/// A direction that is taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// The velocity to drive at, m/s.
+    pub velocity_mps: Vector2<f64>,
+    /// Its direction, radians.
+    pub direction_rad: f64,
+    /// The sector whose middle it is; `None` for the wished direction itself.
+    pub sector: Option<usize>,
+    /// Directions that were tried before.
+    pub rank: usize,
+    /// -1, 0 or 1: on which side of the wished direction it lies; left is 1.
+    pub side: i8,
+}
+
+/// One direction that may be tried.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub(super) direction_rad: f64,
+    pub(super) sector: Option<usize>,
+    deviation_rad: f64,
+}
+
+impl Candidate {
+    pub(super) fn side(&self) -> i8 {
+        match self.deviation_rad {
+            deviation if deviation.abs() < STRAIGHT_RAD => 0,
+            deviation if deviation > 0.0 => 1,
+            _ => -1,
+        }
+    }
+}
+
+/// Chooses directions; allocates only for more sectors than ever before.
+#[derive(Clone, Debug, Default)]
+pub struct Chooser {
+    candidates: Vec<Candidate>,
+}
+
+impl Chooser {
+    /// The direction nearest to `goal_rad` in which the robot, driving at `from_mps` now, keeps clear of everything hidden,
+    /// and could still stop after its reaction time. Of two directions equally near that on `last_side` (-1, 0, 1) wins,
+    /// or else the left one. `None` where there is no such direction.
+    pub fn choose(
+        &mut self,
+        free: &FreeDistances,
+        from_mps: Vector2<f64>,
+        goal_rad: f64,
+        last_side: i8,
+        rules: &ChoiceRules,
+    ) -> Option<Choice> {
+        // Every way begins here.
+        if free.clearance_m(Vector2::zeros()) < rules.clearance_m {
+            return None;
+        }
+        self.order(free, goal_rad, last_side).iter().enumerate().find_map(|(rank, candidate)| {
+            let direction_rad = candidate.direction_rad;
+            let velocity_mps = Vector2::new(direction_rad.cos(), direction_rad.sin()) * rules.speed_mps;
+            let ways = Ways::new(from_mps, velocity_mps, rules);
+            let is_clear = keeps_clear(free, &ways.drive, Vector2::zeros(), ways.drive_s, rules)
+                && keeps_clear(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules);
+            is_clear.then(|| Choice {
+                velocity_mps,
+                direction_rad,
+                sector: candidate.sector,
+                rank,
+                side: candidate.side(),
+            })
+        })
+    }
+
+    /// The same, at half and at a quarter of the speed where the whole is too fast.
+    pub fn choose_speed(
+        &mut self,
+        free: &FreeDistances,
+        from_mps: Vector2<f64>,
+        goal_rad: f64,
+        last_side: i8,
+        rules: &ChoiceRules,
+    ) -> Option<Choice> {
+        [1.0, 0.5, 0.25].iter().find_map(|share| {
+            let rules = ChoiceRules { speed_mps: share * rules.speed_mps, ..*rules };
+            self.choose(free, from_mps, goal_rad, last_side, &rules)
+        })
+    }
+
+    /// The wished direction and the middles of all sectors, nearest first.
+    pub(super) fn order(&mut self, free: &FreeDistances, goal_rad: f64, last_side: i8) -> &[Candidate] {
+        let candidate = |sector: Option<usize>| {
+            let direction_rad = sector.map_or(goal_rad, |sector| free.middle(sector));
+            Candidate { direction_rad, sector, deviation_rad: -wrap_angle(goal_rad - direction_rad) }
+        };
+        self.candidates.clear();
+        self.candidates.push(candidate(None));
+        self.candidates.extend((0..free.len()).map(|sector| candidate(Some(sector))));
+        let key = |candidate: &Candidate| {
+            let deviation = candidate.deviation_rad;
+            let side = if deviation >= 0.0 { 1 } else { -1 };
+            let is_other_side = last_side != 0 && side != last_side;
+            let number = candidate.sector.map_or(0, |sector| sector + 1);
+            ((deviation.abs() / SAME_DEVIATION_RAD).round() as i64, is_other_side, -side, number)
+        };
+        self.candidates.sort_unstable_by_key(key);
+        &self.candidates
+    }
+}
+
+/// What is looked at for one direction.
+struct Ways {
+    drive: LimitedMotion,
+    drive_s: f64,
+    stop: LimitedMotion,
+    stop_from: Vector2<f64>,
+}
+
+impl Ways {
+    fn new(from_mps: Vector2<f64>, to_mps: Vector2<f64>, rules: &ChoiceRules) -> Self {
+        let from_mps = match rules.velocity {
+            Velocity::Considered => from_mps,
+            Velocity::Ignored => to_mps,
+        };
+        let acceleration = rules.acceleration_mps2;
+        let drive = LimitedMotion::new(from_mps, to_mps, acceleration);
+        Self {
+            drive,
+            // Straight on after the ramp for as long as braking takes, which is the way that braking takes.
+            drive_s: drive.ramp_s() + rules.speed_mps / (2.0 * acceleration),
+            stop: LimitedMotion::new(drive.velocity_mps(rules.reaction_s), Vector2::zeros(), acceleration),
+            stop_from: drive.position_m(rules.reaction_s),
+        }
+    }
+}
+
+/// Whether a motion that begins at `from` keeps its distance for `duration_s`: looked at every step and at its end. Steps
+/// that cannot come near enough are left out, which changes no answer.
+fn keeps_clear(
+    free: &FreeDistances,
+    motion: &LimitedMotion,
+    from: Vector2<f64>,
+    duration_s: f64,
+    rules: &ChoiceRules,
+) -> bool {
+    let step_m = motion.fastest_mps() * rules.step_s;
+    let mut step = 0.0;
+    loop {
+        let t = (step * rules.step_s).min(duration_s);
+        let spare_m = free.clearance_m(from + motion.position_m(t)) - rules.clearance_m;
+        if spare_m < 0.0 {
+            return false;
+        }
+        if t >= duration_s || spare_m >= step_m * (duration_s - t) / rules.step_s {
+            return true;
+        }
+        step += 1.0 + (spare_m / step_m).floor();
+    }
+}
+
+/// The smallest clearance (m) of all the steps that are looked at when the robot changes from one velocity to another and
+/// would stop after its reaction time: the plain reference of what [`Chooser::choose`] decides by.
+#[must_use]
+pub fn least_clearance_m(
+    free: &FreeDistances,
+    from_mps: Vector2<f64>,
+    to_mps: Vector2<f64>,
+    rules: &ChoiceRules,
+) -> f64 {
+    let ways = Ways::new(from_mps, to_mps, rules);
+    let drive = least_on_way_m(free, &ways.drive, Vector2::zeros(), ways.drive_s, rules.step_s);
+    drive.min(least_on_way_m(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules.step_s))
+}
+
+/// The smallest clearance (m) of all the steps of a stop from this velocity.
+#[must_use]
+pub fn stop_clearance_m(free: &FreeDistances, from_mps: Vector2<f64>, rules: &ChoiceRules) -> f64 {
+    let stop = LimitedMotion::new(from_mps, Vector2::zeros(), rules.acceleration_mps2);
+    least_on_way_m(free, &stop, Vector2::zeros(), stop.ramp_s(), rules.step_s)
+}
+
+fn least_on_way_m(
+    free: &FreeDistances,
+    motion: &LimitedMotion,
+    from: Vector2<f64>,
+    duration_s: f64,
+    step_s: f64,
+) -> f64 {
+    let times =
+        (0..).map(|step| f64::from(step) * step_s).take_while(|&t| t < duration_s).chain([duration_s]);
+    times.map(|t| free.clearance_m(from + motion.position_m(t))).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+    use std::f64::consts::PI;
+
+    const RULES: ChoiceRules = ChoiceRules {
+        speed_mps: 0.4,
+        acceleration_mps2: 0.3,
+        clearance_m: 0.1,
+        step_s: 0.02,
+        reaction_s: 0.04,
+        velocity: Velocity::Considered,
+    };
+
+    fn random_case(random: &mut Pcg64) -> (Vec<f64>, Vector2<f64>, f64) {
+        let distances = (0..32).map(|_| random.random_range(0.1..1.8)).collect();
+        let velocity = Vector2::new(random.random_range(-0.4..0.4), random.random_range(-0.2..0.2));
+        (distances, velocity, random.random_range(-PI..PI))
+    }
+
+    /// The quick check decides as the plain one does, for the direction taken and for all that were passed over.
+    #[test]
+    fn leaving_steps_out_changes_no_choice() {
+        let mut random = Pcg64::seed_from_u64(3);
+        let (mut chooser, mut taken) = (Chooser::default(), 0);
+        for _ in 0..300 {
+            let (distances, velocity, goal) = random_case(&mut random);
+            let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+            free.set(distances);
+            let expected = Chooser::default().order(&free, goal, 0).iter().position(|candidate| {
+                let to = Vector2::new(candidate.direction_rad.cos(), candidate.direction_rad.sin()) * 0.4;
+                least_clearance_m(&free, velocity, to, &RULES) >= RULES.clearance_m
+            });
+            let choice = chooser.choose(&free, velocity, goal, 0, &RULES);
+            assert_eq!(choice.map(|choice| choice.rank), expected);
+            taken += usize::from(expected.is_some());
+        }
+        assert!(taken > 20, "{taken}");
+    }
+
+    #[test]
+    fn the_mirror_image_is_answered_by_the_mirror_image() {
+        let mut random = Pcg64::seed_from_u64(4);
+        let mut chooser = Chooser::default();
+        for _ in 0..200 {
+            let (distances, velocity, goal) = random_case(&mut random);
+            let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+            free.set(distances.iter().copied());
+            let here = chooser.choose(&free, velocity, goal, 1, &RULES);
+            free.set(distances.iter().rev().copied());
+            let there = chooser.choose(&free, Vector2::new(velocity.x, -velocity.y), -goal, -1, &RULES);
+            let (Some(here), Some(there)) = (here, there) else {
+                assert_eq!(here.is_some(), there.is_some());
+                continue;
+            };
+            assert!(wrap_angle(here.direction_rad + there.direction_rad).abs() < 1e-9);
+            assert_eq!(here.side, -there.side);
+        }
+    }
+
+    #[test]
+    fn another_obstacle_never_brings_the_choice_nearer_to_the_wish() {
+        let mut random = Pcg64::seed_from_u64(5);
+        let mut chooser = Chooser::default();
+        for _ in 0..200 {
+            let (mut distances, velocity, goal) = random_case(&mut random);
+            let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+            free.set(distances.iter().copied());
+            let before = chooser.choose(&free, velocity, goal, 0, &RULES);
+            distances[random.random_range(0..32)] *= 0.5;
+            free.set(distances);
+            let after = chooser.choose(&free, velocity, goal, 0, &RULES);
+            match (before, after) {
+                (Some(before), Some(after)) => assert!(after.rank >= before.rank),
+                (before, after) => assert!(before.is_some() || after.is_none()),
+            }
+        }
+    }
+
+    #[test]
+    fn a_closed_ring_is_driven_in_slowly() {
+        let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+        free.set([0.3; 32]);
+        let mut chooser = Chooser::default();
+        assert_eq!(chooser.choose(&free, Vector2::zeros(), 0.5, 0, &RULES), None);
+        let slow = chooser.choose_speed(&free, Vector2::zeros(), 0.5, 0, &RULES);
+        assert_eq!(slow.map(|slow| slow.velocity_mps.norm()), Some(0.2));
+    }
+}
