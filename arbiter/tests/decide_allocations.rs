@@ -1,7 +1,5 @@
 //! A decision allocates nothing.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::time::Duration;
 
 use yamabico_arbiter::decide::{Decision, State, decide};
@@ -9,34 +7,11 @@ use yamabico_arbiter::kinematics::Kinematics;
 use yamabico_arbiter::policy::{BehaviourPolicy, Contest, Policy, Wire};
 use yamabico_core::message::{Axes, Proposal, Reason, Sector, Twist, Verdict};
 use yamabico_core::sensor::MotionLimits;
+use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
 use yamabico_core::time::Time;
 
-/// Counts what the thread asks for.
-struct Counting;
-
-thread_local! {
-    static COUNT: Cell<u64> = const { Cell::new(0) };
-}
-
-#[allow(unsafe_code, reason = "passes every call on to the system's allocator")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.set(COUNT.get() + 1);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.set(COUNT.get() + 1);
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static HEAP: CountingAllocator = CountingAllocator;
 
 fn proposal(i: usize, tick: u64) -> Option<Proposal> {
     let ahead = Sector { centre_rad: 0.1, half_width_rad: 1.0 };
@@ -71,16 +46,16 @@ fn a_decision_and_its_messages_allocate_nothing() {
     let mut proposals = vec![None; 64];
     let mut verdicts = vec![Verdict::default(); 64];
 
-    assert!(COUNT.get() > 0);
-    let before = COUNT.get();
-    for tick in 1..500 {
-        for (i, slot) in proposals.iter_mut().enumerate() {
-            *slot = proposal(i, tick);
+    let ((), asked) = allocations(|| {
+        for tick in 1..500 {
+            for (i, slot) in proposals.iter_mut().enumerate() {
+                *slot = proposal(i, tick);
+            }
+            decide(&policy, &mut state, &proposals, Time(tick * 20_000_000), &mut decision);
+            decision.command(&policy);
+            decision.header(&policy);
+            decision.write_verdicts(&policy, &mut verdicts);
         }
-        decide(&policy, &mut state, &proposals, Time(tick * 20_000_000), &mut decision);
-        decision.command(&policy);
-        decision.header(&policy);
-        decision.write_verdicts(&policy, &mut verdicts);
-    }
-    assert_eq!(COUNT.get() - before, 0);
+    });
+    assert_eq!(asked, Allocations::default());
 }

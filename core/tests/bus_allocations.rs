@@ -1,43 +1,12 @@
 //! A message costs no memory of ours: nothing is allocated to receive one, and to send one only what iceoryx2 takes for the
 //! duration of the loan.
 
-#![allow(unsafe_code, reason = "counts what the system's allocator is asked for")]
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use yamabico_core::bus::{Bus, Inbox, Spec};
 use yamabico_core::message::{FrameHeader, MessageType, Odometry};
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-    static BYTES: Cell<i64> = const { Cell::new(0) };
-}
-
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
-        let _ = BYTES.try_with(|n| n.set(n.get() + layout.size() as i64));
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        let _ = BYTES.try_with(|n| n.set(n.get() - layout.size() as i64));
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
+use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
 
 #[global_allocator]
-static COUNTING: Counting = Counting;
-
-/// Allocations during `work`, and the bytes that they left behind.
-fn count(work: impl FnOnce()) -> (u64, i64) {
-    let before = (ALLOCATIONS.get(), BYTES.get());
-    work();
-    (ALLOCATIONS.get() - before.0, BYTES.get() - before.1)
-}
+static HEAP: CountingAllocator = CountingAllocator;
 
 const MESSAGES: u64 = 1000;
 
@@ -50,23 +19,26 @@ fn messages_are_not_paid_for_on_the_heap() {
         let (wheels, camera) = (bus.publisher("odometry").unwrap(), bus.publisher("camera").unwrap());
         let frames = bus.subscriber::<FrameHeader>("camera").unwrap();
         let mut inbox = Inbox::new("wheels", bus.subscriber_raw("odometry", &odometry).unwrap());
-        let (mut sent, mut received) = ((0, 0), (0, 0));
+        let (mut sent, mut received) = (Allocations::default(), Allocations::default());
         for sequence in 0..MESSAGES + 100 {
-            let send = count(|| {
+            let ((), send) = allocations(|| {
                 wheels.publish(&Odometry { sequence, ..Default::default() }, &[]).unwrap();
                 let header = FrameHeader { sequence, ..Default::default() };
                 camera.publish_in_place(&header, 4096, |pixels| pixels.fill(1)).unwrap();
             });
-            let receive = count(|| {
+            let ((), receive) = allocations(|| {
                 assert_eq!(inbox.refresh().unwrap(), 1);
                 assert_eq!(frames.receive().unwrap().unwrap().header().sequence, sequence);
             });
             if sequence >= 100 {
-                sent = (sent.0 + send.0, sent.1 + send.1);
-                received = (received.0 + receive.0, received.1 + receive.1);
+                for (sum, asked) in [(&mut sent, send), (&mut received, receive)] {
+                    sum.calls += asked.calls;
+                    sum.bytes_kept += asked.bytes_kept;
+                }
             }
         }
-        assert_eq!(received, (0, 0));
-        assert_eq!(sent, (2 * MESSAGES, 0), "one loan of iceoryx2 a message, given back at once");
+        assert_eq!(received, Allocations::default());
+        let one_each = Allocations { calls: 2 * MESSAGES, bytes_kept: 0 };
+        assert_eq!(sent, one_each, "one loan of iceoryx2 a message, given back at once");
     }
 }

@@ -1,38 +1,16 @@
 //! Nothing allocates per frame once the workspaces have seen a first one.
 
 use nalgebra::Vector2;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::image::{GrayImage, ImageView};
+use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
 use yamabico_core::vision::gradient::{Gradient, Scharr};
 use yamabico_core::vision::median::Median3;
 use yamabico_core::vision::segments::{SegmentConfig, SegmentDetector};
 use yamabico_core::vision::vanishing_point::{Prediction, VanishingPointConfig, VanishingPointFinder};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-#[allow(unsafe_code, reason = "counts and hands on to the system's allocator")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static HEAP: CountingAllocator = CountingAllocator;
 
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
@@ -78,12 +56,8 @@ fn frames_after_the_first_do_not_allocate() {
     for data in &pictures {
         assert!(look(data).is_some());
     }
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
-    let mut found = 0;
-    for data in pictures.iter().chain([&blank]).chain(&pictures) {
-        found += usize::from(look(data).is_some());
-    }
-    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    let frames = pictures.iter().chain([&blank]).chain(&pictures);
+    let (found, asked) = allocations(|| frames.filter(|data| look(data).is_some()).count());
     assert_eq!(found, 2 * pictures.len());
-    assert_eq!(after - before, 0, "allocations in seven frames");
+    assert_eq!(asked, Allocations::default(), "seven frames");
 }

@@ -9,15 +9,14 @@
 use nalgebra::{Vector2, Vector3};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount, Pinhole};
+use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::corridor::floor_lines::FloorLineRule;
 use yamabico_core::corridor::sight::{CorridorCamera, Sight};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::message::{Encoding, FrameHeader, Odometry, Proposal};
-use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
-use yamabico_core::testing::Bench;
+use yamabico_core::message::{FrameHeader, Odometry, Proposal};
+use yamabico_core::sensor::Calibration;
+use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_core::vision::overlay::Canvas;
 use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side, floor_line};
@@ -76,28 +75,13 @@ fn run(arguments: &Arguments) -> Result<(), String> {
 /// The same picture some times, from a robot that stands.
 fn propose(picture: &Picture) -> Result<(Bench<IntersectionTracker>, Proposal), String> {
     let (intrinsics, mount) = (picture.intrinsics, picture.mount);
-    let calibrated = Calibration::Measured;
-    let sensor = SensorInfo {
-        name: "front".into(),
-        message: "yamabico.FrameHeader.v1",
-        period_s: 0.1,
-        latency_s: 0.0,
-        kind: SensorKind::Camera { intrinsics, distortion: Distortion::NONE, mount, calibrated },
-    };
-    let setup = Setup { sensors: vec![("camera".into(), sensor)], ..Setup::default() };
+    let setup = camera_setup(intrinsics, mount);
     let mut bench = Bench::<IntersectionTracker>::new("", setup).map_err(|error| error.to_string())?;
     let mut proposal = Proposal::default();
     for call in 1..=4 {
         let seconds = 0.1 * f64::from(call);
         let stamp_ns = Time::from_secs_f64(seconds).0;
-        let header = FrameHeader {
-            stamp_ns,
-            width: intrinsics.width,
-            height: intrinsics.height,
-            stride: intrinsics.width,
-            encoding: Encoding::Gray8.code(),
-            ..FrameHeader::default()
-        };
+        let header = FrameHeader::gray(intrinsics.width, intrinsics.height, stamp_ns);
         bench.at(seconds).feed(&ODOMETRY, &Odometry { stamp_ns, ..Odometry::default() }, &[]);
         proposal = bench.feed(&CAMERA, &header, &picture.pixels).propose();
     }

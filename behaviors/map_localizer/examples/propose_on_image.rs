@@ -11,13 +11,13 @@ use std::path::PathBuf;
 use image::{GrayImage as Picture, RgbImage};
 use nalgebra::Vector2;
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount};
+use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::map::{ExpectationMap, ExpectationRules, MapView};
-use yamabico_core::message::{Encoding, FrameHeader, Odometry};
-use yamabico_core::sensor::{Calibration, Robot, SensorInfo, SensorKind};
-use yamabico_core::testing::Bench;
+use yamabico_core::message::{FrameHeader, Odometry};
+use yamabico_core::sensor::Robot;
+use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::vision::overlay::Canvas;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::random::stream;
@@ -51,13 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         at[0], at[1], at[2]
     );
     let mut bench = Bench::<MapLocalizer>::new(&config, setup(intrinsics, mount))?;
-    let frame = FrameHeader {
-        width,
-        height,
-        stride: width,
-        encoding: Encoding::Gray8.code(),
-        ..FrameHeader::default()
-    };
+    let frame = FrameHeader::gray(width, height, 0);
     bench.feed(&ODOMETRY, &Odometry::default(), &[]).feed(&CAMERA, &frame, picture.as_raw());
     let proposal = bench.propose();
     let localizer = &bench.behavior;
@@ -136,19 +130,10 @@ fn render(robot: Pose2) -> Result<Picture, Box<dyn Error>> {
 }
 
 fn setup(intrinsics: Intrinsics, mount: Mount) -> Setup {
-    let kind = SensorKind::Camera {
-        intrinsics,
-        distortion: Distortion::NONE,
-        mount,
-        calibrated: Calibration::Measured,
-    };
-    let message = "yamabico.FrameHeader.v1";
-    let sensor = SensorInfo { name: "front".into(), message, period_s: 0.1, latency_s: 0.0, kind };
     Setup {
         folder: configs(),
         robot: Robot { radius_m: 0.2, ..Robot::default() },
-        sensors: vec![("camera".into(), sensor)],
-        ..Setup::default()
+        ..camera_setup(intrinsics, mount)
     }
 }
 

@@ -3,33 +3,17 @@
 mod rig;
 
 use rig::{TABLE, Told, camera, feed, picture, setup};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
 use yamabico_core::camera::Pinhole;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::map::WireFrame;
+use yamabico_core::testing::{Bench, CountingAllocator, allocations};
+use yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider;
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
 
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-#[allow(unsafe_code, reason = "hands every call on to the system's allocator, and counts")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static HEAP: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_frame_allocates_nothing_after_warm_up() {
@@ -45,26 +29,22 @@ fn a_frame_allocates_nothing_after_warm_up() {
         let (pose, pixels) = (poses[i % 3], &pictures[i % 3]);
         let image = ImageView::new(pixels, 256, 240, 256).expect("a picture");
         let place = table.at(&pose, 1.0).expect("thresholds");
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
-        let flagged =
-            detector.look(image, &pose, 1e-3, &place).expect("sights").iter().any(|s| s.is_obstacle);
-        let during = ALLOCATIONS.load(Ordering::Relaxed) - before;
-        assert!(flagged && (i < 10 || during == 0), "look {i}: {during}");
+        let (flagged, asked) = allocations(|| {
+            detector.look(image, &pose, 1e-3, &place).expect("sights").iter().any(|s| s.is_obstacle)
+        });
+        assert!(flagged && (i < 10 || asked.calls == 0), "look {i}: {asked:?}");
     }
-    // What is published with a picture is copied by the bench itself.
-    let mut bench = yamabico_core::testing::Bench::new(TABLE, setup).expect("a configuration");
+    let mut bench = Bench::<StationaryObstacleAvoider>::new(TABLE, setup).expect("a configuration");
     let mut counted = 0;
     for i in 0..200_u32 {
         let told = Told { seconds: 0.05 * f64::from(i), robot: poses[0], ..Told::default() };
         let pixels = (i % 2 == 0).then_some(&pictures[0][..]);
         feed(&mut bench, &told, pixels);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
-        bench.propose();
-        let during = ALLOCATIONS.load(Ordering::Relaxed) - before;
-        if i >= 100 && pixels.is_none() {
-            assert_eq!(during, 0, "call {i}");
+        let (_, asked) = allocations(|| bench.propose());
+        if i >= 100 {
+            assert_eq!(asked.calls, 0, "call {i}");
             counted += 1;
         }
     }
-    assert_eq!(counted, 50);
+    assert_eq!(counted, 100);
 }

@@ -3,33 +3,15 @@
 mod rig;
 
 use rig::{camera, frame_header, picture, setup};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Kind, Odometry};
 use yamabico_core::sensor::Calibration;
-use yamabico_core::testing::Bench;
+use yamabico_core::testing::{Bench, CountingAllocator, allocations};
 use yamabico_core::time::Time;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-#[allow(unsafe_code, reason = "hands every call on to the system's allocator, and counts")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static HEAP: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_frame_allocates_nothing_after_warm_up() {
@@ -48,12 +30,10 @@ fn a_frame_allocates_nothing_after_warm_up() {
             Odometry { stamp_ns: Time::from_secs_f64(seconds).0, theta: *heading, ..Odometry::default() };
         bench.at(seconds).feed(&ODOMETRY, &odometry, &[]);
         bench.feed(&CAMERA, &frame_header(&intrinsics, seconds), pixels);
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
-        let proposal = bench.propose();
-        let during = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        let (proposal, asked) = allocations(|| bench.propose());
         assert_eq!(proposal.kind(), Some(Kind::Drive), "{:?}", proposal.reason());
         if i >= 50 {
-            assert_eq!(during, 0, "call {i}");
+            assert_eq!(asked.calls, 0, "call {i}");
             counted += 1;
         }
     }

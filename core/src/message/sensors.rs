@@ -1,7 +1,8 @@
 //! What sensors measure.
 
-use super::{item, message, vocabulary};
+use super::{Twist, item, message, vocabulary};
 use crate::bus::ZeroCopySend;
+use crate::geometry::Pose2;
 
 vocabulary! {
     /// How the bytes of a frame are to be read.
@@ -45,6 +46,13 @@ message! {
 }
 
 impl FrameHeader {
+    /// Of a grey picture without padding at the ends of its rows.
+    #[must_use]
+    pub fn gray(width: u32, height: u32, stamp_ns: u64) -> Self {
+        let encoding = Encoding::Gray8.code();
+        Self { stamp_ns, width, height, stride: width, encoding, ..Self::default() }
+    }
+
     /// The encoding, where the code is known.
     pub fn encoding(&self) -> Option<Encoding> {
         Encoding::from_code(self.encoding)
@@ -118,6 +126,16 @@ message! {
         pub omega: f64,
         /// Of (x, y, theta), row by row.
         pub covariance: [f64; 9],
+    }
+}
+
+impl Odometry {
+    /// A pose (odom frame) and how it moves (robot frame), without covariance.
+    #[must_use]
+    pub fn new(stamp_ns: u64, pose: &Pose2, twist: &Twist) -> Self {
+        let Pose2 { x, y, theta } = *pose;
+        let Twist { linear: vx, lateral: vy, angular: omega } = *twist;
+        Self { stamp_ns, x, y, theta, vx, vy, omega, ..Self::default() }
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::behavior::{OutputSink, PublishError, RawMessage, SlotInfo, View};
 use crate::message::{Message, MessageType};
 
+use super::allocations::uncounted;
 use super::inbox::Stored;
 
 /// Keeps whatever is published: the outputs of a behaviour on the bench, or of a sensor that a test polls.
@@ -35,7 +36,7 @@ impl Published {
 
     /// Forgets everything.
     pub fn clear(&mut self) {
-        self.kept.clear();
+        uncounted(|| self.kept.clear());
     }
 }
 
@@ -58,9 +59,11 @@ impl OutputSink for Published {
                 });
             }
         }
-        let mut stored = Stored::default();
-        stored.set(header, items);
-        self.kept.push((name.to_owned(), *message, stored));
+        uncounted(|| {
+            let mut stored = Stored::default();
+            stored.set(header, items);
+            self.kept.push((name.to_owned(), *message, stored));
+        });
         Ok(())
     }
 
@@ -72,7 +75,7 @@ impl OutputSink for Published {
         len: usize,
         fill: &mut dyn FnMut(&mut [u8]),
     ) -> Result<(), PublishError> {
-        let mut items = vec![0_u64; len.div_ceil(8)];
+        let mut items = uncounted(|| vec![0_u64; len.div_ceil(8)]);
         fill(&mut bytemuck::cast_slice_mut(&mut items)[..len]);
         self.publish(name, message, header, &bytemuck::cast_slice(&items)[..len])
     }

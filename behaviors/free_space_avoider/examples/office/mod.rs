@@ -4,11 +4,12 @@ use std::path::Path;
 
 use nalgebra::Vector2;
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount};
+use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::message::{Encoding, FrameHeader, Proposal};
-use yamabico_core::sensor::{Calibration, Robot, SensorInfo, SensorKind};
+use yamabico_core::message::{FrameHeader, Proposal};
+use yamabico_core::sensor::Robot;
+use yamabico_core::testing::camera_setup;
 use yamabico_core::time::Time;
 use yamabico_core::vision::area_average::AreaAverage;
 use yamabico_core::vision::overlay::{Canvas, Colour};
@@ -28,29 +29,13 @@ pub fn camera(width: u32, height: u32) -> (Intrinsics, Mount) {
 
 /// A robot with this camera.
 pub fn setup(intrinsics: Intrinsics, mount: Mount) -> Setup {
-    let calibrated = Calibration::Measured;
-    let kind = SensorKind::Camera { intrinsics, distortion: Distortion::NONE, mount, calibrated };
-    let sensor = SensorInfo {
-        name: "front".into(),
-        message: "yamabico.FrameHeader.v1",
-        period_s: 0.1,
-        latency_s: 0.04,
-        kind,
-    };
     let robot = Robot { radius_m: RADIUS_M, ..Robot::default() };
-    Setup { robot, sensors: vec![("camera".into(), sensor)], ..Setup::default() }
+    Setup { robot, ..camera_setup(intrinsics, mount) }
 }
 
 /// The header of a grey picture.
 pub fn frame_header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
-    FrameHeader {
-        stamp_ns: Time::from_secs_f64(seconds).0,
-        width: intrinsics.width,
-        height: intrinsics.height,
-        stride: intrinsics.width,
-        encoding: Encoding::Gray8.code(),
-        ..FrameHeader::default()
-    }
+    FrameHeader::gray(intrinsics.width, intrinsics.height, Time::from_secs_f64(seconds).0)
 }
 
 /// Its lens and sensor.

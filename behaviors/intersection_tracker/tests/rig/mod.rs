@@ -5,11 +5,10 @@
 
 use rand::RngExt;
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount};
+use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Proposal};
-use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
-use yamabico_core::testing::Bench;
+use yamabico_core::message::{FrameHeader, Kind, Odometry, Proposal};
+use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_intersection_tracker::finder::Side;
 use yamabico_intersection_tracker::landmarks::Landmarks;
@@ -35,41 +34,17 @@ pub fn camera(width: u32, height: u32, fov_deg: f64) -> (Intrinsics, Mount) {
 
 /// A robot with that camera in the behaviour's slot.
 pub fn setup((intrinsics, mount): (Intrinsics, Mount)) -> Setup {
-    let calibrated = Calibration::Measured;
-    let kind = SensorKind::Camera { intrinsics, distortion: Distortion::NONE, mount, calibrated };
-    let sensor = SensorInfo {
-        name: "front".into(),
-        message: "yamabico.FrameHeader.v1",
-        period_s: 0.1,
-        latency_s: 0.04,
-        kind,
-    };
-    Setup { sensors: vec![("camera".into(), sensor)], ..Setup::default() }
+    camera_setup(intrinsics, mount)
 }
 
 /// The header of a grey picture of this camera.
 pub fn frame_header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
-    FrameHeader {
-        stamp_ns: Time::from_secs_f64(seconds).0,
-        width: intrinsics.width,
-        height: intrinsics.height,
-        stride: intrinsics.width,
-        encoding: Encoding::Gray8.code(),
-        ..FrameHeader::default()
-    }
+    FrameHeader::gray(intrinsics.width, intrinsics.height, Time::from_secs_f64(seconds).0)
 }
 
 /// A reading of the odometry.
 pub fn odometry(seconds: f64, pose: Pose2, twist: Twist) -> Odometry {
-    Odometry {
-        stamp_ns: Time::from_secs_f64(seconds).0,
-        x: pose.x,
-        y: pose.y,
-        theta: pose.theta,
-        vx: twist.linear,
-        omega: twist.angular,
-        ..Odometry::default()
-    }
+    Odometry::new(Time::from_secs_f64(seconds).0, &pose, &twist)
 }
 
 /// How the corridor ends at [`END_M`].

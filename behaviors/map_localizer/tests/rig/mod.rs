@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount};
+use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Pose, Proposal};
-use yamabico_core::sensor::{Calibration, Robot, SensorInfo, SensorKind};
-use yamabico_core::testing::Bench;
+use yamabico_core::message::{FrameHeader, Kind, Odometry, Pose, Proposal};
+use yamabico_core::sensor::Robot;
+use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::random::stream;
@@ -38,24 +38,10 @@ pub fn camera(width: u32, height: u32) -> (Intrinsics, Mount) {
 /// A robot of 0.2 m radius with that camera.
 pub fn setup(width: u32, height: u32) -> Setup {
     let (intrinsics, mount) = camera(width, height);
-    let kind = SensorKind::Camera {
-        intrinsics,
-        distortion: Distortion::NONE,
-        mount,
-        calibrated: Calibration::Measured,
-    };
-    let sensor = SensorInfo {
-        name: "front".into(),
-        message: "yamabico.FrameHeader.v1",
-        period_s: 0.1,
-        latency_s: 0.04,
-        kind,
-    };
     Setup {
         folder: configs(),
         robot: Robot { radius_m: 0.2, ..Robot::default() },
-        sensors: vec![("camera".into(), sensor)],
-        ..Setup::default()
+        ..camera_setup(intrinsics, mount)
     }
 }
 
@@ -66,14 +52,7 @@ pub fn toml(more: &str) -> String {
 
 /// The header of a grey picture of this camera.
 pub fn frame_header(width: u32, height: u32, seconds: f64) -> FrameHeader {
-    FrameHeader {
-        stamp_ns: Time::from_secs_f64(seconds).0,
-        width,
-        height,
-        stride: width,
-        encoding: Encoding::Gray8.code(),
-        ..FrameHeader::default()
-    }
+    FrameHeader::gray(width, height, Time::from_secs_f64(seconds).0)
 }
 
 /// What the camera shows.
@@ -156,15 +135,7 @@ impl Drive {
         for (_, header, pixels) in self.on_the_way.extract_if(.., |(due, ..)| *due <= self.tick) {
             self.bench.feed(&CAMERA, &header, &pixels);
         }
-        let odometry = Odometry {
-            stamp_ns: Time::from_secs_f64(now_s).0,
-            x: self.wheels.x,
-            y: self.wheels.y,
-            theta: self.wheels.theta,
-            vx: self.twist.linear,
-            omega: self.twist.angular,
-            ..Odometry::default()
-        };
+        let odometry = Odometry::new(Time::from_secs_f64(now_s).0, &self.wheels, &self.twist);
         self.bench.feed(&ODOMETRY, &odometry, &[]);
         self.proposal = self.bench.propose();
         if let Some((pose, _)) = self.bench.published::<Pose>("pose").pop() {

@@ -1,14 +1,13 @@
 //! A robot in the rendered hallway, with the avoider alone: it is told where it is, what it sees and what it hears.
 
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount};
-use yamabico_core::geometry::Pose2;
+use yamabico_core::camera::{Intrinsics, Mount};
+use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{
-    Beam, Encoding, FrameHeader, NO_ECHO, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal,
-    RangeScanHeader,
+    Beam, FrameHeader, NO_ECHO, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal, RangeScanHeader,
 };
-use yamabico_core::sensor::{Calibration, Robot, SensorInfo, SensorKind};
-use yamabico_core::testing::Bench;
+use yamabico_core::sensor::Robot;
+use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_sim::random::stream;
 use yamabico_sim::world::BoxItem;
@@ -25,24 +24,10 @@ pub fn camera() -> (Intrinsics, Mount) {
 
 /// The robot.
 pub fn setup(intrinsics: Intrinsics) -> Setup {
-    let kind = SensorKind::Camera {
-        intrinsics,
-        distortion: Distortion::NONE,
-        mount: camera().1,
-        calibrated: Calibration::Measured,
-    };
-    let sensor = SensorInfo {
-        name: "front".into(),
-        message: "yamabico.FrameHeader.v1",
-        period_s: 0.1,
-        latency_s: 0.04,
-        kind,
-    };
     Setup {
         robot: Robot { radius_m: 0.2, ..Robot::default() },
-        sensors: vec![("camera".into(), sensor)],
         folder: std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs"),
-        ..Setup::default()
+        ..camera_setup(intrinsics, camera().1)
     }
 }
 
@@ -90,18 +75,9 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: O
     let stamp_ns = Time::from_secs_f64(told.seconds).0;
     bench.at(told.seconds);
     let robot = told.robot;
-    let odometry = Odometry { stamp_ns, x: robot.x, y: robot.y, theta: robot.theta, ..Odometry::default() };
-    bench.feed(&ODOMETRY, &odometry, &[]);
+    bench.feed(&ODOMETRY, &Odometry::new(stamp_ns, &robot, &Twist::ZERO), &[]);
     if let Some(pixels) = pixels {
-        let header = FrameHeader {
-            stamp_ns,
-            width: 256,
-            height: 240,
-            stride: 256,
-            encoding: Encoding::Gray8.code(),
-            exposure: told.exposure,
-            ..FrameHeader::default()
-        };
+        let header = FrameHeader { exposure: told.exposure, ..FrameHeader::gray(256, 240, stamp_ns) };
         bench.feed(&CAMERA, &header, pixels);
     }
     hear(bench, stamp_ns, told.range_m);

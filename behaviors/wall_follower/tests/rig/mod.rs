@@ -1,11 +1,11 @@
 //! A robot with a camera in a rendered corridor, driven by the wall follower alone.
 
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Distortion, Intrinsics, Mount};
+use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Proposal};
-use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
-use yamabico_core::testing::Bench;
+use yamabico_core::message::{FrameHeader, Kind, Odometry, Proposal};
+use yamabico_core::sensor::{Calibration, SensorKind};
+use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
@@ -26,27 +26,16 @@ pub fn camera(width: u32, height: u32) -> (Intrinsics, Mount) {
 
 /// A robot with that camera in the behaviour's slot.
 pub fn setup(intrinsics: Intrinsics, mount: Mount, calibrated: Calibration) -> Setup {
-    let kind = SensorKind::Camera { intrinsics, distortion: Distortion::NONE, mount, calibrated };
-    let sensor = SensorInfo {
-        name: "front".into(),
-        message: "yamabico.FrameHeader.v1",
-        period_s: 0.1,
-        latency_s: 0.06,
-        kind,
-    };
-    Setup { sensors: vec![("camera".into(), sensor)], ..Setup::default() }
+    let mut setup = camera_setup(intrinsics, mount);
+    if let SensorKind::Camera { calibrated: now, .. } = &mut setup.sensors[0].1.kind {
+        *now = calibrated;
+    }
+    setup
 }
 
 /// The header of a grey picture of this camera.
 pub fn frame_header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
-    FrameHeader {
-        stamp_ns: Time::from_secs_f64(seconds).0,
-        width: intrinsics.width,
-        height: intrinsics.height,
-        stride: intrinsics.width,
-        encoding: Encoding::Gray8.code(),
-        ..FrameHeader::default()
-    }
+    FrameHeader::gray(intrinsics.width, intrinsics.height, Time::from_secs_f64(seconds).0)
 }
 
 /// One picture of a corridor 2 m wide, seen from a pose.
@@ -120,15 +109,7 @@ impl Drive {
         for (_, header, pixels) in self.on_the_way.extract_if(.., |(due, ..)| *due <= self.tick) {
             self.bench.feed(&CAMERA, &header, &pixels);
         }
-        let odometry = Odometry {
-            stamp_ns: Time::from_secs_f64(now_s).0,
-            x: self.wheels.x,
-            y: self.wheels.y,
-            theta: self.wheels.theta,
-            vx: self.twist.linear,
-            omega: self.twist.angular,
-            ..Odometry::default()
-        };
+        let odometry = Odometry::new(Time::from_secs_f64(now_s).0, &self.wheels, &self.twist);
         self.bench.feed(&ODOMETRY, &odometry, &[]);
         self.proposal = self.bench.propose();
         self.move_on();
