@@ -2,6 +2,7 @@
 //! allocates once a workspace has seen its first frame.
 
 pub mod area_average;
+pub mod azimuth_profile;
 pub mod bit_image;
 pub mod dark_cells;
 pub mod floor_colour;
@@ -11,6 +12,7 @@ pub mod level_edges;
 pub mod median;
 pub mod morphology;
 pub mod overlay;
+pub mod radial_edges;
 pub mod ring_cells;
 pub mod segment_fit;
 pub mod segments;
