@@ -12,9 +12,10 @@ use std::path::PathBuf;
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
 
+use crate::camera::Pinhole;
 use crate::config::FileKind;
-use crate::message::{Axes, Message, MessageType, Proposal};
-use crate::sensor::{Robot, SensorInfo};
+use crate::message::{Axes, FrameHeader, Message, MessageType, Proposal};
+use crate::sensor::{MountedPinhole, Robot, SensorInfo, SensorKind};
 use crate::time::Time;
 
 /// A module that maps what it sees to a proposed motion.
@@ -133,6 +134,24 @@ impl Setup {
     /// The sensor in `slot`; `None` where the slot is empty or fed by a behaviour.
     pub fn sensor<M>(&self, slot: &Slot<M>) -> Option<&SensorInfo> {
         self.sensors.iter().find(|(name, _)| name == slot.name).map(|(_, info)| info)
+    }
+
+    /// The pinhole camera in `slot`.
+    ///
+    /// # Errors
+    /// Anything else in the slot, and a camera whose intrinsics or mount are no usable numbers.
+    pub fn pinhole(&self, slot: &Slot<FrameHeader>) -> Result<MountedPinhole, BuildError> {
+        let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
+        let Some(SensorKind::Camera { intrinsics, distortion, mount, calibrated }) =
+            self.sensor(slot).map(|sensor| &sensor.kind)
+        else {
+            return refused("needs a pinhole camera of the robot");
+        };
+        if !intrinsics.is_valid() || !mount.is_finite() {
+            return refused("the camera's intrinsics or mount are no usable numbers");
+        }
+        let pinhole = Pinhole::new(*intrinsics, *distortion);
+        Ok(MountedPinhole { pinhole, mount: *mount, calibration: *calibrated })
     }
 }
 

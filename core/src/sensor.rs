@@ -7,7 +7,7 @@ use schemars::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{BuildError, Outputs, PublishError};
-use crate::camera::{Distortion, Intrinsics, MirrorCamera, Mount};
+use crate::camera::{Distortion, Intrinsics, MirrorCamera, Mount, Pinhole};
 use crate::config::FileKind;
 use crate::drive::Drive;
 use crate::message::{Axes, MessageType};
@@ -67,6 +67,17 @@ pub struct SensorInfo {
     pub latency_s: f64,
     /// What depends on the kind of sensor.
     pub kind: SensorKind,
+}
+
+/// A pinhole camera on a robot, with usable numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MountedPinhole {
+    /// Lens and image.
+    pub pinhole: Pinhole,
+    /// Where it sits on the robot.
+    pub mount: Mount,
+    /// Whether the intrinsics were measured, not guessed.
+    pub calibration: Calibration,
 }
 
 /// What is known of a sensor by its kind.

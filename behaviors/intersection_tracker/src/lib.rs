@@ -20,14 +20,13 @@ use nalgebra::Point2;
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
 };
-use yamabico_core::camera::Pinhole;
 use yamabico_core::corridor::floor_lines::FloorLineRule;
 use yamabico_core::corridor::sight::{CorridorCamera, Expectation, Sight};
 use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
-use yamabico_core::sensor::{Calibration, SensorKind};
+use yamabico_core::sensor::{Calibration, MountedPinhole};
 use yamabico_core::time::Time;
 
 use crate::finder::{EndFinder, FinderRule, Side, WallEnd};
@@ -117,27 +116,17 @@ impl Plugin for IntersectionTracker {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let Some(SensorKind::Camera { intrinsics, distortion, mount, calibrated }) =
-            setup.sensor(&CAMERA).map(|sensor| &sensor.kind)
-        else {
-            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return Err(BuildError::new(
-                "inputs.camera",
-                "the camera's intrinsics or mount are no usable numbers",
-            ));
-        }
-        if *calibrated == Calibration::Guessed || mount.z <= 0.0 {
+        let MountedPinhole { pinhole, mount, calibration } = setup.pinhole(&CAMERA)?;
+        if calibration == Calibration::Guessed || mount.z <= 0.0 {
             return Err(BuildError::new(
                 "inputs.camera",
                 "needs a camera with measured intrinsics, above the floor: distances come from its height",
             ));
         }
         let camera = CorridorCamera {
-            pinhole: Pinhole::new(*intrinsics, *distortion),
-            mount: *mount,
-            calibration: *calibrated,
+            pinhole,
+            mount,
+            calibration,
             horizon_sigma_rad: config.horizon_sigma_deg.to_radians(),
         };
         let rule = FloorLineRule { least_contrast: config.floor_contrast, ..FloorLineRule::default() };
@@ -149,7 +138,7 @@ impl Plugin for IntersectionTracker {
                 border_px: config.border_px + APART.1,
                 pair_m: config.pair_m,
             },
-            track: IntersectionTrack::new(intrinsics.width, &config),
+            track: IntersectionTrack::new(pinhole.intrinsics().width, &config),
             config,
             odometry: OdometryTrack::default(),
             grey: GrayImage::default(),

@@ -26,13 +26,12 @@ pub use config::Config;
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
 };
-use yamabico_core::camera::Pinhole;
 use yamabico_core::config::FileKind;
 use yamabico_core::map::{WIRE_FRAME_FILE, WireFrame};
 use yamabico_core::message::{
     Axes, FrameHeader, Goal, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal, Reason,
 };
-use yamabico_core::sensor::SensorKind;
+use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
 use crate::belief::Belief;
@@ -85,23 +84,12 @@ impl Plugin for MapLocalizer {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let Some(SensorKind::Camera { intrinsics, distortion, mount, .. }) =
-            setup.sensor(&CAMERA).map(|sensor| &sensor.kind)
-        else {
-            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return Err(BuildError::new(
-                "inputs.camera",
-                "the camera's intrinsics or mount are no usable numbers",
-            ));
-        }
+        let MountedPinhole { pinhole, mount, .. } = setup.pinhole(&CAMERA)?;
         let map = WireFrame::read(&setup.folder.join(&config.map))
             .map_err(|error| BuildError::new("map", error.to_string()))?;
-        let pinhole = Pinhole::new(*intrinsics, *distortion);
         Ok(Self {
             driver: Driver::new(&config, &map, setup.robot.radius_m)?,
-            tracker: Tracker::new(&config, map, pinhole, *mount, &setup.robot),
+            tracker: Tracker::new(&config, map, pinhole, mount, &setup.robot),
             map_variance: config.map_sigma_m.powi(2),
             sequence: 0,
         })

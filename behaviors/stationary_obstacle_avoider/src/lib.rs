@@ -28,7 +28,6 @@ use nalgebra::Point2;
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
 };
-use yamabico_core::camera::Pinhole;
 use yamabico_core::config::FileKind;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
@@ -38,7 +37,7 @@ use yamabico_core::message::{
     Proposal, RangeScanHeader, Reason,
 };
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
-use yamabico_core::sensor::SensorKind;
+use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
 use crate::detector::{Detector, DetectorRules};
@@ -138,18 +137,8 @@ impl Plugin for StationaryObstacleAvoider {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let camera = setup.sensor(&CAMERA);
-        let Some(SensorKind::Camera { intrinsics, distortion, mount, .. }) =
-            camera.map(|sensor| &sensor.kind)
-        else {
-            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return Err(BuildError::new(
-                "inputs.camera",
-                "the camera's intrinsics or mount are no usable numbers",
-            ));
-        }
+        let MountedPinhole { pinhole, mount, .. } = setup.pinhole(&CAMERA)?;
+        let intrinsics = pinhole.intrinsics();
         let half_view = (0.5 * intrinsics.horizontal_fov()).tan();
         let half_width_m = setup.robot.radius_m + config.margin_m;
         if half_width_m >= half_view * PLANE_M {
@@ -179,7 +168,8 @@ impl Plugin for StationaryObstacleAvoider {
             }
             None => None,
         };
-        let pictures_a_wait = camera.map_or(0.0, |camera| (WAIT_S / camera.period_s).clamp(0.0, 1000.0));
+        let pictures_a_wait =
+            setup.sensor(&CAMERA).map_or(0.0, |camera| (WAIT_S / camera.period_s).clamp(0.0, 1000.0));
         let machine_rules = Rules {
             gate_m: config.gate_m,
             passing_m: config.passing_m,
@@ -190,7 +180,7 @@ impl Plugin for StationaryObstacleAvoider {
         Ok(Self {
             rules: machine_rules,
             room: Room { half_width_m, gap_margin_m: config.gap_margin_m },
-            detector: Detector::new(Pinhole::new(*intrinsics, *distortion), *mount, map, rules),
+            detector: Detector::new(pinhole, mount, map, rules),
             table,
             grey: GrayImage::default(),
             pictures: KeptPictures::default(),

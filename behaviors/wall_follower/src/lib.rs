@@ -15,11 +15,10 @@ pub use config::Config;
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
 };
-use yamabico_core::camera::Pinhole;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, FrameHeader, Odometry, Proposal, Reason};
-use yamabico_core::sensor::{Calibration, SensorKind};
+use yamabico_core::sensor::{Calibration, MountedPinhole};
 use yamabico_core::time::Time;
 
 use crate::centring::{Centring, align_in_place, allowed_speed};
@@ -92,21 +91,11 @@ impl Plugin for WallFollower {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let Some(SensorKind::Camera { intrinsics, distortion, mount, calibrated }) =
-            setup.sensor(&CAMERA).map(|sensor| &sensor.kind)
-        else {
-            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return Err(BuildError::new(
-                "inputs.camera",
-                "the camera's intrinsics or mount are no usable numbers",
-            ));
-        }
+        let MountedPinhole { pinhole, mount, calibration } = setup.pinhole(&CAMERA)?;
         let camera = CorridorCamera {
-            pinhole: Pinhole::new(*intrinsics, *distortion),
-            mount: *mount,
-            calibration: *calibrated,
+            pinhole,
+            mount,
+            calibration,
             horizon_sigma_rad: config.horizon_sigma_deg.to_radians(),
         };
         let rule = FloorLineRule { least_contrast: config.floor_contrast, ..FloorLineRule::default() };

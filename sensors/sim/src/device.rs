@@ -4,6 +4,7 @@ mod camera;
 mod judge;
 mod mirror_camera;
 mod motors;
+mod pictures;
 mod sonars;
 mod sway;
 mod wheels;
@@ -29,9 +30,10 @@ use crate::simulation::Simulation;
 use crate::sonar::SonarConfig;
 use crate::world::{WORLD_FILE, World};
 
-pub use camera::{CameraConfig, PixelFormat};
+pub use camera::CameraConfig;
 pub use mirror_camera::MirrorCameraConfig;
 pub use motors::MotorConfig;
+pub use pictures::PixelFormat;
 pub use sway::SwayConfig;
 
 /// The simulator's description: driver `sim` with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
@@ -179,8 +181,8 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     for part in &spec.sensors {
         let (name, sim, seed) = (part.name.as_str(), Arc::clone(&simulation), spec.seed);
         let sensor: Box<dyn Sensor> = match part.kind.as_str() {
-            "camera" => Box::new(camera::Camera::new(name, read(&part.table)?, sim, seed)),
-            "mirror-camera" => Box::new(mirror_camera::AllAround::new(name, read(&part.table)?, sim, seed)?),
+            "camera" => Box::new(camera::camera(name, read(&part.table)?, sim, seed)),
+            "mirror-camera" => Box::new(mirror_camera::all_around(name, &read(&part.table)?, sim, seed)?),
             "sonar" => Box::new(sonars::Sonars::new(name, read(&part.table)?, sim, seed)),
             "encoders" => {
                 let mut config: EncoderConfig = read(&part.table)?;

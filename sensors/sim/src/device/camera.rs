@@ -4,13 +4,15 @@ use std::sync::{Arc, Mutex};
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::behavior::BuildError;
 use yamabico_core::camera::{Distortion, IntrinsicsConfig, MountConfig};
-use yamabico_core::message::{Encoding, FrameHeader};
-use yamabico_core::sensor::{Calibration, DeviceError, Due, Sensor, SensorInfo, SensorKind};
-use yamabico_core::time::Time;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::FrameHeader;
+use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
 
-use super::{Beat, locked};
+use super::Beat;
+use super::pictures::{self, Painter, Pictures, PixelFormat, latency_ms, period_ms};
+use crate::Scene;
 use crate::render::{CameraView, Photometry, RenderError, Renderer};
 use crate::simulation::Simulation;
 
@@ -36,26 +38,6 @@ pub struct CameraConfig {
     /// Exposure, vignetting and noise.
     #[serde(default)]
     pub photometry: Photometry,
-}
-
-/// What a pixel holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum PixelFormat {
-    /// A grey level.
-    #[default]
-    Gray8,
-    /// Red, green and blue.
-    Rgb8,
-}
-
-impl PixelFormat {
-    pub(super) fn encoding(self) -> Encoding {
-        match self {
-            Self::Gray8 => Encoding::Gray8,
-            Self::Rgb8 => Encoding::Rgb8,
-        }
-    }
 }
 
 impl CameraConfig {
@@ -85,73 +67,52 @@ impl CameraConfig {
     /// Bytes of one picture.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let pixels = self.intrinsics.width as usize * self.intrinsics.height as usize;
-        pixels * self.encoding.encoding().bytes_per_pixel() as usize
+        pictures::bytes(&self.header())
+    }
+
+    fn header(&self) -> FrameHeader {
+        self.encoding.header([self.intrinsics.width, self.intrinsics.height], &self.photometry)
     }
 }
 
-/// Takes pictures of the simulation and hands them over after their latency.
-pub struct Camera {
-    name: String,
+/// The lens, and where it looks.
+pub struct Lens {
+    config: CameraConfig,
+    renderer: Renderer,
+}
+
+/// The camera called `name`; `seed` gives its noise.
+pub fn camera(
+    name: &str,
     config: CameraConfig,
     simulation: Arc<Mutex<Simulation>>,
-    renderer: Renderer,
-    beat: Beat,
-}
-
-impl Camera {
-    /// The camera called `name`; `seed` gives its noise.
-    #[must_use]
-    pub fn new(name: &str, config: CameraConfig, simulation: Arc<Mutex<Simulation>>, seed: u64) -> Self {
-        let renderer = Renderer::new(config.photometry, crate::random::stream(seed, name));
-        let beat = Beat::new(config.period_ms, config.latency_ms);
-        Self { name: name.to_owned(), config, simulation, renderer, beat }
+    seed: u64,
+) -> Pictures<Lens> {
+    let renderer = Renderer::new(config.photometry, crate::random::stream(seed, name));
+    Pictures {
+        name: name.to_owned(),
+        simulation,
+        painter: Lens { config, renderer },
+        format: config.encoding,
+        header: config.header(),
+        beat: Beat::new(config.period_ms, config.latency_ms),
     }
 }
 
-impl Sensor for Camera {
-    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
-        let simulation = &mut *locked(&self.simulation, &self.name)?;
-        simulation.advance(now);
-        // A picture that nobody could have seen before the next one is not drawn.
-        let Some((sequence, stamp)) = self.beat.newest(simulation.origin(), now) else {
-            return Ok(Due::At(self.beat.next(simulation.origin())));
-        };
-        let failed = |e: &dyn std::fmt::Display| DeviceError::failed(&self.name, e);
-        let seconds = simulation.seconds(stamp);
-        let moment = simulation.at(stamp);
-        simulation.scene.set_time(seconds).map_err(|e| failed(&e))?;
-        let view = CameraView {
-            intrinsics: self.config.intrinsics.intrinsics(),
-            mount: self.config.mount.into(),
-            robot: moment.pose,
-        };
-        let encoding = self.config.encoding.encoding();
-        let header = FrameHeader {
-            stamp_ns: stamp.0,
-            sequence,
-            width: view.intrinsics.width,
-            height: view.intrinsics.height,
-            stride: view.intrinsics.width * encoding.bytes_per_pixel(),
-            encoding: encoding as u32,
-            exposure: f64::from(self.config.photometry.exposure),
-        };
-        let (renderer, scene) = (&mut self.renderer, &simulation.scene);
-        let mut drawn: Result<(), RenderError> = Ok(());
-        outputs.publish_in_place(&self.name, &header, self.config.bytes(), |pixels: &mut [u8]| {
-            drawn = match encoding {
-                Encoding::Gray8 => renderer.render(scene, &view, pixels),
-                Encoding::Rgb8 => renderer.render_rgb(scene, &view, pixels),
-            };
-        })?;
-        drawn.map_err(|e| failed(&e))?;
-        Ok(Due::At(self.beat.next(simulation.origin())))
+impl Painter for Lens {
+    fn paint(
+        &mut self,
+        scene: &Scene,
+        robot: Pose2,
+        _: u64,
+        format: PixelFormat,
+        pixels: &mut [u8],
+    ) -> Result<(), RenderError> {
+        let intrinsics = self.config.intrinsics.intrinsics();
+        let view = CameraView { intrinsics, mount: self.config.mount.into(), robot };
+        match format {
+            PixelFormat::Gray8 => self.renderer.render(scene, &view, pixels),
+            PixelFormat::Rgb8 => self.renderer.render_rgb(scene, &view, pixels),
+        }
     }
-}
-
-pub(super) fn period_ms() -> f64 {
-    100.0
-}
-pub(super) fn latency_ms() -> f64 {
-    30.0
 }

@@ -4,16 +4,17 @@ use std::sync::{Arc, Mutex};
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::behavior::BuildError;
 use yamabico_core::camera::mirror_camera::mirror_camera;
-use yamabico_core::camera::{MirrorCamera, MirrorConfig, MirrorImageConfig, MountConfig};
-use yamabico_core::message::{Encoding, FrameHeader};
-use yamabico_core::sensor::{Calibration, DeviceError, Due, Sensor, SensorInfo, SensorKind};
-use yamabico_core::time::Time;
+use yamabico_core::camera::{MirrorCamera, MirrorConfig, MirrorImageConfig, Mount, MountConfig};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::FrameHeader;
+use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
 
-use super::camera::{PixelFormat, latency_ms, period_ms};
+use super::Beat;
+use super::pictures::{self, Painter, Pictures, PixelFormat, latency_ms, period_ms};
 use super::sway::{Sway, SwayConfig};
-use super::{Beat, locked};
+use crate::Scene;
 use crate::render::{MirrorRenderer, MirrorView, Photometry, RenderError};
 use crate::simulation::Simulation;
 
@@ -63,8 +64,11 @@ impl MirrorCameraConfig {
     /// Bytes of one picture.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let pixels = self.picture.width as usize * self.picture.height as usize;
-        pixels * self.encoding.encoding().bytes_per_pixel() as usize
+        pictures::bytes(&self.header())
+    }
+
+    fn header(&self) -> FrameHeader {
+        self.encoding.header([self.picture.width, self.picture.height], &self.photometry)
     }
 
     fn camera(&self) -> Result<MirrorCamera, BuildError> {
@@ -72,68 +76,52 @@ impl MirrorCameraConfig {
     }
 }
 
-/// Takes pictures of the simulation through a mirror and hands them over after their latency.
+/// The mirror, and where it is.
 pub struct AllAround {
-    name: String,
-    config: MirrorCameraConfig,
-    simulation: Arc<Mutex<Simulation>>,
+    mount: Mount,
     renderer: MirrorRenderer,
     sway: Sway,
-    beat: Beat,
 }
 
-impl AllAround {
-    /// The camera called `name`; `seed` gives its noise.
-    ///
-    /// # Errors
-    /// A mirror, or an image of it, that cannot be.
-    pub fn new(
-        name: &str,
-        config: MirrorCameraConfig,
-        simulation: Arc<Mutex<Simulation>>,
-        seed: u64,
-    ) -> Result<Self, BuildError> {
-        let noise = crate::random::stream(seed, name);
-        let renderer = MirrorRenderer::new(config.camera()?, config.photometry, noise);
-        let sway = Sway::new(config.sway, crate::random::stream(seed, &format!("{name} sway")));
-        let beat = Beat::new(config.period_ms, config.latency_ms);
-        Ok(Self { name: name.to_owned(), config, simulation, renderer, sway, beat })
-    }
+/// The camera called `name`; `seed` gives its noise and its sway.
+///
+/// # Errors
+/// A mirror, or an image of it, that cannot be.
+pub fn all_around(
+    name: &str,
+    config: &MirrorCameraConfig,
+    simulation: Arc<Mutex<Simulation>>,
+    seed: u64,
+) -> Result<Pictures<AllAround>, BuildError> {
+    let noise = crate::random::stream(seed, name);
+    let painter = AllAround {
+        mount: config.mount.into(),
+        renderer: MirrorRenderer::new(config.camera()?, config.photometry, noise),
+        sway: Sway::new(config.sway, crate::random::stream(seed, &format!("{name} sway"))),
+    };
+    Ok(Pictures {
+        name: name.to_owned(),
+        simulation,
+        painter,
+        format: config.encoding,
+        header: config.header(),
+        beat: Beat::new(config.period_ms, config.latency_ms),
+    })
 }
 
-impl Sensor for AllAround {
-    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
-        let simulation = &mut *locked(&self.simulation, &self.name)?;
-        simulation.advance(now);
-        // A picture that nobody could have seen before the next one is not drawn.
-        let Some((sequence, stamp)) = self.beat.newest(simulation.origin(), now) else {
-            return Ok(Due::At(self.beat.next(simulation.origin())));
-        };
-        let failed = |e: &dyn std::fmt::Display| DeviceError::failed(&self.name, e);
-        let seconds = simulation.seconds(stamp);
-        let moment = simulation.at(stamp);
-        simulation.scene.set_time(seconds).map_err(|e| failed(&e))?;
-        let mount = self.sway.mount(self.config.mount.into(), sequence);
-        let view = MirrorView { mount, robot: moment.pose };
-        let encoding = self.config.encoding.encoding();
-        let header = FrameHeader {
-            stamp_ns: stamp.0,
-            sequence,
-            width: self.config.picture.width,
-            height: self.config.picture.height,
-            stride: self.config.picture.width * encoding.bytes_per_pixel(),
-            encoding: encoding as u32,
-            exposure: f64::from(self.config.photometry.exposure),
-        };
-        let (renderer, scene) = (&mut self.renderer, &simulation.scene);
-        let mut drawn: Result<(), RenderError> = Ok(());
-        outputs.publish_in_place(&self.name, &header, self.config.bytes(), |pixels: &mut [u8]| {
-            drawn = match encoding {
-                Encoding::Gray8 => renderer.render(scene, &view, pixels),
-                Encoding::Rgb8 => renderer.render_rgb(scene, &view, pixels),
-            };
-        })?;
-        drawn.map_err(|e| failed(&e))?;
-        Ok(Due::At(self.beat.next(simulation.origin())))
+impl Painter for AllAround {
+    fn paint(
+        &mut self,
+        scene: &Scene,
+        robot: Pose2,
+        sequence: u64,
+        format: PixelFormat,
+        pixels: &mut [u8],
+    ) -> Result<(), RenderError> {
+        let view = MirrorView { mount: self.sway.mount(self.mount, sequence), robot };
+        match format {
+            PixelFormat::Gray8 => self.renderer.render(scene, &view, pixels),
+            PixelFormat::Rgb8 => self.renderer.render_rgb(scene, &view, pixels),
+        }
     }
 }
