@@ -135,8 +135,8 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
         let track = drive.bench.behavior.track();
         let is_tracked = track.landmarks().is_some();
         let is_confirmed = track.confirmations() > 2;
-        if arguments.verbose && drive.now_s() < 0.2 {
-            keep(&drive, arguments, &format!("first_{seed:03}"));
+        if arguments.verbose && ((drive.now_s() - 0.06) / 0.1).round() as u32 % 20 == 0 {
+            keep(&drive, arguments, &format!("frame_{seed:03}_{:.0}cm", 100.0 * ahead_m));
         }
         if is_tracked && ran.acquired_m == 0.0 {
             ran.acquired_m = ahead_m;

@@ -7,7 +7,7 @@
 use nalgebra::Vector2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Reason;
-use yamabico_core::vision::template::correlation::{correlation, peak_offset};
+use yamabico_core::vision::template::correlation::{RowCorrelation, peak_offset};
 use yamabico_core::vision::template::ssda::search;
 use yamabico_core::vision::template::{Place, SearchArea, Template, TemplateError};
 
@@ -62,6 +62,7 @@ pub struct EdgeTemplate {
     /// A wider piece of the last picture in which it was found.
     last: Patch,
     strip: Strip,
+    alike: RowCorrelation,
 }
 
 /// A template and the column of the edge in it.
@@ -90,6 +91,7 @@ impl EdgeTemplate {
             found: Template::default(),
             last: Patch::default(),
             strip: Strip::default(),
+            alike: RowCorrelation::default(),
         }
     }
 
@@ -149,14 +151,15 @@ impl EdgeTemplate {
         let area =
             SearchArea::along_row(view, &self.running.template, middle, self.reach).ok_or(Reason::Gated)?;
         let place = search(view, &self.running.template, &area, middle).place;
-        let alike = correlation(view, &self.running.template, place);
+        self.alike.compute(view, &self.running.template, &area);
+        let alike = self.alike.at(place.u).unwrap_or(0.0);
         if alike < self.least_correlation {
             return Err(Reason::LowCorrelation);
         }
-        if !self.is_unique(view, &area, place, alike) {
+        if !self.is_unique(place, alike) {
             return Err(Reason::Ambiguous);
         }
-        let matched = place.u as f64 + self.offset(view, place, &area) + self.running.edge;
+        let matched = place.u as f64 + self.offset(place) + self.running.edge;
         if !self.is_found_back(view, place, matched) {
             return Err(Reason::LowCorrelation);
         }
@@ -185,19 +188,16 @@ impl EdgeTemplate {
     }
 
     /// Whether every place apart from the best correlates clearly less.
-    fn is_unique(&self, view: ImageView<'_>, area: &SearchArea, best: Place, alike: f64) -> bool {
-        area.places()
-            .filter(|place| place.u.abs_diff(best.u) > APART_PX)
-            .all(|place| correlation(view, &self.running.template, place) <= alike - UNIQUE_BY)
+    fn is_unique(&self, best: Place, alike: f64) -> bool {
+        let apart = self.alike.iter().filter(|(u, _)| u.abs_diff(best.u) > APART_PX);
+        apart.fold(true, |is_unique, (_, other)| is_unique && other <= alike - UNIQUE_BY)
     }
 
-    /// Fraction of a column from the best place to the peak of the correlation.
-    fn offset(&self, view: ImageView<'_>, place: Place, area: &SearchArea) -> f64 {
-        if place.u <= area.first().u || place.u >= area.last().u {
-            return 0.0;
-        }
-        let at = |u: usize| correlation(view, &self.running.template, Place { u, ..place });
-        peak_offset(at(place.u - 1), at(place.u), at(place.u + 1))
+    /// Fraction of a column from the best place to the peak of the correlation; none at the ends of the area.
+    fn offset(&self, place: Place) -> f64 {
+        let at = |u: usize| self.alike.at(u);
+        let around = place.u.checked_sub(1).and_then(at).zip(at(place.u)).zip(at(place.u + 1));
+        around.map_or(0.0, |((before, at), after)| peak_offset(before, at, after))
     }
 
     /// Whether what was found, looked for in the last picture, is where the edge was.
@@ -232,17 +232,14 @@ impl EdgeTemplate {
     fn anchor_agrees(&mut self, strip: &Strip, at: Vector2<f64>, scale: f64) -> bool {
         let (Some(anchor), Some(view)) = (self.anchor.template.view(), strip.view()) else { return false };
         let [width, height] = self.size;
-        let (middle_u, middle_v) = (0.5 * width as f64, 0.5 * height as f64);
-        let anchor_edge = self.anchor.edge;
-        self.scaled.fill(width, height, |u, v| {
-            let from_edge = Vector2::new(u as f64 - middle_u, v as f64 - middle_v) / scale.max(0.5);
-            bilinear(anchor, from_edge + Vector2::new(anchor_edge, middle_v))
-        });
+        let middle_u = 0.5 * width as f64;
+        let grown = Grown { anchor, anchor_edge: self.anchor.edge, scale: scale.max(0.5) };
+        grown.fill(&mut self.scaled, width, height);
         let Some(middle) = Strip::place(at, middle_u, height) else { return false };
         let reach = 2 * AGREE_PX.ceil() as usize;
         let Some(area) = SearchArea::along_row(view, &self.scaled, middle, reach) else { return false };
-        let best = area.places().map(|place| (place.u, correlation(view, &self.scaled, place)));
-        let best = best.max_by(|a, b| a.1.total_cmp(&b.1));
+        self.alike.compute(view, &self.scaled, &area);
+        let best = self.alike.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         best.is_some_and(|(u, alike)| {
             alike >= self.least_correlation && (u as f64 + middle_u - at.x).abs() <= AGREE_PX
         })
@@ -286,12 +283,55 @@ impl Patch {
     }
 }
 
-/// Grey level between pixels; outside the picture the border's.
-fn bilinear(image: ImageView<'_>, at: Vector2<f64>) -> u8 {
-    let (u, v) = (at.x.max(0.0), at.y.max(0.0));
-    let (right, down) = (u.fract(), v.fract());
-    let level = |du: usize, dv: usize| f64::from(image.pixel(u as usize + du, v as usize + dv));
-    let upper = level(0, 0) * (1.0 - right) + level(1, 0) * right;
-    let lower = level(0, 1) * (1.0 - right) + level(1, 1) * right;
-    (upper * (1.0 - down) + lower * down).round() as u8
+/// A template grown about the edge in it.
+struct Grown<'a> {
+    anchor: ImageView<'a>,
+    anchor_edge: f64,
+    scale: f64,
+}
+
+/// Where a grown column or row comes from: the pixel before it, and the share of the next one of 256.
+#[derive(Clone, Copy, Debug, Default)]
+struct Between {
+    before: usize,
+    share: u32,
+}
+
+impl Between {
+    /// Between pixels `at`, of which there are `count`; outside them the border's.
+    fn new(at: f64, count: usize) -> Self {
+        let fixed = (256.0 * at.clamp(0.0, count as f64 - 1.0)).round() as usize;
+        Self { before: fixed / 256, share: (fixed % 256) as u32 }
+    }
+
+    fn mix(self, before: u32, after: u32) -> u32 {
+        before * (256 - self.share) + after * self.share
+    }
+}
+
+/// Columns of the widest template.
+const MOST_COLUMNS: usize = 256;
+
+impl Grown<'_> {
+    fn fill(&self, out: &mut Template, width: usize, height: usize) {
+        let from = |offset: f64, edge: f64, count: usize| Between::new(edge + offset / self.scale, count);
+        let mut columns = [Between::default(); MOST_COLUMNS];
+        for (u, column) in columns.iter_mut().enumerate().take(width) {
+            *column = from(u as f64 - 0.5 * width as f64, self.anchor_edge, self.anchor.width());
+        }
+        let middle_v = 0.5 * height as f64;
+        let rows = |v: usize| from(v as f64 - middle_v, middle_v, self.anchor.height());
+        let next = |between: Between, count: usize| (between.before + 1).min(count - 1);
+        out.fill(width, height, |u, v| {
+            let (row, column) = (rows(v), columns[u.min(MOST_COLUMNS - 1)]);
+            let (upper, lower) =
+                (self.anchor.row(row.before), self.anchor.row(next(row, self.anchor.height())));
+            let (left, right) = (column.before, next(column, self.anchor.width()));
+            let mixed = row.mix(
+                column.mix(u32::from(upper[left]), u32::from(upper[right])),
+                column.mix(u32::from(lower[left]), u32::from(lower[right])),
+            );
+            ((mixed + (1 << 15)) >> 16) as u8
+        });
+    }
 }

@@ -9,7 +9,7 @@ use yamabico_core::corridor::wall_distance::CorridorView;
 use yamabico_core::image::ImageView;
 use yamabico_core::vision::segments::Segment;
 
-use crate::foot::{FOOT_CONTRAST, FOOT_SAMPLES, FootProfile, are_alike, is_flat};
+use crate::wall_foot::WallFoot;
 
 /// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
 const LARGEST_LEAN_RAD: f64 = 0.1;
@@ -20,22 +20,6 @@ const HIGHEST_FOOT_M: [f64; 2] = [0.2, 1.6];
 const FOOT_AT_640_PX: f64 = 5.0;
 /// Shortest edge, pixels of an image 640 px wide.
 const SHORTEST_AT_640_PX: f64 = 30.0;
-/// A wall that is seen again so much farther on goes on: an opening in it is a door's, metres.
-const DOOR_M: f64 = 1.3;
-/// Where the wall is compared with what is behind its end: so far before it, metres ...
-const BEFORE_M: f64 = 0.15;
-/// ... where it looks as it does so far before it, metres ...
-const FARTHER_BEFORE_M: f64 = 0.7;
-/// ... and in such steps behind it, metres.
-const BEHIND_STEP_M: f64 = 0.1;
-/// A wall that begins at an edge is seen so far behind it, metres ...
-const BEHIND_BEGIN_M: [f64; 2] = [0.3, 0.7];
-/// ... and not so far before it: as wide as a corridor across may be at least, metres.
-const BEFORE_BEGIN_M: [f64; 2] = [0.7, 1.2];
-/// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
-const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
-/// The picture is compared so many columns before and behind an edge.
-const FOOT_COLUMNS_PX: [f64; 4] = [2.0, 3.0, 4.0, 5.0];
 /// Where its upper end is seen, the end of a wall is higher than any door, metres.
 const DOOR_HEIGHT_M: f64 = 2.15;
 /// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
@@ -97,8 +81,6 @@ pub struct WallEnd {
     pub ahead_sigma_m: f64,
     /// Whether it is seen to be higher than a door.
     pub is_high: bool,
-    /// Whether a wall is seen behind it and none before it, as at the corners behind another corridor.
-    pub begins: bool,
     /// Length in the picture, pixels.
     pub length_px: f64,
 }
@@ -150,8 +132,16 @@ impl EndFinder {
         for side in Side::BOTH {
             let Some(wall) = scene.wall(side) else { continue };
             let ends = sight.segments().iter().filter_map(|segment| scene.wall_end(segment, side, wall));
-            let ends = ends.filter(|end| scene.ends_at_foot(image, end, wall));
-            self.ends.extend(ends.map(|end| WallEnd { begins: scene.begins(image, &end, wall), ..end }));
+            let foot = WallFoot::new(image, sight, view, wall.distance_m);
+            let ends = ends.filter(|end| {
+                let goes_on = if end.is_high {
+                    foot.goes_on_close_behind(end.ahead_m)
+                } else {
+                    foot.goes_on_behind(end.ahead_m)
+                };
+                !goes_on && foot.differs_at(end.ahead_m) && !foot.begins_at(end.ahead_m)
+            });
+            self.ends.extend(ends);
         }
         self.leave_out_dead_ends(&scene);
         &self.ends
@@ -161,7 +151,7 @@ impl EndFinder {
     pub fn pairs(&self, rule: &FinderRule) -> impl Iterator<Item = [WallEnd; 2]> {
         let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
         let pairs = on(Side::Left).flat_map(move |left| on(Side::Right).map(move |right| [*left, *right]));
-        pairs.filter(|[left, right]| rule.belong_together(left, right) && !(left.begins && right.begins))
+        pairs.filter(|[left, right]| rule.belong_together(left, right))
     }
 
     /// The nearest of the [pairs](Self::pairs); `None` for a picture without any.
@@ -261,7 +251,6 @@ impl Scene<'_> {
             ahead_m: place.ahead_m,
             ahead_sigma_m: place.ahead_sigma_m,
             is_high,
-            begins: false,
             length_px: segment.length,
         })
     }
@@ -291,68 +280,6 @@ impl Scene<'_> {
             ahead_m: x,
             ahead_sigma_m: along,
         })
-    }
-
-    /// Whether there is a wall behind its end, no farther than a door is wide, or none before it.
-    fn goes_on(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
-        let Some(before) = self.foot_profile(image, end.ahead_m - BEFORE_M, wall) else { return true };
-        let is_wall = |farther: FootProfile| !is_flat(&before) && are_alike(&before, &farther);
-        if !self.foot_profile(image, end.ahead_m - FARTHER_BEFORE_M, wall).is_some_and(is_wall) {
-            return true;
-        }
-        let steps = (DOOR_M / BEHIND_STEP_M) as u32;
-        (1..=steps).any(|step| {
-            let ahead_m = end.ahead_m + BEHIND_STEP_M * f64::from(step);
-            self.foot_profile(image, ahead_m, wall).is_some_and(|behind| are_alike(&before, &behind))
-        })
-    }
-
-    /// Whether a wall begins there, as behind another corridor: it is seen behind the edge and not before it.
-    fn begins(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
-        let at = |farther_m: f64| self.foot_profile(image, end.ahead_m + farther_m, wall);
-        let [near_m, far_m] = BEHIND_BEGIN_M;
-        let (Some(behind), Some(farther)) = (at(near_m), at(far_m)) else { return false };
-        let is_wall_behind = !is_flat(&behind) && are_alike(&behind, &farther);
-        let is_other = |before: FootProfile| !are_alike(&behind, &before);
-        is_wall_behind && BEFORE_BEGIN_M.iter().all(|&m| at(-m).is_some_and(is_other))
-    }
-
-    /// Grey levels from below to above the foot of a wall; `None` outside the picture.
-    fn foot_profile(&self, image: ImageView<'_>, ahead_m: f64, wall: WallAt) -> Option<FootProfile> {
-        let mut profile = [0.0; FOOT_SAMPLES as usize];
-        for (sample, level) in (0..).zip(&mut profile) {
-            *level = self.foot_level(image, ahead_m, wall, sample)?;
-        }
-        Some(profile)
-    }
-
-    /// The grey level of one sample of the foot.
-    fn foot_level(&self, image: ImageView<'_>, ahead_m: f64, wall: WallAt, sample: u32) -> Option<f64> {
-        let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
-        let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
-        let point = Vector3::new(ahead_m, wall.distance_m, height_m - self.view.height_m);
-        let in_camera = self.view.corridor_from_camera.transpose() * point;
-        let pixel = self.sight.camera().pinhole.project(&in_camera.into()).ok()?;
-        let (u, v) = (pixel.x.round(), pixel.y.round());
-        let is_inside = u >= 0.0 && v >= 0.0 && u < image.width() as f64 && v < image.height() as f64;
-        is_inside.then(|| f64::from(image.pixel(u as usize, v as usize)))
-    }
-
-    /// Whether the foot of the wall looks different before and behind its end: a shade on the wall leaves the skirting alike,
-    /// and so does the edge of something farther away.
-    fn ends_at_foot(&self, image: ImageView<'_>, end: &WallEnd, wall: WallAt) -> bool {
-        let column_m = end.ahead_m.powi(2) / (wall.distance_m.abs() * self.view.intrinsics.fx);
-        let mean = |sign: f64, sample: u32| {
-            let levels = FOOT_COLUMNS_PX.map(|aside_px| {
-                self.foot_level(image, end.ahead_m + sign * aside_px * column_m, wall, sample)
-            });
-            levels.into_iter().sum::<Option<f64>>().map(|sum| sum / FOOT_COLUMNS_PX.len() as f64)
-        };
-        let squares =
-            (0..FOOT_SAMPLES).map(|sample| Some((mean(-1.0, sample)? - mean(1.0, sample)?).powi(2)));
-        let sum = squares.sum::<Option<f64>>();
-        let is_different = sum.is_some_and(|sum| sum > FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES));
-        is_different && (end.is_high || !self.goes_on(image, end, wall))
     }
 
     /// How far up an edge reaches, with all pieces of it.

@@ -13,13 +13,28 @@ pub type FootProfile = [f64; FOOT_SAMPLES as usize];
 /// Whether two feet of walls look alike, whatever the light; a foot without contrast looks like any.
 #[must_use]
 pub fn are_alike(a: &FootProfile, b: &FootProfile) -> bool {
-    let mean = |profile: &FootProfile| profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);
+    is_flat(a) || correlation(a, b) > ALIKE
+}
+
+/// Correlation of two feet of walls, -1 to 1, one of which may be displaced by one sample; 0 where either has no contrast.
+#[must_use]
+pub fn likeness(a: &[f64], b: &[f64]) -> f64 {
+    let count = a.len().min(b.len());
+    let displaced = [(0, 0), (1, 0), (0, 1)].into_iter().filter_map(|(of_a, of_b)| {
+        let kept = count.checked_sub(of_a.max(of_b))?;
+        Some(correlation(a.get(of_a..of_a + kept)?, b.get(of_b..of_b + kept)?))
+    });
+    displaced.fold(-1.0, f64::max)
+}
+
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let mean = |profile: &[f64]| profile.iter().sum::<f64>() / profile.len() as f64;
     let (mean_a, mean_b) = (mean(a), mean(b));
-    let sum = |x: &FootProfile, mean_x: f64, y: &FootProfile, mean_y: f64| {
+    let sum = |x: &[f64], mean_x: f64, y: &[f64], mean_y: f64| {
         x.iter().zip(y).map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>()
     };
-    let (of_a, of_b) = (sum(a, mean_a, a, mean_a), sum(b, mean_b, b, mean_b));
-    is_flat(a) || sum(a, mean_a, b, mean_b) > ALIKE * (of_a * of_b).sqrt()
+    let both = (sum(a, mean_a, a, mean_a) * sum(b, mean_b, b, mean_b)).sqrt();
+    if both > 0.0 { sum(a, mean_a, b, mean_b) / both } else { 0.0 }
 }
 
 /// Whether a foot of a wall has no contrast.

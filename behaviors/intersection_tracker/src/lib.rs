@@ -12,6 +12,7 @@ pub mod pair;
 pub mod snap;
 pub mod strip;
 pub mod track;
+pub mod wall_foot;
 
 pub use config::Config;
 pub use landmarks::Ahead;
@@ -344,7 +345,10 @@ impl IntersectionTracker {
     fn compare(&mut self, image: ImageView<'_>, pose: &Pose2) -> bool {
         let camera = *self.sight.camera();
         let tracked_m = self.ahead(pose).map_or(f64::INFINITY, |ahead| ahead.distance_m);
-        if let Some(pair) = self.finder.pairs(&self.rule).find(|pair| self.track.agrees(pose, pair)) {
+        let is_nearer = |pair: &[WallEnd; 2]| middle(pair).x < tracked_m - NEARER_M;
+        let is_seen_nearer = self.finder.pair(&self.rule).is_some_and(|pair| is_nearer(&pair));
+        let agreeing = self.finder.pairs(&self.rule).find(|pair| self.track.agrees(pose, pair));
+        if let Some(pair) = agreeing.filter(|_| !is_seen_nearer) {
             if !self.is_confirmed() || self.track.needs_ends() {
                 for end in &pair {
                     self.track.reacquire(image, pose, &camera, end);
@@ -355,9 +359,9 @@ impl IntersectionTracker {
             }
             return false;
         }
-        // An intersection has corners behind it too, which say nothing of the edges that are followed.
-        let is_there = |pair: [WallEnd; 2]| (middle(&pair).x - tracked_m).abs() < NEARER_M;
-        self.finder.pairs(&self.rule).any(is_there) && self.track.contradict() >= CONTRADICTIONS
+        // Corners behind an intersection say nothing of the edges that are followed.
+        let is_before = |pair: [WallEnd; 2]| middle(&pair).x < tracked_m + NEARER_M;
+        self.finder.pairs(&self.rule).any(is_before) && self.track.contradict() >= CONTRADICTIONS
     }
 
     fn publish(&mut self, ahead: &Ahead, picture: Time, now: Time, outputs: &mut Outputs<'_>) {

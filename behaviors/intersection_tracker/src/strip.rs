@@ -18,7 +18,7 @@ pub struct Strip {
     origin: Vector2<f64>,
     line: Vec<u8>,
     across: Vec<u16>,
-    sums: Vec<u32>,
+    sums: Vec<u16>,
 }
 
 impl Strip {
@@ -38,26 +38,27 @@ impl Strip {
         for (row, out) in self.across.chunks_exact_mut(width).enumerate() {
             let v = (top + row as isize - (ROWS / 2) as isize).max(0) as usize;
             take_line(image.row(v), left - MARGIN as isize, width + 2 * MARGIN, &mut self.line);
-            let line = &self.line;
-            for (i, sum) in out.iter_mut().enumerate() {
-                let level = |k: usize| u16::from(line[i + k]);
-                *sum = level(0) + level(4) + 4 * (level(1) + level(3)) + 6 * level(2);
+            let from = |k: usize| self.line.iter().skip(k).map(|&level| u16::from(level));
+            let outer = from(0).zip(from(4));
+            let inner = from(1).zip(from(3));
+            for (((sum, (a, e)), (b, d)), c) in out.iter_mut().zip(outer).zip(inner).zip(from(2)) {
+                *sum = a + e + 4 * (b + d) + 6 * c;
             }
         }
         self.sums.clear();
         self.sums.resize(width, 0);
-        let divisor = 16 * ROWS as u32;
+        const DIVISOR: u16 = 16 * ROWS as u16;
         for row in 0..rows {
             let newest = &self.across[row * width..][..width];
             for (sum, &level) in self.sums.iter_mut().zip(newest) {
-                *sum += u32::from(level);
+                *sum += level;
             }
             let Some(out_row) = (row + 1).checked_sub(ROWS) else { continue };
             let out = &mut self.smooth.pixels_mut()[out_row * width..][..width];
             let oldest = &self.across[out_row * width..][..width];
             for ((sum, out), &level) in self.sums.iter_mut().zip(out).zip(oldest) {
-                *out = ((*sum + divisor / 2) / divisor) as u8;
-                *sum -= u32::from(level);
+                *out = ((*sum + DIVISOR / 2) / DIVISOR) as u8;
+                *sum -= level;
             }
         }
         true

@@ -21,8 +21,11 @@ const LARGEST_SIGMA_M: f64 = 2.0;
 const HEIGHTS_M: [f64; 8] = [0.35, 0.6, 0.85, 1.1, 1.35, 1.6, 1.85, 2.1];
 /// Another height is taken where the edge is so much steeper there.
 const BETTER_BY: f64 = 1.5;
-/// After a miss an edge is looked for elsewhere along itself only where its column is known so well, pixels.
-const RETAKE_GATE_PX: f64 = 5.0;
+/// After a miss an edge is looked for elsewhere along itself only where its column is known so well, pixels of an image 640 px
+/// wide ...
+const RETAKE_GATE_AT_640_PX: f64 = 5.0;
+/// ... or so well where the other one was missed too, and then is found where this one tells.
+const RETAKE_FIRST_GATE_AT_640_PX: f64 = 12.0;
 
 /// An edge and how it is seen.
 #[derive(Clone, Debug)]
@@ -222,12 +225,7 @@ impl IntersectionTrack {
                 }
             }
         }
-        for side in Side::BOTH {
-            let edge = &mut self.edges[side.index()];
-            if edge.is_tracked && edge.seen_at.is_none() {
-                edge.retake(image, landmarks, pose, camera, side);
-            }
-        }
+        self.retake_missed(image, pose, camera);
         let seen = [self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()];
         self.pictures = self.pictures.saturating_add(1);
         match seen {
@@ -235,6 +233,23 @@ impl IntersectionTrack {
             [true, false] => Sides::One(Side::Left),
             [false, true] => Sides::One(Side::Right),
             [false, false] => Sides::None,
+        }
+    }
+
+    /// Takes the templates of edges that were missed anew, each where the others tell that it must be.
+    fn retake_missed(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera) {
+        let Some(mut landmarks) = self.landmarks else { return };
+        let scale = image.width() as f64 / 640.0;
+        let is_alone = self.edges.iter().all(|edge| edge.seen_at.is_none());
+        let mut gate_px = scale * if is_alone { RETAKE_FIRST_GATE_AT_640_PX } else { RETAKE_GATE_AT_640_PX };
+        for side in Side::BOTH {
+            let edge = &mut self.edges[side.index()];
+            if edge.is_tracked
+                && edge.seen_at.is_none()
+                && edge.retake(image, &mut landmarks, pose, camera, (side, gate_px))
+            {
+                gate_px = scale * RETAKE_GATE_AT_640_PX;
+            }
         }
     }
 
@@ -314,22 +329,24 @@ impl Edge {
         Ok(at)
     }
 
-    /// After a miss: takes the templates anew where the edge is still seen just where it must be. It stays missed until the
-    /// next picture matches.
+    /// After a miss: takes the templates anew where the edge is still seen just where it must be, for the landmarks too; gives
+    /// whether it is. It stays missed until the next picture matches.
     fn retake(
         &mut self,
         image: ImageView<'_>,
-        landmarks: &Landmarks,
+        landmarks: &mut Landmarks,
         pose: &Pose2,
         camera: &CorridorCamera,
-        side: Side,
-    ) {
-        if let Some((above_m, aim, _)) = self.best_height(image, landmarks, pose, camera, side)
-            && aim.gate_px < RETAKE_GATE_PX
-            && self.template.acquire(image, &aim).is_ok()
-        {
-            self.above_m = above_m;
-        }
+        (side, largest_gate_px): (Side, f64),
+    ) -> bool {
+        let best = self.best_height(image, landmarks, pose, camera, side);
+        let Some((above_m, at, _)) = best.filter(|(_, aim, _)| aim.gate_px < largest_gate_px) else {
+            return false;
+        };
+        let Ok(column) = self.template.acquire(image, &at) else { return false };
+        self.above_m = above_m;
+        let Some((expected, at)) = aim(landmarks, pose, camera, (side, above_m)) else { return false };
+        observe(landmarks, pose, camera, side, &expected, Vector2::new(column, at.pixel.y)).is_ok()
     }
 
     /// Takes the templates where the edge is seen best; gives its place at the camera's height, undistorted pixels.

@@ -2,6 +2,7 @@
 
 use super::{Place, SearchArea, Template};
 use crate::image::ImageView;
+use crate::vision::vectorise::{self, Kernel};
 
 /// A place and how alike it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,13 +30,108 @@ pub fn correlation(image: ImageView<'_>, template: &Template, place: Place) -> f
         square_sum += u64::from(row_squares);
         product_sum += u64::from(row_products);
     }
+    coefficient(template, Sums { sum, square_sum, product_sum })
+}
+
+/// What a correlation is made of: sums over the pixels under a template.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Sums {
+    sum: u64,
+    square_sum: u64,
+    product_sum: u64,
+}
+
+fn coefficient(template: &Template, under: Sums) -> f64 {
     let count = template.pixels.len() as u64;
     let spread = |sum: u64, square_sum: u64| (count * square_sum - sum * sum) as f64;
-    let both = (spread(template.sum, template.square_sum) * spread(sum, square_sum)).sqrt();
+    let both = (spread(template.sum, template.square_sum) * spread(under.sum, under.square_sum)).sqrt();
     if both == 0.0 {
         return 0.0;
     }
-    ((count * product_sum) as f64 - (template.sum * sum) as f64) / both
+    ((count * under.product_sum) as f64 - (template.sum * under.sum) as f64) / both
+}
+
+/// The correlations at all places of one row of an area, from its first column on: the same as [`correlation`] gives place by
+/// place, several times as fast. Keeps its buffers.
+#[derive(Clone, Debug, Default)]
+pub struct RowCorrelation {
+    first_u: usize,
+    correlations: Vec<f64>,
+    products: Vec<u32>,
+    sums: Vec<u32>,
+    square_sums: Vec<u32>,
+}
+
+impl RowCorrelation {
+    /// Works out the correlations of the first row of `area`.
+    pub fn compute(&mut self, image: ImageView<'_>, template: &Template, area: &SearchArea) {
+        let (first, last) = (area.first, area.last);
+        let places = last.u + 1 - first.u;
+        let columns = places + template.width - 1;
+        let (products, sums, square_sums) = (&mut self.products, &mut self.sums, &mut self.square_sums);
+        products.clear();
+        products.resize(places, 0);
+        for columns_of in [&mut *sums, &mut *square_sums] {
+            columns_of.clear();
+            columns_of.resize(columns, 0);
+        }
+        vectorise::run(Along { image, template, first, products, sums, square_sums });
+        self.first_u = first.u;
+        self.correlations.clear();
+        let mut under = Sums::default();
+        let width = template.width;
+        for (column, (&sum, &square_sum)) in sums.iter().zip(&*square_sums).enumerate() {
+            under.sum += u64::from(sum);
+            under.square_sum += u64::from(square_sum);
+            let Some(place) = (column + 1).checked_sub(width) else { continue };
+            under.product_sum = u64::from(products[place]);
+            self.correlations.push(coefficient(template, under));
+            under.sum -= u64::from(sums[place]);
+            under.square_sum -= u64::from(square_sums[place]);
+        }
+    }
+
+    /// The correlation with the template's left column at `u`; `None` outside the area.
+    #[must_use]
+    pub fn at(&self, u: usize) -> Option<f64> {
+        self.correlations.get(u.checked_sub(self.first_u)?).copied()
+    }
+
+    /// Columns and correlations.
+    pub fn iter(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.correlations.iter().enumerate().map(|(i, &correlation)| (self.first_u + i, correlation))
+    }
+}
+
+/// Sums of the columns under all places of a row, and of the products at each place.
+struct Along<'a> {
+    image: ImageView<'a>,
+    template: &'a Template,
+    first: Place,
+    products: &'a mut [u32],
+    sums: &'a mut [u32],
+    square_sums: &'a mut [u32],
+}
+
+impl Kernel for Along<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let columns = self.sums.len();
+        for v in 0..self.template.height {
+            let under = &self.image.row(self.first.v + v)[self.first.u..][..columns];
+            for ((sum, squares), &level) in self.sums.iter_mut().zip(&mut *self.square_sums).zip(under) {
+                *sum += u32::from(level);
+                *squares += u32::from(level) * u32::from(level);
+            }
+            for (i, &ours) in self.template.row(v).iter().enumerate() {
+                for (product, &theirs) in self.products.iter_mut().zip(&under[i..]) {
+                    *product += u32::from(ours) * u32::from(theirs);
+                }
+            }
+        }
+    }
 }
 
 /// The most alike place, of several the first one row by row.
@@ -75,6 +171,22 @@ mod tests {
         assert!((correlation(view(dim.leak()), &template, Place::default()) - 1.0).abs() < 1e-12);
         assert!((correlation(view(negative.leak()), &template, Place::default()) + 1.0).abs() < 1e-12);
         assert_eq!(correlation(view(&[90; 35]), &template, Place::default()), 0.0);
+    }
+
+    #[test]
+    fn a_row_at_once_is_as_place_by_place() {
+        let data: Vec<u8> = (0..60 * 20_usize).map(|i| (i * i / 7 + 13 * (i % 11)) as u8).collect();
+        let image = ImageView::new(&data, 60, 20, 60).unwrap();
+        let mut template = Template::default();
+        template.take(image, Place { u: 21, v: 3 }, 13, 9).unwrap();
+        let area = SearchArea::along_row(image, &template, Place { u: 20, v: 3 }, 12).unwrap();
+        let mut row = RowCorrelation::default();
+        row.compute(image, &template, &area);
+        assert_eq!(row.iter().count(), 25);
+        for place in area.places() {
+            assert_eq!(row.at(place.u), Some(correlation(image, &template, place)));
+        }
+        assert_eq!((row.at(7), row.at(33), row.at(21)), (None, None, Some(1.0)));
     }
 
     #[test]

@@ -67,7 +67,12 @@ impl Template {
         if !fits(place.u, width, image.width()) || !fits(place.v, height, image.height()) {
             return Err(TemplateError::Outside);
         }
-        self.fill(width, height, |u, v| image.pixel(place.u + u, place.v + v));
+        self.pixels.clear();
+        for v in place.v..place.v + height {
+            self.pixels.extend_from_slice(&image.row(v)[place.u..place.u + width]);
+        }
+        (self.width, self.height) = (width, height);
+        self.add_up();
         self.check()
     }
 
@@ -77,8 +82,15 @@ impl Template {
         self.pixels
             .extend((0..height).flat_map(|v| (0..width).map(move |u| (u, v))).map(|(u, v)| level(u, v)));
         (self.width, self.height) = (width, height);
-        self.sum = self.pixels.iter().map(|&level| u64::from(level)).sum();
-        self.square_sum = self.pixels.iter().map(|&level| u64::from(level).pow(2)).sum();
+        self.add_up();
+    }
+
+    fn add_up(&mut self) {
+        (self.sum, self.square_sum) = (0, 0);
+        for row in self.pixels.chunks_exact(self.width.max(1)) {
+            self.sum += u64::from(row.iter().map(|&level| u32::from(level)).sum::<u32>());
+            self.square_sum += u64::from(row.iter().map(|&level| u32::from(level).pow(2)).sum::<u32>());
+        }
     }
 
     /// Whether it can be told from its surroundings.
