@@ -10,14 +10,14 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use yamabico_core::behavior::Plugin;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_core::vision::area_average::AreaAverage;
 use yamabico_core::vision::dark_cells::DarkCells;
 use yamabico_core::vision::isodata::threshold_of_pixels;
 use yamabico_core::vision::median::Median3;
-use yamabico_free_space_avoider::{Config, FreeSpaceAvoider};
+use yamabico_free_space_avoider::Config;
+use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_sim::random::stream;
 use yamabico_sim::{Renderer, Scene, World};
 
@@ -62,7 +62,7 @@ fn navel_grid(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("navel_grid");
     for (width, height) in [(340, 180), (640, 480)] {
         let (intrinsics, mount) = office::camera(width, height);
-        let behavior = FreeSpaceAvoider::new(Config::default(), &office::setup(intrinsics, mount)).unwrap();
+        let behavior = NavelGridAvoider::new(&Config::default(), &office::setup(intrinsics, mount)).unwrap();
         let mut sight = behavior.sight().clone();
         let pictures = pictures(width, height);
         let mut bests_us: Vec<f64> = pictures

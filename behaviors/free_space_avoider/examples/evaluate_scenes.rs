@@ -26,12 +26,12 @@ use std::process::ExitCode;
 
 use rand::RngExt;
 use serde_json::json;
-use yamabico_core::behavior::Plugin;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Proposal;
+use yamabico_free_space_avoider::Config;
+use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_free_space_avoider::navel_grid::{Decision, Outlook, Side, decide};
-use yamabico_free_space_avoider::{Config, FreeSpaceAvoider};
 use yamabico_sim::clearance::to_solids;
 use yamabico_sim::random::{Stream, stream};
 use yamabico_sim::world::{BoxItem, Floor, Lamp, Wall};
@@ -81,7 +81,7 @@ fn evaluate() -> Result<(), String> {
     let config: Config = toml::from_str(&toml).map_err(|e| e.to_string())?;
     let camera = office::camera(340, 180);
     let setup = office::setup(camera.0, camera.1);
-    let behavior = FreeSpaceAvoider::new(config.clone(), &setup).map_err(|e| e.to_string())?;
+    let behavior = NavelGridAvoider::new(&config, &setup).map_err(|e| e.to_string())?;
     let judge = Judge::new(&behavior, &config, camera.1);
     let mut sight = behavior.sight().clone();
     let mut rng = stream(1, "scenes");

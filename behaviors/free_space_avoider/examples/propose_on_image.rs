@@ -75,7 +75,7 @@ fn propose() -> Result<(), String> {
         proposal.reason().map_or("", |reason| reason.as_str()),
         proposal.note,
     );
-    let sight = bench.behavior.sight();
+    let sight = bench.behavior.navel_grid().ok_or("the method must be navel-grid")?.sight();
     println!(
         "free cells  {:?}\nway         {:?}\nweighed     {:?}",
         sight.free(),

@@ -18,7 +18,8 @@ pub struct Config {
     /// Rate of turns where the robot stands, rad/s, 0.05 to 3, default 0.4.
     #[schemars(range(min = 0.05, max = 3.0))]
     pub turn_rad_s: f64,
-    /// Distance from the robot's circle to what it would stop before, m, 0 to 3, default 0.35.
+    /// Distance from the robot's circle to what it would stop before (navel-grid), or keeps on every side (polar-cells), m, 0 to
+    /// 3, default 0.35.
     #[schemars(range(min = 0.0, max = 3.0))]
     pub margin_m: f64,
     /// Room beside the robot's circle that the way ahead needs, m, 0 to 1, default 0.05.
@@ -45,9 +46,41 @@ pub struct Config {
     /// to 1, default 0.7.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub floor_evenness: f64,
-    /// Blocked on both sides, the robot looks around after so long, s, 0.1 to 600, default 3.
+    /// Blocked on both sides, the robot looks around after so long; with polar-cells, blocked all around, it says so. Seconds,
+    /// 0.1 to 600, default 3.
     #[schemars(range(min = 0.1, max = 600.0))]
     pub patience_s: f64,
+    /// Rings of polar cells, 2 to 64, default 6.
+    #[schemars(range(min = 2, max = 64))]
+    pub rings: u32,
+    /// Directions of polar cells, 8 to 128, default 32.
+    #[schemars(range(min = 8, max = 128))]
+    pub directions: u32,
+    /// The rings end where the floor is so far from the mirror's axis, m, 0.2 to 10, default 1.25.
+    #[schemars(range(min = 0.2, max = 10.0))]
+    pub farthest_m: f64,
+    /// Share of floor that makes a cell free, 0.1 to 1, default 0.8.
+    #[schemars(range(min = 0.1, max = 1.0))]
+    pub free_share: f64,
+    /// Lines and specks in the floor up to twice so wide are closed, pixels, 0 to 4, default 1.
+    #[schemars(range(min = 0, max = 4))]
+    pub closing_px: u32,
+    /// The floor's colours as `yamabico learn floor` writes them, relative to the task file. Default none: what lies before the
+    /// robot at the start is floor.
+    #[schemars(extend("format" = "file"))]
+    pub floor_colours: Option<String>,
+    /// Without learned colours: what differs from those before the robot by no more is floor, levels, 2 to 80, default 24.
+    #[schemars(range(min = 2, max = 80))]
+    pub colour_tolerance: u32,
+    /// Where to go, x and y, m, each -1000 to 1000: on the map where a pose is plugged in, else from where odometry began.
+    /// Default none: on, in the direction that the robot looks in at the start.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub goal_m: Option<[f64; 2]>,
+    /// How near the goal is there, m, 0.01 to 2, default 0.1.
+    #[schemars(range(min = 0.01, max = 2.0))]
+    pub tolerance_m: f64,
+    /// Whether directions are judged by the velocity that the robot has, default "considered".
+    pub velocity: VelocityRule,
 }
 
 /// How free floor is seen.
@@ -56,6 +89,18 @@ pub struct Config {
 pub enum Method {
     /// A grid of floor and obstacles in the picture of one forward camera.
     NavelGrid,
+    /// Cells of floor colour all around, in the picture of a mirror camera.
+    PolarCells,
+}
+
+/// Whether directions are judged by the velocity that the robot has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VelocityRule {
+    /// They are: by the way that the robot would really take.
+    Considered,
+    /// As if the robot could turn at once: for comparison.
+    Ignored,
 }
 
 /// Whether the floor is brighter than what stands on it.
@@ -86,6 +131,16 @@ impl Default for Config {
             least_contrast: 25.0,
             floor_evenness: 0.7,
             patience_s: 3.0,
+            rings: 6,
+            directions: 32,
+            farthest_m: 1.25,
+            free_share: 0.8,
+            closing_px: 1,
+            floor_colours: None,
+            colour_tolerance: 24,
+            goal_m: None,
+            tolerance_m: 0.1,
+            velocity: VelocityRule::Considered,
         }
     }
 }
@@ -108,6 +163,15 @@ impl Config {
             ("least_contrast", self.least_contrast, 10.0, 200.0),
             ("floor_evenness", self.floor_evenness, 0.0, 1.0),
             ("patience_s", self.patience_s, 0.1, 600.0),
+            ("rings", f64::from(self.rings), 2.0, 64.0),
+            ("directions", f64::from(self.directions), 8.0, 128.0),
+            ("farthest_m", self.farthest_m, 0.2, 10.0),
+            ("free_share", self.free_share, 0.1, 1.0),
+            ("closing_px", f64::from(self.closing_px), 0.0, 4.0),
+            ("colour_tolerance", f64::from(self.colour_tolerance), 2.0, 80.0),
+            ("goal_m", self.goal_m.map_or(0.0, |goal| goal[0]), -1000.0, 1000.0),
+            ("goal_m", self.goal_m.map_or(0.0, |goal| goal[1]), -1000.0, 1000.0),
+            ("tolerance_m", self.tolerance_m, 0.01, 2.0),
         ] {
             if !(low..=high).contains(&value) {
                 return Err(BuildError::new(key, format!("{value} is not between {low} and {high}")));

@@ -1,7 +1,9 @@
-//! Drives where the floor is free, without a map, by one picture at a time.
+//! Drives where the floor is free, by one picture at a time: ahead of one forward camera, or all around by a mirror.
 //!
 //! Abdelfatah et al. (navel grid): a forward camera, floor that is brighter than obstacles, four decisions.
-//! Differs from \[1\]: see [`navel_grid`]; besides, nothing within the stopping distance is driven at, and failures stop.
+//! Sekimori, Usui, Masutani & Miyazaki (polar cells): a mirror camera, floor of one colour, a direction for every velocity.
+//! Differs from \[1\]: see [`navel_grid`] and [`polar_cells`]; besides, nothing within the stopping distance is driven at, and
+//! failures stop.
 
 pub mod config;
 pub mod direction;
@@ -12,27 +14,29 @@ pub mod stopping;
 pub use config::Config;
 
 use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
+    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
 };
-use yamabico_core::camera::{Intrinsics, Pinhole};
-use yamabico_core::geometry::{Twist, angle_difference};
-use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Odometry, Proposal, Reason};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
-use yamabico_core::sensor::SensorKind;
-use yamabico_core::time::Time;
+use yamabico_core::config::FileKind;
+use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Goal, Odometry, Pose, Proposal};
 
-use crate::navel_grid::ground::Swath;
-use crate::navel_grid::{Motion, Sight, Steering, Trouble};
-use crate::stopping::stopping_distance_m;
+use crate::config::Method;
+use crate::navel_grid::NavelGridAvoider;
+use crate::polar_cells::PolarCellsAvoider;
+use crate::polar_cells::colour_file::FLOOR_COLOURS_FILE;
 
 /// The plugin, to be listed by the program.
 pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<FreeSpaceAvoider>();
 
-/// The camera that looks ahead and down.
-pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the floor ahead");
+/// The camera that looks ahead and down, or all around.
+pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the floor ahead, or all around");
 /// Where the wheels say the robot is.
-pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "how far a turn has got");
+pub const ODOMETRY: Slot<Odometry> =
+    Slot::optional("odometry", "how the robot moves; polar-cells needs it, navel-grid measures turns by it");
+/// Where the robot is on the map.
+pub const POSE: Slot<Pose> =
+    Slot::optional("pose", "polar-cells: where the robot is on the map that goals are on");
+/// Where to go.
+pub const GOAL: Slot<Goal> = Slot::optional("goal", "polar-cells: a goal that replaces the one in the task");
 /// Where the floor is free.
 pub const FREE_SPACE: Slot<FreeSpaceHeader> = Slot::optional("free-space", "how far the floor is free");
 
@@ -41,166 +45,56 @@ const STALE_S: f64 = 0.5;
 
 /// Drives where the floor is free.
 #[derive(Clone, Debug)]
-pub struct FreeSpaceAvoider {
-    speed_mps: f64,
-    turn_rad_s: f64,
-    intrinsics: Intrinsics,
-    way: Swath,
-    sight: Sight,
-    steering: Steering,
-    odometry: OdometryTrack,
-    grey: GrayImage,
-    /// Turned since the last picture, radians.
-    turned_rad: f64,
-    last_picture: Option<Time>,
-    trouble: Option<Trouble>,
-    malformed: bool,
-    published: u64,
+pub enum FreeSpaceAvoider {
+    /// By a grid in the picture of one forward camera.
+    NavelGrid(Box<NavelGridAvoider>),
+    /// By cells all around in the picture of a mirror camera.
+    PolarCells(Box<PolarCellsAvoider>),
 }
 
 impl Plugin for FreeSpaceAvoider {
     type Config = Config;
     const NAME: &'static str = "free-space-avoider";
     const SUMMARY: &'static str = "Drives where the floor is free, without a map, by one picture at a time.";
-    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info()];
+    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
-    const CLAIMS: Axes = Axes::PLANAR;
+    const FILES: &'static [FileKind] = &[FLOOR_COLOURS_FILE];
+    const CLAIMS: Axes = Axes::ALL;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let sensor = setup.sensor(&CAMERA);
-        let Some((sensor, SensorKind::Camera { intrinsics, distortion, mount, .. })) =
-            sensor.map(|sensor| (sensor, &sensor.kind))
-        else {
-            return Err(BuildError::new("inputs.camera", "needs a pinhole camera of the robot"));
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return Err(BuildError::new(
-                "inputs.camera",
-                "the camera's intrinsics or mount are no usable numbers",
-            ));
-        }
-        let way = Swath {
-            length_m: stopping_distance_m(config.speed_mps, config.margin_m, &setup.robot, sensor),
-            half_width_m: setup.robot.radius_m + config.side_m,
-        };
-        Ok(Self {
-            speed_mps: config.speed_mps,
-            turn_rad_s: config.turn_rad_s,
-            intrinsics: *intrinsics,
-            way,
-            sight: Sight::new(&config, &Pinhole::new(*intrinsics, *distortion), mount, &way)?,
-            steering: Steering::new(config.patience_s),
-            odometry: OdometryTrack::default(),
-            grey: GrayImage::default(),
-            turned_rad: 0.0,
-            last_picture: None,
-            trouble: None,
-            malformed: false,
-            published: 0,
+        Ok(match config.method {
+            Method::NavelGrid => Self::NavelGrid(Box::new(NavelGridAvoider::new(&config, setup)?)),
+            Method::PolarCells => Self::PolarCells(Box::new(PolarCellsAvoider::new(&config, setup)?)),
         })
     }
 }
 
 impl Behavior for FreeSpaceAvoider {
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
-        let now = inputs.now();
-        self.measure_turn(inputs, now);
-        if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
-            self.look(&frame, now);
-            self.publish(outputs);
-        }
-        match self.last_picture {
-            Some(stamp) if self.malformed => Proposal::abstain(Reason::MalformedInput).with_evidence(stamp),
-            None if self.malformed => Proposal::abstain(Reason::MalformedInput),
-            None => Proposal::abstain(Reason::NoInput),
-            Some(stamp) if now.seconds_after(stamp) > STALE_S => {
-                Proposal::abstain(Reason::StaleInput).with_evidence(stamp)
-            }
-            Some(stamp) => self.proposal().with_evidence(stamp),
+        match self {
+            Self::NavelGrid(avoider) => avoider.propose(inputs, outputs),
+            Self::PolarCells(avoider) => avoider.propose(inputs, outputs),
         }
     }
 }
 
 impl FreeSpaceAvoider {
-    /// What it sees.
+    /// What drives by the navel grid; `None` with another method.
     #[must_use]
-    pub fn sight(&self) -> &Sight {
-        &self.sight
-    }
-
-    /// The way ahead that must be free: as far as the robot needs to stop, as wide as it is.
-    #[must_use]
-    pub fn way(&self) -> Swath {
-        self.way
-    }
-
-    /// Adds up the turn between pictures, where odometry tells it.
-    fn measure_turn(&mut self, inputs: &Inputs<'_>, now: Time) {
-        for odometry in inputs.fresh(&ODOMETRY) {
-            let before = self.odometry.newest().map(|reading| reading.pose.theta);
-            if self.odometry.push(odometry.header, now)
-                && let (Some(before), Some(newest)) = (before, self.odometry.newest())
-            {
-                self.turned_rad += angle_difference(newest.pose.theta, before).abs();
-            }
+    pub fn navel_grid(&self) -> Option<&NavelGridAvoider> {
+        match self {
+            Self::NavelGrid(avoider) => Some(avoider),
+            Self::PolarCells(_) => None,
         }
     }
 
-    fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
-        let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_picture.is_none_or(|last| stamp > last);
-        let image = self.grey.view_of_frame(frame, &self.intrinsics);
-        let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
-        self.malformed = usable.is_none();
-        let Some(image) = usable else { return };
-        let (outlook, trouble) = self.sight.see(image);
-        self.trouble = trouble;
-        let turned_rad = match (self.odometry.newest(), self.last_picture) {
-            (Some(_), _) => std::mem::take(&mut self.turned_rad),
-            (None, Some(last)) => self.turn_rad_s * stamp.seconds_after(last),
-            (None, None) => 0.0,
-        };
-        self.last_picture = Some(stamp);
-        self.steering.step(outlook, turned_rad, stamp);
-    }
-
-    fn publish(&mut self, outputs: &mut Outputs<'_>) {
-        let Some(stamp) = self.last_picture.filter(|_| !self.malformed && self.trouble.is_none()) else {
-            return;
-        };
-        let sequence = self.published;
-        let header = FreeSpaceHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence };
-        // Nobody may listen: the drive does not depend on it.
-        if outputs.publish(FREE_SPACE.name, &header, self.sight.directions()).is_ok() {
-            self.published += 1;
-        }
-    }
-
-    fn proposal(&self) -> Proposal {
-        let drive =
-            |speed_mps, turn_rad_s| Proposal::drive(Axes::PLANAR, Twist::planar(speed_mps, turn_rad_s));
-        let why = self.trouble.map(Trouble::reason);
-        match self.steering.motion() {
-            Motion::Forward { share, turn_rad_s } => drive(share * self.speed_mps, turn_rad_s)
-                .with_note(format_args!("free ahead, {:.0} % of the speed", 100.0 * share)),
-            // A turn goes on where a halt names only translation.
-            Motion::Turn(side) => drive(0.0, side.sign() * self.turn_rad_s)
-                .uncoupled()
-                .because(why.unwrap_or(Reason::Searching)),
-            Motion::Stop => {
-                drive(0.0, 0.0).because(why.unwrap_or(Reason::PassageBlocked)).with_note(match self.trouble {
-                    None => format_args!("both sides are blocked"),
-                    Some(Trouble::LowContrast) => format_args!("floor and obstacles look alike"),
-                    Some(Trouble::FloorModelBroken) => format_args!("hardly any floor in view"),
-                    Some(Trouble::NoFloorAhead) => {
-                        format_args!("no floor right ahead at the start: is `polarity` right?")
-                    }
-                })
-            }
-            Motion::ShutIn => drive(0.0, 0.0)
-                .because(Reason::PassageBlocked)
-                .with_note(format_args!("a full turn has shown no way forward")),
+    /// What drives by polar cells; `None` with another method.
+    #[must_use]
+    pub fn polar_cells(&self) -> Option<&PolarCellsAvoider> {
+        match self {
+            Self::PolarCells(avoider) => Some(avoider),
+            Self::NavelGrid(_) => None,
         }
     }
 }

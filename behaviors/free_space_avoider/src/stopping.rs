@@ -3,7 +3,7 @@
 use yamabico_core::sensor::{Robot, SensorInfo};
 
 /// From a command to the wheels and from a decision to the next, seconds.
-const COMMAND_S: f64 = 0.04;
+pub const COMMAND_S: f64 = 0.04;
 
 /// Distance (m) from the robot's centre to what it still stops `margin_m` before, driving at `speed_mps`: the way until the
 /// next picture is taken, delivered and obeyed, the way of braking in normal driving, the robot's circle and the margin.

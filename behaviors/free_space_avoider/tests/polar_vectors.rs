@@ -10,7 +10,7 @@ mod vectors {
     use yamabico_core::vision::bit_image::BitImage;
     use yamabico_core::vision::morphology::Morphology;
     use yamabico_core::vision::ring_cells::RingCells;
-    use yamabico_free_space_avoider::direction::choice::{self, ChoiceRules, Chooser, Velocity};
+    use yamabico_free_space_avoider::direction::choice::{self, ChoiceRules, Chooser, Start, Velocity};
     use yamabico_free_space_avoider::direction::heading::{self, HeadingRules, Rollout, roll_out};
     use yamabico_free_space_avoider::direction::{FreeDistances, LimitedMotion};
     use yamabico_free_space_avoider::polar_cells::FreeCells;
@@ -188,12 +188,12 @@ mod vectors {
                 velocity,
             };
             let free = free_distances(&case["a"], &edges_mm);
-            let from = metres(&case["v_a"]);
+            let start = Start { velocity_mps: metres(&case["v_a"]), ..Start::default() };
             let last_side = case["s_prev"].as_i64().unwrap_or(0) as i8;
-            let choice = chooser.choose(&free, from, number(&case["goal_dir"]), last_side, &rules);
+            let choice = chooser.choose(&free, &start, number(&case["goal_dir"]), last_side, &rules);
             let Some(choice) = choice else {
                 assert_eq!(expect["status"].as_str(), Some("stop"), "{id}");
-                check_clearance(id, choice::stop_clearance_m(&free, from, &rules), &expect["stop_clear"]);
+                check_clearance(id, choice::stop_clearance_m(&free, &start, &rules), &expect["stop_clear"]);
                 continue;
             };
             assert_eq!(expect["status"].as_str(), Some("move"), "{id}");
@@ -203,9 +203,9 @@ mod vectors {
             check(id, "direction", choice.direction_rad, number(&expect["dir"]));
             let turn = wrap_angle(choice.direction_rad - number(&expect["dir_wrapped"]));
             check(id, "wrapped direction", turn, 0.0);
-            let least = choice::least_clearance_m(&free, from, choice.velocity_mps, &rules);
+            let least = choice::least_clearance_m(&free, &start, choice.velocity_mps, &rules);
             check_clearance(id, least, &expect["min_clear"]);
-            let begin = if velocity == Velocity::Ignored { choice.velocity_mps } else { from };
+            let begin = if velocity == Velocity::Ignored { choice.velocity_mps } else { start.velocity_mps };
             let ramp_s = LimitedMotion::new(begin, choice.velocity_mps, rules.acceleration_mps2).ramp_s();
             check(id, "ramp", ramp_s, number(&expect["t_a"]));
             let whole_s = ramp_s + rules.speed_mps / (2.0 * rules.acceleration_mps2);

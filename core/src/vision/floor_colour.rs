@@ -35,6 +35,32 @@ impl ColourBox {
         let within = |i: usize| (colour[i] >= self.least[i]) & (colour[i] <= self.most[i]);
         within(0) & within(1) & within(2)
     }
+
+    /// The box with thresholds so many levels farther apart on either side.
+    #[must_use]
+    pub fn widened(&self, levels: u8) -> Self {
+        Self {
+            least: self.least.map(|level| level.saturating_sub(levels)),
+            most: self.most.map(|level| level.saturating_add(levels)),
+        }
+    }
+
+    /// The box with each threshold moved towards that of another box, by no more than so many levels.
+    #[must_use]
+    pub fn towards(&self, other: &ColourBox, levels: u8) -> Self {
+        let step = |from: u8, to: u8| to.clamp(from.saturating_sub(levels), from.saturating_add(levels));
+        Self {
+            least: std::array::from_fn(|i| step(self.least[i], other.least[i])),
+            most: std::array::from_fn(|i| step(self.most[i], other.most[i])),
+        }
+    }
+
+    /// The largest distance between the two thresholds of a channel, levels.
+    #[must_use]
+    pub fn spread(&self) -> u8 {
+        let spread = |i: usize| self.most[i].saturating_sub(self.least[i]);
+        spread(0).max(spread(1)).max(spread(2))
+    }
 }
 
 /// A class, floor or not, for each of 32 x 32 x 32 colours.
@@ -218,6 +244,14 @@ mod tests {
             }
         }
         assert!(count > 10 && by_box.count() == count, "{count}");
+    }
+
+    #[test]
+    fn a_box_moves_step_by_step() {
+        let moved = GREEN.towards(&ColourBox { least: [10, 200, 24], most: [255, 255, 0] }, 20);
+        assert_eq!(moved, ColourBox { least: [10, 100, 24], most: [99, 255, 83] });
+        assert_eq!(GREEN.widened(30), ColourBox { least: [0, 50, 0], most: [109, 255, 133] });
+        assert_eq!((GREEN.spread(), moved.spread()), (175, 155));
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 use yamabico_core::camera::Mount;
 use yamabico_core::geometry::Pose2;
+use yamabico_free_space_avoider::Config;
+use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_free_space_avoider::navel_grid::ground::Swath;
 use yamabico_free_space_avoider::navel_grid::{Decision, Side};
-use yamabico_free_space_avoider::{Config, FreeSpaceAvoider};
 use yamabico_sim::scene::Solid;
 
 /// Of a side, the taken share from which on it is blocked: the paper's 80 of 219.
@@ -42,7 +43,7 @@ pub struct Verdict {
 }
 
 impl Judge {
-    pub fn new(behavior: &FreeSpaceAvoider, config: &Config, mount: Mount) -> Self {
+    pub fn new(behavior: &NavelGridAvoider, config: &Config, mount: Mount) -> Self {
         let way = behavior.way();
         let sight = behavior.sight();
         let (rows, columns) = (f64::from(config.rows), f64::from(config.columns));

@@ -11,6 +11,9 @@ pub const SAME_DEVIATION_RAD: f64 = 1e-9;
 /// A deviation below this (rad) is to neither side.
 const STRAIGHT_RAD: f64 = 1e-6;
 
+/// Shares of the speed that are tried one after the other.
+pub const SPEED_LADDER: [f64; 3] = [1.0, 0.5, 0.25];
+
 /// Whether the velocity that the robot has counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Velocity {
@@ -23,7 +26,7 @@ pub enum Velocity {
 /// How directions are judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChoiceRules {
-    /// Least and best: the speed to drive at, m/s.
+    /// The speed to drive at, m/s.
     pub speed_mps: f64,
     /// The largest acceleration in any direction, m/s^2, above 0.
     pub acceleration_mps2: f64,
@@ -35,6 +38,15 @@ pub struct ChoiceRules {
     pub reaction_s: f64,
     /// Whether the velocity that the robot has counts.
     pub velocity: Velocity,
+}
+
+/// Where the robot is, in the frame of the free distances, and how it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Start {
+    /// Place of its centre, m.
+    pub position_m: Vector2<f64>,
+    /// Its velocity, m/s.
+    pub velocity_mps: Vector2<f64>,
 }
 
 /// A direction that is taken.
@@ -77,26 +89,26 @@ pub struct Chooser {
 }
 
 impl Chooser {
-    /// The direction nearest to `goal_rad` in which the robot, driving at `from_mps` now, keeps clear of everything hidden,
-    /// and could still stop after its reaction time. Of two directions equally near that on `last_side` (-1, 0, 1) wins,
+    /// The direction nearest to `goal_rad` in which the robot keeps clear of everything hidden, and could still stop after
+    /// its reaction time. Of two directions equally near that on `last_side` (-1, 0, 1) wins,
     /// or else the left one. `None` where there is no such direction.
     pub fn choose(
         &mut self,
         free: &FreeDistances,
-        from_mps: Vector2<f64>,
+        start: &Start,
         goal_rad: f64,
         last_side: i8,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
         // Every way begins here.
-        if free.clearance_m(Vector2::zeros()) < rules.clearance_m {
+        if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
         self.order(free, goal_rad, last_side).iter().enumerate().find_map(|(rank, candidate)| {
             let direction_rad = candidate.direction_rad;
             let velocity_mps = Vector2::new(direction_rad.cos(), direction_rad.sin()) * rules.speed_mps;
-            let ways = Ways::new(from_mps, velocity_mps, rules);
-            let is_clear = keeps_clear(free, &ways.drive, Vector2::zeros(), ways.drive_s, rules)
+            let ways = Ways::new(start, velocity_mps, rules);
+            let is_clear = keeps_clear(free, &ways.drive, start.position_m, ways.drive_s, rules)
                 && keeps_clear(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules);
             is_clear.then(|| Choice {
                 velocity_mps,
@@ -112,14 +124,14 @@ impl Chooser {
     pub fn choose_speed(
         &mut self,
         free: &FreeDistances,
-        from_mps: Vector2<f64>,
+        start: &Start,
         goal_rad: f64,
         last_side: i8,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
-        [1.0, 0.5, 0.25].iter().find_map(|share| {
+        SPEED_LADDER.iter().find_map(|share| {
             let rules = ChoiceRules { speed_mps: share * rules.speed_mps, ..*rules };
-            self.choose(free, from_mps, goal_rad, last_side, &rules)
+            self.choose(free, start, goal_rad, last_side, &rules)
         })
     }
 
@@ -153,9 +165,9 @@ struct Ways {
 }
 
 impl Ways {
-    fn new(from_mps: Vector2<f64>, to_mps: Vector2<f64>, rules: &ChoiceRules) -> Self {
+    fn new(start: &Start, to_mps: Vector2<f64>, rules: &ChoiceRules) -> Self {
         let from_mps = match rules.velocity {
-            Velocity::Considered => from_mps,
+            Velocity::Considered => start.velocity_mps,
             Velocity::Ignored => to_mps,
         };
         let acceleration = rules.acceleration_mps2;
@@ -165,7 +177,7 @@ impl Ways {
             // Straight on after the ramp for as long as braking takes, which is the way that braking takes.
             drive_s: drive.ramp_s() + rules.speed_mps / (2.0 * acceleration),
             stop: LimitedMotion::new(drive.velocity_mps(rules.reaction_s), Vector2::zeros(), acceleration),
-            stop_from: drive.position_m(rules.reaction_s),
+            stop_from: start.position_m + drive.position_m(rules.reaction_s),
         }
     }
 }
@@ -199,20 +211,20 @@ fn keeps_clear(
 #[must_use]
 pub fn least_clearance_m(
     free: &FreeDistances,
-    from_mps: Vector2<f64>,
+    start: &Start,
     to_mps: Vector2<f64>,
     rules: &ChoiceRules,
 ) -> f64 {
-    let ways = Ways::new(from_mps, to_mps, rules);
-    let drive = least_on_way_m(free, &ways.drive, Vector2::zeros(), ways.drive_s, rules.step_s);
+    let ways = Ways::new(start, to_mps, rules);
+    let drive = least_on_way_m(free, &ways.drive, start.position_m, ways.drive_s, rules.step_s);
     drive.min(least_on_way_m(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules.step_s))
 }
 
-/// The smallest clearance (m) of all the steps of a stop from this velocity.
+/// The smallest clearance (m) of all the steps of a stop.
 #[must_use]
-pub fn stop_clearance_m(free: &FreeDistances, from_mps: Vector2<f64>, rules: &ChoiceRules) -> f64 {
-    let stop = LimitedMotion::new(from_mps, Vector2::zeros(), rules.acceleration_mps2);
-    least_on_way_m(free, &stop, Vector2::zeros(), stop.ramp_s(), rules.step_s)
+pub fn stop_clearance_m(free: &FreeDistances, start: &Start, rules: &ChoiceRules) -> f64 {
+    let stop = LimitedMotion::new(start.velocity_mps, Vector2::zeros(), rules.acceleration_mps2);
+    least_on_way_m(free, &stop, start.position_m, stop.ramp_s(), rules.step_s)
 }
 
 fn least_on_way_m(
@@ -243,10 +255,10 @@ mod tests {
         velocity: Velocity::Considered,
     };
 
-    fn random_case(random: &mut Pcg64) -> (Vec<f64>, Vector2<f64>, f64) {
+    fn random_case(random: &mut Pcg64) -> (Vec<f64>, Start, f64) {
         let distances = (0..32).map(|_| random.random_range(0.1..1.8)).collect();
         let velocity = Vector2::new(random.random_range(-0.4..0.4), random.random_range(-0.2..0.2));
-        (distances, velocity, random.random_range(-PI..PI))
+        (distances, Start { velocity_mps: velocity, ..Start::default() }, random.random_range(-PI..PI))
     }
 
     /// The quick check decides as the plain one does, for the direction taken and for all that were passed over.
@@ -255,14 +267,14 @@ mod tests {
         let mut random = Pcg64::seed_from_u64(3);
         let (mut chooser, mut taken) = (Chooser::default(), 0);
         for _ in 0..300 {
-            let (distances, velocity, goal) = random_case(&mut random);
+            let (distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances);
             let expected = Chooser::default().order(&free, goal, 0).iter().position(|candidate| {
                 let to = Vector2::new(candidate.direction_rad.cos(), candidate.direction_rad.sin()) * 0.4;
-                least_clearance_m(&free, velocity, to, &RULES) >= RULES.clearance_m
+                least_clearance_m(&free, &start, to, &RULES) >= RULES.clearance_m
             });
-            let choice = chooser.choose(&free, velocity, goal, 0, &RULES);
+            let choice = chooser.choose(&free, &start, goal, 0, &RULES);
             assert_eq!(choice.map(|choice| choice.rank), expected);
             taken += usize::from(expected.is_some());
         }
@@ -274,12 +286,14 @@ mod tests {
         let mut random = Pcg64::seed_from_u64(4);
         let mut chooser = Chooser::default();
         for _ in 0..200 {
-            let (distances, velocity, goal) = random_case(&mut random);
+            let (distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances.iter().copied());
-            let here = chooser.choose(&free, velocity, goal, 1, &RULES);
+            let here = chooser.choose(&free, &start, goal, 1, &RULES);
             free.set(distances.iter().rev().copied());
-            let there = chooser.choose(&free, Vector2::new(velocity.x, -velocity.y), -goal, -1, &RULES);
+            let mirrored =
+                Start { velocity_mps: start.velocity_mps.component_mul(&Vector2::new(1.0, -1.0)), ..start };
+            let there = chooser.choose(&free, &mirrored, -goal, -1, &RULES);
             let (Some(here), Some(there)) = (here, there) else {
                 assert_eq!(here.is_some(), there.is_some());
                 continue;
@@ -294,13 +308,13 @@ mod tests {
         let mut random = Pcg64::seed_from_u64(5);
         let mut chooser = Chooser::default();
         for _ in 0..200 {
-            let (mut distances, velocity, goal) = random_case(&mut random);
+            let (mut distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances.iter().copied());
-            let before = chooser.choose(&free, velocity, goal, 0, &RULES);
+            let before = chooser.choose(&free, &start, goal, 0, &RULES);
             distances[random.random_range(0..32)] *= 0.5;
             free.set(distances);
-            let after = chooser.choose(&free, velocity, goal, 0, &RULES);
+            let after = chooser.choose(&free, &start, goal, 0, &RULES);
             match (before, after) {
                 (Some(before), Some(after)) => assert!(after.rank >= before.rank),
                 (before, after) => assert!(before.is_some() || after.is_none()),
@@ -313,8 +327,8 @@ mod tests {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         free.set([0.3; 32]);
         let mut chooser = Chooser::default();
-        assert_eq!(chooser.choose(&free, Vector2::zeros(), 0.5, 0, &RULES), None);
-        let slow = chooser.choose_speed(&free, Vector2::zeros(), 0.5, 0, &RULES);
+        assert_eq!(chooser.choose(&free, &Start::default(), 0.5, 0, &RULES), None);
+        let slow = chooser.choose_speed(&free, &Start::default(), 0.5, 0, &RULES);
         assert_eq!(slow.map(|slow| slow.velocity_mps.norm()), Some(0.2));
     }
 }

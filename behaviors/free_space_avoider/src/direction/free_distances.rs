@@ -127,12 +127,14 @@ impl FreeDistances {
         0.5 * (self.borders[sector] + self.borders[sector + 1])
     }
 
-    /// The end of free floor in each sector, seen from the robot's centre.
+    /// The end of free floor in each sector, seen from the robot's centre, from right (behind, all around) to left.
     pub fn ends(&self) -> impl Iterator<Item = FreeDirection> {
-        (0..self.len()).map(|sector| {
+        let first = if self.is_round { self.len().div_ceil(2) } else { 0 };
+        (first..self.len()).chain(0..first).map(|sector| {
             let middle = self.middle(sector);
             let end = self.viewpoint + Vector2::new(middle.cos(), middle.sin()) * self.free_m[sector];
-            let azimuth_rad = if self.viewpoint == Vector2::zeros() { middle } else { end.y.atan2(end.x) };
+            let azimuth_rad =
+                if self.viewpoint == Vector2::zeros() { wrap_angle(middle) } else { end.y.atan2(end.x) };
             FreeDirection { azimuth_rad, distance_m: end.norm() }
         })
     }
@@ -281,8 +283,9 @@ mod tests {
         free.set([0.2, 0.4, 0.6, 0.8]);
         let ends: Vec<_> = free.ends().collect();
         let expected: Vector2<f64> = Vector2::new(0.1, 0.0) + Vector2::new(1.0, 1.0).normalize() * 0.2;
-        assert!((ends[0].distance_m - expected.norm()).abs() < 1e-12);
-        assert!((ends[0].azimuth_rad - expected.y.atan2(expected.x)).abs() < 1e-12);
+        assert!((ends[2].distance_m - expected.norm()).abs() < 1e-12);
+        assert!((ends[2].azimuth_rad - expected.y.atan2(expected.x)).abs() < 1e-12);
+        assert!(ends.is_sorted_by(|a, b| a.azimuth_rad < b.azimuth_rad));
         assert!((free.middle(3) - 1.75 * PI).abs() < 1e-12);
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use yamabico_core::geometry::{Twist, wrap_angle};
 
-use super::choice::Chooser;
+use super::choice::{Chooser, SPEED_LADDER};
 use super::free_distances::FreeDistances;
 
 /// Below this turn rate (rad/s) a step is straight.
@@ -37,7 +37,7 @@ pub struct HeadingRules {
 pub struct Drive {
     /// Speed ahead and turn rate to drive with until the next choice.
     pub twist: Twist,
-    /// The heading, radians from the present one, as far as it was given.
+    /// The heading, radians, frame of the free distances.
     pub heading_rad: f64,
     /// The sector whose middle it is; `None` for the wished heading itself.
     pub sector: Option<usize>,
@@ -135,23 +135,22 @@ pub fn roll_out(start: Rollout, heading_rad: f64, rules: &HeadingRules) -> impl 
 }
 
 impl Chooser {
-    /// The heading nearest to `goal_rad` that a robot with this speed and turn rate comes to, and to a stand after it, clear
-    /// of everything hidden; ties as in [`Chooser::choose`]. `None` where there is no such heading.
+    /// The heading nearest to `goal_rad` that the robot comes to, and to a stand after it, clear of everything hidden; ties
+    /// as in [`Chooser::choose`]. `None` where there is no such heading.
     pub fn choose_heading(
         &mut self,
         free: &FreeDistances,
-        now: &Twist,
+        start: &Rollout,
         goal_rad: f64,
         last_side: i8,
         rules: &HeadingRules,
     ) -> Option<Drive> {
-        if free.clearance_m(Vector2::zeros()) < rules.clearance_m {
+        if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
-        let start = Rollout::new(Vector2::zeros(), 0.0, now.linear, now.angular);
         self.order(free, goal_rad, last_side).iter().enumerate().find_map(|(rank, candidate)| {
             let heading_rad = candidate.direction_rad;
-            keeps_clear(free, start, heading_rad, rules).then(|| Drive {
+            keeps_clear(free, *start, heading_rad, rules).then(|| Drive {
                 twist: start.wished(heading_rad, rules),
                 heading_rad,
                 sector: candidate.sector,
@@ -165,14 +164,14 @@ impl Chooser {
     pub fn choose_heading_speed(
         &mut self,
         free: &FreeDistances,
-        now: &Twist,
+        start: &Rollout,
         goal_rad: f64,
         last_side: i8,
         rules: &HeadingRules,
     ) -> Option<Drive> {
-        [1.0, 0.5, 0.25].iter().find_map(|share| {
+        SPEED_LADDER.iter().find_map(|share| {
             let rules = HeadingRules { speed_mps: share * rules.speed_mps, ..*rules };
-            self.choose_heading(free, now, goal_rad, last_side, &rules)
+            self.choose_heading(free, start, goal_rad, last_side, &rules)
         })
     }
 }
@@ -240,13 +239,13 @@ mod tests {
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             let distances: Vec<f64> = (0..32).map(|_| random.random_range(0.15..2.5)).collect();
             free.set(distances);
-            let now = Twist::planar(random.random_range(-0.1..0.4), random.random_range(-2.0..2.0));
             let goal = random.random_range(-3.0..3.0);
-            let start = Rollout::new(Vector2::zeros(), 0.0, now.linear, now.angular);
+            let (speed, turn) = (random.random_range(-0.1..0.4), random.random_range(-2.0..2.0));
+            let start = Rollout::new(Vector2::zeros(), 0.0, speed, turn);
             let expected = Chooser::default().order(&free, goal, 0).iter().position(|candidate| {
                 least_clearance_m(&free, start, candidate.direction_rad, &RULES) >= RULES.clearance_m
             });
-            let drive = chooser.choose_heading(&free, &now, goal, 0, &RULES);
+            let drive = chooser.choose_heading(&free, &start, goal, 0, &RULES);
             assert_eq!(drive.map(|drive| drive.rank), expected);
             taken += usize::from(expected.is_some());
         }
@@ -257,9 +256,10 @@ mod tests {
     fn a_robot_that_stands_turns_before_it_drives() {
         let mut chooser = Chooser::default();
         let free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
-        let behind = chooser.choose_heading(&free, &Twist::ZERO, 2.5, 0, &RULES);
+        let still = Rollout::new(Vector2::zeros(), 0.0, 0.0, 0.0);
+        let behind = chooser.choose_heading(&free, &still, 2.5, 0, &RULES);
         assert_eq!(behind.map(|drive| drive.twist), Some(Twist::planar(0.0, 3.0)));
-        let ahead = chooser.choose_heading(&free, &Twist::ZERO, 0.0, 0, &RULES);
+        let ahead = chooser.choose_heading(&free, &still, 0.0, 0, &RULES);
         assert_eq!(ahead.map(|drive| drive.twist), Some(Twist::planar(0.4, 0.0)));
     }
 }

@@ -5,6 +5,7 @@
 //! Differs from \[1\]: the printed rules would drive into obstacles and turn on free floor; inequalities, turn direction and
 //! the incomplete set of weights are put right. Which cells the way covers follows from the camera's place above the floor.
 
+pub mod avoider;
 pub mod cells;
 pub mod decision;
 pub mod ground;
@@ -13,6 +14,7 @@ pub mod sight;
 pub mod steering;
 pub mod weights;
 
+pub use avoider::NavelGridAvoider;
 pub use cells::Cells;
 pub use decision::{Decision, Passage, Side, decide};
 pub use ground::GroundGrid;

@@ -1,0 +1,175 @@
+//! The behaviour with the navel grid: looks, decides and proposes.
+
+use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup, View};
+use yamabico_core::camera::{Intrinsics, Pinhole};
+use yamabico_core::geometry::{Twist, angle_difference};
+use yamabico_core::image::GrayImage;
+use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Proposal, Reason};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::sensor::SensorKind;
+use yamabico_core::time::Time;
+
+use super::ground::Swath;
+use super::{Motion, Sight, Steering, Trouble};
+use crate::config::Config;
+use crate::stopping::stopping_distance_m;
+use crate::{CAMERA, FREE_SPACE, ODOMETRY, STALE_S};
+
+/// Drives where the cells of one forward camera are free.
+#[derive(Clone, Debug)]
+pub struct NavelGridAvoider {
+    speed_mps: f64,
+    turn_rad_s: f64,
+    intrinsics: Intrinsics,
+    way: Swath,
+    sight: Sight,
+    steering: Steering,
+    odometry: OdometryTrack,
+    grey: GrayImage,
+    /// Turned since the last picture, radians.
+    turned_rad: f64,
+    last_picture: Option<Time>,
+    trouble: Option<Trouble>,
+    malformed: bool,
+    published: u64,
+}
+
+impl NavelGridAvoider {
+    /// The behaviour for a robot with a forward camera.
+    ///
+    /// # Errors
+    /// Another kind of camera, or one that cannot show the way ahead.
+    pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
+        let sensor = setup.sensor(&CAMERA);
+        let Some((sensor, SensorKind::Camera { intrinsics, distortion, mount, .. })) =
+            sensor.map(|sensor| (sensor, &sensor.kind))
+        else {
+            return Err(BuildError::new("inputs.camera", "navel-grid needs a pinhole camera of the robot"));
+        };
+        if !intrinsics.is_valid() || !mount.is_finite() {
+            return Err(BuildError::new(
+                "inputs.camera",
+                "the camera's intrinsics or mount are no usable numbers",
+            ));
+        }
+        let way = Swath {
+            length_m: stopping_distance_m(config.speed_mps, config.margin_m, &setup.robot, sensor),
+            half_width_m: setup.robot.radius_m + config.side_m,
+        };
+        Ok(Self {
+            speed_mps: config.speed_mps,
+            turn_rad_s: config.turn_rad_s,
+            intrinsics: *intrinsics,
+            way,
+            sight: Sight::new(config, &Pinhole::new(*intrinsics, *distortion), mount, &way)?,
+            steering: Steering::new(config.patience_s),
+            odometry: OdometryTrack::default(),
+            grey: GrayImage::default(),
+            turned_rad: 0.0,
+            last_picture: None,
+            trouble: None,
+            malformed: false,
+            published: 0,
+        })
+    }
+
+    /// Looks at the inputs once and proposes.
+    pub fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
+        let now = inputs.now();
+        self.measure_turn(inputs, now);
+        if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
+            self.look(&frame, now);
+            self.publish(outputs);
+        }
+        match self.last_picture {
+            Some(stamp) if self.malformed => Proposal::abstain(Reason::MalformedInput).with_evidence(stamp),
+            None if self.malformed => Proposal::abstain(Reason::MalformedInput),
+            None => Proposal::abstain(Reason::NoInput),
+            Some(stamp) if now.seconds_after(stamp) > STALE_S => {
+                Proposal::abstain(Reason::StaleInput).with_evidence(stamp)
+            }
+            Some(stamp) => self.proposal().with_evidence(stamp),
+        }
+    }
+
+    /// What it sees.
+    #[must_use]
+    pub fn sight(&self) -> &Sight {
+        &self.sight
+    }
+
+    /// The way ahead that must be free: as far as the robot needs to stop, as wide as it is.
+    #[must_use]
+    pub fn way(&self) -> Swath {
+        self.way
+    }
+
+    /// Adds up the turn between pictures, where odometry tells it.
+    fn measure_turn(&mut self, inputs: &Inputs<'_>, now: Time) {
+        for odometry in inputs.fresh(&ODOMETRY) {
+            let before = self.odometry.newest().map(|reading| reading.pose.theta);
+            if self.odometry.push(odometry.header, now)
+                && let (Some(before), Some(newest)) = (before, self.odometry.newest())
+            {
+                self.turned_rad += angle_difference(newest.pose.theta, before).abs();
+            }
+        }
+    }
+
+    fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
+        let stamp = Time(frame.header.stamp_ns);
+        let is_newer = self.last_picture.is_none_or(|last| stamp > last);
+        let image = self.grey.view_of_frame(frame, &self.intrinsics);
+        let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
+        self.malformed = usable.is_none();
+        let Some(image) = usable else { return };
+        let (outlook, trouble) = self.sight.see(image);
+        self.trouble = trouble;
+        let turned_rad = match (self.odometry.newest(), self.last_picture) {
+            (Some(_), _) => std::mem::take(&mut self.turned_rad),
+            (None, Some(last)) => self.turn_rad_s * stamp.seconds_after(last),
+            (None, None) => 0.0,
+        };
+        self.last_picture = Some(stamp);
+        self.steering.step(outlook, turned_rad, stamp);
+    }
+
+    fn publish(&mut self, outputs: &mut Outputs<'_>) {
+        let Some(stamp) = self.last_picture.filter(|_| !self.malformed && self.trouble.is_none()) else {
+            return;
+        };
+        let sequence = self.published;
+        let header = FreeSpaceHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence };
+        // Nobody may listen: the drive does not depend on it.
+        if outputs.publish(FREE_SPACE.name, &header, self.sight.directions()).is_ok() {
+            self.published += 1;
+        }
+    }
+
+    fn proposal(&self) -> Proposal {
+        let drive =
+            |speed_mps, turn_rad_s| Proposal::drive(Axes::PLANAR, Twist::planar(speed_mps, turn_rad_s));
+        let why = self.trouble.map(Trouble::reason);
+        match self.steering.motion() {
+            Motion::Forward { share, turn_rad_s } => drive(share * self.speed_mps, turn_rad_s)
+                .with_note(format_args!("free ahead, {:.0} % of the speed", 100.0 * share)),
+            // A turn goes on where a halt names only translation.
+            Motion::Turn(side) => drive(0.0, side.sign() * self.turn_rad_s)
+                .uncoupled()
+                .because(why.unwrap_or(Reason::Searching)),
+            Motion::Stop => {
+                drive(0.0, 0.0).because(why.unwrap_or(Reason::PassageBlocked)).with_note(match self.trouble {
+                    None => format_args!("both sides are blocked"),
+                    Some(Trouble::LowContrast) => format_args!("floor and obstacles look alike"),
+                    Some(Trouble::FloorModelBroken) => format_args!("hardly any floor in view"),
+                    Some(Trouble::NoFloorAhead) => {
+                        format_args!("no floor right ahead at the start: is `polarity` right?")
+                    }
+                })
+            }
+            Motion::ShutIn => drive(0.0, 0.0)
+                .because(Reason::PassageBlocked)
+                .with_note(format_args!("a full turn has shown no way forward")),
+        }
+    }
+}

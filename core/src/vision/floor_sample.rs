@@ -1,0 +1,75 @@
+//! What colours a patch of floor has.
+
+use super::floor_colour::{Colour, ColourBox};
+
+/// Histograms of the three channels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FloorSample {
+    channels: [[u32; 256]; 3],
+    count: u32,
+}
+
+impl Default for FloorSample {
+    fn default() -> Self {
+        Self { channels: [[0; 256]; 3], count: 0 }
+    }
+}
+
+impl FloorSample {
+    /// Forgets every colour.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Adds a pixel.
+    pub fn add(&mut self, colour: Colour) {
+        for (channel, level) in self.channels.iter_mut().zip(colour) {
+            channel[usize::from(level)] += 1;
+        }
+        self.count += 1;
+    }
+
+    /// Pixels.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// In each channel the levels that this share (0 to 0.5) of the pixels is below, and above; `None` without a pixel.
+    #[must_use]
+    pub fn middle(&self, share: f64) -> Option<ColourBox> {
+        let skipped = (share.clamp(0.0, 0.5) * f64::from(self.count)) as u32;
+        let mut colours = ColourBox { least: [0; 3], most: [0; 3] };
+        for (i, channel) in self.channels.iter().enumerate() {
+            colours.least[i] = first_level(channel.iter().enumerate(), skipped)?;
+            colours.most[i] = first_level(channel.iter().enumerate().rev(), skipped)?;
+        }
+        Some(colours)
+    }
+}
+
+/// The first level that comes after so many pixels.
+fn first_level<'a>(mut levels: impl Iterator<Item = (usize, &'a u32)>, skipped: u32) -> Option<u8> {
+    let mut sum = 0;
+    let found = levels.find(|(_, count)| {
+        sum += **count;
+        sum > skipped
+    });
+    found.map(|(level, _)| level as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outliers_are_left_out() {
+        let mut sample = FloorSample::default();
+        assert_eq!(sample.middle(0.1), None);
+        (0..100).for_each(|i| sample.add([i, 40, 255 - i]));
+        assert_eq!(sample.middle(0.0), Some(ColourBox { least: [0, 40, 156], most: [99, 40, 255] }));
+        assert_eq!(sample.middle(0.1), Some(ColourBox { least: [10, 40, 166], most: [89, 40, 245] }));
+        sample.clear();
+        assert_eq!(sample.count(), 0);
+    }
+}
