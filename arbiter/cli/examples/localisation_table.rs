@@ -4,7 +4,7 @@
 //!     cargo run --release -p yamabico --example localisation_table -- TASK [--seeds 5] [--json]
 //!
 //! With a latency the camera takes a picture as soon as the one before has been worked on, as slow vision does. The task file's
-//! `map-localizer` drives; `max_evidence_age_ms` is raised with the latency.
+//! `map-localizer` drives; its `max_evidence_age_ms` has to let it (`configs/localisation.toml`).
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -181,7 +181,6 @@ fn row(arguments: &Arguments, latency_ms: u32, retroactive: bool) -> Result<Row,
         format!("robot.sensors.{camera}.latency_ms={latency_ms}"),
         format!("robot.sensors.{camera}.period_ms={}", latency_ms.clamp(100, 10_000)),
         format!("behaviors.map-localizer.retroactive={retroactive}"),
-        format!("behaviors.map-localizer.max_evidence_age_ms={}", 10_000 + 3 * latency_ms),
     ];
     set.extend_from_slice(&arguments.set);
     let overrides = Overrides { robot: None, set };
