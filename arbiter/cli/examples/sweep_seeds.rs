@@ -1,8 +1,9 @@
 //! Runs a task for many seeds and prints a row for each. Exits with 1 unless the robot arrives for each of them (or for
 //! as many as `--least` says) and touches nothing.
 //!
-//!     cargo run --release --example sweep_seeds -- configs/hallway.toml 20 [--jobs 2] [--least 19] [--json]
+//!     cargo run --release --example sweep_seeds -- configs/hallway.toml 20 [--first 1] [--jobs 2] [--least 19] [--json]
 
+use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -27,8 +28,11 @@ const SETTLING_M: f64 = 5.0;
 struct Arguments {
     /// The task file.
     file: PathBuf,
-    /// Seeds 1 to this.
+    /// So many seeds.
     seeds: u64,
+    /// The first of them.
+    #[arg(long, default_value_t = 1)]
+    first: u64,
     /// So many runs at a time.
     #[arg(long, default_value_t = 1)]
     jobs: usize,
@@ -69,7 +73,11 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let rows = match sweep(&task, arguments.seeds, arguments.jobs) {
+    let rows = match sweep(
+        &task,
+        arguments.first..arguments.first.saturating_add(arguments.seeds),
+        arguments.jobs,
+    ) {
         Ok(rows) => rows,
         Err(problem) => {
             eprintln!("{problem}");
@@ -136,14 +144,14 @@ impl Tap for Settled {
     }
 }
 
-/// The runs of seeds 1 to `seeds`, up to `jobs` of them at a time, in the order of the seeds.
-fn sweep(task: &Task, seeds: u64, jobs: usize) -> Result<Vec<Row>, String> {
-    let next = AtomicU64::new(1);
+/// The runs of `seeds`, up to `jobs` of them at a time, in the order of the seeds.
+fn sweep(task: &Task, seeds: Range<u64>, jobs: usize) -> Result<Vec<Row>, String> {
+    let next = AtomicU64::new(seeds.start);
     let work = || {
         let mut rows = Vec::new();
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
-            if seed > seeds {
+            if seed >= seeds.end {
                 return Ok(rows);
             }
             let options = Options { seed, ..Options::default() };

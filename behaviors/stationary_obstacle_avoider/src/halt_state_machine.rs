@@ -190,6 +190,13 @@ impl Machine {
         (self, order)
     }
 
+    /// Stands, for nothing that was tried led anywhere.
+    #[must_use]
+    pub fn give_up(mut self) -> (Self, Order) {
+        self.stop(State::Blocked);
+        (self, Order { state: State::Blocked, v_zero: true, target_heading: None })
+    }
+
     fn advance(&mut self, tick: &Tick<'_>, rules: &Rules, echo: bool) {
         if !tick.pose_ok {
             return self.stop(State::Lost);

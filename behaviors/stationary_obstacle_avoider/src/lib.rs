@@ -13,6 +13,7 @@ mod looking;
 pub mod obstacle_regions;
 pub mod overlay;
 pub mod safe_passage;
+mod search;
 pub mod seen_floor;
 pub mod sonar_watch;
 mod steering;
@@ -44,6 +45,7 @@ use crate::detector::{Detector, DetectorRules};
 use crate::halt_state_machine::{Look, Machine, Order, Rules, State, Tick};
 use crate::kept_pictures::KeptPictures;
 use crate::safe_passage::{PLANE_M, SafePassage};
+use crate::search::Search;
 use crate::seen_floor::SeenFloor;
 use crate::sonar_watch::SonarWatch;
 use crate::things::Things;
@@ -95,6 +97,7 @@ pub struct StationaryObstacleAvoider {
     floor: SeenFloor,
     passage: SafePassage,
     lean_m: f64,
+    doubts: u32,
     machine: Machine,
     order: Order,
     pending: Option<Look>,
@@ -115,14 +118,6 @@ struct Localised {
     odometry: Pose2,
     heading_sigma: f64,
     is_usable: bool,
-}
-
-/// How far the search has come.
-#[derive(Clone, Copy, Debug, Default)]
-struct Search {
-    along: Option<f64>,
-    station: usize,
-    since: Option<Time>,
 }
 
 impl Plugin for StationaryObstacleAvoider {
@@ -193,6 +188,7 @@ impl Plugin for StationaryObstacleAvoider {
             floor: SeenFloor::new(half_view, mount.pan),
             passage: SafePassage::default(),
             lean_m: 0.0,
+            doubts: 0,
             order: Order { state: machine.state(), v_zero: true, target_heading: None },
             machine,
             pending: None,
@@ -332,11 +328,16 @@ impl StationaryObstacleAvoider {
         (self.machine, self.order) = self.machine.step(&tick, &self.rules);
         if self.order.state != before {
             self.entered = now;
+            self.doubts = 0;
             let along = robot.map(|robot| robot.theta - self.station.heading_error_rad);
-            self.search = Search { along, ..Search::default() };
+            self.search = self.search.after(self.order.state, robot, along);
             if matches!(self.order.state, State::Follow | State::Rejoin | State::Search) {
                 self.lean_m = 0.0;
             }
+        }
+        if self.search.is_in_vain() {
+            (self.machine, self.order) = self.machine.give_up();
+            (self.entered, self.search) = (now, Search::default());
         }
         if self.order.state == State::Blocked && now.seconds_after(self.entered) > self.config.retry_s {
             self.machine = Machine::new(&self.rules);

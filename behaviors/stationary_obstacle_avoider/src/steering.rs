@@ -6,17 +6,14 @@ use yamabico_core::time::Time;
 
 use crate::StationaryObstacleAvoider;
 use crate::halt_state_machine::{Look, State};
+use crate::looking::SAME_PASSAGE_RAD;
 use crate::safe_passage::PLANE_M;
 use crate::way::{Surroundings, aim};
 
 /// Turn rate per radian of heading error, 1/s.
 const TURN_GAIN: f64 = 1.8;
-/// Directions of the search, from that of the path, degrees: as far aside as thresholds that were learned along the path hold.
-const SEARCH_DEG: [f64; 4] = [0.0, 25.0, 0.0, -25.0];
-/// Turned to one of them, rad.
+/// Turned to a direction of the search, rad.
 const SEARCHED_RAD: f64 = 0.06;
-/// A direction of the search in which no picture can be judged is left after this, seconds.
-const SEARCH_PATIENCE_S: f64 = 1.5;
 /// Without a look at a picture for longer (s), vision tells nothing.
 const LOOK_STALE_S: f64 = 1.0;
 
@@ -73,23 +70,27 @@ impl StationaryObstacleAvoider {
                 .because(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
+        let ahead = self.along_path(robot);
         let around = Surroundings {
-            robot,
+            robot: &ahead,
             map: self.detector.map(),
             things: &self.things,
             floor: &self.floor,
             path: &self.path,
         };
-        let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
-        let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
+        let wanted_m = angle_difference(target, ahead.theta).clamp(-0.8, 0.8).tan() * PLANE_M;
+        let aim = aim(&around, wanted_m, 0.0, &self.room, &mut self.passage);
+        let heading = aim.map(|aim| ahead.theta + aim.bearing());
+        let same = heading.filter(|&heading| angle_difference(heading, target).abs() <= SAME_PASSAGE_RAD);
+        let Some(heading) = same else {
             return turn(off, self.config.largest_turn_rad_s)
                 .because(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
         };
-        let bearing = aim.bearing();
+        let bearing = angle_difference(heading, robot.theta);
         let fastest =
             if self.trouble.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
-        let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
+        let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.0, 1.0);
         let rate =
             (TURN_GAIN * bearing).clamp(-self.config.largest_turn_rad_s, self.config.largest_turn_rad_s);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
@@ -102,30 +103,16 @@ impl StationaryObstacleAvoider {
     /// The next direction of the search.
     fn turn_to_look(&mut self, robot: &Pose2, now: Time) -> Proposal {
         let along = *self.search.along.get_or_insert(robot.theta);
-        let target = along + SEARCH_DEG[self.search.station % SEARCH_DEG.len()].to_radians();
-        let off = angle_difference(target, robot.theta);
+        let off = angle_difference(along + self.search.direction(), robot.theta);
         if off.abs() <= SEARCHED_RAD {
-            self.search.since.get_or_insert(now);
+            self.search.arrive(now);
         }
         turn(off, self.config.largest_turn_rad_s).because(Reason::Searching)
     }
 
-    /// Whether a picture shows a direction of the search; the next one then follows.
-    pub(crate) fn is_searched(&mut self, picture: Time) -> bool {
-        let is_there = self.search.since.is_some_and(|since| picture > since);
-        if is_there {
-            self.search.station += 1;
-            self.search.since = None;
-        }
-        is_there
-    }
-
     /// Goes on with the search where no picture of a direction can be judged.
     pub(crate) fn leave_blind_direction(&mut self, now: Time) {
-        let is_over = self.search.since.is_some_and(|since| now.seconds_after(since) > SEARCH_PATIENCE_S);
-        if self.order.state == State::Search && is_over {
-            self.search.station += 1;
-            self.search.since = None;
+        if self.order.state == State::Search && self.search.is_blind(now) {
             self.pending =
                 Some(Look { image_s: now.as_secs_f64(), valid: false, clear: false, bearing: None });
         }
