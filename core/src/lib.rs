@@ -5,6 +5,7 @@
 //! No device and no opinion lives here: [`message`] holds the types that travel, [`behavior`], [`sensor`] and [`drive`]
 //! the three seams that a plugin implements.
 
+pub mod azimuth_map;
 pub mod behavior;
 pub mod bus;
 pub mod camera;
@@ -16,6 +17,7 @@ pub mod image;
 pub mod map;
 pub mod message;
 pub mod odometry_track;
+pub mod polygon;
 pub mod sensor;
 pub mod testing;
 pub mod time;

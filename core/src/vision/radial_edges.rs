@@ -257,18 +257,10 @@ impl Whole<'_> {
             return;
         }
         let wide = end - start + 2;
-        let above = &self.picture.row(v - 1)[start - 1..][..wide];
-        let below = &self.picture.row(v + 1)[start - 1..][..wide];
+        let row = |v: usize| &self.picture.row(v)[start - 1..][..wide];
         let sums = &mut self.work.sums[..wide];
-        for i in 0..wide {
-            sums[i] = i16::from(below[i]) - i16::from(above[i]);
-        }
-        let out = &mut self.work.ring[v % 3][start..end];
-        let count = out.len();
-        let (left, here, right) = (&sums[..count], &sums[1..][..count], &sums[2..][..count]);
-        for i in 0..count {
-            out[i] = left[i] + 2 * here[i] + right[i];
-        }
+        row_differences(row(v - 1), row(v + 1), sums);
+        smooth(sums, &mut self.work.ring[v % 3][start..end]);
     }
 
     /// Points of edges that are nearer to upright.
@@ -278,16 +270,11 @@ impl Whole<'_> {
             return;
         }
         let wide = end - start + 4;
-        let [above, here, below] = [v - 1, v, v + 1].map(|v| &self.picture.row(v)[start - 2..][..wide]);
+        let row = |v: usize| &self.picture.row(v)[start - 2..][..wide];
         let sums = &mut self.work.sums[..wide];
-        for i in 0..wide {
-            sums[i] = i16::from(above[i]) + 2 * i16::from(here[i]) + i16::from(below[i]);
-        }
+        column_sums(row(v - 1), row(v), row(v + 1), sums);
         let slope = &mut self.work.slope[..wide - 2];
-        let (left, right) = (&sums[..wide - 2], &sums[2..][..wide - 2]);
-        for i in 0..wide - 2 {
-            slope[i] = right[i] - left[i];
-        }
+        differences(&sums[..wide - 2], &sums[2..], slope);
         let count = end - start;
         let (left, here, right) = (&slope[..count], &slope[1..][..count], &slope[2..][..count]);
         let flags = &mut self.work.flags[..count.next_multiple_of(32)];
@@ -314,7 +301,8 @@ impl Whole<'_> {
             return;
         }
         let count = end - start;
-        let [above, here, below] = [v + 2, v, v + 1].map(|v| &self.work.ring[v % 3][start..end]);
+        let row = |v: usize| &self.work.ring[v % 3][start..end];
+        let (above, here, below) = (row(v + 2), row(v), row(v + 1));
         let flags = &mut self.work.flags[..count.next_multiple_of(32)];
         flag(above, here, below, self.least, flags);
         for i in 0..flags.len() / 32 {
@@ -348,6 +336,44 @@ impl Whole<'_> {
             }
         }
         batch.count = 0;
+    }
+}
+
+/// Three rows, weighted 1 2 1.
+#[inline(always)]
+fn column_sums(above: &[u8], here: &[u8], below: &[u8], out: &mut [i16]) {
+    let count = out.len();
+    let (above, here, below) = (&above[..count], &here[..count], &below[..count]);
+    for i in 0..count {
+        out[i] = i16::from(above[i]) + 2 * i16::from(here[i]) + i16::from(below[i]);
+    }
+}
+
+#[inline(always)]
+fn differences(left: &[i16], right: &[i16], out: &mut [i16]) {
+    let count = out.len();
+    let (left, right) = (&left[..count], &right[..count]);
+    for i in 0..count {
+        out[i] = right[i] - left[i];
+    }
+}
+
+#[inline(always)]
+fn row_differences(above: &[u8], below: &[u8], out: &mut [i16]) {
+    let count = out.len();
+    let (above, below) = (&above[..count], &below[..count]);
+    for i in 0..count {
+        out[i] = i16::from(below[i]) - i16::from(above[i]);
+    }
+}
+
+/// Three neighbours, weighted 1 2 1; `values` has one more on either side.
+#[inline(always)]
+fn smooth(values: &[i16], out: &mut [i16]) {
+    let count = out.len();
+    let (left, here, right) = (&values[..count], &values[1..][..count], &values[2..][..count]);
+    for i in 0..count {
+        out[i] = left[i] + 2 * here[i] + right[i];
     }
 }
 

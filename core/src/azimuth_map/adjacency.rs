@@ -1,0 +1,125 @@
+use std::f64::consts::TAU;
+
+/// Two edges that were seen beside each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Neighbours {
+    /// Number of the one on the right, seen from the robot.
+    pub right: u32,
+    /// Number of the one on the left.
+    pub left: u32,
+    /// In how many pictures.
+    pub frames: u32,
+    /// Whether both have been seen with another edge between them since: then nothing spans them.
+    pub is_broken: bool,
+}
+
+/// Which edges stand beside which, in their order around the robot.
+///
+/// Yagi et al. (1995), section IV.
+#[derive(Clone, Debug, Default)]
+pub struct AdjacencyTable {
+    rows: Vec<u32>,
+    /// By right and left number.
+    pairs: Vec<Neighbours>,
+    order: Vec<(f64, u32)>,
+    /// Place of each edge in `order`.
+    places: Vec<Option<u32>>,
+}
+
+impl AdjacencyTable {
+    /// Takes the edges that one picture shows: their numbers, small and each once, and their bearings, radians.
+    pub fn take(&mut self, seen: impl IntoIterator<Item = (u32, f64)>) {
+        self.order.clear();
+        let numbers = seen.into_iter().filter(|(_, bearing)| bearing.is_finite());
+        self.order.extend(numbers.map(|(number, bearing)| (bearing.rem_euclid(TAU), number)));
+        self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.places.fill(None);
+        for (place, &(_, number)) in self.order.iter().enumerate() {
+            let number = number as usize;
+            if number >= self.places.len() {
+                self.places.resize(number + 1, None);
+            }
+            self.places[number] = Some(place as u32);
+        }
+        self.insert_rows();
+        self.break_pairs();
+        self.count_pairs();
+    }
+
+    /// The numbers of all edges in their order around the robot.
+    #[must_use]
+    pub fn rows(&self) -> &[u32] {
+        &self.rows
+    }
+
+    /// All pairs that were neighbours, by their right and left numbers.
+    #[must_use]
+    pub fn pairs(&self) -> &[Neighbours] {
+        &self.pairs
+    }
+
+    /// The pair of a right and a left edge, if they were neighbours.
+    #[must_use]
+    pub fn pair(&self, right: u32, left: u32) -> Option<&Neighbours> {
+        self.find(right, left).ok().map(|index| &self.pairs[index])
+    }
+
+    /// Whether something was seen between two edges that were neighbours.
+    #[must_use]
+    pub fn is_broken(&self, a: u32, b: u32) -> bool {
+        [self.pair(a, b), self.pair(b, a)].into_iter().flatten().any(|pair| pair.is_broken)
+    }
+
+    /// Forgets an edge.
+    pub fn remove(&mut self, number: u32) {
+        self.rows.retain(|row| *row != number);
+        self.pairs.retain(|pair| pair.right != number && pair.left != number);
+    }
+
+    fn insert_rows(&mut self) {
+        if self.rows.is_empty() {
+            self.rows.extend(self.order.iter().map(|(_, number)| number));
+            return;
+        }
+        let count = self.order.len();
+        for place in 0..count {
+            let number = self.order[place].1;
+            if self.rows.contains(&number) {
+                continue;
+            }
+            let mut behind = (1..count).map(|step| self.order[(place + step) % count].1);
+            let row = behind.find_map(|next| self.rows.iter().position(|row| *row == next));
+            self.rows.insert(row.unwrap_or(self.rows.len()), number);
+        }
+    }
+
+    fn break_pairs(&mut self) {
+        let count = self.order.len() as u32;
+        let place = |number: u32| self.places.get(number as usize).copied().flatten();
+        for pair in &mut self.pairs {
+            if let (Some(right), Some(left)) = (place(pair.right), place(pair.left)) {
+                pair.is_broken |= (right + 1) % count != left;
+            }
+        }
+    }
+
+    fn count_pairs(&mut self) {
+        let count = self.order.len();
+        if count < 2 {
+            return;
+        }
+        for place in 0..count {
+            let (right, left) = (self.order[place].1, self.order[(place + 1) % count].1);
+            match self.find(right, left) {
+                Ok(index) => self.pairs[index].frames += 1,
+                Err(index) => {
+                    self.pairs.insert(index, Neighbours { right, left, frames: 1, is_broken: false });
+                }
+            }
+        }
+    }
+
+    fn find(&self, right: u32, left: u32) -> Result<usize, usize> {
+        self.pairs.binary_search_by(|pair| (pair.right, pair.left).cmp(&(right, left)))
+    }
+}

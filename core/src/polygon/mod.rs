@@ -1,0 +1,91 @@
+//! Polygons in the plane: hulls, areas and moments, and what is inside.
+
+mod hull;
+mod moments;
+
+pub use hull::{convex_hull, hull_of_sorted};
+pub use moments::PolygonMoments;
+
+use nalgebra::Point2;
+
+/// Twice the area of a triangle, positive where it runs anticlockwise.
+#[inline]
+#[must_use]
+pub fn cross(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
+    (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
+}
+
+/// The area, positive for an anticlockwise polygon; zero below three corners.
+#[must_use]
+pub fn signed_area(polygon: &[Point2<f64>]) -> f64 {
+    let Some(&first) = polygon.first() else { return 0.0 };
+    0.5 * polygon.windows(2).map(|pair| cross(first, pair[0], pair[1])).sum::<f64>()
+}
+
+/// The sides, the last one from the last corner to the first.
+pub fn sides(polygon: &[Point2<f64>]) -> impl Iterator<Item = [Point2<f64>; 2]> {
+    (0..polygon.len()).map(|i| [polygon[i], polygon[(i + 1) % polygon.len()]])
+}
+
+/// Whether a point lies inside, by the parity of the sides to its right; points on a side may count either way.
+#[must_use]
+pub fn contains(polygon: &[Point2<f64>], point: Point2<f64>) -> bool {
+    sides(polygon).fold(false, |inside, [a, b]| {
+        let crosses =
+            (a.y > point.y) != (b.y > point.y) && point.x < (b.x - a.x) * (point.y - a.y) / (b.y - a.y) + a.x;
+        inside != crosses
+    })
+}
+
+/// Whether two segments cross each other between their ends.
+#[must_use]
+pub fn segments_cross([a, b]: [Point2<f64>; 2], [c, d]: [Point2<f64>; 2]) -> bool {
+    cross(a, b, c) * cross(a, b, d) < 0.0 && cross(c, d, a) * cross(c, d, b) < 0.0
+}
+
+/// Whether no side crosses another.
+#[must_use]
+pub fn is_simple(polygon: &[Point2<f64>]) -> bool {
+    let count = polygon.len();
+    let side = |i: usize| [polygon[i], polygon[(i + 1) % count]];
+    (0..count).all(|i| (i + 1..count).all(|j| !segments_cross(side(i), side(j))))
+}
+
+/// The point of a segment that is nearest to `point`.
+#[must_use]
+pub fn nearest_on_segment([a, b]: [Point2<f64>; 2], point: Point2<f64>) -> Point2<f64> {
+    let along = b - a;
+    let squared = along.norm_squared();
+    let share = if squared > 0.0 { ((point - a).dot(&along) / squared).clamp(0.0, 1.0) } else { 0.0 };
+    a + along * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(list: &[(f64, f64)]) -> Vec<Point2<f64>> {
+        list.iter().map(|&(x, y)| Point2::new(x, y)).collect()
+    }
+
+    #[test]
+    fn a_bow_tie_is_not_simple() {
+        assert!(!is_simple(&points(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])));
+        assert!(is_simple(&points(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])));
+    }
+
+    #[test]
+    fn the_notch_of_an_angle_is_outside() {
+        let angle = points(&[(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]);
+        assert!((signed_area(&angle) - 3.0).abs() < 1e-12);
+        assert!(contains(&angle, Point2::new(0.5, 1.5)) && !contains(&angle, Point2::new(1.5, 1.5)));
+        assert!(!contains(&[], Point2::origin()));
+    }
+
+    #[test]
+    fn the_nearest_point_stays_on_the_segment() {
+        let segment = [Point2::new(0.0, 0.0), Point2::new(2.0, 0.0)];
+        assert_eq!(nearest_on_segment(segment, Point2::new(0.5, 3.0)), Point2::new(0.5, 0.0));
+        assert_eq!(nearest_on_segment(segment, Point2::new(9.0, 3.0)), Point2::new(2.0, 0.0));
+    }
+}

@@ -1,0 +1,142 @@
+use nalgebra::Point2;
+
+/// Area moments of a polygon, of either direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolygonMoments {
+    /// Area, > 0.
+    pub area: f64,
+    /// Integral of x.
+    pub m10: f64,
+    /// Integral of y.
+    pub m01: f64,
+    /// Integral of x squared.
+    pub m20: f64,
+    /// Integral of y squared.
+    pub m02: f64,
+    /// Integral of x y.
+    pub m11: f64,
+    centre: Point2<f64>,
+    /// About the centre: of x squared, y squared and x y.
+    central: [f64; 3],
+}
+
+impl PolygonMoments {
+    /// The moments; `None` below three corners, and for an area that is zero or no number.
+    #[must_use]
+    pub fn of(polygon: &[Point2<f64>]) -> Option<Self> {
+        let [first, _, _, ..] = *polygon else { return None };
+        // About the first corner, so that nothing is lost far from the origin.
+        let mut sums = [0.0; 6];
+        let mut a = polygon[polygon.len() - 1] - first;
+        for corner in polygon {
+            let b = corner - first;
+            let c = a.x * b.y - b.x * a.y;
+            sums[0] += c;
+            sums[1] += c * (a.x + b.x);
+            sums[2] += c * (a.y + b.y);
+            sums[3] += c * (a.x * a.x + a.x * b.x + b.x * b.x);
+            sums[4] += c * (a.y * a.y + a.y * b.y + b.y * b.y);
+            sums[5] += c * (a.x * b.y + 2.0 * (a.x * a.y + b.x * b.y) + b.x * a.y);
+            a = b;
+        }
+        let sign = if sums[0] < 0.0 { -1.0 } else { 1.0 };
+        let area = sign * sums[0] / 2.0;
+        if !(area > 0.0 && area.is_finite()) {
+            return None;
+        }
+        let [m10, m01] = [sums[1], sums[2]].map(|sum| sign * sum / 6.0);
+        let [m20, m02, m11] = [sums[3] / 12.0, sums[4] / 12.0, sums[5] / 24.0].map(|sum| sign * sum);
+        let (x, y) = (m10 / area, m01 / area);
+        let central = [m20 - x * m10, m02 - y * m01, m11 - x * m01];
+        let centre = Point2::new(first.x + x, first.y + y);
+        Some(Self {
+            area,
+            m10: centre.x * area,
+            m01: centre.y * area,
+            m20: central[0] + centre.x * centre.x * area,
+            m02: central[1] + centre.y * centre.y * area,
+            m11: central[2] + centre.x * centre.y * area,
+            centre,
+            central,
+        })
+    }
+
+    /// The centre of gravity.
+    #[must_use]
+    pub fn centre(&self) -> Point2<f64> {
+        self.centre
+    }
+
+    /// The direction of the axis about which the second moment is smallest, radians in (-pi/2, pi/2]; 0 for a round shape.
+    #[must_use]
+    pub fn long_axis_rad(&self) -> f64 {
+        let [xx, yy, xy] = self.central;
+        0.5 * (2.0 * xy).atan2(xx - yy)
+    }
+
+    /// The smallest and the largest second moment about an axis through the centre.
+    #[must_use]
+    pub fn principal(&self) -> [f64; 2] {
+        let [xx, yy, xy] = self.central;
+        let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+        [middle - half, middle + half]
+    }
+
+    /// Whether the long axis is one: the second moments differ by more than a share of 1e-9.
+    #[must_use]
+    pub fn has_axis(&self) -> bool {
+        let [least, most] = self.principal();
+        most - least > 1e-9 * most
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Rotation2, Vector2};
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Moving and turning a polygon moves and turns its centre and its axis, and changes no principal moment.
+        #[test]
+        fn moments_move_with_the_polygon(
+            x in -100.0..100.0, y in -100.0..100.0, turn in -3.0..3.0, tip in 0.2..3.0, is_reversed in prop::bool::ANY,
+        ) {
+            let polygon = [(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (tip, 1.5), (0.0, 1.0)].map(|(x, y)| Point2::new(x, y));
+            let still = PolygonMoments::of(&polygon).unwrap();
+            let rotation = Rotation2::new(turn);
+            let shift = Vector2::new(x, y);
+            let mut moved = polygon.map(|p| rotation * p + shift);
+            if is_reversed {
+                moved.reverse();
+            }
+            let moved = PolygonMoments::of(&moved).unwrap();
+            prop_assert!((moved.area - still.area).abs() < 1e-9);
+            prop_assert!((moved.centre() - (rotation * still.centre() + shift)).norm() < 1e-9);
+            let axis = moved.long_axis_rad() - still.long_axis_rad() - turn;
+            prop_assert!(axis.sin().abs() < 1e-8);
+            for (a, b) in moved.principal().into_iter().zip(still.principal()) {
+                prop_assert!((a - b).abs() < 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn the_triangles_of_a_fan_add_up() {
+        let polygon = [(1.0, 0.5), (3.0, 0.0), (4.0, 2.0), (2.0, 3.0)].map(|(x, y)| Point2::new(x, y));
+        let whole = PolygonMoments::of(&polygon).unwrap();
+        let parts: Vec<_> =
+            (1..3).map(|i| PolygonMoments::of(&[polygon[0], polygon[i], polygon[i + 1]]).unwrap()).collect();
+        for (of, expected) in [
+            ((|m: &PolygonMoments| m.area) as fn(&PolygonMoments) -> f64, whole.area),
+            (|m| m.m10, whole.m10),
+            (|m| m.m02, whole.m02),
+            (|m| m.m11, whole.m11),
+            (|m| m.m20, whole.m20),
+        ] {
+            assert!((parts.iter().map(of).sum::<f64>() - expected).abs() < 1e-12);
+        }
+        assert_eq!(PolygonMoments::of(&polygon[..2]), None);
+        assert_eq!(PolygonMoments::of(&[Point2::new(f64::NAN, 0.0); 4]), None);
+    }
+}
