@@ -1,6 +1,6 @@
 //! Where the robot is, and how well that is known.
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, RowVector3, Vector2, Vector3};
 use yamabico_core::geometry::{Pose2, angle_difference, wrap_angle};
 
 use crate::projected_line::Residual;
@@ -83,16 +83,27 @@ impl Belief {
     /// Gates and applies a measured heading (rad) with its standard deviation (rad, > 0).
     pub fn update_heading(&mut self, heading: f64, sigma_rad: f64, gate: f64) -> Update {
         let error = angle_difference(heading, self.pose.theta);
-        let noise = sigma_rad * sigma_rad;
-        let innovation = self.covariance[(2, 2)] + noise;
-        let distance = error * error / innovation;
+        self.update_scalar(error, &RowVector3::new(0.0, 0.0, 1.0), sigma_rad * sigma_rad, gate)
+    }
+
+    /// Gates and applies a scalar measurement: what was measured less what the pose predicts, the derivatives of the prediction by
+    /// (x, y, theta), and the variance of the measurement, > 0. In Joseph's form.
+    pub fn update_scalar(
+        &mut self,
+        innovation: f64,
+        jacobian: &RowVector3<f64>,
+        noise: f64,
+        gate: f64,
+    ) -> Update {
+        let spread: Vector3<f64> = self.covariance * jacobian.transpose();
+        let variance = (jacobian * spread).x + noise;
+        let distance = innovation * innovation / variance;
         if distance.is_nan() || distance > gate {
             return Update::Gated(distance);
         }
-        let gain: Vector3<f64> = self.covariance.column(2) / innovation;
-        self.shift(gain * error);
-        let mut keep = Matrix3::identity();
-        keep.column_mut(2).axpy(-1.0, &gain, 1.0);
+        let gain = spread / variance;
+        self.shift(gain * innovation);
+        let keep = Matrix3::identity() - gain * jacobian;
         self.covariance = keep * self.covariance * keep.transpose() + gain * gain.transpose() * noise;
         self.symmetrise();
         Update::Applied(distance)

@@ -5,11 +5,13 @@
 //! corrected with the pose.
 
 pub mod association;
+pub mod azimuth;
 pub mod belief;
 pub mod config;
 pub mod consensus;
 pub mod driver;
 pub mod fix;
+pub mod floor_outline;
 pub mod health;
 pub mod history;
 pub mod look_around;

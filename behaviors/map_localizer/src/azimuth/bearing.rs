@@ -1,0 +1,104 @@
+use nalgebra::{Point2, RowVector3, Vector2};
+use yamabico_core::geometry::{Pose2, wrap_angle};
+use yamabico_core::vision::azimuth_profile::EdgeSign;
+
+/// A vertical edge of the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeLandmark {
+    /// On the map, metres.
+    pub position: Point2<f64>,
+    /// How the picture changes across it; `None` where that is not known.
+    pub sign: Option<EdgeSign>,
+    /// Standard deviation of the position along either axis, metres.
+    pub sigma_m: f64,
+}
+
+/// A vertical edge in the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenBearing {
+    /// Azimuth in the sensor's frame, radians; the sensor's x points as the robot's.
+    pub azimuth_rad: f64,
+    /// How the picture changes across it; `None` where that is not known.
+    pub sign: Option<EdgeSign>,
+    /// Standard deviation of the azimuth, radians, > 0.
+    pub sigma_rad: f64,
+}
+
+/// Where the axis of the sensor stands on the robot, metres.
+pub type LeverArm = Vector2<f64>;
+
+/// The azimuth at which an edge of the map should be seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BearingPrediction {
+    /// Radians, in the sensor's frame.
+    pub azimuth_rad: f64,
+    /// Its derivatives by the robot's x, y and heading.
+    pub jacobian: RowVector3<f64>,
+    /// What the landmark's own uncertainty makes of it, rad squared.
+    pub landmark_variance: f64,
+    /// Distance from the sensor, metres.
+    pub distance_m: f64,
+}
+
+/// Predicts an edge of the map from a pose (map from robot). At the sensor itself the derivatives are not finite.
+#[inline]
+#[must_use]
+pub fn predict(landmark: &EdgeLandmark, map_from_robot: &Pose2, lever: LeverArm) -> BearingPrediction {
+    let (sin, cos) = map_from_robot.theta.sin_cos();
+    predict_from(landmark, map_from_robot, [sin, cos], lever)
+}
+
+/// The same with the sine and the cosine of the heading at hand.
+#[inline]
+pub(super) fn predict_from(
+    landmark: &EdgeLandmark,
+    map_from_robot: &Pose2,
+    [sin, cos]: [f64; 2],
+    lever: LeverArm,
+) -> BearingPrediction {
+    let arm = Vector2::new(cos * lever.x - sin * lever.y, sin * lever.x + cos * lever.y);
+    let away = landmark.position - map_from_robot.position() - arm;
+    let squared = away.norm_squared();
+    // Turning moves the sensor along (-arm.y, arm.x).
+    let swing = (away.x * -arm.x - away.y * arm.y) / squared;
+    BearingPrediction {
+        azimuth_rad: wrap_angle(away.y.atan2(away.x) - map_from_robot.theta),
+        jacobian: RowVector3::new(away.y / squared, -away.x / squared, swing - 1.0),
+        landmark_variance: landmark.sigma_m * landmark.sigma_m / squared,
+        distance_m: squared.sqrt(),
+    }
+}
+
+/// Whether the two may be the same edge.
+#[inline]
+#[must_use]
+pub fn may_match(landmark: Option<EdgeSign>, seen: Option<EdgeSign>) -> bool {
+    match (landmark, seen) {
+        (Some(landmark), Some(seen)) => landmark == seen,
+        _ => true,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::geometry::angle_difference;
+
+    #[test]
+    fn derivatives_are_those_of_differences() {
+        let landmark = EdgeLandmark { position: Point2::new(2.0, -1.0), sign: None, sigma_m: 0.02 };
+        let lever = LeverArm::new(0.12, -0.07);
+        let pose = Pose2::new(0.4, 0.3, 0.9);
+        let found = predict(&landmark, &pose, lever);
+        let h = 1e-6;
+        for axis in 0..3 {
+            let moved = |by: f64| {
+                let mut p = [pose.x, pose.y, pose.theta];
+                p[axis] += by;
+                predict(&landmark, &Pose2 { x: p[0], y: p[1], theta: p[2] }, lever).azimuth_rad
+            };
+            let slope = angle_difference(moved(h), moved(-h)) / (2.0 * h);
+            assert!((slope - found.jacobian[axis]).abs() < 1e-8, "axis {axis}: {slope}");
+        }
+    }
+}

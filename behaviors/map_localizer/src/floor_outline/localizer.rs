@@ -1,0 +1,308 @@
+use nalgebra::{Matrix3, Point2};
+use thiserror::Error;
+use yamabico_core::camera::MirrorCamera;
+use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::vision::bit_image::BitImage;
+
+use super::fit::{Fit, FitRule, OutlineFitter, Start};
+use super::floor_plan::FloorPlan;
+use super::outline::{FloorOutline, OutlineRule};
+use crate::belief::Belief;
+
+/// How the pose is found, and when it is believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorRule {
+    /// Which corners count.
+    pub outline: OutlineRule,
+    /// How they are fitted.
+    pub fit: FitRule,
+    /// Fewest corners.
+    pub least_corners: usize,
+    /// Largest condition of the equations.
+    pub most_condition: f64,
+    /// Largest root mean square of the residuals, pixels.
+    pub most_rms_px: f64,
+    /// Smallest and largest area of the outline, as shares of the plan's hull.
+    pub area_shares: [f64; 2],
+    /// Widest gap between the directions of neighbouring corners, radians.
+    pub widest_gap_rad: f64,
+    /// Largest squared Mahalanobis distance from the prediction, three degrees of freedom.
+    pub jump_gate: f64,
+    /// Least residual that the covariance is made for, pixels.
+    pub least_sigma_px: f64,
+    /// Headings this near to a quarter turn from the prediction's (radians) leave open which solution is meant.
+    pub undecided_rad: f64,
+}
+
+impl FloorRule {
+    /// The rule for a mirror at a height (metres) whose picture tells something up to a radius (pixels).
+    #[must_use]
+    pub fn new(outline: OutlineRule) -> Self {
+        Self {
+            outline,
+            fit: FitRule::default(),
+            least_corners: 6,
+            most_condition: 1e6,
+            most_rms_px: 1.5,
+            area_shares: [0.5, 1.15],
+            widest_gap_rad: 150_f64.to_radians(),
+            jump_gate: 16.266_236_196_238_13,
+            least_sigma_px: 0.2,
+            undecided_rad: 10_f64.to_radians(),
+        }
+    }
+}
+
+/// Which of the solutions is meant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FloorSolution {
+    /// The plan has one only, or the prediction tells.
+    Sure,
+    /// Half a turn about the centre of the plan brings the other one, which fits as well: another landmark must tell.
+    Either {
+        /// Map from robot.
+        other: Pose2,
+    },
+}
+
+/// A pose found from the outline of the floor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorFix {
+    /// The pose and its covariance.
+    pub belief: Belief,
+    /// Whether there is another.
+    pub solution: FloorSolution,
+    /// Root mean square of the residuals, pixels.
+    pub rms_px: f64,
+    /// Common shift of the outline in the picture, pixels outwards.
+    pub shift_px: f64,
+    /// Corners that counted.
+    pub corners: usize,
+    /// Steps of the fit.
+    pub iterations: u32,
+}
+
+/// Why there is no pose.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum FloorProblem {
+    /// The mask is not of the camera's size.
+    #[error("the mask is not of the size of the camera's picture")]
+    WrongSize,
+    /// Too little floor is seen.
+    #[error("the outline has {corners} corners only")]
+    TooFewCorners {
+        /// Corners.
+        corners: usize,
+    },
+    /// The corners leave the place open.
+    #[error("the corners do not fix the place")]
+    Singular,
+    /// The residuals are too large: another floor, a tilted robot, or something in the way.
+    #[error("the outline does not fit the plan: {rms_px:.2} px")]
+    Residual {
+        /// Root mean square, pixels.
+        rms_px: f64,
+    },
+    /// The outline encloses too little or too much.
+    #[error("the outline is {share:.2} of the plan")]
+    Area {
+        /// As a share of the plan's hull.
+        share: f64,
+    },
+    /// A large part of the outline is hidden.
+    #[error("no corner within {gap_rad:.2} rad")]
+    Gap {
+        /// The widest gap between the directions of two corners, radians.
+        gap_rad: f64,
+    },
+    /// Too far from the prediction.
+    #[error("the pose jumps: squared distance {distance_squared:.1}")]
+    Jump {
+        /// Squared Mahalanobis distance.
+        distance_squared: f64,
+    },
+}
+
+/// Finds the pose from the outline of the floor. Keeps its buffers.
+#[derive(Clone, Debug)]
+pub struct FloorLocalizer {
+    plan: FloorPlan,
+    camera: MirrorCamera,
+    rule: FloorRule,
+    outline: FloorOutline,
+    fitter: OutlineFitter,
+    directions: Vec<f64>,
+}
+
+impl FloorLocalizer {
+    /// For a plan, seen by an upright mirror camera whose axis passes through the robot's origin.
+    #[must_use]
+    pub fn new(plan: FloorPlan, camera: MirrorCamera, rule: FloorRule) -> Self {
+        Self {
+            plan,
+            camera,
+            rule,
+            outline: FloorOutline::default(),
+            fitter: OutlineFitter::default(),
+            directions: Vec::new(),
+        }
+    }
+
+    /// The plan.
+    #[must_use]
+    pub fn plan(&self) -> &FloorPlan {
+        &self.plan
+    }
+
+    /// The outline seen last.
+    #[must_use]
+    pub fn outline(&self) -> &FloorOutline {
+        &self.outline
+    }
+
+    /// The pose from a mask of the floor. With a prediction the fit begins there, and where that fails at the moments.
+    ///
+    /// # Errors
+    /// [`FloorProblem`] says why there is none.
+    pub fn locate(&mut self, mask: &BitImage, predicted: Option<&Belief>) -> Result<FloorFix, FloorProblem> {
+        self.outline
+            .take_mask(mask, &self.camera, &self.rule.outline)
+            .map_err(|_| FloorProblem::WrongSize)?;
+        self.locate_outline(predicted)
+    }
+
+    /// The same from a hull in the mirror plane, pixels.
+    ///
+    /// # Errors
+    /// [`FloorProblem`].
+    pub fn locate_hull(
+        &mut self,
+        hull: &[Point2<f64>],
+        predicted: Option<&Belief>,
+    ) -> Result<FloorFix, FloorProblem> {
+        self.outline.take_hull(hull, &self.camera, &self.rule.outline);
+        self.locate_outline(predicted)
+    }
+
+    fn locate_outline(&mut self, predicted: Option<&Belief>) -> Result<FloorFix, FloorProblem> {
+        let corners = self.outline.vertices().len();
+        if corners < self.rule.least_corners {
+            return Err(FloorProblem::TooFewCorners { corners });
+        }
+        let share = self.fitter.area_m2(&self.outline) / self.plan.hull_area_m2();
+        let [least, most] = self.rule.area_shares;
+        if !(least..=most).contains(&share) {
+            return Err(FloorProblem::Area { share });
+        }
+        let gap_rad = self.widest_gap_rad();
+        if !(gap_rad <= self.rule.widest_gap_rad) {
+            return Err(FloorProblem::Gap { gap_rad });
+        }
+        if let Some(belief) = predicted {
+            let start = self.start_at(&belief.pose);
+            if let Ok(found) = self.settle(start, predicted) {
+                return Ok(found);
+            }
+            // The fit may have moved the corners.
+            self.outline.project_shifted(&self.camera, &self.rule.outline, 0.0);
+        }
+        let start = self.fitter.start(&self.outline).ok_or(FloorProblem::Singular)?;
+        if self.plan.is_symmetric() {
+            return self.settle(start, predicted);
+        }
+        let turned = Start { axis_rad: start.axis_rad + std::f64::consts::PI, ..start };
+        let one = self.settle(start, predicted);
+        self.outline.project_shifted(&self.camera, &self.rule.outline, 0.0);
+        match (one, self.settle(turned, predicted)) {
+            (Ok(a), Ok(b)) => Ok(if b.rms_px < a.rms_px { b } else { a }),
+            (Ok(found), Err(_)) | (Err(_), Ok(found)) => Ok(found),
+            (Err(problem), Err(_)) => Err(problem),
+        }
+    }
+
+    /// Fits from a start, and judges.
+    fn settle(&mut self, start: Start, predicted: Option<&Belief>) -> Result<FloorFix, FloorProblem> {
+        let camera = (&self.camera, &self.rule.outline);
+        let fit = self
+            .fitter
+            .fit(&mut self.outline, &self.plan, start, &self.rule.fit, camera)
+            .filter(|fit| fit.condition <= self.rule.most_condition)
+            .ok_or(FloorProblem::Singular)?;
+        if !(fit.rms_px <= self.rule.most_rms_px) {
+            return Err(FloorProblem::Residual { rms_px: fit.rms_px });
+        }
+        let found = self.poses(&fit);
+        let (pose, solution) = self.choose(found, predicted);
+        let belief = Belief { pose, covariance: self.covariance(&fit, &pose) };
+        if let Some(predicted) = predicted {
+            let both = Belief { pose, covariance: belief.covariance + predicted.covariance };
+            let distance_squared = both.distance_squared(&predicted.pose);
+            if !(distance_squared <= self.rule.jump_gate) {
+                return Err(FloorProblem::Jump { distance_squared });
+            }
+        }
+        let (rms_px, shift_px, iterations) = (fit.rms_px, fit.shift_px, fit.iterations);
+        let corners = self.outline.vertices().len();
+        Ok(FloorFix { belief, solution, rms_px, shift_px, corners, iterations })
+    }
+
+    fn start_at(&self, map_from_robot: &Pose2) -> Start {
+        let robot_from_plan = map_from_robot.inverse().compose(&self.plan.map_from_plan());
+        Start { centre: robot_from_plan.position(), axis_rad: robot_from_plan.theta }
+    }
+
+    /// Both solutions, of which only the first is one where the plan is not symmetric. Sekimori et al. (2001), equations 19 to 21,
+    /// corrected.
+    fn poses(&self, fit: &Fit) -> [Pose2; 2] {
+        let robot_from_plan = Pose2::new(fit.place.centre.x, fit.place.centre.y, fit.place.axis_rad);
+        let half_turn = Pose2::new(0.0, 0.0, std::f64::consts::PI);
+        let map_from_plan = self.plan.map_from_plan();
+        let pose = robot_from_plan.inverse();
+        [map_from_plan.compose(&pose), map_from_plan.compose(&half_turn).compose(&pose)]
+    }
+
+    fn choose(&self, [one, other]: [Pose2; 2], predicted: Option<&Belief>) -> (Pose2, FloorSolution) {
+        if !self.plan.is_symmetric() {
+            return (one, FloorSolution::Sure);
+        }
+        let Some(predicted) = predicted else { return (one, FloorSolution::Either { other }) };
+        let off = angle_difference(one.theta, predicted.pose.theta).abs();
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let (pose, other) = if off < quarter { (one, other) } else { (other, one) };
+        if (off - quarter).abs() < self.rule.undecided_rad {
+            (pose, FloorSolution::Either { other })
+        } else {
+            (pose, FloorSolution::Sure)
+        }
+    }
+
+    /// That of the fit, turned into that of the pose.
+    fn covariance(&self, fit: &Fit, pose: &Pose2) -> Matrix3<f64> {
+        let sigma = fit.rms_px.max(self.rule.least_sigma_px);
+        let plan = self.plan.map_from_plan();
+        // The pose in the frame of the plan; the second solution has the same covariance there.
+        let at = plan.inverse().compose(pose);
+        let sign = if angle_difference(-fit.place.axis_rad, at.theta).abs() < std::f64::consts::FRAC_PI_2 {
+            1.0
+        } else {
+            -1.0
+        };
+        let of_fit = Matrix3::new(sign, 0.0, at.y, 0.0, sign, -at.x, 0.0, 0.0, -1.0);
+        let (sin, cos) = plan.theta.sin_cos();
+        let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let jacobian = turn * of_fit;
+        jacobian * (fit.inverse * (sigma * sigma)) * jacobian.transpose()
+    }
+
+    fn widest_gap_rad(&mut self) -> f64 {
+        self.directions.clear();
+        self.directions
+            .extend(self.outline.vertices().iter().map(|vertex| vertex.outward.y.atan2(vertex.outward.x)));
+        self.directions.sort_unstable_by(f64::total_cmp);
+        let (Some(first), Some(last)) = (self.directions.first(), self.directions.last()) else {
+            return std::f64::consts::TAU;
+        };
+        let closing = first + std::f64::consts::TAU - last;
+        self.directions.windows(2).map(|pair| pair[1] - pair[0]).fold(closing, f64::max)
+    }
+}
