@@ -175,7 +175,7 @@ impl AzimuthLocalizer {
         let found =
             most_likely_pose(&self.pairs, &predicted.pose, Some(predicted), self.rule.loss, self.lever)
                 .map_err(|_| AzimuthProblem::Singular)?;
-        let (pairs, chi_squared) = (self.pairs.len(), found.chi_squared);
+        let (pairs, chi_squared) = (self.pairs.len(), found.chi_squared + found.from_prior);
         if !(chi_squared <= self.gates[pairs.min(self.gates.len() - 1)]) {
             return Err(AzimuthProblem::Inconsistent { chi_squared, pairs });
         }

@@ -31,8 +31,10 @@ pub enum Loss {
 pub struct Solution {
     /// The pose and its covariance.
     pub belief: Belief,
-    /// Sum of the squared residuals over their variances, that of the prior among them.
+    /// Sum of the squared residuals of the azimuths over their variances.
     pub chi_squared: f64,
+    /// Squared Mahalanobis distance from the prior; 0 without one.
+    pub from_prior: f64,
     /// Steps until it stood still.
     pub iterations: u32,
 }
@@ -52,7 +54,7 @@ pub enum SolverError {
 }
 
 /// Steps after which a pose that still moves is given up.
-const MOST_ITERATIONS: u32 = 100;
+const MOST_ITERATIONS: u32 = 200;
 /// A step shorter than this (m and rad) is the last.
 const SETTLED: f64 = 1e-11;
 
@@ -90,7 +92,12 @@ pub fn most_likely_pose(
         if step.amax() < SETTLED {
             let (information, _, chi_squared) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
             let covariance = inverse_of(&information).ok_or(SolverError::Singular)?;
-            return Ok(Solution { belief: Belief { pose, covariance }, chi_squared, iterations: iteration });
+            let from_prior = known.as_ref().map_or(0.0, |(prior, information)| {
+                let off = difference(prior, &pose);
+                off.dot(&(information * off))
+            });
+            let belief = Belief { pose, covariance };
+            return Ok(Solution { belief, chi_squared, from_prior, iterations: iteration });
         }
     }
     Err(SolverError::Unsettled)
@@ -121,7 +128,6 @@ fn normal_equations(
         let off = difference(known, pose);
         information += of_prior;
         pull += of_prior * off;
-        chi_squared += off.dot(&(of_prior * off));
     }
     let (sin, cos) = pose.theta.sin_cos();
     for pair in pairs {

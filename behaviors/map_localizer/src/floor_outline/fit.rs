@@ -26,6 +26,8 @@ pub struct FitRule {
     pub least_shift_m: f64,
     /// See `least_shift_m`.
     pub least_turn_rad: f64,
+    /// A step of the common shift below this is the last, pixels.
+    pub least_shift_px: f64,
     /// Most steps.
     pub most_iterations: u32,
     /// What becomes of corners that lie far off.
@@ -40,6 +42,7 @@ impl Default for FitRule {
         Self {
             least_shift_m: 1e-4,
             least_turn_rad: 1e-4,
+            least_shift_px: 1e-3,
             most_iterations: 20,
             robust: Robust::None,
             shift_sigma_px: None,
@@ -140,7 +143,8 @@ impl OutlineFitter {
                 inverse,
                 condition: f64::INFINITY,
             };
-            if best.is_none_or(|best| here.rms_px < best.rms_px) {
+            // Rounding alone makes no place better than a later one.
+            if best.is_none_or(|best| here.rms_px <= best.rms_px * (1.0 + 1e-9)) {
                 best = Some(here);
             }
             place = moved(&place, &step);
@@ -156,7 +160,7 @@ impl OutlineFitter {
             let is_settled = step.x.abs() <= rule.least_shift_m
                 && step.y.abs() <= rule.least_shift_m
                 && step.z.abs() <= rule.least_turn_rad
-                && shift_step.abs() <= 1e-3;
+                && shift_step.abs() <= rule.least_shift_px;
             if is_settled {
                 let (equations, cost) = self.equations(outline.vertices(), plan, &place, rule, shift_px);
                 let rms_px = (cost / outline.vertices().len().max(1) as f64).sqrt();
@@ -248,8 +252,14 @@ fn assign(plan: &FloorPlan, point: Vector2<f64>) -> Assigned {
     let (mut best, mut line, mut second) = (f64::INFINITY, 0, f64::INFINITY);
     for segment in &plan.segments {
         let away = point - segment.from.coords;
-        let share = (away.dot(&segment.along) / segment.squared_m2).clamp(0.0, 1.0);
-        let squared = (away - segment.along * share).norm_squared();
+        let share = away.dot(&segment.along) / segment.squared_m2;
+        // Beyond a common end two segments are equally far, to the last bit: the first one counts.
+        let off = match share {
+            _ if share >= 1.0 => point - segment.to.coords,
+            _ if share > 0.0 => away - segment.along * share,
+            _ => away,
+        };
+        let squared = off.norm_squared();
         if squared < best {
             if segment.line != line {
                 second = best;

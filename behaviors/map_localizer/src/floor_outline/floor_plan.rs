@@ -22,6 +22,7 @@ pub(super) struct PlanLine {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PlanSegment {
     pub from: Point2<f64>,
+    pub to: Point2<f64>,
     pub along: Vector2<f64>,
     pub squared_m2: f64,
     pub line: usize,
@@ -163,16 +164,16 @@ impl FloorPlan {
         if known.is_none() {
             self.lines.push(line);
         }
-        self.segments.push(PlanSegment { from, along, squared_m2: along.norm_squared(), line: number });
+        self.segments.push(PlanSegment { from, to, along, squared_m2: along.norm_squared(), line: number });
     }
 
     fn looks_the_same_turned(&self) -> bool {
         let turn = Rotation2::new(std::f64::consts::PI);
         self.segments.iter().all(|segment| {
-            let (from, to) = (turn * segment.from, turn * (segment.from + segment.along));
+            let (from, to) = (turn * segment.from, turn * segment.to);
             self.segments.iter().any(|other| {
                 let apart = |a: Point2<f64>, b: Point2<f64>| (a - b).norm() < 1e-6;
-                apart(other.from, from) && apart(other.from + other.along, to)
+                apart(other.from, from) && apart(other.to, to)
             })
         })
     }
