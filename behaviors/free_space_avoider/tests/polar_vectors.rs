@@ -186,6 +186,8 @@ mod vectors {
                 step_s: number(&params["dt"]),
                 reaction_s: number(&params["tau"]),
                 velocity,
+                side_change_rad: 0.0,
+                most_deviation_rad: TAU,
             };
             let free = free_distances(&case["a"], &edges_mm);
             let start = Start { velocity_mps: metres(&case["v_a"]), ..Start::default() };
@@ -227,6 +229,8 @@ mod vectors {
             step_s: number(&params["dt"]),
             horizon_s: number(&params["T"]),
             clearance_m: 0.1,
+            side_change_rad: 0.0,
+            most_deviation_rad: TAU,
         };
         for case in cases(&file) {
             let id = &case["id"];

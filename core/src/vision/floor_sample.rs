@@ -29,6 +29,14 @@ impl FloorSample {
         self.count += 1;
     }
 
+    /// Adds everything of another sample.
+    pub fn merge(&mut self, sample: &FloorSample) {
+        for (mine, theirs) in self.channels.iter_mut().flatten().zip(sample.channels.iter().flatten()) {
+            *mine += theirs;
+        }
+        self.count += sample.count;
+    }
+
     /// Pixels.
     #[must_use]
     pub fn count(&self) -> u32 {

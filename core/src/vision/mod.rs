@@ -7,6 +7,7 @@ pub mod bit_image;
 pub mod dark_cells;
 pub mod floor_colour;
 pub mod floor_sample;
+pub mod floor_training;
 pub mod gradient;
 pub mod isodata;
 pub mod level_edges;

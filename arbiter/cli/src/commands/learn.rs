@@ -26,8 +26,8 @@ use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Row, Validity};
 use yamabico_stationary_obstacle_avoider::threshold_table::{Place, ThresholdTable};
 
-use super::TaskArguments;
 use super::learn_plot::plot;
+use super::{TaskArguments, learn_floor};
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for their pose.
@@ -40,6 +40,8 @@ const TURNED_RAD: f64 = 0.26;
 pub enum Learn {
     /// The thresholds of the stationary-obstacle-avoider: drives the task through the empty building and writes a table.
     Thresholds(Arguments),
+    /// The colours of a floor, for the free-space-avoider: from pictures and masks in a folder.
+    Floor(learn_floor::Arguments),
 }
 
 /// What `learn thresholds` is told.
@@ -83,7 +85,13 @@ struct Refused {
 
 /// Learns and prints what.
 pub fn learn(learn: &Learn, print: Print) -> ExitCode {
-    let Learn::Thresholds(arguments) = learn;
+    match learn {
+        Learn::Thresholds(arguments) => learn_thresholds(arguments, print),
+        Learn::Floor(arguments) => learn_floor::learn(arguments, print),
+    }
+}
+
+fn learn_thresholds(arguments: &Arguments, print: Print) -> ExitCode {
     let Some(mut task) = arguments.task.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
     // What it knew so far must not turn the robot aside from what it learns.
     for behavior in &mut task.behaviors {

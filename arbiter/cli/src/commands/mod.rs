@@ -5,6 +5,7 @@ pub mod describe;
 pub mod goto;
 pub mod graph;
 pub mod learn;
+mod learn_floor;
 mod learn_plot;
 pub mod list;
 pub mod run;
@@ -26,7 +27,7 @@ pub enum Command {
     Run(run::Arguments),
     /// Send a running robot to a goal and wait until it is there.
     Goto(goto::Arguments),
-    /// Drive through an empty building and learn what it looks like.
+    /// Learn what a building or its floor looks like.
     #[command(subcommand)]
     Learn(learn::Learn),
     /// Tell everything that is wrong with a task, without opening a device.

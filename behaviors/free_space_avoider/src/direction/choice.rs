@@ -1,5 +1,7 @@
 //! The direction for a robot that can drive in every direction without turning.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Vector2;
 use yamabico_core::geometry::wrap_angle;
 
@@ -11,8 +13,12 @@ pub const SAME_DEVIATION_RAD: f64 = 1e-9;
 /// A deviation below this (rad) is to neither side.
 const STRAIGHT_RAD: f64 = 1e-6;
 
-/// Shares of the speed that are tried one after the other.
-pub const SPEED_LADDER: [f64; 3] = [1.0, 0.5, 0.25];
+/// Shares of the speed that are tried one after the other, each in directions that deviate by no more than so much (rad):
+/// slowly on is better than fast back.
+pub const SPEED_LADDER: [(f64, f64); 6] =
+    [(1.0, AHEAD_RAD), (0.5, AHEAD_RAD), (0.25, AHEAD_RAD), (1.0, TAU), (0.5, TAU), (0.25, TAU)];
+/// Up to this deviation (rad) a direction leads on.
+const AHEAD_RAD: f64 = 1.75;
 
 /// Whether the velocity that the robot has counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +44,10 @@ pub struct ChoiceRules {
     pub reaction_s: f64,
     /// Whether the velocity that the robot has counts.
     pub velocity: Velocity,
+    /// Going around on the other side than last time must save so much deviation (rad, at least 0).
+    pub side_change_rad: f64,
+    /// Directions that deviate by more (rad) are not taken.
+    pub most_deviation_rad: f64,
 }
 
 /// Where the robot is, in the frame of the free distances, and how it moves.
@@ -73,6 +83,11 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
+    /// Whether it deviates by no more than this.
+    pub(super) fn deviates_by(&self, most_rad: f64) -> bool {
+        self.deviation_rad.abs() <= most_rad
+    }
+
     pub(super) fn side(&self) -> i8 {
         match self.deviation_rad {
             deviation if deviation.abs() < STRAIGHT_RAD => 0,
@@ -104,7 +119,9 @@ impl Chooser {
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
-        self.order(free, goal_rad, last_side).iter().enumerate().find_map(|(rank, candidate)| {
+        let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
+        let tried = order.iter().take_while(|candidate| candidate.deviates_by(rules.most_deviation_rad));
+        tried.enumerate().find_map(|(rank, candidate)| {
             let direction_rad = candidate.direction_rad;
             let velocity_mps = Vector2::new(direction_rad.cos(), direction_rad.sin()) * rules.speed_mps;
             let ways = Ways::new(start, velocity_mps, rules);
@@ -120,7 +137,7 @@ impl Chooser {
         })
     }
 
-    /// The same, at half and at a quarter of the speed where the whole is too fast.
+    /// The same, at half and at a quarter of the speed where the whole is too fast, and only then back ([`SPEED_LADDER`]).
     pub fn choose_speed(
         &mut self,
         free: &FreeDistances,
@@ -129,14 +146,20 @@ impl Chooser {
         last_side: i8,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
-        SPEED_LADDER.iter().find_map(|share| {
-            let rules = ChoiceRules { speed_mps: share * rules.speed_mps, ..*rules };
+        SPEED_LADDER.iter().find_map(|&(share, most_deviation_rad)| {
+            let rules = ChoiceRules { speed_mps: share * rules.speed_mps, most_deviation_rad, ..*rules };
             self.choose(free, start, goal_rad, last_side, &rules)
         })
     }
 
-    /// The wished direction and the middles of all sectors, nearest first.
-    pub(super) fn order(&mut self, free: &FreeDistances, goal_rad: f64, last_side: i8) -> &[Candidate] {
+    /// The wished direction and the middles of all sectors, nearest first; those on the other side than last time later.
+    pub(super) fn order(
+        &mut self,
+        free: &FreeDistances,
+        goal_rad: f64,
+        last_side: i8,
+        side_change_rad: f64,
+    ) -> &[Candidate] {
         let candidate = |sector: Option<usize>| {
             let direction_rad = sector.map_or(goal_rad, |sector| free.middle(sector));
             Candidate { direction_rad, sector, deviation_rad: -wrap_angle(goal_rad - direction_rad) }
@@ -149,7 +172,8 @@ impl Chooser {
             let side = if deviation >= 0.0 { 1 } else { -1 };
             let is_other_side = last_side != 0 && side != last_side;
             let number = candidate.sector.map_or(0, |sector| sector + 1);
-            ((deviation.abs() / SAME_DEVIATION_RAD).round() as i64, is_other_side, -side, number)
+            let change = if is_other_side && candidate.side() != 0 { side_change_rad } else { 0.0 };
+            (((deviation.abs() + change) / SAME_DEVIATION_RAD).round() as i64, is_other_side, -side, number)
         };
         self.candidates.sort_unstable_by_key(key);
         &self.candidates
@@ -253,6 +277,8 @@ mod tests {
         step_s: 0.02,
         reaction_s: 0.04,
         velocity: Velocity::Considered,
+        side_change_rad: 0.0,
+        most_deviation_rad: TAU,
     };
 
     fn random_case(random: &mut Pcg64) -> (Vec<f64>, Start, f64) {
@@ -270,7 +296,7 @@ mod tests {
             let (distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances);
-            let expected = Chooser::default().order(&free, goal, 0).iter().position(|candidate| {
+            let expected = Chooser::default().order(&free, goal, 0, 0.0).iter().position(|candidate| {
                 let to = Vector2::new(candidate.direction_rad.cos(), candidate.direction_rad.sin()) * 0.4;
                 least_clearance_m(&free, &start, to, &RULES) >= RULES.clearance_m
             });
@@ -320,6 +346,31 @@ mod tests {
                 (before, after) => assert!(before.is_some() || after.is_none()),
             }
         }
+    }
+
+    #[test]
+    fn the_side_is_kept_unless_the_other_saves_enough() {
+        let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+        // Blocked ahead, a little farther to the left than to the right.
+        free.set((0..32).map(|j| if j < 3 || j >= 30 { 0.3 } else { 1.2 }));
+        let mut chooser = Chooser::default();
+        let mut side = |last: i8, side_change_rad: f64| {
+            let rules = ChoiceRules { side_change_rad, ..RULES };
+            chooser.choose(&free, &Start::default(), 0.0, last, &rules).map(|choice| choice.side)
+        };
+        assert_eq!([side(0, 0.5), side(1, 0.0), side(-1, 0.0)], [Some(-1); 3]);
+        assert_eq!((side(1, 0.5), side(-1, 0.5)), (Some(1), Some(-1)));
+    }
+
+    #[test]
+    fn slowly_on_comes_before_fast_back() {
+        let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+        free.set((0..32).map(|j| if (11..21).contains(&j) { 1.2 } else { 0.3 }));
+        let mut chooser = Chooser::default();
+        let fast = chooser.choose(&free, &Start::default(), 0.0, 0, &RULES);
+        assert!(fast.is_some_and(|choice| choice.velocity_mps.x < -0.35), "{fast:?}");
+        let slow = chooser.choose_speed(&free, &Start::default(), 0.0, 0, &RULES);
+        assert!(slow.is_some_and(|choice| choice.velocity_mps.x > 0.0), "{slow:?}");
     }
 
     #[test]

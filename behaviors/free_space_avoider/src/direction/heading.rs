@@ -30,6 +30,10 @@ pub struct HeadingRules {
     pub horizon_s: f64,
     /// The robot's radius and what is kept beside it, m.
     pub clearance_m: f64,
+    /// Going around on the other side than last time must save so much deviation (rad, at least 0).
+    pub side_change_rad: f64,
+    /// Headings that deviate by more (rad) are not taken.
+    pub most_deviation_rad: f64,
 }
 
 /// A heading that is taken.
@@ -148,7 +152,9 @@ impl Chooser {
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
-        self.order(free, goal_rad, last_side).iter().enumerate().find_map(|(rank, candidate)| {
+        let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
+        let tried = order.iter().take_while(|candidate| candidate.deviates_by(rules.most_deviation_rad));
+        tried.enumerate().find_map(|(rank, candidate)| {
             let heading_rad = candidate.direction_rad;
             keeps_clear(free, *start, heading_rad, rules).then(|| Drive {
                 twist: start.wished(heading_rad, rules),
@@ -160,7 +166,7 @@ impl Chooser {
         })
     }
 
-    /// The same, at half and at a quarter of the speed where the whole is too fast.
+    /// The same, at half and at a quarter of the speed where the whole is too fast, and only then back ([`SPEED_LADDER`]).
     pub fn choose_heading_speed(
         &mut self,
         free: &FreeDistances,
@@ -169,8 +175,8 @@ impl Chooser {
         last_side: i8,
         rules: &HeadingRules,
     ) -> Option<Drive> {
-        SPEED_LADDER.iter().find_map(|share| {
-            let rules = HeadingRules { speed_mps: share * rules.speed_mps, ..*rules };
+        SPEED_LADDER.iter().find_map(|&(share, most_deviation_rad)| {
+            let rules = HeadingRules { speed_mps: share * rules.speed_mps, most_deviation_rad, ..*rules };
             self.choose_heading(free, start, goal_rad, last_side, &rules)
         })
     }
@@ -217,6 +223,8 @@ mod tests {
         step_s: 0.02,
         horizon_s: 2.0,
         clearance_m: 0.1,
+        side_change_rad: 0.0,
+        most_deviation_rad: 7.0,
     };
 
     #[test]
@@ -242,7 +250,7 @@ mod tests {
             let goal = random.random_range(-3.0..3.0);
             let (speed, turn) = (random.random_range(-0.1..0.4), random.random_range(-2.0..2.0));
             let start = Rollout::new(Vector2::zeros(), 0.0, speed, turn);
-            let expected = Chooser::default().order(&free, goal, 0).iter().position(|candidate| {
+            let expected = Chooser::default().order(&free, goal, 0, 0.0).iter().position(|candidate| {
                 least_clearance_m(&free, start, candidate.direction_rad, &RULES) >= RULES.clearance_m
             });
             let drive = chooser.choose_heading(&free, &start, goal, 0, &RULES);

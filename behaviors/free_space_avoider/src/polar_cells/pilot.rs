@@ -1,6 +1,8 @@
 //! From free distances to a motion, for both kinds of drive: the choice of a direction, slower where it must be, out of what
 //! is too near, and what to do where there is none.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Vector2;
 use yamabico_core::behavior::BuildError;
 use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
@@ -20,6 +22,8 @@ const STEP_S: f64 = 0.02;
 const HORIZON_S: f64 = 2.0;
 /// Turn rate for each radian of missing heading, 1/s.
 const GAIN_PER_S: f64 = 4.0;
+/// Going around on the other side than last time must save so much deviation, rad.
+const SIDE_CHANGE_RAD: f64 = 0.5;
 /// Turned so near (rad) to the freest direction, a robot that finds no way has none.
 const FACING_RAD: f64 = 0.15;
 /// Slowest (m/s) that the robot comes to its goal.
@@ -98,6 +102,8 @@ impl Pilot {
                 VelocityRule::Considered => Velocity::Considered,
                 VelocityRule::Ignored => Velocity::Ignored,
             },
+            side_change_rad: SIDE_CHANGE_RAD,
+            most_deviation_rad: TAU,
         };
         let heading = HeadingRules {
             speed_mps,
@@ -108,6 +114,8 @@ impl Pilot {
             step_s: STEP_S,
             horizon_s: HORIZON_S,
             clearance_m,
+            side_change_rad: SIDE_CHANGE_RAD,
+            most_deviation_rad: TAU,
         };
         Ok(Self {
             chooser: Chooser::default(),

@@ -1,0 +1,176 @@
+//! Learns the floor's colours from pictures in which people marked it.
+
+use super::floor_colour::{Colour, ColourBox, ColourTable, FloorColours};
+use super::floor_sample::FloorSample;
+
+const CLASSES: usize = 32;
+/// A class counts as much as this many of its neighbours.
+const OWN_WEIGHT: u32 = 4;
+/// Thresholds leave out this share of the floor's pixels at either end of each channel ...
+const OUTLIERS: f64 = 0.01;
+/// ... and reach so many levels farther.
+const TOLERANCE: u8 = 8;
+
+/// What people say of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Label {
+    /// The robot may drive there.
+    Floor,
+    /// It is something else.
+    Other,
+}
+
+/// How many marked pixels have each colour.
+#[derive(Clone, Debug)]
+pub struct FloorTraining {
+    floor: Vec<u32>,
+    other: Vec<u32>,
+    sample: FloorSample,
+}
+
+impl Default for FloorTraining {
+    fn default() -> Self {
+        let empty = || vec![0; CLASSES * CLASSES * CLASSES];
+        Self { floor: empty(), other: empty(), sample: FloorSample::default() }
+    }
+}
+
+/// How well colours tell floor from the rest of marked pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Judged {
+    /// Share of the floor that is told, 0 to 1.
+    pub recall: f64,
+    /// Share of the rest that is taken for floor, 0 to 1.
+    pub false_alarms: f64,
+}
+
+impl FloorTraining {
+    /// Adds a marked pixel.
+    pub fn add(&mut self, colour: Colour, label: Label) {
+        let class = class(colour.map(|level| usize::from(level >> 3)));
+        match label {
+            Label::Floor => {
+                self.floor[class] += 1;
+                self.sample.add(colour);
+            }
+            Label::Other => self.other[class] += 1,
+        }
+    }
+
+    /// Adds everything of another training.
+    pub fn merge(&mut self, training: &FloorTraining) {
+        for (mine, theirs) in [(&mut self.floor, &training.floor), (&mut self.other, &training.other)] {
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| *mine += theirs);
+        }
+        self.sample.merge(&training.sample);
+    }
+
+    /// Pixels marked as floor, and as something else.
+    #[must_use]
+    pub fn counts(&self) -> (u64, u64) {
+        let sum = |counts: &[u32]| counts.iter().map(|&count| u64::from(count)).sum();
+        (sum(&self.floor), sum(&self.other))
+    }
+
+    /// A table: floor is each class that is more frequent, with its neighbours, in the floor than in the rest, relative to how
+    /// much there is of either.
+    #[must_use]
+    pub fn table(&self) -> FloorColours {
+        let (floor_total, other_total) = self.counts();
+        let mut table = ColourTable::default();
+        for red in 0..CLASSES {
+            for green in 0..CLASSES {
+                for blue in 0..CLASSES {
+                    let floor = smoothed(&self.floor, [red, green, blue]);
+                    let other = smoothed(&self.other, [red, green, blue]);
+                    if floor > 0 && floor * other_total.max(1) > other * floor_total {
+                        table.insert([red, green, blue].map(|class| (class << 3) as u8));
+                    }
+                }
+            }
+        }
+        FloorColours::Table(table)
+    }
+
+    /// Thresholds around the floor's colours; `None` without a pixel of floor.
+    #[must_use]
+    pub fn thresholds(&self) -> Option<FloorColours> {
+        let seen: ColourBox = self.sample.middle(OUTLIERS)?;
+        Some(FloorColours::Box(seen.widened(TOLERANCE)))
+    }
+
+    /// How well colours tell these pixels, each class taken at its middle.
+    #[must_use]
+    pub fn judge(&self, colours: &FloorColours) -> Judged {
+        let mut told = [0_u64; 2];
+        for red in 0..CLASSES {
+            for green in 0..CLASSES {
+                for blue in 0..CLASSES {
+                    if colours.contains([red, green, blue].map(|class| (class << 3) as u8 + 4)) {
+                        let class = class([red, green, blue]);
+                        told[0] += u64::from(self.floor[class]);
+                        told[1] += u64::from(self.other[class]);
+                    }
+                }
+            }
+        }
+        let (floor, other) = self.counts();
+        let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
+        Judged { recall: share(told[0], floor), false_alarms: share(told[1], other) }
+    }
+}
+
+fn class([red, green, blue]: [usize; 3]) -> usize {
+    (red * CLASSES + green) * CLASSES + blue
+}
+
+/// The count of a class and its neighbours.
+fn smoothed(counts: &[u32], at: [usize; 3]) -> u64 {
+    let near = |i: usize| at[i].saturating_sub(1)..=(at[i] + 1).min(CLASSES - 1);
+    let mut sum = u64::from((OWN_WEIGHT - 1) * counts[class(at)]);
+    for red in near(0) {
+        for green in near(1) {
+            for blue in near(2) {
+                sum += u64::from(counts[class([red, green, blue])]);
+            }
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn training() -> FloorTraining {
+        let mut training = FloorTraining::default();
+        for i in 0..200_u8 {
+            training.add([40 + i / 10, 140 + i / 8, 60], Label::Floor);
+            training.add([180, 170 + i / 10, 160 + i / 4], Label::Other);
+            training.add([150, 40, 40], Label::Other);
+        }
+        training
+    }
+
+    #[test]
+    fn floor_is_what_is_more_frequent_in_the_floor() {
+        let training = training();
+        assert_eq!(training.counts(), (200, 400));
+        let (table, thresholds) = (training.table(), training.thresholds().unwrap());
+        for colours in [&table, &thresholds] {
+            assert_eq!(training.judge(colours), Judged { recall: 1.0, false_alarms: 0.0 });
+            assert!(colours.contains([50, 150, 60]) && !colours.contains([150, 40, 40]));
+            assert!(!colours.contains([0, 0, 0]) && !colours.contains([250, 20, 250]));
+        }
+    }
+
+    #[test]
+    fn trainings_add_up_and_nothing_gives_nothing() {
+        let mut both = training();
+        both.merge(&training());
+        assert_eq!((both.counts(), both.table()), ((400, 800), training().table()));
+        let nothing = FloorTraining::default();
+        assert_eq!(nothing.thresholds(), None);
+        assert_eq!(nothing.judge(&nothing.table()), Judged::default());
+    }
+}

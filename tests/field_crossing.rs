@@ -1,0 +1,115 @@
+//! A small field with cubes on it: by what a mirror camera shows of the floor, robots of both kinds of drive come through to
+//! the other side and touch nothing.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use yamabico::plugins::PLUGINS;
+use yamabico_arbiter::execution::End;
+use yamabico_arbiter::record::Tap;
+use yamabico_arbiter::run::{Options, run};
+use yamabico_core::config::{Overrides, load};
+use yamabico_core::message::MessageType;
+use yamabico_core::time::Time;
+
+const WORLD: &str = include_str!("../behaviors/free_space_avoider/examples/field/field.toml");
+
+const ROBOT: &str = r#"
+name = "field-NAME"
+footprint = { radius_m = 0.08 }
+
+[limits]
+max_linear_mps = 0.6
+max_angular_radps = 3.0
+linear_acceleration_mps2 = 0.3
+linear_deceleration_mps2 = 0.3
+angular_acceleration_radps2 = 8.0
+angular_deceleration_radps2 = 8.0
+angular_emergency_radps2 = 10.0
+linear_jerk_mps3 = 20
+angular_jerk_radps3 = 200
+
+[devices.sim]
+driver = "sim"
+world = "world.toml"
+start = { x_m = -1.1, y_m = 0.0, heading_deg = 0, jitter_m = 0.2, jitter_deg = 10 }
+body_height_m = 0.25
+
+[sensors.around]
+device = "sim"
+kind = "mirror-camera"
+period_ms = 40
+latency_ms = 20
+encoding = "rgb8"
+picture = { width = 256, height = 220, blind_radius_px = 22, rim_radius_px = 112 }
+mirror = { kind = "hyperboloidal", focal_px = 479.374593, eccentricity = 1.26518485, foci_m = 0.0400837 }
+mount = { z_m = 0.165 }
+
+[sensors.wheels]
+device = "sim"
+kind = "encoders"
+period_ms = 20
+
+[drive]
+device = "sim"
+kind = "DRIVE"
+"#;
+
+const TASK: &str = r#"
+robot = "robot.toml"
+
+[run]
+duration_s = 40
+goal = { x_m = 1.05, y_m = 0.0, tolerance_m = 0.35 }
+
+[arbiter]
+rate_hz = 50
+
+[behaviors.free-space-avoider]
+priority = 10
+inputs = { camera = "around", odometry = "wheels" }
+method = "polar-cells"
+speed_mps = 0.4
+turn_rad_s = 2.0
+margin_m = 0.03
+goal_m = [2.15, 0.0]
+tolerance_m = 0.15
+"#;
+
+struct Nobody;
+
+impl Tap for Nobody {
+    fn message(&mut self, _: &str, _: &MessageType, _: Time, _: &[u8], _: &[u8]) {}
+}
+
+fn cross(drive: &str) {
+    let name = format!("{drive}-{}", std::process::id());
+    let folder: PathBuf = std::env::temp_dir().join(format!("yamabico-field-{name}"));
+    std::fs::create_dir_all(&folder).unwrap();
+    let robot = ROBOT.replace("NAME", &name).replace("DRIVE", drive);
+    for (file, text) in [("world.toml", WORLD), ("robot.toml", robot.as_str()), ("task.toml", TASK)] {
+        std::fs::write(folder.join(file), text).unwrap();
+    }
+    let task =
+        load(&folder.join("task.toml"), &Overrides::default(), &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
+    for seed in 1..=6 {
+        let options = Options { seed, ..Options::default() };
+        let ran = run(&task, &options, &AtomicBool::new(false), &mut Nobody, &mut |_| {}).unwrap();
+        let summary = &ran.summary;
+        println!("{drive}, seed {seed}: {:?} {summary:?}", ran.end);
+        assert_eq!((ran.end, summary.contacts), (End::Arrived, Some(0)), "{drive}, seed {seed}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_robot_that_drives_sideways_crosses_the_field() {
+    cross("holonomic");
+}
+
+#[test]
+fn a_robot_that_turns_crosses_the_field() {
+    cross("differential");
+}
