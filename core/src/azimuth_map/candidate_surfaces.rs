@@ -1,12 +1,13 @@
 use nalgebra::Point2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::adjacency::AdjacencyTable;
 use super::triangulation::Triangulated;
 
 /// What is known of what may stand between two edges.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum SurfaceState {
     /// Not tested.
     #[default]

@@ -9,6 +9,7 @@ mod candidate_surfaces;
 mod cyclic_matching;
 mod free_space;
 mod locus;
+mod map_file;
 mod relink;
 mod surface_check;
 mod triangulation;
@@ -20,6 +21,7 @@ pub use candidate_surfaces::{Surface, SurfaceRule, SurfaceState, candidate_surfa
 pub use cyclic_matching::{CyclicMatcher, ExpectedEdge, MatchingRule, SeenEdge};
 pub use free_space::{star_polygon, table_polygon};
 pub use locus::{Locus, LocusRule, LocusState, LocusTracker};
+pub use map_file::{EDGE_MAP_FILE, EdgeMap, MapEdge, MapSurface};
 pub use relink::{LocatedEdge, RelinkRule, explains, relink};
 pub use surface_check::{RangeReading, ReadingClass, SurfaceCheck, SurfaceCheckRule};
 pub use triangulation::{
