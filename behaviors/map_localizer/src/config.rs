@@ -110,6 +110,10 @@ pub struct OdometryNoise {
     /// Of the heading, rad^2 a metre, 0 to 1, default 0.0006.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ts: f64,
+    /// Standard deviation of a drift of the heading that stays the same, as of unequal wheels, degrees a metre, 0 to 60,
+    /// default 0.6.
+    #[schemars(range(min = 0.0, max = 60.0))]
+    pub drift_deg_per_m: f64,
 }
 
 impl Default for Start {
@@ -120,7 +124,7 @@ impl Default for Start {
 
 impl Default for OdometryNoise {
     fn default() -> Self {
-        Self { k_ss: 1e-4, k_tt: 1e-3, k_ts: 6e-4 }
+        Self { k_ss: 1e-4, k_tt: 1e-3, k_ts: 6e-4, drift_deg_per_m: 0.6 }
     }
 }
 
@@ -135,7 +139,12 @@ impl Start {
 
 impl From<OdometryNoise> for MotionNoise {
     fn from(noise: OdometryNoise) -> Self {
-        Self { way_per_way_m: noise.k_ss, turn_per_turn_rad: noise.k_tt, turn_per_way: noise.k_ts }
+        Self {
+            way_per_way_m: noise.k_ss,
+            turn_per_turn_rad: noise.k_tt,
+            turn_per_way: noise.k_ts,
+            drift_per_way: noise.drift_deg_per_m.to_radians(),
+        }
     }
 }
 
@@ -162,6 +171,7 @@ impl Config {
             ("odometry.k_ss", self.odometry.k_ss, 0.0, 1.0),
             ("odometry.k_tt", self.odometry.k_tt, 0.0, 1.0),
             ("odometry.k_ts", self.odometry.k_ts, 0.0, 1.0),
+            ("odometry.drift_deg_per_m", self.odometry.drift_deg_per_m, 0.0, 60.0),
         ] {
             if !(low..=high).contains(&value) {
                 return Err(BuildError::new(key, format!("{value} is not between {low} and {high}")));

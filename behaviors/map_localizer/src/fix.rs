@@ -28,7 +28,7 @@ const START_STEP_M: f64 = 0.07;
 const START_STEP_RAD: f64 = 0.0175;
 /// ... each with these standard deviations.
 const START_SIGMAS: (f64, f64) = (0.1, 0.012);
-/// At most so many steps to either side.
+/// At most so many steps to either side; what lies farther away makes them longer.
 const START_STEPS: i32 = 6;
 /// Least number of lines of a fix.
 const LEAST_LINES: usize = 3;
@@ -296,8 +296,9 @@ struct Steps {
     step: f64,
 }
 
-/// Steps of this length that reach as far.
+/// Steps of this length, or longer, that reach as far.
 fn within(reach: f64, step: f64) -> Steps {
+    let step = step.max(reach / f64::from(START_STEPS));
     Steps { to_either_side: ((reach / step) as i32).min(START_STEPS), step }
 }
 

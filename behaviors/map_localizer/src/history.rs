@@ -49,6 +49,8 @@ pub struct History {
 struct Entry {
     stamp: Time,
     belief: Belief,
+    /// Driven since the last result that was applied, metres.
+    driven_m: f64,
     /// From here to the next entry; zero in the newest.
     onward: Increment,
 }
@@ -75,7 +77,7 @@ impl History {
         self.entries.clear();
         self.oldest = 0;
         self.applied = None;
-        self.entries.push(Entry { stamp, belief, onward: Increment::default() });
+        self.entries.push(Entry { stamp, belief, driven_m: 0.0, onward: Increment::default() });
     }
 
     /// Moves on to a newer reading; an older one changes nothing.
@@ -83,8 +85,9 @@ impl History {
         let noise = self.noise;
         let Some(newest) = self.newest_entry_mut().filter(|newest| stamp > newest.stamp) else { return };
         newest.onward = increment;
-        let belief = increment.move_belief(&newest.belief, &noise);
-        let entry = Entry { stamp, belief, onward: Increment::default() };
+        let belief = increment.move_belief(&newest.belief, newest.driven_m, &noise);
+        let driven_m = newest.driven_m + increment.forward_m.abs();
+        let entry = Entry { stamp, belief, driven_m, onward: Increment::default() };
         if self.entries.len() < self.capacity {
             self.entries.push(entry);
         } else {
@@ -131,9 +134,14 @@ impl History {
         {
             // The last result lies between the entry and here.
             let done = self.share_of(entry, place.entry, *at);
-            return Ok(self.step(place.entry).share(place.share - done).move_belief(belief, &self.noise));
+            return Ok(self.step(place.entry).share(place.share - done).move_belief(
+                belief,
+                0.0,
+                &self.noise,
+            ));
         }
-        Ok(self.step(place.entry).share(place.share).move_belief(&entry.belief, &self.noise))
+        let onward = self.step(place.entry).share(place.share);
+        Ok(onward.move_belief(&entry.belief, entry.driven_m, &self.noise))
     }
 
     /// Replaces the belief at an instant, and does the dead reckoning since then again. Every reading since then is
@@ -147,17 +155,21 @@ impl History {
         let index = self.index(place.entry);
         if self.is_newest(place) {
             self.entries[index].belief = self.back_from_ahead(place, &posterior);
+            self.entries[index].driven_m = 0.0;
             return Ok(());
         }
         if place.share == 0.0 {
             self.entries[index].belief = posterior;
+            self.entries[index].driven_m = 0.0;
         }
-        let mut belief = posterior;
+        let (mut belief, mut driven_m) = (posterior, 0.0);
         let mut onward = self.entries[index].onward.share(1.0 - place.share);
         for number in place.entry + 1..self.entries.len() {
-            belief = onward.move_belief(&belief, &self.noise);
+            belief = onward.move_belief(&belief, driven_m, &self.noise);
+            driven_m += onward.forward_m.abs();
             let index = self.index(number);
             self.entries[index].belief = belief;
+            self.entries[index].driven_m = driven_m;
             onward = self.entries[index].onward;
         }
         Ok(())
@@ -186,6 +198,7 @@ impl History {
             ),
             covariance: posterior.covariance,
         };
+        newest.driven_m = 0.0;
         self.applied = Some((stamp, *posterior));
         Ok(())
     }
@@ -202,7 +215,7 @@ impl History {
         }
         let entry = &self.entries[self.index(place.entry)];
         let before = entry.onward.share(place.share).move_pose(&entry.belief.pose);
-        let mut motion = MotionSince { before, pose: before, noise: Matrix3::zeros() };
+        let mut motion = MotionSince { before, pose: before, driven_m: 0.0, noise: Matrix3::zeros() };
         let mut onward = entry.onward.share(1.0 - place.share);
         for number in place.entry + 1..self.entries.len() {
             motion.advance(&onward, &self.noise);
@@ -277,6 +290,8 @@ pub struct MotionSince {
     pub before: Pose2,
     /// The pose now as it follows from that.
     pub pose: Pose2,
+    /// Driven since the picture, metres.
+    pub driven_m: f64,
     /// What the motion added to the covariance, from nothing at the picture.
     pub noise: Matrix3<f64>,
 }
@@ -284,7 +299,8 @@ pub struct MotionSince {
 impl MotionSince {
     /// Takes the next motion.
     pub fn advance(&mut self, increment: &Increment, noise: &MotionNoise) {
-        self.noise = increment.move_covariance(&self.noise, self.pose.theta, noise);
+        self.noise = increment.move_covariance(&self.noise, self.pose.theta, self.driven_m, noise);
+        self.driven_m += increment.forward_m.abs();
         self.pose = increment.move_pose(&self.pose);
     }
 
@@ -303,5 +319,38 @@ impl MotionSince {
             covariance: state * posterior.covariance * state.transpose()
                 + turned * self.noise * turned.transpose(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A drift's doubt grows with the way since the last result, in the history and in one step alike.
+    #[test]
+    fn a_drift_counts_from_the_last_result() {
+        let of_drift = MotionNoise {
+            way_per_way_m: 0.0,
+            turn_per_turn_rad: 0.0,
+            turn_per_way: 0.0,
+            drift_per_way: 0.01,
+        };
+        let mut history = History::new(CAPACITY, of_drift);
+        let certain = Belief { pose: Pose2::IDENTITY, covariance: Matrix3::zeros() };
+        let stamp = |step: u32| Time::from_secs_f64(0.02 * f64::from(step));
+        history.start(stamp(0), certain);
+        for step in 1..=500 {
+            history.advance(stamp(step), Increment { forward_m: 0.01, turn_rad: 0.0 });
+        }
+        let sigma = |history: &History| history.newest().map(|(_, belief)| belief.sigma_theta_rad());
+        let is_near = |sigma: Option<f64>, expected: f64| sigma.is_some_and(|s| (s - expected).abs() < 1e-9);
+        assert!(is_near(sigma(&history), 0.05));
+        let seen = Time(stamp(300).0 + 7_000_000);
+        let in_one_step = history.corrected_newest(seen, &certain);
+        assert_eq!(history.correct(seen, certain), Ok(()));
+        assert!(is_near(sigma(&history), 0.01 * (2.0 - 0.0035)));
+        assert!(is_near(in_one_step.ok().map(|belief| belief.sigma_theta_rad()), 0.01 * (2.0 - 0.0035)));
+        history.advance(stamp(501), Increment { forward_m: 0.01, turn_rad: 0.0 });
+        assert!(is_near(sigma(&history), 0.01 * (2.01 - 0.0035)));
     }
 }

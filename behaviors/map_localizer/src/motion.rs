@@ -23,11 +23,13 @@ pub struct MotionNoise {
     pub turn_per_turn_rad: f64,
     /// Variance of the heading that a metre adds, rad^2 / m.
     pub turn_per_way: f64,
+    /// Standard deviation of a drift of the heading that stays the same, such as that of unequal wheels, rad / m.
+    pub drift_per_way: f64,
 }
 
 impl Default for MotionNoise {
     fn default() -> Self {
-        Self { way_per_way_m: 1e-4, turn_per_turn_rad: 1e-3, turn_per_way: 2e-4 }
+        Self { way_per_way_m: 1e-4, turn_per_turn_rad: 1e-3, turn_per_way: 2e-4, drift_per_way: 0.0 }
     }
 }
 
@@ -53,19 +55,20 @@ impl Increment {
         Pose2::new(pose.x + self.forward_m * cos, pose.y + self.forward_m * sin, pose.theta + self.turn_rad)
     }
 
-    /// The belief after this motion.
+    /// The belief after this motion, `driven_m` after the pose was last seen.
     #[must_use]
-    pub fn move_belief(&self, belief: &Belief, noise: &MotionNoise) -> Belief {
-        let covariance = self.move_covariance(&belief.covariance, belief.pose.theta, noise);
+    pub fn move_belief(&self, belief: &Belief, driven_m: f64, noise: &MotionNoise) -> Belief {
+        let covariance = self.move_covariance(&belief.covariance, belief.pose.theta, driven_m, noise);
         Belief { pose: self.move_pose(&belief.pose), covariance }
     }
 
-    /// The covariance after this motion from `heading` (rad): F P F' + G M G'.
+    /// The covariance after this motion from `heading` (rad), `driven_m` after the pose was last seen: F P F' + G M G'.
     #[must_use]
     pub fn move_covariance(
         &self,
         covariance: &Matrix3<f64>,
         heading: f64,
+        driven_m: f64,
         noise: &MotionNoise,
     ) -> Matrix3<f64> {
         let way = self.forward_m;
@@ -73,7 +76,10 @@ impl Increment {
         let state = Matrix3::new(1.0, 0.0, -way * sin, 0.0, 1.0, way * cos, 0.0, 0.0, 1.0);
         let input = Matrix3x2::new(cos, -0.5 * way * sin, sin, 0.5 * way * cos, 0.0, 1.0);
         let of_way = noise.way_per_way_m * way.abs();
-        let of_turn = noise.turn_per_turn_rad * self.turn_rad.abs() + noise.turn_per_way * way.abs();
+        // What a drift makes of the heading grows with the way, not with its root.
+        let of_drift = noise.drift_per_way.powi(2) * way.abs() * (2.0 * driven_m + way.abs());
+        let of_turn =
+            noise.turn_per_turn_rad * self.turn_rad.abs() + noise.turn_per_way * way.abs() + of_drift;
         let moved = state * covariance * state.transpose()
             + input * Matrix2::new(of_way, 0.0, 0.0, of_turn) * input.transpose();
         0.5 * (moved + moved.transpose())

@@ -200,6 +200,7 @@ mod vectors {
                 way_per_way_m: of("k_ss"),
                 turn_per_turn_rad: of("k_tt"),
                 turn_per_way: of("k_ts"),
+                drift_per_way: 0.0,
             };
             let capacity = input["buffer_steps"].as_u64().map_or(CAPACITY, |steps| steps as usize);
             let mut history = History::new(capacity, noise);
