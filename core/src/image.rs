@@ -85,6 +85,7 @@ impl<'a> ImageView<'a> {
     }
 
     /// Row `v`, exactly `width` pixels; a row beyond the image is the nearest one (replicated border).
+    #[inline]
     pub fn row(&self, v: usize) -> &'a [u8] {
         let start = v.min(self.height - 1) * self.stride;
         &self.data[start..start + self.width]

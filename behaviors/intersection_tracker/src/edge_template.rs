@@ -5,7 +5,7 @@
 //! correlate, be unique, be found back in the last picture, and agree with the template of the beginning.
 
 use nalgebra::Vector2;
-use yamabico_core::image::ImageView;
+use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::Reason;
 use yamabico_core::vision::template::correlation::{RowCorrelation, peak_offset};
 use yamabico_core::vision::template::ssda::search;
@@ -57,6 +57,7 @@ pub struct EdgeTemplate {
     anchor: Patch,
     anchor_depth_m: f64,
     running: Patch,
+    grown: GrayImage,
     scaled: Template,
     found: Template,
     /// A wider piece of the last picture in which it was found.
@@ -87,6 +88,7 @@ impl EdgeTemplate {
             anchor: Patch::default(),
             anchor_depth_m: 1.0,
             running: Patch::default(),
+            grown: GrayImage::default(),
             scaled: Template::default(),
             found: Template::default(),
             last: Patch::default(),
@@ -109,8 +111,7 @@ impl EdgeTemplate {
             let window = SnapWindow { reach, brighter, ..self.window(aim, aim.pixel) };
             snap(image, &window).map(|edge| (edge, brighter))
         });
-        let is_near =
-            |(edge, _): &(Snapped, Brighter)| (edge.column - aim.pixel.x).abs() <= aim.gate_px.max(2.0);
+        let is_near = |(edge, _): &(Snapped, Brighter)| (edge.column - aim.pixel.x).abs() <= aim.gate_px;
         edges.into_iter().flatten().filter(is_near).max_by(|a, b| a.0.gradient.total_cmp(&b.0.gradient))
     }
 
@@ -234,7 +235,11 @@ impl EdgeTemplate {
         let [width, height] = self.size;
         let middle_u = 0.5 * width as f64;
         let grown = Grown { anchor, anchor_edge: self.anchor.edge, scale: scale.max(0.5) };
-        grown.fill(&mut self.scaled, width, height);
+        grown.draw(&mut self.grown, width, height);
+        let Ok(grown) = self.grown.view() else { return false };
+        if self.scaled.take(grown, Place::default(), width, height).is_err() {
+            return false;
+        }
         let Some(middle) = Strip::place(at, middle_u, height) else { return false };
         let reach = 2 * AGREE_PX.ceil() as usize;
         let Some(area) = SearchArea::along_row(view, &self.scaled, middle, reach) else { return false };
@@ -290,48 +295,49 @@ struct Grown<'a> {
     scale: f64,
 }
 
-/// Where a grown column or row comes from: the pixel before it, and the share of the next one of 256.
+/// Where a grown column or row comes from: the pixels before and behind it, and the share of the latter of 256.
 #[derive(Clone, Copy, Debug, Default)]
 struct Between {
     before: usize,
+    behind: usize,
     share: u32,
 }
 
 impl Between {
     /// Between pixels `at`, of which there are `count`; outside them the border's.
     fn new(at: f64, count: usize) -> Self {
-        let fixed = (256.0 * at.clamp(0.0, count as f64 - 1.0)).round() as usize;
-        Self { before: fixed / 256, share: (fixed % 256) as u32 }
+        let fixed = (256.0 * at.clamp(0.0, count as f64 - 1.0) + 0.5) as usize;
+        let before = fixed / 256;
+        Self { before, behind: (before + 1).min(count - 1), share: (fixed % 256) as u32 }
     }
 
-    fn mix(self, before: u32, after: u32) -> u32 {
-        before * (256 - self.share) + after * self.share
+    fn mix(self, before: u32, behind: u32) -> u32 {
+        before * (256 - self.share) + behind * self.share
     }
 }
 
-/// Columns of the widest template.
+/// Columns of the widest template that is grown.
 const MOST_COLUMNS: usize = 256;
 
 impl Grown<'_> {
-    fn fill(&self, out: &mut Template, width: usize, height: usize) {
-        let from = |offset: f64, edge: f64, count: usize| Between::new(edge + offset / self.scale, count);
+    /// Grows it to this size into a picture.
+    fn draw(&self, out: &mut GrayImage, width: usize, height: usize) {
+        let width = width.min(MOST_COLUMNS);
+        out.resize(width, height);
         let mut columns = [Between::default(); MOST_COLUMNS];
         for (u, column) in columns.iter_mut().enumerate().take(width) {
-            *column = from(u as f64 - 0.5 * width as f64, self.anchor_edge, self.anchor.width());
+            let from_edge = (u as f64 - 0.5 * width as f64) / self.scale;
+            *column = Between::new(self.anchor_edge + from_edge, self.anchor.width());
         }
         let middle_v = 0.5 * height as f64;
-        let rows = |v: usize| from(v as f64 - middle_v, middle_v, self.anchor.height());
-        let next = |between: Between, count: usize| (between.before + 1).min(count - 1);
-        out.fill(width, height, |u, v| {
-            let (row, column) = (rows(v), columns[u.min(MOST_COLUMNS - 1)]);
-            let (upper, lower) =
-                (self.anchor.row(row.before), self.anchor.row(next(row, self.anchor.height())));
-            let (left, right) = (column.before, next(column, self.anchor.width()));
-            let mixed = row.mix(
-                column.mix(u32::from(upper[left]), u32::from(upper[right])),
-                column.mix(u32::from(lower[left]), u32::from(lower[right])),
-            );
-            ((mixed + (1 << 15)) >> 16) as u8
-        });
+        for (v, out) in out.pixels_mut().chunks_exact_mut(width).enumerate() {
+            let row = Between::new(middle_v + (v as f64 - middle_v) / self.scale, self.anchor.height());
+            let (upper, lower) = (self.anchor.row(row.before), self.anchor.row(row.behind));
+            let down = |u: usize| row.mix(u32::from(upper[u]), u32::from(lower[u]));
+            for (out, column) in out.iter_mut().zip(&columns) {
+                let mixed = column.mix(down(column.before), down(column.behind));
+                *out = ((mixed + (1 << 15)) >> 16) as u8;
+            }
+        }
     }
 }

@@ -9,6 +9,7 @@ use yamabico_core::corridor::wall_distance::CorridorView;
 use yamabico_core::image::ImageView;
 use yamabico_core::vision::segments::Segment;
 
+use crate::snap::{Brighter, SnapWindow, snap};
 use crate::wall_foot::WallFoot;
 
 /// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
@@ -20,6 +21,10 @@ const HIGHEST_FOOT_M: [f64; 2] = [0.2, 1.6];
 const FOOT_AT_640_PX: f64 = 5.0;
 /// Shortest edge, pixels of an image 640 px wide.
 const SHORTEST_AT_640_PX: f64 = 30.0;
+/// Where the foot of a wall ends, an edge may be too faint to be found anywhere but between these heights, metres ...
+const FAINT_HEIGHTS_M: [f64; 2] = [0.05, 0.65];
+/// ... and so many columns to either side, of an image 640 px wide.
+const FAINT_REACH_AT_640_PX: f64 = 4.0;
 /// Where its upper end is seen, the end of a wall is higher than any door, metres.
 const DOOR_HEIGHT_M: f64 = 2.15;
 /// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
@@ -142,6 +147,11 @@ impl EndFinder {
                 !goes_on && foot.differs_at(end.ahead_m) && !foot.begins_at(end.ahead_m)
             });
             self.ends.extend(ends);
+            if let Some(faint) = scene.faint_end(image, &foot, side, wall)
+                && !self.ends.iter().any(|end| end.side == side && rule.belong_together(end, &faint))
+            {
+                self.ends.push(faint);
+            }
         }
         self.leave_out_dead_ends(&scene);
         &self.ends
@@ -225,13 +235,7 @@ impl Scene<'_> {
         let edge = segment.normal.push(-segment.rho);
         let meeting = edge.cross(&floor_line(self.view, wall.distance_m));
         let base = meeting.xy() / meeting.z;
-        let place = self.place(base, wall)?;
-        let [nearest_m, farthest_m] = self.rule.range_m;
-        let is_in_view = base.x >= self.rule.border_px
-            && base.x <= f64::from(intrinsics.width) - 1.0 - self.rule.border_px;
-        if !is_in_view || !(nearest_m..=farthest_m).contains(&place.ahead_m) {
-            return None;
-        }
+        let place = self.standing_at(base, wall)?;
         let lower_end = if segment.p0.y > segment.p1.y { segment.p0 } else { segment.p1 };
         let (highest_m, is_high) = match self.reach(segment, &place) {
             Reach::Door => return None,
@@ -253,6 +257,56 @@ impl Scene<'_> {
             is_high,
             length_px: segment.length,
         })
+    }
+
+    /// The edge where the foot of a wall ends, too faint to be found as a line of its own.
+    fn faint_end(
+        &self,
+        image: ImageView<'_>,
+        foot: &WallFoot<'_>,
+        side: Side,
+        wall: WallAt,
+    ) -> Option<WallEnd> {
+        let about_m = foot.end(self.rule.range_m[1])?;
+        let [lower, upper] = FAINT_HEIGHTS_M.map(|height_m| foot.pixel(about_m, height_m));
+        let (lower, upper) = (lower?, upper?);
+        let middle = 0.5 * (lower + upper);
+        let scale = f64::from(self.view.intrinsics.width) / 640.0;
+        let edges = [Brighter::Left, Brighter::Right].map(|brighter| {
+            let window = SnapWindow {
+                middle,
+                reach: (FAINT_REACH_AT_640_PX * scale).round().max(2.0) as usize,
+                rows: (lower.y - upper.y).round().max(2.0) as usize,
+                lean: (lower.x - upper.x) / (lower.y - upper.y),
+                brighter,
+            };
+            snap(image, &window)
+        });
+        let edge = edges.into_iter().flatten().max_by(|a, b| a.gradient.total_cmp(&b.gradient))?;
+        let pinhole = &self.sight.camera().pinhole;
+        let ray = self.ray(pinhole.undistort_pixel(Vector2::new(edge.column, middle.y))?);
+        let ahead_m = wall.distance_m * ray.x / ray.y;
+        let base = pinhole.undistort_pixel(foot.pixel(ahead_m, 0.0)?)?;
+        let is_end = foot.differs_at(ahead_m) && !foot.goes_on_behind(ahead_m) && !foot.begins_at(ahead_m);
+        self.standing_at(base, wall).filter(|_| is_end).map(|place| WallEnd {
+            side,
+            base,
+            point_in_robot: place.point_in_robot,
+            covariance: place.covariance,
+            ahead_m: place.ahead_m,
+            ahead_sigma_m: place.ahead_sigma_m,
+            is_high: false,
+            length_px: lower.y - upper.y,
+        })
+    }
+
+    /// Where a pixel of a wall's floor line stands, if it is in view and in range.
+    fn standing_at(&self, base: Vector2<f64>, wall: WallAt) -> Option<Standing> {
+        let [nearest_m, farthest_m] = self.rule.range_m;
+        let width = f64::from(self.view.intrinsics.width);
+        let is_in_view = (self.rule.border_px..=width - 1.0 - self.rule.border_px).contains(&base.x);
+        let place = self.place(base, wall).filter(|_| is_in_view);
+        place.filter(|place| (nearest_m..=farthest_m).contains(&place.ahead_m))
     }
 
     /// Where a pixel of a wall's floor line stands: its bearing is exact, its distance as good as the wall's.

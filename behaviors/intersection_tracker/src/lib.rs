@@ -354,6 +354,9 @@ impl IntersectionTracker {
                     self.track.reacquire(image, pose, &camera, end);
                 }
             }
+            for end in &pair {
+                self.track.correct(image, pose, &camera, end);
+            }
             if self.track.sides() == Sides::Both {
                 self.track.confirm();
             }

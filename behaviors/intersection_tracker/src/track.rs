@@ -11,6 +11,7 @@ use crate::config::Config;
 use crate::edge_template::{Aim, EdgeTemplate};
 use crate::finder::{Side, WallEnd};
 use crate::landmarks::{Expected, Landmarks, Motion};
+use crate::pair::bearing;
 
 /// Edges nearer to or farther from each other than this (m) are no corridor's.
 const WIDTHS_M: [f64; 2] = [0.5, 8.0];
@@ -21,6 +22,12 @@ const LARGEST_SIGMA_M: f64 = 2.0;
 const HEIGHTS_M: [f64; 8] = [0.35, 0.6, 0.85, 1.1, 1.35, 1.6, 1.85, 2.1];
 /// Another height is taken where the edge is so much steeper there.
 const BETTER_BY: f64 = 1.5;
+/// Elsewhere along itself an edge that is seen stands no farther from where it must be, pixels of an image 640 px wide.
+const SAME_EDGE_AT_640_PX: f64 = 1.25;
+/// The end of a wall farther from the edge that is followed is another one, pixels of an image 640 px wide ...
+const ELSEWHERE_AT_640_PX: f64 = 1.2;
+/// ... if it is so in as many comparisons in a row.
+const ELSEWHERE_TIMES: u32 = 2;
 /// After a miss an edge is looked for elsewhere along itself only where its column is known so well, pixels of an image 640 px
 /// wide ...
 const RETAKE_GATE_AT_640_PX: f64 = 5.0;
@@ -35,6 +42,8 @@ struct Edge {
     above_m: f64,
     is_tracked: bool,
     misses: u32,
+    /// Comparisons in a row in which the wall ended elsewhere.
+    elsewhere: u32,
     seen_at: Option<Vector2<f64>>,
     trouble: Option<Reason>,
 }
@@ -72,6 +81,7 @@ impl IntersectionTrack {
             above_m: 0.0,
             is_tracked: false,
             misses: 0,
+            elsewhere: 0,
             seen_at: None,
             trouble: None,
         };
@@ -159,7 +169,8 @@ impl IntersectionTrack {
         self.landmarks = None;
         (self.confirmations, self.contradictions, self.pictures) = (0, 0, 0);
         for edge in &mut self.edges {
-            (edge.is_tracked, edge.misses, edge.seen_at, edge.trouble) = (false, 0, None, None);
+            (edge.is_tracked, edge.misses, edge.elsewhere) = (false, 0, 0);
+            (edge.seen_at, edge.trouble) = (None, None);
         }
     }
 
@@ -271,6 +282,30 @@ impl IntersectionTrack {
         !is_wanted || self.acquire(image, pose, camera, end).is_ok()
     }
 
+    /// Compares an edge that was seen with the end of its wall, found in the same picture; where the wall ended elsewhere again
+    /// and again, the edge is that of something else, and the end is taken instead.
+    pub fn correct(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera, end: &WallEnd) {
+        let edge = &mut self.edges[end.side.index()];
+        let (Some(landmarks), Some(seen_at)) = (&mut self.landmarks, edge.seen_at) else { return };
+        let (intrinsics, mount) = (camera.pinhole.intrinsics(), &camera.mount);
+        let from_camera = end.point_in_robot - Vector2::new(mount.x, mount.y);
+        let aside_rad = from_camera.y.atan2(from_camera.x) - bearing(seen_at, intrinsics, mount);
+        let elsewhere_px = ELSEWHERE_AT_640_PX * image.width() as f64 / 640.0;
+        if (aside_rad * intrinsics.fx).abs() < elsewhere_px {
+            edge.elsewhere = 0;
+            return;
+        }
+        edge.elsewhere += 1;
+        if edge.elsewhere >= ELSEWHERE_TIMES {
+            edge.elsewhere = 0;
+            landmarks.place(pose, end.side, end.point_in_robot, &end.covariance);
+            // What cannot be taken stays missed, and is looked for among the ends of the walls.
+            if self.acquire(image, pose, camera, end).is_err() {
+                self.edges[end.side.index()].misses = self.reacquire_misses;
+            }
+        }
+    }
+
     /// Drops edges that were missed too often, and everything where no edge is left or the two are no corridor's; gives
     /// whether the intersection is lost.
     pub fn drop_lost(&mut self, pose: &Pose2) -> bool {
@@ -318,7 +353,7 @@ impl Edge {
         let (expected, aim) = aim(landmarks, pose, camera, (side, self.above_m)).ok_or(Reason::Gated)?;
         let edge = self.template.track(image, &aim)?;
         let at = observe(landmarks, pose, camera, side, &expected, Vector2::new(edge.column, aim.pixel.y))?;
-        let best = self.best_height(image, landmarks, pose, camera, side);
+        let best = self.best_height(image, landmarks, pose, camera, (side, same_edge_px(image)));
         if let Some((above_m, best_aim, gradient)) = best
             && above_m != self.above_m
             && (gradient > BETTER_BY * edge.gradient || self.leaves(&aim, image))
@@ -339,7 +374,7 @@ impl Edge {
         camera: &CorridorCamera,
         (side, largest_gate_px): (Side, f64),
     ) -> bool {
-        let best = self.best_height(image, landmarks, pose, camera, side);
+        let best = self.best_height(image, landmarks, pose, camera, (side, f64::INFINITY));
         let Some((above_m, at, _)) = best.filter(|(_, aim, _)| aim.gate_px < largest_gate_px) else {
             return false;
         };
@@ -358,31 +393,41 @@ impl Edge {
         camera: &CorridorCamera,
         side: Side,
     ) -> Result<Vector2<f64>, Reason> {
-        let best = self.best_height(image, landmarks, pose, camera, side);
-        let (above_m, ..) = best.ok_or(Reason::LowCorrelation)?;
-        let (expected, aim) = aim(landmarks, pose, camera, (side, above_m)).ok_or(Reason::Gated)?;
+        let best = self.best_height(image, landmarks, pose, camera, (side, same_edge_px(image)));
+        let (above_m, aim, _) = best.ok_or(Reason::LowCorrelation)?;
+        let at = (side, above_m);
+        let expected = landmarks.expected(pose, at, &camera.mount, camera.pinhole.intrinsics());
+        let expected = expected.ok_or(Reason::Gated)?;
         let column = self.template.acquire(image, &aim)?;
         self.above_m = above_m;
         observe(landmarks, pose, camera, side, &expected, Vector2::new(column, aim.pixel.y))
     }
 
-    /// Where along the edge it is steepest: metres above the camera, the aim there, grey levels a pixel.
+    /// Where along the edge it is steepest, no farther aside than so many pixels: metres above the camera, the aim there, grey
+    /// levels a pixel.
     fn best_height(
         &self,
         image: ImageView<'_>,
         landmarks: &Landmarks,
         pose: &Pose2,
         camera: &CorridorCamera,
-        side: Side,
+        (side, most_px): (Side, f64),
     ) -> Option<(f64, Aim, f64)> {
+        let fair_px = 0.4 * most_px;
         let at = |height_m: f64| {
             let above_m = height_m - camera.mount.z;
             let (_, aim) = aim(landmarks, pose, camera, (side, above_m))?;
+            let aim = Aim { gate_px: aim.gate_px.min(most_px), ..aim };
             let is_inside = !self.leaves(&aim, image);
             let (edge, _) = self.template.edge_at(image, &aim).filter(|_| is_inside)?;
-            Some((above_m, aim, edge.gradient))
+            let aside = (edge.column - aim.pixel.x) / fair_px;
+            Some((above_m, aim, edge.gradient, edge.gradient / (1.0 + aside * aside)))
         };
-        HEIGHTS_M.into_iter().filter_map(at).max_by(|a, b| a.2.total_cmp(&b.2))
+        HEIGHTS_M
+            .into_iter()
+            .filter_map(at)
+            .max_by(|a, b| a.3.total_cmp(&b.3))
+            .map(|(above_m, aim, gradient, _)| (above_m, aim, gradient))
     }
 
     /// Whether a template at this aim reaches out of the picture above or below.
@@ -390,6 +435,11 @@ impl Edge {
         let rows = self.template.half_rows();
         aim.pixel.y < rows || aim.pixel.y > image.height() as f64 - 1.0 - rows
     }
+}
+
+/// How far aside (px) an edge may be seen elsewhere along itself.
+fn same_edge_px(image: ImageView<'_>) -> f64 {
+    SAME_EDGE_AT_640_PX * image.width() as f64 / 640.0
 }
 
 /// Where the edge is expected, some height above the camera.

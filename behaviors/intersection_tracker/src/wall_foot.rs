@@ -3,7 +3,7 @@
 //! A wall looks alike all along its foot, whatever the light: floor, skirting, wall. A door interrupts it for no more than a
 //! door's width; at the end of the wall it stops, and before a corner behind another corridor there is none.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::Pinhole;
 use yamabico_core::corridor::sight::Sight;
 use yamabico_core::corridor::wall_distance::CorridorView;
@@ -103,6 +103,30 @@ impl<'a> WallFoot<'a> {
         self.usual.is_some() && !self.is_seen_between(ahead_m - DOOR_M, ahead_m - clear_m)
     }
 
+    /// How far ahead (m) the wall is no longer seen, for farther than a door is wide; `None` where that is nowhere up to
+    /// `farthest_m`.
+    #[must_use]
+    pub fn end(&self, farthest_m: f64) -> Option<f64> {
+        let (mut last_m, mut steps) = (None, 0);
+        let places = (0..).map(|step| PLACES_M[0] + STEP_M * f64::from(step));
+        for ahead_m in places.take_while(|&ahead_m| ahead_m < farthest_m + DOOR_M) {
+            steps = if self.is_seen_at(ahead_m) { steps + 1 } else { 0 };
+            if steps >= LEAST_STEPS {
+                last_m = Some(ahead_m);
+            } else if last_m.is_some_and(|last_m| ahead_m > last_m + DOOR_M) {
+                return last_m.map(|last_m| last_m + 0.5 * STEP_M);
+            }
+        }
+        None
+    }
+
+    /// Where the wall is seen so far ahead and so high above the floor, metres: a pixel of the picture as it is.
+    #[must_use]
+    pub fn pixel(&self, ahead_m: f64, height_m: f64) -> Option<Vector2<f64>> {
+        let point = Vector3::new(ahead_m, self.distance_m, height_m - self.view.height_m);
+        self.pinhole.project(&(self.view.corridor_from_camera.transpose() * point).into()).ok()
+    }
+
     /// Whether the wall is seen at some places between two distances, metres.
     fn is_seen_between(&self, from_m: f64, to_m: f64) -> bool {
         let steps = ((to_m - from_m) / STEP_M).floor().max(0.0) as u32;
@@ -154,9 +178,7 @@ impl<'a> WallFoot<'a> {
     fn level(&self, ahead_m: f64, sample: u32) -> Option<f64> {
         let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
         let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
-        let point = Vector3::new(ahead_m, self.distance_m, height_m - self.view.height_m);
-        let in_camera = self.view.corridor_from_camera.transpose() * point;
-        let pixel = self.pinhole.project(&in_camera.into()).ok()?;
+        let pixel = self.pixel(ahead_m, height_m)?;
         let (u, v) = (pixel.x.round(), pixel.y.round());
         let is_inside =
             u >= 1.0 && v >= 0.0 && u + 1.0 < self.image.width() as f64 && v < self.image.height() as f64;
