@@ -1,6 +1,7 @@
 //! Speed of following both edges through rendered pictures, and of looking for them, on one core.
 //!
-//! `cargo bench -p yamabico-intersection-tracker`
+//! `cargo bench -p yamabico-intersection-tracker`. With `YAMABICO_FRAMES=DIR` (a full path) the pictures are kept there, the
+//! true columns of both edges in their names, for other programs to be timed on the same ones.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark may panic")]
 
@@ -11,6 +12,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
 use rig::{Drive, END_M, Ending, camera, world};
 use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
 use yamabico_core::camera::Pinhole;
 use yamabico_core::corridor::floor_lines::FloorLineRule;
 use yamabico_core::corridor::sight::{CorridorCamera, Sight};
@@ -26,6 +29,9 @@ use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side};
 use yamabico_intersection_tracker::landmarks::Motion;
 use yamabico_intersection_tracker::track::{IntersectionTrack, Sides};
 
+/// Rounds over the pictures of which the quickest counts, which other programs on the machine disturb least.
+const ROUNDS: u32 = 400;
+
 fn benches(criterion: &mut Criterion) {
     let (intrinsics, mount) = camera(640, 480, 60.0);
     let start = Pose2::new(END_M - 6.0, 0.05, 0.0);
@@ -39,6 +45,12 @@ fn benches(criterion: &mut Criterion) {
     };
 
     let at = [Side::Left, Side::Right].map(|side| Vector2::new(drive.true_column(side).unwrap(), 181.0));
+    if let Some(folder) = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from) {
+        for (i, data) in pictures.iter().enumerate() {
+            let path = folder.join(format!("intersection_640x480_{i}_{:.2}_{:.2}.png", at[0].x, at[1].x));
+            image::save_buffer(path, data, 640, 480, image::ExtendedColorType::L8).unwrap();
+        }
+    }
     let mut templates = [Template::default(), Template::default()];
     for (template, at) in templates.iter_mut().zip(at) {
         template.take(views[0], Place { u: at.x as usize - 10, v: 161 }, 20, 40).unwrap();
@@ -69,6 +81,20 @@ fn benches(criterion: &mut Criterion) {
             }
         });
     });
+
+    let rounds = (0..ROUNDS).map(|_| {
+        let begin = Instant::now();
+        for &view in &views {
+            for (edge, aim) in edges.iter_mut().zip(&aims) {
+                edge.track(view, aim).unwrap();
+            }
+        }
+        1e6 * begin.elapsed().as_secs_f64() / views.len() as f64
+    });
+    let best_us = rounds.fold(f64::INFINITY, f64::min);
+    println!(
+        "track of two 20x40 templates, every check: best of {ROUNDS} rounds {best_us:.1} us a picture\n"
+    );
 
     let seen_by = CorridorCamera {
         pinhole: Pinhole::ideal(intrinsics),

@@ -6,9 +6,9 @@
 //! 0.4 m/s with a picture every 0.1 s: half of them to a crossing, half to a T, in corridors 1.7 to 2.4 m wide whose colours,
 //! lamps, floors, skirtings and doors vary; noise of 8 grey levels; brightness that grows or shrinks by a fifth on the way;
 //! start up to 0.3 m beside the middle and up to 5 degrees turned; odometry that errs by 1 % and 0.3 degrees a metre. Lost is
-//! an approach in which the behaviour says so, that is not tracked from 8 m on, or in which what is confirmed is off by more
-//! than 20 px or 3 m. The error is that of the mean column of both edges, at the camera's height. `--out` writes a picture of
-//! each loss.
+//! an approach in which the behaviour says so, that is not tracked from 8 m on, that ends farther than 3 m before it, or in
+//! which what is confirmed is off by more than 20 px or 3 m. The error is that of the mean column of both edges, at the
+//! camera's height. `--out` writes a picture of each loss.
 
 #![allow(clippy::unwrap_used, reason = "an evaluation may panic")]
 
@@ -24,6 +24,9 @@ use yamabico_intersection_tracker::track::Sides;
 use yamabico_sim::random::stream;
 
 use rig::{Drive, END_M, Ending, camera, random_world};
+
+/// An approach that ends farther away (m) is lost.
+const FARTHEST_END_M: f64 = 3.0;
 
 struct Arguments {
     approaches: u64,
@@ -127,6 +130,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
         let reason = drive.proposal.reason();
         let handed_over = reason == Some(Reason::Nominal) && drive.proposal.axes.is_empty();
         if ahead_m < 1.5 || handed_over || drive.now_s() > 60.0 {
+            ran.is_lost |= ahead_m > FARTHEST_END_M;
             break;
         }
         if !has_picture {
@@ -135,7 +139,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
         let track = drive.bench.behavior.track();
         let is_tracked = track.landmarks().is_some();
         let is_confirmed = track.confirmations() > 2;
-        if arguments.verbose && ((drive.now_s() - 0.06) / 0.1).round() as u32 % 20 == 0 {
+        if arguments.verbose && ((drive.now_s() / 0.1).round() as u32).is_multiple_of(20) {
             keep(&drive, arguments, &format!("frame_{seed:03}_{:.0}cm", 100.0 * ahead_m));
         }
         if is_tracked && ran.acquired_m == 0.0 {

@@ -67,5 +67,8 @@ mod tests {
         );
         assert!(is_flat(&foot(100.0, 105.0, 100.0, 0)) && !is_flat(&here));
         assert!(are_alike(&foot(100.0, 105.0, 100.0, 0), &here), "no contrast is like any");
+        assert!(likeness(&here, &foot(120.0, 40.0, 190.0, 1)) > 0.99, "one sample beside");
+        assert!(likeness(&here, &foot(120.0, 40.0, 190.0, 3)) < 0.8);
+        assert_eq!(likeness(&here, &foot(90.0, 90.0, 90.0, 0)), 0.0, "no contrast is like none");
     }
 }

@@ -190,3 +190,79 @@ impl<'a> WallFoot<'a> {
         Some(levels.iter().map(|&level| f64::from(level)).sum::<f64>() / levels.len() as f64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::camera::{Intrinsics, Mount};
+    use yamabico_core::corridor::floor_lines::FloorLineRule;
+    use yamabico_core::corridor::heading::CameraAttitude;
+    use yamabico_core::corridor::sight::CorridorCamera;
+    use yamabico_core::sensor::Calibration;
+
+    const DISTANCE_M: f64 = 1.0;
+
+    fn sight() -> (Sight, CorridorView) {
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.05);
+        let camera = CorridorCamera {
+            pinhole: Pinhole::ideal(intrinsics),
+            mount: Mount::tilted(0.6, 0.1),
+            calibration: Calibration::Measured,
+            horizon_sigma_rad: 0.01,
+        };
+        let attitude = CameraAttitude { heading: 0.03, tilt: 0.1 };
+        let view = CorridorView::new(attitude, 0.0, 0.6, intrinsics);
+        (Sight::new(camera, FloorLineRule::default()), view)
+    }
+
+    /// A wall on the left with a dark skirting, seen at these distances; else the floor, and a wall far behind.
+    fn picture(view: &CorridorView, is_wall: impl Fn(f64) -> bool) -> Vec<u8> {
+        let level = |u: u32, v: u32| {
+            let normalised = view.intrinsics.normalised_from_pixel(Vector2::new(f64::from(u), f64::from(v)));
+            let ray = view.corridor_from_camera * normalised.push(1.0);
+            let (ahead_m, height_m) = (DISTANCE_M * ray.x / ray.y, 0.6 + DISTANCE_M * ray.z / ray.y);
+            match height_m {
+                0.0..0.1 if ray.y > 0.0 && is_wall(ahead_m) => 40,
+                0.1.. if ray.y > 0.0 && is_wall(ahead_m) => 190,
+                _ if ray.z < -0.02 => 130,
+                _ => 170,
+            }
+        };
+        (0..480).flat_map(|v| (0..640).map(move |u| (u, v))).map(|(u, v)| level(u, v)).collect()
+    }
+
+    #[test]
+    fn a_wall_goes_on_behind_a_door_and_ends_at_a_corridor() {
+        let (sight, view) = sight();
+        let is_wall = |ahead_m: f64| !(3.0..4.0).contains(&ahead_m) && !(6.0..8.0).contains(&ahead_m);
+        let pixels = picture(&view, is_wall);
+        let image = ImageView::new(&pixels, 640, 480, 640).unwrap();
+        let foot = WallFoot::new(image, &sight, &view, DISTANCE_M);
+        for (ahead_m, is_there) in [(2.5, true), (3.5, false), (5.0, true), (7.0, false), (9.0, true)] {
+            assert_eq!(foot.is_seen_at(ahead_m), is_there, "{ahead_m} m");
+        }
+        assert!(foot.goes_on_behind(3.0) && !foot.goes_on_behind(6.0));
+        assert!(foot.begins_at(8.0) && !foot.begins_at(4.0) && !foot.begins_at(6.0));
+        assert!(!foot.goes_on_close_behind(6.0) && foot.goes_on_close_behind(8.0));
+        assert!(foot.differs_at(6.0) && !foot.differs_at(5.0));
+        assert!((foot.end(12.0).unwrap() - 6.0).abs() < 0.15, "{:?}", foot.end(12.0));
+    }
+
+    #[test]
+    fn what_has_no_foot_never_ends() {
+        let (sight, view) = sight();
+        let pixels = vec![120; 640 * 480];
+        let image = ImageView::new(&pixels, 640, 480, 640).unwrap();
+        let foot = WallFoot::new(image, &sight, &view, DISTANCE_M);
+        assert!(foot.end(12.0).is_none() && foot.goes_on_behind(6.0) && !foot.begins_at(6.0));
+        assert_eq!(foot.pixel(-1.0, 0.0), None, "behind the camera");
+    }
+
+    #[test]
+    fn a_wall_that_is_seen_all_along_never_ends() {
+        let (sight, view) = sight();
+        let pixels = picture(&view, |_| true);
+        let foot = WallFoot::new(ImageView::new(&pixels, 640, 480, 640).unwrap(), &sight, &view, DISTANCE_M);
+        assert_eq!(foot.end(12.0), None);
+    }
+}

@@ -1,14 +1,17 @@
 //! How exactly two cameras side by side tell the height of floor lines, on rendered pictures.
 //!
-//! `stereo_heights [--pairs N]`
+//! `stereo_heights [--pairs N] [--first SEED]`
 //!
 //! Two cameras of 640 x 480, 0.12 m apart and 0.6 m above the floor, in corridors 2 m wide, a new one every pair: colours,
 //! lamps, floors, skirtings and doors vary; heading -5 to 5 degrees, offset up to 0.3 m, noise of 2 grey levels. Each floor
 //! line is found in the left picture and matched in the right one; what the two disagree about in heading and tilt is shared,
-//! since they are mounted together. A height off by more than 0.08 m is no floor line's, and counts as not found. The height of a floor line below the cameras is 0.6 m (Kweon et al. 1991, section 3.4).
+//! since they are mounted together; where they take different lines for a wall's, the inner one counts. A height off by more
+//! than 0.08 m is no floor line's, and counts as not found. The height of a floor line below the cameras is 0.6 m (Kweon et
+//! al. 1991, section 3.4).
 
 use nalgebra::Vector2;
 use rand::RngExt;
+use std::ops::Range;
 use std::process::ExitCode;
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::corridor::floor_lines::{ExpectedWall, FloorLineRule};
@@ -41,8 +44,12 @@ struct Eye {
 }
 
 fn main() -> ExitCode {
-    let pairs = std::env::args().skip_while(|argument| argument != "--pairs").nth(1);
-    match pairs.map_or(Ok(100), |count| count.parse()).map_err(|e| format!("--pairs: {e}")).and_then(sweep) {
+    let number = |name: &str, default: u64| {
+        let value = std::env::args().skip_while(|argument| argument != name).nth(1);
+        value.map_or(Ok(default), |value| value.parse()).map_err(|e| format!("{name}: {e}"))
+    };
+    let seeds = number("--first", 0).and_then(|first| Ok(first..first + number("--pairs", 100)?));
+    match seeds.and_then(sweep) {
         Ok(()) => ExitCode::SUCCESS,
         Err(problem) => {
             eprintln!("{problem}");
@@ -51,10 +58,11 @@ fn main() -> ExitCode {
     }
 }
 
-fn sweep(pairs: u64) -> Result<(), String> {
+fn sweep(seeds: Range<u64>) -> Result<(), String> {
+    let pairs = seeds.end - seeds.start;
     let mut errors_mm = Vec::new();
     let mut refused = 0;
-    for seed in 0..pairs {
+    for seed in seeds {
         let mut rng = stream(seed, "stereo");
         let mut world = World::random_corridor(seed, 2.0);
         world.boxes.clear();
@@ -116,7 +124,7 @@ fn height_m(left: &Eye, right: &Eye, wall: fn(&Sighting) -> Option<ExpectedWall>
         tilt: 0.5 * (left.sighting.tilt + right.sighting.tilt),
     };
     let view = CorridorView::new(shared, 0.0, HEIGHT_M, left.view.intrinsics);
-    let pixel = on_floor_line(left, wall(&left.sighting)?)?;
+    let pixel = on_floor_line(left, inner(wall(&left.sighting)?, wall(&right.sighting)?))?;
     let cotangent = view.tied_distance(pixel)? / HEIGHT_M;
     let baseline_m = lateral_baseline(BASELINE_M, shared);
     let [lowest_m, highest_m] = HEIGHTS_M;
@@ -134,6 +142,14 @@ impl Eye {
     fn picture<'a>(&'a self, view: &'a CorridorView) -> Option<StereoPicture<'a>> {
         Some(StereoPicture { image: ImageView::new(&self.pixels, 640, 480, 640).ok()?, view })
     }
+}
+
+/// The wall as the left camera found it, but where the right one found another line: the floor line is the inner one of the two,
+/// the outer one the upper edge of a skirting.
+fn inner(left: ExpectedWall, right: ExpectedWall) -> ExpectedWall {
+    let sigma_m = left.sigma_m.hypot(right.sigma_m);
+    let is_same = (left.distance_m - right.distance_m).abs() < 3.0 * sigma_m;
+    if is_same || left.distance_m.abs() < right.distance_m.abs() { left } else { right }
 }
 
 /// A pixel of the floor line that a camera found.
