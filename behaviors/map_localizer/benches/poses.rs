@@ -15,8 +15,8 @@ use yamabico_core::polygon::{contains, convex_hull};
 use yamabico_core::vision::azimuth_profile::EdgeSign;
 use yamabico_core::vision::bit_image::BitImage;
 use yamabico_map_localizer::azimuth::{
-    AzimuthLocalizer, AzimuthRule, BearingPair, EdgeLandmark, JointCompatibility, JointRule, LeverArm, Loss,
-    PanSearch, SeenBearing, filter, most_likely_pose, predict,
+    AzimuthLocalizer, AzimuthRule, BearingPair, EdgeLandmark, JointCompatibility, JointRule, LeverArm,
+    PanSearch, SeenBearing, SolverRule, filter, most_likely_pose, predict,
 };
 use yamabico_map_localizer::belief::Belief;
 use yamabico_map_localizer::floor_outline::{
@@ -125,7 +125,7 @@ fn azimuths(criterion: &mut Criterion) {
         criterion.bench_function(&format!("Gauss-Newton alone, {name}"), |b| {
             b.iter(|| {
                 let (known, lever) = (&problem.predicted, LeverArm::zeros());
-                most_likely_pose(black_box(&pairs), &known.pose, Some(known), Loss::Tukey(4.685), lever)
+                most_likely_pose(black_box(&pairs), &known.pose, Some(known), &SolverRule::default(), lever)
                     .is_ok()
             });
         });

@@ -14,7 +14,7 @@ mod vectors {
     use yamabico_core::vision::bit_image::BitImage;
     use yamabico_map_localizer::azimuth::{
         BearingPair, EdgeLandmark, JointCompatibility, JointRule, LeverArm, Loss, PanSearch, SeenBearing,
-        most_likely_pose,
+        SolverRule, most_likely_pose,
     };
     use yamabico_map_localizer::belief::Belief;
     use yamabico_map_localizer::floor_outline::{
@@ -147,13 +147,16 @@ mod vectors {
             close(found.cost, number(&search["cost"]), 1e-8, id);
 
             for (key, prior) in [("gn", None), ("map", Some(&prior))] {
-                let found = most_likely_pose(&clean, &predicted, prior, Loss::Squares, lever).unwrap();
+                let found =
+                    most_likely_pose(&clean, &predicted, prior, &SolverRule::exact(Loss::Squares), lever)
+                        .unwrap();
                 close_pose(&found.belief.pose, &pose(&case[key]["pose"]), 1e-8, &format!("{id}: {key}"));
                 close_matrix(&found.belief.covariance, &case[key]["cov"], 1e-8, &format!("{id}: {key}"));
                 close(found.chi_squared, number(&case[key]["chi2"]), 1e-8, &format!("{id}: {key}"));
             }
             let wild = pairs(&case["huber_map"]["outlier_pairs"]);
-            let found = most_likely_pose(&wild, &predicted, Some(&prior), Loss::Huber(1.345), lever).unwrap();
+            let rule = SolverRule::exact(Loss::Huber(1.345));
+            let found = most_likely_pose(&wild, &predicted, Some(&prior), &rule, lever).unwrap();
             close_pose(&found.belief.pose, &pose(&case["huber_map"]["pose"]), 1e-8, &format!("{id}: huber"));
         });
     }

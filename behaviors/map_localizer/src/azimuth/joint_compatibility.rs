@@ -1,5 +1,5 @@
 use nalgebra::{Matrix3, RowVector3, Vector3};
-use yamabico_core::geometry::angle_difference;
+use yamabico_core::geometry::{Pose2, angle_difference, wrap_angle};
 
 use super::bearing::{EdgeLandmark, LeverArm, SeenBearing, may_match, predict_from};
 use super::chi_square::quantile;
@@ -52,6 +52,7 @@ pub struct JointCompatibility {
     is_used: Vec<bool>,
     chosen: Vec<Option<usize>>,
     best: Vec<Option<usize>>,
+    best_shift: Vector3<f64>,
     frames: Vec<Frame>,
     predictions: Vec<Prediction>,
 }
@@ -71,6 +72,7 @@ struct Candidate {
     jacobian: RowVector3<f64>,
     /// Of the azimuth seen and of the landmark.
     noise: f64,
+    /// Under the pose that the pairs chosen before tell.
     distance_squared: f64,
 }
 
@@ -99,6 +101,7 @@ impl JointCompatibility {
             is_used: Vec::new(),
             chosen: Vec::new(),
             best: Vec::new(),
+            best_shift: Vector3::zeros(),
             frames: Vec::new(),
             predictions: Vec::new(),
         }
@@ -115,6 +118,7 @@ impl JointCompatibility {
     ) -> Pairing {
         self.best.clear();
         self.best.resize(seen.len(), None);
+        self.best_shift = Vector3::zeros();
         if !belief.is_sound() {
             return Pairing { pairs: 0, distance_squared: 0.0, is_complete: true };
         }
@@ -127,6 +131,13 @@ impl JointCompatibility {
     #[must_use]
     pub fn landmark_of_seen(&self) -> &[Option<usize>] {
         &self.best
+    }
+
+    /// The belief's pose as the pairs correct it, to first order: where to begin with the most likely one.
+    #[must_use]
+    pub fn corrected(&self, pose: &Pose2) -> Pose2 {
+        let by = self.best_shift;
+        Pose2 { x: pose.x + by.x, y: pose.y + by.y, theta: wrap_angle(pose.theta + by.z) }
     }
 
     /// The numbers of the landmarks that each edge seen may be on its own, in no order.
@@ -156,21 +167,18 @@ impl JointCompatibility {
             let own = edge.sigma_rad * edge.sigma_rad;
             for (number, prediction) in self.predictions.iter().enumerate() {
                 let innovation = angle_difference(edge.azimuth_rad, prediction.azimuth_rad);
-                let distance_squared = innovation * innovation / (prediction.variance + own);
-                if distance_squared <= gate && may_match(landmarks[number].sign, edge.sign) {
+                let squared = innovation * innovation;
+                let variance = prediction.variance + own;
+                if squared <= gate * variance && may_match(landmarks[number].sign, edge.sign) {
                     self.candidates.push(Candidate {
                         landmark: number,
                         innovation,
                         jacobian: prediction.jacobian,
                         noise: own + prediction.landmark_variance,
-                        distance_squared,
+                        distance_squared: squared / variance,
                     });
                 }
             }
-            let range = &mut self.candidates[start..];
-            range.sort_unstable_by(|a, b| {
-                a.distance_squared.total_cmp(&b.distance_squared).then(a.landmark.cmp(&b.landmark))
-            });
             self.ranges.push([start, self.candidates.len()]);
         }
         self.order.clear();
@@ -209,6 +217,7 @@ impl JointCompatibility {
             if place == depth {
                 if is_better(&frame, frame.pairs, &best) {
                     (best.pairs, best.distance_squared) = (frame.pairs, frame.distance_squared);
+                    self.best_shift = frame.shift;
                     self.keep_best();
                 }
                 self.frames.pop();
@@ -237,16 +246,27 @@ impl JointCompatibility {
     fn advance(&mut self, place: usize) {
         let [start, end] = self.ranges[self.order[place]];
         let frame = self.frames[place];
+        if frame.next == 0 {
+            // The nearest one first: a good set found early cuts short the search for better ones.
+            let candidates = &mut self.candidates[start..end];
+            for candidate in &mut *candidates {
+                candidate.distance_squared = frame.distance_squared_of(candidate);
+            }
+            candidates.sort_unstable_by(|a, b| {
+                a.distance_squared.total_cmp(&b.distance_squared).then(a.landmark.cmp(&b.landmark))
+            });
+        }
+        let most = self.gates[frame.pairs + 1] - frame.distance_squared;
         for index in start + frame.next..end {
             let candidate = &self.candidates[index];
-            if self.is_used[candidate.landmark] {
-                continue;
+            if !(candidate.distance_squared <= most.min(self.rule.conditional_gate)) {
+                break;
             }
-            if let Some(next) = frame.with(candidate, &self.gates, self.rule.conditional_gate) {
+            if !self.is_used[candidate.landmark] {
                 self.is_used[candidate.landmark] = true;
                 self.chosen[place] = Some(index);
                 self.frames[place].next = index + 1 - start;
-                self.frames.push(next);
+                self.frames.push(frame.with(candidate));
                 return;
             }
         }
@@ -273,25 +293,97 @@ fn is_better(frame: &Frame, reach: usize, best: &Pairing) -> bool {
 }
 
 impl Frame {
-    /// With one more pair; `None` where that is not compatible.
+    /// Squared distance of one more pair under the pose so far.
     #[inline]
-    fn with(&self, candidate: &Candidate, gates: &[f64], conditional_gate: f64) -> Option<Self> {
+    fn distance_squared_of(&self, candidate: &Candidate) -> f64 {
+        let h = &candidate.jacobian;
+        let innovation = candidate.innovation - (h * self.shift).x;
+        innovation * innovation / ((h * self.covariance * h.transpose()).x + candidate.noise)
+    }
+
+    /// With one more pair.
+    #[inline]
+    fn with(&self, candidate: &Candidate) -> Self {
         let h = &candidate.jacobian;
         let spread = self.covariance * h.transpose();
         let innovation = candidate.innovation - (h * self.shift).x;
         let variance = (h * spread).x + candidate.noise;
-        let own = innovation * innovation / variance;
-        let distance_squared = self.distance_squared + own;
-        if !(own <= conditional_gate && distance_squared <= gates[self.pairs + 1]) {
-            return None;
-        }
         let gain = spread / variance;
-        Some(Self {
+        Self {
             shift: self.shift + gain * innovation,
             covariance: self.covariance - gain * spread.transpose(),
             pairs: self.pairs + 1,
-            distance_squared,
+            distance_squared: self.distance_squared + innovation * innovation / variance,
             next: 0,
-        })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::azimuth::predict;
+    use nalgebra::Point2;
+
+    fn seen_from(landmarks: &[EdgeLandmark], pose: &Pose2) -> Vec<SeenBearing> {
+        let see = |edge: &EdgeLandmark| SeenBearing {
+            azimuth_rad: predict(edge, pose, LeverArm::zeros()).azimuth_rad,
+            sign: None,
+            sigma_rad: 0.01,
+        };
+        landmarks.iter().map(see).collect()
+    }
+
+    fn landmarks() -> Vec<EdgeLandmark> {
+        [(2.0, 0.1), (2.1, 0.5), (0.3, 2.0), (-1.8, 0.4), (-0.2, -2.2), (1.5, -1.4), (1.4, -1.6)]
+            .map(|(x, y)| EdgeLandmark { position: Point2::new(x, y), sign: None, sigma_m: 0.0 })
+            .to_vec()
+    }
+
+    #[test]
+    fn no_landmark_is_paired_twice_and_the_set_passes_its_gate() {
+        let map = landmarks();
+        let belief = Belief::new(Pose2::new(0.04, -0.03, 0.05), 0.08, 0.1);
+        let mut seen = seen_from(&map, &Pose2::IDENTITY);
+        seen.push(SeenBearing { azimuth_rad: seen[0].azimuth_rad + 0.005, ..seen[0] });
+        for conditional_gate in [10.83, f64::INFINITY] {
+            let rule = JointRule { conditional_gate, ..JointRule::default() };
+            let mut joint = JointCompatibility::new(rule, 20);
+            let pairing = joint.pair(&belief, LeverArm::zeros(), &map, &seen);
+            let mut chosen: Vec<_> = joint.landmark_of_seen().iter().flatten().copied().collect();
+            assert_eq!(chosen.len(), pairing.pairs);
+            assert!(pairing.distance_squared <= quantile(0.99, pairing.pairs as u32));
+            chosen.sort_unstable();
+            chosen.dedup();
+            assert_eq!(chosen.len(), pairing.pairs);
+            assert_eq!(pairing.pairs, map.len());
+        }
+    }
+
+    #[test]
+    fn one_edge_goes_to_the_nearest() {
+        let map = landmarks();
+        let belief = Belief::new(Pose2::IDENTITY, 0.1, 0.2);
+        let seen = seen_from(&map[1..2], &Pose2::new(0.0, 0.0, 0.05));
+        let mut joint = JointCompatibility::new(JointRule::default(), 20);
+        assert_eq!(joint.pair(&belief, LeverArm::zeros(), &map, &seen).pairs, 1);
+        let h = |i: usize| predict(&map[i], &belief.pose, LeverArm::zeros());
+        let distance = |i: usize| {
+            let off = angle_difference(seen[0].azimuth_rad, h(i).azimuth_rad);
+            off * off / ((h(i).jacobian * belief.covariance * h(i).jacobian.transpose()).x + 1e-4)
+        };
+        let nearest = (0..map.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
+        assert_eq!(joint.landmark_of_seen(), [nearest]);
+        assert!(joint.candidates_of(0).count() >= 2);
+    }
+
+    #[test]
+    fn a_search_that_is_cut_short_says_so() {
+        let map = landmarks();
+        let belief = Belief::new(Pose2::IDENTITY, 0.3, 0.3);
+        let seen = seen_from(&map, &Pose2::IDENTITY);
+        let rule = JointRule { most_nodes: 3, ..JointRule::default() };
+        let pairing = JointCompatibility::new(rule, 20).pair(&belief, LeverArm::zeros(), &map, &seen);
+        assert!(!pairing.is_complete);
     }
 }

@@ -16,4 +16,4 @@ pub use chi_square::quantile;
 pub use joint_compatibility::{JointCompatibility, JointRule, Pairing};
 pub use localizer::{AzimuthFix, AzimuthLocalizer, AzimuthProblem, AzimuthRule, Obstruction};
 pub use pan_search::{PanError, PanFix, PanSearch};
-pub use solver::{BearingPair, Loss, Solution, SolverError, filter, most_likely_pose};
+pub use solver::{BearingPair, Loss, Solution, SolverError, SolverRule, filter, most_likely_pose};

@@ -22,8 +22,35 @@ pub enum Loss {
     Squares,
     /// Less beyond so many standard deviations (1.345 as a rule); a gross error still pulls.
     Huber(f64),
-    /// Nothing beyond so many standard deviations (4.685 as a rule).
+    /// Nothing beyond so many standard deviations (4.685 as a rule). Until the pose nearly stands still it is Huber's, so that
+    /// a first guess that lies far off is not kept for want of anything near.
     Tukey(f64),
+}
+
+/// How the most likely pose is sought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolverRule {
+    /// What becomes of pairs that lie far off.
+    pub loss: Loss,
+    /// A step shorter than this (metres and radians) is the last.
+    pub settled: f64,
+    /// Steps after which a pose that still moves is given up.
+    pub most_iterations: u32,
+}
+
+impl SolverRule {
+    /// Until nothing moves any more: for comparisons.
+    #[must_use]
+    pub fn exact(loss: Loss) -> Self {
+        Self { loss, settled: 1e-11, most_iterations: 200 }
+    }
+}
+
+impl Default for SolverRule {
+    /// To the hundredth of a millimetre, far below what azimuths tell.
+    fn default() -> Self {
+        Self { loss: Loss::Tukey(4.685), settled: 1e-5, most_iterations: 50 }
+    }
 }
 
 /// The most likely pose.
@@ -53,10 +80,10 @@ pub enum SolverError {
     Unsettled,
 }
 
-/// Steps after which a pose that still moves is given up.
-const MOST_ITERATIONS: u32 = 200;
-/// A step shorter than this (m and rad) is the last.
-const SETTLED: f64 = 1e-11;
+/// Beyond so many standard deviations a residual counts less.
+const HUBER: f64 = 1.345;
+/// A step shorter than this (m and rad) leads to where the pairs that lie far off can be told.
+const NEARLY_SETTLED: f64 = 2e-3;
 
 /// The pose that makes the azimuths, and the prior if there is one, most likely: Gauss-Newton from `guess`, which for squares
 /// from the prior is the iterated extended Kalman filter.
@@ -67,7 +94,7 @@ pub fn most_likely_pose(
     pairs: &[BearingPair],
     guess: &Pose2,
     prior: Option<&Belief>,
-    loss: Loss,
+    rule: &SolverRule,
     lever: LeverArm,
 ) -> Result<Solution, SolverError> {
     if pairs.len() < 3 && prior.is_none() {
@@ -81,17 +108,23 @@ pub fn most_likely_pose(
         None => None,
     };
     let mut pose = *guess;
-    for iteration in 1..=MOST_ITERATIONS {
-        let (information, pull, _) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
-        let inverse = inverse_of(&information).ok_or(SolverError::Singular)?;
-        let step: Vector3<f64> = inverse * pull;
+    let mut loss = match rule.loss {
+        Loss::Tukey(_) => Loss::Huber(HUBER),
+        other => other,
+    };
+    for iteration in 1..=rule.most_iterations {
+        let (information, pull, chi_squared) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
+        let covariance = inverse_of(&information).ok_or(SolverError::Singular)?;
+        let step: Vector3<f64> = covariance * pull;
         if !step.iter().all(|x| x.is_finite()) {
             return Err(SolverError::Singular);
         }
         pose = Pose2 { x: pose.x + step.x, y: pose.y + step.y, theta: wrap_angle(pose.theta + step.z) };
-        if step.amax() < SETTLED {
-            let (information, _, chi_squared) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
-            let covariance = inverse_of(&information).ok_or(SolverError::Singular)?;
+        if loss != rule.loss {
+            if step.amax() < NEARLY_SETTLED {
+                loss = rule.loss;
+            }
+        } else if step.amax() < rule.settled {
             let from_prior = known.as_ref().map_or(0.0, |(prior, information)| {
                 let off = difference(prior, &pose);
                 off.dot(&(information * off))
@@ -202,7 +235,9 @@ mod tests {
                 0.03,
                 0.02,
             );
-            let found = most_likely_pose(&pairs, &known.pose, Some(&known), Loss::Squares, lever).unwrap();
+            let found =
+                most_likely_pose(&pairs, &known.pose, Some(&known), &SolverRule::exact(Loss::Squares), lever)
+                    .unwrap();
             nees += found.belief.distance_squared(&truth) / TRIALS as f64;
             let mut belief = known;
             assert_eq!(filter(&mut belief, &pairs, f64::INFINITY, lever), pairs.len());
@@ -218,8 +253,10 @@ mod tests {
         let mut pairs = pairs(&truth, LeverArm::zeros(), || 0.0);
         pairs[2].seen.azimuth_rad += 0.3;
         let known = Belief::new(Pose2::new(1.72, 1.38, 0.31), 0.05, 0.03);
-        let solve =
-            |loss| most_likely_pose(&pairs, &known.pose, Some(&known), loss, LeverArm::zeros()).unwrap();
+        let solve = |loss| {
+            most_likely_pose(&pairs, &known.pose, Some(&known), &SolverRule::exact(loss), LeverArm::zeros())
+                .unwrap()
+        };
         let off = |solution: &Solution| solution.belief.pose.distance(&truth);
         assert!(off(&solve(Loss::Tukey(4.685))) < 0.004, "{}", off(&solve(Loss::Tukey(4.685))));
         assert!(off(&solve(Loss::Squares)) > 0.05);
@@ -229,12 +266,19 @@ mod tests {
     fn what_does_not_fix_the_pose_says_so() {
         let truth = Pose2::new(1.7, 1.4, 0.3);
         let pairs = pairs(&truth, LeverArm::zeros(), || 0.0);
-        let solve =
-            |pairs: &[BearingPair]| most_likely_pose(pairs, &truth, None, Loss::Squares, LeverArm::zeros());
+        let solve = |pairs: &[BearingPair]| {
+            most_likely_pose(pairs, &truth, None, &SolverRule::exact(Loss::Squares), LeverArm::zeros())
+        };
         assert_eq!(solve(&pairs[..2]), Err(SolverError::TooFew));
         assert_eq!(solve(&[pairs[0]; 3]), Err(SolverError::Singular));
         let flat = Belief { pose: truth, covariance: Matrix3::zeros() };
-        let with_prior = most_likely_pose(&pairs, &truth, Some(&flat), Loss::Squares, LeverArm::zeros());
+        let with_prior = most_likely_pose(
+            &pairs,
+            &truth,
+            Some(&flat),
+            &SolverRule::exact(Loss::Squares),
+            LeverArm::zeros(),
+        );
         assert_eq!(with_prior, Err(SolverError::Singular));
         let mut broken = pairs.clone();
         broken[0].seen.azimuth_rad = f64::NAN;

@@ -306,3 +306,135 @@ impl FloorLocalizer {
         self.directions.windows(2).map(|pair| pair[1] - pair[0]).fold(closing, f64::max)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorImage};
+    use yamabico_core::polygon::{convex_hull, sides};
+
+    const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, most_radius_px: 108.0 };
+
+    fn camera() -> MirrorCamera {
+        let formula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
+        let mirror = HyperboloidalMirror::from_floor_formula(formula, OUTLINE.height_m).unwrap();
+        let image = MirrorImage::centred(256, 220).with_ring(1.0, 113.5).unwrap();
+        MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).unwrap()
+    }
+
+    fn field() -> Vec<Point2<f64>> {
+        let half =
+            [(1.55, -0.25), (1.55, 0.25), (1.37, 0.25), (1.37, 0.7625), (-1.37, 0.7625), (-1.37, 0.25)];
+        half.into_iter().chain(half.map(|(x, y)| (-x, -y))).map(|(x, y)| Point2::new(x, y)).collect()
+    }
+
+    fn localizer() -> FloorLocalizer {
+        let plan = FloorPlan::football_field(1.37, 1.55, 0.7625, 0.25).unwrap();
+        FloorLocalizer::new(plan, camera(), FloorRule::new(OUTLINE))
+    }
+
+    /// The hull of a floor in the mirror plane, as it is seen without noise.
+    fn hull(floor: &[Point2<f64>], robot: &Pose2) -> Vec<Point2<f64>> {
+        let camera = camera();
+        let robot_from_map = robot.inverse();
+        let mut seen = Vec::new();
+        for [a, b] in sides(floor) {
+            for i in 0..40 {
+                let point = robot_from_map.transform_point(a + (b - a) * (f64::from(i) / 40.0));
+                let distance = point.coords.norm();
+                if let Ok(radius) = camera.radius_px(distance, -OUTLINE.height_m) {
+                    seen.push(Point2::from(point.coords * (radius / distance)));
+                }
+            }
+        }
+        let mut hull = Vec::new();
+        convex_hull(&mut seen, &mut hull);
+        hull.retain(|corner| corner.coords.norm() < OUTLINE.most_radius_px);
+        hull
+    }
+
+    fn near(belief: &Pose2, other: &Pose2) -> bool {
+        belief.distance(other) < 1e-3 && angle_difference(belief.theta, other.theta).abs() < 1e-3
+    }
+
+    #[test]
+    fn the_pose_is_found_from_far_off() {
+        let truth = Pose2::new(0.4, 0.15, 0.6);
+        let seen = hull(&field(), &truth);
+        let mut localizer = localizer();
+        for (x, y, turn) in
+            [(0.15, 0.15, 15.0), (-0.15, 0.15, -15.0), (0.15, -0.15, -15.0), (-0.15, -0.15, 15.0)]
+        {
+            let pose = Pose2::new(truth.x + x, truth.y + y, truth.theta + f64::to_radians(turn));
+            let fix = localizer.locate_hull(&seen, Some(&Belief::new(pose, 0.15, 0.26))).unwrap();
+            assert!(near(&fix.belief.pose, &truth), "{:?}", fix.belief.pose);
+            assert_eq!(fix.solution, FloorSolution::Sure);
+        }
+    }
+
+    #[test]
+    fn without_a_prediction_there_are_two_that_mirror_each_other() {
+        let truth = Pose2::new(0.4, 0.15, 0.6);
+        let fix = localizer().locate_hull(&hull(&field(), &truth), None).unwrap();
+        let FloorSolution::Either { other } = fix.solution else { panic!("{fix:?}") };
+        let pose = fix.belief.pose;
+        assert!((pose.x + other.x).abs() < 1e-12 && (pose.y + other.y).abs() < 1e-12);
+        assert!((angle_difference(pose.theta, other.theta).abs() - std::f64::consts::PI).abs() < 1e-12);
+        assert!(near(&pose, &truth) || near(&other, &truth));
+        // A quarter of a turn from both, the prediction decides nothing.
+        let aside = Belief::new(Pose2::new(0.4, 0.15, 0.6 + 1.55), 1.0, 1.0);
+        let fix = localizer().locate_hull(&hull(&field(), &truth), Some(&aside)).unwrap();
+        assert!(matches!(fix.solution, FloorSolution::Either { .. }));
+    }
+
+    #[test]
+    fn turning_the_camera_turns_the_heading_alone() {
+        let (one, two) = (Pose2::new(-0.5, 0.2, 0.3), Pose2::new(-0.5, 0.2, 1.1));
+        let mut localizer = localizer();
+        let found = [one, two].map(|robot| {
+            let seen = hull(&field(), &robot);
+            localizer.locate_hull(&seen, Some(&Belief::new(robot, 0.1, 0.1))).unwrap().belief
+        });
+        assert!(found[0].pose.distance(&found[1].pose) < 1e-4);
+        assert!((angle_difference(found[1].pose.theta, found[0].pose.theta) - 0.8).abs() < 1e-4);
+        let [a, b] = found.map(|belief| belief.covariance);
+        assert!((a - b).norm() < 1e-2 * a.norm(), "{a} {b}");
+    }
+
+    #[test]
+    fn an_angle_has_one_solution() {
+        let floor = [(0.0, 0.0), (2.4, 0.0), (2.4, 0.9), (1.0, 0.9), (1.0, 1.8), (0.0, 1.8)]
+            .map(|(x, y)| Point2::new(x, y));
+        let plan = FloorPlan::from_polygon(&floor).unwrap();
+        let mut localizer = FloorLocalizer::new(plan, camera(), FloorRule::new(OUTLINE));
+        let truth = Pose2::new(0.6, 0.7, 2.5);
+        let fix = localizer.locate_hull(&hull(&floor, &truth), None).unwrap();
+        assert_eq!(fix.solution, FloorSolution::Sure);
+        assert!(near(&fix.belief.pose, &truth), "{:?}", fix.belief.pose);
+    }
+
+    #[test]
+    fn another_floor_and_a_hidden_one_are_refused() {
+        let truth = Pose2::new(0.4, 0.15, 0.6);
+        let seen = hull(&field(), &truth);
+        let mut localizer = localizer();
+        let ahead: Vec<_> = seen.iter().copied().filter(|corner| corner.x > 20.0).collect();
+        let problem = localizer.locate_hull(&ahead, None).unwrap_err();
+        assert!(matches!(problem, FloorProblem::Area { .. } | FloorProblem::Gap { .. }), "{problem}");
+        let round: Vec<_> = (0..40)
+            .map(|i| {
+                let (sin, cos) = (0.157 * f64::from(i)).sin_cos();
+                Point2::new(95.0 * cos, 95.0 * sin)
+            })
+            .collect();
+        let problem = localizer.locate_hull(&round, None).unwrap_err();
+        assert!(matches!(problem, FloorProblem::Residual { .. } | FloorProblem::Singular), "{problem}");
+        let known = Belief::new(Pose2::new(-0.9, -0.4, 0.5), 0.05, 0.05);
+        let problem = localizer.locate_hull(&seen, Some(&known)).unwrap_err();
+        assert!(matches!(problem, FloorProblem::Jump { .. }), "{problem}");
+        let mask = BitImage::new(100, 100);
+        assert_eq!(localizer.locate(&mask, None), Err(FloorProblem::WrongSize));
+        let empty = BitImage::new(256, 220);
+        assert_eq!(localizer.locate(&empty, None), Err(FloorProblem::TooFewCorners { corners: 0 }));
+    }
+}

@@ -62,12 +62,17 @@ impl NormalEquations {
     /// The correction (a, b, zeta), and the inverse of its matrix; `None` where the points leave it open.
     #[must_use]
     pub fn solve_pose(&self, length: f64) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-        if !(self.condition(length) <= SINGULAR) {
-            return None;
-        }
         let (matrix, right) = self.of_pose();
         let inverse = matrix.cholesky()?.inverse();
-        Some((inverse * right, inverse))
+        // The product of the norms bounds the condition, and is at hand.
+        let scale = Vector3::new(1.0, 1.0, 1.0 / length);
+        let scaled = |m: &Matrix3<f64>, s: &Vector3<f64>| m.component_mul(&(s * s.transpose())).norm();
+        let bound = scaled(&matrix, &scale) * scaled(&inverse, &scale.map(f64::recip));
+        if bound <= SINGULAR || self.condition(length) <= SINGULAR {
+            Some((inverse * right, inverse))
+        } else {
+            None
+        }
     }
 
     /// The correction with the common shift as the fourth, and the inverse of the matrix.
