@@ -6,6 +6,7 @@
 use std::f64::consts::TAU;
 use std::hint::black_box;
 use std::path::PathBuf;
+use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rand::{RngExt, SeedableRng};
@@ -82,6 +83,15 @@ fn radial(criterion: &mut Criterion) {
         truth.len(),
         rms.to_degrees()
     );
+    let mut times: Vec<f64> = (0..3000)
+        .map(|_| {
+            let begin = Instant::now();
+            black_box(detector.find(black_box(view)).map(<[_]>::len).is_ok());
+            1e6 * begin.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_unstable_by(f64::total_cmp);
+    println!("median of single runs {:.1} us", times[times.len() / 2]);
     criterion.bench_function("radial edges and azimuths 512x480", |b| {
         b.iter(|| detector.find(black_box(view)).map(<[_]>::len));
     });

@@ -5,6 +5,7 @@
 use std::fmt::Write as _;
 use std::hint::black_box;
 use std::path::PathBuf;
+use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
@@ -27,6 +28,19 @@ const EDGES: usize = 40;
 
 fn folder() -> Option<PathBuf> {
     std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from)
+}
+
+/// Prints the median of many single runs: on a busy machine a mean tells of others.
+fn median<R>(name: &str, mut run: impl FnMut() -> R) {
+    let mut times: Vec<f64> = (0..3000)
+        .map(|_| {
+            let begin = Instant::now();
+            black_box(run());
+            1e6 * begin.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_unstable_by(f64::total_cmp);
+    println!("{name}: median of single runs {:.1} us", times[times.len() / 2]);
 }
 
 /// Nearly normal, of unit variance.
@@ -111,6 +125,9 @@ fn azimuths(criterion: &mut Criterion) {
             ),
             Err(error) => println!("{name}: {error}"),
         }
+        median(&format!("azimuth pose of 40 edges, {name}"), || {
+            localizer.locate(black_box(&problem.predicted), &problem.seen).is_ok()
+        });
         criterion.bench_function(&format!("azimuth pose of 40 edges, {name}"), |b| {
             b.iter(|| localizer.locate(black_box(&problem.predicted), &problem.seen).is_ok());
         });
@@ -206,6 +223,9 @@ fn floor(criterion: &mut Criterion) {
             ),
             Err(error) => println!("{name}: {error}"),
         }
+        median(&format!("floor outline, mask to pose 256x220, {name}"), || {
+            localizer.locate(black_box(&mask), known).is_ok()
+        });
         criterion.bench_function(&format!("floor outline, mask to pose 256x220, {name}"), |b| {
             b.iter(|| localizer.locate(black_box(&mask), known).is_ok());
         });
@@ -215,6 +235,10 @@ fn floor(criterion: &mut Criterion) {
         b.iter(|| seen.take_mask(black_box(&mask), &camera, &outline).is_ok());
     });
     let mut fitter = OutlineFitter::default();
+    median("floor outline, corners to pose alone", || {
+        let start = fitter.start(&seen)?;
+        fitter.fit(&mut seen, black_box(&plan), start, &FitRule::default(), (&camera, &outline))
+    });
     criterion.bench_function("floor outline, corners to pose alone", |b| {
         b.iter(|| {
             let start = fitter.start(&seen)?;
