@@ -259,7 +259,8 @@ impl JointCompatibility {
         let most = self.gates[frame.pairs + 1] - frame.distance_squared;
         for index in start + frame.next..end {
             let candidate = &self.candidates[index];
-            if !(candidate.distance_squared <= most.min(self.rule.conditional_gate)) {
+            let is_compatible = candidate.distance_squared <= most.min(self.rule.conditional_gate);
+            if !is_compatible {
                 break;
             }
             if !self.is_used[candidate.landmark] {

@@ -176,11 +176,13 @@ impl AzimuthLocalizer {
         let found = most_likely_pose(&self.pairs, &guess, Some(predicted), &self.rule.solver, self.lever)
             .map_err(|_| AzimuthProblem::Singular)?;
         let (pairs, chi_squared) = (self.pairs.len(), found.chi_squared + found.from_prior);
-        if !(chi_squared <= self.gates[pairs.min(self.gates.len() - 1)]) {
+        let is_consistent = chi_squared <= self.gates[pairs.min(self.gates.len() - 1)];
+        if !is_consistent {
             return Err(AzimuthProblem::Inconsistent { chi_squared, pairs });
         }
         let distance_m = found.belief.pose.distance(&predicted.pose);
-        if !(distance_m <= self.rule.most_correction_m) {
+        let is_near = distance_m <= self.rule.most_correction_m;
+        if !is_near {
             return Err(AzimuthProblem::Jump { distance_m });
         }
         Ok(AzimuthFix { belief: found.belief, pairs, chi_squared, condition: condition(&found.belief) })

@@ -195,7 +195,8 @@ impl FloorLocalizer {
             return Err(FloorProblem::Area { share });
         }
         let gap_rad = self.widest_gap_rad();
-        if !(gap_rad <= self.rule.widest_gap_rad) {
+        let is_covered = gap_rad <= self.rule.widest_gap_rad;
+        if !is_covered {
             return Err(FloorProblem::Gap { gap_rad });
         }
         if let Some(belief) = predicted {
@@ -228,7 +229,8 @@ impl FloorLocalizer {
             .fit(&mut self.outline, &self.plan, start, &self.rule.fit, camera)
             .filter(|fit| fit.condition <= self.rule.most_condition)
             .ok_or(FloorProblem::Singular)?;
-        if !(fit.rms_px <= self.rule.most_rms_px) {
+        let fits = fit.rms_px <= self.rule.most_rms_px;
+        if !fits {
             return Err(FloorProblem::Residual { rms_px: fit.rms_px });
         }
         let found = self.poses(&fit);
@@ -237,7 +239,8 @@ impl FloorLocalizer {
         if let Some(predicted) = predicted {
             let both = Belief { pose, covariance: belief.covariance + predicted.covariance };
             let distance_squared = both.distance_squared(&predicted.pose);
-            if !(distance_squared <= self.rule.jump_gate) {
+            let is_near = distance_squared <= self.rule.jump_gate;
+            if !is_near {
                 return Err(FloorProblem::Jump { distance_squared });
             }
         }
