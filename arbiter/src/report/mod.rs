@@ -5,7 +5,7 @@
 
 mod control;
 mod encounter;
-pub mod lettering;
+pub use yamabico_core::vision::lettering;
 mod summary;
 mod trace;
 mod trajectory;

@@ -317,11 +317,14 @@ impl Detector {
         for (u, v) in self.uprights.feet() {
             let near_px = v.saturating_sub(self.horizon) as f64 * POSE_ERROR_M / self.mount.z.max(0.1);
             let rows = LEVEL_ROWS + near_px;
-            for beside in -1..=1 {
-                let at = Vector2::new(u as f64 + f64::from(beside), v as f64);
-                let shift = Vector2::new(0.0, rows);
-                self.explained.line(at - shift, at + shift);
-            }
+            let at = Vector2::new(u as f64, v as f64);
+            let (beside, above) = (Vector2::new(1.0, 0.0), Vector2::new(0.0, rows));
+            self.explained.quad([
+                at - beside - above,
+                at + beside - above,
+                at + beside + above,
+                at - beside + above,
+            ]);
         }
         self.level.remove(&self.explained);
         self.regions.count_columns(&self.level, &mut self.level_counts);
@@ -412,11 +415,7 @@ fn band(
     blur_from: Vector2<f64>,
     blur_to: Vector2<f64>,
 ) {
-    let count = blur_from.amax().max(blur_to.amax()).ceil().max(1.0) as i32;
-    for i in -count..=count {
-        let share = f64::from(i) / f64::from(count);
-        mask.line(line.0 + blur_from * share, line.1 + blur_to * share);
-    }
+    mask.quad([line.0 - blur_from, line.0 + blur_from, line.1 + blur_to, line.1 - blur_to]);
 }
 
 /// The row of the horizon straight ahead, within the picture.

@@ -162,6 +162,8 @@ impl Uprights {
         }
         self.find_floor(walls, map_from_robot);
         self.sum(image);
+        // Of the strongest steps so far.
+        let mut weakest = 0.0;
         for (i, top) in self.tops.iter().enumerate() {
             let Some(top) = *top else { continue };
             let v = self.first + i;
@@ -174,12 +176,17 @@ impl Uprights {
                 }
                 let above = (from - self.first) * self.width;
                 let sum = self.sums[row + c] - self.sums[above + c];
-                let contrast = f64::from(sum.abs()) / (UNIT * (v - from) as f64);
+                let (step, least) = (f64::from(sum.abs()), UNIT * (v - from) as f64);
+                if step <= weakest * least {
+                    continue;
+                }
+                let contrast = step / least;
                 let u = usize::from(self.columns[row + c]);
                 let best = &mut strongest[regions.of_column(u)];
                 if contrast > best.contrast {
                     let foot = Vector2::new(u as f64, v as f64);
                     *best = Upright { contrast, foot, top_v: from as f64 };
+                    weakest = strongest.iter().map(|step| step.contrast).fold(f64::INFINITY, f64::min);
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! Lines, crosses and boxes drawn into a caller-owned RGB picture, for people to look at.
 
+use super::lettering;
 use crate::image::ImageView;
 use nalgebra::Vector2;
 
@@ -55,6 +56,13 @@ impl<'a> Canvas<'a> {
         let (across, down) = (Vector2::new(arm, 0.0), Vector2::new(0.0, arm));
         self.line(at - across, at + across, colour);
         self.line(at - down, at + down, colour);
+    }
+
+    /// Writes a line of text whose upper left corner is at `at`.
+    pub fn text(&mut self, at: Vector2<f64>, text: &str, colour: Colour) {
+        for (right, below) in lettering::pixels(text) {
+            self.dot(at + Vector2::new(f64::from(right), f64::from(below)), colour);
+        }
     }
 
     /// Draws the outline of the box between two corners.

@@ -4,6 +4,7 @@
 //! Differs from \[1\]: edges are thinned along the row, and both are matched with a tolerance of some columns.
 
 use super::bit_image::{BitImage, pack};
+pub use super::regions::Regions;
 use super::vectorise::{self, Kernel};
 use crate::image::{GrayImage, ImageView};
 
@@ -115,82 +116,6 @@ impl Kernel for Edges<'_> {
     }
 }
 
-/// The vertical regions of a picture: equal in columns, counted from the left.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Regions {
-    width: usize,
-    count: usize,
-    /// The columns of each region: its first one.
-    first: Vec<usize>,
-}
-
-impl Regions {
-    /// `count` regions of a picture of `width` columns: column u is in region floor(count u / width). At least one.
-    #[must_use]
-    pub fn new(width: usize, count: usize) -> Self {
-        let count = count.max(1);
-        let first = (0..=count).map(|region| (region * width).div_ceil(count)).collect();
-        Self { width, count, first }
-    }
-
-    /// How many.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// The columns of a region; none beyond the last.
-    #[must_use]
-    pub fn columns(&self, region: usize) -> std::ops::Range<usize> {
-        match (self.first.get(region), self.first.get(region + 1)) {
-            (Some(&first), Some(&end)) => first..end,
-            _ => self.width..self.width,
-        }
-    }
-
-    /// The region of a column; the last one beyond.
-    #[must_use]
-    pub fn of_column(&self, u: usize) -> usize {
-        (self.count * u / self.width.max(1)).min(self.count - 1)
-    }
-
-    /// Writes to `counts` how many pixels of a mask, whose width must be that of the regions, are set in each.
-    pub fn count_columns(&self, mask: &BitImage, counts: &mut Vec<u32>) {
-        counts.clear();
-        counts.resize(self.count, 0);
-        if mask.width() != self.width {
-            return;
-        }
-        for v in 0..mask.height() {
-            for (i, &word) in mask.row(v).iter().enumerate() {
-                self.add(word, 64 * i, counts);
-            }
-        }
-    }
-
-    /// Adds the set bits of `word`, whose lowest bit is column `start`, to the counts of their regions.
-    #[inline(always)]
-    fn add(&self, word: u64, start: usize, counts: &mut [u32]) {
-        self.split(word, start, |region, count| counts[region] += count);
-    }
-
-    /// Takes them away.
-    fn subtract(&self, word: u64, start: usize, counts: &mut [u32]) {
-        self.split(word, start, |region, count| counts[region] -= count.min(counts[region]));
-    }
-
-    #[inline(always)]
-    fn split(&self, mut word: u64, start: usize, mut take: impl FnMut(usize, u32)) {
-        while word != 0 {
-            let region = self.of_column(start + word.trailing_zeros() as usize);
-            let end = self.first[region + 1] - start;
-            let below = if end >= 64 { u64::MAX } else { (1 << end) - 1 };
-            take(region, (word & below).count_ones());
-            word &= !below;
-        }
-    }
-}
-
 /// How edges seen and edges expected differ, with its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct EdgeDifference {
@@ -233,7 +158,8 @@ impl EdgeDifference {
             counts.resize(regions.count(), 0);
         }
         (self.expected, self.found) = (0, 0);
-        if (seen.width(), seen.height(), seen.width()) != (expected.width(), expected.height(), regions.width)
+        if (seen.width(), seen.height(), seen.width())
+            != (expected.width(), expected.height(), regions.width())
         {
             return;
         }
@@ -242,7 +168,14 @@ impl EdgeDifference {
         let radius = tolerance_px.min(63) as u32;
         let (surplus, missing) = (&mut self.surplus[..], &mut self.missing[..]);
         vectorise::run(Compare { seen, expected, radius, surplus, missing });
-        self.count(seen, expected, regions);
+        (self.expected, self.found) = vectorise::run(Count {
+            expected,
+            surplus: &self.surplus,
+            missing: &self.missing,
+            regions,
+            differing: &mut self.differing,
+            extra: &mut self.extra,
+        });
     }
 
     /// Takes the pixels of `explained` out of those seen and not expected, and out of both counts. The masks must be of the size
@@ -256,9 +189,10 @@ impl EdgeDifference {
             let gone = *surplus & known;
             if gone != 0 {
                 *surplus &= !known;
-                let start = 64 * ((at - 1) % stride);
-                regions.subtract(gone, start, &mut self.extra);
-                regions.subtract(gone, start, &mut self.differing);
+                regions.split(gone, (at - 1) % stride, |region, count| {
+                    self.extra[region] -= count.min(self.extra[region]);
+                    self.differing[region] -= count.min(self.differing[region]);
+                });
             }
         }
     }
@@ -280,21 +214,38 @@ impl EdgeDifference {
             }
         }
     }
+}
 
-    fn count(&mut self, seen: &BitImage, expected: &BitImage, regions: &Regions) {
-        let stride = seen.stride();
-        for v in 0..seen.height() {
-            for i in 0..stride - 1 {
-                let at = 1 + v * stride + i;
-                let (surplus, missing, model) = (self.surplus[at], self.missing[at], expected.words()[at]);
-                if surplus | model != 0 {
-                    self.expected += model.count_ones();
-                    self.found += (model & !missing).count_ones();
-                    regions.add(surplus, 64 * i, &mut self.extra);
-                    regions.add(surplus | missing, 64 * i, &mut self.differing);
-                }
+struct Count<'a> {
+    expected: &'a BitImage,
+    surplus: &'a [u64],
+    missing: &'a [u64],
+    regions: &'a Regions,
+    differing: &'a mut [u32],
+    extra: &'a mut [u32],
+}
+
+impl Kernel for Count<'_> {
+    /// Expected pixels, and those of them that are seen.
+    type Output = (u32, u32);
+
+    #[inline(always)]
+    fn run(self) -> (u32, u32) {
+        let (stride, mut all, mut lost) = (self.expected.stride(), 0, 0);
+        for v in 0..self.expected.height() {
+            let row = 1 + v * stride..v * stride + stride;
+            let (surplus, missing) = (&self.surplus[row.clone()], &self.missing[row]);
+            for (model, missing) in self.expected.row(v).iter().zip(missing) {
+                all += model.count_ones();
+                lost += missing.count_ones();
+            }
+            for piece in self.regions.pieces() {
+                let extra = (surplus[piece.word] & piece.mask).count_ones();
+                self.extra[piece.region] += extra;
+                self.differing[piece.region] += extra + (missing[piece.word] & piece.mask).count_ones();
             }
         }
+        (all, all - lost)
     }
 }
 
@@ -425,14 +376,5 @@ mod tests {
             difference.surplus(width, height, &mut surplus);
             assert_eq!(surplus.count(), extra.iter().sum::<u32>());
         }
-    }
-
-    #[test]
-    fn regions_share_the_columns() {
-        let regions = Regions::new(256, 5);
-        let widths: Vec<usize> = (0..5).map(|region| regions.columns(region).len()).collect();
-        assert_eq!(widths, [52, 51, 51, 51, 51]);
-        assert!((0..256).all(|u| regions.columns(regions.of_column(u)).contains(&u)));
-        assert!(regions.columns(5).is_empty());
     }
 }
