@@ -72,7 +72,7 @@ pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "what s
 /// A pose that is older (s) is none.
 const POSE_STALE_S: f64 = 0.5;
 /// What was seen is remembered for so long, what was heard for so long, seconds.
-const MEMORY_S: (f64, f64) = (30.0, 1.5);
+const MEMORY_S: (f64, f64) = (20.0, 1.5);
 /// An echo so near to a wall of the map is the wall's, metres.
 const WALL_ECHO_M: f64 = 0.15;
 /// Somebody who stands in the way is waited for so long before the search, seconds.

@@ -19,9 +19,9 @@ const BESIDE_M: f64 = 0.4;
 /// A passage on the side that was begun may be farther from the goal by this, metres.
 const LEAN_M: f64 = 0.3;
 /// Nothing is taken to be narrower than twice this, metres.
-const SMALLEST_M: f64 = 0.12;
+const SMALLEST_M: f64 = 0.14;
 /// A thing may reach so far beyond its outermost edge, metres.
-const EDGE_M: f64 = 0.04;
+const EDGE_M: f64 = 0.06;
 /// Another passage than the one that is driven to must be the better one in so many pictures, one after the other.
 const DOUBTS: u32 = 3;
 /// Passages whose directions differ by more are not the same one, rad.
@@ -70,7 +70,7 @@ impl StationaryObstacleAvoider {
             let middle = Point2::new(ahead_m, 0.5 * (across.low + across.high));
             let at = robot.transform_point(camera.transform_point(middle));
             let radius_m = (0.5 * across.width()).clamp(SMALLEST_M, 0.3);
-            self.things.see(at, radius_m, now, MEMORY_S.0);
+            self.things.see(robot.position(), at, radius_m, now, MEMORY_S.0);
         }
         let (floor, map) = (&self.floor, self.detector.map());
         self.things.end(|place| floor.is_in_view(robot, place) && map.is_open(robot.position(), place));

@@ -59,6 +59,21 @@ fn a_box_ahead_is_driven_around_on_its_wider_side() {
 }
 
 #[test]
+fn a_passage_stays_one_while_the_robot_turns() {
+    let (mut bench, told) = (avoider(), Told::default());
+    let box_at = Some([4.3, 0.15]);
+    drive(&mut bench, &told, Some(&picture(told.robot, box_at)));
+    let headings = [0.0, -8.0, -16.0, -24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 8.0];
+    for (i, heading_deg) in headings.into_iter().enumerate() {
+        let robot = Pose2::new(told.robot.x, told.robot.y, f64::to_radians(heading_deg));
+        let turned = Told { seconds: 1.0 + i as f64, robot, ..told.clone() };
+        let proposal = drive(&mut bench, &turned, Some(&picture(robot, box_at)));
+        let note = proposal.note.as_str();
+        assert_eq!(proposal.kind(), Some(Kind::Drive), "turned {heading_deg} degrees: {note}");
+    }
+}
+
+#[test]
 fn thresholds_of_another_camera_are_refused() {
     let other = Intrinsics::from_horizontal_fov(640, 480, 1.0);
     let refused = Avoider::new(TABLE, setup(other)).err();

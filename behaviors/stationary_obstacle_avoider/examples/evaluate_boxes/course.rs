@@ -1,21 +1,9 @@
-//! How surely a white and a brown box are seen in the rendered hallway, and how often something is seen where nothing is.
-//!
-//!     cargo run --release -p yamabico-stationary-obstacle-avoider --example evaluate_boxes -- [--images N] [--plot FILE.png] [--show DIR]
-//!
-//! Thresholds are learned first, every half metre of the empty hallway from twelve pictures of a
-//! robot that weaves by 15 cm and 6 degrees. A box 24 x 24 x 35 cm stands, turned at
-//! random, inside the corridor, 1 to 3 m ahead (2 m in the outer regions), its middle in one of the five regions; the robot is up
-//! to 0.3 m beside the middle, turned by up to 8 degrees. The detector is told the true pose with errors of 2 cm across, 5 cm along
-//! and 0.2 degrees (standard deviations). Each picture stands alone. A box is found where a region that it covers a part of is
-//! flagged. Its contrast is the median difference to the bare floor over what it hides of it, without noise. `--show` keeps the
-//! pictures that were judged wrongly.
+//! Boxes in the rendered hallway, and what the detector makes of pictures of them.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "an evaluation")]
+use std::path::{Path, PathBuf};
 
-use nalgebra::Vector2;
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use std::path::{Path, PathBuf};
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
@@ -29,38 +17,40 @@ use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Validity};
 use yamabico_stationary_obstacle_avoider::threshold_table::{Place, ThresholdTable};
 
-const SIZE: (u32, u32) = (256, 240);
-const REGIONS: usize = 5;
-const WHITE: Colour = [0.85, 0.85, 0.83];
-const BROWN: Colour = [0.30, 0.19, 0.10];
-/// Contrasts (grey levels) of the brown boxes that are to be found.
-const FAINT: (f64, f64) = (12.0, 20.0);
+/// Of the pictures, pixels.
+pub const SIZE: (u32, u32) = (256, 240);
+/// Regions of a picture.
+pub const REGIONS: usize = 5;
+/// Colour of a white box.
+pub const WHITE: Colour = [0.85, 0.85, 0.83];
+/// Colour of a brown box.
+pub const BROWN: Colour = [0.30, 0.19, 0.10];
 
-struct Course {
+/// The hallway, the camera and the detector.
+pub struct Course {
     world: World,
-    empty: Scene,
+    pub empty: Scene,
     intrinsics: Intrinsics,
     mount: Mount,
     film: Renderer,
     quiet: Renderer,
-    rng: Stream,
+    pub rng: Stream,
     detector: Detector,
-    table: ThresholdTable,
+    pub table: ThresholdTable,
     /// Pictures that the detector refused to judge: they show no obstacle, and are no proof of a clear way either.
-    unjudged: u32,
-    show: Option<PathBuf>,
+    pub unjudged: u32,
+    pub show: Option<PathBuf>,
 }
 
 /// A picture of a box and what became of it.
-struct Seen {
-    contrast: f64,
-    region: usize,
-    distance_m: f64,
-    is_found: bool,
+pub struct Seen {
+    pub region: usize,
+    pub distance_m: f64,
+    pub is_found: bool,
 }
 
 impl Course {
-    fn new() -> Self {
+    pub fn new(seed: u64, show: Option<PathBuf>) -> Self {
         let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
         let mut world =
             World::from_toml(&std::fs::read_to_string(configs.join("worlds/hallway.toml")).unwrap()).unwrap();
@@ -76,10 +66,10 @@ impl Course {
             world,
             intrinsics,
             mount,
-            film: Renderer::new(photometry, stream(1, "film")),
-            quiet: Renderer::new(Photometry { noise_sigma: 0.0, ..photometry }, stream(1, "quiet")),
-            rng: stream(1, "boxes"),
-            show: None,
+            film: Renderer::new(photometry, stream(seed, "film")),
+            quiet: Renderer::new(Photometry { noise_sigma: 0.0, ..photometry }, stream(seed, "quiet")),
+            rng: stream(seed, "boxes"),
+            show,
             detector: Detector::new(Pinhole::ideal(intrinsics), mount, map, rules),
             unjudged: 0,
             table: ThresholdTable {
@@ -92,14 +82,14 @@ impl Course {
         }
     }
 
-    fn picture(&mut self, scene: &Scene, robot: Pose2) -> Vec<u8> {
+    pub fn picture(&mut self, scene: &Scene, robot: Pose2) -> Vec<u8> {
         let view = CameraView { intrinsics: self.intrinsics, mount: self.mount, robot };
         let mut pixels = vec![0; (SIZE.0 * SIZE.1) as usize];
         self.film.render(scene, &view, &mut pixels).unwrap();
         pixels
     }
 
-    fn quiet_picture(&mut self, scene: &Scene, robot: Pose2) -> Vec<u8> {
+    pub fn quiet_picture(&mut self, scene: &Scene, robot: Pose2) -> Vec<u8> {
         let view = CameraView { intrinsics: self.intrinsics, mount: self.mount, robot };
         let mut pixels = vec![0; (SIZE.0 * SIZE.1) as usize];
         self.quiet.render(scene, &view, &mut pixels).unwrap();
@@ -107,7 +97,7 @@ impl Course {
     }
 
     /// Learns along the middle of the empty hallway.
-    fn learn(&mut self) {
+    pub fn learn(&mut self) {
         let empty = self.empty.clone();
         for step in 0..25 {
             let mut learner = PlaceLearner::default();
@@ -139,7 +129,7 @@ impl Course {
     }
 
     /// Regions that are flagged in a picture; the detector is told a slightly wrong pose.
-    fn flagged(&mut self, pixels: &[u8], robot: Pose2) -> [bool; REGIONS] {
+    pub fn flagged(&mut self, pixels: &[u8], robot: Pose2) -> [bool; REGIONS] {
         let told = Pose2::new(
             robot.x + 0.05 * self.normal(),
             robot.y + 0.02 * self.normal(),
@@ -156,7 +146,7 @@ impl Course {
     }
 
     /// Keeps a picture with what was seen in it, where that was asked for.
-    fn show(&self, pixels: &[u8], name: &str) {
+    pub fn show(&self, pixels: &[u8], name: &str) {
         let Some(folder) = &self.show else { return };
         let mut rgb = vec![0; 3 * pixels.len()];
         let mut canvas = Canvas::new(&mut rgb, SIZE.0 as usize, SIZE.1 as usize).unwrap();
@@ -165,28 +155,38 @@ impl Course {
         image::save_buffer(path, &rgb, SIZE.0, SIZE.1, image::ExtendedColorType::Rgb8).unwrap();
     }
 
-    fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         self.rng.sample(StandardNormal)
     }
 
-    fn somewhere(&mut self, x_m: std::ops::Range<f64>) -> Pose2 {
+    pub fn somewhere(&mut self, x_m: std::ops::Range<f64>) -> Pose2 {
         let turn = self.rng.random_range(-8.0_f64..8.0).to_radians();
         Pose2::new(self.rng.random_range(x_m), self.rng.random_range(-0.3..0.3), turn)
     }
 
-    fn scene(&self, item: &BoxItem, colour: Colour) -> Scene {
+    pub fn scene(&self, item: &BoxItem, colour: Colour) -> Scene {
         let mut world = self.world.clone();
         world.boxes.push(BoxItem { colour, ..item.clone() });
         Scene::new(&world, 1).unwrap()
     }
 
-    /// A box somewhere, painted by `paint`, seen from up to five poses with its middle in a region where `wanted` is left.
-    fn try_box(&mut self, wanted: &mut [usize; REGIONS], faint: Option<(f64, f64)>, seen: &mut Vec<Seen>) {
-        let item = BoxItem {
+    /// A box somewhere.
+    pub fn item(&mut self) -> BoxItem {
+        BoxItem {
             at_m: [self.rng.random_range(1.5..13.5), self.rng.random_range(-0.8..0.8)],
             yaw_deg: self.rng.random_range(-45.0..45.0),
             ..BoxItem::default()
-        };
+        }
+    }
+
+    /// A box somewhere, painted by `paint`, seen from up to five poses with its middle in a region where `wanted` is left.
+    pub fn try_box(
+        &mut self,
+        wanted: &mut [usize; REGIONS],
+        faint: Option<(f64, f64)>,
+        seen: &mut Vec<Seen>,
+    ) {
+        let item = self.item();
         let poses: Vec<(usize, Pose2)> = (0..REGIONS).filter_map(|r| self.pose_for(&item, r)).collect();
         let Some(&(_, first)) = poses.first() else { return };
         let black = self.scene(&item, [0.0; 3]);
@@ -212,14 +212,28 @@ impl Course {
             let is_found = (0..REGIONS).any(|r| flagged[r] && covered[r]);
             let distance_m = robot.inverse().transform_point(item.at_m.into()).x;
             if !is_found {
+                let [x, y] = item.at_m;
+                println!(
+                    "missed: box at {x:.3} {y:.3}, turned {:.1} deg, contrast {contrast:.0}, region {region}, from {:.3} {:.3} {:.1} deg",
+                    item.yaw_deg,
+                    robot.x,
+                    robot.y,
+                    robot.theta.to_degrees()
+                );
+                for sight in self.detector.sights() {
+                    println!(
+                        "  extra {} (at most {:.0}), level {}, step {:.1}",
+                        sight.extra, sight.limit, sight.level, sight.upright.contrast
+                    );
+                }
                 self.show(&pixels, &format!("missed_{:.0}_{}", contrast, seen.len()));
             }
-            seen.push(Seen { contrast: contrast.abs(), region, distance_m, is_found });
+            seen.push(Seen { region, distance_m, is_found });
         }
     }
 
     /// A pose that has the box's middle in a region, 1 to 3 m ahead.
-    fn pose_for(&mut self, item: &BoxItem, region: usize) -> Option<(usize, Pose2)> {
+    pub fn pose_for(&mut self, item: &BoxItem, region: usize) -> Option<(usize, Pose2)> {
         let half_view = (0.5 * self.intrinsics.horizontal_fov()).tan();
         let farthest = if region == 0 || region == REGIONS - 1 { 2.0 } else { 3.0 };
         for _ in 0..100 {
@@ -261,7 +275,7 @@ impl Course {
     }
 
     /// The regions that the box covers columns of.
-    fn covered(&self, item: &BoxItem, robot: Pose2) -> [bool; REGIONS] {
+    pub fn covered(&self, item: &BoxItem, robot: Pose2) -> [bool; REGIONS] {
         let view = MapView::new(&self.intrinsics, &self.mount, &robot);
         let turn = Pose2::new(item.at_m[0], item.at_m[1], item.yaw_deg.to_radians());
         let half = 0.5 * item.size_m[0];
@@ -277,111 +291,7 @@ impl Course {
     }
 }
 
-fn view(pixels: &[u8]) -> ImageView<'_> {
+/// The pixels as a picture.
+pub fn view(pixels: &[u8]) -> ImageView<'_> {
     ImageView::new(pixels, SIZE.0 as usize, SIZE.1 as usize, SIZE.0 as usize).unwrap()
-}
-
-fn report(name: &str, seen: &[Seen]) {
-    for region in 0..REGIONS {
-        let here: Vec<&Seen> = seen.iter().filter(|seen| seen.region == region).collect();
-        let found = here.iter().filter(|seen| seen.is_found).count();
-        println!("{name}, region {region}: found {found} of {}", here.len());
-    }
-    let found = seen.iter().filter(|seen| seen.is_found).count();
-    let distance_m = seen.iter().map(|seen| seen.distance_m).sum::<f64>() / seen.len() as f64;
-    println!(
-        "{name}: found {found} of {} ({:.1} %), {distance_m:.2} m ahead on average",
-        seen.len(),
-        100.0 * found as f64 / seen.len() as f64
-    );
-}
-
-/// Share of boxes found over their contrast: a grid line every 10 grey levels up to 40 and every 10 % up to 100 %.
-fn plot(path: &Path, curve: &[(f64, f64, usize)]) {
-    let (width, height) = (480, 320);
-    let mut pixels = vec![255; 3 * width * height];
-    let mut canvas = Canvas::new(&mut pixels, width, height).unwrap();
-    let at = |contrast: f64, share: f64| Vector2::new(20.0 + 11.0 * contrast, 305.0 - 2.9 * share);
-    for tens in 0..=10 {
-        let tens = 10.0 * f64::from(tens);
-        let shade = if tens == 0.0 { [0; 3] } else { [210; 3] };
-        canvas.line(at(0.0, tens), at(40.0, tens), shade);
-        if tens <= 40.0 {
-            canvas.line(at(tens, 0.0), at(tens, 100.0), shade);
-        }
-    }
-    for pair in curve.windows(2) {
-        canvas.line(at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1), [20, 60, 200]);
-    }
-    for &(contrast, share, _) in curve {
-        canvas.cross(at(contrast, share), 3.0, [20, 60, 200]);
-    }
-    image::save_buffer(path, &pixels, width as u32, height as u32, image::ExtendedColorType::Rgb8).unwrap();
-}
-
-fn main() {
-    let (mut images, mut file, mut show) = (200, None::<PathBuf>, None::<PathBuf>);
-    let mut rest = std::env::args().skip(1);
-    while let Some(argument) = rest.next() {
-        match argument.as_str() {
-            "--images" => images = rest.next().and_then(|n| n.parse().ok()).expect("--images N"),
-            "--show" => show = rest.next().map(PathBuf::from),
-            "--plot" => file = rest.next().map(PathBuf::from),
-            other => panic!("unknown argument {other}"),
-        }
-    }
-    let mut course = Course::new();
-    course.show = show;
-    course.learn();
-    println!("   x      T0  N0  N0_extra  contrast level recall");
-    for p in &course.table.places {
-        println!(
-            "{:6.1} {:4} {:4} {:6} {:9.1} {:6} {:8.2}",
-            p.x_m, p.t0, p.n0, p.n0_extra, p.contrast, p.level, p.recall
-        );
-    }
-    let mut false_alarms = 0;
-    let empty = course.empty.clone();
-    let clear = 5 * images;
-    for _ in 0..clear {
-        let robot = course.somewhere(0.0..12.0);
-        let pixels = course.picture(&empty, robot);
-        let flagged = course.flagged(&pixels, robot);
-        if flagged.contains(&true) {
-            false_alarms += 1;
-            course.show(&pixels, &format!("false_{false_alarms}"));
-        }
-    }
-    println!(
-        "clear pictures with a false alarm: {false_alarms} of {clear} ({:.1} %), not judged: {}",
-        100.0 * f64::from(false_alarms) / clear as f64,
-        course.unjudged
-    );
-    for (name, faint) in [("white", None), ("brown, 12 to 20 grey levels", Some(FAINT))] {
-        let (mut wanted, mut seen) = ([images; REGIONS], Vec::new());
-        while wanted.iter().any(|&left| left > 0) {
-            course.try_box(&mut wanted, faint, &mut seen);
-        }
-        report(name, &seen);
-    }
-    println!("pictures not judged so far, which count as not found: {}", course.unjudged);
-    if let Some(file) = file {
-        let (mut wanted, mut seen) = ([images; REGIONS], Vec::new());
-        while wanted.iter().sum::<usize>() > images {
-            course.try_box(&mut wanted, Some((1.0, 40.0)), &mut seen);
-        }
-        let curve: Vec<(f64, f64, usize)> = (0..10)
-            .filter_map(|bin| {
-                let low = 4.0 * f64::from(bin);
-                let here: Vec<&Seen> =
-                    seen.iter().filter(|s| (low..low + 4.0).contains(&s.contrast)).collect();
-                let found = here.iter().filter(|s| s.is_found).count();
-                (!here.is_empty()).then(|| (low + 2.0, 100.0 * found as f64 / here.len() as f64, here.len()))
-            })
-            .collect();
-        for (contrast, share, count) in &curve {
-            println!("contrast {contrast:4.0}: {share:5.1} % of {count}");
-        }
-        plot(&file, &curve);
-    }
 }

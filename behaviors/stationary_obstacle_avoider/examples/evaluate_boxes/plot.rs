@@ -1,0 +1,66 @@
+//! Detection over contrast, as a picture.
+
+use std::path::Path;
+
+use nalgebra::Vector2;
+use yamabico_core::vision::lettering;
+use yamabico_core::vision::overlay::{Canvas, Colour};
+
+const SIZE: (usize, usize) = (640, 420);
+const LEFT: f64 = 60.0;
+const TOP: f64 = 44.0;
+const WIDTH: f64 = 550.0;
+const HEIGHT: f64 = 310.0;
+const INK: Colour = [40; 3];
+const GRID: Colour = [222; 3];
+
+/// A curve: its name, its colour, and contrast (grey levels), share (percent) and n of each point.
+pub struct Curve<'a> {
+    pub name: &'a str,
+    pub colour: Colour,
+    pub points: &'a [(f64, f64, usize)],
+}
+
+/// Writes the picture, contrast from 0 to `most`.
+pub fn plot(path: &Path, curves: &[Curve<'_>], most: f64) {
+    let mut pixels = vec![255; 3 * SIZE.0 * SIZE.1];
+    let mut canvas = Canvas::new(&mut pixels, SIZE.0, SIZE.1).unwrap();
+    let at = |contrast: f64, share: f64| {
+        Vector2::new(LEFT + WIDTH * contrast / most, TOP + HEIGHT * (1.0 - share / 100.0))
+    };
+    for share in (0..=100).step_by(10).map(f64::from) {
+        canvas.line(at(0.0, share), at(most, share), if share == 0.0 { INK } else { GRID });
+        let text = format!("{share:.0}");
+        let left = LEFT - 8.0 - f64::from(lettering::width(&text));
+        canvas.text(Vector2::new(left, at(0.0, share).y - 4.0), &text, INK);
+    }
+    for contrast in (0..=most as u32).step_by(4).map(f64::from) {
+        canvas.line(at(contrast, 0.0), at(contrast, 100.0), if contrast == 0.0 { INK } else { GRID });
+        let text = format!("{contrast:.0}");
+        let left = at(contrast, 0.0).x - 0.5 * f64::from(lettering::width(&text));
+        canvas.text(Vector2::new(left, TOP + HEIGHT + 8.0), &text, INK);
+    }
+    let n = |pick: fn(usize, usize) -> usize| {
+        curves.iter().flat_map(|curve| curve.points).map(|point| point.2).reduce(pick).unwrap_or(0)
+    };
+    canvas.text(Vector2::new(LEFT, 8.0), "boxes found, of 100, in single pictures, by contrast", INK);
+    let count = format!("each point of n {} to {} pictures", n(usize::min), n(usize::max));
+    canvas.text(Vector2::new(LEFT, 22.0), &count, INK);
+    let below = "largest difference to what is behind, along the upright outline, grey levels";
+    canvas.text(Vector2::new(LEFT, TOP + HEIGHT + 26.0), below, INK);
+    canvas.text(Vector2::new(6.0, 30.0), "of 100", INK);
+    for (curve, row) in curves.iter().zip(0_u8..) {
+        for pair in curve.points.windows(2) {
+            canvas.line(at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1), curve.colour);
+        }
+        for point in curve.points {
+            canvas.cross(at(point.0, point.1), 3.0, curve.colour);
+        }
+        let legend = at(most, 0.0) + Vector2::new(-210.0, -60.0 + 16.0 * f64::from(row));
+        canvas.line(legend, legend + Vector2::new(20.0, 0.0), curve.colour);
+        canvas.cross(legend + Vector2::new(10.0, 0.0), 3.0, curve.colour);
+        canvas.text(legend + Vector2::new(28.0, -4.0), curve.name, INK);
+    }
+    let (width, height) = (SIZE.0 as u32, SIZE.1 as u32);
+    image::save_buffer(path, &pixels, width, height, image::ExtendedColorType::Rgb8).unwrap();
+}
