@@ -6,6 +6,7 @@
 pub mod config;
 pub mod edge_template;
 pub mod finder;
+pub mod followed_edge;
 pub mod foot;
 pub mod landmarks;
 pub mod pair;
