@@ -34,7 +34,7 @@ mod field;
 
 const PLACES: u32 = 12;
 const RUNS: usize = 300;
-const SCENES: u32 = 4000;
+const SCENES: u32 = 3000;
 const GREEN: ColourBox = ColourBox { least: [30, 110, 50], most: [115, 210, 140] };
 
 fn pictures() -> Vec<Vec<u8>> {
@@ -136,7 +136,7 @@ const RULES: ChoiceRules = ChoiceRules {
     reaction_s: 0.04,
     velocity: Velocity::Considered,
     side_change_rad: 0.0,
-    most_deviation_rad: 7.0,
+    deviation_rad: [0.0, 7.0],
 };
 const HEADING: HeadingRules = HeadingRules {
     speed_mps: 0.4,
@@ -144,11 +144,11 @@ const HEADING: HeadingRules = HeadingRules {
     turn_rad_s: 3.0,
     turn_acceleration_rad_s2: 8.0,
     gain_per_s: 4.0,
-    step_s: 0.02,
+    step_s: 0.04,
     horizon_s: 2.0,
     clearance_m: 0.1,
     side_change_rad: 0.0,
-    most_deviation_rad: 7.0,
+    deviation_rad: [0.0, 7.0],
 };
 
 fn choosing(criterion: &mut Criterion) {
@@ -158,7 +158,7 @@ fn choosing(criterion: &mut Criterion) {
     let mut chooser = Chooser::default();
     let (mut sideways, mut ahead) = (Vec::new(), Vec::new());
     let mut worst = (0.0, None);
-    for scene in 0..SCENES {
+    for _ in 0..SCENES {
         // From crowded to open, some as walls that close in all around.
         let least = random.random_range(1..4);
         let most = random.random_range(least..7);
@@ -172,7 +172,7 @@ fn choosing(criterion: &mut Criterion) {
         let start =
             Start { velocity_mps: Vector2::new(speed * way.cos(), speed * way.sin()), ..Start::default() };
         let goal = random.random_range(-PI..PI);
-        let us = best_us(5, || {
+        let us = best_us(20, || {
             black_box(chooser.choose_speed(black_box(&free), &start, goal, 0, &RULES));
         });
         sideways.push(us);
@@ -180,10 +180,9 @@ fn choosing(criterion: &mut Criterion) {
             worst = (us, Some((free.clone(), start, goal)));
         }
         let turning = Rollout::new(Vector2::zeros(), 0.0, speed, random.random_range(-2.0..2.0));
-        ahead.push(best_us(5, || {
+        ahead.push(best_us(20, || {
             black_box(chooser.choose_heading_speed(black_box(&free), &turning, goal, 0, &HEADING));
         }));
-        let _ = scene;
     }
     for (what, times) in [("sideways", sideways), ("ahead and turning", ahead)] {
         let (median, largest) = spread(times);

@@ -46,6 +46,8 @@ pub struct Config {
     /// to 1, default 0.7.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub floor_evenness: f64,
+    /// What the robot drives by while the way ahead is free (navel-grid), default "weights".
+    pub heading: HeadingRule,
     /// Blocked on both sides, the robot looks around after so long; with polar-cells, blocked all around, it says so. Seconds,
     /// 0.1 to 600, default 3.
     #[schemars(range(min = 0.1, max = 600.0))]
@@ -93,6 +95,16 @@ pub enum Method {
     PolarCells,
 }
 
+/// What a robot with a forward camera drives by while the way ahead is free.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeadingRule {
+    /// Straight on, and a little to the side that weighs less.
+    Weights,
+    /// The heading nearest to straight on that keeps clear of what is seen, as polar-cells chooses; needs odometry.
+    Clearance,
+}
+
 /// Whether directions are judged by the velocity that the robot has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -130,6 +142,7 @@ impl Default for Config {
             polarity: PolarityRule::BrightFloor,
             least_contrast: 25.0,
             floor_evenness: 0.7,
+            heading: HeadingRule::Weights,
             patience_s: 3.0,
             rings: 6,
             directions: 32,

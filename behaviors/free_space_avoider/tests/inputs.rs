@@ -250,3 +250,22 @@ fn cameras_that_cannot_do_are_refused_with_a_remedy() {
     assert_eq!(refused(intrinsics, Mount { z: f64::NAN, ..mount }, "").key, "inputs.camera");
     assert_eq!(refused(intrinsics, mount, "columns = 3").key, "columns");
 }
+
+#[test]
+fn headings_by_clearance_drive_where_the_decisions_do_and_turn_where_they_turn() {
+    let (intrinsics, mount) = office::camera(WIDTH as u32, HEIGHT as u32);
+    let toml = "heading = 'clearance'";
+    let refused =
+        Bench::<FreeSpaceAvoider>::new(toml, office::setup(intrinsics, mount)).err().expect("refused");
+    assert_eq!(refused.key, "inputs.odometry");
+    let mut setup = office::setup(intrinsics, mount);
+    let mut wheels = setup.sensors[0].1.clone();
+    wheels.kind = yamabico_core::sensor::SensorKind::Other;
+    setup.sensors.push(("odometry".into(), wheels));
+    let mut bench = Bench::<FreeSpaceAvoider>::new(toml, setup).expect("a valid configuration");
+    let proposal = show(&mut bench, 1.0, &picture(FREE));
+    assert_eq!(proposal.reason(), Some(Reason::Nominal));
+    assert!(proposal.twist.linear > 0.05 && proposal.twist.angular.abs() <= 0.4, "{:?}", proposal.twist);
+    let proposal = show(&mut bench, 1.1, &picture(BLOCKED));
+    assert_eq!((proposal.twist.linear, proposal.twist.angular.abs()), (0.0, 0.4));
+}

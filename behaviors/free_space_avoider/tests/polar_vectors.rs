@@ -187,7 +187,7 @@ mod vectors {
                 reaction_s: number(&params["tau"]),
                 velocity,
                 side_change_rad: 0.0,
-                most_deviation_rad: TAU,
+                deviation_rad: [0.0, TAU],
             };
             let free = free_distances(&case["a"], &edges_mm);
             let start = Start { velocity_mps: metres(&case["v_a"]), ..Start::default() };
@@ -230,7 +230,7 @@ mod vectors {
             horizon_s: number(&params["T"]),
             clearance_m: 0.1,
             side_change_rad: 0.0,
-            most_deviation_rad: TAU,
+            deviation_rad: [0.0, TAU],
         };
         for case in cases(&file) {
             let id = &case["id"];

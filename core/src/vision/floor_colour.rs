@@ -165,28 +165,90 @@ impl FloorColours {
         mask.clear(picture.width(), picture.height());
         match self {
             FloorColours::Box(colours) => {
-                vectorise::run(Mark { picture, columns, mask, is_floor: |colour| colours.contains(colour) });
+                vectorise::run(Mark { picture, columns, mask, classes: Thresholds::new(colours) });
             }
-            FloorColours::Table(table) => {
-                vectorise::run(Mark { picture, columns, mask, is_floor: |colour| table.contains(colour) });
-            }
+            FloorColours::Table(table) => vectorise::run(Mark { picture, columns, mask, classes: table }),
         }
     }
 }
 
-struct Mark<'a, F> {
+/// Tells the floor 64 pixels at a time.
+trait Classes {
+    /// A bit for each pixel, the first one lowest.
+    fn word(&self, colours: &[Colour; 64]) -> u64;
+}
+
+impl Classes for &ColourTable {
+    #[inline(always)]
+    fn word(&self, colours: &[Colour; 64]) -> u64 {
+        let mut flags = [0; 64];
+        for (flag, &colour) in flags.iter_mut().zip(colours) {
+            *flag = u8::from(self.contains(colour));
+        }
+        pack(&flags)
+    }
+}
+
+/// A box, channel after channel for 64 pixels: all channels are compared alike, and their bits brought together afterwards.
+struct Thresholds {
+    least: [u8; 192],
+    /// Largest less smallest; for an empty channel nothing fits, as the box is then empty altogether.
+    span: [u8; 192],
+    is_empty: bool,
+}
+
+impl Thresholds {
+    fn new(colours: &ColourBox) -> Self {
+        let channels = |levels: Colour| std::array::from_fn(|i| levels[i % 3]);
+        let span = std::array::from_fn(|i| colours.most[i].wrapping_sub(colours.least[i]));
+        let is_empty = (0..3).any(|i| colours.most[i] < colours.least[i]);
+        Self { least: channels(colours.least), span: channels(span), is_empty }
+    }
+}
+
+impl Classes for Thresholds {
+    #[inline(always)]
+    fn word(&self, colours: &[Colour; 64]) -> u64 {
+        if self.is_empty {
+            return 0;
+        }
+        let bytes = colours.as_flattened();
+        let mut flags = [0; 192];
+        for (((flag, &byte), &least), &span) in flags.iter_mut().zip(bytes).zip(&self.least).zip(&self.span) {
+            *flag = u8::from(byte.wrapping_sub(least) <= span);
+        }
+        let [a, b, c] = [0, 1, 2].map(|i| pack(flags.as_chunks::<64>().0.get(i).unwrap_or(&[0; 64])));
+        // A pixel's three bits come together at the place of its first.
+        let first = a & (a >> 1 | b << 63) & (a >> 2 | b << 62);
+        let second = b & (b >> 1 | c << 63) & (b >> 2 | c << 62);
+        let third = c & c >> 1 & c >> 2;
+        every_third(first) | every_third(second >> 2) << 22 | every_third(third >> 1) << 43
+    }
+}
+
+/// Every third bit, beginning with the lowest, side by side.
+#[inline(always)]
+fn every_third(mut bits: u64) -> u64 {
+    bits &= 0x9249_2492_4924_9249;
+    bits = (bits | bits >> 2) & 0x30c3_0c30_c30c_30c3;
+    bits = (bits | bits >> 4) & 0xf00f_00f0_0f00_f00f;
+    bits = (bits | bits >> 8) & 0x00ff_0000_ff00_00ff;
+    bits = (bits | bits >> 16) & 0x00ff_0000_0000_ffff;
+    (bits | bits >> 32) & 0x003f_ffff
+}
+
+struct Mark<'a, C> {
     picture: RgbView<'a>,
     columns: &'a [std::ops::Range<u32>],
     mask: &'a mut BitImage,
-    is_floor: F,
+    classes: C,
 }
 
-impl<F: Fn(Colour) -> bool> Kernel for Mark<'_, F> {
+impl<C: Classes> Kernel for Mark<'_, C> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let mut flags = [0; 64];
         for (v, columns) in self.columns.iter().enumerate().take(self.picture.height()) {
             let end = (columns.end as usize).min(self.picture.width());
             // Whole words are looked at, and cut to the columns afterwards.
@@ -196,18 +258,14 @@ impl<F: Fn(Colour) -> bool> Kernel for Mark<'_, F> {
             }
             let pixels = &self.picture.row(v)[64 * first..];
             let words = &mut self.mask.row_mut(v)[first..end.div_ceil(64)];
-            for (word, colours) in words.iter_mut().zip(pixels.chunks(64)) {
-                if let Ok(colours) = <&[Colour; 64]>::try_from(colours) {
-                    for i in 0..64 {
-                        flags[i] = u8::from((self.is_floor)(colours[i]));
-                    }
-                } else {
-                    flags.fill(0);
-                    for (flag, &colour) in flags.iter_mut().zip(colours) {
-                        *flag = u8::from((self.is_floor)(colour));
-                    }
-                }
-                *word = pack(&flags);
+            let (whole, rest) = pixels.as_chunks::<64>();
+            for (word, colours) in words.iter_mut().zip(whole) {
+                *word = self.classes.word(colours);
+            }
+            if let Some(word) = words.get_mut(whole.len()) {
+                let mut colours = [[0; 3]; 64];
+                colours[..rest.len()].copy_from_slice(rest);
+                *word = self.classes.word(&colours) & ((1 << rest.len()) - 1);
             }
             words[0] &= u64::MAX << (columns.start % 64);
             if !end.is_multiple_of(64) {
@@ -244,6 +302,17 @@ mod tests {
             }
         }
         assert!(count > 10 && by_box.count() == count, "{count}");
+    }
+
+    #[test]
+    fn an_empty_box_has_no_colour() {
+        let data: Vec<u8> = (0..3 * 64).map(|i| i as u8).collect();
+        let picture = RgbView::new(&data, 64, 1, 192).unwrap();
+        let mut mask = BitImage::default();
+        let empty = ColourBox { least: [0, 9, 0], most: [255, 8, 255] };
+        FloorColours::Box(empty).mark(picture, &[0..64], &mut mask);
+        assert_eq!(mask.count(), 0);
+        assert_eq!(every_third(1 | 1 << 3 | 1 << 30 | 1 << 63), 1 | 2 | 1 << 10 | 1 << 21);
     }
 
     #[test]

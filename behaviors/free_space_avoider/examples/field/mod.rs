@@ -3,6 +3,8 @@
 
 use std::path::Path;
 
+use image::ImageEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use nalgebra::Vector2;
 use yamabico_core::behavior::Setup;
 use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage, Mount};
@@ -84,18 +86,18 @@ pub fn renderer(camera: MirrorCamera) -> MirrorRenderer {
     MirrorRenderer::new(camera, Photometry::default(), yamabico_sim::random::stream(1, "noise"))
 }
 
-/// Writes the picture, three times as large: free cells outlined green, the first blocked cell of each direction red, and a line from
+/// Writes the picture, twice as large: free cells outlined green, the first blocked cell of each direction red, and a line from
 /// the centre, as long as the robot drives in a second, magenta.
 pub fn draw(pixels: &[u8], sight: &RingSight, proposal: &Proposal, path: &Path) -> Result<(), String> {
-    const SCALE: usize = 3;
+    const SCALE: usize = 2;
     let (columns, rows) = (sight.image().width as usize, sight.image().height as usize);
     let (width, height) = (SCALE * columns, SCALE * rows);
     let mut data = Vec::with_capacity(3 * width * height);
     for v in 0..height {
         for u in 0..width {
             let pixel = &pixels[3 * (v / SCALE * columns + u / SCALE)..][..3];
-            // Sixteen levels are enough to look at, and make small files.
-            data.extend(pixel.iter().map(|level| level / 17 * 17));
+            // Thirteen levels are enough to look at, and make small files.
+            data.extend(pixel.iter().map(|level| level / 20 * 20));
         }
     }
     let mut canvas = Canvas::new(&mut data, width, height).ok_or("a canvas of the wrong size")?;
@@ -133,6 +135,9 @@ pub fn draw(pixels: &[u8], sight: &RingSight, proposal: &Proposal, path: &Path) 
             canvas.line(at(4.0, azimuth) + shift * 3.0, at(radius_px, azimuth) + shift * 3.0, [255, 0, 255]);
         }
     }
-    image::save_buffer(path, &data, width as u32, height as u32, image::ExtendedColorType::Rgb8)
-        .map_err(|e| format!("{}: {e}", path.display()))
+    let cannot = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let file = std::fs::File::create(path).map_err(|e| cannot(&e))?;
+    PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::NoFilter)
+        .write_image(&data, width as u32, height as u32, image::ExtendedColorType::Rgb8)
+        .map_err(|e| cannot(&e))
 }

@@ -13,10 +13,12 @@ pub const SAME_DEVIATION_RAD: f64 = 1e-9;
 /// A deviation below this (rad) is to neither side.
 const STRAIGHT_RAD: f64 = 1e-6;
 
-/// Shares of the speed that are tried one after the other, each in directions that deviate by no more than so much (rad):
+/// Shares of the speed that are tried one after the other, each in directions that deviate from so much to so much (rad):
 /// slowly on is better than fast back.
-pub const SPEED_LADDER: [(f64, f64); 6] =
-    [(1.0, AHEAD_RAD), (0.5, AHEAD_RAD), (0.25, AHEAD_RAD), (1.0, TAU), (0.5, TAU), (0.25, TAU)];
+pub const SPEED_LADDER: [(f64, [f64; 2]); 6] =
+    [(1.0, ON), (0.5, ON), (0.25, ON), (1.0, BACK), (0.5, BACK), (0.25, BACK)];
+const ON: [f64; 2] = [0.0, AHEAD_RAD];
+const BACK: [f64; 2] = [AHEAD_RAD, TAU];
 /// Up to this deviation (rad) a direction leads on.
 const AHEAD_RAD: f64 = 1.75;
 
@@ -46,8 +48,8 @@ pub struct ChoiceRules {
     pub velocity: Velocity,
     /// Going around on the other side than last time must save so much deviation (rad, at least 0).
     pub side_change_rad: f64,
-    /// Directions that deviate by more (rad) are not taken.
-    pub most_deviation_rad: f64,
+    /// Least and largest deviation (rad) from the wished direction.
+    pub deviation_rad: [f64; 2],
 }
 
 /// Where the robot is, in the frame of the free distances, and how it moves.
@@ -83,9 +85,9 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Whether it deviates by no more than this.
-    pub(super) fn deviates_by(&self, most_rad: f64) -> bool {
-        self.deviation_rad.abs() <= most_rad
+    /// Whether it deviates by at least the one and less than the other.
+    pub(super) fn is_within(&self, [least_rad, most_rad]: [f64; 2]) -> bool {
+        (least_rad..most_rad).contains(&self.deviation_rad.abs())
     }
 
     pub(super) fn side(&self) -> i8 {
@@ -120,8 +122,9 @@ impl Chooser {
             return None;
         }
         let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
-        let tried = order.iter().take_while(|candidate| candidate.deviates_by(rules.most_deviation_rad));
-        tried.enumerate().find_map(|(rank, candidate)| {
+        let mut tried =
+            order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
+        tried.find_map(|(rank, candidate)| {
             let direction_rad = candidate.direction_rad;
             let velocity_mps = Vector2::new(direction_rad.cos(), direction_rad.sin()) * rules.speed_mps;
             let ways = Ways::new(start, velocity_mps, rules);
@@ -146,8 +149,8 @@ impl Chooser {
         last_side: i8,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
-        SPEED_LADDER.iter().find_map(|&(share, most_deviation_rad)| {
-            let rules = ChoiceRules { speed_mps: share * rules.speed_mps, most_deviation_rad, ..*rules };
+        SPEED_LADDER.iter().find_map(|&(share, deviation_rad)| {
+            let rules = ChoiceRules { speed_mps: share * rules.speed_mps, deviation_rad, ..*rules };
             self.choose(free, start, goal_rad, last_side, &rules)
         })
     }
@@ -216,6 +219,10 @@ fn keeps_clear(
     rules: &ChoiceRules,
 ) -> bool {
     let step_m = motion.fastest_mps() * rules.step_s;
+    // Most ways that fail do so at their end.
+    if free.clearance_m(from + motion.position_m(duration_s)) < rules.clearance_m {
+        return false;
+    }
     let mut step = 0.0;
     loop {
         let t = (step * rules.step_s).min(duration_s);
@@ -278,7 +285,7 @@ mod tests {
         reaction_s: 0.04,
         velocity: Velocity::Considered,
         side_change_rad: 0.0,
-        most_deviation_rad: TAU,
+        deviation_rad: [0.0, TAU],
     };
 
     fn random_case(random: &mut Pcg64) -> (Vec<f64>, Start, f64) {

@@ -32,8 +32,8 @@ pub struct HeadingRules {
     pub clearance_m: f64,
     /// Going around on the other side than last time must save so much deviation (rad, at least 0).
     pub side_change_rad: f64,
-    /// Headings that deviate by more (rad) are not taken.
-    pub most_deviation_rad: f64,
+    /// Least and largest deviation (rad) from the wished heading.
+    pub deviation_rad: [f64; 2],
 }
 
 /// A heading that is taken.
@@ -153,8 +153,9 @@ impl Chooser {
             return None;
         }
         let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
-        let tried = order.iter().take_while(|candidate| candidate.deviates_by(rules.most_deviation_rad));
-        tried.enumerate().find_map(|(rank, candidate)| {
+        let mut tried =
+            order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
+        tried.find_map(|(rank, candidate)| {
             let heading_rad = candidate.direction_rad;
             keeps_clear(free, *start, heading_rad, rules).then(|| Drive {
                 twist: start.wished(heading_rad, rules),
@@ -175,8 +176,8 @@ impl Chooser {
         last_side: i8,
         rules: &HeadingRules,
     ) -> Option<Drive> {
-        SPEED_LADDER.iter().find_map(|&(share, most_deviation_rad)| {
-            let rules = HeadingRules { speed_mps: share * rules.speed_mps, most_deviation_rad, ..*rules };
+        SPEED_LADDER.iter().find_map(|&(share, deviation_rad)| {
+            let rules = HeadingRules { speed_mps: share * rules.speed_mps, deviation_rad, ..*rules };
             self.choose_heading(free, start, goal_rad, last_side, &rules)
         })
     }
@@ -224,7 +225,7 @@ mod tests {
         horizon_s: 2.0,
         clearance_m: 0.1,
         side_change_rad: 0.0,
-        most_deviation_rad: 7.0,
+        deviation_rad: [0.0, 7.0],
     };
 
     #[test]

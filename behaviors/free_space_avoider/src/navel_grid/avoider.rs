@@ -10,8 +10,9 @@ use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
 
 use super::ground::Swath;
-use super::{Motion, Sight, Steering, Trouble};
-use crate::config::Config;
+use super::{Motion, OpenFloor, Outlook, Passage, Sight, Steering, Trouble};
+use crate::config::{Config, HeadingRule};
+use crate::direction::Drive;
 use crate::stopping::stopping_distance_m;
 use crate::{CAMERA, FREE_SPACE, ODOMETRY, STALE_S};
 
@@ -24,6 +25,8 @@ pub struct NavelGridAvoider {
     way: Swath,
     sight: Sight,
     steering: Steering,
+    open_floor: Option<OpenFloor>,
+    heading: Option<Drive>,
     odometry: OdometryTrack,
     grey: GrayImage,
     /// Turned since the last picture, radians.
@@ -56,13 +59,31 @@ impl NavelGridAvoider {
             length_m: stopping_distance_m(config.speed_mps, config.margin_m, &setup.robot, sensor),
             half_width_m: setup.robot.radius_m + config.side_m,
         };
+        let sight = Sight::new(config, &Pinhole::new(*intrinsics, *distortion), mount, &way)?;
+        let open_floor = match config.heading {
+            HeadingRule::Weights => None,
+            HeadingRule::Clearance if setup.sensor(&ODOMETRY).is_none() => {
+                return Err(BuildError::new("inputs.odometry", "headings by clearance need odometry"));
+            }
+            HeadingRule::Clearance => {
+                let open_floor = OpenFloor::new(config, sight.ground(), &setup.robot);
+                Some(open_floor.ok_or_else(|| {
+                    BuildError::new(
+                        "heading",
+                        "the robot cannot brake and turn, or the camera shows no floor far ahead",
+                    )
+                })?)
+            }
+        };
         Ok(Self {
             speed_mps: config.speed_mps,
             turn_rad_s: config.turn_rad_s,
             intrinsics: *intrinsics,
             way,
-            sight: Sight::new(config, &Pinhole::new(*intrinsics, *distortion), mount, &way)?,
+            sight,
             steering: Steering::new(config.patience_s),
+            open_floor,
+            heading: None,
             odometry: OdometryTrack::default(),
             grey: GrayImage::default(),
             turned_rad: 0.0,
@@ -123,8 +144,15 @@ impl NavelGridAvoider {
         let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.malformed = usable.is_none();
         let Some(image) = usable else { return };
-        let (outlook, trouble) = self.sight.see(image);
+        let (mut outlook, trouble) = self.sight.see(image);
         self.trouble = trouble;
+        if let Some(open_floor) = &mut self.open_floor {
+            let twist = self.odometry.newest().map_or(Twist::ZERO, |reading| reading.twist);
+            self.heading = open_floor.choose(self.sight.directions(), &twist);
+            if let (Outlook::Seen(weights, _), None) = (outlook, self.heading) {
+                outlook = Outlook::Seen(weights, Passage::Obstructed);
+            }
+        }
         let turned_rad = match (self.odometry.newest(), self.last_picture) {
             (Some(_), _) => std::mem::take(&mut self.turned_rad),
             (None, Some(last)) => self.turn_rad_s * stamp.seconds_after(last),
@@ -151,8 +179,13 @@ impl NavelGridAvoider {
             |speed_mps, turn_rad_s| Proposal::drive(Axes::PLANAR, Twist::planar(speed_mps, turn_rad_s));
         let why = self.trouble.map(Trouble::reason);
         match self.steering.motion() {
-            Motion::Forward { share, turn_rad_s } => drive(share * self.speed_mps, turn_rad_s)
-                .with_note(format_args!("free ahead, {:.0} % of the speed", 100.0 * share)),
+            Motion::Forward { share, turn_rad_s } => {
+                let speed_mps = share * self.speed_mps;
+                let chosen = self.heading.map(|heading| heading.twist);
+                let twist = chosen.unwrap_or(Twist::planar(speed_mps, turn_rad_s));
+                drive(twist.linear.min(speed_mps), twist.angular)
+                    .with_note(format_args!("free ahead, {:.0} % of the speed", 100.0 * share))
+            }
             // A turn goes on where a halt names only translation.
             Motion::Turn(side) => drive(0.0, side.sign() * self.turn_rad_s)
                 .uncoupled()

@@ -18,6 +18,8 @@ use crate::stopping::COMMAND_S;
 
 /// Time between two looks at a way, s.
 const STEP_S: f64 = 0.02;
+/// The same for a robot that turns, whose way must be followed step by step, s.
+const TURNING_STEP_S: f64 = 0.04;
 /// Time that a robot that turns looks ahead before it would brake, s.
 const HORIZON_S: f64 = 2.0;
 /// Turn rate for each radian of missing heading, 1/s.
@@ -103,7 +105,7 @@ impl Pilot {
                 VelocityRule::Ignored => Velocity::Ignored,
             },
             side_change_rad: SIDE_CHANGE_RAD,
-            most_deviation_rad: TAU,
+            deviation_rad: [0.0, TAU],
         };
         let heading = HeadingRules {
             speed_mps,
@@ -111,11 +113,11 @@ impl Pilot {
             turn_rad_s: config.turn_rad_s.min(limits.speed[2]),
             turn_acceleration_rad_s2: turning,
             gain_per_s: GAIN_PER_S,
-            step_s: STEP_S,
+            step_s: TURNING_STEP_S,
             horizon_s: HORIZON_S,
             clearance_m,
             side_change_rad: SIDE_CHANGE_RAD,
-            most_deviation_rad: TAU,
+            deviation_rad: [0.0, TAU],
         };
         Ok(Self {
             chooser: Chooser::default(),
