@@ -23,7 +23,15 @@ impl Folder {
         let floor = |u: u32, v: u32| [40 + (u % 20) as u8, 130 + (v % 20) as u8, 60];
         let picture = RgbImage::from_fn(60, 40, |u, v| Rgb(if v < 20 { wall } else { floor(u, v) }));
         picture.save(self.0.join(format!("{name}.png"))).unwrap();
-        let mask = GrayImage::from_fn(60, 40, |u, v| Luma([if u < 5 { 128 } else if v < 20 { 0 } else { 255 }]));
+        let mask = GrayImage::from_fn(60, 40, |u, v| {
+            Luma([if u < 5 {
+                128
+            } else if v < 20 {
+                0
+            } else {
+                255
+            }])
+        });
         mask.save(self.0.join(format!("{name}.mask.png"))).unwrap();
     }
 

@@ -310,7 +310,7 @@ mod tests {
         let picture = RgbView::new(&data, 64, 1, 192).unwrap();
         let mut mask = BitImage::default();
         let empty = ColourBox { least: [0, 9, 0], most: [255, 8, 255] };
-        FloorColours::Box(empty).mark(picture, &[0..64], &mut mask);
+        FloorColours::Box(empty).mark(picture, std::slice::from_ref(&(0..64)), &mut mask);
         assert_eq!(mask.count(), 0);
         assert_eq!(every_third(1 | 1 << 3 | 1 << 30 | 1 << 63), 1 | 2 | 1 << 10 | 1 << 21);
     }

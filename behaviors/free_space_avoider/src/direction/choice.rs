@@ -359,7 +359,7 @@ mod tests {
     fn the_side_is_kept_unless_the_other_saves_enough() {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         // Blocked ahead, a little farther to the left than to the right.
-        free.set((0..32).map(|j| if j < 3 || j >= 30 { 0.3 } else { 1.2 }));
+        free.set((0..32).map(|j| if (3..30).contains(&j) { 1.2 } else { 0.3 }));
         let mut chooser = Chooser::default();
         let mut side = |last: i8, side_change_rad: f64| {
             let rules = ChoiceRules { side_change_rad, ..RULES };
