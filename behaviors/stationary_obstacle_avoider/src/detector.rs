@@ -3,8 +3,6 @@
 //! Ohya, Kosaka & Kak (1998): edges seen against edges expected at the localised pose. Differs from \[1\]: only edges that run
 //! upright over five rows count, and faint upright steps on the bare floor are evidence of their own.
 
-use std::ops::Range;
-
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::{Distortion, Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
@@ -222,27 +220,6 @@ impl Detector {
         Some(Vector2::new(middle, self.horizon as f64))
     }
 
-    /// The columns between which `least_px` pixels each bear out that a region holds something, of its own columns; all of
-    /// them where a faint step or fewer pixels do.
-    #[must_use]
-    pub fn extent(&self, region: usize, least_px: u32) -> Range<usize> {
-        let columns = self.regions.columns(region);
-        if self.sights.get(region).is_none_or(|sight| sight.is_step) {
-            return columns;
-        }
-        let rows = self.horizon..self.seen.height();
-        let is_seen = |u: usize, v: usize| self.difference.is_extra(&self.seen, u, v) || self.level.get(u, v);
-        let weigh = |u: usize| (u, rows.clone().filter(|&v| is_seen(u, v)).count());
-        let (start, end) = (
-            crossing(columns.clone().map(weigh), least_px),
-            crossing(columns.clone().rev().map(weigh), least_px),
-        );
-        match (start, end) {
-            (Some(a), Some(b)) => a.min(b)..a.max(b) + 1,
-            _ => columns,
-        }
-    }
-
     /// What each region of the last picture showed.
     #[must_use]
     pub fn sights(&self) -> &[RegionSight] {
@@ -424,14 +401,4 @@ fn horizon(camera: &Pinhole, mount: &Mount) -> usize {
     let ahead = mount.rotation_body_from_camera().transpose() * Vector3::new(1.0, 0.0, 0.0);
     let row = if ahead.z > 0.0 { k.cy + k.fy * ahead.y / ahead.z } else { 0.0 };
     row.clamp(0.0, f64::from(k.height) - 1.0) as usize
-}
-
-/// The first column by which the pixels counted come to `least_px`.
-fn crossing(mut columns: impl Iterator<Item = (usize, usize)>, least_px: u32) -> Option<usize> {
-    let mut left = least_px as usize;
-    let found = columns.find(|&(_, pixels)| {
-        left = left.saturating_sub(pixels);
-        left == 0
-    });
-    found.map(|(u, _)| u)
 }

@@ -72,7 +72,7 @@ pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "what s
 /// A pose that is older (s) is none.
 const POSE_STALE_S: f64 = 0.5;
 /// What was seen is remembered for so long, what was heard for so long, seconds.
-const MEMORY_S: (f64, f64) = (20.0, 1.5);
+const MEMORY_S: (f64, f64) = (30.0, 1.5);
 /// An echo so near to a wall of the map is the wall's, metres.
 const WALL_ECHO_M: f64 = 0.15;
 /// Somebody who stands in the way is waited for so long before the search, seconds.
@@ -97,7 +97,6 @@ pub struct StationaryObstacleAvoider {
     floor: SeenFloor,
     passage: SafePassage,
     lean_m: f64,
-    doubts: u32,
     machine: Machine,
     order: Order,
     pending: Option<Look>,
@@ -188,7 +187,6 @@ impl Plugin for StationaryObstacleAvoider {
             floor: SeenFloor::new(half_view, mount.pan),
             passage: SafePassage::default(),
             lean_m: 0.0,
-            doubts: 0,
             order: Order { state: machine.state(), v_zero: true, target_heading: None },
             machine,
             pending: None,
@@ -328,7 +326,6 @@ impl StationaryObstacleAvoider {
         (self.machine, self.order) = self.machine.step(&tick, &self.rules);
         if self.order.state != before {
             self.entered = now;
-            self.doubts = 0;
             let along = robot.map(|robot| robot.theta - self.station.heading_error_rad);
             self.search = self.search.after(self.order.state, robot, along);
             if matches!(self.order.state, State::Follow | State::Rejoin | State::Search) {

@@ -18,14 +18,6 @@ const WIDEST_GOAL_M: f64 = 1.0;
 const BESIDE_M: f64 = 0.4;
 /// A passage on the side that was begun may be farther from the goal by this, metres.
 const LEAN_M: f64 = 0.3;
-/// Nothing is taken to be narrower than twice this, metres.
-const SMALLEST_M: f64 = 0.14;
-/// A thing may reach so far beyond its outermost edge, metres.
-const EDGE_M: f64 = 0.06;
-/// Another passage than the one that is driven to must be the better one in so many pictures, one after the other.
-const DOUBTS: u32 = 3;
-/// Passages whose directions differ by more are not the same one, rad.
-pub(crate) const SAME_PASSAGE_RAD: f64 = 0.35;
 /// Pixels of an obstacle that tell where its foot is.
 const FOOT_PX: u32 = 4;
 
@@ -61,44 +53,22 @@ impl StationaryObstacleAvoider {
         self.detector.look(image, robot, localised.heading_sigma, &place)?;
         self.floor.look(now, robot);
         self.things.begin();
+        let half_view = (0.5 * self.detector.camera().intrinsics().horizontal_fov()).tan();
         let pan = self.detector.mount().pan;
         let camera = Pose2::new(0.0, 0.0, pan);
-        for region in 0..self.detector.regions().count() {
+        let count = self.detector.regions().count();
+        for region in 0..count {
             let Some(foot) = self.detector.foot(region, FOOT_PX) else { continue };
             let ahead_m = self.depth(foot).map_or(PLANE_M, |depth_m| depth_m.clamp(0.6, 3.5));
-            let across = self.across(region, ahead_m);
-            let middle = Point2::new(ahead_m, 0.5 * (across.low + across.high));
+            let Interval { low, high } = region_on_plane(region, count, half_view);
+            let middle = Point2::new(ahead_m, 0.5 * (low + high) * ahead_m);
             let at = robot.transform_point(camera.transform_point(middle));
-            let radius_m = (0.5 * across.width()).clamp(SMALLEST_M, 0.3);
-            self.things.see(robot.position(), at, radius_m, now, MEMORY_S.0);
+            let radius_m = (0.5 * (high - low) * ahead_m).clamp(0.12, 0.3);
+            self.things.see(at, radius_m, now, MEMORY_S.0);
         }
         let (floor, map) = (&self.floor, self.detector.map());
         self.things.end(|place| floor.is_in_view(robot, place) && map.is_open(robot.position(), place));
         Ok(())
-    }
-
-    /// What the thing in a region covers across the camera's axis where it stands `ahead_m` ahead, metres: on the sides where
-    /// the next region is empty no more than its edges bear out.
-    fn across(&self, region: usize, ahead_m: f64) -> Interval {
-        let count = self.detector.regions().count();
-        let half_view = (0.5 * self.detector.camera().intrinsics().horizontal_fov()).tan();
-        let whole = region_on_plane(region, count, half_view);
-        let whole = Interval::new(whole.low * ahead_m, whole.high * ahead_m);
-        let (columns, k) = (self.detector.extent(region, FOOT_PX), self.detector.camera().intrinsics());
-        let place = |u: usize| (k.cx - u as f64) / k.fx * ahead_m;
-        let is_held = |next: Option<usize>| {
-            next.is_none_or(|next| self.detector.sights().get(next).is_none_or(|sight| sight.is_obstacle))
-        };
-        let (goes_left, goes_right) = (is_held(region.checked_sub(1)), is_held(Some(region + 1)));
-        let high = if goes_left { whole.high } else { whole.high.min(place(columns.start) + EDGE_M) };
-        let low = if goes_right { whole.low } else { whole.low.max(place(columns.end) - EDGE_M) };
-        match (goes_left, goes_right) {
-            _ if high - low >= 2.0 * SMALLEST_M => Interval::new(low, high),
-            (true, false) => Interval::new(low, low + 2.0 * SMALLEST_M),
-            (false, true) => Interval::new(high - 2.0 * SMALLEST_M, high),
-            // One edge does not tell on which side of it the thing is.
-            _ => whole,
-        }
     }
 
     /// Distance ahead of the camera of the floor at a pixel, metres; `None` above the horizon.
@@ -113,14 +83,13 @@ impl StationaryObstacleAvoider {
     /// Whether the way is clear, and where a passage is.
     fn judge(&mut self, look: Look) -> Look {
         let Some(robot) = self.robot() else { return look };
-        let ahead = self.along_path(&robot);
-        let goal_m = self.goal_on_plane(&ahead);
+        let goal_m = self.goal_on_plane(&robot);
         let beside = self.things.confirmed().any(|thing| {
-            let at = ahead.inverse().transform_point(thing.at);
+            let at = robot.inverse().transform_point(thing.at);
             at.x > -BESIDE_M && at.x < 2.0 && at.y.abs() < 2.0 * self.room.half_width_m + thing.radius_m
         });
         let around = Surroundings {
-            robot: &ahead,
+            robot: &robot,
             map: self.detector.map(),
             things: &self.things,
             floor: &self.floor,
@@ -129,41 +98,22 @@ impl StationaryObstacleAvoider {
         let is_avoiding = self.order.state == State::Avoid;
         let clear = is_clear(&around, goal_m, &self.room) && !(is_avoiding && beside);
         let aim = aim(&around, goal_m, self.lean_m, &self.room, &mut self.passage);
-        let heading = aim.map(|aim| ahead.theta + aim.bearing());
-        if is_avoiding && self.is_doubtful(heading) {
-            return look;
-        }
         if !clear && let Some(aim) = aim.filter(|aim| aim.deviates) {
             self.lean_m = LEAN_M.copysign(aim.lateral_m - goal_m);
         }
-        let bearing = heading.map(|heading| angle_difference(heading, robot.theta));
+        let bearing = aim.map(|aim| aim.bearing());
         Look { valid: true, clear, bearing, ..look }
     }
 
-    /// Whether a passage in the direction `heading` (rad) on the map, or none, is too new to give up for it the one that is
-    /// driven to.
-    fn is_doubtful(&mut self, heading: Option<f64>) -> bool {
-        let is_same = match (heading, self.order.target_heading) {
-            (Some(heading), Some(target)) => angle_difference(heading, target).abs() <= SAME_PASSAGE_RAD,
-            _ => false,
-        };
-        self.doubts = if is_same { 0 } else { self.doubts + 1 };
-        !is_same && self.doubts < DOUBTS
-    }
-
-    /// The robot as if it were turned along its path, so that what is free does not depend on where it looks just now.
-    pub(crate) fn along_path(&self, robot: &Pose2) -> Pose2 {
-        let on_path = place_on(&self.path, self.station.progress_m, LOOK_AHEAD_M);
-        Pose2::new(robot.x, robot.y, on_path.map_or(robot.theta, |(_, heading)| heading))
-    }
-
-    /// Where the path leads from `ahead`, on the plane one metre ahead, metres; while avoiding, straight on.
-    fn goal_on_plane(&self, ahead: &Pose2) -> f64 {
+    /// Where the path leads, on the plane one metre ahead, metres; while avoiding, where it runs, leaning to the passage that
+    /// was chosen.
+    fn goal_on_plane(&self, robot: &Pose2) -> f64 {
         let on_path = place_on(&self.path, self.station.progress_m, LOOK_AHEAD_M);
         let bearing = match (on_path, self.order.state) {
-            (None, _) | (_, State::Avoid) => 0.0,
+            (None, _) => 0.0,
+            (Some((_, heading)), State::Avoid) => angle_difference(heading, robot.theta),
             (Some((place, _)), _) => {
-                let at = ahead.inverse().transform_point(place);
+                let at = robot.inverse().transform_point(place);
                 at.y.atan2(at.x)
             }
         };

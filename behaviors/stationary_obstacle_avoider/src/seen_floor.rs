@@ -10,7 +10,7 @@ const MOST: usize = 24;
 /// Moved or turned by more than this (m, rad), the robot has a new view.
 const APART: (f64, f64) = (0.15, 0.14);
 /// Views are remembered for so long, seconds.
-const LIFETIME_S: f64 = 30.0;
+const LIFETIME_S: f64 = 10.0;
 /// What is nearer or farther ahead (m) is not looked at.
 const DEPTH_M: (f64, f64) = (0.7, 3.2);
 
@@ -81,7 +81,7 @@ mod tests {
             floor.look(Time::from_secs_f64(f64::from(step)), &Pose2::new(0.2 * f64::from(step), 0.0, 0.0));
         }
         assert!(floor.is_known(beside, &map), "though it is out of view now");
-        floor.look(Time::from_secs_f64(60.0), &Pose2::new(1.6, 0.0, 0.0));
+        floor.look(Time::from_secs_f64(30.0), &Pose2::new(1.6, 0.0, 0.0));
         assert!(!floor.is_known(beside, &map));
     }
 }

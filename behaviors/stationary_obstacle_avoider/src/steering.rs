@@ -6,7 +6,6 @@ use yamabico_core::time::Time;
 
 use crate::StationaryObstacleAvoider;
 use crate::halt_state_machine::{Look, State};
-use crate::looking::SAME_PASSAGE_RAD;
 use crate::safe_passage::PLANE_M;
 use crate::way::{Surroundings, aim};
 
@@ -70,27 +69,23 @@ impl StationaryObstacleAvoider {
                 .because(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
-        let ahead = self.along_path(robot);
         let around = Surroundings {
-            robot: &ahead,
+            robot,
             map: self.detector.map(),
             things: &self.things,
             floor: &self.floor,
             path: &self.path,
         };
-        let wanted_m = angle_difference(target, ahead.theta).clamp(-0.8, 0.8).tan() * PLANE_M;
-        let aim = aim(&around, wanted_m, 0.0, &self.room, &mut self.passage);
-        let heading = aim.map(|aim| ahead.theta + aim.bearing());
-        let same = heading.filter(|&heading| angle_difference(heading, target).abs() <= SAME_PASSAGE_RAD);
-        let Some(heading) = same else {
+        let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
+        let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
             return turn(off, self.config.largest_turn_rad_s)
                 .because(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
         };
-        let bearing = angle_difference(heading, robot.theta);
+        let bearing = aim.bearing();
         let fastest =
             if self.trouble.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
-        let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.0, 1.0);
+        let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
         let rate =
             (TURN_GAIN * bearing).clamp(-self.config.largest_turn_rad_s, self.config.largest_turn_rad_s);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(

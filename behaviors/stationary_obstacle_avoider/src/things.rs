@@ -11,17 +11,8 @@ use yamabico_core::time::Time;
 const MOST: usize = 24;
 /// A sighting this much beyond the radius of a thing is still that thing, metres.
 const SAME_M: f64 = 0.3;
-/// Pictures without it, though its place is in view, after which it is gone: at least the first, as many as have shown it, at most
-/// the second.
-const FORGOTTEN: (u32, u32) = (3, 20);
-/// What is seen this close to the line of sight to a nearer thing (m) is that thing.
-const BEHIND_M: f64 = 0.05;
-/// Behind it by less, it is a sighting like any other, metres.
-const FARTHER_M: f64 = 0.1;
-/// Behind it by more, it is another thing, metres.
-const FARTHEST_M: f64 = 1.0;
-/// The foot of what is farther away is in view, metres.
-const NEAR_M: f64 = 1.4;
+/// Pictures without it, though its place is in view, after which it is gone.
+const FORGOTTEN: u32 = 3;
 
 /// Something that the map does not have.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +27,6 @@ pub struct Thing {
     pub seen: Time,
     lifetime_s: f64,
     history: u8,
-    sightings: u32,
     misses: u32,
     is_fresh: bool,
 }
@@ -77,9 +67,11 @@ impl Things {
         }
     }
 
-    /// Takes a sighting of the picture begun, made from `eye`: at a place on the map, metres. The foot of something near may lie
-    /// below the picture, so that it seems to stand farther away: a known thing near on the line of sight stays where it is.
-    pub fn see(&mut self, eye: Point2<f64>, at: Point2<f64>, radius_m: f64, now: Time, lifetime_s: f64) {
+    /// Takes a sighting of the picture begun: at a place on the map, metres.
+    pub fn see(&mut self, at: Point2<f64>, radius_m: f64, now: Time, lifetime_s: f64) {
+        let is_same = |thing: &Thing| (thing.at - at).norm() < thing.radius_m.max(radius_m) + SAME_M;
+        let known = self.list.iter_mut().filter(|thing| !thing.is_fresh && is_same(thing));
+        let nearest = known.min_by(|a, b| (a.at - at).norm().total_cmp(&(b.at - at).norm()));
         let new = Thing {
             at,
             radius_m,
@@ -87,31 +79,12 @@ impl Things {
             seen: now,
             lifetime_s,
             history: 0,
-            sightings: 1,
             misses: 0,
             is_fresh: true,
         };
-        let far_m = (at - eye).norm();
-        let sight = (at - eye) / far_m.max(1e-9);
-        let is_nearer = |thing: &Thing| {
-            let along_m = (thing.at - eye).dot(&sight);
-            let beside_m = (thing.at - eye).perp(&sight).abs();
-            let is_before = (0.0..NEAR_M).contains(&along_m)
-                && (FARTHER_M..FARTHEST_M).contains(&(far_m - along_m))
-                && beside_m < thing.radius_m + BEHIND_M;
-            thing.is_confirmed && thing.sightings >= FORGOTTEN.0 && is_before
-        };
-        let is_same = |thing: &Thing| (thing.at - at).norm() < thing.radius_m.max(radius_m) + SAME_M;
-        if let Some(thing) = self.list.iter_mut().find(|thing| is_nearer(thing)) {
-            thing.sightings += u32::from(!thing.is_fresh);
-            (thing.is_fresh, thing.seen, thing.misses) = (true, now, 0);
-            return;
-        }
-        let known = self.list.iter_mut().filter(|thing| !thing.is_fresh && is_same(thing));
-        let nearest = known.min_by(|a, b| (a.at - at).norm().total_cmp(&(b.at - at).norm()));
         if let Some(thing) = nearest {
-            let Thing { is_confirmed, history, sightings, .. } = *thing;
-            *thing = Thing { is_confirmed, history, sightings: sightings + 1, ..new };
+            let Thing { is_confirmed, history, .. } = *thing;
+            *thing = Thing { is_confirmed, history, ..new };
         } else if self.list.len() < MOST {
             self.list.push(new);
         }
@@ -131,7 +104,6 @@ impl Things {
                 seen: now,
                 lifetime_s,
                 history: 0,
-                sightings: 0,
                 misses: 0,
                 is_fresh: true,
             });
@@ -148,7 +120,7 @@ impl Things {
             thing.misses = if thing.is_fresh { 0 } else { thing.misses + 1 };
             thing.is_confirmed |= (thing.history & 0b111).count_ones() >= 2;
         }
-        self.list.retain(|thing| thing.misses < thing.sightings.clamp(FORGOTTEN.0, FORGOTTEN.1));
+        self.list.retain(|thing| thing.misses < FORGOTTEN);
     }
 
     /// Forgets what was sensed too long ago.
@@ -177,7 +149,7 @@ mod tests {
 
     fn seen(things: &mut Things, x: f64) {
         things.begin();
-        things.see(Point2::origin(), Point2::new(x, 0.0), 0.2, Time::ZERO, 10.0);
+        things.see(Point2::new(x, 0.0), 0.2, Time::ZERO, 10.0);
         things.end(|_| true);
     }
 
@@ -196,22 +168,6 @@ mod tests {
         }
         assert_eq!(things.confirmed().count(), 1, "out of view it stays");
         for _ in 0..3 {
-            things.begin();
-            things.end(|_| true);
-        }
-        assert!(things.all().is_empty());
-    }
-
-    #[test]
-    fn a_thing_whose_foot_is_out_of_view_stays_where_it_was_seen() {
-        let mut things = Things::default();
-        for x in [1.2, 1.1, 1.1, 1.6, 1.9, 1.8] {
-            seen(&mut things, x);
-        }
-        assert_eq!(things.all().len(), 1);
-        assert!((things.all()[0].at.x - 1.1).abs() < 1e-9);
-        for pictures in 1..=6 {
-            assert_eq!(things.all().len(), 1, "seen six times, missed {}", pictures - 1);
             things.begin();
             things.end(|_| true);
         }

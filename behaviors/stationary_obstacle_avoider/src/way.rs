@@ -16,8 +16,6 @@ const WIDEST_M: f64 = 1.2;
 const STEP_M: f64 = 0.04;
 /// No farther from its path than this (m) does a robot go to pass something: a side corridor is no way around.
 const FARTHEST_ASIDE_M: f64 = 1.0;
-/// Shares of the way to the plane: where nothing is free all the way, beside something and in front of a wall, half of it will do.
-const SHARES: [f64; 2] = [1.0, 0.5];
 /// Things farther ahead are not avoided yet, metres.
 const REACH_M: f64 = 2.0;
 
@@ -61,26 +59,23 @@ pub fn aim(
     room: &Room,
     passage: &mut SafePassage,
 ) -> Option<Aim> {
+    passage.begin(Interval::new(-WIDEST_M, WIDEST_M));
     let steps = (2.0 * WIDEST_M / STEP_M).round() as i32;
-    SHARES.into_iter().find_map(|share| {
-        passage.begin(Interval::new(-WIDEST_M, WIDEST_M));
-        for step in 0..=steps {
-            let lateral_m = f64::from(step) * STEP_M - WIDEST_M;
-            if !is_open(around, lateral_m, share, room) {
-                passage.block(Interval::new(lateral_m, lateral_m).widened(0.5 * STEP_M + 1e-6));
-            }
+    for step in 0..=steps {
+        let lateral_m = f64::from(step) * STEP_M - WIDEST_M;
+        if !is_open(around, lateral_m, room) {
+            passage.block(Interval::new(lateral_m, lateral_m).widened(0.5 * STEP_M + 1e-6));
         }
-        passage.choose_leaning(goal_m, lean_m, room.gap_margin_m)
-    })
+    }
+    passage.choose_leaning(goal_m, lean_m, room.gap_margin_m)
 }
 
-/// Whether the robot can go the share `share` of the way to a place on the plane.
-fn is_open(around: &Surroundings<'_>, lateral_m: f64, share: f64, room: &Room) -> bool {
+fn is_open(around: &Surroundings<'_>, lateral_m: f64, room: &Room) -> bool {
     let Surroundings { robot, map, things, floor, path } = around;
     let bearing = lateral_m.atan2(PLANE_M);
-    let on_way = |share: f64| robot.transform_point(Point2::new(share * PLANE_M, share * lateral_m));
-    let (place, halfway) = (on_way(share), on_way(0.5 * share));
+    let place = robot.transform_point(Point2::new(PLANE_M, lateral_m));
     let here_m = map.clearance(robot.position());
+    let halfway = robot.transform_point(Point2::new(0.5 * PLANE_M, 0.5 * lateral_m));
     // Somebody who stands nearer to a wall than that may leave it.
     let least_m = room.half_width_m.min(here_m + 0.02);
     map.clearance(place) >= room.half_width_m
@@ -147,7 +142,7 @@ mod tests {
         if let Some([x, y]) = thing {
             for _ in 0..2 {
                 things.begin();
-                things.see(Point2::origin(), Point2::new(x, y), 0.17, Time::ZERO, 10.0);
+                things.see(Point2::new(x, y), 0.17, Time::ZERO, 10.0);
                 things.end(|_| false);
             }
         }
@@ -193,19 +188,6 @@ mod tests {
         };
         assert!(aims(&[]) < -1.1, "there is room in it");
         assert!(aims(&path) > -1.01);
-    }
-
-    #[test]
-    fn beside_a_thing_the_wall_ahead_leaves_a_shorter_way() {
-        let (map, mut things, mut floor) = (corridor(), Things::default(), SeenFloor::new(5.0, 0.0));
-        things.hear(Point2::new(0.34, 0.01), 0.15, Time::ZERO, 10.0);
-        floor.look(Time::ZERO, &Pose2::new(-2.0, 0.0, 0.0));
-        let robot = Pose2::new(0.0, -0.23, 0.0);
-        let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor, path: &[] };
-        let aim = aim(&around, 0.0, 0.0, &ROOM, &mut SafePassage::default()).expect("a way");
-        let half = robot.transform_point(Point2::new(0.5, 0.5 * aim.lateral_m));
-        assert!(aim.lateral_m < -0.6 && half.y > -0.77, "{aim:?}");
-        assert!(things.is_free(&robot, aim.bearing(), 2.0, ROOM.half_width_m));
     }
 
     #[test]
