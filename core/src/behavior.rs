@@ -142,8 +142,12 @@ impl Setup {
     /// Anything else in the slot, and a camera whose intrinsics or mount are no usable numbers.
     pub fn pinhole(&self, slot: &Slot<FrameHeader>) -> Result<MountedPinhole, BuildError> {
         let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
-        let Some(SensorKind::Camera { intrinsics, distortion, mount, calibrated }) =
-            self.sensor(slot).map(|sensor| &sensor.kind)
+        let Some(SensorInfo {
+            kind: SensorKind::Camera { intrinsics, distortion, mount, calibrated },
+            period_s,
+            latency_s,
+            ..
+        }) = self.sensor(slot)
         else {
             return refused("needs a pinhole camera of the robot");
         };
@@ -151,7 +155,8 @@ impl Setup {
             return refused("the camera's intrinsics or mount are no usable numbers");
         }
         let pinhole = Pinhole::new(*intrinsics, *distortion);
-        Ok(MountedPinhole { pinhole, mount: *mount, calibration: *calibrated })
+        let (period_s, latency_s) = (*period_s, *latency_s);
+        Ok(MountedPinhole { pinhole, mount: *mount, calibration: *calibrated, period_s, latency_s })
     }
 }
 

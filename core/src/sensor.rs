@@ -78,6 +78,10 @@ pub struct MountedPinhole {
     pub mount: Mount,
     /// Whether the intrinsics were measured, not guessed.
     pub calibration: Calibration,
+    /// Seconds from one picture to the next.
+    pub period_s: f64,
+    /// Seconds from the middle of the exposure to the picture's arrival.
+    pub latency_s: f64,
 }
 
 /// What is known of a sensor by its kind.

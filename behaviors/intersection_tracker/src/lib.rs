@@ -118,7 +118,7 @@ impl Plugin for IntersectionTracker {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let MountedPinhole { pinhole, mount, calibration } = setup.pinhole(&CAMERA)?;
+        let MountedPinhole { pinhole, mount, calibration, .. } = setup.pinhole(&CAMERA)?;
         if calibration == Calibration::Guessed || mount.z <= 0.0 {
             return Err(BuildError::new(
                 "inputs.camera",

@@ -116,12 +116,6 @@ impl History {
         self.entries.is_empty()
     }
 
-    /// When the picture of the last applied result was taken.
-    #[must_use]
-    pub fn applied_at(&self) -> Option<Time> {
-        self.applied.map(|(stamp, _)| stamp)
-    }
-
     /// The belief at an instant: the prior for a picture taken then.
     ///
     /// # Errors

@@ -131,7 +131,7 @@ impl Plugin for StationaryObstacleAvoider {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let MountedPinhole { pinhole, mount, .. } = setup.pinhole(&CAMERA)?;
+        let MountedPinhole { pinhole, mount, period_s, .. } = setup.pinhole(&CAMERA)?;
         let intrinsics = pinhole.intrinsics();
         let half_view = (0.5 * intrinsics.horizontal_fov()).tan();
         let half_width_m = setup.robot.radius_m + config.margin_m;
@@ -162,8 +162,7 @@ impl Plugin for StationaryObstacleAvoider {
             }
             None => None,
         };
-        let pictures_a_wait =
-            setup.sensor(&CAMERA).map_or(0.0, |camera| (WAIT_S / camera.period_s).clamp(0.0, 1000.0));
+        let pictures_a_wait = (WAIT_S / period_s).clamp(0.0, 1000.0);
         let machine_rules = Rules {
             gate_m: config.gate_m,
             passing_m: config.passing_m,

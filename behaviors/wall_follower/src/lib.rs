@@ -91,7 +91,7 @@ impl Plugin for WallFollower {
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let MountedPinhole { pinhole, mount, calibration } = setup.pinhole(&CAMERA)?;
+        let MountedPinhole { pinhole, mount, calibration, .. } = setup.pinhole(&CAMERA)?;
         let camera = CorridorCamera {
             pinhole,
             mount,

@@ -172,11 +172,6 @@ impl AzimuthProfile {
         &self.edges
     }
 
-    /// Length of the edges of a sign in each bin, pixels, from straight ahead to the left.
-    pub fn lengths_px(&self, sign: EdgeSign) -> impl Iterator<Item = f64> {
-        self.bins[usize::from(sign == EdgeSign::Darker)].iter().map(|bin| bin.length_px)
-    }
-
     fn middle(&self, bin: usize) -> f64 {
         (bin as f64 + 0.5) * self.width_rad
     }

@@ -144,12 +144,6 @@ impl EdgeDifference {
         self.differing.iter().copied().max().unwrap_or(0)
     }
 
-    /// The largest count of pixels seen and not expected of any region.
-    #[must_use]
-    pub fn largest_extra(&self) -> u32 {
-        self.extra.iter().copied().max().unwrap_or(0)
-    }
-
     /// Compares two masks of the same size. A pixel has its counterpart where the other mask has one in the same row at most
     /// `tolerance_px` (up to 63) columns away. Masks of different sizes leave all counts at zero.
     pub fn compare(&mut self, seen: &BitImage, expected: &BitImage, tolerance_px: usize, regions: &Regions) {

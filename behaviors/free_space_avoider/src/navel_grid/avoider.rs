@@ -1,12 +1,12 @@
 //! The behaviour with the navel grid: looks, decides and proposes.
 
 use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup, View};
-use yamabico_core::camera::{Intrinsics, Pinhole};
+use yamabico_core::camera::Intrinsics;
 use yamabico_core::geometry::{Twist, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Proposal, Reason};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
-use yamabico_core::sensor::SensorKind;
+use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
 use super::ground::Swath;
@@ -43,23 +43,17 @@ impl NavelGridAvoider {
     /// # Errors
     /// Another kind of camera, or one that cannot show the way ahead.
     pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
-        let sensor = setup.sensor(&CAMERA);
-        let Some((sensor, SensorKind::Camera { intrinsics, distortion, mount, .. })) =
-            sensor.map(|sensor| (sensor, &sensor.kind))
-        else {
-            return Err(BuildError::new("inputs.camera", "navel-grid needs a pinhole camera of the robot"));
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return Err(BuildError::new(
-                "inputs.camera",
-                "the camera's intrinsics or mount are no usable numbers",
-            ));
-        }
+        let MountedPinhole { pinhole, mount, period_s, latency_s, .. } = setup.pinhole(&CAMERA)?;
         let way = Swath {
-            length_m: stopping_distance_m(config.speed_mps, config.margin_m, &setup.robot, sensor),
+            length_m: stopping_distance_m(
+                config.speed_mps,
+                config.margin_m,
+                &setup.robot,
+                period_s + latency_s,
+            ),
             half_width_m: setup.robot.radius_m + config.side_m,
         };
-        let sight = Sight::new(config, &Pinhole::new(*intrinsics, *distortion), mount, &way)?;
+        let sight = Sight::new(config, &pinhole, &mount, &way)?;
         let open_floor = match config.heading {
             HeadingRule::Weights => None,
             HeadingRule::Clearance if setup.sensor(&ODOMETRY).is_none() => {
@@ -78,7 +72,7 @@ impl NavelGridAvoider {
         Ok(Self {
             speed_mps: config.speed_mps,
             turn_rad_s: config.turn_rad_s,
-            intrinsics: *intrinsics,
+            intrinsics: *pinhole.intrinsics(),
             way,
             sight,
             steering: Steering::new(config.patience_s),
