@@ -15,7 +15,7 @@ use serde::de::DeserializeOwned;
 use crate::camera::Pinhole;
 use crate::config::FileKind;
 use crate::message::{Axes, FrameHeader, Message, MessageType, Proposal};
-use crate::sensor::{MountedPinhole, Robot, SensorInfo, SensorKind};
+use crate::sensor::{MountedMirror, MountedPinhole, Robot, SensorInfo, SensorKind};
 use crate::time::Time;
 
 /// A module that maps what it sees to a proposed motion.
@@ -157,6 +157,28 @@ impl Setup {
         let pinhole = Pinhole::new(*intrinsics, *distortion);
         let (period_s, latency_s) = (*period_s, *latency_s);
         Ok(MountedPinhole { pinhole, mount: *mount, calibration: *calibrated, period_s, latency_s })
+    }
+
+    /// The mirror camera in `slot`.
+    ///
+    /// # Errors
+    /// Anything else in the slot, and a mount of no usable numbers.
+    pub fn mirror_camera(&self, slot: &Slot<FrameHeader>) -> Result<MountedMirror, BuildError> {
+        let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
+        match self.sensor(slot) {
+            Some(&SensorInfo {
+                kind: SensorKind::MirrorCamera { ref camera, mount, .. },
+                period_s,
+                latency_s,
+                ..
+            }) if mount.is_finite() => {
+                Ok(MountedMirror { camera: (**camera).clone(), mount, period_s, latency_s })
+            }
+            Some(SensorInfo { kind: SensorKind::MirrorCamera { .. }, .. }) => {
+                refused("the camera's mount has no usable numbers")
+            }
+            _ => refused("needs a mirror camera of the robot"),
+        }
     }
 }
 

@@ -10,7 +10,6 @@ pub use rgb::RgbView;
 use thiserror::Error;
 
 use crate::behavior::View;
-use crate::camera::Intrinsics;
 use crate::message::{Encoding, FrameHeader};
 
 /// Why some bytes are not an image.
@@ -178,14 +177,14 @@ impl GrayImage {
     }
 
     /// The grey levels of a frame: the frame's own bytes where it is grey, else its luma in this buffer. `None` where the
-    /// encoding is not known, or where size or stride do not fit the bytes or the camera.
+    /// encoding is not known, or where size (columns, rows) or stride do not fit the bytes or the camera.
     pub fn view_of_frame<'a>(
         &'a mut self,
         frame: &View<'a, FrameHeader>,
-        camera: &Intrinsics,
+        size: [u32; 2],
     ) -> Option<ImageView<'a>> {
         let header = frame.header;
-        if (header.width, header.height) != (camera.width, camera.height) {
+        if [header.width, header.height] != size {
             return None;
         }
         let (width, height, stride) = (header.width as usize, header.height as usize, header.stride as usize);

@@ -84,6 +84,19 @@ pub struct MountedPinhole {
     pub latency_s: f64,
 }
 
+/// A mirror camera on a robot, with usable numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MountedMirror {
+    /// Mirror and image.
+    pub camera: MirrorCamera,
+    /// Where the lens, or the viewpoint of a radial model, sits on the robot.
+    pub mount: Mount,
+    /// Seconds from one picture to the next.
+    pub period_s: f64,
+    /// Seconds from the middle of the exposure to the picture's arrival.
+    pub latency_s: f64,
+}
+
 /// What is known of a sensor by its kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum SensorKind {

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use yamabico_core::vision::floor_colour::FloorColours;
-use yamabico_free_space_avoider::polar_cells::colour_file::ColourFile;
+use yamabico_core::vision::floor_colour_file::ColourFile;
 
 struct Folder(PathBuf);
 

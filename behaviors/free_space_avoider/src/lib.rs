@@ -22,7 +22,7 @@ use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Goal, Odometry,
 use crate::config::Method;
 use crate::navel_grid::NavelGridAvoider;
 use crate::polar_cells::PolarCellsAvoider;
-use crate::polar_cells::colour_file::FLOOR_COLOURS_FILE;
+use yamabico_core::vision::floor_colour_file::FLOOR_COLOURS_FILE;
 
 /// The plugin, to be listed by the program.
 pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<FreeSpaceAvoider>();

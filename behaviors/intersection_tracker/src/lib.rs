@@ -235,7 +235,7 @@ impl IntersectionTracker {
             }
         }
         let mut grey = std::mem::take(&mut self.grey);
-        match grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics()) {
+        match grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics().size()) {
             Some(image) => self.look_at(image, &taken),
             None => self.trouble = Some(Reason::MalformedInput),
         }

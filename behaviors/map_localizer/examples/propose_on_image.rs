@@ -19,6 +19,7 @@ use yamabico_core::message::{FrameHeader, Odometry};
 use yamabico_core::sensor::Robot;
 use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::vision::overlay::Canvas;
+use yamabico_map_localizer::finder::Finder;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
@@ -86,7 +87,8 @@ fn draw(localizer: &MapLocalizer, picture: &Picture, believed: &Pose2) -> Result
     let mut overlay = RgbImage::new(width, height);
     let mut canvas = Canvas::new(&mut overlay, width as usize, height as usize).ok_or("another size")?;
     canvas.copy_grey(ImageView::new(picture.as_raw(), width as usize, height as usize, width as usize)?);
-    let fixer = localizer.fixer();
+    let Finder::Wireframe(finder) = localizer.finder() else { return Err("not by a wire frame".into()) };
+    let fixer = finder.fixer();
     let mut expectation = ExpectationMap::new(ExpectationRules::for_width(width));
     for edge in expectation.compute(fixer.map(), fixer.pinhole(), &mount, believed) {
         canvas.line(edge.from, edge.to, YELLOW);

@@ -10,8 +10,8 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_core::map::WireFrame;
 use yamabico_map_localizer::belief::{Belief, difference};
-use yamabico_map_localizer::fix::Fixer;
-use yamabico_map_localizer::matching::LineNoise;
+use yamabico_map_localizer::wire_frame::fixer::Fixer;
+use yamabico_map_localizer::wire_frame::matching::LineNoise;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 
 /// Standard deviations of the priors, metres and radians.

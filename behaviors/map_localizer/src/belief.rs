@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, RowVector3, Vector2, Vector3};
 use yamabico_core::geometry::{Pose2, angle_difference, wrap_angle};
 
-use crate::projected_line::Residual;
+use crate::wire_frame::projected_line::Residual;
 
 /// A pose on the map with its covariance of (x, y, theta), m and rad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,6 +78,57 @@ impl Belief {
         self.covariance = kept - (kept * h.transpose() - gain * noise) * gain.transpose();
         self.symmetrise();
         Update::Applied(distance)
+    }
+
+    /// Gates and applies a measured pose, whose errors are independent of this belief's. In Joseph's form.
+    pub fn update_pose(&mut self, measured: &Belief, gate: f64) -> Update {
+        let innovation = difference(&measured.pose, &self.pose);
+        let Some(inverse) = (self.covariance + measured.covariance).try_inverse() else {
+            return Update::Gated(f64::INFINITY);
+        };
+        let distance = innovation.dot(&(inverse * innovation));
+        if distance.is_nan() || distance > gate {
+            return Update::Gated(distance);
+        }
+        let gain = self.covariance * inverse;
+        self.shift(gain * innovation);
+        let keep = Matrix3::identity() - gain;
+        self.covariance =
+            keep * self.covariance * keep.transpose() + gain * measured.covariance * gain.transpose();
+        self.symmetrise();
+        Update::Applied(distance)
+    }
+
+    /// The belief of something that is fixed to the robot, at this pose on it.
+    #[must_use]
+    pub fn carried(&self, on_robot: &Pose2) -> Self {
+        let arm = self.pose.compose(on_robot).position() - self.pose.position();
+        let jacobian = Matrix3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x, 0.0, 0.0, 1.0);
+        Self {
+            pose: self.pose.compose(on_robot),
+            covariance: jacobian * self.covariance * jacobian.transpose(),
+        }
+    }
+
+    /// With a heading that is less certain by this standard deviation, rad.
+    #[must_use]
+    pub fn swayed(&self, sigma_rad: f64) -> Self {
+        let mut covariance = self.covariance;
+        covariance[(2, 2)] += sigma_rad * sigma_rad;
+        Self { covariance, ..*self }
+    }
+
+    /// What this belief becomes where that of its [`Belief::swayed`] camera, `before`, became `after`: the part of the
+    /// correction that is the robot's, and not the sway's. Exact for small corrections.
+    #[must_use]
+    pub fn without_sway(&self, before: &Belief, after: &Belief) -> Self {
+        let Some(inverse) = before.covariance.try_inverse() else { return *self };
+        let share = self.covariance * inverse;
+        let mut belief = *self;
+        belief.shift(share * difference(&after.pose, &before.pose));
+        belief.covariance -= share * (before.covariance - after.covariance) * share.transpose();
+        belief.symmetrise();
+        belief
     }
 
     /// Gates and applies a measured heading (rad) with its standard deviation (rad, > 0).

@@ -1,8 +1,10 @@
 //! The parameters of the behaviour.
 
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::{BuildError, Setup};
 use yamabico_core::geometry::Pose2;
 
 use crate::belief::Belief;
@@ -15,9 +17,20 @@ pub struct Config {
     /// How the robot is found, default wireframe.
     #[serde(default)]
     pub method: Method,
-    /// The map file, relative to the task file.
+    /// A wire-frame map, for method wireframe: a file, relative to the task file. Default none.
     #[schemars(extend("format" = "file"))]
-    pub map: String,
+    pub map: Option<String>,
+    /// A map of vertical edges, for method azimuth, as `yamabico learn map` writes it: a file, relative to the task file.
+    /// Default none.
+    #[schemars(extend("format" = "file"))]
+    pub edge_map: Option<String>,
+    /// A plan of the floor, for method floor-outline: a file, relative to the task file. Default none.
+    #[schemars(extend("format" = "file"))]
+    pub floor_plan: Option<String>,
+    /// The colours of the floor, for method floor-outline, as `yamabico learn floor` writes them: a file, relative to the
+    /// task file. Default none.
+    #[schemars(extend("format" = "file"))]
+    pub floor_colours: Option<String>,
     /// Where the robot is at the beginning.
     #[serde(default)]
     pub start: Start,
@@ -58,6 +71,15 @@ pub struct Config {
     #[serde(default = "map_sigma_m")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub map_sigma_m: f64,
+    /// Least standard deviation of the azimuth of an edge, degrees, 0.01 to 5, default 0.1. For method azimuth.
+    #[serde(default = "azimuth_sigma_deg")]
+    #[schemars(range(min = 0.01, max = 5.0))]
+    pub azimuth_sigma_deg: f64,
+    /// How far the camera's mast sways about its vertical from picture to picture, which no odometry tells, degrees, 0 to 10,
+    /// default 0. For method azimuth.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub sway_deg: f64,
     /// Pictures taken nearer to each other than this err alike, m, 0 to 10, default 0.5.
     #[serde(default = "correlation_m")]
     #[schemars(range(min = 0.0, max = 10.0))]
@@ -71,9 +93,25 @@ pub struct Config {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// The edges of a wire-frame map, seen by a camera.
+    /// The edges of a wire-frame map, seen by a pinhole camera.
     #[default]
     Wireframe,
+    /// The azimuths of the vertical edges of a map, seen by a mirror camera.
+    Azimuth,
+    /// The outline of the floor, seen by a mirror camera.
+    FloorOutline,
+}
+
+impl Method {
+    /// As it stands in the configuration.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Wireframe => "wireframe",
+            Self::Azimuth => "azimuth",
+            Self::FloorOutline => "floor-outline",
+        }
+    }
 }
 
 /// Where the robot is at the beginning.
@@ -149,6 +187,15 @@ impl From<OdometryNoise> for MotionNoise {
 }
 
 impl Config {
+    /// The path of a file that the method needs.
+    ///
+    /// # Errors
+    /// The key is missing.
+    pub fn file(&self, key: &str, file: Option<&String>, setup: &Setup) -> Result<PathBuf, BuildError> {
+        let missing = || BuildError::new(key, format!("is missing: method {} needs it", self.method.name()));
+        Ok(setup.folder.join(file.ok_or_else(missing)?))
+    }
+
     /// Whether every number is in its range.
     ///
     /// # Errors
@@ -167,6 +214,8 @@ impl Config {
             ("wall_margin_m", self.wall_margin_m, 0.0, 2.0),
             ("sigma_px", self.sigma_px, 0.05, 10.0),
             ("map_sigma_m", self.map_sigma_m, 0.0, 1.0),
+            ("azimuth_sigma_deg", self.azimuth_sigma_deg, 0.01, 5.0),
+            ("sway_deg", self.sway_deg, 0.0, 10.0),
             ("correlation_m", self.correlation_m, 0.0, 10.0),
             ("odometry.k_ss", self.odometry.k_ss, 0.0, 1.0),
             ("odometry.k_tt", self.odometry.k_tt, 0.0, 1.0),
@@ -207,6 +256,9 @@ fn sigma_px() -> f64 {
 }
 fn map_sigma_m() -> f64 {
     0.01
+}
+fn azimuth_sigma_deg() -> f64 {
+    0.1
 }
 fn correlation_m() -> f64 {
     0.5

@@ -1,9 +1,10 @@
 //! Drives along a path to its end.
 
 use nalgebra::Point2;
+use yamabico_core::azimuth_map::{Inflation, PathError, VisibilityGraph, inflate};
 use yamabico_core::behavior::BuildError;
 use yamabico_core::geometry::{Twist, angle_difference};
-use yamabico_core::map::WireFrame;
+use yamabico_core::map::{Wall, WireFrame};
 use yamabico_core::message::{Axes, Goal, Proposal, Reason};
 
 use crate::belief::Belief;
@@ -15,6 +16,11 @@ use crate::route::{MOST_CORNERS, Planner, Route, RouteError, Station};
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
 /// The robot may be pushed back along its path by this, metres; farther back it is not looked for.
 const SLIP_BACK_M: f64 = 0.5;
+/// A path goes round the end of a wall along so many sides of a polygon.
+const WALL_SIDES: u32 = 8;
+
+/// Corners of a convex obstacle, anticlockwise, metres.
+type Polygon = Vec<Point2<f64>>;
 
 /// The path, and what has been driven of it.
 #[derive(Clone, Debug)]
@@ -28,6 +34,11 @@ pub struct Driver {
     goal_heading: Option<f64>,
     progress_m: f64,
     refusal: Option<RouteError>,
+    /// The walls of the map, grown by what a path keeps from them.
+    walls: Vec<Polygon>,
+    graph: VisibilityGraph,
+    /// Why there is no way round what stands in the path.
+    blocked: Option<PathError>,
     is_turning: bool,
     has_arrived: bool,
     jump: JumpFilter,
@@ -68,6 +79,9 @@ impl Driver {
             goal_heading: None,
             progress_m: 0.0,
             refusal: None,
+            walls: map.walls().iter().map(|wall| grown(wall, clearance_m)).collect(),
+            graph: VisibilityGraph::default(),
+            blocked: None,
             is_turning: false,
             has_arrived: false,
             jump: JumpFilter::default(),
@@ -89,7 +103,9 @@ impl Driver {
     /// Takes a goal: a path to it replaces the old one, unless every way is blocked.
     pub fn take_goal(&mut self, goal: &Goal, belief: &Belief, map: &WireFrame) {
         let planner = Planner { map, clearance_m: self.clearance_m };
-        match planner.path(belief.pose.position(), &self.known, Point2::new(goal.x, goal.y)) {
+        let (from, to) = (belief.pose.position(), Point2::new(goal.x, goal.y));
+        let straight = planner.path(from, &self.known, to);
+        match straight.or_else(|blocked| self.way_round(from, to, &[]).map_err(|_| blocked)) {
             Ok(corners) => {
                 let is_usable = goal.tolerance_m.is_finite() && goal.tolerance_m > 0.0;
                 let tolerance_m = if is_usable { goal.tolerance_m } else { self.tolerance_m };
@@ -101,6 +117,49 @@ impl Driver {
             }
             Err(error) => self.refusal = Some(error),
         }
+    }
+
+    /// Finds a way round obstacles that stand in the path: `near`, which it must not cross, and the same ones larger by some
+    /// more, `grown`, which the new way keeps from.
+    pub fn avoid(&mut self, near: &[Polygon], grown: &[Polygon], belief: &Belief) {
+        let (Some(station), Some(&goal)) = (self.station(belief), self.route.corners().last()) else {
+            return;
+        };
+        let from = belief.pose.position();
+        let ahead = self.route.corners_after(station.progress_m);
+        let mut here = from;
+        let is_open = self.blocked.is_none()
+            && ahead.iter().all(|&corner| {
+                let line = [std::mem::replace(&mut here, corner), corner];
+                VisibilityGraph::is_open(line, near)
+            });
+        if is_open || self.has_arrived {
+            return;
+        }
+        match self.way_round(from, goal, grown) {
+            Ok(corners) => {
+                self.route = Route::new(corners, self.route.tolerance_m);
+                self.blocked = None;
+                self.restart();
+            }
+            Err(error) => self.blocked = Some(error),
+        }
+    }
+
+    /// The shortest way between the walls and these obstacles. From within one it leads out first; a goal within one is
+    /// approached as far as it goes.
+    fn way_round(
+        &mut self,
+        from: Point2<f64>,
+        to: Point2<f64>,
+        obstacles: &[Polygon],
+    ) -> Result<Vec<Point2<f64>>, PathError> {
+        let all: Vec<&[Point2<f64>]> = self.walls.iter().chain(obstacles).map(Vec::as_slice).collect();
+        let (out, goal) = (VisibilityGraph::way_out(from, &all), VisibilityGraph::way_out(to, &all));
+        let (path, _) = self.graph.shortest(out, goal, &all)?;
+        let mut corners = vec![from];
+        corners.extend(path.iter().skip(usize::from(out == from)));
+        if corners.len() > MOST_CORNERS { Err(PathError::Enclosed) } else { Ok(corners) }
     }
 
     /// The robot may stand anywhere on its path.
@@ -130,6 +189,11 @@ impl Driver {
         if self.has_arrived {
             return self.stand(belief);
         }
+        if let Some(blocked) = self.blocked {
+            return Proposal::drive(Axes::PLANAR, Twist::ZERO)
+                .because(Reason::PassageBlocked)
+                .with_note(format_args!("{blocked}"));
+        }
         let aside_m = self.jump.aside_m();
         let twist = self.law.steer(&self.route, &station, &belief.pose, aside_m, share, &mut self.is_turning);
         let proposal = Proposal::drive(Axes::PLANAR, twist)
@@ -157,4 +221,11 @@ impl Driver {
         };
         Proposal::drive(Axes::PLANAR, twist).with_note(format_args!("arrived"))
     }
+}
+
+fn grown(wall: &Wall, by_m: f64) -> Polygon {
+    let inflation = Inflation { radius_m: by_m, sides: WALL_SIDES };
+    let (mut corners, mut polygon) = (Vec::new(), Vec::new());
+    inflate([wall.from, wall.to], &inflation, &mut corners, &mut polygon);
+    polygon
 }

@@ -1,45 +1,49 @@
-//! Finds the robot on a wire-frame map, and follows a planned path to a goal.
+//! Finds the robot on a map, and follows a planned path to a goal.
 //!
-//! Ohya, Kosaka & Kak (1998): edges of the map that should be in view are matched with those of the picture, and what an old
-//! picture shows corrects the position of its own instant. Differs from \[1\]: every picture is matched, and the covariance is
-//! corrected with the pose.
+//! Ohya, Kosaka & Kak (1998): what an old picture shows corrects the position of its own instant. Differs from \[1\]: every
+//! picture is used, and the covariance is corrected with the pose. What finds the robot in a picture is a
+//! [`fix::PoseFinder`]: by the edges of a [wire frame](wire_frame), by [azimuths](azimuth) or by the
+//! [outline of the floor](floor_outline).
 
-pub mod association;
 pub mod azimuth;
 pub mod belief;
 pub mod config;
-pub mod consensus;
 pub mod driver;
+pub mod finder;
 pub mod fix;
 pub mod floor_outline;
 pub mod health;
 pub mod history;
 pub mod look_around;
-pub mod matching;
 pub mod motion;
-pub mod projected_line;
+pub mod obstacles;
 pub mod pursuit;
-pub mod relocalise;
 pub mod route;
 pub mod tracker;
+pub mod wire_frame;
 
 pub use config::Config;
 
+use yamabico_core::azimuth_map::EDGE_MAP_FILE;
 use yamabico_core::behavior::{
     Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
 };
 use yamabico_core::config::FileKind;
-use yamabico_core::map::{WIRE_FRAME_FILE, WireFrame};
+use yamabico_core::map::WIRE_FRAME_FILE;
 use yamabico_core::message::{
-    Axes, FrameHeader, Goal, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal, Reason,
+    Axes, FrameHeader, Goal, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal,
+    Reason,
 };
-use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
+use yamabico_core::vision::floor_colour_file::FLOOR_COLOURS_FILE;
 
 use crate::belief::Belief;
 use crate::driver::Driver;
-use crate::fix::{Fix, Fixer};
+use crate::finder::Finder;
+use crate::fix::Fix;
+use crate::floor_outline::FLOOR_PLAN_FILE;
 use crate::look_around::LookAround;
+use crate::obstacles::Obstacles;
 use crate::route::{MOST_CORNERS, Route};
 use crate::tracker::Tracker;
 
@@ -58,6 +62,12 @@ pub const POSE: Slot<Pose> = Slot::required("pose", "where the robot is on the m
 pub const PATH: Slot<PathHeader> =
     Slot::required("path", "the planned path, and where the robot stands on it");
 
+/// What stands in the way that the map does not tell of.
+pub const OBSTACLES: Slot<ObstaclesHeader> =
+    Slot::required("obstacles", "what stands around that is not on the map");
+
+/// A path need not be changed for obstacles that come nearer than planned by less than this, metres.
+const REPLAN_M: f64 = 0.03;
 /// Odometry older than this (s) is none.
 const ODOMETRY_STALE_S: f64 = 0.3;
 /// Without a fix for longer than this (s), the robot drives at half its speed.
@@ -70,30 +80,33 @@ const VAGUE: (f64, f64) = (0.2, 0.07);
 pub struct MapLocalizer {
     tracker: Tracker,
     driver: Driver,
+    obstacles: Obstacles,
+    radius_m: f64,
     map_variance: f64,
     sequence: u64,
+    obstacles_told: u64,
 }
 
 impl Plugin for MapLocalizer {
     type Config = Config;
     const NAME: &'static str = "map-localizer";
-    const SUMMARY: &'static str =
-        "Finds the robot on a wire-frame map, and follows a planned path to a goal.";
+    const SUMMARY: &'static str = "Finds the robot on a map, and follows a planned path to a goal.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), GOAL.info()];
-    const OUTPUTS: &'static [SlotInfo] = &[POSE.info(), PATH.info()];
-    const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE];
+    const OUTPUTS: &'static [SlotInfo] = &[POSE.info(), PATH.info(), OBSTACLES.info()];
+    const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE, EDGE_MAP_FILE, FLOOR_PLAN_FILE, FLOOR_COLOURS_FILE];
     const CLAIMS: Axes = Axes::PLANAR;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
         config.check()?;
-        let MountedPinhole { pinhole, mount, .. } = setup.pinhole(&CAMERA)?;
-        let map = WireFrame::read(&setup.folder.join(&config.map))
-            .map_err(|error| BuildError::new("map", error.to_string()))?;
+        let finder = Finder::new(&config, setup)?;
         Ok(Self {
-            driver: Driver::new(&config, &map, setup.robot.radius_m)?,
-            tracker: Tracker::new(&config, map, pinhole, mount, &setup.robot),
+            driver: Driver::new(&config, finder.method().walls(), setup.robot.radius_m)?,
+            tracker: Tracker::new(&config, finder, &setup.robot),
+            obstacles: Obstacles::default(),
+            radius_m: setup.robot.radius_m,
             map_variance: config.map_sigma_m.powi(2),
             sequence: 0,
+            obstacles_told: 0,
         })
     }
 }
@@ -105,11 +118,11 @@ impl Behavior for MapLocalizer {
         for odometry in inputs.fresh(&ODOMETRY) {
             self.tracker.take_odometry(odometry.header, now);
         }
-        self.look(inputs);
+        self.look(inputs, outputs);
         if let Some(goal) = inputs.latest(&GOAL).filter(|_| inputs.is_fresh(&GOAL))
             && let Some((_, belief)) = self.tracker.newest()
         {
-            self.driver.take_goal(goal.header, belief, self.tracker.fixer().map());
+            self.driver.take_goal(goal.header, belief, self.tracker.finder().method().walls());
         }
         let Some(newest) = self.stamp() else { return Proposal::abstain(Reason::NoInput) };
         if before != Some(newest) {
@@ -151,10 +164,10 @@ impl MapLocalizer {
         self.tracker.last_fix()
     }
 
-    /// What looks at the pictures: the expected edges, the segments and their pairs at the last one.
+    /// What looks at the pictures.
     #[must_use]
-    pub fn fixer(&self) -> &Fixer {
-        self.tracker.fixer()
+    pub fn finder(&self) -> &Finder {
+        self.tracker.finder()
     }
 
     /// The path that is followed.
@@ -168,7 +181,7 @@ impl MapLocalizer {
     }
 
     /// Takes a new picture, and tells the driver what that does to the pose.
-    fn look(&mut self, inputs: &Inputs<'_>) {
+    fn look(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
         let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) else { return };
         let was_lost = self.tracker.search().is_some();
         let before = self.lateral_error_m();
@@ -177,6 +190,26 @@ impl MapLocalizer {
             self.driver.restart();
         } else if let (Some(before), Some(after)) = (before, self.lateral_error_m()) {
             self.driver.jump(after - before);
+        }
+        self.avoid(Time(frame.header.stamp_ns), outputs);
+    }
+
+    /// Tells what stands around that is not on the map, and goes round it.
+    fn avoid(&mut self, stamp: Time, outputs: &mut Outputs<'_>) {
+        let edges = self.tracker.finder().method().unknown_edges();
+        if edges.is_empty() && self.obstacles.told().is_empty() {
+            return;
+        }
+        self.obstacles.take(edges);
+        if let Some((_, belief)) = self.tracker.newest().filter(|_| self.tracker.search().is_none()) {
+            let near = self.obstacles.grown(edges, self.radius_m - REPLAN_M).to_vec();
+            self.driver.avoid(&near, self.obstacles.grown(edges, self.radius_m), belief);
+        }
+        let header =
+            ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence: self.obstacles_told };
+        // Nobody listens, or the bus is full: the path counts all the same.
+        if outputs.publish(OBSTACLES.name, &header, self.obstacles.told()).is_ok() {
+            self.obstacles_told += 1;
         }
     }
 

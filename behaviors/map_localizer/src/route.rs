@@ -128,6 +128,19 @@ impl Route {
         self.corners.last().copied()
     }
 
+    /// The corners that lie beyond this length from the beginning, metres; the last one always does.
+    #[must_use]
+    pub fn corners_after(&self, progress_m: f64) -> &[Point2<f64>] {
+        let mut length_m = 0.0;
+        for (i, pair) in self.corners.windows(2).enumerate() {
+            length_m += (pair[1] - pair[0]).norm();
+            if length_m > progress_m {
+                return &self.corners[i + 1..];
+            }
+        }
+        &self.corners[self.corners.len().saturating_sub(1)..]
+    }
+
     /// Metres from its beginning to its end.
     #[must_use]
     pub fn length_m(&self) -> f64 {

@@ -2,10 +2,7 @@
 
 use nalgebra::Vector3;
 use yamabico_core::behavior::View;
-use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::image::GrayImage;
-use yamabico_core::map::WireFrame;
 use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason};
 use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
 use yamabico_core::sensor::Robot;
@@ -13,13 +10,12 @@ use yamabico_core::time::Time;
 
 use crate::belief::{Belief, difference};
 use crate::config::Config;
-use crate::fix::{Fix, Fixer};
+use crate::finder::Finder;
+use crate::fix::{Fix, Trust};
 use crate::health::{Advice, Health, INFLATION};
 use crate::history::{CAPACITY, History, HistoryError};
 use crate::look_around::LookAround;
-use crate::matching::LineNoise;
 use crate::motion::Increment;
-use crate::relocalise::Relocaliser;
 
 /// The least variances of a belief after a fix: 5 mm, 5 mm, 0.1 degrees.
 const FLOOR: [f64; 3] = [25e-6, 25e-6, 3.046e-6];
@@ -42,11 +38,9 @@ pub struct Tracker {
     config: Config,
     /// Faster than this (m/s, rad/s) only odometry that jumps is.
     fastest: (f64, f64),
-    fixer: Fixer,
-    relocaliser: Relocaliser,
+    finder: Finder,
     history: History,
     health: Health,
-    grey: GrayImage,
     odometry: Option<(Time, Pose2)>,
     driven_m: f64,
     looked_at_m: f64,
@@ -62,17 +56,15 @@ pub struct Tracker {
 }
 
 impl Tracker {
-    /// One for this map, camera and robot.
+    /// One for this robot, with a way to find it.
     #[must_use]
-    pub fn new(config: &Config, map: WireFrame, pinhole: Pinhole, mount: Mount, robot: &Robot) -> Self {
+    pub fn new(config: &Config, finder: Finder, robot: &Robot) -> Self {
         let speed = &robot.limits.speed;
         Self {
             fastest: (JUMP_FACTOR * speed[0].max(0.1), JUMP_FACTOR * speed[2].max(0.1)),
-            relocaliser: Relocaliser::new(&map, &mount),
-            fixer: Fixer::new(map, pinhole, mount),
+            finder,
             history: History::new(CAPACITY, config.odometry.into()),
             health: Health::default(),
-            grey: GrayImage::default(),
             odometry: None,
             driven_m: 0.0,
             looked_at_m: 0.0,
@@ -126,8 +118,8 @@ impl Tracker {
 
     /// What looks at the pictures.
     #[must_use]
-    pub fn fixer(&self) -> &Fixer {
-        &self.fixer
+    pub fn finder(&self) -> &Finder {
+        &self.finder
     }
 
     /// The search for a lost pose, and the odometry's heading (rad) that it refers to; `None` while the pose is known.
@@ -186,11 +178,7 @@ impl Tracker {
             Err(error) => return self.health.miss(reason(error)),
         };
         self.last_picture = Some(stamp);
-        let taken = match self.grey.view_of_frame(frame, self.fixer.pinhole().intrinsics()) {
-            Some(image) => self.fixer.take(image),
-            None => Err(Reason::MalformedInput),
-        };
-        if let Err(reason) = taken {
+        if let Err(reason) = self.finder.method_mut().take(frame) {
             self.health.miss(reason);
             self.search_in_vain();
         } else if self.search.is_some() {
@@ -201,7 +189,8 @@ impl Tracker {
     }
 
     fn fix(&mut self, stamp: Time, prior: &Belief) {
-        let fix = self.fixer.fix(prior, &self.noise());
+        let trust = self.trust();
+        let fix = self.finder.method_mut().fix(prior, trust);
         self.seen = Some(fix);
         let driven_m = self.driven_m - self.looked_at_m;
         self.looked_at_m = self.driven_m;
@@ -224,6 +213,7 @@ impl Tracker {
             self.fixed_at_m = self.moved_m;
             if fix.verdict.is_ok() {
                 self.last_fix = Some(stamp);
+                self.finder.method_mut().follow_unknown();
             }
         }
     }
@@ -259,8 +249,8 @@ impl Tracker {
     }
 
     fn find(&mut self, stamp: Time, prior: &Belief) {
-        let noise = LineNoise { scale: 1.0, repetition: 1.0, ..self.noise() };
-        match self.relocaliser.find(&mut self.fixer, prior, &noise) {
+        let trust = Trust { scale: 1.0, repetition: 1.0 };
+        match self.finder.method_mut().search(prior, trust) {
             Some(found) if self.apply(stamp, prior, found) => {
                 self.search = None;
                 self.held = None;
@@ -283,13 +273,8 @@ impl Tracker {
         }
     }
 
-    fn noise(&self) -> LineNoise {
-        LineNoise {
-            sigma_px: self.config.sigma_px,
-            map_sigma_m: self.config.map_sigma_m,
-            scale: self.health.noise_scale(),
-            repetition: self.repetition(),
-        }
+    fn trust(&self) -> Trust {
+        Trust { scale: self.health.noise_scale(), repetition: self.repetition() }
     }
 
     /// By how much a picture tells less than its lines could, because those of the picture before stood in nearly the same

@@ -261,7 +261,7 @@ impl StationaryObstacleAvoider {
             exposure if exposure > 0.0 && exposure.is_finite() => exposure,
             _ => 1.0,
         };
-        match self.grey.view_of_frame(frame, self.detector.camera().intrinsics()) {
+        match self.grey.view_of_frame(frame, self.detector.camera().intrinsics().size()) {
             Some(image) => self.pictures.keep(stamp, exposure, image),
             None => self.trouble = Some(Reason::MalformedInput),
         }

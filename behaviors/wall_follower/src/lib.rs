@@ -178,7 +178,7 @@ impl WallFollower {
         let elapsed_s = self.last_picture.map_or(0.0, |last| stamp.seconds_after(last));
         self.track.predict(pose.map_or(Motion::Unknown { elapsed_s }, Motion::To));
         self.last_picture = Some(stamp);
-        let seen = match self.grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics()) {
+        let seen = match self.grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics().size()) {
             Some(image) => self.sight.look(image, self.track.expectation()),
             None => Err(Reason::MalformedInput),
         };

@@ -90,6 +90,12 @@ impl VisibilityGraph {
     }
 
     /// The node with the shortest way through it, of those that are reached.
+    /// Whether the straight way between two places crosses no obstacle; touching one is allowed.
+    #[must_use]
+    pub fn is_open<P: AsRef<[Point2<f64>]>>(line: [Point2<f64>; 2], obstacles: &[P]) -> bool {
+        !obstacles.iter().any(|obstacle| crosses(obstacle.as_ref(), line))
+    }
+
     fn nearest(&self) -> Option<usize> {
         let open = self.nodes.iter().enumerate().filter(|(_, n)| !n.is_done && n.from_start_m.is_finite());
         let through = |n: &Node| n.from_start_m + n.to_goal_m;
@@ -104,7 +110,7 @@ impl VisibilityGraph {
                 continue;
             }
             let line = [from.point, node.point];
-            if !obstacles.iter().any(|obstacle| crosses(obstacle.as_ref(), line)) {
+            if Self::is_open(line, obstacles) {
                 (node.from_start_m, node.before) = (length, here);
             }
         }

@@ -43,6 +43,12 @@ impl MirrorImage {
         }
     }
 
+    /// Columns and rows of the image.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
     /// The same with its axis at another pixel (u, v).
     ///
     /// # Errors

@@ -30,6 +30,12 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
+    /// Columns and rows of the image.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
     /// Square pixels and a centred principal point, from the horizontal field of view (rad, in (0, pi)) across the whole
     /// width: `fx = (width/2) / tan(fov/2)`.
     #[must_use]

@@ -149,6 +149,15 @@ impl BitImage {
         }
     }
 
+    /// Unsets what is not set in `other`, a mask of the same size; one of another size changes nothing.
+    pub fn keep(&mut self, other: &BitImage) {
+        if (self.width, self.height) == (other.width, other.height) {
+            for (word, other) in self.words.iter_mut().zip(&other.words) {
+                *word &= other;
+            }
+        }
+    }
+
     /// Empties the rows above row `v`.
     pub fn clear_above(&mut self, v: usize) {
         let end = (1 + v.min(self.height) * self.stride()).min(self.words.len());

@@ -6,6 +6,7 @@ pub mod azimuth_profile;
 pub mod bit_image;
 pub mod dark_cells;
 pub mod floor_colour;
+pub mod floor_colour_file;
 pub mod floor_sample;
 pub mod floor_training;
 pub mod gradient;

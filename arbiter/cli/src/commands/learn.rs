@@ -247,7 +247,7 @@ impl Student {
             _ => GrayImage::default(),
         };
         let mut luma = GrayImage::default();
-        if let Some(image) = luma.view_of_frame(frame, self.detector.camera().intrinsics()) {
+        if let Some(image) = luma.view_of_frame(frame, self.detector.camera().intrinsics().size()) {
             grey.copy_from(image);
             self.pictures.push_back((Time(frame.header.stamp_ns), frame.header.exposure, grey));
         }

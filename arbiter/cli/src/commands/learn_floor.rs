@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use yamabico_core::vision::floor_colour::FloorColours;
+use yamabico_core::vision::floor_colour_file::ColourFile;
 use yamabico_core::vision::floor_training::{FloorTraining, Judged, Label};
-use yamabico_free_space_avoider::polar_cells::colour_file::ColourFile;
 
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, Print, exit, fail, table};
 

@@ -134,7 +134,7 @@ impl NavelGridAvoider {
     fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
         let is_newer = self.last_picture.is_none_or(|last| stamp > last);
-        let image = self.grey.view_of_frame(frame, &self.intrinsics);
+        let image = self.grey.view_of_frame(frame, self.intrinsics.size());
         let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.malformed = usable.is_none();
         let Some(image) = usable else { return };

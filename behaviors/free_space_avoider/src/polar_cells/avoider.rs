@@ -6,10 +6,9 @@ use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::image::RgbView;
 use yamabico_core::message::{Axes, Axis, FreeDirection, FreeSpaceHeader, Proposal, Reason};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
-use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
+use yamabico_core::vision::floor_colour_file::ColourFile;
 
-use super::colour_file::ColourFile;
 use super::destination::{Destination, Wish};
 use super::pilot::{Pilot, Steer};
 use super::sight::{RingSight, Trouble};
@@ -38,12 +37,7 @@ impl PolarCellsAvoider {
     /// Another kind of camera, no odometry, a mirror that does not show the floor around the robot, or a file of colours that
     /// cannot be read.
     pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
-        let sensor = setup.sensor(&CAMERA);
-        let Some((sensor, SensorKind::MirrorCamera { camera, mount, .. })) =
-            sensor.map(|sensor| (sensor, &sensor.kind))
-        else {
-            return Err(BuildError::new("inputs.camera", "polar-cells needs a mirror camera of the robot"));
-        };
+        let camera = setup.mirror_camera(&CAMERA)?;
         if setup.sensor(&ODOMETRY).is_none() {
             return Err(BuildError::new(
                 "inputs.odometry",
@@ -59,8 +53,8 @@ impl PolarCellsAvoider {
         };
         let is_holonomic = setup.robot.axes.contains(Axis::Lateral);
         Ok(Self {
-            sight: RingSight::new(config, camera, mount, setup.robot.radius_m, learned)?,
-            pilot: Pilot::new(config, &setup.robot, sensor)?,
+            sight: RingSight::new(config, &camera.camera, &camera.mount, setup.robot.radius_m, learned)?,
+            pilot: Pilot::new(config, &setup.robot, &camera)?,
             destination: Destination::new(config.goal_m, config.tolerance_m),
             odometry: OdometryTrack::default(),
             axes: if is_holonomic { Axes::ALL } else { Axes::PLANAR },

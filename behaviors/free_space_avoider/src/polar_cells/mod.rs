@@ -6,7 +6,6 @@
 //! worked out in [`crate::direction`]; what may be wrong with a picture has names.
 
 pub mod avoider;
-pub mod colour_file;
 pub mod destination;
 pub mod floor_model;
 pub mod free_cells;

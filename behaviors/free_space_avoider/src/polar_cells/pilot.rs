@@ -7,7 +7,7 @@ use nalgebra::Vector2;
 use yamabico_core::behavior::BuildError;
 use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
 use yamabico_core::message::Axis;
-use yamabico_core::sensor::{Robot, SensorInfo};
+use yamabico_core::sensor::{MountedMirror, Robot};
 use yamabico_core::time::Time;
 
 use super::avoider::velocity;
@@ -81,7 +81,7 @@ impl Pilot {
     ///
     /// # Errors
     /// A robot that cannot speed up or brake.
-    pub fn new(config: &Config, robot: &Robot, camera: &SensorInfo) -> Result<Self, BuildError> {
+    pub fn new(config: &Config, robot: &Robot, camera: &MountedMirror) -> Result<Self, BuildError> {
         let limits = &robot.limits;
         let slower = |axis: usize| limits.acceleration[axis].min(limits.deceleration[axis]);
         let is_holonomic = robot.axes.contains(Axis::Lateral);

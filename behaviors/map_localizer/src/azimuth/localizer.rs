@@ -135,6 +135,12 @@ impl AzimuthLocalizer {
         &self.map
     }
 
+    /// How many edges of the map the last call expected in view.
+    #[must_use]
+    pub fn visible(&self) -> usize {
+        self.visible.len()
+    }
+
     /// The edge of the map that each edge seen is, or `None`: of the last call.
     #[must_use]
     pub fn edge_of_seen(&self) -> &[Option<usize>] {

@@ -6,6 +6,7 @@
 
 mod bearing;
 mod chi_square;
+mod finder;
 mod joint_compatibility;
 mod localizer;
 mod pan_search;
@@ -13,6 +14,7 @@ mod solver;
 
 pub use bearing::{BearingPrediction, EdgeLandmark, LeverArm, SeenBearing, predict};
 pub use chi_square::quantile;
+pub use finder::AzimuthFinder;
 pub use joint_compatibility::{JointCompatibility, JointRule, Pairing};
 pub use localizer::{AzimuthFix, AzimuthLocalizer, AzimuthProblem, AzimuthRule, Obstruction};
 pub use pan_search::{PanError, PanFix, PanSearch};

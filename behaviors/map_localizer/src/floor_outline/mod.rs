@@ -5,14 +5,18 @@
 //! corrected (the shift belongs to the turned frame, and the heading is less the angle of the axis), corners go to the nearest
 //! segment, and a common shift of all corners in the picture may be estimated with the pose.
 
+mod finder;
 mod fit;
 mod floor_plan;
 mod localizer;
 mod normal_equations;
 mod outline;
+mod plan_file;
 
+pub use finder::FloorFinder;
 pub use fit::{Fit, FitRule, OutlineFitter, Robust, Start};
 pub use floor_plan::{FloorPlan, FloorPlanError, OutlineSegment};
 pub use localizer::{FloorFix, FloorLocalizer, FloorProblem, FloorRule, FloorSolution};
 pub use normal_equations::{LineMeasurement, NormalEquations};
 pub use outline::{FloorOutline, OutlineError, OutlineRule, OutlineVertex};
+pub use plan_file::{FLOOR_PLAN_FILE, FloorPlanFile};

@@ -5,8 +5,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::association::GATE;
-use crate::projected_line::Residual;
+use super::association::GATE;
+use super::projected_line::Residual;
 
 /// The width shrinks by this factor from step to step.
 const NARROWING: f64 = 1.4;

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
+use crate::behavior::BuildError;
+use crate::config::FileKind;
+use crate::vision::floor_colour::{ColourBox, ColourTable, FloorColours};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
-use yamabico_core::behavior::BuildError;
-use yamabico_core::config::FileKind;
-use yamabico_core::vision::floor_colour::{ColourBox, ColourTable, FloorColours};
 
 /// Files of floor colours, as the behaviour names them.
 pub const FLOOR_COLOURS_FILE: FileKind = FileKind {

@@ -4,10 +4,10 @@ use nalgebra::{Matrix2, Matrix3, Vector2};
 use yamabico_core::map::{Edge, ExpectedEdge, WireFrame};
 use yamabico_core::vision::segments::Segment;
 
-use crate::association::{Association, AssociationRule, Candidate};
+use super::association::{Association, AssociationRule, Candidate};
+use super::consensus::{Witness, agree};
+use super::projected_line::{LineCamera, ProjectedLine};
 use crate::belief::{Belief, gate_distance};
-use crate::consensus::{Witness, agree};
-use crate::projected_line::{LineCamera, ProjectedLine};
 
 /// How near a segment must be to an edge's image.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,9 +8,9 @@ use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::map::{EdgeKind, WireFrame};
 use yamabico_core::vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
+use super::fixer::Fixer;
+use super::matching::LineNoise;
 use crate::belief::Belief;
-use crate::fix::Fixer;
-use crate::matching::LineNoise;
 
 /// Distance of the places that are tried, metres.
 const STEP_M: f64 = 0.15;

@@ -1,0 +1,155 @@
+//! What stands in the way that the map does not tell of: edges that are seen from several places and are not the map's.
+//!
+//! Yagi, Nishizawa & Yachida (1995), section VI: edges without a partner on the map are followed and located; those that stay
+//! where they are make obstacles, which a new path leads around.
+
+use nalgebra::{Matrix2, Point2};
+use yamabico_core::azimuth_map::{
+    EdgeMap, Inflation, LocatedEdge, LocusRule, LocusTracker, MapEdge, ObstacleClusters, SeenEdge, explains,
+    inflate,
+};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::Obstacle;
+
+/// An edge is believed once it was seen in more pictures than this ...
+const LEAST_SEEN: u32 = 15;
+/// ... and is located as well as this, metres.
+const MOST_SIGMA_M: f64 = 0.10;
+/// An edge of the map nearer than this (m) to it explains it.
+const SAME_EDGE_M: f64 = 0.15;
+/// Edges nearer to each other than this (m) belong to one obstacle.
+const LINK_M: f64 = 0.35;
+/// Standard deviation of the azimuth of an edge that is followed, rad: of the picture and of the pose.
+const AZIMUTH_SIGMA_RAD: f64 = 0.005;
+/// Most edges that are told.
+pub const MOST_EDGES: usize = 32;
+
+/// An edge that is not the map's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnknownEdge {
+    /// On the map, metres.
+    pub position: Point2<f64>,
+    /// Of the position, square metres.
+    pub covariance: Matrix2<f64>,
+    /// Pictures that it was seen in.
+    pub seen: u32,
+}
+
+/// Follows the edges that the map does not explain. Keeps its buffers.
+#[derive(Clone, Debug)]
+pub struct UnknownEdges {
+    map: Vec<LocatedEdge>,
+    tracker: LocusTracker,
+    edges: Vec<UnknownEdge>,
+}
+
+impl UnknownEdges {
+    /// With the map that explains edges.
+    #[must_use]
+    pub fn new(map: &EdgeMap) -> Self {
+        let rule = LocusRule { sigma_rad: AZIMUTH_SIGMA_RAD, ..LocusRule::default() };
+        Self {
+            map: map.edges.iter().map(MapEdge::located).collect(),
+            tracker: LocusTracker::new(rule),
+            edges: Vec::with_capacity(MOST_EDGES),
+        }
+    }
+
+    /// Takes what a picture shows beside the map, seen from this pose of the camera on the map.
+    pub fn take(&mut self, seen: &[SeenEdge], camera: &Pose2) {
+        self.tracker.take(seen, camera);
+        self.edges.clear();
+        for locus in self.tracker.loci() {
+            let (Some(located), Some(found)) = (locus.located(), &locus.position) else { continue };
+            let is_known = locus.seen > LEAST_SEEN && found.sigma_m() <= MOST_SIGMA_M;
+            if is_known && self.edges.len() < MOST_EDGES && !explains(&self.map, &located, SAME_EDGE_M) {
+                let (position, covariance) = (located.position, located.covariance);
+                self.edges.push(UnknownEdge { position, covariance, seen: locus.seen });
+            }
+        }
+    }
+
+    /// Those that stand where they are known to.
+    #[must_use]
+    pub fn edges(&self) -> &[UnknownEdge] {
+        &self.edges
+    }
+
+    /// All that are followed.
+    #[must_use]
+    pub fn tracker(&self) -> &LocusTracker {
+        &self.tracker
+    }
+}
+
+impl UnknownEdge {
+    /// The larger standard deviation of the position, metres.
+    #[must_use]
+    pub fn sigma_m(&self) -> f64 {
+        self.covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
+    }
+}
+
+/// Groups edges into obstacles. Keeps its buffers.
+#[derive(Clone, Debug, Default)]
+pub struct Obstacles {
+    clusters: ObstacleClusters,
+    places: Vec<Point2<f64>>,
+    labels: Vec<usize>,
+    told: Vec<Obstacle>,
+    corners: Vec<Point2<f64>>,
+    polygons: Vec<Vec<Point2<f64>>>,
+}
+
+impl Obstacles {
+    /// Takes the edges that are known.
+    pub fn take(&mut self, edges: &[UnknownEdge]) {
+        self.places.clear();
+        self.places.extend(edges.iter().map(|edge| edge.position));
+        self.labels.clear();
+        self.labels.extend_from_slice(self.clusters.label(&self.places, LINK_M, |_, _| false));
+        self.told.clear();
+        for (i, edge) in edges.iter().enumerate() {
+            let others = (0..edges.len()).filter(|&j| self.labels[j] == self.labels[i]);
+            let reach = others.map(|j| (self.places[j] - self.places[i]).norm()).fold(0.0, f64::max);
+            let covariance = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|at| edge.covariance[at]);
+            self.told.push(Obstacle {
+                x: edge.position.x,
+                y: edge.position.y,
+                radius_m: 0.5 * reach,
+                covariance,
+                confidence: 1.0 - f64::from(LEAST_SEEN) / f64::from(edge.seen.max(LEAST_SEEN)),
+            });
+        }
+    }
+
+    /// One for each edge, which reaches half way to the farthest one of the same obstacle.
+    #[must_use]
+    pub fn told(&self) -> &[Obstacle] {
+        &self.told
+    }
+
+    /// Their hulls, so much larger that a robot's centre may go anywhere outside of them.
+    pub fn grown(&mut self, edges: &[UnknownEdge], robot_radius_m: f64) -> &[Vec<Point2<f64>>] {
+        let mut count = 0;
+        for first in 0..self.labels.len() {
+            if self.labels[first] != first {
+                continue;
+            }
+            let of_group = || (first..edges.len()).filter(|&i| self.labels[i] == first);
+            let sigma_m = of_group().map(|i| edges[i].sigma_m()).fold(0.0, f64::max);
+            let inflation = Inflation::of_robot(robot_radius_m, sigma_m);
+            if self.polygons.len() == count {
+                self.polygons.push(Vec::new());
+            }
+            inflate(
+                of_group().map(|i| self.places[i]),
+                &inflation,
+                &mut self.corners,
+                &mut self.polygons[count],
+            );
+            count += 1;
+        }
+        &self.polygons[..count]
+    }
+}
