@@ -1,9 +1,10 @@
 //! What stands in the way that the map does not tell of: edges that are seen from several places and are not the map's.
 //!
 //! Yagi, Nishizawa & Yachida (1995), section VI: edges without a partner on the map are followed and located; those that stay
-//! where they are make obstacles, which a new path leads around.
+//! where they are make obstacles, which a new path leads around. Differs from \[1\]: what the robot drives straight at has no
+//! parallax, and is placed where its foot is seen on the floor.
 
-use nalgebra::{Matrix2, Point2};
+use nalgebra::{Matrix2, Point2, Vector2};
 use yamabico_core::azimuth_map::{
     EdgeMap, Inflation, LocatedEdge, LocusRule, LocusTracker, MapEdge, ObstacleClusters, SeenEdge, explains,
     inflate,
@@ -21,6 +22,8 @@ const SAME_EDGE_M: f64 = 0.15;
 const LINK_M: f64 = 0.35;
 /// Standard deviation of the azimuth of an edge that is followed, rad: of the picture and of the pose.
 const AZIMUTH_SIGMA_RAD: f64 = 0.005;
+/// A foot is believed only as near as this to where it is, metres.
+const MOST_FOOT_SIGMA_M: f64 = 0.15;
 /// Most edges that are told.
 pub const MOST_EDGES: usize = 32;
 
@@ -35,11 +38,29 @@ pub struct UnknownEdge {
     pub seen: u32,
 }
 
+/// Where an edge stands on the floor, from one picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Foot {
+    /// From the camera's axis, metres.
+    pub distance_m: f64,
+    /// Its standard deviation, metres.
+    pub sigma_m: f64,
+}
+
+/// The foot that an edge was last seen with.
+#[derive(Clone, Copy, Debug)]
+struct Standing {
+    locus: u32,
+    position: Point2<f64>,
+    covariance: Matrix2<f64>,
+}
+
 /// Follows the edges that the map does not explain. Keeps its buffers.
 #[derive(Clone, Debug)]
 pub struct UnknownEdges {
     map: Vec<LocatedEdge>,
     tracker: LocusTracker,
+    standing: Vec<Standing>,
     edges: Vec<UnknownEdge>,
 }
 
@@ -51,18 +72,37 @@ impl UnknownEdges {
         Self {
             map: map.edges.iter().map(MapEdge::located).collect(),
             tracker: LocusTracker::new(rule),
+            standing: Vec::new(),
             edges: Vec::with_capacity(MOST_EDGES),
         }
     }
 
-    /// Takes what a picture shows beside the map, seen from this pose of the camera on the map.
-    pub fn take(&mut self, seen: &[SeenEdge], camera: &Pose2) {
+    /// Takes what a picture shows beside the map, seen from this pose of the camera on the map, and the feet of these edges
+    /// where they are seen.
+    pub fn take(&mut self, seen: &[SeenEdge], feet: &[Option<Foot>], camera: &Pose2) {
         self.tracker.take(seen, camera);
+        let loci = self.tracker.loci();
+        self.standing.retain(|standing| loci.iter().any(|locus| locus.number == standing.locus));
+        for ((edge, foot), place) in seen.iter().zip(feet).zip(self.tracker.locus_of_seen()) {
+            let good = foot.as_ref().filter(|foot| foot.sigma_m <= MOST_FOOT_SIGMA_M);
+            if let (Some(foot), Some(place)) = (good, place) {
+                let standing = standing(loci[*place].number, foot, camera, camera.theta + edge.azimuth_rad);
+                match self.standing.iter_mut().find(|known| known.locus == standing.locus) {
+                    Some(known) => *known = standing,
+                    None => self.standing.push(standing),
+                }
+            }
+        }
         self.edges.clear();
-        for locus in self.tracker.loci() {
-            let (Some(located), Some(found)) = (locus.located(), &locus.position) else { continue };
-            let is_known = locus.seen > LEAST_SEEN && found.sigma_m() <= MOST_SIGMA_M;
-            if is_known && self.edges.len() < MOST_EDGES && !explains(&self.map, &located, SAME_EDGE_M) {
+        for locus in loci.iter().filter(|locus| locus.seen > LEAST_SEEN) {
+            let crossing = locus.located().filter(|edge| sigma_m(&edge.covariance) <= MOST_SIGMA_M);
+            let foot = || {
+                let standing = self.standing.iter().find(|known| known.locus == locus.number)?;
+                let (position, covariance) = (standing.position, standing.covariance);
+                Some(LocatedEdge { position, covariance, sign: Some(locus.sign) })
+            };
+            let Some(located) = crossing.or_else(foot) else { continue };
+            if self.edges.len() < MOST_EDGES && !explains(&self.map, &located, SAME_EDGE_M) {
                 let (position, covariance) = (located.position, located.covariance);
                 self.edges.push(UnknownEdge { position, covariance, seen: locus.seen });
             }
@@ -86,7 +126,22 @@ impl UnknownEdge {
     /// The larger standard deviation of the position, metres.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
-        self.covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
+        sigma_m(&self.covariance)
+    }
+}
+
+fn sigma_m(covariance: &Matrix2<f64>) -> f64 {
+    covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
+}
+
+fn standing(locus: u32, foot: &Foot, camera: &Pose2, bearing_rad: f64) -> Standing {
+    let along = Vector2::new(bearing_rad.cos(), bearing_rad.sin());
+    let across = Vector2::new(-along.y, along.x) * (foot.distance_m * AZIMUTH_SIGMA_RAD);
+    let along_sigma = along * foot.sigma_m;
+    Standing {
+        locus,
+        position: camera.position() + along * foot.distance_m,
+        covariance: along_sigma * along_sigma.transpose() + across * across.transpose(),
     }
 }
 

@@ -69,6 +69,16 @@ impl AzimuthEdge {
     pub fn sigma_rad(&self, point_sigma_px: f64, least_rad: f64) -> f64 {
         (point_sigma_px * (3.0 / self.weight.max(f64::MIN_POSITIVE)).sqrt()).max(least_rad)
     }
+
+    /// Nearest distance of the edge from the centre, pixels, where weights are squared distances from the centre and the
+    /// edge has no gaps. `None` where weight and length do not belong to such an edge.
+    #[must_use]
+    pub fn inner_radius_px(&self) -> Option<f64> {
+        let length = self.length_px;
+        // From a to a + n the mean of the squares is a^2 + a n + n^2 / 3.
+        let square = self.weight / length - length * length / 12.0;
+        (square >= 0.0).then(|| square.sqrt() - 0.5 * length).filter(|radius| *radius >= 0.0)
+    }
 }
 
 /// What counts as one edge.

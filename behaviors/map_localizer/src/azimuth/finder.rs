@@ -4,6 +4,7 @@ use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::GrayImage;
 use yamabico_core::map::{Wall, WireFrame};
 use yamabico_core::message::{FrameHeader, Reason};
+use yamabico_core::sensor::MountedMirror;
 use yamabico_core::vision::azimuth_profile::{AzimuthEdge, ProfileRule};
 use yamabico_core::vision::radial_edges::{RadialEdgeRule, RadialEdges};
 
@@ -14,10 +15,14 @@ use crate::CAMERA;
 use crate::belief::Belief;
 use crate::config::Config;
 use crate::fix::{Fix, PoseFinder, Trust};
-use crate::obstacles::{UnknownEdge, UnknownEdges};
+use crate::obstacles::{Foot, UnknownEdge, UnknownEdges};
 
 /// How sharp a point of an edge is seen, pixels.
 const POINT_SIGMA_PX: f64 = 0.3;
+/// How well the lower end of an edge is seen, pixels.
+const FOOT_SIGMA_PX: f64 = 4.0;
+/// An edge that ends this near to where edges are looked for goes on, pixels.
+const HIDDEN_FOOT_PX: f64 = 6.0;
 /// Fewer edges than this do not fix a pose.
 const LEAST_PAIRS: usize = 3;
 /// A search needs so many, and this share of the edges that should be in view.
@@ -30,7 +35,8 @@ const FOUND_SIGMA: [f64; 2] = [0.02, 0.01];
 pub struct AzimuthFinder {
     walls: WireFrame,
     robot_from_camera: Pose2,
-    size: [u32; 2],
+    mirror: MountedMirror,
+    inner_radius_px: f64,
     grey: GrayImage,
     edges: RadialEdges,
     sigma_rad: f64,
@@ -42,6 +48,7 @@ pub struct AzimuthFinder {
     camera: Option<Pose2>,
     unknown: UnknownEdges,
     unmatched: Vec<SeenEdge>,
+    feet: Vec<Option<Foot>>,
     pairs: Vec<BearingPair>,
 }
 
@@ -61,13 +68,15 @@ impl AzimuthFinder {
             EdgeLandmark { position: edge.position, sign: edge.sign, sigma_m: variance.sqrt() }
         });
         let rule = AzimuthRule::default();
-        let image = mirror.camera.image();
+        let image = *mirror.camera.image();
+        let edge_rule = RadialEdgeRule::within(&image);
         let hiding = walls.clone();
         Ok(Self {
             robot_from_camera: Pose2::new(mirror.mount.x, mirror.mount.y, mirror.mount.pan),
-            size: image.size(),
             grey: GrayImage::default(),
-            edges: RadialEdges::new(image, &RadialEdgeRule::within(image), ProfileRule::default()),
+            edges: RadialEdges::new(&image, &edge_rule, ProfileRule::default()),
+            inner_radius_px: edge_rule.inner_radius_px,
+            mirror,
             sigma_rad: config.azimuth_sigma_deg.to_radians(),
             sway_rad: config.sway_deg.to_radians(),
             localizer: AzimuthLocalizer::new(landmarks.collect(), hiding, LeverArm::zeros(), rule),
@@ -76,6 +85,7 @@ impl AzimuthFinder {
             camera: None,
             unknown: UnknownEdges::new(&map),
             unmatched: Vec::new(),
+            feet: Vec::new(),
             pairs: Vec::new(),
             walls: WireFrame::new(
                 Vec::new(),
@@ -138,7 +148,7 @@ impl PoseFinder for AzimuthFinder {
 
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.camera = None;
-        let picture = self.grey.view_of_frame(frame, self.size).ok_or(Reason::MalformedInput)?;
+        let picture = self.grey.view_of_frame(frame, self.mirror.camera.image().size()).ok_or(Reason::MalformedInput)?;
         let found = self.edges.find(picture).map_err(|_| Reason::MalformedInput)?;
         if found.is_empty() { Err(Reason::TooFewSegments) } else { Ok(()) }
     }
@@ -186,6 +196,7 @@ impl PoseFinder for AzimuthFinder {
     fn follow_unknown(&mut self) {
         let Some(camera) = self.camera else { return };
         self.unmatched.clear();
+        self.feet.clear();
         let of_map = self.localizer.edge_of_seen();
         for (edge, known) in self.edges.profile().edges().iter().zip(of_map) {
             if known.is_none() {
@@ -194,14 +205,23 @@ impl PoseFinder for AzimuthFinder {
                     sign: edge.sign,
                     length_px: edge.length_px,
                 });
+                self.feet.push(foot(&self.mirror, self.inner_radius_px, edge));
             }
         }
-        self.unknown.take(&self.unmatched, &camera);
+        self.unknown.take(&self.unmatched, &self.feet, &camera);
     }
 
     fn unknown_edges(&self) -> &[UnknownEdge] {
         self.unknown.edges()
     }
+}
+
+/// Where an edge meets the floor; `None` where its lower end is not in the picture.
+fn foot(mirror: &MountedMirror, least_radius_px: f64, edge: &AzimuthEdge) -> Option<Foot> {
+    let radius_px = edge.inner_radius_px().filter(|radius| *radius > least_radius_px + HIDDEN_FOOT_PX)?;
+    let distance_m = mirror.camera.floor_radius_m(radius_px, mirror.mount.z)?;
+    let slope = mirror.camera.floor_slope_m_per_px(radius_px, mirror.mount.z)?;
+    Some(Foot { distance_m, sigma_m: FOOT_SIGMA_PX * slope })
 }
 
 fn reason(problem: &AzimuthProblem) -> Reason {
