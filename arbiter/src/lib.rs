@@ -10,3 +10,4 @@ pub mod record;
 pub mod report;
 pub mod run;
 pub mod safety;
+pub mod supervisor;

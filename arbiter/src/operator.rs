@@ -4,11 +4,14 @@ use std::time::{Duration, Instant};
 
 use yamabico_core::bus::{Bus, BusError, Publisher, Subscriber};
 use yamabico_core::message::{Control, ControlKind, Goal, PathHeader};
+use yamabico_core::time::Time;
 
-use crate::execution::{monotonic_now, topics};
+use crate::execution::topics;
 
 /// How long the robot may take to hear a request, and to plan a path to a goal.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// A request that has not been heard for so long is made again.
+const AGAIN: Duration = Duration::from_secs(1);
 /// From one look at what the robot answered to the next.
 const PAUSE: Duration = Duration::from_millis(20);
 /// A path that ends this near to a goal (m) leads to it.
@@ -81,7 +84,7 @@ impl Operator {
     /// It did not hear, or found no path.
     pub fn go_to(&mut self, place: &Place) -> Result<f64, GoalError> {
         self.sequence += 1;
-        let asked = monotonic_now();
+        let asked = Time::monotonic_now();
         let theta = place.heading.unwrap_or(f64::NAN);
         let request = Control {
             stamp_ns: asked.0,
@@ -90,11 +93,16 @@ impl Operator {
             goal: [place.x_m, place.y_m, theta, place.tolerance_m],
             ..Control::default()
         };
-        self.controls.publish(&request, &[])?;
         let began = Instant::now();
+        let mut asked_again = None;
         while !self.was_handed_on(place, asked.0)? {
             if began.elapsed() > PATIENCE {
                 return Err(GoalError::NotHeard);
+            }
+            // A robot that is just coming up has topics before it has ears.
+            if asked_again.is_none_or(|at: Instant| at.elapsed() > AGAIN) {
+                self.controls.publish(&request, &[])?;
+                asked_again = Some(Instant::now());
             }
             std::thread::sleep(PAUSE);
         }

@@ -14,6 +14,7 @@ use crate::execution::{
 };
 use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
 use crate::report::{Ending, ReferenceLine, RunSummary, SummaryTap, Timing, Trace, write_trajectory};
+use crate::supervisor::Program;
 
 /// How a task is run.
 #[derive(Clone, Debug)]
@@ -30,6 +31,8 @@ pub struct Options {
     pub pictures: Option<PathBuf>,
     /// What was changed in the task, for the record.
     pub overrides: Overrides,
+    /// What the processes of plugins run that are to have their own in real time; without it, every plugin gets a thread.
+    pub program: Option<Program>,
 }
 
 impl Default for Options {
@@ -43,6 +46,7 @@ impl Default for Options {
             recording: None,
             pictures: None,
             overrides: Overrides::default(),
+            program: None,
         }
     }
 }
@@ -163,7 +167,6 @@ pub fn run(
     [recording_folder, options.pictures.as_deref()].into_iter().flatten().try_for_each(make_folder)?;
     // An earlier recording is replaced only once everything is open: it may be that of a run that still goes on.
     let mut robot = Opened::open(task, options)?;
-    let walls = robot.walls();
     let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
     let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
     let began = Instant::now();
@@ -173,7 +176,7 @@ pub fn run(
         robot.run(task, interrupt, &mut Tee(taps), progress)
     };
     let wall_s = began.elapsed().as_secs_f64();
-    let unseen = robot.lost();
+    let (unseen, walls) = (robot.lost(), robot.walls());
     let facts = [("digest".to_owned(), summary.digest().hex())];
     let recording = recorder.map(|recorder| Left::of(recorder.finish(facts.into()), unseen));
     let end = end?;
@@ -207,7 +210,9 @@ impl Opened {
             Pace::Lockstep => {
                 Opened::Lockstep(Box::new(Lockstep::open(plan, task.run.step, options.threads)?))
             }
-            Pace::Live => Opened::Live(Box::new(Live::open(plan, &task.robot.robot.name)?)),
+            Pace::Live => {
+                Opened::Live(Box::new(Live::open(plan, &task.robot.robot.name, options.program.clone())?))
+            }
         })
     }
 

@@ -366,7 +366,7 @@ fn decisions_that_cannot_be_published_keep_no_command_back() {
     let mut plan = Plan::new(&test.task, 1);
     let decision = plan.topics.iter_mut().find(|topic| topic.message.name == DecisionHeader::NAME).unwrap();
     decision.spec.list_bytes = 0;
-    let mut live = Live::open(plan, &test.robot).unwrap();
+    let mut live = Live::open(plan, &test.robot, None).unwrap();
     let end = live.run(&test.task.run, &AtomicBool::new(false), &mut Tee::default(), &mut |_| {}).unwrap();
     assert_eq!(end, End::TimeOver);
     test.assert_left_at_rest();

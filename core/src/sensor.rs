@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 use schemars::Schema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::behavior::{BuildError, Outputs, PublishError};
 use crate::camera::{Distortion, Intrinsics, MirrorCamera, Mount, Pinhole};
@@ -42,6 +43,9 @@ pub enum DeviceError {
         /// What happened and what to do.
         reason: String,
     },
+    /// Its process told so.
+    #[error("{0}")]
+    Told(String),
     /// What it measured could not be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -98,7 +102,7 @@ pub struct MountedMirror {
 }
 
 /// What is known of a sensor by its kind.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SensorKind {
     /// A pinhole camera.
     Camera {
@@ -142,7 +146,7 @@ pub enum Calibration {
 }
 
 /// What is known of the robot: from the robot file.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Robot {
     /// Its name.
     pub name: String,
@@ -174,7 +178,7 @@ impl Default for Robot {
 }
 
 /// What a robot's drive can do. Each triple is for the linear, lateral and angular axis: m and m, rad.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionLimits {
     /// Largest speed, per second.
     pub speed: [f64; 3],
@@ -259,7 +263,7 @@ pub struct DrivePlugin {
 }
 
 /// What a driver is asked to open.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviceSpec {
     /// The device's name in the robot file.
     pub name: String,
@@ -272,13 +276,14 @@ pub struct DeviceSpec {
     /// Relative paths in the tables start here.
     pub folder: PathBuf,
     /// Of the run; a device derives its own streams from it and its names.
+    #[serde(with = "as_text")]
     pub seed: u64,
     /// The robot that it is on.
     pub robot: Robot,
 }
 
 /// A sensor or a drive of a device.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartSpec {
     /// Name in the robot file.
     pub name: String,
@@ -298,4 +303,37 @@ pub struct Device {
     pub judge: Option<Box<dyn Sensor>>,
     /// Walls that a simulator knows, as polylines on the floor, map frame, metres: for plots.
     pub walls: Vec<Vec<[f64; 2]>>,
+}
+
+/// A [`SensorInfo`] from another program, which may know other messages.
+#[derive(Deserialize)]
+struct ToldInfo {
+    name: String,
+    message: String,
+    period_s: f64,
+    latency_s: f64,
+    kind: SensorKind,
+}
+
+impl<'de> Deserialize<'de> for SensorInfo {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SensorInfo, D::Error> {
+        let ToldInfo { name, message, period_s, latency_s, kind } = ToldInfo::deserialize(deserializer)?;
+        let known = MessageType::find(&message);
+        let known = known.ok_or_else(|| D::Error::custom(MessageType::unknown(&message)))?;
+        Ok(SensorInfo { name, message: known.name, period_s, latency_s, kind })
+    }
+}
+
+/// Whole numbers that TOML has no room for.
+mod as_text {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(number: &u64, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(number)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
 }

@@ -5,6 +5,7 @@ use std::ops::{Add, Sub};
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
+use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 use crate::bus::ZeroCopySend;
@@ -36,6 +37,12 @@ impl Time {
     pub const ZERO: Time = Time(0);
     /// Later than every instant that a run reaches.
     pub const MAX: Time = Time(u64::MAX);
+
+    /// Now, on the machine's monotonic clock.
+    pub fn monotonic_now() -> Time {
+        let now = clock_gettime(ClockId::Monotonic);
+        Time(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
+    }
 
     /// The instant `seconds` after the clock's beginning; negative and non-finite values give [`Time::ZERO`].
     pub fn from_secs_f64(seconds: f64) -> Time {

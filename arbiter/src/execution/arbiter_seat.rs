@@ -7,9 +7,9 @@ use yamabico_core::message::{
 use yamabico_core::time::Time;
 
 use super::plan::Plan;
-use super::topics;
 use crate::decide::{Decision, State, decide};
 use crate::policy::Policy;
+use yamabico_core::seat::topics;
 
 /// The arbiter between proposals and commands. It alone holds the publisher of commands.
 pub struct ArbiterSeat {

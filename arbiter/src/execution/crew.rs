@@ -7,7 +7,7 @@ use yamabico_core::bus::BusError;
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::Time;
 
-use super::behavior_seat::{BehaviorRecord, BehaviorSeat, SeatError};
+use yamabico_core::seat::{BehaviorRecord, BehaviorSeat, SeatError};
 
 /// Behaviours that collect together and propose together.
 pub struct Crew {

@@ -8,11 +8,11 @@ use yamabico_core::sensor::{DeviceError, Due};
 use yamabico_core::time::Time;
 
 use super::arbiter_seat::ArbiterSeat;
-use super::behavior_seat::{BehaviorRecord, BehaviorSeat, SeatError};
 use super::crew::Crew;
-use super::device_seat::DeviceSeat;
 use super::plan::Plan;
 use crate::record::Tap;
+use yamabico_core::seat::DeviceSeat;
+use yamabico_core::seat::{BehaviorRecord, BehaviorSeat, SeatError};
 
 /// A run in lockstep.
 pub struct Lockstep {

@@ -6,12 +6,11 @@ use yamabico_core::behavior::SlotInfo;
 use yamabico_core::bus::{Bell, Bus, BusError, Spec};
 use yamabico_core::config::{self, InputSource, Task};
 use yamabico_core::message::{
-    Command, Control, DecisionHeader, FrameHeader, Goal, Message, MessageType, Name, Proposal, Truth, Verdict,
+    CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal, Heartbeat,
+    Message, MessageType, Name, Proposal, Truth, Verdict, WallPoint, WallsHeader,
 };
+use yamabico_core::seat::{BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, topics};
 
-use super::behavior_seat::BehaviorPlan;
-use super::device_seat::DevicePlan;
-use super::topics;
 use crate::kinematics::Kinematics;
 use crate::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
 
@@ -56,6 +55,32 @@ impl Plan {
             behaviors: task.behaviors.iter().map(|behavior| behavior_plan(task, behavior)).collect(),
             policy: policy(task),
         }
+    }
+
+    /// Makes the plan that of a live run: whoever publishes wakes those who wait, and plugins tell how they fare.
+    #[must_use]
+    pub fn live(mut self) -> Plan {
+        for topic in &mut self.topics {
+            topic.spec.bell = Bell::Rings;
+        }
+        // The dead keep their places until they are cleaned up.
+        let publishers = 2 * (self.behaviors.len() + self.devices.len());
+        let spec =
+            |list_bytes| Spec { publishers, subscribers: SPARE_READERS, list_bytes, ..Spec::default() };
+        let buckets = Durations::default().most_buckets() * size_of::<CallBucket>();
+        let corners = MOST_CORNERS * size_of::<WallPoint>();
+        let told = [
+            (topics::HEARTBEATS, MessageType::of::<Heartbeat>(), 0),
+            (topics::CALLS, MessageType::of::<CallsHeader>(), buckets),
+            (topics::FAILURES, MessageType::of::<FailureHeader>(), MOST_WORDS),
+            (topics::WALLS, MessageType::of::<WallsHeader>(), corners),
+        ];
+        self.topics.extend(told.map(|(name, message, list_bytes)| Topic {
+            name: name.to_owned(),
+            message,
+            spec: spec(list_bytes),
+        }));
+        self
     }
 
     /// Creates every channel.
@@ -109,7 +134,13 @@ fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
         typed.collect()
     };
     let specs = task.robot.specs(seed).into_iter();
-    specs.map(|(plugin, spec)| DevicePlan { plugin, sensors: of_device(&spec.name), spec }).collect()
+    let hosting =
+        |device: &config::DeviceFile| Hosting { isolation: device.isolation, patience: device.patience };
+    let hostings = task.robot.devices.iter().map(hosting);
+    let plans = specs.zip(hostings);
+    plans
+        .map(|((plugin, spec), hosting)| DevicePlan { plugin, sensors: of_device(&spec.name), spec, hosting })
+        .collect()
 }
 
 fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
@@ -121,6 +152,7 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
         InputSource::Operator => topics::GOAL.to_owned(),
     };
     let inputs = behavior.inputs.iter();
+    let period = behavior.period.or_else(|| behavior.critical.then_some(behavior.deadline / 3));
     BehaviorPlan {
         plugin: behavior.plugin,
         table: behavior.table.clone(),
@@ -129,19 +161,10 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
         inputs: inputs
             .filter_map(|input| Some((input.slot.clone(), topic(&input.source), slot_type(&input.slot)?)))
             .collect(),
-        period: behavior.period.or_else(|| behavior.critical.then_some(behavior.deadline / 3)),
+        // Without any input it would never be asked: it is asked every tick.
+        period: period.or_else(|| behavior.inputs.is_empty().then_some(task.arbiter.period)),
         budget: behavior.budget,
-    }
-    .in_task(task)
-}
-
-impl BehaviorPlan {
-    /// A behaviour without any input would never be asked: it is asked every tick.
-    fn in_task(mut self, task: &Task) -> BehaviorPlan {
-        if self.inputs.is_empty() && self.period.is_none() {
-            self.period = Some(task.arbiter.period);
-        }
-        self
+        hosting: Hosting { isolation: behavior.isolation, patience: behavior.patience },
     }
 }
 

@@ -12,25 +12,30 @@
 //!   next or is told to [`welcome`](RawPublisher::welcome) them. A `Stream` keeps [`STREAM_DEPTH`] messages; the
 //!   oldest are overwritten, and the gap in the sequence numbers tells how many.
 //! - A publisher's messages go with it: what nobody received before it was dropped is gone.
-//! - Nothing here cleans up after dead processes but the wipe at the supervisor's start and end: the processes of a
-//!   running robot that die are the supervisor's to clean up, on its own node, and iceoryx2's clean-up switches are off.
+//! - iceoryx2's own clean-up switches are off. After dead processes of a running robot the supervisor cleans up, with a
+//!   [`Cleaner`] and a [`Janitor`]; after a dead supervisor, the wipe at the next start.
 
 mod bell;
+mod clean_up;
 mod error;
 mod inbox;
 mod place;
+mod process;
 mod publisher;
 mod sample;
 mod subscriber;
 mod world;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use bell::{Bell, Rang, Waiter};
+pub use clean_up::{CleanedUp, Cleaner, Janitor};
 pub use error::BusError;
 pub use iceoryx2::prelude::ZeroCopySend;
 pub use inbox::Inbox;
+pub use process::keep_files_from_children;
 pub use publisher::{Publisher, RawPublisher};
 pub use sample::{RawSample, Sample};
 pub use subscriber::{RawSubscriber, Subscriber};
@@ -74,7 +79,8 @@ pub struct Bus(Arc<Inside>);
 struct Inside {
     // In front of the guard: the wipe comes after the node is gone.
     kind: Kind,
-    _guard: Option<Guard>,
+    guard: Option<Guard>,
+    place: Option<Place>,
     name: String,
 }
 
@@ -92,7 +98,7 @@ impl Bus {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         let prefix = format!("yb{}_", NEXT.fetch_add(1, Ordering::Relaxed));
         let world = World::new(name, "/yamabico", &prefix, Patience::None)?;
-        Ok(Bus(Arc::new(Inside { kind: Kind::Local(world), _guard: None, name: name.into() })))
+        Ok(Bus(Arc::new(Inside { kind: Kind::Local(world), guard: None, place: None, name: name.into() })))
     }
 
     /// The supervisor's bus of the robot of this name, in shared memory. Clears what an earlier run left behind, and keeps
@@ -110,7 +116,12 @@ impl Bus {
         let guard = Guard { place: place.clone(), lock: Some(lock) };
         place.wipe()?;
         let world = World::new(robot, &place.root.to_string_lossy(), &place.prefix, Patience::None)?;
-        Ok(Bus(Arc::new(Inside { kind: Kind::Ipc(world), _guard: Some(guard), name: robot.into() })))
+        Ok(Bus(Arc::new(Inside {
+            kind: Kind::Ipc(world),
+            guard: Some(guard),
+            place: Some(place),
+            name: robot.into(),
+        })))
     }
 
     /// A plugin's bus of the robot of this name, which another process runs. Opens only, and waits half a second at most
@@ -122,12 +133,47 @@ impl Bus {
         let place = Place::of(robot)?;
         place.check_running()?;
         let world = World::new(robot, &place.root.to_string_lossy(), &place.prefix, Patience::Bounded)?;
-        Ok(Bus(Arc::new(Inside { kind: Kind::Ipc(world), _guard: None, name: robot.into() })))
+        Ok(Bus(Arc::new(Inside {
+            kind: Kind::Ipc(world),
+            guard: None,
+            place: Some(place),
+            name: robot.into(),
+        })))
+    }
+
+    /// Removes what a supervisor that died left of the robot of this name; whether nobody else was about to run it.
+    ///
+    /// # Errors
+    /// [`BusError::BadName`]; files that cannot be removed.
+    pub fn bury(robot: &str) -> Result<bool, BusError> {
+        let place = Place::of(robot)?;
+        let Ok(lock) = place.lock() else { return Ok(false) };
+        let wiped = place.wipe();
+        lock.release();
+        wiped.map(|()| true)
     }
 
     /// The names of this user's running robots, in alphabetical order.
     pub fn running() -> Vec<String> {
         Place::running()
+    }
+
+    /// The folder and the prefix under which the transport keeps the robot's files: for programs in other languages.
+    ///
+    /// # Errors
+    /// [`BusError::NotRunning`] where the bus lives within this process.
+    pub fn files(&self) -> Result<(PathBuf, String), BusError> {
+        let place = self.0.place.clone().ok_or_else(|| self.not_running())?;
+        Ok((place.root, place.prefix))
+    }
+
+    /// The supervisor's place.
+    fn place(&self) -> Result<Place, BusError> {
+        self.0.guard.as_ref().map(|guard| guard.place.clone()).ok_or_else(|| self.not_running())
+    }
+
+    fn not_running(&self) -> BusError {
+        BusError::NotRunning { robot: self.0.name.clone() }
     }
 
     /// The name that it was opened with.

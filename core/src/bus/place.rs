@@ -24,7 +24,7 @@ pub(super) struct Lock {
     path: PathBuf,
 }
 
-const SEGMENTS: &str = "/dev/shm";
+pub(super) const SEGMENTS: &str = "/dev/shm";
 /// `sun_path` of a Unix socket without its closing zero.
 const LONGEST_SOCKET_PATH: usize = 107;
 /// Prefix, port id of at most 39 digits, and `.event`, behind a slash.

@@ -119,6 +119,12 @@ impl<S: Service> World<S> {
         Ok(())
     }
 
+    /// Removes what dead nodes left: how many it was done for, and for how many it failed. May block.
+    pub(super) fn clean_dead_nodes(&self) -> (u64, u64) {
+        let state = self.inside().node.try_cleanup_dead_nodes();
+        (state.cleanups, state.failed_cleanups)
+    }
+
     /// Runs `work` on the topic, which is opened where it is not known yet.
     pub(super) fn with_topic<R>(
         &self,

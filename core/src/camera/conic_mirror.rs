@@ -13,7 +13,7 @@ use super::mirror_camera::{Meridian, MirrorError};
 ///
 /// Yagi, Nishizawa & Yachida (1995), section II. Differs from it: the camera looks up and the tip points down, and
 /// the viewpoints are exact.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ConicMirror {
     /// Full angle of the cone at its tip, radians, in (pi/2, pi).
     vertex_angle: f64,

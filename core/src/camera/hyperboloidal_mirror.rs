@@ -10,7 +10,7 @@ use super::mirror_camera::{Meridian, MirrorError};
 ///
 /// Sekimori, Usui, Masutani & Miyazaki give the floor radius f(R) of an image radius R; this is the same mirror in
 /// three dimensions, so that walls are seen as well.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HyperboloidalMirror {
     focal_px: f64,
     eccentricity: f64,

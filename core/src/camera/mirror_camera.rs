@@ -30,7 +30,7 @@ pub trait Meridian {
 }
 
 /// The mirrors that are known.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Mirror {
     /// A cone: a circle of viewpoints.
     Conic(ConicMirror),
@@ -78,7 +78,7 @@ pub struct MirrorRay {
 }
 
 /// A mirror and the image of it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MirrorCamera {
     image: MirrorImage,
     mirror: Mirror,

@@ -13,8 +13,8 @@ pub const BIRDS_EYE: [[f64; 2]; 2] = [[0.0, -1.0], [-1.0, 0.0]];
 ///
 /// The mirror plane has its origin at the image of the mirror's axis; its x points ahead of the robot and its y to the
 /// left, in pixels, so that the angle of a point in it is the azimuth of what is seen there.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(into = "MirrorImageConfig")]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "MirrorImageConfig", try_from = "MirrorImageConfig")]
 pub struct MirrorImage {
     /// Image width, pixels.
     pub width: u32,
@@ -212,6 +212,14 @@ impl MirrorImageConfig {
             .with_centre(centre)?
             .with_orientation(Matrix2::new(a, b, c, d))?
             .with_ring(self.blind_radius_px, self.rim_radius_px.unwrap_or(plain.rim_radius_px))
+    }
+}
+
+impl TryFrom<MirrorImageConfig> for MirrorImage {
+    type Error = MirrorError;
+
+    fn try_from(config: MirrorImageConfig) -> Result<Self, MirrorError> {
+        config.image()
     }
 }
 

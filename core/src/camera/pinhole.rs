@@ -13,7 +13,7 @@ const UNDISTORTION_TOLERANCE: f64 = 1e-14;
 const UNDISTORTION_STEPS: usize = 60;
 
 /// The linear part of a camera and its image size; pixels, pixel centres on integers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.
     pub fx: f64,

@@ -10,7 +10,7 @@ use super::mirror_camera::{Meridian, MirrorError};
 const CHECK_STEP_PX: f64 = 0.25;
 
 /// A central camera whose image radius R (pixels) tells the angle from straight down by a [`RadialProfile`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RadialModel {
     profile: RadialProfile,
     /// The profile is known to grow up to here.
@@ -18,7 +18,7 @@ pub struct RadialModel {
 }
 
 /// How the image radius tells the direction.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum RadialProfile {
     /// The floor radius is `a tan(b R)`.
     Tangent {

@@ -128,7 +128,15 @@ fn read_device(
     check_table(table, entry.node.span, &[Shape::new(&common), Shape::new(&own)], &owner, problems);
     let mut keys = own_keys(table, &common, &own);
     resolve_paths(table, &own, home, &mut keys, problems);
-    Some(DeviceFile { name: entry.key.clone(), driver: *plugin, table: keys })
+    let common: DeviceKeys =
+        table.to_toml(|key| key == "isolation" || key == "deadline_ms").try_into().unwrap_or_default();
+    Some(DeviceFile {
+        name: entry.key.clone(),
+        driver: *plugin,
+        table: keys,
+        isolation: common.isolation,
+        patience: Duration::try_from_secs_f64(common.deadline_ms * 1e-3).unwrap_or_default(),
+    })
 }
 
 /// The driver and the kind that a sensor or the drive names.

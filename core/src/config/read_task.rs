@@ -105,6 +105,9 @@ pub(crate) fn read_task(
     })
 }
 
+/// A process that is starved of computing time for less than this is not taken for hung, where no deadline is written.
+const LEAST_PATIENCE_MS: f64 = 250.0;
+
 /// A behaviour's table on the way.
 struct Draft<'a> {
     entry: &'a Entry,
@@ -223,6 +226,8 @@ impl Draft<'_> {
             max_evidence_age: duration(keys.max_evidence_age_ms.unwrap_or(arbiter.max_evidence_age_ms)),
             hold: duration(keys.hold_ms),
             dwell: duration(keys.dwell_ms),
+            isolation: keys.isolation,
+            patience: duration(keys.deadline_ms.unwrap_or((3.0 * own_period_ms).max(LEAST_PATIENCE_MS))),
         }
     }
 

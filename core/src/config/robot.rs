@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use super::tables::Isolation;
 use crate::message::Axes;
 use crate::sensor::{DeviceSpec, DriverPlugin, PartSpec, Robot, SensorInfo};
 
@@ -30,6 +31,10 @@ pub struct DeviceFile {
     pub driver: DriverPlugin,
     /// The driver's own keys, checked against its schema.
     pub table: toml::Table,
+    /// Where it runs while the robot runs live.
+    pub isolation: Isolation,
+    /// A process of it that shows no sign of life for longer hangs.
+    pub patience: Duration,
 }
 
 /// A sensor of a robot file.

@@ -82,6 +82,17 @@ impl Default for ArbiterKeys {
     }
 }
 
+/// Where a plugin runs while the robot runs live; in lockstep it makes no difference.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Isolation {
+    /// In a process of its own: whatever becomes of it, the others go on, and it is started again.
+    #[default]
+    Process,
+    /// On a thread of the arbiter's process: no start-up to wait for, but a crash is everybody's.
+    Thread,
+}
+
 /// Who gets an axis that several behaviours claim.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -131,6 +142,8 @@ pub(crate) struct BehaviorKeys {
     /// It keeps an axis this long before a lower priority gets it.
     #[schemars(range(min = 0.0, max = 3_600_000.0))]
     pub dwell_ms: f64,
+    /// Where it runs while the robot runs live.
+    pub isolation: Isolation,
 }
 
 impl Default for BehaviorKeys {
@@ -148,6 +161,7 @@ impl Default for BehaviorKeys {
             max_evidence_age_ms: None,
             hold_ms: 500.0,
             dwell_ms: 0.0,
+            isolation: Isolation::default(),
         }
     }
 }
@@ -273,12 +287,24 @@ impl Default for LimitsKeys {
 }
 
 /// The keys that every device has, beside its driver's own.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(default)]
 #[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
 pub(crate) struct DeviceKeys {
     /// Which driver.
     #[schemars(required)]
     pub driver: Option<String>,
+    /// Where it runs while the robot runs live.
+    pub isolation: Isolation,
+    /// A process of it that is silent for longer hangs, and is started again.
+    #[schemars(range(min = 50.0, max = 60000.0))]
+    pub deadline_ms: f64,
+}
+
+impl Default for DeviceKeys {
+    fn default() -> Self {
+        DeviceKeys { driver: None, isolation: Isolation::default(), deadline_ms: 500.0 }
+    }
 }
 
 /// The keys that every drive has, beside its kind's own.

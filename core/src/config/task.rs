@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::robot::RobotFile;
-use super::tables::Policy;
+use super::tables::{Isolation, Policy};
 use crate::behavior::{Behavior, BehaviorPlugin, BuildError, Setup};
 
 /// What a task file and its robot file say together. Nothing in it is unchecked.
@@ -95,6 +95,11 @@ pub struct BehaviorFile {
     pub hold: Duration,
     /// How long it keeps an axis before a lower priority gets it.
     pub dwell: Duration,
+    /// Where it runs while the robot runs live.
+    pub isolation: Isolation,
+    /// A process of it that shows no sign of life for longer hangs: the deadline as written, or three periods and at least
+    /// a quarter of a second.
+    pub patience: Duration,
 }
 
 /// What is plugged into a slot.

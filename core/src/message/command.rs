@@ -1,4 +1,4 @@
-//! What the arbiter decides, and how plugins are watched and controlled.
+//! What the arbiter decides, and what is asked of it.
 
 use super::{Axes, Name, Note, Twist, item, message, vocabulary};
 use crate::bus::ZeroCopySend;
@@ -148,39 +148,6 @@ impl Verdict {
     /// The outcome, where the code is known.
     pub fn outcome(&self) -> Option<Outcome> {
         Outcome::from_code(self.outcome)
-    }
-}
-
-vocabulary! {
-    /// How a plugin fares.
-    pub enum PluginState {
-        /// Coming up.
-        Starting = 0 "starting",
-        /// Doing its work.
-        Running = 1 "running",
-        /// Not asked, since another behaviour inhibits it.
-        Sleeping = 2 "sleeping",
-        /// Switched off.
-        Disabled = 3 "disabled",
-        /// Out for good.
-        Failed = 4 "failed",
-    }
-}
-
-message! {
-    /// A plugin is alive.
-    "yamabico.Heartbeat.v1" Stream [u8]
-    pub struct Heartbeat {
-        /// When it was sent.
-        pub stamp_ns: u64,
-        /// Counts up by one a heartbeat.
-        pub sequence: u64,
-        /// Who is alive.
-        pub plugin: Name,
-        /// A [`PluginState`] code.
-        pub state: u32,
-        /// Times that it was started again.
-        pub restarts: u32,
     }
 }
 

@@ -8,18 +8,18 @@
 
 mod command;
 mod perception;
+mod plugin;
 mod proposal;
 mod registry;
 mod sensors;
 mod text;
 
-pub use command::{
-    Command, Control, ControlKind, DecisionHeader, Heartbeat, Mode, Outcome, PluginState, Verdict,
-};
+pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
 pub use perception::{
     FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle, ObstaclesHeader,
     PathHeader, PathPoint, Pose, PoseStatus,
 };
+pub use plugin::{CallBucket, CallsHeader, FailureHeader, Heartbeat, PluginState, WallPoint, WallsHeader};
 pub use proposal::{Axes, Axis, Kind, Proposal, Reason, Sector, Twist};
 pub use registry::{ALL, MessageType};
 pub use sensors::{

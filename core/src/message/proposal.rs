@@ -3,7 +3,8 @@
 use std::fmt;
 
 use bytemuck::{Pod, Zeroable};
-use serde::{Serialize, Serializer};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{Name, Note, message, vocabulary};
 use crate::bus::ZeroCopySend;
@@ -123,6 +124,14 @@ impl fmt::Display for Axes {
 impl Serialize for Axes {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Axes {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Axes, D::Error> {
+        let words = String::deserialize(deserializer)?;
+        let found = (0..8).filter_map(Axes::from_bits).find(|axes| axes.to_string() == words);
+        found.ok_or_else(|| D::Error::custom(format!("`{words}` are no axes")))
     }
 }
 

@@ -42,6 +42,16 @@ impl MessageType {
     pub fn find(name: &str) -> Option<&'static MessageType> {
         ALL.iter().find(|message| message.name == name)
     }
+
+    /// Why the type `name` is not found, in words: the version that this program knows instead, where it knows one.
+    pub fn unknown(name: &str) -> String {
+        let family =
+            |name: &str| name.rsplit_once(".v").map_or_else(|| name.to_owned(), |(f, _)| f.to_owned());
+        match ALL.iter().find(|message| family(message.name) == family(name)) {
+            Some(known) => format!("`{name}` is another version than the `{}` of this program", known.name),
+            None => format!("this program knows no message `{name}`"),
+        }
+    }
 }
 
 impl PartialEq for MessageType {
@@ -78,6 +88,9 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<Command>(),
     MessageType::of::<DecisionHeader>(),
     MessageType::of::<Heartbeat>(),
+    MessageType::of::<FailureHeader>(),
+    MessageType::of::<CallsHeader>(),
+    MessageType::of::<WallsHeader>(),
     MessageType::of::<Control>(),
 ];
 
@@ -151,6 +164,13 @@ mod tests {
         assert_eq!(json["stamp_ns"], 7);
         assert_eq!(json["items"][0]["range_m"], 0.4);
         assert_eq!(json["items"].as_array().unwrap().len(), 2);
+    }
+
+    #[test]
+    fn of_another_version_both_are_named() {
+        let told = MessageType::unknown("yamabico.Odometry.v9");
+        assert!(told.contains("yamabico.Odometry.v9") && told.contains("yamabico.Odometry.v1"), "{told}");
+        assert!(MessageType::unknown("yamabico.Smell.v1").contains("no message"));
     }
 
     #[test]

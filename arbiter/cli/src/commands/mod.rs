@@ -8,6 +8,7 @@ pub mod learn;
 mod learn_floor;
 mod learn_plot;
 pub mod list;
+pub mod plugin;
 pub mod run;
 mod run_table;
 pub mod schema;
@@ -40,6 +41,9 @@ pub enum Command {
     Schema,
     /// Draw a task: sensors, behaviours, wires, drive.
     Graph(graph::Arguments),
+    /// Be a plugin of a running robot.
+    #[command(hide = true)]
+    Plugin(plugin::Arguments),
 }
 
 /// A task and what is changed in it.

@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use yamabico_arbiter::execution::Progress;
 use yamabico_arbiter::record::{Pace, Tee};
 use yamabico_arbiter::run::{Options, run as run_task};
+use yamabico_arbiter::supervisor::Program;
 use yamabico_core::config::Task;
 
 use super::TaskArguments;
@@ -54,6 +55,7 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
         pace: if arguments.live { Pace::Live } else { Pace::Lockstep },
         pictures: Some(out),
         overrides: arguments.task.overrides(),
+        program: Some(Program::this()),
     };
     let bar = progress_bar(&task, print);
     let mut show = |progress| show_progress(&bar, &task, progress);

@@ -1,8 +1,8 @@
 //! What the bus brings to one behaviour, slot by slot.
 
-use yamabico_core::behavior::{InputSource, SlotSource};
-use yamabico_core::bus::{Bus, BusError, Inbox};
-use yamabico_core::message::{Goal, Message, MessageType};
+use crate::behavior::{InputSource, SlotSource};
+use crate::bus::{Bus, BusError, Inbox};
+use crate::message::{Goal, Message, MessageType};
 
 /// The slots of one behaviour, fed from the bus.
 pub struct Feed {

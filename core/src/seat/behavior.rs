@@ -3,10 +3,11 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use yamabico_core::behavior::{Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Setup};
-use yamabico_core::bus::{Bus, BusError, Publisher};
-use yamabico_core::message::{Kind, MessageType, Name, Proposal};
-use yamabico_core::time::Time;
+use crate::behavior::{Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Setup};
+use crate::bus::{Bus, BusError, Publisher, Waiter};
+use crate::config::Isolation;
+use crate::message::{Kind, MessageType, Name, Proposal};
+use crate::time::Time;
 
 use super::durations::Durations;
 use super::feed::Feed;
@@ -33,6 +34,27 @@ pub struct BehaviorPlan {
     pub period: Option<Duration>,
     /// Longer calls count as overruns.
     pub budget: Option<Duration>,
+    /// Live: where it runs, and how long it may show no sign of life.
+    pub hosting: Hosting,
+}
+
+impl BehaviorPlan {
+    /// Waits for what arrives in the behaviour's slots.
+    ///
+    /// # Errors
+    /// Topics that do not ring.
+    pub fn waiter(&self, bus: &Bus) -> Result<Waiter, BusError> {
+        bus.waiter(&self.inputs.iter().map(|(_, topic, _)| topic.as_str()).collect::<Vec<_>>())
+    }
+}
+
+/// Where a plugin runs while the robot runs live, and when it hangs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hosting {
+    /// In a process of its own or on a thread.
+    pub isolation: Isolation,
+    /// A process that shows no sign of life for longer hangs.
+    pub patience: Duration,
 }
 
 /// How a behaviour fared. Wall-clock figures: they never enter a decision.
@@ -205,6 +227,14 @@ pub enum SeatError {
     /// The channels do not open.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// Its process cannot be started, or did not come up.
+    #[error("the process of `{name}` does not come up: {reason}")]
+    Process {
+        /// Whose.
+        name: String,
+        /// What happened and what to do.
+        reason: String,
+    },
     /// A thread does not start.
     #[error("cannot start the thread of `{name}`: {source}; end other programs or raise `ulimit -u`")]
     Thread {
@@ -218,9 +248,9 @@ pub enum SeatError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bus::Spec;
+    use crate::message::Axes;
     use std::sync::atomic::{AtomicU32, Ordering};
-    use yamabico_core::bus::Spec;
-    use yamabico_core::message::Axes;
 
     struct Broken;
 
@@ -230,7 +260,7 @@ mod tests {
         }
     }
 
-    fn seat(build: yamabico_core::behavior::Build) -> BehaviorSeat {
+    fn seat(build: crate::behavior::Build) -> BehaviorSeat {
         let bus = Bus::local("seat").unwrap();
         bus.create::<Proposal>(&topics::proposal("broken"), &Spec::default()).unwrap();
         let plugin = BehaviorPlugin {
@@ -251,6 +281,7 @@ mod tests {
             inputs: Vec::new(),
             period: Some(Duration::from_millis(20)),
             budget: None,
+            hosting: Hosting { isolation: Isolation::Thread, patience: Duration::from_secs(1) },
         };
         BehaviorSeat::open(plan, &bus).unwrap()
     }

@@ -28,6 +28,35 @@ impl Durations {
         self.max = self.max.max(duration);
     }
 
+    /// How many buckets there are.
+    pub fn most_buckets(&self) -> usize {
+        self.buckets.len()
+    }
+
+    /// The buckets that are not empty: index and how many.
+    pub fn buckets(&self) -> impl Iterator<Item = (usize, u64)> + '_ {
+        self.buckets.iter().copied().enumerate().filter(|(_, count)| *count > 0)
+    }
+
+    /// Takes in what another histogram counted: `count` in the bucket `index`. One that is none changes nothing.
+    pub fn add_bucket(&mut self, index: usize, count: u64) {
+        if let Some(bucket) = self.buckets.get_mut(index) {
+            *bucket += count;
+            self.count += count;
+        }
+    }
+
+    /// Lets the longest be at least this.
+    pub fn raise_max(&mut self, max: Duration) {
+        self.max = self.max.max(max);
+    }
+
+    /// Takes in everything that `other` counted.
+    pub fn merge(&mut self, other: &Durations) {
+        other.buckets().for_each(|(index, count)| self.add_bucket(index, count));
+        self.raise_max(other.max);
+    }
+
     /// How many were taken in.
     pub fn count(&self) -> u64 {
         self.count

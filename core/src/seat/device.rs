@@ -2,13 +2,13 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use yamabico_core::behavior::Outputs;
-use yamabico_core::bus::{Bus, BusError, Subscriber};
-use yamabico_core::message::{Command, MessageType, Truth};
-use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
-use yamabico_core::time::Time;
+use crate::behavior::Outputs;
+use crate::bus::{Bus, BusError, Subscriber};
+use crate::message::{Command, MessageType, Truth};
+use crate::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
+use crate::time::Time;
 
-use super::behavior_seat::SeatError;
+use super::behavior::{Hosting, SeatError};
 use super::ports::Ports;
 use super::topics;
 
@@ -21,6 +21,8 @@ pub struct DevicePlan {
     pub spec: DeviceSpec,
     /// Name and type of what each of its sensors publishes.
     pub sensors: Vec<(String, MessageType)>,
+    /// Live: where it runs, and how long it may show no sign of life.
+    pub hosting: Hosting,
 }
 
 /// A device between its sensors' ports and the commands.
@@ -108,6 +110,16 @@ impl DeviceSeat {
         };
         drive.apply(newest.as_ref(), now).and(heard)
     }
+
+    /// Stops the drive with its emergency deceleration, whatever has been commanded.
+    ///
+    /// # Errors
+    /// The drive does not obey.
+    pub fn brake(&mut self, now: Time) -> Result<(), DeviceError> {
+        let Some(drive) = &mut self.device.drive else { return Ok(()) };
+        let stop = Command { stamp_ns: now.0, evidence_ns: now.0, emergency: 1, ..Command::default() };
+        drive.apply(Some(&stop), now)
+    }
 }
 
 impl SensorSeat {
@@ -130,7 +142,7 @@ fn earlier(a: Due, b: Due) -> Due {
 }
 
 /// What a panic said, for people.
-pub(super) fn panicked(panic: &(dyn std::any::Any + Send)) -> String {
+pub fn panicked(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
     format!("it panicked: {}; please report this", text.unwrap_or("without words"))
 }

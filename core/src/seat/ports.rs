@@ -1,8 +1,8 @@
 //! Where a plugin's messages leave: its outputs by name, on the bus.
 
-use yamabico_core::behavior::{OutputSink, PublishError};
-use yamabico_core::bus::{Bus, BusError, RawPublisher};
-use yamabico_core::message::MessageType;
+use crate::behavior::{OutputSink, PublishError};
+use crate::bus::{Bus, BusError, RawPublisher};
+use crate::message::MessageType;
 
 /// The outputs of one plugin.
 #[derive(Default)]

@@ -11,6 +11,15 @@ pub const GOAL: &str = "goal";
 /// A simulator's truth, for judging only.
 pub const TRUTH: &str = "truth";
 
+/// Which plugins are alive.
+pub const HEARTBEATS: &str = "plugins/heartbeats";
+/// How the calls of behaviours went.
+pub const CALLS: &str = "plugins/calls";
+/// What went wrong in plugins.
+pub const FAILURES: &str = "plugins/failures";
+/// Walls that devices know, for plots.
+pub const WALLS: &str = "plugins/walls";
+
 /// What the sensor `name` measures.
 pub fn sensor(name: &str) -> String {
     format!("sensors/{name}")

@@ -1,0 +1,64 @@
+//! The plugins of a live run that get processes of their own.
+
+use yamabico_core::bus::{Bus, BusError};
+use yamabico_core::config::Isolation;
+use yamabico_core::plugin::{Begin, BehaviorCharge, Charge, DeviceCharge, OnDeath, PROTOCOL, Part};
+use yamabico_core::seat::{BehaviorPlan, DevicePlan, Hosting};
+
+use super::plan::Plan;
+use crate::supervisor::WardPlan;
+
+/// Plugins that get processes of their own.
+#[derive(Debug, Default)]
+pub(super) struct Apart {
+    pub devices: Vec<DevicePlan>,
+    pub behaviors: Vec<BehaviorPlan>,
+}
+
+impl Plan {
+    /// Takes the plugins out of the plan that are to have processes of their own.
+    pub(super) fn take_apart(&mut self) -> Apart {
+        let is_apart = |hosting: &Hosting| hosting.isolation == Isolation::Process;
+        Apart {
+            devices: self.devices.extract_if(.., |device| is_apart(&device.hosting)).collect(),
+            behaviors: self.behaviors.extract_if(.., |behavior| is_apart(&behavior.hosting)).collect(),
+        }
+    }
+}
+
+impl Apart {
+    /// What the supervisor is to start: devices first, which take longer to open.
+    pub fn wards(&self, bus: &Bus) -> Result<Vec<WardPlan>, BusError> {
+        let devices = self.devices.iter().map(|device| {
+            let part = Part::Device(DeviceCharge::of(device));
+            ward(bus, &device.spec.name, &device.hosting, part, OnDeath::End)
+        });
+        let behaviors = self.behaviors.iter().map(|behavior| {
+            let part = Part::Behavior(BehaviorCharge::of(behavior));
+            ward(bus, &behavior.setup.name, &behavior.hosting, part, OnDeath::Die)
+        });
+        devices.chain(behaviors).collect()
+    }
+}
+
+fn ward(
+    bus: &Bus,
+    name: &str,
+    hosting: &Hosting,
+    part: Part,
+    on_death: OnDeath,
+) -> Result<WardPlan, BusError> {
+    let (bus_root, bus_prefix) = bus.files()?;
+    let charge = Charge {
+        protocol: PROTOCOL,
+        name: name.to_owned(),
+        robot: bus.name().to_owned(),
+        bus_root,
+        bus_prefix,
+        restarts: 0,
+        beat_ms: hosting.patience.as_secs_f64() * 1e3 / 4.0,
+        begin: Begin::WithTheFirstCommand,
+        part,
+    };
+    Ok(WardPlan { charge, on_death, patience: hosting.patience })
+}

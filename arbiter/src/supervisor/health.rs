@@ -1,0 +1,77 @@
+//! Whether a process that runs is well.
+
+use std::time::Duration;
+
+use yamabico_core::time::Time;
+
+/// Opening a device or a map may take so long.
+const COMING_UP: Duration = Duration::from_secs(10);
+
+/// The signs of life of one process.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Health {
+    patience: Duration,
+    heard: Option<Time>,
+    since: Time,
+}
+
+impl Health {
+    /// Of a process that starts `now` and may then be silent for `patience`.
+    pub fn new(patience: Duration, now: Time) -> Health {
+        Health { patience, heard: None, since: now }
+    }
+
+    /// It gave a sign of life.
+    pub fn hear(&mut self, now: Time) {
+        self.heard = Some(now);
+    }
+
+    /// Whether it has ever given one.
+    pub fn is_up(&self) -> bool {
+        self.heard.is_some()
+    }
+
+    /// Does not count so much of the time that has passed.
+    pub fn excuse(&mut self, time: Duration) {
+        self.since = self.since + time;
+        self.heard = self.heard.map(|heard| heard + time);
+    }
+
+    /// For how long it has been silent, where that is too long.
+    pub fn hangs(&self, now: Time) -> Option<Duration> {
+        let (last, patience) = match self.heard {
+            Some(heard) => (heard, self.patience),
+            None => (self.since, COMING_UP),
+        };
+        let silent = now.since(last);
+        (silent > patience).then_some(silent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(millis: u64) -> Time {
+        Time(millis * 1_000_000)
+    }
+
+    #[test]
+    fn silence_beyond_patience_is_a_hang() {
+        let mut health = Health::new(Duration::from_millis(300), at(0));
+        assert!(health.hangs(at(9_000)).is_none() && !health.is_up(), "it may take its time to come up");
+        assert!(health.hangs(at(10_001)).is_some());
+        health.hear(at(1_000));
+        assert!(health.hangs(at(1_300)).is_none() && health.is_up());
+        assert_eq!(health.hangs(at(1_301)), Some(Duration::from_millis(301)));
+    }
+
+    #[test]
+    fn time_that_the_supervisor_slept_through_does_not_count() {
+        let mut health = Health::new(Duration::from_millis(300), at(0));
+        health.hear(at(1_000));
+        health.excuse(Duration::from_millis(500));
+        assert!(health.hangs(at(1_800)).is_none());
+        assert!(health.hangs(at(1_801)).is_some());
+    }
+}

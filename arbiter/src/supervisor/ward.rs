@@ -1,0 +1,183 @@
+//! One plugin under supervision.
+
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Child, ExitStatus};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process};
+use yamabico_core::message::Heartbeat;
+use yamabico_core::plugin::{Begin, Charge, OnDeath};
+use yamabico_core::time::Time;
+
+use super::back_off::BackOff;
+use super::clean_up::{CleanUp, Ticket};
+use super::health::Health;
+use super::program::Program;
+use super::spawn::spawn;
+
+/// A successor waits so long for its predecessor's places to be cleared, and then tries its luck.
+const CLEANING: Duration = Duration::from_millis(500);
+
+/// A plugin that is to run in a process of its own.
+#[derive(Clone, Debug)]
+pub struct WardPlan {
+    /// What it is told.
+    pub charge: Charge,
+    /// What the supervisor's death is for it.
+    pub on_death: OnDeath,
+    /// It may show no sign of life for so long.
+    pub patience: Duration,
+}
+
+/// How far the run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// Everybody opens.
+    Opening,
+    /// Everybody is at work.
+    Begun,
+}
+
+/// A plugin and its process.
+pub(super) struct Ward {
+    plan: WardPlan,
+    state: State,
+    back_off: BackOff,
+    starts: u32,
+}
+
+enum State {
+    /// To be started.
+    Due { at: Time, died: Time, clean: Option<Ticket> },
+    /// Running.
+    Up { child: Child, started: Time, health: Health },
+    /// Over.
+    Ended,
+}
+
+impl Ward {
+    pub fn new(plan: WardPlan) -> Ward {
+        let state = State::Due { at: Time::ZERO, died: Time::ZERO, clean: None };
+        Ward { plan, state, back_off: BackOff::default(), starts: 0 }
+    }
+
+    pub fn name(&self) -> &str {
+        &self.plan.charge.name
+    }
+
+    /// Hears a sign of life.
+    pub fn hear(&mut self, beat: &Heartbeat, now: Time) {
+        if let State::Up { health, started, .. } = &mut self.state
+            && beat.restarts + 1 == self.starts
+        {
+            if !health.is_up() {
+                let took = now.since(*started);
+                tracing::info!("`{}` is up, {took:?} after its start", self.plan.charge.name);
+            }
+            health.hear(now);
+        }
+    }
+
+    /// Does not count so much of the time that has passed.
+    pub fn excuse(&mut self, time: Duration) {
+        if let State::Up { health, .. } = &mut self.state {
+            health.excuse(time);
+        }
+    }
+
+    /// Buries, kills or starts it, where it is time to.
+    pub fn step(&mut self, now: Time, phase: Phase, program: &Program, clean_up: &mut CleanUp) {
+        match &mut self.state {
+            State::Due { at, died, clean } => {
+                let is_clean = clean.is_none_or(|ticket| clean_up.is_done(ticket));
+                if *at <= now && (is_clean || now.since(*died) > CLEANING) {
+                    self.start(now, phase, program);
+                }
+            }
+            State::Up { child, started, health } => match child.try_wait() {
+                Ok(Some(status)) => {
+                    let lived = now.since(*started);
+                    let clean = Some(clean_up.request(now));
+                    self.bury(&in_words(status), lived, clean, now);
+                }
+                Ok(None) => {
+                    if let Some(silent) = health.hangs(now) {
+                        let name = &self.plan.charge.name;
+                        tracing::warn!("`{name}` hangs: no sign of life for {silent:?}; it is killed");
+                        let _ = child.kill();
+                        // It is waited for before it can be found to hang again.
+                        health.hear(now);
+                    }
+                }
+                Err(error) => tracing::error!("`{}` cannot be waited for: {error}", self.plan.charge.name),
+            },
+            State::Ended => {}
+        }
+    }
+
+    fn start(&mut self, now: Time, phase: Phase, program: &Program) {
+        self.plan.charge.restarts = self.starts;
+        self.plan.charge.begin = match phase {
+            Phase::Opening => Begin::WithTheFirstCommand,
+            Phase::Begun => Begin::AtOnce,
+        };
+        self.starts += 1;
+        match spawn(program, &self.plan.charge, self.plan.on_death) {
+            Ok(child) => {
+                let health = Health::new(self.plan.patience, now);
+                self.state = State::Up { child, started: now, health };
+            }
+            Err(error) => self.bury(&format!("could not be started: {error}"), Duration::ZERO, None, now),
+        }
+    }
+
+    fn bury(&mut self, how: &str, lived: Duration, clean: Option<Ticket>, now: Time) {
+        let wait = self.back_off.died(lived);
+        let name = &self.plan.charge.name;
+        let after = format!("`{name}` {how} after {lived:.3?}");
+        if self.back_off.loops() {
+            tracing::error!("{after}, again and again; it is started again in {wait:?}");
+        } else {
+            tracing::warn!("{after}; it is started again");
+        }
+        self.state = State::Due { at: now + wait, died: now, clean };
+    }
+
+    /// Tells its process to end, for good.
+    pub fn ask_to_end(&mut self) {
+        match &self.state {
+            State::Up { child, .. } => {
+                let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+                let _ = pid.map(|pid| kill_process(pid, Signal::TERM));
+            }
+            _ => self.state = State::Ended,
+        }
+    }
+
+    /// Whether its process still runs; one that has ended is waited for.
+    pub fn is_up(&mut self) -> bool {
+        if let State::Up { child, .. } = &mut self.state
+            && !matches!(child.try_wait(), Ok(None))
+        {
+            self.state = State::Ended;
+        }
+        matches!(self.state, State::Up { .. })
+    }
+
+    /// Ends its process, for good.
+    pub fn kill(&mut self) {
+        if let State::Up { child, .. } = &mut self.state {
+            tracing::warn!("`{}` does not end and is killed", self.plan.charge.name);
+            let _ = child.kill().and_then(|()| child.wait());
+        }
+        self.state = State::Ended;
+    }
+}
+
+fn in_words(status: ExitStatus) -> String {
+    match (status.signal(), status.code()) {
+        (Some(signal), _) => format!("was killed by signal {signal}"),
+        (None, Some(code)) => format!("ended with exit code {code}"),
+        (None, None) => "ended".to_owned(),
+    }
+}

@@ -1,0 +1,30 @@
+//! A plugin in a process of its own: how it is started, what it is told, what is expected of it.
+//!
+//! This is all that a plugin in any language has to follow.
+//!
+//! 1. **Start.** The supervisor starts the program with the arguments of the task or robot file. Standard input is one TOML
+//!    document, a [`Charge`]: the bus, the plugin's name, its parameters, its topics with their types. Standard output and
+//!    error go to the supervisor's standard error. With the single argument `--describe` the program prints its
+//!    [`Description`] as JSON instead, and ends.
+//! 2. **Bus.** Every topic exists before the plugin starts and goes on after it. The plugin opens and never creates, tries
+//!    again for half a second, and switches iceoryx2's own clean-up off (`cleanup-dead-nodes-on-creation`,
+//!    `...-on-destruction`, `...-on-open`) and its signal handling. A topic is a publish-subscribe service of bytes
+//!    (`[u8]`, aligned to 8) with the message's header as user header, and an event service of the same name that is
+//!    notified after each message.
+//! 3. **Signs of life.** It publishes a `Heartbeat` on `plugins/heartbeats` at least every `beat_ms`, from the loop that does
+//!    the work: one that is silent for four times as long is killed and started again. The first one, `starting`, says that
+//!    everything is open. What keeps it from opening it tells on `plugins/failures`, and ends with exit code 2.
+//! 4. **Begin.** With `begin = "with-the-first-command"` it waits for a message on `command` before it proposes, measures or
+//!    moves; with `at-once` it does not.
+//! 5. **Work.** A behaviour publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
+//!    nanoseconds). A device publishes what it measures and obeys `command`.
+//! 6. **End.** On SIGTERM it ends within a second. A device whose parent has died brakes first. Its parent's death is SIGKILL
+//!    for a behaviour and SIGTERM for a device; the supervisor sees to that.
+
+mod charge;
+mod process;
+
+pub use charge::{
+    Begin, BehaviorCharge, Charge, ChargeError, DeviceCharge, InputCharge, PROTOCOL, Part, PortCharge,
+};
+pub use process::{Guardian, OnDeath, serve};

@@ -1,0 +1,18 @@
+//! Where a plugin works: fed from the bus, asked or polled when it is due, what it says sent on.
+//!
+//! The same seats and the same loops serve a plugin in lockstep, on a thread, and in a process of its own.
+
+mod behavior;
+mod device;
+mod durations;
+mod feed;
+mod ports;
+mod pulse;
+pub mod topics;
+mod work;
+
+pub use behavior::{BehaviorPlan, BehaviorRecord, BehaviorSeat, Hosting, SeatError};
+pub use device::{DevicePlan, DeviceSeat, panicked};
+pub use durations::Durations;
+pub use pulse::{MOST_CORNERS, MOST_WORDS, Pulse};
+pub use work::{behave, operate};

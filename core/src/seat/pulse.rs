@@ -1,0 +1,167 @@
+//! How a plugin tells the supervisor that it is alive, how it fares, and what is wrong.
+
+use std::time::Duration;
+
+use super::behavior::BehaviorRecord;
+use super::topics;
+use crate::bus::{Bus, BusError, Publisher};
+use crate::message::{
+    CallBucket, CallsHeader, FailureHeader, Heartbeat, Message, Name, Note, PluginState, WallPoint,
+    WallsHeader,
+};
+use crate::time::Time;
+
+/// How often a behaviour tells how its calls went.
+const CALLS_EVERY: Duration = Duration::from_millis(500);
+/// Longest reason of a failure, bytes.
+pub const MOST_WORDS: usize = 2048;
+/// Most corners of walls in one message.
+pub const MOST_CORNERS: usize = 4096;
+
+/// The pulse of one plugin. A bus that fails to carry it is told of once: the supervisor then takes the plugin for dead.
+pub struct Pulse {
+    heartbeats: Publisher<Heartbeat>,
+    // Opened when there is something to say: a start must be quick.
+    calls: Option<Publisher<CallsHeader>>,
+    failures: Option<Publisher<FailureHeader>>,
+    walls: Option<Publisher<WallsHeader>>,
+    bus: Bus,
+    plugin: Name,
+    restarts: u32,
+    every: Duration,
+    last: Option<(Time, PluginState)>,
+    calls_told: Time,
+    buckets: Vec<CallBucket>,
+    beats: u64,
+    fails: u64,
+    others: u64,
+    is_mute: bool,
+}
+
+impl Pulse {
+    /// That of the plugin `name`, which has been started again so many times, once `every` so long.
+    ///
+    /// # Errors
+    /// Channels that do not open.
+    pub fn open(bus: &Bus, name: &str, restarts: u32, every: Duration) -> Result<Pulse, BusError> {
+        Ok(Pulse {
+            heartbeats: bus.publisher(topics::HEARTBEATS)?,
+            calls: None,
+            failures: None,
+            walls: None,
+            bus: bus.clone(),
+            plugin: Name::new(name),
+            restarts,
+            every,
+            last: None,
+            calls_told: Time::monotonic_now(),
+            buckets: Vec::new(),
+            beats: 0,
+            fails: 0,
+            others: 0,
+            is_mute: false,
+        })
+    }
+
+    /// The longest time between two beats of a plugin that is well.
+    pub fn every(&self) -> Duration {
+        self.every
+    }
+
+    /// Beats where it is time to, or where `state` is another one than before.
+    pub fn beat(&mut self, state: PluginState, now: Time) {
+        if self.last.is_some_and(|(at, before)| before == state && now.since(at) < self.every) {
+            return;
+        }
+        self.last = Some((now, state));
+        self.beats += 1;
+        let beat = Heartbeat {
+            stamp_ns: now.0,
+            sequence: self.beats,
+            plugin: self.plugin,
+            state: state.code(),
+            restarts: self.restarts,
+        };
+        let told = self.heartbeats.publish(&beat, &[]);
+        self.note(told);
+    }
+
+    /// Tells that the plugin failed, and why; `key` is that of its table to change, empty where none is to blame.
+    pub fn fail(&mut self, key: &str, words: &str, now: Time) {
+        self.fails += 1;
+        let header =
+            FailureHeader { stamp_ns: now.0, sequence: self.fails, plugin: self.plugin, key: Note::new(key) };
+        let most = words.len().min(MOST_WORDS);
+        let told = say(&mut self.failures, &self.bus, topics::FAILURES, &header, &words.as_bytes()[..most]);
+        self.note(told);
+    }
+
+    /// Tells how the calls of a behaviour went, where it is time to.
+    pub fn tell_calls(&mut self, record: &BehaviorRecord, now: Time) {
+        if now.since(self.calls_told) >= CALLS_EVERY {
+            self.tell_last_calls(record, now);
+        }
+    }
+
+    /// Tells how the calls of a behaviour went, for the last time.
+    pub fn tell_last_calls(&mut self, record: &BehaviorRecord, now: Time) {
+        self.calls_told = now;
+        self.others += 1;
+        let header = CallsHeader {
+            stamp_ns: now.0,
+            sequence: self.others,
+            plugin: self.plugin,
+            longest_ns: u64::try_from(record.calls.max().as_nanos()).unwrap_or(u64::MAX),
+            overruns: record.overruns,
+            abstentions: record.abstentions,
+            panics: record.panics,
+            restarts: self.restarts,
+        };
+        self.buckets.clear();
+        self.buckets.extend(record.calls.buckets().map(|(index, calls)| CallBucket {
+            index: index as u32,
+            calls: u32::try_from(calls).unwrap_or(u32::MAX),
+        }));
+        let told = say(&mut self.calls, &self.bus, topics::CALLS, &header, &self.buckets);
+        self.note(told);
+    }
+
+    /// Tells the walls that a device knows: polylines on the floor, map frame, metres.
+    pub fn show_walls(&mut self, walls: &[Vec<[f64; 2]>], now: Time) {
+        let lines = (0..).zip(walls);
+        let corners: Vec<WallPoint> = lines
+            .flat_map(|(line, wall)| wall.iter().map(move |&[x, y]| WallPoint { x, y, line }))
+            .take(MOST_CORNERS)
+            .collect();
+        if corners.is_empty() {
+            return;
+        }
+        self.others += 1;
+        let header = WallsHeader { stamp_ns: now.0, sequence: self.others, device: self.plugin };
+        let told = say(&mut self.walls, &self.bus, topics::WALLS, &header, &corners);
+        self.note(told);
+    }
+
+    fn note(&mut self, told: Result<(), BusError>) {
+        if let Err(error) = told
+            && !std::mem::replace(&mut self.is_mute, true)
+        {
+            tracing::error!("`{}` cannot tell how it fares: {error}", self.plugin);
+        }
+    }
+}
+
+/// Publishes on a topic that is opened for the first message.
+fn say<M: Message>(
+    publisher: &mut Option<Publisher<M>>,
+    bus: &Bus,
+    topic: &str,
+    header: &M,
+    items: &[M::Item],
+) -> Result<(), BusError> {
+    let publisher = match publisher {
+        Some(publisher) => publisher,
+        None => publisher.insert(bus.publisher(topic)?),
+    };
+    publisher.publish(header, items)
+}
