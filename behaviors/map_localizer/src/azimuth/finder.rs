@@ -148,7 +148,10 @@ impl PoseFinder for AzimuthFinder {
 
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.camera = None;
-        let picture = self.grey.view_of_frame(frame, self.mirror.camera.image().size()).ok_or(Reason::MalformedInput)?;
+        let picture = self
+            .grey
+            .view_of_frame(frame, self.mirror.camera.image().size())
+            .ok_or(Reason::MalformedInput)?;
         let found = self.edges.find(picture).map_err(|_| Reason::MalformedInput)?;
         if found.is_empty() { Err(Reason::TooFewSegments) } else { Ok(()) }
     }
