@@ -123,7 +123,7 @@ const STANDING_MPS: f64 = 1e-12;
 fn approach(now: [f64; 2], target: [f64; 2], rate: &mut f64, bounds: Bounds, step: Step) -> [f64; 2] {
     let gap = [target[0] - now[0], target[1] - now[1]];
     let distance = gap[0].hypot(gap[1]);
-    if distance == 0.0 {
+    if distance < STANDING_MPS {
         *rate = 0.0;
         return target;
     }
@@ -247,6 +247,18 @@ mod tests {
             assert!((v.linear + v.lateral - 0.5).abs() < 1e-9, "{v:?}");
         }
         assert_eq!(ramp.velocity(), target);
+    }
+
+    #[test]
+    fn a_holonomic_robot_that_brakes_comes_to_stand() {
+        for degrees in 0..360 {
+            let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+            let mut ramp = moving(Twist { linear: 0.4 * cos, lateral: 0.4 * sin, ..Twist::ZERO });
+            for _ in 0..40 {
+                ramp.advance(Twist::ZERO, comfort(), &LIMITS, Axes::ALL);
+            }
+            assert_eq!(ramp.velocity(), Twist::ZERO, "{degrees} degrees");
+        }
     }
 
     #[test]

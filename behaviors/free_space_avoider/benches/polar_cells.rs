@@ -23,7 +23,7 @@ use yamabico_core::vision::morphology::Morphology;
 use yamabico_core::vision::ring_cells::RingCells;
 use yamabico_free_space_avoider::config::{Config, Method};
 use yamabico_free_space_avoider::direction::{
-    ChoiceRules, Chooser, FreeDistances, HeadingRules, Rollout, Start, Velocity,
+    Before, ChoiceRules, Chooser, FreeDistances, HeadingRules, Rollout, Start, Velocity,
 };
 use yamabico_free_space_avoider::polar_cells::RingSight;
 use yamabico_sim::{Scene, World};
@@ -136,6 +136,7 @@ const RULES: ChoiceRules = ChoiceRules {
     reaction_s: 0.04,
     velocity: Velocity::Considered,
     side_change_rad: 0.0,
+    nearer_m: 0.0,
     deviation_rad: [0.0, 7.0],
 };
 const HEADING: HeadingRules = HeadingRules {
@@ -173,7 +174,7 @@ fn choosing(criterion: &mut Criterion) {
             Start { velocity_mps: Vector2::new(speed * way.cos(), speed * way.sin()), ..Start::default() };
         let goal = random.random_range(-PI..PI);
         let us = best_us(20, || {
-            black_box(chooser.choose_speed(black_box(&free), &start, goal, 0, &RULES));
+            black_box(chooser.choose_speed(black_box(&free), &start, goal, &Before::default(), &RULES));
         });
         sideways.push(us);
         if us > worst.0 {
@@ -192,7 +193,9 @@ fn choosing(criterion: &mut Criterion) {
     }
     if let (_, Some((free, start, goal))) = worst {
         criterion.bench_function("direction choice, worst scene", |bencher| {
-            bencher.iter(|| black_box(chooser.choose_speed(black_box(&free), &start, goal, 0, &RULES)));
+            bencher.iter(|| {
+                black_box(chooser.choose_speed(black_box(&free), &start, goal, &Before::default(), &RULES))
+            });
         });
     }
 }

@@ -10,7 +10,9 @@ mod vectors {
     use yamabico_core::vision::bit_image::BitImage;
     use yamabico_core::vision::morphology::Morphology;
     use yamabico_core::vision::ring_cells::RingCells;
-    use yamabico_free_space_avoider::direction::choice::{self, ChoiceRules, Chooser, Start, Velocity};
+    use yamabico_free_space_avoider::direction::choice::{
+        self, Before, ChoiceRules, Chooser, Start, Velocity,
+    };
     use yamabico_free_space_avoider::direction::heading::{self, HeadingRules, Rollout, roll_out};
     use yamabico_free_space_avoider::direction::{FreeDistances, LimitedMotion};
     use yamabico_free_space_avoider::polar_cells::FreeCells;
@@ -187,12 +189,14 @@ mod vectors {
                 reaction_s: number(&params["tau"]),
                 velocity,
                 side_change_rad: 0.0,
+                nearer_m: 0.0,
                 deviation_rad: [0.0, TAU],
             };
             let free = free_distances(&case["a"], &edges_mm);
             let start = Start { velocity_mps: metres(&case["v_a"]), ..Start::default() };
-            let last_side = case["s_prev"].as_i64().unwrap_or(0) as i8;
-            let choice = chooser.choose(&free, &start, number(&case["goal_dir"]), last_side, &rules);
+            let side = case["s_prev"].as_i64().unwrap_or(0) as i8;
+            let before = Before { side, direction_rad: None };
+            let choice = chooser.choose(&free, &start, number(&case["goal_dir"]), &before, &rules);
             let Some(choice) = choice else {
                 assert_eq!(expect["status"].as_str(), Some("stop"), "{id}");
                 check_clearance(id, choice::stop_clearance_m(&free, &start, &rules), &expect["stop_clear"]);

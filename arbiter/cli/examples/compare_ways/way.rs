@@ -7,6 +7,9 @@ use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::message::{Command, Message, MessageType, Truth};
 use yamabico_core::time::Time;
 
+/// A slower command lets the robot stand, m/s.
+const STANDING_MPS: f64 = 1e-3;
+
 /// The robot at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
@@ -56,7 +59,9 @@ pub struct WayTap {
 
 impl WayTap {
     /// The way of the run that ended so.
-    pub fn finish(self, has_arrived: bool, summary: &RunSummary) -> Way {
+    pub fn finish(mut self, has_arrived: bool, summary: &RunSummary) -> Way {
+        let moving = self.commands.iter().rposition(|(_, velocity)| velocity.norm() > STANDING_MPS);
+        self.commands.truncate(moving.map_or(0, |last| last + 2));
         let mut way = Way {
             has_arrived,
             contacts: summary.contacts.unwrap_or(0),
@@ -66,8 +71,7 @@ impl WayTap {
             moments: self.moments,
             ..Way::default()
         };
-        let mut last = Vector2::zeros();
-        let mut jerk = 0.0;
+        let (mut last, mut jerk) = (Vector2::zeros(), 0.0);
         for pair in self.commands.windows(2) {
             let step_s = pair[1].0 - pair[0].0;
             let acceleration = (pair[1].1 - pair[0].1) / step_s;
@@ -93,7 +97,7 @@ impl Tap for WayTap {
                 let Some(View { header: command, .. }) = View::<Command>::of(raw) else { return };
                 let velocity = Vector2::new(command.twist.linear, command.twist.lateral);
                 let stamp = Time(command.stamp_ns);
-                if self.began.is_none() && velocity.norm() > 0.0 {
+                if self.began.is_none() && velocity.norm() > STANDING_MPS {
                     self.began = Some(stamp);
                 }
                 if let Some(time_s) = self.time_s(stamp) {

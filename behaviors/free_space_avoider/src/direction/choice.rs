@@ -19,6 +19,8 @@ pub const SPEED_LADDER: [(f64, [f64; 2]); 6] =
     [(1.0, ON), (0.5, ON), (0.25, ON), (1.0, BACK), (0.5, BACK), (0.25, BACK)];
 const ON: [f64; 2] = [0.0, AHEAD_RAD];
 const BACK: [f64; 2] = [AHEAD_RAD, TAU];
+/// Directions that differ by less than this (rad) from the one chosen before are the same one.
+const SAME_DIRECTION_RAD: f64 = 0.1;
 /// Up to this deviation (rad) a direction leads on.
 const AHEAD_RAD: f64 = 1.75;
 
@@ -48,8 +50,20 @@ pub struct ChoiceRules {
     pub velocity: Velocity,
     /// Going around on the other side than last time must save so much deviation (rad, at least 0).
     pub side_change_rad: f64,
+    /// A direction nearer to the wished one than the one chosen before must keep so much more clear (m, at least 0), so that what
+    /// is seen a little differently every time does not turn the robot to and fro.
+    pub nearer_m: f64,
     /// Least and largest deviation (rad) from the wished direction.
     pub deviation_rad: [f64; 2],
+}
+
+/// What was chosen before; by default, nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Before {
+    /// -1, 0 or 1: on which side of the wished direction; left is 1.
+    pub side: i8,
+    /// The direction, radians, frame of the free distances.
+    pub direction_rad: Option<f64>,
 }
 
 /// Where the robot is, in the frame of the free distances, and how it moves.
@@ -99,6 +113,16 @@ impl Candidate {
     }
 }
 
+impl Before {
+    /// What a candidate must keep clear beyond the rules, m.
+    fn nearer_m(&self, candidate: &Candidate, goal_rad: f64, rules: &ChoiceRules) -> f64 {
+        let Some(before_rad) = self.direction_rad else { return 0.0 };
+        let is_same = wrap_angle(candidate.direction_rad - before_rad).abs() < SAME_DIRECTION_RAD;
+        let is_nearer = candidate.deviation_rad.abs() < wrap_angle(goal_rad - before_rad).abs();
+        if is_nearer && !is_same { rules.nearer_m } else { 0.0 }
+    }
+}
+
 /// Chooses directions; allocates only for more sectors than ever before.
 #[derive(Clone, Debug, Default)]
 pub struct Chooser {
@@ -107,29 +131,31 @@ pub struct Chooser {
 
 impl Chooser {
     /// The direction nearest to `goal_rad` in which the robot keeps clear of everything hidden, and could still stop after
-    /// its reaction time. Of two directions equally near that on `last_side` (-1, 0, 1) wins,
-    /// or else the left one. `None` where there is no such direction.
+    /// its reaction time. Of two directions equally near that on the side chosen before wins, or else the left one. `None` where
+    /// there is no such direction.
     pub fn choose(
         &mut self,
         free: &FreeDistances,
         start: &Start,
         goal_rad: f64,
-        last_side: i8,
+        before: &Before,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
         // Every way begins here.
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
-        let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
+        let order = self.order(free, goal_rad, before.side, rules.side_change_rad);
         let mut tried =
             order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
         tried.find_map(|(rank, candidate)| {
             let direction_rad = candidate.direction_rad;
             let velocity_mps = Vector2::new(direction_rad.cos(), direction_rad.sin()) * rules.speed_mps;
             let ways = Ways::new(start, velocity_mps, rules);
-            let is_clear = keeps_clear(free, &ways.drive, start.position_m, ways.drive_s, rules)
-                && keeps_clear(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules);
+            let clearance_m = rules.clearance_m + before.nearer_m(candidate, goal_rad, rules);
+            let rules = ChoiceRules { clearance_m, ..*rules };
+            let is_clear = keeps_clear(free, &ways.drive, start.position_m, ways.drive_s, &rules)
+                && keeps_clear(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), &rules);
             is_clear.then(|| Choice {
                 velocity_mps,
                 direction_rad,
@@ -146,12 +172,12 @@ impl Chooser {
         free: &FreeDistances,
         start: &Start,
         goal_rad: f64,
-        last_side: i8,
+        before: &Before,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
         SPEED_LADDER.iter().find_map(|&(share, deviation_rad)| {
             let rules = ChoiceRules { speed_mps: share * rules.speed_mps, deviation_rad, ..*rules };
-            self.choose(free, start, goal_rad, last_side, &rules)
+            self.choose(free, start, goal_rad, before, &rules)
         })
     }
 
@@ -285,6 +311,7 @@ mod tests {
         reaction_s: 0.04,
         velocity: Velocity::Considered,
         side_change_rad: 0.0,
+        nearer_m: 0.0,
         deviation_rad: [0.0, TAU],
     };
 
@@ -307,7 +334,7 @@ mod tests {
                 let to = Vector2::new(candidate.direction_rad.cos(), candidate.direction_rad.sin()) * 0.4;
                 least_clearance_m(&free, &start, to, &RULES) >= RULES.clearance_m
             });
-            let choice = chooser.choose(&free, &start, goal, 0, &RULES);
+            let choice = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
             assert_eq!(choice.map(|choice| choice.rank), expected);
             taken += usize::from(expected.is_some());
         }
@@ -322,11 +349,12 @@ mod tests {
             let (distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances.iter().copied());
-            let here = chooser.choose(&free, &start, goal, 1, &RULES);
+            let here = chooser.choose(&free, &start, goal, &Before { side: 1, ..Before::default() }, &RULES);
             free.set(distances.iter().rev().copied());
             let mirrored =
                 Start { velocity_mps: start.velocity_mps.component_mul(&Vector2::new(1.0, -1.0)), ..start };
-            let there = chooser.choose(&free, &mirrored, -goal, -1, &RULES);
+            let there =
+                chooser.choose(&free, &mirrored, -goal, &Before { side: -1, ..Before::default() }, &RULES);
             let (Some(here), Some(there)) = (here, there) else {
                 assert_eq!(here.is_some(), there.is_some());
                 continue;
@@ -344,10 +372,10 @@ mod tests {
             let (mut distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances.iter().copied());
-            let before = chooser.choose(&free, &start, goal, 0, &RULES);
+            let before = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
             distances[random.random_range(0..32)] *= 0.5;
             free.set(distances);
-            let after = chooser.choose(&free, &start, goal, 0, &RULES);
+            let after = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
             match (before, after) {
                 (Some(before), Some(after)) => assert!(after.rank >= before.rank),
                 (before, after) => assert!(before.is_some() || after.is_none()),
@@ -363,7 +391,9 @@ mod tests {
         let mut chooser = Chooser::default();
         let mut side = |last: i8, side_change_rad: f64| {
             let rules = ChoiceRules { side_change_rad, ..RULES };
-            chooser.choose(&free, &Start::default(), 0.0, last, &rules).map(|choice| choice.side)
+            chooser
+                .choose(&free, &Start::default(), 0.0, &Before { side: last, ..Before::default() }, &rules)
+                .map(|choice| choice.side)
         };
         assert_eq!([side(0, 0.5), side(1, 0.0), side(-1, 0.0)], [Some(-1); 3]);
         assert_eq!((side(1, 0.5), side(-1, 0.5)), (Some(1), Some(-1)));
@@ -374,9 +404,9 @@ mod tests {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         free.set((0..32).map(|j| if (11..21).contains(&j) { 1.2 } else { 0.3 }));
         let mut chooser = Chooser::default();
-        let fast = chooser.choose(&free, &Start::default(), 0.0, 0, &RULES);
+        let fast = chooser.choose(&free, &Start::default(), 0.0, &Before::default(), &RULES);
         assert!(fast.is_some_and(|choice| choice.velocity_mps.x < -0.35), "{fast:?}");
-        let slow = chooser.choose_speed(&free, &Start::default(), 0.0, 0, &RULES);
+        let slow = chooser.choose_speed(&free, &Start::default(), 0.0, &Before::default(), &RULES);
         assert!(slow.is_some_and(|choice| choice.velocity_mps.x > 0.0), "{slow:?}");
     }
 
@@ -385,8 +415,27 @@ mod tests {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         free.set([0.3; 32]);
         let mut chooser = Chooser::default();
-        assert_eq!(chooser.choose(&free, &Start::default(), 0.5, 0, &RULES), None);
-        let slow = chooser.choose_speed(&free, &Start::default(), 0.5, 0, &RULES);
+        assert_eq!(chooser.choose(&free, &Start::default(), 0.5, &Before::default(), &RULES), None);
+        let slow = chooser.choose_speed(&free, &Start::default(), 0.5, &Before::default(), &RULES);
         assert_eq!(slow.map(|slow| slow.velocity_mps.norm()), Some(0.2));
+    }
+
+    #[test]
+    fn a_direction_nearer_to_the_wish_must_be_clearer_than_the_one_that_is_kept() {
+        let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
+        // Ahead something is just far enough away: 16 mm until the robot reacts, 267 mm to stop and 100 mm to keep.
+        free.set((0..32).map(|j| if (1..31).contains(&j) { 1.2 } else { 0.39 }));
+        let mut chooser = Chooser::default();
+        let mut direction = |before: Option<f64>, nearer_m: f64| {
+            let rules = ChoiceRules { nearer_m, ..RULES };
+            let start = Start { velocity_mps: Vector2::new(0.4, 0.0), ..Start::default() };
+            let before = Before { direction_rad: before, ..Before::default() };
+            chooser.choose(&free, &start, 0.0, &before, &rules).map(|choice| choice.direction_rad)
+        };
+        assert_eq!(
+            [direction(None, 0.03), direction(Some(0.6), 0.0), direction(Some(0.0), 0.03)],
+            [Some(0.0); 3]
+        );
+        assert!(direction(Some(0.6), 0.03).is_some_and(|direction| direction.abs() > 0.1));
     }
 }

@@ -9,7 +9,7 @@ pub mod free_distances;
 pub mod heading;
 pub mod limited_motion;
 
-pub use choice::{Choice, ChoiceRules, Chooser, Start, Velocity};
+pub use choice::{Before, Choice, ChoiceRules, Chooser, Start, Velocity};
 pub use free_distances::FreeDistances;
 pub use heading::{Drive, HeadingRules, Rollout};
 pub use limited_motion::LimitedMotion;

@@ -13,7 +13,7 @@ use yamabico_core::time::Time;
 use super::avoider::velocity;
 use crate::config::{Config, VelocityRule};
 use crate::direction::choice::stop_clearance_m;
-use crate::direction::{ChoiceRules, Chooser, FreeDistances, HeadingRules, Rollout, Start, Velocity};
+use crate::direction::{Before, ChoiceRules, Chooser, FreeDistances, HeadingRules, Rollout, Start, Velocity};
 use crate::stopping::COMMAND_S;
 
 /// Time between two looks at a way, s.
@@ -26,6 +26,8 @@ const HORIZON_S: f64 = 2.0;
 const GAIN_PER_S: f64 = 4.0;
 /// Going around on the other side than last time must save so much deviation, rad.
 const SIDE_CHANGE_RAD: f64 = 0.5;
+/// A direction nearer to the wished one than the one before must keep so much more clear, m.
+const NEARER_M: f64 = 0.03;
 /// Turned so near (rad) to the freest direction, a robot that finds no way has none.
 const FACING_RAD: f64 = 0.15;
 /// Slowest (m/s) that the robot comes to its goal.
@@ -72,7 +74,7 @@ pub struct Pilot {
     is_holonomic: bool,
     radius_m: f64,
     patience_s: f64,
-    side: i8,
+    before: Before,
     blocked_since: Option<Time>,
 }
 
@@ -105,6 +107,7 @@ impl Pilot {
                 VelocityRule::Ignored => Velocity::Ignored,
             },
             side_change_rad: SIDE_CHANGE_RAD,
+            nearer_m: NEARER_M,
             deviation_rad: [0.0, TAU],
         };
         let heading = HeadingRules {
@@ -126,7 +129,7 @@ impl Pilot {
             is_holonomic,
             radius_m: robot.radius_m,
             patience_s: config.patience_s,
-            side: 0,
+            before: Before::default(),
             blocked_since: None,
         })
     }
@@ -188,15 +191,15 @@ impl Pilot {
             let velocity = Pose2::new(0.0, 0.0, -moved.theta).rotate_vector(velocity);
             Twist::new(velocity.x, velocity.y, 0.0)
         };
-        if let Some(choice) = self.chooser.choose_speed(free, &start, goal_rad, self.side, &rules) {
-            self.side = choice.side;
+        if let Some(choice) = self.chooser.choose_speed(free, &start, goal_rad, &self.before, &rules) {
+            self.before = Before { side: choice.side, direction_rad: Some(choice.direction_rad) };
             let share = choice.velocity_mps.norm() / self.rules.speed_mps;
             return Some(Steer::Drive { twist: to_robot(choice.velocity_mps), share });
         }
         let clearance_m = self.clearance_to_back_out(free, &start)?;
         let slow =
             ChoiceRules { speed_mps: BACK_OUT_SHARE * self.rules.speed_mps, clearance_m, ..self.rules };
-        let choice = self.chooser.choose(free, &start, goal_rad, self.side, &slow)?;
+        let choice = self.chooser.choose(free, &start, goal_rad, &self.before, &slow)?;
         Some(Steer::BackOut(to_robot(choice.velocity_mps)))
     }
 
@@ -211,15 +214,17 @@ impl Pilot {
         let place = start(moved, twist);
         let start = Rollout::new(place.position_m, moved.theta, twist.linear, twist.angular);
         let rules = HeadingRules { speed_mps, ..self.heading };
-        if let Some(drive) = self.chooser.choose_heading_speed(free, &start, goal_rad, self.side, &rules) {
-            self.side = drive.side;
+        if let Some(drive) =
+            self.chooser.choose_heading_speed(free, &start, goal_rad, self.before.side, &rules)
+        {
+            self.before.side = drive.side;
             let share = drive.twist.linear / self.rules.speed_mps;
             return Some(Steer::Drive { twist: drive.twist, share });
         }
         let clearance_m = self.clearance_to_back_out(free, &place)?;
         let slow =
             HeadingRules { speed_mps: BACK_OUT_SHARE * self.rules.speed_mps, clearance_m, ..self.heading };
-        let drive = self.chooser.choose_heading(free, &start, goal_rad, self.side, &slow)?;
+        let drive = self.chooser.choose_heading(free, &start, goal_rad, self.before.side, &slow)?;
         Some(Steer::BackOut(drive.twist))
     }
 
