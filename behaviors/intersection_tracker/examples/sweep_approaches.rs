@@ -151,7 +151,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
             }
             ran.is_lost = true;
         }
-        ran.one_sided += u32::from(matches!(track.sides(), Sides::One(_)) && is_confirmed);
+        ran.one_sided += u32::from((track.sides() == Sides::One) && is_confirmed);
         if arguments.verbose {
             let ahead = drive.bench.behavior.ahead(&drive.wheels);
             let at = |side| track.seen_at(side).map_or(f64::NAN, |at| at.x);

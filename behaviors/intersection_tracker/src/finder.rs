@@ -58,15 +58,6 @@ impl Side {
     pub fn index(self) -> usize {
         self as usize
     }
-
-    /// The other one.
-    #[must_use]
-    pub fn other(self) -> Self {
-        match self {
-            Side::Left => Side::Right,
-            Side::Right => Side::Left,
-        }
-    }
 }
 
 /// A vertical edge where a wall may end.
@@ -215,6 +206,19 @@ struct Standing {
     ahead_sigma_m: f64,
 }
 
+/// What is seen of an edge.
+struct Seen {
+    is_high: bool,
+    length_px: f64,
+}
+
+impl Standing {
+    fn end(&self, side: Side, base: Vector2<f64>, Seen { is_high, length_px }: Seen) -> WallEnd {
+        let Standing { point_in_robot, covariance, ahead_m, ahead_sigma_m } = *self;
+        WallEnd { side, base, point_in_robot, covariance, ahead_m, ahead_sigma_m, is_high, length_px }
+    }
+}
+
 impl Scene<'_> {
     fn wall(&self, side: Side) -> Option<WallAt> {
         let wall = match side {
@@ -247,16 +251,7 @@ impl Scene<'_> {
         if !(-FOOT_AT_640_PX * scale..=highest_px).contains(&above_px) {
             return None;
         }
-        Some(WallEnd {
-            side,
-            base,
-            point_in_robot: place.point_in_robot,
-            covariance: place.covariance,
-            ahead_m: place.ahead_m,
-            ahead_sigma_m: place.ahead_sigma_m,
-            is_high,
-            length_px: segment.length,
-        })
+        Some(place.end(side, base, Seen { is_high, length_px: segment.length }))
     }
 
     /// The edge where the foot of a wall ends, too faint to be found as a line of its own.
@@ -288,16 +283,8 @@ impl Scene<'_> {
         let ahead_m = wall.distance_m * ray.x / ray.y;
         let base = pinhole.undistort_pixel(foot.pixel(ahead_m, 0.0)?)?;
         let is_end = foot.differs_at(ahead_m) && !foot.goes_on_behind(ahead_m) && !foot.begins_at(ahead_m);
-        self.standing_at(base, wall).filter(|_| is_end).map(|place| WallEnd {
-            side,
-            base,
-            point_in_robot: place.point_in_robot,
-            covariance: place.covariance,
-            ahead_m: place.ahead_m,
-            ahead_sigma_m: place.ahead_sigma_m,
-            is_high: false,
-            length_px: lower.y - upper.y,
-        })
+        let place = self.standing_at(base, wall).filter(|_| is_end)?;
+        Some(place.end(side, base, Seen { is_high: false, length_px: lower.y - upper.y }))
     }
 
     /// Where a pixel of a wall's floor line stands, if it is in view and in range.

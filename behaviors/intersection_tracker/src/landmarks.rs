@@ -22,8 +22,7 @@ const POSITION_VARIANCE_PER_METRE: f64 = 2e-4;
 /// Without odometry the robot may move this fast (m/s) and turn this fast (rad/s), one standard deviation.
 const BLIND_SPEEDS: [f64; 2] = [0.4, 0.3];
 /// Standard deviation of a tracked column, pixels.
-pub const COLUMN_SIGMA_PX: f64 = 0.4;
-
+const COLUMN_SIGMA_PX: f64 = 0.4;
 /// Square of the standard deviations within which a point is taken.
 const GATE: f64 = 12.25;
 
@@ -220,6 +219,9 @@ impl Landmarks {
         point_in_robot: Point2<f64>,
         covariance: &Matrix2<f64>,
     ) -> bool {
+        if !self.agrees(pose, side, point_in_robot, covariance) {
+            return false;
+        }
         let at = 2 * side.index();
         let turn = rotation(pose);
         let noise = turn * covariance * turn.transpose();
@@ -227,9 +229,6 @@ impl Landmarks {
         let spread = self.covariance.fixed_columns::<2>(at).into_owned();
         let total = spread.fixed_rows::<2>(at) + noise;
         let Some(inverse) = total.try_inverse() else { return false };
-        if (innovation.transpose() * inverse * innovation).x > GATE {
-            return false;
-        }
         let gain = spread * inverse;
         self.state += gain * innovation;
         let mut keep = Matrix4::identity();

@@ -16,7 +16,6 @@ use crate::pair::bearing;
 const WIDTHS_M: [f64; 2] = [0.5, 8.0];
 /// Standard deviation of the distance (m) above which nothing is known.
 const LARGEST_SIGMA_M: f64 = 2.0;
-
 /// The end of a wall farther from the edge that is followed is another one, pixels of an image 640 px wide ...
 const ELSEWHERE_AT_640_PX: f64 = 1.2;
 /// ... if it is so in as many comparisons in a row.
@@ -32,10 +31,20 @@ const RETAKE_FIRST_GATE_AT_640_PX: f64 = 12.0;
 pub enum Sides {
     /// Neither edge.
     None,
-    /// This one; where the other must be is worked out.
-    One(Side),
+    /// One of them; where the other must be is worked out.
+    One,
     /// Both.
     Both,
+}
+
+impl Sides {
+    fn of(seen: [bool; 2]) -> Self {
+        match seen {
+            [true, true] => Sides::Both,
+            [false, false] => Sides::None,
+            _ => Sides::One,
+        }
+    }
 }
 
 /// The tracker of one intersection at a time; keeps its buffers from one to the next.
@@ -109,12 +118,7 @@ impl IntersectionTrack {
     /// Which edges are followed.
     #[must_use]
     pub fn sides(&self) -> Sides {
-        match [self.edges[0].is_tracked, self.edges[1].is_tracked] {
-            [true, true] => Sides::Both,
-            [true, false] => Sides::One(Side::Left),
-            [false, true] => Sides::One(Side::Right),
-            [false, false] => Sides::None,
-        }
+        Sides::of([self.edges[0].is_tracked, self.edges[1].is_tracked])
     }
 
     /// Where an edge was seen in the last picture, at the camera's height, undistorted pixels.
@@ -161,14 +165,11 @@ impl IntersectionTrack {
         self.landmarks = Some(Landmarks::new(pose, points, [ends[0].covariance, ends[1].covariance]));
         let taken = [0, 1].map(|i| self.acquire(image, pose, camera, &ends[i]));
         self.confirmations = u32::from(taken[0].is_ok() && taken[1].is_ok());
-        self.begun(taken[0].or(taken[1]))
-    }
-
-    fn begun(&mut self, taken: Result<(), Reason>) -> Result<(), Reason> {
-        if taken.is_err() {
+        let begun = taken[0].or(taken[1]);
+        if begun.is_err() {
             self.lose();
         }
-        taken
+        begun
     }
 
     /// Carries what is known to the next picture.
@@ -208,14 +209,8 @@ impl IntersectionTrack {
             }
         }
         self.retake_missed(image, pose, camera);
-        let seen = [self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()];
         self.pictures = self.pictures.saturating_add(1);
-        match seen {
-            [true, true] => Sides::Both,
-            [true, false] => Sides::One(Side::Left),
-            [false, true] => Sides::One(Side::Right),
-            [false, false] => Sides::None,
-        }
+        Sides::of([self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()])
     }
 
     /// Takes the templates of edges that were missed anew, each where the others tell that it must be.
@@ -236,21 +231,15 @@ impl IntersectionTrack {
     }
 
     /// Takes where the end of a wall stands for the distance of its edge, and the end for the edge where that is not followed
-    /// or was missed too often. Gives whether the two agree.
-    pub fn reacquire(
-        &mut self,
-        image: ImageView<'_>,
-        pose: &Pose2,
-        camera: &CorridorCamera,
-        end: &WallEnd,
-    ) -> bool {
-        let Some(landmarks) = &mut self.landmarks else { return false };
-        if !landmarks.observe_point(pose, end.side, end.point_in_robot, &end.covariance) {
-            return false;
-        }
+    /// or was missed too often; an end that stands elsewhere changes nothing.
+    pub fn reacquire(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera, end: &WallEnd) {
+        let Some(landmarks) = &mut self.landmarks else { return };
+        let is_there = landmarks.observe_point(pose, end.side, end.point_in_robot, &end.covariance);
         let edge = &self.edges[end.side.index()];
-        let is_wanted = !edge.is_tracked || edge.misses >= self.reacquire_misses;
-        !is_wanted || self.acquire(image, pose, camera, end).is_ok()
+        if is_there && (!edge.is_tracked || edge.misses >= self.reacquire_misses) {
+            // What cannot be taken stays missed.
+            let _ = self.acquire(image, pose, camera, end);
+        }
     }
 
     /// Compares an edge that was seen with the end of its wall, found in the same picture; where the wall ended elsewhere again
