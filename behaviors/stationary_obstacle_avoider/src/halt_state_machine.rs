@@ -190,6 +190,13 @@ impl Machine {
         (self, order)
     }
 
+    /// Searches, for nothing that was found from where it stands led anywhere.
+    #[must_use]
+    pub fn look_around(mut self) -> (Self, Order) {
+        self.search();
+        (self, Order { state: State::Search, v_zero: true, target_heading: None })
+    }
+
     /// Stands, for nothing that was tried led anywhere.
     #[must_use]
     pub fn give_up(mut self) -> (Self, Order) {

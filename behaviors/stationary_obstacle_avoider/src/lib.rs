@@ -323,9 +323,12 @@ impl StationaryObstacleAvoider {
         };
         let before = self.order.state;
         (self.machine, self.order) = self.machine.step(&tick, &self.rules);
+        let along = robot.map(|robot| robot.theta - self.station.heading_error_rad);
+        if self.order.state == State::Relook && self.search.is_due() {
+            (self.machine, self.order) = self.machine.look_around();
+        }
         if self.order.state != before {
             self.entered = now;
-            let along = robot.map(|robot| robot.theta - self.station.heading_error_rad);
             self.search = self.search.after(self.order.state, robot, along);
             if matches!(self.order.state, State::Follow | State::Rejoin | State::Search) {
                 self.lean_m = 0.0;

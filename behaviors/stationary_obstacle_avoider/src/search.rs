@@ -13,6 +13,8 @@ const DIRECTIONS_DEG: [[f64; 4]; 2] = [[0.0, 25.0, 0.0, -25.0], [0.0, 40.0, 0.0,
 const PATIENCE_S: f64 = 1.5;
 /// A robot that has moved by less (m) since its last search has got nowhere.
 const SAME_PLACE_M: f64 = 0.1;
+/// After so many halts at one place, whatever was chosen there leads nowhere.
+const MOST_HALTS: usize = 5;
 
 /// How far the search has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,21 +27,33 @@ pub(crate) struct Search {
     place: Option<Point2<f64>>,
     /// Searches there before.
     earlier: usize,
+    /// Where it halted, and how often since it came there.
+    halted: Option<(Point2<f64>, usize)>,
 }
 
 impl Search {
     /// After the robot has entered `state`: begun anew, and wider where it searches again without having got anywhere.
     pub fn after(self, state: State, robot: Option<Pose2>, along: Option<f64>) -> Self {
-        let Search { place, earlier, .. } = self;
-        let new = Search { along, place, earlier, ..Search::default() };
+        let Search { place, earlier, halted, .. } = self;
+        let new = Search { along, place, earlier, halted, ..Search::default() };
         let here = robot.map(|robot| robot.position());
-        match (state, place, here) {
-            (State::Search, Some(place), Some(here)) if (here - place).norm() < SAME_PLACE_M => {
-                Search { earlier: earlier + 1, ..new }
-            }
-            (State::Search, ..) => Search { place: here, earlier: 0, ..new },
+        let is_here = |place: Option<Point2<f64>>| {
+            place.zip(here).is_some_and(|(place, here)| (here - place).norm() < SAME_PLACE_M)
+        };
+        match state {
+            State::Search if is_here(place) => Search { earlier: earlier + 1, halted: None, ..new },
+            State::Search => Search { place: here, earlier: 0, halted: None, ..new },
+            State::Halt => match halted.filter(|(place, _)| is_here(Some(*place))) {
+                Some((place, halts)) => Search { halted: Some((place, halts + 1)), ..new },
+                None => Search { halted: here.map(|here| (here, 1)), ..new },
+            },
             _ => new,
         }
+    }
+
+    /// Whether it halted here so often that it is to be searched, whatever a look finds.
+    pub fn is_due(&self) -> bool {
+        self.halted.is_some_and(|(_, halts)| halts >= MOST_HALTS)
     }
 
     /// Whether the passages that were found are none: it was searched as wide as it goes, and the robot is still there.
@@ -104,5 +118,17 @@ mod tests {
         assert!(!first.is_in_vain() && !second.is_in_vain() && third.is_in_vain());
         let elsewhere = second.after(State::Search, at(1.3), Some(0.0));
         assert!(widest(elsewhere) < 30.0, "a step ahead is a new search");
+    }
+
+    #[test]
+    fn halts_at_one_place_call_for_a_search() {
+        let halt = |search: Search, x: f64| {
+            let at = Some(Pose2::new(x, 0.5, 0.1));
+            search.after(State::Halt, at, None).after(State::Relook, at, None).after(State::Avoid, at, None)
+        };
+        let often = |step_m: f64| (0..5).fold(Search::default(), |s, i| halt(s, step_m * f64::from(i)));
+        assert!(!(0..4).fold(Search::default(), |search, _| halt(search, 1.0)).is_due());
+        assert!(often(0.01).is_due() && !often(0.11).is_due(), "who gets on has no need of it");
+        assert!(!often(0.01).after(State::Search, None, None).is_due());
     }
 }
