@@ -100,6 +100,8 @@ pub enum Method {
     Azimuth,
     /// The outline of the floor, seen by a mirror camera.
     FloorOutline,
+    /// Not at all: the odometry carries the start on, without a map.
+    DeadReckoning,
 }
 
 impl Method {
@@ -110,6 +112,7 @@ impl Method {
             Self::Wireframe => "wireframe",
             Self::Azimuth => "azimuth",
             Self::FloorOutline => "floor-outline",
+            Self::DeadReckoning => "dead-reckoning",
         }
     }
 }

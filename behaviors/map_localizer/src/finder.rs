@@ -4,6 +4,7 @@ use yamabico_core::behavior::{BuildError, Setup};
 
 use crate::azimuth::AzimuthFinder;
 use crate::config::{Config, Method};
+use crate::dead_reckoning::DeadReckoning;
 use crate::fix::PoseFinder;
 use crate::floor_outline::FloorFinder;
 use crate::wire_frame::WireFrameFinder;
@@ -17,6 +18,8 @@ pub enum Finder {
     Azimuth(Box<AzimuthFinder>),
     /// By the outline of the floor.
     FloorOutline(Box<FloorFinder>),
+    /// By the wheels alone.
+    DeadReckoning(DeadReckoning),
 }
 
 impl Finder {
@@ -29,6 +32,7 @@ impl Finder {
             Method::Wireframe => Self::Wireframe(Box::new(WireFrameFinder::new(config, setup)?)),
             Method::Azimuth => Self::Azimuth(Box::new(AzimuthFinder::new(config, setup)?)),
             Method::FloorOutline => Self::FloorOutline(Box::new(FloorFinder::new(config, setup)?)),
+            Method::DeadReckoning => Self::DeadReckoning(DeadReckoning::default()),
         })
     }
 
@@ -39,6 +43,7 @@ impl Finder {
             Self::Wireframe(finder) => &**finder,
             Self::Azimuth(finder) => &**finder,
             Self::FloorOutline(finder) => &**finder,
+            Self::DeadReckoning(finder) => finder,
         }
     }
 
@@ -48,6 +53,7 @@ impl Finder {
             Self::Wireframe(finder) => &mut **finder,
             Self::Azimuth(finder) => &mut **finder,
             Self::FloorOutline(finder) => &mut **finder,
+            Self::DeadReckoning(finder) => finder,
         }
     }
 }

@@ -8,6 +8,7 @@
 pub mod azimuth;
 pub mod belief;
 pub mod config;
+pub mod dead_reckoning;
 pub mod driver;
 pub mod finder;
 pub mod fix;

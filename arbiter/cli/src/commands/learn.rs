@@ -27,7 +27,7 @@ use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Row
 use yamabico_stationary_obstacle_avoider::threshold_table::{Place, ThresholdTable};
 
 use super::learn_plot::plot;
-use super::{TaskArguments, learn_floor};
+use super::{TaskArguments, learn_floor, learn_map};
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for their pose.
@@ -40,6 +40,8 @@ const TURNED_RAD: f64 = 0.26;
 pub enum Learn {
     /// The thresholds of the stationary-obstacle-avoider: drives the task through the empty building and writes a table.
     Thresholds(Arguments),
+    /// A map of vertical edges, for the map-localizer: drives the task and looks all around.
+    Map(learn_map::Arguments),
     /// The colours of a floor, for the free-space-avoider: from pictures and masks in a folder.
     Floor(learn_floor::Arguments),
 }
@@ -87,6 +89,7 @@ struct Refused {
 pub fn learn(learn: &Learn, print: Print) -> ExitCode {
     match learn {
         Learn::Thresholds(arguments) => learn_thresholds(arguments, print),
+        Learn::Map(arguments) => learn_map::learn(arguments, print),
         Learn::Floor(arguments) => learn_floor::learn(arguments, print),
     }
 }
@@ -101,23 +104,9 @@ fn learn_thresholds(arguments: &Arguments, print: Print) -> ExitCode {
         Ok(student) => student,
         Err(problem) => return fail(&problem, BAD_CONFIGURATION),
     };
-    let bar = progress_bar(&task, print);
-    let options =
-        Options { seed: arguments.seed, overrides: arguments.task.overrides(), ..Options::default() };
-    let ran = run_task(&task, &options, &AtomicBool::new(false), &mut student, &mut |progress| {
-        let elapsed = progress.elapsed.as_millis() as u64;
-        if elapsed >= bar.position() + 100 {
-            bar.set_position(elapsed);
-            bar.set_message(format!("{:.1} s", progress.elapsed.as_secs_f64()));
-        }
-    });
-    bar.finish_and_clear();
-    let end = match ran {
-        Ok(ran) => ran.end,
-        Err(error) => {
-            let code = if error.is_of_a_device() { DEVICE_FAILED } else { BAD_CONFIGURATION };
-            return fail(&error.to_string(), code);
-        }
+    let end = match drive(&task, &arguments.task, arguments.seed, &mut student, print) {
+        Ok(end) => end,
+        Err(code) => return code,
     };
     let plot_file = arguments.plot.clone().unwrap_or_else(|| arguments.out.with_extension("png"));
     let learned = match student.finish(&arguments.out, &plot_file, end) {
@@ -127,6 +116,33 @@ fn learn_thresholds(arguments: &Arguments, print: Print) -> ExitCode {
     print.show(&learned, text);
     let is_done = !learned.places.is_empty() && end != End::Interrupted;
     exit(if is_done { DONE } else { NOT_ARRIVED })
+}
+
+/// Runs the task once while `student` listens, and tells how it ended.
+///
+/// # Errors
+/// The code to end with, when the problem has been told.
+pub(super) fn drive(
+    task: &Task,
+    arguments: &TaskArguments,
+    seed: u64,
+    student: &mut dyn Tap,
+    print: Print,
+) -> Result<End, ExitCode> {
+    let bar = progress_bar(task, print);
+    let options = Options { seed, overrides: arguments.overrides(), ..Options::default() };
+    let ran = run_task(task, &options, &AtomicBool::new(false), student, &mut |progress| {
+        let elapsed = progress.elapsed.as_millis() as u64;
+        if elapsed >= bar.position() + 100 {
+            bar.set_position(elapsed);
+            bar.set_message(format!("{:.1} s", progress.elapsed.as_secs_f64()));
+        }
+    });
+    bar.finish_and_clear();
+    ran.map(|ran| ran.end).map_err(|error| {
+        let code = if error.is_of_a_device() { DEVICE_FAILED } else { BAD_CONFIGURATION };
+        fail(&error.to_string(), code)
+    })
 }
 
 fn text(learned: &Learned) -> String {

@@ -1,0 +1,244 @@
+//! `yamabico learn map`: where the vertical edges of a building stand, from a drive with a camera that looks all around.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Args;
+use serde::Serialize;
+use yamabico_arbiter::execution::{End, topics};
+use yamabico_arbiter::record::Tap;
+use yamabico_core::azimuth_map::{EdgeMap, Mapper, MapperRule, WayRule};
+use yamabico_core::behavior::{RawMessage, View};
+use yamabico_core::camera::Mount;
+use yamabico_core::config::{BehaviorFile, Task};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::GrayImage;
+use yamabico_core::message::{FrameHeader, Message, MessageType, Odometry, Pose};
+use yamabico_core::odometry_track::OdometryTrack;
+use yamabico_core::sensor::SensorKind;
+use yamabico_core::time::Time;
+use yamabico_core::vision::azimuth_profile::ProfileRule;
+use yamabico_core::vision::radial_edges::{RadialEdgeRule, RadialEdges};
+
+use super::TaskArguments;
+use super::learn::drive;
+use super::map_plot::plot;
+use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
+
+/// Pictures that wait for the odometry of their instant.
+const MOST_PICTURES: usize = 16;
+
+/// What `learn map` is told.
+#[derive(Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    task: TaskArguments,
+    /// The map that is written.
+    #[arg(long, value_name = "FILE.toml", default_value = "map.toml")]
+    out: PathBuf,
+    /// A picture of it; without it, beside the map.
+    #[arg(long, value_name = "FILE.png")]
+    plot: Option<PathBuf>,
+    /// How far the camera sways about the vertical from picture to picture, degrees, 0.01 to 10.
+    #[arg(long, value_name = "DEG", default_value_t = 0.1)]
+    sway_deg: f64,
+    /// Seed of everything that is drawn by chance.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// What was learned.
+#[derive(Debug, Serialize)]
+struct Learned {
+    map: PathBuf,
+    plot: PathBuf,
+    end: End,
+    pictures: usize,
+    edges: Vec<Edge>,
+    surfaces: usize,
+}
+
+/// An edge of the map.
+#[derive(Debug, Serialize)]
+struct Edge {
+    number: u32,
+    x_m: f64,
+    y_m: f64,
+    sigma_m: f64,
+    pictures: u32,
+}
+
+/// Learns and prints what.
+pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
+    let Some(task) = arguments.task.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
+    let mut cartographer = match Cartographer::new(&task, arguments.sway_deg) {
+        Ok(cartographer) => cartographer,
+        Err(problem) => return fail(&problem, BAD_CONFIGURATION),
+    };
+    let end = match drive(&task, &arguments.task, arguments.seed, &mut cartographer, print) {
+        Ok(end) => end,
+        Err(code) => return code,
+    };
+    let plot_file = arguments.plot.clone().unwrap_or_else(|| arguments.out.with_extension("png"));
+    let written = cartographer.mapper.finish().map_err(|error| error.to_string()).and_then(|map| {
+        write(&arguments.out, &map)?;
+        plot(&plot_file, &map)?;
+        Ok(map)
+    });
+    let map = match written {
+        Ok(map) => map,
+        Err(problem) => return fail(&problem, DEVICE_FAILED),
+    };
+    let learned = Learned {
+        map: arguments.out.clone(),
+        plot: plot_file,
+        end,
+        pictures: cartographer.mapper.frames(),
+        surfaces: map.surfaces.len(),
+        edges: map
+            .edges
+            .iter()
+            .map(|edge| Edge {
+                number: edge.number,
+                x_m: edge.at_m[0],
+                y_m: edge.at_m[1],
+                sigma_m: edge.located().covariance.symmetric_eigenvalues().max().max(0.0).sqrt(),
+                pictures: edge.seen,
+            })
+            .collect(),
+    };
+    print.show(&learned, text);
+    exit(if end == End::Interrupted { NOT_ARRIVED } else { DONE })
+}
+
+fn write(path: &Path, map: &EdgeMap) -> Result<(), String> {
+    let cannot = |error: std::io::Error| format!("{}: {error}", path.display());
+    if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(cannot)?;
+    }
+    let head = "# Vertical edges, what may stand between them, and what is free, as `yamabico learn map` found them.\n\n";
+    std::fs::write(path, head.to_owned() + &map.to_toml()).map_err(cannot)
+}
+
+fn text(learned: &Learned) -> String {
+    let head = ["edge", "x m", "y m", "sigma m", "pictures"];
+    let mut edges = table(&head, 0..head.len());
+    for edge in &learned.edges {
+        edges.add_row([
+            edge.number.to_string(),
+            format!("{:.3}", edge.x_m),
+            format!("{:.3}", edge.y_m),
+            format!("{:.3}", edge.sigma_m),
+            edge.pictures.to_string(),
+        ]);
+    }
+    format!(
+        "{edges}\n{} edges and {} surfaces between them from {} pictures in {}; its picture is {}\n",
+        learned.edges.len(),
+        learned.surfaces,
+        learned.pictures,
+        learned.map.display(),
+        learned.plot.display()
+    )
+}
+
+/// Listens to a run: pictures of the mirror camera, odometry, and poses where somebody tells them.
+struct Cartographer {
+    camera: String,
+    odometry_topic: String,
+    pose_topic: Option<String>,
+    robot_from_camera: Pose2,
+    size: [u32; 2],
+    edges: RadialEdges,
+    mapper: Mapper,
+    pictures: VecDeque<(Time, GrayImage)>,
+    odometry: OdometryTrack,
+    map_from_odometry: Pose2,
+}
+
+impl Cartographer {
+    fn new(task: &Task, sway_deg: f64) -> Result<Self, String> {
+        if !(0.01..=10.0).contains(&sway_deg) {
+            return Err(format!("--sway-deg {sway_deg}: 0.01 to 10 degrees"));
+        }
+        let sensors = || task.behaviors.iter().flat_map(|behavior| &behavior.setup.sensors);
+        let mirror = sensors().find_map(|(_, sensor)| match &sensor.kind {
+            SensorKind::MirrorCamera { camera, mount, .. } => Some((sensor.name.clone(), camera, *mount)),
+            _ => None,
+        });
+        let (camera, mirror, mount) =
+            mirror.ok_or("no behaviour of the task has a mirror camera: edges are mapped by one")?;
+        let odometry = sensors().find(|(_, sensor)| sensor.message == Odometry::NAME);
+        let (_, odometry) =
+            odometry.ok_or("no behaviour of the task has odometry: a map has its scale from it")?;
+        let publisher = task.behaviors.iter().find_map(|behavior: &BehaviorFile| {
+            let output = behavior.plugin.outputs.iter().find(|output| output.message.name == Pose::NAME)?;
+            Some(topics::output(&behavior.name, output.name))
+        });
+        let Mount { x, y, pan, .. } = mount;
+        let image = mirror.image();
+        let ways = WayRule { sway_rad: sway_deg.to_radians(), ..WayRule::default() };
+        Ok(Self {
+            camera: topics::sensor(&camera),
+            odometry_topic: topics::sensor(&odometry.name),
+            pose_topic: publisher,
+            robot_from_camera: Pose2::new(x, y, pan),
+            size: image.size(),
+            edges: RadialEdges::new(image, &RadialEdgeRule::within(image), ProfileRule::default()),
+            mapper: Mapper::new(MapperRule { ways, ..MapperRule::default() }),
+            pictures: VecDeque::new(),
+            odometry: OdometryTrack::default(),
+            map_from_odometry: Pose2::IDENTITY,
+        })
+    }
+
+    fn keep(&mut self, frame: &View<'_, FrameHeader>) {
+        let mut luma = GrayImage::default();
+        if let Some(image) = luma.view_of_frame(frame, self.size) {
+            let mut grey = GrayImage::default();
+            grey.copy_from(image);
+            self.pictures.truncate(MOST_PICTURES - 1);
+            self.pictures.push_back((Time(frame.header.stamp_ns), grey));
+        }
+    }
+
+    /// Maps the pictures whose place is known by now.
+    fn map(&mut self) {
+        while let Some((stamp, grey)) = self.pictures.front() {
+            let Some(robot) = self.odometry.pose_at(*stamp) else { return };
+            let camera = self.map_from_odometry.compose(&robot).compose(&self.robot_from_camera);
+            if let Ok(picture) = grey.view()
+                && let Ok(edges) = self.edges.find(picture)
+            {
+                self.mapper.take(edges, &camera);
+            }
+            self.pictures.pop_front();
+        }
+    }
+}
+
+impl Tap for Cartographer {
+    fn message(&mut self, topic: &str, _: &MessageType, time: Time, header: &[u8], items: &[u8]) {
+        let raw = RawMessage { header, items };
+        if topic == self.odometry_topic {
+            if let Some(odometry) = View::<Odometry>::of(raw) {
+                self.odometry.push(odometry.header, time);
+            }
+        } else if topic == self.camera {
+            if let Some(frame) = View::<FrameHeader>::of(raw) {
+                self.keep(&frame);
+            }
+        } else if self.pose_topic.as_deref() == Some(topic)
+            && let Some(pose) = View::<Pose>::of(raw)
+            && let Some(then) = self.odometry.pose_at(Time(pose.header.stamp_ns))
+        {
+            let Pose { x, y, theta, .. } = *pose.header;
+            self.map_from_odometry = Pose2::new(x, y, theta).compose(&then.inverse());
+            self.map();
+        }
+        if self.pose_topic.is_none() {
+            self.map();
+        }
+    }
+}

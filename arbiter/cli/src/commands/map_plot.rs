@@ -1,0 +1,74 @@
+//! A map of vertical edges as a picture.
+
+use std::path::Path;
+
+use nalgebra::{SymmetricEigen, Vector2};
+use yamabico_core::azimuth_map::{EdgeMap, SurfaceState};
+use yamabico_core::vision::overlay::{Canvas, Colour};
+
+/// Sides of the picture, pixels, and of what is left white around the map.
+const SIZE: usize = 640;
+const MARGIN: f64 = 40.0;
+const INK: Colour = [40; 3];
+const GRID: Colour = [232; 3];
+const FREE: Colour = [120, 190, 120];
+const EDGE: Colour = [200, 30, 60];
+
+/// Writes the picture: edges as crosses with three standard deviations around them, surfaces as lines (black where solid, grey
+/// where not tested, none where empty), the border of what is free in green, a grid of half metres.
+///
+/// # Errors
+/// A file that cannot be written, in words.
+pub fn plot(path: &Path, map: &EdgeMap) -> Result<(), String> {
+    let mut pixels = vec![255; 3 * SIZE * SIZE];
+    let Some(mut canvas) = Canvas::new(&mut pixels, SIZE, SIZE) else { return Ok(()) };
+    let places = || map.edges.iter().map(|edge| edge.at_m).chain(map.free_m.iter().copied());
+    let bound =
+        |axis: usize, pick: fn(f64, f64) -> f64, from: f64| places().map(|at| at[axis]).fold(from, pick);
+    let low = [0, 1].map(|axis| bound(axis, f64::min, f64::INFINITY));
+    let high = [0, 1].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
+    let span = (high[0] - low[0]).max(high[1] - low[1]).max(0.5);
+    let scale = (SIZE as f64 - 2.0 * MARGIN) / span;
+    let at = |x: f64, y: f64| {
+        Vector2::new(MARGIN + scale * (x - low[0]), SIZE as f64 - MARGIN - scale * (y - low[1]))
+    };
+    for line in (2.0 * low[0].min(low[1])).floor() as i32..=(2.0 * high[0].max(high[1])).ceil() as i32 {
+        let metres = 0.5 * f64::from(line);
+        canvas.line(at(metres, low[1]), at(metres, low[1] + span), GRID);
+        canvas.line(at(low[0], metres), at(low[0] + span, metres), GRID);
+    }
+    for (i, &[x, y]) in map.free_m.iter().enumerate() {
+        let [to_x, to_y] = map.free_m[(i + 1) % map.free_m.len()];
+        canvas.line(at(x, y), at(to_x, to_y), FREE);
+    }
+    for surface in &map.surfaces {
+        let end = |number| map.edge(number).map(|edge| at(edge.at_m[0], edge.at_m[1]));
+        let colour = match surface.state {
+            SurfaceState::Empty => continue,
+            SurfaceState::Unknown => [170; 3],
+            SurfaceState::Solid | SurfaceState::Nearer => INK,
+        };
+        if let (Some(right), Some(left)) = (end(surface.right), end(surface.left)) {
+            canvas.line(right, left, colour);
+        }
+    }
+    for edge in &map.edges {
+        let middle = at(edge.at_m[0], edge.at_m[1]);
+        canvas.cross(middle, 4.0, EDGE);
+        let axes = SymmetricEigen::new(edge.located().covariance);
+        let round = |turn: f64| {
+            let circle = Vector2::new(turn.cos(), turn.sin())
+                .component_mul(&axes.eigenvalues.map(|v| 3.0 * v.max(0.0).sqrt()));
+            let away = axes.eigenvectors * circle;
+            at(edge.at_m[0] + away.x, edge.at_m[1] + away.y)
+        };
+        for step in 0..24 {
+            let turn = |k: i32| std::f64::consts::TAU * f64::from(k) / 24.0;
+            canvas.line(round(turn(step)), round(turn(step + 1)), EDGE);
+        }
+        canvas.text(middle + Vector2::new(6.0, -12.0), &edge.number.to_string(), INK);
+    }
+    canvas.text(Vector2::new(8.0, 8.0), "vertical edges with three sigma; grid 0.5 m", INK);
+    image::save_buffer(path, &pixels, SIZE as u32, SIZE as u32, image::ExtendedColorType::Rgb8)
+        .map_err(|error| format!("{}: {error}", path.display()))
+}
