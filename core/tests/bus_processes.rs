@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -80,7 +81,10 @@ fn robot(name: &str) -> String {
 fn folder(robot: &str) -> PathBuf {
     match std::env::var_os("XDG_RUNTIME_DIR") {
         Some(runtime) => PathBuf::from(runtime).join("yamabico").join(robot),
-        None => PathBuf::from(std::env::var_os("HOME").unwrap()).join(".yamabico").join(robot),
+        None => {
+            let user = std::fs::metadata("/proc/self").unwrap().uid();
+            PathBuf::from(format!("/dev/shm/yamabico-{user}")).join(robot)
+        }
     }
 }
 

@@ -31,7 +31,7 @@ impl Apart {
     pub fn wards(&self, bus: &Bus) -> Result<Vec<WardPlan>, BusError> {
         let devices = self.devices.iter().map(|device| {
             let part = Part::Device(DeviceCharge::of(device));
-            ward(bus, &device.spec.name, &device.hosting, part, OnDeath::End)
+            ward(bus, &device.spec.name, &device.hosting, part, OnDeath::Brake)
         });
         let behaviors = self.behaviors.iter().map(|behavior| {
             let part = Part::Behavior(BehaviorCharge::of(behavior));

@@ -13,7 +13,7 @@ use super::back_off::BackOff;
 use super::clean_up::{CleanUp, Ticket};
 use super::health::Health;
 use super::program::Program;
-use super::spawn::spawn;
+use super::spawn::{spawn, tell};
 
 /// A successor waits so long for its predecessor's places to be cleared, and then tries its luck.
 const CLEANING: Duration = Duration::from_millis(500);
@@ -48,7 +48,9 @@ pub(super) struct Ward {
 
 enum State {
     /// To be started.
-    Due { at: Time, died: Time, clean: Option<Ticket> },
+    Due { at: Time, clean: Option<Ticket> },
+    /// Coming up beside the clean-up after its predecessor, told nothing yet.
+    Coming { child: Child, started: Time, clean: Option<Ticket> },
     /// Running.
     Up { child: Child, started: Time, health: Health },
     /// Over.
@@ -57,7 +59,7 @@ enum State {
 
 impl Ward {
     pub fn new(plan: WardPlan) -> Ward {
-        let state = State::Due { at: Time::ZERO, died: Time::ZERO, clean: None };
+        let state = State::Due { at: Time::ZERO, clean: None };
         Ward { plan, state, back_off: BackOff::default(), starts: 0 }
     }
 
@@ -88,47 +90,73 @@ impl Ward {
     /// Buries, kills or starts it, where it is time to.
     pub fn step(&mut self, now: Time, phase: Phase, program: &Program, clean_up: &mut CleanUp) {
         match &mut self.state {
-            State::Due { at, died, clean } => {
-                let is_clean = clean.is_none_or(|ticket| clean_up.is_done(ticket));
-                if *at <= now && (is_clean || now.since(*died) > CLEANING) {
-                    self.start(now, phase, program);
+            State::Due { at, clean } => {
+                if *at <= now {
+                    let clean = *clean;
+                    self.start(now, clean, program);
                 }
             }
-            State::Up { child, started, health } => match child.try_wait() {
+            State::Coming { child, started, .. } | State::Up { child, started, .. } => match child.try_wait()
+            {
                 Ok(Some(status)) => {
                     let lived = now.since(*started);
                     let clean = Some(clean_up.request(now));
                     self.bury(&in_words(status), lived, clean, now);
                 }
-                Ok(None) => {
-                    if let Some(silent) = health.hangs(now) {
-                        let name = &self.plan.charge.name;
-                        tracing::warn!("`{name}` hangs: no sign of life for {silent:?}; it is killed");
-                        let _ = child.kill();
-                        // It is waited for before it can be found to hang again.
-                        health.hear(now);
-                    }
-                }
+                Ok(None) => self.tend(now, phase, clean_up),
                 Err(error) => tracing::error!("`{}` cannot be waited for: {error}", self.plan.charge.name),
             },
             State::Ended => {}
         }
     }
 
-    fn start(&mut self, now: Time, phase: Phase, program: &Program) {
-        self.plan.charge.restarts = self.starts;
-        self.plan.charge.begin = match phase {
+    /// Charges a process that has come up, where its predecessor's places are free, and kills one that hangs.
+    fn tend(&mut self, now: Time, phase: Phase, clean_up: &CleanUp) {
+        match &mut self.state {
+            State::Coming { started, clean, .. } => {
+                if clean.is_none_or(|ticket| clean_up.is_done(ticket)) || now.since(*started) > CLEANING {
+                    self.charge(now, phase);
+                }
+            }
+            State::Up { child, health, .. } => {
+                if let Some(silent) = health.hangs(now) {
+                    let name = &self.plan.charge.name;
+                    tracing::warn!("`{name}` hangs: no sign of life for {silent:?}; it is killed");
+                    let _ = child.kill();
+                    // It is waited for before it can be found to hang again.
+                    health.hear(now);
+                }
+            }
+            State::Due { .. } | State::Ended => {}
+        }
+    }
+
+    fn start(&mut self, now: Time, clean: Option<Ticket>, program: &Program) {
+        match spawn(program, &self.plan.charge.name, self.plan.on_death) {
+            Ok(child) => self.state = State::Coming { child, started: now, clean },
+            Err(error) => self.bury(&format!("could not be started: {error}"), Duration::ZERO, clean, now),
+        }
+    }
+
+    /// Tells the process that has come up what it is.
+    fn charge(&mut self, now: Time, phase: Phase) {
+        let State::Coming { mut child, started, .. } = std::mem::replace(&mut self.state, State::Ended)
+        else {
+            return;
+        };
+        let charge = &mut self.plan.charge;
+        charge.restarts = self.starts;
+        charge.begin = match phase {
             Phase::Opening => Begin::WithTheFirstCommand,
             Phase::Begun => Begin::AtOnce,
         };
         self.starts += 1;
-        match spawn(program, &self.plan.charge, self.plan.on_death) {
-            Ok(child) => {
-                let health = Health::new(self.plan.patience, now);
-                self.state = State::Up { child, started: now, health };
-            }
-            Err(error) => self.bury(&format!("could not be started: {error}"), Duration::ZERO, None, now),
+        if let Err(error) = tell(&mut child, charge) {
+            // It is buried when it is next looked at.
+            tracing::error!("`{}` cannot be told what it is: {error}", charge.name);
+            let _ = child.kill();
         }
+        self.state = State::Up { child, started, health: Health::new(self.plan.patience, now) };
     }
 
     fn bury(&mut self, how: &str, lived: Duration, clean: Option<Ticket>, now: Time) {
@@ -140,33 +168,33 @@ impl Ward {
         } else {
             tracing::warn!("{after}; it is started again");
         }
-        self.state = State::Due { at: now + wait, died: now, clean };
+        self.state = State::Due { at: now + wait, clean };
     }
 
     /// Tells its process to end, for good.
     pub fn ask_to_end(&mut self) {
         match &self.state {
-            State::Up { child, .. } => {
+            State::Coming { child, .. } | State::Up { child, .. } => {
                 let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
                 let _ = pid.map(|pid| kill_process(pid, Signal::TERM));
             }
-            _ => self.state = State::Ended,
+            State::Due { .. } | State::Ended => self.state = State::Ended,
         }
     }
 
     /// Whether its process still runs; one that has ended is waited for.
     pub fn is_up(&mut self) -> bool {
-        if let State::Up { child, .. } = &mut self.state
+        if let State::Coming { child, .. } | State::Up { child, .. } = &mut self.state
             && !matches!(child.try_wait(), Ok(None))
         {
             self.state = State::Ended;
         }
-        matches!(self.state, State::Up { .. })
+        matches!(self.state, State::Coming { .. } | State::Up { .. })
     }
 
     /// Ends its process, for good.
     pub fn kill(&mut self) {
-        if let State::Up { child, .. } = &mut self.state {
+        if let State::Coming { child, .. } | State::Up { child, .. } = &mut self.state {
             tracing::warn!("`{}` does not end and is killed", self.plan.charge.name);
             let _ = child.kill().and_then(|()| child.wait());
         }

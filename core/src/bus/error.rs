@@ -17,7 +17,7 @@ pub enum BusError {
     },
     /// There is no folder for what a running robot keeps.
     #[error(
-        "neither XDG_RUNTIME_DIR nor HOME is set: set one to an absolute path outside the temporary folder"
+        "/dev/shm cannot be written, and neither XDG_RUNTIME_DIR nor HOME is set: set one to an absolute path outside the temporary folder"
     )]
     NoPlace,
     /// A folder or file of the robot cannot be used.

@@ -104,7 +104,8 @@ impl Bus {
     /// The supervisor's bus of the robot of this name, in shared memory. Clears what an earlier run left behind, and keeps
     /// the name until the last handle and port of it are gone; then nothing is left.
     ///
-    /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `$HOME/.yamabico`, private to the user. Sockets among them
+    /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `/dev/shm/yamabico-UID`, else in `$HOME/.yamabico`, private to the
+    /// user. Sockets among them
     /// limit the length of the path, and so that of the robot's name.
     ///
     /// # Errors

@@ -18,8 +18,8 @@
 //!    moves; with `at-once` it does not.
 //! 5. **Work.** A behaviour publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
 //!    nanoseconds). A device publishes what it measures and obeys `command`.
-//! 6. **End.** On SIGTERM it ends within a second. A device whose parent has died brakes first. Its parent's death is SIGKILL
-//!    for a behaviour and SIGTERM for a device; the supervisor sees to that.
+//! 6. **End.** On SIGTERM it ends within a second. The supervisor's death is SIGKILL for a behaviour and SIGHUP for a device,
+//!    which then brakes, and ends.
 
 mod charge;
 mod process;

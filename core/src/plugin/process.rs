@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
+use signal_hook::consts::{SIGHUP, SIGTERM};
 
 use super::charge::{Begin, Charge, ChargeError, Part};
 use crate::bus::{Bus, BusError, Waiter};
@@ -29,8 +30,8 @@ const BRAKING_NAP: Duration = Duration::from_millis(5);
 pub enum OnDeath {
     /// Its own at once.
     Die,
-    /// It is told to end, and may brake first.
-    End,
+    /// SIGHUP: it brakes first.
+    Brake,
 }
 
 /// The process that a child must not outlive.
@@ -50,7 +51,7 @@ impl Guardian {
     pub fn follow(self) -> std::io::Result<bool> {
         let signal = match self.on_death {
             OnDeath::Die => Signal::KILL,
-            OnDeath::End => Signal::TERM,
+            OnDeath::Brake => Signal::HUP,
         };
         set_parent_process_death_signal(Some(signal))?;
         // It may have died before the line above.
@@ -102,12 +103,14 @@ fn try_to_serve(plugins: &Plugins<'_>) -> Result<(), Refusal> {
     std::io::stdin().read_to_string(&mut text)?;
     let charge: Charge = toml::from_str(&text)?;
     charge.check()?;
-    let over = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(signal_hook::consts::SIGTERM, Arc::clone(&over))?;
+    let (over, orphaned) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    for (signal, flag) in [(SIGTERM, &over), (SIGHUP, &orphaned), (SIGHUP, &over)] {
+        signal_hook::flag::register(signal, Arc::clone(flag))?;
+    }
     let bus = Bus::join(&charge.robot)?;
     let beat = Duration::try_from_secs_f64(charge.beat_ms * 1e-3).unwrap_or_default();
     let mut pulse = Pulse::open(&bus, &charge.name, charge.restarts, beat)?;
-    let served = work(charge, plugins, &bus, &mut pulse, &over);
+    let served = work(charge, plugins, &bus, &mut pulse, &over, &orphaned);
     if let Err(refusal) = &served {
         let (key, words) = refusal.told();
         pulse.fail(&key, &words, Time::monotonic_now());
@@ -122,6 +125,7 @@ fn work(
     bus: &Bus,
     pulse: &mut Pulse,
     over: &Arc<AtomicBool>,
+    orphaned: &AtomicBool,
 ) -> Result<(), Refusal> {
     let (hosting, begin) = (charge.hosting(), charge.begin);
     let is_over = || over.load(Ordering::Relaxed);
@@ -135,7 +139,6 @@ fn work(
             std::mem::forget((seat, waiter));
         }
         Part::Device(part) => {
-            let parent = getppid();
             let stops_in = Duration::try_from_secs_f64(part.stops_in_s).unwrap_or_default() + MARGIN;
             let plan = part.plan(plugins.drivers, hosting)?;
             let mut waiter = bus.waiter(&[topics::COMMAND])?;
@@ -143,7 +146,7 @@ fn work(
             wait_to_begin(begin, bus, pulse, &is_over)?;
             end_somehow(Arc::clone(over))?;
             operate(&mut seat, &mut waiter, pulse, &is_over);
-            if getppid() != parent {
+            if orphaned.load(Ordering::Relaxed) {
                 brake(&mut seat, &mut waiter, stops_in);
                 bury(&charge.robot);
             }

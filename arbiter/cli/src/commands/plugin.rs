@@ -31,15 +31,15 @@ pub struct Arguments {
 enum Death {
     /// Its own at once.
     Die,
-    /// It is told to end.
-    End,
+    /// It brakes first.
+    Brake,
 }
 
 /// Becomes the plugin.
 pub fn plugin(arguments: &Arguments) -> ExitCode {
     let on_death = match arguments.on_death {
         Death::Die => OnDeath::Die,
-        Death::End => OnDeath::End,
+        Death::Brake => OnDeath::Brake,
     };
     match (Guardian { pid: arguments.guardian, on_death }).follow() {
         Ok(true) => {}

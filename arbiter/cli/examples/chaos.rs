@@ -1,0 +1,139 @@
+//! Five hundred kills at random times over all behaviours of the hallway, hangs, and deaths of the supervisor; figures.
+//!
+//!     cargo build --release && cargo run --release --example chaos -- [KILLS] [SECONDS OF A RUN]
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here is the claim")]
+
+#[path = "../tests/chaos/campaign.rs"]
+mod campaign;
+#[path = "../tests/chaos/robot.rs"]
+mod robot;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use campaign::{Chance, Figures, PERIOD, VICTIMS, quantile};
+use robot::{BareTimer, Robot, signal};
+use yamabico_core::time::Time;
+
+/// Behaviours and the simulator.
+const PLUGINS: usize = VICTIMS.len() + 1;
+/// Supervisors that are killed.
+const ORPHANS: usize = 10;
+
+fn main() {
+    let mut arguments = std::env::args().skip(1).map(|argument| argument.parse::<usize>().expect("a number"));
+    let (kills, seconds) = (arguments.next().unwrap_or(500), arguments.next().unwrap_or(40));
+    let here = std::env::current_exe().unwrap();
+    let program = here.parent().and_then(Path::parent).unwrap().join("yamabico");
+    let mut chance = Chance(Time::monotonic_now().0 | 1);
+    let (mut figures, mut contacts, mut runs) = (Figures::default(), 0, 0);
+    let begun = Instant::now();
+    while figures.kills < kills {
+        let mut robot = start(&program, runs, &[]);
+        let before = figures.kill_each_once(&mut robot);
+        let until = Instant::now() + Duration::from_secs(seconds as u64);
+        while Instant::now() < until && figures.kills < kills {
+            figures.kill(&mut robot, 5.min(kills - figures.kills), &mut chance);
+        }
+        robot.watch(Duration::from_secs(3));
+        let after = robot.holdings();
+        let report: serde_json::Value = serde_json::from_slice(&robot.interrupt().stdout).unwrap();
+        contacts += report["contacts"].as_u64().unwrap();
+        runs += 1;
+        println!(
+            "run {runs}: {:.1} m, {} kills so far, held before {before:?}, after {after:?}",
+            report["distance_m"].as_f64().unwrap(),
+            figures.kills
+        );
+    }
+    let Figures { back, late, late_bare, .. } = &figures;
+    println!(
+        "{} kills, {} of them at start-up, in {runs} runs and {:.0} s; contacts {contacts}, not back {:?}",
+        figures.kills,
+        figures.kills_at_start,
+        begun.elapsed().as_secs_f64(),
+        figures.lost
+    );
+    tell("killed to back", back);
+    println!("latest command {late:?} after its tick; a bare timer {late_bare:?}");
+    hang(&program, &mut figures);
+    take_over(&program);
+    orphan(&program);
+}
+
+fn start(program: &Path, number: usize, set: &[&str]) -> Robot {
+    let name = format!("chaos-{}-{number}", std::process::id());
+    Robot::start(program, "hallway.toml", &name, PLUGINS, &[&["run.goal.x_m=1000"], set].concat())
+}
+
+fn tell(what: &str, times: &[Duration]) {
+    let [p50, p99, max] = [0.5, 0.99, 1.0].map(|share| quantile(times, share));
+    println!("{what}: p50 {p50:.1?}, p99 {p99:.1?}, max {max:.1?} of {}", times.len());
+}
+
+/// Hangs, with the deadline that the task gives by itself: 250 ms.
+fn hang(program: &Path, figures: &mut Figures) {
+    let mut robot = start(program, 1000, &[]);
+    for victim in VICTIMS.iter().cycle().take(12) {
+        robot.watch(Duration::from_millis(700));
+        figures.hang(&mut robot, victim);
+    }
+    tell("stopped to dead", &figures.noticed);
+}
+
+/// The behaviour in control is killed: when the next command comes, and when the last one that it is behind is over.
+fn take_over(program: &Path) {
+    let mut robot = start(program, 2000, &["robot.devices.sim.clutter=\"none\""]);
+    let (mut next, mut other, timer) = (Vec::new(), Vec::new(), BareTimer::start(PERIOD));
+    for _ in 0..20 {
+        robot.watch(Duration::from_millis(700));
+        let Some(last) = robot.told.last().copied() else { continue };
+        let in_control = last.source[0];
+        let Some(pid) = robot.process_of(in_control.as_str()) else { continue };
+        let starts = robot.newest[in_control.as_str()].restarts;
+        let killed = Time::monotonic_now();
+        signal(pid, "KILL");
+        robot
+            .watch_until(Duration::from_secs(5), |robot| robot.newest[in_control.as_str()].restarts > starts);
+        robot.watch(Duration::from_millis(300));
+        let after = robot.told.iter().filter(|command| command.stamp_ns > killed.0);
+        let since = |stamp_ns: u64| Time(stamp_ns).since(killed);
+        next.extend(after.clone().next().map(|command| since(command.stamp_ns)));
+        // Its own last proposal is good until it is too old, its successor's counts as anew.
+        let back = robot.newest[in_control.as_str()];
+        let new = |command: &&yamabico_core::message::Command| {
+            command.source[0] != in_control
+                || command.evidence_ns > killed.0
+                || command.stamp_ns > back.stamp_ns
+        };
+        other.extend(after.clone().find(new).map(|command| since(command.stamp_ns)));
+    }
+    tell("behaviour in control killed, to the next command", &next);
+    tell("behaviour in control killed, to a command without it", &other);
+    println!("a bare timer was {:.1?} late at most", timer.stop());
+}
+
+/// The supervisor is killed: when the drive begins to brake, to the period of the truth, 5 ms.
+fn orphan(program: &Path) {
+    let (mut began, mut hung) = (Vec::new(), Vec::new());
+    for round in 0..ORPHANS {
+        for (how, times) in [("KILL", &mut began), ("STOP", &mut hung)] {
+            let mut robot = start(program, 3000 + round, &["robot.devices.sim.truth_period_ms=5"]);
+            let fast = |robot: &Robot| robot.truth.last().is_some_and(|truth| truth.vx > 0.3);
+            if !robot.watch_until(Duration::from_secs(30), fast) {
+                continue;
+            }
+            let speed = robot.truth.last().unwrap().vx;
+            let killed = Time::monotonic_now();
+            signal(robot.supervisor(), how);
+            robot.watch(Duration::from_millis(1000));
+            let mut after = robot.truth.iter().filter(|truth| truth.stamp_ns > killed.0);
+            times.extend(
+                after.find(|truth| truth.vx < speed - 0.01).map(|truth| Time(truth.stamp_ns).since(killed)),
+            );
+        }
+    }
+    tell("arbiter killed, to braking", &began);
+    tell("arbiter hangs, to braking", &hung);
+}
