@@ -44,10 +44,10 @@ pub struct SurfaceCheckRule {
     pub least_at: u32,
     /// Farthest range, metres.
     pub farthest_m: f64,
-    /// Half the opening angle of the beam, radians: while its footprint is wider than the surface but for `beam_spare_m`,
-    /// an echo from it may be that of its ends, and does not make it solid. Zero for a ray.
+    /// Half the opening angle of the beam, radians: while its footprint reaches an end of the surface but for half of
+    /// `beam_spare_m`, an echo may be that of the end, and does not make the surface solid. Zero for a ray.
     pub beam_half_angle_rad: f64,
-    /// Width that the surface must have beyond the beam's, metres.
+    /// Width that the surface must have beyond the beam's where that meets its middle, metres.
     pub beam_spare_m: f64,
 }
 
@@ -105,14 +105,14 @@ impl SurfaceCheck {
     pub fn take(&mut self, reading: &RangeReading) -> (ReadingClass, Option<f64>) {
         let (class, hit) = self.classify(reading);
         let distance_m = hit.map(|hit| hit.distance_m);
-        let Some(distance) = distance_m.filter(|_| class != ReadingClass::Untestable) else {
+        let Some(hit) = hit.filter(|_| class != ReadingClass::Untestable) else {
             return (class, distance_m);
         };
-        let is_nearing = self.last_distance_m.is_none_or(|last| distance < last - 1e-9);
-        self.last_distance_m = Some(distance);
+        let is_nearing = self.last_distance_m.is_none_or(|last| hit.distance_m < last - 1e-9);
+        self.last_distance_m = Some(hit.distance_m);
         let counts = match class {
             ReadingClass::Beyond => is_nearing,
-            ReadingClass::At => !self.is_beam_too_wide(distance),
+            ReadingClass::At => self.holds_beam(&hit),
             _ => true,
         };
         let before = if self.run.0 == Some(class) { self.run.1 } else { 0 };
@@ -145,9 +145,12 @@ impl SurfaceCheck {
         (class, Some(hit))
     }
 
-    fn is_beam_too_wide(&self, distance_m: f64) -> bool {
-        let width = (self.ends[1] - self.ends[0]).norm();
-        width < 2.0 * distance_m * self.rule.beam_half_angle_rad.tan() + self.rule.beam_spare_m
+    /// Whether the whole beam falls on the surface.
+    fn holds_beam(&self, hit: &Hit) -> bool {
+        let away_m = hit.distance_m * hit.incidence_rad.cos();
+        let edge_rad = hit.incidence_rad + self.rule.beam_half_angle_rad;
+        let reach_m = away_m * (edge_rad.tan() - hit.incidence_rad.tan());
+        hit.from_end_m >= reach_m + 0.5 * self.rule.beam_spare_m
     }
 }
 
@@ -220,6 +223,25 @@ mod tests {
         assert_eq!(check.state(), SurfaceState::Unknown);
         for x in [1.2, 1.3] {
             check.take(&reading(x, 0.0, Some(2.0 - x)));
+        }
+        assert_eq!(check.state(), SurfaceState::Solid);
+    }
+
+    #[test]
+    fn a_beam_beside_the_middle_hears_the_end_that_is_nearer() {
+        let ends = [Point2::new(2.0, -0.8), Point2::new(2.0, 0.8)];
+        let mut check = SurfaceCheck::new(ends, SurfaceCheckRule::default());
+        // Wide enough in its middle, but the beam meets it 0.2 m from the left end.
+        for _ in 0..5 {
+            check.take(&RangeReading {
+                sensor: Pose2::new(0.0, 0.6, 0.0),
+                range_m: Some(2.0),
+                sigma_m: 0.02,
+            });
+        }
+        assert_eq!(check.state(), SurfaceState::Unknown);
+        for _ in 0..2 {
+            check.take(&reading(0.0, 0.0, Some(2.0)));
         }
         assert_eq!(check.state(), SurfaceState::Solid);
     }

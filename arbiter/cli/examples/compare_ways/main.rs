@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use clap::Parser;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use yamabico::plugins::PLUGINS;
 use yamabico_arbiter::execution::{End, Lockstep, Plan};
 use yamabico_arbiter::run::{Options, run};
@@ -78,7 +79,10 @@ fn compare(arguments: &Arguments) -> Result<bool, String> {
     println!("{}", text(&settings));
     if let Some(path) = &arguments.out {
         let picture = draw(&settings, &walls).map_err(|error| error.to_string())?;
-        picture.save(path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let cannot = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+        let file = std::fs::File::create(path).map_err(|error| cannot(&error))?;
+        let encoder = PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::Sub);
+        picture.write_with_encoder(encoder).map_err(|error| cannot(&error))?;
     }
     Ok(settings.iter().flat_map(|setting| &setting.ways).all(Way::is_clean))
 }
