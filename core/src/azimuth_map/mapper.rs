@@ -30,6 +30,8 @@ pub struct MapperRule {
     pub azimuth_sigma: (f64, f64),
     /// An edge of the map was seen in more pictures than this.
     pub least_seen: u32,
+    /// An edge whose azimuths miss its place by more, as a root mean square in standard deviations, is none.
+    pub most_misfit: f64,
     /// Pictures nearer to the last one than this are left out: metres, radians.
     pub key_frame: (f64, f64),
     /// Most pictures of a map; then every other one is forgotten.
@@ -46,6 +48,7 @@ impl Default for MapperRule {
             relinking: RelinkRule::default(),
             azimuth_sigma: (0.3, degrees(0.05)),
             least_seen: 4,
+            most_misfit: 1.5,
             key_frame: (0.02, degrees(3.0)),
             most_frames: 200,
         }
@@ -159,7 +162,7 @@ impl Mapper {
     /// # Errors
     /// [`MapperError`].
     pub fn finish(&self) -> Result<EdgeMap, MapperError> {
-        let known: Vec<Known> = self
+        let mut known: Vec<Known> = self
             .tracker
             .loci()
             .iter()
@@ -173,21 +176,30 @@ impl Mapper {
         if known.is_empty() {
             return Err(nothing);
         }
-        let positions: Vec<_> = known.iter().map(|edge| edge.position).collect();
-        let seen: Vec<_> = self
-            .seen
-            .iter()
-            .filter_map(|one| {
-                let edge = known.iter().position(|edge| edge.number == one.number)?;
-                let (azimuth_rad, sigma_rad) = (one.azimuth_rad, one.sigma_rad);
-                Some(BearingObservation { place: one.place, edge, azimuth_rad, sigma_rad })
-            })
-            .collect();
-        let adjusted = adjust(&self.places, &positions, &seen, &self.rule.ways)?;
+        let adjusted = self.adjusted(&known)?;
+        // Where something near hides something far no edge stands: it wanders, and fits no place.
+        let mut misfits = adjusted.misfits.iter();
+        known.retain(|_| misfits.next().is_some_and(|misfit| *misfit <= self.rule.most_misfit));
+        if known.is_empty() {
+            return Err(nothing);
+        }
+        let adjusted = self.adjusted(&known)?;
         let edges = self.merged(&known, &adjusted);
         let surfaces = self.surfaces(&edges);
         let free_m = self.free(&edges).iter().map(|corner| [corner.x, corner.y]).collect();
         Ok(EdgeMap { edges, surfaces, free_m })
+    }
+
+    /// These edges and all places, fitted together.
+    fn adjusted(&self, known: &[Known]) -> Result<Adjusted, AdjustmentError> {
+        let positions: Vec<_> = known.iter().map(|edge| edge.position).collect();
+        let observation = |one: &SeenBy| {
+            let edge = known.iter().position(|edge| edge.number == one.number)?;
+            let (azimuth_rad, sigma_rad) = (one.azimuth_rad, one.sigma_rad);
+            Some(BearingObservation { place: one.place, edge, azimuth_rad, sigma_rad })
+        };
+        let seen: Vec<_> = self.seen.iter().filter_map(observation).collect();
+        adjust(&self.places, &positions, &seen, &self.rule.ways)
     }
 
     /// The edges; those that were lost and found again are one.

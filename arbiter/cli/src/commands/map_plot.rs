@@ -68,7 +68,7 @@ pub fn plot(path: &Path, map: &EdgeMap) -> Result<(), String> {
         }
         canvas.text(middle + Vector2::new(6.0, -12.0), &edge.number.to_string(), INK);
     }
-    canvas.text(Vector2::new(8.0, 8.0), "vertical edges with three sigma; grid 0.5 m", INK);
+    canvas.text(Vector2::new(8.0, 8.0), "vertical edges with three sigma, grid 0.5 m", INK);
     image::save_buffer(path, &pixels, SIZE as u32, SIZE as u32, image::ExtendedColorType::Rgb8)
         .map_err(|error| format!("{}: {error}", path.display()))
 }
