@@ -1,15 +1,20 @@
 //! The direction for a robot that drives ahead and turns: which heading to turn to, and how it would get there.
 
+use std::f64::consts::{PI, TAU};
+
 use nalgebra::Vector2;
 use yamabico_core::geometry::{Twist, wrap_angle};
 
-use super::choice::{Chooser, SPEED_LADDER};
+use super::choice::{Candidate, Chooser, SPEED_LADDER};
 use super::free_distances::FreeDistances;
 
 /// Below this turn rate (rad/s) a step is straight.
 const STRAIGHT_RAD_S: f64 = 1e-9;
 /// Turns up to this (rad) are worked out by series.
-const SMALL_TURN_RAD: f64 = 0.1;
+const SMALL_TURN_RAD: f64 = 0.13;
+/// Coefficients of the even powers in sin(x) / x and in cos(x), from the second on: what is left out is below 1e-15.
+const SIN: [f64; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
+const COS: [f64; 4] = [-1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0];
 
 /// How a robot that drives ahead and turns comes to a heading, and how headings are judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,10 +81,13 @@ impl Rollout {
     /// slower the more is missing.
     #[must_use]
     pub fn wished(&self, heading_rad: f64, rules: &HeadingRules) -> Twist {
-        // A heading exactly behind is turned to on the right.
-        let missing = -wrap_angle(self.theta_rad - heading_rad);
-        let turn = (rules.gain_per_s * missing).clamp(-rules.turn_rad_s, rules.turn_rad_s);
-        Twist::planar(rules.speed_mps * missing.cos().max(0.0), turn)
+        let missing = self.missing_rad(heading_rad);
+        wished(missing, missing.cos(), rules)
+    }
+
+    /// What is missing to a heading, -pi to pi rad; one exactly behind is turned to on the right.
+    fn missing_rad(&self, heading_rad: f64) -> f64 {
+        -wrap_angle(self.theta_rad - heading_rad)
     }
 
     /// One step on the way to what is asked for.
@@ -111,9 +119,8 @@ impl Rollout {
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     let (s, c) = if turn.abs() <= SMALL_TURN_RAD {
         let q = turn * turn;
-        let s = turn
-            * (1.0 - q / 6.0 * (1.0 - q / 20.0 * (1.0 - q / 42.0 * (1.0 - q / 72.0 * (1.0 - q / 110.0)))));
-        let c = 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0 * (1.0 - q / 56.0 * (1.0 - q / 90.0))));
+        let s = turn * (1.0 + q * (SIN[0] + q * (SIN[1] + q * (SIN[2] + q * SIN[3]))));
+        let c = 1.0 + q * (COS[0] + q * (COS[1] + q * (COS[2] + q * COS[3])));
         (s, c)
     } else {
         turn.sin_cos()
@@ -121,19 +128,54 @@ fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     (sin * c + cos * s, cos * c - sin * s)
 }
 
+/// A heading on the way to which a robot is, and what is missing to it, kept from step to step.
+#[derive(Clone, Copy, Debug)]
+struct Aim {
+    sin_cos: (f64, f64),
+    missing_rad: f64,
+}
+
+impl Aim {
+    fn new(state: &Rollout, heading_rad: f64) -> Self {
+        Self { sin_cos: heading_rad.sin_cos(), missing_rad: state.missing_rad(heading_rad) }
+    }
+
+    fn wished(&self, state: &Rollout, rules: &HeadingRules) -> Twist {
+        let (sin, cos) = state.sin_cos;
+        wished(self.missing_rad, sin * self.sin_cos.0 + cos * self.sin_cos.1, rules)
+    }
+
+    /// Follows a robot that has turned, by less than half a turn.
+    fn follow(&mut self, turn_rad: f64) {
+        let missing = self.missing_rad - turn_rad;
+        self.missing_rad = match missing {
+            left if left > PI => left - TAU,
+            right if right < -PI => right + TAU,
+            missing => missing,
+        };
+    }
+}
+
+/// What is asked for where so much heading is missing (rad, and its cosine).
+fn wished(missing_rad: f64, cos_missing: f64, rules: &HeadingRules) -> Twist {
+    let turn = (rules.gain_per_s * missing_rad).clamp(-rules.turn_rad_s, rules.turn_rad_s);
+    Twist::planar(rules.speed_mps * cos_missing.max(0.0), turn)
+}
+
 /// Every state on the way from `start` to a heading and to the stand after it, without the start. The robot is asked to
 /// stand after `horizon_s`; the way ends when it does, or after a minute.
 pub fn roll_out(start: Rollout, heading_rad: f64, rules: &HeadingRules) -> impl Iterator<Item = Rollout> {
     let driving = (rules.horizon_s / rules.step_s).round() as u32;
     let most = driving + (60.0 / rules.step_s).ceil() as u32;
-    let (rules, mut state) = (*rules, start);
+    let (rules, mut state, mut aim) = (*rules, start, Aim::new(&start, heading_rad));
     (0..most).map_while(move |step| {
         let wished = match step {
-            step if step < driving => state.wished(heading_rad, &rules),
+            step if step < driving => aim.wished(&state, &rules),
             _ if state.is_still() => return None,
             _ => Twist::ZERO,
         };
         state.step(&wished, &rules);
+        aim.follow(state.turn_rad_s * rules.step_s);
         Some(state)
     })
 }
@@ -152,19 +194,7 @@ impl Chooser {
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
-        let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
-        let mut tried =
-            order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
-        tried.find_map(|(rank, candidate)| {
-            let heading_rad = candidate.direction_rad;
-            keeps_clear(free, *start, heading_rad, rules).then(|| Drive {
-                twist: start.wished(heading_rad, rules),
-                heading_rad,
-                sector: candidate.sector,
-                rank,
-                side: candidate.side(),
-            })
-        })
+        first_heading(self.order(free, goal_rad, last_side, rules.side_change_rad), free, start, rules)
     }
 
     /// The same, at half and at a quarter of the speed where the whole is too fast, and only then back ([`SPEED_LADDER`]).
@@ -176,11 +206,36 @@ impl Chooser {
         last_side: i8,
         rules: &HeadingRules,
     ) -> Option<Drive> {
+        if free.clearance_m(start.position_m) < rules.clearance_m {
+            return None;
+        }
+        let order = self.order(free, goal_rad, last_side, rules.side_change_rad);
         SPEED_LADDER.iter().find_map(|&(share, deviation_rad)| {
             let rules = HeadingRules { speed_mps: share * rules.speed_mps, deviation_rad, ..*rules };
-            self.choose_heading(free, start, goal_rad, last_side, &rules)
+            first_heading(order, free, start, &rules)
         })
     }
+}
+
+/// The first of the candidates that the robot comes to, clear of everything hidden.
+fn first_heading(
+    order: &[Candidate],
+    free: &FreeDistances,
+    start: &Rollout,
+    rules: &HeadingRules,
+) -> Option<Drive> {
+    let mut tried =
+        order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
+    tried.find_map(|(rank, candidate)| {
+        let heading_rad = candidate.direction_rad;
+        keeps_clear(free, *start, heading_rad, rules).then(|| Drive {
+            twist: start.wished(heading_rad, rules),
+            heading_rad,
+            sector: candidate.sector,
+            rank,
+            side: candidate.side(),
+        })
+    })
 }
 
 /// Whether a rollout keeps its distance. States that cannot have come near enough are left out.
