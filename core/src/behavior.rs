@@ -68,6 +68,8 @@ pub struct BehaviorPlugin {
     pub claims: Axes,
     /// JSON Schema of its parameters.
     pub schema: fn() -> Schema,
+    /// The schema instead, where another program told it.
+    pub told: Option<&'static serde_json::Value>,
     /// Builds one from its checked table.
     pub build: Build,
 }
@@ -83,6 +85,7 @@ impl BehaviorPlugin {
             files: B::FILES,
             claims: B::CLAIMS,
             schema: || schemars::schema_for!(B::Config),
+            told: None,
             build: |table, setup| {
                 let config = table
                     .clone()
@@ -91,6 +94,13 @@ impl BehaviorPlugin {
                 Ok(Box::new(B::new(config, setup)?))
             },
         }
+    }
+}
+
+impl BehaviorPlugin {
+    /// JSON Schema of its parameters.
+    pub fn parameters(&self) -> serde_json::Value {
+        self.told.cloned().unwrap_or_else(|| (self.schema)().to_value())
     }
 }
 

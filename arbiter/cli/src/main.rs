@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use tracing_subscriber::EnvFilter;
 
-use commands::{Command, check, describe, goto, graph, learn, list, plugin, run, schema};
+use commands::{Command, check, describe, goto, graph, learn, list, new, plugin, run, schema};
 
 /// Drives a robot with independent behaviours, and can say why.
 #[derive(Parser)]
@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Command::Describe(arguments) => describe::describe(&arguments, print),
         Command::Schema => schema::schema(),
         Command::Graph(arguments) => graph::graph(&arguments, print),
+        Command::New(what) => new::new(&what, print),
         Command::Plugin(arguments) => plugin::plugin(&arguments),
     }
 }

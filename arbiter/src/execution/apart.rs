@@ -35,7 +35,8 @@ impl Apart {
         });
         let behaviors = self.behaviors.iter().map(|behavior| {
             let part = Part::Behavior(BehaviorCharge::of(behavior));
-            ward(bus, &behavior.setup.name, &behavior.hosting, part, OnDeath::Die)
+            let ward = ward(bus, &behavior.setup.name, &behavior.hosting, part, OnDeath::Die)?;
+            Ok(WardPlan { exec: behavior.exec.clone(), ..ward })
         });
         devices.chain(behaviors).collect()
     }
@@ -60,5 +61,5 @@ fn ward(
         begin: Begin::WithTheFirstCommand,
         part,
     };
-    Ok(WardPlan { charge, on_death, patience: hosting.patience })
+    Ok(WardPlan { charge, on_death, patience: hosting.patience, exec: Vec::new() })
 }

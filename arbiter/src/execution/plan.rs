@@ -165,6 +165,7 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
         period: period.or_else(|| behavior.inputs.is_empty().then_some(task.arbiter.period)),
         budget: behavior.budget,
         hosting: Hosting { isolation: behavior.isolation, patience: behavior.patience },
+        exec: behavior.exec.clone(),
     }
 }
 

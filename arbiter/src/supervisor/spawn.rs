@@ -9,24 +9,26 @@ use yamabico_core::bus::keep_files_from_children;
 use yamabico_core::plugin::{Charge, OnDeath};
 
 use super::program::Program;
+use super::ward::WardPlan;
 
 /// Longest charge, bytes: what a pipe holds.
 const MOST_CHARGE: usize = 60_000;
 
-/// Starts `program` as the plugin of this name, in a process group of its own, so that Ctrl-C reaches the supervisor alone.
+/// Starts `program` as the plugin that `plan` names, in a process group of its own, so that Ctrl-C reaches the supervisor alone.
 ///
 /// It waits for what [`tell`] tells it. The kernel ties the child's life to the calling thread, not to its process.
-pub(super) fn spawn(program: &Program, name: &str, on_death: OnDeath) -> std::io::Result<Child> {
+pub(super) fn spawn(program: &Program, plan: &WardPlan) -> std::io::Result<Child> {
     keep_files_from_children();
-    let on_death = match on_death {
+    let on_death = match plan.on_death {
         OnDeath::Die => "die",
         OnDeath::Brake => "brake",
     };
     Command::new(&program.path)
         .arg0("yamabico")
         .args(&program.arguments)
-        .arg(name)
-        .args(["--guardian", &std::process::id().to_string(), "--on-death", on_death])
+        .arg(&plan.charge.name)
+        .args(["--guardian", &std::process::id().to_string(), "--on-death", on_death, "--"])
+        .args(&plan.exec)
         .stdin(Stdio::piped())
         .stdout(Stdio::from(std::io::stderr().as_fd().try_clone_to_owned()?))
         .process_group(0)

@@ -27,6 +27,8 @@ pub struct WardPlan {
     pub on_death: OnDeath,
     /// It may show no sign of life for so long.
     pub patience: Duration,
+    /// The program that it is, and its arguments; empty where it is a part of the supervisor's.
+    pub exec: Vec<String>,
 }
 
 /// How far the run is.
@@ -132,7 +134,7 @@ impl Ward {
     }
 
     fn start(&mut self, now: Time, clean: Option<Ticket>, program: &Program) {
-        match spawn(program, &self.plan.charge.name, self.plan.on_death) {
+        match spawn(program, &self.plan) {
             Ok(child) => self.state = State::Coming { child, started: now, clean },
             Err(error) => self.bury(&format!("could not be started: {error}"), Duration::ZERO, clean, now),
         }

@@ -116,7 +116,7 @@ pub fn describe(name: &str, plugins: &Plugins<'_>) -> Result<Description, String
             outputs: ports(plugin.outputs),
             axes: Some(plugin.claims.to_string()),
             common: parameters(&schemars::schema_for!(BehaviorKeys).to_value()),
-            ..plain(name, "behavior", plugin.summary, &(plugin.schema)().to_value())
+            ..plain(name, "behavior", plugin.summary, &plugin.parameters())
         });
     }
     if let Some(driver) = plugins.driver(name) {

@@ -7,6 +7,7 @@
 
 mod describe;
 mod document;
+mod exec;
 mod file;
 mod grammar;
 mod graph;

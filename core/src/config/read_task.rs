@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::document::{Entry, Table};
+use super::exec::{ask, program_of};
 use super::inputs::{Sources, read_inputs};
 use super::keys::{check_name, own_keys, read_keys, right_keys};
 use super::nearest::instead;
@@ -13,7 +14,7 @@ use super::problem::{Problem, Span};
 use super::read_robot::RobotDraft;
 use super::schema_check::check_table;
 use super::shape::Shape;
-use super::tables::{ArbiterKeys, BehaviorKeys, Policy, TaskKeys};
+use super::tables::{ArbiterKeys, BehaviorKeys, Isolation, Policy, TaskKeys};
 use super::task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task};
 use super::units::number;
 use super::wires::{Wired, WrittenWire, check_input_cycles, check_wires, read_wires};
@@ -63,6 +64,7 @@ pub(crate) fn read_task(
         let is_right = draft.is_right && is_fed && problems.len() == before;
         if robot.is_some()
             && is_right
+            && draft.exec.is_empty()
             && let Err(error) = behavior.build()
         {
             problems.push(refusal(draft.entry, &error));
@@ -115,6 +117,7 @@ struct Draft<'a> {
     keys: BehaviorKeys,
     own: toml::Table,
     plugin: Option<BehaviorPlugin>,
+    exec: Vec<String>,
     is_right: bool,
 }
 
@@ -139,8 +142,12 @@ fn read_behavior<'a>(
     check_name(&entry.key, entry.key_span, problems);
     let named = table.entry("type");
     let name = named.and_then(|named| named.node.as_text()).unwrap_or(&entry.key);
-    let plugin = plugins.behavior(name).copied();
-    if plugin.is_none() {
+    let exec = program_of(table, home);
+    let plugin = match exec.as_slice() {
+        [] => plugins.behavior(name).copied(),
+        program => ask(program, entry, problems),
+    };
+    if plugin.is_none() && exec.is_empty() {
         let span = named.map_or(entry.key_span, |named| named.node.span);
         let names = plugins.behaviors.iter().map(|plugin| plugin.name);
         let mut help = instead(name, names, "behaviour");
@@ -151,7 +158,7 @@ fn read_behavior<'a>(
             .push(Problem::new(span, format!("there is no behaviour `{name}`")).label("unknown").help(help));
     }
     let common = schemars::schema_for!(BehaviorKeys).to_value();
-    let own = plugin.map(|plugin| (plugin.schema)().to_value());
+    let own = plugin.map(|plugin| plugin.parameters());
     let mut shapes = vec![Shape::new(&common)];
     shapes.extend(own.as_ref().map(Shape::new));
     let mut found = Vec::new();
@@ -168,7 +175,7 @@ fn read_behavior<'a>(
         keys
     });
     let own = own.unwrap_or_default();
-    Some(Draft { entry, table, keys, own, plugin, is_right: problems.len() == before })
+    Some(Draft { entry, table, keys, own, plugin, exec, is_right: problems.len() == before })
 }
 
 impl Draft<'_> {
@@ -226,7 +233,8 @@ impl Draft<'_> {
             max_evidence_age: duration(keys.max_evidence_age_ms.unwrap_or(arbiter.max_evidence_age_ms)),
             hold: duration(keys.hold_ms),
             dwell: duration(keys.dwell_ms),
-            isolation: keys.isolation,
+            isolation: if self.exec.is_empty() { keys.isolation } else { Isolation::Process },
+            exec: self.exec.clone(),
             patience: duration(keys.deadline_ms.unwrap_or((3.0 * own_period_ms).max(LEAST_PATIENCE_MS))),
         }
     }

@@ -25,7 +25,7 @@ pub fn task_schema(plugins: &Plugins<'_>) -> Json {
     let mut choices = vec![common];
     let mut named = Map::new();
     for plugin in plugins.behaviors {
-        let mut own = (plugin.schema)().to_value();
+        let mut own = plugin.parameters();
         describe_as(&mut own, plugin.summary);
         set_inputs(&mut own, plugin.inputs);
         let own = whole.include(&format!("behavior.{}", plugin.name), own);

@@ -144,6 +144,9 @@ pub(crate) struct BehaviorKeys {
     pub dwell_ms: f64,
     /// Where it runs while the robot runs live.
     pub isolation: Isolation,
+    /// The program that it is, and its arguments, where it is no part of this one; a path is relative to this file.
+    #[schemars(length(min = 1))]
+    pub exec: Option<Vec<String>>,
 }
 
 impl Default for BehaviorKeys {
@@ -162,6 +165,7 @@ impl Default for BehaviorKeys {
             hold_ms: 500.0,
             dwell_ms: 0.0,
             isolation: Isolation::default(),
+            exec: None,
         }
     }
 }

@@ -100,6 +100,8 @@ pub struct BehaviorFile {
     /// A process of it that shows no sign of life for longer hangs: the deadline as written, or three periods and at least
     /// a quarter of a second.
     pub patience: Duration,
+    /// The program that it is, and its arguments; empty where it is a part of this one.
+    pub exec: Vec<String>,
 }
 
 /// What is plugged into a slot.

@@ -204,6 +204,7 @@ impl BehaviorCharge {
             period: self.period_ms.map(duration),
             budget: self.budget_ms.map(duration),
             hosting,
+            exec: Vec::new(),
         })
     }
 }

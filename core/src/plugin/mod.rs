@@ -22,9 +22,31 @@
 //!    which then brakes, and ends.
 
 mod charge;
+mod description;
 mod process;
 
 pub use charge::{
     Begin, BehaviorCharge, Charge, ChargeError, DeviceCharge, InputCharge, PROTOCOL, Part, PortCharge,
 };
+pub use description::{DESCRIBE, Description, SlotDescription};
 pub use process::{Guardian, OnDeath, serve};
+
+use std::process::ExitCode;
+
+use crate::behavior::{BehaviorPlugin, Plugin};
+use crate::config::Plugins;
+
+/// All that the `main` of a behaviour's program has to do: `fn main() -> ExitCode { main::<MyBehavior>() }`.
+pub fn main<B: Plugin>() -> ExitCode {
+    let plugin = BehaviorPlugin::of::<B>();
+    if std::env::args().nth(1).is_none_or(|argument| argument != DESCRIBE) {
+        return serve(&Plugins { behaviors: &[plugin], drivers: &[] });
+    }
+    match serde_json::to_string_pretty(&Description::of(&plugin)) {
+        Ok(text) => {
+            println!("{text}");
+            ExitCode::SUCCESS
+        }
+        Err(_) => ExitCode::FAILURE,
+    }
+}

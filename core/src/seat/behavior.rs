@@ -36,6 +36,8 @@ pub struct BehaviorPlan {
     pub budget: Option<Duration>,
     /// Live: where it runs, and how long it may show no sign of life.
     pub hosting: Hosting,
+    /// The program that it is, and its arguments; empty where it is a part of this one.
+    pub exec: Vec<String>,
 }
 
 impl BehaviorPlan {
@@ -271,6 +273,7 @@ mod tests {
             files: &[],
             claims: Axes::NONE,
             schema: schemars::Schema::default,
+            told: None,
             build,
         };
         let plan = BehaviorPlan {
@@ -282,6 +285,7 @@ mod tests {
             period: Some(Duration::from_millis(20)),
             budget: None,
             hosting: Hosting { isolation: Isolation::Thread, patience: Duration::from_secs(1) },
+            exec: Vec::new(),
         };
         BehaviorSeat::open(plan, &bus).unwrap()
     }

@@ -14,27 +14,31 @@ struct Checked<'a> {
     behaviors: Vec<&'a str>,
     sensors: Vec<&'a str>,
     opens: Vec<String>,
+    starts: Vec<String>,
 }
 
 /// Loads the task and tells what it would open.
 pub fn check(arguments: &TaskArguments, print: Print) -> ExitCode {
     let Some(task) = arguments.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
     let devices = task.robot.devices.iter();
+    let programs = task.behaviors.iter().filter(|behavior| !behavior.exec.is_empty());
     let checked = Checked {
         task: &task.name,
         robot: &task.robot.robot.name,
         behaviors: task.behaviors.iter().map(|behavior| behavior.name.as_str()).collect(),
         sensors: task.robot.sensors.iter().map(|sensor| sensor.part.name.as_str()).collect(),
         opens: devices.map(|device| format!("{} ({})", device.name, device.driver.name)).collect(),
+        starts: programs.map(|behavior| format!("{} ({})", behavior.name, behavior.exec.join(" "))).collect(),
     };
     print.show(&checked, |checked| {
         format!(
-            "{} is right: robot {} with {}; {} in the order of priority; opens {}",
+            "{} is right: robot {} with {}; {} in the order of priority; opens {}; starts {}",
             arguments.file.display(),
             checked.robot,
             checked.sensors.join(", "),
             checked.behaviors.join(", "),
             checked.opens.join(", "),
+            if checked.starts.is_empty() { "no other program".to_owned() } else { checked.starts.join(", ") },
         )
     });
     exit(DONE)

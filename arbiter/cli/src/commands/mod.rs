@@ -10,6 +10,7 @@ mod learn_map;
 mod learn_plot;
 pub mod list;
 mod map_plot;
+pub mod new;
 pub mod plugin;
 pub mod run;
 mod run_table;
@@ -43,6 +44,9 @@ pub enum Command {
     Schema,
     /// Draw a task: sensors, behaviours, wires, drive.
     Graph(graph::Arguments),
+    /// Write a crate to begin a plugin with.
+    #[command(subcommand)]
+    New(new::New),
     /// Be a plugin of a running robot.
     #[command(hide = true)]
     Plugin(plugin::Arguments),

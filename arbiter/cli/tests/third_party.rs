@@ -1,0 +1,136 @@
+//! Behaviours that are programs of their own: asked what they are, composed in TOML, run live, killed, refused.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// A folder with the crate that `yamabico new behavior creeper` writes, and a task with another program in its place.
+struct Crate {
+    folder: PathBuf,
+    name: String,
+}
+
+impl Crate {
+    fn new(test: &str) -> Crate {
+        let name = format!("third-{test}-{}", std::process::id());
+        let folder = std::env::temp_dir().join(format!("yamabico-{name}"));
+        std::fs::create_dir_all(&folder).unwrap();
+        let place = Crate { folder, name };
+        let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let begun =
+            place.yamabico(&["new", "behavior", "creeper", "--repository", repository.to_str().unwrap()]);
+        assert!(begun.status.success(), "{}", said(&begun));
+        place
+    }
+
+    fn yamabico(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_yamabico"));
+        command.args(arguments).env("NO_COLOR", "1").current_dir(&self.folder).stdin(Stdio::null());
+        command.output().unwrap()
+    }
+
+    /// The task with `exec` as the program of its behaviour.
+    fn with_exec(&self, exec: &str) -> String {
+        let task = std::fs::read_to_string(self.folder.join("creeper/task.toml")).unwrap();
+        let task = task.replace("\"target/debug/creeper\"", exec);
+        let path = self.folder.join("creeper/other.toml");
+        std::fs::write(&path, task).unwrap();
+        path.to_str().unwrap().to_owned()
+    }
+}
+
+impl Drop for Crate {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// What `new behavior` writes, built as an example of this crate.
+fn program() -> String {
+    let target = Path::new(env!("CARGO_BIN_EXE_yamabico")).parent().unwrap();
+    let program = target.join("examples/new-behavior");
+    assert!(program.exists(), "cargo test builds {}", program.display());
+    format!("\"{}\"", program.display())
+}
+
+#[test]
+fn a_program_is_composed_by_exec_and_drives() {
+    let place = Crate::new("drives");
+    let task = place.with_exec(&program());
+    let checked = place.yamabico(&["check", &task]);
+    assert!(checked.status.success(), "{}", said(&checked));
+    assert!(said(&checked).contains("starts creeper ("), "{}", said(&checked));
+    let robot = format!("robot.name={}", place.name);
+    let ran =
+        place.yamabico(&["run", &task, "--live", "--json", "--set", &robot, "--set", "run.duration_s=4"]);
+    assert!(ran.status.success(), "{}", said(&ran));
+    let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    assert!(report["distance_m"].as_f64() > Some(0.3), "{report}");
+    assert!(report["behaviours"]["creeper"]["calls"].as_u64() > Some(20), "{report}");
+    assert_eq!(report["contacts"].as_u64(), Some(0));
+}
+
+#[test]
+fn its_parameters_and_inputs_are_checked_like_those_of_any_other() {
+    let place = Crate::new("checked");
+    let task = place.with_exec(&program());
+    for (set, words) in [
+        ("behaviors.creeper.speed_mps=20", "speed_mps"),
+        ("behaviors.creeper.sped_mps=0.2", "did you mean `speed_mps`"),
+        ("behaviors.creeper.inputs.sonar=front", "yamabico.RangeScanHeader.v1"),
+    ] {
+        let checked = place.yamabico(&["check", &task, "--set", set]);
+        assert_eq!(checked.status.code(), Some(2), "{set}");
+        assert!(said(&checked).contains(words), "{set}: {}", said(&checked));
+    }
+}
+
+#[test]
+fn what_is_no_behaviour_is_refused_before_anything_opens() {
+    let place = Crate::new("refused");
+    let description = |message: &str| {
+        format!(
+            r#"{{"protocol": 1, "name": "x", "summary": "", "claims": "linear", "outputs": [], "parameters": {{}},
+            "inputs": [{{"name": "sonar", "summary": "", "required": true, "message": "{message}"}}]}}"#
+        )
+    };
+    let script = place.folder.join("creeper/plugin.sh");
+    std::fs::write(&script, format!("echo '{}'", description("yamabico.RangeScanHeader.v9"))).unwrap();
+    for (exec, words) in [
+        ("\"/bin/true\"", "is no description"),
+        ("\"no-such-program-anywhere\"", "cannot be started"),
+        ("\"sh\", \"creeper/plugin.sh\"", "RangeScanHeader.v9"),
+        ("\"sh\", \"creeper/plugin.sh\"", "RangeScanHeader.v1"),
+    ] {
+        let task = place.with_exec(exec);
+        let checked = place.yamabico(&["check", &task]);
+        assert_eq!(checked.status.code(), Some(2), "{exec}: {}", said(&checked));
+        assert!(said(&checked).contains(words), "{exec}: {}", said(&checked));
+    }
+    let task = place.with_exec(&program());
+    let lockstep = place.yamabico(&["run", &task]);
+    assert_eq!(lockstep.status.code(), Some(2), "{}", said(&lockstep));
+    assert!(said(&lockstep).contains("run it with --live"), "{}", said(&lockstep));
+}
+
+#[test]
+fn a_crate_is_begun_once_and_by_a_good_name() {
+    let place = Crate::new("named");
+    for (name, words) in
+        [("creeper", "exists already"), ("No Name", "cannot be a name"), ("../x", "cannot be a name")]
+    {
+        let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let begun = place.yamabico(&["new", "behavior", name, "--repository", repository.to_str().unwrap()]);
+        assert_eq!(begun.status.code(), Some(2));
+        assert!(said(&begun).contains(words), "{}", said(&begun));
+    }
+    let lost = place.yamabico(&["new", "behavior", "other"]);
+    assert!(said(&lost).contains("--repository"), "{}", said(&lost));
+}
