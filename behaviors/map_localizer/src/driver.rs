@@ -20,7 +20,7 @@ const SLIP_BACK_M: f64 = 0.5;
 const WALL_SIDES: u32 = 8;
 
 /// Corners of a convex obstacle, anticlockwise, metres.
-type Polygon = Vec<Point2<f64>>;
+pub type Polygon = Vec<Point2<f64>>;
 
 /// The path, and what has been driven of it.
 #[derive(Clone, Debug)]

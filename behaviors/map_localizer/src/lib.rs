@@ -39,7 +39,7 @@ use yamabico_core::time::Time;
 use yamabico_core::vision::floor_colour_file::FLOOR_COLOURS_FILE;
 
 use crate::belief::Belief;
-use crate::driver::Driver;
+use crate::driver::{Driver, Polygon};
 use crate::finder::Finder;
 use crate::fix::Fix;
 use crate::floor_outline::FLOOR_PLAN_FILE;
@@ -82,6 +82,9 @@ pub struct MapLocalizer {
     tracker: Tracker,
     driver: Driver,
     obstacles: Obstacles,
+    /// The obstacles, grown by what the robot must not and what it shall not go nearer.
+    near: Vec<Polygon>,
+    grown: Vec<Polygon>,
     radius_m: f64,
     map_variance: f64,
     sequence: u64,
@@ -104,6 +107,8 @@ impl Plugin for MapLocalizer {
             driver: Driver::new(&config, finder.method().walls(), setup.robot.radius_m)?,
             tracker: Tracker::new(&config, finder, &setup.robot),
             obstacles: Obstacles::default(),
+            near: Vec::new(),
+            grown: Vec::new(),
             radius_m: setup.robot.radius_m,
             map_variance: config.map_sigma_m.powi(2),
             sequence: 0,
@@ -203,8 +208,9 @@ impl MapLocalizer {
         }
         self.obstacles.take(edges);
         if let Some((_, belief)) = self.tracker.newest().filter(|_| self.tracker.search().is_none()) {
-            let near = self.obstacles.grown(edges, self.radius_m - REPLAN_M).to_vec();
-            self.driver.avoid(&near, self.obstacles.grown(edges, self.radius_m), belief);
+            self.obstacles.grow(edges, self.radius_m - REPLAN_M, &mut self.near);
+            self.obstacles.grow(edges, self.radius_m, &mut self.grown);
+            self.driver.avoid(&self.near, &self.grown, belief);
         }
         let header =
             ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence: self.obstacles_told };

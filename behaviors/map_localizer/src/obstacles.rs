@@ -153,7 +153,6 @@ pub struct Obstacles {
     labels: Vec<usize>,
     told: Vec<Obstacle>,
     corners: Vec<Point2<f64>>,
-    polygons: Vec<Vec<Point2<f64>>>,
 }
 
 impl Obstacles {
@@ -184,8 +183,9 @@ impl Obstacles {
         &self.told
     }
 
-    /// Their hulls, so much larger that a robot's centre may go anywhere outside of them.
-    pub fn grown(&mut self, edges: &[UnknownEdge], robot_radius_m: f64) -> &[Vec<Point2<f64>>] {
+    /// Their hulls, so much larger that the centre of a robot of this radius (m) may go anywhere outside of them. Call after
+    /// [`Obstacles::take`] with the same edges.
+    pub fn grow(&mut self, edges: &[UnknownEdge], robot_radius_m: f64, grown: &mut Vec<Vec<Point2<f64>>>) {
         let mut count = 0;
         for first in 0..self.labels.len() {
             if self.labels[first] != first {
@@ -194,17 +194,12 @@ impl Obstacles {
             let of_group = || (first..edges.len()).filter(|&i| self.labels[i] == first);
             let sigma_m = of_group().map(|i| edges[i].sigma_m()).fold(0.0, f64::max);
             let inflation = Inflation::of_robot(robot_radius_m, sigma_m);
-            if self.polygons.len() == count {
-                self.polygons.push(Vec::new());
+            if grown.len() == count {
+                grown.push(Vec::new());
             }
-            inflate(
-                of_group().map(|i| self.places[i]),
-                &inflation,
-                &mut self.corners,
-                &mut self.polygons[count],
-            );
+            inflate(of_group().map(|i| self.places[i]), &inflation, &mut self.corners, &mut grown[count]);
             count += 1;
         }
-        &self.polygons[..count]
+        grown.truncate(count);
     }
 }

@@ -149,6 +149,12 @@ impl BitImage {
         }
     }
 
+    /// Takes size and pixels of another mask.
+    pub fn copy_from(&mut self, other: &BitImage) {
+        (self.width, self.height) = (other.width, other.height);
+        self.words.clone_from(&other.words);
+    }
+
     /// Unsets what is not set in `other`, a mask of the same size; one of another size changes nothing.
     pub fn keep(&mut self, other: &BitImage) {
         if (self.width, self.height) == (other.width, other.height) {

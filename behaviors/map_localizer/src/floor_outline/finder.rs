@@ -117,7 +117,7 @@ impl PoseFinder for FloorFinder {
         self.colours.mark(picture, &self.columns, &mut self.mask);
         self.morphology.close(&mut self.mask, CLOSED_PX);
         // Specks beyond the floor would widen its hull; what is left keeps its corners.
-        self.body.clone_from(&self.mask);
+        self.body.copy_from(&self.mask);
         self.morphology.erode(&mut self.body, SPECK_PX);
         self.morphology.dilate(&mut self.body, 2 * SPECK_PX);
         self.mask.keep(&self.body);
