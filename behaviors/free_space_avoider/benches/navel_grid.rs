@@ -21,16 +21,17 @@ use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_sim::random::stream;
 use yamabico_sim::{Renderer, Scene, World};
 
-#[allow(dead_code, reason = "the examples use the rest")]
 #[path = "../examples/office/mod.rs"]
 mod office;
+#[path = "../examples/office/world.rs"]
+mod office_world;
 
 const PLACES: u32 = 12;
 const RUNS: usize = 200;
 
 fn pictures(width: u32, height: u32) -> Vec<GrayImage> {
-    let scene = Scene::new(&World::from_toml(office::OFFICE).unwrap(), 1).unwrap();
-    let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
+    let scene = Scene::new(&World::from_toml(office_world::OFFICE).unwrap(), 1).unwrap();
+    let mut renderer = Renderer::new(office_world::photometry(), stream(1, "noise"));
     let folder = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from);
     (0..PLACES)
         .map(|place| {

@@ -28,7 +28,6 @@ use yamabico_free_space_avoider::direction::{
 use yamabico_free_space_avoider::polar_cells::RingSight;
 use yamabico_sim::{Scene, World};
 
-#[allow(dead_code, reason = "the examples use the rest")]
 #[path = "../examples/field/mod.rs"]
 mod field;
 

@@ -17,8 +17,9 @@
 //! wrong ones.
 
 mod judge;
-#[allow(dead_code, reason = "the other examples use the rest")]
 mod office;
+#[path = "office/overlay.rs"]
+mod overlay;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -103,8 +104,12 @@ fn evaluate() -> Result<(), String> {
         if let (Some(folder), false) = (&out, is_right) {
             let (ours, theirs) = (word(decision), word(verdict.best));
             let path = folder.join(format!("{number:03}_{ours}_not_{theirs}.png"));
-            println!("{number}: {ours}, not {theirs}; {verdict:?}; {outlook:?} {trouble:?}");
-            office::draw(view, &sight, &Proposal::default(), &path)?;
+            let Verdict { borderline, is_blocked, ahead_m, taken, .. } = &verdict;
+            println!(
+                "{number}: {ours}, not {theirs}; blocked {is_blocked}, {ahead_m:.2} m ahead, sides taken {taken:.2?}, \
+                 borderline {borderline:?}; {outlook:?} {trouble:?}"
+            );
+            overlay::draw(view, &sight, &Proposal::default(), &path)?;
         }
     }
     tally.print(scenes, is_json);

@@ -5,15 +5,21 @@
 //! Without a picture the simulator takes one in the office, at a pose (m, degrees). The camera is the one of the office
 //! robot in either case. `--set` gives keys of the behaviour, such as `columns = 34`; `--out` writes what it saw.
 
-#[allow(dead_code, reason = "the other examples use the rest")]
+mod arguments;
 mod office;
+#[path = "office/world.rs"]
+mod office_world;
+#[path = "office/overlay.rs"]
+mod overlay;
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 
+use arguments::Arguments;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
+use yamabico_core::message::FrameHeader;
 use yamabico_core::testing::Bench;
+use yamabico_core::time::Time;
 use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider};
 use yamabico_sim::random::stream;
 use yamabico_sim::{Renderer, Scene, World};
@@ -29,23 +35,8 @@ fn main() -> ExitCode {
 }
 
 fn propose() -> Result<(), String> {
-    let (mut picture, mut out, mut toml) = (None, None, String::new());
-    let mut at = [3.3, 3.0, 170.0];
-    let mut rest = std::env::args().skip(1);
-    while let Some(argument) = rest.next() {
-        let mut value = || rest.next().ok_or(format!("{argument} needs a value"));
-        match argument.as_str() {
-            "--at" => {
-                let text = value()?;
-                let numbers: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
-                at = numbers.ok().and_then(|list| list.try_into().ok()).ok_or("--at X,Y,HEADING_DEG")?;
-            }
-            "--set" => toml = toml + &value()? + "\n",
-            "--out" => out = Some(PathBuf::from(value()?)),
-            _ if picture.is_none() && !argument.starts_with('-') => picture = Some(PathBuf::from(&argument)),
-            _ => return Err(format!("unknown argument {argument}")),
-        }
-    }
+    let Arguments { picture, robot, toml, out } =
+        Arguments::read(Pose2::new(3.3, 3.0, 170_f64.to_radians()), "")?;
     let image = match picture {
         Some(path) => {
             let rgb = image::open(&path).map_err(|e| format!("{}: {e}", path.display()))?.to_rgb8();
@@ -55,17 +46,21 @@ fn propose() -> Result<(), String> {
             grey
         }
         None => {
-            let world = World::from_toml(office::OFFICE).map_err(|e| e.to_string())?;
+            let world = World::from_toml(office_world::OFFICE).map_err(|e| e.to_string())?;
             let scene = Scene::new(&world, 1).map_err(|e| e.to_string())?;
-            let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
-            let robot = Pose2::new(at[0], at[1], at[2].to_radians());
+            let mut renderer = Renderer::new(office_world::photometry(), stream(1, "noise"));
             office::render(&mut renderer, &scene, office::camera(340, 180), robot)?
         }
     };
     let (intrinsics, mount) = office::camera(image.width() as u32, image.height() as u32);
     let mut bench =
         Bench::<FreeSpaceAvoider>::new(&toml, office::setup(intrinsics, mount)).map_err(|e| e.to_string())?;
-    bench.at(1.0).feed(&CAMERA, &office::frame_header(&intrinsics, 1.0), image.pixels());
+    let stamp_ns = Time::from_secs_f64(1.0).0;
+    bench.at(1.0).feed(
+        &CAMERA,
+        &FrameHeader::gray(intrinsics.width, intrinsics.height, stamp_ns),
+        image.pixels(),
+    );
     let proposal = bench.propose();
     println!(
         "{:?}: {:.2} m/s, {:+.2} rad/s; {}; {}",
@@ -87,7 +82,7 @@ fn propose() -> Result<(), String> {
     }
     println!();
     match out {
-        Some(path) => office::draw(image.view().map_err(|e| e.to_string())?, sight, &proposal, &path),
+        Some(path) => overlay::draw(image.view().map_err(|e| e.to_string())?, sight, &proposal, &path),
         None => Ok(()),
     }
 }

@@ -1,12 +1,14 @@
 //! After warm-up, a call of the behaviour allocates nothing.
 
-#[allow(dead_code, reason = "the examples use the rest")]
 #[path = "../examples/office/mod.rs"]
 mod office;
+#[path = "../examples/office/world.rs"]
+mod office_world;
 
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{FreeSpaceHeader, Kind};
+use yamabico_core::message::{FrameHeader, FreeSpaceHeader, Kind};
 use yamabico_core::testing::{Bench, CountingAllocator, allocations};
+use yamabico_core::time::Time;
 use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider};
 use yamabico_sim::random::stream;
 use yamabico_sim::{Renderer, Scene, World};
@@ -16,8 +18,8 @@ static HEAP: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_frame_allocates_nothing_after_warm_up() {
-    let scene = Scene::new(&World::from_toml(office::OFFICE).expect("a world"), 1).expect("a scene");
-    let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
+    let scene = Scene::new(&World::from_toml(office_world::OFFICE).expect("a world"), 1).expect("a scene");
+    let mut renderer = Renderer::new(office_world::photometry(), stream(1, "noise"));
     for (width, height) in [(340, 180), (640, 480)] {
         let camera = office::camera(width, height);
         let mut bench =
@@ -31,7 +33,8 @@ fn a_frame_allocates_nothing_after_warm_up() {
         for i in 0..60_usize {
             let seconds = 1.0 + 0.1 * i as f64;
             let picture = &pictures[i % pictures.len()];
-            bench.at(seconds).feed(&CAMERA, &office::frame_header(&camera.0, seconds), picture.pixels());
+            let header = FrameHeader::gray(width, height, Time::from_secs_f64(seconds).0);
+            bench.at(seconds).feed(&CAMERA, &header, picture.pixels());
             let (proposal, asked) = allocations(|| bench.propose());
             assert_eq!(proposal.kind(), Some(Kind::Drive), "{:?}", proposal.reason());
             assert!(i < 3 || asked.calls == 0, "call {i} of {width}x{height}: {asked:?}");

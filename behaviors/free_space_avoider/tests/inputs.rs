@@ -1,13 +1,14 @@
 //! Good, missing, stale and broken pictures, and cameras that cannot do.
 
-#[allow(dead_code, reason = "the examples use the rest")]
 #[path = "../examples/office/mod.rs"]
 mod office;
+#[path = "../examples/office/world.rs"]
+mod office_world;
 
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{FreeSpaceHeader, Kind, Odometry, Proposal, Reason};
+use yamabico_core::message::{FrameHeader, FreeSpaceHeader, Kind, Odometry, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, ODOMETRY};
@@ -23,8 +24,8 @@ const FREE: Pose2 = Pose2 { x: 1.7, y: 2.6, theta: 0.0 };
 const BLOCKED: Pose2 = Pose2 { x: 1.2, y: 2.6, theta: 3.1 };
 
 fn picture(robot: Pose2) -> GrayImage {
-    let scene = Scene::new(&World::from_toml(office::OFFICE).expect("a world"), 1).expect("a scene");
-    let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
+    let scene = Scene::new(&World::from_toml(office_world::OFFICE).expect("a world"), 1).expect("a scene");
+    let mut renderer = Renderer::new(office_world::photometry(), stream(1, "noise"));
     office::render(&mut renderer, &scene, office::camera(WIDTH as u32, HEIGHT as u32), robot)
         .expect("a picture")
 }
@@ -34,9 +35,13 @@ fn bench(toml: &str) -> Bench<FreeSpaceAvoider> {
     Bench::new(toml, office::setup(intrinsics, mount)).expect("a valid configuration")
 }
 
+fn header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
+    FrameHeader::gray(intrinsics.width, intrinsics.height, Time::from_secs_f64(seconds).0)
+}
+
 fn show(bench: &mut Bench<FreeSpaceAvoider>, seconds: f64, image: &GrayImage) -> Proposal {
     let (intrinsics, _) = office::camera(WIDTH as u32, HEIGHT as u32);
-    bench.at(seconds).feed(&CAMERA, &office::frame_header(&intrinsics, seconds), image.pixels()).propose()
+    bench.at(seconds).feed(&CAMERA, &header(&intrinsics, seconds), image.pixels()).propose()
 }
 
 fn flat(level: u8) -> GrayImage {
@@ -96,7 +101,7 @@ fn free_space_is_told_from_right_to_left_and_never_too_far() {
     assert_eq!(directions.len(), 17);
     assert!(directions.is_sorted_by(|a, b| a.azimuth_rad < b.azimuth_rad));
     // The free room in the true world: from the robot's centre along each direction to the first solid.
-    let scene = Scene::new(&World::from_toml(office::OFFICE).expect("a world"), 1).expect("a scene");
+    let scene = Scene::new(&World::from_toml(office_world::OFFICE).expect("a world"), 1).expect("a scene");
     let free_m = |azimuth_rad: f64| {
         let hits = |metres: &f64| {
             let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*metres, 0.0].into());
@@ -131,7 +136,7 @@ fn missing_and_stale_pictures_are_named() {
 fn frames_of_wrong_size_encoding_or_time_are_refused() {
     let image = picture(FREE);
     let (intrinsics, _) = office::camera(WIDTH as u32, HEIGHT as u32);
-    let good = office::frame_header(&intrinsics, 2.0);
+    let good = header(&intrinsics, 2.0);
     let mut headers = vec![good; 6];
     headers[0].width = 640;
     headers[1].stride = 100;

@@ -1,8 +1,9 @@
 //! After warm-up, a call with polar cells allocates nothing, whether there is a way or none.
 
-#[allow(dead_code, reason = "the examples use the rest")]
 #[path = "../examples/field/mod.rs"]
 mod field;
+#[path = "../examples/field/robot.rs"]
+mod field_robot;
 
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Axes, Kind, Odometry};
@@ -22,11 +23,12 @@ fn a_frame_allocates_nothing_after_warm_up() {
         .to_vec();
     pictures.push(vec![90; 3 * 256 * 220]);
     for axes in [Axes::ALL, Axes::PLANAR] {
-        let mut bench = Bench::<FreeSpaceAvoider>::new(field::CONFIG, field::setup(field::camera(), axes))
-            .expect("valid");
+        let mut bench =
+            Bench::<FreeSpaceAvoider>::new(field_robot::CONFIG, field_robot::setup(field::camera(), axes))
+                .expect("valid");
         for i in 0..60_usize {
             let seconds = 1.0 + 0.04 * i as f64;
-            let header = field::frame_header(seconds);
+            let header = field_robot::frame_header(seconds);
             let odometry = Odometry { stamp_ns: header.stamp_ns, vx: 0.2, ..Odometry::default() };
             let pixels = &pictures[i / 3 % pictures.len()];
             bench.at(seconds).feed(&ODOMETRY, &odometry, &[]).feed(&CAMERA, &header, pixels);

@@ -1,8 +1,9 @@
 //! Polar cells with good, missing, broken and misleading pictures, and with cameras that cannot do.
 
-#[allow(dead_code, reason = "the examples use the rest")]
 #[path = "../examples/field/mod.rs"]
 mod field;
+#[path = "../examples/field/robot.rs"]
+mod field_robot;
 
 use nalgebra::Vector2;
 use yamabico_core::camera::{Intrinsics, MirrorCamera, Mount};
@@ -32,14 +33,18 @@ fn picture(robot: Pose2) -> Vec<u8> {
 }
 
 fn bench(toml: &str) -> Bench<FreeSpaceAvoider> {
-    let toml = field::CONFIG.to_owned() + toml;
-    Bench::new(&toml, field::setup(field::camera(), Axes::ALL)).expect("a valid configuration")
+    let toml = field_robot::CONFIG.to_owned() + toml;
+    Bench::new(&toml, field_robot::setup(field::camera(), Axes::ALL)).expect("a valid configuration")
 }
 
 /// A robot that stands is shown a picture.
 fn show(bench: &mut Bench<FreeSpaceAvoider>, seconds: f64, pixels: &[u8]) -> Proposal {
     let odometry = Odometry { stamp_ns: Time::from_secs_f64(seconds).0, ..Odometry::default() };
-    bench.at(seconds).feed(&ODOMETRY, &odometry, &[]).feed(&CAMERA, &field::frame_header(seconds), pixels);
+    bench.at(seconds).feed(&ODOMETRY, &odometry, &[]).feed(
+        &CAMERA,
+        &field_robot::frame_header(seconds),
+        pixels,
+    );
     bench.propose()
 }
 
@@ -103,9 +108,9 @@ fn it_drives_around_a_cube_and_tells_how_far_the_floor_is_free() {
 
 #[test]
 fn a_robot_that_turns_drives_the_same_way() {
-    let toml = field::CONFIG;
-    let mut bench =
-        Bench::<FreeSpaceAvoider>::new(toml, field::setup(field::camera(), Axes::PLANAR)).expect("valid");
+    let toml = field_robot::CONFIG;
+    let mut bench = Bench::<FreeSpaceAvoider>::new(toml, field_robot::setup(field::camera(), Axes::PLANAR))
+        .expect("valid");
     let proposal = show_often(&mut bench, 1.0, &picture(START), 3);
     assert_eq!((proposal.axes, proposal.reason()), (Axes::PLANAR, Some(Reason::Nominal)));
     assert!(proposal.twist.angular.abs() > 0.1 && proposal.twist.lateral == 0.0, "{:?}", proposal.twist);
@@ -116,12 +121,12 @@ fn missing_stale_and_broken_inputs_are_named() {
     let pixels = picture(START);
     let mut bench_ = bench("");
     assert_eq!(bench_.propose().reason(), Some(Reason::NoInput));
-    bench_.at(1.0).feed(&CAMERA, &field::frame_header(1.0), &pixels);
+    bench_.at(1.0).feed(&CAMERA, &field_robot::frame_header(1.0), &pixels);
     assert_eq!(bench_.propose().reason(), Some(Reason::NoInput), "no odometry yet");
     show_often(&mut bench_, 1.04, &pixels, 3);
     assert_eq!(bench_.at(1.3).propose().kind(), Some(Kind::Drive));
     assert_eq!(bench_.at(1.9).propose().reason(), Some(Reason::StaleInput));
-    let good = field::frame_header(3.0);
+    let good = field_robot::frame_header(3.0);
     let broken = [
         FrameHeader { width: 220, ..good },
         FrameHeader { height: 221, ..good },
@@ -267,9 +272,11 @@ fn what_was_seen_is_where_it_was_seen() {
 #[test]
 fn cameras_that_cannot_do_are_refused_with_a_remedy() {
     let refused = |setup, toml: &str| {
-        Bench::<FreeSpaceAvoider>::new(&(field::CONFIG.to_owned() + toml), setup).err().expect("refused")
+        Bench::<FreeSpaceAvoider>::new(&(field_robot::CONFIG.to_owned() + toml), setup)
+            .err()
+            .expect("refused")
     };
-    let setup = || field::setup(field::camera(), Axes::ALL);
+    let setup = || field_robot::setup(field::camera(), Axes::ALL);
     let pinhole = camera_setup(Intrinsics::from_horizontal_fov(256, 220, 1.5), Mount::level(0.3));
     assert!(refused(pinhole, "").problem.contains("mirror camera"));
     let mut blind = setup();
@@ -283,7 +290,7 @@ fn cameras_that_cannot_do_are_refused_with_a_remedy() {
     let camera = field::camera();
     let image = camera.image().with_ring(22.0, 90.0).expect("a ring");
     let small = MirrorCamera::new(image, camera.mirror().clone()).expect("a camera");
-    assert!(refused(field::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
+    assert!(refused(field_robot::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
     assert!(refused(setup(), "farthest_m = 0.2\nrings = 40").problem.contains("fewer rings"));
     assert_eq!(refused(setup(), "rings = 1").key, "rings");
     assert_eq!(refused(setup(), "floor_colours = 'nowhere.toml'").key, "floor_colours");

@@ -152,7 +152,7 @@ impl Picture {
             let Some(&Some(label_px)) = self.labels.get(direction) else { continue };
             let radius_px = point.norm();
             let is_sure = (radius_px - label_px).abs() > UNSURE_PX && image.is_in_ring(radius_px);
-            if direction % 2 == 0 && is_sure {
+            if direction.is_multiple_of(2) && is_sure {
                 let label = if radius_px < label_px { Label::Floor } else { Label::Other };
                 training.add(pixel.0, label);
             }

@@ -25,8 +25,6 @@ pub struct Judge {
     camera_x_m: f64,
 }
 
-#[derive(Debug)]
-#[allow(dead_code, reason = "the figures are printed with wrong answers")]
 pub struct Verdict {
     /// The one answer.
     pub best: Decision,
