@@ -190,7 +190,7 @@ fn a_robot_that_runs_is_refused_and_runs_on() {
     let place = Place::new("twice");
     let live = [NEVER[0], NEVER[1], "--live"];
     let running = place.start("hallway.toml", &live);
-    std::thread::sleep(Duration::from_millis(1000));
+    std::thread::sleep(Duration::from_millis(2000));
     place.run("hallway.toml", &live).assert(2, &["already running", &place.robot]);
     running.interrupt().assert(1, &["interrupted"]);
     place.assert_recorded_to_rest();

@@ -118,7 +118,7 @@ fn the_death_of_the_supervisor_stops_the_robot_and_leaves_nothing() {
         began < Duration::from_millis(100) + late,
         "it braked {began:?} later; a bare timer was {late:?} late"
     );
-    assert!(after.clone().last().unwrap().vx.abs() < 0.01, "it was left moving");
+    assert!(after.clone().next_back().unwrap().vx.abs() < 0.01, "it was left moving");
     robot.wait();
     assert_gone(supervisor, &files);
 }
