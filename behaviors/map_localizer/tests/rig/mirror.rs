@@ -33,7 +33,8 @@ impl MirrorRobot {
         let sensor = robot["sensors"]["around"].clone();
         let part = |key: &str| sensor[key].clone();
         let picture = part("picture").try_into().expect("a picture");
-        let camera = mirror_camera(&picture, &part("mirror").try_into().expect("a mirror")).expect("a camera");
+        let camera =
+            mirror_camera(&picture, &part("mirror").try_into().expect("a mirror")).expect("a camera");
         let mount = Mount::level(sensor["mount"]["z_m"].as_float().expect("a height"));
         let is_colour = sensor.get("encoding").and_then(toml::Value::as_str) == Some("rgb8");
         let radius_m = robot["footprint"]["radius_m"].as_float().expect("a radius");
