@@ -121,6 +121,24 @@ fn what_is_no_behaviour_is_refused_before_anything_opens() {
 }
 
 #[test]
+#[ignore = "builds everything that the crate depends on: minutes"]
+fn what_is_begun_builds_passes_its_test_and_runs() {
+    let place = Crate::new("built");
+    let folder = place.folder.join("creeper");
+    for what in ["test", "build"] {
+        let mut cargo = Command::new(env!("CARGO"));
+        let cargo = cargo.arg(what).current_dir(&folder).env_remove("CARGO_TARGET_DIR").output().unwrap();
+        assert!(cargo.status.success(), "{}", said(&cargo));
+    }
+    let (task, robot) = (folder.join("task.toml"), format!("robot.name={}", place.name));
+    let set = ["--set", &robot, "--set", "run.duration_s=4"];
+    let ran = place.yamabico(&[&["run", task.to_str().unwrap(), "--live", "--json"], &set[..]].concat());
+    assert!(ran.status.success(), "{}", said(&ran));
+    let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    assert!(report["distance_m"].as_f64() > Some(0.3), "{report}");
+}
+
+#[test]
 fn a_crate_is_begun_once_and_by_a_good_name() {
     let place = Crate::new("named");
     for (name, words) in

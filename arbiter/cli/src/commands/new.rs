@@ -79,11 +79,7 @@ fn begin_behavior(arguments: &Arguments) -> Result<Begun, String> {
     let failed = |path: &Path, error| format!("cannot write {}: {error}", path.display());
     std::fs::create_dir_all(folder.join("src")).map_err(|error| failed(&folder, error))?;
     for (file, text) in BEHAVIOR {
-        let text =
-            text.replace("NAME\"", &format!("{name}\"")).replace("REPOSITORY", &repository.to_string_lossy());
-        let text = text
-            .replace("[behaviors.NAME]", &format!("[behaviors.{name}]"))
-            .replace("# NAME", &format!("# {name}"));
+        let text = text.replace("@name@", name).replace("@repository@", &repository.to_string_lossy());
         let path = folder.join(file);
         std::fs::write(&path, text).map_err(|error| failed(&path, error))?;
     }
