@@ -120,28 +120,30 @@ impl Driver {
     }
 
     /// Finds a way round obstacles that stand in the path: `near`, which it must not cross, and the same ones larger by some
-    /// more, `grown`, which the new way keeps from.
+    /// more, `grown`, which the new way keeps from. Corners that can be reached are gone by as before.
     pub fn avoid(&mut self, near: &[Polygon], grown: &[Polygon], belief: &Belief) {
-        let (Some(station), Some(&goal)) = (self.station(belief), self.route.corners().last()) else {
+        let Some(station) = self.station(belief).filter(|_| !self.has_arrived) else { return };
+        let ahead = self.route.corners_after(station.progress_m);
+        let from = |leg: usize| if leg == 0 { belief.pose.position() } else { ahead[leg - 1] };
+        let is_crossed = |leg: &usize| !VisibilityGraph::is_open([from(*leg), ahead[*leg]], near);
+        let Some(leg) = (0..ahead.len()).find(is_crossed) else {
+            self.blocked = None;
             return;
         };
-        let from = belief.pose.position();
-        let ahead = self.route.corners_after(station.progress_m);
-        let mut here = from;
-        let is_open = self.blocked.is_none()
-            && ahead.iter().all(|&corner| {
-                let line = [std::mem::replace(&mut here, corner), corner];
-                VisibilityGraph::is_open(line, near)
-            });
-        if is_open || self.has_arrived {
-            return;
-        }
-        match self.way_round(from, goal, grown) {
-            Ok(corners) => {
+        let is_reachable = |corner: &usize| VisibilityGraph::way_out(ahead[*corner], grown) == ahead[*corner];
+        let to = (leg..ahead.len()).find(is_reachable).unwrap_or(ahead.len() - 1);
+        let mut corners = vec![belief.pose.position()];
+        corners.extend_from_slice(&ahead[..leg]);
+        let (begin, end, rest) = (from(leg), ahead[to], ahead[to + 1..].to_vec());
+        match self.way_round(begin, end, grown) {
+            Ok(way) if corners.len() + way.len() + rest.len() <= MOST_CORNERS => {
+                corners.extend_from_slice(&way[1..]);
+                corners.extend_from_slice(&rest);
                 self.route = Route::new(corners, self.route.tolerance_m);
                 self.blocked = None;
                 self.restart();
             }
+            Ok(_) => self.blocked = Some(PathError::Enclosed),
             Err(error) => self.blocked = Some(error),
         }
     }

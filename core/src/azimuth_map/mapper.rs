@@ -114,10 +114,10 @@ impl Mapper {
         }
     }
 
-    /// Pictures that were used.
+    /// Where the camera was by the odometry, a place for each picture that was used.
     #[must_use]
-    pub fn frames(&self) -> usize {
-        self.places.len()
+    pub fn places(&self) -> &[Pose2] {
+        &self.places
     }
 
     /// Takes the edges of a picture and where the camera was by the odometry. A picture from nearly where the last one was

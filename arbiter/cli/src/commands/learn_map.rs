@@ -94,7 +94,7 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
         map: arguments.out.clone(),
         plot: plot_file,
         end,
-        pictures: cartographer.mapper.frames(),
+        pictures: cartographer.mapper.places().len(),
         surfaces: map.surfaces.len(),
         edges: map
             .edges
