@@ -1,7 +1,7 @@
 //! Plugins in processes of their own: started, watched, buried, and started again.
 //!
 //! One thread does it all and never more than a few milliseconds of anything at a time; cleaning up after the dead, which
-//! may block, has a thread of its own that nobody waits for longer than [`CLEANING`](ward). Neither knows the arbiter.
+//! may block, has a thread of its own that nobody waits for longer than half a second. Neither knows the arbiter.
 
 mod back_off;
 mod clean_up;
