@@ -6,16 +6,17 @@
 //! - "nothing seen" is a value: [`Proposal::abstain`] with a reason; a panic is a bug, caught at the boundary;
 //! - a failure never raises the speed.
 
+mod setup;
+
 use std::marker::PhantomData;
-use std::path::PathBuf;
 
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
 
-use crate::camera::Pinhole;
+pub use setup::Setup;
+
 use crate::config::FileKind;
-use crate::message::{Axes, FrameHeader, Message, MessageType, Proposal};
-use crate::sensor::{MountedMirror, MountedPinhole, Robot, SensorInfo, SensorKind};
+use crate::message::{Axes, Message, MessageType, Proposal};
 use crate::time::Time;
 
 /// A module that maps what it sees to a proposed motion.
@@ -124,71 +125,6 @@ impl BuildError {
     /// `key` is wrong because of `problem`.
     pub fn new(key: impl Into<String>, problem: impl Into<String>) -> BuildError {
         BuildError { key: key.into(), problem: problem.into() }
-    }
-}
-
-/// What a behaviour is told when it is built.
-#[derive(Clone, Debug, Default)]
-pub struct Setup {
-    /// Its instance name in the task file.
-    pub name: String,
-    /// The robot that it is for.
-    pub robot: Robot,
-    /// Relative paths in its keys start here.
-    pub folder: PathBuf,
-    /// What is plugged into each of its slots: slot name and the sensor, where it is a sensor.
-    pub sensors: Vec<(String, SensorInfo)>,
-}
-
-impl Setup {
-    /// The sensor in `slot`; `None` where the slot is empty or fed by a behaviour.
-    pub fn sensor<M>(&self, slot: &Slot<M>) -> Option<&SensorInfo> {
-        self.sensors.iter().find(|(name, _)| name == slot.name).map(|(_, info)| info)
-    }
-
-    /// The pinhole camera in `slot`.
-    ///
-    /// # Errors
-    /// Anything else in the slot, and a camera whose intrinsics or mount are no usable numbers.
-    pub fn pinhole(&self, slot: &Slot<FrameHeader>) -> Result<MountedPinhole, BuildError> {
-        let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
-        let Some(SensorInfo {
-            kind: SensorKind::Camera { intrinsics, distortion, mount, calibrated },
-            period_s,
-            latency_s,
-            ..
-        }) = self.sensor(slot)
-        else {
-            return refused("needs a pinhole camera of the robot");
-        };
-        if !intrinsics.is_valid() || !mount.is_finite() {
-            return refused("the camera's intrinsics or mount are no usable numbers");
-        }
-        let pinhole = Pinhole::new(*intrinsics, *distortion);
-        let (period_s, latency_s) = (*period_s, *latency_s);
-        Ok(MountedPinhole { pinhole, mount: *mount, calibration: *calibrated, period_s, latency_s })
-    }
-
-    /// The mirror camera in `slot`.
-    ///
-    /// # Errors
-    /// Anything else in the slot, and a mount of no usable numbers.
-    pub fn mirror_camera(&self, slot: &Slot<FrameHeader>) -> Result<MountedMirror, BuildError> {
-        let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
-        match self.sensor(slot) {
-            Some(&SensorInfo {
-                kind: SensorKind::MirrorCamera { ref camera, mount, .. },
-                period_s,
-                latency_s,
-                ..
-            }) if mount.is_finite() => {
-                Ok(MountedMirror { camera: (**camera).clone(), mount, period_s, latency_s })
-            }
-            Some(SensorInfo { kind: SensorKind::MirrorCamera { .. }, .. }) => {
-                refused("the camera's mount has no usable numbers")
-            }
-            _ => refused("needs a mirror camera of the robot"),
-        }
     }
 }
 

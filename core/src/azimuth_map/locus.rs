@@ -2,9 +2,7 @@ use nalgebra::RowVector2;
 
 use super::cyclic_matching::{MatchingRule, SeenEdge};
 use super::relink::{LocatedEdge, RelinkRule};
-use super::triangulation::{
-    Sighting, Triangulated, TriangulationRule, least_squares_crossing, most_likely_crossing, triangulate,
-};
+use super::triangulation::{Sighting, Triangulated, TriangulationRule, most_likely_crossing, triangulate};
 use crate::geometry::{Pose2, angle_difference, wrap_angle};
 use crate::vision::azimuth_profile::EdgeSign;
 
@@ -178,12 +176,6 @@ impl Locus {
         let freedom = self.sightings.len().saturating_sub(2).max(1) as f64;
         self.position =
             found.ok().filter(|found| found.chi_squared / freedom <= rule.triangulation.most_chi_squared);
-    }
-
-    /// The position by perpendicular distances alone, the method of the paper, to compare with.
-    #[must_use]
-    pub fn paper_position(&self) -> Option<nalgebra::Point2<f64>> {
-        least_squares_crossing(&self.sightings).ok()
     }
 
     /// How far the last azimuth lies from that of the position, radians.
