@@ -7,6 +7,7 @@
 //! Type names carry a version; a change of layout is a new version.
 
 mod command;
+mod layout;
 mod perception;
 mod plugin;
 mod proposal;
@@ -15,6 +16,7 @@ mod sensors;
 mod text;
 
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
+pub use layout::{Field, Laid, Layout, StructLayout};
 pub use perception::{
     FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle, ObstaclesHeader,
     PathHeader, PathPoint, Pose, PoseStatus,
@@ -43,9 +45,9 @@ pub enum Channel {
 }
 
 /// A type that travels: the header, and the items behind it.
-pub trait Message: Pod + ZeroCopySend + Serialize + std::fmt::Debug + 'static {
+pub trait Message: Pod + ZeroCopySend + Serialize + Laid + std::fmt::Debug + 'static {
     /// What the slice behind the header holds; [`u8`] and empty for a message without a list.
-    type Item: Pod + Serialize + std::fmt::Debug;
+    type Item: Pod + Serialize + Laid + std::fmt::Debug;
     /// Versioned name, such as `yamabico.Odometry.v1`.
     const NAME: &'static str;
     /// How a channel of it treats a slow reader.
@@ -65,11 +67,11 @@ macro_rules! message {
     (@sequence $header:ident) => { $header.sequence };
     (@sequence $header:ident $field:ident) => { $header.$field };
     (
-        $(#[$meta:meta])*
+        $(#[doc = $doc:literal])*
         $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)? $(counted by $sequence:ident)?
         pub struct $ty:ident { $($body:tt)* }
     ) => {
-        $(#[$meta])*
+        $(#[doc = $doc])*
         #[repr(C)]
         #[derive(
             Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, ZeroCopySend, serde::Serialize,
@@ -82,6 +84,8 @@ macro_rules! message {
                 bytemuck::Zeroable::zeroed()
             }
         }
+
+        crate::message::layout::lay! { $(#[doc = $doc])* struct $ty { $($body)* } }
 
         impl crate::message::Message for $ty {
             type Item = $item;
@@ -103,11 +107,13 @@ pub(crate) use message;
 
 /// Declares an element of a list: `repr(C)`, plain old data.
 macro_rules! item {
-    ($(#[$meta:meta])* pub struct $ty:ident { $($body:tt)* }) => {
-        $(#[$meta])*
+    ($(#[doc = $doc:literal])* pub struct $ty:ident { $($body:tt)* }) => {
+        $(#[doc = $doc])*
         #[repr(C)]
         #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, serde::Serialize)]
         pub struct $ty { $($body)* }
+
+        crate::message::layout::lay! { $(#[doc = $doc])* struct $ty { $($body)* } }
 
         impl Default for $ty {
             fn default() -> Self {

@@ -15,6 +15,10 @@ pub struct MessageType {
     pub header_align: usize,
     /// Bytes of one item.
     pub item_size: usize,
+    /// The fields of the header.
+    pub header: Layout,
+    /// The fields of an item; [`Layout::U8`] for pixels, words, and messages without a list.
+    pub item: Layout,
     /// The stamps (capture, evidence) of a header given as bytes; zero where it has the wrong size.
     pub stamps: fn(header: &[u8]) -> (Time, Time),
     /// The sequence number of a header given as bytes; zero where it has the wrong size.
@@ -32,6 +36,8 @@ impl MessageType {
             header_size: size_of::<M>(),
             header_align: align_of::<M>(),
             item_size: size_of::<M::Item>(),
+            header: M::LAYOUT,
+            item: <M::Item as Laid>::LAYOUT,
             stamps: stamps::<M>,
             sequence: sequence::<M>,
             to_json: to_json::<M>,

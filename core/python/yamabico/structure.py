@@ -1,0 +1,57 @@
+"""What every message and every item of a list has."""
+
+import ctypes
+
+
+class Item(ctypes.Structure):
+    """An element of a list, or a part of a header."""
+
+    def __repr__(self):
+        names = [name.lstrip("_") for name, *_ in self._fields_]
+        return f"{type(self).__name__}({', '.join(f'{name}={_shown(getattr(self, name))}' for name in names)})"
+
+
+class Message(Item):
+    """A header. `NAME` is its versioned name, `CHANNEL` is "latest" or "stream", `ITEM` the type of its items or None."""
+
+    NAME = ""
+    CHANNEL = ""
+    ITEM = None
+
+    @classmethod
+    def type_name(cls):
+        """What the transport compares."""
+        return cls.NAME
+
+
+def text(field):
+    """A property that reads and writes the bytes of `field` as text: cut at the last whole character that fits."""
+
+    def read(self):
+        value = getattr(self, field)
+        if isinstance(value, bytes):
+            return _decoded(value)
+        return [_decoded(element.value) for element in value]
+
+    def write(self, value):
+        kind = dict((name, kind) for name, kind in self._fields_)[field]
+        if isinstance(value, str):
+            setattr(self, field, _encoded(value, ctypes.sizeof(kind)))
+            return
+        array = getattr(self, field)
+        for index, element in enumerate(value):
+            array[index].value = _encoded(element, ctypes.sizeof(kind._type_))
+
+    return property(read, write)
+
+
+def _decoded(value):
+    return value.decode("utf-8", errors="ignore")
+
+
+def _encoded(value, room):
+    return value.encode("utf-8")[:room].decode("utf-8", errors="ignore").encode("utf-8")
+
+
+def _shown(value):
+    return list(value) if isinstance(value, ctypes.Array) else repr(value)
