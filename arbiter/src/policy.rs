@@ -28,6 +28,8 @@ pub struct Policy {
     pub rate_hz: f64,
     /// How far ahead of the decision a stamp may lie.
     pub future_tolerance: Duration,
+    /// What comes of commands that rest on data older than a latency budget.
+    pub lateness: Lateness,
 }
 
 impl Policy {
@@ -42,6 +44,7 @@ impl Policy {
             kinematics,
             rate_hz: 50.0,
             future_tolerance: Duration::from_millis(2),
+            lateness: Lateness::Counts,
         }
     }
 
@@ -83,6 +86,8 @@ pub struct BehaviourPolicy {
     pub max_age: Duration,
     /// Oldest evidence that is heard.
     pub max_evidence_age: Duration,
+    /// Age of its oldest sensor data above which a command of it counts as late.
+    pub latency_budget: Option<Duration>,
     /// A halt lasts at least this long, and a halt or limit outlives its silent author by this.
     pub hold: Duration,
     /// Lower priorities wait this long before they take over an axis that it drove.
@@ -101,6 +106,7 @@ impl BehaviourPolicy {
             deadline: Duration::from_millis(300),
             max_age: Duration::from_millis(200),
             max_evidence_age: Duration::from_secs(1),
+            latency_budget: None,
             hold: Duration::from_millis(500),
             dwell: Duration::ZERO,
         }
@@ -173,4 +179,14 @@ pub enum Contest {
     Strict,
     /// Their proposals are averaged for each axis, weighted by confidence.
     Blend,
+}
+
+/// What comes of a command that rests on data older than its latency budget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Lateness {
+    /// It is counted and told.
+    #[default]
+    Counts,
+    /// It slows the robot, too: to the share of its largest speeds that the budget has in the age.
+    Slows,
 }

@@ -10,10 +10,10 @@ use yamabico_core::config::{GoalArea, Overrides, Task};
 use yamabico_core::sensor::DeviceError;
 
 use crate::execution::{
-    BehaviorRecord, End, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics,
+    BehaviorRecord, End, Fared, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics,
 };
 use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
-use crate::report::{Ending, ReferenceLine, RunSummary, SummaryTap, Timing, Trace, write_trajectory};
+use crate::report::{Ending, ReferenceLine, RunSummary, Spread, SummaryTap, Timing, Trace, write_trajectory};
 use crate::supervisor::Program;
 
 /// How a task is run.
@@ -180,7 +180,15 @@ pub fn run(
     let facts = [("digest".to_owned(), summary.digest().hex())];
     let recording = recorder.map(|recorder| Left::of(recorder.finish(facts.into()), unseen));
     let end = end?;
-    let timings = robot.finish().into_iter().map(|(name, record)| (name, timing(&record))).collect();
+    let fared = robot.finish();
+    let ending = Ending {
+        arrived: end == End::Arrived,
+        wall_s,
+        timings: fared.behaviors.into_iter().map(|(name, record)| (name, timing(&record))).collect(),
+        latencies: fared.latencies,
+        tick_lateness: Spread::of(&fared.lateness),
+        restarts: fared.restarts,
+    };
     let picture = options.pictures.as_deref().map(|folder| folder.join("trajectory.png"));
     let written = picture.as_deref().map(|path| write_trajectory(path, &trace, &walls));
     let trajectory_problem = written.and_then(Result::err).map(|error| error.to_string());
@@ -189,7 +197,7 @@ pub fn run(
         seed: options.seed,
         goal: task.run.goal,
         end,
-        summary: summary.finish(Ending { arrived: end == End::Arrived, wall_s, timings }),
+        summary: summary.finish(ending),
         unseen,
         recording,
         trajectory: picture.filter(|_| trajectory_problem.is_none()),
@@ -243,7 +251,7 @@ impl Opened {
         }
     }
 
-    fn finish(self) -> Vec<(String, BehaviorRecord)> {
+    fn finish(self) -> Fared {
         match self {
             Opened::Lockstep(lockstep) => lockstep.finish(),
             Opened::Live(live) => live.finish(),

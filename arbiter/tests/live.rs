@@ -8,17 +8,20 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 use stand_ins::{Nothing, PERIOD, drive, schema, sensor};
 use yamabico_arbiter::execution::{End, Live, Plan, Progress};
-use yamabico_arbiter::record::{Pace, Tee};
+use yamabico_arbiter::record::{Pace, Tap, Tee};
 use yamabico_arbiter::run::{Options, Ran, RunError, run};
 use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, SlotInfo,
+    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
 };
 use yamabico_core::config::{Overrides, Plugins, Task, load};
 use yamabico_core::drive::Drive;
-use yamabico_core::message::{Axes, Command, DecisionHeader, Message, Odometry, Proposal, Twist};
+use yamabico_core::message::{
+    Axes, Command, DecisionHeader, Message, MessageType, Odometry, Proposal, Twist,
+};
 use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
 use yamabico_core::time::Time;
 
@@ -179,11 +182,39 @@ impl Behavior for Raving {
     }
 }
 
+/// Drives straight on, and takes its time.
+struct Sleepy;
+
+/// How long it takes for each proposal.
+const SLEEPS: Duration = Duration::from_millis(8);
+
+impl Plugin for Sleepy {
+    type Config = Nothing;
+    const NAME: &'static str = "sleepy";
+    const SUMMARY: &'static str = "Takes its time.";
+    const INPUTS: &'static [SlotInfo] = &[WHEELS_SLOT.info()];
+    const CLAIMS: Axes = Axes::LINEAR;
+
+    fn new(_: Nothing, _: &Setup) -> Result<Self, BuildError> {
+        Ok(Sleepy)
+    }
+}
+
+const WHEELS_SLOT: Slot<Odometry> = Slot::required("wheels", "Odometry.");
+
+impl Behavior for Sleepy {
+    fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        std::thread::sleep(SLEEPS);
+        Proposal::drive(Axes::LINEAR, Twist::planar(0.2, 0.0))
+    }
+}
+
 static PLUGINS: Plugins<'static> = Plugins {
     behaviors: &[
         BehaviorPlugin::of::<Runner>(),
         BehaviorPlugin::of::<Broken>(),
         BehaviorPlugin::of::<Raving>(),
+        BehaviorPlugin::of::<Sleepy>(),
     ],
     drivers: &[DRIVER],
 };
@@ -410,4 +441,55 @@ fn the_folder_of_the_recording_is_made_before_anything_opens() {
         "{error}"
     );
     assert!(!GIVEN.lock().unwrap().contains_key(&test.robot));
+}
+
+/// Takes down every command.
+#[derive(Default)]
+struct Commands(Vec<Command>);
+
+impl Tap for Commands {
+    fn message(&mut self, _: &str, message: &MessageType, _: Time, header: &[u8], _: &[u8]) {
+        if message.name == Command::NAME {
+            self.0.push(bytemuck::pod_read_unaligned(header));
+        }
+    }
+}
+
+#[test]
+fn commands_tell_their_stages_and_the_summary_tells_who_is_late() {
+    let sleepy =
+        "[behaviors.sleepy]\npriority = 20\ninputs = { wheels = \"wheels\" }\nlatency_budget_ms = 5\n";
+    let run_for = "[run]\nduration_s = 0.6\n";
+    let test = Test::new("stages", &format!("{BODY}{WHEELS}"), &format!("{run_for}{RUNNER}{sleepy}"));
+    for pace in [Pace::Live, Pace::Lockstep] {
+        let (mut commands, options) = (Commands::default(), Options { pace, ..test.options() });
+        let flag = AtomicBool::new(false);
+        let ran = run(&test.task, &options, &flag, &mut commands, &mut |_| {}).unwrap();
+        let ages =
+            commands.0.iter().filter(|command| command.source[0].as_str() == "sleepy").map(|command| {
+                let Command { evidence_ns, received_ns, proposed_ns, heard_ns, sent_ns, .. } = *command;
+                let stages = [evidence_ns, received_ns, proposed_ns, heard_ns, sent_ns];
+                assert!(stages.is_sorted() && heard_ns <= command.stamp_ns, "{stages:?}");
+                proposed_ns - received_ns
+            });
+        let ages: Vec<u64> = ages.collect();
+        let latency = ran.summary.behaviours["sleepy"].latency.unwrap();
+        assert!(ages.len() > 10, "{} commands of it", ages.len());
+        match pace {
+            Pace::Live => {
+                assert!(ages.iter().all(|&age| age >= SLEEPS.as_nanos() as u64));
+                let late = commands.0.iter().filter(|command| {
+                    command.source[0].as_str() == "sleepy"
+                        && command.stamp_ns - command.evidence_ns > 5_000_000
+                });
+                assert_eq!(latency.late_commands, late.count() as u64);
+                assert!(latency.received_to_proposed.p50_ms >= 8.0, "{latency:?}");
+                assert!(ran.summary.tick_lateness.count > 20 && ran.summary.restarts["sleepy"] == 0);
+            }
+            Pace::Lockstep => {
+                assert!(ages.iter().all(|&age| age == 0), "computing takes no time in lockstep");
+                assert_eq!((ran.summary.tick_lateness.count, ran.summary.restarts.len()), (0, 0));
+            }
+        }
+    }
 }

@@ -87,6 +87,26 @@ impl fmt::Display for Time {
     }
 }
 
+/// What tells the time while a plugin or the arbiter works.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TimeSource {
+    /// Time stands still while a step is made: lockstep, where what computing takes must not be seen.
+    #[default]
+    Step,
+    /// The machine's monotonic clock.
+    Machine,
+}
+
+impl TimeSource {
+    /// Now, in a step that began at `step`.
+    pub fn now(self, step: Time) -> Time {
+        match self {
+            TimeSource::Step => step,
+            TimeSource::Machine => Time::monotonic_now(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -108,7 +108,11 @@ fn award_group(
             shares[axis as usize].add(slot, proposal.twist.get(axis), proposal.confidence);
         }
         if !won.is_empty() {
-            decision.evidence = decision.evidence.min(Time(proposal.evidence_ns));
+            let evidence = Time(proposal.evidence_ns);
+            if decision.evidence_of.is_none() || evidence < decision.evidence {
+                decision.evidence_of = Some(slot);
+            }
+            decision.evidence = decision.evidence.min(evidence);
             state.tenures[row].extend(won, Time(now.0.saturating_add(state.rules[row].dwell_ns)));
         }
         let ruling = &mut decision.rulings[usize::from(slot)];

@@ -1,6 +1,7 @@
 //! What was decided and why, by index; and as it travels.
 
 use std::fmt::Write;
+use std::time::Duration;
 
 use yamabico_core::message::{
     Axes, Command, DecisionHeader, Kind, Mode, Note, Outcome, Reason, Twist, Verdict,
@@ -17,6 +18,10 @@ pub struct Decision {
     pub stamp: Time,
     /// Oldest sensor data behind the winners; the stamp where nobody won.
     pub evidence: Time,
+    /// The winner whose sensor data that is.
+    pub evidence_of: Option<u16>,
+    /// The winner whose data is older than its budget, and what comes of it.
+    pub late: Option<Late>,
     /// Counts up by one a decision.
     pub sequence: u64,
     /// What the winners asked for, before limits and ramps.
@@ -41,6 +46,17 @@ pub struct Decision {
     pub limited_by: [Option<(u16, f64)>; 3],
     /// What became of each behaviour, by its index.
     pub rulings: Vec<Ruling>,
+}
+
+/// A winner whose sensor data is older than its latency budget.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Late {
+    /// The winner.
+    pub behaviour: u16,
+    /// Age of the oldest data in its proposal.
+    pub age: Duration,
+    /// What is left of the robot's largest speeds, above 0 and at most 1; 1 where lateness is only counted.
+    pub factor: f64,
 }
 
 /// What became of one behaviour.
@@ -84,6 +100,8 @@ impl Decision {
         Decision {
             stamp: Time::ZERO,
             evidence: Time::ZERO,
+            evidence_of: None,
+            late: None,
             sequence: 0,
             wanted: Twist::ZERO,
             allowed: Twist::ZERO,
@@ -108,6 +126,8 @@ impl Decision {
         *self = Decision {
             stamp: now,
             evidence: now,
+            evidence_of: None,
+            late: None,
             sequence,
             wanted: Twist::ZERO,
             allowed: Twist::ZERO,
@@ -123,7 +143,7 @@ impl Decision {
         };
     }
 
-    /// The command as it travels.
+    /// The command as it travels, without its stages.
     pub fn command(&self, policy: &Policy) -> Command {
         Command {
             stamp_ns: self.stamp.0,
@@ -131,8 +151,8 @@ impl Decision {
             sequence: self.sequence,
             twist: self.commanded,
             emergency: u32::from(self.emergency),
-            reserved: 0,
             source: self.source.map(|index| policy.name(index)),
+            ..Command::default()
         }
     }
 
@@ -185,7 +205,13 @@ impl Decision {
             Some(Stop::ShuttingDown) => write!(note, "the run ends"),
             None => match self.halted_by.iter().flatten().next() {
                 Some(&index) => write!(note, "{} halts {}", policy.name(Some(index)), self.halted),
-                None => Ok(()),
+                None => match self.late.filter(|late| late.factor < 1.0) {
+                    Some(late) => {
+                        let (age_ms, of) = (late.age.as_secs_f64() * 1e3, policy.name(Some(late.behaviour)));
+                        write!(note, "slowed: data of {of} is {age_ms:.0} ms old")
+                    }
+                    None => Ok(()),
+                },
             },
         };
         note

@@ -7,11 +7,12 @@ mod contest;
 mod decision;
 mod explain;
 mod hear;
+mod late;
 mod restrain;
 mod state;
 mod wires;
 
-pub use decision::{Decision, Ruling};
+pub use decision::{Decision, Late, Ruling};
 pub use explain::{Explanation, explain};
 pub use state::State;
 
@@ -42,7 +43,8 @@ pub fn decide(
     wires::apply(state, tick.now, decision);
     restrain::halt(state, decision);
     contest::award(state, proposals, tick.now, decision);
-    let reachable = within_limits(policy, state.ramp.velocity(), decision.wanted);
+    let share = late::note(policy, state, proposals, tick.now, decision);
+    let reachable = within_limits(policy, state.ramp.velocity(), decision.wanted, share);
     decision.allowed = restrain::restrain(state, tick.now, reachable, decision);
     decision.stop = stop(state, &tick);
     restrain::stop_drivers(state, decision);
@@ -50,9 +52,10 @@ pub fn decide(
     decision.mode = mode(decision);
 }
 
-/// `wanted` cut to the robot's largest speeds, its translation in the same direction, and to what the wheels can roll.
-fn within_limits(policy: &Policy, current: Twist, wanted: Twist) -> Twist {
-    let [linear, lateral, angular] = policy.limits.speed;
+/// `wanted` cut to a share of the robot's largest speeds, its translation in the same direction, and to what the wheels can
+/// roll.
+fn within_limits(policy: &Policy, current: Twist, wanted: Twist, share: f64) -> Twist {
+    let [linear, lateral, angular] = policy.limits.speed.map(|speed| share * speed);
     let slowed = restrain::limited_to(wanted, Axes::ALL, Twist { linear, lateral, angular });
     policy.kinematics.reachable(slowed, current)
 }

@@ -35,6 +35,8 @@ pub struct State {
     pub(super) bounds: Bounds,
     pub(super) has: Axes,
     pub(super) tolerance_ns: u64,
+    /// Whether some behaviour has a latency budget.
+    pub(super) has_budgets: bool,
     pub(super) orders: Orders,
     pub(super) course: Course,
     pub(super) ramp: Ramp,
@@ -144,6 +146,7 @@ impl State {
             bounds: Bounds::new(policy),
             has: policy.axes(),
             tolerance_ns: nanoseconds(policy.future_tolerance),
+            has_budgets: behaviours.iter().any(|behaviour| behaviour.latency_budget.is_some()),
             orders: Orders::default(),
             course: Course::default(),
             ramp: Ramp::default(),

@@ -1,14 +1,17 @@
 //! The arbiter at work: fed with proposals from the bus, its decisions and commands sent.
 
+use std::collections::BTreeMap;
+
 use yamabico_core::bus::{Bus, BusError, Publisher, RawSubscriber, Subscriber};
 use yamabico_core::message::{
     Command, Control, ControlKind, DecisionHeader, Goal, MessageType, Proposal, Verdict,
 };
-use yamabico_core::time::Time;
+use yamabico_core::time::{Time, TimeSource};
 
 use super::plan::Plan;
 use crate::decide::{Decision, State, decide};
 use crate::policy::Policy;
+use crate::report::{Latency, LatencyFigures};
 use yamabico_core::seat::topics;
 
 /// The arbiter between proposals and commands. It alone holds the publisher of commands.
@@ -17,6 +20,10 @@ pub struct ArbiterSeat {
     state: State,
     decision: Decision,
     proposals: Vec<Option<Proposal>>,
+    /// When each proposal was taken in, and whether no command has followed it yet.
+    heard: Vec<(Time, Novelty)>,
+    latencies: Vec<Latency>,
+    time: TimeSource,
     incoming: Vec<Subscriber<Proposal>>,
     sensors: Vec<(RawSubscriber, MessageType)>,
     controls: Subscriber<Control>,
@@ -26,6 +33,13 @@ pub struct ArbiterSeat {
     verdicts: Vec<Verdict>,
     /// A decision could not be published.
     is_mute: bool,
+}
+
+/// Whether a command has followed a proposal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Novelty {
+    New,
+    Followed,
 }
 
 impl ArbiterSeat {
@@ -49,6 +63,9 @@ impl ArbiterSeat {
             state: State::new(&policy),
             decision: Decision::new(&policy),
             proposals: vec![None; policy.behaviours.len()],
+            heard: vec![(Time::ZERO, Novelty::Followed); policy.behaviours.len()],
+            latencies: vec![Latency::default(); policy.behaviours.len()],
+            time: TimeSource::Step,
             incoming: incoming.collect::<Result<_, _>>()?,
             sensors: sensors.collect::<Result<_, _>>()?,
             controls: bus.subscriber(topics::CONTROL)?,
@@ -70,7 +87,9 @@ impl ArbiterSeat {
     pub fn step(&mut self, now: Time) -> Result<(), BusError> {
         self.listen(now);
         decide(&self.policy, &mut self.state, &self.proposals, now, &mut self.decision);
-        self.commands.publish(&self.decision.command(&self.policy), &[])?;
+        let command = self.command(now);
+        self.commands.publish(&command, &[])?;
+        self.count(Time(command.sent_ns));
         let count = self.decision.write_verdicts(&self.policy, &mut self.verdicts);
         let told = self.decisions.publish(&self.decision.header(&self.policy), &self.verdicts[..count]);
         if let Err(error) = told
@@ -81,10 +100,46 @@ impl ArbiterSeat {
         Ok(())
     }
 
+    /// The command with the stages of the proposal whose data is the oldest.
+    fn command(&self, now: Time) -> Command {
+        let command = self.decision.command(&self.policy);
+        let of = self.decision.evidence_of.map(usize::from);
+        let staged = of.and_then(|of| Some((self.proposals.get(of)?.as_ref()?, self.heard.get(of)?.0)));
+        let sent_ns = self.time.now(now).0;
+        match staged {
+            Some((proposal, heard)) => Command {
+                received_ns: proposal.received_ns,
+                proposed_ns: proposal.proposed_ns,
+                heard_ns: heard.0,
+                sent_ns,
+                ..command
+            },
+            None => Command { sent_ns, ..command },
+        }
+    }
+
+    /// Counts the stages of proposals that the command sent at `sent` is the first to follow, and commands that are late.
+    fn count(&mut self, sent: Time) {
+        let proposals = self.proposals.iter().zip(&mut self.heard).zip(&mut self.latencies);
+        for ((proposal, (heard, novelty)), latency) in proposals {
+            if std::mem::replace(novelty, Novelty::Followed) == Novelty::New
+                && let Some(proposal) = proposal
+            {
+                latency.add(proposal, *heard, sent);
+            }
+        }
+        if let Some(latency) =
+            self.decision.late.and_then(|late| self.latencies.get_mut(usize::from(late.behaviour)))
+        {
+            latency.add_late();
+        }
+    }
+
     fn listen(&mut self, now: Time) {
-        for (slot, incoming) in self.proposals.iter_mut().zip(&self.incoming) {
+        for ((slot, heard), incoming) in self.proposals.iter_mut().zip(&mut self.heard).zip(&self.incoming) {
             if let Ok(Some(newest)) = incoming.newest() {
                 *slot = Some(*newest.header());
+                *heard = (now, Novelty::New);
             }
         }
         for (index, (sensor, message)) in self.sensors.iter().enumerate() {
@@ -127,6 +182,21 @@ impl ArbiterSeat {
             }
             _ => tracing::warn!("refused a request: {control:?}"),
         }
+    }
+
+    /// Stamps the stages of commands by `time`; without it, they stand still within a step.
+    pub fn keep_time_by(&mut self, time: TimeSource) {
+        self.time = time;
+    }
+
+    /// How long the stages of each behaviour's proposals took, by name.
+    pub fn latencies(&self) -> BTreeMap<String, LatencyFigures> {
+        let behaviours = self.policy.behaviours.iter().zip(&self.latencies);
+        behaviours
+            .map(|(behaviour, latency)| {
+                (behaviour.name.as_str().to_owned(), latency.figures(behaviour.latency_budget))
+            })
+            .collect()
     }
 
     /// The decision made last.

@@ -16,14 +16,15 @@ use yamabico_core::bus::{Bus, BusError, RawSubscriber, Waiter};
 use yamabico_core::config::Run;
 use yamabico_core::message::MessageType;
 use yamabico_core::seat::{
-    BehaviorRecord, BehaviorSeat, DeviceSeat, Hosting, Pulse, SeatError, behave, operate, panicked, topics,
+    BehaviorSeat, DeviceSeat, Durations, Hosting, Pulse, SeatError, behave, operate, panicked, topics,
 };
 use yamabico_core::sensor::DeviceError;
-use yamabico_core::time::Time;
+use yamabico_core::time::{Time, TimeSource};
 
 use super::apart::Apart;
 use super::arbiter_seat::ArbiterSeat;
 use super::course::{End, Progress, REST, ended};
+use super::fared::Fared;
 use super::lockstep::Supply;
 use super::plan::Plan;
 use super::referee::Referee;
@@ -55,6 +56,7 @@ pub struct Live {
     measuring: usize,
     devices: Vec<String>,
     failure: Option<DeviceError>,
+    arbitrated: Fared,
     // What threads have left behind: it goes when all that they said has been heard.
     left: Vec<Box<dyn Any + Send>>,
     began: Time,
@@ -82,6 +84,8 @@ struct Orders {
 enum Report {
     /// Something failed; its thread goes on as well as it can.
     Failed(DeviceError),
+    /// How the arbiter fared.
+    Arbitrated(Box<Fared>),
     /// The thread has ended and leaves this.
     Done(Box<dyn Any + Send>),
 }
@@ -123,6 +127,7 @@ impl Live {
             measuring: measuring + here,
             devices,
             failure: None,
+            arbitrated: Fared::default(),
             left: Vec::new(),
             seats: Some(seats),
             supervisor,
@@ -260,9 +265,10 @@ impl Live {
         self.taps.iter().map(|(.., subscriber)| subscriber.lost()).sum()
     }
 
-    /// How each behaviour fared in the run, as far as it told.
-    pub fn finish(self) -> Vec<(String, BehaviorRecord)> {
-        self.roll.records()
+    /// How the parts of the run fared, as far as they told.
+    pub fn finish(mut self) -> Fared {
+        let arbitrated = std::mem::take(&mut self.arbitrated);
+        Fared { behaviors: self.roll.records(), restarts: self.roll.restarts(), ..arbitrated }
     }
 
     /// Shows `tap` what has been published since the last call, in the order of publication as far as stamps tell it.
@@ -291,6 +297,7 @@ impl Live {
     fn note(&mut self, report: Report) {
         match report {
             Report::Failed(error) => drop(self.failure.get_or_insert(error)),
+            Report::Arbitrated(fared) => self.arbitrated = *fared,
             Report::Done(left) => {
                 self.working -= 1;
                 self.left.push(left);
@@ -372,11 +379,16 @@ fn arbitrate(
     report: &dyn Fn(Report),
 ) {
     let mut tick = Time::monotonic_now();
+    let mut lateness = Durations::default();
+    seat.keep_time_by(TimeSource::Machine);
     while !orders.is_over() {
         if orders.rest.load(Ordering::Relaxed) {
             seat.shut_down();
         }
         let now = Time::monotonic_now();
+        if tick <= now {
+            lateness.add(now.since(tick));
+        }
         if let Err(error) = seat.step(now) {
             report(Report::Failed(DeviceError::failed("arbiter", error)));
         }
@@ -389,4 +401,6 @@ fn arbitrate(
             std::thread::sleep(left);
         }
     }
+    let latencies = seat.latencies();
+    report(Report::Arbitrated(Box::new(Fared { latencies, lateness, ..Fared::default() })));
 }

@@ -9,10 +9,11 @@ use yamabico_core::time::Time;
 
 use super::arbiter_seat::ArbiterSeat;
 use super::crew::Crew;
+use super::fared::Fared;
 use super::plan::Plan;
 use crate::record::Tap;
 use yamabico_core::seat::DeviceSeat;
-use yamabico_core::seat::{BehaviorRecord, BehaviorSeat, SeatError};
+use yamabico_core::seat::{BehaviorSeat, SeatError};
 
 /// A run in lockstep.
 pub struct Lockstep {
@@ -122,9 +123,10 @@ impl Lockstep {
         self.taps.iter().map(|(.., subscriber)| subscriber.lost()).sum()
     }
 
-    /// Ends the run; how each behaviour fared.
-    pub fn finish(self) -> Vec<(String, BehaviorRecord)> {
-        self.crew.finish()
+    /// Ends the run; how its parts fared.
+    pub fn finish(self) -> Fared {
+        let latencies = self.arbiter.latencies();
+        Fared { behaviors: self.crew.finish(), latencies, ..Fared::default() }
     }
 }
 

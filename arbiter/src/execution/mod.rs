@@ -4,6 +4,7 @@ mod apart;
 mod arbiter_seat;
 mod course;
 mod crew;
+mod fared;
 mod live;
 mod lockstep;
 mod plan;
@@ -12,6 +13,7 @@ mod roll;
 
 pub use arbiter_seat::ArbiterSeat;
 pub use course::{End, Progress, run_lockstep};
+pub use fared::Fared;
 pub use live::Live;
 pub use lockstep::{Lockstep, Supply};
 pub use plan::{Plan, Topic};

@@ -12,7 +12,7 @@ use yamabico_core::message::{
 use yamabico_core::seat::{BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, topics};
 
 use crate::kinematics::Kinematics;
-use crate::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
+use crate::policy::{BehaviourPolicy, Contest, CriticalSensor, Lateness, Policy, Wire};
 
 /// Items that an output of a behaviour may carry in one message.
 const MOST_OUTPUT_ITEMS: usize = 1024;
@@ -178,6 +178,7 @@ fn policy(task: &Task) -> Policy {
         deadline: behavior.deadline,
         max_age: behavior.max_age,
         max_evidence_age: behavior.max_evidence_age,
+        latency_budget: behavior.latency_budget,
         hold: behavior.hold,
         dwell: behavior.dwell,
     });
@@ -197,6 +198,7 @@ fn policy(task: &Task) -> Policy {
             config::Policy::Strict => Contest::Strict,
             config::Policy::Blend => Contest::Blend,
         },
+        lateness: if task.arbiter.latency_slows { Lateness::Slows } else { Lateness::Counts },
         rate_hz: 1.0 / task.arbiter.period.as_secs_f64(),
         ..Policy::new(task.robot.robot.limits, Kinematics::of(&task.robot.drive), behaviors.collect())
     }

@@ -17,7 +17,8 @@ use crate::record::Tap;
 pub struct Roll {
     /// By plugin and start.
     records: BTreeMap<(String, u32), BehaviorRecord>,
-    up: BTreeSet<String>,
+    /// How often each plugin that gave a sign of life was started again.
+    up: BTreeMap<String, u32>,
     ended: BTreeSet<String>,
     failures: Vec<Failure>,
     walls: BTreeMap<String, Vec<Vec<[f64; 2]>>>,
@@ -37,7 +38,12 @@ pub struct Failure {
 impl Roll {
     /// Whether the plugin of this name has ever given a sign of life.
     pub fn is_up(&self, plugin: &str) -> bool {
-        self.up.contains(plugin)
+        self.up.contains_key(plugin)
+    }
+
+    /// How often each plugin was started again, by name.
+    pub fn restarts(&self) -> BTreeMap<String, u32> {
+        self.up.clone()
     }
 
     /// Devices that have nothing more to measure.
@@ -92,8 +98,9 @@ impl Tap for Roll {
             Heartbeat::NAME => {
                 let Some(View { header: beat, .. }) = View::<Heartbeat>::of(raw) else { return };
                 let name = beat.plugin.as_str();
-                if !self.up.contains(name) {
-                    self.up.insert(name.to_owned());
+                match self.up.get_mut(name) {
+                    Some(restarts) => *restarts = (*restarts).max(beat.restarts),
+                    None => drop(self.up.insert(name.to_owned(), beat.restarts)),
                 }
                 if beat.state() == Some(PluginState::Ended) {
                     self.ended.insert(name.to_owned());

@@ -5,6 +5,7 @@
 
 mod control;
 mod encounter;
+mod latency;
 pub use yamabico_core::vision::lettering;
 mod summary;
 mod trace;
@@ -12,6 +13,7 @@ mod trajectory;
 
 pub use control::{ControlLog, Halt};
 pub use encounter::{Encounter, Encounters};
+pub use latency::{Latency, LatencyFigures, Spread};
 pub use summary::{BehaviourSummary, Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
 pub use trace::{HaltMark, Trace, TracePoint, Way};
 pub use trajectory::{Corner, PictureError, draw_trajectory, write_trajectory};

@@ -11,7 +11,7 @@ use yamabico_core::message::{
 use yamabico_core::time::Time;
 
 use super::encounter::is_standing;
-use super::{ControlLog, Encounter, Encounters, Halt};
+use super::{ControlLog, Encounter, Encounters, Halt, LatencyFigures, Spread};
 use crate::record::{Digest, Tap};
 
 /// The line that a robot should keep to: through a point of the map, in a direction.
@@ -49,6 +49,12 @@ pub struct Ending {
     pub wall_s: f64,
     /// Wall-clock figures of each behaviour, by name.
     pub timings: BTreeMap<String, Timing>,
+    /// The stages of each behaviour's proposals, by name.
+    pub latencies: BTreeMap<String, LatencyFigures>,
+    /// Live: how late the arbiter woke at its ticks.
+    pub tick_lateness: Spread,
+    /// Live: how often each plugin was started again, by name.
+    pub restarts: BTreeMap<String, u32>,
 }
 
 /// Wall-clock figures of one behaviour.
@@ -78,6 +84,8 @@ pub struct BehaviourSummary {
     pub abstentions: u64,
     /// Abstentions by reason.
     pub reasons: BTreeMap<&'static str, u64>,
+    /// How long the stages of its proposals took, where one was heard.
+    pub latency: Option<LatencyFigures>,
 }
 
 /// The numbers of a run. What only a simulator knows is `None` without one.
@@ -111,6 +119,10 @@ pub struct RunSummary {
     pub control_s: BTreeMap<String, f64>,
     /// Each behaviour's part.
     pub behaviours: BTreeMap<String, BehaviourSummary>,
+    /// Live: how late the arbiter woke at its ticks.
+    pub tick_lateness: Spread,
+    /// Live: how often each plugin was started again, by name.
+    pub restarts: BTreeMap<String, u32>,
     /// Messages on each topic.
     pub topics: BTreeMap<String, u64>,
     /// SHA-256 over all messages in order.
@@ -179,6 +191,11 @@ impl SummaryTap {
         for (name, timing) in ending.timings {
             self.behaviours.entry(name).or_default().timing = timing;
         }
+        for (name, latency) in ending.latencies {
+            if latency.captured_to_commanded.count > 0 {
+                self.behaviours.entry(name).or_default().latency = Some(latency);
+            }
+        }
         let time_s = self.first.map_or(0.0, |first| self.last.since(first).as_secs_f64());
         let finite = |value: f64| value.is_finite().then_some(value);
         RunSummary {
@@ -196,6 +213,8 @@ impl SummaryTap {
             halts: self.control.halts(),
             control_s: self.control.time_s().clone(),
             behaviours: self.behaviours,
+            tick_lateness: ending.tick_lateness,
+            restarts: ending.restarts,
             topics: self.digest.counts().clone(),
             digest: self.digest.hex(),
             wall_s: ending.wall_s,
@@ -317,7 +336,7 @@ mod tests {
             send(&mut tap, "truth", 0.25 * f64::from(step), &standing, &[]);
         }
         let timings = BTreeMap::from([("wall".to_owned(), Timing { calls: 5, ..Timing::default() })]);
-        let summary = tap.finish(Ending { arrived: true, wall_s: 5.0, timings });
+        let summary = tap.finish(Ending { arrived: true, wall_s: 5.0, timings, ..Ending::default() });
         assert_eq!((summary.distance_m, summary.time_s, summary.real_time_factor), (10.0, 50.0, 10.0));
         let rms = ((0.03_f64.powi(2) + 0.04_f64.powi(2)) / 2.0).sqrt();
         assert!((summary.rms_offset_m.unwrap() - rms).abs() < 1e-12, "standing has no weight");

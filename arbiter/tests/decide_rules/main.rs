@@ -3,6 +3,7 @@
 mod blends;
 mod drives;
 mod halts;
+mod latency;
 mod limits;
 mod safety;
 mod wires;

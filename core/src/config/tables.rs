@@ -74,11 +74,23 @@ pub(crate) struct ArbiterKeys {
     /// A proposal is refused when the oldest sensor data in it is older.
     #[schemars(range(min = 1.0, max = 60000.0))]
     pub max_evidence_age_ms: f64,
+    /// A command that rests on older sensor data is late, which is counted and reported; without it, none is.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub latency_budget_ms: Option<f64>,
+    /// Whether late commands slow the robot: to the share of its largest speeds that the budget has in the data's age.
+    pub latency_slows: bool,
 }
 
 impl Default for ArbiterKeys {
     fn default() -> Self {
-        ArbiterKeys { rate_hz: 50.0, policy: Policy::Strict, max_age_ms: 200.0, max_evidence_age_ms: 1000.0 }
+        ArbiterKeys {
+            rate_hz: 50.0,
+            policy: Policy::Strict,
+            max_age_ms: 200.0,
+            max_evidence_age_ms: 1000.0,
+            latency_budget_ms: None,
+            latency_slows: false,
+        }
     }
 }
 
@@ -136,6 +148,9 @@ pub(crate) struct BehaviorKeys {
     /// Its proposals are refused when the oldest sensor data in them is older; without it, the arbiter's.
     #[schemars(range(min = 1.0, max = 60000.0))]
     pub max_evidence_age_ms: Option<f64>,
+    /// A command of it that rests on older sensor data is late; without it, the arbiter's.
+    #[schemars(range(min = 1.0, max = 60000.0))]
+    pub latency_budget_ms: Option<f64>,
     /// A halt or limit of it lasts at least this long.
     #[schemars(range(min = 0.0, max = 3_600_000.0))]
     pub hold_ms: f64,
@@ -162,6 +177,7 @@ impl Default for BehaviorKeys {
             budget_ms: None,
             max_age_ms: None,
             max_evidence_age_ms: None,
+            latency_budget_ms: None,
             hold_ms: 500.0,
             dwell_ms: 0.0,
             isolation: Isolation::default(),

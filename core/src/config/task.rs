@@ -60,6 +60,8 @@ pub struct Arbiter {
     pub period: Duration,
     /// Who gets an axis that several claim.
     pub policy: Policy,
+    /// Whether commands that rest on data older than a latency budget slow the robot.
+    pub latency_slows: bool,
 }
 
 /// A behaviour of a task file.
@@ -91,6 +93,8 @@ pub struct BehaviorFile {
     pub max_age: Duration,
     /// Largest age of the oldest sensor data in a proposal.
     pub max_evidence_age: Duration,
+    /// Age of the oldest sensor data above which a command of it is late.
+    pub latency_budget: Option<Duration>,
     /// Shortest duration of a halt or limit.
     pub hold: Duration,
     /// How long it keeps an axis before a lower priority gets it.

@@ -5,12 +5,20 @@ use crate::bus::ZeroCopySend;
 
 message! {
     /// What the motors get.
-    "yamabico.Command.v1" Stream [u8] evidence evidence_ns
+    "yamabico.Command.v2" Stream [u8] evidence evidence_ns
     pub struct Command {
         /// When it was decided.
         pub stamp_ns: u64,
         /// Oldest sensor data behind it; the stamp itself where nothing was claimed.
         pub evidence_ns: u64,
+        /// When the behaviour with the oldest data was handed it; this and the next two are zero where nothing was claimed.
+        pub received_ns: u64,
+        /// When that behaviour's proposal was sent.
+        pub proposed_ns: u64,
+        /// When the arbiter took that proposal in.
+        pub heard_ns: u64,
+        /// When it was sent.
+        pub sent_ns: u64,
         /// Counts up by one a command.
         pub sequence: u64,
         /// Body twist, within the robot's limits.

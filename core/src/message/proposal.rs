@@ -306,7 +306,7 @@ message! {
     ///
     /// Made with [`Proposal::drive`], [`Proposal::limit`], [`Proposal::halt`] or [`Proposal::abstain`]. The shell around
     /// the behaviour fills in who proposes, the sequence, the stamp and the priority.
-    "yamabico.Proposal.v1" Latest [u8] evidence evidence_ns
+    "yamabico.Proposal.v2" Latest [u8] evidence evidence_ns
     pub struct Proposal {
         /// Who proposes; filled in by the shell.
         pub behaviour: Name,
@@ -316,6 +316,10 @@ message! {
         pub stamp_ns: u64,
         /// Oldest sensor data in it; the shell fills in "now" where it is zero.
         pub evidence_ns: u64,
+        /// When the behaviour was handed what it rests on; filled in by the shell.
+        pub received_ns: u64,
+        /// When it was sent; filled in by the shell.
+        pub proposed_ns: u64,
         /// From the task file, higher wins; filled in by the shell.
         pub priority: i32,
         /// A [`Kind`] code.

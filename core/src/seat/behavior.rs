@@ -7,7 +7,7 @@ use crate::behavior::{Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Set
 use crate::bus::{Bus, BusError, Publisher, Waiter};
 use crate::config::Isolation;
 use crate::message::{Kind, MessageType, Name, Proposal};
-use crate::time::Time;
+use crate::time::{Time, TimeSource};
 
 use super::durations::Durations;
 use super::feed::Feed;
@@ -83,6 +83,7 @@ pub struct BehaviorSeat {
     sequence: u64,
     fresh: bool,
     last_call: Option<Time>,
+    time: TimeSource,
     record: BehaviorRecord,
 }
 
@@ -108,6 +109,7 @@ impl BehaviorSeat {
             sequence: 0,
             fresh: false,
             last_call: None,
+            time: TimeSource::Step,
             record: BehaviorRecord::default(),
             plan,
         })
@@ -116,6 +118,11 @@ impl BehaviorSeat {
     /// Its name in the task file.
     pub fn name(&self) -> &str {
         &self.plan.setup.name
+    }
+
+    /// Stamps the stages of its proposals by `time`; without it, they stand still within a step.
+    pub fn keep_time_by(&mut self, time: TimeSource) {
+        self.time = time;
     }
 
     /// How it fared so far.
@@ -178,6 +185,8 @@ impl BehaviorSeat {
         if proposal.evidence_ns == 0 {
             proposal.evidence_ns = evidence_ns;
         }
+        proposal.received_ns = now.0;
+        proposal.proposed_ns = self.time.now(now).0;
         self.proposals.publish(&proposal, &[])
     }
 

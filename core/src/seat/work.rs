@@ -8,7 +8,7 @@ use super::pulse::Pulse;
 use crate::bus::Waiter;
 use crate::message::PluginState;
 use crate::sensor::{DeviceError, Due};
-use crate::time::Time;
+use crate::time::{Time, TimeSource};
 
 /// Longest sleep of a behaviour that nothing wakes: how late it notices the end of the run.
 const NAP: Duration = Duration::from_millis(50);
@@ -18,6 +18,7 @@ const DEVICE_NAP: Duration = Duration::from_millis(10);
 /// Asks one behaviour whenever something arrives for it, until `is_over`.
 pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, is_over: &dyn Fn() -> bool) {
     let longest = NAP.min(pulse.every());
+    seat.keep_time_by(TimeSource::Machine);
     while !is_over() {
         let now = Time::monotonic_now();
         pulse.beat(PluginState::Running, now);

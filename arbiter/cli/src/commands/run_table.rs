@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use yamabico_arbiter::execution::End;
-use yamabico_arbiter::report::RunSummary;
+use yamabico_arbiter::report::{LatencyFigures, RunSummary, Spread};
 use yamabico_arbiter::run::Ran;
 
 use crate::output::table;
@@ -15,6 +15,7 @@ pub fn run_table(ran: &Ran) -> String {
         text += &halts(ran);
     }
     text += &behaviours(&ran.summary);
+    text += &latencies(&ran.summary);
     text += &topics(&ran.summary);
     text += &left(ran);
     text
@@ -44,6 +45,56 @@ fn figures(ran: &Ran) -> String {
     table.add_row(["RMS offset", &metres(summary.rms_offset_m)]);
     table.add_row(["halts", &format!("{} ({halted:.1} s)", summary.halts.len())]);
     table.add_row(["faster than real time", &format!("{:.1} x", summary.real_time_factor)]);
+    if is_live(summary) {
+        table.add_row([
+            "arbiter woke late: p50, p99, most",
+            &format!("{} ms", spread(&summary.tick_lateness)),
+        ]);
+        table.add_row(["started again", &restarts(summary)]);
+    }
+    for (name, latency) in &summary.behaviours {
+        if let Some(LatencyFigures { budget_ms: Some(budget_ms), late_commands, .. }) = latency.latency {
+            let late = format!("{late_commands} on data older than {budget_ms:.0} ms");
+            table.add_row([&format!("late commands of {name}"), &late]);
+        }
+    }
+    format!("{table}\n")
+}
+
+/// In lockstep there are no ticks to be late at.
+fn is_live(summary: &RunSummary) -> bool {
+    summary.tick_lateness.count > 0
+}
+
+fn spread(spread: &Spread) -> String {
+    format!("{:.2}, {:.2}, {:.1}", spread.p50_ms, spread.p99_ms, spread.max_ms)
+}
+
+fn restarts(summary: &RunSummary) -> String {
+    let again = summary.restarts.iter().filter(|(_, restarts)| **restarts > 0);
+    let again: Vec<String> = again.map(|(name, restarts)| format!("{name} {restarts} x")).collect();
+    if again.is_empty() { "none".to_owned() } else { again.join(", ") }
+}
+
+/// Where the time goes from a measurement to the command: only live, since computing takes no time in lockstep.
+fn latencies(summary: &RunSummary) -> String {
+    if !is_live(summary) {
+        return String::new();
+    }
+    let head =
+        ["p50, p99, most; ms", "to received", "to proposed", "to heard", "to commanded", "since captured"];
+    let mut table = table(&head, 1..6);
+    for (name, behaviour) in &summary.behaviours {
+        let Some(latency) = &behaviour.latency else { continue };
+        let stages = [
+            latency.captured_to_received,
+            latency.received_to_proposed,
+            latency.proposed_to_heard,
+            latency.heard_to_commanded,
+            latency.captured_to_commanded,
+        ];
+        table.add_row(std::iter::once(name.clone()).chain(stages.iter().map(spread)));
+    }
     format!("{table}\n")
 }
 
@@ -159,6 +210,19 @@ mod tests {
         let mut summary = summary();
         summary.behaviours.values_mut().for_each(|behaviour| behaviour.timing.panics = 73);
         assert!(behaviours(&summary).contains("73"));
+    }
+
+    #[test]
+    fn stages_are_told_of_a_live_run_only() {
+        let mut summary = summary();
+        let spread = Spread { count: 9, p50_ms: 1.25, p99_ms: 2.5, max_ms: 3.0 };
+        let latency = LatencyFigures { captured_to_commanded: spread, ..LatencyFigures::default() };
+        summary.behaviours.values_mut().for_each(|behaviour| behaviour.latency = Some(latency));
+        assert_eq!(latencies(&summary), "");
+        summary.tick_lateness = spread;
+        assert!(
+            latencies(&summary).lines().any(|row| row.contains("wall") && row.contains("1.25, 2.50, 3.0"))
+        );
     }
 
     #[test]
