@@ -633,6 +633,10 @@ class Proposal(Message):
         ("stamp_ns", ctypes.c_uint64),
         # Oldest sensor data in it; the shell fills in "now" where it is zero.
         ("evidence_ns", ctypes.c_uint64),
+        # When the behaviour was handed what it rests on; filled in by the shell.
+        ("received_ns", ctypes.c_uint64),
+        # When it was sent; filled in by the shell.
+        ("proposed_ns", ctypes.c_uint64),
         # From the task file, higher wins; filled in by the shell.
         ("priority", ctypes.c_int32),
         # A Kind code.
@@ -658,12 +662,12 @@ class Proposal(Message):
     ]
     behaviour = text("_behaviour")
     note = text("_note")
-    NAME = "yamabico.Proposal.v1"
+    NAME = "yamabico.Proposal.v2"
     CHANNEL = "latest"
     ITEM = None
 
 
-assert ctypes.sizeof(Proposal) == 216 and ctypes.alignment(Proposal) == 8
+assert ctypes.sizeof(Proposal) == 232 and ctypes.alignment(Proposal) == 8
 
 
 class Command(Message):
@@ -674,6 +678,14 @@ class Command(Message):
         ("stamp_ns", ctypes.c_uint64),
         # Oldest sensor data behind it; the stamp itself where nothing was claimed.
         ("evidence_ns", ctypes.c_uint64),
+        # When the behaviour with the oldest data was handed it; this and the next two are zero where nothing was claimed.
+        ("received_ns", ctypes.c_uint64),
+        # When that behaviour's proposal was sent.
+        ("proposed_ns", ctypes.c_uint64),
+        # When the arbiter took that proposal in.
+        ("heard_ns", ctypes.c_uint64),
+        # When it was sent.
+        ("sent_ns", ctypes.c_uint64),
         # Counts up by one a command.
         ("sequence", ctypes.c_uint64),
         # Body twist, within the robot's limits.
@@ -686,12 +698,12 @@ class Command(Message):
         ("_source", (ctypes.c_char * 32) * 3),
     ]
     source = text("_source")
-    NAME = "yamabico.Command.v1"
+    NAME = "yamabico.Command.v2"
     CHANNEL = "stream"
     ITEM = None
 
 
-assert ctypes.sizeof(Command) == 152 and ctypes.alignment(Command) == 8
+assert ctypes.sizeof(Command) == 184 and ctypes.alignment(Command) == 8
 
 
 class Verdict(Item):
@@ -928,8 +940,8 @@ MESSAGES = {
     "yamabico.FreeSpaceHeader.v1": FreeSpaceHeader,
     "yamabico.LandmarksHeader.v1": LandmarksHeader,
     "yamabico.Intersection.v1": Intersection,
-    "yamabico.Proposal.v1": Proposal,
-    "yamabico.Command.v1": Command,
+    "yamabico.Proposal.v2": Proposal,
+    "yamabico.Command.v2": Command,
     "yamabico.DecisionHeader.v1": DecisionHeader,
     "yamabico.Heartbeat.v1": Heartbeat,
     "yamabico.FailureHeader.v1": FailureHeader,
