@@ -10,11 +10,13 @@ mod hear;
 mod late;
 mod restrain;
 mod state;
+mod told;
 mod wires;
 
 pub use decision::{Decision, Late, Ruling};
 pub use explain::{Explanation, explain};
 pub use state::State;
+pub use told::Told;
 
 use yamabico_core::message::{Axes, Mode, Proposal, Twist};
 use yamabico_core::time::Time;

@@ -36,6 +36,7 @@ pub use describe::{Description, Listed, Listing, Parameter, Port, describe, list
 pub use file::FileKind;
 pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
+pub use nearest::instead;
 pub use overrides::Overrides;
 pub use places::Part;
 pub use plugins::Plugins;

@@ -23,8 +23,8 @@ pub(crate) fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>)
         .map(|(_, name)| name)
 }
 
-/// "did you mean ...?" where a name is near, else all names.
-pub(crate) fn instead<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>, what: &str) -> String {
+/// For a `wrong` name: "did you mean ...?" where one of `names` is near, else all of them. `what` is what they name.
+pub fn instead<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>, what: &str) -> String {
     let mut names: Vec<&str> = names.into_iter().collect();
     if let Some(name) = nearest(wrong, names.iter().copied()) {
         return format!("did you mean `{name}`?");

@@ -10,10 +10,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 use yamabico_arbiter::operator::{Operator, Place};
-use yamabico_core::bus::Bus;
 use yamabico_core::config::FileKind;
 
 use super::run::interrupt_flag;
+use crate::live::which::Which;
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail};
 
 /// What `goto` is told.
@@ -28,9 +28,8 @@ pub struct Arguments {
     /// How near is there, metres.
     #[arg(long, value_name = "M", default_value_t = tolerance())]
     tolerance: f64,
-    /// Name of the robot; not needed where only one runs.
-    #[arg(long, value_name = "NAME")]
-    robot: Option<String>,
+    #[command(flatten)]
+    robot: Which,
     /// The behaviour that plans the path.
     #[arg(long, value_name = "NAME", default_value = "map-localizer")]
     behavior: String,
@@ -78,7 +77,7 @@ pub fn goto(arguments: &Arguments, print: Print) -> ExitCode {
         Ok(goals) => goals,
         Err(code) => return code,
     };
-    let robot = match the_robot(arguments.robot.as_deref()) {
+    let robot = match arguments.robot.choose() {
         Ok(robot) => robot,
         Err(problem) => return fail(&problem, BAD_CONFIGURATION),
     };
@@ -172,19 +171,6 @@ fn read_goals(arguments: &Arguments, print: Print) -> Result<Vec<GoalKeys>, Exit
     let goals: Goals =
         table.try_into().map_err(|error: toml::de::Error| usage(format!("{}: {error}", keys.display())))?;
     Ok(goals.goals)
-}
-
-/// The robot of this name, or the only one that runs.
-fn the_robot(name: Option<&str>) -> Result<String, String> {
-    let running = Bus::running();
-    match (name, running.as_slice()) {
-        (Some(name), _) => Ok(name.to_owned()),
-        (None, [only]) => Ok(only.clone()),
-        (None, []) => Err("no robot is running; start one with `yamabico run --live FILE`".into()),
-        (None, several) => {
-            Err(format!("several robots are running: name one of them with --robot: {}", several.join(", ")))
-        }
-    }
 }
 
 fn tolerance() -> f64 {

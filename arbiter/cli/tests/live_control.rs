@@ -1,0 +1,118 @@
+//! A robot that runs live, controlled and looked at from other terminals.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// Longest wait for a run that was started to get going.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A robot that drives down an empty hallway for ever; nothing of it is left behind.
+struct Robot {
+    name: String,
+    folder: PathBuf,
+    run: Child,
+}
+
+impl Robot {
+    fn start(test: &str, arguments: &[&str]) -> Robot {
+        let name = format!("control-{test}-{}", std::process::id());
+        let folder = std::env::temp_dir().join(format!("yamabico-{name}"));
+        let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hallway.toml");
+        let mut command = yamabico(&["run", "--live"]);
+        command.arg(task).arg("--out").arg(&folder).arg("--set").arg(format!("robot.name={name}"));
+        for set in ["run.goal.x_m=1000", "run.duration_s=600", "robot.devices.sim.clutter=\"none\""] {
+            command.args(["--set", set]);
+        }
+        let run = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let robot = Robot { name, folder, run };
+        let begun = Instant::now();
+        while robot.ask(&["reset"]).status.code() != Some(0) {
+            assert!(begun.elapsed() < PATIENCE, "{} does not come up", robot.name);
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        robot
+    }
+
+    fn ask(&self, arguments: &[&str]) -> Output {
+        yamabico(arguments).args(["--robot", &self.name]).output().unwrap()
+    }
+
+    /// What a command prints that succeeds.
+    fn told(&self, arguments: &[&str]) -> String {
+        let ended = self.ask(arguments);
+        let said = said(&ended);
+        assert_eq!(ended.status.code(), Some(0), "{arguments:?}: {said}");
+        said
+    }
+
+    /// Asks until `words` are told.
+    fn await_words(&self, arguments: &[&str], words: &str) -> String {
+        let begun = Instant::now();
+        loop {
+            let told = self.told(arguments);
+            if told.contains(words) {
+                return told;
+            }
+            assert!(begun.elapsed() < PATIENCE, "no `{words}` in {told}");
+        }
+    }
+
+    fn json(&self, arguments: &[&str]) -> Value {
+        let told = self.told(&[arguments, &["--json"]].concat());
+        serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
+    }
+}
+
+impl Drop for Robot {
+    fn drop(&mut self) {
+        let _ = Command::new("kill").args(["-INT", &self.run.id().to_string()]).status();
+        let _ = self.run.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn yamabico(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_yamabico"));
+    command.args(arguments).env("NO_COLOR", "1").stdin(Stdio::null());
+    command
+}
+
+fn said(ended: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr))
+}
+
+#[test]
+fn behaviours_are_switched_and_the_robot_is_stopped() {
+    let robot = Robot::start("switch", &[]);
+    let wrong = robot.ask(&["disable", "wall-follwer"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(said(&wrong).contains("did you mean `wall-follower`?"), "{}", said(&wrong));
+
+    assert!(robot.told(&["disable", "wall-follower"]).contains("wall-follower is disabled"));
+    assert!(robot.told(&["disable", "wall-follower"]).contains("was already disabled"));
+    let json = robot.json(&["enable", "wall-follower"]);
+    assert_eq!((json["state"].as_str(), json["changed"].as_bool()), (Some("enabled"), Some(true)), "{json}");
+
+    // Without a critical behaviour the robot stops, and says so.
+    assert!(robot.told(&["disable", "sonar-halt"]).contains("sonar-halt is silent"));
+    robot.told(&["enable", "sonar-halt"]);
+
+    assert!(robot.told(&["estop"]).contains("emergency stop latched"));
+    assert!(robot.told(&["estop"]).contains("it stood already"));
+    assert!(robot.told(&["reset"]).contains("emergency stop released"));
+    assert!(robot.told(&["reset"]).contains("no emergency stop was latched"));
+}
+
+#[test]
+fn a_robot_that_does_not_run_is_told() {
+    for command in [&["estop"][..], &["reset"], &["enable", "wall-follower"]] {
+        let ended = yamabico(command).args(["--robot", "no-such-robot"]).output().unwrap();
+        assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
+        assert!(said(&ended).contains("no robot `no-such-robot` is running"), "{}", said(&ended));
+    }
+}

@@ -1,0 +1,30 @@
+//! A decision as it travelled.
+
+use yamabico_core::message::{DecisionHeader, Verdict};
+
+use super::decision::Decision;
+use crate::policy::Policy;
+
+/// A decision with its verdicts, as everybody on the bus hears it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// The decision.
+    pub header: DecisionHeader,
+    /// What became of each behaviour.
+    pub verdicts: Vec<Verdict>,
+}
+
+impl Told {
+    /// `decision` as it travels.
+    pub fn of(policy: &Policy, decision: &Decision) -> Told {
+        let mut verdicts = vec![Verdict::default(); policy.behaviours.len()];
+        let count = decision.write_verdicts(policy, &mut verdicts);
+        verdicts.truncate(count);
+        Told { header: decision.header(policy), verdicts }
+    }
+
+    /// What became of the behaviour `name`; `None` where the robot has none of this name.
+    pub fn verdict(&self, name: &str) -> Option<&Verdict> {
+        self.verdicts.iter().find(|verdict| verdict.behaviour.as_str() == name)
+    }
+}
