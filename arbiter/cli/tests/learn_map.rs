@@ -5,8 +5,10 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use nalgebra::Point2;
 use serde_json::Value;
-use yamabico_core::azimuth_map::EdgeMap;
+use yamabico_core::azimuth_map::{EdgeMap, SurfaceState};
+use yamabico_core::polygon::nearest_on_segment;
 use yamabico_sim::World;
 
 fn configs() -> PathBuf {
@@ -85,6 +87,27 @@ fn edges_are_where_they_stand() {
             1e3 * worst
         );
         assert!(errors.len() >= 11 && mean(&errors) <= most_m);
+    }
+}
+
+#[test]
+fn a_second_drive_tells_which_surfaces_are_solid() {
+    let folder = Folder::new("verify");
+    let words = ["learn", "map", "--out", "map.toml", "--verify"];
+    let learned = json(&folder.yamabico(&words, "mapping.toml", &[]));
+    let map = EdgeMap::read(&folder.map()).unwrap();
+    assert!(map.surfaces.len() >= 6, "{learned}");
+    assert_eq!(learned["verified"].as_u64(), Some(map.surfaces.len() as u64), "{learned}");
+    let text = std::fs::read_to_string(configs().join("worlds/mapping.toml")).unwrap();
+    let walls = World::from_toml(&text).unwrap().walls;
+    for surface in &map.surfaces {
+        let end = |number| Point2::from(map.edge(number).unwrap().at_m);
+        let middle = nalgebra::center(&end(surface.right), &end(surface.left));
+        let from_wall = walls
+            .iter()
+            .map(|wall| (nearest_on_segment([wall.from_m.into(), wall.to_m.into()], middle) - middle).norm());
+        assert!(from_wall.fold(f64::INFINITY, f64::min) < 0.02, "{surface:?} at {middle} is no wall");
+        assert_eq!(surface.state, SurfaceState::Solid, "{surface:?}");
     }
 }
 

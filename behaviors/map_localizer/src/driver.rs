@@ -14,8 +14,6 @@ use crate::route::{MOST_CORNERS, Planner, Route, RouteError, Station};
 
 /// A goal's heading is reached within this, rad.
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
-/// The robot may be pushed back along its path by this, metres; farther back it is not looked for.
-const SLIP_BACK_M: f64 = 0.5;
 /// A path goes round the end of a wall along so many sides of a polygon.
 const WALL_SIDES: u32 = 8;
 
@@ -32,7 +30,8 @@ pub struct Driver {
     tolerance_m: f64,
     clearance_m: f64,
     goal_heading: Option<f64>,
-    progress_m: f64,
+    /// How far along the path the robot came, metres; `None` where it may stand anywhere on it.
+    farthest_m: Option<f64>,
     refusal: Option<RouteError>,
     /// The walls of the map, grown by what a path keeps from them.
     walls: Vec<Polygon>,
@@ -77,7 +76,7 @@ impl Driver {
             tolerance_m: config.tolerance_m,
             clearance_m,
             goal_heading: None,
-            progress_m: 0.0,
+            farthest_m: None,
             refusal: None,
             walls: map.walls().iter().map(|wall| grown(wall, clearance_m)).collect(),
             graph: VisibilityGraph::default(),
@@ -97,7 +96,7 @@ impl Driver {
     /// Where the robot stands on it; `None` without a path.
     #[must_use]
     pub fn station(&self, belief: &Belief) -> Option<Station> {
-        self.route.station(&belief.pose, self.progress_m)
+        self.route.station(&belief.pose, self.farthest_m)
     }
 
     /// Takes a goal: a path to it replaces the old one, unless every way is blocked.
@@ -113,7 +112,7 @@ impl Driver {
                 self.goal_heading = goal.theta.is_finite().then_some(goal.theta);
                 self.has_arrived = false;
                 self.refusal = None;
-                self.restart();
+                self.restart(Some(0.0));
             }
             Err(error) => self.refusal = Some(error),
         }
@@ -141,7 +140,7 @@ impl Driver {
                 corners.extend_from_slice(&rest);
                 self.route = Route::new(corners, self.route.tolerance_m);
                 self.blocked = None;
-                self.restart();
+                self.restart(Some(0.0));
             }
             Ok(_) => self.blocked = Some(PathError::Enclosed),
             Err(error) => self.blocked = Some(error),
@@ -164,9 +163,13 @@ impl Driver {
         if corners.len() > MOST_CORNERS { Err(PathError::Enclosed) } else { Ok(corners) }
     }
 
-    /// The robot may stand anywhere on its path.
-    pub fn restart(&mut self) {
-        self.progress_m = 0.0;
+    /// The pose was lost: the robot may stand anywhere on its path.
+    pub fn forget_station(&mut self) {
+        self.restart(None);
+    }
+
+    fn restart(&mut self, farthest_m: Option<f64>) {
+        self.farthest_m = farthest_m;
         self.jump = JumpFilter::default();
     }
 
@@ -185,7 +188,7 @@ impl Driver {
         let Some(station) = self.station(belief) else {
             return Proposal::abstain(Reason::None).with_note(format_args!("no route and no goal"));
         };
-        self.progress_m = self.progress_m.max(station.progress_m - SLIP_BACK_M);
+        self.farthest_m = Some(self.farthest_m.unwrap_or(0.0).max(station.progress_m));
         let tolerance_m = self.route.tolerance_m;
         self.has_arrived |= station.distance_m <= tolerance_m && station.to_go_m <= tolerance_m;
         if self.has_arrived {

@@ -193,7 +193,7 @@ impl MapLocalizer {
         let before = self.lateral_error_m();
         self.tracker.look(&frame, inputs.now());
         if was_lost && self.tracker.search().is_none() {
-            self.driver.restart();
+            self.driver.forget_station();
         } else if let (Some(before), Some(after)) = (before, self.lateral_error_m()) {
             self.driver.jump(after - before);
         }

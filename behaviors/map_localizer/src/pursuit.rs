@@ -121,7 +121,7 @@ mod tests {
         let route = Route::new(vec![Point2::new(0.0, 0.0), Point2::new(6.0, 0.0)], 0.1);
         let (mut is_turning, mut widest) = (false, 0.0_f64);
         for _ in 0..(seconds / 0.02) as usize {
-            let station = route.station(&pose, 0.0).unwrap();
+            let station = route.station(&pose, None).unwrap();
             let twist = LAW.steer(&route, &station, &pose, 0.0, 1.0, &mut is_turning);
             assert!(twist.linear >= 0.0 && twist.linear <= 0.4 && twist.angular.abs() <= 0.8 + 1e-12);
             pose = pose.integrate(&twist, 0.02);

@@ -9,6 +9,10 @@ use yamabico_core::map::WireFrame;
 const SAME_PLACE_M: f64 = 1e-6;
 /// Distance between the places of a way whose clearance is looked at, metres.
 const SAMPLE_M: f64 = 0.05;
+/// The robot may be pushed back along its path by this, metres; farther back it is not looked for ...
+const SLIP_BACK_M: f64 = 0.5;
+/// ... nor farther ahead than this at once, metres.
+const STEP_AHEAD_M: f64 = 0.5;
 /// Most corners of a path.
 pub const MOST_CORNERS: usize = 64;
 
@@ -76,10 +80,13 @@ impl Route {
         self.corners.len() < 2
     }
 
-    /// Where a robot stands that is past `least_progress_m` of the path: the nearest place ahead of that. `None` without a path.
+    /// Where a robot stands: the nearest place of the path; of a robot that had come this far (m) already, the nearest one
+    /// thereabouts, for a path may cross itself. `None` without a path.
     #[must_use]
-    pub fn station(&self, pose: &Pose2, least_progress_m: f64) -> Option<Station> {
+    pub fn station(&self, pose: &Pose2, farthest_m: Option<f64>) -> Option<Station> {
         let at = pose.position();
+        let least_m = farthest_m.map_or(0.0, |farthest| (farthest - SLIP_BACK_M).max(0.0));
+        let most_m = farthest_m.map_or(f64::INFINITY, |farthest| farthest + STEP_AHEAD_M);
         let total_m = self.length_m();
         let mut begin_m = 0.0;
         let mut best: Option<(f64, Station)> = None;
@@ -89,11 +96,11 @@ impl Route {
             if length <= SAME_PLACE_M {
                 continue;
             }
-            let least = ((least_progress_m - begin_m) / length).clamp(0.0, 1.0);
-            let share = (run.dot(&(at - pair[0])) / (length * length)).clamp(0.0, 1.0).max(least);
+            let [least, most] = [least_m, most_m].map(|limit| ((limit - begin_m) / length).clamp(0.0, 1.0));
+            let share = (run.dot(&(at - pair[0])) / (length * length)).clamp(least, most);
             let distance = (at - (pair[0] + run * share)).norm();
-            let is_behind = begin_m + length < least_progress_m;
-            if !is_behind && best.as_ref().is_none_or(|(nearest, _)| distance < *nearest) {
+            let is_near = begin_m <= most_m && begin_m + length >= least_m;
+            if is_near && best.as_ref().is_none_or(|(nearest, _)| distance < *nearest) {
                 let heading_rad = run.y.atan2(run.x);
                 let progress_m = begin_m + share * length;
                 best = Some((
@@ -234,16 +241,31 @@ mod tests {
     #[test]
     fn a_station_tells_side_heading_and_progress() {
         let route = Route::new(vec![point(0.0, 0.0), point(2.0, 0.0), point(2.0, 3.0)], 0.1);
-        let station = route.station(&Pose2::new(1.0, 0.2, 0.1), 0.0).unwrap();
+        let station = route.station(&Pose2::new(1.0, 0.2, 0.1), None).unwrap();
         assert!((station.progress_m - 1.0).abs() < 1e-12 && (station.lateral_error_m - 0.2).abs() < 1e-12);
         assert!((station.heading_error_rad - 0.1).abs() < 1e-12 && (station.to_go_m - 4.0).abs() < 1e-12);
-        let station = route.station(&Pose2::new(2.3, 1.0, 0.0), 0.0).unwrap();
+        let station = route.station(&Pose2::new(2.3, 1.0, 0.0), None).unwrap();
         assert!((station.progress_m - 3.0).abs() < 1e-12 && (station.lateral_error_m + 0.3).abs() < 1e-12);
-        let station = route.station(&Pose2::new(1.0, 0.0, 0.0), 2.5).unwrap();
-        assert!((station.progress_m - 2.5).abs() < 1e-12, "it does not go back");
-        assert!(Route::default().station(&Pose2::IDENTITY, 0.0).is_none());
+        let station = route.station(&Pose2::new(1.0, 0.0, 0.0), Some(3.0)).unwrap();
+        assert!((station.progress_m - 2.5).abs() < 1e-12, "it does not go far back");
+        assert!(Route::default().station(&Pose2::IDENTITY, None).is_none());
         assert_eq!(route.place_at(2.5), Some(point(2.0, 0.5)));
         assert_eq!(route.place_at(99.0), Some(point(2.0, 3.0)));
+    }
+
+    #[test]
+    fn where_a_path_crosses_itself_the_robot_stays_on_its_piece() {
+        let corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 2.0), (1.0, -2.0)];
+        let route = Route::new(corners.map(|(x, y)| point(x, y)).to_vec(), 0.1);
+        let mut farthest = None;
+        for i in 0..=20 {
+            // A little nearer to the piece that crosses.
+            let station = route.station(&Pose2::new(0.1 * f64::from(i), 0.01, 0.0), farthest).unwrap();
+            assert!((station.progress_m - 0.1 * f64::from(i)).abs() < 0.011, "{}", station.progress_m);
+            farthest = Some(station.progress_m);
+        }
+        let lost = route.station(&Pose2::new(1.01, 0.2, 0.0), None).unwrap();
+        assert!((lost.progress_m - 6.8).abs() < 1e-9, "the whole path: {}", lost.progress_m);
     }
 
     #[test]

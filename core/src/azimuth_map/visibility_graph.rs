@@ -89,13 +89,13 @@ impl VisibilityGraph {
         ways.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(start)
     }
 
-    /// The node with the shortest way through it, of those that are reached.
     /// Whether the straight way between two places crosses no obstacle; touching one is allowed.
     #[must_use]
     pub fn is_open<P: AsRef<[Point2<f64>]>>(line: [Point2<f64>; 2], obstacles: &[P]) -> bool {
         !obstacles.iter().any(|obstacle| crosses(obstacle.as_ref(), line))
     }
 
+    /// The node with the shortest way through it, of those that are reached.
     fn nearest(&self) -> Option<usize> {
         let open = self.nodes.iter().enumerate().filter(|(_, n)| !n.is_done && n.from_start_m.is_finite());
         let through = |n: &Node| n.from_start_m + n.to_goal_m;

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
+use nalgebra::Point2;
 use serde::Serialize;
 use yamabico_arbiter::execution::{End, topics};
 use yamabico_arbiter::record::Tap;
 use yamabico_core::azimuth_map::{EdgeMap, Mapper, MapperRule, WayRule};
 use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::camera::Mount;
-use yamabico_core::config::{BehaviorFile, Task};
+use yamabico_core::config::Task;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Message, MessageType, Odometry, Pose};
@@ -24,6 +25,7 @@ use yamabico_core::vision::radial_edges::{RadialEdgeRule, RadialEdges};
 use super::TaskArguments;
 use super::learn::drive;
 use super::map_plot::plot;
+use super::verify_surfaces::{self, Verifier};
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for the odometry of their instant.
@@ -43,6 +45,9 @@ pub struct Arguments {
     /// How far the camera sways about the vertical from picture to picture, degrees, 0.01 to 10.
     #[arg(long, value_name = "DEG", default_value_t = 0.1)]
     sway_deg: f64,
+    /// Drives a second time, on the new map, and faces every surface with the sonar to tell whether it is solid.
+    #[arg(long)]
+    verify: bool,
     /// Seed of everything that is drawn by chance.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -57,6 +62,7 @@ struct Learned {
     pictures: usize,
     edges: Vec<Edge>,
     surfaces: usize,
+    verified: usize,
 }
 
 /// An edge of the map.
@@ -81,21 +87,30 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
         Err(code) => return code,
     };
     let plot_file = arguments.plot.clone().unwrap_or_else(|| arguments.out.with_extension("png"));
-    let written = cartographer.mapper.finish().map_err(|error| error.to_string()).and_then(|map| {
-        write(&arguments.out, &map)?;
-        plot(&plot_file, &map)?;
-        Ok(map)
-    });
-    let map = match written {
+    let found = cartographer.mapper.finish().map_err(|error| error.to_string());
+    let mut map = match found.and_then(|map| write(&arguments.out, &map).map(|()| map)) {
         Ok(map) => map,
         Err(problem) => return fail(&problem, DEVICE_FAILED),
     };
+    let mut verified = 0;
+    if arguments.verify && end != End::Interrupted {
+        let start = cartographer.mapper.places().first().map_or(Point2::origin(), Pose2::position);
+        verified = match verify(arguments, &task, start, &mut map, print) {
+            Ok(verified) => verified,
+            Err(code) => return code,
+        };
+    }
+    let written = write(&arguments.out, &map).and_then(|()| plot(&plot_file, &map));
+    if let Err(problem) = written {
+        return fail(&problem, DEVICE_FAILED);
+    }
     let learned = Learned {
         map: arguments.out.clone(),
         plot: plot_file,
         end,
         pictures: cartographer.mapper.places().len(),
         surfaces: map.surfaces.len(),
+        verified,
         edges: map
             .edges
             .iter()
@@ -110,6 +125,24 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
     };
     print.show(&learned, text);
     exit(if end == End::Interrupted { NOT_ARRIVED } else { DONE })
+}
+
+/// The second drive; how many surfaces it told.
+fn verify(
+    arguments: &Arguments,
+    task: &Task,
+    start: Point2<f64>,
+    map: &mut EdgeMap,
+    print: Print,
+) -> Result<usize, ExitCode> {
+    let Some(settings) = verify_surfaces::settings(task, map, start, &arguments.out) else { return Ok(0) };
+    let set = arguments.task.set.iter().cloned().chain(settings).collect();
+    let file = arguments.task.file.clone();
+    let second = TaskArguments { file, robot: arguments.task.robot.clone(), set };
+    let task = second.load_or_tell(print).ok_or_else(|| exit(BAD_CONFIGURATION))?;
+    let mut verifier = Verifier::new(&task, map).map_err(|problem| fail(&problem, BAD_CONFIGURATION))?;
+    drive(&task, &second, arguments.seed, &mut verifier, print)?;
+    Ok(verifier.tell(map))
 }
 
 fn write(path: &Path, map: &EdgeMap) -> Result<(), String> {
@@ -134,9 +167,10 @@ fn text(learned: &Learned) -> String {
         ]);
     }
     format!(
-        "{edges}\n{} edges and {} surfaces between them from {} pictures in {}; its picture is {}\n",
+        "{edges}\n{} edges and {} surfaces between them, {} of these verified, from {} pictures in {}; its picture is {}\n",
         learned.edges.len(),
         learned.surfaces,
+        learned.verified,
         learned.pictures,
         learned.map.display(),
         learned.plot.display()
@@ -172,10 +206,7 @@ impl Cartographer {
         let odometry = sensors().find(|(_, sensor)| sensor.message == Odometry::NAME);
         let (_, odometry) =
             odometry.ok_or("no behaviour of the task has odometry: a map has its scale from it")?;
-        let publisher = task.behaviors.iter().find_map(|behavior: &BehaviorFile| {
-            let output = behavior.plugin.outputs.iter().find(|output| output.message.name == Pose::NAME)?;
-            Some(topics::output(&behavior.name, output.name))
-        });
+        let publisher = verify_surfaces::pose_publisher(task).map(|(_, topic)| topic);
         let Mount { x, y, pan, .. } = mount;
         let image = mirror.image();
         let ways = WayRule { sway_rad: sway_deg.to_radians(), ..WayRule::default() };

@@ -15,6 +15,7 @@ pub mod plugin;
 pub mod run;
 mod run_table;
 pub mod schema;
+mod verify_surfaces;
 
 use std::path::PathBuf;
 
