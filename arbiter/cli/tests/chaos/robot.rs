@@ -129,15 +129,26 @@ impl Robot {
         self.run.as_ref().map_or(0, Child::id)
     }
 
-    /// The process of a plugin; `None` while it has none.
+    /// The process of a plugin; `None` while it has none. One that is a program in Python goes by the name of its module.
     pub fn process_of(&self, plugin: &str) -> Option<u32> {
-        processes()
-            .into_iter()
-            .find(|process| {
-                process.parent == self.supervisor()
-                    && process.arguments.get(2).is_some_and(|name| name == plugin)
-            })
-            .map(|process| process.pid)
+        let module = plugin.replace('-', "_");
+        let is_module = |argument: &String| {
+            let stem = argument.trim_end_matches(".py").rsplit(['.', '/']).next();
+            argument.contains("python") && stem == Some(&module)
+                || argument == &format!("yamabico.examples.{module}")
+        };
+        let is_it = |process: &Process| match process.arguments.get(2) {
+            Some(name) if name == plugin => true,
+            _ => process.arguments.iter().skip(1).any(is_module),
+        };
+        let own = |process: &Process| process.parent == self.supervisor() && is_it(process);
+        processes().into_iter().find(own).map(|process| process.pid)
+    }
+
+    /// The robot's bus.
+    #[allow(dead_code, reason = "not all that share this file ask")]
+    pub fn bus(&self) -> &Bus {
+        &self.bus
     }
 
     /// Whether the run still goes on.
@@ -157,7 +168,7 @@ impl Robot {
     }
 
     /// The folder of the transport's files, and the start of the names of its segments.
-    #[allow(dead_code, reason = "of the two that share this file, one does not ask")]
+    #[allow(dead_code, reason = "not all that share this file ask")]
     pub fn files(&self) -> (PathBuf, String) {
         self.bus.files().expect("a bus in shared memory")
     }
@@ -169,7 +180,7 @@ impl Robot {
     }
 
     /// Waits for the end of a run that was killed.
-    #[allow(dead_code, reason = "of the two that share this file, one does not wait")]
+    #[allow(dead_code, reason = "not all that share this file wait")]
     pub fn wait(&mut self) {
         let _ = self.run.as_mut().map(Child::wait);
     }

@@ -1,0 +1,84 @@
+"""What the bus brings to one behaviour, slot by slot."""
+
+from collections import deque
+
+from .behavior import Input, View
+from .bus import STREAM_DEPTH, items_of
+from .messages import FrameHeader, Goal
+
+
+class Inbox:
+    """A slot: the messages that came with the last look, or the newest one ever where nothing came since."""
+
+    def __init__(self, slot, subscriber):
+        self.slot = slot
+        self._subscriber = subscriber
+        self._latest = subscriber.message.CHANNEL == "latest"
+        self._held = deque(maxlen=1 if self._latest else STREAM_DEPTH)
+        self._fresh = 0
+        self._lost = 0
+        self._last = None
+
+    def collect(self):
+        """Takes in what has arrived and lets go of what was seen; whether anything had arrived."""
+        self._fresh = 0
+        while (received := self._subscriber.receive()) is not None:
+            if self._fresh == 0:
+                self._held.clear()
+            header, sample = received
+            # A picture stays where it is; everything else is small and copied.
+            is_frame = type(header) is FrameHeader
+            self._held.append((header, sample if is_frame else items_of(type(header), sample)))
+            self._fresh = min(self._fresh + 1, self._held.maxlen)
+            self._count(header)
+            del sample, received
+        return self._fresh > 0
+
+    def newest(self):
+        """The newest header; None where nothing ever arrived."""
+        return self._held[-1][0] if self._held else None
+
+    def input(self, lease):
+        """What the behaviour sees of it; pictures under `lease`."""
+        lost, self._lost = self._lost, 0
+        return Input([self._view(header, rest, lease) for header, rest in self._held], self._fresh, lost)
+
+    def _view(self, header, rest, lease):
+        if type(header) is FrameHeader:
+            from .lent import lend, pixels_of
+
+            def pixels():
+                lease.check()
+                data = lend(rest.payload_ptr, rest.payload().len(), rest, lease)
+                return pixels_of(header, data)
+
+            return View(header, pixels=pixels)
+        return View(header, rest)
+
+    def _count(self, header):
+        sequence = getattr(header, "sequence", 0)
+        if not self._latest and self._last is not None:
+            self._lost += max(sequence - self._last - 1, 0)
+        self._last = sequence
+
+
+class Feed:
+    """The slots of one behaviour."""
+
+    def __init__(self, bus, slots):
+        """`slots`: name, topic and message class of each."""
+        self._inboxes = [Inbox(name, bus.subscriber(topic, message)) for name, topic, message in slots]
+
+    def collect(self):
+        """Takes in what has arrived; whether anything had."""
+        return any([inbox.collect() for inbox in self._inboxes])
+
+    def inputs(self, lease_of):
+        """What is in each slot, by its name; pictures under `lease_of(slot)`."""
+        return {inbox.slot: inbox.input(lease_of(inbox.slot)) for inbox in self._inboxes}
+
+    def evidence_ns(self):
+        """The oldest evidence among the newest messages of all slots; None where nothing ever arrived."""
+        newest = [header for header in (inbox.newest() for inbox in self._inboxes) if header is not None]
+        stamps = [getattr(header, "evidence_ns", header.stamp_ns) for header in newest if type(header) is not Goal]
+        return min(stamps, default=None)
