@@ -88,6 +88,8 @@ pub struct BehaviourPolicy {
     pub max_evidence_age: Duration,
     /// Age of its oldest sensor data above which a command of it counts as late.
     pub latency_budget: Option<Duration>,
+    /// Whether it is silent while it is inhibited, which then tells it that it may be.
+    pub sleeps: bool,
     /// A halt lasts at least this long, and a halt or limit outlives its silent author by this.
     pub hold: Duration,
     /// Lower priorities wait this long before they take over an axis that it drove.
@@ -107,6 +109,7 @@ impl BehaviourPolicy {
             max_age: Duration::from_millis(200),
             max_evidence_age: Duration::from_secs(1),
             latency_budget: None,
+            sleeps: false,
             hold: Duration::from_millis(500),
             dwell: Duration::ZERO,
         }

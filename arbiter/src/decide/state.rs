@@ -51,6 +51,8 @@ pub(super) struct Rule {
     /// First row of a lower priority; the next one in a strict contest.
     pub group_end: u16,
     pub enabled: bool,
+    /// Whether it is silent while it is inhibited.
+    pub sleeps: bool,
     /// Index of its watch.
     pub watch: Option<u16>,
     /// First row of the same priority; the row itself in a strict contest.
@@ -117,6 +119,7 @@ impl State {
                     group_start: group_start as u16,
                     group_end: group_end as u16,
                     enabled: behaviour.enabled,
+                    sleeps: behaviour.sleeps,
                     watch,
                     max_age_ns: nanoseconds(behaviour.max_age),
                     max_evidence_age_ns: nanoseconds(behaviour.max_evidence_age),

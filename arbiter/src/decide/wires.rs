@@ -42,14 +42,14 @@ pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
             line.until = Time(now.0.saturating_add(line.hold_ns));
             line.axes = by.named;
         }
-        let what = &mut state.hearings[line.what];
-        if !what.drives || !(by.active || now < line.until) {
+        let (what, rule) = (&mut state.hearings[line.what], &state.rules[line.what]);
+        let ruling = &mut decision.rulings[usize::from(rule.slot)];
+        if !(what.drives || rule.sleeps && is_asleep(ruling.outcome)) || !(by.active || now < line.until) {
             continue;
         }
         match line.kind {
             WireKind::Inhibit => {
                 (what.drives, what.active) = (false, state.restraints[line.what].any());
-                let ruling = &mut decision.rulings[usize::from(state.rules[line.what].slot)];
                 ruling.outcome = Outcome::Inhibited;
                 ruling.by = Some(state.rules[line.by].slot);
             }
@@ -61,6 +61,11 @@ pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
             }
         }
     }
+}
+
+/// Whether it is what a behaviour leaves that is not asked, or that has not been told to wake up yet.
+fn is_asleep(outcome: Outcome) -> bool {
+    matches!(outcome, Outcome::Silent | Outcome::Stale | Outcome::StaleEvidence)
 }
 
 /// Every line into a row before the lines out of it; those of a cycle last.

@@ -61,5 +61,6 @@ fn ward(
         begin: Begin::WithTheFirstCommand,
         part,
     };
-    Ok(WardPlan { charge, on_death, patience: hosting.patience, exec: Vec::new() })
+    let Hosting { patience, scheduling, .. } = *hosting;
+    Ok(WardPlan { charge, on_death, patience, scheduling, exec: Vec::new() })
 }

@@ -16,7 +16,8 @@ use yamabico_core::bus::{Bus, BusError, RawSubscriber, Waiter};
 use yamabico_core::config::Run;
 use yamabico_core::message::MessageType;
 use yamabico_core::seat::{
-    BehaviorSeat, DeviceSeat, Durations, Hosting, Pulse, SeatError, behave, operate, panicked, topics,
+    BehaviorSeat, DeviceSeat, Durations, Hosting, Pulse, Scheduling, SeatError, behave, operate, panicked,
+    topics,
 };
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::{Time, TimeSource};
@@ -66,9 +67,9 @@ pub struct Live {
 
 /// Everything that has been opened and waits for its thread.
 struct Seats {
-    arbiter: (ArbiterSeat, Waiter, Duration),
-    behaviors: Vec<(BehaviorSeat, Waiter, Pulse)>,
-    devices: Vec<(String, DeviceSeat, Waiter, Pulse)>,
+    arbiter: (ArbiterSeat, Waiter, Duration, Scheduling),
+    behaviors: Vec<(BehaviorSeat, Waiter, Pulse, Scheduling)>,
+    devices: Vec<(String, DeviceSeat, Waiter, Pulse, Scheduling)>,
 }
 
 /// What the threads are told.
@@ -165,26 +166,27 @@ impl Live {
 
     /// Starts every thread, the arbiter's first.
     fn start(&mut self) -> Result<(), DeviceError> {
-        let Some(Seats { arbiter: (arbiter, waiter, period), behaviors, devices }) = self.seats.take() else {
+        let Some(Seats { arbiter, behaviors, devices }) = self.seats.take() else {
             return Err(DeviceError::failed("live run", "it has been run before; open another one"));
         };
         self.began = Time::monotonic_now();
-        self.start_thread("arbiter", move |orders, report| {
+        let (arbiter, waiter, period, scheduling) = arbiter;
+        self.start_thread("arbiter", scheduling, move |orders, report| {
             arbitrate(arbiter, waiter, period, orders, report);
             Box::new(())
         })?;
         if let Some(supervisor) = &self.supervisor {
             supervisor.begin();
         }
-        for (mut seat, mut waiter, mut pulse) in behaviors {
+        for (mut seat, mut waiter, mut pulse, scheduling) in behaviors {
             let name = seat.name().to_owned();
-            self.start_thread(&name, move |orders, _| {
+            self.start_thread(&name, scheduling, move |orders, _| {
                 behave(&mut seat, &mut waiter, &mut pulse, &|| orders.is_over());
                 Box::new((seat, pulse))
             })?;
         }
-        for (name, mut seat, mut waiter, mut pulse) in devices {
-            self.start_thread(&name, move |orders, _| {
+        for (name, mut seat, mut waiter, mut pulse, scheduling) in devices {
+            self.start_thread(&name, scheduling, move |orders, _| {
                 operate(&mut seat, &mut waiter, &mut pulse, &|| orders.is_over());
                 Box::new((seat, pulse))
             })?;
@@ -195,10 +197,14 @@ impl Live {
     fn start_thread(
         &mut self,
         name: &str,
+        scheduling: Scheduling,
         work: impl FnOnce(&Orders, &dyn Fn(Report)) -> Box<dyn Any + Send> + Send + 'static,
     ) -> Result<(), DeviceError> {
         let (orders, report, who) = (Arc::clone(&self.orders), self.report.clone(), name.to_owned());
         let body = move || {
+            for refused in scheduling.apply() {
+                tracing::warn!("`{who}` runs on although {refused}");
+            }
             // Nobody listens any more only when the run has ended.
             let tell = |told| drop(report.send(told));
             match catch_unwind(AssertUnwindSafe(|| work(&orders, &tell))) {
@@ -329,28 +335,34 @@ impl Live {
 
 impl Seats {
     /// The arbiter's seat, which is opened before any other.
-    fn arbiter(plan: &Plan, bus: &Bus) -> Result<(ArbiterSeat, Waiter, Duration), SeatError> {
+    fn arbiter(plan: &Plan, bus: &Bus) -> Result<(ArbiterSeat, Waiter, Duration, Scheduling), SeatError> {
         let arbiter = ArbiterSeat::open(plan, bus)?;
         let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
         let proposals = plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name));
         let heard: Vec<String> =
             std::iter::once(topics::CONTROL.to_owned()).chain(proposals).take(MOST_BELLS).collect();
         let waiter = bus.waiter(&heard.iter().map(String::as_str).collect::<Vec<_>>())?;
-        Ok((arbiter, waiter, period))
+        Ok((arbiter, waiter, period, plan.scheduling))
     }
 
-    fn open(arbiter: (ArbiterSeat, Waiter, Duration), plan: Plan, bus: &Bus) -> Result<Seats, SeatError> {
+    fn open(
+        arbiter: (ArbiterSeat, Waiter, Duration, Scheduling),
+        plan: Plan,
+        bus: &Bus,
+    ) -> Result<Seats, SeatError> {
         let pulse = |name: &str, hosting: &Hosting| Pulse::open(bus, name, 0, hosting.patience / 4);
         let behaviors = plan.behaviors.into_iter().map(|behavior| {
             let waiter = behavior.waiter(bus)?;
             let pulse = pulse(&behavior.setup.name, &behavior.hosting)?;
-            Ok((BehaviorSeat::open(behavior, bus)?, waiter, pulse))
+            let scheduling = behavior.hosting.scheduling;
+            Ok((BehaviorSeat::open(behavior, bus)?, waiter, pulse, scheduling))
         });
         let behaviors = behaviors.collect::<Result<_, SeatError>>()?;
         let devices = plan.devices.into_iter().map(|device| {
             let name = device.spec.name.clone();
             let (waiter, pulse) = (bus.waiter(&[topics::COMMAND])?, pulse(&name, &device.hosting)?);
-            Ok((name, DeviceSeat::open(device, bus)?, waiter, pulse))
+            let scheduling = device.hosting.scheduling;
+            Ok((name, DeviceSeat::open(device, bus)?, waiter, pulse, scheduling))
         });
         Ok(Seats { arbiter, behaviors, devices: devices.collect::<Result<_, SeatError>>()? })
     }

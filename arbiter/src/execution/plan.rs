@@ -9,7 +9,9 @@ use yamabico_core::message::{
     CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal, Heartbeat,
     Message, MessageType, Name, Proposal, Truth, Verdict, WallPoint, WallsHeader,
 };
-use yamabico_core::seat::{BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, topics};
+use yamabico_core::seat::{
+    BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, Scheduling, topics,
+};
 
 use crate::kinematics::Kinematics;
 use crate::policy::{BehaviourPolicy, Contest, CriticalSensor, Lateness, Policy, Wire};
@@ -44,6 +46,8 @@ pub struct Plan {
     pub behaviors: Vec<BehaviorPlan>,
     /// How proposals become a command; behaviours in the same order.
     pub policy: Policy,
+    /// Live: what is asked of the system's scheduler for the arbiter.
+    pub scheduling: Scheduling,
 }
 
 impl Plan {
@@ -54,6 +58,7 @@ impl Plan {
             devices: devices(task, seed),
             behaviors: task.behaviors.iter().map(|behavior| behavior_plan(task, behavior)).collect(),
             policy: policy(task),
+            scheduling: task.arbiter.scheduling,
         }
     }
 
@@ -134,8 +139,11 @@ fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
         typed.collect()
     };
     let specs = task.robot.specs(seed).into_iter();
-    let hosting =
-        |device: &config::DeviceFile| Hosting { isolation: device.isolation, patience: device.patience };
+    let hosting = |device: &config::DeviceFile| Hosting {
+        isolation: device.isolation,
+        patience: device.patience,
+        scheduling: device.scheduling,
+    };
     let hostings = task.robot.devices.iter().map(hosting);
     let plans = specs.zip(hostings);
     plans
@@ -164,7 +172,12 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
         // Without any input it would never be asked: it is asked every tick.
         period: period.or_else(|| behavior.inputs.is_empty().then_some(task.arbiter.period)),
         budget: behavior.budget,
-        hosting: Hosting { isolation: behavior.isolation, patience: behavior.patience },
+        sleeps: behavior.sleeps,
+        hosting: Hosting {
+            isolation: behavior.isolation,
+            patience: behavior.patience,
+            scheduling: behavior.scheduling,
+        },
         exec: behavior.exec.clone(),
     }
 }
@@ -179,6 +192,7 @@ fn policy(task: &Task) -> Policy {
         max_age: behavior.max_age,
         max_evidence_age: behavior.max_evidence_age,
         latency_budget: behavior.latency_budget,
+        sleeps: behavior.sleeps,
         hold: behavior.hold,
         dwell: behavior.dwell,
     });

@@ -7,6 +7,7 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal, kill_process};
 use yamabico_core::message::Heartbeat;
 use yamabico_core::plugin::{Begin, Charge, OnDeath};
+use yamabico_core::seat::Scheduling;
 use yamabico_core::time::Time;
 
 use super::back_off::BackOff;
@@ -27,6 +28,8 @@ pub struct WardPlan {
     pub on_death: OnDeath,
     /// It may show no sign of life for so long.
     pub patience: Duration,
+    /// What is asked of the system's scheduler for it.
+    pub scheduling: Scheduling,
     /// The program that it is, and its arguments; empty where it is a part of the supervisor's.
     pub exec: Vec<String>,
 }

@@ -66,3 +66,25 @@ fn a_hand_over_waits_towards_a_lower_priority_only() {
     bench.say(0, forward(0.3)).decide();
     assert_eq!(bench.outcome(0), Outcome::Won);
 }
+
+#[test]
+fn who_sleeps_while_inhibited_is_told_so_although_it_is_silent() {
+    for (sleeps, silent, stale) in
+        [(true, Outcome::Inhibited, Outcome::Inhibited), (false, Outcome::Silent, Outcome::Stale)]
+    {
+        let mut bench = two_with(|policy| {
+            policy.wires = vec![Wire::inhibit(0, 1, ms(100))];
+            policy.behaviours[1].sleeps = sleeps;
+        });
+        bench.say(0, forward(0.2)).decide();
+        assert_eq!(bench.outcome(1), silent);
+        bench.say(1, forward(0.5)).decide();
+        assert_eq!(bench.outcome(1), Outcome::Inhibited);
+        bench.after(ms(201)).say(0, forward(0.2)).decide();
+        assert_eq!(bench.outcome(1), stale, "it has not been asked since");
+        bench.say(0, Proposal::abstain(Reason::Clear)).decide();
+        assert_eq!(bench.outcome(1), stale, "the wire holds on");
+        bench.after(ms(101)).decide();
+        assert_eq!(bench.outcome(1), Outcome::Stale, "which wakes it");
+    }
+}

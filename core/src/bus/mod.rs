@@ -35,7 +35,7 @@ pub use clean_up::{CleanedUp, Cleaner, Janitor};
 pub use error::BusError;
 pub use iceoryx2::prelude::ZeroCopySend;
 pub use inbox::Inbox;
-pub use process::keep_files_from_children;
+pub use process::{keep_files_from_children, run_first_come_first_served};
 pub use publisher::{Publisher, RawPublisher};
 pub use sample::{RawSample, Sample};
 pub use subscriber::{RawSubscriber, Subscriber};

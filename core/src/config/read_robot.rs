@@ -128,13 +128,14 @@ fn read_device(
     check_table(table, entry.node.span, &[Shape::new(&common), Shape::new(&own)], &owner, problems);
     let mut keys = own_keys(table, &common, &own);
     resolve_paths(table, &own, home, &mut keys, problems);
-    let common: DeviceKeys =
-        table.to_toml(|key| key == "isolation" || key == "deadline_ms").try_into().unwrap_or_default();
+    let right = |key: &str| matches!(key, "isolation" | "deadline_ms" | "scheduling");
+    let common: DeviceKeys = table.to_toml(right).try_into().unwrap_or_default();
     Some(DeviceFile {
         name: entry.key.clone(),
         driver: *plugin,
         table: keys,
         isolation: common.isolation,
+        scheduling: common.scheduling.scheduling(),
         patience: Duration::try_from_secs_f64(common.deadline_ms * 1e-3).unwrap_or_default(),
     })
 }

@@ -58,6 +58,7 @@ pub(crate) fn read_task(
         let inputs_are_right = problems.len() == before;
         let behavior = draft.behavior(plugin, inputs, robot.as_ref(), &keys.arbiter, home);
         draft.check_switches(problems);
+        draft.check_rank(&keys.arbiter, problems);
         draft.check_axes(&plugin, robot.as_ref(), problems);
         draft.check_ages(&behavior, tree, robot.as_ref(), problems);
         let is_fed = inputs_are_right && !unfed.contains(&draft.entry.key);
@@ -99,7 +100,12 @@ pub(crate) fn read_task(
             }),
             step: step.min(period),
         },
-        arbiter: Arbiter { period, policy: keys.arbiter.policy, latency_slows: keys.arbiter.latency_slows },
+        arbiter: Arbiter {
+            period,
+            policy: keys.arbiter.policy,
+            latency_slows: keys.arbiter.latency_slows,
+            scheduling: keys.arbiter.scheduling.scheduling(),
+        },
         behaviors,
         inhibit: plain(inhibit),
         suppress: plain(suppress),
@@ -235,6 +241,8 @@ impl Draft<'_> {
             hold: duration(keys.hold_ms),
             dwell: duration(keys.dwell_ms),
             isolation: if self.exec.is_empty() { keys.isolation } else { Isolation::Process },
+            scheduling: keys.scheduling.scheduling(),
+            sleeps: keys.sleeps_while_inhibited,
             exec: self.exec.clone(),
             patience: duration(keys.deadline_ms.unwrap_or((3.0 * own_period_ms).max(LEAST_PATIENCE_MS))),
         }
@@ -250,6 +258,26 @@ impl Draft<'_> {
                 .label("the robot would never move")
                 .also(self.span("critical"), "critical here")
                 .help("take one of the two keys away"),
+            );
+        }
+    }
+
+    /// Whoever goes before the arbiter could keep it from the processor.
+    fn check_rank(&self, arbiter: &ArbiterKeys, problems: &mut Vec<Problem>) {
+        let (Some(own), most) = (self.keys.scheduling.fifo, arbiter.scheduling.fifo.unwrap_or(0)) else {
+            return;
+        };
+        if own >= most {
+            problems.push(
+                Problem::new(
+                    self.span("scheduling"),
+                    format!("`{}` could keep the arbiter from the processor", self.entry.key),
+                )
+                .label(match most {
+                    0 => "it is real-time, the arbiter is not".to_owned(),
+                    most => format!("its priority is {own}, the arbiter's {most}"),
+                })
+                .help(format!("set scheduling.fifo to more than {own} under [arbiter]")),
             );
         }
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::tables::Isolation;
 use crate::message::Axes;
+use crate::seat::Scheduling;
 use crate::sensor::{DeviceSpec, DriverPlugin, PartSpec, Robot, SensorInfo};
 
 /// What a robot file says: devices, sensors, drive, footprint and limits.
@@ -35,6 +36,8 @@ pub struct DeviceFile {
     pub isolation: Isolation,
     /// A process of it that shows no sign of life for longer hangs.
     pub patience: Duration,
+    /// What is asked of the system's scheduler for it.
+    pub scheduling: Scheduling,
 }
 
 /// A sensor of a robot file.

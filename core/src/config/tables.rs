@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::seat::Scheduling;
+
 /// Top of a task file.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
@@ -79,6 +81,8 @@ pub(crate) struct ArbiterKeys {
     pub latency_budget_ms: Option<f64>,
     /// Whether late commands slow the robot: to the share of its largest speeds that the budget has in the data's age.
     pub latency_slows: bool,
+    /// What is asked of the system's scheduler for the arbiter.
+    pub scheduling: SchedulingKeys,
 }
 
 impl Default for ArbiterKeys {
@@ -90,6 +94,7 @@ impl Default for ArbiterKeys {
             max_evidence_age_ms: 1000.0,
             latency_budget_ms: None,
             latency_slows: false,
+            scheduling: SchedulingKeys::default(),
         }
     }
 }
@@ -103,6 +108,32 @@ pub enum Isolation {
     Process,
     /// On a thread of the arbiter's process: no start-up to wait for, but a crash is everybody's.
     Thread,
+}
+
+/// What is asked of the system's scheduler while the robot runs live; what it refuses is told, and the robot runs on.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
+#[serde(default)]
+pub(crate) struct SchedulingKeys {
+    /// Real-time priority (SCHED_FIFO): it goes before everything that has none, and before lower ones.
+    #[schemars(range(min = 1, max = 99))]
+    pub fifo: Option<u8>,
+    /// Niceness: lower gets more of the processor.
+    #[schemars(range(min = -20, max = 19))]
+    pub nice: Option<i8>,
+    /// The processors that it may run on, by number; without it, all.
+    #[schemars(length(min = 1), inner(range(min = 0, max = 127)))]
+    pub affinity: Option<Vec<u8>>,
+}
+
+impl SchedulingKeys {
+    pub fn scheduling(&self) -> Scheduling {
+        let numbers = self.affinity.iter().flatten().filter(|number| **number < 128);
+        Scheduling {
+            fifo: self.fifo,
+            nice: self.nice,
+            processors: numbers.fold(0, |all, number| all | 1 << number),
+        }
+    }
 }
 
 /// Who gets an axis that several behaviours claim.
@@ -159,6 +190,10 @@ pub(crate) struct BehaviorKeys {
     pub dwell_ms: f64,
     /// Where it runs while the robot runs live.
     pub isolation: Isolation,
+    /// What is asked of the system's scheduler for it.
+    pub scheduling: SchedulingKeys,
+    /// Whether it is not asked while another behaviour inhibits it; it then begins with the newest input.
+    pub sleeps_while_inhibited: bool,
     /// The program that it is, and its arguments, where it is no part of this one; a path is relative to this file.
     #[schemars(length(min = 1))]
     pub exec: Option<Vec<String>>,
@@ -181,6 +216,8 @@ impl Default for BehaviorKeys {
             hold_ms: 500.0,
             dwell_ms: 0.0,
             isolation: Isolation::default(),
+            scheduling: SchedulingKeys::default(),
+            sleeps_while_inhibited: false,
             exec: None,
         }
     }
@@ -319,11 +356,18 @@ pub(crate) struct DeviceKeys {
     /// A process of it that is silent for longer hangs, and is started again.
     #[schemars(range(min = 50.0, max = 60000.0))]
     pub deadline_ms: f64,
+    /// What is asked of the system's scheduler for it.
+    pub scheduling: SchedulingKeys,
 }
 
 impl Default for DeviceKeys {
     fn default() -> Self {
-        DeviceKeys { driver: None, isolation: Isolation::default(), deadline_ms: 500.0 }
+        DeviceKeys {
+            driver: None,
+            isolation: Isolation::default(),
+            deadline_ms: 500.0,
+            scheduling: SchedulingKeys::default(),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::robot::RobotFile;
 use super::tables::{Isolation, Policy};
 use crate::behavior::{Behavior, BehaviorPlugin, BuildError, Setup};
+use crate::seat::Scheduling;
 
 /// What a task file and its robot file say together. Nothing in it is unchecked.
 #[derive(Clone, Debug)]
@@ -60,6 +61,9 @@ pub struct Arbiter {
     pub period: Duration,
     /// Who gets an axis that several claim.
     pub policy: Policy,
+    /// What is asked of the system's scheduler for the arbiter.
+    #[serde(skip)]
+    pub scheduling: Scheduling,
     /// Whether commands that rest on data older than a latency budget slow the robot.
     pub latency_slows: bool,
 }
@@ -104,6 +108,10 @@ pub struct BehaviorFile {
     /// A process of it that shows no sign of life for longer hangs: the deadline as written, or three periods and at least
     /// a quarter of a second.
     pub patience: Duration,
+    /// What is asked of the system's scheduler for it.
+    pub scheduling: Scheduling,
+    /// Whether it is not asked while it is inhibited.
+    pub sleeps: bool,
     /// The program that it is, and its arguments; empty where it is a part of this one.
     pub exec: Vec<String>,
 }

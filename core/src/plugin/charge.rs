@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::behavior::{BehaviorPlugin, Setup};
 use crate::config::Isolation;
 use crate::message::MessageType;
-use crate::seat::{BehaviorPlan, DevicePlan, Hosting, topics};
+use crate::seat::{BehaviorPlan, DevicePlan, Hosting, Scheduling, topics};
 use crate::sensor::{DeviceSpec, DriverPlugin, Robot, SensorInfo};
 
 /// The version of what [`Charge`] holds.
@@ -70,6 +70,9 @@ pub struct BehaviorCharge {
     pub period_ms: Option<f64>,
     /// Longer calls count as overruns, milliseconds.
     pub budget_ms: Option<f64>,
+    /// It need not be asked while its verdict on `decision` is `inhibited`.
+    #[serde(default)]
+    pub sleeps_while_inhibited: bool,
     /// Relative paths in its parameters start here.
     pub folder: PathBuf,
     /// Its parameters, checked against its schema.
@@ -160,6 +163,7 @@ impl BehaviorCharge {
             proposal: topics::proposal(&setup.name),
             period_ms: plan.period.map(milliseconds),
             budget_ms: plan.budget.map(milliseconds),
+            sleeps_while_inhibited: plan.sleeps,
             folder: setup.folder.clone(),
             parameters: plan.table.clone(),
             robot: setup.robot.clone(),
@@ -203,6 +207,7 @@ impl BehaviorCharge {
             inputs,
             period: self.period_ms.map(duration),
             budget: self.budget_ms.map(duration),
+            sleeps: self.sleeps_while_inhibited,
             hosting,
             exec: Vec::new(),
         })
@@ -256,7 +261,12 @@ impl Charge {
 
     /// Where it runs: here.
     pub fn hosting(&self) -> Hosting {
-        Hosting { isolation: Isolation::Process, patience: duration(4.0 * self.beat_ms) }
+        Hosting {
+            isolation: Isolation::Process,
+            patience: duration(4.0 * self.beat_ms),
+            // The process has it since it was started.
+            scheduling: Scheduling::default(),
+        }
     }
 }
 

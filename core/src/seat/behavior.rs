@@ -4,14 +4,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use crate::behavior::{Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Setup};
-use crate::bus::{Bus, BusError, Publisher, Waiter};
+use crate::bus::{Bus, BusError, Publisher, Subscriber, Waiter};
 use crate::config::Isolation;
-use crate::message::{Kind, MessageType, Name, Proposal};
+use crate::message::{DecisionHeader, Kind, MessageType, Name, Outcome, Proposal, Verdict};
 use crate::time::{Time, TimeSource};
 
 use super::durations::Durations;
 use super::feed::Feed;
 use super::ports::Ports;
+use super::scheduling::Scheduling;
 use super::topics;
 
 /// After so many panics a behaviour stays out.
@@ -34,6 +35,8 @@ pub struct BehaviorPlan {
     pub period: Option<Duration>,
     /// Longer calls count as overruns.
     pub budget: Option<Duration>,
+    /// Whether it is not asked while it is inhibited.
+    pub sleeps: bool,
     /// Live: where it runs, and how long it may show no sign of life.
     pub hosting: Hosting,
     /// The program that it is, and its arguments; empty where it is a part of this one.
@@ -41,12 +44,13 @@ pub struct BehaviorPlan {
 }
 
 impl BehaviorPlan {
-    /// Waits for what arrives in the behaviour's slots.
+    /// Waits for what arrives in the behaviour's slots, and where it may sleep, for what wakes it.
     ///
     /// # Errors
     /// Topics that do not ring.
     pub fn waiter(&self, bus: &Bus) -> Result<Waiter, BusError> {
-        bus.waiter(&self.inputs.iter().map(|(_, topic, _)| topic.as_str()).collect::<Vec<_>>())
+        let inputs = self.inputs.iter().map(|(_, topic, _)| topic.as_str());
+        bus.waiter(&inputs.chain(self.sleeps.then_some(topics::DECISION)).collect::<Vec<_>>())
     }
 }
 
@@ -57,6 +61,8 @@ pub struct Hosting {
     pub isolation: Isolation,
     /// A process that shows no sign of life for longer hangs.
     pub patience: Duration,
+    /// What is asked of the system's scheduler for it.
+    pub scheduling: Scheduling,
 }
 
 /// How a behaviour fared. Wall-clock figures: they never enter a decision.
@@ -77,6 +83,9 @@ pub struct BehaviorSeat {
     plan: BehaviorPlan,
     behavior: Option<Box<dyn Behavior>>,
     feed: Feed,
+    /// Where it may sleep, what tells it whether to.
+    decisions: Option<Subscriber<DecisionHeader>>,
+    sleeps: bool,
     ports: Ports,
     proposals: Publisher<Proposal>,
     name: Name,
@@ -103,6 +112,8 @@ impl BehaviorSeat {
         Ok(BehaviorSeat {
             behavior: Some((plan.plugin.build)(&plan.table, &plan.setup)?),
             feed: Feed::open(bus, &plan.inputs)?,
+            decisions: plan.sleeps.then(|| bus.subscriber(topics::DECISION)).transpose()?,
+            sleeps: false,
             ports: Ports::open(bus, &outputs)?,
             proposals: bus.publisher(&topics::proposal(instance))?,
             name: Name::new(instance),
@@ -136,12 +147,23 @@ impl BehaviorSeat {
     /// The bus failed.
     pub fn collect(&mut self) -> Result<(), BusError> {
         self.fresh |= self.feed.collect()?;
+        let Some(decisions) = &self.decisions else { return Ok(()) };
+        if let Some(decision) = decisions.newest()? {
+            let mut verdicts = decision.items().iter();
+            let own = verdicts.find(|verdict| verdict.behaviour == self.name);
+            self.sleeps = own.and_then(Verdict::outcome) == Some(Outcome::Inhibited);
+        }
         Ok(())
     }
 
-    /// When it wants to be asked though nothing is new; `None` where never, or where it stays out.
+    /// Whether it is inhibited and therefore not asked.
+    pub fn sleeps(&self) -> bool {
+        self.sleeps
+    }
+
+    /// When it wants to be asked though nothing is new; `None` where never, while it sleeps, or where it stays out.
     pub fn next_call(&self) -> Option<Time> {
-        let period = self.plan.period.filter(|_| self.behavior.is_some())?;
+        let period = self.plan.period.filter(|_| self.behavior.is_some() && !self.sleeps)?;
         Some(self.last_call.map_or(Time::ZERO, |last| last + period))
     }
 
@@ -151,7 +173,7 @@ impl BehaviorSeat {
     /// # Errors
     /// The bus refused the proposal.
     pub fn propose(&mut self, now: Time) -> Result<(), BusError> {
-        let due = self.fresh || self.next_call().is_some_and(|at| at <= now);
+        let due = !self.sleeps && (self.fresh || self.next_call().is_some_and(|at| at <= now));
         let Some(behavior) = self.behavior.as_mut().filter(|_| due) else { return Ok(()) };
         let started = Instant::now();
         let (feed, ports) = (&self.feed, &mut self.ports);
@@ -260,7 +282,7 @@ pub enum SeatError {
 mod tests {
     use super::*;
     use crate::bus::Spec;
-    use crate::message::Axes;
+    use crate::message::{Axes, Odometry, Reason};
     use std::sync::atomic::{AtomicU32, Ordering};
 
     struct Broken;
@@ -271,9 +293,7 @@ mod tests {
         }
     }
 
-    fn seat(build: crate::behavior::Build) -> BehaviorSeat {
-        let bus = Bus::local("seat").unwrap();
-        bus.create::<Proposal>(&topics::proposal("broken"), &Spec::default()).unwrap();
+    fn plan(build: crate::behavior::Build) -> BehaviorPlan {
         let plugin = BehaviorPlugin {
             name: "broken",
             summary: "Panics.",
@@ -285,7 +305,7 @@ mod tests {
             told: None,
             build,
         };
-        let plan = BehaviorPlan {
+        BehaviorPlan {
             plugin,
             table: toml::Table::new(),
             setup: Setup { name: "broken".into(), ..Setup::default() },
@@ -293,10 +313,24 @@ mod tests {
             inputs: Vec::new(),
             period: Some(Duration::from_millis(20)),
             budget: None,
-            hosting: Hosting { isolation: Isolation::Thread, patience: Duration::from_secs(1) },
+            sleeps: false,
+            hosting: Hosting {
+                isolation: Isolation::Thread,
+                patience: Duration::from_secs(1),
+                scheduling: Scheduling::default(),
+            },
             exec: Vec::new(),
-        };
-        BehaviorSeat::open(plan, &bus).unwrap()
+        }
+    }
+
+    fn bus() -> Bus {
+        let bus = Bus::local("seat").unwrap();
+        bus.create::<Proposal>(&topics::proposal("broken"), &Spec::default()).unwrap();
+        bus
+    }
+
+    fn seat(build: crate::behavior::Build) -> BehaviorSeat {
+        BehaviorSeat::open(plan(build), &bus()).unwrap()
     }
 
     fn panics_of(mut seat: BehaviorSeat) -> u32 {
@@ -327,5 +361,107 @@ mod tests {
             _ => panic!("not again"),
         });
         assert_eq!(panics_of(panics), 1);
+    }
+
+    /// Proposes what it was handed, after so many milliseconds.
+    struct Slow(u64);
+
+    impl Behavior for Slow {
+        fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+            std::thread::sleep(Duration::from_millis(self.0));
+            Proposal::abstain(Reason::Clear)
+        }
+    }
+
+    fn at(millis: u64) -> Time {
+        Time(millis * 1_000_000)
+    }
+
+    /// A seat that is fed with odometry, and what it says.
+    fn fed(
+        change: impl FnOnce(&mut BehaviorPlan),
+    ) -> (BehaviorSeat, Publisher<Odometry>, Subscriber<Proposal>, Bus) {
+        let bus = bus();
+        bus.create::<Odometry>("wheels", &Spec::default()).unwrap();
+        let list_bytes = 4 * size_of::<Verdict>();
+        bus.create::<DecisionHeader>(topics::DECISION, &Spec { list_bytes, ..Spec::default() }).unwrap();
+        let mut plan = plan(|_, _| Ok(Box::new(Slow(5))));
+        plan.period = None;
+        plan.inputs = vec![("wheels".into(), "wheels".into(), MessageType::of::<Odometry>())];
+        change(&mut plan);
+        let seat = BehaviorSeat::open(plan, &bus).unwrap();
+        let wheels = bus.publisher("wheels").unwrap();
+        let said = bus.subscriber(&topics::proposal("broken")).unwrap();
+        (seat, wheels, said, bus)
+    }
+
+    fn measure(wheels: &Publisher<Odometry>, millis: u64) {
+        wheels
+            .publish(&Odometry { stamp_ns: at(millis).0, sequence: millis, ..Default::default() }, &[])
+            .unwrap();
+    }
+
+    fn turn(seat: &mut BehaviorSeat, millis: u64) -> u64 {
+        seat.collect().unwrap();
+        seat.propose(at(millis)).unwrap();
+        seat.record().calls.count()
+    }
+
+    #[test]
+    fn it_is_asked_once_for_all_that_arrived_and_rests_on_the_newest() {
+        let (mut seat, wheels, said, _bus) = fed(|_| ());
+        assert_eq!(turn(&mut seat, 5), 0, "nothing is new");
+        [10, 11, 12].iter().for_each(|&millis| measure(&wheels, millis));
+        assert_eq!(turn(&mut seat, 13), 1);
+        assert_eq!(said.newest().unwrap().unwrap().header().evidence_ns, at(12).0);
+        assert_eq!(turn(&mut seat, 14), 1, "nothing is new any more");
+    }
+
+    #[test]
+    fn it_is_asked_when_its_period_is_over_though_nothing_is_new() {
+        let (mut seat, wheels, _said, _bus) = fed(|plan| plan.period = Some(Duration::from_millis(20)));
+        assert_eq!((turn(&mut seat, 0), turn(&mut seat, 19)), (1, 1));
+        assert_eq!((turn(&mut seat, 20), seat.next_call()), (2, Some(at(40))));
+        measure(&wheels, 25);
+        assert_eq!(
+            (turn(&mut seat, 26), seat.next_call()),
+            (3, Some(at(46))),
+            "new input begins a period anew"
+        );
+    }
+
+    #[test]
+    fn calls_beyond_the_budget_are_counted() {
+        for (budget_ms, overruns) in [(1, 2), (5000, 0)] {
+            let (mut seat, wheels, _said, _bus) =
+                fed(|plan| plan.budget = Some(Duration::from_millis(budget_ms)));
+            [1, 2].iter().for_each(|&millis| {
+                measure(&wheels, millis);
+                turn(&mut seat, millis);
+            });
+            assert_eq!((seat.record().calls.count(), seat.record().overruns), (2, overruns));
+        }
+    }
+
+    #[test]
+    fn it_sleeps_while_it_is_inhibited_and_wakes_to_the_newest() {
+        let (mut seat, wheels, said, bus) = fed(|plan| plan.sleeps = true);
+        let decisions = bus.publisher::<DecisionHeader>(topics::DECISION).unwrap();
+        let decide = |outcome: Outcome| {
+            let other = Verdict { behaviour: Name::new("other"), ..Default::default() };
+            let own =
+                Verdict { behaviour: Name::new("broken"), outcome: outcome.code(), ..Default::default() };
+            decisions.publish(&DecisionHeader::default(), &[other, own]).unwrap();
+        };
+        measure(&wheels, 1);
+        assert_eq!((turn(&mut seat, 1), seat.sleeps()), (1, false));
+        decide(Outcome::Inhibited);
+        for millis in 2..9 {
+            measure(&wheels, millis);
+            assert_eq!((turn(&mut seat, millis), seat.sleeps(), seat.next_call()), (1, true, None));
+        }
+        decide(Outcome::Stale);
+        assert_eq!((turn(&mut seat, 9), seat.sleeps()), (2, false), "what came while it slept wakes it");
+        assert_eq!(said.newest().unwrap().unwrap().header().evidence_ns, at(8).0);
     }
 }

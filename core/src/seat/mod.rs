@@ -8,6 +8,7 @@ mod durations;
 mod feed;
 mod ports;
 mod pulse;
+mod scheduling;
 pub mod topics;
 mod work;
 
@@ -15,4 +16,5 @@ pub use behavior::{BehaviorPlan, BehaviorRecord, BehaviorSeat, Hosting, SeatErro
 pub use device::{DevicePlan, DeviceSeat, panicked};
 pub use durations::Durations;
 pub use pulse::{MOST_CORNERS, MOST_WORDS, Pulse};
+pub use scheduling::{NotScheduled, Processors, Scheduling};
 pub use work::{behave, operate};

@@ -21,7 +21,8 @@ pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, i
     seat.keep_time_by(TimeSource::Machine);
     while !is_over() {
         let now = Time::monotonic_now();
-        pulse.beat(PluginState::Running, now);
+        let state = if seat.sleeps() { PluginState::Sleeping } else { PluginState::Running };
+        pulse.beat(state, now);
         let asked = seat.collect().and_then(|()| seat.propose(now));
         pulse.tell_calls(seat.record(), now);
         let sleep = seat.next_call().map_or(longest, |at| at.since(Time::monotonic_now()).min(longest));

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use yamabico::plugins::PLUGINS;
 use yamabico_core::plugin::{Guardian, OnDeath, serve};
+use yamabico_core::seat::Scheduling;
 
 use crate::output::{DEVICE_FAILED, fail};
 
@@ -21,6 +22,9 @@ pub struct Arguments {
     /// What the guardian's death is for it.
     #[arg(long, value_enum)]
     on_death: Death,
+    /// What is asked of the system's scheduler.
+    #[arg(long, value_name = "fifo=N,nice=N,processors=N", default_value = "")]
+    scheduling: Scheduling,
     /// The program that it becomes, and its arguments; without one, a plugin of this program.
     #[arg(last = true)]
     exec: Vec<OsString>,
@@ -45,6 +49,9 @@ pub fn plugin(arguments: &Arguments) -> ExitCode {
         Ok(true) => {}
         Ok(false) => return fail("the supervisor is gone", DEVICE_FAILED),
         Err(error) => return fail(&format!("cannot follow the supervisor: {error}"), DEVICE_FAILED),
+    }
+    for refused in arguments.scheduling.apply() {
+        tracing::warn!("`{}` runs on although {refused}", arguments.name);
     }
     match arguments.exec.split_first() {
         None => serve(&PLUGINS),
