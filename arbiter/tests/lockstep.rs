@@ -227,3 +227,23 @@ fn a_behaviour_that_panics_is_out_and_the_others_go_on() {
     assert!(decisions[70].commanded.linear > 0.3);
     assert!(!digest.counts().contains_key("behaviors/broken/proposal"));
 }
+
+#[test]
+fn who_sleeps_while_inhibited_is_not_asked_and_then_begins_with_the_newest() {
+    let task = |sleeps: bool| {
+        format!(
+            "{TASK}[behaviors.second]\ntype = \"leader\"\npriority = 3\ninputs = {{ wheels = \"wheels\" }}\n\
+             sleeps_while_inhibited = {sleeps}\n[[inhibit]]\nby = \"leader\"\nwhat = \"second\"\n"
+        )
+    };
+    let proposals = |digest: &Digest| digest.counts()["behaviors/second/proposal"];
+    let (_, awake) = run("awake", &task(false), 1);
+    let (_, asleep) = run("asleep", &task(true), 1);
+    assert_eq!(
+        (proposals(&awake), proposals(&asleep)),
+        (75, 2),
+        "once before it is told, once when it is free"
+    );
+    let (_, two) = run("asleep-two", &task(true), 2);
+    assert_eq!(asleep.hex(), two.hex());
+}

@@ -206,6 +206,7 @@ class Seat:
         proposal.behaviour, proposal.sequence, proposal.priority = self._name, self._sequence, self._priority
         proposal.stamp_ns = proposal.stamp_ns or now_ns
         proposal.evidence_ns = proposal.evidence_ns or evidence_ns
+        proposal.received_ns, proposal.proposed_ns = now_ns, time.monotonic_ns()
         self._proposals.publish(proposal)
 
     def _start_anew(self, error):
