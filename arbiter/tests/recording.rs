@@ -9,7 +9,9 @@ use std::time::Instant;
 
 use foxglove::Encode;
 use foxglove::messages::{CompressedImage, LaserScan, Log, PoseInFrame, SceneUpdate};
-use yamabico_arbiter::record::{Digest, McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
+use yamabico_arbiter::record::{
+    Digest, McapRecorder, Pace, PlaybackError, RecordError, Recorded, Recording, Tap, Tee, play,
+};
 use yamabico_core::message::{
     Axes, Beam, Command, DecisionHeader, Encoding, FrameHeader, Kind, Message, MessageType, Mode, Name,
     Odometry, Proposal, RangeScanHeader, Reason, Truth, Twist, Verdict,
@@ -102,6 +104,30 @@ fn read(path: &Path) -> Read {
         read.messages.push((topic, message.log_time, message.data.into_owned()));
     }
     read
+}
+
+#[test]
+fn a_recording_plays_back_to_the_byte() {
+    let folder = folder("playback");
+    let path = folder.join("run.mcap");
+    let (recorded, _) = record(&path, Pace::Lockstep);
+    let mut again = Digest::new();
+    let played = play(&path, &mut again).unwrap();
+    assert_eq!(again.hex(), recorded.hex());
+    assert_eq!((played.left_out.len(), played.broken_off), (0, None));
+    assert_eq!(played.messages, recorded.counts().values().sum::<u64>());
+
+    // Half a file, as kill -9 leaves it.
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let half = play(&path, &mut Digest::new()).unwrap();
+    assert!(half.broken_off.is_some() && half.messages < played.messages && half.messages > 0, "{half:?}");
+
+    std::fs::write(&path, "no recording").unwrap();
+    let error = play(&path, &mut Digest::new()).unwrap_err();
+    assert!(matches!(error, PlaybackError::NoRecording { .. }), "{error}");
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(matches!(play(&path, &mut Digest::new()).unwrap_err(), PlaybackError::NotReadable { .. }));
 }
 
 fn bus_topics(counts: &BTreeMap<String, u64>) -> BTreeMap<String, u64> {

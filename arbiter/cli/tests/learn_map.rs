@@ -91,6 +91,24 @@ fn edges_are_where_they_stand() {
 }
 
 #[test]
+fn a_recording_gives_the_map_that_the_drive_gave() {
+    let folder = Folder::new("recording");
+    let driven = json(&folder.yamabico(&["learn", "map", "--out", "map.toml"], "mapping.toml", &[]));
+    json(&folder.yamabico(&["run", "--record", "run.mcap"], "mapping.toml", &[]));
+    let words = ["learn", "map", "--from", "run.mcap", "--out", "again.toml"];
+    let heard = json(&folder.yamabico(&words, "mapping.toml", &[]));
+    assert_eq!(heard["end"], "sensors-ended", "{heard}");
+    assert_eq!(heard["edges"], driven["edges"]);
+    let text = |file: &str| std::fs::read_to_string(folder.0.join(file)).unwrap();
+    assert_eq!(text("again.toml"), text("map.toml"));
+
+    let words = ["learn", "map", "--from", "map.toml"];
+    let refused = folder.yamabico(&words, "mapping.toml", &[]);
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && told.contains("no MCAP recording"), "{told}");
+}
+
+#[test]
 fn a_second_drive_tells_which_surfaces_are_solid() {
     let folder = Folder::new("verify");
     let words = ["learn", "map", "--out", "map.toml", "--verify"];

@@ -1,7 +1,8 @@
 //! What a run leaves behind: every message in order, as a digest and as a recording.
 //!
 //! A [`Tap`] is shown each message once, in the order of the run. [`Digest`] condenses them to one number that two equal
-//! runs share; [`McapRecorder`] writes them to a file that Foxglove, Lichtblick and the Python package `mcap` open.
+//! runs share; [`McapRecorder`] writes them to a file that Foxglove, Lichtblick and the Python package `mcap` open, and [`play`]
+//! shows them again.
 
 mod digest;
 mod error;
@@ -9,6 +10,7 @@ mod file;
 mod frames;
 mod images;
 mod mcap;
+mod playback;
 mod queue;
 mod ranges;
 mod scene;
@@ -20,6 +22,7 @@ pub use digest::Digest;
 pub use error::RecordError;
 pub use images::ImageFormat;
 pub use mcap::{McapRecorder, Pace, Recorded, Recording};
+pub use playback::{PlaybackError, Played, play};
 
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;

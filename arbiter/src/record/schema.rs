@@ -23,6 +23,29 @@ pub(super) fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Val
     value
 }
 
+/// Header and items as bytes.
+pub(super) struct Bytes {
+    pub header: Vec<u8>,
+    pub items: Vec<u8>,
+}
+
+/// The message that [`to_json`] told so; `None` where it is none.
+pub(super) fn from_json(message: &MessageType, json: &Value) -> Option<Bytes> {
+    let raw = |name: &str| json.get(name)?.as_str().and_then(bytes);
+    let (header, items) = match raw(HEADER_BYTES) {
+        Some(header) => (header, raw(ITEM_BYTES)?),
+        None => message.from_json(json)?,
+    };
+    let is_whole = header.len() == message.header_size && items.len() % message.item_size.max(1) == 0;
+    is_whole.then_some(Bytes { header, items })
+}
+
+fn bytes(hexadecimal: &str) -> Option<Vec<u8>> {
+    let digits: Option<Vec<u32>> = hexadecimal.chars().map(|digit| digit.to_digit(16)).collect();
+    let digits = digits.filter(|digits| digits.len() % 2 == 0)?;
+    Some(digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect())
+}
+
 fn has_null(value: &Value) -> bool {
     match value {
         Value::Null => true,
@@ -95,6 +118,8 @@ mod tests {
         assert!(value["person_m"].is_null() && value["items_hex"] == "");
         let hex = value["header_hex"].as_str().unwrap();
         assert_eq!((&hex[..6], hex.len()), ("a20100", 2 * size_of::<Truth>()));
+        assert_eq!(from_json(&message, &value).unwrap().header, bytemuck::bytes_of(&truth));
+        assert!(bytes("a").is_none() && bytes("0g").is_none());
         let finite = to_json(&message, bytemuck::bytes_of(&Truth::default()), &[]);
         assert!(finite.get("header_hex").is_none());
     }

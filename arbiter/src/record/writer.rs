@@ -207,7 +207,7 @@ fn json_channel(message: &MessageType) -> (String, Option<Schema>) {
 }
 
 /// The channel for a standard form of what is on `topic`.
-fn under(topic: &str, form: &str) -> String {
+pub(super) fn under(topic: &str, form: &str) -> String {
     format!("/{}/{form}", topic.trim_start_matches('/'))
 }
 

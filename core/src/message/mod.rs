@@ -7,6 +7,7 @@
 //! Type names carry a version; a change of layout is a new version.
 
 mod command;
+mod from_json;
 mod layout;
 mod perception;
 mod plugin;

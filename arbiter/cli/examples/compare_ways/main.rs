@@ -6,7 +6,7 @@
 //!         --with 'behaviors.free-space-avoider.velocity="ignored"' [--out corner.png]
 //!
 //! Of the commanded velocity, from the first command that moves the robot to the last: the integral of its squared acceleration
-//! (m^2/s^3) and the mean magnitude of its jerk (m/s^3).
+//! (m^2/s^3), the mean magnitude of its jerk (m/s^3), and its dimensionless squared jerk.
 
 mod plot;
 mod way;
@@ -126,6 +126,7 @@ fn text(settings: &[Setting]) -> String {
         "least clearance",
         "squared acceleration",
         "jerk",
+        "dimensionless",
     ]);
     for Setting { name, ways } in settings {
         let mean = |of: fn(&Way) -> f64| ways.iter().map(of).sum::<f64>() / ways.len() as f64;
@@ -139,6 +140,7 @@ fn text(settings: &[Setting]) -> String {
             format!("{:.3} m", -most(|way| -way.clearance_m)),
             format!("{:.3} m^2/s^3", mean(|way| way.square_acceleration)),
             format!("{:.2} m/s^3", mean(|way| way.mean_jerk)),
+            format!("{:.3e}", mean(|way| way.dimensionless_jerk)),
         ]);
     }
     let mut lines = vec![table.to_string()];
@@ -148,13 +150,15 @@ fn text(settings: &[Setting]) -> String {
                 first.ways.iter().zip(&other.ways).filter(|(a, b)| of(a) < of(b)).count()
             };
             lines.push(format!(
-                "of {} seeds, {} is quicker than {} in {}, has less squared acceleration in {}, less jerk in {}",
+                "of {} seeds, {} is quicker than {} in {}, has less squared acceleration in {}, less jerk in {}, \
+                 less of the dimensionless one in {}",
                 first.ways.len(),
                 first.name,
                 other.name,
                 wins(|way| way.time_s),
                 wins(|way| way.square_acceleration),
                 wins(|way| way.mean_jerk),
+                wins(|way| way.dimensionless_jerk),
             ));
         }
     }

@@ -36,6 +36,9 @@ pub struct Way {
     pub square_acceleration: f64,
     /// Mean magnitude of the jerk of the commanded velocity, m/s^3.
     pub mean_jerk: f64,
+    /// Integral of the squared jerk of the commanded velocity, times the cubed duration, by the squared greatest speed: what does
+    /// not depend on how long and how fast a way was (Hogan & Sternad, 2009).
+    pub dimensionless_jerk: f64,
     /// Where it led.
     pub moments: Vec<Moment>,
     /// Magnitude of the acceleration of the commanded velocity, m/s^2, with its time, seconds.
@@ -71,16 +74,21 @@ impl WayTap {
             moments: self.moments,
             ..Way::default()
         };
-        let (mut last, mut jerk) = (Vector2::zeros(), 0.0);
+        let (mut last, mut jerk, mut square_jerk) = (Vector2::zeros(), 0.0, 0.0);
         for pair in self.commands.windows(2) {
             let step_s = pair[1].0 - pair[0].0;
             let acceleration = (pair[1].1 - pair[0].1) / step_s;
             way.square_acceleration += acceleration.norm_squared() * step_s;
             jerk += (acceleration - last).norm();
+            square_jerk += (acceleration - last).norm_squared() / step_s;
             way.accelerations.push((pair[1].0, acceleration.norm()));
             last = acceleration;
         }
-        way.mean_jerk = if way.time_s > 0.0 { jerk / way.time_s } else { 0.0 };
+        let fastest_mps = self.commands.iter().map(|(_, velocity)| velocity.norm()).fold(0.0, f64::max);
+        if way.time_s > 0.0 {
+            way.mean_jerk = jerk / way.time_s;
+            way.dimensionless_jerk = square_jerk * way.time_s.powi(3) / fastest_mps.powi(2);
+        }
         way
     }
 

@@ -8,7 +8,7 @@ use clap::Args;
 use nalgebra::Point2;
 use serde::Serialize;
 use yamabico_arbiter::execution::{End, topics};
-use yamabico_arbiter::record::Tap;
+use yamabico_arbiter::record::{Tap, play};
 use yamabico_core::azimuth_map::{EdgeMap, Mapper, MapperRule, WayRule};
 use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::camera::Mount;
@@ -45,6 +45,9 @@ pub struct Arguments {
     /// How far the camera sways about the vertical from picture to picture, degrees, 0.01 to 10.
     #[arg(long, value_name = "DEG", default_value_t = 0.1)]
     sway_deg: f64,
+    /// Listens to this recording instead of driving.
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["verify", "seed"])]
+    from: Option<PathBuf>,
     /// Drives a second time, on the new map, and faces every surface with the sonar to tell whether it is solid.
     #[arg(long)]
     verify: bool,
@@ -82,7 +85,11 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
         Ok(cartographer) => cartographer,
         Err(problem) => return fail(&problem, BAD_CONFIGURATION),
     };
-    let end = match drive(&task, &arguments.task, arguments.seed, &mut cartographer, print) {
+    let ended = match &arguments.from {
+        Some(recording) => listen(recording, &mut cartographer),
+        None => drive(&task, &arguments.task, arguments.seed, &mut cartographer, print),
+    };
+    let end = match ended {
         Ok(end) => end,
         Err(code) => return code,
     };
@@ -125,6 +132,20 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
     };
     print.show(&learned, text);
     exit(if end == End::Interrupted { NOT_ARRIVED } else { DONE })
+}
+
+/// Hears what was recorded on an earlier drive.
+fn listen(recording: &Path, cartographer: &mut Cartographer) -> Result<End, ExitCode> {
+    let played =
+        play(recording, cartographer).map_err(|error| fail(&error.to_string(), BAD_CONFIGURATION))?;
+    let file = recording.display();
+    for left_out in &played.left_out {
+        eprintln!("{file}: left out: {left_out}");
+    }
+    if let Some(why) = &played.broken_off {
+        eprintln!("{file} breaks off after {} messages: {why}", played.messages);
+    }
+    Ok(End::SensorsEnded)
 }
 
 /// The second drive; how many surfaces it told.

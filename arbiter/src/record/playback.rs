@@ -1,0 +1,166 @@
+//! Recordings played back: every message once more, in order, to the byte.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use foxglove::Decode;
+use foxglove::messages::CompressedImage;
+use mcap::io::MessageReader;
+use serde_json::Value;
+use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
+use yamabico_core::time::Time;
+
+use super::Tap;
+use super::schema::{self, Bytes};
+use super::writer::under;
+
+/// Why a recording cannot be played back.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaybackError {
+    /// It cannot be opened.
+    #[error("cannot play back {}: {source}", path.display())]
+    NotReadable {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// It is none.
+    #[error("cannot play back {}: it is no MCAP recording ({reason})", path.display())]
+    NoRecording {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// What was played back.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Played {
+    /// Messages that the tap was shown.
+    pub messages: u64,
+    /// What was left out, and why, in words.
+    pub left_out: BTreeSet<String>,
+    /// Why the recording ends before its end, where its writer was stopped or the disk was full.
+    pub broken_off: Option<String>,
+}
+
+/// Shows every message of a recording to `tap`. Pictures that were compressed without loss come back to the byte, but for what
+/// stood between the ends of their rows; pictures that the recorder left out are left out here.
+///
+/// # Errors
+/// [`PlaybackError`]; a recording that breaks off is played up to there.
+pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<Played, PlaybackError> {
+    let file =
+        File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
+    let messages = MessageReader::new(BufReader::new(file));
+    let mut player = Player { tap, frame: None, played: Played::default() };
+    let mut has_begun = false;
+    for message in messages {
+        match message {
+            Ok(message) => player.take(&message),
+            Err(error) if has_begun => {
+                player.played.broken_off = Some(error.to_string());
+                break;
+            }
+            Err(error) => {
+                let reason = error.to_string();
+                return Err(PlaybackError::NoRecording { path: path.to_owned(), reason });
+            }
+        }
+        has_begun = true;
+    }
+    player.miss_picture();
+    Ok(player.played)
+}
+
+struct Player<'a> {
+    tap: &'a mut dyn Tap,
+    /// A frame whose picture follows.
+    frame: Option<Frame>,
+    played: Played,
+}
+
+struct Frame {
+    topic: String,
+    time: Time,
+    header: FrameHeader,
+}
+
+impl Player<'_> {
+    fn take(&mut self, message: &mcap::Message<'_>) {
+        let topic = &message.channel.topic;
+        if self.frame.as_ref().is_some_and(|frame| under(&frame.topic, "image") == *topic) {
+            return self.take_picture(&message.data);
+        }
+        let Some(schema) =
+            message.channel.schema.as_ref().filter(|schema| schema.name.starts_with("yamabico."))
+        else {
+            return;
+        };
+        self.miss_picture();
+        let Some(kind) = MessageType::find(&schema.name) else {
+            self.played.left_out.insert(format!("{topic}: {}", MessageType::unknown(&schema.name)));
+            return;
+        };
+        let time = Time(message.log_time);
+        let json = serde_json::from_slice::<Value>(&message.data).ok();
+        let Some(Bytes { header, items }) = json.and_then(|json| schema::from_json(kind, &json)) else {
+            self.played.left_out.insert(format!("{topic}: a message that is no {}", kind.name));
+            return;
+        };
+        match bytemuck::try_pod_read_unaligned(&header) {
+            Ok(header) if kind.name == FrameHeader::NAME => {
+                self.frame = Some(Frame { topic: topic.clone(), time, header });
+            }
+            _ => self.show(topic, kind, time, &header, &items),
+        }
+    }
+
+    fn take_picture(&mut self, data: &[u8]) {
+        let Some(Frame { topic, time, header }) = self.frame.take() else { return };
+        match CompressedImage::decode(data).ok().and_then(|image| pixels(&header, &image.data)) {
+            Some(pixels) => {
+                let kind = MessageType::of::<FrameHeader>();
+                self.show(&topic, &kind, time, bytemuck::bytes_of(&header), &pixels);
+            }
+            None => drop(self.played.left_out.insert(format!("{topic}: a picture that cannot be read"))),
+        }
+    }
+
+    /// The frame that was told has no picture.
+    fn miss_picture(&mut self) {
+        if let Some(frame) = self.frame.take() {
+            self.played.left_out.insert(format!("{}: a picture that was not recorded", frame.topic));
+        }
+    }
+
+    fn show(&mut self, topic: &str, kind: &MessageType, time: Time, header: &[u8], items: &[u8]) {
+        self.played.messages += 1;
+        self.tap.message(topic, kind, time, header, items);
+    }
+}
+
+/// The rows of a compressed picture, as far apart as the header says.
+fn pixels(header: &FrameHeader, data: &[u8]) -> Option<Vec<u8>> {
+    let image = image::load_from_memory(data).ok()?;
+    if (image.width(), image.height()) != (header.width, header.height) {
+        return None;
+    }
+    let encoding = header.encoding()?;
+    let packed = match encoding {
+        Encoding::Gray8 => image.into_luma8().into_raw(),
+        Encoding::Rgb8 => image.into_rgb8().into_raw(),
+    };
+    let row = header.width as usize * encoding.bytes_per_pixel() as usize;
+    let gap = (header.stride as usize).checked_sub(row).filter(|_| row > 0)?;
+    if gap == 0 {
+        return Some(packed);
+    }
+    Some(
+        packed.chunks(row).flat_map(|line| line.iter().copied().chain(std::iter::repeat_n(0, gap))).collect(),
+    )
+}
