@@ -5,7 +5,7 @@ use std::ops::Range;
 use yamabico_core::message::{Axes, Axis, Outcome, Proposal};
 use yamabico_core::time::Time;
 
-use super::decision::Decision;
+use super::decision::{Decision, Lasting};
 use super::hear::Hearing;
 use super::state::State;
 
@@ -117,6 +117,11 @@ fn award_group(
         }
         let ruling = &mut decision.rulings[usize::from(slot)];
         (ruling.won, ruling.outcome, ruling.by) = (won, outcome, by);
+        match outcome {
+            Outcome::Suppressed | Outcome::GaveUp | Outcome::WonPart => {}
+            Outcome::Waiting => ruling.lasts = board.wait(state, row, now),
+            _ => ruling.lasts = Lasting::Now,
+        }
     }
     for axis in Axis::ALL {
         let share = &shares[axis as usize];
@@ -197,6 +202,14 @@ impl Board {
         } else {
             (Axes::NONE, if why == Outcome::Waiting { why } else { Outcome::GaveUp }, by)
         }
+    }
+
+    /// How long the driver in `row` waits for the first reserved axis that it claims.
+    fn wait(&self, state: &State, row: usize, now: Time) -> Lasting {
+        let first = state.hearings[row].named.intersection(self.reserved).iter().next();
+        let until =
+            first.map(|axis| state.tenures[usize::from(self.reserver[axis as usize])].until[axis as usize]);
+        until.map_or(Lasting::Now, |until| Lasting::until(until, now))
     }
 
     /// Keeps lower priorities from what the behaviour in `row` drove a moment ago.

@@ -26,6 +26,8 @@ pub struct Decision {
     pub sequence: u64,
     /// What the winners asked for, before limits and ramps.
     pub wanted: Twist,
+    /// What the robot's largest speeds and its drive leave of it.
+    pub feasible: Twist,
     /// After limits, halts and stops, before ramps.
     pub allowed: Twist,
     /// What the motors get.
@@ -78,6 +80,35 @@ pub struct Ruling {
     pub won: Axes,
     /// Age in seconds, the limit, or zero.
     pub number: f64,
+    /// How long the outcome still lasts without a word from anybody.
+    pub lasts: Lasting,
+}
+
+/// How long an outcome still lasts without a word from anybody.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lasting {
+    /// This decision.
+    #[default]
+    Now,
+    /// So long.
+    For(Duration),
+    /// Until its author is back.
+    UntilBack,
+}
+
+impl Lasting {
+    /// From `now` until an instant; [`Time::MAX`] is for ever.
+    pub(super) fn until(end: Time, now: Time) -> Lasting {
+        if end == Time::MAX { Lasting::UntilBack } else { Lasting::For(end.since(now)) }
+    }
+
+    fn left_s(self) -> f64 {
+        match self {
+            Lasting::Now => 0.0,
+            Lasting::For(left) => left.as_secs_f64(),
+            Lasting::UntilBack => -1.0,
+        }
+    }
 }
 
 impl Ruling {
@@ -91,6 +122,7 @@ impl Ruling {
         claimed: Axes::NONE,
         won: Axes::NONE,
         number: 0.0,
+        lasts: Lasting::Now,
     };
 }
 
@@ -104,6 +136,7 @@ impl Decision {
             late: None,
             sequence: 0,
             wanted: Twist::ZERO,
+            feasible: Twist::ZERO,
             allowed: Twist::ZERO,
             commanded: Twist::ZERO,
             halted: Axes::NONE,
@@ -130,6 +163,7 @@ impl Decision {
             late: None,
             sequence,
             wanted: Twist::ZERO,
+            feasible: Twist::ZERO,
             allowed: Twist::ZERO,
             commanded: Twist::ZERO,
             halted: Axes::NONE,
@@ -163,10 +197,17 @@ impl Decision {
             evidence_ns: self.evidence.0,
             sequence: self.sequence,
             wanted: self.wanted,
+            feasible: self.feasible,
+            limit: self.limit(),
             allowed: self.allowed,
             commanded: self.commanded,
             halted: self.halted,
+            axes: policy.axes(),
             mode: self.mode.code(),
+            emergency: u32::from(self.emergency),
+            source: self.source.map(|index| policy.name(index)),
+            limiter: self.limited_by.map(|limited| policy.name(limited.map(|(index, _)| index))),
+            halter: self.halted_by.map(|index| policy.name(index)),
             note: self.note(policy),
         }
     }
@@ -185,9 +226,18 @@ impl Decision {
                 number: ruling.number,
                 reason: ruling.reason,
                 kind: ruling.kind,
+                left_s: ruling.lasts.left_s(),
+                fault: ruling.fault.map_or(0, Outcome::code),
+                reserved: 0,
             };
         }
         verdicts.len().min(self.rulings.len())
+    }
+
+    fn limit(&self) -> Twist {
+        let [linear, lateral, angular] =
+            self.limited_by.map(|limited| limited.map_or(0.0, |(_, limit)| limit));
+        Twist { linear, lateral, angular }
     }
 
     /// Why the mode is what it is, in words; empty where the mode says it all.

@@ -3,7 +3,7 @@
 use yamabico_core::message::{Axes, Kind, Outcome, Proposal, Twist};
 use yamabico_core::time::Time;
 
-use super::decision::{Decision, Ruling};
+use super::decision::{Decision, Lasting, Ruling};
 use super::state::{Bounds, Rule, State};
 
 /// What one behaviour says in this decision, and what it said last.
@@ -124,6 +124,7 @@ fn first_ruling(proposal: &Proposal, kind: Option<Kind>, fault: Option<Outcome>,
             None => 0.0,
             Some(fault) => age_s(proposal, fault, now),
         },
+        lasts: Lasting::Now,
     }
 }
 

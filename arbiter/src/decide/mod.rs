@@ -13,8 +13,8 @@ mod state;
 mod told;
 mod wires;
 
-pub use decision::{Decision, Late, Ruling};
-pub use explain::{Explanation, explain};
+pub use decision::{Decision, Lasting, Late, Ruling};
+pub use explain::{AxisWords, BehaviourWords, Explanation, Scene, Terms, explain};
 pub use state::State;
 pub use told::Told;
 
@@ -46,8 +46,8 @@ pub fn decide(
     restrain::halt(state, decision);
     contest::award(state, proposals, tick.now, decision);
     let share = late::note(policy, state, proposals, tick.now, decision);
-    let reachable = within_limits(policy, state.ramp.velocity(), decision.wanted, share);
-    decision.allowed = restrain::restrain(state, tick.now, reachable, decision);
+    decision.feasible = within_limits(policy, state.ramp.velocity(), decision.wanted, share);
+    decision.allowed = restrain::restrain(state, tick.now, decision.feasible, decision);
     decision.stop = stop(state, &tick);
     restrain::stop_drivers(state, decision);
     decision.commanded = ramp(policy, state, &tick, decision);

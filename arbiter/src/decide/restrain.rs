@@ -4,7 +4,7 @@ use yamabico_core::geometry::angle_difference;
 use yamabico_core::message::{Axes, Kind, Outcome, Proposal, Sector, Twist};
 use yamabico_core::time::Time;
 
-use super::decision::Decision;
+use super::decision::{Decision, Lasting};
 use super::state::{Rule, State};
 use crate::safety::Stop;
 
@@ -150,6 +150,13 @@ impl Restraint {
         self.any()
     }
 
+    /// The last instant at which something is in force without a word from the author.
+    fn until(&self) -> Time {
+        let halts = self.halted.iter().map(|axis| self.halt_until[axis as usize]);
+        let limit = (!self.limited.is_empty()).then_some(self.limit_until);
+        halts.chain(limit).max().unwrap_or(Time::ZERO)
+    }
+
     /// The limit at `now`: its speeds and where they count.
     fn limit(&self, now: Time) -> (Twist, Sector) {
         if now <= self.limit_sound_until { (self.limits, self.sector) } else { (Twist::ZERO, Sector::ALL) }
@@ -190,7 +197,7 @@ pub(super) fn restrain(state: &State, now: Time, motion: Twist, decision: &mut D
     for (slot, restraint) in in_force(state) {
         let (limits, sector) = restraint.limit(now);
         let counts = !restraint.limited.is_empty() && course.enters(&sector);
-        rule_on(restraint, counts, limits, &mut decision.rulings[usize::from(slot)]);
+        rule_on(restraint, counts, limits, now, &mut decision.rulings[usize::from(slot)]);
         if !counts {
             continue;
         }
@@ -213,7 +220,7 @@ fn in_force(state: &State) -> impl Iterator<Item = (u16, &Restraint)> {
         .map(|&row| (state.rules[usize::from(row)].slot, &state.restraints[usize::from(row)]))
 }
 
-fn rule_on(restraint: &Restraint, counts: bool, limits: Twist, ruling: &mut super::Ruling) {
+fn rule_on(restraint: &Restraint, counts: bool, limits: Twist, now: Time, ruling: &mut super::Ruling) {
     let halts = !restraint.halted.is_empty();
     ruling.outcome = match (restraint.is_current, halts, counts) {
         (false, _, _) => Outcome::Held,
@@ -223,6 +230,7 @@ fn rule_on(restraint: &Restraint, counts: bool, limits: Twist, ruling: &mut supe
     };
     if !restraint.is_current {
         ruling.kind = if halts { Kind::Halt } else { Kind::Limit }.code();
+        ruling.lasts = Lasting::until(restraint.until(), now);
     }
     if ruling.won.is_empty() {
         ruling.claimed = if halts { restraint.halted } else { restraint.limited };

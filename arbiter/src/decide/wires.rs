@@ -3,7 +3,7 @@
 use yamabico_core::message::{Axes, Outcome};
 use yamabico_core::time::Time;
 
-use super::decision::Decision;
+use super::decision::{Decision, Lasting};
 use super::state::{State, nanoseconds};
 use crate::policy::{Wire, WireKind};
 
@@ -47,17 +47,20 @@ pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
         if !(what.drives || rule.sleeps && is_asleep(ruling.outcome)) || !(by.active || now < line.until) {
             continue;
         }
+        let lasts = if by.active { Lasting::Now } else { Lasting::until(line.until, now) };
         match line.kind {
             WireKind::Inhibit => {
                 (what.drives, what.active) = (false, state.restraints[line.what].any());
                 ruling.outcome = Outcome::Inhibited;
                 ruling.by = Some(state.rules[line.by].slot);
+                ruling.lasts = lasts;
             }
             WireKind::Suppress => {
                 if what.suppressed.is_empty() {
                     what.suppressor = line.by as u16;
                 }
                 what.suppressed = what.suppressed.union(line.axes);
+                decision.rulings[usize::from(state.rules[line.what].slot)].lasts = lasts;
             }
         }
     }

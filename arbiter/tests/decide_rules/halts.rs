@@ -43,8 +43,11 @@ fn a_coupled_drive_that_a_halt_stops_on_one_axis_gives_up_all() {
     assert_eq!((decision.commanded, decision.source), (Twist::ZERO, [None; 3]));
     let ruling = bench.decision.rulings[1];
     assert_eq!((ruling.outcome, ruling.by, ruling.won), (Outcome::GaveUp, Some(0), Axes::NONE));
-    let words = explain(&bench.policy, &bench.decision).to_string();
-    assert!(words.contains("low: gave up, coupled on linear+angular, by high"), "{words}");
+    let words = bench.why();
+    assert!(
+        words.contains("low (10)    gives up linear+angular: a part of it is halted by high (100)"),
+        "{words}"
+    );
 }
 
 #[test]

@@ -11,7 +11,7 @@ mod words;
 
 use std::time::Duration;
 
-use yamabico_arbiter::decide::{Decision, State, decide, explain};
+use yamabico_arbiter::decide::{Decision, Scene, State, Told, decide, explain};
 use yamabico_arbiter::kinematics::Kinematics;
 use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
 use yamabico_arbiter::safety::Stop;
@@ -94,6 +94,11 @@ impl Bench {
             self.decide();
         }
         &self.decision
+    }
+
+    fn why(&self) -> String {
+        let scene = Scene::of(&self.policy, &self.proposals);
+        explain(&Told::of(&self.policy, &self.decision), &scene).to_string()
     }
 
     fn outcome(&self, index: usize) -> Outcome {

@@ -26,11 +26,12 @@ fn an_explanation_has_a_line_an_axis_and_a_loser() {
     bench.say(0, forward(0.5)).say(1, turn(0.5)).say(2, slow(0.2));
     bench.decide();
     assert_eq!(
-        explain(&bench.policy, &bench.decision).to_string(),
-        "driving at 10.000 s\n\
-         linear 0.01 m/s: high wants 0.50, guard allows 0.20, on the ramp to 0.20\n\
-         angular 0.00 rad/s: high wants 0.00\n\
-         low: out-ranked on angular, by high\n\
-         guard: limiting, linear to 0.20 (wall near)\n"
+        bench.why(),
+        "driving\n  \
+         linear    0.01 m/s    high asks for 0.50; guard allows 0.20; speeding up to 0.20\n  \
+         angular   0.00 rad/s  high asks for 0.00\n  \
+         high (100)  drives linear+angular\n  \
+         low (10)    out-ranked on angular by high (100): asks for 0.50 rad/s\n  \
+         guard (1)   limits linear to 0.20 m/s: wall near\n"
     );
 }

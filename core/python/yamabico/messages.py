@@ -728,12 +728,18 @@ class Verdict(Item):
         ("reason", ctypes.c_uint32),
         # A Kind code.
         ("kind", ctypes.c_uint32),
+        # How long the outcome still lasts if nobody says a word: of what is held, inhibited, suppressed or waits, seconds; negative where until its author is back, zero elsewhere.
+        ("left_s", ctypes.c_double),
+        # What is wrong with a halt or limit that counts all the same, an Outcome code; zero where nothing.
+        ("fault", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
     ]
     behaviour = text("_behaviour")
     by = text("_by")
 
 
-assert ctypes.sizeof(Verdict) == 96
+assert ctypes.sizeof(Verdict) == 112
 
 
 class DecisionHeader(Message):
@@ -748,24 +754,41 @@ class DecisionHeader(Message):
         ("sequence", ctypes.c_uint64),
         # What the winners asked for, before limits and ramps.
         ("wanted", Twist),
+        # What the robot's largest speeds and its drive leave of it.
+        ("feasible", Twist),
+        # The least limit in force on each axis, where it has a limiter.
+        ("limit", Twist),
         # After halts and limits, before ramps.
         ("allowed", Twist),
         # What was commanded.
         ("commanded", Twist),
         # Axes that a halt stops.
         ("halted", ctypes.c_uint32),
+        # The axes that the drive has.
+        ("axes", ctypes.c_uint32),
         # A Mode code.
         ("mode", ctypes.c_uint32),
+        # Not zero: some axis brakes with the emergency deceleration.
+        ("emergency", ctypes.c_uint32),
+        # Who won the linear, lateral and angular axis; empty where nobody claimed it.
+        ("_source", (ctypes.c_char * 32) * 3),
+        # Whose limit binds each axis; empty where nobody's.
+        ("_limiter", (ctypes.c_char * 32) * 3),
+        # Who halts each axis; empty where nobody.
+        ("_halter", (ctypes.c_char * 32) * 3),
         # Why the mode is what it is, in words.
         ("_note", ctypes.c_char * 64),
     ]
+    source = text("_source")
+    limiter = text("_limiter")
+    halter = text("_halter")
     note = text("_note")
-    NAME = "yamabico.DecisionHeader.v1"
+    NAME = "yamabico.DecisionHeader.v2"
     CHANNEL = "stream"
     ITEM = Verdict
 
 
-assert ctypes.sizeof(DecisionHeader) == 168 and ctypes.alignment(DecisionHeader) == 8
+assert ctypes.sizeof(DecisionHeader) == 512 and ctypes.alignment(DecisionHeader) == 8
 
 
 class Heartbeat(Message):
@@ -895,8 +918,70 @@ class WallsHeader(Message):
 assert ctypes.sizeof(WallsHeader) == 48 and ctypes.alignment(WallsHeader) == 8
 
 
+class Process(Item):
+    """The process of one plugin."""
+
+    _fields_ = [
+        # Whose.
+        ("_plugin", ctypes.c_char * 32),
+        # How its last process ended, in words; empty where none has.
+        ("_ended", ctypes.c_char * 64),
+        # When that was.
+        ("ended_ns", ctypes.c_uint64),
+        # When the next one is started; zero where one runs.
+        ("due_ns", ctypes.c_uint64),
+        # Its number; zero where there is none.
+        ("pid", ctypes.c_uint32),
+        # A ProcessState code.
+        ("state", ctypes.c_uint32),
+        # Times that it was started again.
+        ("restarts", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
+    ]
+    plugin = text("_plugin")
+    ended = text("_ended")
+
+
+assert ctypes.sizeof(Process) == 128
+
+
+class ProcessesHeader(Message):
+    """The processes of the plugins that have one, told whenever something changed."""
+
+    _fields_ = [
+        # When it was told.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a message.
+        ("sequence", ctypes.c_uint64),
+    ]
+    NAME = "yamabico.ProcessesHeader.v1"
+    CHANNEL = "latest"
+    ITEM = Process
+
+
+assert ctypes.sizeof(ProcessesHeader) == 16 and ctypes.alignment(ProcessesHeader) == 8
+
+
+class RosterHeader(Message):
+    """Who works on the robot and what they tell each other, once for those who join it. Its items are JSON."""
+
+    _fields_ = [
+        # When it was told.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a message.
+        ("sequence", ctypes.c_uint64),
+    ]
+    NAME = "yamabico.RosterHeader.v1"
+    CHANNEL = "latest"
+    ITEM = None
+
+
+assert ctypes.sizeof(RosterHeader) == 16 and ctypes.alignment(RosterHeader) == 8
+
+
 class Control(Message):
-    """A request to a running robot. A malformed one is refused and told."""
+    """A request to a running robot. A malformed one is refused and told. Its items are the text of a retune."""
 
     _fields_ = [
         # When it was asked.
@@ -905,7 +990,7 @@ class Control(Message):
         ("sequence", ctypes.c_uint64),
         # Whom it concerns; empty where the whole robot.
         ("_target", ctypes.c_char * 32),
-        # key=value of a retune.
+        # Why, in words.
         ("_note", ctypes.c_char * 64),
         # x, y, theta and tolerance of a goal: m, m, rad, m.
         ("goal", (ctypes.c_double) * 4),
@@ -916,12 +1001,90 @@ class Control(Message):
     ]
     target = text("_target")
     note = text("_note")
-    NAME = "yamabico.Control.v1"
+    NAME = "yamabico.Control.v2"
     CHANNEL = "stream"
     ITEM = None
 
 
 assert ctypes.sizeof(Control) == 152 and ctypes.alignment(Control) == 8
+
+
+class RetuneHeader(Message):
+    """The robot asks a behaviour to change its parameters. Its items are all of them, TOML."""
+
+    _fields_ = [
+        # When it was asked.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a message.
+        ("sequence", ctypes.c_uint64),
+        # Which change: every step of one has the same number.
+        ("request", ctypes.c_uint64),
+        # Who is to change.
+        ("_behaviour", ctypes.c_char * 32),
+        # A RetuneStep code.
+        ("step", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
+    ]
+    behaviour = text("_behaviour")
+    NAME = "yamabico.RetuneHeader.v1"
+    CHANNEL = "stream"
+    ITEM = None
+
+
+assert ctypes.sizeof(RetuneHeader) == 64 and ctypes.alignment(RetuneHeader) == 8
+
+
+class RetunedHeader(Message):
+    """What became of a change of parameters. Its items are words."""
+
+    _fields_ = [
+        # When it was told.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a message.
+        ("sequence", ctypes.c_uint64),
+        # Which change; of the robot's own answer, the stamp of what was asked.
+        ("request", ctypes.c_uint64),
+        # Who answers; empty where the robot for all of them.
+        ("_behaviour", ctypes.c_char * 32),
+        # The key to change, dotted; empty where none is to blame.
+        ("_key", ctypes.c_char * 64),
+        # A Retuning code.
+        ("outcome", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
+    ]
+    behaviour = text("_behaviour")
+    key = text("_key")
+    NAME = "yamabico.RetunedHeader.v1"
+    CHANNEL = "stream"
+    ITEM = None
+
+
+assert ctypes.sizeof(RetunedHeader) == 128 and ctypes.alignment(RetunedHeader) == 8
+
+
+class Stick(Message):
+    """Where somebody holds the stick that drives the robot by hand: shares of the largest speeds."""
+
+    _fields_ = [
+        # When it was held there.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a message.
+        ("sequence", ctypes.c_uint64),
+        # -1 (backwards) to 1 (forward).
+        ("forward", ctypes.c_double),
+        # -1 (to the right) to 1 (to the left).
+        ("left", ctypes.c_double),
+        # -1 (clockwise) to 1 (anticlockwise).
+        ("turn", ctypes.c_double),
+    ]
+    NAME = "yamabico.Stick.v1"
+    CHANNEL = "latest"
+    ITEM = None
+
+
+assert ctypes.sizeof(Stick) == 40 and ctypes.alignment(Stick) == 8
 
 
 #: Every message by its versioned name.
@@ -942,10 +1105,15 @@ MESSAGES = {
     "yamabico.Intersection.v1": Intersection,
     "yamabico.Proposal.v2": Proposal,
     "yamabico.Command.v2": Command,
-    "yamabico.DecisionHeader.v1": DecisionHeader,
+    "yamabico.DecisionHeader.v2": DecisionHeader,
     "yamabico.Heartbeat.v1": Heartbeat,
     "yamabico.FailureHeader.v1": FailureHeader,
     "yamabico.CallsHeader.v1": CallsHeader,
     "yamabico.WallsHeader.v1": WallsHeader,
-    "yamabico.Control.v1": Control,
+    "yamabico.ProcessesHeader.v1": ProcessesHeader,
+    "yamabico.RosterHeader.v1": RosterHeader,
+    "yamabico.Control.v2": Control,
+    "yamabico.RetuneHeader.v1": RetuneHeader,
+    "yamabico.RetunedHeader.v1": RetunedHeader,
+    "yamabico.Stick.v1": Stick,
 }

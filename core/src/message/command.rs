@@ -52,7 +52,7 @@ vocabulary! {
 
 message! {
     /// A decision and why: a verdict on each behaviour follows.
-    "yamabico.DecisionHeader.v1" Stream [Verdict] evidence evidence_ns
+    "yamabico.DecisionHeader.v2" Stream [Verdict] evidence evidence_ns
     pub struct DecisionHeader {
         /// When it was decided.
         pub stamp_ns: u64,
@@ -62,14 +62,28 @@ message! {
         pub sequence: u64,
         /// What the winners asked for, before limits and ramps.
         pub wanted: Twist,
+        /// What the robot's largest speeds and its drive leave of it.
+        pub feasible: Twist,
+        /// The least limit in force on each axis, where it has a `limiter`.
+        pub limit: Twist,
         /// After halts and limits, before ramps.
         pub allowed: Twist,
         /// What was commanded.
         pub commanded: Twist,
         /// Axes that a halt stops.
         pub halted: Axes,
+        /// The axes that the drive has.
+        pub axes: Axes,
         /// A [`Mode`] code.
         pub mode: u32,
+        /// Not zero: some axis brakes with the emergency deceleration.
+        pub emergency: u32,
+        /// Who won the linear, lateral and angular axis; empty where nobody claimed it.
+        pub source: [Name; 3],
+        /// Whose limit binds each axis; empty where nobody's.
+        pub limiter: [Name; 3],
+        /// Who halts each axis; empty where nobody.
+        pub halter: [Name; 3],
         /// Why the mode is what it is, in words.
         pub note: Note,
     }
@@ -149,6 +163,13 @@ item! {
         pub reason: u32,
         /// A [`Kind`](super::Kind) code.
         pub kind: u32,
+        /// How long the outcome still lasts if nobody says a word: of what is held, inhibited, suppressed or waits, seconds;
+        /// negative where until its author is back, zero elsewhere.
+        pub left_s: f64,
+        /// What is wrong with a halt or limit that counts all the same, an [`Outcome`] code; zero where nothing.
+        pub fault: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
 
@@ -166,7 +187,7 @@ vocabulary! {
         Enable = 1 "enable",
         /// Let a behaviour not be heard.
         Disable = 2 "disable",
-        /// Change a parameter: `note` is `key=value`.
+        /// Change parameters: the text is TOML, a table of keys for each behaviour.
         Retune = 3 "retune",
         /// Stop, latched.
         EmergencyStop = 4 "e-stop",
@@ -178,8 +199,8 @@ vocabulary! {
 }
 
 message! {
-    /// A request to a running robot. A malformed one is refused and told.
-    "yamabico.Control.v1" Stream [u8]
+    /// A request to a running robot. A malformed one is refused and told. Its items are the text of a retune.
+    "yamabico.Control.v2" Stream [u8] in words
     pub struct Control {
         /// When it was asked.
         pub stamp_ns: u64,
@@ -187,7 +208,7 @@ message! {
         pub sequence: u64,
         /// Whom it concerns; empty where the whole robot.
         pub target: Name,
-        /// `key=value` of a retune.
+        /// Why, in words.
         pub note: Note,
         /// x, y, theta and tolerance of a goal: m, m, rad, m.
         pub goal: [f64; 4],

@@ -9,6 +9,7 @@
 mod command;
 mod from_json;
 mod layout;
+mod operator;
 mod perception;
 mod plugin;
 mod proposal;
@@ -18,11 +19,15 @@ mod text;
 
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
 pub use layout::{Field, Laid, Layout, StructLayout};
+pub use operator::{RetuneHeader, RetuneStep, RetunedHeader, Retuning, Stick};
 pub use perception::{
     FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle, ObstaclesHeader,
     PathHeader, PathPoint, Pose, PoseStatus,
 };
-pub use plugin::{CallBucket, CallsHeader, FailureHeader, Heartbeat, PluginState, WallPoint, WallsHeader};
+pub use plugin::{
+    CallBucket, CallsHeader, FailureHeader, Heartbeat, PluginState, Process, ProcessState, ProcessesHeader,
+    RosterHeader, WallPoint, WallsHeader,
+};
 pub use proposal::{Axes, Axis, Kind, Proposal, Reason, Sector, Twist};
 pub use registry::{ALL, MessageType};
 pub use sensors::{
@@ -57,6 +62,8 @@ pub trait Message: Pod + ZeroCopySend + Serialize + Laid + std::fmt::Debug + 'st
     fn stamp(&self) -> Time;
     /// Counts up by one a message; a reader of a stream counts its losses by the gaps.
     fn sequence(&self) -> u64;
+    /// Whether the items are the bytes of a text.
+    const IS_WORDED: bool = false;
     /// The oldest sensor data in it; the capture stamp for what a sensor measured itself.
     fn evidence(&self) -> Time {
         self.stamp()
@@ -65,11 +72,12 @@ pub trait Message: Pod + ZeroCopySend + Serialize + Laid + std::fmt::Debug + 'st
 
 /// Declares a header: `repr(C)`, plain old data, with its versioned name, its channel and its items.
 macro_rules! message {
+    (@words) => { true };
     (@sequence $header:ident) => { $header.sequence };
     (@sequence $header:ident $field:ident) => { $header.$field };
     (
         $(#[doc = $doc:literal])*
-        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)? $(counted by $sequence:ident)?
+        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)? $(counted by $sequence:ident)? $(in $words:ident)?
         pub struct $ty:ident { $($body:tt)* }
     ) => {
         $(#[doc = $doc])*
@@ -92,6 +100,7 @@ macro_rules! message {
             type Item = $item;
             const NAME: &'static str = $name;
             const CHANNEL: crate::message::Channel = crate::message::Channel::$channel;
+            $(const IS_WORDED: bool = crate::message::message!(@$words);)?
             fn stamp(&self) -> crate::time::Time {
                 crate::time::Time(self.stamp_ns)
             }

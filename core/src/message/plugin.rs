@@ -47,7 +47,7 @@ impl Heartbeat {
 
 message! {
     /// A plugin cannot do what it should. Its items are the reason in words, UTF-8.
-    "yamabico.FailureHeader.v1" Stream [u8]
+    "yamabico.FailureHeader.v1" Stream [u8] in words
     pub struct FailureHeader {
         /// When it failed.
         pub stamp_ns: u64,
@@ -90,6 +90,71 @@ item! {
         pub index: u32,
         /// How many calls.
         pub calls: u32,
+    }
+}
+
+vocabulary! {
+    /// What the supervisor does with a plugin's process.
+    pub enum ProcessState {
+        /// It has none, and is to be started.
+        Due = 0 "waits to be started",
+        /// It comes up.
+        ComingUp = 1 "coming up",
+        /// It is up.
+        Up = 2 "up",
+        /// It has ended for good.
+        Ended = 3 "ended",
+    }
+}
+
+message! {
+    /// The processes of the plugins that have one, told whenever something changed.
+    "yamabico.ProcessesHeader.v1" Latest [Process]
+    pub struct ProcessesHeader {
+        /// When it was told.
+        pub stamp_ns: u64,
+        /// Counts up by one a message.
+        pub sequence: u64,
+    }
+}
+
+item! {
+    /// The process of one plugin.
+    pub struct Process {
+        /// Whose.
+        pub plugin: Name,
+        /// How its last process ended, in words; empty where none has.
+        pub ended: Note,
+        /// When that was.
+        pub ended_ns: u64,
+        /// When the next one is started; zero where one runs.
+        pub due_ns: u64,
+        /// Its number; zero where there is none.
+        pub pid: u32,
+        /// A [`ProcessState`] code.
+        pub state: u32,
+        /// Times that it was started again.
+        pub restarts: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+
+impl Process {
+    /// What the supervisor does with it, where the code is known.
+    pub fn state(&self) -> Option<ProcessState> {
+        ProcessState::from_code(self.state)
+    }
+}
+
+message! {
+    /// Who works on the robot and what they tell each other, once for those who join it. Its items are JSON.
+    "yamabico.RosterHeader.v1" Latest [u8] in words
+    pub struct RosterHeader {
+        /// When it was told.
+        pub stamp_ns: u64,
+        /// Counts up by one a message.
+        pub sequence: u64,
     }
 }
 

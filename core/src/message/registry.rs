@@ -23,7 +23,7 @@ pub struct MessageType {
     pub stamps: fn(header: &[u8]) -> (Time, Time),
     /// The sequence number of a header given as bytes; zero where it has the wrong size.
     pub sequence: fn(header: &[u8]) -> u64,
-    /// Header and items as JSON; null where the sizes are wrong. A frame's pixels are left out.
+    /// Header and items as JSON, a text under `text`; null where the sizes are wrong. A frame's pixels are left out.
     pub to_json: fn(header: &[u8], items: &[u8]) -> serde_json::Value,
 }
 
@@ -97,7 +97,12 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<FailureHeader>(),
     MessageType::of::<CallsHeader>(),
     MessageType::of::<WallsHeader>(),
+    MessageType::of::<ProcessesHeader>(),
+    MessageType::of::<RosterHeader>(),
     MessageType::of::<Control>(),
+    MessageType::of::<RetuneHeader>(),
+    MessageType::of::<RetunedHeader>(),
+    MessageType::of::<Stick>(),
 ];
 
 fn stamps<M: Message>(header: &[u8]) -> (Time, Time) {
@@ -120,6 +125,12 @@ fn to_json<M: Message>(header: &[u8], items: &[u8]) -> serde_json::Value {
     {
         let items: Vec<M::Item> = items.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect();
         object.insert("items".into(), serde_json::to_value(items).unwrap_or_default());
+    }
+    if M::IS_WORDED
+        && let Some(object) = json.as_object_mut()
+    {
+        let text = String::from_utf8_lossy(items);
+        object.insert("text".into(), text.trim_end_matches('\0').into());
     }
     json
 }

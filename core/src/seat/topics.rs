@@ -20,6 +20,17 @@ pub const FAILURES: &str = "plugins/failures";
 /// Walls that devices know, for plots.
 pub const WALLS: &str = "plugins/walls";
 
+/// The processes of plugins.
+pub const PROCESSES: &str = "plugins/processes";
+/// Who works on the robot, and every topic.
+pub const ROSTER: &str = "roster";
+/// Behaviours are asked to change their parameters.
+pub const RETUNE: &str = "plugins/retune";
+/// What became of it.
+pub const RETUNED: &str = "plugins/retuned";
+/// Where somebody holds the stick.
+pub const STICK: &str = "stick";
+
 /// What the sensor `name` measures.
 pub fn sensor(name: &str) -> String {
     format!("sensors/{name}")

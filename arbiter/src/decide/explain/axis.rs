@@ -1,0 +1,50 @@
+//! From what was asked of an axis to what its motor gets.
+
+use yamabico_core::message::{Axis, DecisionHeader, Mode, Twist};
+
+use super::AxisWords;
+
+/// Speeds nearer than this are one to a reader, m/s or rad/s.
+const SAME: f64 = 0.005;
+
+pub(super) fn in_words(header: &DecisionHeader, axis: Axis) -> AxisWords {
+    let of = |twist: &Twist| twist.get(axis);
+    let (wanted, feasible) = (of(&header.wanted), of(&header.feasible));
+    let (allowed, commanded) = (of(&header.allowed), of(&header.commanded));
+    let mut why = vec![match header.source[axis as usize] {
+        source if source.is_empty() => "nobody asks for it".to_owned(),
+        source => format!("{source} asks for {wanted:.2}"),
+    }];
+    if (wanted - feasible).abs() > SAME {
+        why.push(format!("the robot can do {feasible:.2}"));
+    }
+    why.extend(restraint(header, axis, feasible, allowed));
+    if (commanded - allowed).abs() > SAME {
+        let how = match commanded.abs() > allowed.abs() {
+            true if header.emergency != 0 => "braking hard",
+            true => "slowing down",
+            false => "speeding up",
+        };
+        why.push(format!("{how} to {:.2}", allowed + 0.0));
+    }
+    let unit = if axis == Axis::Angular { "rad/s" } else { "m/s" };
+    // A zero has no sign for a reader.
+    AxisWords { axis: axis.as_str(), commanded: commanded + 0.0, wanted: wanted + 0.0, unit, why }
+}
+
+/// What takes an axis from what the robot can do to what is allowed.
+fn restraint(header: &DecisionHeader, axis: Axis, feasible: f64, allowed: f64) -> Option<String> {
+    let (limiter, limit) = (header.limiter[axis as usize], header.limit.get(axis));
+    let halter = header.halter[axis as usize];
+    match header.mode() {
+        Some(Mode::EmergencyStop | Mode::CriticalSilent | Mode::ShuttingDown) => {
+            (feasible.abs() > SAME).then(|| "the whole robot is stopped".to_owned())
+        }
+        _ if !halter.is_empty() => Some(format!("{halter} halts it")),
+        _ if !limiter.is_empty() && feasible.abs() > limit => Some(format!("{limiter} allows {limit:.2}")),
+        _ if (feasible - allowed).abs() > SAME => {
+            Some(format!("slowed to {allowed:.2} with the other axis of translation"))
+        }
+        _ => None,
+    }
+}
