@@ -109,8 +109,54 @@ fn behaviours_are_switched_and_the_robot_is_stopped() {
 }
 
 #[test]
+fn a_robot_tells_why_who_and_what() {
+    let robot = Robot::start("why", &[]);
+    let told = robot.await_words(&["why"], ": driving\n");
+    assert!(told.contains("map-localizer asks for") && told.contains("wall-follower (10)"), "{told}");
+    let json = robot.json(&["why"]);
+    assert_eq!(json["explanation"]["behaviours"].as_array().unwrap().len(), 4, "{json}");
+    robot.told(&["estop"]);
+    assert!(robot.told(&["why"]).contains("emergency stop: latched until `yamabico reset`"));
+    robot.told(&["reset"]);
+
+    let plugins = robot.json(&["ps"]);
+    let pid_of = |plugins: &Value, name: &str| {
+        let plugin =
+            plugins.as_array().unwrap().iter().find(|plugin| plugin["name"] == name).unwrap().clone();
+        (plugin["pid"].as_u64(), plugin["restarts"].as_u64().unwrap())
+    };
+    assert_eq!(plugins.as_array().unwrap().len(), 5, "{plugins}");
+    let (pid, restarts) = pid_of(&plugins, "wall-follower");
+    assert_eq!(restarts, 0);
+    let killed = Command::new("kill").args(["-KILL", &pid.unwrap().to_string()]).status().unwrap();
+    assert!(killed.success());
+    let told = robot.await_words(&["ps"], "wall-follower: its last process was killed by signal 9");
+    assert!(told.contains("in the last decision"), "{told}");
+    assert!(robot.told(&["why"]).contains("its process was killed by signal 9"));
+    let begun = Instant::now();
+    while pid_of(&robot.json(&["ps"]), "wall-follower") <= (pid, 0) {
+        assert!(begun.elapsed() < PATIENCE, "it is not started again");
+    }
+
+    let list = robot.told(&["topic", "list"]);
+    assert!(list.contains("sensors/sonar") && list.contains("yamabico.RangeScanHeader.v1"), "{list}");
+    let hz = robot.json(&["topic", "hz", "sensors/wheels", "--for", "1.5", "--every", "1.5"]);
+    let rate_hz = hz["rate_hz"].as_f64().unwrap();
+    assert!((30.0..70.0).contains(&rate_hz), "{hz}");
+    let age = robot.json(&["topic", "latency", "command", "--for", "1", "--every", "1"]);
+    assert!((1e-3..1.0).contains(&age["age_s"]["p50"].as_f64().unwrap()), "{age}");
+    assert!(robot.told(&["topic", "echo", "sensors/sonar", "--once"]).contains("range_m"));
+    assert!(robot.told(&["topic", "echo", "roster", "--once"]).contains("map-localizer"));
+    let wrong = robot.ask(&["topic", "echo", "comand", "--once"]);
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(said(&wrong).contains("did you mean `command`?"));
+}
+
+#[test]
 fn a_robot_that_does_not_run_is_told() {
-    for command in [&["estop"][..], &["reset"], &["enable", "wall-follower"]] {
+    for command in
+        [&["estop"][..], &["reset"], &["enable", "wall-follower"], &["why"], &["ps"], &["topic", "list"]]
+    {
         let ended = yamabico(command).args(["--robot", "no-such-robot"]).output().unwrap();
         assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
         assert!(said(&ended).contains("no robot `no-such-robot` is running"), "{}", said(&ended));

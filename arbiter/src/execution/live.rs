@@ -30,6 +30,7 @@ use super::lockstep::Supply;
 use super::plan::Plan;
 use super::referee::Referee;
 use super::roll::{Failure, Roll};
+use super::roster::{Herald, MayPart, Roster};
 use crate::record::{Tap, Tee};
 use crate::supervisor::{Program, Supervisor};
 
@@ -49,6 +50,7 @@ pub struct Live {
     seats: Option<Seats>,
     supervisor: Option<Supervisor>,
     taps: Vec<(String, MessageType, RawSubscriber)>,
+    herald: Herald,
     roll: Roll,
     orders: Arc<Orders>,
     report: Sender<Report>,
@@ -108,6 +110,8 @@ impl Live {
             .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
         let taps = taps.collect::<Result<Vec<_>, BusError>>()?;
         let devices: Vec<String> = plan.devices.iter().map(|device| device.spec.name.clone()).collect();
+        let may_part = if program.is_some() { MayPart::Yes } else { MayPart::No };
+        let herald = Herald::start(&bus, &Roster::of(&plan, robot, may_part))?;
         let arbiter = Seats::arbiter(&plan, &bus)?;
         let apart = if program.is_some() { plan.take_apart() } else { Apart::default() };
         let measuring = apart.devices.iter().filter(|device| !device.sensors.is_empty()).count();
@@ -120,6 +124,7 @@ impl Live {
         let (report, reports) = channel();
         let mut live = Live {
             taps,
+            herald,
             roll: Roll::default(),
             orders: Arc::default(),
             report,
@@ -279,6 +284,7 @@ impl Live {
 
     /// Shows `tap` what has been published since the last call, in the order of publication as far as stamps tell it.
     fn show(&mut self, tap: &mut dyn Tap, now: Time) {
+        self.herald.welcome();
         let mut taps = Tee(vec![&mut self.roll, tap]);
         for (topic, message, subscriber) in &self.taps {
             while let Ok(Some(sample)) = subscriber.receive() {

@@ -10,6 +10,7 @@ mod lockstep;
 mod plan;
 mod referee;
 mod roll;
+mod roster;
 
 pub use arbiter_seat::ArbiterSeat;
 pub use course::{End, Progress, run_lockstep};
@@ -18,4 +19,5 @@ pub use live::Live;
 pub use lockstep::{Lockstep, Supply};
 pub use plan::{Plan, Topic};
 pub use referee::Referee;
+pub use roster::{Duties, Enrolled, Posted, Roster};
 pub use yamabico_core::seat::{BehaviorPlan, BehaviorRecord, DevicePlan, Durations, SeatError, topics};

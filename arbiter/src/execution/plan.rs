@@ -7,12 +7,14 @@ use yamabico_core::bus::{Bell, Bus, BusError, Spec};
 use yamabico_core::config::{self, InputSource, Task};
 use yamabico_core::message::{
     CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal, Heartbeat,
-    Message, MessageType, Name, Proposal, Truth, Verdict, WallPoint, WallsHeader,
+    Message, MessageType, Name, Process, ProcessesHeader, Proposal, RosterHeader, Truth, Verdict, WallPoint,
+    WallsHeader,
 };
 use yamabico_core::seat::{
     BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, Scheduling, topics,
 };
 
+use super::roster::MOST_ROSTER;
 use crate::kinematics::Kinematics;
 use crate::policy::{BehaviourPolicy, Contest, CriticalSensor, Lateness, Policy, Wire};
 
@@ -79,6 +81,8 @@ impl Plan {
             (topics::CALLS, MessageType::of::<CallsHeader>(), buckets),
             (topics::FAILURES, MessageType::of::<FailureHeader>(), MOST_WORDS),
             (topics::WALLS, MessageType::of::<WallsHeader>(), corners),
+            (topics::PROCESSES, MessageType::of::<ProcessesHeader>(), publishers * size_of::<Process>()),
+            (topics::ROSTER, MessageType::of::<RosterHeader>(), MOST_ROSTER),
         ];
         self.topics.extend(told.map(|(name, message, list_bytes)| Topic {
             name: name.to_owned(),

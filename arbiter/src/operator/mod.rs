@@ -1,7 +1,13 @@
-//! Somebody outside a running robot: sends it to goals, switches its behaviours, stops it.
+//! Somebody outside a running robot: sends it to goals, switches its behaviours, stops it, and looks at what it does.
 
 mod desk;
 mod goal;
+mod listener;
+mod lookout;
+mod muster;
 
 pub use desk::{Desk, Obeyed, Request, RequestError};
 pub use goal::{GoalError, Operator, Place};
+pub use listener::{Figures, ListenError, Listener, Window};
+pub use lookout::{LookError, Lookout};
+pub use muster::{Calls, LastEnd, Mustered, muster};

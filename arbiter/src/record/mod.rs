@@ -23,6 +23,7 @@ pub use error::RecordError;
 pub use images::ImageFormat;
 pub use mcap::{McapRecorder, Pace, Recorded, Recording};
 pub use playback::{PlaybackError, Played, play};
+pub use schema::to_json;
 
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;

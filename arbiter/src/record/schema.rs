@@ -11,7 +11,7 @@ const ITEM_BYTES: &str = "items_hex";
 /// The message as JSON: the header's fields, its items under `items`, and each code once more in words under `..._text`.
 /// Numbers have full precision. JSON has no word for one that is not finite: it is null, and the bytes of header and items
 /// follow in hexadecimal under `header_hex` and `items_hex`, so that nothing is lost. Pixels are left out.
-pub(super) fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
+pub fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
     let mut value = (message.to_json)(header, items);
     if has_null(&value)
         && let Some(object) = value.as_object_mut()

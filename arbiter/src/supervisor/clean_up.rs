@@ -10,6 +10,9 @@ use yamabico_core::time::Time;
 /// What the transport forgets of the dead can be told from what it is still at work with only after a second.
 const SECOND_LOOK: Duration = Duration::from_millis(1500);
 
+/// Programs of operators that were killed leave their places behind, and nobody says so.
+const ROUND: Duration = Duration::from_secs(10);
+
 /// A clean-up that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Ticket(u64);
@@ -21,6 +24,7 @@ pub(super) struct CleanUp {
     requests: Sender<Ticket>,
     answers: Receiver<Ticket>,
     again_at: Option<Time>,
+    round_at: Time,
 }
 
 impl CleanUp {
@@ -43,7 +47,14 @@ impl CleanUp {
         };
         let started = std::thread::Builder::new().name("clean-up".into()).spawn(work);
         started.map_err(|source| SeatError::Thread { name: "clean-up".into(), source })?;
-        Ok(CleanUp { asked: Ticket(0), done: Ticket(0), requests, answers, again_at: None })
+        Ok(CleanUp {
+            asked: Ticket(0),
+            done: Ticket(0),
+            requests,
+            answers,
+            again_at: None,
+            round_at: Time::ZERO,
+        })
     }
 
     /// Asks for a clean-up after a process that has died and been waited for.
@@ -64,6 +75,10 @@ impl CleanUp {
         }
         if self.again_at.is_some_and(|at| at <= now) {
             self.again_at = None;
+            self.ask();
+        }
+        if self.round_at <= now {
+            self.round_at = now + ROUND;
             self.ask();
         }
     }

@@ -4,6 +4,7 @@
 //! may block, has a thread of its own that nobody waits for longer than half a second. Neither knows the arbiter.
 
 mod back_off;
+mod bulletin;
 mod clean_up;
 mod health;
 mod janitor;
@@ -21,6 +22,7 @@ use yamabico_core::message::Heartbeat;
 use yamabico_core::seat::{SeatError, topics};
 use yamabico_core::time::Time;
 
+use bulletin::Bulletin;
 use clean_up::CleanUp;
 use janitor::JanitorThread;
 pub use program::Program;
@@ -55,6 +57,7 @@ impl Supervisor {
         let orders = Arc::new(Orders::default());
         let watch = Watch {
             heartbeats: bus.subscriber(topics::HEARTBEATS)?,
+            bulletin: Bulletin::open(bus)?,
             clean_up: CleanUp::start(bus)?,
             _janitor: JanitorThread::start(bus)?,
             wards: wards.into_iter().map(Ward::new).collect(),
@@ -95,6 +98,7 @@ impl Drop for Supervisor {
 /// What the supervisor's thread has.
 struct Watch {
     heartbeats: Subscriber<Heartbeat>,
+    bulletin: Bulletin,
     wards: Vec<Ward>,
     clean_up: CleanUp,
     program: Program,
@@ -121,6 +125,9 @@ impl Watch {
             for ward in &mut self.wards {
                 ward.excuse(late);
                 ward.step(now, phase, &self.program, &mut self.clean_up);
+            }
+            if let Err(error) = self.bulletin.tell(self.wards.iter().map(Ward::process), now) {
+                tracing::error!("nobody is told of processes: {error}");
             }
             std::thread::sleep(LOOK);
         }

@@ -5,7 +5,7 @@ use std::process::{Child, ExitStatus};
 use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
-use yamabico_core::message::Heartbeat;
+use yamabico_core::message::{Heartbeat, Name, Note, Process, ProcessState};
 use yamabico_core::plugin::{Begin, Charge, OnDeath};
 use yamabico_core::seat::Scheduling;
 use yamabico_core::time::Time;
@@ -49,6 +49,8 @@ pub(super) struct Ward {
     state: State,
     back_off: BackOff,
     starts: u32,
+    /// How its last process ended, and when.
+    ended: Option<(Note, Time)>,
 }
 
 enum State {
@@ -65,11 +67,33 @@ enum State {
 impl Ward {
     pub fn new(plan: WardPlan) -> Ward {
         let state = State::Due { at: Time::ZERO, clean: None };
-        Ward { plan, state, back_off: BackOff::default(), starts: 0 }
+        Ward { plan, state, back_off: BackOff::default(), starts: 0, ended: None }
     }
 
     pub fn name(&self) -> &str {
         &self.plan.charge.name
+    }
+
+    /// How its process is.
+    pub fn process(&self) -> Process {
+        let (state, pid, due) = match &self.state {
+            State::Due { at, .. } => (ProcessState::Due, 0, at.0.max(1)),
+            State::Coming { child, .. } => (ProcessState::ComingUp, child.id(), 0),
+            State::Up { child, health, .. } if health.is_up() => (ProcessState::Up, child.id(), 0),
+            State::Up { child, .. } => (ProcessState::ComingUp, child.id(), 0),
+            State::Ended => (ProcessState::Ended, 0, 0),
+        };
+        let (ended, ended_at) = self.ended.unwrap_or_default();
+        Process {
+            plugin: Name::new(self.name()),
+            ended,
+            ended_ns: ended_at.0,
+            due_ns: due,
+            pid,
+            state: state.code(),
+            restarts: self.starts.saturating_sub(1),
+            reserved: 0,
+        }
     }
 
     /// Hears a sign of life.
@@ -166,6 +190,7 @@ impl Ward {
 
     fn bury(&mut self, how: &str, lived: Duration, clean: Option<Ticket>, now: Time) {
         let wait = self.back_off.died(lived);
+        self.ended = Some((Note::new(how), now));
         let name = &self.plan.charge.name;
         let after = format!("`{name}` {how} after {lived:.3?}");
         if self.back_off.loops() {

@@ -77,7 +77,7 @@ pub fn run(arguments: &Arguments, print: Print) -> ExitCode {
 
 /// Set by Ctrl-C and by SIGTERM: the robot is stopped first. A second Ctrl-C ends the program at once; the drive's watchdog
 /// then stops the robot.
-pub(super) fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
+pub(crate) fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&flag))?;

@@ -1,8 +1,11 @@
 //! The commands for a robot that runs live.
 
 mod estop;
+mod ps;
 mod switch;
+mod topic;
 pub mod which;
+mod why;
 
 use std::process::ExitCode;
 
@@ -13,6 +16,13 @@ use crate::output::Print;
 /// What to do with a running robot.
 #[derive(Subcommand)]
 pub enum Command {
+    /// Tell why a running robot does what it does.
+    Why(why::Arguments),
+    /// List the plugins of a running robot and how they fare.
+    Ps(ps::Arguments),
+    /// Listen to what a running robot's parts tell each other.
+    #[command(subcommand)]
+    Topic(topic::Topic),
     /// Let a behaviour of a running robot be heard again.
     Enable(switch::Arguments),
     /// Let a behaviour of a running robot not be heard.
@@ -27,6 +37,9 @@ impl Command {
     /// Does it.
     pub fn run(self, print: Print) -> ExitCode {
         match self {
+            Command::Why(arguments) => why::why(&arguments, print),
+            Command::Ps(arguments) => ps::ps(&arguments, print),
+            Command::Topic(what) => what.run(print),
             Command::Enable(arguments) => switch::enable(&arguments, print),
             Command::Disable(arguments) => switch::disable(&arguments, print),
             Command::Estop(arguments) => estop::estop(&arguments, print),

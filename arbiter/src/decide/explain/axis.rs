@@ -13,10 +13,10 @@ pub(super) fn in_words(header: &DecisionHeader, axis: Axis) -> AxisWords {
     let (allowed, commanded) = (of(&header.allowed), of(&header.commanded));
     let mut why = vec![match header.source[axis as usize] {
         source if source.is_empty() => "nobody asks for it".to_owned(),
-        source => format!("{source} asks for {wanted:.2}"),
+        source => format!("{source} asks for {}", speed(wanted)),
     }];
     if (wanted - feasible).abs() > SAME {
-        why.push(format!("the robot can do {feasible:.2}"));
+        why.push(format!("the robot can do {}", speed(feasible)));
     }
     why.extend(restraint(header, axis, feasible, allowed));
     if (commanded - allowed).abs() > SAME {
@@ -25,11 +25,16 @@ pub(super) fn in_words(header: &DecisionHeader, axis: Axis) -> AxisWords {
             true => "slowing down",
             false => "speeding up",
         };
-        why.push(format!("{how} to {:.2}", allowed + 0.0));
+        why.push(format!("{how} to {}", speed(allowed)));
     }
     let unit = if axis == Axis::Angular { "rad/s" } else { "m/s" };
-    // A zero has no sign for a reader.
-    AxisWords { axis: axis.as_str(), commanded: commanded + 0.0, wanted: wanted + 0.0, unit, why }
+    AxisWords { axis: axis.as_str(), commanded, wanted, unit, why }
+}
+
+/// Two digits behind the point; nothing is not negative to a reader.
+pub(super) fn speed(speed: f64) -> String {
+    let text = format!("{speed:.2}");
+    if text == "-0.00" { "0.00".to_owned() } else { text }
 }
 
 /// What takes an axis from what the robot can do to what is allowed.

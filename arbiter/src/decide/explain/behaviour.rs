@@ -4,6 +4,7 @@ use yamabico_core::message::{
     Axes, Axis, DecisionHeader, Kind, Outcome, Process, ProcessState, Reason, Twist, Verdict,
 };
 
+use super::axis::speed;
 use super::{BehaviourWords, Scene, Told};
 
 /// A death is news for so long, seconds.
@@ -130,11 +131,11 @@ fn because(verdict: &Verdict, scene: &Scene) -> String {
 
 /// Such as `asks for 0.40 m/s, 0.03 rad/s`.
 fn asked(axes: Axes, twist: &Twist) -> String {
-    let speed = |axis: Axis| {
+    let of_axis = |axis: Axis| {
         let unit = if axis == Axis::Angular { "rad/s" } else { "m/s" };
-        format!("{:.2} {unit}", twist.get(axis))
+        format!("{} {unit}", speed(twist.get(axis)))
     };
-    format!("asks for {}", axes.iter().map(speed).collect::<Vec<_>>().join(", "))
+    format!("asks for {}", axes.iter().map(of_axis).collect::<Vec<_>>().join(", "))
 }
 
 /// What its process went through of late.

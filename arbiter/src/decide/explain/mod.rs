@@ -111,7 +111,8 @@ impl fmt::Display for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.what)?;
         for AxisWords { axis, commanded, unit, why, .. } in &self.axes {
-            writeln!(f, "  {axis:<8}{commanded:>6.2} {unit:<6} {}", why.join("; "))?;
+            let commanded = axis::speed(*commanded);
+            writeln!(f, "  {axis:<8}{commanded:>6} {unit:<6} {}", why.join("; "))?;
         }
         let label = |words: &BehaviourWords| format!("{} ({})", words.behaviour, words.priority);
         let widest = self.behaviours.iter().map(|words| label(words).chars().count()).max().unwrap_or(0);
