@@ -42,6 +42,10 @@ const RECORDER_NAP: Duration = Duration::from_millis(2);
 const OPENING: Duration = Duration::from_secs(20);
 /// A thread that has not ended by then hangs, and is left behind.
 const FAREWELL: Duration = Duration::from_secs(1);
+/// Decisions that the arbiter makes at once from one tick to the next; whoever rings more often makes it wait between them.
+const BURST: u32 = 64;
+/// From one decision to the next once the burst is used up: somebody floods.
+const CALM: Duration = Duration::from_millis(1);
 /// Topics that one thread can wait for. The arbiter hears behaviours beyond that, those of the lowest priority, at its tick.
 const MOST_BELLS: usize = 64;
 
@@ -344,7 +348,8 @@ impl Seats {
     fn arbiter(plan: &Plan, bus: &Bus) -> Result<(ArbiterSeat, Waiter, Duration, Scheduling), SeatError> {
         let arbiter = ArbiterSeat::open(plan, bus)?;
         let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
-        let proposals = plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name));
+        let proposals =
+            plan.policy.behaviours.iter().map(|behavior| topics::proposal(behavior.name.as_str()));
         let heard: Vec<String> =
             std::iter::once(topics::CONTROL.to_owned()).chain(proposals).take(MOST_BELLS).collect();
         let waiter = bus.waiter(&heard.iter().map(String::as_str).collect::<Vec<_>>())?;
@@ -387,8 +392,8 @@ impl Orders {
     }
 }
 
-/// Decides when a proposal arrives and at every tick, until the end, whatever fails; the last decisions bring the robot to
-/// rest.
+/// Decides when a proposal arrives and at every tick, until the end, whatever fails and whoever floods; the last decisions
+/// bring the robot to rest.
 fn arbitrate(
     mut seat: ArbiterSeat,
     mut waiter: Waiter,
@@ -398,6 +403,7 @@ fn arbitrate(
 ) {
     let mut tick = Time::monotonic_now();
     let mut lateness = Durations::default();
+    let mut decided = 0;
     seat.keep_time_by(TimeSource::Machine);
     while !orders.is_over() {
         if orders.rest.load(Ordering::Relaxed) {
@@ -406,12 +412,17 @@ fn arbitrate(
         let now = Time::monotonic_now();
         if tick <= now {
             lateness.add(now.since(tick));
+            decided = 0;
         }
         if let Err(error) = seat.step(now) {
             report(Report::Failed(DeviceError::failed("arbiter", error)));
         }
         while tick <= now {
             tick = tick + period;
+        }
+        decided += 1;
+        if decided > BURST {
+            std::thread::sleep(CALM.min(tick.since(Time::monotonic_now())));
         }
         let left = tick.since(Time::monotonic_now());
         if let Err(error) = waiter.wait(left) {
