@@ -86,6 +86,39 @@ fn only_the_bus_names_iceoryx2() {
     assert!(files > 20, "only {files} files were read");
 }
 
+/// Where programs are started: the one that a table names by `exec`, asked what it is and run, and this very one.
+const STARTERS: [&str; 3] =
+    ["core/src/config/exec.rs", "arbiter/src/supervisor/spawn.rs", "arbiter/cli/src/commands/plugin.rs"];
+
+#[test]
+fn programs_are_started_in_three_places_only() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let mut starters = Vec::new();
+    for folder in ["core/src", "behaviors", "sensors", "arbiter"] {
+        visit(&root.join(folder), &mut |path, text| {
+            let path = path.strip_prefix(root).unwrap().to_str().unwrap().to_owned();
+            let is_source = path.contains("/src/") && !path.contains("/target/");
+            // What tests do is behind their attribute, at the end of a file.
+            let shipped = text.split("#[cfg(test)]").next().unwrap();
+            let words = [
+                "process::Command",
+                "process::{Child, Command",
+                "Command::new(",
+                "libc::exec",
+                "libc::fork",
+                "libc::system",
+            ];
+            if is_source && words.iter().any(|word| shipped.contains(word)) {
+                starters.push(path);
+            }
+        });
+    }
+    starters.sort();
+    let mut expected = STARTERS.map(str::to_owned);
+    expected.sort();
+    assert_eq!(starters, expected);
+}
+
 fn visit(folder: &std::path::Path, see: &mut dyn FnMut(&std::path::Path, &str)) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

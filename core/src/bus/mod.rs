@@ -117,6 +117,7 @@ impl Bus {
         let guard = Guard { place: place.clone(), lock: Some(lock) };
         place.wipe()?;
         let world = World::new(robot, &place.root.to_string_lossy(), &place.prefix, Patience::None)?;
+        place.close_to_others()?;
         Ok(Bus(Arc::new(Inside {
             kind: Kind::Ipc(world),
             guard: Some(guard),

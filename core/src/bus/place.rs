@@ -1,8 +1,8 @@
 //! Where a running robot keeps its files, and the lock that lets only one process run it.
 
-use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{DirBuilder, File, OpenOptions, Permissions, TryLockError};
 use std::io::{Read, Seek, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::PathBuf;
 
 use super::BusError;
@@ -134,6 +134,18 @@ impl Place {
                     return Err(BusError::Files { doing: "remove", path: segment, source });
                 }
                 _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the segments from other users that the transport makes for everybody: its counter of nodes.
+    pub(super) fn close_to_others(&self) -> Result<(), BusError> {
+        for segment in self.segments() {
+            let failed = |source| BusError::Files { doing: "close", path: segment.clone(), source };
+            let mode = std::fs::metadata(&segment).map_err(failed)?.mode();
+            if mode & 0o077 != 0 {
+                std::fs::set_permissions(&segment, Permissions::from_mode(mode & 0o700)).map_err(failed)?;
             }
         }
         Ok(())
