@@ -68,6 +68,7 @@ static PLUGINS: Plugins<'static> = Plugins {
         files: &[],
         sensors: &[],
         drives: &[drive("motor")],
+        told: None,
         open: |_| {
             Ok(Device { sensors: Vec::new(), drive: Some(Box::new(Motor)), judge: None, walls: Vec::new() })
         },

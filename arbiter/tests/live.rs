@@ -116,6 +116,7 @@ static DRIVER: DriverPlugin = DriverPlugin {
         sensor("flooding"),
     ],
     drives: &[drive("motor"), drive("panicking")],
+    told: None,
     open,
 };
 

@@ -52,6 +52,7 @@ static DRIVER: DriverPlugin = DriverPlugin {
     files: &[],
     sensors: &[sensor("counter")],
     drives: &[drive("motor")],
+    told: None,
     open: |spec| {
         let sensors =
             spec.sensors.iter().map(|sensor| (sensor.name.clone(), Box::new(Counter(0)) as Box<dyn Sensor>));

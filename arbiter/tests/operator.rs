@@ -100,6 +100,7 @@ static PLUGINS: Plugins<'static> = Plugins {
         files: &[],
         sensors: &[sensor("lasting")],
         drives: &[drive("motor")],
+        told: None,
         open,
     }],
 };

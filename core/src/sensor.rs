@@ -12,6 +12,7 @@ use crate::camera::{Distortion, Intrinsics, MirrorCamera, Mount, Pinhole};
 use crate::config::FileKind;
 use crate::drive::Drive;
 use crate::message::{Axes, MessageType};
+use crate::plugin::ToldDriver;
 use crate::time::Time;
 
 /// A device that measures and publishes.
@@ -221,6 +222,8 @@ pub struct DriverPlugin {
     pub drives: &'static [DrivePlugin],
     /// Opens the device with its sensors and its drive.
     pub open: fn(DeviceSpec) -> Result<Device, BuildError>,
+    /// What another program told of itself, where it is that; the schemas above are empty then.
+    pub told: Option<&'static ToldDriver>,
 }
 
 impl std::fmt::Debug for DriverPlugin {

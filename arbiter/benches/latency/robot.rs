@@ -86,6 +86,7 @@ static DRIVER: DriverPlugin = DriverPlugin {
         check: |_, _| Ok(()),
     }],
     drives: &[DrivePlugin { kind: "clock", summary: "Obeys.", axes: Axes::PLANAR, schema: schema() }],
+    told: None,
     open,
 };
 

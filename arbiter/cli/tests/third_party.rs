@@ -157,3 +157,55 @@ fn a_crate_is_begun_once_and_by_a_good_name() {
     let lost = place.yamabico(&["new", "behavior", "other"]);
     assert!(said(&lost).contains("--repository"), "{}", said(&lost));
 }
+
+/// The corridor with the simulator as a program of its own, under `clock`.
+fn with_program_for_a_device(place: &Crate, clock: &str) -> String {
+    let target = Path::new(env!("CARGO_BIN_EXE_yamabico")).parent().unwrap();
+    let mut build = Command::new(env!("CARGO"));
+    build.args(["build", "--quiet", "--offline", "--package", "yamabico-sim", "--example", "sim_program"]);
+    if target.ends_with("release") {
+        build.arg("--release");
+    }
+    assert!(build.status().unwrap().success());
+    let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").canonicalize().unwrap();
+    let robot = std::fs::read_to_string(configs.join("robots/sim-corridor.toml")).unwrap();
+    let exec = format!("exec = [\"{}\"]", target.join("examples/sim_program").display());
+    let world = format!("world = \"{}/worlds", configs.display());
+    let robot = robot.replace("driver = \"sim\"", &exec).replace("world = \"../worlds", &world);
+    let robot = robot.replacen("[footprint]", &format!("clock = \"{clock}\"\n\n[footprint]"), 1);
+    std::fs::write(place.folder.join("robot.toml"), robot).unwrap();
+    let task = std::fs::read_to_string(configs.join("corridor.toml")).unwrap();
+    let path = place.folder.join("task.toml");
+    std::fs::write(&path, task.replace("robots/sim-corridor.toml", "robot.toml")).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_driver_is_a_program_too_by_the_machines_clock_or_its_own() {
+    for clock in ["machine", "driver"] {
+        let place = Crate::new(&format!("driver-{clock}"));
+        let task = with_program_for_a_device(&place, clock);
+        let checked = place.yamabico(&["check", &task]);
+        assert!(checked.status.success(), "{}", said(&checked));
+        assert!(said(&checked).contains("starts sim ("), "{}", said(&checked));
+        let wrong = place.yamabico(&["check", &task, "--set", "robot.sensors.front.period_ms=1"]);
+        assert_eq!(wrong.status.code(), Some(2), "{}", said(&wrong));
+        assert!(said(&wrong).contains("period_ms"), "{}", said(&wrong));
+        let robot = format!("robot.name={}", place.name);
+        let set = ["--set", &robot, "--set", "run.duration_s=4"];
+        let ran = place.yamabico(&[&["run", &task, "--live", "--json"], &set[..]].concat());
+        assert_eq!(ran.status.code(), Some(1), "{clock}: {}", said(&ran));
+        let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+        assert!(report["distance_m"].as_f64() > Some(0.8), "{report}");
+        assert_eq!(report["contacts"].as_u64(), Some(0), "{report}");
+    }
+}
+
+#[test]
+fn a_clock_needs_a_driver_that_owns_it() {
+    let place = Crate::new("clock");
+    let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/corridor.toml");
+    let checked = place.yamabico(&["check", task.to_str().unwrap(), "--set", "robot.clock=\"driver\""]);
+    assert_eq!(checked.status.code(), Some(2), "{}", said(&checked));
+    assert!(said(&checked).contains("no driver owns the clock"), "{}", said(&checked));
+}

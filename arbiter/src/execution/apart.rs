@@ -1,7 +1,9 @@
 //! The plugins of a live run that get processes of their own.
 
+use std::time::Duration;
+
 use yamabico_core::bus::{Bus, BusError};
-use yamabico_core::config::Isolation;
+use yamabico_core::config::{Clock, Isolation};
 use yamabico_core::plugin::{Begin, BehaviorCharge, Charge, DeviceCharge, OnDeath, PROTOCOL, Part};
 use yamabico_core::seat::{BehaviorPlan, DevicePlan, Hosting};
 
@@ -13,6 +15,8 @@ use crate::supervisor::WardPlan;
 pub(super) struct Apart {
     pub devices: Vec<DevicePlan>,
     pub behaviors: Vec<BehaviorPlan>,
+    clock: Clock,
+    step: Duration,
 }
 
 impl Plan {
@@ -22,6 +26,8 @@ impl Plan {
         Apart {
             devices: self.devices.extract_if(.., |device| is_apart(&device.hosting)).collect(),
             behaviors: self.behaviors.extract_if(.., |behavior| is_apart(&behavior.hosting)).collect(),
+            clock: self.clock,
+            step: self.step,
         }
     }
 }
@@ -30,37 +36,40 @@ impl Apart {
     /// What the supervisor is to start: devices first, which take longer to open.
     pub fn wards(&self, bus: &Bus) -> Result<Vec<WardPlan>, BusError> {
         let devices = self.devices.iter().map(|device| {
-            let part = Part::Device(DeviceCharge::of(device));
-            ward(bus, &device.spec.name, &device.hosting, part, OnDeath::Brake)
+            let part = Part::Device(DeviceCharge::of(device, self.step));
+            let ward = self.ward(bus, &device.spec.name, &device.hosting, part, OnDeath::Brake)?;
+            Ok(WardPlan { exec: device.exec.clone(), ..ward })
         });
         let behaviors = self.behaviors.iter().map(|behavior| {
             let part = Part::Behavior(BehaviorCharge::of(behavior));
-            let ward = ward(bus, &behavior.setup.name, &behavior.hosting, part, OnDeath::Die)?;
+            let ward = self.ward(bus, &behavior.setup.name, &behavior.hosting, part, OnDeath::Die)?;
             Ok(WardPlan { exec: behavior.exec.clone(), ..ward })
         });
         devices.chain(behaviors).collect()
     }
-}
 
-fn ward(
-    bus: &Bus,
-    name: &str,
-    hosting: &Hosting,
-    part: Part,
-    on_death: OnDeath,
-) -> Result<WardPlan, BusError> {
-    let (bus_root, bus_prefix) = bus.files()?;
-    let charge = Charge {
-        protocol: PROTOCOL,
-        name: name.to_owned(),
-        robot: bus.name().to_owned(),
-        bus_root,
-        bus_prefix,
-        restarts: 0,
-        beat_ms: hosting.patience.as_secs_f64() * 1e3 / 4.0,
-        begin: Begin::WithTheFirstCommand,
-        part,
-    };
-    let Hosting { patience, scheduling, .. } = *hosting;
-    Ok(WardPlan { charge, on_death, patience, scheduling, exec: Vec::new() })
+    fn ward(
+        &self,
+        bus: &Bus,
+        name: &str,
+        hosting: &Hosting,
+        part: Part,
+        on_death: OnDeath,
+    ) -> Result<WardPlan, BusError> {
+        let (bus_root, bus_prefix) = bus.files()?;
+        let charge = Charge {
+            protocol: PROTOCOL,
+            name: name.to_owned(),
+            robot: bus.name().to_owned(),
+            bus_root,
+            bus_prefix,
+            restarts: 0,
+            beat_ms: hosting.patience.as_secs_f64() * 1e3 / 4.0,
+            begin: Begin::WithTheFirstCommand,
+            clock: self.clock,
+            part,
+        };
+        let Hosting { patience, scheduling, .. } = *hosting;
+        Ok(WardPlan { charge, on_death, patience, scheduling, exec: Vec::new() })
+    }
 }

@@ -13,12 +13,9 @@ use std::time::{Duration, Instant};
 
 use yamabico_core::behavior::BuildError;
 use yamabico_core::bus::{Bus, BusError, RawSubscriber, Waiter};
-use yamabico_core::config::Run;
+use yamabico_core::config::{Clock, Run};
 use yamabico_core::message::MessageType;
-use yamabico_core::seat::{
-    BehaviorSeat, DeviceSeat, Durations, Hosting, Pulse, Scheduling, SeatError, behave, operate, panicked,
-    topics,
-};
+use yamabico_core::seat::{Durations, Scheduling, SeatError, behave, behave_in_turn, operate, panicked};
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::{Time, TimeSource};
 
@@ -27,10 +24,12 @@ use super::arbiter_seat::ArbiterSeat;
 use super::course::{End, Progress, REST, ended};
 use super::fared::Fared;
 use super::lockstep::Supply;
+use super::paced::{DriversTime, Pacer};
 use super::plan::Plan;
 use super::referee::Referee;
 use super::roll::{Failure, Roll};
 use super::roster::{Herald, MayPart, Roster};
+use super::seats::Seats;
 use crate::record::{Tap, Tee};
 use crate::supervisor::{Program, Supervisor};
 
@@ -46,13 +45,12 @@ const FAREWELL: Duration = Duration::from_secs(1);
 const BURST: u32 = 64;
 /// From one decision to the next once the burst is used up: somebody floods.
 const CALM: Duration = Duration::from_millis(1);
-/// Topics that one thread can wait for. The arbiter hears behaviours beyond that, those of the lowest priority, at its tick.
-const MOST_BELLS: usize = 64;
 
 /// A live run.
 pub struct Live {
     seats: Option<Seats>,
     supervisor: Option<Supervisor>,
+    clock: Clock,
     taps: Vec<(String, MessageType, RawSubscriber)>,
     herald: Herald,
     roll: Roll,
@@ -71,13 +69,6 @@ pub struct Live {
     _bus: Bus,
 }
 
-/// Everything that has been opened and waits for its thread.
-struct Seats {
-    arbiter: (ArbiterSeat, Waiter, Duration, Scheduling),
-    behaviors: Vec<(BehaviorSeat, Waiter, Pulse, Scheduling)>,
-    devices: Vec<(String, DeviceSeat, Waiter, Pulse, Scheduling)>,
-}
-
 /// What the threads are told.
 #[derive(Default)]
 struct Orders {
@@ -85,6 +76,8 @@ struct Orders {
     rest: AtomicBool,
     /// End.
     end: AtomicBool,
+    /// The time, where the clock is a driver's.
+    time: DriversTime,
 }
 
 /// What the threads tell.
@@ -117,10 +110,15 @@ impl Live {
         let may_part = if program.is_some() { MayPart::Yes } else { MayPart::No };
         let herald = Herald::start(&bus, &Roster::of(&plan, robot, may_part))?;
         let arbiter = Seats::arbiter(&plan, &bus)?;
+        let clock = plan.clock;
+        let pacer = match clock {
+            Clock::Machine => None,
+            Clock::Driver => Some(Pacer::open(&plan, &bus)?),
+        };
         let apart = if program.is_some() { plan.take_apart() } else { Apart::default() };
         let measuring = apart.devices.iter().filter(|device| !device.sensors.is_empty()).count();
         let wards = apart.wards(&bus)?;
-        let seats = Seats::open(arbiter, plan, &bus)?;
+        let seats = Seats::open(arbiter, pacer, plan, &bus)?;
         let here = seats.devices.iter().filter(|(_, device, ..)| device.measures()).count();
         let names: Vec<String> = wards.iter().map(|ward| ward.charge.name.clone()).collect();
         let supervisor = program.filter(|_| !wards.is_empty());
@@ -140,6 +138,7 @@ impl Live {
             arbitrated: Fared::default(),
             left: Vec::new(),
             seats: Some(seats),
+            clock,
             supervisor,
             began: Time::monotonic_now(),
             _bus: bus,
@@ -175,22 +174,29 @@ impl Live {
 
     /// Starts every thread, the arbiter's first.
     fn start(&mut self) -> Result<(), DeviceError> {
-        let Some(Seats { arbiter, behaviors, devices }) = self.seats.take() else {
+        let Some(Seats { arbiter, pacer, behaviors, devices }) = self.seats.take() else {
             return Err(DeviceError::failed("live run", "it has been run before; open another one"));
         };
-        self.began = Time::monotonic_now();
+        self.began = self.now();
         let (arbiter, waiter, period, scheduling) = arbiter;
         self.start_thread("arbiter", scheduling, move |orders, report| {
-            arbitrate(arbiter, waiter, period, orders, report);
+            match pacer {
+                None => arbitrate(arbiter, waiter, period, orders, report),
+                Some(pacer) => arbitrate_by_steps(arbiter, pacer, period, orders, report),
+            }
             Box::new(())
         })?;
         if let Some(supervisor) = &self.supervisor {
             supervisor.begin();
         }
-        for (mut seat, mut waiter, mut pulse, scheduling) in behaviors {
+        for (mut seat, mut waiter, mut pulse, scheduling, mut turns) in behaviors {
             let name = seat.name().to_owned();
             self.start_thread(&name, scheduling, move |orders, _| {
-                behave(&mut seat, &mut waiter, &mut pulse, &|| orders.is_over());
+                let is_over = || orders.is_over();
+                match &mut turns {
+                    None => behave(&mut seat, &mut waiter, &mut pulse, &is_over),
+                    Some(turns) => behave_in_turn(&mut seat, turns, &mut pulse, &is_over),
+                }
                 Box::new((seat, pulse))
             })?;
         }
@@ -251,7 +257,7 @@ impl Live {
         let mut referee = Referee::new(run.goal);
         let mut told: Option<(End, Time)> = None;
         loop {
-            let now = Time::monotonic_now();
+            let now = self.now();
             self.show(&mut Tee(vec![&mut referee, tap]), now);
             let elapsed = now.since(self.began);
             progress(Progress { elapsed, to_go_m: referee.to_go_m() });
@@ -329,7 +335,8 @@ impl Live {
         }
         let deadline = Instant::now() + FAREWELL;
         while self.working > 0 || self.supervisor.as_ref().is_some_and(|supervisor| !supervisor.is_done()) {
-            self.show(tap, Time::monotonic_now());
+            let now = self.now();
+            self.show(tap, now);
             match self.reports.recv_timeout(RECORDER_NAP) {
                 Ok(report) => self.note(report),
                 Err(_) if self.working > 0 && Instant::now() > deadline => {
@@ -339,43 +346,20 @@ impl Live {
                 Err(_) => {}
             }
         }
-        self.show(tap, Time::monotonic_now());
-    }
-}
-
-impl Seats {
-    /// The arbiter's seat, which is opened before any other.
-    fn arbiter(plan: &Plan, bus: &Bus) -> Result<(ArbiterSeat, Waiter, Duration, Scheduling), SeatError> {
-        let arbiter = ArbiterSeat::open(plan, bus)?;
-        let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
-        let proposals =
-            plan.policy.behaviours.iter().map(|behavior| topics::proposal(behavior.name.as_str()));
-        let heard: Vec<String> =
-            std::iter::once(topics::CONTROL.to_owned()).chain(proposals).take(MOST_BELLS).collect();
-        let waiter = bus.waiter(&heard.iter().map(String::as_str).collect::<Vec<_>>())?;
-        Ok((arbiter, waiter, period, plan.scheduling))
+        let now = self.now();
+        self.show(tap, now);
     }
 
-    fn open(
-        arbiter: (ArbiterSeat, Waiter, Duration, Scheduling),
-        plan: Plan,
-        bus: &Bus,
-    ) -> Result<Seats, SeatError> {
-        let pulse = |name: &str, hosting: &Hosting| Pulse::open(bus, name, 0, hosting.patience / 4);
-        let behaviors = plan.behaviors.into_iter().map(|behavior| {
-            let waiter = behavior.waiter(bus)?;
-            let pulse = pulse(&behavior.setup.name, &behavior.hosting)?;
-            let scheduling = behavior.hosting.scheduling;
-            Ok((BehaviorSeat::open(behavior, bus)?, waiter, pulse, scheduling))
-        });
-        let behaviors = behaviors.collect::<Result<_, SeatError>>()?;
-        let devices = plan.devices.into_iter().map(|device| {
-            let name = device.spec.name.clone();
-            let (waiter, pulse) = (bus.waiter(&[topics::COMMAND])?, pulse(&name, &device.hosting)?);
-            let scheduling = device.hosting.scheduling;
-            Ok((name, DeviceSeat::open(device, bus)?, waiter, pulse, scheduling))
-        });
-        Ok(Seats { arbiter, behaviors, devices: devices.collect::<Result<_, SeatError>>()? })
+    /// The time of the run; where the clock is a driver's, that of its newest step.
+    fn now(&mut self) -> Time {
+        match self.clock {
+            Clock::Machine => Time::monotonic_now(),
+            Clock::Driver => {
+                let (first, now) = self.orders.time.read();
+                self.began = first;
+                now
+            }
+        }
     }
 }
 
@@ -390,6 +374,20 @@ impl Orders {
     fn is_over(&self) -> bool {
         self.end.load(Ordering::Relaxed)
     }
+}
+
+/// Decides at every step of the driver's clock, until the end.
+fn arbitrate_by_steps(
+    mut seat: ArbiterSeat,
+    pacer: Pacer,
+    period: Duration,
+    orders: &Orders,
+    report: &dyn Fn(Report),
+) {
+    let rests = || orders.rest.load(Ordering::Relaxed);
+    let tell = |error| report(Report::Failed(error));
+    pacer.arbitrate(&mut seat, period, &orders.time, &|| orders.is_over(), &rests, &tell);
+    report(Report::Arbitrated(Box::new(Fared { latencies: seat.latencies(), ..Fared::default() })));
 }
 
 /// Decides when a proposal arrives and at every tick, until the end, whatever fails and whoever floods; the last decisions

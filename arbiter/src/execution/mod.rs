@@ -7,10 +7,12 @@ mod crew;
 mod fared;
 mod live;
 mod lockstep;
+mod paced;
 mod plan;
 mod referee;
 mod roll;
 mod roster;
+mod seats;
 
 pub use arbiter_seat::ArbiterSeat;
 pub use course::{End, Progress, run_lockstep};

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use yamabico_core::behavior::SlotInfo;
 use yamabico_core::bus::{Bell, Bus, BusError, Spec};
-use yamabico_core::config::{self, InputSource, Task};
+use yamabico_core::config::{self, Clock, InputSource, Task};
 use yamabico_core::message::{
-    CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal, Heartbeat,
-    Message, MessageType, Name, Process, ProcessesHeader, Proposal, RosterHeader, Truth, Verdict, WallPoint,
-    WallsHeader,
+    self, CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal,
+    Heartbeat, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RosterHeader, Truth, Turn,
+    Verdict, WallPoint, WallsHeader,
 };
 use yamabico_core::seat::{
     BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, Scheduling, topics,
@@ -50,6 +50,10 @@ pub struct Plan {
     pub policy: Policy,
     /// Live: what is asked of the system's scheduler for the arbiter.
     pub scheduling: Scheduling,
+    /// Whose clock counts live.
+    pub clock: Clock,
+    /// One step of a clock that is a driver's, unless it knows better.
+    pub step: Duration,
 }
 
 impl Plan {
@@ -61,6 +65,8 @@ impl Plan {
             behaviors: task.behaviors.iter().map(|behavior| behavior_plan(task, behavior)).collect(),
             policy: policy(task),
             scheduling: task.arbiter.scheduling,
+            clock: task.robot.clock,
+            step: task.run.step,
         }
     }
 
@@ -89,6 +95,26 @@ impl Plan {
             message,
             spec: spec(list_bytes),
         }));
+        if self.clock == Clock::Driver {
+            let readers = self.behaviors.len() * 2 + SPARE_READERS;
+            let turn = MessageType::of::<Turn>();
+            let paced = [
+                (topics::CLOCK, MessageType::of::<message::Clock>(), 2, SPARE_READERS),
+                (topics::TURNS, turn, 1, readers),
+                (topics::TAKEN, turn, publishers, SPARE_READERS),
+            ];
+            self.topics.extend(paced.map(|(name, message, publishers, subscribers)| Topic {
+                name: name.to_owned(),
+                message,
+                spec: Spec {
+                    publishers,
+                    subscribers,
+                    depth: STREAM_TAP_DEPTH,
+                    bell: Bell::Rings,
+                    ..Spec::default()
+                },
+            }));
+        }
         self
     }
 
@@ -149,9 +175,12 @@ fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
         scheduling: device.scheduling,
     };
     let hostings = task.robot.devices.iter().map(hosting);
-    let plans = specs.zip(hostings);
+    let plans = specs.zip(hostings).zip(task.robot.devices.iter().map(|device| device.exec.clone()));
     plans
-        .map(|((plugin, spec), hosting)| DevicePlan { plugin, sensors: of_device(&spec.name), spec, hosting })
+        .map(|(((plugin, spec), hosting), exec)| {
+            let sensors = of_device(&spec.name);
+            DevicePlan { plugin, sensors, spec, hosting, exec }
+        })
         .collect()
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use yamabico_core::message::{
     ALL, Axis, Channel, ControlKind, Encoding, Kind, Layout, MessageType, Mode, NO_ECHO, Outcome,
-    PluginState, PoseStatus, Reason, StructLayout,
+    PluginState, PoseStatus, Reason, StructLayout, TurnPhase,
 };
 use yamabico_core::plugin::PROTOCOL;
 use yamabico_core::seat::topics;
@@ -34,6 +34,9 @@ pub fn messages() -> String {
     for (name, topic) in [
         ("COMMAND", topics::COMMAND),
         ("TRUTH", topics::TRUTH),
+        ("CLOCK", topics::CLOCK),
+        ("TURNS", topics::TURNS),
+        ("TAKEN", topics::TAKEN),
         ("HEARTBEATS", topics::HEARTBEATS),
         ("CALLS", topics::CALLS),
         ("FAILURES", topics::FAILURES),
@@ -55,6 +58,7 @@ pub fn messages() -> String {
         Reason "Why a behaviour proposes what it does.",
         PoseStatus "How far a pose can be trusted.",
         PluginState "How a plugin fares.",
+        TurnPhase "What a turn of a step is for.",
         Mode "The arbiter's state at a decision.",
         Outcome "What became of a proposal.",
         ControlKind "What somebody asks of a running robot.",

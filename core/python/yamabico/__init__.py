@@ -1,6 +1,7 @@
 """Behaviours, drivers and simulators for Yamabico in Python: derive from `Behavior`, end in `main(MyBehavior)`."""
 
 from .behavior import PLANAR, Behavior, Output, Setup, SetupError, Slot, abstain, drive, halt, limit
+from .device import Drive, Driver, Sensor, pinhole
 from .messages import Axes, Kind, Reason
 from .parameters import Group, Integer, Number, Numbers, Switch, Word
 from .plugin import main
@@ -9,6 +10,8 @@ __all__ = [
     "PLANAR",
     "Axes",
     "Behavior",
+    "Drive",
+    "Driver",
     "Group",
     "Integer",
     "Kind",
@@ -16,6 +19,7 @@ __all__ = [
     "Numbers",
     "Output",
     "Reason",
+    "Sensor",
     "Setup",
     "SetupError",
     "Slot",
@@ -26,4 +30,5 @@ __all__ = [
     "halt",
     "limit",
     "main",
+    "pinhole",
 ]

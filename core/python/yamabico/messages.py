@@ -12,6 +12,9 @@ PROTOCOL = 1
 NO_ECHO = 1
 COMMAND_TOPIC = "command"
 TRUTH_TOPIC = "truth"
+CLOCK_TOPIC = "clock"
+TURNS_TOPIC = "clock/turns"
+TAKEN_TOPIC = "clock/taken"
 HEARTBEATS_TOPIC = "plugins/heartbeats"
 CALLS_TOPIC = "plugins/calls"
 FAILURES_TOPIC = "plugins/failures"
@@ -108,6 +111,14 @@ class PluginState(IntEnum):
     DISABLED = 3
     FAILED = 4
     ENDED = 5
+
+
+class TurnPhase(IntEnum):
+    """What a turn of a step is for."""
+
+    COLLECT = 0
+    PROPOSE = 1
+    DONE = 2
 
 
 class Mode(IntEnum):
@@ -319,6 +330,32 @@ class Clock(Message):
 
 
 assert ctypes.sizeof(Clock) == 16 and ctypes.alignment(Clock) == 8
+
+
+class Turn(Message):
+    """A turn of a step of a run whose clock is not the machine's: the arbiter calls it, and whoever has taken it says so."""
+
+    _fields_ = [
+        # The instant of the step.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a turn called or taken.
+        ("sequence", ctypes.c_uint64),
+        # That of the Clock.
+        ("step", ctypes.c_uint64),
+        # Who has taken it; empty where it is called.
+        ("_plugin", ctypes.c_char * 32),
+        # A TurnPhase code.
+        ("phase", ctypes.c_uint32),
+        # Zero.
+        ("reserved", ctypes.c_uint32),
+    ]
+    plugin = text("_plugin")
+    NAME = "yamabico.Turn.v1"
+    CHANNEL = "stream"
+    ITEM = None
+
+
+assert ctypes.sizeof(Turn) == 64 and ctypes.alignment(Turn) == 8
 
 
 class Truth(Message):
@@ -1095,6 +1132,7 @@ MESSAGES = {
     "yamabico.Imu.v1": Imu,
     "yamabico.Bumper.v1": Bumper,
     "yamabico.Clock.v1": Clock,
+    "yamabico.Turn.v1": Turn,
     "yamabico.Truth.v1": Truth,
     "yamabico.Goal.v1": Goal,
     "yamabico.PathHeader.v1": PathHeader,

@@ -12,7 +12,18 @@ import time
 import tomllib
 import traceback
 
-from .messages import COMMAND_TOPIC, PROTOCOL, Command, Kind, PluginState, Proposal
+from .messages import (
+    COMMAND_TOPIC,
+    PROTOCOL,
+    TAKEN_TOPIC,
+    TURNS_TOPIC,
+    Command,
+    Kind,
+    PluginState,
+    Proposal,
+    Turn,
+    TurnPhase,
+)
 
 #: Exit code of a plugin that cannot begin.
 CANNOT_BEGIN = 2
@@ -23,9 +34,12 @@ NAP_S = 0.05
 
 
 def main(part):
-    """Is the behaviour `part`. Ends the process."""
+    """Is the behaviour or the driver `part`, a class. Ends the process."""
     if sys.argv[1:2] == ["--describe"]:
         print(json.dumps(part.description(PROTOCOL), indent=2))
+        sys.exit(0)
+    if sys.argv[1:2] == ["--sensor"]:
+        print(json.dumps(part.answer(json.load(sys.stdin)), indent=2))
         sys.exit(0)
     serve(part)
 
@@ -104,13 +118,16 @@ def _end(code):
 
 def _behave(part, charge, bus, pulse, life):
     seat = Seat(part, charge, bus, pulse)
+    longest_s = min(NAP_S, pulse.every_s)
+    if charge.get("clock") == "driver":
+        _behave_in_turn(seat, charge, bus, pulse, life, longest_s)
+        return
     waiter = bus.waiter([topic for _, topic, _ in seat.slots])
     wait_to_begin(charge, bus, pulse, life)
-    longest_s = min(NAP_S, pulse.every_s)
     while life.goes_on():
         pulse.beat(PluginState.FAILED if seat.behavior is None else PluginState.RUNNING)
         seat.collect()
-        seat.propose(time.monotonic_ns())
+        seat.propose(time.monotonic_ns(), time.monotonic_ns)
         pulse.tell_calls(seat.calls)
         due = seat.next_call_ns()
         wait_s = longest_s if due is None else min((due - time.monotonic_ns()) * 1e-9, longest_s)
@@ -120,7 +137,43 @@ def _behave(part, charge, bus, pulse, life):
 
 
 def _operate(part, charge, bus, pulse, life):
-    raise Refusal("this program is no driver")
+    from .device_seat import DeviceSeat, bury
+
+    seat = DeviceSeat(part, charge, bus)
+    waiter = bus.waiter([COMMAND_TOPIC])
+    owns_the_clock = charge.get("clock") == "driver"
+    if owns_the_clock:
+        seat.open_the_clock(bus)
+    wait_to_begin(charge, bus, pulse, life)
+    if owns_the_clock:
+        seat.keep_the_clock(pulse, life.goes_on)
+    else:
+        seat.operate(waiter, pulse, life.goes_on)
+    if life.is_orphan:
+        seat.brake()
+        bury(charge["bus_root"], charge["bus_prefix"])
+
+
+def _behave_in_turn(seat, charge, bus, pulse, life, longest_s):
+    turns, taken = bus.subscriber(TURNS_TOPIC, Turn), bus.publisher(TAKEN_TOPIC, Turn)
+    waiter, sequence = bus.waiter([TURNS_TOPIC]), 0
+    wait_to_begin(charge, bus, pulse, life)
+    while life.goes_on():
+        pulse.beat(PluginState.FAILED if seat.behavior is None else PluginState.RUNNING)
+        while (received := turns.receive()) is not None:
+            turn = received[0]
+            if turn.phase == TurnPhase.COLLECT:
+                seat.collect()
+            elif turn.phase == TurnPhase.PROPOSE:
+                seat.propose(turn.stamp_ns, lambda: turn.stamp_ns)
+            else:
+                continue
+            sequence += 1
+            turn.plugin, turn.sequence = charge["name"], sequence
+            taken.publish(turn)
+        pulse.tell_calls(seat.calls)
+        waiter.wait(longest_s)
+    pulse.tell_last_calls(seat.calls)
 
 
 class Seat:
@@ -168,8 +221,8 @@ class Seat:
             return None
         return 0 if self._last_ns is None else self._last_ns + self._period_ns
 
-    def propose(self, now_ns):
-        """Asks the behaviour where something is new or its period is over, and publishes its proposal.
+    def propose(self, now_ns, clock):
+        """Asks the behaviour where something is new or its period is over, and publishes its proposal, sent at `clock()`.
 
         After an exception it falls silent for this call and is built anew; after five it stays out.
         """
@@ -190,7 +243,7 @@ class Seat:
                 lease.is_over = True
         self.calls.add(time.monotonic_ns() - started, self._budget_ns)
         if proposal is not None:
-            self._publish(proposal, now_ns, now_ns if evidence_ns is None else evidence_ns)
+            self._publish(proposal, now_ns, now_ns if evidence_ns is None else evidence_ns, clock)
 
     def _ask(self, now_ns, leases):
         from .behavior import Inputs
@@ -200,13 +253,13 @@ class Seat:
             raise TypeError(f"`propose` returned {type(proposal).__name__}, not drive, limit, halt or abstain")
         return proposal
 
-    def _publish(self, proposal, now_ns, evidence_ns):
+    def _publish(self, proposal, now_ns, evidence_ns, clock):
         self.calls.abstentions += proposal.kind == Kind.ABSTAIN
         self._sequence += 1
         proposal.behaviour, proposal.sequence, proposal.priority = self._name, self._sequence, self._priority
         proposal.stamp_ns = proposal.stamp_ns or now_ns
         proposal.evidence_ns = proposal.evidence_ns or evidence_ns
-        proposal.received_ns, proposal.proposed_ns = now_ns, time.monotonic_ns()
+        proposal.received_ns, proposal.proposed_ns = now_ns, clock()
         self._proposals.publish(proposal)
 
     def _start_anew(self, error):

@@ -43,6 +43,6 @@ pub use plugins::Plugins;
 pub use problem::{Entry, Problems, Style};
 pub use robot::{DeviceFile, DriveFile, RobotFile, SensorFile, Wheels};
 pub use schema::{robot_schema, schema, task_schema};
-pub use tables::{Isolation, Policy};
+pub use tables::{Clock, Isolation, Policy};
 pub use task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task, Wire};
 pub use units::unit_of;

@@ -6,6 +6,7 @@ use std::time::Duration;
 use serde_json::Value as Json;
 
 use super::document::{Entry, Table, Value};
+use super::exec::{ask_driver, learn, program_of};
 use super::keys::{check_name, own_keys, read_keys};
 use super::limits::{check_braking, check_wheels, motion_limits};
 use super::nearest::{instead, quoted};
@@ -16,7 +17,7 @@ use super::problem::{Problem, Span};
 use super::robot::{DeviceFile, DriveFile, RobotFile, SensorFile, Wheels};
 use super::schema_check::check_table;
 use super::shape::Shape;
-use super::tables::{DeviceKeys, PartKeys, RobotKeys, SensorKeys, WheelKeys};
+use super::tables::{Clock, DeviceKeys, Isolation, PartKeys, RobotKeys, SensorKeys, WheelKeys};
 use crate::message::Axes;
 use crate::sensor::{DriverPlugin, PartSpec, Robot, SensorInfo, SensorPlugin};
 
@@ -24,6 +25,7 @@ use crate::sensor::{DriverPlugin, PartSpec, Robot, SensorInfo, SensorPlugin};
 pub(crate) struct RobotDraft {
     pub path: PathBuf,
     pub robot: Robot,
+    pub clock: Clock,
     pub devices: Vec<DeviceFile>,
     pub sensors: Vec<SensorDraft>,
     pub drive: Option<DriveFile>,
@@ -45,6 +47,7 @@ impl RobotDraft {
         Some(RobotFile {
             path: self.path,
             robot: self.robot,
+            clock: self.clock,
             devices: self.devices,
             sensors: sensors?,
             drive: self.drive?,
@@ -83,9 +86,18 @@ pub(crate) fn read_robot(
         limits: motion_limits(&keys.limits, axes),
         axes,
     };
+    let owns_a_clock = matches!(devices.as_slice(), [(_, device)] if device.as_ref().is_none_or(|device| !device.exec.is_empty()));
+    if let Some(entry) = tree.entry("clock").filter(|_| keys.clock == Clock::Driver && !owns_a_clock) {
+        problems.push(
+            Problem::new(entry.node.span, "no driver owns the clock")
+                .label("needs one device, and it a program of its own")
+                .help("name its program with exec = [...], or take `clock` away"),
+        );
+    }
     RobotDraft {
         path: home.path.to_owned(),
         robot,
+        clock: keys.clock,
         devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
         sensors,
         drive,
@@ -102,6 +114,11 @@ fn read_device(
     let table = entry.node.as_table()?;
     let owner = format!("device `{}`", entry.key);
     let common = schemars::schema_for!(DeviceKeys).to_value();
+    let exec = program_of(table, home);
+    if !exec.is_empty() {
+        let plugin = ask_driver(&exec, entry, problems)?;
+        return Some(device_file(entry, table, plugin, exec, home, problems));
+    }
     let Some(driver) = table.entry("driver") else {
         let drivers: Vec<&str> = plugins.drivers.iter().map(|driver| driver.name).collect();
         problems.push(
@@ -124,20 +141,34 @@ fn read_device(
         );
         return None;
     };
-    let own = (plugin.schema)().to_value();
+    Some(device_file(entry, table, *plugin, exec, home, problems))
+}
+
+/// The device whose driver is known.
+fn device_file(
+    entry: &Entry,
+    table: &Table,
+    driver: DriverPlugin,
+    exec: Vec<String>,
+    home: Home<'_>,
+    problems: &mut Vec<Problem>,
+) -> DeviceFile {
+    let (common, own) = (schemars::schema_for!(DeviceKeys).to_value(), driver.parameters());
+    let owner = format!("device `{}`", entry.key);
     check_table(table, entry.node.span, &[Shape::new(&common), Shape::new(&own)], &owner, problems);
     let mut keys = own_keys(table, &common, &own);
     resolve_paths(table, &own, home, &mut keys, problems);
     let right = |key: &str| matches!(key, "isolation" | "deadline_ms" | "scheduling");
     let common: DeviceKeys = table.to_toml(right).try_into().unwrap_or_default();
-    Some(DeviceFile {
+    DeviceFile {
         name: entry.key.clone(),
-        driver: *plugin,
+        driver,
         table: keys,
-        isolation: common.isolation,
+        isolation: if exec.is_empty() { common.isolation } else { Isolation::Process },
         scheduling: common.scheduling.scheduling(),
         patience: Duration::try_from_secs_f64(common.deadline_ms * 1e-3).unwrap_or_default(),
-    })
+        exec,
+    }
 }
 
 /// The driver and the kind that a sensor or the drive names.
@@ -226,6 +257,7 @@ fn read_sensor(
     let mut draft =
         SensorDraft { name: entry.key.clone(), span: entry.node.span, plugin: None, info: None, file: None };
     let named = device_and_kind(entry, devices, problems);
+    let driver = named.as_ref().map(|(driver, ..)| *driver);
     let offered: Vec<&str> =
         named.iter().flat_map(|(driver, ..)| driver.sensors).map(|plugin| plugin.kind).collect();
     if let Some((driver, _, Some(kind))) = &named {
@@ -237,15 +269,15 @@ fn read_sensor(
     let shape = PartShape {
         owner: format!("sensor `{}`", entry.key),
         common: schemars::schema_for!(SensorKeys).to_value(),
-        own: draft.plugin.map(|plugin| (plugin.schema)().to_value()),
+        own: driver.zip(draft.plugin).map(|(driver, plugin)| driver.parameters_of_sensor(plugin)),
         offered: &offered,
     };
     let table = check_part(entry, &shape, home, problems);
-    let (Some(plugin), Some(table), Some((_, device, _))) = (draft.plugin, table, named) else {
+    let (Some(plugin), Some(table), Some((driver, device, _))) = (draft.plugin, table, named) else {
         return draft;
     };
-    match ((plugin.describe)(&entry.key, &table), (plugin.most_bytes)(&table)) {
-        (Ok(info), Ok(most_bytes)) => {
+    match learn(driver, plugin, &entry.key, &table, home.folder()) {
+        Ok((info, most_bytes)) => {
             draft.info = Some(info.clone());
             if let Err(error) = (plugin.check)(&table, home.folder()) {
                 let other = format!("--set robot.sensors.{}.{}=...", entry.key, error.key);
@@ -255,7 +287,7 @@ fn read_sensor(
             let part = PartSpec { name: entry.key.clone(), kind: plugin.kind.to_owned(), table };
             draft.file = Some(SensorFile { device, part, info, most_bytes, critical, max_age });
         }
-        (Err(error), _) | (_, Err(error)) => problems.push(refusal(entry, &error)),
+        Err(error) => problems.push(refusal(entry, &error)),
     }
     draft
 }
@@ -302,7 +334,7 @@ fn read_drive(
     let shape = PartShape {
         owner: "the drive".to_owned(),
         common: schemars::schema_for!(PartKeys).to_value(),
-        own: plugin.map(|plugin| (plugin.schema)().to_value()),
+        own: plugin.and_then(|plugin| Some(named.as_ref()?.0.parameters_of_drive(plugin))),
         offered: &offered,
     };
     let table = check_part(entry, &shape, home, problems);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::tables::Isolation;
+use super::tables::{Clock, Isolation};
 use crate::message::Axes;
 use crate::seat::Scheduling;
 use crate::sensor::{DeviceSpec, DriverPlugin, PartSpec, Robot, SensorInfo};
@@ -15,6 +15,8 @@ pub struct RobotFile {
     pub path: PathBuf,
     /// Name, footprint, limits and axes, as behaviours see them.
     pub robot: Robot,
+    /// Whose clock counts while it runs live.
+    pub clock: Clock,
     /// Every device, in the order of the file.
     pub devices: Vec<DeviceFile>,
     /// Every sensor, in the order of the file.
@@ -38,6 +40,8 @@ pub struct DeviceFile {
     pub patience: Duration,
     /// What is asked of the system's scheduler for it.
     pub scheduling: Scheduling,
+    /// The program that it is, and its arguments; empty where it is a part of this one.
+    pub exec: Vec<String>,
 }
 
 /// A sensor of a robot file.

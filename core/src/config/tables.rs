@@ -136,6 +136,17 @@ impl SchedulingKeys {
     }
 }
 
+/// Whose clock counts while a robot runs live.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Clock {
+    /// The machine's.
+    #[default]
+    Machine,
+    /// That of the only device, a program of its own: time advances by what it says, and waits for everybody.
+    Driver,
+}
+
 /// Who gets an axis that several behaviours claim.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -244,6 +255,9 @@ pub(crate) struct RobotKeys {
     /// Name of the robot.
     #[schemars(required)]
     pub name: Option<String>,
+    /// Whose clock counts while the robot runs live.
+    #[serde(default)]
+    pub clock: Clock,
     /// The room that the robot takes.
     #[schemars(required)]
     pub footprint: Option<FootprintKeys>,
@@ -348,9 +362,11 @@ impl Default for LimitsKeys {
 #[serde(default)]
 #[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
 pub(crate) struct DeviceKeys {
-    /// Which driver.
-    #[schemars(required)]
+    /// Which driver; without it, the one that `exec` names.
     pub driver: Option<String>,
+    /// The program that it is, and its arguments, where it is no part of this one; a path is relative to this file.
+    #[schemars(length(min = 1))]
+    pub exec: Option<Vec<String>>,
     /// Where it runs while the robot runs live.
     pub isolation: Isolation,
     /// A process of it that is silent for longer hangs, and is started again.
@@ -364,6 +380,7 @@ impl Default for DeviceKeys {
     fn default() -> Self {
         DeviceKeys {
             driver: None,
+            exec: None,
             isolation: Isolation::default(),
             deadline_ms: 500.0,
             scheduling: SchedulingKeys::default(),

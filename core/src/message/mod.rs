@@ -31,7 +31,8 @@ pub use plugin::{
 pub use proposal::{Axes, Axis, Kind, Proposal, Reason, Sector, Twist};
 pub use registry::{ALL, MessageType};
 pub use sensors::{
-    Beam, Bumper, Clock, Encoding, FrameHeader, Imu, NO_ECHO, Odometry, RangeScanHeader, Truth,
+    Beam, Bumper, Clock, Encoding, FrameHeader, Imu, NO_ECHO, Odometry, RangeScanHeader, Truth, Turn,
+    TurnPhase,
 };
 pub use text::{Name, Note, Text};
 

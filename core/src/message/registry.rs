@@ -82,6 +82,7 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<Imu>(),
     MessageType::of::<Bumper>(),
     MessageType::of::<Clock>(),
+    MessageType::of::<Turn>(),
     MessageType::of::<Truth>(),
     MessageType::of::<Goal>(),
     MessageType::of::<PathHeader>(),

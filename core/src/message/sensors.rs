@@ -1,6 +1,6 @@
 //! What sensors measure.
 
-use super::{Twist, item, message, vocabulary};
+use super::{Name, Twist, item, message, vocabulary};
 use crate::bus::ZeroCopySend;
 use crate::geometry::Pose2;
 
@@ -179,6 +179,44 @@ message! {
         pub stamp_ns: u64,
         /// Counts up by one a step.
         pub step: u64,
+    }
+}
+
+vocabulary! {
+    /// What a turn of a step is for.
+    pub enum TurnPhase {
+        /// Everybody takes in what has arrived.
+        Collect = 0 "collect",
+        /// Everybody who has something new proposes.
+        Propose = 1 "propose",
+        /// The step is over: the driver obeys what was commanded, and goes on.
+        Done = 2 "done",
+    }
+}
+
+message! {
+    /// A turn of a step of a run whose clock is not the machine's: the arbiter calls it, and whoever has taken it says so.
+    "yamabico.Turn.v1" Stream [u8]
+    pub struct Turn {
+        /// The instant of the step.
+        pub stamp_ns: u64,
+        /// Counts up by one a turn called or taken.
+        pub sequence: u64,
+        /// That of the [`Clock`].
+        pub step: u64,
+        /// Who has taken it; empty where it is called.
+        pub plugin: Name,
+        /// A [`TurnPhase`] code.
+        pub phase: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
+}
+
+impl Turn {
+    /// What it is for, where the code is known.
+    pub fn phase(&self) -> Option<TurnPhase> {
+        TurnPhase::from_code(self.phase)
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::behavior::{BehaviorPlugin, Setup};
-use crate::config::Isolation;
+use crate::config::{Clock, Isolation};
 use crate::message::MessageType;
 use crate::seat::{BehaviorPlan, DevicePlan, Hosting, Scheduling, topics};
 use crate::sensor::{DeviceSpec, DriverPlugin, Robot, SensorInfo};
@@ -33,6 +33,9 @@ pub struct Charge {
     pub beat_ms: f64,
     /// When it begins.
     pub begin: Begin,
+    /// Whose clock counts.
+    #[serde(default)]
+    pub clock: Clock,
     /// What it is.
     pub part: Part,
 }
@@ -117,6 +120,8 @@ pub struct DeviceCharge {
     pub outputs: Vec<PortCharge>,
     /// Seconds that the drive takes to stand from its largest speed.
     pub stops_in_s: f64,
+    /// Where its clock counts: one step of it, milliseconds, unless it knows better.
+    pub step_ms: f64,
 }
 
 /// A charge that does not fit the program.
@@ -215,8 +220,8 @@ impl BehaviorCharge {
 }
 
 impl DeviceCharge {
-    /// That of `plan`.
-    pub fn of(plan: &DevicePlan) -> DeviceCharge {
+    /// That of `plan`, in a run with steps that are so long.
+    pub fn of(plan: &DevicePlan, step: Duration) -> DeviceCharge {
         let limits = &plan.spec.robot.limits;
         let axes = limits.speed.iter().zip(&limits.emergency);
         let stops_in_s = axes.map(|(speed, emergency)| speed / emergency).filter(|time| time.is_finite());
@@ -229,6 +234,7 @@ impl DeviceCharge {
                 .map(|(name, message)| port(name, &topics::sensor(name), message))
                 .collect(),
             stops_in_s: stops_in_s.fold(0.0, f64::max),
+            step_ms: milliseconds(step),
         }
     }
 
@@ -246,6 +252,7 @@ impl DeviceCharge {
             sensors: sensors.collect::<Result<_, _>>()?,
             spec: self.spec,
             hosting,
+            exec: Vec::new(),
         })
     }
 }

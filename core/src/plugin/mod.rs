@@ -18,31 +18,63 @@
 //!    moves; with `at-once` it does not.
 //! 5. **Work.** A behaviour publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
 //!    nanoseconds). A device publishes what it measures and obeys `command`.
+//!    Where `clock` is `driver`, the driver owns the time: for each step it publishes what it measured and then a `Clock` on
+//!    `clock`. The arbiter calls turns on `clock/turns`: `collect`, `propose`, `done`. A behaviour takes in what has arrived, or
+//!    proposes, stamped with the turn's `stamp_ns`, and says so on `clock/taken` with the same `Turn` and its name. When the
+//!    step is `done` the driver obeys the newest command and goes on with the next one.
 //! 6. **End.** On SIGTERM it ends within a second. The supervisor's death is SIGKILL for a behaviour and SIGHUP for a device,
 //!    which then brakes, and ends.
 
 mod charge;
 mod description;
+mod driver_description;
 mod process;
 
 pub use charge::{
     Begin, BehaviorCharge, Charge, ChargeError, DeviceCharge, InputCharge, PROTOCOL, Part, PortCharge,
 };
 pub use description::{DESCRIBE, Description, SlotDescription};
+pub use driver_description::{
+    DriveDescription, DriverDescription, SENSOR, SensorAnswer, SensorDescription, SensorQuestion, ToldDriver,
+};
 pub use process::{Guardian, OnDeath, serve};
 
+use std::io::Read;
 use std::process::ExitCode;
+
+use serde::Serialize;
 
 use crate::behavior::{BehaviorPlugin, Plugin};
 use crate::config::Plugins;
+use crate::sensor::DriverPlugin;
 
 /// All that the `main` of a behaviour's program has to do: `fn main() -> ExitCode { main::<MyBehavior>() }`.
 pub fn main<B: Plugin>() -> ExitCode {
     let plugin = BehaviorPlugin::of::<B>();
-    if std::env::args().nth(1).is_none_or(|argument| argument != DESCRIBE) {
-        return serve(&Plugins { behaviors: &[plugin], drivers: &[] });
+    match std::env::args().nth(1) {
+        Some(argument) if argument == DESCRIBE => say(&Description::of(&plugin)),
+        _ => serve(&Plugins { behaviors: &[plugin], drivers: &[] }),
     }
-    match serde_json::to_string_pretty(&Description::of(&plugin)) {
+}
+
+/// All that the `main` of a driver's program has to do: `fn main() -> ExitCode { main_of_driver(&PLUGIN) }`.
+pub fn main_of_driver(driver: &DriverPlugin) -> ExitCode {
+    match std::env::args().nth(1).as_deref() {
+        Some(DESCRIBE) => say(&DriverDescription::of(driver)),
+        Some(SENSOR) => {
+            let mut text = String::new();
+            let read = std::io::stdin().read_to_string(&mut text).is_ok();
+            match serde_json::from_str(&text) {
+                Ok(question) if read => say(&SensorAnswer::of(driver, &question)),
+                _ => ExitCode::FAILURE,
+            }
+        }
+        _ => serve(&Plugins { behaviors: &[], drivers: &[*driver] }),
+    }
+}
+
+fn say(what: &impl Serialize) -> ExitCode {
+    match serde_json::to_string_pretty(what) {
         Ok(text) => {
             println!("{text}");
             ExitCode::SUCCESS

@@ -11,9 +11,13 @@ use signal_hook::consts::{SIGHUP, SIGTERM};
 
 use super::charge::{Begin, Charge, ChargeError, Part};
 use crate::bus::{Bus, BusError, Waiter};
-use crate::config::Plugins;
+use crate::config::{Clock, Plugins};
 use crate::message::{Command, PluginState};
-use crate::seat::{BehaviorSeat, DeviceSeat, Pulse, SeatError, behave, operate, topics};
+use crate::seat::{
+    BehaviorSeat, ClockSeat, DeviceSeat, Pulse, SeatError, TurnSeat, behave, behave_in_turn, keep_the_clock,
+    operate, topics,
+};
+use crate::sensor::DeviceError;
 use crate::time::Time;
 
 /// Exit code of a plugin that cannot begin.
@@ -72,6 +76,8 @@ enum Refusal {
     Seat(#[from] SeatError),
     #[error(transparent)]
     Bus(#[from] BusError),
+    #[error(transparent)]
+    Device(#[from] DeviceError),
 }
 
 impl Refusal {
@@ -127,33 +133,50 @@ fn work(
     over: &Arc<AtomicBool>,
     orphaned: &AtomicBool,
 ) -> Result<(), Refusal> {
-    let (hosting, begin) = (charge.hosting(), charge.begin);
+    let (hosting, begin, clock) = (charge.hosting(), charge.begin, charge.clock);
     let is_over = || over.load(Ordering::Relaxed);
     match charge.part {
         Part::Behavior(part) => {
             let plan = part.plan(&charge.name, plugins.behaviors, hosting)?;
             let mut waiter = plan.waiter(bus)?;
             let mut seat = BehaviorSeat::open(plan, bus)?;
+            let mut turns = in_turns(clock, || TurnSeat::open(bus, &charge.name))?;
             wait_to_begin(begin, bus, pulse, &is_over)?;
-            behave(&mut seat, &mut waiter, pulse, &is_over);
-            std::mem::forget((seat, waiter));
+            match &mut turns {
+                None => behave(&mut seat, &mut waiter, pulse, &is_over),
+                Some(turns) => behave_in_turn(&mut seat, turns, pulse, &is_over),
+            }
+            std::mem::forget((seat, waiter, turns));
         }
         Part::Device(part) => {
             let stops_in = Duration::try_from_secs_f64(part.stops_in_s).unwrap_or_default() + MARGIN;
+            let step = Duration::try_from_secs_f64(part.step_ms * 1e-3).unwrap_or_default();
+            let mut clock = in_turns(clock, || ClockSeat::open(bus, step))?;
             let plan = part.plan(plugins.drivers, hosting)?;
             let mut waiter = bus.waiter(&[topics::COMMAND])?;
             let mut seat = DeviceSeat::open(plan, bus)?;
             wait_to_begin(begin, bus, pulse, &is_over)?;
             end_somehow(Arc::clone(over))?;
-            operate(&mut seat, &mut waiter, pulse, &is_over);
+            match &mut clock {
+                None => operate(&mut seat, &mut waiter, pulse, &is_over),
+                Some(clock) => keep_the_clock(&mut seat, clock, pulse, &is_over)?,
+            }
             if orphaned.load(Ordering::Relaxed) {
                 brake(&mut seat, &mut waiter, stops_in);
                 bury(&charge.robot);
             }
-            std::mem::forget((seat, waiter));
+            std::mem::forget((seat, waiter, clock));
         }
     }
     Ok(())
+}
+
+/// Opens an end of the turns, where the clock is a driver's.
+fn in_turns<T>(clock: Clock, open: impl FnOnce() -> Result<T, BusError>) -> Result<Option<T>, BusError> {
+    match clock {
+        Clock::Machine => Ok(None),
+        Clock::Driver => open().map(Some),
+    }
 }
 
 /// Says that everything is open, and waits for the first command where that is the beginning.

@@ -23,6 +23,8 @@ pub struct DevicePlan {
     pub sensors: Vec<(String, MessageType)>,
     /// Live: where it runs, and how long it may show no sign of life.
     pub hosting: Hosting,
+    /// The program that it is, and its arguments; empty where it is a part of this one.
+    pub exec: Vec<String>,
 }
 
 /// A device between its sensors' ports and the commands.

@@ -10,6 +10,7 @@ mod ports;
 mod pulse;
 mod scheduling;
 pub mod topics;
+mod turns;
 mod work;
 
 pub use behavior::{BehaviorPlan, BehaviorRecord, BehaviorSeat, Hosting, SeatError};
@@ -17,4 +18,5 @@ pub use device::{DevicePlan, DeviceSeat, panicked};
 pub use durations::Durations;
 pub use pulse::{MOST_CORNERS, MOST_WORDS, Pulse};
 pub use scheduling::{NotScheduled, Processors, Scheduling};
+pub use turns::{ClockSeat, TurnSeat, behave_in_turn, keep_the_clock};
 pub use work::{behave, operate};

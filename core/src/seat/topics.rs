@@ -10,6 +10,12 @@ pub const CONTROL: &str = "control";
 pub const GOAL: &str = "goal";
 /// A simulator's truth, for judging only.
 pub const TRUTH: &str = "truth";
+/// The instants of a run whose clock is a driver's.
+pub const CLOCK: &str = "clock";
+/// The turns of each of its steps, as the arbiter calls them.
+pub const TURNS: &str = "clock/turns";
+/// Who has taken which turn.
+pub const TAKEN: &str = "clock/taken";
 
 /// Which plugins are alive.
 pub const HEARTBEATS: &str = "plugins/heartbeats";

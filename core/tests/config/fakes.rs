@@ -378,6 +378,7 @@ const SIM: DriverPlugin = DriverPlugin {
         schema: || schemars::schema_for!(Nothing),
     }],
     open: |_| Err(BuildError::new("", "cannot be opened")),
+    told: None,
 };
 
 const BENCH: DriverPlugin = DriverPlugin {
@@ -388,6 +389,7 @@ const BENCH: DriverPlugin = DriverPlugin {
     sensors: &[],
     drives: &[],
     open: |_| Err(BuildError::new("", "cannot be opened")),
+    told: None,
 };
 
 const fn periodic(kind: &'static str, summary: &'static str, message: MessageType) -> SensorPlugin {

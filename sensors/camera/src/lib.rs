@@ -44,6 +44,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
         schema: || schema_for!(NoKeys),
     }],
     open,
+    told: None,
 };
 
 fn open(spec: DeviceSpec) -> Result<Device, BuildError> {

@@ -98,6 +98,7 @@ pub const PLUGIN: DriverPlugin = DriverPlugin {
         },
     ],
     open,
+    told: None,
 };
 
 /// The simulated device's own keys.

@@ -21,14 +21,16 @@ struct Checked<'a> {
 pub fn check(arguments: &TaskArguments, print: Print) -> ExitCode {
     let Some(task) = arguments.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
     let devices = task.robot.devices.iter();
-    let programs = task.behaviors.iter().filter(|behavior| !behavior.exec.is_empty());
+    let programs = task.robot.devices.iter().map(|device| (&device.name, &device.exec));
+    let programs = programs.chain(task.behaviors.iter().map(|behavior| (&behavior.name, &behavior.exec)));
+    let programs = programs.filter(|(_, exec)| !exec.is_empty());
     let checked = Checked {
         task: &task.name,
         robot: &task.robot.robot.name,
         behaviors: task.behaviors.iter().map(|behavior| behavior.name.as_str()).collect(),
         sensors: task.robot.sensors.iter().map(|sensor| sensor.part.name.as_str()).collect(),
         opens: devices.map(|device| format!("{} ({})", device.name, device.driver.name)).collect(),
-        starts: programs.map(|behavior| format!("{} ({})", behavior.name, behavior.exec.join(" "))).collect(),
+        starts: programs.map(|(name, exec)| format!("{name} ({})", exec.join(" "))).collect(),
     };
     print.show(&checked, |checked| {
         format!(

@@ -8,13 +8,16 @@ mod falls;
 #[allow(dead_code, reason = "not all that share this file ask for everything")]
 mod robot;
 mod venv;
+mod worlds;
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use falls::{FRAGILE, Fall, FragileRobot};
+use robot::Robot;
 use serde_json::Value;
+use yamabico_core::message::{Command as MotorCommand, Twist};
 
 fn program() -> &'static Path {
     Path::new(env!("CARGO_BIN_EXE_yamabico"))
@@ -116,4 +119,49 @@ fn whatever_becomes_of_it_it_is_back_and_the_robot_touches_nothing() {
     let report: Value = serde_json::from_slice(&ended.stdout).unwrap();
     assert_eq!(report["contacts"].as_u64(), Some(0), "{report}");
     assert!(report["behaviours"][FRAGILE]["panics"].as_u64() >= Some(1), "{report}");
+}
+
+/// Simulated seconds to compare; a whole drive takes 35.
+fn simulated() -> Duration {
+    let told = std::env::var("YAMABICO_SECONDS").ok().and_then(|seconds| seconds.parse().ok());
+    Duration::from_secs_f64(told.unwrap_or(3.0))
+}
+
+#[test]
+fn a_world_with_its_own_clock_gives_the_same_commands_at_any_pace() {
+    let Some(python) = venv::interpreter(program()) else { return };
+    let told = [0.2, 5.0].map(|pace| {
+        let name = format!("python-pace-{}-{}", (pace * 10.0) as u32, std::process::id());
+        let begun = Instant::now();
+        let told = worlds::commands(program(), &python, &name, pace, simulated());
+        let took = begun.elapsed().as_secs_f64();
+        println!("pace {pace}: {} commands, {:.1} s with coming up", told.len(), took);
+        told
+    });
+    // The first command, which lets everybody begin, comes before there is anybody to watch.
+    let watched = |told: &[MotorCommand]| told.iter().position(|command| command.stamp_ns > 0);
+    let steps = told.each_ref().map(|told| &told[watched(told).unwrap()..]);
+    let least = simulated().as_secs_f64() * 50.0 - 2.0;
+    assert!(steps[0].len() as f64 >= least, "{} commands", steps[0].len());
+    assert!(steps[0].last().unwrap().twist.linear > 0.3, "it drives");
+    assert!(steps[0].iter().any(|command| command.twist.angular.abs() > 0.05), "it steers");
+    assert_eq!(bytemuck::cast_slice::<_, u8>(steps[0]), bytemuck::cast_slice::<_, u8>(steps[1]));
+}
+
+#[test]
+fn a_world_that_dies_leaves_a_robot_that_is_told_to_stop() {
+    let Some(python) = venv::interpreter(program()) else { return };
+    let mut robot = worlds::start(program(), &python, &format!("python-dies-{}", std::process::id()), 1.0);
+    let drives = |robot: &Robot| robot.told.last().is_some_and(|command| command.twist.linear > 0.3);
+    assert!(robot.watch_until(robot::PATIENCE, drives), "it does not get going");
+    let (killed, before) = (Instant::now(), robot.told.len());
+    robot::signal(robot.process_of("flat-world").unwrap(), "KILL");
+    let stands = |robot: &Robot| {
+        robot.told.len() > before && robot.told.last().is_some_and(|command| command.twist == Twist::ZERO)
+    };
+    assert!(robot.watch_until(robot::PATIENCE, stands), "nobody tells it to stop");
+    println!("told to stand {:?} after the world's death", killed.elapsed());
+    let ended = robot.interrupt();
+    assert_eq!(ended.status.code(), Some(3), "{}", said(&ended));
+    assert!(said(&ended).contains("clock"), "{}", said(&ended));
 }
