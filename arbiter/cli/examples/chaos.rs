@@ -1,6 +1,8 @@
 //! Five hundred kills at random times over all behaviours of the hallway, hangs, and deaths of the supervisor; figures.
 //!
-//!     cargo build --release && cargo run --release --example chaos -- [KILLS] [SECONDS OF A RUN]
+//!     cargo build --release && cargo run --release --example chaos -- [KILLS] [SECONDS OF A RUN] [PYTHON]
+//!
+//! With an interpreter that has the package `core/python`, the wall-follower is the one in Python.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here is the claim")]
 
@@ -18,19 +20,30 @@ use yamabico_core::time::Time;
 
 /// Behaviours and the simulator.
 const PLUGINS: usize = VICTIMS.len() + 1;
+/// Who is a program in Python where there is an interpreter.
+const IN_PYTHON: &str = "wall-follower";
 /// Supervisors that are killed.
 const ORPHANS: usize = 10;
 
 fn main() {
-    let mut arguments = std::env::args().skip(1).map(|argument| argument.parse::<usize>().expect("a number"));
-    let (kills, seconds) = (arguments.next().unwrap_or(500), arguments.next().unwrap_or(40));
+    let mut arguments = std::env::args().skip(1);
+    let mut number = |usual| arguments.next().map_or(usual, |text| text.parse().expect("a number"));
+    let (kills, seconds) = (number(500), number(40));
+    let python = arguments.next();
+    let in_python = python.iter().flat_map(|python| {
+        [
+            format!("behaviors.{IN_PYTHON}.exec=[\"{python}\", \"-m\", \"yamabico.examples.wall_follower\"]"),
+            format!("behaviors.{IN_PYTHON}.inputs={{ camera = \"front\" }}"),
+        ]
+    });
+    let set: Vec<String> = in_python.chain(["run.goal.x_m=1000".to_owned()]).collect();
     let here = std::env::current_exe().unwrap();
     let program = here.parent().and_then(Path::parent).unwrap().join("yamabico");
     let mut chance = Chance(Time::monotonic_now().0 | 1);
     let (mut figures, mut contacts, mut runs) = (Figures::default(), 0, 0);
     let begun = Instant::now();
     while figures.kills < kills {
-        let mut robot = start(&program, runs, &[]);
+        let mut robot = start(&program, runs, &set);
         let before = figures.kill_each_once(&mut robot);
         let until = Instant::now() + Duration::from_secs(seconds as u64);
         while Instant::now() < until && figures.kills < kills {
@@ -47,7 +60,7 @@ fn main() {
             figures.kills
         );
     }
-    let Figures { back, late, late_bare, .. } = &figures;
+    let Figures { late, late_bare, .. } = &figures;
     println!(
         "{} kills, {} of them at start-up, in {runs} runs and {:.0} s; contacts {contacts}, not back {:?}",
         figures.kills,
@@ -55,16 +68,25 @@ fn main() {
         begun.elapsed().as_secs_f64(),
         figures.lost
     );
-    tell("killed to back", back);
+    tell("killed to back", &figures.back_of(|victim| python.is_none() || victim != IN_PYTHON));
+    if python.is_some() {
+        tell("killed to back, in Python", &figures.back_of(|victim| victim == IN_PYTHON));
+    }
     println!("latest command {late:?} after its tick; a bare timer {late_bare:?}");
-    hang(&program, &mut figures);
-    take_over(&program);
-    orphan(&program);
+    hang(&program, &set, &mut figures);
+    take_over(&program, &set);
+    orphan(&program, &set);
 }
 
-fn start(program: &Path, number: usize, set: &[&str]) -> Robot {
+fn start(program: &Path, number: usize, set: &[String]) -> Robot {
     let name = format!("chaos-{}-{number}", std::process::id());
-    Robot::start(program, "hallway.toml", &name, PLUGINS, &[&["run.goal.x_m=1000"], set].concat())
+    let set: Vec<&str> = set.iter().map(String::as_str).collect();
+    Robot::start(program, "hallway.toml", &name, PLUGINS, &set)
+}
+
+/// `set` with one more change.
+fn with(set: &[String], change: &str) -> Vec<String> {
+    [set, &[change.to_owned()]].concat()
 }
 
 fn tell(what: &str, times: &[Duration]) {
@@ -73,8 +95,8 @@ fn tell(what: &str, times: &[Duration]) {
 }
 
 /// Hangs, with the deadline that the task gives by itself: 250 ms.
-fn hang(program: &Path, figures: &mut Figures) {
-    let mut robot = start(program, 1000, &[]);
+fn hang(program: &Path, set: &[String], figures: &mut Figures) {
+    let mut robot = start(program, 1000, set);
     for victim in VICTIMS.iter().cycle().take(12) {
         robot.watch(Duration::from_millis(700));
         figures.hang(&mut robot, victim);
@@ -83,8 +105,8 @@ fn hang(program: &Path, figures: &mut Figures) {
 }
 
 /// The behaviour in control is killed: when the next command comes, and when the last one that it is behind is over.
-fn take_over(program: &Path) {
-    let mut robot = start(program, 2000, &["robot.devices.sim.clutter=\"none\""]);
+fn take_over(program: &Path, set: &[String]) {
+    let mut robot = start(program, 2000, &with(set, "robot.devices.sim.clutter=\"none\""));
     let (mut next, mut other, timer) = (Vec::new(), Vec::new(), BareTimer::start(PERIOD));
     for _ in 0..20 {
         robot.watch(Duration::from_millis(700));
@@ -115,11 +137,11 @@ fn take_over(program: &Path) {
 }
 
 /// The supervisor is killed: when the drive begins to brake, to the period of the truth, 5 ms.
-fn orphan(program: &Path) {
+fn orphan(program: &Path, set: &[String]) {
     let (mut began, mut hung) = (Vec::new(), Vec::new());
     for round in 0..ORPHANS {
         for (how, times) in [("KILL", &mut began), ("STOP", &mut hung)] {
-            let mut robot = start(program, 3000 + round, &["robot.devices.sim.truth_period_ms=5"]);
+            let mut robot = start(program, 3000 + round, &with(set, "robot.devices.sim.truth_period_ms=5"));
             let fast = |robot: &Robot| robot.truth.last().is_some_and(|truth| truth.vx > 0.3);
             if !robot.watch_until(Duration::from_secs(30), fast) {
                 continue;

@@ -2,7 +2,7 @@
 
 import math
 
-from .messages import Axes, Encoding, FrameHeader, Kind, NO_ECHO, Proposal, Reason
+from .messages import Axes, Kind, Proposal, Reason
 from .parameters import schema_of
 
 PLANAR = Axes.LINEAR | Axes.ANGULAR

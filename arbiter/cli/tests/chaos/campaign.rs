@@ -23,8 +23,8 @@ pub struct Figures {
     pub kills: usize,
     /// Of them, those that were still coming up.
     pub kills_at_start: usize,
-    /// From each death, or the last one of a row, to the first sign of life after it.
-    pub back: Vec<Duration>,
+    /// Who died: from each death, or the last one of a row, to the first sign of life after it.
+    pub back: Vec<(&'static str, Duration)>,
     /// Plugins that did not come back.
     pub lost: Vec<String>,
     /// From each stop of a process to its death.
@@ -78,7 +78,7 @@ impl Figures {
                 robot.newest.get(victim).is_some_and(|beat| beat.restarts > starts && beat.stamp_ns > died.0)
             };
             if robot.watch_until(BACK, is_back) {
-                self.back.push(Time(robot.newest[victim].stamp_ns).since(died));
+                self.back.push((victim, Time(robot.newest[victim].stamp_ns).since(died)));
             } else {
                 self.lost.push(victim.to_owned());
             }
@@ -116,6 +116,13 @@ impl Figures {
         if !robot.watch_until(BACK, |robot| robot.newest[victim].restarts > starts) {
             self.lost.push(victim.to_owned());
         }
+    }
+}
+
+impl Figures {
+    /// How soon those of whom `is_meant` were back.
+    pub fn back_of(&self, is_meant: impl Fn(&str) -> bool) -> Vec<Duration> {
+        self.back.iter().filter(|(victim, _)| is_meant(victim)).map(|(_, back)| *back).collect()
     }
 }
 
