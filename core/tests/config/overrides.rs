@@ -84,3 +84,53 @@ fn every_wrong_override_is_told() {
         problems.entries().into_iter().map(|entry| (entry.column, entry.label)).collect();
     assert_eq!(columns, [(1, "there is no `=`".to_owned()), (16, "is not one value".to_owned())]);
 }
+
+/// Keys of every kind of table; what they are set to is a program that leaves a mark.
+const KEYS: [&str; 20] = [
+    "robot",
+    "run.duration_s",
+    "run.goal",
+    "arbiter.policy",
+    "arbiter.scheduling",
+    "behaviors.cruise.type",
+    "behaviors.cruise.inputs.camera",
+    "behaviors.cruise.isolation",
+    "behaviors.wall-follower.side",
+    "behaviors.sonar-halt.gate_m",
+    "inhibit",
+    "suppress",
+    "robot.name",
+    "robot.devices.sim.driver",
+    "robot.devices.sim.world",
+    "robot.devices.sim.isolation",
+    "robot.sensors.front.device",
+    "robot.sensors.front.kind",
+    "robot.drive.device",
+    "robot.drive.kind",
+];
+
+#[test]
+fn no_key_but_exec_starts_a_program() {
+    let folder = std::env::temp_dir().join(format!("yamabico-exec-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (program, mark) = (folder.join("program.sh"), folder.join("started"));
+    std::fs::write(&program, format!("#!/bin/sh\ntouch '{}'\n", mark.display())).unwrap();
+    std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let path = program.display();
+    for key in KEYS {
+        for text in [
+            format!("\"{path}\""),
+            format!("[\"{path}\"]"),
+            format!("\"| {path}\""),
+            format!("\"$({path})\""),
+            format!("\"`{path}`\""),
+            format!("{{ exec = [\"{path}\"], program = \"{path}\", command = \"{path}\" }}"),
+        ] {
+            let _ = with(&[&format!("{key}={text}")]);
+            assert!(!mark.exists(), "{key} = {text} started it");
+        }
+    }
+    assert!(with(&[&format!("behaviors.cruise.exec=[\"{path}\"]")]).is_err(), "it is no behaviour");
+    assert!(mark.exists(), "exec starts it, and asks what it is");
+    std::fs::remove_dir_all(folder).unwrap();
+}
