@@ -23,6 +23,14 @@ use crate::time::Time;
 pub trait Behavior: Send {
     /// Looks at the inputs once and proposes. What else it found out goes to `outputs`.
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal;
+
+    /// Appends to `memory` what a successor must know to go on where this one stops, should it die after this call: JSON, at most
+    /// [`MOST_MEMORY`](crate::seat::MOST_MEMORY) bytes. Nothing, for one that knows only what its inputs tell.
+    fn remember(&self, _memory: &mut Vec<u8>) {}
+
+    /// Goes on where a predecessor stopped that remembered this. Called at most once, before the first
+    /// [`propose`](Behavior::propose); what makes no sense is not to be believed.
+    fn recall(&mut self, _memory: &[u8]) {}
 }
 
 /// A behaviour that can be composed in a task file.

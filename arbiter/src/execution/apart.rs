@@ -66,6 +66,7 @@ impl Apart {
             restarts: 0,
             beat_ms: hosting.patience.as_secs_f64() * 1e3 / 4.0,
             begin: Begin::WithTheFirstCommand,
+            memory: String::new(),
             clock: self.clock,
             part,
         };

@@ -7,11 +7,11 @@ use yamabico_core::bus::{Bell, Bus, BusError, Spec};
 use yamabico_core::config::{self, Clock, InputSource, Task};
 use yamabico_core::message::{
     self, CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal,
-    Heartbeat, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RosterHeader, Truth, Turn,
-    Verdict, WallPoint, WallsHeader,
+    Heartbeat, MemoryHeader, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RosterHeader,
+    Truth, Turn, Verdict, WallPoint, WallsHeader,
 };
 use yamabico_core::seat::{
-    BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_WORDS, Scheduling, topics,
+    BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_MEMORY, MOST_WORDS, Scheduling, topics,
 };
 
 use super::roster::MOST_ROSTER;
@@ -85,6 +85,7 @@ impl Plan {
         let told = [
             (topics::HEARTBEATS, MessageType::of::<Heartbeat>(), 0),
             (topics::CALLS, MessageType::of::<CallsHeader>(), buckets),
+            (topics::MEMORIES, MessageType::of::<MemoryHeader>(), MOST_MEMORY),
             (topics::FAILURES, MessageType::of::<FailureHeader>(), MOST_WORDS),
             (topics::WALLS, MessageType::of::<WallsHeader>(), corners),
             (topics::PROCESSES, MessageType::of::<ProcessesHeader>(), publishers * size_of::<Process>()),

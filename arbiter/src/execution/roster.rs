@@ -133,7 +133,7 @@ fn publisher(plan: &Plan, topic: &str) -> String {
         topics::COMMAND | topics::DECISION | topics::GOAL => "arbiter".to_owned(),
         topics::CONTROL | topics::STICK => "operators".to_owned(),
         topics::PROCESSES | topics::ROSTER | topics::RETUNE => "robot".to_owned(),
-        topics::RETUNED | topics::CALLS => "behaviours".to_owned(),
+        topics::RETUNED | topics::CALLS | topics::MEMORIES => "behaviours".to_owned(),
         topics::TRUTH | topics::WALLS => "simulators".to_owned(),
         topics::HEARTBEATS | topics::FAILURES => "plugins".to_owned(),
         _ => match has(topic) {

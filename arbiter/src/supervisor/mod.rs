@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use yamabico_core::bus::{Bus, BusError, Subscriber};
-use yamabico_core::message::Heartbeat;
+use yamabico_core::message::{Heartbeat, MemoryHeader};
 use yamabico_core::seat::{SeatError, topics};
 use yamabico_core::time::Time;
 
@@ -57,6 +57,7 @@ impl Supervisor {
         let orders = Arc::new(Orders::default());
         let watch = Watch {
             heartbeats: bus.subscriber(topics::HEARTBEATS)?,
+            memories: bus.subscriber(topics::MEMORIES)?,
             bulletin: Bulletin::open(bus)?,
             clean_up: CleanUp::start(bus)?,
             _janitor: JanitorThread::start(bus)?,
@@ -98,6 +99,7 @@ impl Drop for Supervisor {
 /// What the supervisor's thread has.
 struct Watch {
     heartbeats: Subscriber<Heartbeat>,
+    memories: Subscriber<MemoryHeader>,
     bulletin: Bulletin,
     wards: Vec<Ward>,
     clean_up: CleanUp,
@@ -139,6 +141,12 @@ impl Watch {
             let name = beat.header().plugin;
             if let Some(ward) = self.wards.iter_mut().find(|ward| ward.name() == name.as_str()) {
                 ward.hear(beat.header(), now);
+            }
+        }
+        while let Some(memory) = self.memories.receive()? {
+            let name = memory.header().plugin;
+            if let Some(ward) = self.wards.iter_mut().find(|ward| ward.name() == name.as_str()) {
+                ward.keep(memory.items());
             }
         }
         Ok(())

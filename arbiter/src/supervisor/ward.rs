@@ -109,6 +109,11 @@ impl Ward {
         }
     }
 
+    /// Keeps what its successor is to be told.
+    pub fn keep(&mut self, memory: &[u8]) {
+        self.plan.charge.memory = String::from_utf8_lossy(memory).into_owned();
+    }
+
     /// Does not count so much of the time that has passed.
     pub fn excuse(&mut self, time: Duration) {
         if let State::Up { health, .. } = &mut self.state {

@@ -1,6 +1,9 @@
 //! Drives along a path to its end.
 
+use std::borrow::Cow;
+
 use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
 use yamabico_core::azimuth_map::{Inflation, PathError, VisibilityGraph, inflate};
 use yamabico_core::behavior::BuildError;
 use yamabico_core::geometry::{Twist, angle_difference};
@@ -19,6 +22,17 @@ const WALL_SIDES: u32 = 8;
 
 /// Corners of a convex obstacle, anticlockwise, metres.
 pub type Polygon = Vec<Point2<f64>>;
+
+/// A path and how far the robot came along it, to go on from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Journey<'a> {
+    #[serde(with = "places")]
+    corners: Cow<'a, [Point2<f64>]>,
+    tolerance_m: f64,
+    goal_heading: Option<f64>,
+    farthest_m: Option<f64>,
+    has_arrived: bool,
+}
 
 /// The path, and what has been driven of it.
 #[derive(Clone, Debug)]
@@ -85,6 +99,26 @@ impl Driver {
             has_arrived: false,
             jump: JumpFilter::default(),
         })
+    }
+
+    /// What a successor must know.
+    #[must_use]
+    pub fn memory(&self) -> Journey<'_> {
+        Journey {
+            corners: Cow::Borrowed(self.route.corners()),
+            tolerance_m: self.route.tolerance_m,
+            goal_heading: self.goal_heading,
+            farthest_m: self.farthest_m,
+            has_arrived: self.has_arrived,
+        }
+    }
+
+    /// Goes on where a predecessor stopped.
+    pub fn recall(&mut self, journey: Journey<'_>) {
+        self.route = Route::new(journey.corners.into_owned(), journey.tolerance_m);
+        self.goal_heading = journey.goal_heading;
+        self.farthest_m = journey.farthest_m;
+        self.has_arrived = journey.has_arrived;
     }
 
     /// The path.
@@ -225,6 +259,25 @@ impl Driver {
             Twist::ZERO
         };
         Proposal::drive(Axes::PLANAR, twist).with_note(format_args!("arrived"))
+    }
+}
+
+/// Places as pairs of coordinates.
+mod places {
+    use std::borrow::Cow;
+
+    use nalgebra::Point2;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub fn serialize<S: Serializer>(places: &[Point2<f64>], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(places.iter().map(|place| [place.x, place.y]))
+    }
+
+    pub fn deserialize<'a, 'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Cow<'a, [Point2<f64>]>, D::Error> {
+        let places = Vec::<[f64; 2]>::deserialize(deserializer)?;
+        Ok(places.into_iter().map(Point2::from).collect())
     }
 }
 

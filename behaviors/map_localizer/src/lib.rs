@@ -39,14 +39,14 @@ use yamabico_core::time::Time;
 use yamabico_core::vision::floor_colour_file::FLOOR_COLOURS_FILE;
 
 use crate::belief::Belief;
-use crate::driver::{Driver, Polygon};
+use crate::driver::{Driver, Journey, Polygon};
 use crate::finder::Finder;
 use crate::fix::Fix;
 use crate::floor_outline::FLOOR_PLAN_FILE;
 use crate::look_around::LookAround;
 use crate::obstacles::Obstacles;
 use crate::route::{MOST_CORNERS, Route};
-use crate::tracker::Tracker;
+use crate::tracker::{Track, Tracker};
 
 /// The plugin, to be listed by the program.
 pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<MapLocalizer>();
@@ -148,6 +148,20 @@ impl Behavior for MapLocalizer {
         };
         proposal.stamp_ns = newest.0;
         proposal
+    }
+
+    fn remember(&self, memory: &mut Vec<u8>) {
+        if let Some(track) = self.tracker.memory().filter(|_| self.tracker.search().is_none()) {
+            // Nothing is a memory too.
+            let _ = serde_json::to_writer(memory, &(track, self.driver.memory()));
+        }
+    }
+
+    fn recall(&mut self, memory: &[u8]) {
+        if let Ok((track, journey)) = serde_json::from_slice::<(Track, Journey<'_>)>(memory) {
+            self.tracker.recall(&track);
+            self.driver.recall(journey);
+        }
     }
 }
 

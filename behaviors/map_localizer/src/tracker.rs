@@ -1,6 +1,7 @@
 //! Keeps the pose: dead reckoning, fixes at the instants of their pictures, and the search when it is lost.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 use yamabico_core::behavior::View;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason};
@@ -31,6 +32,21 @@ const MOST_REPETITION: f64 = 50.0;
 const JUMP_FACTOR: f64 = 3.0;
 /// ... and says nothing of the motion but this (m, rad).
 const JUMP_SIGMA: (f64, f64) = (0.1, 0.1);
+
+/// What is known of the robot's place at an instant, to go on from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Track {
+    /// The instant.
+    stamp: Time,
+    /// What the odometry told.
+    odometry: Pose2,
+    /// Map from robot.
+    pose: Pose2,
+    /// Of (x, y, theta), row by row.
+    covariance: [f64; 9],
+    /// When the picture of the last fix was taken.
+    fixed: Option<Time>,
+}
 
 /// Where the robot is, by its camera and its wheels.
 #[derive(Clone, Debug)]
@@ -126,6 +142,26 @@ impl Tracker {
     #[must_use]
     pub fn search(&self) -> Option<(&LookAround, f64)> {
         Some((self.search.as_ref()?, self.odometry?.1.theta))
+    }
+
+    /// What a successor must know; `None` before any odometry.
+    #[must_use]
+    pub fn memory(&self) -> Option<Track> {
+        let ((stamp, odometry), (_, belief)) = (self.odometry?, self.history.newest()?);
+        let covariance = std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)]);
+        Some(Track { stamp, odometry, pose: belief.pose, covariance, fixed: self.last_fix })
+    }
+
+    /// Goes on where a predecessor stopped; the next odometry tells how far the robot has come since.
+    pub fn recall(&mut self, track: &Track) {
+        let covariance = Matrix3::from_row_slice(&track.covariance);
+        let belief = Belief { pose: track.pose, covariance };
+        if belief.is_sound() && track.odometry.is_finite() {
+            self.history.start(track.stamp, belief);
+            self.begun = Some(track.stamp);
+            self.odometry = Some((track.stamp, track.odometry));
+            self.last_fix = track.fixed;
+        }
     }
 
     /// Takes a reading of the odometry; what is not finite, not newer, or from the future moves nothing.

@@ -6,6 +6,7 @@ mod rig;
 
 use nalgebra::{Matrix3, Vector3};
 use rig::{Drive, Light, frame_header, setup, toml};
+use yamabico_core::behavior::Behavior;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, Pose, PoseStatus, Reason};
 use yamabico_core::testing::Bench;
@@ -38,6 +39,21 @@ fn a_good_drive_keeps_its_pose() {
     assert!(place < 0.06 && heading < 0.02, "{place} m, {heading} rad");
     assert_eq!(status(&drive).0, PoseStatus::Tracking);
     assert!(drive.robot.x > 1.5, "{:?}", drive.robot);
+}
+
+#[test]
+fn a_successor_goes_on_from_where_its_predecessor_was() {
+    let mut drive = Drive::new(Pose2::new(0.05, -0.05, 0.02), ROUTE);
+    drive.run(6.0);
+    let (mut memory, farthest) = (Vec::new(), drive.robot.x);
+    drive.bench.behavior.remember(&mut memory);
+    for (memory, knows) in [(memory.as_slice(), true), (b"[]".as_slice(), false)] {
+        drive.bench = Bench::new(&toml(ROUTE), setup(256, 240)).unwrap();
+        drive.bench.behavior.recall(memory);
+        drive.run(0.1);
+        let (place, heading) = drive.error();
+        assert_eq!(place < 0.06 && heading < 0.02, knows, "{place} m, {heading} rad after {farthest} m");
+    }
 }
 
 #[test]

@@ -3,10 +3,11 @@
 //! Ohya, Kosaka & Kak (1998): any echo halts, a halt is followed by a fresh look. Differs from \[1\]: how a halt is
 //! released, when to search and when to give up are stated here.
 
+use serde::{Deserialize, Serialize};
 use yamabico_core::geometry::angle_difference;
 
 /// What the robot is doing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
     /// On its path.
     #[default]
@@ -132,7 +133,7 @@ pub struct Tick<'a> {
 }
 
 /// What the machine remembers from step to step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
     state: State,
     target_heading: Option<f64>,
@@ -188,6 +189,15 @@ impl Machine {
             target_heading: self.target_heading,
         };
         (self, order)
+    }
+
+    /// The machine of a robot whose avoider died and came back: what stood or looked around stands and looks again.
+    #[must_use]
+    pub fn come_back(mut self) -> Self {
+        if matches!(self.state, State::Relook | State::Search | State::Blocked) {
+            self.stop(State::Halt);
+        }
+        self
     }
 
     /// Searches, for nothing that was found from where it stands led anywhere.

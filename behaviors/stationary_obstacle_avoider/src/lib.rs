@@ -222,6 +222,18 @@ impl Behavior for StationaryObstacleAvoider {
         }
         proposal
     }
+
+    fn remember(&self, memory: &mut Vec<u8>) {
+        // Nothing is a memory too.
+        let _ = serde_json::to_writer(memory, &(&self.machine, &self.things, self.lean_m));
+    }
+
+    fn recall(&mut self, memory: &[u8]) {
+        if let Ok((machine, things, lean_m)) = serde_json::from_slice::<(Machine, Things, f64)>(memory) {
+            (self.machine, self.things, self.lean_m) = (machine.come_back(), things, lean_m);
+            self.order = Order { state: self.machine.state(), ..self.order };
+        }
+    }
 }
 
 impl StationaryObstacleAvoider {

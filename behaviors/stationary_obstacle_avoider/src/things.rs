@@ -4,6 +4,7 @@
 //! seen on the floor, and stay on the map when the robot drives past.
 
 use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::time::Time;
 
@@ -15,9 +16,10 @@ const SAME_M: f64 = 0.3;
 const FORGOTTEN: u32 = 3;
 
 /// Something that the map does not have.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Thing {
     /// Its middle on the map, metres.
+    #[serde(with = "place")]
     pub at: Point2<f64>,
     /// Metres.
     pub radius_m: f64,
@@ -32,7 +34,7 @@ pub struct Thing {
 }
 
 /// The things.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Things {
     list: Vec<Thing>,
 }
@@ -140,6 +142,20 @@ impl Things {
             let nearest = across.hypot(along - along.clamp(0.0, length_m));
             along <= 0.0 || nearest >= thing.radius_m + half_width_m
         })
+    }
+}
+
+/// A place as its two coordinates.
+mod place {
+    use nalgebra::Point2;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(place: &Point2<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+        [place.x, place.y].serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Point2<f64>, D::Error> {
+        <[f64; 2]>::deserialize(deserializer).map(Point2::from)
     }
 }
 

@@ -3,7 +3,7 @@
 mod rig;
 
 use rig::{TABLE, Told, camera, picture, setup, tick};
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::{Behavior, BuildError};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Axes, Axis, Kind, ObstaclesHeader, PoseStatus, Proposal, Reason};
@@ -41,6 +41,35 @@ fn a_clear_hallway_leaves_the_driving_to_others() {
     let told = Told::default();
     let proposal = drive(&mut avoider(), &told, Some(&picture(told.robot, None)));
     assert_eq!(answer(&proposal), (Some(Kind::Abstain), Some(Reason::Clear)), "{}", proposal.note.as_str());
+}
+
+#[test]
+fn a_successor_knows_the_box_that_its_predecessor_saw() {
+    let (mut bench, told) = (avoider(), Told::default());
+    drive(&mut bench, &told, Some(&picture(told.robot, Some([4.6, 0.25]))));
+    let mut memory = Vec::new();
+    bench.behavior.remember(&mut memory);
+
+    // Beside the box, which the camera has lost, and turned towards it.
+    let beside = Told { seconds: 4.0, robot: Pose2::new(4.2, -0.4, 0.9), ..told };
+    let empty = picture(beside.robot, None);
+    let wary = |bench: &mut Avoider| {
+        let proposal = tick(bench, &beside, Some(&empty));
+        (bench.behavior.state(), bench.behavior.things().confirmed().count(), proposal.kind())
+    };
+    let (state, things) = (bench.behavior.state(), bench.behavior.things().confirmed().count());
+    assert!(state == State::Avoid && things > 0, "{state:?}");
+    let mut successor = avoider();
+    successor.behavior.recall(&memory);
+    let wariness = wary(&mut bench);
+    assert_eq!(wary(&mut successor), wariness);
+    assert!(wariness.1 > 0 && wariness.2 != Some(Kind::Abstain), "{wariness:?}");
+    assert_eq!(wary(&mut avoider()).1, 0, "who knows nothing would leave the box to chance");
+    for nonsense in ["", "null", "[1, 2]", "[{\"state\": \"Dance\"}, {}, 0]"] {
+        let mut successor = avoider();
+        successor.behavior.recall(nonsense.as_bytes());
+        assert_eq!(successor.behavior.state(), State::Follow, "{nonsense}");
+    }
 }
 
 #[test]

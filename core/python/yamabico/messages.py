@@ -919,6 +919,26 @@ class CallsHeader(Message):
 assert ctypes.sizeof(CallsHeader) == 80 and ctypes.alignment(CallsHeader) == 8
 
 
+class MemoryHeader(Message):
+    """What the successor of a behaviour must know to go on where that stopped. Its items are JSON."""
+
+    _fields_ = [
+        # When it was told.
+        ("stamp_ns", ctypes.c_uint64),
+        # Counts up by one a message.
+        ("sequence", ctypes.c_uint64),
+        # Whose memory.
+        ("_plugin", ctypes.c_char * 32),
+    ]
+    plugin = text("_plugin")
+    NAME = "yamabico.MemoryHeader.v1"
+    CHANNEL = "latest"
+    ITEM = None
+
+
+assert ctypes.sizeof(MemoryHeader) == 48 and ctypes.alignment(MemoryHeader) == 8
+
+
 class WallPoint(Item):
     """A corner of a wall."""
 
@@ -1147,6 +1167,7 @@ MESSAGES = {
     "yamabico.Heartbeat.v1": Heartbeat,
     "yamabico.FailureHeader.v1": FailureHeader,
     "yamabico.CallsHeader.v1": CallsHeader,
+    "yamabico.MemoryHeader.v1": MemoryHeader,
     "yamabico.WallsHeader.v1": WallsHeader,
     "yamabico.ProcessesHeader.v1": ProcessesHeader,
     "yamabico.RosterHeader.v1": RosterHeader,

@@ -11,6 +11,9 @@ impl MessageType {
     pub fn from_json(&self, json: &Value) -> Option<(Vec<u8>, Vec<u8>)> {
         let (mut header, mut items) = (Vec::new(), Vec::new());
         push(self.header, json, &mut header)?;
+        if let Some(text) = json.get("text").and_then(Value::as_str) {
+            items.extend_from_slice(text.as_bytes());
+        }
         if self.item != Layout::U8 {
             for item in json.get("items")?.as_array()? {
                 push(self.item, item, &mut items)?;
@@ -53,7 +56,7 @@ fn word(value: &Value) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::{ALL, Beam, Proposal, RangeScanHeader, Reason};
+    use crate::message::{ALL, Beam, FailureHeader, Proposal, RangeScanHeader, Reason};
 
     /// Bytes that say something in every field: whole numbers, texts, numbers of all digits.
     fn fill(layout: Layout, bytes: &mut Vec<u8>) {
@@ -83,6 +86,14 @@ mod tests {
             let json = (message.to_json)(&header, &items);
             assert_eq!(message.from_json(&json), Some((header, items)), "{}: {json}", message.name);
         }
+    }
+
+    #[test]
+    fn words_come_back() {
+        let failure = MessageType::of::<FailureHeader>();
+        let header = bytemuck::bytes_of(&FailureHeader::default()).to_vec();
+        let json = (failure.to_json)(&header, b"the lens is gone");
+        assert_eq!(failure.from_json(&json), Some((header, b"the lens is gone".to_vec())));
     }
 
     #[test]

@@ -25,8 +25,8 @@ pub use perception::{
     PathHeader, PathPoint, Pose, PoseStatus,
 };
 pub use plugin::{
-    CallBucket, CallsHeader, FailureHeader, Heartbeat, PluginState, Process, ProcessState, ProcessesHeader,
-    RosterHeader, WallPoint, WallsHeader,
+    CallBucket, CallsHeader, FailureHeader, Heartbeat, MemoryHeader, PluginState, Process, ProcessState,
+    ProcessesHeader, RosterHeader, WallPoint, WallsHeader,
 };
 pub use proposal::{Axes, Axis, Kind, Proposal, Reason, Sector, Twist};
 pub use registry::{ALL, MessageType};

@@ -93,6 +93,19 @@ item! {
     }
 }
 
+message! {
+    /// What the successor of a behaviour must know to go on where that stopped. Its items are JSON.
+    "yamabico.MemoryHeader.v1" Latest [u8] in words
+    pub struct MemoryHeader {
+        /// When it was told.
+        pub stamp_ns: u64,
+        /// Counts up by one a message.
+        pub sequence: u64,
+        /// Whose memory.
+        pub plugin: Name,
+    }
+}
+
 vocabulary! {
     /// What the supervisor does with a plugin's process.
     pub enum ProcessState {

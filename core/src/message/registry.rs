@@ -97,6 +97,7 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<Heartbeat>(),
     MessageType::of::<FailureHeader>(),
     MessageType::of::<CallsHeader>(),
+    MessageType::of::<MemoryHeader>(),
     MessageType::of::<WallsHeader>(),
     MessageType::of::<ProcessesHeader>(),
     MessageType::of::<RosterHeader>(),

@@ -33,6 +33,9 @@ pub struct Charge {
     pub beat_ms: f64,
     /// When it begins.
     pub begin: Begin,
+    /// What its predecessor remembered, JSON; empty where there is none, or it remembered nothing.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub memory: String,
     /// Whose clock counts.
     #[serde(default)]
     pub clock: Clock,

@@ -22,6 +22,8 @@
 //!    `clock`. The arbiter calls turns on `clock/turns`: `collect`, `propose`, `done`. A behaviour takes in what has arrived, or
 //!    proposes, stamped with the turn's `stamp_ns`, and says so on `clock/taken` with the same `Turn` and its name. When the
 //!    step is `done` the driver obeys the newest command and goes on with the next one.
+//!    A behaviour that must go on where it stopped publishes its memory on `plugins/memories` when that changes: a `MemoryHeader`
+//!    and JSON of at most 16 kB. Its successor is told the last one in `memory`.
 //! 6. **End.** On SIGTERM it ends within a second. The supervisor's death is SIGKILL for a behaviour and SIGHUP for a device,
 //!    which then brakes, and ends.
 

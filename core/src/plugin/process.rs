@@ -140,6 +140,9 @@ fn work(
             let plan = part.plan(&charge.name, plugins.behaviors, hosting)?;
             let mut waiter = plan.waiter(bus)?;
             let mut seat = BehaviorSeat::open(plan, bus)?;
+            if !charge.memory.is_empty() {
+                seat.recall(charge.memory.as_bytes());
+            }
             let mut turns = in_turns(clock, || TurnSeat::open(bus, &charge.name))?;
             wait_to_begin(begin, bus, pulse, &is_over)?;
             match &mut turns {

@@ -16,7 +16,7 @@ mod work;
 pub use behavior::{BehaviorPlan, BehaviorRecord, BehaviorSeat, Hosting, SeatError};
 pub use device::{DevicePlan, DeviceSeat, panicked};
 pub use durations::Durations;
-pub use pulse::{MOST_CORNERS, MOST_WORDS, Pulse};
+pub use pulse::{MOST_CORNERS, MOST_MEMORY, MOST_WORDS, Pulse};
 pub use scheduling::{NotScheduled, Processors, Scheduling};
 pub use turns::{ClockSeat, TurnSeat, behave_in_turn, keep_the_clock};
 pub use work::{behave, operate};

@@ -6,8 +6,8 @@ use super::behavior::BehaviorRecord;
 use super::topics;
 use crate::bus::{Bus, BusError, Publisher};
 use crate::message::{
-    CallBucket, CallsHeader, FailureHeader, Heartbeat, Message, Name, Note, PluginState, WallPoint,
-    WallsHeader,
+    CallBucket, CallsHeader, FailureHeader, Heartbeat, MemoryHeader, Message, Name, Note, PluginState,
+    WallPoint, WallsHeader,
 };
 use crate::time::Time;
 
@@ -15,6 +15,8 @@ use crate::time::Time;
 const CALLS_EVERY: Duration = Duration::from_millis(500);
 /// Longest reason of a failure, bytes.
 pub const MOST_WORDS: usize = 2048;
+/// Longest memory of a behaviour, bytes.
+pub const MOST_MEMORY: usize = 16 * 1024;
 /// Most corners of walls in one message.
 pub const MOST_CORNERS: usize = 4096;
 
@@ -24,6 +26,7 @@ pub struct Pulse {
     // Opened when there is something to say: a start must be quick.
     calls: Option<Publisher<CallsHeader>>,
     failures: Option<Publisher<FailureHeader>>,
+    memories: Option<Publisher<MemoryHeader>>,
     walls: Option<Publisher<WallsHeader>>,
     bus: Bus,
     plugin: Name,
@@ -32,6 +35,7 @@ pub struct Pulse {
     last: Option<(Time, PluginState)>,
     calls_told: Time,
     buckets: Vec<CallBucket>,
+    memory: Vec<u8>,
     beats: u64,
     fails: u64,
     others: u64,
@@ -48,6 +52,7 @@ impl Pulse {
             heartbeats: bus.publisher(topics::HEARTBEATS)?,
             calls: None,
             failures: None,
+            memories: None,
             walls: None,
             bus: bus.clone(),
             plugin: Name::new(name),
@@ -56,6 +61,7 @@ impl Pulse {
             last: None,
             calls_told: Time::monotonic_now(),
             buckets: Vec::new(),
+            memory: Vec::new(),
             beats: 0,
             fails: 0,
             others: 0,
@@ -123,6 +129,19 @@ impl Pulse {
             calls: u32::try_from(calls).unwrap_or(u32::MAX),
         }));
         let told = say(&mut self.calls, &self.bus, topics::CALLS, &header, &self.buckets);
+        self.note(told);
+    }
+
+    /// Tells what a successor must know, where that is something new; what is longer than [`MOST_MEMORY`] is not told.
+    pub fn tell_memory(&mut self, memory: &[u8], now: Time) {
+        if memory == self.memory || memory.len() > MOST_MEMORY {
+            return;
+        }
+        self.memory.clear();
+        self.memory.extend_from_slice(memory);
+        self.others += 1;
+        let header = MemoryHeader { stamp_ns: now.0, sequence: self.others, plugin: self.plugin };
+        let told = say(&mut self.memories, &self.bus, topics::MEMORIES, &header, memory);
         self.note(told);
     }
 

@@ -21,6 +21,8 @@ pub const TAKEN: &str = "clock/taken";
 pub const HEARTBEATS: &str = "plugins/heartbeats";
 /// How the calls of behaviours went.
 pub const CALLS: &str = "plugins/calls";
+/// What the successors of behaviours must know.
+pub const MEMORIES: &str = "plugins/memories";
 /// What went wrong in plugins.
 pub const FAILURES: &str = "plugins/failures";
 /// Walls that devices know, for plots.

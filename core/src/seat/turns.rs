@@ -92,6 +92,7 @@ pub fn behave_in_turn(
     while !is_over() {
         pulse.beat(PluginState::Running, Time::monotonic_now());
         let asked = take_turns(seat, turns);
+        pulse.tell_memory(seat.memory(), Time::monotonic_now());
         pulse.tell_calls(seat.record(), Time::monotonic_now());
         let waited = asked.and_then(|()| turns.waiter.wait(longest));
         if let Err(error) = waited {

@@ -24,6 +24,7 @@ pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, i
         let state = if seat.sleeps() { PluginState::Sleeping } else { PluginState::Running };
         pulse.beat(state, now);
         let asked = seat.collect().and_then(|()| seat.propose(now));
+        pulse.tell_memory(seat.memory(), now);
         pulse.tell_calls(seat.record(), now);
         let sleep = seat.next_call().map_or(longest, |at| at.since(Time::monotonic_now()).min(longest));
         match asked {
