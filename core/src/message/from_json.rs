@@ -68,7 +68,7 @@ mod tests {
             Layout::U64 => bytes.extend((u64::MAX - n as u64).to_ne_bytes()),
             Layout::F64 => bytes.extend((1e3 * (n as f64 + 0.1).sin()).to_ne_bytes()),
             Layout::Text(size) => {
-                bytes.extend((0..size).map(|i| if i < size / 2 { b'a' + (i % 26) as u8 } else { 0 }))
+                bytes.extend((0..size).map(|i| if i < size / 2 { b'a' + (i % 26) as u8 } else { 0 }));
             }
             Layout::Array(element, len) => (0..len).for_each(|_| fill(*element, bytes)),
             Layout::Struct(layout) => layout.fields.iter().for_each(|field| fill(field.layout, bytes)),
