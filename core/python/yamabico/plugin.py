@@ -4,6 +4,7 @@ The supervisor starts it, tells it on standard input what it is, watches its hea
 argument `--describe` the program says what it is, as JSON, and ends.
 """
 
+import importlib
 import json
 import os
 import signal
@@ -80,6 +81,9 @@ def serve(part):
     life = Life()
     pulse = None
     try:
+        # Before anything is told: a successor comes up while its predecessor is cleaned up after.
+        for module in ("bus", "feed", "lent", "pulse"):
+            importlib.import_module(f".{module}", __package__)
         charge = tomllib.loads(sys.stdin.read())
         if charge["protocol"] != PROTOCOL:
             raise Refusal(f"the charge is of protocol {charge['protocol']}, this package knows {PROTOCOL}: install that of the robot")
