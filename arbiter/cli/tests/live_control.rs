@@ -152,11 +152,82 @@ fn a_robot_tells_why_who_and_what() {
     assert!(said(&wrong).contains("did you mean `command`?"));
 }
 
+/// Metres that map-localizer says are to go.
+fn to_go_m(why: &str) -> Option<f64> {
+    why.split_once(" m to go")?.0.rsplit(' ').next()?.parse().ok()
+}
+
+#[test]
+fn parameters_are_changed_all_or_none_and_outlive_a_crash() {
+    let robot = Robot::start("set", &[]);
+    let before = robot.await_words(&["why"], "m to go");
+    let before_m = to_go_m(&before).unwrap();
+    assert!(robot.told(&["set", "map-localizer.speed_mps=0.2"]).contains("in force"));
+    let after = robot.await_words(&["why"], "map-localizer asks for 0.20");
+    let after_m = to_go_m(&after).unwrap();
+    assert!(after_m < before_m + 0.3, "it forgot how far it came: {before_m} m to go, then {after_m}");
+
+    for (assignments, words) in [
+        (&["map-localizer.speed_mps=0.3", "wall-follower.speed_mps=9"][..], "wall-follower: `speed_mps` = 9"),
+        (&["map-localizer.speed_mps=0.3", "sonar-halt.gate_m=4.9"], "`gate_m`: sonar-halt: 4.9 m is beyond"),
+        (&["map-localizer.sped_mps=0.3"], "did you mean `speed_mps`?"),
+        (&["map-localiser.speed_mps=0.3"], "did you mean `map-localizer`?"),
+        (&["map-localizer.speed_mps"], "no `=`"),
+    ] {
+        let ended = robot.ask(&[&["set"], assignments].concat());
+        assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
+        assert!(said(&ended).contains(words), "no `{words}` in {}", said(&ended));
+    }
+    robot.told(&["set", "sonar-halt.gate_m=0.4", "wall-follower.speed_mps=0.1"]);
+    assert!(!robot.await_words(&["why"], "wall-follower (10)").contains("asks for 0.30"));
+
+    let pid = |robot: &Robot| {
+        let plugins = robot.json(&["ps"]);
+        let wall_follower =
+            plugins.as_array().unwrap().iter().find(|p| p["name"] == "wall-follower").unwrap();
+        (wall_follower["pid"].as_u64(), wall_follower["restarts"].as_u64())
+    };
+    let (old, _) = pid(&robot);
+    assert!(Command::new("kill").args(["-KILL", &old.unwrap().to_string()]).status().unwrap().success());
+    let begun = Instant::now();
+    while pid(&robot).1 == Some(0) {
+        assert!(begun.elapsed() < PATIENCE, "it is not started again");
+    }
+    let why = robot.await_words(&["why"], "by map-localizer (20): asks for 0.1");
+    assert!(why.contains("map-localizer asks for 0.20"), "{why}");
+
+    // What was asked, and what became of it, is in the recording.
+    let recording = robot.folder.join("run.mcap");
+    assert!(Command::new("kill").args(["-INT", &robot.run.id().to_string()]).status().unwrap().success());
+    let begun = Instant::now();
+    while Command::new("kill").args(["-0", &robot.run.id().to_string()]).status().unwrap().success() {
+        assert!(begun.elapsed() < PATIENCE, "it does not end");
+        std::thread::sleep(Duration::from_millis(100));
+        if std::fs::read(&recording).is_ok_and(|bytes| mcap::Summary::read(&bytes).is_ok_and(|s| s.is_some()))
+        {
+            break;
+        }
+    }
+    let bytes = std::fs::read(&recording).unwrap();
+    let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+    let texts: Vec<String> = messages
+        .filter(|message| message.channel.topic == "control")
+        .map(|message| serde_json::from_slice::<Value>(&message.data).unwrap()["text"].to_string())
+        .collect();
+    assert!(texts.iter().any(|text| text.contains("gate_m = 0.4")), "{texts:?}");
+}
+
 #[test]
 fn a_robot_that_does_not_run_is_told() {
-    for command in
-        [&["estop"][..], &["reset"], &["enable", "wall-follower"], &["why"], &["ps"], &["topic", "list"]]
-    {
+    for command in [
+        &["estop"][..],
+        &["reset"],
+        &["enable", "wall-follower"],
+        &["set", "a.b=1"],
+        &["why"],
+        &["ps"],
+        &["topic", "list"],
+    ] {
         let ended = yamabico(command).args(["--robot", "no-such-robot"]).output().unwrap();
         assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
         assert!(said(&ended).contains("no robot `no-such-robot` is running"), "{}", said(&ended));

@@ -180,6 +180,8 @@ impl ArbiterSeat {
                     tracing::error!("a goal is not handed on: {error}");
                 }
             }
+            // Not the arbiter's to do.
+            (Some(ControlKind::Retune), _) => {}
             _ => tracing::warn!("refused a request: {control:?}"),
         }
     }

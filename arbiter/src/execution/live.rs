@@ -27,6 +27,7 @@ use super::lockstep::Supply;
 use super::paced::{DriversTime, Pacer};
 use super::plan::Plan;
 use super::referee::Referee;
+use super::retuning::RetuningDesk;
 use super::roll::{Failure, Roll};
 use super::roster::{Herald, MayPart, Roster};
 use super::seats::Seats;
@@ -53,6 +54,7 @@ pub struct Live {
     clock: Clock,
     taps: Vec<(String, MessageType, RawSubscriber)>,
     herald: Herald,
+    retuning: RetuningDesk,
     roll: Roll,
     orders: Arc<Orders>,
     report: Sender<Report>,
@@ -109,6 +111,7 @@ impl Live {
         let devices: Vec<String> = plan.devices.iter().map(|device| device.spec.name.clone()).collect();
         let may_part = if program.is_some() { MayPart::Yes } else { MayPart::No };
         let herald = Herald::start(&bus, &Roster::of(&plan, robot, may_part))?;
+        let retuning = RetuningDesk::open(&plan, &bus)?;
         let arbiter = Seats::arbiter(&plan, &bus)?;
         let clock = plan.clock;
         let pacer = match clock {
@@ -127,6 +130,7 @@ impl Live {
         let mut live = Live {
             taps,
             herald,
+            retuning,
             roll: Roll::default(),
             orders: Arc::default(),
             report,
@@ -259,6 +263,9 @@ impl Live {
         loop {
             let now = self.now();
             self.show(&mut Tee(vec![&mut referee, tap]), now);
+            if let Err(error) = self.retuning.step(self.supervisor.as_ref(), now) {
+                tracing::error!("parameters cannot be changed: {error}");
+            }
             let elapsed = now.since(self.began);
             progress(Progress { elapsed, to_go_m: referee.to_go_m() });
             while let Ok(report) = self.reports.try_recv() {

@@ -10,6 +10,7 @@ mod lockstep;
 mod paced;
 mod plan;
 mod referee;
+mod retuning;
 mod roll;
 mod roster;
 mod seats;

@@ -3,15 +3,16 @@
 use std::time::Duration;
 
 use yamabico_core::behavior::SlotInfo;
-use yamabico_core::bus::{Bell, Bus, BusError, Spec};
+use yamabico_core::bus::{Bell, Bus, BusError, STREAM_DEPTH, Spec};
 use yamabico_core::config::{self, Clock, InputSource, Task};
 use yamabico_core::message::{
     self, CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal,
-    Heartbeat, MemoryHeader, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RosterHeader,
-    Truth, Turn, Verdict, WallPoint, WallsHeader,
+    Heartbeat, MemoryHeader, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RetuneHeader,
+    RetunedHeader, RosterHeader, Truth, Turn, Verdict, WallPoint, WallsHeader,
 };
 use yamabico_core::seat::{
-    BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_MEMORY, MOST_WORDS, Scheduling, topics,
+    BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_MEMORY, MOST_PARAMETERS, MOST_WORDS,
+    Scheduling, topics,
 };
 
 use super::roster::MOST_ROSTER;
@@ -90,6 +91,8 @@ impl Plan {
             (topics::WALLS, MessageType::of::<WallsHeader>(), corners),
             (topics::PROCESSES, MessageType::of::<ProcessesHeader>(), publishers * size_of::<Process>()),
             (topics::ROSTER, MessageType::of::<RosterHeader>(), MOST_ROSTER),
+            (topics::RETUNE, MessageType::of::<RetuneHeader>(), MOST_PARAMETERS),
+            (topics::RETUNED, MessageType::of::<RetunedHeader>(), MOST_WORDS),
         ];
         self.topics.extend(told.map(|(name, message, list_bytes)| Topic {
             name: name.to_owned(),
@@ -158,7 +161,8 @@ fn topics(task: &Task) -> Vec<Topic> {
     all.push(topic(topics::DECISION.into(), MessageType::of::<DecisionHeader>(), 1, verdicts));
     all.push(topic(topics::COMMAND.into(), MessageType::of::<Command>(), 1, 0));
     all.push(topic(topics::GOAL.into(), MessageType::of::<Goal>(), 1, 0));
-    all.push(topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, 0));
+    let control = topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, MOST_PARAMETERS);
+    all.push(Topic { spec: Spec { depth: STREAM_DEPTH, ..control.spec }, ..control });
     all
 }
 

@@ -5,9 +5,11 @@ mod goal;
 mod listener;
 mod lookout;
 mod muster;
+mod tuning;
 
 pub use desk::{Desk, Obeyed, Request, RequestError};
 pub use goal::{GoalError, Operator, Place};
 pub use listener::{Figures, ListenError, Listener, Window};
 pub use lookout::{LookError, Lookout};
 pub use muster::{Calls, LastEnd, Mustered, muster};
+pub use tuning::{RetuneError, retune};

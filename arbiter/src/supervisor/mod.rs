@@ -12,8 +12,8 @@ mod program;
 mod spawn;
 mod ward;
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -46,6 +46,8 @@ struct Orders {
     begun: AtomicBool,
     /// End every process.
     end: AtomicBool,
+    /// Parameters that behaviours get when they are started again.
+    retunes: Mutex<Vec<(String, toml::Table)>>,
 }
 
 impl Supervisor {
@@ -73,6 +75,11 @@ impl Supervisor {
     /// Tells that the run has begun: plugins that start from now on begin at once.
     pub fn begin(&self) {
         self.orders.begun.store(true, Ordering::Relaxed);
+    }
+
+    /// Lets the behaviour `name` have these parameters when it is started again.
+    pub fn retune(&self, name: &str, table: toml::Table) {
+        self.orders.retunes.lock().unwrap_or_else(PoisonError::into_inner).push((name.to_owned(), table));
     }
 
     /// Tells every process to end.
@@ -120,6 +127,7 @@ impl Watch {
                 tracing::error!("signs of life are not heard: {error}");
             }
             self.clean_up.step(now);
+            self.retune();
             let phase = match self.orders.begun.load(Ordering::Relaxed) {
                 true => Phase::Begun,
                 false => Phase::Opening,
@@ -134,6 +142,14 @@ impl Watch {
             std::thread::sleep(LOOK);
         }
         self.end();
+    }
+
+    fn retune(&mut self) {
+        for (name, table) in self.orders.retunes.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+            if let Some(ward) = self.wards.iter_mut().find(|ward| ward.name() == name) {
+                ward.retune(table);
+            }
+        }
     }
 
     fn listen(&mut self, now: Time) -> Result<(), BusError> {

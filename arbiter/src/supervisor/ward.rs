@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 use yamabico_core::message::{Heartbeat, Name, Note, Process, ProcessState};
-use yamabico_core::plugin::{Begin, Charge, OnDeath};
+use yamabico_core::plugin::{Begin, Charge, OnDeath, Part};
 use yamabico_core::seat::Scheduling;
 use yamabico_core::time::Time;
 
@@ -72,6 +72,13 @@ impl Ward {
 
     pub fn name(&self) -> &str {
         &self.plan.charge.name
+    }
+
+    /// Lets it have these parameters when it is started again, where it is a behaviour.
+    pub fn retune(&mut self, table: toml::Table) {
+        if let Part::Behavior(part) = &mut self.plan.charge.part {
+            part.parameters = table;
+        }
     }
 
     /// How its process is.

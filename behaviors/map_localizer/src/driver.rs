@@ -28,6 +28,9 @@ pub type Polygon = Vec<Point2<f64>>;
 pub struct Journey<'a> {
     #[serde(with = "places")]
     corners: Cow<'a, [Point2<f64>]>,
+    /// Those of the configuration.
+    #[serde(with = "places")]
+    configured: Cow<'a, [Point2<f64>]>,
     tolerance_m: f64,
     goal_heading: Option<f64>,
     farthest_m: Option<f64>,
@@ -106,6 +109,7 @@ impl Driver {
     pub fn memory(&self) -> Journey<'_> {
         Journey {
             corners: Cow::Borrowed(self.route.corners()),
+            configured: Cow::Borrowed(&self.known),
             tolerance_m: self.route.tolerance_m,
             goal_heading: self.goal_heading,
             farthest_m: self.farthest_m,
@@ -113,8 +117,11 @@ impl Driver {
         }
     }
 
-    /// Goes on where a predecessor stopped.
+    /// Goes on where a predecessor stopped, unless another way is configured since.
     pub fn recall(&mut self, journey: Journey<'_>) {
+        if *journey.configured != *self.known {
+            return;
+        }
         self.route = Route::new(journey.corners.into_owned(), journey.tolerance_m);
         self.goal_heading = journey.goal_heading;
         self.farthest_m = journey.farthest_m;

@@ -18,6 +18,8 @@ impl MessageType {
             for item in json.get("items")?.as_array()? {
                 push(self.item, item, &mut items)?;
             }
+        } else if let Some(text) = json.get("text").and_then(Value::as_str) {
+            items.extend(text.bytes());
         }
         Some((header, items))
     }

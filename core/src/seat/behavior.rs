@@ -80,9 +80,9 @@ pub struct BehaviorRecord {
 
 /// A behaviour between its feed and its ports.
 pub struct BehaviorSeat {
-    plan: BehaviorPlan,
-    behavior: Option<Box<dyn Behavior>>,
-    feed: Feed,
+    pub(super) plan: BehaviorPlan,
+    pub(super) behavior: Option<Box<dyn Behavior>>,
+    pub(super) feed: Feed,
     /// Where it may sleep, what tells it whether to.
     decisions: Option<Subscriber<DecisionHeader>>,
     sleeps: bool,
@@ -95,7 +95,7 @@ pub struct BehaviorSeat {
     time: TimeSource,
     record: BehaviorRecord,
     /// What the behaviour remembered after its last call.
-    memory: Vec<u8>,
+    pub(super) memory: Vec<u8>,
     /// Whether it survived a call since it was built.
     survived: bool,
 }
@@ -238,7 +238,7 @@ impl BehaviorSeat {
 
     /// The new one goes on where the old one stopped, unless that panicked on its first call already: what it remembers may be
     /// what it cannot bear. Whatever goes wrong in taking down the old one or building the new one, the seat stays empty.
-    fn start_anew(&mut self) {
+    pub(super) fn start_anew(&mut self) {
         self.record.panics += 1;
         let (plan, panics, memory) = (&self.plan, self.record.panics, &self.memory);
         let recalls = std::mem::take(&mut self.survived) && !memory.is_empty();

@@ -8,8 +8,10 @@ mod durations;
 mod feed;
 mod ports;
 mod pulse;
+mod rebuild;
 mod scheduling;
 pub mod topics;
+mod tuner;
 mod turns;
 mod work;
 
@@ -18,5 +20,6 @@ pub use device::{DevicePlan, DeviceSeat, panicked};
 pub use durations::Durations;
 pub use pulse::{MOST_CORNERS, MOST_MEMORY, MOST_WORDS, Pulse};
 pub use scheduling::{NotScheduled, Processors, Scheduling};
+pub use tuner::{MOST_PARAMETERS, Tuner};
 pub use turns::{ClockSeat, TurnSeat, behave_in_turn, keep_the_clock};
 pub use work::{behave, operate};

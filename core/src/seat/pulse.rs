@@ -69,6 +69,11 @@ impl Pulse {
         })
     }
 
+    /// The bus that it is on.
+    pub fn bus(&self) -> &Bus {
+        &self.bus
+    }
+
     /// The longest time between two beats of a plugin that is well.
     pub fn every(&self) -> Duration {
         self.every

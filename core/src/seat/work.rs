@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::behavior::BehaviorSeat;
 use super::device::DeviceSeat;
 use super::pulse::Pulse;
+use super::tuner::Tuner;
 use crate::bus::Waiter;
 use crate::message::PluginState;
 use crate::sensor::{DeviceError, Due};
@@ -15,11 +16,18 @@ const NAP: Duration = Duration::from_millis(50);
 /// Longest sleep of a device: its drive notices missing commands at least this often.
 const DEVICE_NAP: Duration = Duration::from_millis(10);
 
-/// Asks one behaviour whenever something arrives for it, until `is_over`.
+/// Asks one behaviour whenever something arrives for it, until `is_over`; changes its parameters in between.
 pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, is_over: &dyn Fn() -> bool) {
     let longest = NAP.min(pulse.every());
     seat.keep_time_by(TimeSource::Machine);
+    let mut tuner = Tuner::open(pulse.bus());
+    if let Err(error) = &tuner {
+        tracing::warn!("parameters of `{}` cannot be changed while it runs: {error}", seat.name());
+    }
     while !is_over() {
+        if let Ok(Err(error)) = tuner.as_mut().map(|tuner| tuner.step(seat)) {
+            tracing::error!("parameters of `{}`: {error}", seat.name());
+        }
         let now = Time::monotonic_now();
         let state = if seat.sleeps() { PluginState::Sleeping } else { PluginState::Running };
         pulse.beat(state, now);

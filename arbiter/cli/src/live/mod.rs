@@ -2,6 +2,7 @@
 
 mod estop;
 mod ps;
+mod set;
 mod switch;
 mod topic;
 pub mod which;
@@ -27,6 +28,8 @@ pub enum Command {
     Enable(switch::Arguments),
     /// Let a behaviour of a running robot not be heard.
     Disable(switch::Arguments),
+    /// Change parameters of behaviours that run: all of them, or none where one is wrong.
+    Set(set::Arguments),
     /// Stop a running robot at once, until `reset`.
     Estop(estop::Arguments),
     /// Release the emergency stop of a running robot.
@@ -42,6 +45,7 @@ impl Command {
             Command::Topic(what) => what.run(print),
             Command::Enable(arguments) => switch::enable(&arguments, print),
             Command::Disable(arguments) => switch::disable(&arguments, print),
+            Command::Set(arguments) => set::set(&arguments, print),
             Command::Estop(arguments) => estop::estop(&arguments, print),
             Command::Reset(arguments) => estop::reset(&arguments, print),
         }
