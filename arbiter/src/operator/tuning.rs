@@ -60,7 +60,7 @@ pub fn retune(robot: &str, changes: &toml::Table) -> Result<Duration, RetuneErro
                 continue;
             }
             return match header.outcome() {
-                Some(Retuning::Applied) => Ok(Time(header.stamp_ns).since(asked)),
+                Some(Retuning::Applied) => Ok(began.elapsed()),
                 _ => Err(RetuneError::Refused {
                     key: header.key.as_str().to_owned(),
                     words: String::from_utf8_lossy(answer.items()).into_owned(),

@@ -20,6 +20,6 @@ pub use device::{DevicePlan, DeviceSeat, panicked};
 pub use durations::Durations;
 pub use pulse::{MOST_CORNERS, MOST_MEMORY, MOST_WORDS, Pulse};
 pub use scheduling::{NotScheduled, Processors, Scheduling};
-pub use tuner::{MOST_PARAMETERS, Tuner};
+pub use tuner::MOST_PARAMETERS;
 pub use turns::{ClockSeat, TurnSeat, behave_in_turn, keep_the_clock};
 pub use work::{behave, operate};

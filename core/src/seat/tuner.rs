@@ -13,7 +13,7 @@ use crate::time::Time;
 pub const MOST_PARAMETERS: usize = 16 * 1024;
 
 /// Hears what parameters a behaviour is to get, and answers.
-pub struct Tuner {
+pub(super) struct Tuner {
     requests: Subscriber<RetuneHeader>,
     answers: Option<Publisher<RetunedHeader>>,
     candidate: Option<(u64, Candidate)>,
@@ -22,20 +22,27 @@ pub struct Tuner {
 }
 
 impl Tuner {
-    /// That of a behaviour on `bus`.
-    ///
-    /// # Errors
-    /// Channels that do not open.
-    pub fn open(bus: &Bus) -> Result<Tuner, BusError> {
-        let requests = bus.subscriber(topics::RETUNE)?;
-        Ok(Tuner { requests, answers: None, candidate: None, answered: 0, bus: bus.clone() })
+    /// That of the behaviour on `seat`; `None` where its channels do not open, which is told.
+    pub fn open(seat: &BehaviorSeat, bus: &Bus) -> Option<Tuner> {
+        match bus.subscriber(topics::RETUNE) {
+            Ok(requests) => {
+                Some(Tuner { requests, answers: None, candidate: None, answered: 0, bus: bus.clone() })
+            }
+            Err(error) => {
+                tracing::warn!("parameters of `{}` cannot be changed while it runs: {error}", seat.name());
+                None
+            }
+        }
     }
 
-    /// Does what was asked of the behaviour on `seat` since the last call.
-    ///
-    /// # Errors
-    /// The bus failed.
-    pub fn step(&mut self, seat: &mut BehaviorSeat) -> Result<(), BusError> {
+    /// Does what was asked of the behaviour on `seat` since the last call; a bus that fails is told of.
+    pub fn step(&mut self, seat: &mut BehaviorSeat) {
+        if let Err(error) = self.try_to_step(seat) {
+            tracing::error!("parameters of `{}`: {error}", seat.name());
+        }
+    }
+
+    fn try_to_step(&mut self, seat: &mut BehaviorSeat) -> Result<(), BusError> {
         loop {
             let Some(request) = self.requests.receive()? else { return Ok(()) };
             let header = *request.header();
@@ -45,16 +52,14 @@ impl Tuner {
                 continue;
             }
             let answer = match header.step() {
-                Some(RetuneStep::Prepare) => Some(self.prepare(seat, header.request, &text)),
-                Some(RetuneStep::Apply) => Some(self.apply(seat, header.request, &text)),
+                Some(RetuneStep::Prepare) => self.prepare(seat, header.request, &text),
+                Some(RetuneStep::Apply) => self.apply(seat, header.request, &text),
                 Some(RetuneStep::Drop) | None => {
                     self.candidate = None;
-                    None
+                    continue;
                 }
             };
-            if let Some(answer) = answer {
-                self.tell(header.behaviour, header.request, answer)?;
-            }
+            self.tell(header.behaviour, header.request, answer)?;
         }
     }
 

@@ -10,6 +10,7 @@ use super::behavior::BehaviorSeat;
 use super::device::DeviceSeat;
 use super::pulse::Pulse;
 use super::topics;
+use super::tuner::Tuner;
 use crate::bus::{Bus, BusError, Publisher, Subscriber, Waiter};
 use crate::message::{Clock, Name, PluginState, Turn, TurnPhase};
 use crate::sensor::{DeviceError, Due};
@@ -89,7 +90,11 @@ pub fn behave_in_turn(
     is_over: &dyn Fn() -> bool,
 ) {
     let longest = NAP.min(pulse.every());
+    let mut tuner = Tuner::open(seat, pulse.bus());
     while !is_over() {
+        if let Some(tuner) = &mut tuner {
+            tuner.step(seat);
+        }
         pulse.beat(PluginState::Running, Time::monotonic_now());
         let asked = take_turns(seat, turns);
         pulse.tell_memory(seat.memory(), Time::monotonic_now());

@@ -20,13 +20,10 @@ const DEVICE_NAP: Duration = Duration::from_millis(10);
 pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, is_over: &dyn Fn() -> bool) {
     let longest = NAP.min(pulse.every());
     seat.keep_time_by(TimeSource::Machine);
-    let mut tuner = Tuner::open(pulse.bus());
-    if let Err(error) = &tuner {
-        tracing::warn!("parameters of `{}` cannot be changed while it runs: {error}", seat.name());
-    }
+    let mut tuner = Tuner::open(seat, pulse.bus());
     while !is_over() {
-        if let Ok(Err(error)) = tuner.as_mut().map(|tuner| tuner.step(seat)) {
-            tracing::error!("parameters of `{}`: {error}", seat.name());
+        if let Some(tuner) = &mut tuner {
+            tuner.step(seat);
         }
         let now = Time::monotonic_now();
         let state = if seat.sleeps() { PluginState::Sleeping } else { PluginState::Running };
