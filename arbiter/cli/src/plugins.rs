@@ -11,6 +11,7 @@ static BEHAVIORS: &[BehaviorPlugin] = &[
     BehaviorPlugin::of::<yamabico_map_localizer::MapLocalizer>(),
     BehaviorPlugin::of::<yamabico_sonar_halt::SonarHalt>(),
     BehaviorPlugin::of::<yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider>(),
+    BehaviorPlugin::of::<yamabico_teleop::Teleop>(),
     BehaviorPlugin::of::<yamabico_wall_follower::WallFollower>(),
 ];
 

@@ -8,7 +8,7 @@ use yamabico_core::config::{self, Clock, InputSource, Task};
 use yamabico_core::message::{
     self, CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal,
     Heartbeat, MemoryHeader, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RetuneHeader,
-    RetunedHeader, RosterHeader, Truth, Turn, Verdict, WallPoint, WallsHeader,
+    RetunedHeader, RosterHeader, Stick, Truth, Turn, Verdict, WallPoint, WallsHeader,
 };
 use yamabico_core::seat::{
     BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_MEMORY, MOST_PARAMETERS, MOST_WORDS,
@@ -161,6 +161,7 @@ fn topics(task: &Task) -> Vec<Topic> {
     all.push(topic(topics::DECISION.into(), MessageType::of::<DecisionHeader>(), 1, verdicts));
     all.push(topic(topics::COMMAND.into(), MessageType::of::<Command>(), 1, 0));
     all.push(topic(topics::GOAL.into(), MessageType::of::<Goal>(), 1, 0));
+    all.push(topic(topics::STICK.into(), MessageType::of::<Stick>(), 4, 0));
     let control = topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, MOST_PARAMETERS);
     all.push(Topic { spec: Spec { depth: STREAM_DEPTH, ..control.spec }, ..control });
     all
@@ -192,9 +193,10 @@ fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
 fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
     let slot_type =
         |slot: &str| behavior.plugin.inputs.iter().find(|info| info.name == slot).map(|info| info.message);
-    let topic = |source: &InputSource| match source {
+    let topic = |source: &InputSource, message: &MessageType| match source {
         InputSource::Sensor(name) => topics::sensor(name),
         InputSource::Output { behavior, output } => topics::output(behavior, output),
+        InputSource::Operator if message.name == Stick::NAME => topics::STICK.to_owned(),
         InputSource::Operator => topics::GOAL.to_owned(),
     };
     let inputs = behavior.inputs.iter();
@@ -205,7 +207,10 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
         setup: behavior.setup.clone(),
         priority: behavior.priority,
         inputs: inputs
-            .filter_map(|input| Some((input.slot.clone(), topic(&input.source), slot_type(&input.slot)?)))
+            .filter_map(|input| {
+                let message = slot_type(&input.slot)?;
+                Some((input.slot.clone(), topic(&input.source, &message), message))
+            })
             .collect(),
         // Without any input it would never be asked: it is asked every tick.
         period: period.or_else(|| behavior.inputs.is_empty().then_some(task.arbiter.period)),

@@ -6,7 +6,7 @@ use super::problem::{Problem, Span};
 use super::read_robot::RobotDraft;
 use super::task::{Input, InputSource, OPERATOR};
 use crate::behavior::{BehaviorPlugin, SlotInfo};
-use crate::message::{Goal, Message, MessageType, Truth};
+use crate::message::{Goal, Message, MessageType, Stick, Truth};
 
 /// Everything that an input can be plugged into.
 pub(crate) struct Sources<'a> {
@@ -27,7 +27,7 @@ impl Sources<'_> {
             let right = outputs.filter(|output| output.message == *message);
             names.extend(right.map(|output| format!("{name}.{}", output.name)));
         }
-        if *message == MessageType::of::<Goal>() {
+        if operators().contains(message) {
             names.push(OPERATOR.to_owned());
         }
         names
@@ -82,6 +82,11 @@ pub(crate) fn read_inputs(
     read
 }
 
+/// What an operator tells behaviours.
+fn operators() -> [MessageType; 2] {
+    [MessageType::of::<Goal>(), MessageType::of::<Stick>()]
+}
+
 fn missing(header: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
     let candidates = sources.giving(&slot.message);
     let help = match candidates.first() {
@@ -131,7 +136,10 @@ fn find_source(
                     let Some(plugin) = sensor.plugin else { return Ok(None) };
                     (plugin.message, InputSource::Sensor(text.to_owned()), Some(sensor.span))
                 }
-                None if text == OPERATOR => (MessageType::of::<Goal>(), InputSource::Operator, None),
+                None if text == OPERATOR => {
+                    let asked = operators().into_iter().find(|message| *message == slot.message);
+                    (asked.unwrap_or(MessageType::of::<Goal>()), InputSource::Operator, None)
+                }
                 None => return Err(Box::new(no_sensor(text, span, entry, slot, sources))),
             }
         }

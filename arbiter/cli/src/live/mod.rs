@@ -4,6 +4,7 @@ mod estop;
 mod ps;
 mod set;
 mod switch;
+mod teleop;
 mod topic;
 pub mod which;
 mod why;
@@ -30,6 +31,8 @@ pub enum Command {
     Disable(switch::Arguments),
     /// Change parameters of behaviours that run: all of them, or none where one is wrong.
     Set(set::Arguments),
+    /// Drive a running robot by the keys of this terminal.
+    Teleop(teleop::Arguments),
     /// Stop a running robot at once, until `reset`.
     Estop(estop::Arguments),
     /// Release the emergency stop of a running robot.
@@ -46,6 +49,7 @@ impl Command {
             Command::Enable(arguments) => switch::enable(&arguments, print),
             Command::Disable(arguments) => switch::disable(&arguments, print),
             Command::Set(arguments) => set::set(&arguments, print),
+            Command::Teleop(arguments) => teleop::teleop(&arguments, print),
             Command::Estop(arguments) => estop::estop(&arguments, print),
             Command::Reset(arguments) => estop::reset(&arguments, print),
         }
