@@ -218,6 +218,14 @@ fn parameters_are_changed_all_or_none_and_outlive_a_crash() {
 }
 
 #[test]
+fn a_hand_needs_a_behaviour_that_obeys_it_and_a_terminal() {
+    let robot = Robot::start("hand", &[]);
+    let ended = robot.ask(&["teleop"]);
+    assert_eq!(ended.status.code(), Some(2));
+    assert!(said(&ended).contains("has no behaviour that obeys a stick"), "{}", said(&ended));
+}
+
+#[test]
 fn a_robot_that_does_not_run_is_told() {
     for command in [
         &["estop"][..],

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use yamabico_core::bus::{Bus, BusError, Subscriber};
-use yamabico_core::message::{CallsHeader, Heartbeat, Process, ProcessState, Verdict};
+use yamabico_core::message::{CallsHeader, Heartbeat, Outcome, Process, ProcessState, Verdict};
 use yamabico_core::seat::Durations;
 use yamabico_core::time::Time;
 
@@ -158,7 +158,7 @@ impl Heard {
             beat_age_s: beat.map(|beat| age_s(beat.stamp_ns)),
             calls: self.calls.get(&plugin.name).copied(),
             priority: plugin.behaviour.map(|duties| duties.priority),
-            outcome: verdict.and_then(Verdict::outcome).map(|outcome| outcome.as_str()),
+            outcome: verdict.and_then(Verdict::outcome).map(Outcome::as_str),
             by: verdict.map(|verdict| verdict.by.as_str().to_owned()).filter(|by| !by.is_empty()),
             last_end: process.filter(|process| !process.ended.is_empty()).map(|process| LastEnd {
                 how: process.ended.as_str().to_owned(),

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Args;
 use serde_json::json;
 use yamabico_arbiter::operator::{Obeyed, Request};
-use yamabico_core::message::{Mode, Outcome};
+use yamabico_core::message::{Mode, Outcome, Verdict};
 
 use super::estop::ask;
 use super::which::Which;
@@ -36,7 +36,7 @@ fn switch(arguments: &Arguments, request: Request, done: &str, print: Print) -> 
         Err(code) => return code,
     };
     let name = &arguments.behavior;
-    let outcome = obeyed.after.verdict(name).and_then(|verdict| verdict.outcome());
+    let outcome = obeyed.after.verdict(name).and_then(Verdict::outcome);
     let answer = json!({
         "robot": robot,
         "behavior": name,
@@ -55,8 +55,7 @@ fn switch(arguments: &Arguments, request: Request, done: &str, print: Print) -> 
 /// What became of the behaviour, and what the robot does.
 fn now(name: &str, obeyed: &Obeyed) -> String {
     let verdict = obeyed.after.verdict(name);
-    let outcome =
-        verdict.and_then(|verdict| verdict.outcome()).filter(|outcome| *outcome != Outcome::Disabled);
+    let outcome = verdict.and_then(Verdict::outcome).filter(|outcome| *outcome != Outcome::Disabled);
     let outcome = outcome.map_or(String::new(), |outcome| format!("now {outcome}; "));
     let mode = obeyed.after.header.mode().map_or("in an unknown state", Mode::as_str);
     let note = obeyed.after.header.note;

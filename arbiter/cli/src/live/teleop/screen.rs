@@ -38,7 +38,8 @@ impl Screen {
     /// # Errors
     /// The terminal is gone.
     pub fn show(&mut self, line: &str) -> std::io::Result<()> {
-        let room = size().map_or(80, |(columns, _)| usize::from(columns).saturating_sub(1));
+        let columns = size().ok().map(|(columns, _)| usize::from(columns)).filter(|columns| *columns > 0);
+        let room = columns.unwrap_or(80) - 1;
         let shown: String = line.chars().take(room).collect();
         queue!(stdout(), MoveToColumn(0), Clear(ClearType::CurrentLine), Print(shown))?;
         stdout().flush()

@@ -141,7 +141,7 @@ fn scalar(value: &Value) -> String {
         Value::String(text) if text.is_empty() => "-".to_owned(),
         Value::String(text) => text.clone(),
         Value::Number(number) => match number.as_f64().filter(|_| number.is_f64()) {
-            Some(number) if number == 0.0 => "0".to_owned(),
+            Some(0.0) => "0".to_owned(),
             Some(number) if number.abs() < 1e-3 || number.abs() >= 1e6 => format!("{number:.3e}"),
             Some(number) => format!("{number:.4}"),
             None => number.to_string(),
