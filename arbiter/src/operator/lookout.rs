@@ -119,11 +119,16 @@ impl Lookout {
         let began = Instant::now();
         let mut newest = self.look(PATIENCE)?.ok_or(LookError::NoDecision)?;
         while let Some(left) = time.checked_sub(began.elapsed())
-            && self.scene.proposals.len() < self.proposals.len()
+            && (self.scene.proposals.len() < self.proposals.len() || self.waits_for_processes())
         {
             newest = self.look(left)?.unwrap_or(newest);
         }
         Ok(newest)
+    }
+
+    /// Whether the supervisor has not told of its processes yet.
+    fn waits_for_processes(&self) -> bool {
+        self.scene.processes.is_empty() && self.roster.plugins.iter().any(|plugin| plugin.own_process)
     }
 
     fn newest(&mut self) -> Result<Option<Told>, BusError> {
