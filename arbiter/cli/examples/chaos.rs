@@ -40,7 +40,7 @@ fn main() {
     let here = std::env::current_exe().unwrap();
     let program = here.parent().and_then(Path::parent).unwrap().join("yamabico");
     let mut chance = Chance(Time::monotonic_now().0 | 1);
-    let (mut figures, mut contacts, mut runs) = (Figures::default(), 0, 0);
+    let (mut figures, mut contacts, mut walked_into, mut runs) = (Figures::default(), 0, 0, 0);
     let begun = Instant::now();
     while figures.kills < kills {
         let mut robot = start(&program, runs, &set);
@@ -51,6 +51,7 @@ fn main() {
         }
         robot.watch(Duration::from_secs(3));
         let after = robot.holdings();
+        walked_into += tell_contacts(&robot);
         let report: serde_json::Value = serde_json::from_slice(&robot.interrupt().stdout).unwrap();
         contacts += report["contacts"].as_u64().unwrap();
         runs += 1;
@@ -62,7 +63,8 @@ fn main() {
     }
     let Figures { late, late_bare, .. } = &figures;
     println!(
-        "{} kills, {} of them at start-up, in {runs} runs and {:.0} s; contacts {contacts}, not back {:?}",
+        "{} kills, {} of them at start-up, in {runs} runs and {:.0} s; contacts {contacts}, of them {walked_into} with \
+         somebody who walks, not back {:?}",
         figures.kills,
         figures.kills_at_start,
         begun.elapsed().as_secs_f64(),
@@ -76,6 +78,27 @@ fn main() {
     hang(&program, &set, &mut figures);
     take_over(&program, &set);
     orphan(&program, &set);
+}
+
+/// Tells where the robot touched something, and who drove it there; how often that was somebody who walks.
+fn tell_contacts(robot: &Robot) -> usize {
+    let mut with_people = 0;
+    for pair in robot.truth.windows(2).filter(|pair| pair[1].contacts > pair[0].contacts) {
+        let at = &pair[1];
+        let before = robot.told.iter().filter(|command| command.stamp_ns <= at.stamp_ns);
+        let drivers: Vec<_> =
+            before.rev().step_by(10).take(10).map(|c| (c.source[0], c.twist.linear)).collect();
+        println!(
+            "  contact at ({:.2}, {:.2}) m, {:.0} deg, {:.2} m/s, {:.2} m from a person; every 0.2 s before: {drivers:?}",
+            at.x,
+            at.y,
+            at.theta.to_degrees(),
+            pair[0].vx,
+            at.person_m
+        );
+        with_people += usize::from(at.person_m < 0.0);
+    }
+    with_people
 }
 
 fn start(program: &Path, number: usize, set: &[String]) -> Robot {

@@ -75,7 +75,8 @@ fn main() -> ExitCode {
     let speed_mps = (10.0 / (60.0 * minutes)).clamp(0.02, 0.4);
     let speed = |behaviour: &str| format!("behaviors.{behaviour}.speed_mps={speed_mps}");
     let (localizer, follower) = (speed("map-localizer"), speed("wall-follower"));
-    let set = ["arbiter.rate_hz=100", "run.goal.x_m=1000", &localizer, &follower];
+    let duration = format!("run.duration_s={}", 120.0 * minutes);
+    let set = ["arbiter.rate_hz=100", "run.goal.x_m=1000", &duration, &localizer, &follower];
     let mut robot = Robot::start(&program, "hallway.toml", &name, PLUGINS.len(), &set);
     let timer = BareTimer::start(PERIOD);
     let begun = Instant::now();
@@ -93,6 +94,7 @@ fn main() -> ExitCode {
         }
     }
     let bare = timer.stop();
+    assert!(robot.runs(), "the run ended by itself");
     let ended = robot.interrupt();
     let report: serde_json::Value = serde_json::from_slice(&ended.stdout).expect("a report");
     report_lateness(&report, minutes, bare);

@@ -17,7 +17,8 @@
 //! 4. **Begin.** With `begin = "with-the-first-command"` it waits for a message on `command` before it proposes, measures or
 //!    moves; with `at-once` it does not.
 //! 5. **Work.** A behaviour publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
-//!    nanoseconds). A device publishes what it measures and obeys `command`.
+//!    nanoseconds); `received_ns` and `proposed_ns` are zero where it does not tell its stages. With `sleeps_while_inhibited` it
+//!    need not propose while its verdict on `decision` is `inhibited`. A device publishes what it measures and obeys `command`.
 //!    Where `clock` is `driver`, the driver owns the time: for each step it publishes what it measured and then a `Clock` on
 //!    `clock`. The arbiter calls turns on `clock/turns`: `collect`, `propose`, `done`. A behaviour takes in what has arrived, or
 //!    proposes, stamped with the turn's `stamp_ns`, and says so on `clock/taken` with the same `Turn` and its name. When the
