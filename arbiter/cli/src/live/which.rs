@@ -52,6 +52,6 @@ mod tests {
         assert!(choose(None, &[]).unwrap_err().contains("run --live"));
         assert!(choose(Some("kame"), &[]).unwrap_err().contains("`kame`"));
         assert!(choose(None, &run(&["kame", "tora"])).unwrap_err().contains("kame, tora"));
-        assert!(choose(Some("kema"), &run(&["kame", "tora"])).unwrap_err().contains("did you mean `kame`?"));
+        assert!(choose(Some("kane"), &run(&["kame", "tora"])).unwrap_err().contains("did you mean `kame`?"));
     }
 }
