@@ -11,9 +11,6 @@ impl MessageType {
     pub fn from_json(&self, json: &Value) -> Option<(Vec<u8>, Vec<u8>)> {
         let (mut header, mut items) = (Vec::new(), Vec::new());
         push(self.header, json, &mut header)?;
-        if let Some(text) = json.get("text").and_then(Value::as_str) {
-            items.extend_from_slice(text.as_bytes());
-        }
         if self.item != Layout::U8 {
             for item in json.get("items")?.as_array()? {
                 push(self.item, item, &mut items)?;
