@@ -38,7 +38,9 @@ pub struct Pulse {
     memory: Vec<u8>,
     beats: u64,
     fails: u64,
-    others: u64,
+    reports: u64,
+    remembered: u64,
+    shown: u64,
     is_mute: bool,
 }
 
@@ -64,7 +66,9 @@ impl Pulse {
             memory: Vec::new(),
             beats: 0,
             fails: 0,
-            others: 0,
+            reports: 0,
+            remembered: 0,
+            shown: 0,
             is_mute: false,
         })
     }
@@ -117,10 +121,10 @@ impl Pulse {
     /// Tells how the calls of a behaviour went, for the last time.
     pub fn tell_last_calls(&mut self, record: &BehaviorRecord, now: Time) {
         self.calls_told = now;
-        self.others += 1;
+        self.reports += 1;
         let header = CallsHeader {
             stamp_ns: now.0,
-            sequence: self.others,
+            sequence: self.reports,
             plugin: self.plugin,
             longest_ns: u64::try_from(record.calls.max().as_nanos()).unwrap_or(u64::MAX),
             overruns: record.overruns,
@@ -144,8 +148,8 @@ impl Pulse {
         }
         self.memory.clear();
         self.memory.extend_from_slice(memory);
-        self.others += 1;
-        let header = MemoryHeader { stamp_ns: now.0, sequence: self.others, plugin: self.plugin };
+        self.remembered += 1;
+        let header = MemoryHeader { stamp_ns: now.0, sequence: self.remembered, plugin: self.plugin };
         let told = say(&mut self.memories, &self.bus, topics::MEMORIES, &header, memory);
         self.note(told);
     }
@@ -160,8 +164,8 @@ impl Pulse {
         if corners.is_empty() {
             return;
         }
-        self.others += 1;
-        let header = WallsHeader { stamp_ns: now.0, sequence: self.others, device: self.plugin };
+        self.shown += 1;
+        let header = WallsHeader { stamp_ns: now.0, sequence: self.shown, device: self.plugin };
         let told = say(&mut self.walls, &self.bus, topics::WALLS, &header, &corners);
         self.note(told);
     }
@@ -188,4 +192,32 @@ fn say<M: Message>(
         None => publisher.insert(bus.publisher(topic)?),
     };
     publisher.publish(header, items)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bus::Spec;
+    use crate::message::MessageType;
+
+    #[test]
+    fn what_is_told_on_one_topic_leaves_no_gap_on_another() {
+        let bus = Bus::local("pulse").unwrap();
+        let spec = Spec { list_bytes: 1024, depth: 64, ..Spec::default() };
+        bus.create::<Heartbeat>(topics::HEARTBEATS, &spec).unwrap();
+        bus.create::<CallsHeader>(topics::CALLS, &spec).unwrap();
+        bus.create::<MemoryHeader>(topics::MEMORIES, &spec).unwrap();
+        let calls = bus.tap(topics::CALLS, &MessageType::of::<CallsHeader>()).unwrap();
+        let memories = bus.tap(topics::MEMORIES, &MessageType::of::<MemoryHeader>()).unwrap();
+        let mut pulse = Pulse::open(&bus, "walker", 0, Duration::from_millis(50)).unwrap();
+        for i in 0..10 {
+            pulse.tell_last_calls(&BehaviorRecord::default(), Time(i));
+            (0..3).for_each(|j| pulse.tell_memory(format!("[{i}, {j}]").as_bytes(), Time(i)));
+            pulse.tell_memory(format!("[{i}, 2]").as_bytes(), Time(i));
+        }
+        let count =
+            |tap: &crate::bus::RawSubscriber| std::iter::from_fn(|| tap.receive().unwrap().map(drop)).count();
+        assert_eq!((count(&calls), calls.lost()), (10, 0));
+        assert_eq!((count(&memories), memories.lost()), (30, 0), "what is the same is told once");
+    }
 }

@@ -85,6 +85,11 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
         Ok(cartographer) => cartographer,
         Err(problem) => return fail(&problem, BAD_CONFIGURATION),
     };
+    if arguments.verify
+        && let Err(problem) = Verifier::new(&task, &EdgeMap::default())
+    {
+        return fail(&problem, BAD_CONFIGURATION);
+    }
     let ended = match &arguments.from {
         Some(recording) => listen(recording, &mut cartographer),
         None => drive(&task, &arguments.task, arguments.seed, &mut cartographer, print),
