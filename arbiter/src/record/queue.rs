@@ -1,6 +1,6 @@
 //! The bounded queue between a run and the thread that writes its recording.
 
-use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use yamabico_core::message::MessageType;
@@ -12,17 +12,75 @@ const MOST_BYTES: usize = 64 << 20;
 const MOST_MESSAGES: usize = 16_384;
 /// What a waiting message takes besides its bytes.
 const OVERHEAD: usize = 128;
-/// Written messages whose memory is kept for later ones.
-const MOST_SPARE: usize = 64;
+/// Memory of a batch that is kept for later ones; what a burst took beyond it is given back.
+const KEPT_BYTES: usize = 2 << 20;
 
 /// A message that waits to be written.
-#[derive(Debug)]
-pub(super) struct Entry {
-    pub topic: Arc<str>,
-    pub message: MessageType,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry<'a> {
+    pub topic: &'a Arc<str>,
+    pub message: &'a MessageType,
     pub time: Time,
-    pub header: Vec<u8>,
-    pub items: Vec<u8>,
+    pub header: &'a [u8],
+    pub items: &'a [u8],
+}
+
+/// Messages in the order of their arrival, their bytes behind one another.
+#[derive(Debug, Default)]
+pub(super) struct Batch {
+    slots: Vec<Slot>,
+    bytes: Vec<u8>,
+}
+
+#[derive(Debug)]
+struct Slot {
+    topic: Arc<str>,
+    message: MessageType,
+    time: Time,
+    header: Range<usize>,
+    items: Range<usize>,
+}
+
+impl Batch {
+    /// The messages.
+    pub fn entries(&self) -> impl Iterator<Item = Entry<'_>> {
+        self.slots.iter().map(|slot| Entry {
+            topic: &slot.topic,
+            message: &slot.message,
+            time: slot.time,
+            header: &self.bytes[slot.header.clone()],
+            items: &self.bytes[slot.items.clone()],
+        })
+    }
+
+    /// What it takes of the memory that messages may wait in.
+    fn size(&self) -> usize {
+        self.bytes.len() + OVERHEAD * self.slots.len()
+    }
+
+    /// A batch that is empty takes a message of any size.
+    fn has_room(&self) -> bool {
+        self.slots.len() < MOST_MESSAGES && self.size() < MOST_BYTES
+    }
+
+    fn push(&mut self, topic: Arc<str>, message: MessageType, time: Time, header: &[u8], items: &[u8]) {
+        let header = self.append(header);
+        let items = self.append(items);
+        self.slots.push(Slot { topic, message, time, header, items });
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Range<usize> {
+        let begin = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        begin..self.bytes.len()
+    }
+
+    fn clear(&mut self) {
+        self.slots.clear();
+        self.slots.shrink_to(KEPT_BYTES / size_of::<Slot>());
+        self.bytes.clear();
+        self.bytes.shrink_to(KEPT_BYTES);
+    }
 }
 
 /// What became of a message that was offered.
@@ -46,9 +104,7 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    waiting: VecDeque<Entry>,
-    bytes: usize,
-    spare: Vec<Entry>,
+    waiting: Batch,
     ended: bool,
     closed: bool,
 }
@@ -56,10 +112,10 @@ struct State {
 impl Queue {
     /// Whether `more` bytes would be taken now, with a share of the room left over for what is small.
     pub fn has_room_for(&self, more: usize) -> bool {
-        self.lock().bytes + more <= MOST_BYTES / 2
+        self.lock().waiting.size() + more <= MOST_BYTES / 2
     }
 
-    /// Adds a message where there is room. Copies into memory of messages written earlier.
+    /// Adds a message where there is room.
     pub fn offer(
         &self,
         topic: Arc<str>,
@@ -72,10 +128,10 @@ impl Queue {
         if state.closed {
             return Offer::Closed;
         }
-        if !state.has_room() {
+        if !state.waiting.has_room() {
             return Offer::Full;
         }
-        state.push(topic, message, time, header, items);
+        state.waiting.push(topic, message, time, header, items);
         drop(state);
         self.0.filled.notify_one();
         Offer::Taken
@@ -91,13 +147,13 @@ impl Queue {
         items: &[u8],
     ) -> Offer {
         let mut state = self.lock();
-        while !state.closed && !state.has_room() {
+        while !state.closed && !state.waiting.has_room() {
             state = self.0.drained.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         if state.closed {
             return Offer::Closed;
         }
-        state.push(topic, message, time, header, items);
+        state.waiting.push(topic, message, time, header, items);
         drop(state);
         self.0.filled.notify_one();
         Offer::Taken
@@ -113,47 +169,26 @@ impl Queue {
     pub fn close(&self) {
         let mut state = self.lock();
         state.closed = true;
-        state.waiting.clear();
-        state.spare.clear();
+        state.waiting = Batch::default();
         drop(state);
         self.0.drained.notify_all();
     }
 
     /// Swaps everything that waits for `written`, whose memory is used again; `false` at the end.
-    pub fn take(&self, written: &mut VecDeque<Entry>) -> bool {
+    pub fn take(&self, written: &mut Batch) -> bool {
+        written.clear();
         let mut state = self.lock();
-        let keep = MOST_SPARE.saturating_sub(state.spare.len());
-        state.spare.extend(written.drain(..).take(keep));
-        while state.waiting.is_empty() && !state.ended {
+        while state.waiting.slots.is_empty() && !state.ended {
             state = self.0.filled.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
         std::mem::swap(&mut state.waiting, written);
-        state.bytes = 0;
         drop(state);
         self.0.drained.notify_all();
-        !written.is_empty()
+        !written.slots.is_empty()
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl State {
-    /// A queue that is empty takes a message of any size.
-    fn has_room(&self) -> bool {
-        self.waiting.len() < MOST_MESSAGES && self.bytes < MOST_BYTES
-    }
-
-    fn push(&mut self, topic: Arc<str>, message: MessageType, time: Time, header: &[u8], items: &[u8]) {
-        let (mut header_bytes, mut item_bytes) =
-            self.spare.pop().map_or_else(Default::default, |spare| (spare.header, spare.items));
-        header_bytes.clear();
-        header_bytes.extend_from_slice(header);
-        item_bytes.clear();
-        item_bytes.extend_from_slice(items);
-        self.bytes += OVERHEAD + header.len() + items.len();
-        self.waiting.push_back(Entry { topic, message, time, header: header_bytes, items: item_bytes });
     }
 }
 
@@ -175,10 +210,25 @@ mod tests {
             assert_eq!(offer(&queue, topic, 3), Offer::Taken);
         }
         queue.end();
-        let mut taken = VecDeque::new();
+        let mut taken = Batch::default();
         assert!(queue.take(&mut taken));
-        assert_eq!(taken.iter().map(|entry| &*entry.topic).collect::<Vec<_>>(), ["a", "b", "c"]);
+        assert_eq!(taken.entries().map(|entry| &**entry.topic).collect::<Vec<_>>(), ["a", "b", "c"]);
+        assert!(taken.entries().all(|entry| entry.header == [1, 2] && entry.items == [0; 3]));
         assert!(!queue.take(&mut taken));
+    }
+
+    #[test]
+    fn gives_back_what_a_burst_took() {
+        let queue = Queue::default();
+        let mut taken = Batch::default();
+        for _ in 0..4 {
+            (0..10).for_each(|_| drop(offer(&queue, "frames", KEPT_BYTES)));
+            assert!(queue.take(&mut taken));
+            assert_eq!(taken.entries().count(), 10);
+            assert_eq!(offer(&queue, "frames", 1), Offer::Taken);
+            assert!(queue.take(&mut taken));
+            assert!(taken.bytes.capacity() + queue.lock().waiting.bytes.capacity() <= 2 * KEPT_BYTES);
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The thread that turns messages into the records of an MCAP file.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use yamabico_core::time::Time;
 
 use super::frames::{self, Chain, MAP, ODOM};
 use super::images::{ImageFormat, compressed};
-use super::queue::{Entry, Queue};
+use super::queue::{Batch, Entry, Queue};
 use super::words::Journal;
 use super::{ranges, scene, schema};
 
@@ -66,10 +66,10 @@ impl Writer {
     /// Writes everything that comes through the queue until it ends or `broken` says so; returns the messages written on
     /// each topic.
     pub fn run(mut self, queue: &Queue, broken: impl Fn() -> bool) -> BTreeMap<String, u64> {
-        let mut entries = VecDeque::new();
-        while queue.take(&mut entries) {
-            for entry in &entries {
-                self.write(entry);
+        let mut batch = Batch::default();
+        while queue.take(&mut batch) {
+            for entry in batch.entries() {
+                self.write(&entry);
                 if broken() {
                     return self.counts;
                 }
@@ -80,12 +80,12 @@ impl Writer {
 
     /// One message: once as JSON under its own topic, and in the standard schemas under `/topic/...`.
     fn write(&mut self, entry: &Entry) {
-        let (topic, time) = (&*entry.topic, entry.time);
+        let (topic, time) = (&**entry.topic, entry.time);
         self.json(entry);
         match entry.message.name {
             FrameHeader::NAME => {
                 let Some(header) = header::<FrameHeader>(entry) else { return };
-                if let Some(image) = compressed(&header, &entry.items, self.format, topic) {
+                if let Some(image) = compressed(&header, entry.items, self.format, topic) {
                     self.standard(&under(topic, "image"), time, &image);
                 }
             }
@@ -146,8 +146,8 @@ impl Writer {
     fn odometry(&mut self, entry: &Entry) {
         let Some(odometry) = header::<Odometry>(entry) else { return };
         let at = Pose2::new(odometry.x, odometry.y, odometry.theta);
-        self.pose(&entry.topic, entry.time, odometry.stamp_ns, ODOM, &at);
-        if *self.odometry_topic.get_or_insert_with(|| entry.topic.clone()) == entry.topic {
+        self.pose(entry.topic, entry.time, odometry.stamp_ns, ODOM, &at);
+        if *self.odometry_topic.get_or_insert_with(|| entry.topic.clone()) == *entry.topic {
             for transform in self.chain.odometry(odometry.stamp_ns, at) {
                 self.standard(TRANSFORMS, entry.time, &transform);
             }
@@ -167,15 +167,15 @@ impl Writer {
     }
 
     fn json(&mut self, entry: &Entry) {
-        let value = schema::to_json(&entry.message, &entry.header, &entry.items);
+        let value = schema::to_json(entry.message, entry.header, entry.items);
         self.buffer.clear();
         if serde_json::to_writer(&mut self.buffer, &value).is_err() {
             self.buffer.clear();
             let _ = self.buffer.write_all(b"null");
         }
         let message = entry.message;
-        self.send(&entry.topic, entry.time, || json_channel(&message));
-        match self.counts.get_mut(&*entry.topic) {
+        self.send(entry.topic, entry.time, || json_channel(message));
+        match self.counts.get_mut(&**entry.topic) {
             Some(count) => *count += 1,
             None => drop(self.counts.insert(entry.topic.to_string(), 1)),
         }
@@ -212,7 +212,7 @@ pub(super) fn under(topic: &str, form: &str) -> String {
 }
 
 fn header<M: Message>(entry: &Entry) -> Option<M> {
-    bytemuck::try_pod_read_unaligned(&entry.header).ok()
+    bytemuck::try_pod_read_unaligned(entry.header).ok()
 }
 
 fn items<T: Pod>(entry: &Entry) -> Vec<T> {
