@@ -1,8 +1,10 @@
 //! Five hundred kills at random times over all behaviours of the hallway, hangs, and deaths of the supervisor; figures.
 //!
-//!     cargo build --release && cargo run --release --example chaos -- [KILLS] [SECONDS OF A RUN] [PYTHON]
+//!     cargo build --release && cargo run --release --example chaos -- [--blind] [KILLS] [SECONDS OF A RUN] [PYTHON]
 //!
-//! With an interpreter that has the package `core/python`, the wall-follower is the one in Python.
+//! With an interpreter that has the package `core/python`, the wall-follower is the one in Python. The person in the hallway
+//! waits for a robot that is in the way; with `--blind`, as the world file has it, they walk on into whatever is there, which
+//! no robot can always prevent. The recording of a run with a contact is kept.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here is the claim")]
 
@@ -11,22 +13,27 @@ mod campaign;
 #[path = "../tests/chaos/robot.rs"]
 mod robot;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use campaign::{Chance, Figures, PERIOD, VICTIMS, quantile};
-use robot::{BareTimer, Robot, signal};
+use robot::{BareTimer, Robot, config, signal};
+use yamabico_core::message::Truth;
 use yamabico_core::time::Time;
 
 /// Behaviours and the simulator.
 const PLUGINS: usize = VICTIMS.len() + 1;
 /// Who is a program in Python where there is an interpreter.
 const IN_PYTHON: &str = "wall-follower";
+/// How near a person lets a robot come that is in their way, metres.
+const GIVES_WAY_M: f64 = 0.4;
 /// Supervisors that are killed.
 const ORPHANS: usize = 10;
 
 fn main() {
-    let mut arguments = std::env::args().skip(1);
+    let (options, arguments): (Vec<String>, Vec<String>) =
+        std::env::args().skip(1).partition(|argument| argument.starts_with("--"));
+    let (blind, mut arguments) = (options.iter().any(|option| option == "--blind"), arguments.into_iter());
     let mut number = |usual| arguments.next().map_or(usual, |text| text.parse().expect("a number"));
     let (kills, seconds) = (number(500), number(40));
     let python = arguments.next();
@@ -36,7 +43,9 @@ fn main() {
             format!("behaviors.{IN_PYTHON}.inputs={{ camera = \"front\" }}"),
         ]
     });
-    let set: Vec<String> = in_python.chain(["run.goal.x_m=1000".to_owned()]).collect();
+    let world = (!blind).then(world_of_people_who_look);
+    let world = world.iter().map(|path| format!("robot.devices.sim.world={:?}", path.display().to_string()));
+    let set: Vec<String> = in_python.chain(world).chain(["run.goal.x_m=1000".to_owned()]).collect();
     let here = std::env::current_exe().unwrap();
     let program = here.parent().and_then(Path::parent).unwrap().join("yamabico");
     let mut chance = Chance(Time::monotonic_now().0 | 1);
@@ -51,7 +60,7 @@ fn main() {
         }
         robot.watch(Duration::from_secs(3));
         let after = robot.holdings();
-        walked_into += tell_contacts(&robot);
+        walked_into += tell_contacts(&mut robot);
         let report: serde_json::Value = serde_json::from_slice(&robot.interrupt().stdout).unwrap();
         contacts += report["contacts"].as_u64().unwrap();
         runs += 1;
@@ -81,24 +90,39 @@ fn main() {
 }
 
 /// Tells where the robot touched something, and who drove it there; how often that was somebody who walks.
-fn tell_contacts(robot: &Robot) -> usize {
+fn tell_contacts(robot: &mut Robot) -> usize {
     let mut with_people = 0;
-    for pair in robot.truth.windows(2).filter(|pair| pair[1].contacts > pair[0].contacts) {
+    let is_contact = |pair: &&[Truth]| pair[1].contacts > pair[0].contacts;
+    robot.keep = robot.truth.windows(2).any(|pair| is_contact(&pair));
+    for pair in robot.truth.windows(2).filter(is_contact) {
         let at = &pair[1];
         let before = robot.told.iter().filter(|command| command.stamp_ns <= at.stamp_ns);
         let drivers: Vec<_> =
             before.rev().step_by(10).take(10).map(|c| (c.source[0], c.twist.linear)).collect();
         println!(
-            "  contact at ({:.2}, {:.2}) m, {:.0} deg, {:.2} m/s, {:.2} m from a person; every 0.2 s before: {drivers:?}",
+            "  contact at ({:.2}, {:.2}) m, {:.0} deg, {:.2} m/s, {:.2} m from a person; every 0.2 s before: {drivers:?}; {}",
             at.x,
             at.y,
             at.theta.to_degrees(),
             pair[0].vx,
-            at.person_m
+            at.person_m,
+            robot.folder.display()
         );
         with_people += usize::from(at.person_m < 0.0);
     }
     with_people
+}
+
+/// The hallway's world, written anew, where everybody looks where they go.
+fn world_of_people_who_look() -> PathBuf {
+    let text = std::fs::read_to_string(config("worlds/hallway.toml")).unwrap();
+    let mut world: toml::Table = text.parse().unwrap();
+    for person in world["person"].as_array_mut().unwrap() {
+        person.as_table_mut().unwrap().insert("gives_way_m".to_owned(), GIVES_WAY_M.into());
+    }
+    let path = std::env::temp_dir().join(format!("yamabico-chaos-world-{}.toml", std::process::id()));
+    std::fs::write(&path, world.to_string()).unwrap();
+    path
 }
 
 fn start(program: &Path, number: usize, set: &[String]) -> Robot {

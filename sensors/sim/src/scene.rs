@@ -151,6 +151,11 @@ impl Scene {
         &self.walkers
     }
 
+    /// Lets the people look where they go, from `from_s` to `to_s`: a body of `radius_m` is at `centre`.
+    pub fn give_way(&mut self, centre: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
+        self.walkers.iter_mut().for_each(|walker| walker.give_way(centre, radius_m, from_s, to_s));
+    }
+
     /// Where the people are.
     #[must_use]
     pub fn places(&self) -> &[Place] {

@@ -146,6 +146,8 @@ impl Simulation {
     }
 
     fn step(&mut self, last: &Moment, at: Time) {
+        let (from_s, to_s) = (self.seconds(last.at), self.seconds(at));
+        self.scene.give_way([last.pose.x, last.pose.y], self.radius_m, from_s, to_s);
         let mut next = self.body.stepped(at.seconds_after(last.at));
         let solid = self.to_solids(&next.pose);
         let person = self.to_people(&next.pose, at);

@@ -16,6 +16,10 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 /// A live run of a task, whose robot goes by a name of its own.
 pub struct Robot {
     run: Option<Child>,
+    /// Its recording and pictures; removed in the end.
+    pub folder: PathBuf,
+    /// Whether the folder stays.
+    pub keep: bool,
     bus: Bus,
     heartbeats: Subscriber<Heartbeat>,
     commands: RawSubscriber,
@@ -70,6 +74,8 @@ impl Robot {
             commands: tap(topics::COMMAND, MessageType::of::<MotorCommand>()),
             truths: tap(topics::TRUTH, MessageType::of::<Truth>()),
             run: Some(run),
+            folder,
+            keep: false,
             bus,
             newest: BTreeMap::new(),
             told: Vec::new(),
@@ -195,10 +201,13 @@ impl Robot {
 }
 
 impl Drop for Robot {
-    /// No run is left behind.
+    /// No run is left behind, and no recording that nobody asked for.
     fn drop(&mut self) {
         if let Some(mut run) = self.run.take() {
             let _ = run.kill().and_then(|()| run.wait());
+        }
+        if !self.keep {
+            let _ = std::fs::remove_dir_all(&self.folder);
         }
     }
 }

@@ -2,10 +2,11 @@
 
 use rand::RngExt;
 
+use super::PERSON_RADIUS_M;
 use crate::random::stream;
 use crate::world::Person;
 
-/// A person's way, with the seed's jitter applied.
+/// A person's way, with the seed's jitter applied, and how long they have waited on it for somebody to pass.
 #[derive(Clone, Debug)]
 pub struct Walker {
     /// The person as described.
@@ -13,6 +14,8 @@ pub struct Walker {
     legs: Vec<Leg>,
     rest: [f64; 2],
     heading: f64,
+    /// Begin and end, seconds after the start of the run.
+    waits: Vec<[f64; 2]>,
 }
 
 /// Where somebody stands, which way they face and how their legs are.
@@ -39,6 +42,8 @@ struct Leg {
 
 /// Length of a double step, metres.
 const GAIT_M: f64 = 1.3;
+/// Who gives way does so to what would come nearer than this to their side, metres.
+const ELBOW_ROOM_M: f64 = 0.1;
 /// Largest distance of a foot ahead of the body, metres.
 const STRIDE_M: f64 = 0.26;
 
@@ -61,12 +66,45 @@ impl Walker {
         }
         let heading = legs.first().map_or(0.0, |l| l.heading);
         let rest = person.path_m.first().copied().unwrap_or_default();
-        Self { person: person.clone(), legs, rest, heading }
+        Self { person: person.clone(), legs, rest, heading, waits: Vec::new() }
     }
 
     /// Position and posture at `time_s` after the start of the run.
     #[must_use]
     pub fn at(&self, time_s: f64) -> Place {
+        let waited: f64 = self
+            .waits
+            .iter()
+            .map(|[begin, end]| time_s.min(*end) - begin)
+            .filter(|waited| *waited > 0.0)
+            .sum();
+        let place = self.without_waits(time_s - waited);
+        let waits = self.waits.iter().any(|[begin, end]| (*begin..*end).contains(&time_s));
+        if waits { Place { velocity: [0.0; 2], ..place } } else { place }
+    }
+
+    /// Waits from `from_s` to `to_s`, seconds after the start of the run, where a body of `radius_m` at `centre` is in the way.
+    /// Only who gives way does.
+    pub fn give_way(&mut self, centre: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
+        let Place { at, velocity: [vx, vy], .. } = self.at(from_s);
+        let speed = vx.hypot(vy);
+        if self.person.gives_way_m <= 0.0 || speed <= 0.0 {
+            return;
+        }
+        let [dx, dy] = [centre[0] - at[0], centre[1] - at[1]];
+        let (ahead, aside) = ((dx * vx + dy * vy) / speed, (dx * vy - dy * vx).abs() / speed);
+        let touch = PERSON_RADIUS_M + radius_m;
+        let gap = dx.hypot(dy) - touch;
+        if ahead <= 0.0 || aside > touch + ELBOW_ROOM_M || gap > self.person.gives_way_m {
+            return;
+        }
+        match self.waits.last_mut().filter(|last| last[1] >= from_s) {
+            Some(last) => last[1] = to_s,
+            None => self.waits.push([from_s, to_s]),
+        }
+    }
+
+    fn without_waits(&self, time_s: f64) -> Place {
         let mut place = Place { at: self.rest, heading: self.heading, velocity: [0.0; 2], stride: 0.0 };
         for leg in self.legs.iter().take_while(|l| l.begins_s <= time_s) {
             let span = (leg.ends_s - leg.begins_s).max(1e-9);
@@ -86,7 +124,7 @@ impl Walker {
 
 #[cfg(test)]
 mod tests {
-    use super::Walker;
+    use super::*;
     use crate::world::World;
 
     #[test]
@@ -111,5 +149,34 @@ mod tests {
         assert_eq!(walker.at(9.0).velocity, [0.0, 0.0]);
         assert_eq!(walker.at(12.0).at, [2.0, 2.0]);
         assert_eq!(walker.at(60.0).at, [2.0, 4.0]);
+    }
+
+    #[test]
+    fn who_gives_way_waits_for_what_is_in_the_way_and_goes_on() {
+        let text = "[[person]]\npath_m = [[0, 0], [4, 0]]\nspeed_mps = 1\ngives_way_m = 0.5";
+        let person = World::from_toml(text).unwrap().people.remove(0);
+        let walk = |person: &Person, centre: [f64; 2], until_s: f64| {
+            let mut walker = Walker::new(person, 0, 1);
+            for step in 0..1000 {
+                let from_s = f64::from(step) * 0.01;
+                let centre = if from_s < until_s { centre } else { [50.0, 50.0] };
+                walker.give_way(centre, 0.2, from_s, from_s + 0.01);
+            }
+            walker
+        };
+        // Stands half a metre before it, for as long as it is there.
+        let touch = PERSON_RADIUS_M + 0.2;
+        let waited = walk(&person, [2.0, 0.0], 5.0);
+        let stop = 2.0 - touch - 0.5;
+        let place = waited.at(3.0);
+        assert!((place.at[0] - stop).abs() < 0.02 && place.velocity == [0.0; 2], "{place:?}");
+        // The past stays as it was, and the walk goes on where it was.
+        assert!((waited.at(1.0).at[0] - 1.0).abs() < 1e-9 && waited.at(1.0).velocity == [1.0, 0.0]);
+        assert!((waited.at(6.0).at[0] - stop - 1.0).abs() < 0.03, "{:?}", waited.at(6.0));
+        // What is beside the way or behind, and who walks on whatever is there.
+        assert_eq!(walk(&person, [2.0, touch + 0.2], 10.0).at(3.0).at, [3.0, 0.0]);
+        assert_eq!(walk(&person, [-0.5, 0.0], 10.0).at(3.0).at, [3.0, 0.0]);
+        let blind = Person { gives_way_m: 0.0, ..person };
+        assert_eq!(walk(&blind, [2.0, 0.0], 10.0).at(3.0).at, [3.0, 0.0]);
     }
 }
