@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use yamabico_core::message::{
     ALL, Axis, Channel, ControlKind, Encoding, Kind, Layout, MessageType, Mode, NO_ECHO, Outcome,
-    PluginState, PoseStatus, Reason, StructLayout, TurnPhase,
+    PluginState, PoseStatus, Reason, RetuneStep, Retuning, StructLayout, TurnPhase,
 };
 use yamabico_core::plugin::PROTOCOL;
 use yamabico_core::seat::topics;
@@ -40,6 +40,10 @@ pub fn messages() -> String {
         ("HEARTBEATS", topics::HEARTBEATS),
         ("CALLS", topics::CALLS),
         ("FAILURES", topics::FAILURES),
+        ("MEMORIES", topics::MEMORIES),
+        ("DECISION", topics::DECISION),
+        ("RETUNE", topics::RETUNE),
+        ("RETUNED", topics::RETUNED),
     ] {
         constant(&format!("{name}_TOPIC"), &format!("{topic:?}"));
     }
@@ -62,6 +66,8 @@ pub fn messages() -> String {
         Mode "The arbiter's state at a decision.",
         Outcome "What became of a proposal.",
         ControlKind "What somebody asks of a running robot.",
+        RetuneStep "How far a change of parameters is.",
+        Retuning "What became of a change of parameters.",
     }
     let mut written = Vec::new();
     for message in ALL {

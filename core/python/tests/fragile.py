@@ -1,8 +1,8 @@
-"""A wall-follower that fails when it is told to: by a word in a file, which it takes away."""
+"""A wall-follower that fails when it is told to, by a word in a file, which it takes away; and that counts its calls."""
 
 import os
 
-from yamabico import Word, main
+from yamabico import SetupError, Word, main
 from yamabico.examples.wall_follower import WallFollower
 
 
@@ -13,8 +13,22 @@ class Fragile(WallFollower):
 
     orders = Word("The file that tells how to fail: raise, exit, loop, keep.", default="")
     kept = None
+    calls = 0
+
+    def __init__(self, setup):
+        super().__init__(setup)
+        if self.speed_mps == 1.0:
+            raise SetupError("speed_mps", "too fast for one so fragile")
+
+    def remember(self):
+        return {"calls": self.calls, **super().remember()}
+
+    def recall(self, memory):
+        super().recall(memory)
+        self.calls = memory["calls"]
 
     def propose(self, inputs):
+        self.calls += 1
         order = self.taken()
         if order == "raise":
             raise RuntimeError("as it was told")
@@ -26,7 +40,9 @@ class Fragile(WallFollower):
             self.kept.sum()
         if order == "keep":
             self.kept = inputs[self.camera].latest.pixels[10:20]
-        return super().propose(inputs)
+        proposal = super().propose(inputs)
+        proposal.note = f"call {self.calls}"
+        return proposal
 
     def taken(self):
         """The word in the file; empty where there is none."""

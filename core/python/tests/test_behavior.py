@@ -1,5 +1,6 @@
 """What a behaviour says of itself, and what it proposes."""
 
+import json
 import math
 import unittest
 
@@ -111,6 +112,14 @@ class WallFollowing(unittest.TestCase):
         self.assertGreater(proposal_for(corridor(-0.2, 0.0)).twist.angular, 0.15)
         self.assertLess(proposal_for(corridor(0.0, 0.3)).twist.angular, -0.08)
         self.assertGreater(proposal_for(corridor(0.0, -0.3)).twist.angular, 0.08)
+
+    def test_its_successor_goes_on_from_where_it_was(self):
+        setup = Setup(sensors={"camera": {"kind": CAMERA}})
+        first, second = WallFollower(setup), WallFollower(setup.with_parameters({"speed_mps": 0.1}))
+        first.side_m = 0.3
+        second.recall(json.loads(json.dumps(first.remember())))
+        self.assertEqual((second.side_m, second.speed_mps, first.speed_mps), (0.3, 0.1, 0.4))
+        self.assertIsNone(Example(Setup(parameters={"count": 3})).remember())
 
     def test_of_a_plain_picture_it_abstains(self):
         self.assertEqual(proposal_for(np.full((240, 256), 90, dtype=np.uint8)).kind, Kind.ABSTAIN)

@@ -49,6 +49,15 @@ class Behavior:
         """
         raise NotImplementedError
 
+    def remember(self):
+        """What its successor must know, where this process dies or its parameters change: what JSON can hold, at most 16 KiB of it;
+        None for nothing. Asked after each call of `propose`.
+        """
+        return None
+
+    def recall(self, memory):
+        """Goes on where a predecessor stopped that remembered this. Called at most once, before the first `propose`."""
+
     def publish(self, output, header, items=b""):
         """Publishes a message on one of its outputs."""
         self.setup.publish(output, header, items)
@@ -97,6 +106,10 @@ class Setup:
         self.folder = folder
         self.publish = publish or (lambda output, header, items: None)
 
+    def with_parameters(self, parameters):
+        """The same with other parameters."""
+        return Setup(self.name, parameters, self.robot, self.sensors, self.folder, self.publish)
+
     def camera(self, slot):
         """Intrinsics and mount of the pinhole camera in `slot`, as dictionaries: pixels, metres, radians."""
         kind = self.sensors.get(slot.name, {}).get("kind", {})
@@ -109,6 +122,14 @@ class SetupError(ValueError):
     """A parameter, or what is plugged in, does not fit; `key` is the one to change."""
 
     def __init__(self, key, problem):
+        super().__init__(problem)
+        self.key = key
+
+
+class Refusal(Exception):
+    """Why a plugin cannot begin; `key` is that of its table to change."""
+
+    def __init__(self, problem, key=""):
         super().__init__(problem)
         self.key = key
 

@@ -18,6 +18,10 @@ TAKEN_TOPIC = "clock/taken"
 HEARTBEATS_TOPIC = "plugins/heartbeats"
 CALLS_TOPIC = "plugins/calls"
 FAILURES_TOPIC = "plugins/failures"
+MEMORIES_TOPIC = "plugins/memories"
+DECISION_TOPIC = "decision"
+RETUNE_TOPIC = "plugins/retune"
+RETUNED_TOPIC = "plugins/retuned"
 
 
 class Axes(IntFlag):
@@ -166,6 +170,22 @@ class ControlKind(IntEnum):
     EMERGENCY_STOP = 4
     RESET = 5
     GOAL = 6
+
+
+class RetuneStep(IntEnum):
+    """How far a change of parameters is."""
+
+    PREPARE = 1
+    APPLY = 2
+    DROP = 3
+
+
+class Retuning(IntEnum):
+    """What became of a change of parameters."""
+
+    READY = 1
+    REFUSED = 2
+    APPLIED = 3
 
 
 class FrameHeader(Message):

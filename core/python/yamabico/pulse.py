@@ -8,14 +8,19 @@ from .messages import (
     CALLS_TOPIC,
     FAILURES_TOPIC,
     HEARTBEATS_TOPIC,
+    MEMORIES_TOPIC,
     CallBucket,
     CallsHeader,
     FailureHeader,
     Heartbeat,
+    MemoryHeader,
 )
 
 CALLS_EVERY_NS = 500_000_000
+#: Longest reason of a failure, bytes.
 MOST_WORDS = 2048
+#: Longest memory of a behaviour, bytes.
+MOST_MEMORY = 16 * 1024
 MOST_BUCKETS = 32 * 40
 
 
@@ -42,7 +47,8 @@ class Pulse:
         self._restarts = restarts
         self.every_s = every_ms * 1e-3
         self._beats = bus.publisher(HEARTBEATS_TOPIC, Heartbeat)
-        self._calls = self._failures = None
+        self._calls = self._failures = self._memories = None
+        self._memory = b""
         self._beat_at, self._state = 0, None
         self._sequences = Counter()
         self._calls_at = time.monotonic_ns()
@@ -62,7 +68,7 @@ class Pulse:
         self._failures = self._failures or self._bus.publisher(FAILURES_TOPIC, FailureHeader)
         header = FailureHeader(stamp_ns=time.monotonic_ns(), sequence=self._next(FailureHeader))
         header.plugin, header.key = self._name, key
-        self._failures.publish(header, words.encode()[:MOST_WORDS].decode(errors="ignore").encode())
+        self._failures.publish(header, words_of(words))
 
     def tell_calls(self, calls):
         """Tells how the calls went, where it is time to."""
@@ -86,9 +92,24 @@ class Pulse:
         buckets = [CallBucket(index=index, calls=count) for index, count in sorted(calls.buckets.items())]
         self._calls.publish(header, (CallBucket * len(buckets))(*buckets) if buckets else b"")
 
+    def tell_memory(self, memory):
+        """Tells what a successor must know, where that is something new; what is longer than `MOST_MEMORY` is not told."""
+        if memory == self._memory or len(memory) > MOST_MEMORY:
+            return
+        self._memory = memory
+        self._memories = self._memories or self._bus.publisher(MEMORIES_TOPIC, MemoryHeader)
+        header = MemoryHeader(stamp_ns=time.monotonic_ns(), sequence=self._next(MemoryHeader))
+        header.plugin = self._name
+        self._memories.publish(header, memory)
+
     def _next(self, message):
         self._sequences[message] += 1
         return self._sequences[message]
+
+
+def words_of(text):
+    """A text as bytes, cut to what a message takes."""
+    return text.encode()[:MOST_WORDS].decode(errors="ignore").encode()
 
 
 def bucket_of(nanos):

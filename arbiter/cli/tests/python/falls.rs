@@ -57,7 +57,8 @@ pub struct FragileRobot {
     orders: PathBuf,
     /// What it told of its failures.
     pub told: Vec<String>,
-    newest: Option<Proposal>,
+    /// Its newest proposal.
+    pub newest: Option<Proposal>,
 }
 
 impl FragileRobot {
@@ -115,7 +116,8 @@ impl FragileRobot {
         self.robot.interrupt()
     }
 
-    fn listen(&mut self) {
+    /// Takes in what it proposed and told since.
+    pub fn listen(&mut self) {
         while let Ok(Some(proposal)) = self.proposals.receive() {
             self.newest = Some(*proposal.header());
         }

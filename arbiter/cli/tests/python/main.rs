@@ -120,6 +120,41 @@ fn whatever_becomes_of_it_it_is_back_and_the_robot_touches_nothing() {
     assert!(report["behaviours"][FRAGILE]["panics"].as_u64() >= Some(1), "{report}");
 }
 
+#[test]
+fn its_parameters_are_changed_while_it_runs_and_its_successor_goes_on() {
+    let Some(python) = venv::interpreter(program()) else { return };
+    let name = format!("python-set-{}", std::process::id());
+    let mut fragile = FragileRobot::start(program(), &python, &name);
+    let set = |speed: &str| {
+        let assignment = format!("{FRAGILE}.speed_mps={speed}");
+        yamabico(&python, &["set", "--robot", &name, &assignment])
+    };
+    // So many calls were remembered, by the note of its proposals.
+    let calls = |fragile: &mut FragileRobot| {
+        fragile.robot.watch(Duration::from_millis(1000));
+        fragile.listen();
+        let newest = fragile.newest.unwrap();
+        (newest.note.as_str().strip_prefix("call ").unwrap().parse::<u32>().unwrap(), newest.twist.linear)
+    };
+    let (first, speed) = calls(&mut fragile);
+    assert!(speed > 0.3, "{speed}");
+    let changed = set("0.2");
+    assert!(changed.status.success() && said(&changed).contains("in force"), "{}", said(&changed));
+    let (second, speed) = calls(&mut fragile);
+    assert!(second > first && speed <= 0.2, "{second} after {first} calls, {speed} m/s");
+    for (speed, words) in [("20", "speed_mps"), ("1.0", "too fast for one so fragile")] {
+        let refused = set(speed);
+        assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+        assert!(said(&refused).contains(words), "{}", said(&refused));
+    }
+    for fall in [Fall::Kill, Fall::Raise] {
+        assert!(fragile.fall(fall).is_some(), "it is not back");
+        let (after, speed) = calls(&mut fragile);
+        assert!(after > second && speed <= 0.2, "{fall:?}: {after} after {second} calls, {speed} m/s");
+    }
+    fragile.interrupt();
+}
+
 /// Simulated seconds to compare; a whole drive takes 35.
 fn simulated() -> Duration {
     let told = std::env::var("YAMABICO_SECONDS").ok().and_then(|seconds| seconds.parse().ok());

@@ -37,6 +37,12 @@ class WallFollower(Behavior):
         self.intrinsics, self.mount = setup.camera(type(self).camera)
         self.side_m = 0.0
 
+    def remember(self):
+        return {"side_m": self.side_m}
+
+    def recall(self, memory):
+        self.side_m = memory["side_m"]
+
     def propose(self, inputs):
         frame = inputs[self.camera].latest
         if frame is None:
