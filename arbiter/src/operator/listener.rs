@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use serde::Serialize;
-use yamabico_core::bus::{Bus, BusError, RawSample, RawSubscriber, Waiter};
+use yamabico_core::bus::{Bus, BusError, RawSample, RawSubscriber, Subscriber, Waiter};
 use yamabico_core::config::instead;
-use yamabico_core::message::MessageType;
+use yamabico_core::message::{Clock, MessageType};
 use yamabico_core::time::Time;
 
 use super::lookout::LookError;
-use crate::execution::Roster;
+use crate::execution::{Roster, topics};
 
 /// Why a topic cannot be listened to.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +48,18 @@ pub struct Listener {
     waiter: Option<Waiter>,
     subscriber: RawSubscriber,
     message: MessageType,
+    /// The instants of a robot whose clock is a driver's, and the newest of them.
+    clock: Option<(Subscriber<Clock>, Time)>,
+}
+
+/// A message that was received.
+pub struct Heard<'a> {
+    /// When, by the clock of the machine.
+    pub at: Time,
+    /// When, by the clock of the robot: what stamps are held against.
+    pub now: Time,
+    /// The message.
+    pub sample: RawSample<'a>,
 }
 
 impl Listener {
@@ -75,7 +87,9 @@ impl Listener {
             waiter => Some(waiter?),
         };
         let subscriber = bus.tap(topic, &message)?;
-        Ok(Listener { waiter, subscriber, message })
+        let has_clock = roster.topics.iter().any(|posted| posted.name == topics::CLOCK);
+        let clock = has_clock.then(|| bus.subscriber(topics::CLOCK)).transpose()?;
+        Ok(Listener { waiter, subscriber, message, clock: clock.map(|clock| (clock, Time::ZERO)) })
     }
 
     /// What the topic carries.
@@ -83,22 +97,32 @@ impl Listener {
         &self.message
     }
 
-    /// Waits until something arrives, or for so long, and hands everything that has arrived to `each`, the oldest first, with
-    /// the time at which it was received, until `each` has had enough. Whether it has.
+    /// Waits until something arrives, or for so long, and hands everything that has arrived to `each`, the oldest first, until
+    /// `each` has had enough. Whether it has.
     ///
     /// # Errors
     /// The transport failed.
     pub fn hear(
         &mut self,
         longest: Duration,
-        each: &mut dyn FnMut(Time, &RawSample<'_>) -> ControlFlow<()>,
+        each: &mut dyn FnMut(Heard<'_>) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>, BusError> {
         match &mut self.waiter {
             Some(waiter) => drop(waiter.wait(longest)?),
             None => std::thread::sleep(longest.min(PAUSE)),
         }
         while let Some(sample) = self.subscriber.receive()? {
-            if each(Time::monotonic_now(), &sample).is_break() {
+            let at = Time::monotonic_now();
+            let now = match &mut self.clock {
+                None => at,
+                Some((clock, now)) => {
+                    while let Some(instant) = clock.receive()? {
+                        *now = Time(instant.header().stamp_ns);
+                    }
+                    *now
+                }
+            };
+            if each(Heard { at, now, sample }).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
         }

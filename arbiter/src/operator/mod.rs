@@ -9,7 +9,7 @@ mod tuning;
 
 pub use desk::{Desk, Obeyed, Request, RequestError};
 pub use goal::{GoalError, Operator, Place};
-pub use listener::{Figures, ListenError, Listener, Window};
+pub use listener::{Figures, Heard, ListenError, Listener, Window};
 pub use lookout::{LookError, Lookout};
-pub use muster::{Calls, LastEnd, Mustered, muster};
+pub use muster::{Calls, Mustered, Word, muster};
 pub use tuning::{RetuneError, retune};

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use yamabico_core::bus::{Bus, BusError, Subscriber};
-use yamabico_core::message::{CallsHeader, Heartbeat, Outcome, Process, ProcessState, Verdict};
+use yamabico_core::message::{CallsHeader, Heartbeat, Note, Outcome, Process, ProcessState, Verdict};
 use yamabico_core::seat::Durations;
 use yamabico_core::time::Time;
 
@@ -45,7 +45,9 @@ pub struct Mustered {
     /// Who beat, inhibited, suppressed or halted it.
     pub by: Option<String>,
     /// How its last process ended, where one has.
-    pub last_end: Option<LastEnd>,
+    pub last_end: Option<Word>,
+    /// What it last said went wrong, the beginning.
+    pub said: Option<Word>,
 }
 
 /// The calls of a behaviour since it was started.
@@ -63,11 +65,11 @@ pub struct Calls {
     pub panics: u32,
 }
 
-/// How a process ended.
+/// Something that was told.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LastEnd {
+pub struct Word {
     /// In words.
-    pub how: String,
+    pub words: String,
     /// Seconds since.
     pub ago_s: f64,
 }
@@ -146,6 +148,10 @@ impl Heard {
         let beat = self.beats.get(&plugin.name);
         let verdict = self.told.as_ref().and_then(|told| told.verdict(&plugin.name));
         let age_s = |stamp_ns: u64| now.since(Time(stamp_ns)).as_secs_f64();
+        let word = |note: &Note, stamp_ns: u64| {
+            let words = note.as_str().to_owned();
+            (!words.is_empty()).then(|| Word { words, ago_s: age_s(stamp_ns) })
+        };
         let pid = process.map_or_else(|| (!plugin.own_process).then_some(robot_pid), |p| Some(p.pid));
         Mustered {
             name: plugin.name.clone(),
@@ -160,10 +166,8 @@ impl Heard {
             priority: plugin.behaviour.map(|duties| duties.priority),
             outcome: verdict.and_then(Verdict::outcome).map(Outcome::as_str),
             by: verdict.map(|verdict| verdict.by.as_str().to_owned()).filter(|by| !by.is_empty()),
-            last_end: process.filter(|process| !process.ended.is_empty()).map(|process| LastEnd {
-                how: process.ended.as_str().to_owned(),
-                ago_s: age_s(process.ended_ns),
-            }),
+            last_end: process.and_then(|process| word(&process.ended, process.ended_ns)),
+            said: process.and_then(|process| word(&process.said, process.said_ns)),
         }
     }
 }

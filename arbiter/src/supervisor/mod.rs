@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use yamabico_core::bus::{Bus, BusError, Subscriber};
-use yamabico_core::message::{Heartbeat, MemoryHeader};
+use yamabico_core::message::{FailureHeader, Heartbeat, MemoryHeader, Name};
 use yamabico_core::seat::{SeatError, topics};
 use yamabico_core::time::Time;
 
@@ -60,6 +60,7 @@ impl Supervisor {
         let watch = Watch {
             heartbeats: bus.subscriber(topics::HEARTBEATS)?,
             memories: bus.subscriber(topics::MEMORIES)?,
+            failures: bus.subscriber(topics::FAILURES)?,
             bulletin: Bulletin::open(bus)?,
             clean_up: CleanUp::start(bus)?,
             _janitor: JanitorThread::start(bus)?,
@@ -107,6 +108,7 @@ impl Drop for Supervisor {
 struct Watch {
     heartbeats: Subscriber<Heartbeat>,
     memories: Subscriber<MemoryHeader>,
+    failures: Subscriber<FailureHeader>,
     bulletin: Bulletin,
     wards: Vec<Ward>,
     clean_up: CleanUp,
@@ -154,15 +156,18 @@ impl Watch {
 
     fn listen(&mut self, now: Time) -> Result<(), BusError> {
         while let Some(beat) = self.heartbeats.receive()? {
-            let name = beat.header().plugin;
-            if let Some(ward) = self.wards.iter_mut().find(|ward| ward.name() == name.as_str()) {
+            if let Some(ward) = find(&mut self.wards, &beat.header().plugin) {
                 ward.hear(beat.header(), now);
             }
         }
         while let Some(memory) = self.memories.receive()? {
-            let name = memory.header().plugin;
-            if let Some(ward) = self.wards.iter_mut().find(|ward| ward.name() == name.as_str()) {
+            if let Some(ward) = find(&mut self.wards, &memory.header().plugin) {
                 ward.keep(memory.items());
+            }
+        }
+        while let Some(failure) = self.failures.receive()? {
+            if let Some(ward) = find(&mut self.wards, &failure.header().plugin) {
+                ward.hear_failure(failure.items(), now);
             }
         }
         Ok(())
@@ -176,4 +181,8 @@ impl Watch {
         }
         self.wards.iter_mut().for_each(Ward::kill);
     }
+}
+
+fn find<'a>(wards: &'a mut [Ward], name: &Name) -> Option<&'a mut Ward> {
+    wards.iter_mut().find(|ward| ward.name() == name.as_str())
 }

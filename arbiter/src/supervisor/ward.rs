@@ -51,6 +51,10 @@ pub(super) struct Ward {
     starts: u32,
     /// How its last process ended, and when.
     ended: Option<(Note, Time)>,
+    /// What it last said went wrong, and when.
+    said: Option<(Note, Time)>,
+    /// Its process is killed because it hangs.
+    hangs: bool,
 }
 
 enum State {
@@ -67,7 +71,7 @@ enum State {
 impl Ward {
     pub fn new(plan: WardPlan) -> Ward {
         let state = State::Due { at: Time::ZERO, clean: None };
-        Ward { plan, state, back_off: BackOff::default(), starts: 0, ended: None }
+        Ward { plan, state, back_off: BackOff::default(), starts: 0, ended: None, said: None, hangs: false }
     }
 
     pub fn name(&self) -> &str {
@@ -91,10 +95,13 @@ impl Ward {
             State::Ended => (ProcessState::Ended, 0, 0),
         };
         let (ended, ended_at) = self.ended.unwrap_or_default();
+        let (said, said_at) = self.said.unwrap_or_default();
         Process {
             plugin: Name::new(self.name()),
             ended,
+            said,
             ended_ns: ended_at.0,
+            said_ns: said_at.0,
             due_ns: due,
             pid,
             state: state.code(),
@@ -114,6 +121,11 @@ impl Ward {
             }
             health.hear(now);
         }
+    }
+
+    /// Hears what went wrong in it.
+    pub fn hear_failure(&mut self, words: &[u8], now: Time) {
+        self.said = Some((Note::new(&String::from_utf8_lossy(words)), now));
     }
 
     /// Keeps what its successor is to be told.
@@ -142,7 +154,12 @@ impl Ward {
                 Ok(Some(status)) => {
                     let lived = now.since(*started);
                     let clean = Some(clean_up.request(now));
+                    let by_others = status.signal() == Some(Signal::KILL.as_raw()) && !self.hangs;
                     self.bury(&in_words(status), lived, clean, now);
+                    if self.back_off.loops() && !by_others {
+                        // What it remembers may be what it cannot bear.
+                        self.plan.charge.memory.clear();
+                    }
                 }
                 Ok(None) => self.tend(now, phase, clean_up),
                 Err(error) => tracing::error!("`{}` cannot be waited for: {error}", self.plan.charge.name),
@@ -164,6 +181,7 @@ impl Ward {
                     let name = &self.plan.charge.name;
                     tracing::warn!("`{name}` hangs: no sign of life for {silent:?}; it is killed");
                     let _ = child.kill();
+                    self.hangs = true;
                     // It is waited for before it can be found to hang again.
                     health.hear(now);
                 }
@@ -192,6 +210,7 @@ impl Ward {
             Phase::Begun => Begin::AtOnce,
         };
         self.starts += 1;
+        self.hangs = false;
         if let Err(error) = tell(&mut child, charge) {
             // It is buried when it is next looked at.
             tracing::error!("`{}` cannot be told what it is: {error}", charge.name);

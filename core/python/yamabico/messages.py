@@ -1003,8 +1003,12 @@ class Process(Item):
         ("_plugin", ctypes.c_char * 32),
         # How its last process ended, in words; empty where none has.
         ("_ended", ctypes.c_char * 64),
-        # When that was.
+        # What it last said went wrong, the beginning; empty where nothing did.
+        ("_said", ctypes.c_char * 64),
+        # When the last process ended.
         ("ended_ns", ctypes.c_uint64),
+        # When it said what went wrong.
+        ("said_ns", ctypes.c_uint64),
         # When the next one is started; zero where one runs.
         ("due_ns", ctypes.c_uint64),
         # Its number; zero where there is none.
@@ -1018,9 +1022,10 @@ class Process(Item):
     ]
     plugin = text("_plugin")
     ended = text("_ended")
+    said = text("_said")
 
 
-assert ctypes.sizeof(Process) == 128
+assert ctypes.sizeof(Process) == 200
 
 
 class ProcessesHeader(Message):
@@ -1032,7 +1037,7 @@ class ProcessesHeader(Message):
         # Counts up by one a message.
         ("sequence", ctypes.c_uint64),
     ]
-    NAME = "yamabico.ProcessesHeader.v1"
+    NAME = "yamabico.ProcessesHeader.v2"
     CHANNEL = "latest"
     ITEM = Process
 
@@ -1189,7 +1194,7 @@ MESSAGES = {
     "yamabico.CallsHeader.v1": CallsHeader,
     "yamabico.MemoryHeader.v1": MemoryHeader,
     "yamabico.WallsHeader.v1": WallsHeader,
-    "yamabico.ProcessesHeader.v1": ProcessesHeader,
+    "yamabico.ProcessesHeader.v2": ProcessesHeader,
     "yamabico.RosterHeader.v1": RosterHeader,
     "yamabico.Control.v2": Control,
     "yamabico.RetuneHeader.v1": RetuneHeader,

@@ -122,7 +122,7 @@ vocabulary! {
 
 message! {
     /// The processes of the plugins that have one, told whenever something changed.
-    "yamabico.ProcessesHeader.v1" Latest [Process]
+    "yamabico.ProcessesHeader.v2" Latest [Process]
     pub struct ProcessesHeader {
         /// When it was told.
         pub stamp_ns: u64,
@@ -138,8 +138,12 @@ item! {
         pub plugin: Name,
         /// How its last process ended, in words; empty where none has.
         pub ended: Note,
-        /// When that was.
+        /// What it last said went wrong, the beginning; empty where nothing did.
+        pub said: Note,
+        /// When the last process ended.
         pub ended_ns: u64,
+        /// When it said what went wrong.
+        pub said_ns: u64,
         /// When the next one is started; zero where one runs.
         pub due_ns: u64,
         /// Its number; zero where there is none.

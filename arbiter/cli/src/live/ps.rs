@@ -69,7 +69,10 @@ fn in_words(plugins: &[Mustered]) -> String {
     let mut text = table.to_string();
     for plugin in plugins {
         if let Some(end) = &plugin.last_end {
-            text += &format!("\n{}: its last process {} {:.1} s ago", plugin.name, end.how, end.ago_s);
+            text += &format!("\n{}: its last process {} {:.1} s ago", plugin.name, end.words, end.ago_s);
+        }
+        if let Some(said) = &plugin.said {
+            text += &format!("\n{}: said {:.1} s ago: {}", plugin.name, said.ago_s, said.words);
         }
         if let Some(calls) = plugin.calls.filter(|calls| calls.panics + u32::from(calls.overruns > 0) > 0) {
             text += &format!(

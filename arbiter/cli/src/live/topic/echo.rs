@@ -48,11 +48,11 @@ pub fn echo(arguments: &Arguments, print: Print) -> ExitCode {
     let (mut printed, began) = (0, Instant::now());
     let mut is_told = print == Print::Json;
     while !flag.load(Ordering::Relaxed) && printed < most {
-        let heard = listener.hear(NAP, &mut |at, sample| {
-            let value = to_json(&message, sample.header(), sample.items());
+        let heard = listener.hear(NAP, &mut |heard| {
+            let value = to_json(&message, heard.sample.header(), heard.sample.items());
             let text = match print {
                 Print::Json => value.to_string(),
-                Print::Text => in_words(&value, at, most_items),
+                Print::Text => in_words(&value, heard.now, most_items),
             };
             printed += 1;
             match writeln!(std::io::stdout(), "{text}") {

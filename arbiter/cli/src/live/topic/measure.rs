@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::json;
-use yamabico_arbiter::operator::{Figures, Window};
+use yamabico_arbiter::operator::{Figures, Heard, Window};
 use yamabico_core::time::Time;
 
 use super::super::which::Which;
@@ -36,9 +36,9 @@ pub struct Arguments {
 /// Measures how often messages arrive.
 pub fn hz(arguments: &Arguments, print: Print) -> ExitCode {
     let mut last: Option<Time> = None;
-    let interval_s = move |at: Time, _: (Time, Time)| {
-        let before = last.replace(at);
-        before.map(|before| at.since(before).as_secs_f64())
+    let interval_s = move |heard: &Heard<'_>, _: (Time, Time)| {
+        let before = last.replace(heard.at);
+        before.map(|before| heard.at.since(before).as_secs_f64())
     };
     measure(arguments, interval_s, print, &|figures, lost| match print {
         Print::Json => {
@@ -58,7 +58,7 @@ pub fn hz(arguments: &Arguments, print: Print) -> ExitCode {
 
 /// Measures how old messages are on arrival.
 pub fn latency(arguments: &Arguments, print: Print) -> ExitCode {
-    let age_s = |at: Time, (_, evidence): (Time, Time)| Some(at.seconds_after(evidence));
+    let age_s = |heard: &Heard<'_>, (_, evidence): (Time, Time)| Some(heard.now.seconds_after(evidence));
     measure(arguments, age_s, print, &|figures, lost| match print {
         Print::Json => json!({ "age_s": figures, "lost": lost }).to_string(),
         Print::Text => format!(
@@ -72,10 +72,10 @@ pub fn latency(arguments: &Arguments, print: Print) -> ExitCode {
     })
 }
 
-/// Takes a number of each message, given when it was received and its two stamps, and prints a line now and then.
+/// Takes a number of each message, given it and its two stamps, and prints a line now and then.
 fn measure(
     arguments: &Arguments,
-    mut number_of: impl FnMut(Time, (Time, Time)) -> Option<f64>,
+    mut number_of: impl FnMut(&Heard<'_>, (Time, Time)) -> Option<f64>,
     print: Print,
     line: &dyn Fn(&Figures, u64) -> String,
 ) -> ExitCode {
@@ -90,8 +90,8 @@ fn measure(
     let (began, mut printed, mut has_news) = (Instant::now(), Instant::now(), false);
     let mut is_told = print == Print::Json;
     while !flag.load(Ordering::Relaxed) && began.elapsed() < longest {
-        let heard = listener.hear(NAP.min(every), &mut |at, sample| {
-            if let Some(number) = number_of(at, stamps(sample.header())) {
+        let heard = listener.hear(NAP.min(every), &mut |heard| {
+            if let Some(number) = number_of(&heard, stamps(heard.sample.header())) {
                 window.add(number);
                 has_news = true;
             }
