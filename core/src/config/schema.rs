@@ -22,7 +22,7 @@ pub fn schema(plugins: &Plugins<'_>) -> Json {
 pub fn task_schema(plugins: &Plugins<'_>) -> Json {
     let mut whole = Whole::new(schemars::schema_for!(TaskKeys).to_value(), "A task of Yamabico");
     let common = whole.include("behavior", schemars::schema_for!(BehaviorKeys).to_value());
-    let mut choices = vec![common];
+    let mut choices = vec![common, free_with_exec()];
     let mut named = Map::new();
     for plugin in plugins.behaviors {
         let mut own = plugin.parameters();
@@ -30,7 +30,7 @@ pub fn task_schema(plugins: &Plugins<'_>) -> Json {
         set_inputs(&mut own, plugin.inputs);
         let own = whole.include(&format!("behavior.{}", plugin.name), own);
         choices.push(when("type", plugin.name, own.clone()));
-        let unnamed = json!({ "not": { "required": ["type"] } });
+        let unnamed = json!({ "not": { "anyOf": [{ "required": ["type"] }, { "required": ["exec"] }] } });
         named.insert(plugin.name.to_owned(), json!({ "if": unnamed, "then": own }));
     }
     let every = whole.define("behavior.any", json!({ "type": "object", "allOf": choices }));
@@ -45,6 +45,7 @@ pub fn task_schema(plugins: &Plugins<'_>) -> Json {
 pub fn robot_schema(plugins: &Plugins<'_>) -> Json {
     let mut whole = Whole::new(schemars::schema_for!(RobotKeys).to_value(), "A robot of Yamabico");
     let mut devices = vec![whole.include("device", schemars::schema_for!(DeviceKeys).to_value())];
+    devices.push(free_with_exec());
     let mut sensors = vec![whole.include("sensor", schemars::schema_for!(SensorKeys).to_value())];
     let mut drives = vec![whole.include("drive", schemars::schema_for!(PartKeys).to_value())];
     for driver in plugins.drivers {
@@ -73,9 +74,21 @@ pub fn robot_schema(plugins: &Plugins<'_>) -> Json {
         }
     }
     whole.set("devices", json!({ "type": "object", "additionalProperties": closed(devices) }));
-    whole.set("sensors", json!({ "type": "object", "additionalProperties": closed(sensors) }));
-    whole.set("drive", closed(drives));
+    let sensors = whole.define("sensor.any", closed(sensors));
+    let drive = whole.define("drive.any", closed(drives));
+    whole.set("sensors", json!({ "type": "object" }));
+    whole.set("drive", json!({ "type": "object" }));
+    // The sensors and the drive of a program may have keys of its own.
+    whole.json["if"] = json!({ "properties": { "devices": { "additionalProperties": { "not": { "required": ["exec"] } } } } });
+    whole.json["then"] = json!({
+        "properties": { "sensors": { "additionalProperties": sensors }, "drive": drive }
+    });
     whole.json
+}
+
+/// Any keys at all, where a program is named: it alone knows its own.
+fn free_with_exec() -> Json {
+    json!({ "if": { "required": ["exec"] }, "then": { "additionalProperties": true } })
 }
 
 /// A table with the keys of all `parts` and no others.
