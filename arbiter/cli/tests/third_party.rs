@@ -109,10 +109,11 @@ fn what_is_no_behaviour_is_refused_before_anything_opens() {
     let script = place.folder.join("creeper/plugin.sh");
     std::fs::write(&script, format!("echo '{}'", description("yamabico.RangeScanHeader.v9"))).unwrap();
     for (exec, words) in [
-        ("\"/bin/true\"", "is no description"),
+        ("\"/bin/true\"", "is not what is asked for"),
+        ("\"sh\", \"-c\", \"echo no such luck >&2; exit 3\"", "it complains: no such luck"),
         ("\"no-such-program-anywhere\"", "cannot be started"),
-        ("\"sh\", \"creeper/plugin.sh\"", "RangeScanHeader.v9"),
-        ("\"sh\", \"creeper/plugin.sh\"", "RangeScanHeader.v1"),
+        ("\"sh\", \"./plugin.sh\"", "RangeScanHeader.v9"),
+        ("\"sh\", \"./plugin.sh\"", "RangeScanHeader.v1"),
     ] {
         let task = place.with_exec(exec);
         let checked = place.yamabico(&["check", &task]);

@@ -18,20 +18,26 @@ use crate::sensor::{DriverPlugin, SensorInfo, SensorPlugin};
 /// A program that has not described itself by then never will.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The program and its arguments that `table` names under `exec`, its path made relative to the working directory; empty
-/// where it names none.
+/// Its complaints are there so soon after its end.
+const SHORTLY: Duration = Duration::from_millis(200);
+/// What a program complains of counts up to so many bytes.
+const MOST_COMPLAINTS: u64 = 64 * 1024;
+
+/// The program and its arguments that `table` names under `exec`, paths made absolute: of the program whatever has a `/` in it,
+/// of the arguments what begins with `./` or `../`. Empty where it names none.
 pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
     let Some(node) = table.entry("exec").map(|entry| &entry.node) else { return Vec::new() };
     let Value::List(items) = &node.value else { return Vec::new() };
-    let mut words: Vec<String> = items.iter().filter_map(|item| item.as_text().map(str::to_owned)).collect();
-    if let Some(program) = words.first_mut()
-        && program.contains('/')
-        && Path::new(program).is_relative()
-    {
-        let path = home.file(program, node.span);
-        *program = std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned();
-    }
-    words
+    let words = items.iter().filter_map(|item| item.as_text()).enumerate().map(|(place, word)| {
+        let is_path =
+            if place == 0 { word.contains('/') } else { word.starts_with("./") || word.starts_with("../") };
+        if !is_path || Path::new(word).is_absolute() {
+            return word.to_owned();
+        }
+        let path = home.file(word, node.span);
+        std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned()
+    });
+    words.collect()
 }
 
 /// Asks the program of the behaviour `entry` what it is.
@@ -70,8 +76,7 @@ pub(crate) fn learn(
     };
     let failed = |problem: String| BuildError::new("", format!("its driver cannot be asked: {problem}"));
     let text = serde_json::to_string(&question).map_err(|error| failed(error.to_string()))?;
-    let answer = converse(&told.program, SENSOR, &text).map_err(failed)?;
-    match serde_json::from_str(&answer).map_err(|error| failed(error.to_string()))? {
+    match converse(&told.program, SENSOR, &text).map_err(failed)? {
         SensorAnswer::Sensor { info, .. } if info.message != plugin.message.name => {
             Err(failed(format!("it carries `{}`, not `{}`", info.message, plugin.message.name)))
         }
@@ -90,16 +95,14 @@ fn refused(program: &[String], entry: &Entry, what: &str, problem: String) -> Pr
 }
 
 fn described<T: DeserializeOwned>(program: &[String]) -> Result<T, String> {
-    let text = converse(program, DESCRIBE, "")?;
-    serde_json::from_str(&text)
-        .map_err(|error| format!("what it says to {DESCRIBE} is no description: {error}"))
+    converse(program, DESCRIBE, "")
 }
 
-/// Starts `program` with `argument`, tells it `words`, and returns what it answers.
-fn converse(program: &[String], argument: &str, words: &str) -> Result<String, String> {
+/// Starts `program` with `argument`, tells it `words`, and returns what it answers, as JSON.
+fn converse<T: DeserializeOwned>(program: &[String], argument: &str, words: &str) -> Result<T, String> {
     let (name, rest) = program.split_first().ok_or("it names no program")?;
     let mut command = Command::new(name);
-    command.args(rest).arg(argument).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+    command.args(rest).arg(argument).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(|error| format!("it cannot be started: {error}"))?;
     let (tell, told) = channel();
     if let Some((mut to, mut from)) = child.stdin.take().zip(child.stdout.take()) {
@@ -114,12 +117,26 @@ fn converse(program: &[String], argument: &str, words: &str) -> Result<String, S
             let _ = tell.send(read.map(|_| text));
         });
     }
+    let (complain, complained) = channel();
+    if let Some(from) = child.stderr.take() {
+        std::thread::spawn(move || {
+            let mut text = Vec::new();
+            let _ = from.take(MOST_COMPLAINTS).read_to_end(&mut text);
+            let _ = complain.send(String::from_utf8_lossy(&text).into_owned());
+        });
+    }
     let answer = told.recv_timeout(PATIENCE);
     let _ = child.kill();
     let _ = child.wait();
-    match answer {
-        Ok(Ok(text)) => Ok(text),
-        Ok(Err(error)) => Err(format!("what it says cannot be read: {error}")),
-        Err(_) => Err(format!("it does not answer {argument} within {} s", PATIENCE.as_secs())),
-    }
+    let problem = match answer {
+        Ok(Ok(text)) => match serde_json::from_str(&text) {
+            Ok(answer) => return Ok(answer),
+            Err(error) => format!("what it answers to {argument} is not what is asked for: {error}"),
+        },
+        Ok(Err(error)) => format!("what it says cannot be read: {error}"),
+        Err(_) => format!("it does not answer {argument} within {} s", PATIENCE.as_secs()),
+    };
+    let complaints = complained.recv_timeout(SHORTLY).unwrap_or_default();
+    let last = complaints.lines().rfind(|line| !line.trim().is_empty());
+    Err(last.map_or(problem.clone(), |last| format!("{problem}; it complains: {}", last.trim())))
 }

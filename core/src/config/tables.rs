@@ -205,7 +205,8 @@ pub(crate) struct BehaviorKeys {
     pub scheduling: SchedulingKeys,
     /// Whether it is not asked while another behaviour inhibits it; it then begins with the newest input.
     pub sleeps_while_inhibited: bool,
-    /// The program that it is, and its arguments, where it is no part of this one; a path is relative to this file.
+    /// The program that it is, and its arguments, where it is no part of this one. The program's path is relative to this file,
+    /// and so is an argument that begins with `./` or `../`.
     #[schemars(length(min = 1))]
     pub exec: Option<Vec<String>>,
 }
@@ -364,7 +365,8 @@ impl Default for LimitsKeys {
 pub(crate) struct DeviceKeys {
     /// Which driver; without it, the one that `exec` names.
     pub driver: Option<String>,
-    /// The program that it is, and its arguments, where it is no part of this one; a path is relative to this file.
+    /// The program that it is, and its arguments, where it is no part of this one. The program's path is relative to this file,
+    /// and so is an argument that begins with `./` or `../`.
     #[schemars(length(min = 1))]
     pub exec: Option<Vec<String>>,
     /// Where it runs while the robot runs live.

@@ -11,7 +11,7 @@ use crate::output::{BAD_CONFIGURATION, DONE, Print, exit, fail};
 /// What is begun.
 #[derive(Subcommand)]
 pub enum New {
-    /// A behaviour in a program of its own: a crate with a test, and a task that runs it.
+    /// A behaviour in a program of its own, in Rust or in Python, with a test, and a task that runs it.
     Behavior(Arguments),
 }
 
@@ -20,6 +20,9 @@ pub enum New {
 pub struct Arguments {
     /// Its name, kebab-case; also that of the folder.
     name: String,
+    /// In Python, instead of a crate in Rust.
+    #[arg(long)]
+    python: bool,
     /// The folder of Yamabico's sources; without it, looked for from here upwards.
     #[arg(long, value_name = "DIR")]
     repository: Option<PathBuf>,
@@ -30,24 +33,59 @@ pub struct Arguments {
 struct Begun {
     folder: PathBuf,
     files: Vec<&'static str>,
+    /// What runs it, in that folder.
+    run: String,
 }
 
-/// The files of a behaviour's crate: name and text.
-const BEHAVIOR: [(&str, &str); 4] = [
-    ("Cargo.toml", include_str!("../../templates/behavior/Cargo.toml.txt")),
-    ("src/main.rs", include_str!("../../templates/behavior/main.rs")),
-    ("task.toml", include_str!("../../templates/behavior/task.toml")),
-    (".gitignore", "/target\n/out\n"),
-];
+/// What a behaviour begins with.
+struct Template {
+    /// Names and texts.
+    files: &'static [(&'static str, &'static str)],
+    /// How its task names the program.
+    exec: &'static str,
+    /// What tests it and makes it ready to run.
+    ready: &'static [&'static str],
+}
 
-/// Writes the crate.
+const TASK: (&str, &str) = ("task.toml", include_str!("../../templates/behavior/task.toml"));
+
+const RUST: Template = Template {
+    files: &[
+        ("Cargo.toml", include_str!("../../templates/behavior/Cargo.toml.txt")),
+        ("src/main.rs", include_str!("../../templates/behavior/main.rs")),
+        TASK,
+        (".gitignore", "/target\n/out\n"),
+    ],
+    exec: "\"target/debug/@name@\"",
+    ready: &["cargo test", "cargo build"],
+};
+
+const PYTHON: Template = Template {
+    files: &[
+        ("behavior.py", include_str!("../../templates/python_behavior/behavior.py")),
+        ("test_behavior.py", include_str!("../../templates/python_behavior/test_behavior.py")),
+        TASK,
+        (".gitignore", "/venv\n/out\n__pycache__\n"),
+    ],
+    exec: "\"venv/bin/python\", \"./behavior.py\"",
+    ready: &[
+        "python3 -m venv venv",
+        "venv/bin/pip install @repository@/core/python",
+        "venv/bin/python -m unittest",
+    ],
+};
+
+/// Writes the folder.
 pub fn new(what: &New, print: Print) -> ExitCode {
     let New::Behavior(arguments) = what;
     match begin_behavior(arguments) {
         Ok(begun) => {
             print.show(&begun, |begun| {
-                let folder = begun.folder.display();
-                format!("{folder} begins: cd {folder} && cargo test && cargo build && yamabico run task.toml --live")
+                format!(
+                    "{folder} begins: cd {folder} && {run}",
+                    folder = begun.folder.display(),
+                    run = begun.run
+                )
             });
             exit(DONE)
         }
@@ -77,16 +115,24 @@ fn begin_behavior(arguments: &Arguments) -> Result<Begun, String> {
         return Err(format!("{name} exists already: choose another name or another folder"));
     }
     let failed = |path: &Path, error| format!("cannot write {}: {error}", path.display());
-    std::fs::create_dir_all(folder.join("src")).map_err(|error| failed(&folder, error))?;
-    for (file, text) in BEHAVIOR {
-        let text = text.replace("@name@", name).replace("@repository@", &repository.to_string_lossy());
+    let template = if arguments.python { PYTHON } else { RUST };
+    let run = [template.ready, &["yamabico run task.toml --live"]].concat().join(" && ");
+    let fill = |text: &str| {
+        let text = text.replace("@run@", &run).replace("@exec@", template.exec);
+        text.replace("@name@", name).replace("@repository@", &repository.to_string_lossy())
+    };
+    for (file, text) in template.files {
         let path = folder.join(file);
-        std::fs::write(&path, text).map_err(|error| failed(&path, error))?;
+        let parent = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        parent.and_then(|()| std::fs::write(&path, fill(text))).map_err(|error| failed(&path, error))?;
     }
-    // The versions that Yamabico is tested with.
-    let lock = folder.join("Cargo.lock");
-    std::fs::copy(repository.join("Cargo.lock"), &lock).map_err(|error| failed(&lock, error))?;
-    Ok(Begun { folder, files: BEHAVIOR.map(|(file, _)| file).to_vec() })
+    if !arguments.python {
+        // The versions that Yamabico is tested with.
+        let lock = folder.join("Cargo.lock");
+        std::fs::copy(repository.join("Cargo.lock"), &lock).map_err(|error| failed(&lock, error))?;
+    }
+    let run = fill(&run);
+    Ok(Begun { folder, files: template.files.iter().map(|(file, _)| *file).collect(), run })
 }
 
 fn is_repository(folder: &Path) -> bool {

@@ -84,6 +84,34 @@ fn a_package_of_another_version_is_refused_and_both_are_named() {
 }
 
 #[test]
+fn what_is_begun_in_python_passes_its_test_and_drives() {
+    let Some(python) = venv::interpreter(program()) else { return };
+    let name = format!("python-new-{}", std::process::id());
+    let place = std::env::temp_dir().join(format!("yamabico-{name}"));
+    std::fs::create_dir_all(&place).unwrap();
+    let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut begin = Command::new(program());
+    let begin = begin.args(["new", "behavior", "creeper", "--python", "--repository"]).arg(repository);
+    let begun = begin.current_dir(&place).output().unwrap();
+    assert!(begun.status.success(), "{}", said(&begun));
+    let folder = place.join("creeper");
+    let tests = Command::new(&python).args(["-m", "unittest"]).current_dir(&folder).output().unwrap();
+    assert!(tests.status.success() && said(&tests).contains("Ran 2 tests"), "{}", said(&tests));
+    let task = folder.join("task.toml");
+    let text = std::fs::read_to_string(&task).unwrap();
+    assert!(text.contains("\"venv/bin/python\""), "{text}");
+    std::fs::write(&task, text.replace("venv/bin/python", python.to_str().unwrap())).unwrap();
+    let set = ["--set", &format!("robot.name={name}"), "--set", "run.duration_s=4"];
+    let out = folder.join("out");
+    let run = ["run", task.to_str().unwrap(), "--live", "--json", "--out", out.to_str().unwrap()];
+    let ran = yamabico(&python, &[&run[..], &set].concat());
+    let _ = std::fs::remove_dir_all(&place);
+    assert!(ran.status.success(), "{}", said(&ran));
+    let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    assert!(report["distance_m"].as_f64() > Some(0.3), "{report}");
+}
+
+#[test]
 fn it_drives_down_half_the_corridor() {
     let Some(python) = venv::interpreter(program()) else { return };
     let name = format!("robot.name=python-drives-{}", std::process::id());
