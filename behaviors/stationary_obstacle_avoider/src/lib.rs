@@ -71,8 +71,6 @@ pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "what s
 
 /// A pose that is older (s) is none.
 const POSE_STALE_S: f64 = 0.5;
-/// What was seen is remembered for so long, what was heard for so long, seconds.
-const MEMORY_S: (f64, f64) = (30.0, 1.5);
 /// An echo so near to a wall of the map is the wall's, metres.
 const WALL_ECHO_M: f64 = 0.15;
 /// Somebody who stands in the way is waited for so long before the search, seconds.
@@ -316,8 +314,8 @@ impl StationaryObstacleAvoider {
     fn step(&mut self, now: Time) {
         self.hear_echoes(now);
         self.leave_blind_direction(now);
-        self.things.expire(now);
         let robot = self.robot();
+        self.things.expire(now, robot.map(|robot| robot.position()));
         let is_current = self.localised.is_some_and(|localised| {
             localised.is_usable && now.seconds_after(localised.stamp) <= POSE_STALE_S
         });
@@ -369,7 +367,7 @@ impl StationaryObstacleAvoider {
             let on_map = robot.transform_point(at);
             let is_sound = on_map.x.is_finite() && on_map.y.is_finite();
             if is_sound && self.detector.map().clearance(on_map) > WALL_ECHO_M {
-                self.things.hear(on_map, 0.1, now, MEMORY_S.1);
+                self.things.hear(on_map, 0.1, now);
             }
         }
     }
@@ -388,7 +386,7 @@ impl StationaryObstacleAvoider {
                 y: at.y,
                 radius_m: thing.radius_m,
                 covariance: [variance, 0.0, 0.0, variance],
-                confidence: (1.0 - now.seconds_after(thing.seen) / MEMORY_S.0).clamp(0.0, 1.0),
+                confidence: (1.0 - now.seconds_after(thing.seen) / things::SEEN_S).clamp(0.0, 1.0),
             });
         }
         self.sequence += 1;

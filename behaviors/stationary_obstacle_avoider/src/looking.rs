@@ -7,8 +7,9 @@ use yamabico_core::time::Time;
 
 use crate::halt_state_machine::{Look, State};
 use crate::safe_passage::{Interval, PLANE_M, region_on_plane};
+use crate::things::Cut;
 use crate::way::{Surroundings, aim, is_clear, place_on};
-use crate::{Localised, MEMORY_S, StationaryObstacleAvoider};
+use crate::{Localised, StationaryObstacleAvoider};
 
 /// The path is steered for so far ahead, metres.
 const LOOK_AHEAD_M: f64 = 1.2;
@@ -64,7 +65,9 @@ impl StationaryObstacleAvoider {
             let middle = Point2::new(ahead_m, 0.5 * (low + high) * ahead_m);
             let at = robot.transform_point(camera.transform_point(middle));
             let radius_m = (0.5 * (high - low) * ahead_m).clamp(0.12, 0.3);
-            self.things.see(at, radius_m, now, MEMORY_S.0);
+            let is_cut = region == 0 || region + 1 == count;
+            let cut = is_cut.then(|| Cut { from: robot.position(), is_left: region == 0 });
+            self.things.see(at, radius_m, cut, now);
         }
         let (floor, map) = (&self.floor, self.detector.map());
         self.things.end(|place| floor.is_in_view(robot, place) && map.is_open(robot.position(), place));

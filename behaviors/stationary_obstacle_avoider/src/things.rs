@@ -10,6 +10,13 @@ use yamabico_core::time::Time;
 
 /// How many are remembered.
 const MOST: usize = 24;
+/// What was seen is remembered for so long, seconds; and for so long where it is beside the robot, nearer than this, metres: a
+/// robot that stands still gets no view of it.
+pub const SEEN_S: f64 = 30.0;
+const BESIDE_S: f64 = 120.0;
+const BESIDE_M: f64 = 1.5;
+/// What was only heard is remembered for so long, seconds.
+const HEARD_S: f64 = 1.5;
 /// A sighting this much beyond the radius of a thing is still that thing, metres.
 const SAME_M: f64 = 0.3;
 /// Pictures without it, though its place is in view, after which it is gone.
@@ -27,10 +34,30 @@ pub struct Thing {
     pub is_confirmed: bool,
     /// When it was last sensed.
     pub seen: Time,
-    lifetime_s: f64,
+    was_seen: bool,
     history: u8,
     misses: u32,
     is_fresh: bool,
+}
+
+/// The edge of a picture that cuts what is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Cut {
+    /// Where the picture was taken, metres, map.
+    pub from: Point2<f64>,
+    /// Its left edge, else its right one.
+    pub is_left: bool,
+}
+
+impl Cut {
+    /// Where something is that was known at one place and whose rest is seen at another: no farther away, and no farther into the
+    /// picture, than either says.
+    fn place(&self, known: Point2<f64>, seen: Point2<f64>) -> Point2<f64> {
+        let (known, seen) = (known - self.from, seen - self.from);
+        let is_known_farther_left = seen.perp(&known) > 0.0;
+        let towards = if is_known_farther_left == self.is_left { known } else { seen };
+        self.from + towards.cap_magnitude(known.norm().min(seen.norm()))
+    }
 }
 
 /// The things.
@@ -69,8 +96,8 @@ impl Things {
         }
     }
 
-    /// Takes a sighting of the picture begun: at a place on the map, metres.
-    pub fn see(&mut self, at: Point2<f64>, radius_m: f64, now: Time, lifetime_s: f64) {
+    /// Takes a sighting of the picture begun: at a place on the map, metres. The rest of what the picture's edge cuts is outside.
+    pub fn see(&mut self, at: Point2<f64>, radius_m: f64, cut: Option<Cut>, now: Time) {
         let is_same = |thing: &Thing| (thing.at - at).norm() < thing.radius_m.max(radius_m) + SAME_M;
         let known = self.list.iter_mut().filter(|thing| !thing.is_fresh && is_same(thing));
         let nearest = known.min_by(|a, b| (a.at - at).norm().total_cmp(&(b.at - at).norm()));
@@ -79,21 +106,22 @@ impl Things {
             radius_m,
             is_confirmed: false,
             seen: now,
-            lifetime_s,
+            was_seen: true,
             history: 0,
             misses: 0,
             is_fresh: true,
         };
         if let Some(thing) = nearest {
             let Thing { is_confirmed, history, .. } = *thing;
-            *thing = Thing { is_confirmed, history, ..new };
+            let at = cut.map_or(at, |cut| cut.place(thing.at, at));
+            *thing = Thing { at, is_confirmed, history, ..new };
         } else if self.list.len() < MOST {
             self.list.push(new);
         }
     }
 
     /// Takes an echo at a place on the map, metres: it counts at once.
-    pub fn hear(&mut self, at: Point2<f64>, radius_m: f64, now: Time, lifetime_s: f64) {
+    pub fn hear(&mut self, at: Point2<f64>, radius_m: f64, now: Time) {
         if let Some(thing) = self.list.iter_mut().find(|thing| (thing.at - at).norm() < thing.radius_m) {
             (thing.is_confirmed, thing.seen) = (true, now);
             return;
@@ -104,7 +132,7 @@ impl Things {
                 radius_m,
                 is_confirmed: true,
                 seen: now,
-                lifetime_s,
+                was_seen: false,
                 history: 0,
                 misses: 0,
                 is_fresh: true,
@@ -125,9 +153,17 @@ impl Things {
         self.list.retain(|thing| thing.misses < FORGOTTEN);
     }
 
-    /// Forgets what was sensed too long ago.
-    pub fn expire(&mut self, now: Time) {
-        self.list.retain(|thing| now.seconds_after(thing.seen) <= thing.lifetime_s);
+    /// Forgets what was sensed too long ago. `robot`: where it is on the map, metres.
+    pub fn expire(&mut self, now: Time, robot: Option<Point2<f64>>) {
+        self.list.retain(|thing| {
+            let is_beside = robot.is_some_and(|robot| (thing.at - robot).norm() < BESIDE_M);
+            let longest_s = match (thing.was_seen, is_beside) {
+                (true, true) => BESIDE_S,
+                (true, false) => SEEN_S,
+                (false, _) => HEARD_S,
+            };
+            now.seconds_after(thing.seen) <= longest_s
+        });
     }
 
     /// Whether a robot of `half_width_m` that goes from `pose` for `length_m` in the direction `bearing` (rad, from its heading)
@@ -165,7 +201,7 @@ mod tests {
 
     fn seen(things: &mut Things, x: f64) {
         things.begin();
-        things.see(Point2::new(x, 0.0), 0.2, Time::ZERO, 10.0);
+        things.see(Point2::new(x, 0.0), 0.2, None, Time::ZERO);
         things.end(|_| true);
     }
 
@@ -191,6 +227,30 @@ mod tests {
     }
 
     #[test]
+    fn the_rest_of_what_the_edge_of_the_picture_cuts_goes_neither_farther_away_nor_farther_in() {
+        let mut things = Things::default();
+        seen(&mut things, 2.0);
+        let cut = |is_left| Some(Cut { from: Point2::new(1.0, 0.0), is_left });
+        for (at, cut, there) in [
+            ([2.3, 0.0], cut(true), [2.0, 0.0]),
+            ([1.9, 0.0], cut(true), [1.9, 0.0]),
+            ([1.9, -0.1], cut(true), [1.9, 0.0]),
+            ([1.9, 0.1], cut(true), [1.9, 0.1]),
+            ([1.9, 0.2], cut(false), [1.9, 0.1]),
+            ([2.1, 0.2], None, [2.1, 0.2]),
+        ] {
+            things.begin();
+            things.see(Point2::from(at), 0.15, cut, Time::ZERO);
+            things.end(|_| true);
+            let off = (things.confirmed().next().unwrap().at - Point2::from(there)).norm();
+            assert!(off < 0.015, "{at:?} is taken to be {off} m beside {there:?}");
+        }
+        things.begin();
+        things.see(Point2::new(3.5, 0.0), 0.15, cut(true), Time::ZERO);
+        assert_eq!(things.all().len(), 2, "what is not known yet is put where it seems to be");
+    }
+
+    #[test]
     fn the_way_past_a_thing_is_free_and_the_way_into_it_is_not() {
         let mut things = Things::default();
         seen(&mut things, 1.5);
@@ -205,12 +265,19 @@ mod tests {
     }
 
     #[test]
-    fn time_ends_a_memory() {
+    fn time_ends_a_memory_and_later_that_of_what_is_beside_the_robot() {
         let mut things = Things::default();
-        things.hear(Point2::new(0.5, 0.0), 0.1, Time::ZERO, 1.0);
-        things.expire(Time::from_secs_f64(0.9));
-        assert_eq!(things.confirmed().count(), 1);
-        things.expire(Time::from_secs_f64(1.1));
+        things.hear(Point2::new(0.5, 0.0), 0.1, Time::ZERO);
+        seen(&mut things, 3.0);
+        seen(&mut things, 3.0);
+        let mut left = |seconds: f64, robot_x: f64| {
+            things.expire(Time::from_secs_f64(seconds), Some(Point2::new(robot_x, 0.0)));
+            things.confirmed().count()
+        };
+        assert_eq!([left(1.4, 0.0), left(1.6, 0.0)], [2, 1]);
+        assert_eq!([left(29.0, 0.0), left(119.0, 2.0), left(119.0, 0.0)], [1, 1, 0]);
+        seen(&mut things, 3.0);
+        things.expire(Time::from_secs_f64(121.0), Some(Point2::new(2.0, 0.0)));
         assert!(things.all().is_empty());
     }
 }

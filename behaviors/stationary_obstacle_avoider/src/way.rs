@@ -142,7 +142,7 @@ mod tests {
         if let Some([x, y]) = thing {
             for _ in 0..2 {
                 things.begin();
-                things.see(Point2::new(x, y), 0.17, Time::ZERO, 10.0);
+                things.see(Point2::new(x, y), 0.17, None, Time::ZERO);
                 things.end(|_| false);
             }
         }
@@ -194,7 +194,7 @@ mod tests {
     fn what_fills_the_corridor_leaves_no_way() {
         let (map, mut things, floor) = (corridor(), Things::default(), SeenFloor::new(5.0, 0.0));
         for y in [-0.7, -0.35, 0.0, 0.35, 0.7] {
-            things.hear(Point2::new(1.2, y), 0.17, Time::ZERO, 10.0);
+            things.hear(Point2::new(1.2, y), 0.17, Time::ZERO);
         }
         let robot = Pose2::IDENTITY;
         let around = Surroundings { robot: &robot, map: &map, things: &things, floor: &floor, path: &[] };
