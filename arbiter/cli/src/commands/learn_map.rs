@@ -15,8 +15,7 @@ use yamabico_core::camera::Mount;
 use yamabico_core::config::Task;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{FrameHeader, Message, MessageType, Odometry, Pose};
-use yamabico_core::odometry_track::OdometryTrack;
+use yamabico_core::message::{FrameHeader, MessageType};
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
 use yamabico_core::vision::azimuth_profile::ProfileRule;
@@ -26,6 +25,7 @@ use super::TaskArguments;
 use super::learn::drive;
 use super::map_plot::plot;
 use super::verify_surfaces::{self, Verifier};
+use super::whereabouts::Whereabouts;
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for the odometry of their instant.
@@ -206,15 +206,12 @@ fn text(learned: &Learned) -> String {
 /// Listens to a run: pictures of the mirror camera, odometry, and poses where somebody tells them.
 struct Cartographer {
     camera: String,
-    odometry_topic: String,
-    pose_topic: Option<String>,
+    whereabouts: Whereabouts,
     robot_from_camera: Pose2,
     size: [u32; 2],
     edges: RadialEdges,
     mapper: Mapper,
     pictures: VecDeque<(Time, GrayImage)>,
-    odometry: OdometryTrack,
-    map_from_odometry: Pose2,
 }
 
 impl Cartographer {
@@ -229,24 +226,19 @@ impl Cartographer {
         });
         let (camera, mirror, mount) =
             mirror.ok_or("no behaviour of the task has a mirror camera: edges are mapped by one")?;
-        let odometry = sensors().find(|(_, sensor)| sensor.message == Odometry::NAME);
-        let (_, odometry) =
-            odometry.ok_or("no behaviour of the task has odometry: a map has its scale from it")?;
-        let publisher = verify_surfaces::pose_publisher(task).map(|(_, topic)| topic);
+        let whereabouts = Whereabouts::of(task)
+            .ok_or("no behaviour of the task has odometry: a map has its scale from it")?;
         let Mount { x, y, pan, .. } = mount;
         let image = mirror.image();
         let ways = WayRule { sway_rad: sway_deg.to_radians(), ..WayRule::default() };
         Ok(Self {
             camera: topics::sensor(&camera),
-            odometry_topic: topics::sensor(&odometry.name),
-            pose_topic: publisher,
+            whereabouts,
             robot_from_camera: Pose2::new(x, y, pan),
             size: image.size(),
             edges: RadialEdges::new(image, &RadialEdgeRule::within(image), ProfileRule::default()),
             mapper: Mapper::new(MapperRule { ways, ..MapperRule::default() }),
             pictures: VecDeque::new(),
-            odometry: OdometryTrack::default(),
-            map_from_odometry: Pose2::IDENTITY,
         })
     }
 
@@ -263,8 +255,8 @@ impl Cartographer {
     /// Maps the pictures whose place is known by now.
     fn map(&mut self) {
         while let Some((stamp, grey)) = self.pictures.front() {
-            let Some(robot) = self.odometry.pose_at(*stamp) else { return };
-            let camera = self.map_from_odometry.compose(&robot).compose(&self.robot_from_camera);
+            let Some(robot) = self.whereabouts.at(*stamp) else { return };
+            let camera = robot.compose(&self.robot_from_camera);
             if let Ok(picture) = grey.view()
                 && let Ok(edges) = self.edges.find(picture)
             {
@@ -278,23 +270,12 @@ impl Cartographer {
 impl Tap for Cartographer {
     fn message(&mut self, topic: &str, _: &MessageType, time: Time, header: &[u8], items: &[u8]) {
         let raw = RawMessage { header, items };
-        if topic == self.odometry_topic {
-            if let Some(odometry) = View::<Odometry>::of(raw) {
-                self.odometry.push(odometry.header, time);
-            }
-        } else if topic == self.camera {
-            if let Some(frame) = View::<FrameHeader>::of(raw) {
-                self.keep(&frame);
-            }
-        } else if self.pose_topic.as_deref() == Some(topic)
-            && let Some(pose) = View::<Pose>::of(raw)
-            && let Some(then) = self.odometry.pose_at(Time(pose.header.stamp_ns))
+        if topic == self.camera
+            && let Some(frame) = View::<FrameHeader>::of(raw)
         {
-            let Pose { x, y, theta, .. } = *pose.header;
-            self.map_from_odometry = Pose2::new(x, y, theta).compose(&then.inverse());
-            self.map();
+            self.keep(&frame);
         }
-        if self.pose_topic.is_none() {
+        if self.whereabouts.hear(topic, raw, time) {
             self.map();
         }
     }

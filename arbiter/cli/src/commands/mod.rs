@@ -16,6 +16,7 @@ pub mod run;
 mod run_table;
 pub mod schema;
 mod verify_surfaces;
+mod whereabouts;
 
 use std::path::PathBuf;
 

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use nalgebra::{Point2, Vector2};
-use yamabico_arbiter::execution::topics;
 use yamabico_arbiter::record::Tap;
 use yamabico_core::azimuth_map::{
     EdgeMap, Inflation, MapSurface, RangeReading, SurfaceCheck, SurfaceCheckRule, SurfaceState,
@@ -12,11 +11,12 @@ use yamabico_core::azimuth_map::{
 use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::config::Task;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Message, MessageType, Odometry, Pose, RangeScanHeader};
-use yamabico_core::odometry_track::OdometryTrack;
+use yamabico_core::message::{Message, MessageType, RangeScanHeader};
 use yamabico_core::polygon::{contains, nearest_on_segment};
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
+
+use super::whereabouts::{Whereabouts, pose_publisher};
 
 /// Narrower surfaces (m) hold no beam.
 const LEAST_WIDTH_M: f64 = 0.4;
@@ -54,14 +54,6 @@ pub fn settings(task: &Task, map: &EdgeMap, start: Point2<f64>, file: &Path) -> 
         format!("run.goal={{ x_m = {:?}, y_m = {:?}, tolerance_m = 0.15 }}", goal[0], goal[1]),
         format!("run.duration_s={duration_s:?}"),
     ])
-}
-
-/// The name of the behaviour that publishes poses, and its topic.
-pub fn pose_publisher(task: &Task) -> Option<(String, String)> {
-    task.behaviors.iter().find_map(|behavior| {
-        let output = behavior.plugin.outputs.iter().find(|output| output.message.name == Pose::NAME)?;
-        Some((behavior.name.clone(), topics::output(&behavior.name, output.name)))
-    })
 }
 
 /// The way past every surface that is to be faced: straight at its middle, from afar and from near.
@@ -124,10 +116,7 @@ fn approach(map: &EdgeMap, surface: &MapSurface, walls: &[Vec<Point2<f64>>]) -> 
 
 /// Listens to the second drive.
 pub struct Verifier {
-    odometry_topic: String,
-    pose_topic: String,
-    odometry: OdometryTrack,
-    map_from_odometry: Option<Pose2>,
+    whereabouts: Whereabouts,
     checks: Vec<SurfaceCheck>,
 }
 
@@ -144,19 +133,15 @@ impl Verifier {
             return Err("--verify needs a sonar in the task: add a sonar-halt".into());
         };
         let rule = SurfaceCheckRule { farthest_m: max_m, ..SurfaceCheckRule::default() };
-        let (_, odometry) = with(Odometry::NAME).ok_or("--verify needs odometry")?;
-        let (_, pose_topic) = pose_publisher(task).ok_or("--verify needs a map-localizer in the task")?;
+        let whereabouts = Whereabouts::of(task).ok_or("--verify needs odometry")?;
+        if !whereabouts.is_localised() {
+            return Err("--verify needs a map-localizer in the task".into());
+        }
         let check = |surface: &MapSurface| {
             let end = |number| map.edge(number).map_or(Point2::origin(), |edge| Point2::from(edge.at_m));
             SurfaceCheck::new([end(surface.right), end(surface.left)], rule)
         };
-        Ok(Self {
-            odometry_topic: topics::sensor(&odometry.name),
-            pose_topic,
-            odometry: OdometryTrack::default(),
-            map_from_odometry: None,
-            checks: map.surfaces.iter().map(check).collect(),
-        })
+        Ok(Self { whereabouts, checks: map.surfaces.iter().map(check).collect() })
     }
 
     /// Writes what was found out into the map; how many surfaces are told now.
@@ -170,11 +155,10 @@ impl Verifier {
     }
 
     fn scan(&mut self, scan: &View<'_, RangeScanHeader>) {
-        let at = self.odometry.pose_at(Time(scan.header.stamp_ns));
-        let (Some(map_from_odometry), Some(robot)) = (self.map_from_odometry, at) else { return };
+        let Some(robot) = self.whereabouts.at(Time(scan.header.stamp_ns)) else { return };
         for beam in scan.items {
             let on_robot = Pose2::new(beam.x_m, beam.y_m, beam.azimuth_rad);
-            let sensor = map_from_odometry.compose(&robot).compose(&on_robot);
+            let sensor = robot.compose(&on_robot);
             let reading = RangeReading { sensor, range_m: beam.echo_m(), sigma_m: SIGMA_M };
             for check in &mut self.checks {
                 check.take(&reading);
@@ -186,18 +170,8 @@ impl Verifier {
 impl Tap for Verifier {
     fn message(&mut self, topic: &str, message: &MessageType, time: Time, header: &[u8], items: &[u8]) {
         let raw = RawMessage { header, items };
-        if topic == self.odometry_topic {
-            if let Some(odometry) = View::<Odometry>::of(raw) {
-                self.odometry.push(odometry.header, time);
-            }
-        } else if topic == self.pose_topic {
-            if let Some(pose) = View::<Pose>::of(raw)
-                && let Some(then) = self.odometry.pose_at(Time(pose.header.stamp_ns))
-            {
-                let Pose { x, y, theta, .. } = *pose.header;
-                self.map_from_odometry = Some(Pose2::new(x, y, theta).compose(&then.inverse()));
-            }
-        } else if message.name == RangeScanHeader::NAME
+        self.whereabouts.hear(topic, raw, time);
+        if message.name == RangeScanHeader::NAME
             && let Some(scan) = View::<RangeScanHeader>::of(raw)
         {
             self.scan(&scan);
