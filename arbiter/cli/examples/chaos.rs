@@ -25,6 +25,8 @@ use yamabico_core::time::Time;
 const PLUGINS: usize = VICTIMS.len() + 1;
 /// Who is a program in Python where there is an interpreter.
 const IN_PYTHON: &str = "wall-follower";
+/// Neither the goal nor the time ends a run.
+const ENDLESS: [&str; 2] = ["run.goal.x_m=1000", "run.duration_s=100000"];
 /// How near a person lets a robot come that is in their way, metres.
 const GIVES_WAY_M: f64 = 0.4;
 /// Supervisors that are killed.
@@ -45,7 +47,7 @@ fn main() {
     });
     let world = (!blind).then(world_of_people_who_look);
     let world = world.iter().map(|path| format!("robot.devices.sim.world={:?}", path.display().to_string()));
-    let set: Vec<String> = in_python.chain(world).chain(["run.goal.x_m=1000".to_owned()]).collect();
+    let set: Vec<String> = in_python.chain(world).chain(ENDLESS.map(str::to_owned)).collect();
     let here = std::env::current_exe().unwrap();
     let program = here.parent().and_then(Path::parent).unwrap().join("yamabico");
     let mut chance = Chance(Time::monotonic_now().0 | 1);
@@ -59,6 +61,8 @@ fn main() {
             figures.kill(&mut robot, 5.min(kills - figures.kills), &mut chance);
         }
         robot.watch(Duration::from_secs(3));
+        // What somebody left unfinished who died while coming up is cleared within ten seconds.
+        robot.watch_until(Duration::from_secs(15), |robot| robot.holdings() == before);
         let after = robot.holdings();
         walked_into += tell_contacts(&mut robot);
         let report: serde_json::Value = serde_json::from_slice(&robot.interrupt().stdout).unwrap();

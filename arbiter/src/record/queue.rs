@@ -222,7 +222,7 @@ mod tests {
         let queue = Queue::default();
         let mut taken = Batch::default();
         for _ in 0..4 {
-            (0..10).for_each(|_| drop(offer(&queue, "frames", KEPT_BYTES)));
+            assert!((0..10).all(|_| offer(&queue, "frames", KEPT_BYTES) == Offer::Taken));
             assert!(queue.take(&mut taken));
             assert_eq!(taken.entries().count(), 10);
             assert_eq!(offer(&queue, "frames", 1), Offer::Taken);

@@ -230,7 +230,8 @@ pub struct Person {
     #[serde(default = "walking_speed")]
     #[schemars(range(min = 0.01, max = 3.0))]
     pub speed_mps: f64,
-    /// They wait while a robot is in their way and nearer than this, metres, 0 to 10; at 0 they walk on whatever is there.
+    /// They wait, for up to 30 s, while a robot is in their way and nearer than this, metres, 0 to 10; at 0 they walk on whatever is
+    /// there.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub gives_way_m: f64,

@@ -16,6 +16,8 @@ pub struct Walker {
     heading: f64,
     /// Begin and end, seconds after the start of the run.
     waits: Vec<[f64; 2]>,
+    /// They have waited long enough for what is in the way.
+    is_out_of_patience: bool,
 }
 
 /// Where somebody stands, which way they face and how their legs are.
@@ -44,6 +46,8 @@ struct Leg {
 const GAIT_M: f64 = 1.3;
 /// Who gives way does so to what would come nearer than this to their side, metres.
 const ELBOW_ROOM_M: f64 = 0.1;
+/// They wait for so long at most, and then squeeze past, seconds.
+const PATIENCE_S: f64 = 30.0;
 /// Largest distance of a foot ahead of the body, metres.
 const STRIDE_M: f64 = 0.26;
 
@@ -66,27 +70,21 @@ impl Walker {
         }
         let heading = legs.first().map_or(0.0, |l| l.heading);
         let rest = person.path_m.first().copied().unwrap_or_default();
-        Self { person: person.clone(), legs, rest, heading, waits: Vec::new() }
+        Self { person: person.clone(), legs, rest, heading, waits: Vec::new(), is_out_of_patience: false }
     }
 
     /// Position and posture at `time_s` after the start of the run.
     #[must_use]
     pub fn at(&self, time_s: f64) -> Place {
-        let waited: f64 = self
-            .waits
-            .iter()
-            .map(|[begin, end]| time_s.min(*end) - begin)
-            .filter(|waited| *waited > 0.0)
-            .sum();
-        let place = self.without_waits(time_s - waited);
+        let place = self.without_waits(time_s - self.waited_s(time_s));
         let waits = self.waits.iter().any(|[begin, end]| (*begin..*end).contains(&time_s));
         if waits { Place { velocity: [0.0; 2], ..place } } else { place }
     }
 
     /// Waits from `from_s` to `to_s`, seconds after the start of the run, where a body of `radius_m` at `centre` is in the way.
-    /// Only who gives way does.
+    /// Only who gives way does, and not for ever.
     pub fn give_way(&mut self, centre: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
-        let Place { at, velocity: [vx, vy], .. } = self.at(from_s);
+        let Place { at, velocity: [vx, vy], .. } = self.without_waits(from_s - self.waited_s(from_s));
         let speed = vx.hypot(vy);
         if self.person.gives_way_m <= 0.0 || speed <= 0.0 {
             return;
@@ -96,12 +94,25 @@ impl Walker {
         let touch = PERSON_RADIUS_M + radius_m;
         let gap = dx.hypot(dy) - touch;
         if ahead <= 0.0 || aside > touch + ELBOW_ROOM_M || gap > self.person.gives_way_m {
+            self.is_out_of_patience = false;
+            return;
+        }
+        if self.is_out_of_patience {
             return;
         }
         match self.waits.last_mut().filter(|last| last[1] >= from_s) {
-            Some(last) => last[1] = to_s,
+            Some(last) => {
+                last[1] = to_s;
+                self.is_out_of_patience = to_s - last[0] >= PATIENCE_S;
+            }
             None => self.waits.push([from_s, to_s]),
         }
+    }
+
+    /// How much of the time before `time_s` they have waited, seconds.
+    fn waited_s(&self, time_s: f64) -> f64 {
+        let waits = self.waits.iter().map(|[begin, end]| time_s.min(*end) - begin);
+        waits.filter(|waited| *waited > 0.0).sum()
     }
 
     fn without_waits(&self, time_s: f64) -> Place {
@@ -157,22 +168,26 @@ mod tests {
         let person = World::from_toml(text).unwrap().people.remove(0);
         let walk = |person: &Person, centre: [f64; 2], until_s: f64| {
             let mut walker = Walker::new(person, 0, 1);
-            for step in 0..1000 {
+            for step in 0..5000 {
                 let from_s = f64::from(step) * 0.01;
                 let centre = if from_s < until_s { centre } else { [50.0, 50.0] };
-                walker.give_way(centre, 0.2, from_s, from_s + 0.01);
+                walker.give_way(centre, 0.2, from_s, f64::from(step + 1) * 0.01);
             }
             walker
         };
         // Stands half a metre before it, for as long as it is there.
         let touch = PERSON_RADIUS_M + 0.2;
-        let waited = walk(&person, [2.0, 0.0], 5.0);
-        let stop = 2.0 - touch - 0.5;
+        let waited = walk(&person, [2.005, 0.0], 4.0);
+        let stop = 2.005 - touch - 0.5;
         let place = waited.at(3.0);
         assert!((place.at[0] - stop).abs() < 0.02 && place.velocity == [0.0; 2], "{place:?}");
         // The past stays as it was, and the walk goes on where it was.
         assert!((waited.at(1.0).at[0] - 1.0).abs() < 1e-9 && waited.at(1.0).velocity == [1.0, 0.0]);
-        assert!((waited.at(6.0).at[0] - stop - 1.0).abs() < 0.03, "{:?}", waited.at(6.0));
+        assert!((waited.at(5.0).at[0] - stop - 1.0).abs() < 0.03, "{:?}", waited.at(5.0));
+        // Who has waited for long goes on all the same.
+        let squeezed = walk(&person, [2.005, 0.0], 50.0);
+        let at = squeezed.at(stop + PATIENCE_S + 1.0);
+        assert!((at.at[0] - stop - 1.0).abs() < 0.03, "{at:?}");
         // What is beside the way or behind, and who walks on whatever is there.
         assert_eq!(walk(&person, [2.0, touch + 0.2], 10.0).at(3.0).at, [3.0, 0.0]);
         assert_eq!(walk(&person, [-0.5, 0.0], 10.0).at(3.0).at, [3.0, 0.0]);
