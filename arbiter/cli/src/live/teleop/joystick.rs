@@ -20,12 +20,17 @@ impl Session {
         println!(
             "left stick: forward and sideways   right stick: turn   hold the left upper trigger to drive   Ctrl-C: end"
         );
+        let mut told = String::new();
         while !flag.load(Ordering::Relaxed) {
             while gilrs.next_event().is_some() {}
             let held = gilrs.gamepads().find_map(|(_, pad)| stick(&pad));
             self.publish(held)?;
             let what = self.what()?;
-            println!("{}", line(held, 1.0, &what));
+            let line = line(held, 1.0, &what);
+            if line != told {
+                println!("{line}");
+                told = line;
+            }
             std::thread::sleep(PERIOD.max(Duration::from_millis(20)));
         }
         Ok(())

@@ -64,7 +64,11 @@ pub fn teleop(arguments: &Arguments, _: Print) -> ExitCode {
         );
         return fail(&problem, BAD_CONFIGURATION);
     }
-    if !std::io::stdin().is_terminal() {
+    #[cfg(feature = "joystick")]
+    let by_joystick = arguments.joystick;
+    #[cfg(not(feature = "joystick"))]
+    let by_joystick = false;
+    if !by_joystick && !std::io::stdin().is_terminal() {
         return fail("keys are read from a terminal, and standard input is none", BAD_CONFIGURATION);
     }
     let flag = match interrupt_flag() {
@@ -73,7 +77,7 @@ pub fn teleop(arguments: &Arguments, _: Print) -> ExitCode {
     };
     let mut session = Session { robot, lookout, stick, sequence: 0, was_held: false };
     #[cfg(feature = "joystick")]
-    let outcome = if arguments.joystick { session.by_joystick(&flag) } else { session.by_keys(&flag) };
+    let outcome = if by_joystick { session.by_joystick(&flag) } else { session.by_keys(&flag) };
     #[cfg(not(feature = "joystick"))]
     let outcome = session.by_keys(&flag);
     match outcome {
