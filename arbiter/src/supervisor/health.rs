@@ -11,6 +11,7 @@ const COMING_UP: Duration = Duration::from_secs(10);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Health {
     patience: Duration,
+    first: Option<Time>,
     heard: Option<Time>,
     since: Time,
 }
@@ -18,12 +19,18 @@ pub(super) struct Health {
 impl Health {
     /// Of a process that starts `now` and may then be silent for `patience`.
     pub fn new(patience: Duration, now: Time) -> Health {
-        Health { patience, heard: None, since: now }
+        Health { patience, first: None, heard: None, since: now }
     }
 
     /// It gave a sign of life.
     pub fn hear(&mut self, now: Time) {
+        self.first.get_or_insert(now);
         self.heard = Some(now);
+    }
+
+    /// How long ago its first sign of life was; nothing where there was none.
+    pub fn lived(&self, now: Time) -> Duration {
+        self.first.map_or(Duration::ZERO, |first| now.since(first))
     }
 
     /// Whether it has ever given one.
@@ -64,6 +71,9 @@ mod tests {
         health.hear(at(1_000));
         assert!(health.hangs(at(1_300)).is_none() && health.is_up());
         assert_eq!(health.hangs(at(1_301)), Some(Duration::from_millis(301)));
+        health.hear(at(1_400));
+        assert_eq!(health.lived(at(1_500)), Duration::from_millis(500));
+        assert_eq!(Health::new(Duration::ZERO, at(0)).lived(at(1_500)), Duration::ZERO);
     }
 
     #[test]

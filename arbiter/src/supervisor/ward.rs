@@ -152,10 +152,15 @@ impl Ward {
             State::Coming { child, started, .. } | State::Up { child, started, .. } => match child.try_wait()
             {
                 Ok(Some(status)) => {
-                    let lived = now.since(*started);
+                    let took = now.since(*started);
+                    // However long a start takes, who dies of it has not lived.
+                    let lived = match &self.state {
+                        State::Up { health, .. } => health.lived(now),
+                        _ => Duration::ZERO,
+                    };
                     let clean = Some(clean_up.request(now));
                     let by_others = status.signal() == Some(Signal::KILL.as_raw()) && !self.hangs;
-                    self.bury(&in_words(status), lived, clean, now);
+                    self.bury(&in_words(status), took, lived, clean, now);
                     if self.back_off.loops() && !by_others {
                         // What it remembers may be what it cannot bear.
                         self.plan.charge.memory.clear();
@@ -193,7 +198,13 @@ impl Ward {
     fn start(&mut self, now: Time, clean: Option<Ticket>, program: &Program) {
         match spawn(program, &self.plan) {
             Ok(child) => self.state = State::Coming { child, started: now, clean },
-            Err(error) => self.bury(&format!("could not be started: {error}"), Duration::ZERO, clean, now),
+            Err(error) => self.bury(
+                &format!("could not be started: {error}"),
+                Duration::ZERO,
+                Duration::ZERO,
+                clean,
+                now,
+            ),
         }
     }
 
@@ -219,11 +230,12 @@ impl Ward {
         self.state = State::Up { child, started, health: Health::new(self.plan.patience, now) };
     }
 
-    fn bury(&mut self, how: &str, lived: Duration, clean: Option<Ticket>, now: Time) {
+    /// It ended `took` after its start, and had been up for `lived`.
+    fn bury(&mut self, how: &str, took: Duration, lived: Duration, clean: Option<Ticket>, now: Time) {
         let wait = self.back_off.died(lived);
         self.ended = Some((Note::new(how), now));
         let name = &self.plan.charge.name;
-        let after = format!("`{name}` {how} after {lived:.3?}");
+        let after = format!("`{name}` {how} after {took:.3?}");
         if self.back_off.loops() {
             tracing::error!("{after}, again and again; it is started again in {wait:?}");
         } else {

@@ -11,9 +11,10 @@ class Fragile(WallFollower):
 
     name = "fragile"
 
-    orders = Word("The file that tells how to fail: raise, exit, loop, keep.", default="")
+    orders = Word("The file that tells how to fail: raise, exit, loop, keep, poison.", default="")
     kept = None
     calls = 0
+    poison = False
 
     def __init__(self, setup):
         super().__init__(setup)
@@ -21,15 +22,20 @@ class Fragile(WallFollower):
             raise SetupError("speed_mps", "too fast for one so fragile")
 
     def remember(self):
-        return {"calls": self.calls, **super().remember()}
+        return {"calls": self.calls, "poison": self.poison, **super().remember()}
 
     def recall(self, memory):
         super().recall(memory)
         self.calls = memory["calls"]
+        if memory["poison"]:
+            os._exit(7)
 
     def propose(self, inputs):
         self.calls += 1
+        if self.poison:
+            os._exit(7)
         order = self.taken()
+        self.poison = order == "poison"
         if order == "raise":
             raise RuntimeError("as it was told")
         if order == "exit":

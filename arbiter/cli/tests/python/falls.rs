@@ -31,10 +31,12 @@ pub enum Fall {
     Kill,
     /// It uses a picture longer than it was lent.
     Keep,
+    /// It remembers what its successors die of.
+    Poison,
 }
 
 impl Fall {
-    /// Every way.
+    /// Every way that costs one process at most.
     pub const ALL: [Fall; 5] = [Fall::Raise, Fall::Exit, Fall::Loop, Fall::Kill, Fall::Keep];
 
     fn order(self) -> Option<&'static str> {
@@ -43,6 +45,7 @@ impl Fall {
             Fall::Exit => Some("exit"),
             Fall::Loop => Some("loop"),
             Fall::Keep => Some("keep"),
+            Fall::Poison => Some("poison"),
             Fall::Kill => None,
         }
     }
@@ -97,7 +100,10 @@ impl FragileRobot {
         }
         // What it proposed right before, or with what it kept, is none of its return.
         let (begun, fell) = (Instant::now(), Time::monotonic_now());
-        let least = if fall == Fall::Keep { Duration::from_millis(150) } else { Duration::ZERO };
+        let least = match fall {
+            Fall::Keep | Fall::Poison => Duration::from_millis(150),
+            _ => Duration::ZERO,
+        };
         while begun.elapsed() < BACK {
             self.robot.watch(Duration::from_millis(1));
             self.listen();

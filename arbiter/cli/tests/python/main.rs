@@ -180,6 +180,12 @@ fn its_parameters_are_changed_while_it_runs_and_its_successor_goes_on() {
         let (after, speed) = calls(&mut fragile);
         assert!(after > second && speed <= 0.2, "{fall:?}: {after} after {second} calls, {speed} m/s");
     }
+    // Successors that die of what they are told begin without it in the end.
+    let starts = fragile.robot.newest[FRAGILE].restarts;
+    assert!(fragile.fall(Fall::Poison).is_some(), "it is not back");
+    let (after, _) = calls(&mut fragile);
+    assert!(after < second, "{after} calls remembered");
+    assert!(fragile.robot.newest[FRAGILE].restarts >= starts + 6);
     fragile.interrupt();
 }
 
