@@ -4,6 +4,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "what fails here is the claim")]
 
+#[allow(dead_code, reason = "shared with the tests, which ask for more")]
 #[path = "../tests/python/falls.rs"]
 mod falls;
 #[path = "../tests/chaos/robot.rs"]
