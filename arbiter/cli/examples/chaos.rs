@@ -46,8 +46,9 @@ fn main() {
         ]
     });
     let world = (!blind).then(world_of_people_who_look);
-    let world = world.iter().map(|path| format!("robot.devices.sim.world={:?}", path.display().to_string()));
-    let set: Vec<String> = in_python.chain(world).chain(ENDLESS.map(str::to_owned)).collect();
+    let settings =
+        world.iter().map(|path| format!("robot.devices.sim.world={:?}", path.display().to_string()));
+    let set: Vec<String> = in_python.chain(settings).chain(ENDLESS.map(str::to_owned)).collect();
     let here = std::env::current_exe().unwrap();
     let program = here.parent().and_then(Path::parent).unwrap().join("yamabico");
     let mut chance = Chance(Time::monotonic_now().0 | 1);
@@ -56,6 +57,7 @@ fn main() {
     while figures.kills < kills {
         let mut robot = start(&program, runs, &set);
         let before = figures.kill_each_once(&mut robot);
+        let segments = robot.segments();
         let until = Instant::now() + Duration::from_secs(seconds as u64);
         while Instant::now() < until && figures.kills < kills {
             figures.kill(&mut robot, 5.min(kills - figures.kills), &mut chance);
@@ -64,6 +66,9 @@ fn main() {
         // What somebody left unfinished who died while coming up is cleared within ten seconds.
         robot.watch_until(Duration::from_secs(15), |robot| robot.holdings() == before);
         let after = robot.holdings();
+        if after != before {
+            println!("  segments by kind and size, before: {segments:?}\n  after: {:?}", robot.segments());
+        }
         walked_into += tell_contacts(&mut robot);
         let report: serde_json::Value = serde_json::from_slice(&robot.interrupt().stdout).unwrap();
         contacts += report["contacts"].as_u64().unwrap();
@@ -91,6 +96,7 @@ fn main() {
     hang(&program, &set, &mut figures);
     take_over(&program, &set);
     orphan(&program, &set);
+    let _ = world.map(std::fs::remove_file);
 }
 
 /// Tells where the robot touched something, and who drove it there; how often that was somebody who walks.

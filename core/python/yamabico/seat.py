@@ -108,8 +108,11 @@ class Seat:
 
     def replace(self, candidate):
         """Lets what `build` made work from now on. It goes on where its predecessor stops, and is told again what is kept on the bus."""
-        if self.behavior is not None:
-            self.memory = _remembered(self.behavior)
+        try:
+            self.memory = _remembered(self.behavior) if self.behavior is not None else self.memory
+        except Exception:
+            # What it remembered after its last call will do.
+            traceback.print_exc()
         self._setup, self.behavior = candidate
         self._recall(self.memory)
         self._feed = Feed(self._bus, self.slots)

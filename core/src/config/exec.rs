@@ -42,7 +42,7 @@ pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
 
 /// Asks the program of the behaviour `entry` what it is.
 pub(crate) fn ask(program: &[String], entry: &Entry, problems: &mut Vec<Problem>) -> Option<BehaviorPlugin> {
-    let told = described::<Description>(program).and_then(Description::plugin);
+    let told = converse::<Description>(program, DESCRIBE, "").and_then(Description::plugin);
     told.map_err(|problem| problems.push(refused(program, entry, "behaviour", problem))).ok()
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn ask_driver(
     entry: &Entry,
     problems: &mut Vec<Problem>,
 ) -> Option<DriverPlugin> {
-    let told = described::<DriverDescription>(program).and_then(|told| told.plugin(program));
+    let told = converse::<DriverDescription>(program, DESCRIBE, "").and_then(|told| told.plugin(program));
     told.map_err(|problem| problems.push(refused(program, entry, "driver of", problem))).ok()
 }
 
@@ -92,10 +92,6 @@ fn refused(program: &[String], entry: &Entry, what: &str, problem: String) -> Pr
     Problem::new(span, format!("`{whole}` cannot be the {what} `{}`", entry.key))
         .label(problem)
         .help("name a program that is built against this version, such as `yamabico new` begins")
-}
-
-fn described<T: DeserializeOwned>(program: &[String]) -> Result<T, String> {
-    converse(program, DESCRIBE, "")
 }
 
 /// Starts `program` with `argument`, tells it `words`, and returns what it answers, as JSON.

@@ -173,6 +173,21 @@ impl Robot {
         }
     }
 
+    /// How many segments of shared memory there are of each kind (the ending of their names) and size, bytes.
+    #[allow(dead_code, reason = "not all that share this file ask")]
+    pub fn segments(&self) -> BTreeMap<(String, u64), usize> {
+        let (_, prefix) = self.bus.files().expect("a bus in shared memory");
+        let mut kinds = BTreeMap::new();
+        for entry in entries(Path::new("/dev/shm")) {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if let (true, Ok(about)) = (name.starts_with(&prefix), entry.metadata()) {
+                let kind = name.rsplit('.').next().unwrap_or_default().to_owned();
+                *kinds.entry((kind, about.len())).or_default() += 1;
+            }
+        }
+        kinds
+    }
+
     /// The folder of the transport's files, and the start of the names of its segments.
     #[allow(dead_code, reason = "not all that share this file ask")]
     pub fn files(&self) -> (PathBuf, String) {

@@ -84,9 +84,12 @@ impl Walker {
     /// Waits from `from_s` to `to_s`, seconds after the start of the run, where a body of `radius_m` at `centre` is in the way.
     /// Only who gives way does, and not for ever.
     pub fn give_way(&mut self, centre: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
+        if self.person.gives_way_m <= 0.0 {
+            return;
+        }
         let Place { at, velocity: [vx, vy], .. } = self.without_waits(from_s - self.waited_s(from_s));
         let speed = vx.hypot(vy);
-        if self.person.gives_way_m <= 0.0 || speed <= 0.0 {
+        if speed <= 0.0 {
             return;
         }
         let [dx, dy] = [centre[0] - at[0], centre[1] - at[1]];
