@@ -13,11 +13,12 @@ mod campaign;
 #[path = "../tests/chaos/robot.rs"]
 mod robot;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use campaign::{Chance, Figures, PERIOD, VICTIMS, quantile};
-use robot::{BareTimer, Robot, config, signal};
+use robot::{BareTimer, Robot, Segments, config, signal};
 use yamabico_core::message::Truth;
 use yamabico_core::time::Time;
 
@@ -67,7 +68,7 @@ fn main() {
         robot.watch_until(Duration::from_secs(15), |robot| robot.holdings() == before);
         let after = robot.holdings();
         if after != before {
-            println!("  segments by kind and size, before: {segments:?}\n  after: {:?}", robot.segments());
+            tell_difference(&segments, &robot.segments());
         }
         walked_into += tell_contacts(&mut robot);
         let report: serde_json::Value = serde_json::from_slice(&robot.interrupt().stdout).unwrap();
@@ -97,6 +98,15 @@ fn main() {
     take_over(&program, &set);
     orphan(&program, &set);
     let _ = world.map(std::fs::remove_file);
+}
+
+/// Tells which segments are more, or fewer, than they were.
+fn tell_difference(before: &Segments, after: &Segments) {
+    let of = |segments: &Segments, which| segments.get(which).copied().unwrap_or(0);
+    let both: BTreeSet<_> = before.keys().chain(after.keys()).collect();
+    for which in both.into_iter().filter(|which| of(before, which) != of(after, which)) {
+        println!("  {which:?}: {} before, {} after", of(before, which), of(after, which));
+    }
 }
 
 /// Tells where the robot touched something, and who drove it there; how often that was somebody who walks.

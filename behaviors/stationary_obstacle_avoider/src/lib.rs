@@ -350,7 +350,7 @@ impl StationaryObstacleAvoider {
         }
         if self.order.state == State::Blocked && now.seconds_after(self.entered) > self.config.retry_s {
             self.machine = Machine::new(&self.rules);
-            self.things.clear();
+            self.things.forget_distant(robot.map(|robot| robot.position()));
         }
     }
 

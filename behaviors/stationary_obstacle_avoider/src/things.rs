@@ -40,6 +40,12 @@ pub struct Thing {
     is_fresh: bool,
 }
 
+impl Thing {
+    fn is_beside(&self, robot: Option<Point2<f64>>) -> bool {
+        robot.is_some_and(|robot| (self.at - robot).norm() < BESIDE_M)
+    }
+}
+
 /// The edge of a picture that cuts what is seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Cut {
@@ -84,9 +90,10 @@ impl Things {
         self.list.iter().filter(|thing| thing.is_confirmed)
     }
 
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.list.clear();
+    /// Forgets what may have gone, to begin anew: all but what was seen beside `robot` (metres, map), of which standing still
+    /// gives no view.
+    pub fn forget_distant(&mut self, robot: Option<Point2<f64>>) {
+        self.list.retain(|thing| thing.was_seen && thing.is_beside(robot));
     }
 
     /// Begins a picture.
@@ -156,8 +163,7 @@ impl Things {
     /// Forgets what was sensed too long ago. `robot`: where it is on the map, metres.
     pub fn expire(&mut self, now: Time, robot: Option<Point2<f64>>) {
         self.list.retain(|thing| {
-            let is_beside = robot.is_some_and(|robot| (thing.at - robot).norm() < BESIDE_M);
-            let longest_s = match (thing.was_seen, is_beside) {
+            let longest_s = match (thing.was_seen, thing.is_beside(robot)) {
                 (true, true) => BESIDE_S,
                 (true, false) => SEEN_S,
                 (false, _) => HEARD_S,
@@ -278,6 +284,21 @@ mod tests {
         assert_eq!([left(29.0, 0.0), left(119.0, 2.0), left(119.0, 0.0)], [1, 1, 0]);
         seen(&mut things, 3.0);
         things.expire(Time::from_secs_f64(121.0), Some(Point2::new(2.0, 0.0)));
+        assert!(things.all().is_empty());
+    }
+
+    #[test]
+    fn to_begin_anew_is_to_forget_all_but_what_was_seen_beside_the_robot() {
+        let mut things = Things::default();
+        for x in [1.0, 3.0] {
+            things.begin();
+            things.see(Point2::new(x, 0.0), 0.2, None, Time::ZERO);
+            things.end(|_| false);
+        }
+        things.hear(Point2::new(0.0, 1.0), 0.1, Time::ZERO);
+        things.forget_distant(Some(Point2::origin()));
+        assert_eq!(things.all().iter().map(|thing| thing.at).collect::<Vec<_>>(), [Point2::new(1.0, 0.0)]);
+        things.forget_distant(None);
         assert!(things.all().is_empty());
     }
 }

@@ -24,6 +24,8 @@ const FORGOTTEN: Duration = Duration::from_secs(1);
 const WRITE_ONLY: u32 = 0o200;
 /// Mode of a tag that says that a port or service is in use: work for the transport.
 const FINISHED: u32 = 0o400;
+/// Ends the name of a segment that connects a publisher with a subscriber.
+const CONNECTION: &str = ".connection";
 /// Fewer digits are no id.
 const SHORTEST_ID: usize = 20;
 
@@ -76,27 +78,34 @@ impl Cleaner {
         CleanedUp { nodes, failed, forgotten: self.sweep() }
     }
 
-    /// Removes files that name dead processes only, and that the transport has no work with any more.
+    /// Removes what the transport has no work with any more: files that name dead processes only, and connections of the dead with
+    /// the living. The transport keeps for ever a connection whose maker was killed before it took its end of it.
     fn sweep(&self) -> u64 {
         let Place { root, prefix, .. } = &self.place;
         let nodes = root.join("nodes");
-        let mut swept = 0;
-        for (path, name, data) in entries(&nodes).filter(|(.., data)| age(data) > FORGOTTEN) {
+        let (mut swept, mut at_work) = (0, Vec::new());
+        for (path, name, data) in entries(&nodes) {
             let id = if data.is_dir() {
                 name.as_str()
             } else {
                 name.strip_prefix(prefix.as_str()).unwrap_or("").split('.').next().unwrap_or("")
             };
-            if is_dead(id) && !has_work(&nodes.join(id)) {
+            if age(&data) > FORGOTTEN && is_dead(id) && !has_work(&nodes.join(id)) {
                 let removed =
                     if data.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
                 swept += u64::from(removed.is_ok());
+            } else {
+                at_work.extend(process_of(id));
             }
         }
+        let is_over = |id: &&str| is_dead(id) && process_of(id).is_none_or(|pid| !at_work.contains(&pid));
         let files = [root.as_path(), Path::new(SEGMENTS)].into_iter().flat_map(entries);
         for (path, name, _) in files.filter(|(.., data)| !data.is_dir() && age(data) > FORGOTTEN) {
             let Some(ids) = name.strip_prefix(prefix.as_str()).map(ids) else { continue };
-            if !ids.is_empty() && ids.iter().all(|id| is_dead(id)) {
+            let all_are_dead = !ids.is_empty() && ids.iter().all(|id| is_dead(id));
+            // Who lives and holds the connection goes on reading it: only its name goes.
+            let is_left_connection = name.ends_with(CONNECTION) && ids.iter().any(is_over);
+            if all_are_dead || is_left_connection {
                 swept += u64::from(std::fs::remove_file(path).is_ok());
             }
         }
@@ -198,8 +207,13 @@ mod tests {
         let before = place.segments().len();
         let dead_node = place.root.join("nodes").join(GONE.to_string());
         std::fs::create_dir_all(&dead_node).unwrap();
-        let dead_segment = Path::new(SEGMENTS).join(format!("{}abc_{GONE}.connection", place.prefix));
+        let named = |ids: &str| Path::new(SEGMENTS).join(format!("{}{ids}.connection", place.prefix));
+        let dead_segment = named(&format!("abc_{GONE}"));
         std::fs::write(&dead_segment, "").unwrap();
+        // As of a subscriber that was killed when its connection to a publisher that lives was made, and not yet taken.
+        let living = u128::from(std::process::id()) << 64 | 12_345;
+        let half_dead = named(&format!("{living}_{GONE}"));
+        std::fs::write(&half_dead, "made").unwrap();
         let mut cleaner = bus.cleaner().unwrap();
         assert_eq!(cleaner.clean().forgotten, 0, "too early to tell");
         let janitor = bus.janitor().unwrap();
@@ -207,8 +221,15 @@ mod tests {
         std::thread::sleep(UNFINISHED + Duration::from_millis(20));
         assert_eq!(janitor.unlink_unfinished(), 1);
         std::thread::sleep(FORGOTTEN);
-        assert!(cleaner.clean().forgotten >= 1);
-        assert!(!dead_node.exists() && !dead_segment.exists());
+        let tag = dead_node.join("1.port_tag");
+        std::fs::write(&tag, "").unwrap();
+        std::fs::set_permissions(&tag, std::os::unix::fs::PermissionsExt::from_mode(FINISHED)).unwrap();
+        cleaner.clean();
+        assert!(half_dead.exists(), "the transport is still at work");
+        std::fs::remove_file(&tag).unwrap();
+        std::thread::sleep(FORGOTTEN);
+        assert!(cleaner.clean().forgotten >= 2);
+        assert!(!dead_node.exists() && !dead_segment.exists() && !half_dead.exists());
         assert_eq!((place.segments().len(), janitor.unlink_unfinished()), (before, 0));
     }
 }

@@ -43,6 +43,10 @@ pub struct Holdings {
     pub descriptors: usize,
 }
 
+/// How many segments of shared memory there are of each kind (the ending of their names), size in bytes, and owners: the
+/// plugins, or the numbers of the dead, that the ids in the name tell of.
+pub type Segments = BTreeMap<(String, u64, Vec<String>), usize>;
+
 impl Robot {
     /// Starts `program run TASK --live`, and returns when every one of `plugins` has given a sign of life.
     pub fn start(program: &Path, task: &str, name: &str, plugins: usize, set: &[&str]) -> Robot {
@@ -173,16 +177,23 @@ impl Robot {
         }
     }
 
-    /// How many segments of shared memory there are of each kind (the ending of their names) and size, bytes.
+    /// The segments of shared memory.
     #[allow(dead_code, reason = "not all that share this file ask")]
-    pub fn segments(&self) -> BTreeMap<(String, u64), usize> {
+    pub fn segments(&self) -> Segments {
         let (_, prefix) = self.bus.files().expect("a bus in shared memory");
+        let living: BTreeMap<u32, Process> = processes().into_iter().map(|it| (it.pid, it)).collect();
+        let owner = |id: &str| {
+            let pid = (id.parse::<u128>().ok()? >> 64) as u32;
+            let name = living.get(&pid).map(|process| process.arguments.get(2).cloned().unwrap_or_default());
+            (pid > 0).then(|| name.unwrap_or_else(|| format!("dead {pid}")))
+        };
         let mut kinds = BTreeMap::new();
         for entry in entries(Path::new("/dev/shm")) {
             let name = entry.file_name().to_string_lossy().into_owned();
-            if let (true, Ok(about)) = (name.starts_with(&prefix), entry.metadata()) {
-                let kind = name.rsplit('.').next().unwrap_or_default().to_owned();
-                *kinds.entry((kind, about.len())).or_default() += 1;
+            if let (Some(name), Ok(about)) = (name.strip_prefix(&prefix), entry.metadata()) {
+                let (ids, kind) = name.rsplit_once('.').unwrap_or((name, ""));
+                let owners = ids.split('_').filter_map(owner).collect();
+                *kinds.entry((kind.to_owned(), about.len(), owners)).or_default() += 1;
             }
         }
         kinds
