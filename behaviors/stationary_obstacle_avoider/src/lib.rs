@@ -349,8 +349,8 @@ impl StationaryObstacleAvoider {
             (self.entered, self.search) = (now, Search::default());
         }
         if self.order.state == State::Blocked && now.seconds_after(self.entered) > self.config.retry_s {
-            self.machine = Machine::new(&self.rules);
-            self.things.forget_distant(robot.map(|robot| robot.position()));
+            self.things.forget_ahead(robot);
+            (self.machine, self.search) = (self.machine.look_around().0, Search::default());
         }
     }
 

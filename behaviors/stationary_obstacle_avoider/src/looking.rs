@@ -36,7 +36,8 @@ impl StationaryObstacleAvoider {
         let look =
             Look { image_s: localised.evidence.as_secs_f64(), valid: false, clear: false, bearing: None };
         self.pending = Some(match result {
-            Ok(()) => self.judge(look),
+            Ok(()) if self.things.is_settled() => self.judge(look),
+            Ok(()) => look,
             // Turned aside, the robot finds its way back by what it remembers.
             Err(Reason::NoThreshold) if self.order.state == State::Avoid => {
                 Look { clear: false, ..self.judge(look) }

@@ -15,6 +15,8 @@ const MOST: usize = 24;
 pub const SEEN_S: f64 = 30.0;
 const BESIDE_S: f64 = 120.0;
 const BESIDE_M: f64 = 1.5;
+/// No search looks farther aside, radians.
+const SEARCHED_RAD: f64 = 1.2;
 /// What was only heard is remembered for so long, seconds.
 const HEARD_S: f64 = 1.5;
 /// A sighting this much beyond the radius of a thing is still that thing, metres.
@@ -38,12 +40,6 @@ pub struct Thing {
     history: u8,
     misses: u32,
     is_fresh: bool,
-}
-
-impl Thing {
-    fn is_beside(&self, robot: Option<Point2<f64>>) -> bool {
-        robot.is_some_and(|robot| (self.at - robot).norm() < BESIDE_M)
-    }
 }
 
 /// The edge of a picture that cuts what is seen.
@@ -70,11 +66,13 @@ impl Cut {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Things {
     list: Vec<Thing>,
+    /// Pictures since it was all forgotten.
+    pictures: u32,
 }
 
 impl Default for Things {
     fn default() -> Self {
-        Self { list: Vec::with_capacity(MOST) }
+        Self { list: Vec::with_capacity(MOST), pictures: 0 }
     }
 }
 
@@ -90,10 +88,23 @@ impl Things {
         self.list.iter().filter(|thing| thing.is_confirmed)
     }
 
-    /// Forgets what may have gone, to begin anew: all but what was seen beside `robot` (metres, map), of which standing still
-    /// gives no view.
-    pub fn forget_distant(&mut self, robot: Option<Point2<f64>>) {
-        self.list.retain(|thing| thing.was_seen && thing.is_beside(robot));
+    /// Forgets what may have gone, to begin anew: all but what was seen beside `robot` (map) and is out of view, however it
+    /// turns to search.
+    pub fn forget_ahead(&mut self, robot: Option<Pose2>) {
+        let is_out_of_view = |thing: &Thing| {
+            robot.is_some_and(|robot| {
+                let at = robot.inverse().transform_point(thing.at);
+                at.coords.norm() < BESIDE_M && at.y.atan2(at.x).abs() > SEARCHED_RAD
+            })
+        };
+        self.list.retain(|thing| thing.was_seen && is_out_of_view(thing));
+        self.pictures = 0;
+    }
+
+    /// Whether there were pictures enough for what is in view to count.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.pictures >= 2
     }
 
     /// Begins a picture.
@@ -149,6 +160,7 @@ impl Things {
 
     /// Ends a picture: `is_in_view` tells of a place whether it would have been seen.
     pub fn end(&mut self, is_in_view: impl Fn(Point2<f64>) -> bool) {
+        self.pictures = self.pictures.saturating_add(1);
         for thing in &mut self.list {
             if !thing.is_fresh && !is_in_view(thing.at) {
                 continue;
@@ -163,7 +175,8 @@ impl Things {
     /// Forgets what was sensed too long ago. `robot`: where it is on the map, metres.
     pub fn expire(&mut self, now: Time, robot: Option<Point2<f64>>) {
         self.list.retain(|thing| {
-            let longest_s = match (thing.was_seen, thing.is_beside(robot)) {
+            let is_beside = robot.is_some_and(|robot| (thing.at - robot).norm() < BESIDE_M);
+            let longest_s = match (thing.was_seen, is_beside) {
                 (true, true) => BESIDE_S,
                 (true, false) => SEEN_S,
                 (false, _) => HEARD_S,
@@ -296,9 +309,16 @@ mod tests {
             things.end(|_| false);
         }
         things.hear(Point2::new(0.0, 1.0), 0.1, Time::ZERO);
-        things.forget_distant(Some(Point2::origin()));
+        things.forget_ahead(Some(Pose2::new(1.0, -0.5, 0.0)));
         assert_eq!(things.all().iter().map(|thing| thing.at).collect::<Vec<_>>(), [Point2::new(1.0, 0.0)]);
-        things.forget_distant(None);
+        let settled = [(); 3].map(|()| {
+            let is_settled = things.is_settled();
+            things.begin();
+            things.end(|_| false);
+            is_settled
+        });
+        assert_eq!(settled, [false, false, true], "the first picture confirms nothing");
+        things.forget_ahead(None);
         assert!(things.all().is_empty());
     }
 }
