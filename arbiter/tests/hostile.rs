@@ -166,7 +166,7 @@ fn drive_at(mps: f64) -> Proposal {
 
 /// No later than a bare timer in the same run, but for one period, and never without a command.
 fn assert_on_time(given: &Given, fared: &Fared, bare: &Durations) {
-    let ticks = fared.lateness.count() as f64 * PERIOD.as_secs_f64();
+    let seconds = |late: &Durations| late.count() as f64 * PERIOD.as_secs_f64();
     let lasted = given.last.since(given.first.unwrap()).as_secs_f64();
     let shares = |late: &Durations| [late.quantile(0.5), late.quantile(0.99), late.max()];
     let (arbiter, timer) = (shares(&fared.lateness), shares(bare));
@@ -176,7 +176,9 @@ fn assert_on_time(given: &Given, fared: &Fared, bare: &Durations) {
          {} commands in {lasted:.2} s",
         given.commands
     );
-    assert!(ticks > 0.9 * lasted, "{ticks} s of ticks in {lasted} s");
+    // A machine that stands still for a while takes ticks from both.
+    let (ticks, possible) = (seconds(&fared.lateness), lasted.min(seconds(bare)));
+    assert!(ticks > 0.9 * possible, "{ticks} s of ticks in {lasted} s, of which a bare timer had {possible}");
     assert!(arbiter[2] <= timer[2] + PERIOD);
 }
 

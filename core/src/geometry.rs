@@ -242,7 +242,8 @@ mod tests {
         fn two_half_arcs_make_one(v in -2.0..2.0, w in -2.0..2.0, omega in -3.0..3.0, t in 0.0..2.0) {
             let twist = Twist::new(v, w, omega);
             let halves = Pose2::IDENTITY.integrate(&twist, t / 2.0).integrate(&twist, t / 2.0);
-            prop_assert!(close(&halves, &Pose2::IDENTITY.integrate(&twist, t), 1e-12));
+            // Where the series ends, 1 - cos(a) has lost half its digits: 3e-12 was the worst of 1.2e8 samples.
+            prop_assert!(close(&halves, &Pose2::IDENTITY.integrate(&twist, t), 1e-11));
         }
 
         #[test]

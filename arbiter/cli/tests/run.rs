@@ -10,8 +10,18 @@ use serde_json::Value;
 
 /// Longest wait for a run that was started to get going.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// A robot that is faster than this drives.
+const DRIVING_MPS: f64 = 0.05;
 /// Farther than the hallway is long.
 const NEVER: [&str; 2] = ["--set", "run.goal.x_m=1000"];
+
+fn await_true(what_is_not: &str, is_there: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !is_there() {
+        assert!(begun.elapsed() < PATIENCE, "{what_is_not}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
 
 fn config(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs").join(name)
@@ -47,16 +57,21 @@ impl Place {
         Ended::of(self.command(task, arguments).output().unwrap())
     }
 
-    /// Starts a run and returns once it is under way.
+    /// Starts a run.
     fn start(&self, task: &str, arguments: &[&str]) -> Running {
         let mut command = self.command(task, arguments);
-        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let running = Running(Some(child));
-        let begun = Instant::now();
-        while !self.recording().exists() {
-            assert!(begun.elapsed() < PATIENCE, "no recording in {}", self.folder.display());
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        Running(Some(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()))
+    }
+
+    /// Starts a live run, and returns once the robot drives.
+    fn start_live(&self) -> Running {
+        let running = self.start("hallway.toml", &[NEVER[0], NEVER[1], "--live"]);
+        await_true("the robot does not drive", || {
+            let mut echo = Command::new(env!("CARGO_BIN_EXE_yamabico"));
+            let echo = echo.args(["topic", "echo", "truth", "--once", "--json", "--robot", &self.robot]);
+            let told: Option<Value> = serde_json::from_slice(&echo.output().unwrap().stdout).ok();
+            told.is_some_and(|truth| truth["vx"].as_f64() > Some(DRIVING_MPS))
+        });
         running
     }
 
@@ -73,7 +88,7 @@ impl Place {
     fn assert_recorded_to_rest(&self) {
         let speeds = self.recorded_speeds();
         let fastest = speeds.iter().copied().fold(0.0, f64::max);
-        assert!(fastest > 0.05, "it drove at {fastest} m/s");
+        assert!(fastest > DRIVING_MPS, "it drove at {fastest} m/s");
         let last = speeds.last().unwrap();
         assert!(last.abs() < 0.01, "it ended at {last} m/s");
     }
@@ -171,7 +186,10 @@ fn mistakes_are_two_and_nothing_is_opened() {
 fn ctrl_c_ends_a_lockstep_run_at_rest_with_its_table() {
     let place = Place::new("lockstep");
     let running = place.start("hallway.toml", &NEVER);
-    std::thread::sleep(Duration::from_millis(300));
+    // The first seconds of a run are written together.
+    await_true("nothing is recorded", || {
+        std::fs::metadata(place.recording()).is_ok_and(|file| file.len() > 0)
+    });
     running.interrupt().assert(1, &["interrupted", "wall-follower", "digest"]);
     place.assert_recorded_to_rest();
 }
@@ -179,8 +197,7 @@ fn ctrl_c_ends_a_lockstep_run_at_rest_with_its_table() {
 #[test]
 fn ctrl_c_ends_a_live_run_at_rest_with_its_table() {
     let place = Place::new("live");
-    let running = place.start("hallway.toml", &[NEVER[0], NEVER[1], "--live"]);
-    std::thread::sleep(Duration::from_millis(1500));
+    let running = place.start_live();
     running.interrupt().assert(1, &["interrupted", "wall-follower", "digest"]);
     place.assert_recorded_to_rest();
 }
@@ -188,10 +205,8 @@ fn ctrl_c_ends_a_live_run_at_rest_with_its_table() {
 #[test]
 fn a_robot_that_runs_is_refused_and_runs_on() {
     let place = Place::new("twice");
-    let live = [NEVER[0], NEVER[1], "--live"];
-    let running = place.start("hallway.toml", &live);
-    std::thread::sleep(Duration::from_millis(2000));
-    place.run("hallway.toml", &live).assert(2, &["already running", &place.robot]);
+    let running = place.start_live();
+    place.run("hallway.toml", &[NEVER[0], NEVER[1], "--live"]).assert(2, &["already running", &place.robot]);
     running.interrupt().assert(1, &["interrupted"]);
     place.assert_recorded_to_rest();
 }

@@ -11,7 +11,7 @@ use crate::decide::Told;
 use crate::execution::topics;
 
 /// How long the robot may take to decide, and to obey.
-const PATIENCE: Duration = Duration::from_secs(2);
+const PATIENCE: Duration = Duration::from_secs(5);
 /// How long it may take to brake.
 const BRAKING: Duration = Duration::from_secs(10);
 /// A request that has not been obeyed for so long is made again.

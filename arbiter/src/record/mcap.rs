@@ -11,7 +11,7 @@ use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_core::time::Time;
 
 use super::file::{Failure, OutputFile};
-use super::queue::{Offer, Queue};
+use super::queue::{Entry, Queue};
 use super::writer::Writer;
 use super::{ImageFormat, RecordError, Tap};
 
@@ -68,7 +68,7 @@ pub struct Recorded {
     pub path: PathBuf,
     /// Its size.
     pub bytes: u64,
-    /// Messages written on each topic of the bus.
+    /// Messages written on each topic of the bus; where it broke off, a last chunk of them never reached the file.
     pub messages: BTreeMap<String, u64>,
     /// Pictures left out because the writer was behind; their headers were written.
     pub pictures_dropped: u64,
@@ -90,7 +90,7 @@ pub struct McapRecorder {
     failure: Failure,
     topics: BTreeMap<String, Arc<str>>,
     pictures_dropped: u64,
-    messages_dropped: u64,
+    messages_offered: u64,
     handle: Option<McapWriterHandle<OutputFile>>,
     thread: Option<JoinHandle<BTreeMap<String, u64>>>,
     // Channels live as long as their context.
@@ -133,7 +133,7 @@ impl McapRecorder {
             failure,
             topics: BTreeMap::new(),
             pictures_dropped: 0,
-            messages_dropped: 0,
+            messages_offered: 0,
             handle: Some(handle),
             thread: Some(thread),
             _context: context,
@@ -166,9 +166,9 @@ impl McapRecorder {
         }
         Recorded {
             bytes: self.failure.bytes(),
-            messages,
             pictures_dropped: self.pictures_dropped,
-            messages_dropped: self.messages_dropped,
+            messages_dropped: self.messages_offered - messages.values().sum::<u64>(),
+            messages,
             error: self.failure.take().or(error),
             path: std::mem::take(&mut self.path),
         }
@@ -181,16 +181,18 @@ impl Tap for McapRecorder {
             Some(name) => name.clone(),
             None => self.topics.entry(topic.to_owned()).or_insert(topic.into()).clone(),
         };
-        let offer = match self.pace {
-            Pace::Lockstep => self.queue.wait(name, *message, time, header, items),
+        let mut entry = Entry { topic: &name, message, time, header, items };
+        self.messages_offered += 1;
+        match self.pace {
+            Pace::Lockstep => self.queue.wait(&entry),
             Pace::Live => {
-                let is_picture = message.name == FrameHeader::NAME;
-                let left_out = is_picture && !self.queue.has_room_for(items.len());
-                self.pictures_dropped += u64::from(left_out);
-                self.queue.offer(name, *message, time, header, if left_out { &[] } else { items })
+                if message.name == FrameHeader::NAME && !self.queue.has_room_for(items.len()) {
+                    self.pictures_dropped += 1;
+                    entry.items = &[];
+                }
+                self.queue.offer(&entry)
             }
         };
-        self.messages_dropped += u64::from(offer != Offer::Taken);
     }
 }
 

@@ -63,9 +63,10 @@ impl Batch {
         self.slots.len() < MOST_MESSAGES && self.size() < MOST_BYTES
     }
 
-    fn push(&mut self, topic: Arc<str>, message: MessageType, time: Time, header: &[u8], items: &[u8]) {
-        let header = self.append(header);
-        let items = self.append(items);
+    fn push(&mut self, entry: &Entry) {
+        let header = self.append(entry.header);
+        let items = self.append(entry.items);
+        let (topic, message, time) = (entry.topic.clone(), *entry.message, entry.time);
         self.slots.push(Slot { topic, message, time, header, items });
     }
 
@@ -81,14 +82,6 @@ impl Batch {
         self.bytes.clear();
         self.bytes.shrink_to(KEPT_BYTES);
     }
-}
-
-/// What became of a message that was offered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Offer {
-    Taken,
-    Full,
-    Closed,
 }
 
 /// Both ends of the queue.
@@ -115,48 +108,26 @@ impl Queue {
         self.lock().waiting.size() + more <= MOST_BYTES / 2
     }
 
-    /// Adds a message where there is room.
-    pub fn offer(
-        &self,
-        topic: Arc<str>,
-        message: MessageType,
-        time: Time,
-        header: &[u8],
-        items: &[u8],
-    ) -> Offer {
-        let mut state = self.lock();
-        if state.closed {
-            return Offer::Closed;
-        }
-        if !state.waiting.has_room() {
-            return Offer::Full;
-        }
-        state.waiting.push(topic, message, time, header, items);
-        drop(state);
-        self.0.filled.notify_one();
-        Offer::Taken
+    /// Adds a message where there is room and a writer; whether it was taken.
+    pub fn offer(&self, entry: &Entry) -> bool {
+        self.push(self.lock(), entry)
     }
 
-    /// Adds a message and waits for room, for as long as there is a writer.
-    pub fn wait(
-        &self,
-        topic: Arc<str>,
-        message: MessageType,
-        time: Time,
-        header: &[u8],
-        items: &[u8],
-    ) -> Offer {
-        let mut state = self.lock();
-        while !state.closed && !state.waiting.has_room() {
-            state = self.0.drained.wait(state).unwrap_or_else(PoisonError::into_inner);
+    /// Adds a message and waits for room, for as long as there is a writer; whether it was taken.
+    pub fn wait(&self, entry: &Entry) -> bool {
+        let is_full = |state: &mut State| !state.closed && !state.waiting.has_room();
+        let state = self.0.drained.wait_while(self.lock(), is_full).unwrap_or_else(PoisonError::into_inner);
+        self.push(state, entry)
+    }
+
+    fn push(&self, mut state: MutexGuard<'_, State>, entry: &Entry) -> bool {
+        let is_taken = !state.closed && state.waiting.has_room();
+        if is_taken {
+            state.waiting.push(entry);
+            drop(state);
+            self.0.filled.notify_one();
         }
-        if state.closed {
-            return Offer::Closed;
-        }
-        state.waiting.push(topic, message, time, header, items);
-        drop(state);
-        self.0.filled.notify_one();
-        Offer::Taken
+        is_taken
     }
 
     /// Nothing will be added any more.
@@ -177,10 +148,9 @@ impl Queue {
     /// Swaps everything that waits for `written`, whose memory is used again; `false` at the end.
     pub fn take(&self, written: &mut Batch) -> bool {
         written.clear();
-        let mut state = self.lock();
-        while state.waiting.slots.is_empty() && !state.ended {
-            state = self.0.filled.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
+        let is_idle = |state: &mut State| state.waiting.slots.is_empty() && !state.ended;
+        let mut state =
+            self.0.filled.wait_while(self.lock(), is_idle).unwrap_or_else(PoisonError::into_inner);
         std::mem::swap(&mut state.waiting, written);
         drop(state);
         self.0.drained.notify_all();
@@ -195,19 +165,29 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::message::{FrameHeader, Message};
+    use yamabico_core::message::FrameHeader;
 
-    fn offer(queue: &Queue, topic: &str, items: usize) -> Offer {
+    fn with_entry(topic: &str, items: usize, send: impl FnOnce(&Entry) -> bool) -> bool {
         let message = MessageType::of::<FrameHeader>();
-        assert_eq!(message.name, FrameHeader::NAME);
-        queue.offer(topic.into(), message, Time::ZERO, &[1, 2], &vec![0; items])
+        let items = vec![0; items];
+        send(&Entry {
+            topic: &topic.into(),
+            message: &message,
+            time: Time::ZERO,
+            header: &[1, 2],
+            items: &items,
+        })
+    }
+
+    fn offer(queue: &Queue, topic: &str, items: usize) -> bool {
+        with_entry(topic, items, |entry| queue.offer(entry))
     }
 
     #[test]
     fn keeps_order_and_ends() {
         let queue = Queue::default();
         for topic in ["a", "b", "c"] {
-            assert_eq!(offer(&queue, topic, 3), Offer::Taken);
+            assert!(offer(&queue, topic, 3));
         }
         queue.end();
         let mut taken = Batch::default();
@@ -222,10 +202,10 @@ mod tests {
         let queue = Queue::default();
         let mut taken = Batch::default();
         for _ in 0..4 {
-            assert!((0..10).all(|_| offer(&queue, "frames", KEPT_BYTES) == Offer::Taken));
+            assert!((0..10).all(|_| offer(&queue, "frames", KEPT_BYTES)));
             assert!(queue.take(&mut taken));
             assert_eq!(taken.entries().count(), 10);
-            assert_eq!(offer(&queue, "frames", 1), Offer::Taken);
+            assert!(offer(&queue, "frames", 1));
             assert!(queue.take(&mut taken));
             assert!(taken.bytes.capacity() + queue.lock().waiting.bytes.capacity() <= 2 * KEPT_BYTES);
         }
@@ -235,16 +215,15 @@ mod tests {
     fn is_bounded_and_a_gone_writer_blocks_nobody() {
         let queue = Queue::default();
         assert!(queue.has_room_for(MOST_BYTES / 2));
-        assert_eq!(offer(&queue, "a", MOST_BYTES), Offer::Taken);
+        assert!(offer(&queue, "a", MOST_BYTES));
         assert!(!queue.has_room_for(1));
-        assert_eq!(offer(&queue, "a", 1), Offer::Full);
+        assert!(!offer(&queue, "a", 1));
         let writer = queue.clone();
         let closing = std::thread::spawn(move || {
             std::thread::sleep(std::time::Duration::from_millis(20));
             writer.close();
         });
-        let message = MessageType::of::<FrameHeader>();
-        assert_eq!(queue.wait("a".into(), message, Time::ZERO, &[], &[]), Offer::Closed);
+        assert!(!with_entry("a", 1, |entry| queue.wait(entry)));
         closing.join().unwrap();
     }
 }

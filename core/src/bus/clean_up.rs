@@ -75,12 +75,12 @@ impl Cleaner {
     /// Removes what processes that are dead, and waited for, left behind.
     pub fn clean(&mut self) -> CleanedUp {
         let (nodes, failed) = self.world.clean_dead_nodes();
-        CleanedUp { nodes, failed, forgotten: self.sweep() }
+        CleanedUp { nodes, failed, forgotten: self.sweep(SystemTime::now()) }
     }
 
     /// Removes what the transport has no work with any more: files that name dead processes only, and connections of the dead with
     /// the living. The transport keeps for ever a connection whose maker was killed before it took its end of it.
-    fn sweep(&self) -> u64 {
+    fn sweep(&self, now: SystemTime) -> u64 {
         let Place { root, prefix, .. } = &self.place;
         let nodes = root.join("nodes");
         let (mut swept, mut at_work) = (0, Vec::new());
@@ -90,7 +90,7 @@ impl Cleaner {
             } else {
                 name.strip_prefix(prefix.as_str()).unwrap_or("").split('.').next().unwrap_or("")
             };
-            if age(&data) > FORGOTTEN && is_dead(id) && !has_work(&nodes.join(id)) {
+            if age(&data, now) > FORGOTTEN && is_dead(id) && !has_work(&nodes.join(id)) {
                 let removed =
                     if data.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
                 swept += u64::from(removed.is_ok());
@@ -100,7 +100,7 @@ impl Cleaner {
         }
         let is_over = |id: &&str| is_dead(id) && process_of(id).is_none_or(|pid| !at_work.contains(&pid));
         let files = [root.as_path(), Path::new(SEGMENTS)].into_iter().flat_map(entries);
-        for (path, name, _) in files.filter(|(.., data)| !data.is_dir() && age(data) > FORGOTTEN) {
+        for (path, name, _) in files.filter(|(.., data)| !data.is_dir() && age(data, now) > FORGOTTEN) {
             let Some(ids) = name.strip_prefix(prefix.as_str()).map(ids) else { continue };
             let all_are_dead = !ids.is_empty() && ids.iter().all(|id| is_dead(id));
             // Who lives and holds the connection goes on reading it: only its name goes.
@@ -116,12 +116,16 @@ impl Cleaner {
 impl Janitor {
     /// Unlinks every unfinished segment of a dead process; how many.
     pub fn unlink_unfinished(&self) -> u64 {
+        self.unlink_unfinished_at(SystemTime::now())
+    }
+
+    fn unlink_unfinished_at(&self, now: SystemTime) -> u64 {
         let unfinished = |data: &Metadata| data.len() == 0 || data.mode() & 0o777 == WRITE_ONLY;
         let segments = entries(Path::new(SEGMENTS));
         let unlinked = segments.filter(|(path, name, data)| {
             let Some(rest) = name.strip_prefix(self.place.prefix.as_str()) else { return false };
             unfinished(data)
-                && age(data) > UNFINISHED
+                && age(data, now) > UNFINISHED
                 && ids(rest).iter().any(|id| is_dead(id))
                 && std::fs::remove_file(path).is_ok()
         });
@@ -137,10 +141,13 @@ fn entries(folder: &Path) -> impl Iterator<Item = (PathBuf, String, Metadata)> +
 }
 
 /// Since the last change of the file's own data: what was written into a segment does not count.
-fn age(data: &Metadata) -> Duration {
-    let changed = SystemTime::UNIX_EPOCH
-        + Duration::new(data.ctime().unsigned_abs(), u32::try_from(data.ctime_nsec()).unwrap_or(0));
-    SystemTime::now().duration_since(changed).unwrap_or_default()
+fn age(data: &Metadata, now: SystemTime) -> Duration {
+    now.duration_since(changed(data)).unwrap_or_default()
+}
+
+fn changed(data: &Metadata) -> SystemTime {
+    SystemTime::UNIX_EPOCH
+        + Duration::new(data.ctime().unsigned_abs(), u32::try_from(data.ctime_nsec()).unwrap_or(0))
 }
 
 /// The ids in the name of a file, its prefix taken away.
@@ -215,21 +222,29 @@ mod tests {
         let half_dead = named(&format!("{living}_{GONE}"));
         std::fs::write(&half_dead, "made").unwrap();
         let mut cleaner = bus.cleaner().unwrap();
-        assert_eq!(cleaner.clean().forgotten, 0, "too early to tell");
+        cleaner.clean();
+        let times = |paths: &[&PathBuf]| {
+            let mut times: Vec<_> =
+                paths.iter().map(|path| changed(&std::fs::metadata(path).unwrap())).collect();
+            times.sort();
+            (times[0], times[times.len() - 1] + Duration::from_millis(1))
+        };
+        let (first, _) = times(&[&dead_node, &dead_segment, &half_dead]);
+        assert_eq!(cleaner.sweep(first + FORGOTTEN), 0, "too early to tell");
         let janitor = bus.janitor().unwrap();
-        assert_eq!(janitor.unlink_unfinished(), 0);
-        std::thread::sleep(UNFINISHED + Duration::from_millis(20));
-        assert_eq!(janitor.unlink_unfinished(), 1);
-        std::thread::sleep(FORGOTTEN);
+        let (made, after) = times(&[&dead_segment]);
+        assert_eq!(janitor.unlink_unfinished_at(made + UNFINISHED), 0);
+        assert_eq!(janitor.unlink_unfinished_at(after + UNFINISHED), 1);
         let tag = dead_node.join("1.port_tag");
         std::fs::write(&tag, "").unwrap();
         std::fs::set_permissions(&tag, std::os::unix::fs::PermissionsExt::from_mode(FINISHED)).unwrap();
-        cleaner.clean();
-        assert!(half_dead.exists(), "the transport is still at work");
+        let (_, last) = times(&[&dead_node, &half_dead]);
+        assert_eq!(cleaner.sweep(last + FORGOTTEN), 0, "the transport is still at work");
         std::fs::remove_file(&tag).unwrap();
-        std::thread::sleep(FORGOTTEN);
-        assert!(cleaner.clean().forgotten >= 2);
+        let (_, last) = times(&[&dead_node, &half_dead]);
+        assert_eq!(cleaner.sweep(last + FORGOTTEN), 2);
         assert!(!dead_node.exists() && !dead_segment.exists() && !half_dead.exists());
-        assert_eq!((place.segments().len(), janitor.unlink_unfinished()), (before, 0));
+        assert_eq!((cleaner.clean(), janitor.unlink_unfinished()), (CleanedUp::default(), 0));
+        assert_eq!(place.segments().len(), before);
     }
 }

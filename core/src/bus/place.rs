@@ -4,6 +4,7 @@ use std::fs::{DirBuilder, File, OpenOptions, Permissions, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::PathBuf;
+use std::time::Duration;
 
 use super::BusError;
 
@@ -25,6 +26,10 @@ pub(super) struct Lock {
 }
 
 pub(super) const SEGMENTS: &str = "/dev/shm";
+/// How often a start gives way to those who look.
+const MOST_LOOKS: u32 = 2000;
+/// What it waits each time.
+const A_LOOK: Duration = Duration::from_millis(1);
 /// `sun_path` of a Unix socket without its closing zero.
 const LONGEST_SOCKET_PATH: usize = 107;
 /// Prefix, port id of at most 39 digits, and `.event`, behind a slash.
@@ -75,6 +80,7 @@ impl Place {
                 .create(folder)
                 .map_err(|e| failed("create the folder of", e))?;
         }
+        let mut looks = 0;
         loop {
             let mut file = OpenOptions::new()
                 .read(true)
@@ -86,6 +92,13 @@ impl Place {
                 .map_err(|e| failed("open", e))?;
             match file.try_lock() {
                 Ok(()) => {}
+                // Who only looks whether the robot runs shares the lock for an instant, and whatever it starts meanwhile.
+                Err(TryLockError::WouldBlock) if looks < MOST_LOOKS && file.try_lock_shared().is_ok() => {
+                    looks += 1;
+                    drop(file);
+                    std::thread::sleep(A_LOOK);
+                    continue;
+                }
                 Err(TryLockError::WouldBlock) => {
                     return Err(BusError::AlreadyRunning {
                         robot: self.robot.clone(),
@@ -259,6 +272,24 @@ mod tests {
             assert_eq!(a.prefix.len(), PREFIX_LEN);
             assert!(places[..i].iter().all(|b| a.prefix != b.prefix && a.root != b.root));
         }
+    }
+
+    #[test]
+    fn who_looks_keeps_nobody_from_starting() {
+        let robot = format!("looked-at-{}", std::process::id());
+        let place = Place::of(&robot).unwrap();
+        place.lock().unwrap().release();
+        std::fs::write(place.lock_path(), "").unwrap();
+        let looker = File::open(place.lock_path()).unwrap();
+        looker.try_lock_shared().unwrap();
+        let looking = std::thread::spawn(move || {
+            std::thread::sleep(50 * A_LOOK);
+            drop(looker);
+        });
+        let lock = place.lock().unwrap();
+        looking.join().unwrap();
+        assert!(matches!(place.lock(), Err(BusError::AlreadyRunning { .. })), "the owner does");
+        lock.release();
     }
 
     #[test]

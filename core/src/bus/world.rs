@@ -206,14 +206,25 @@ impl<S: Service> World<S> {
 impl Patience {
     fn retry<T, E>(
         self,
-        mut attempt: impl FnMut() -> Result<T, E>,
+        attempt: impl FnMut() -> Result<T, E>,
         worth_it: impl Fn(&E) -> bool,
     ) -> Result<T, E> {
         let begin = Instant::now();
-        let again = || self == Patience::Bounded && begin.elapsed() + PAUSE < LONGEST;
+        self.retry_by(|| begin.elapsed(), std::thread::sleep, attempt, worth_it)
+    }
+
+    /// As [`Patience::retry`], by a clock that tells the time since the beginning.
+    fn retry_by<T, E>(
+        self,
+        elapsed: impl Fn() -> Duration,
+        pause: impl Fn(Duration),
+        mut attempt: impl FnMut() -> Result<T, E>,
+        worth_it: impl Fn(&E) -> bool,
+    ) -> Result<T, E> {
+        let again = || self == Patience::Bounded && elapsed() + PAUSE < LONGEST;
         loop {
             match attempt() {
-                Err(e) if again() && worth_it(&e) => std::thread::sleep(PAUSE),
+                Err(e) if again() && worth_it(&e) => pause(PAUSE),
                 answer => return answer,
             }
         }
@@ -302,30 +313,27 @@ fn builder<S: Service>(
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
 
     #[test]
-    fn patience_ends_after_half_a_second_however_slow_an_attempt_is() {
-        let begin = Instant::now();
-        let mut attempts = 0;
-        let slow = || {
-            attempts += 1;
-            std::thread::sleep(Duration::from_millis(200));
-            Err::<(), ()>(())
+    fn patience_begins_no_attempt_after_half_a_second_however_slow_one_is() {
+        let tried = |patience: Patience, attempt_ms| {
+            let (clock, attempts) = (Cell::new(Duration::ZERO), Cell::new(0));
+            let pass = |time| clock.set(clock.get() + time);
+            let attempt = || {
+                attempts.set(attempts.get() + 1);
+                pass(Duration::from_millis(attempt_ms));
+                Err::<(), ()>(())
+            };
+            assert!(patience.retry_by(|| clock.get(), pass, attempt, |()| true).is_err());
+            (attempts.get(), clock.get().as_millis())
         };
-        assert!(Patience::Bounded.retry(slow, |_| true).is_err());
-        assert!((2..=3).contains(&attempts), "{attempts}");
-        assert!(begin.elapsed() < Duration::from_millis(1000), "{:?}", begin.elapsed());
-        let mut attempts = 0;
-        let _ = Patience::None.retry(
-            || {
-                Err::<(), u32>({
-                    attempts += 1;
-                    attempts
-                })
-            },
-            |_| true,
-        );
-        assert_eq!(attempts, 1);
+        assert_eq!(tried(Patience::Bounded, 200), (3, 650));
+        assert_eq!(tried(Patience::Bounded, 600), (1, 600));
+        assert_eq!(tried(Patience::Bounded, 0), (20, 475));
+        assert_eq!(tried(Patience::None, 0), (1, 0));
+        assert_eq!(Patience::Bounded.retry(|| Err::<(), u32>(7), |_| false), Err(7));
     }
 }

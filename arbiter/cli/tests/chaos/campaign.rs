@@ -97,8 +97,14 @@ impl Figures {
                 self.lost.push(victim.to_owned());
             }
         }
-        robot.watch(SETTLING);
-        robot.holdings()
+        let mut holdings = robot.holdings();
+        loop {
+            robot.watch(SETTLING);
+            let before = std::mem::replace(&mut holdings, robot.holdings());
+            if before == holdings || !robot.runs() {
+                return holdings;
+            }
+        }
     }
 
     /// Stops a process of a running robot as if it hung, and waits until it has been noticed and replaced.

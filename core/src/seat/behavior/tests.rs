@@ -148,9 +148,8 @@ fn it_is_asked_when_its_period_is_over_though_nothing_is_new() {
 
 #[test]
 fn calls_beyond_the_budget_are_counted() {
-    for (budget_ms, overruns) in [(1, 2), (5000, 0)] {
-        let (mut seat, wheels, _said, _bus) =
-            fed(|plan| plan.budget = Some(Duration::from_millis(budget_ms)));
+    for (budget, overruns) in [(Duration::from_millis(1), 2), (Duration::MAX, 0)] {
+        let (mut seat, wheels, _said, _bus) = fed(|plan| plan.budget = Some(budget));
         [1, 2].iter().for_each(|&millis| {
             measure(&wheels, millis);
             turn(&mut seat, millis);
