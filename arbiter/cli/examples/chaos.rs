@@ -93,7 +93,7 @@ fn main() {
     if python.is_some() {
         tell("killed to back, in Python", &figures.back_of(|victim| victim == IN_PYTHON));
     }
-    println!("latest command {late:?} after its tick; a bare timer {late_bare:?}");
+    println!("latest command {:?} after its tick; a bare timer {:?}", late.most, late_bare.most);
     hang(&program, &set, &mut figures);
     take_over(&program, &set);
     orphan(&program, &set);
@@ -200,7 +200,7 @@ fn take_over(program: &Path, set: &[String]) {
     }
     tell("behaviour in control killed, to the next command", &next);
     tell("behaviour in control killed, to a command without it", &other);
-    println!("a bare timer was {:.1?} late at most", timer.stop());
+    println!("a bare timer was {:.1?} late at most", timer.stop().most);
 }
 
 /// The supervisor is killed: when the drive begins to brake, to the period of the truth, 5 ms.

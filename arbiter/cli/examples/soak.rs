@@ -93,7 +93,7 @@ fn main() -> ExitCode {
             samples.entry(name).or_default().extend(pid.and_then(Sample::of));
         }
     }
-    let bare = timer.stop();
+    let bare = timer.stop().most;
     assert!(robot.runs(), "the run ended by itself");
     let ended = robot.interrupt();
     let report: serde_json::Value = serde_json::from_slice(&ended.stdout).expect("a report");

@@ -13,7 +13,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// A robot that is faster than this drives.
 const DRIVING_MPS: f64 = 0.05;
 /// Farther than the hallway is long.
-const NEVER: [&str; 2] = ["--set", "run.goal.x_m=1000"];
+const NEVER: [&str; 4] = ["--set", "run.goal.x_m=1000", "--set", "run.duration_s=100000"];
+const LIVE: [&str; 5] = [NEVER[0], NEVER[1], NEVER[2], NEVER[3], "--live"];
 
 fn await_true(what_is_not: &str, is_there: impl Fn() -> bool) {
     let begun = Instant::now();
@@ -65,7 +66,7 @@ impl Place {
 
     /// Starts a live run, and returns once the robot drives.
     fn start_live(&self) -> Running {
-        let running = self.start("hallway.toml", &[NEVER[0], NEVER[1], "--live"]);
+        let running = self.start("hallway.toml", &LIVE);
         await_true("the robot does not drive", || {
             let mut echo = Command::new(env!("CARGO_BIN_EXE_yamabico"));
             let echo = echo.args(["topic", "echo", "truth", "--once", "--json", "--robot", &self.robot]);
@@ -206,7 +207,7 @@ fn ctrl_c_ends_a_live_run_at_rest_with_its_table() {
 fn a_robot_that_runs_is_refused_and_runs_on() {
     let place = Place::new("twice");
     let running = place.start_live();
-    place.run("hallway.toml", &[NEVER[0], NEVER[1], "--live"]).assert(2, &["already running", &place.robot]);
+    place.run("hallway.toml", &LIVE).assert(2, &["already running", &place.robot]);
     running.interrupt().assert(1, &["interrupted"]);
     place.assert_recorded_to_rest();
 }

@@ -8,7 +8,7 @@ mod robot;
 
 use std::path::Path;
 
-use robot::Robot;
+use robot::{PATIENCE, Robot};
 
 /// Of a thread: its policy, real-time priority, niceness, and the processors that it may run on.
 #[derive(Debug, PartialEq)]
@@ -50,7 +50,7 @@ fn thread(pid: u32, name: &str) -> std::path::PathBuf {
 /// Whether the system lets this user have real-time priorities.
 fn may_be_real_time() -> bool {
     let tried = std::thread::spawn(|| {
-        yamabico_core::seat::Scheduling { fifo: Some(2), ..Default::default() }.apply().is_empty()
+        yamabico_core::seat::Scheduling { fifo: Some(20), ..Default::default() }.apply().is_empty()
     });
     tried.join().unwrap()
 }
@@ -70,7 +70,10 @@ fn what_a_task_asks_for_is_what_its_processes_get() {
         &format!("robot.devices.sim.scheduling={{ nice = {} }}", more(3)),
     ];
     let program = Path::new(env!("CARGO_BIN_EXE_yamabico"));
-    let robot = Robot::start(program, "hallway.toml", &name, 5, &set);
+    let mut robot = Robot::start(program, "hallway.toml", &name, 5, &set);
+    let is_up = |robot: &Robot, plugin: &&str| robot.process_of(plugin).is_some();
+    let plugins = ["map-localizer", "sim", "wall-follower", "sonar-halt"];
+    assert!(robot.watch_until(PATIENCE, |robot| plugins.iter().all(|plugin| is_up(robot, plugin))));
     let of = |plugin: &str| scheduled(&process(robot.process_of(plugin).unwrap()));
     let localizer = of("map-localizer");
     assert_eq!((localizer.nice, localizer.processors.as_str()), (more(7), first));

@@ -54,7 +54,8 @@ pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time,
                 }
             }
             None if rule.enabled => Ruling::SILENT,
-            None => Ruling { outcome: Outcome::Disabled, ..Ruling::SILENT },
+            // Its halt may outlast it, and is then what is ruled on.
+            None => Ruling { outcome: Outcome::Disabled, fault: Some(Outcome::Disabled), ..Ruling::SILENT },
             Some(proposal) => {
                 let kind = Kind::from_code(proposal.kind);
                 let fault = fault(proposal, kind, rule, &state.bounds, now, state.tolerance_ns);

@@ -86,6 +86,8 @@ impl ArbiterSeat {
     /// The command could not be sent.
     pub fn step(&mut self, now: Time) -> Result<(), BusError> {
         self.listen(now);
+        // Nothing that was heard is newer.
+        let now = self.time.now(now);
         decide(&self.policy, &mut self.state, &self.proposals, now, &mut self.decision);
         let command = self.command(now);
         self.commands.publish(&command, &[])?;
@@ -135,11 +137,11 @@ impl ArbiterSeat {
         }
     }
 
-    fn listen(&mut self, now: Time) {
+    fn listen(&mut self, step: Time) {
         for ((slot, heard), incoming) in self.proposals.iter_mut().zip(&mut self.heard).zip(&self.incoming) {
             if let Ok(Some(newest)) = incoming.newest() {
                 *slot = Some(*newest.header());
-                *heard = (now, Novelty::New);
+                *heard = (self.time.now(step), Novelty::New);
             }
         }
         for (index, (sensor, message)) in self.sensors.iter().enumerate() {
@@ -153,7 +155,7 @@ impl ArbiterSeat {
         loop {
             let control = self.controls.receive();
             match control.map(|control| control.map(|control| *control.header())) {
-                Ok(Some(control)) => self.obey(&control, now),
+                Ok(Some(control)) => self.obey(&control, self.time.now(step)),
                 Ok(None) => break,
                 Err(error) => {
                     // It may have been an emergency stop.

@@ -340,17 +340,18 @@ impl Live {
         if let Some(supervisor) = &self.supervisor {
             supervisor.dismiss();
         }
-        let deadline = Instant::now() + FAREWELL;
+        // By naps, for a machine that stands still in between is no thread that hangs.
+        let mut patience = FAREWELL;
         while self.working > 0 || self.supervisor.as_ref().is_some_and(|supervisor| !supervisor.is_done()) {
             let now = self.now();
             self.show(tap, now);
             match self.reports.recv_timeout(RECORDER_NAP) {
                 Ok(report) => self.note(report),
-                Err(_) if self.working > 0 && Instant::now() > deadline => {
+                Err(_) if self.working > 0 && patience.is_zero() => {
                     tracing::warn!("{} threads hang and are left behind", self.working);
                     self.working = 0;
                 }
-                Err(_) => {}
+                Err(_) => patience = patience.saturating_sub(RECORDER_NAP),
             }
         }
         let now = self.now();

@@ -131,10 +131,12 @@ impl Desk {
         self.controls.publish(&request.control(Time::monotonic_now(), self.sequence), &[])
     }
 
-    /// The newest decision some time after `decision`.
+    /// The first decision that was made so long after `decision`, or the last one where there is none.
     fn settled(&self, mut decision: Told) -> Result<Told, BusError> {
-        let began = Instant::now();
-        while let Some(left) = SETTLING.checked_sub(began.elapsed()) {
+        let (began, settled_ns) = (Instant::now(), (Time(decision.header.stamp_ns) + SETTLING).0);
+        while decision.header.stamp_ns < settled_ns
+            && let Some(left) = PATIENCE.checked_sub(began.elapsed())
+        {
             decision = self.next(left)?.unwrap_or(decision);
         }
         Ok(decision)
@@ -190,9 +192,9 @@ impl Request {
     }
 
     fn is_obeyed(&self, told: &Told) -> bool {
-        let is_disabled = |name: &str| {
-            told.verdict(name).is_some_and(|verdict| verdict.outcome() == Some(Outcome::Disabled))
-        };
+        // The outcome may be that its last halt is held.
+        let is_disabled =
+            |name: &str| told.verdict(name).is_some_and(|verdict| verdict.fault == Outcome::Disabled.code());
         match self {
             Request::Enable(name) => !is_disabled(name),
             Request::Disable(name) => is_disabled(name),

@@ -124,6 +124,23 @@ fn the_halt_of_a_dead_critical_author_stays_until_it_is_back() {
 }
 
 #[test]
+fn the_halt_of_a_critical_author_that_is_disabled_stays_and_both_are_told() {
+    let mut bench = two_with(|policy| {
+        policy.behaviours[0].critical = true;
+        policy.behaviours[0].deadline = Duration::from_secs(3600);
+    });
+    bench.say(0, halt()).decide();
+    bench.state.disable(0);
+    bench.after(Duration::from_secs(1)).say(1, forward(0.5)).decide();
+    let ruling = &bench.decision.rulings[0];
+    assert_eq!((bench.decision.mode, ruling.outcome), (Mode::Halted, Outcome::Held));
+    assert_eq!(ruling.fault, Some(Outcome::Disabled));
+    bench.state.enable(0);
+    bench.say(0, Proposal::abstain(Reason::Clear)).decide();
+    assert_eq!((bench.decision.mode, bench.decision.rulings[0].fault), (Mode::Driving, None));
+}
+
+#[test]
 fn a_stale_or_malformed_halt_is_still_a_halt() {
     for spoil in [
         |p: Proposal, now: u64| Proposal { stamp_ns: now - 5_000_000_000, ..p },

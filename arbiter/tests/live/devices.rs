@@ -11,7 +11,7 @@ use yamabico_core::time::Time;
 
 use super::stand_ins::{PERIOD, drive, schema, sensor};
 
-/// Polls or commands until what is to fail does so: 0.3 s.
+/// Polls or commands until what is to fail does so, 0.3 s; a sensor not before the body moves.
 pub const LIFE: u64 = 15;
 
 /// More messages at once than a recorder can fall behind, which are 1024.
@@ -32,15 +32,17 @@ pub struct Wheels {
 impl Sensor for Wheels {
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
         self.polls += 1;
+        let speed = *self.speed.lock().unwrap();
+        let is_driven = speed > super::DRIVING_MPS;
         match self.kind.as_str() {
-            "failing" if self.polls > LIFE => {
+            "failing" if self.polls > LIFE && is_driven => {
                 return Err(DeviceError::failed(&self.name, "the cable is off"));
             }
-            "panicking" if self.polls > LIFE => panic!("the cable is off"),
+            "panicking" if self.polls > LIFE && is_driven => panic!("the cable is off"),
             "ending" if self.polls > LIFE => return Ok(Due::Ended),
             _ => {}
         }
-        let vx = if self.kind == "raving" { f64::NAN } else { *self.speed.lock().unwrap() };
+        let vx = if self.kind == "raving" { f64::NAN } else { speed };
         let messages = if self.kind == "flooding" && self.polls == 2 { FLOOD } else { 1 };
         for _ in 0..messages {
             self.sequence += 1;

@@ -22,6 +22,8 @@ use yamabico_core::time::Time;
 const BODY: &str =
     "devices.body = { driver = \"stand-in\" }\ndrive = { device = \"body\", kind = \"motor\" }\n";
 const WHEELS: &str = "sensors.wheels = { device = \"body\", kind = \"lasting\" }\n";
+/// A drive that is given more than this is moved.
+const DRIVING_MPS: f64 = 0.05;
 const RUNNER: &str = "[behaviors.runner]\npriority = 10\n";
 
 /// A task of its own robot in a folder of its own.
@@ -33,7 +35,7 @@ struct Test {
 
 impl Test {
     fn new(name: &str, robot: &str, task: &str) -> Test {
-        let name = format!("live-{}-{name}", std::process::id());
+        let name = format!("l{}-{name}", std::process::id());
         let folder = std::env::temp_dir().join(format!("yamabico-{name}"));
         std::fs::create_dir_all(&folder).unwrap();
         let robot = format!("name = \"{name}\"\nfootprint = {{ radius_m = 0.2 }}\n{robot}");
@@ -61,21 +63,32 @@ impl Test {
         run(&self.task, &options, &flag, &mut Tee::default(), &mut |_| {})
     }
 
-    /// Runs and presses Ctrl-C after `pressed_s` seconds.
-    fn run_and_interrupt(&self, pressed_s: f64) -> Result<Ran, RunError> {
+    /// Runs and presses Ctrl-C once the drive was moved and has been given more than `commands`.
+    fn run_and_interrupt(&self, commands: usize) -> Result<Ran, RunError> {
         let flag = AtomicBool::new(false);
-        let mut press =
-            |progress: Progress| flag.store(progress.elapsed.as_secs_f64() > pressed_s, Ordering::Relaxed);
+        let mut press = |_: Progress| {
+            let given = self.given();
+            flag.store(given.len() > commands && fastest(&given) > DRIVING_MPS, Ordering::Relaxed);
+        };
         run(&self.task, &self.options(), &flag, &mut Tee::default(), &mut press)
+    }
+
+    /// The speeds that its drive was given, m/s.
+    fn given(&self) -> Vec<f64> {
+        GIVEN.lock().unwrap().get(&self.robot).cloned().unwrap_or_default()
     }
 
     /// The drive was moved, and what it was given last was to stand.
     fn assert_left_at_rest(&self) {
-        let given = GIVEN.lock().unwrap().get(&self.robot).cloned().unwrap_or_default();
-        let fastest = given.iter().copied().fold(0.0, f64::max);
-        assert!(fastest > 0.05, "it was driven at {fastest} m/s");
+        let given = self.given();
+        let fastest = fastest(&given);
+        assert!(fastest > DRIVING_MPS, "it was driven at {fastest} m/s");
         assert_eq!(given.last(), Some(&0.0), "it was left at this speed");
     }
+}
+
+fn fastest(given: &[f64]) -> f64 {
+    given.iter().copied().fold(0.0, f64::max)
 }
 
 impl Drop for Test {
@@ -87,7 +100,7 @@ impl Drop for Test {
 #[test]
 fn ctrl_c_ends_at_rest() {
     let test = Test::new("ctrl-c", &format!("{BODY}{WHEELS}"), RUNNER);
-    let ran = test.run_and_interrupt(0.6).unwrap();
+    let ran = test.run_and_interrupt(25).unwrap();
     assert_eq!((ran.end, ran.is_done()), (End::Interrupted, false));
     test.assert_left_at_rest();
     let recording = ran.recording.unwrap();
@@ -98,7 +111,7 @@ fn ctrl_c_ends_at_rest() {
 #[test]
 fn a_drive_without_any_sensor_runs_and_is_waited_for() {
     let test = Test::new("blind", BODY, RUNNER);
-    assert_eq!(test.run_and_interrupt(0.6).unwrap().end, End::Interrupted);
+    assert_eq!(test.run_and_interrupt(25).unwrap().end, End::Interrupted);
     test.assert_left_at_rest();
 }
 
@@ -124,7 +137,7 @@ fn what_is_no_number_moves_nothing() {
     let test = Test::new("raving", &robot, &format!("[run]\nduration_s = 0.5\n{raving}"));
     let ran = test.run_at(Pace::Lockstep).unwrap();
     assert_eq!((ran.end, ran.summary.distance_m), (End::TimeOver, 0.0));
-    let given = GIVEN.lock().unwrap()[&test.robot].clone();
+    let given = test.given();
     assert!(given.len() > 20 && given.iter().all(|&speed| speed == 0.0), "{given:?}");
 }
 
@@ -146,7 +159,7 @@ fn a_drive_that_panics_is_a_failure() {
 #[test]
 fn the_run_ends_with_its_last_sensor_and_not_with_the_first() {
     let other = "devices.other = { driver = \"stand-in\" }\nsensors.other = { device = \"other\", kind = \"ending\" }\n";
-    let run = "[run]\nduration_s = 1\n";
+    let run = "[run]\nduration_s = 3\n";
     let test = Test::new("one-ends", &format!("{BODY}{WHEELS}{other}"), &format!("{run}{RUNNER}"));
     let ran = test.run().unwrap();
     assert_eq!(
@@ -193,7 +206,7 @@ fn a_device_that_does_not_open_costs_no_earlier_recording() {
 
 #[test]
 fn decisions_that_cannot_be_published_keep_no_command_back() {
-    let test = Test::new("mute", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 0.6\n{RUNNER}"));
+    let test = Test::new("mute", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 2\n{RUNNER}"));
     let mut plan = Plan::new(&test.task, 1);
     let decision = plan.topics.iter_mut().find(|topic| topic.message.name == DecisionHeader::NAME).unwrap();
     decision.spec.list_bytes = 0;
@@ -209,7 +222,7 @@ fn more_behaviours_than_one_thread_can_wait_for_are_heard() {
         .map(|i| format!("[behaviors.idle-{i}]\ntype = \"broken\"\npriority = {}\n", 100 + i))
         .collect();
     let test =
-        Test::new("many", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 1\n{RUNNER}{idle}"));
+        Test::new("many", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 3\n{RUNNER}{idle}"));
     let ran = test.run().unwrap();
     assert_eq!(ran.end, End::TimeOver);
     test.assert_left_at_rest();
@@ -218,11 +231,8 @@ fn more_behaviours_than_one_thread_can_wait_for_are_heard() {
 #[test]
 fn a_behaviour_that_panics_is_asked_five_times_and_told_of() {
     let broken = "[behaviors.broken]\npriority = 20\n";
-    let test = Test::new(
-        "broken",
-        &format!("{BODY}{WHEELS}"),
-        &format!("[run]\nduration_s = 0.6\n{RUNNER}{broken}"),
-    );
+    let test =
+        Test::new("broken", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 2\n{RUNNER}{broken}"));
     let ran = test.run().unwrap();
     let timing = ran.summary.behaviours["broken"].timing;
     assert_eq!((timing.calls, timing.panics), (5, 5));
@@ -259,7 +269,7 @@ impl Tap for Commands {
 fn commands_tell_their_stages_and_the_summary_tells_who_is_late() {
     let sleepy =
         "[behaviors.sleepy]\npriority = 20\ninputs = { wheels = \"wheels\" }\nlatency_budget_ms = 5\n";
-    let run_for = "[run]\nduration_s = 0.6\n";
+    let run_for = "[run]\nduration_s = 2\n";
     let test = Test::new("stages", &format!("{BODY}{WHEELS}"), &format!("{run_for}{RUNNER}{sleepy}"));
     for pace in [Pace::Live, Pace::Lockstep] {
         let (mut commands, options) = (Commands::default(), Options { pace, ..test.options() });

@@ -105,14 +105,15 @@ impl Bus {
     /// the name until the last handle and port of it are gone; then nothing is left.
     ///
     /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `/dev/shm/yamabico-UID`, else in `$HOME/.yamabico`, private to the
-    /// user. Sockets among them
-    /// limit the length of the path, and so that of the robot's name.
+    /// user. Sockets among them limit the length of the path, and so that of the robot's name. A bus takes many file
+    /// descriptors: the process's soft limit is raised to its hard one.
     ///
     /// # Errors
     /// [`BusError::AlreadyRunning`] where another process runs a robot of this name; [`BusError::BadName`]; folders that
     /// cannot be used; the transport failed.
     pub fn ipc(robot: &str) -> Result<Bus, BusError> {
         let place = Place::of(robot)?;
+        place::allow_many_files();
         let lock = place.lock()?;
         let guard = Guard { place: place.clone(), lock: Some(lock) };
         place.wipe()?;

@@ -188,6 +188,14 @@ impl Lock {
     }
 }
 
+/// Lets this process, and those that it starts, open as many files as the system allows them: every connection is one.
+pub(super) fn allow_many_files() {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
+    // Where it is refused, the old limit is the one that is told when it is met.
+    let _ = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum });
+}
+
 fn pid_in(file: &mut File) -> u32 {
     let mut text = String::new();
     let _ = file.rewind();

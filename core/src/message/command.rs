@@ -166,7 +166,8 @@ item! {
         /// How long the outcome still lasts if nobody says a word: of what is held, inhibited, suppressed or waits, seconds;
         /// negative where until its author is back, zero elsewhere.
         pub left_s: f64,
-        /// What is wrong with a halt or limit that counts all the same, an [`Outcome`] code; zero where nothing.
+        /// What is wrong with its newest word, an [`Outcome`] code, though a halt or limit of it may count all the same; zero
+        /// where nothing.
         pub fault: u32,
         /// Zero.
         pub reserved: u32,

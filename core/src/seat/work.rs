@@ -25,10 +25,12 @@ pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, i
         if let Some(tuner) = &mut tuner {
             tuner.step(seat);
         }
+        let collected = seat.collect();
+        // Nothing that is in is newer.
         let now = Time::monotonic_now();
         let state = if seat.sleeps() { PluginState::Sleeping } else { PluginState::Running };
         pulse.beat(state, now);
-        let asked = seat.collect().and_then(|()| seat.propose(now));
+        let asked = collected.and_then(|()| seat.propose(now));
         pulse.tell_memory(seat.memory(), now);
         pulse.tell_calls(seat.record(), now);
         let sleep = seat.next_call().map_or(longest, |at| at.since(Time::monotonic_now()).min(longest));

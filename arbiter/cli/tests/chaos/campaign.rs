@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use yamabico_core::time::Time;
 
-use crate::robot::{BareTimer, Holdings, Robot, signal};
+use crate::robot::{BareTimer, Holdings, Lateness, Robot, signal};
 
 /// From one decision of the hallway's task to the next.
 pub const PERIOD: Duration = Duration::from_millis(20);
@@ -29,10 +29,10 @@ pub struct Figures {
     pub lost: Vec<String>,
     /// From each stop of a process to its death.
     pub noticed: Vec<Duration>,
-    /// How much later than its tick the latest command came.
-    pub late: Duration,
-    /// How much later than its tick a thread that only sleeps woke at most, in the same time.
-    pub late_bare: Duration,
+    /// How much later than their ticks commands came.
+    pub late: Lateness,
+    /// How much later than its ticks a thread that only sleeps woke, in the same time.
+    pub late_bare: Lateness,
 }
 
 /// Numbers by chance; xorshift.
@@ -83,8 +83,8 @@ impl Figures {
                 self.lost.push(victim.to_owned());
             }
         }
-        self.late = self.late.max(robot.latest_command(from, PERIOD));
-        self.late_bare = self.late_bare.max(timer.stop());
+        self.late = self.late.and(robot.lateness(from, PERIOD));
+        self.late_bare = self.late_bare.and(timer.stop());
     }
 
     /// Kills every behaviour once, and lets the robot settle; what it holds then is what it should hold ever after. A
@@ -107,13 +107,22 @@ impl Figures {
         }
     }
 
-    /// Stops a process of a running robot as if it hung, and waits until it has been noticed and replaced.
-    pub fn hang(&mut self, robot: &mut Robot, victim: &str) {
+    /// Stops a process of a running robot as if it hung, and waits until it has been noticed and replaced; how long it
+    /// lived from its last sign of life on, at least.
+    pub fn hang(&mut self, robot: &mut Robot, victim: &str) -> Duration {
         let pid = robot.process_of(victim).expect("it runs");
         let starts = robot.newest[victim].restarts;
         let begun = Instant::now();
         signal(pid, "STOP");
-        let is_gone = |robot: &Robot| robot.process_of(victim).is_none_or(|now| now != pid);
+        let (mut last_sign, mut lived) = (Time::ZERO, Duration::ZERO);
+        let is_gone = |robot: &Robot| {
+            let newest = &robot.newest[victim];
+            if newest.restarts == starts {
+                last_sign = Time(newest.stamp_ns);
+            }
+            lived = Time::monotonic_now().since(last_sign);
+            robot.process_of(victim).is_none_or(|now| now != pid)
+        };
         if robot.watch_until(BACK, is_gone) {
             self.noticed.push(begun.elapsed());
         } else {
@@ -122,6 +131,7 @@ impl Figures {
         if !robot.watch_until(BACK, |robot| robot.newest[victim].restarts > starts) {
             self.lost.push(victim.to_owned());
         }
+        lived
     }
 }
 

@@ -18,12 +18,12 @@ use yamabico_core::time::Time;
 
 /// Behaviours and the simulator.
 const PLUGINS: usize = VICTIMS.len() + 1;
-/// Farther than the hallway is long.
-const NEVER: &str = "run.goal.x_m=1000";
+/// Farther than the hallway is long, and longer than any test.
+const NEVER: [&str; 2] = ["run.goal.x_m=1000", "run.duration_s=100000"];
 
 fn start(test: &str, set: &[&str]) -> Robot {
     let name = format!("{test}-{}", std::process::id());
-    let set = [&[NEVER], set].concat();
+    let set = [&NEVER, set].concat();
     Robot::start(Path::new(env!("CARGO_BIN_EXE_yamabico")), "hallway.toml", &name, PLUGINS, &set)
 }
 
@@ -69,7 +69,8 @@ fn behaviours_that_are_killed_come_back_and_the_arbiter_misses_nothing() {
     let before = figures.kill_each_once(&mut robot);
     figures.kill(&mut robot, 16, &mut Chance(0x5eed));
     assert_eq!((figures.kills, figures.lost.as_slice()), (20, [].as_slice()), "{figures:?}");
-    assert!(figures.late <= figures.late_bare + PERIOD, "{figures:?}");
+    // One command late with every death would be twenty.
+    assert!(figures.late.often <= figures.late_bare.often + figures.kills / 4, "{figures:?}");
     // Starting takes milliseconds of computing time, which a busy machine gives late.
     assert!(quantile(&figures.back_of(|_| true), 0.5) < Duration::from_secs(1), "{figures:?}");
     let mut after = before;
@@ -89,13 +90,14 @@ fn a_behaviour_that_hangs_is_noticed_and_replaced() {
     robot.watch(Duration::from_millis(500));
     let timer = BareTimer::start(PERIOD);
     let mut figures = Figures::default();
-    figures.hang(&mut robot, "wall-follower");
-    let late = timer.stop();
+    let lived = figures.hang(&mut robot, "wall-follower");
+    let late = timer.stop().most;
     assert_eq!(figures.lost, [""; 0], "{figures:?}");
+    assert!(lived >= Duration::from_millis(400), "killed {lived:?} after its last sign of life");
+    // Its last sign of life came a quarter of the deadline before it hung, or less. How late is left to the machine: the
+    // campaign tells.
     let noticed = figures.noticed[0];
-    // Its last sign of life may have come a quarter of the deadline before it hung.
-    assert!(noticed > Duration::from_millis(290), "{noticed:?} is too early");
-    assert!(noticed < Duration::from_millis(500) + 4 * late, "{noticed:?}, a bare timer was {late:?} late");
+    assert!(noticed < Duration::from_secs(1) + 4 * late, "{noticed:?}, a bare timer was {late:?} late");
     assert_ended_well(robot);
 }
 
@@ -109,16 +111,19 @@ fn the_death_of_the_supervisor_stops_the_robot_and_leaves_nothing() {
     let timer = BareTimer::start(PERIOD);
     let killed = Time::monotonic_now();
     signal(supervisor, "KILL");
-    robot.watch(Duration::from_millis(1500));
-    let late = timer.stop();
-    let after = robot.truth.iter().filter(|truth| truth.stamp_ns > killed.0);
-    let braked = after.clone().find(|truth| truth.vx < speed - 0.02).unwrap();
+    let is_at_rest = |robot: &Robot| {
+        let newest = robot.truth.last().unwrap();
+        newest.stamp_ns > killed.0 && newest.vx.abs() < 0.01
+    };
+    assert!(robot.watch_until(PATIENCE, is_at_rest), "it was left moving");
+    let late = timer.stop().most;
+    let mut after = robot.truth.iter().filter(|truth| truth.stamp_ns > killed.0);
+    let braked = after.find(|truth| truth.vx < speed - 0.02).unwrap();
     let began = Time(braked.stamp_ns).since(killed);
     assert!(
         began < Duration::from_millis(100) + late,
         "it braked {began:?} later; a bare timer was {late:?} late"
     );
-    assert!(after.clone().next_back().unwrap().vx.abs() < 0.01, "it was left moving");
     robot.wait();
     assert_gone(supervisor, &files);
 }
@@ -140,7 +145,11 @@ fn a_supervisor_that_is_killed_while_it_starts_leaves_no_process() {
             assert!(begun.elapsed() < Duration::from_secs(10), "a process outlives its supervisor");
             std::thread::sleep(Duration::from_millis(20));
         }
-        // Files may be left where no device was there to bury it; they go with the next start.
-        assert!(Bus::bury(&name).unwrap());
+        // Files may be left where no device was there to bury it; they go with the next start. A child that was just being
+        // started holds the name until it has begun to be a program of its own.
+        while !Bus::bury(&name).unwrap() {
+            assert!(begun.elapsed() < Duration::from_secs(10), "the name is still taken");
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 }

@@ -217,12 +217,15 @@ impl Robot {
         let _ = self.run.as_mut().map(Child::wait);
     }
 
-    /// The longest time from one command to the next since `from`, beyond `period`.
-    pub fn latest_command(&self, from: Time, period: Duration) -> Duration {
+    /// How late commands came since `from`, by the time from one to the next beyond `period`.
+    pub fn lateness(&self, from: Time, period: Duration) -> Lateness {
         let stamps = self.told.iter().map(|command| Time(command.stamp_ns)).filter(|stamp| *stamp >= from);
         let stamps: Vec<Time> = stamps.collect();
-        let gaps = stamps.windows(2).map(|pair| pair[1].since(pair[0]));
-        gaps.max().unwrap_or_default().saturating_sub(period)
+        let mut lateness = Lateness::default();
+        for pair in stamps.windows(2) {
+            lateness.add(pair[1].since(pair[0]).saturating_sub(period), period);
+        }
+        lateness
     }
 }
 
@@ -265,10 +268,32 @@ pub fn signal(pid: u32, name: &str) {
     let _ = Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status();
 }
 
-/// A thread that only sleeps from tick to tick: how late it woke at most.
+/// How late something came that is due once in a period.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lateness {
+    /// At most.
+    pub most: Duration,
+    /// How often by more than a whole period.
+    pub often: usize,
+}
+
+impl Lateness {
+    fn add(&mut self, late: Duration, period: Duration) {
+        self.most = self.most.max(late);
+        self.often += usize::from(late > period);
+    }
+
+    /// Of both together.
+    #[allow(dead_code, reason = "not all that share this file ask")]
+    pub fn and(self, other: Lateness) -> Lateness {
+        Lateness { most: self.most.max(other.most), often: self.often + other.often }
+    }
+}
+
+/// A thread that only sleeps from tick to tick, and how late it woke.
 pub struct BareTimer {
     over: std::sync::Arc<std::sync::atomic::AtomicBool>,
-    thread: std::thread::JoinHandle<Duration>,
+    thread: std::thread::JoinHandle<Lateness>,
 }
 
 impl BareTimer {
@@ -277,22 +302,22 @@ impl BareTimer {
         let over = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
         let is_over = std::sync::Arc::clone(&over);
         let thread = std::thread::spawn(move || {
-            let (mut next, mut latest) = (Instant::now() + period, Duration::ZERO);
+            let (mut next, mut lateness) = (Instant::now() + period, Lateness::default());
             while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
                 std::thread::sleep(next.saturating_duration_since(Instant::now()));
                 let now = Instant::now();
-                latest = latest.max(now.saturating_duration_since(next));
+                lateness.add(now.saturating_duration_since(next), period);
                 while next <= now {
                     next += period;
                 }
             }
-            latest
+            lateness
         });
         BareTimer { over, thread }
     }
 
-    /// How late it woke at most.
-    pub fn stop(self) -> Duration {
+    /// How late it woke.
+    pub fn stop(self) -> Lateness {
         self.over.store(true, std::sync::atomic::Ordering::Relaxed);
         self.thread.join().expect("a thread that sleeps")
     }

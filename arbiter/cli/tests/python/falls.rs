@@ -15,6 +15,8 @@ use crate::robot::{Robot, signal};
 pub const FRAGILE: &str = "fragile";
 /// Behaviours and the simulator of the task.
 pub const PLUGINS: usize = 3;
+/// The simulator does not hang, whatever else the machine has to do.
+const SIM_IS_SOUND: &str = "robot.devices.sim.deadline_ms=20000";
 /// Longest wait for its return.
 const BACK: Duration = Duration::from_secs(20);
 
@@ -77,7 +79,7 @@ impl FragileRobot {
         std::fs::write(&file, task).expect("a place for the task");
         let exec = format!("behaviors.{FRAGILE}.exec=[\"{}\", \"{}\"]", python.display(), script.display());
         let orders_are = format!("behaviors.{FRAGILE}.orders=\"{}\"", orders.display());
-        let set = [&exec, &orders_are, "run.goal.x_m=1000", "run.duration_s=100000"];
+        let set = [&exec, &orders_are, "run.goal.x_m=1000", "run.duration_s=100000", SIM_IS_SOUND];
         let robot = Robot::start(program, file.to_str().expect("a name"), name, PLUGINS, &set);
         let _ = std::fs::remove_file(file);
         let proposals = robot.bus().subscriber(&topics::proposal(FRAGILE)).expect("a place for a reader");
@@ -99,18 +101,23 @@ impl FragileRobot {
             }
         }
         // What it proposed right before, or with what it kept, is none of its return.
-        let (begun, fell) = (Instant::now(), Time::monotonic_now());
+        let fell = Time::monotonic_now();
         let least = match fall {
             Fall::Keep | Fall::Poison => Duration::from_millis(150),
             _ => Duration::ZERO,
         };
+        let back = self.proposal_after(fell + least)?;
+        Some(Time(back.stamp_ns).since(fell))
+    }
+
+    /// A proposal made after `time`; `None` where there is none for long.
+    pub fn proposal_after(&mut self, time: Time) -> Option<Proposal> {
+        let begun = Instant::now();
         while begun.elapsed() < BACK {
             self.robot.watch(Duration::from_millis(1));
             self.listen();
-            if let Some(newest) = self.newest
-                && newest.stamp_ns > (fell + least).0
-            {
-                return Some(Time(newest.stamp_ns).since(fell));
+            if let Some(newest) = self.newest.filter(|newest| newest.stamp_ns > time.0) {
+                return Some(newest);
             }
         }
         None

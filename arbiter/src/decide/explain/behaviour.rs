@@ -94,8 +94,11 @@ fn held(verdict: &Verdict) -> String {
         left_s if left_s < 0.0 => "until it is back".to_owned(),
         left_s => format!("for another {left_s:.2} s"),
     };
-    let word = Outcome::from_code(verdict.fault).filter(|fault| *fault != Outcome::Silent);
-    let word = word.map_or(String::new(), |fault| format!(", its last word is {fault}"));
+    let word = match Outcome::from_code(verdict.fault) {
+        None | Some(Outcome::Silent) => String::new(),
+        Some(Outcome::Disabled) => ", though it is disabled".to_owned(),
+        Some(fault) => format!(", its last word is {fault}"),
+    };
     format!("its {kind} of {} stays in force {how_long}{word}", verdict.claimed)
 }
 

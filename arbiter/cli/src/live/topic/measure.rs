@@ -89,7 +89,8 @@ fn measure(
     let every = seconds(arguments.every);
     let (began, mut printed, mut has_news) = (Instant::now(), Instant::now(), false);
     let mut is_told = print == Print::Json;
-    while !flag.load(Ordering::Relaxed) && began.elapsed() < longest {
+    let mut is_over = false;
+    while !is_over && !flag.load(Ordering::Relaxed) {
         let heard = listener.hear(NAP.min(every), &mut |heard| {
             if let Some(number) = number_of(&heard, stamps(heard.sample.header())) {
                 window.add(number);
@@ -100,7 +101,8 @@ fn measure(
         if let Err(error) = heard {
             return fail(&error.to_string(), NOT_ARRIVED);
         }
-        if printed.elapsed() >= every || began.elapsed() >= longest {
+        is_over = began.elapsed() >= longest;
+        if printed.elapsed() >= every || is_over {
             printed = Instant::now();
             if let Some(figures) = window.figures().filter(|_| std::mem::take(&mut has_news))
                 && writeln!(std::io::stdout(), "{}", line(&figures, listener.lost())).is_err()
