@@ -7,6 +7,9 @@ use yamabico_core::time::Time;
 /// Opening a device or a map may take so long.
 const COMING_UP: Duration = Duration::from_secs(10);
 
+/// The part of its deadline after which a silent process is given up: what is left is for noticing it and ending it.
+const GIVEN_UP: (u32, u32) = (7, 8);
+
 /// The signs of life of one process.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Health {
@@ -17,8 +20,9 @@ pub(super) struct Health {
 }
 
 impl Health {
-    /// Of a process that starts `now` and may then be silent for `patience`.
-    pub fn new(patience: Duration, now: Time) -> Health {
+    /// Of a process that starts `now`, and is to be dead when it has been silent for `deadline`.
+    pub fn new(deadline: Duration, now: Time) -> Health {
+        let patience = deadline * GIVEN_UP.0 / GIVEN_UP.1;
         Health { patience, first: None, heard: None, since: now }
     }
 
@@ -64,13 +68,13 @@ mod tests {
     }
 
     #[test]
-    fn silence_beyond_patience_is_a_hang() {
-        let mut health = Health::new(Duration::from_millis(300), at(0));
+    fn silence_is_a_hang_an_eighth_before_its_deadline() {
+        let mut health = Health::new(Duration::from_millis(320), at(0));
         assert!(health.hangs(at(9_000)).is_none() && !health.is_up(), "it may take its time to come up");
         assert!(health.hangs(at(10_001)).is_some());
         health.hear(at(1_000));
-        assert!(health.hangs(at(1_300)).is_none() && health.is_up());
-        assert_eq!(health.hangs(at(1_301)), Some(Duration::from_millis(301)));
+        assert!(health.hangs(at(1_280)).is_none() && health.is_up());
+        assert_eq!(health.hangs(at(1_281)), Some(Duration::from_millis(281)));
         health.hear(at(1_400));
         assert_eq!(health.lived(at(1_500)), Duration::from_millis(500));
         assert_eq!(Health::new(Duration::ZERO, at(0)).lived(at(1_500)), Duration::ZERO);
@@ -78,10 +82,10 @@ mod tests {
 
     #[test]
     fn time_that_the_supervisor_slept_through_does_not_count() {
-        let mut health = Health::new(Duration::from_millis(300), at(0));
+        let mut health = Health::new(Duration::from_millis(320), at(0));
         health.hear(at(1_000));
         health.excuse(Duration::from_millis(500));
-        assert!(health.hangs(at(1_800)).is_none());
-        assert!(health.hangs(at(1_801)).is_some());
+        assert!(health.hangs(at(1_780)).is_none());
+        assert!(health.hangs(at(1_781)).is_some());
     }
 }

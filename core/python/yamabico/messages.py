@@ -787,7 +787,7 @@ class Verdict(Item):
         ("kind", ctypes.c_uint32),
         # How long the outcome still lasts if nobody says a word: of what is held, inhibited, suppressed or waits, seconds; negative where until its author is back, zero elsewhere.
         ("left_s", ctypes.c_double),
-        # What is wrong with a halt or limit that counts all the same, an Outcome code; zero where nothing.
+        # What is wrong with its newest word, an Outcome code, though a halt or limit of it may count all the same; zero where nothing.
         ("fault", ctypes.c_uint32),
         # Zero.
         ("reserved", ctypes.c_uint32),

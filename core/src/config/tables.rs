@@ -178,7 +178,7 @@ pub(crate) struct BehaviorKeys {
     /// It is asked at least this often; without it, on new input only.
     #[schemars(range(min = 0.1, max = 60000.0))]
     pub period_ms: Option<f64>,
-    /// Longest silence before it counts as dead; without it, three periods.
+    /// Longest silence before it counts as dead; without it, three periods. A process of it that hangs has ended by then.
     #[schemars(range(min = 0.1, max = 60000.0))]
     pub deadline_ms: Option<f64>,
     /// Computing time that one proposal may take; a longer one is counted and reported.
@@ -371,7 +371,7 @@ pub(crate) struct DeviceKeys {
     pub exec: Option<Vec<String>>,
     /// Where it runs while the robot runs live.
     pub isolation: Isolation,
-    /// A process of it that is silent for longer hangs, and is started again.
+    /// A process of it that is silent for so long hangs: it has been ended by then, and is started again.
     #[schemars(range(min = 50.0, max = 60000.0))]
     pub deadline_ms: f64,
     /// What is asked of the system's scheduler for it.
