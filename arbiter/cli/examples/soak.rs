@@ -132,26 +132,29 @@ fn is_flat(samples: &BTreeMap<&str, Vec<Sample>>) -> bool {
             continue;
         };
         let (before, after) = halves(samples);
-        let median = |part: &[Sample]| {
-            let mut values: Vec<f64> = part.iter().map(|sample| sample.anonymous_kib).collect();
+        let median = |part: &[Sample], of: fn(&Sample) -> f64| {
+            let mut values: Vec<f64> = part.iter().map(of).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or_default()
         };
-        let most = |part: &[Sample], of: fn(&Sample) -> usize| part.iter().map(of).max().unwrap_or_default();
-        let (memory, later) = (median(before), median(after));
+        // A folder that the supervisor looks into is open for an instant: the most that was ever seen is chance.
+        let both = |of| (median(before, of), median(after, of));
+        let (memory, later) = both(|sample| sample.anonymous_kib);
+        let (descriptors, threads) =
+            (both(|sample| sample.descriptors as f64), both(|sample| sample.threads as f64));
         let lasted_s = last.at.duration_since(first.at).as_secs_f64().max(1.0);
         let index = if *name == SUPERVISOR { INDEX_KIB_S * 0.4 * lasted_s } else { 0.0 };
         let grows = later > memory * (1.0 + GROWTH.0) + GROWTH.1 + index
-            || most(after, |sample| sample.descriptors) > most(before, |sample| sample.descriptors)
-            || most(after, |sample| sample.threads) > most(before, |sample| sample.threads);
+            || descriptors.1 > descriptors.0
+            || threads.1 > threads.0;
         flat &= !grows;
         let share = (last.computed_s - first.computed_s) / lasted_s;
         println!(
             "{name:>28} {:>6.1}% {:>10.0} {memory:>10.0} {later:>10.0} {:>11} {:>8}{}",
             100.0 * share,
             last.resident_kib,
-            last.descriptors,
-            last.threads,
+            descriptors.1,
+            threads.1,
             if grows { "  GROWS" } else { "" }
         );
     }
