@@ -113,6 +113,16 @@ fn the_path_is_driven_freely() {
 }
 
 #[test]
+fn somebody_who_halts_is_disabled() {
+    let mut hallway = Hallway::under_way();
+    hallway.say(SONAR_HALT, Proposal::halt(Axes::LINEAR.union(Axes::LATERAL), Reason::Echo));
+    hallway.go_on(MOMENT, &[]);
+    hallway.state.disable(SONAR_HALT);
+    hallway.go_on(Duration::from_secs(1), &[]);
+    insta::assert_snapshot!(hallway.why());
+}
+
+#[test]
 fn the_sonar_halts_before_somebody() {
     let mut hallway = Hallway::under_way();
     let halt = Proposal::halt(Axes::LINEAR.union(Axes::LATERAL), Reason::Echo);

@@ -68,8 +68,10 @@ impl Place {
     fn start_live(&self) -> Running {
         let running = self.start("hallway.toml", &LIVE);
         await_true("the robot does not drive", || {
-            let mut echo = Command::new(env!("CARGO_BIN_EXE_yamabico"));
-            let echo = echo.args(["topic", "echo", "truth", "--once", "--json", "--robot", &self.robot]);
+            // Echo waits for ever where the run has ended in between.
+            let mut echo = Command::new("timeout");
+            let echo = echo.args(["10", env!("CARGO_BIN_EXE_yamabico"), "topic", "echo", "truth", "--once"]);
+            let echo = echo.args(["--json", "--robot", &self.robot]);
             let told: Option<Value> = serde_json::from_slice(&echo.output().unwrap().stdout).ok();
             told.is_some_and(|truth| truth["vx"].as_f64() > Some(DRIVING_MPS))
         });

@@ -7,8 +7,8 @@ use yamabico_core::time::Time;
 /// Opening a device or a map may take so long.
 const COMING_UP: Duration = Duration::from_secs(10);
 
-/// The part of its deadline after which a silent process is given up: what is left is for noticing it and ending it.
-const GIVEN_UP: (u32, u32) = (7, 8);
+/// A silent process is given up before its deadline by this part of it, an eighth: time to notice and to end it.
+const PARTS: u32 = 8;
 
 /// The signs of life of one process.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,7 @@ pub(super) struct Health {
 impl Health {
     /// Of a process that starts `now`, and is to be dead when it has been silent for `deadline`.
     pub fn new(deadline: Duration, now: Time) -> Health {
-        let patience = deadline * GIVEN_UP.0 / GIVEN_UP.1;
+        let patience = deadline - deadline / PARTS;
         Health { patience, first: None, heard: None, since: now }
     }
 

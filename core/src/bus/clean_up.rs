@@ -212,6 +212,8 @@ mod tests {
             (bus.publisher::<Odometry>("odometry").unwrap(), bus.subscriber::<Odometry>("odometry").unwrap());
         let place = bus.place().unwrap();
         let before = place.segments().len();
+        let mut cleaner = bus.cleaner().unwrap();
+        assert_eq!(cleaner.clean(), CleanedUp::default());
         let dead_node = place.root.join("nodes").join(GONE.to_string());
         std::fs::create_dir_all(&dead_node).unwrap();
         let named = |ids: &str| Path::new(SEGMENTS).join(format!("{}{ids}.connection", place.prefix));
@@ -221,8 +223,6 @@ mod tests {
         let living = u128::from(std::process::id()) << 64 | 12_345;
         let half_dead = named(&format!("{living}_{GONE}"));
         std::fs::write(&half_dead, "made").unwrap();
-        let mut cleaner = bus.cleaner().unwrap();
-        cleaner.clean();
         let times = |paths: &[&PathBuf]| {
             let mut times: Vec<_> =
                 paths.iter().map(|path| changed(&std::fs::metadata(path).unwrap())).collect();
