@@ -5,13 +5,13 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run};
 
 const SEEDS: [u64; 3] = [1, 2, 3];
 
@@ -25,7 +25,7 @@ impl Tap for Nobody {
 fn time_s(velocity: &str) -> f64 {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/corner.toml");
     let set = vec![format!("behaviors.free-space-avoider.velocity=\"{velocity}\"")];
-    let task = load(&file, &Overrides { robot: None, set }, &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
+    let task = load(&file, &Overrides { robot: None, set }, &plugins()).unwrap_or_else(|e| panic!("{e}"));
     let drive = |seed| {
         let options = Options { seed, ..Options::default() };
         let ran = run(&task, &options, &AtomicBool::new(false), &mut Nobody, &mut |_| {}).unwrap();

@@ -5,14 +5,13 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::{Overrides, load};
-use yamabico_core::message::{Message, MessageType, Truth};
+use yamabico::plugins::plugins;
+use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run};
 
 /// Where the robot started beside the middle, and how far beside it it drove once it had come to it.
 #[derive(Default)]
@@ -39,7 +38,7 @@ impl Tap for Offsets {
 #[test]
 fn the_robot_keeps_to_the_middle_for_twenty_five_metres() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/corridor.toml");
-    let task = load(&file, &Overrides::default(), &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
+    let task = load(&file, &Overrides::default(), &plugins()).unwrap_or_else(|e| panic!("{e}"));
     let drive = |seed: u64| {
         let options = Options { seed, ..Options::default() };
         let mut offsets = Offsets::default();

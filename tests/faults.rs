@@ -3,22 +3,25 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use bytemuck::Pod;
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, Ran, run};
-use yamabico_core::behavior::{BuildError, Outputs, PublishError, RawMessage};
-use yamabico_core::config::{Overrides, Plugins, load};
+use yamabico::plugins::plugins;
+use yamabico_core::behavior::{BuildError, Outputs, PublishError};
+use yamabico_core::driver::{Device, DeviceSpec, Driver, DriverInfo, PartSpec, SensorDescription};
 use yamabico_core::message::{
-    Beam, Command, FrameHeader, Message, MessageType, Odometry, RangeScanHeader, Truth,
+    Beam, Command, FrameHeader, Message, MessageType, Odometry, RangeScanHeader, RawMessage, Truth,
 };
-use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, DriverPlugin, Due, Sensor};
+use yamabico_core::plugins::Plugins;
+use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, Ran, run};
 
 /// When the sensor goes wrong: the robot has its speed by then, and has met nobody yet.
 const WRONG: Time = Time(2_000_000_000);
@@ -35,9 +38,6 @@ enum Fault {
     FromThePast,
     None,
 }
-
-const FAULTS: [Fault; 6] =
-    [Fault::Silent, Fault::Empty, Fault::NoNumber, Fault::FromTheFuture, Fault::FromThePast, Fault::None];
 
 /// A sensor whose messages are damaged on their way.
 struct Damaged {
@@ -128,32 +128,34 @@ impl Damaged {
     }
 }
 
-/// The simulator with one sensor that goes wrong: `SENSOR` is its place in [`SENSORS`], `FAULT` the fault's in [`FAULTS`].
-fn open<const SENSOR: usize, const FAULT: usize>(spec: DeviceSpec) -> Result<Device, BuildError> {
-    let mut device = (yamabico_sim::PLUGIN.open)(spec)?;
-    device.sensors = device
-        .sensors
-        .into_iter()
-        .map(|(name, sensor)| match name == SENSORS[SENSOR] {
-            true => {
-                (name.clone(), Box::new(Damaged { name, sensor, fault: FAULTS[FAULT] }) as Box<dyn Sensor>)
-            }
-            false => (name, sensor),
-        })
-        .collect();
-    Ok(device)
+/// The simulator with one sensor that goes wrong.
+struct FaultySimulator {
+    simulator: Arc<dyn Driver>,
+    sensor: &'static str,
+    fault: Fault,
 }
 
-const SENSORS: [&str; 3] = ["sonar", "front", "wheels"];
-const SONAR: usize = 0;
-const FRONT: usize = 1;
-const WHEELS: usize = 2;
-const SILENT: usize = 0;
-const EMPTY: usize = 1;
-const NO_NUMBER: usize = 2;
-const FUTURE: usize = 3;
-const PAST: usize = 4;
-const SOUND: usize = 5;
+impl Driver for FaultySimulator {
+    fn info(&self) -> &DriverInfo {
+        self.simulator.info()
+    }
+
+    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, BuildError> {
+        self.simulator.describe_sensor(sensor, folder)
+    }
+
+    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError> {
+        let mut device = self.simulator.open(spec)?;
+        let sensors = device.sensors.into_iter().map(|(name, sensor)| {
+            let is_faulty = name == self.sensor;
+            let damaged = |sensor| Box::new(Damaged { name: name.clone(), sensor, fault: self.fault });
+            let sensor = if is_faulty { damaged(sensor) as Box<dyn Sensor> } else { sensor };
+            (name, sensor)
+        });
+        device.sensors = sensors.collect();
+        Ok(device)
+    }
+}
 
 /// How fast the robot was when, and what the motors were told.
 #[derive(Default)]
@@ -186,9 +188,9 @@ impl Speeds {
     }
 }
 
-fn drive<const SENSOR: usize, const FAULT: usize>() -> (Ran, Speeds) {
-    let plugin = DriverPlugin { open: open::<SENSOR, FAULT>, ..yamabico_sim::PLUGIN };
-    let plugins = Plugins { drivers: &[plugin], ..PLUGINS };
+fn drive(sensor: &'static str, fault: Fault) -> (Ran, Speeds) {
+    let driver = FaultySimulator { simulator: yamabico_sim::driver(), sensor, fault };
+    let plugins = Plugins { drivers: vec![Arc::new(driver)], ..plugins() };
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hallway.toml");
     let mut task =
         load(&path, &Overrides::default(), &plugins).unwrap_or_else(|problems| panic!("{problems}"));
@@ -202,60 +204,60 @@ fn drive<const SENSOR: usize, const FAULT: usize>() -> (Ran, Speeds) {
     (ran, speeds)
 }
 
-fn stands<const SENSOR: usize, const FAULT: usize>() {
-    let (_, speeds) = drive::<SENSOR, FAULT>();
+fn stands(sensor: &'static str, fault: Fault) {
+    let (_, speeds) = drive(sensor, fault);
     let after = speeds.fastest_mps(STAND, Time(u64::MAX));
-    assert!(after < 0.01, "{} {:?}: it moved at {after} m/s", SENSORS[SENSOR], FAULTS[FAULT]);
+    assert!(after < 0.01, "{sensor} {fault:?}: it moved at {after} m/s");
 }
 
 #[test]
 fn a_sound_robot_drives_on() {
-    let (_, speeds) = drive::<SONAR, SOUND>();
+    let (_, speeds) = drive("sonar", Fault::None);
     assert!(speeds.fastest_mps(STAND, Time(u64::MAX)) > 0.3);
 }
 
 #[test]
 fn a_silent_sonar_stops_the_robot() {
-    stands::<SONAR, SILENT>();
+    stands("sonar", Fault::Silent);
 }
 
 #[test]
 fn an_empty_scan_stops_the_robot() {
-    stands::<SONAR, EMPTY>();
+    stands("sonar", Fault::Empty);
 }
 
 #[test]
 fn ranges_that_are_no_numbers_stop_the_robot() {
-    stands::<SONAR, NO_NUMBER>();
+    stands("sonar", Fault::NoNumber);
 }
 
 #[test]
 fn ranges_from_another_time_stop_the_robot() {
-    stands::<SONAR, FUTURE>();
-    stands::<SONAR, PAST>();
+    stands("sonar", Fault::FromTheFuture);
+    stands("sonar", Fault::FromThePast);
 }
 
 #[test]
 fn a_silent_camera_stops_the_robot() {
-    stands::<FRONT, SILENT>();
+    stands("front", Fault::Silent);
 }
 
 #[test]
 fn pictures_that_are_none_stop_the_robot() {
-    stands::<FRONT, EMPTY>();
-    stands::<FRONT, NO_NUMBER>();
+    stands("front", Fault::Empty);
+    stands("front", Fault::NoNumber);
 }
 
 #[test]
 fn pictures_from_another_time_stop_the_robot() {
-    stands::<FRONT, FUTURE>();
-    stands::<FRONT, PAST>();
+    stands("front", Fault::FromTheFuture);
+    stands("front", Fault::FromThePast);
 }
 
 #[test]
 fn wheels_that_go_wrong_cost_no_contact() {
-    drive::<WHEELS, SILENT>();
-    drive::<WHEELS, NO_NUMBER>();
-    drive::<WHEELS, FUTURE>();
-    drive::<WHEELS, PAST>();
+    drive("wheels", Fault::Silent);
+    drive("wheels", Fault::NoNumber);
+    drive("wheels", Fault::FromTheFuture);
+    drive("wheels", Fault::FromThePast);
 }

@@ -4,13 +4,13 @@
 
 use std::path::Path;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{Encoding, FrameHeader, Odometry};
 use yamabico_core::sensor::MountedMirror;
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
 use yamabico_map_localizer::finder::Finder;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random};
@@ -30,9 +30,9 @@ const PICTURES: u32 = 10;
 #[test]
 fn the_outline_of_the_floor_finds_the_robot() {
     let configs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs");
-    let task =
-        load(&configs.join("field.toml"), &Overrides::default(), &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
-    let behavior = task.behaviors.iter().find(|b| b.plugin.name == "map-localizer").unwrap();
+    let task = load(&configs.join("field.toml"), &Overrides::default(), &plugins())
+        .unwrap_or_else(|e| panic!("{e}"));
+    let behavior = task.behaviors.iter().find(|b| b.factory.info().name == "map-localizer").unwrap();
     let MountedMirror { camera, mount, .. } = behavior.setup.mirror_camera(&CAMERA).unwrap();
     let text = std::fs::read_to_string(configs.join("worlds/field.toml")).unwrap();
     let world = World::from_toml(&text).unwrap();

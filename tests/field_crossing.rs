@@ -6,13 +6,13 @@
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run};
 
 const WORLD: &str = include_str!("../behaviors/free_space_avoider/examples/field/field.toml");
 
@@ -93,7 +93,7 @@ fn cross(drive: &str) {
         std::fs::write(folder.join(file), text).unwrap();
     }
     let task =
-        load(&folder.join("task.toml"), &Overrides::default(), &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
+        load(&folder.join("task.toml"), &Overrides::default(), &plugins()).unwrap_or_else(|e| panic!("{e}"));
     for seed in 1..=6 {
         let options = Options { seed, ..Options::default() };
         let ran = run(&task, &options, &AtomicBool::new(false), &mut Nobody, &mut |_| {}).unwrap();

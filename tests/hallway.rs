@@ -5,22 +5,21 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::{End, Plan};
+use yamabico::plugins::plugins;
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::record::{Tap, Tee};
-use yamabico_arbiter::run::{Options, Ran, run};
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::{Overrides, Task, load};
-use yamabico_core::message::{Message, MessageType, Truth};
+use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, Task, load};
+use yamabico_runtime::execution::{End, Plan};
+use yamabico_runtime::record::{Tap, Tee};
+use yamabico_runtime::run::{Options, Ran, run};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 fn hallway() -> Task {
-    load(&root().join("configs/hallway.toml"), &Overrides::default(), &PLUGINS)
+    load(&root().join("configs/hallway.toml"), &Overrides::default(), &plugins())
         .unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -46,7 +45,7 @@ fn the_robot_passes_a_person_and_a_box_and_arrives() {
 #[test]
 fn the_wheels_of_the_robot_file_bound_what_is_commanded() {
     let kinematics = Plan::new(&hallway(), 1).policy.kinematics;
-    let wheels = Kinematics::Differential { base_m: 0.32, wheel_radius_m: 0.05, max_wheel_rad_s: 14.0 };
+    let wheels = Kinematics::Differential { base_m: 0.32, wheel_radius_m: 0.05, max_wheel_radps: 14.0 };
     assert_eq!(kinematics, wheels);
 }
 

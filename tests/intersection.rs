@@ -5,14 +5,13 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::{Overrides, load};
-use yamabico_core::message::{Intersection, Message, MessageType, Truth};
+use yamabico::plugins::plugins;
+use yamabico_core::message::{Intersection, Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run};
 
 /// World x at which the walls end, metres.
 const END_M: f64 = 15.0;
@@ -60,7 +59,7 @@ fn approach(seed: u64) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/intersection.toml");
     // Half a metre before the walls end is far enough: by then it is handed over.
     let overrides = Overrides { set: vec!["run.goal.x_m=14.5".into()], ..Overrides::default() };
-    let task = load(&file, &overrides, &PLUGINS).unwrap_or_else(|e| panic!("{e}"));
+    let task = load(&file, &overrides, &plugins()).unwrap_or_else(|e| panic!("{e}"));
     let mut listener = Listener::default();
     let options = Options { seed, ..Options::default() };
     let ran = run(&task, &options, &AtomicBool::new(false), &mut listener, &mut |_| {}).unwrap();

@@ -5,14 +5,14 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::{End, topics};
-use yamabico_arbiter::record::{Tap, Tee};
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{MessageType, Pose, PoseStatus, Truth};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::{End, topics};
+use yamabico_runtime::record::{Tap, Tee};
+use yamabico_runtime::run::{Options, run};
 
 /// Keeps poses and truths.
 #[derive(Default)]
@@ -57,7 +57,7 @@ fn drive(more: &[&str]) -> (End, Judge) {
     let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/localisation.toml");
     let near = ["run.goal.x_m=4.0", "run.duration_s=30", "behaviors.map-localizer.route=[[4.0, 0.0]]"];
     let set = near.iter().chain(more).map(ToString::to_string).collect();
-    let loaded = load(&task, &Overrides { robot: None, set }, &PLUGINS)
+    let loaded = load(&task, &Overrides { robot: None, set }, &plugins())
         .unwrap_or_else(|problems| panic!("{problems}"));
     let mut judge = Judge::default();
     let mut tee = Tee(vec![&mut judge]);

@@ -5,14 +5,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::topics;
-use yamabico_arbiter::record::{Tap, Tee};
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{MessageType, Obstacle, Truth};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::topics;
+use yamabico_runtime::record::{Tap, Tee};
+use yamabico_runtime::run::{Options, run};
 use yamabico_sim::{Scene, World};
 
 /// Seeds of the task's box and person.
@@ -65,7 +65,7 @@ impl Tap for Judge {
 
 #[test]
 fn the_box_is_found_a_metre_away_and_passed_without_contact() {
-    let task = load(&configs().join("hallway.toml"), &Overrides::default(), &PLUGINS)
+    let task = load(&configs().join("hallway.toml"), &Overrides::default(), &plugins())
         .unwrap_or_else(|problems| panic!("{problems}"));
     for seed in SEEDS {
         let box_at = middle_of_box(seed);

@@ -5,14 +5,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::{Overrides, load};
-use yamabico_core::message::{Message, MessageType, Truth};
+use yamabico::plugins::plugins;
+use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -38,7 +37,7 @@ impl Tap for Rooms {
 
 #[test]
 fn the_robot_touches_nothing_and_keeps_on_finding_a_way() {
-    let task = load(&root().join("configs/office.toml"), &Overrides::default(), &PLUGINS)
+    let task = load(&root().join("configs/office.toml"), &Overrides::default(), &plugins())
         .unwrap_or_else(|e| panic!("{e}"));
     let drive = |seed| {
         let mut rooms = Rooms::default();

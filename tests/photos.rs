@@ -8,12 +8,12 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::message::{Message, MessageType, Proposal};
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run};
 
 /// The principal column and the guessed focal length, pixels: 960 wide and 90 degrees.
 const CENTRE_PX: f64 = 479.5;
@@ -83,7 +83,7 @@ fn the_behaviour_steers_towards_the_end_of_a_real_corridor() {
     let images = folder.join("images");
     let set = vec![format!("robot.sensors.front.files={:?}", images.to_str().unwrap())];
     let path = root.join("configs/corridor-photos.toml");
-    let task = load(&path, &Overrides { set, ..Overrides::default() }, &PLUGINS)
+    let task = load(&path, &Overrides { set, ..Overrides::default() }, &plugins())
         .unwrap_or_else(|problems| panic!("{problems}"));
     let mut answers = Answers::default();
     let ran = run(&task, &Options::default(), &AtomicBool::new(false), &mut answers, &mut |_| {}).unwrap();

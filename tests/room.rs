@@ -9,14 +9,14 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::{End, topics};
-use yamabico_arbiter::record::{Tap, Tee};
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, Task, load};
+use yamabico::plugins::plugins;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{MessageType, Obstacle, Pose, PoseStatus, Truth};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, Task, load};
+use yamabico_runtime::execution::{End, topics};
+use yamabico_runtime::record::{Tap, Tee};
+use yamabico_runtime::run::{Options, run};
 use yamabico_sim::{Scene, World};
 
 /// Within this of the middle of the room only the cupboard stands, m.
@@ -104,7 +104,7 @@ fn most(values: &[f64]) -> f64 {
 #[test]
 fn the_robot_goes_around_what_the_map_does_not_tell_of() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/room.toml");
-    let task = load(&path, &Overrides::default(), &PLUGINS).unwrap_or_else(|problems| panic!("{problems}"));
+    let task = load(&path, &Overrides::default(), &plugins()).unwrap_or_else(|problems| panic!("{problems}"));
     let seeds = std::env::var("YAMABICO_SEEDS").map_or(2, |text| text.parse().unwrap());
     let (mut errors, mut nees, mut goals, mut edges) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for seed in 1..=seeds {

@@ -20,7 +20,7 @@ fn policy(count: usize) -> Policy {
         max_evidence_age: Duration::from_secs(1_000_000),
         ..BehaviourPolicy::new(&format!("behaviour-{i}"), i as i32)
     });
-    let kinematics = Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 10.0 };
+    let kinematics = Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 10.0 };
     Policy::new(MotionLimits::default(), kinematics, behaviours.collect())
 }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use yamabico_core::config::DriveFile;
+use yamabico_core::drive::Wheels;
 use yamabico_core::message::{Axes, Twist};
 
 /// How a drive turns wheel speeds into motion.
@@ -15,7 +15,7 @@ pub enum Kinematics {
         /// Wheel radius, metres.
         wheel_radius_m: f64,
         /// Largest wheel speed, rad/s.
-        max_wheel_rad_s: f64,
+        max_wheel_radps: f64,
     },
     /// Omnidirectional wheels, evenly spaced on a circle about the robot frame, each rolling along the tangent.
     Omni {
@@ -26,7 +26,7 @@ pub enum Kinematics {
         /// Wheel radius, metres.
         wheel_radius_m: f64,
         /// Largest wheel speed, rad/s.
-        max_wheel_rad_s: f64,
+        max_wheel_radps: f64,
     },
     /// The drive takes body twists on these axes and sees to its wheels itself.
     Body {
@@ -72,21 +72,21 @@ impl WheelSpeeds {
 }
 
 impl Kinematics {
-    /// Those of a drive in a checked robot file.
-    pub fn of(drive: &DriveFile) -> Kinematics {
-        let Some(wheels) = drive.wheels else { return Kinematics::Body { axes: drive.axes } };
-        let (wheel_radius_m, max_wheel_rad_s) = (wheels.radius_m, wheels.max_rad_s);
+    /// The kinematics of a drive that has these axes and, where they are known, these wheels.
+    pub fn new(axes: Axes, wheels: Option<&Wheels>) -> Kinematics {
+        let Some(wheels) = wheels else { return Kinematics::Body { axes } };
+        let (wheel_radius_m, max_wheel_radps) = (wheels.radius_m, wheels.max_radps);
         let omni = |count| Kinematics::Omni {
             wheels: count,
-            ring_radius_m: wheels.from_centre_m,
+            ring_radius_m: wheels.from_center_m,
             wheel_radius_m,
-            max_wheel_rad_s,
+            max_wheel_radps,
         };
         match wheels.count {
             2 => Kinematics::Differential {
-                base_m: 2.0 * wheels.from_centre_m,
+                base_m: 2.0 * wheels.from_center_m,
                 wheel_radius_m,
-                max_wheel_rad_s,
+                max_wheel_radps,
             },
             3 => omni(OmniWheels::Three),
             _ => omni(OmniWheels::Four),
@@ -152,13 +152,13 @@ impl Kinematics {
 
     /// The largest multiple of `twist`, at most itself, that the wheels can roll: the same curve, driven slower.
     pub fn saturate(&self, twist: Twist) -> Twist {
-        let (Kinematics::Differential { max_wheel_rad_s, .. } | Kinematics::Omni { max_wheel_rad_s, .. }) =
+        let (Kinematics::Differential { max_wheel_radps, .. } | Kinematics::Omni { max_wheel_radps, .. }) =
             *self
         else {
             return twist;
         };
         let fastest = self.wheels_from_twist(twist).fastest();
-        if fastest <= max_wheel_rad_s { twist } else { scaled(twist, max_wheel_rad_s / fastest) }
+        if fastest <= max_wheel_radps { twist } else { scaled(twist, max_wheel_radps / fastest) }
     }
 
     /// The same curve as `wanted`, slowed until the wheels can roll every mixture of it and `current` that a ramp passes
@@ -167,11 +167,11 @@ impl Kinematics {
     /// An omni drive counts its translation as if each wheel had to roll all of it.
     pub fn reachable(&self, wanted: Twist, current: Twist) -> Twist {
         let (rim_mps, lever_m) = match *self {
-            Kinematics::Differential { base_m, wheel_radius_m, max_wheel_rad_s } => {
-                (max_wheel_rad_s * wheel_radius_m, base_m / 2.0)
+            Kinematics::Differential { base_m, wheel_radius_m, max_wheel_radps } => {
+                (max_wheel_radps * wheel_radius_m, base_m / 2.0)
             }
-            Kinematics::Omni { ring_radius_m, wheel_radius_m, max_wheel_rad_s, .. } => {
-                (max_wheel_rad_s * wheel_radius_m, ring_radius_m)
+            Kinematics::Omni { ring_radius_m, wheel_radius_m, max_wheel_radps, .. } => {
+                (max_wheel_radps * wheel_radius_m, ring_radius_m)
             }
             Kinematics::Body { .. } => return wanted,
         };
@@ -226,14 +226,12 @@ pub(crate) fn scaled(twist: Twist, factor: f64) -> Twist {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::config::Wheels;
-    use yamabico_core::sensor::PartSpec;
 
     const DIFFERENTIAL: Kinematics =
-        Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 10.0 };
+        Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 10.0 };
 
     fn omni(wheels: OmniWheels) -> Kinematics {
-        Kinematics::Omni { wheels, ring_radius_m: 0.2, wheel_radius_m: 0.05, max_wheel_rad_s: 20.0 }
+        Kinematics::Omni { wheels, ring_radius_m: 0.2, wheel_radius_m: 0.05, max_wheel_radps: 20.0 }
     }
 
     fn assert_close(a: Twist, b: Twist) {
@@ -244,16 +242,11 @@ mod tests {
 
     #[test]
     fn the_wheels_of_a_robot_file_are_taken_over() {
-        let part = PartSpec { name: "drive".into(), kind: "any".into(), table: Default::default() };
-        let wheels = Wheels { count: 2, from_centre_m: 0.2, radius_m: 0.1, max_rad_s: 10.0 };
-        let drive = DriveFile { device: "base".into(), part, axes: Axes::PLANAR, wheels: Some(wheels) };
-        assert_eq!(Kinematics::of(&drive), DIFFERENTIAL);
-        let (ring, three) =
-            (Wheels { count: 3, radius_m: 0.05, max_rad_s: 20.0, ..wheels }, OmniWheels::Three);
-        let round = DriveFile { axes: Axes::ALL, wheels: Some(ring), ..drive.clone() };
-        assert_eq!(Kinematics::of(&round), omni(three));
-        let own = DriveFile { wheels: None, ..drive };
-        assert_eq!(Kinematics::of(&own), Kinematics::Body { axes: Axes::PLANAR });
+        let pair = Wheels { count: 2, from_center_m: 0.2, radius_m: 0.1, max_radps: 10.0 };
+        assert_eq!(Kinematics::new(Axes::PLANAR, Some(&pair)), DIFFERENTIAL);
+        let ring = Wheels { count: 3, radius_m: 0.05, max_radps: 20.0, ..pair };
+        assert_eq!(Kinematics::new(Axes::ALL, Some(&ring)), omni(OmniWheels::Three));
+        assert_eq!(Kinematics::new(Axes::PLANAR, None), Kinematics::Body { axes: Axes::PLANAR });
     }
 
     #[test]

@@ -1,13 +1,7 @@
-//! Decides which proposal the motors get: arbitration, safety, execution, recording.
+//! Decides which proposal the motors get, and explains why: pure functions of proposals, state and time.
 
 pub mod decide;
-pub mod execution;
 pub mod kinematics;
-pub mod operator;
 pub mod policy;
 pub mod ramp;
-pub mod record;
-pub mod report;
-pub mod run;
 pub mod safety;
-pub mod supervisor;

@@ -36,7 +36,7 @@ fn a_decision_and_its_messages_allocate_nothing() {
     });
     let mut policy = Policy::new(
         MotionLimits::default(),
-        Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 10.0 },
+        Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 10.0 },
         behaviours.collect(),
     );
     policy.contest = Contest::Blend;

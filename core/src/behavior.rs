@@ -8,16 +8,23 @@
 
 mod setup;
 
+use std::borrow::Cow;
 use std::marker::PhantomData;
+use std::sync::Arc;
 
-use schemars::{JsonSchema, Schema};
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
 
 pub use setup::Setup;
+pub use yamabico_parameters::BuildError;
+use yamabico_parameters::{FileKind, read, schema_of};
 
-use crate::config::FileKind;
-use crate::message::{Axes, Message, MessageType, Proposal};
+use crate::message::{Axes, Message, MessageType, Proposal, RawMessage, View};
 use crate::time::Time;
+
+/// The longest memory of a behavior, bytes.
+pub const MAX_MEMORY_BYTES: usize = 16 * 1024;
 
 /// A module that maps what it sees to a proposed motion.
 pub trait Behavior: Send {
@@ -25,7 +32,7 @@ pub trait Behavior: Send {
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal;
 
     /// Appends to `memory` what a successor must know to go on where this one stops, should it die after this call: JSON, at most
-    /// [`MOST_MEMORY`](crate::seat::MOST_MEMORY) bytes. Nothing, for one that knows only what its inputs tell.
+    /// [`MAX_MEMORY_BYTES`]. Nothing, for one that knows only what its inputs tell.
     fn remember(&self, _memory: &mut Vec<u8>) {}
 
     /// Goes on where a predecessor stopped that remembered this. Called at most once, before the first
@@ -57,82 +64,70 @@ pub trait Plugin: Behavior + Sized + 'static {
     fn new(config: Self::Config, setup: &Setup) -> Result<Self, BuildError>;
 }
 
-/// Builds a behaviour from its table, which must have passed the schema.
-pub type Build = fn(&toml::Table, &Setup) -> Result<Box<dyn Behavior>, BuildError>;
-
-/// What can be known of a behaviour without running it, and how to build one.
-#[derive(Clone, Copy)]
-pub struct BehaviorPlugin {
-    /// Name in task files.
-    pub name: &'static str,
-    /// What it does, in one sentence.
-    pub summary: &'static str,
-    /// What it takes.
-    pub inputs: &'static [SlotInfo],
-    /// What it publishes besides proposals.
-    pub outputs: &'static [SlotInfo],
-    /// The TOML files that its keys name.
-    pub files: &'static [FileKind],
-    /// Every axis that it may ever claim as a drive.
+/// Everything known of a behavior without running it.
+#[derive(Clone, Debug)]
+pub struct BehaviorInfo {
+    /// Name in task files, kebab-case.
+    pub name: String,
+    /// Its purpose, in one sentence.
+    pub summary: String,
+    /// Its inputs.
+    pub inputs: Vec<SlotInfo>,
+    /// Its outputs besides proposals.
+    pub outputs: Vec<SlotInfo>,
+    /// The TOML files that its parameters name.
+    pub files: Vec<FileKind>,
+    /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
     pub claims: Axes,
     /// JSON Schema of its parameters.
-    pub schema: fn() -> Schema,
-    /// The schema instead, where another program told it.
-    pub told: Option<&'static serde_json::Value>,
-    /// Builds one from its checked table.
-    pub build: Build,
+    pub parameters: Json,
 }
 
-impl BehaviorPlugin {
-    /// The description of `B`.
-    pub const fn of<B: Plugin>() -> BehaviorPlugin {
-        BehaviorPlugin {
-            name: B::NAME,
-            summary: B::SUMMARY,
-            inputs: B::INPUTS,
-            outputs: B::OUTPUTS,
-            files: B::FILES,
-            claims: B::CLAIMS,
-            schema: || schemars::schema_for!(B::Config),
-            told: None,
-            build: |table, setup| {
-                let config = table
-                    .clone()
-                    .try_into()
-                    .map_err(|error: toml::de::Error| BuildError::new("", error.message()))?;
-                Ok(Box::new(B::new(config, setup)?))
-            },
-        }
-    }
+/// A kind of behavior that task files can name: its description, and a way to build one.
+pub trait BehaviorFactory: Send + Sync {
+    /// The description.
+    fn info(&self) -> &BehaviorInfo;
+
+    /// Builds a behavior from its parameters, which must have passed the schema.
+    ///
+    /// # Errors
+    /// Parameters that contradict each other or the robot, with the key to change.
+    fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, BuildError>;
 }
 
-impl BehaviorPlugin {
-    /// JSON Schema of its parameters.
-    pub fn parameters(&self) -> serde_json::Value {
-        self.told.cloned().unwrap_or_else(|| (self.schema)().to_value())
-    }
-}
-
-impl std::fmt::Debug for BehaviorPlugin {
+impl std::fmt::Debug for dyn BehaviorFactory {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name)
+        f.write_str(&self.info().name)
     }
 }
 
-/// A parameter that does not fit.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}{problem}", if key.is_empty() { String::new() } else { format!("`{key}`: ") })]
-pub struct BuildError {
-    /// The key to change, dotted; empty where the whole table.
-    pub key: String,
-    /// What is wrong and what would be right.
-    pub problem: String,
+/// The factory of the behavior `B`.
+#[must_use]
+pub fn factory<B: Plugin>() -> Arc<dyn BehaviorFactory> {
+    let info = BehaviorInfo {
+        name: B::NAME.to_owned(),
+        summary: B::SUMMARY.to_owned(),
+        inputs: B::INPUTS.to_vec(),
+        outputs: B::OUTPUTS.to_vec(),
+        files: B::FILES.to_vec(),
+        claims: B::CLAIMS,
+        parameters: schema_of::<B::Config>(),
+    };
+    Arc::new(Factory::<B> { info, behavior: PhantomData })
 }
 
-impl BuildError {
-    /// `key` is wrong because of `problem`.
-    pub fn new(key: impl Into<String>, problem: impl Into<String>) -> BuildError {
-        BuildError { key: key.into(), problem: problem.into() }
+struct Factory<B> {
+    info: BehaviorInfo,
+    behavior: PhantomData<fn() -> B>,
+}
+
+impl<B: Plugin> BehaviorFactory for Factory<B> {
+    fn info(&self) -> &BehaviorInfo {
+        &self.info
+    }
+
+    fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, BuildError> {
+        Ok(Box::new(B::new(read(parameters)?, setup)?))
     }
 }
 
@@ -161,8 +156,8 @@ impl<M: Message> Slot<M> {
     /// Its description without the Rust type.
     pub const fn info(&self) -> SlotInfo {
         SlotInfo {
-            name: self.name,
-            summary: self.summary,
+            name: Cow::Borrowed(self.name),
+            summary: Cow::Borrowed(self.summary),
             required: self.required,
             message: MessageType::of::<M>(),
         }
@@ -170,25 +165,16 @@ impl<M: Message> Slot<M> {
 }
 
 /// The description of a [`Slot`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SlotInfo {
     /// Key under `inputs` in the task file.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// What it is for.
-    pub summary: &'static str,
+    pub summary: Cow<'static, str>,
     /// Whether the task file must fill it.
     pub required: bool,
     /// What it takes.
     pub message: MessageType,
-}
-
-/// A message lent by whoever holds it.
-#[derive(Clone, Copy, Debug)]
-pub struct RawMessage<'a> {
-    /// The header's bytes, aligned for it.
-    pub header: &'a [u8],
-    /// The items' bytes, aligned for eight-byte numbers.
-    pub items: &'a [u8],
 }
 
 /// Where the messages of one slot come from: the bus, a recording, or a test.
@@ -258,32 +244,6 @@ impl<'a> Inputs<'a> {
 
     fn find(&self, name: &str) -> Option<&'a dyn SlotSource> {
         (0..).map_while(|index| self.source.slot(index)).find(|source| source.name() == name)
-    }
-}
-
-/// A message read in place.
-#[derive(Debug)]
-pub struct View<'a, M: Message> {
-    /// The fixed part.
-    pub header: &'a M,
-    /// The list behind it.
-    pub items: &'a [M::Item],
-}
-
-impl<M: Message> Clone for View<'_, M> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<M: Message> Copy for View<'_, M> {}
-
-impl<'a, M: Message> View<'a, M> {
-    /// The typed view of raw bytes; `None` where sizes or alignment do not fit.
-    pub fn of(raw: RawMessage<'a>) -> Option<View<'a, M>> {
-        let header = bytemuck::try_from_bytes(raw.header).ok()?;
-        let items = bytemuck::try_cast_slice(raw.items).ok()?;
-        Some(View { header, items })
     }
 }
 

@@ -14,3 +14,16 @@ pub trait Drive: Send {
     /// The motors do not obey; the run ends.
     fn apply(&mut self, command: Option<&Command>, now: Time) -> Result<(), DeviceError>;
 }
+
+/// The wheels of a drive, all alike and equally far from the robot's center.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wheels {
+    /// How many.
+    pub count: u8,
+    /// From the robot's center to where each touches the floor, metres.
+    pub from_center_m: f64,
+    /// Radius of each, metres.
+    pub radius_m: f64,
+    /// Largest speed of each, rad/s.
+    pub max_radps: f64,
+}

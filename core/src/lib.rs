@@ -5,22 +5,16 @@
 //! No device and no opinion lives here: [`message`] holds the types that travel, [`behavior`], [`sensor`] and [`drive`]
 //! the three seams that a plugin implements.
 
-pub mod azimuth_map;
 pub mod behavior;
-pub mod bus;
-pub mod camera;
-pub mod config;
-pub mod corridor;
 pub mod drive;
-pub mod geometry;
-pub mod image;
-pub mod map;
+pub mod driver;
 pub mod message;
 pub mod odometry_track;
-pub mod plugin;
-pub mod polygon;
-pub mod seat;
+pub mod plugins;
 pub mod sensor;
 pub mod testing;
 pub mod time;
-pub mod vision;
+
+pub use yamabico_geometry as geometry;
+pub use yamabico_geometry::{camera, image};
+pub use yamabico_parameters as parameters;

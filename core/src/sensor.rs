@@ -1,18 +1,12 @@
 //! The seam that a sensor implements, and what is known of a sensor and of a robot.
 
-use std::path::{Path, PathBuf};
-
 use nalgebra::Isometry3;
-use schemars::Schema;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::behavior::{BuildError, Outputs, PublishError};
-use crate::camera::{Distortion, Intrinsics, MirrorCamera, Mount, Pinhole};
-use crate::config::FileKind;
-use crate::drive::Drive;
+use crate::behavior::{Outputs, PublishError};
+use crate::camera::{Calibration, Distortion, Intrinsics, MirrorCamera, Mount, Pinhole};
 use crate::message::{Axes, MessageType};
-use crate::plugin::ToldDriver;
 use crate::time::Time;
 
 /// A device that measures and publishes.
@@ -136,16 +130,6 @@ pub enum SensorKind {
     Other,
 }
 
-/// How well the numbers of a camera are known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Calibration {
-    /// Intrinsics and mount were measured: angles and distances can be trusted.
-    Measured,
-    /// They were guessed: directions are only roughly right, distances mean nothing.
-    Guessed,
-}
-
 /// What is known of the robot: from the robot file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Robot {
@@ -205,109 +189,6 @@ impl Default for MotionLimits {
     }
 }
 
-/// A family of devices: what can be known without opening one, and how to open one.
-#[derive(Clone, Copy)]
-pub struct DriverPlugin {
-    /// Name in robot files, kebab-case.
-    pub name: &'static str,
-    /// What it drives, in one sentence.
-    pub summary: &'static str,
-    /// JSON Schema of the device's own table.
-    pub schema: fn() -> Schema,
-    /// The TOML files that the device's own table names; they are checked with it.
-    pub files: &'static [FileKind],
-    /// The kinds of sensor that it offers.
-    pub sensors: &'static [SensorPlugin],
-    /// The kinds of drive that it offers.
-    pub drives: &'static [DrivePlugin],
-    /// Opens the device with its sensors and its drive.
-    pub open: fn(DeviceSpec) -> Result<Device, BuildError>,
-    /// What another program told of itself, where it is that; the schemas above are empty then.
-    pub told: Option<&'static ToldDriver>,
-}
-
-impl std::fmt::Debug for DriverPlugin {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name)
-    }
-}
-
-/// A kind of sensor that a driver offers.
-#[derive(Clone, Copy)]
-pub struct SensorPlugin {
-    /// Name in robot files, kebab-case.
-    pub kind: &'static str,
-    /// What it measures, in one sentence.
-    pub summary: &'static str,
-    /// What it publishes.
-    pub message: MessageType,
-    /// JSON Schema of its parameters.
-    pub schema: fn() -> Schema,
-    /// What behaviours are told about one of the given name with the given checked table.
-    pub describe: fn(name: &str, &toml::Table) -> Result<SensorInfo, BuildError>,
-    /// The longest list of items in one of its messages, in bytes.
-    pub most_bytes: fn(&toml::Table) -> Result<usize, BuildError>,
-    /// Looks whether what a checked table names outside the robot file, such as pictures, is there and fits. Relative
-    /// paths start at the folder. Opens no device.
-    pub check: fn(&toml::Table, &Path) -> Result<(), BuildError>,
-}
-
-/// A kind of drive that a driver offers.
-#[derive(Clone, Copy)]
-pub struct DrivePlugin {
-    /// Name in robot files, kebab-case.
-    pub kind: &'static str,
-    /// What it moves, in one sentence.
-    pub summary: &'static str,
-    /// The axes that it has.
-    pub axes: Axes,
-    /// JSON Schema of its parameters.
-    pub schema: fn() -> Schema,
-}
-
-/// What a driver is asked to open.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DeviceSpec {
-    /// The device's name in the robot file.
-    pub name: String,
-    /// The device's own table, checked against the driver's schema.
-    pub table: toml::Table,
-    /// Its sensors: name, kind and checked table.
-    pub sensors: Vec<PartSpec>,
-    /// Its drive.
-    pub drive: Option<PartSpec>,
-    /// Relative paths in the tables start here.
-    pub folder: PathBuf,
-    /// Of the run; a device derives its own streams from it and its names.
-    #[serde(with = "as_text")]
-    pub seed: u64,
-    /// The robot that it is on.
-    pub robot: Robot,
-}
-
-/// A sensor or a drive of a device.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PartSpec {
-    /// Name in the robot file.
-    pub name: String,
-    /// Which of the driver's kinds.
-    pub kind: String,
-    /// Its parameters, checked against the kind's schema.
-    pub table: toml::Table,
-}
-
-/// An open device.
-pub struct Device {
-    /// Its sensors in the order asked for: name and sensor.
-    pub sensors: Vec<(String, Box<dyn Sensor>)>,
-    /// Its drive.
-    pub drive: Option<Box<dyn Drive>>,
-    /// A simulator's own sensor of [`Truth`](crate::message::Truth), published on the output `truth`.
-    pub judge: Option<Box<dyn Sensor>>,
-    /// Walls that a simulator knows, as polylines on the floor, map frame, metres: for plots.
-    pub walls: Vec<Vec<[f64; 2]>>,
-}
-
 /// A [`SensorInfo`] from another program, which may know other messages.
 #[derive(Deserialize)]
 struct ToldInfo {
@@ -324,19 +205,5 @@ impl<'de> Deserialize<'de> for SensorInfo {
         let known = MessageType::find(&message);
         let known = known.ok_or_else(|| D::Error::custom(MessageType::unknown(&message)))?;
         Ok(SensorInfo { name, message: known.name, period_s, latency_s, kind })
-    }
-}
-
-/// Whole numbers that TOML has no room for.
-mod as_text {
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(number: &u64, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(number)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
-        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
     }
 }

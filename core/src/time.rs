@@ -8,27 +8,12 @@ use bytemuck::{Pod, Zeroable};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
-use crate::bus::ZeroCopySend;
-
 /// An instant: nanoseconds since the run's clock began (`CLOCK_MONOTONIC` live, the start of the run in lockstep).
 ///
 /// Instants of one run compare; those of different runs do not.
 #[repr(C)]
 #[derive(
-    Clone,
-    Copy,
-    Debug,
-    Default,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Pod,
-    Zeroable,
-    ZeroCopySend,
-    Serialize,
-    Deserialize,
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable, Serialize, Deserialize,
 )]
 pub struct Time(pub u64);
 

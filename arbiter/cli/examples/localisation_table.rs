@@ -14,14 +14,14 @@ use clap::Parser;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use serde::Serialize;
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::{End, topics};
-use yamabico_arbiter::record::{Tap, Tee};
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, load};
+use yamabico::plugins::plugins;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{MessageType, Pose, PoseStatus, Truth};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, load};
+use yamabico_runtime::execution::{End, topics};
+use yamabico_runtime::record::{Tap, Tee};
+use yamabico_runtime::run::{Options, run};
 
 #[derive(Parser)]
 struct Arguments {
@@ -184,7 +184,7 @@ fn row(arguments: &Arguments, latency_ms: u32, retroactive: bool) -> Result<Row,
     ];
     set.extend_from_slice(&arguments.set);
     let overrides = Overrides { robot: None, set };
-    let task = load(&arguments.file, &overrides, &PLUGINS).map_err(|problems| problems.to_string())?;
+    let task = load(&arguments.file, &overrides, &plugins()).map_err(|problems| problems.to_string())?;
     let (mut samples, mut arrived) = (Vec::new(), 0);
     for seed in arguments.first..arguments.first + arguments.seeds {
         let mut judge = Judge::default();

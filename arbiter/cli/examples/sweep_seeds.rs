@@ -12,14 +12,13 @@ use clap::Parser;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use serde::Serialize;
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, Ran, run};
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::{Overrides, Task, load};
-use yamabico_core::message::{Message, MessageType, Truth};
+use yamabico::plugins::plugins;
+use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_host::config::{Overrides, Task, load};
+use yamabico_runtime::execution::End;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, Ran, run};
 
 /// The first metres of a run, in which a robot that starts beside its line comes to it, metres.
 const SETTLING_M: f64 = 5.0;
@@ -66,7 +65,7 @@ struct Row {
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let overrides = Overrides { robot: None, set: arguments.set };
-    let task = match load(&arguments.file, &overrides, &PLUGINS) {
+    let task = match load(&arguments.file, &overrides, &plugins()) {
         Ok(task) => task,
         Err(problems) => {
             eprint!("{problems}");

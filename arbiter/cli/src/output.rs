@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use comfy_table::{CellAlignment, ContentArrangement, Table};
 use serde::Serialize;
-use yamabico_core::config::{Problems, Style};
+use yamabico_parameters::{Problems, Style};
 
 /// Arrived, or done.
 pub const DONE: u8 = 0;

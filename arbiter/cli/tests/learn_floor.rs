@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
-use yamabico_core::vision::floor_colour::FloorColours;
-use yamabico_core::vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::floor_colour_file::ColourFile;
 
 struct Folder(PathBuf);
 

@@ -7,9 +7,9 @@ use std::process::{Command, Output};
 
 use nalgebra::Point2;
 use serde_json::Value;
-use yamabico_core::azimuth_map::{EdgeMap, SurfaceState};
-use yamabico_core::polygon::nearest_on_segment;
 use yamabico_sim::World;
+use yamabico_vision::azimuth_map::{EdgeMap, SurfaceState};
+use yamabico_vision::polygon::nearest_on_segment;
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs")

@@ -50,7 +50,7 @@ fn thread(pid: u32, name: &str) -> std::path::PathBuf {
 /// Whether the system lets this user have real-time priorities.
 fn may_be_real_time() -> bool {
     let tried = std::thread::spawn(|| {
-        yamabico_core::seat::Scheduling { fifo: Some(20), ..Default::default() }.apply().is_empty()
+        yamabico_host::Scheduling { fifo: Some(20), ..Default::default() }.apply().is_empty()
     });
     tried.join().unwrap()
 }

@@ -18,8 +18,8 @@ proptest! {
             }
             let wheels = policy.kinematics.wheels_from_twist(twist).fastest();
             let most = match policy.kinematics {
-                Kinematics::Differential { max_wheel_rad_s, .. } | Kinematics::Omni { max_wheel_rad_s, .. } => {
-                    max_wheel_rad_s
+                Kinematics::Differential { max_wheel_radps, .. } | Kinematics::Omni { max_wheel_radps, .. } => {
+                    max_wheel_radps
                 }
                 Kinematics::Body { .. } => f64::INFINITY,
             };

@@ -236,11 +236,11 @@ fn history() -> impl Strategy<Value = Vec<Moment>> {
 
 fn kinematics() -> impl Strategy<Value = Kinematics> {
     let omni =
-        |wheels| Kinematics::Omni { wheels, ring_radius_m: 0.2, wheel_radius_m: 0.05, max_wheel_rad_s: 14.0 };
+        |wheels| Kinematics::Omni { wheels, ring_radius_m: 0.2, wheel_radius_m: 0.05, max_wheel_radps: 14.0 };
     prop_oneof![
         Just(Kinematics::Body { axes: Axes::PLANAR }),
         Just(Kinematics::Body { axes: Axes::ALL }),
-        Just(Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_rad_s: 6.0 }),
+        Just(Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 6.0 }),
         Just(omni(OmniWheels::Three)),
         Just(omni(OmniWheels::Four)),
     ]

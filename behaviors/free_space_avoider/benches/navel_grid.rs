@@ -12,14 +12,14 @@ use std::time::Instant;
 use criterion::{Criterion, criterion_group, criterion_main};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::vision::area_average::AreaAverage;
-use yamabico_core::vision::dark_cells::DarkCells;
-use yamabico_core::vision::isodata::threshold_of_pixels;
-use yamabico_core::vision::median::Median3;
 use yamabico_free_space_avoider::Config;
 use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_sim::random::stream;
 use yamabico_sim::{Renderer, Scene, World};
+use yamabico_vision::area_average::AreaAverage;
+use yamabico_vision::dark_cells::DarkCells;
+use yamabico_vision::isodata::threshold_of_pixels;
+use yamabico_vision::median::Median3;
 
 #[path = "../examples/office/mod.rs"]
 mod office;

@@ -17,16 +17,16 @@ use rand_pcg::Pcg64;
 use yamabico_core::camera::Mount;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::RgbView;
-use yamabico_core::vision::bit_image::BitImage;
-use yamabico_core::vision::floor_colour::{ColourBox, ColourTable, FloorColours};
-use yamabico_core::vision::morphology::Morphology;
-use yamabico_core::vision::ring_cells::RingCells;
 use yamabico_free_space_avoider::config::{Config, Method};
 use yamabico_free_space_avoider::direction::{
     Before, ChoiceRules, Chooser, FreeDistances, HeadingRules, Rollout, Start, Velocity,
 };
 use yamabico_free_space_avoider::polar_cells::RingSight;
 use yamabico_sim::{Scene, World};
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::floor_colour::{ColourBox, ColourTable, FloorColours};
+use yamabico_vision::morphology::Morphology;
+use yamabico_vision::ring_cells::RingCells;
 
 #[path = "../examples/field/mod.rs"]
 mod field;

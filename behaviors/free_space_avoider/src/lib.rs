@@ -13,19 +13,14 @@ pub mod stopping;
 
 pub use config::Config;
 
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
-};
-use yamabico_core::config::FileKind;
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Goal, Odometry, Pose, Proposal};
+use yamabico_core::parameters::FileKind;
 
 use crate::config::Method;
 use crate::navel_grid::NavelGridAvoider;
 use crate::polar_cells::PolarCellsAvoider;
-use yamabico_core::vision::floor_colour_file::FLOOR_COLOURS_FILE;
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<FreeSpaceAvoider>();
+use yamabico_vision::floor_colour_file::FLOOR_COLOURS_FILE;
 
 /// The camera that looks ahead and down, or all around.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the floor ahead, or all around");

@@ -7,15 +7,15 @@ mod vectors {
     use serde_json::Value;
     use yamabico_core::camera::{FloorFormula, MirrorImage};
     use yamabico_core::geometry::wrap_angle;
-    use yamabico_core::vision::bit_image::BitImage;
-    use yamabico_core::vision::morphology::Morphology;
-    use yamabico_core::vision::ring_cells::RingCells;
     use yamabico_free_space_avoider::direction::choice::{
         self, Before, ChoiceRules, Chooser, Start, Velocity,
     };
     use yamabico_free_space_avoider::direction::heading::{self, HeadingRules, Rollout, roll_out};
     use yamabico_free_space_avoider::direction::{FreeDistances, LimitedMotion};
     use yamabico_free_space_avoider::polar_cells::FreeCells;
+    use yamabico_vision::bit_image::BitImage;
+    use yamabico_vision::morphology::Morphology;
+    use yamabico_vision::ring_cells::RingCells;
 
     const FLOOR: FloorFormula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
 

@@ -14,20 +14,19 @@ use rig::{Drive, END_M, Ending, camera, world};
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
-use yamabico_core::camera::Pinhole;
-use yamabico_core::corridor::floor_lines::FloorLineRule;
-use yamabico_core::corridor::sight::{CorridorCamera, Sight};
+use yamabico_core::camera::{Calibration, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::sensor::Calibration;
-use yamabico_core::vision::template::correlation::correlation;
-use yamabico_core::vision::template::ssda::search;
-use yamabico_core::vision::template::{Place, SearchArea, Template};
 use yamabico_intersection_tracker::Config;
 use yamabico_intersection_tracker::edge_template::{Aim, EdgeTemplate};
 use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side};
 use yamabico_intersection_tracker::landmarks::Motion;
 use yamabico_intersection_tracker::track::{IntersectionTrack, Sides};
+use yamabico_vision::corridor::floor_lines::FloorLineRule;
+use yamabico_vision::corridor::sight::{CorridorCamera, Sight};
+use yamabico_vision::template::correlation::correlation;
+use yamabico_vision::template::ssda::search;
+use yamabico_vision::template::{Place, SearchArea, Template};
 
 /// Rounds over the pictures of which the quickest counts, which other programs on the machine disturb least.
 const ROUNDS: u32 = 400;

@@ -9,21 +9,20 @@
 use nalgebra::{Vector2, Vector3};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
-use yamabico_core::corridor::floor_lines::FloorLineRule;
-use yamabico_core::corridor::sight::{CorridorCamera, Sight};
+use yamabico_core::camera::{Calibration, Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::{FrameHeader, Odometry, Proposal};
-use yamabico_core::sensor::Calibration;
 use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
-use yamabico_core::vision::overlay::Canvas;
+use yamabico_drawing::Canvas;
 use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side, floor_line};
 use yamabico_intersection_tracker::{CAMERA, IntersectionTracker, ODOMETRY};
 use yamabico_sim::random::stream;
 use yamabico_sim::world::{Branch, Side as WallSide};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
+use yamabico_vision::corridor::floor_lines::FloorLineRule;
+use yamabico_vision::corridor::sight::{CorridorCamera, Sight};
 
 struct Arguments {
     picture: Option<PathBuf>,
@@ -127,7 +126,7 @@ fn draw(picture: &Picture, bench: &Bench<IntersectionTracker>) -> Result<image::
             }
             canvas.cross(sighting.vanishing_point, 8.0, [255, 0, 255]);
         }
-        Err(reason) => println!("{}", reason.as_str()),
+        Err(reason) => println!("{reason}"),
     }
     let track = bench.behavior.track();
     if let (Some(left), Some(right)) = (track.seen_at(Side::Left), track.seen_at(Side::Right)) {

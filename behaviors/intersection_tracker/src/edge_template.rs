@@ -7,9 +7,9 @@
 use nalgebra::Vector2;
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::Reason;
-use yamabico_core::vision::template::correlation::{RowCorrelation, peak_offset};
-use yamabico_core::vision::template::ssda::search;
-use yamabico_core::vision::template::{Place, SearchArea, Template, TemplateError};
+use yamabico_vision::template::correlation::{RowCorrelation, peak_offset};
+use yamabico_vision::template::ssda::search;
+use yamabico_vision::template::{Place, SearchArea, Template, TemplateError};
 
 use crate::snap::{Brighter, SnapWindow, Snapped, snap};
 use crate::strip::Strip;

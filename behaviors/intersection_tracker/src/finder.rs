@@ -4,10 +4,10 @@
 
 use nalgebra::{Matrix2, Point2, Rotation2, Vector2, Vector3};
 use yamabico_core::camera::Intrinsics;
-use yamabico_core::corridor::sight::{Sight, Sighting};
-use yamabico_core::corridor::wall_distance::CorridorView;
 use yamabico_core::image::ImageView;
-use yamabico_core::vision::segments::Segment;
+use yamabico_vision::corridor::sight::{Sight, Sighting};
+use yamabico_vision::corridor::wall_distance::CorridorView;
+use yamabico_vision::segments::Segment;
 
 use crate::snap::{Brighter, SnapWindow, snap};
 use crate::wall_foot::WallFoot;

@@ -2,10 +2,10 @@
 
 use nalgebra::Vector2;
 use yamabico_core::camera::Pinhole;
-use yamabico_core::corridor::sight::CorridorCamera;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Reason;
+use yamabico_vision::corridor::sight::CorridorCamera;
 
 use crate::edge_template::{Aim, EdgeTemplate};
 use crate::finder::Side;

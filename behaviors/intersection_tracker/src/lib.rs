@@ -19,24 +19,21 @@ pub use config::Config;
 pub use landmarks::Ahead;
 
 use nalgebra::Point2;
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
-};
-use yamabico_core::corridor::floor_lines::FloorLineRule;
-use yamabico_core::corridor::sight::{CorridorCamera, Expectation, Sight};
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason};
+use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason, View};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
-use yamabico_core::sensor::{Calibration, MountedPinhole};
+use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
+use yamabico_vision::corridor::floor_lines::FloorLineRule;
+use yamabico_vision::corridor::sight::{CorridorCamera, Expectation, Sight};
+use yamabico_vision::vanishing_point::VanishingPointError;
 
 use crate::finder::{EndFinder, FinderRule, Side, WallEnd};
 use crate::landmarks::Motion;
 use crate::track::{IntersectionTrack, Sides};
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<IntersectionTracker>();
 
 /// The camera that looks ahead.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the corridor ahead");
@@ -235,7 +232,7 @@ impl IntersectionTracker {
             }
         }
         let mut grey = std::mem::take(&mut self.grey);
-        match grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics().size()) {
+        match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut grey) {
             Some(image) => self.look_at(image, &taken),
             None => self.trouble = Some(Reason::MalformedInput),
         }
@@ -315,7 +312,7 @@ impl IntersectionTracker {
             let heading = wrap_angle(pose.theta - axis);
             is_fresh.then_some(Expectation { heading, heading_sigma: AXIS_SIGMA_RAD, walls: [None; 2] })
         });
-        let sighting = self.sight.look(image, expectation)?;
+        let sighting = self.sight.look(image, expectation).map_err(no_heading)?;
         self.axis = Some((wrap_angle(pose.theta - sighting.heading), taken.stamp));
         let camera = *self.sight.camera();
         self.finder.find(image, &self.sight, &sighting, &self.rule);
@@ -433,4 +430,14 @@ impl IntersectionTracker {
 
 fn middle(pair: &[WallEnd; 2]) -> Point2<f64> {
     nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot)
+}
+
+/// Why a picture has no heading, as proposals say it.
+fn no_heading(error: VanishingPointError) -> Reason {
+    match error {
+        VanishingPointError::TooFewSegments { .. } => Reason::TooFewSegments,
+        VanishingPointError::NoVanishingPoint => Reason::NoVanishingPoint,
+        VanishingPointError::Degenerate => Reason::Degenerate,
+        VanishingPointError::Ambiguous => Reason::Ambiguous,
+    }
 }

@@ -5,7 +5,7 @@
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::{Intrinsics, Mount};
-use yamabico_core::corridor::wall_distance::CorridorView;
+use yamabico_vision::corridor::wall_distance::CorridorView;
 
 /// The direction across the corridor, to its left, in the camera's optical frame: unit length. Through the intrinsics it is
 /// the homogeneous vanishing point of all lines across, at infinity for a camera that looks along the corridor.
@@ -48,8 +48,8 @@ pub fn bearing(pixel: Vector2<f64>, intrinsics: &Intrinsics, mount: &Mount) -> f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::corridor::heading::CameraAttitude;
-    use yamabico_core::corridor::wall_distance::line_through;
+    use yamabico_vision::corridor::heading::CameraAttitude;
+    use yamabico_vision::corridor::wall_distance::line_through;
 
     #[test]
     fn the_partner_is_straight_across_with_roll_too() {

@@ -4,7 +4,7 @@
 
 use nalgebra::Vector2;
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::vision::template::Place;
+use yamabico_vision::template::Place;
 
 /// Rows of the vertical mean, an odd number.
 const ROWS: usize = 9;

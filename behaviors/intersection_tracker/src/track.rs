@@ -1,10 +1,10 @@
 //! The two edges followed from picture to picture, as long as they are seen.
 
 use nalgebra::Vector2;
-use yamabico_core::corridor::sight::CorridorCamera;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Reason;
+use yamabico_vision::corridor::sight::CorridorCamera;
 
 use crate::config::Config;
 use crate::finder::{Side, WallEnd};

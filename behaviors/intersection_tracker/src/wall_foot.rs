@@ -5,9 +5,9 @@
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::Pinhole;
-use yamabico_core::corridor::sight::Sight;
-use yamabico_core::corridor::wall_distance::CorridorView;
 use yamabico_core::image::ImageView;
+use yamabico_vision::corridor::sight::Sight;
+use yamabico_vision::corridor::wall_distance::CorridorView;
 
 use crate::foot::{FOOT_CONTRAST, FOOT_SAMPLES, FootProfile, are_alike, is_flat, likeness};
 
@@ -194,11 +194,11 @@ impl<'a> WallFoot<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use yamabico_core::camera::Calibration;
     use yamabico_core::camera::{Intrinsics, Mount};
-    use yamabico_core::corridor::floor_lines::FloorLineRule;
-    use yamabico_core::corridor::heading::CameraAttitude;
-    use yamabico_core::corridor::sight::CorridorCamera;
-    use yamabico_core::sensor::Calibration;
+    use yamabico_vision::corridor::floor_lines::FloorLineRule;
+    use yamabico_vision::corridor::heading::CameraAttitude;
+    use yamabico_vision::corridor::sight::CorridorCamera;
 
     const DISTANCE_M: f64 = 1.0;
 

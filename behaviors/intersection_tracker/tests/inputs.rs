@@ -5,9 +5,10 @@
 mod rig;
 
 use rig::{Drive, END_M, Ending, camera, frame_header, odometry, setup, world};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Encoding, FrameHeader, Kind, Reason};
-use yamabico_core::sensor::{Calibration, SensorKind};
+use yamabico_core::sensor::SensorKind;
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_intersection_tracker::{CAMERA, IntersectionTracker, ODOMETRY};

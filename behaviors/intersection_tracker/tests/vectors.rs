@@ -4,9 +4,9 @@ mod vectors {
     use nalgebra::Vector2;
     use serde_json::Value;
     use yamabico_core::camera::{Intrinsics, Mount};
-    use yamabico_core::corridor::heading::CameraAttitude;
-    use yamabico_core::corridor::wall_distance::{CorridorView, line_through};
     use yamabico_intersection_tracker::pair::{across_in_camera, bearing, level_slope, partner, slope};
+    use yamabico_vision::corridor::heading::CameraAttitude;
+    use yamabico_vision::corridor::wall_distance::{CorridorView, line_through};
 
     #[test]
     fn intersection_pair() {

@@ -9,7 +9,6 @@ use nalgebra::{Matrix2, Vector2};
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::{Edge, ExpectationMap, ExpectationRules, WireFrame};
 use yamabico_core::message::Odometry;
 use yamabico_core::testing::Bench;
 use yamabico_map_localizer::belief::{Belief, Update};
@@ -20,6 +19,7 @@ use yamabico_map_localizer::wire_frame::projected_line::LineCamera;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene};
+use yamabico_vision::map::{Edge, ExpectationMap, ExpectationRules, WireFrame};
 
 #[allow(dead_code, reason = "the bench drives nowhere")]
 #[path = "../tests/rig/mod.rs"]

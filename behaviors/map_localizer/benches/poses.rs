@@ -12,9 +12,6 @@ use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::polygon::{contains, convex_hull};
-use yamabico_core::vision::azimuth_profile::EdgeSign;
-use yamabico_core::vision::bit_image::BitImage;
 use yamabico_map_localizer::azimuth::{
     AzimuthLocalizer, AzimuthRule, BearingPair, EdgeLandmark, JointCompatibility, JointRule, LeverArm,
     PanSearch, SeenBearing, SolverRule, filter, most_likely_pose, predict,
@@ -23,6 +20,9 @@ use yamabico_map_localizer::belief::Belief;
 use yamabico_map_localizer::floor_outline::{
     FitRule, FloorLocalizer, FloorOutline, FloorPlan, FloorRule, OutlineFitter, OutlineRule,
 };
+use yamabico_vision::azimuth_profile::EdgeSign;
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::polygon::{contains, convex_hull};
 
 const EDGES: usize = 40;
 

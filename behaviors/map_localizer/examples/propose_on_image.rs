@@ -14,15 +14,15 @@ use yamabico_core::behavior::Setup;
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::{ExpectationMap, ExpectationRules, MapView};
 use yamabico_core::message::{FrameHeader, Odometry};
 use yamabico_core::sensor::Robot;
 use yamabico_core::testing::{Bench, camera_setup};
-use yamabico_core::vision::overlay::Canvas;
+use yamabico_drawing::Canvas;
 use yamabico_map_localizer::finder::Finder;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
+use yamabico_vision::map::{ExpectationMap, ExpectationRules, MapView};
 
 const YELLOW: [u8; 3] = [255, 200, 0];
 const GREEN: [u8; 3] = [0, 255, 60];

@@ -14,13 +14,13 @@ use mirror::{MirrorRobot, keys};
 use nalgebra::{Point3, Vector2};
 use yamabico_core::camera::MirrorCamera;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::polygon::sides;
 use yamabico_core::testing::Bench;
-use yamabico_core::vision::overlay::Canvas;
+use yamabico_drawing::Canvas;
 use yamabico_map_localizer::azimuth::AzimuthFinder;
 use yamabico_map_localizer::finder::Finder;
 use yamabico_map_localizer::floor_outline::{FloorFinder, FloorPlanFile};
 use yamabico_map_localizer::{CAMERA, MapLocalizer};
+use yamabico_vision::polygon::sides;
 
 const GREEN: [u8; 3] = [0, 230, 60];
 const ORANGE: [u8; 3] = [255, 130, 0];

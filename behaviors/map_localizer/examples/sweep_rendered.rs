@@ -8,11 +8,11 @@ use rand::{RngExt, SeedableRng};
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::WireFrame;
 use yamabico_map_localizer::belief::{Belief, difference};
 use yamabico_map_localizer::wire_frame::fixer::Fixer;
 use yamabico_map_localizer::wire_frame::matching::LineNoise;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
+use yamabico_vision::map::WireFrame;
 
 /// Standard deviations of the priors, metres and radians.
 const PRIOR: [f64; 2] = [0.03, 0.01];

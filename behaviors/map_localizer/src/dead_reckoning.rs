@@ -1,8 +1,7 @@
 //! Without any map: by the wheels alone, such as along a known way while a map is made.
 
-use yamabico_core::behavior::View;
-use yamabico_core::map::WireFrame;
-use yamabico_core::message::{FrameHeader, Reason};
+use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_vision::map::WireFrame;
 
 use crate::belief::Belief;
 use crate::fix::{Fix, PoseFinder, Trust};

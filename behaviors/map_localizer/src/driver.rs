@@ -4,11 +4,11 @@ use std::borrow::Cow;
 
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
-use yamabico_core::azimuth_map::{Inflation, PathError, VisibilityGraph, inflate};
 use yamabico_core::behavior::BuildError;
 use yamabico_core::geometry::{Twist, angle_difference};
-use yamabico_core::map::{Wall, WireFrame};
 use yamabico_core::message::{Axes, Goal, Proposal, Reason};
+use yamabico_vision::azimuth_map::{Inflation, PathError, VisibilityGraph, inflate};
+use yamabico_vision::map::{Wall, WireFrame};
 
 use crate::belief::Belief;
 use crate::config::Config;

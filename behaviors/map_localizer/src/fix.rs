@@ -1,8 +1,7 @@
 //! What a picture tells of the pose, by whatever method.
 
-use yamabico_core::behavior::View;
-use yamabico_core::map::WireFrame;
-use yamabico_core::message::{FrameHeader, Reason};
+use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_vision::map::WireFrame;
 
 use crate::belief::Belief;
 use crate::obstacles::UnknownEdge;

@@ -25,18 +25,16 @@ pub mod wire_frame;
 
 pub use config::Config;
 
-use yamabico_core::azimuth_map::EDGE_MAP_FILE;
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
-};
-use yamabico_core::config::FileKind;
-use yamabico_core::map::WIRE_FRAME_FILE;
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{
     Axes, FrameHeader, Goal, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal,
     Reason,
 };
+use yamabico_core::parameters::FileKind;
 use yamabico_core::time::Time;
-use yamabico_core::vision::floor_colour_file::FLOOR_COLOURS_FILE;
+use yamabico_vision::azimuth_map::EDGE_MAP_FILE;
+use yamabico_vision::floor_colour_file::FLOOR_COLOURS_FILE;
+use yamabico_vision::map::WIRE_FRAME_FILE;
 
 use crate::belief::Belief;
 use crate::driver::{Driver, Journey, Polygon};
@@ -47,9 +45,6 @@ use crate::look_around::LookAround;
 use crate::obstacles::Obstacles;
 use crate::route::{MOST_CORNERS, Route};
 use crate::tracker::{Track, Tracker};
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<MapLocalizer>();
 
 /// The camera that sees the map's edges.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the building");

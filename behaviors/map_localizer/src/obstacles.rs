@@ -5,12 +5,12 @@
 //! parallax, and is placed where its foot is seen on the floor.
 
 use nalgebra::{Matrix2, Point2, Vector2};
-use yamabico_core::azimuth_map::{
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::Obstacle;
+use yamabico_vision::azimuth_map::{
     EdgeMap, Inflation, LocatedEdge, LocusRule, LocusTracker, MapEdge, ObstacleClusters, SeenEdge, explains,
     inflate,
 };
-use yamabico_core::geometry::Pose2;
-use yamabico_core::message::Obstacle;
 
 /// An edge is believed once it was seen in more pictures than this ...
 const LEAST_SEEN: u32 = 15;

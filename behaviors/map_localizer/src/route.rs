@@ -3,7 +3,7 @@
 use nalgebra::Point2;
 use thiserror::Error;
 use yamabico_core::geometry::{Pose2, angle_difference};
-use yamabico_core::map::WireFrame;
+use yamabico_vision::map::WireFrame;
 
 /// Corners nearer to each other (m) are one.
 const SAME_PLACE_M: f64 = 1e-6;
@@ -228,7 +228,7 @@ impl Planner<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::map::Wall;
+    use yamabico_vision::map::Wall;
 
     fn point(x: f64, y: f64) -> Point2<f64> {
         Point2::new(x, y)

@@ -2,9 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use yamabico_core::behavior::View;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason};
+use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason, View};
 use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
 use yamabico_core::sensor::Robot;
 use yamabico_core::time::Time;

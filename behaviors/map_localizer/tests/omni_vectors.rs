@@ -9,9 +9,6 @@ mod vectors {
     use serde_json::Value;
     use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage};
     use yamabico_core::geometry::{Pose2, angle_difference};
-    use yamabico_core::polygon::{contains, convex_hull};
-    use yamabico_core::vision::azimuth_profile::EdgeSign;
-    use yamabico_core::vision::bit_image::BitImage;
     use yamabico_map_localizer::azimuth::{
         BearingPair, EdgeLandmark, JointCompatibility, JointRule, LeverArm, Loss, PanSearch, SeenBearing,
         SolverRule, most_likely_pose,
@@ -21,6 +18,9 @@ mod vectors {
         Fit, FitRule, FloorLocalizer, FloorOutline, FloorPlan, FloorProblem, FloorRule, LineMeasurement,
         NormalEquations, OutlineFitter, OutlineRule, Start,
     };
+    use yamabico_vision::azimuth_profile::EdgeSign;
+    use yamabico_vision::bit_image::BitImage;
+    use yamabico_vision::polygon::{contains, convex_hull};
 
     fn for_each_case(name: &str, mut check: impl FnMut(&Value, &str)) {
         let folder = std::env::var_os("YAMABICO_VECTORS").map_or_else(

@@ -6,12 +6,12 @@ use nalgebra::{Point2, Vector2};
 use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
-use yamabico_core::vision::bit_image::BitImage;
 use yamabico_map_localizer::azimuth::{
     AzimuthLocalizer, AzimuthRule, EdgeLandmark, LeverArm, SeenBearing, predict,
 };
 use yamabico_map_localizer::belief::Belief;
 use yamabico_map_localizer::floor_outline::{FitRule, FloorLocalizer, FloorPlan, FloorRule, OutlineRule};
+use yamabico_vision::bit_image::BitImage;
 
 #[global_allocator]
 static HEAP: CountingAllocator = CountingAllocator;

@@ -3,18 +3,18 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use nalgebra::Point2;
-use yamabico_core::azimuth_map::{LocusRule, LocusTracker, SeenEdge};
 use yamabico_core::camera::{ConicMirror, Mirror, MirrorCamera, MirrorImage, Mount};
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::GrayImage;
-use yamabico_core::vision::azimuth_profile::{AzimuthEdge, EdgeSign, ProfileRule};
-use yamabico_core::vision::radial_edges::{RadialEdgeRule, RadialEdges};
 use yamabico_map_localizer::azimuth::{
     AzimuthLocalizer, AzimuthRule, EdgeLandmark, LeverArm, PanSearch, SeenBearing,
 };
 use yamabico_map_localizer::belief::Belief;
 use yamabico_sim::world::Wall;
 use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random};
+use yamabico_vision::azimuth_map::{LocusRule, LocusTracker, SeenEdge};
+use yamabico_vision::azimuth_profile::{AzimuthEdge, EdgeSign, ProfileRule};
+use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
 
 /// Panels around a room of 4 x 4 m, anticlockwise: where each begins, and how bright it is.
 const PANELS: [(f64, f64, f32); 11] = [

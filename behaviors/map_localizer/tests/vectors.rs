@@ -8,13 +8,13 @@ use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 use serde_json::Value;
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::{Pose2, angle_difference};
-use yamabico_core::map::Edge;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::belief::{Belief, Update, gate_distance};
 use yamabico_map_localizer::history::{CAPACITY, History, HistoryError};
 use yamabico_map_localizer::motion::{Increment, MotionNoise};
 use yamabico_map_localizer::wire_frame::association::{Association, AssociationRule, Candidate};
 use yamabico_map_localizer::wire_frame::projected_line::{LineCamera, vertical_edge_column};
+use yamabico_vision::map::Edge;
 
 fn read(name: &str) -> Value {
     let folder = std::env::var_os("YAMABICO_VECTORS").map_or_else(

@@ -7,17 +7,12 @@ pub mod gate;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
-};
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, Proposal, RangeScanHeader, Reason};
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
 
 use crate::gate::{Gate, Latch, Reading, Turning};
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<SonarHalt>();
 
 /// The sonar that is watched.
 pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::WireFrame;
-use yamabico_core::vision::bit_image::BitImage;
-use yamabico_core::vision::vertical_edges::{EdgeDifference, Regions, VerticalEdges};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::map::WireFrame;
+use yamabico_vision::vertical_edges::{EdgeDifference, Regions, VerticalEdges};
 
 const SIZE: (usize, usize) = (256, 240);
 

@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::WireFrame;
-use yamabico_core::vision::overlay::Canvas;
+use yamabico_drawing::Canvas;
 use yamabico_sim::world::BoxItem;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::overlay;
 use yamabico_stationary_obstacle_avoider::safe_passage::{Interval, SafePassage, region_on_plane};
 use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+use yamabico_vision::map::WireFrame;
 
 const SIZE: (u32, u32) = (256, 240);
 const HALF_WIDTH_M: f64 = 0.23;

@@ -7,11 +7,11 @@ use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::{Distortion, Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::map::{EdgeKind, ExpectationMap, ExpectationRules, WireFrame};
 use yamabico_core::message::Reason;
-use yamabico_core::vision::bit_image::BitImage;
-use yamabico_core::vision::level_edges::LevelEdges;
-use yamabico_core::vision::vertical_edges::{EdgeDifference, Regions, VerticalEdges};
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::level_edges::LevelEdges;
+use yamabico_vision::map::{EdgeKind, ExpectationMap, ExpectationRules, WireFrame};
+use yamabico_vision::vertical_edges::{EdgeDifference, Regions, VerticalEdges};
 
 use crate::obstacle_regions::Sensitivity;
 use crate::threshold_learning::{FloorLook, Row, thresholds};

@@ -26,20 +26,18 @@ pub mod way;
 pub use config::Config;
 
 use nalgebra::Point2;
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
-};
-use yamabico_core::config::FileKind;
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::{WIRE_FRAME_FILE, WireFrame};
 use yamabico_core::message::{
     Axes, FrameHeader, Obstacle, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus,
-    Proposal, RangeScanHeader, Reason,
+    Proposal, RangeScanHeader, Reason, View,
 };
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::parameters::FileKind;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
+use yamabico_vision::map::{WIRE_FRAME_FILE, WireFrame};
 
 use crate::detector::{Detector, DetectorRules};
 use crate::halt_state_machine::{Look, Machine, Order, Rules, State, Tick};
@@ -51,9 +49,6 @@ use crate::sonar_watch::SonarWatch;
 use crate::things::Things;
 use crate::threshold_table::{THRESHOLD_FILE, ThresholdTable};
 use crate::way::Room;
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<StationaryObstacleAvoider>();
 
 /// The camera that looks ahead.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of what is ahead");
@@ -271,7 +266,7 @@ impl StationaryObstacleAvoider {
             exposure if exposure > 0.0 && exposure.is_finite() => exposure,
             _ => 1.0,
         };
-        match self.grey.view_of_frame(frame, self.detector.camera().intrinsics().size()) {
+        match frame.gray(self.detector.camera().intrinsics().size(), &mut self.grey) {
             Some(image) => self.pictures.keep(stamp, exposure, image),
             None => self.trouble = Some(Reason::MalformedInput),
         }

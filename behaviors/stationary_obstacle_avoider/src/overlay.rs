@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 use yamabico_core::image::ImageView;
-use yamabico_core::vision::overlay::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Colour};
 
 use crate::detector::Detector;
 

@@ -2,8 +2,8 @@
 
 use nalgebra::Point2;
 use yamabico_core::geometry::{Pose2, angle_difference};
-use yamabico_core::map::WireFrame;
 use yamabico_core::time::Time;
+use yamabico_vision::map::WireFrame;
 
 /// How many views are remembered.
 const MOST: usize = 24;

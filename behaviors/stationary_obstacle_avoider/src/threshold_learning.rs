@@ -4,8 +4,8 @@
 //! the sensitive end of the thresholds that are equally good, and a threshold that is blind to the map is no threshold.
 
 use yamabico_core::image::ImageView;
-use yamabico_core::vision::bit_image::BitImage;
-use yamabico_core::vision::vertical_edges::{EdgeDifference, Regions};
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::vertical_edges::{EdgeDifference, Regions};
 
 /// The thresholds of the first pass, grey levels.
 pub const COARSE: [u8; 15] = [10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130, 140, 150];

@@ -6,8 +6,8 @@ use std::path::Path;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 use yamabico_core::behavior::BuildError;
-use yamabico_core::config::{FileKind, Problems};
 use yamabico_core::geometry::Pose2;
+use yamabico_core::parameters::{FileKind, Problems};
 
 use crate::obstacle_regions::nearest;
 

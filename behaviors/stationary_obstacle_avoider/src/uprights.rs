@@ -8,8 +8,8 @@ use nalgebra::{Point2, Vector2, Vector3};
 use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::Wall;
-use yamabico_core::vision::vertical_edges::Regions;
+use yamabico_vision::map::Wall;
+use yamabico_vision::vertical_edges::Regions;
 
 /// Nearest and farthest foot of a step that is looked for, metres from the camera.
 const REACH_M: (f64, f64) = (0.7, 3.6);

@@ -3,8 +3,8 @@
 
 use nalgebra::Point2;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::map::WireFrame;
 use yamabico_core::message::PathPoint;
+use yamabico_vision::map::WireFrame;
 
 use crate::safe_passage::{Aim, Interval, PLANE_M, SafePassage};
 use crate::seen_floor::SeenFloor;
@@ -123,8 +123,8 @@ pub fn place_on(path: &[PathPoint], progress_m: f64, ahead_m: f64) -> Option<(Po
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::map::Wall;
     use yamabico_core::time::Time;
+    use yamabico_vision::map::Wall;
 
     const ROOM: Room = Room { half_width_m: 0.23, gap_margin_m: 0.08 };
 

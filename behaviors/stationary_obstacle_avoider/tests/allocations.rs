@@ -6,11 +6,11 @@ use rig::{TABLE, Told, camera, feed, picture, setup};
 use yamabico_core::camera::Pinhole;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::WireFrame;
 use yamabico_core::testing::{Bench, CountingAllocator, allocations};
 use yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider;
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+use yamabico_vision::map::WireFrame;
 
 #[global_allocator]
 static HEAP: CountingAllocator = CountingAllocator;

@@ -4,14 +4,14 @@ mod vectors {
     use serde_json::Value;
     use yamabico_core::geometry::Pose2;
     use yamabico_core::image::ImageView;
-    use yamabico_core::vision::bit_image::BitImage;
-    use yamabico_core::vision::vertical_edges::Regions;
     use yamabico_stationary_obstacle_avoider::halt_state_machine::{Look, Machine, Rules, Tick};
     use yamabico_stationary_obstacle_avoider::obstacle_regions::{Sensitivity, nearest};
     use yamabico_stationary_obstacle_avoider::safe_passage::{
         Interval, PLANE_M, SafePassage, region_on_plane,
     };
     use yamabico_stationary_obstacle_avoider::threshold_learning::{Validity, learn, sweep};
+    use yamabico_vision::bit_image::BitImage;
+    use yamabico_vision::vertical_edges::Regions;
 
     fn load(name: &str) -> Value {
         let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -5,14 +5,9 @@
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo,
-};
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, Axis, Proposal, Reason, Stick, Twist};
 use yamabico_core::time::Time;
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<Teleop>();
 
 /// Where the stick is held.
 pub const STICK: Slot<Stick> =

@@ -12,9 +12,9 @@ use std::time::Instant;
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::vision::segments::{SegmentConfig, SegmentDetector};
-use yamabico_core::vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
+use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
+use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
 const PLACES: u32 = 12;

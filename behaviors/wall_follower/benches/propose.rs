@@ -5,9 +5,9 @@ mod rig;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use rig::{camera, frame_header, picture, setup};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Odometry;
-use yamabico_core::sensor::Calibration;
 use yamabico_core::testing::Bench;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 

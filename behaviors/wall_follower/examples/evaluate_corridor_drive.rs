@@ -13,8 +13,8 @@ use nalgebra::Vector2;
 use serde_json::json;
 use std::process::ExitCode;
 use yamabico_core::camera::Intrinsics;
-use yamabico_core::vision::segments::{SegmentConfig, SegmentDetector};
-use yamabico_core::vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
+use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
+use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
 /// Labels nearer to the centre say nothing about where to steer, px.
 const STEERING_DEADBAND_PX: f64 = 10.0;

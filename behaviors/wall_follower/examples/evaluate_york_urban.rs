@@ -12,8 +12,8 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 use std::process::ExitCode;
 use yamabico_core::camera::Intrinsics;
-use yamabico_core::vision::segments::{SegmentConfig, SegmentDetector};
-use yamabico_core::vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
+use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
+use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
 struct Photograph {
     name: String,

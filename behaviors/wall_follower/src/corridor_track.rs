@@ -6,9 +6,9 @@ use nalgebra::Vector2;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 
 use crate::centring::Walls;
-use yamabico_core::corridor::floor_lines::ExpectedWall;
-use yamabico_core::corridor::sight::{Expectation, Sighting};
 use yamabico_core::odometry_track::travel;
+use yamabico_vision::corridor::floor_lines::ExpectedWall;
+use yamabico_vision::corridor::sight::{Expectation, Sighting};
 
 /// Heading variance per radian turned (odometry), rad.
 const VARIANCE_PER_TURN: f64 = 1e-3;

@@ -12,24 +12,21 @@ pub mod stereo_match;
 
 pub use config::Config;
 
-use yamabico_core::behavior::{
-    Behavior, BehaviorPlugin, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, View,
-};
+use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, FrameHeader, Odometry, Proposal, Reason};
-use yamabico_core::sensor::{Calibration, MountedPinhole};
+use yamabico_core::message::{Axes, FrameHeader, Odometry, Proposal, Reason, View};
+use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
 use crate::centring::{Centring, align_in_place, allowed_speed};
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
 use crate::recovery::{Loss, Recoverer, Recovery};
-use yamabico_core::corridor::floor_lines::FloorLineRule;
-use yamabico_core::corridor::sight::{CorridorCamera, Sight};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
-
-/// The plugin, to be listed by the program.
-pub const PLUGIN: BehaviorPlugin = BehaviorPlugin::of::<WallFollower>();
+use yamabico_vision::corridor::floor_lines::FloorLineRule;
+use yamabico_vision::corridor::sight::{CorridorCamera, Sight};
+use yamabico_vision::vanishing_point::VanishingPointError;
 
 /// The camera that looks ahead.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the corridor ahead");
@@ -178,8 +175,8 @@ impl WallFollower {
         let elapsed_s = self.last_picture.map_or(0.0, |last| stamp.seconds_after(last));
         self.track.predict(pose.map_or(Motion::Unknown { elapsed_s }, Motion::To));
         self.last_picture = Some(stamp);
-        let seen = match self.grey.view_of_frame(frame, self.sight.camera().pinhole.intrinsics().size()) {
-            Some(image) => self.sight.look(image, self.track.expectation()),
+        let seen = match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut self.grey) {
+            Some(image) => self.sight.look(image, self.track.expectation()).map_err(no_heading),
             None => Err(Reason::MalformedInput),
         };
         let verdict = seen.map(|sighting| self.track.update(&sighting));
@@ -303,4 +300,14 @@ impl WallFollower {
 fn turn_in_place(heading: f64, target: f64, largest_rad_s: f64) -> Proposal {
     Proposal::drive(Axes::PLANAR, Twist::planar(0.0, align_in_place(heading, target, largest_rad_s)))
         .uncoupled()
+}
+
+/// Why a picture has no heading, as proposals say it.
+fn no_heading(error: VanishingPointError) -> Reason {
+    match error {
+        VanishingPointError::TooFewSegments { .. } => Reason::TooFewSegments,
+        VanishingPointError::NoVanishingPoint => Reason::NoVanishingPoint,
+        VanishingPointError::Degenerate => Reason::Degenerate,
+        VanishingPointError::Ambiguous => Reason::Ambiguous,
+    }
 }

@@ -6,8 +6,8 @@
 use nalgebra::Vector2;
 use thiserror::Error;
 
-use yamabico_core::corridor::heading::CameraAttitude;
-use yamabico_core::corridor::wall_distance::distance_over_height;
+use yamabico_vision::corridor::heading::CameraAttitude;
+use yamabico_vision::corridor::wall_distance::distance_over_height;
 
 /// Smallest difference of the two cotangents that still tells a height.
 pub const SMALLEST_PARALLAX: f64 = 1e-3;

@@ -6,8 +6,8 @@
 use std::ops::RangeInclusive;
 
 use nalgebra::Vector3;
-use yamabico_core::corridor::wall_distance::CorridorView;
 use yamabico_core::image::ImageView;
+use yamabico_vision::corridor::wall_distance::CorridorView;
 
 /// Cotangents to either side of the line that are compared ...
 const REACH: f64 = 0.1;
@@ -122,7 +122,7 @@ fn correlation(a: &Profile, b: &Profile) -> f64 {
 mod tests {
     use super::*;
     use yamabico_core::camera::Intrinsics;
-    use yamabico_core::corridor::heading::CameraAttitude;
+    use yamabico_vision::corridor::heading::CameraAttitude;
 
     const HEIGHT_M: f64 = 0.6;
 

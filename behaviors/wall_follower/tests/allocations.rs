@@ -3,9 +3,9 @@
 mod rig;
 
 use rig::{camera, frame_header, picture, setup};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Kind, Odometry};
-use yamabico_core::sensor::Calibration;
 use yamabico_core::testing::{Bench, CountingAllocator, allocations};
 use yamabico_core::time::Time;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};

@@ -4,9 +4,9 @@ mod rig;
 
 use rig::{camera, frame_header, picture, setup};
 use yamabico_core::behavior::Setup;
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Reason};
-use yamabico_core::sensor::Calibration;
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};

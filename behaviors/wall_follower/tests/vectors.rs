@@ -4,13 +4,13 @@ mod vectors {
     use nalgebra::{Vector2, Vector3};
     use serde_json::Value;
     use yamabico_core::camera::{Intrinsics, Mount};
-    use yamabico_core::corridor::heading::{
+    use yamabico_core::geometry::Pose2;
+    use yamabico_vision::corridor::heading::{
         CameraAttitude, RobotHeading, axis_from_normalised, vanishing_point_homogeneous,
     };
-    use yamabico_core::corridor::wall_distance::{
+    use yamabico_vision::corridor::wall_distance::{
         CorridorView, distance_from_slope, inverse_slope, line_through, width_from_slopes,
     };
-    use yamabico_core::geometry::Pose2;
     use yamabico_wall_follower::centring::{Centring, Walls};
     use yamabico_wall_follower::stereo::{StereoError, stereo_wall};
 

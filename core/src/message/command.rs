@@ -1,7 +1,6 @@
 //! What the arbiter decides, and what is asked of it.
 
 use super::{Axes, Name, Note, Twist, item, message, vocabulary};
-use crate::bus::ZeroCopySend;
 
 message! {
     /// What the motors get.

@@ -7,6 +7,7 @@
 //! Type names carry a version; a change of layout is a new version.
 
 mod command;
+mod frame;
 mod from_json;
 mod layout;
 mod operator;
@@ -16,7 +17,9 @@ mod proposal;
 mod registry;
 mod sensors;
 mod text;
+mod view;
 
+pub use crate::geometry::{Axis, Twist};
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
 pub use layout::{Field, Laid, Layout, StructLayout};
 pub use operator::{RetuneHeader, RetuneStep, RetunedHeader, Retuning, Stick};
@@ -28,18 +31,18 @@ pub use plugin::{
     CallBucket, CallsHeader, FailureHeader, Heartbeat, MemoryHeader, PluginState, Process, ProcessState,
     ProcessesHeader, RosterHeader, WallPoint, WallsHeader,
 };
-pub use proposal::{Axes, Axis, Kind, Proposal, Reason, Sector, Twist};
+pub use proposal::{Axes, Kind, Proposal, Reason, Sector};
 pub use registry::{ALL, MessageType};
 pub use sensors::{
     Beam, Bumper, Clock, Encoding, FrameHeader, Imu, NO_ECHO, Odometry, RangeScanHeader, Truth, Turn,
     TurnPhase,
 };
 pub use text::{Name, Note, Text};
+pub use view::{RawMessage, View};
 
 use bytemuck::Pod;
 use serde::Serialize;
 
-use crate::bus::ZeroCopySend;
 use crate::time::Time;
 
 /// How a channel treats a slow reader.
@@ -52,7 +55,7 @@ pub enum Channel {
 }
 
 /// A type that travels: the header, and the items behind it.
-pub trait Message: Pod + ZeroCopySend + Serialize + Laid + std::fmt::Debug + 'static {
+pub trait Message: Pod + Serialize + Laid + std::fmt::Debug + 'static {
     /// What the slice behind the header holds; [`u8`] and empty for a message without a list.
     type Item: Pod + Serialize + Laid + std::fmt::Debug;
     /// Versioned name, such as `yamabico.Odometry.v1`.
@@ -84,9 +87,8 @@ macro_rules! message {
         $(#[doc = $doc])*
         #[repr(C)]
         #[derive(
-            Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, ZeroCopySend, serde::Serialize,
+            Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, serde::Serialize,
         )]
-        #[type_name($name)]
         pub struct $ty { $($body)* }
 
         impl Default for $ty {

@@ -1,7 +1,6 @@
 //! What an operator asks of behaviours.
 
 use super::{Name, Note, message, vocabulary};
-use crate::bus::ZeroCopySend;
 
 vocabulary! {
     /// How far a change of parameters is.

@@ -2,7 +2,6 @@
 //! propagated to, and `evidence_ns`, the oldest sensor data in it.
 
 use super::{item, message, vocabulary};
-use crate::bus::ZeroCopySend;
 
 message! {
     /// Where to go: a pose in the map frame.

@@ -1,7 +1,6 @@
 //! What plugins tell of themselves.
 
 use super::{Name, Note, item, message, vocabulary};
-use crate::bus::ZeroCopySend;
 
 vocabulary! {
     /// How a plugin fares.

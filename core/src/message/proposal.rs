@@ -7,37 +7,12 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{Name, Note, message, vocabulary};
-use crate::bus::ZeroCopySend;
+use crate::geometry::{Axis, Twist};
 use crate::time::Time;
-
-/// A direction of motion that a command sets, in the robot frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-pub enum Axis {
-    /// Forward speed.
-    Linear = 0,
-    /// Speed to the left.
-    Lateral = 1,
-    /// Turn rate, left positive.
-    Angular = 2,
-}
-
-impl Axis {
-    /// All three, in the order of [`Twist`].
-    pub const ALL: [Axis; 3] = [Axis::Linear, Axis::Lateral, Axis::Angular];
-
-    /// In words.
-    pub const fn as_str(self) -> &'static str {
-        match self {
-            Axis::Linear => "linear",
-            Axis::Lateral => "lateral",
-            Axis::Angular => "angular",
-        }
-    }
-}
 
 /// A set of axes.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Pod, Zeroable, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Pod, Zeroable)]
 pub struct Axes(u32);
 
 impl Axes {
@@ -132,51 +107,6 @@ impl<'de> Deserialize<'de> for Axes {
         let words = String::deserialize(deserializer)?;
         let found = (0..8).filter_map(Axes::from_bits).find(|axes| axes.to_string() == words);
         found.ok_or_else(|| D::Error::custom(format!("`{words}` are no axes")))
-    }
-}
-
-/// A planar velocity in the robot frame (REP-103).
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, ZeroCopySend, Serialize)]
-pub struct Twist {
-    /// Forward, m/s.
-    pub linear: f64,
-    /// To the left, m/s.
-    pub lateral: f64,
-    /// Turn rate, rad/s, left positive.
-    pub angular: f64,
-}
-
-impl Twist {
-    /// No motion.
-    pub const ZERO: Twist = Twist { linear: 0.0, lateral: 0.0, angular: 0.0 };
-
-    /// Forward and turn, as a differential drive moves.
-    pub const fn planar(linear: f64, angular: f64) -> Twist {
-        Twist { linear, lateral: 0.0, angular }
-    }
-
-    /// The component along `axis`.
-    pub const fn get(&self, axis: Axis) -> f64 {
-        match axis {
-            Axis::Linear => self.linear,
-            Axis::Lateral => self.lateral,
-            Axis::Angular => self.angular,
-        }
-    }
-
-    /// Sets the component along `axis`.
-    pub fn set(&mut self, axis: Axis, value: f64) {
-        match axis {
-            Axis::Linear => self.linear = value,
-            Axis::Lateral => self.lateral = value,
-            Axis::Angular => self.angular = value,
-        }
-    }
-
-    /// Whether all three numbers are finite.
-    pub fn is_finite(&self) -> bool {
-        self.linear.is_finite() && self.lateral.is_finite() && self.angular.is_finite()
     }
 }
 
@@ -288,7 +218,7 @@ vocabulary! {
 
 /// A sector of directions of translation, robot frame.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, ZeroCopySend, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize)]
 pub struct Sector {
     /// Middle, left positive, radians.
     pub centre_rad: f64,

@@ -1,7 +1,6 @@
 //! What sensors measure.
 
 use super::{Name, Twist, item, message, vocabulary};
-use crate::bus::ZeroCopySend;
 use crate::geometry::Pose2;
 
 vocabulary! {

@@ -5,8 +5,6 @@ use std::fmt;
 use bytemuck::{Pod, Zeroable};
 use serde::{Serialize, Serializer};
 
-use crate::bus::ZeroCopySend;
-
 /// UTF-8 text of at most `N` bytes, padded with zeros.
 #[repr(transparent)]
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
@@ -87,9 +85,6 @@ impl<const N: usize> Serialize for Text<N> {
         serializer.serialize_str(self.as_str())
     }
 }
-
-#[allow(unsafe_code, reason = "an array of bytes behind no pointer")]
-unsafe impl<const N: usize> ZeroCopySend for Text<N> {}
 
 #[cfg(test)]
 mod tests {

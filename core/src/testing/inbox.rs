@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 
-use crate::behavior::{RawMessage, SlotSource};
+use crate::behavior::SlotSource;
 use crate::message::Channel;
+use crate::message::RawMessage;
 
 /// How many messages of a stream an inbox keeps at hand.
 pub const DEPTH: usize = 64;

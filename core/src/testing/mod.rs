@@ -8,19 +8,21 @@
 //! ```
 
 mod allocations;
+mod fake_driver;
 mod inbox;
 mod published;
 
 pub use allocations::{Allocations, CountingAllocator, allocations};
+pub use fake_driver::{FakeDriver, NoParameters, plain_sensor};
 pub use published::Published;
 
 use crate::behavior::{BuildError, InputSource, Inputs, Outputs, Plugin, Setup, Slot, SlotSource};
-use crate::camera::{Distortion, Intrinsics, Mount};
-use crate::config::FileKind;
+use crate::camera::{Calibration, Distortion, Intrinsics, Mount};
 use crate::message::{FrameHeader, Message, Proposal};
-use crate::sensor::{Calibration, SensorInfo, SensorKind};
+use crate::sensor::{SensorInfo, SensorKind};
 use crate::time::Time;
 use inbox::Inbox;
+use yamabico_parameters::FileKind;
 
 /// A robot with a measured camera without distortion in the slot `camera`: ten pictures a second, 40 ms old on arrival.
 #[must_use]
@@ -61,7 +63,7 @@ impl<B: Plugin> Bench<B> {
             rules: |_| Vec::new(),
         };
         table.read(B::NAME, toml).map_err(|problems| BuildError::new("", problems.to_string()))?;
-        let slots = B::INPUTS.iter().map(|slot| Inbox::new(slot.name, slot.message.channel)).collect();
+        let slots = B::INPUTS.iter().map(|slot| Inbox::new(&*slot.name, slot.message.channel)).collect();
         let published = Published::declared(B::OUTPUTS);
         Ok(Bench { behavior, now: Time::ZERO, slots: Slots(slots), published })
     }

@@ -1,7 +1,8 @@
 //! What a behaviour or a sensor publishes, kept to be looked at.
 
-use crate::behavior::{OutputSink, PublishError, RawMessage, SlotInfo, View};
+use crate::behavior::{OutputSink, PublishError, SlotInfo};
 use crate::message::{Message, MessageType};
+use crate::message::{RawMessage, View};
 
 use super::allocations::uncounted;
 use super::inbox::Stored;

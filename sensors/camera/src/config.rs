@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use yamabico_core::behavior::BuildError;
-use yamabico_core::camera::{IntrinsicsConfig, MountConfig};
+use yamabico_core::camera::{Calibration, IntrinsicsConfig, MountConfig};
 use yamabico_core::message::{FrameHeader, Message};
-use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
+use yamabico_core::sensor::{SensorInfo, SensorKind};
 
 /// A device without keys of its own.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]

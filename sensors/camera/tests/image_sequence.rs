@@ -4,10 +4,11 @@
 
 use std::path::{Path, PathBuf};
 
-use yamabico_camera::PLUGIN;
+use yamabico_camera::driver;
 use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::driver::{Device, DeviceSpec, PartSpec};
 use yamabico_core::message::{Encoding, FrameHeader};
-use yamabico_core::sensor::{Device, DeviceError, DeviceSpec, Due, PartSpec, Robot, Sensor};
+use yamabico_core::sensor::{DeviceError, Due, Robot, Sensor};
 use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
 
@@ -58,7 +59,7 @@ fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
         kind: "image-sequence".into(),
         table: toml::from_str(&keys_of(keys)).unwrap(),
     };
-    (PLUGIN.open)(spec(folder, part))
+    driver().open(spec(folder, part))
 }
 
 fn keys_of(keys: &str) -> String {
@@ -90,7 +91,8 @@ fn refusal(folder: &Path, keys: &str) -> String {
         Err(error) => {
             assert_eq!(error.key, "files");
             let table = toml::from_str(&keys_of(keys)).unwrap();
-            let checked = (PLUGIN.sensors[0].check)(&table, folder).unwrap_err();
+            let part = PartSpec { name: "front".into(), kind: "image-sequence".into(), table };
+            let checked = driver().check_sensor(&part, folder).unwrap_err();
             assert!(error.problem.ends_with(&checked.problem), "{checked} / {error}");
             error.to_string()
         }
@@ -269,7 +271,7 @@ fn photographs_of_a_corridor_are_shown() {
         kind: "image-sequence".into(),
         table: toml::from_str(table).unwrap(),
     };
-    let mut device = (PLUGIN.open)(spec(&folder, part)).unwrap_or_else(|error| panic!("{error}"));
+    let mut device = driver().open(spec(&folder, part)).unwrap_or_else(|error| panic!("{error}"));
     let begin = std::time::Instant::now();
     let frames = watch(&mut *device.sensors[0].1, usize::MAX).unwrap();
     println!(

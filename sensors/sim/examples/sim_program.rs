@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    yamabico_core::plugin::main_of_driver(&yamabico_sim::PLUGIN)
+    yamabico_host::process::main_of_driver(yamabico_sim::driver())
 }

@@ -8,8 +8,8 @@ use image::{Rgb, RgbImage};
 use nalgebra::Vector2;
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::map::{EdgeRole, ExpectationMap, ExpectationRules, WireFrame};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
+use yamabico_vision::map::{EdgeRole, ExpectationMap, ExpectationRules, WireFrame};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

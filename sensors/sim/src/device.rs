@@ -9,18 +9,20 @@ mod sonars;
 mod sway;
 mod wheels;
 
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use rand::RngExt;
-use schemars::{JsonSchema, schema_for};
+use schemars::JsonSchema;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use yamabico_core::behavior::BuildError;
+use yamabico_core::driver::{
+    Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
+};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Axes, Beam, FrameHeader, Message, MessageType, Odometry, RangeScanHeader};
-use yamabico_core::sensor::{
-    Device, DeviceError, DeviceSpec, DrivePlugin, DriverPlugin, Sensor, SensorInfo, SensorKind, SensorPlugin,
-};
+use yamabico_core::parameters::{read, schema_of};
+use yamabico_core::sensor::{DeviceError, Sensor, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
 
 use crate::Scene;
@@ -36,70 +38,89 @@ pub use motors::MotorConfig;
 pub use pictures::PixelFormat;
 pub use sway::SwayConfig;
 
-/// The simulator's description: driver `sim` with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
-pub const PLUGIN: DriverPlugin = DriverPlugin {
-    name: "sim",
-    summary: "A simulated world with its own time, cameras, sonars, wheel encoders and a body.",
-    schema: || schema_for!(SimConfig),
-    files: &[WORLD_FILE],
-    sensors: &[
-        SensorPlugin {
-            kind: "camera",
-            summary: "Pictures of a pinhole camera, rendered at the exposure and delivered after the latency.",
-            message: MessageType::of::<FrameHeader>(),
-            schema: || schema_for!(CameraConfig),
-            describe: |name, table| read::<CameraConfig>(table)?.info(name),
-            most_bytes: |table| Ok(read::<CameraConfig>(table)?.bytes()),
-            check: |_, _| Ok(()),
+/// The driver `sim`, with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
+#[must_use]
+pub fn driver() -> Arc<dyn Driver> {
+    let sensors = vec![
+        SensorOffer::new::<FrameHeader, CameraConfig>(
+            "camera",
+            "Pictures of a pinhole camera, rendered at the exposure and delivered after the latency.",
+        ),
+        SensorOffer::new::<FrameHeader, MirrorCameraConfig>(
+            "mirror-camera",
+            "Pictures of a camera that looks all around through a conic, hyperboloidal or measured mirror.",
+        ),
+        SensorOffer::new::<RangeScanHeader, SonarConfig>(
+            "sonar",
+            "Ranges of ultrasonic sonars with wide cones, lost echoes and noise.",
+        ),
+        SensorOffer::new::<Odometry, EncoderConfig>(
+            "encoders",
+            "Odometry of wheel encoders with steps, slip and wrong radii.",
+        ),
+    ];
+    let drives = vec![
+        DriveOffer::new::<MotorConfig>("differential", "Two driven wheels: forward and turn.", Axes::PLANAR),
+        DriveOffer::new::<MotorConfig>(
+            "holonomic",
+            "Omnidirectional wheels: forward, sideways and turn.",
+            Axes::ALL,
+        ),
+    ];
+    Arc::new(SimDriver {
+        info: DriverInfo {
+            name: "sim".into(),
+            summary: "A simulated world with its own time, cameras, sonars, wheel encoders and a body."
+                .into(),
+            parameters: schema_of::<SimConfig>(),
+            files: vec![WORLD_FILE],
+            sensors,
+            drives,
         },
-        SensorPlugin {
-            kind: "mirror-camera",
-            summary: "Pictures of a camera that looks all around through a conic, hyperboloidal or measured mirror.",
-            message: MessageType::of::<FrameHeader>(),
-            schema: || schema_for!(MirrorCameraConfig),
-            describe: |name, table| read::<MirrorCameraConfig>(table)?.info(name),
-            most_bytes: |table| Ok(read::<MirrorCameraConfig>(table)?.bytes()),
-            check: |_, _| Ok(()),
-        },
-        SensorPlugin {
-            kind: "sonar",
-            summary: "Ranges of ultrasonic sonars with wide cones, lost echoes and noise.",
-            message: MessageType::of::<RangeScanHeader>(),
-            schema: || schema_for!(SonarConfig),
-            describe: |name, table| sonars::info(&read::<SonarConfig>(table)?, name),
-            most_bytes: |table| Ok(read::<SonarConfig>(table)?.azimuths_deg.len() * size_of::<Beam>()),
-            check: |_, _| Ok(()),
-        },
-        SensorPlugin {
-            kind: "encoders",
-            summary: "Odometry of wheel encoders with steps, slip and wrong radii.",
-            message: MessageType::of::<Odometry>(),
-            schema: || schema_for!(EncoderConfig),
-            describe: |name, table| {
-                let c = read::<EncoderConfig>(table)?;
-                Ok(info::<Odometry>(name, c.period_ms, c.latency_ms, SensorKind::Other))
-            },
-            most_bytes: |_| Ok(0),
-            check: |_, _| Ok(()),
-        },
-    ],
-    drives: &[
-        DrivePlugin {
-            kind: "differential",
-            summary: "Two driven wheels: forward and turn.",
-            axes: Axes::PLANAR,
-            schema: || schema_for!(MotorConfig),
-        },
-        DrivePlugin {
-            kind: "holonomic",
-            summary: "Omnidirectional wheels: forward, sideways and turn.",
-            axes: Axes::ALL,
-            schema: || schema_for!(MotorConfig),
-        },
-    ],
-    open,
-    told: None,
-};
+    })
+}
+
+struct SimDriver {
+    info: DriverInfo,
+}
+
+impl Driver for SimDriver {
+    fn info(&self) -> &DriverInfo {
+        &self.info
+    }
+
+    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, BuildError> {
+        let (name, table) = (sensor.name.as_str(), &sensor.table);
+        let (info, max_item_bytes) = match sensor.kind.as_str() {
+            "camera" => {
+                let config: CameraConfig = read(table)?;
+                (config.info(name)?, config.bytes())
+            }
+            "mirror-camera" => {
+                let config: MirrorCameraConfig = read(table)?;
+                (config.info(name)?, config.bytes())
+            }
+            "sonar" => {
+                let config: SonarConfig = read(table)?;
+                (sonars::info(&config, name)?, config.azimuths_deg.len() * size_of::<Beam>())
+            }
+            "encoders" => {
+                let config: EncoderConfig = read(table)?;
+                (info::<Odometry>(name, config.period_ms, config.latency_ms, SensorKind::Other), 0)
+            }
+            other => return Err(no_sensor(other)),
+        };
+        Ok(SensorDescription { info, max_item_bytes })
+    }
+
+    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError> {
+        open(spec)
+    }
+}
+
+fn no_sensor(kind: &str) -> BuildError {
+    BuildError::new("kind", format!("the simulator has no sensor `{kind}`"))
+}
 
 /// The simulated device's own keys.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -190,7 +211,7 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
                 config.wheels.get_or_insert(if axes[1] { Wheels::Three } else { Wheels::Two });
                 Box::new(wheels::WheelEncoders::new(name, config, sim, seed))
             }
-            other => return Err(BuildError::new("kind", format!("the simulator has no sensor `{other}`"))),
+            other => return Err(no_sensor(other)),
         };
         sensors.push((part.name.clone(), sensor));
     }
@@ -209,10 +230,6 @@ fn start_pose(start: &Start, seed: u64) -> Pose2 {
     let (sin, cos) = start.heading_deg.to_radians().sin_cos();
     let aside = aside * start.jitter_m;
     Pose2::new(start.x_m - sin * aside, start.y_m + cos * aside, heading)
-}
-
-fn read<T: DeserializeOwned>(table: &toml::Table) -> Result<T, BuildError> {
-    table.clone().try_into().map_err(|e: toml::de::Error| BuildError::new("", e.message()))
 }
 
 fn info<M: Message>(name: &str, period_ms: f64, latency_ms: f64, kind: SensorKind) -> SensorInfo {

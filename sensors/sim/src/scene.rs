@@ -10,7 +10,7 @@ mod walker;
 use parry3d::shape::TriMesh;
 use thiserror::Error;
 
-use yamabico_core::config::Problems;
+use yamabico_core::parameters::Problems;
 
 use crate::world::World;
 use build::Building;

@@ -9,7 +9,7 @@ mod wire_frame;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use yamabico_core::config::Problems;
+use yamabico_core::parameters::Problems;
 
 pub use check::WORLD_FILE;
 pub use corridor::{Branch, Corridor, CorridorDoor, Side};

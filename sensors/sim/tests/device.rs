@@ -2,15 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::path::Path;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use yamabico_core::behavior::Outputs;
+use yamabico_core::driver::{Device, DeviceSpec, PartSpec};
 use yamabico_core::message::{Command, FrameHeader, Message, Odometry, RangeScanHeader, Truth, Twist};
-use yamabico_core::sensor::{Device, DeviceSpec, Due, MotionLimits, PartSpec, Robot, SensorKind};
+use yamabico_core::sensor::{Due, MotionLimits, Robot, SensorKind};
 use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
-use yamabico_sim::PLUGIN;
+use yamabico_sim::driver;
 
 const TICK_S: f64 = 0.02;
 
@@ -59,7 +61,7 @@ fn spec(world: &str, seed: u64, drive: &str, latency_ms: u32) -> DeviceSpec {
 
 fn open_spec(spec: DeviceSpec) -> Device {
     let folder = spec.folder.clone();
-    let device = (PLUGIN.open)(spec).unwrap();
+    let device = driver().open(spec).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
     device
 }
@@ -132,13 +134,14 @@ fn a_mirror_camera_tells_its_mirror_and_hands_over_pictures_of_it() {
         mirror = { kind = 'hyperboloidal', focal_px = 65, eccentricity = 1.45, foci_m = 0.08 }\n\
         mount = { z_m = 0.5 }\nencoding = 'rgb8'\nphotometry = { noise_sigma = 0.0 }";
     let table: toml::Table = table.parse().unwrap();
-    let plugin = PLUGIN.sensors.iter().find(|sensor| sensor.kind == "mirror-camera").unwrap();
-    let SensorKind::MirrorCamera { camera, mount, .. } = (plugin.describe)("ring", &table).unwrap().kind
-    else {
-        panic!("another kind")
+    let describe = |table: &toml::Table| {
+        let part = PartSpec { name: "ring".into(), kind: "mirror-camera".into(), table: table.clone() };
+        driver().describe_sensor(&part, Path::new(""))
     };
+    let described = describe(&table).unwrap();
+    let SensorKind::MirrorCamera { camera, mount, .. } = described.info.kind else { panic!("another kind") };
     assert_eq!((camera.image().width, camera.image().rim_radius_px(), mount.z), (64, 30.0, 0.5));
-    assert_eq!((plugin.most_bytes)(&table).unwrap(), 64 * 60 * 3);
+    assert_eq!(described.max_item_bytes, 64 * 60 * 3);
 
     let mut spec = spec(EMPTY, 1, "differential", 50);
     let part = PartSpec { name: "ring".into(), kind: "mirror-camera".into(), table: table.clone() };
@@ -156,7 +159,7 @@ fn a_mirror_camera_tells_its_mirror_and_hands_over_pictures_of_it() {
 
     let mut narrow = table;
     narrow["picture"].as_table_mut().unwrap().insert("blind_radius_px".into(), toml::Value::Float(40.0));
-    let refused = (plugin.describe)("ring", &narrow).unwrap_err();
+    let refused = describe(&narrow).unwrap_err();
     assert_eq!(refused.key, "picture");
     assert!(refused.problem.contains("40 to 30 px"), "{}", refused.problem);
 }

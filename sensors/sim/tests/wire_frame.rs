@@ -5,8 +5,8 @@
 use std::path::PathBuf;
 
 use nalgebra::Point2;
-use yamabico_core::map::{EdgeKind, WireFrame};
 use yamabico_sim::World;
+use yamabico_vision::map::{EdgeKind, WireFrame};
 
 fn config(name: &str) -> PathBuf {
     PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs")).join(name)

@@ -19,10 +19,10 @@ use clap::Parser;
 use comfy_table::Table;
 use comfy_table::presets::UTF8_FULL_CONDENSED;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use yamabico::plugins::PLUGINS;
-use yamabico_arbiter::execution::{End, Lockstep, Plan};
-use yamabico_arbiter::run::{Options, run};
-use yamabico_core::config::{Overrides, Task, load};
+use yamabico::plugins::plugins;
+use yamabico_host::config::{Overrides, Task, load};
+use yamabico_runtime::execution::{End, Lockstep, Plan};
+use yamabico_runtime::run::{Options, run};
 
 use plot::{Setting, draw};
 use way::{Way, WayTap};
@@ -67,7 +67,7 @@ fn compare(arguments: &Arguments) -> Result<bool, String> {
     for with in &arguments.with {
         let set = [with].into_iter().chain(&arguments.set).cloned().collect();
         let overrides = Overrides { robot: None, set };
-        let task = load(&arguments.file, &overrides, &PLUGINS).map_err(|problems| problems.to_string())?;
+        let task = load(&arguments.file, &overrides, &plugins()).map_err(|problems| problems.to_string())?;
         let plan = Plan::new(&task, arguments.first);
         let robot = Lockstep::open(plan, task.run.step, 1).map_err(|error| error.to_string())?;
         walls = robot.walls();

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 use plotters::coord::Shift;
 use plotters::prelude::{BitMapBackend, Circle, DrawingArea, IntoDrawingArea, PathElement};
 use plotters::style::{Color, RGBColor, ShapeStyle, WHITE};
-use yamabico_core::vision::lettering::pixels;
+use yamabico_drawing::lettering::pixels;
 
 use crate::way::Way;
 

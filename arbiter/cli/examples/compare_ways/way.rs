@@ -1,11 +1,10 @@
 //! What one run's way was like.
 
 use nalgebra::Vector2;
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::report::RunSummary;
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::message::{Command, Message, MessageType, Truth};
+use yamabico_core::message::{Command, Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::report::RunSummary;
 
 /// A slower command lets the robot stand, m/s.
 const STANDING_MPS: f64 = 1e-3;

@@ -29,7 +29,7 @@ pub fn check(arguments: &TaskArguments, print: Print) -> ExitCode {
         robot: &task.robot.robot.name,
         behaviors: task.behaviors.iter().map(|behavior| behavior.name.as_str()).collect(),
         sensors: task.robot.sensors.iter().map(|sensor| sensor.part.name.as_str()).collect(),
-        opens: devices.map(|device| format!("{} ({})", device.name, device.driver.name)).collect(),
+        opens: devices.map(|device| format!("{} ({})", device.name, device.driver.info().name)).collect(),
         starts: programs.map(|(name, exec)| format!("{name} ({})", exec.join(" "))).collect(),
     };
     print.show(&checked, |checked| {

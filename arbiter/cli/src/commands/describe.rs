@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use yamabico::plugins::PLUGINS;
-use yamabico_core::config::{self, Description, Parameter, Port};
+use yamabico::plugins::plugins;
+use yamabico_host::config::{self, Description, Parameter, Port};
 
 use crate::output::{BAD_CONFIGURATION, DONE, Print, exit, table};
 
@@ -17,7 +17,7 @@ pub struct Arguments {
 
 /// Describes one plugin.
 pub fn describe(arguments: &Arguments, print: Print) -> ExitCode {
-    match config::describe(&arguments.name, &PLUGINS) {
+    match config::describe(&arguments.name, &plugins()) {
         Ok(description) => {
             print.show(&description, text);
             exit(DONE)

@@ -9,8 +9,8 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
-use yamabico_arbiter::operator::{Operator, Place};
-use yamabico_core::config::FileKind;
+use yamabico_parameters::FileKind;
+use yamabico_runtime::operator::{Operator, Place};
 
 use super::run::interrupt_flag;
 use crate::live::which::Which;

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use yamabico_core::config;
+use yamabico_host::config;
 
 use super::TaskArguments;
 use crate::output::{BAD_CONFIGURATION, DONE, Print, exit};

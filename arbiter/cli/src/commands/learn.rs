@@ -8,23 +8,25 @@ use std::sync::atomic::AtomicBool;
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
-use yamabico_arbiter::execution::{End, topics};
-use yamabico_arbiter::record::Tap;
-use yamabico_arbiter::run::{Options, run as run_task};
-use yamabico_core::behavior::{Plugin, RawMessage, View};
+use yamabico_core::behavior::Plugin;
 use yamabico_core::camera::Pinhole;
-use yamabico_core::config::{BehaviorFile, InputSource, Task};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::WireFrame;
-use yamabico_core::message::{FrameHeader, Message, MessageType, Odometry, Pose, PoseStatus};
+use yamabico_core::message::{
+    FrameHeader, Message, MessageType, Odometry, Pose, PoseStatus, RawMessage, View,
+};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
+use yamabico_host::config::{BehaviorFile, InputSource, Task};
+use yamabico_runtime::execution::{End, topics};
+use yamabico_runtime::record::Tap;
+use yamabico_runtime::run::{Options, run as run_task};
 use yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider;
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Row, Validity};
 use yamabico_stationary_obstacle_avoider::threshold_table::{Place, ThresholdTable};
+use yamabico_vision::map::WireFrame;
 
 use super::learn_plot::plot;
 use super::{TaskArguments, learn_floor, learn_map};
@@ -98,7 +100,7 @@ fn learn_thresholds(arguments: &Arguments, print: Print) -> ExitCode {
     let Some(mut task) = arguments.task.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
     // What it knew so far must not turn the robot aside from what it learns.
     for behavior in &mut task.behaviors {
-        behavior.enabled &= behavior.plugin.name != StationaryObstacleAvoider::NAME;
+        behavior.enabled &= behavior.factory.info().name != StationaryObstacleAvoider::NAME;
     }
     let mut student = match Student::new(&task, arguments.every) {
         Ok(student) => student,
@@ -211,23 +213,26 @@ impl Student {
             return Err(format!("--every {every_m}: 0.05 to 10 metres"));
         }
         let is_localizer = |behavior: &&BehaviorFile| {
-            behavior.plugin.outputs.iter().any(|output| output.message.name == Pose::NAME)
+            behavior.factory.info().outputs.iter().any(|output| output.message.name == Pose::NAME)
         };
         let localizer = task.behaviors.iter().find(is_localizer);
         let localizer = localizer.ok_or("no behaviour of the task publishes a pose: add a map-localizer")?;
         let sensor_with = |message: &str| {
-            localizer.plugin.inputs.iter().find(|slot| slot.message.name == message).and_then(|slot| {
-                localizer.inputs.iter().find(|input| input.slot == slot.name).and_then(|input| {
-                    match &input.source {
-                        InputSource::Sensor(name) => Some((slot.name, name.clone())),
-                        _ => None,
-                    }
-                })
-            })
+            localizer.factory.info().inputs.iter().find(|slot| slot.message.name == message).and_then(
+                |slot| {
+                    localizer.inputs.iter().find(|input| input.slot == slot.name).and_then(|input| {
+                        match &input.source {
+                            InputSource::Sensor(name) => Some((slot.name.clone(), name.clone())),
+                            _ => None,
+                        }
+                    })
+                },
+            )
         };
         let (slot, camera) = sensor_with(FrameHeader::NAME).ok_or("the localizer has no camera")?;
         let (_, odometry) = sensor_with(Odometry::NAME).ok_or("the localizer has no odometry")?;
-        let info = localizer.setup.sensors.iter().find(|(name, _)| name == slot).map(|(_, info)| &info.kind);
+        let info =
+            localizer.setup.sensors.iter().find(|(name, _)| *name == *slot).map(|(_, info)| &info.kind);
         let Some(SensorKind::Camera { intrinsics, distortion, mount, .. }) = info else {
             return Err(format!("`{camera}` is no pinhole camera"));
         };
@@ -263,7 +268,7 @@ impl Student {
             _ => GrayImage::default(),
         };
         let mut luma = GrayImage::default();
-        if let Some(image) = luma.view_of_frame(frame, self.detector.camera().intrinsics().size()) {
+        if let Some(image) = frame.gray(self.detector.camera().intrinsics().size(), &mut luma) {
             grey.copy_from(image);
             self.pictures.push_back((Time(frame.header.stamp_ns), frame.header.exposure, grey));
         }

@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use yamabico_core::vision::floor_colour::FloorColours;
-use yamabico_core::vision::floor_colour_file::ColourFile;
-use yamabico_core::vision::floor_training::{FloorTraining, Judged, Label};
+use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_training::{FloorTraining, Judged, Label};
 
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, Print, exit, fail, table};
 

@@ -7,19 +7,18 @@ use std::process::ExitCode;
 use clap::Args;
 use nalgebra::Point2;
 use serde::Serialize;
-use yamabico_arbiter::execution::{End, topics};
-use yamabico_arbiter::record::{Tap, play};
-use yamabico_core::azimuth_map::{EdgeMap, Mapper, MapperRule, WayRule};
-use yamabico_core::behavior::{RawMessage, View};
 use yamabico_core::camera::Mount;
-use yamabico_core::config::Task;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{FrameHeader, MessageType};
+use yamabico_core::message::{FrameHeader, MessageType, RawMessage, View};
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
-use yamabico_core::vision::azimuth_profile::ProfileRule;
-use yamabico_core::vision::radial_edges::{RadialEdgeRule, RadialEdges};
+use yamabico_host::config::Task;
+use yamabico_runtime::execution::{End, topics};
+use yamabico_runtime::record::{Tap, play};
+use yamabico_vision::azimuth_map::{EdgeMap, Mapper, MapperRule, WayRule};
+use yamabico_vision::azimuth_profile::ProfileRule;
+use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
 
 use super::TaskArguments;
 use super::learn::drive;
@@ -244,7 +243,7 @@ impl Cartographer {
 
     fn keep(&mut self, frame: &View<'_, FrameHeader>) {
         let mut luma = GrayImage::default();
-        if let Some(image) = luma.view_of_frame(frame, self.size) {
+        if let Some(image) = frame.gray(self.size, &mut luma) {
             let mut grey = GrayImage::default();
             grey.copy_from(image);
             self.pictures.truncate(MOST_PICTURES - 1);

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use yamabico_arbiter::report::lettering;
-use yamabico_core::vision::overlay::{Canvas, Colour};
+use yamabico_drawing::lettering;
+use yamabico_drawing::{Canvas, Colour};
 use yamabico_stationary_obstacle_avoider::threshold_learning::Row;
 use yamabico_stationary_obstacle_avoider::threshold_table::Place;
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use nalgebra::{SymmetricEigen, Vector2};
-use yamabico_core::azimuth_map::{EdgeMap, SurfaceState};
-use yamabico_core::vision::overlay::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Colour};
+use yamabico_vision::azimuth_map::{EdgeMap, SurfaceState};
 
 /// Sides of the picture, pixels, and of what is left white around the map.
 const SIZE: usize = 640;

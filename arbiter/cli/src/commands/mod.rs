@@ -21,10 +21,11 @@ mod whereabouts;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use yamabico_core::config::{Overrides, Problems, Task, load};
+use yamabico_host::config::{Overrides, Task, load};
+use yamabico_parameters::Problems;
 
 use crate::output::Print;
-use yamabico::plugins::PLUGINS;
+use yamabico::plugins::plugins;
 
 /// What to do.
 #[derive(Subcommand)]
@@ -78,7 +79,7 @@ impl TaskArguments {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load(&self) -> Result<Task, Problems> {
-        load(&self.file, &self.overrides(), &PLUGINS)
+        load(&self.file, &self.overrides(), &plugins())
     }
 
     /// The checked task; where there is none, what is wrong is printed.

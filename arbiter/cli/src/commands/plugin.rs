@@ -5,9 +5,9 @@ use std::os::unix::process::CommandExt;
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
-use yamabico::plugins::PLUGINS;
-use yamabico_core::plugin::{Guardian, OnDeath, serve};
-use yamabico_core::seat::Scheduling;
+use yamabico::plugins::plugins;
+use yamabico_host::Scheduling;
+use yamabico_host::process::{Guardian, OnDeath, serve};
 
 use crate::output::{DEVICE_FAILED, fail};
 
@@ -54,7 +54,7 @@ pub fn plugin(arguments: &Arguments) -> ExitCode {
         tracing::warn!("`{}` runs on although {refused}", arguments.name);
     }
     match arguments.exec.split_first() {
-        None => serve(&PLUGINS),
+        None => serve(&plugins()),
         Some((program, rest)) => {
             // Returns only where it fails.
             let error = std::process::Command::new(program).args(rest).exec();

@@ -8,11 +8,11 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use yamabico_arbiter::execution::Progress;
-use yamabico_arbiter::record::{Pace, Tee};
-use yamabico_arbiter::run::{Options, run as run_task};
-use yamabico_arbiter::supervisor::Program;
-use yamabico_core::config::Task;
+use yamabico_host::config::Task;
+use yamabico_runtime::execution::Progress;
+use yamabico_runtime::record::{Pace, Tee};
+use yamabico_runtime::run::{Options, run as run_task};
+use yamabico_runtime::supervisor::Program;
 
 use super::TaskArguments;
 use super::run_table::run_table;

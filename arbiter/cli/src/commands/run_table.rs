@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
-use yamabico_arbiter::execution::End;
-use yamabico_arbiter::report::{LatencyFigures, RunSummary, Spread};
-use yamabico_arbiter::run::Ran;
+use yamabico_runtime::execution::End;
+use yamabico_runtime::report::{LatencyFigures, RunSummary, Spread};
+use yamabico_runtime::run::Ran;
 
 use crate::output::table;
 
@@ -184,7 +184,7 @@ fn left(ran: &Ran) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_arbiter::report::{BehaviourSummary, Ending, ReferenceLine, SummaryTap};
+    use yamabico_runtime::report::{BehaviourSummary, Ending, ReferenceLine, SummaryTap};
 
     fn summary() -> RunSummary {
         RunSummary {

@@ -2,13 +2,13 @@
 
 use std::process::ExitCode;
 
-use yamabico::plugins::PLUGINS;
-use yamabico_core::config;
+use yamabico::plugins::plugins;
+use yamabico_host::config;
 
 use crate::output::{DONE, Print, exit};
 
 /// Prints the schema.
 pub fn schema() -> ExitCode {
-    Print::Json.show(&config::schema(&PLUGINS), |_| String::new());
+    Print::Json.show(&config::schema(&plugins()), |_| String::new());
     exit(DONE)
 }

@@ -3,18 +3,17 @@
 use std::path::Path;
 
 use nalgebra::{Point2, Vector2};
-use yamabico_arbiter::record::Tap;
-use yamabico_core::azimuth_map::{
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Message, MessageType, RangeScanHeader, RawMessage, View};
+use yamabico_core::sensor::SensorKind;
+use yamabico_core::time::Time;
+use yamabico_host::config::Task;
+use yamabico_runtime::record::Tap;
+use yamabico_vision::azimuth_map::{
     EdgeMap, Inflation, MapSurface, RangeReading, SurfaceCheck, SurfaceCheckRule, SurfaceState,
     VisibilityGraph, inflate,
 };
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::Task;
-use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Message, MessageType, RangeScanHeader};
-use yamabico_core::polygon::{contains, nearest_on_segment};
-use yamabico_core::sensor::SensorKind;
-use yamabico_core::time::Time;
+use yamabico_vision::polygon::{contains, nearest_on_segment};
 
 use super::whereabouts::{Whereabouts, pose_publisher};
 

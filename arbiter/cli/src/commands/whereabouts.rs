@@ -1,12 +1,11 @@
 //! Where the robot was in a run: its odometry, laid onto the map by the poses that a behaviour told.
 
-use yamabico_arbiter::execution::topics;
-use yamabico_core::behavior::{RawMessage, View};
-use yamabico_core::config::Task;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Message, Odometry, Pose};
+use yamabico_core::message::{Message, Odometry, Pose, RawMessage, View};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::time::Time;
+use yamabico_host::config::Task;
+use yamabico_runtime::execution::topics;
 
 /// Where the robot was lately.
 pub struct Whereabouts {
@@ -64,7 +63,8 @@ impl Whereabouts {
 /// The name of the behaviour that publishes poses, and its topic.
 pub fn pose_publisher(task: &Task) -> Option<(String, String)> {
     task.behaviors.iter().find_map(|behavior| {
-        let output = behavior.plugin.outputs.iter().find(|output| output.message.name == Pose::NAME)?;
-        Some((behavior.name.clone(), topics::output(&behavior.name, output.name)))
+        let output =
+            behavior.factory.info().outputs.iter().find(|output| output.message.name == Pose::NAME)?;
+        Some((behavior.name.clone(), topics::output(&behavior.name, &output.name)))
     })
 }

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 use serde_json::json;
-use yamabico_arbiter::operator::{Desk, Obeyed, Request, RequestError};
 use yamabico_core::message::{Mode, Twist};
+use yamabico_runtime::operator::{Desk, Obeyed, Request, RequestError};
 
 use super::which::Which;
 use crate::output::{BAD_CONFIGURATION, DONE, NOT_ARRIVED, Print, exit, fail};

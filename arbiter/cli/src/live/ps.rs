@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use yamabico_arbiter::operator::{LookError, Mustered, muster};
+use yamabico_runtime::operator::{LookError, Mustered, muster};
 
 use super::which::Which;
 use crate::output::{BAD_CONFIGURATION, DONE, NOT_ARRIVED, Print, exit, fail, table};

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 use serde_json::json;
-use yamabico_arbiter::operator::{RetuneError, retune};
-use yamabico_core::config::assignments;
+use yamabico_host::config::assignments;
+use yamabico_runtime::operator::{RetuneError, retune};
 
 use super::which::Which;
 use crate::output::{BAD_CONFIGURATION, DONE, NOT_ARRIVED, Print, exit, fail};

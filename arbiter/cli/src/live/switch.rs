@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::Args;
 use serde_json::json;
-use yamabico_arbiter::operator::{Obeyed, Request};
 use yamabico_core::message::{Mode, Outcome, Verdict};
+use yamabico_runtime::operator::{Obeyed, Request};
 
 use super::estop::ask;
 use super::which::Which;

@@ -1,8 +1,8 @@
 //! Which running robot a command is for.
 
 use clap::Args;
-use yamabico_core::bus::Bus;
-use yamabico_core::config::instead;
+use yamabico_host::bus::Bus;
+use yamabico_parameters::instead;
 
 /// One of the running robots.
 #[derive(Args)]

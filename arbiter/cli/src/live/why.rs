@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::{Value, json};
 use yamabico_arbiter::decide::{Explanation, Told, explain};
-use yamabico_arbiter::operator::{LookError, Lookout};
 use yamabico_core::message::{Axes, Mode, Name};
+use yamabico_runtime::operator::{LookError, Lookout};
 
 use super::which::Which;
 use crate::commands::run::interrupt_flag;

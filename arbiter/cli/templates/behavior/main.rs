@@ -58,7 +58,7 @@ impl Behavior for Creeper {
 }
 
 fn main() -> ExitCode {
-    yamabico_core::plugin::main::<Creeper>()
+    yamabico_host::process::main::<Creeper>()
 }
 
 #[cfg(test)]

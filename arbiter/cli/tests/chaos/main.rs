@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use campaign::{Chance, Figures, PERIOD, VICTIMS, quantile};
 use robot::{BareTimer, PATIENCE, Robot, processes, signal};
 use serde_json::Value;
-use yamabico_core::bus::Bus;
 use yamabico_core::time::Time;
+use yamabico_host::bus::Bus;
 
 /// Behaviours and the simulator.
 const PLUGINS: usize = VICTIMS.len() + 1;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use yamabico_arbiter::execution::topics;
-use yamabico_core::bus::{Bus, RawSubscriber, Subscriber};
 use yamabico_core::message::{Command as MotorCommand, Heartbeat, MessageType, Truth};
 use yamabico_core::time::Time;
+use yamabico_host::bus::{Bus, RawSubscriber, Subscriber};
+use yamabico_runtime::execution::topics;
 
 /// Longest wait for anything on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(60);

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-use yamabico_core::bus::Subscriber;
 use yamabico_core::message::{FailureHeader, Proposal};
-use yamabico_core::seat::topics;
 use yamabico_core::time::Time;
+use yamabico_host::bus::Subscriber;
+use yamabico_host::topics;
 
 use crate::robot::{Robot, signal};
 

@@ -18,10 +18,10 @@ use nalgebra::Vector2;
 use serde_json::Value;
 use yamabico_core::camera::{Mirror, MirrorCamera, MirrorImage, Mount, RadialModel, RadialProfile};
 use yamabico_core::image::RgbView;
-use yamabico_core::vision::floor_colour::FloorColours;
-use yamabico_core::vision::floor_training::{FloorTraining, Label};
 use yamabico_free_space_avoider::Config;
 use yamabico_free_space_avoider::polar_cells::RingSight;
+use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::floor_training::{FloorTraining, Label};
 
 const LABELS: &str = include_str!("labels.txt");
 /// What the behaviour is told. Beyond 8.5 m a pixel is half a metre.

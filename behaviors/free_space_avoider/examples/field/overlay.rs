@@ -6,7 +6,7 @@ use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use nalgebra::Vector2;
 use yamabico_core::message::Proposal;
-use yamabico_core::vision::overlay::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Colour};
 use yamabico_free_space_avoider::polar_cells::RingSight;
 
 /// Writes the picture, twice as large: free cells outlined green, the first blocked cell of each direction red, and a line from

@@ -1,9 +1,9 @@
 //! A robot with a mirror camera on the small field.
 
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{MirrorCamera, Mount};
+use yamabico_core::camera::{Calibration, MirrorCamera, Mount};
 use yamabico_core::message::{Axes, Encoding, FrameHeader, Message, Odometry};
-use yamabico_core::sensor::{Calibration, MotionLimits, Robot, SensorInfo, SensorKind};
+use yamabico_core::sensor::{MotionLimits, Robot, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
 
 use crate::field::{LENS_M, RADIUS_M};

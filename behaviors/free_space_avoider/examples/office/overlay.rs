@@ -5,9 +5,9 @@ use std::path::Path;
 use nalgebra::Vector2;
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::Proposal;
-use yamabico_core::vision::area_average::AreaAverage;
-use yamabico_core::vision::overlay::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Colour};
 use yamabico_free_space_avoider::navel_grid::Sight;
+use yamabico_vision::area_average::AreaAverage;
 
 /// Writes the picture, twice as large, with the grid on it: obstacles red, the floor below them green, and what the robot's way covers
 /// blue, what else is weighed light blue; a bar at the lower edge tells speed (its length) and turn (its lean).

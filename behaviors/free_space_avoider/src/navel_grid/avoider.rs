@@ -1,10 +1,10 @@
 //! The behaviour with the navel grid: looks, decides and proposes.
 
-use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup, View};
+use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::geometry::{Twist, angle_difference};
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Proposal, Reason};
+use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Proposal, Reason, View};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
@@ -134,7 +134,7 @@ impl NavelGridAvoider {
     fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
         let is_newer = self.last_picture.is_none_or(|last| stamp > last);
-        let image = self.grey.view_of_frame(frame, self.intrinsics.size());
+        let image = frame.gray(self.intrinsics.size(), &mut self.grey);
         let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.malformed = usable.is_none();
         let Some(image) = usable else { return };

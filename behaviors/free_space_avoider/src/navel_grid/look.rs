@@ -3,12 +3,12 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::vision::area_average::AreaAverage;
-use yamabico_core::vision::dark_cells::DarkCells;
-use yamabico_core::vision::isodata::{
+use yamabico_vision::area_average::AreaAverage;
+use yamabico_vision::dark_cells::DarkCells;
+use yamabico_vision::isodata::{
     IsodataError, Threshold, Tone, halves_of_class, threshold_of_class, threshold_of_pixels,
 };
-use yamabico_core::vision::median::Median3;
+use yamabico_vision::median::Median3;
 
 use super::cells::{Cells, GridSize, foreground};
 

@@ -3,11 +3,10 @@
 use nalgebra::Vector2;
 use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup};
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::image::RgbView;
 use yamabico_core::message::{Axes, Axis, FreeDirection, FreeSpaceHeader, Proposal, Reason};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_core::time::Time;
-use yamabico_core::vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_colour_file::ColourFile;
 
 use super::destination::{Destination, Wish};
 use super::pilot::{Pilot, Steer};
@@ -111,9 +110,8 @@ impl PolarCellsAvoider {
         let Some(frame) = inputs.latest(&CAMERA) else { return false };
         let stamp = Time(frame.header.stamp_ns);
         let is_newer = self.last_picture.is_none_or(|last| stamp > last);
-        let (width, height) = (self.sight.image().width, self.sight.image().height);
-        let picture = RgbView::of_frame(&frame, width, height)
-            .filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
+        let size = self.sight.image().size();
+        let picture = frame.rgb(size).filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.malformed = picture.is_none();
         let Some(picture) = picture else { return false };
         self.last_picture = Some(stamp);

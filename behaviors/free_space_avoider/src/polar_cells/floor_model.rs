@@ -5,8 +5,8 @@ use std::f64::consts::FRAC_PI_3;
 use nalgebra::Vector2;
 use yamabico_core::camera::MirrorImage;
 use yamabico_core::image::RgbView;
-use yamabico_core::vision::floor_colour::{ColourBox, FloorColours};
-use yamabico_core::vision::floor_sample::FloorSample;
+use yamabico_vision::floor_colour::{ColourBox, FloorColours};
+use yamabico_vision::floor_sample::FloorSample;
 
 /// A patch whose colours spread by more (levels) is not of one floor.
 const MOST_SPREAD: u8 = 80;

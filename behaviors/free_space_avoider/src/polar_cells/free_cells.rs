@@ -1,6 +1,6 @@
 //! From counts to how far each direction is free.
 
-use yamabico_core::vision::ring_cells::RingCells;
+use yamabico_vision::ring_cells::RingCells;
 
 /// Which cells are free, from frame to frame: a cell is blocked at once, and free again only after some frames.
 #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use yamabico_core::camera::MirrorImage;
 use yamabico_core::image::RgbView;
-use yamabico_core::vision::floor_colour::FloorColours;
+use yamabico_vision::floor_colour::FloorColours;
 
 /// Rays from the centre.
 const RAYS: usize = 24;
@@ -68,7 +68,7 @@ pub fn mirror_offset(picture: RgbView, image: &MirrorImage, colours: &FloorColou
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::vision::floor_colour::ColourBox;
+    use yamabico_vision::floor_colour::ColourBox;
 
     const GREEN: FloorColours = FloorColours::Box(ColourBox { least: [0, 100, 0], most: [90, 255, 90] });
 

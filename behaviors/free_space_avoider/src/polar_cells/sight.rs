@@ -5,10 +5,10 @@ use yamabico_core::behavior::BuildError;
 use yamabico_core::camera::{MirrorCamera, MirrorImage, Mount};
 use yamabico_core::image::RgbView;
 use yamabico_core::message::Reason;
-use yamabico_core::vision::bit_image::BitImage;
-use yamabico_core::vision::floor_colour::FloorColours;
-use yamabico_core::vision::morphology::Morphology;
-use yamabico_core::vision::ring_cells::RingCells;
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::morphology::Morphology;
+use yamabico_vision::ring_cells::RingCells;
 
 use super::floor_model::FloorModel;
 use super::free_cells::FreeCells;

@@ -1,6 +1,6 @@
 use nalgebra::{Point2, RowVector3, Vector2};
 use yamabico_core::geometry::{Pose2, wrap_angle};
-use yamabico_core::vision::azimuth_profile::EdgeSign;
+use yamabico_vision::azimuth_profile::EdgeSign;
 
 /// A vertical edge of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,12 +1,12 @@
-use yamabico_core::azimuth_map::{EdgeMap, SeenEdge};
-use yamabico_core::behavior::{BuildError, Setup, View};
+use yamabico_core::behavior::{BuildError, Setup};
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::{Wall, WireFrame};
-use yamabico_core::message::{FrameHeader, Reason};
+use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_core::sensor::MountedMirror;
-use yamabico_core::vision::azimuth_profile::{AzimuthEdge, ProfileRule};
-use yamabico_core::vision::radial_edges::{RadialEdgeRule, RadialEdges};
+use yamabico_vision::azimuth_map::{EdgeMap, SeenEdge};
+use yamabico_vision::azimuth_profile::{AzimuthEdge, ProfileRule};
+use yamabico_vision::map::{Wall, WireFrame};
+use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
 
 use super::bearing::{EdgeLandmark, LeverArm, SeenBearing};
 use super::localizer::{AzimuthFix, AzimuthLocalizer, AzimuthProblem, AzimuthRule};
@@ -148,10 +148,8 @@ impl PoseFinder for AzimuthFinder {
 
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.camera = None;
-        let picture = self
-            .grey
-            .view_of_frame(frame, self.mirror.camera.image().size())
-            .ok_or(Reason::MalformedInput)?;
+        let picture =
+            frame.gray(self.mirror.camera.image().size(), &mut self.grey).ok_or(Reason::MalformedInput)?;
         let found = self.edges.find(picture).map_err(|_| Reason::MalformedInput)?;
         if found.is_empty() { Err(Reason::TooFewSegments) } else { Ok(()) }
     }

@@ -1,7 +1,7 @@
 use nalgebra::{Point2, Vector3};
 use thiserror::Error;
 use yamabico_core::geometry::{Pose2, wrap_angle};
-use yamabico_core::polygon::segments_cross;
+use yamabico_vision::polygon::segments_cross;
 
 use super::bearing::{EdgeLandmark, LeverArm, SeenBearing};
 use super::chi_square::quantile;
@@ -274,7 +274,7 @@ fn halton(mut index: u32, base: u32) -> f64 {
 mod tests {
     use super::*;
     use crate::azimuth::predict;
-    use yamabico_core::vision::azimuth_profile::EdgeSign;
+    use yamabico_vision::azimuth_profile::EdgeSign;
 
     fn map() -> Vec<EdgeLandmark> {
         [

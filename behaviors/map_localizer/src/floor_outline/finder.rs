@@ -2,17 +2,16 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::ops::Range;
 
 use nalgebra::Vector2;
-use yamabico_core::behavior::{BuildError, Setup, View};
+use yamabico_core::behavior::{BuildError, Setup};
 use yamabico_core::camera::{MirrorCamera, MirrorImage};
 use yamabico_core::geometry::{Pose2, angle_difference};
-use yamabico_core::image::RgbView;
-use yamabico_core::map::{Wall, WireFrame};
-use yamabico_core::message::{FrameHeader, Reason};
-use yamabico_core::polygon::sides;
-use yamabico_core::vision::bit_image::BitImage;
-use yamabico_core::vision::floor_colour::FloorColours;
-use yamabico_core::vision::floor_colour_file::ColourFile;
-use yamabico_core::vision::morphology::Morphology;
+use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::floor_colour_file::ColourFile;
+use yamabico_vision::map::{Wall, WireFrame};
+use yamabico_vision::morphology::Morphology;
+use yamabico_vision::polygon::sides;
 
 use super::localizer::{FloorFix, FloorLocalizer, FloorProblem, FloorRule, FloorSolution};
 use super::outline::OutlineRule;
@@ -112,8 +111,7 @@ impl PoseFinder for FloorFinder {
 
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.last = None;
-        let [width, height] = self.size;
-        let picture = RgbView::of_frame(frame, width, height).ok_or(Reason::MalformedInput)?;
+        let picture = frame.rgb(self.size).ok_or(Reason::MalformedInput)?;
         self.colours.mark(picture, &self.columns, &mut self.mask);
         self.morphology.close(&mut self.mask, CLOSED_PX);
         // Specks beyond the floor would widen its hull; what is left keeps its corners.

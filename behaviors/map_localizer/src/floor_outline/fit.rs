@@ -1,7 +1,7 @@
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 use yamabico_core::camera::MirrorCamera;
 use yamabico_core::geometry::wrap_angle;
-use yamabico_core::polygon::PolygonMoments;
+use yamabico_vision::polygon::PolygonMoments;
 
 use super::floor_plan::FloorPlan;
 use super::normal_equations::{LineMeasurement, NormalEquations};

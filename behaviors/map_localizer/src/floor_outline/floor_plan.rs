@@ -1,7 +1,7 @@
 use nalgebra::{Point2, Rotation2, Vector2};
 use thiserror::Error;
 use yamabico_core::geometry::Pose2;
-use yamabico_core::polygon::{PolygonMoments, convex_hull};
+use yamabico_vision::polygon::{PolygonMoments, convex_hull};
 
 /// A straight part of the floor's outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,7 +94,7 @@ impl FloorPlan {
     /// [`FloorPlanError`].
     pub fn from_polygon(corners: &[Point2<f64>]) -> Result<Self, FloorPlanError> {
         let segments: Vec<_> =
-            yamabico_core::polygon::sides(corners).map(|ends| OutlineSegment { ends }).collect();
+            yamabico_vision::polygon::sides(corners).map(|ends| OutlineSegment { ends }).collect();
         Self::new(&segments)
     }
 

@@ -2,7 +2,7 @@ use nalgebra::{Matrix3, Point2};
 use thiserror::Error;
 use yamabico_core::camera::MirrorCamera;
 use yamabico_core::geometry::{Pose2, angle_difference};
-use yamabico_core::vision::bit_image::BitImage;
+use yamabico_vision::bit_image::BitImage;
 
 use super::fit::{Fit, FitRule, OutlineFitter, Start};
 use super::floor_plan::FloorPlan;
@@ -314,7 +314,7 @@ impl FloorLocalizer {
 mod tests {
     use super::*;
     use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorImage};
-    use yamabico_core::polygon::{convex_hull, sides};
+    use yamabico_vision::polygon::{convex_hull, sides};
 
     const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, most_radius_px: 108.0 };
 

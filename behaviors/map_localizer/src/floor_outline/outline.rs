@@ -1,8 +1,8 @@
 use nalgebra::{Point2, Vector2};
 use thiserror::Error;
 use yamabico_core::camera::MirrorCamera;
-use yamabico_core::polygon::hull_of_sorted;
-use yamabico_core::vision::bit_image::BitImage;
+use yamabico_vision::bit_image::BitImage;
+use yamabico_vision::polygon::hull_of_sorted;
 
 /// A corner of the floor's hull.
 #[derive(Clone, Copy, Debug, PartialEq)]

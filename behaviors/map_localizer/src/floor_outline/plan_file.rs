@@ -4,8 +4,8 @@ use nalgebra::Point2;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 use yamabico_core::behavior::BuildError;
-use yamabico_core::config::FileKind;
-use yamabico_core::polygon::{is_simple, signed_area};
+use yamabico_core::parameters::FileKind;
+use yamabico_vision::polygon::{is_simple, signed_area};
 
 use super::floor_plan::FloorPlan;
 

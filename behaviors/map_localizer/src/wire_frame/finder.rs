@@ -1,8 +1,8 @@
-use yamabico_core::behavior::{BuildError, Setup, View};
+use yamabico_core::behavior::{BuildError, Setup};
 use yamabico_core::image::GrayImage;
-use yamabico_core::map::WireFrame;
-use yamabico_core::message::{FrameHeader, Reason};
+use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_core::sensor::MountedPinhole;
+use yamabico_vision::map::WireFrame;
 
 use super::fixer::Fixer;
 use super::matching::LineNoise;
@@ -62,7 +62,7 @@ impl PoseFinder for WireFrameFinder {
     }
 
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
-        let image = self.grey.view_of_frame(frame, self.fixer.pinhole().intrinsics().size());
+        let image = frame.gray(self.fixer.pinhole().intrinsics().size(), &mut self.grey);
         self.fixer.take(image.ok_or(Reason::MalformedInput)?)
     }
 

@@ -4,9 +4,9 @@ use nalgebra::Vector2;
 use yamabico_core::camera::{Distortion, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::{EdgeKind, ExpectationMap, ExpectationRules, ExpectedEdge, WireFrame};
 use yamabico_core::message::Reason;
-use yamabico_core::vision::segments::{Segment, SegmentConfig, SegmentDetector};
+use yamabico_vision::map::{EdgeKind, ExpectationMap, ExpectationRules, ExpectedEdge, WireFrame};
+use yamabico_vision::segments::{Segment, SegmentConfig, SegmentDetector};
 
 use super::association::GATE;
 use super::matching::{Gates, LineNoise, Match, Matcher, Scene};

@@ -1,8 +1,8 @@
 //! Which segments of a picture may be which edges of the map: near in the picture and in Hough's space.
 
 use nalgebra::{Matrix2, Matrix3, Vector2};
-use yamabico_core::map::{Edge, ExpectedEdge, WireFrame};
-use yamabico_core::vision::segments::Segment;
+use yamabico_vision::map::{Edge, ExpectedEdge, WireFrame};
+use yamabico_vision::segments::Segment;
 
 use super::association::{Association, AssociationRule, Candidate};
 use super::consensus::{Witness, agree};

@@ -6,7 +6,7 @@
 use nalgebra::{Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::map::Edge;
+use yamabico_vision::map::Edge;
 
 /// A line whose plane passes this near to the optical centre, relative to the edge's distance, has no image.
 const SMALLEST_NORM: f64 = 1e-12;

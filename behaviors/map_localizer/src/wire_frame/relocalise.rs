@@ -3,10 +3,10 @@
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::Mount;
-use yamabico_core::corridor::heading::RobotHeading;
 use yamabico_core::geometry::{Pose2, angle_difference};
-use yamabico_core::map::{EdgeKind, WireFrame};
-use yamabico_core::vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
+use yamabico_vision::corridor::heading::RobotHeading;
+use yamabico_vision::map::{EdgeKind, WireFrame};
+use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
 use super::fixer::Fixer;
 use super::matching::LineNoise;
@@ -159,7 +159,7 @@ fn main_direction(map: &WireFrame) -> f64 {
 mod tests {
     use super::*;
     use nalgebra::Point3;
-    use yamabico_core::map::Edge;
+    use yamabico_vision::map::Edge;
 
     #[test]
     fn the_main_direction_is_that_of_the_longest_edges() {

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::Mount;
 use yamabico_core::camera::mirror_camera::mirror_camera;
+use yamabico_core::camera::{Calibration, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Encoding, FrameHeader, Message, Odometry};
-use yamabico_core::sensor::{Calibration, Robot, SensorInfo, SensorKind};
+use yamabico_core::sensor::{Robot, SensorInfo, SensorKind};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};

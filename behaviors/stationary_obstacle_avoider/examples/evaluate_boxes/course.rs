@@ -7,15 +7,15 @@ use rand_distr::StandardNormal;
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_core::map::{MapView, WireFrame};
-use yamabico_core::vision::overlay::Canvas;
-use yamabico_core::vision::vertical_edges::Regions;
+use yamabico_drawing::Canvas;
 use yamabico_sim::random::{Stream, stream};
 use yamabico_sim::world::{BoxItem, Colour};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Validity};
 use yamabico_stationary_obstacle_avoider::threshold_table::{Place, ThresholdTable};
+use yamabico_vision::map::{MapView, WireFrame};
+use yamabico_vision::vertical_edges::Regions;
 
 /// Of the pictures, pixels.
 pub const SIZE: (u32, u32) = (256, 240);

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use nalgebra::Vector2;
-use yamabico_core::vision::lettering;
-use yamabico_core::vision::overlay::{Canvas, Colour};
+use yamabico_drawing::lettering;
+use yamabico_drawing::{Canvas, Colour};
 
 const SIZE: (usize, usize) = (640, 420);
 const LEFT: f64 = 60.0;

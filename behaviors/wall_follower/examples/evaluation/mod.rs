@@ -5,9 +5,9 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::vision::overlay::Canvas;
-use yamabico_core::vision::segments::Segment;
-use yamabico_core::vision::vanishing_point::VanishingPoint;
+use yamabico_drawing::Canvas;
+use yamabico_vision::segments::Segment;
+use yamabico_vision::vanishing_point::VanishingPoint;
 
 /// `DIR [--json] [--out DIR]`
 pub struct Arguments {

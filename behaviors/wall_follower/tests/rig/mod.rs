@@ -1,10 +1,10 @@
 //! A robot with a camera in a rendered corridor, driven by the wall follower alone.
 
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Intrinsics, Mount};
+use yamabico_core::camera::{Calibration, Intrinsics, Mount};
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{FrameHeader, Kind, Odometry, Proposal};
-use yamabico_core::sensor::{Calibration, SensorKind};
+use yamabico_core::sensor::SensorKind;
 use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_sim::random::stream;

@@ -7,11 +7,11 @@
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
-use yamabico_core::azimuth_map::{RangeReading, SurfaceCheck, SurfaceCheckRule, SurfaceState};
 use yamabico_core::geometry::Pose2;
 use yamabico_sim::random::stream;
 use yamabico_sim::sonar::{SonarConfig, reading};
 use yamabico_sim::{Scene, World};
+use yamabico_vision::azimuth_map::{RangeReading, SurfaceCheck, SurfaceCheckRule, SurfaceState};
 
 /// A sonar, and how many readings without an echo make a passage.
 pub struct Kind {

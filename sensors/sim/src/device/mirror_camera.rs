@@ -6,10 +6,10 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use yamabico_core::behavior::BuildError;
 use yamabico_core::camera::mirror_camera::mirror_camera;
-use yamabico_core::camera::{MirrorCamera, MirrorConfig, MirrorImageConfig, Mount, MountConfig};
+use yamabico_core::camera::{Calibration, MirrorCamera, MirrorConfig, MirrorImageConfig, Mount, MountConfig};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::FrameHeader;
-use yamabico_core::sensor::{Calibration, SensorInfo, SensorKind};
+use yamabico_core::sensor::{SensorInfo, SensorKind};
 
 use super::Beat;
 use super::pictures::{self, Painter, Pictures, PixelFormat, latency_ms, period_ms};

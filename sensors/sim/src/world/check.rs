@@ -2,7 +2,7 @@
 
 use schemars::schema_for;
 use yamabico_core::behavior::BuildError;
-use yamabico_core::config::{FileKind, Problems};
+use yamabico_core::parameters::{FileKind, Problems};
 
 use super::{Corridor, Door, Side, Wall, Window, World};
 

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use nalgebra::{Point2, Point3, Vector2};
-use yamabico_core::map::{Edge, Wall as MapWall, WireFrame};
+use yamabico_vision::map::{Edge, Wall as MapWall, WireFrame};
 
 use super::{Corridor, Door, Wall, Window, World};
 use crate::scene::build::{FRAME_DEPTH_M, FRAME_WIDTH_M, LEAF_M, REBATE_M, WINDOW_BAR_M};

@@ -13,11 +13,11 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use crossterm::event::{Event, poll, read};
 use yamabico_arbiter::decide::explain;
-use yamabico_arbiter::execution::topics;
-use yamabico_arbiter::operator::{Desk, LookError, Lookout, Request};
-use yamabico_core::bus::{Bus, Publisher};
 use yamabico_core::message::Stick;
 use yamabico_core::time::Time;
+use yamabico_host::bus::{Bus, Publisher};
+use yamabico_runtime::execution::topics;
+use yamabico_runtime::operator::{Desk, LookError, Lookout, Request};
 
 use super::which::Which;
 use crate::commands::run::interrupt_flag;

@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use clap::Args;
 use serde_json::Value;
-use yamabico_arbiter::record::to_json;
 use yamabico_core::time::Time;
+use yamabico_runtime::record::to_json;
 
 use super::super::which::Which;
 use super::{NAP, WAITING, listen};

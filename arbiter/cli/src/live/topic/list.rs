@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use clap::Args;
-use yamabico_arbiter::execution::{Posted, Roster};
-use yamabico_arbiter::operator::LookError;
-use yamabico_core::bus::Bus;
 use yamabico_core::message::{Channel, MessageType};
+use yamabico_host::bus::Bus;
+use yamabico_runtime::execution::{Posted, Roster};
+use yamabico_runtime::operator::LookError;
 
 use super::super::which::Which;
 use crate::output::{BAD_CONFIGURATION, DONE, Print, exit, fail, table};

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::json;
-use yamabico_arbiter::operator::{Figures, Heard, Window};
 use yamabico_core::time::Time;
+use yamabico_runtime::operator::{Figures, Heard, Window};
 
 use super::super::which::Which;
 use super::{NAP, WAITING, listen};

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Subcommand;
-use yamabico_arbiter::operator::{ListenError, Listener, LookError};
+use yamabico_runtime::operator::{ListenError, Listener, LookError};
 
 use super::which::Which;
 use crate::commands::run::interrupt_flag;

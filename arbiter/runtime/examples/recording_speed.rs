@@ -1,0 +1,167 @@
+//! How much a digest, a summary and a recording slow a lockstep run down.
+//!
+//!     cargo run --release -p yamabico-arbiter --example recording_speed [FILE.mcap] [--json]
+//!
+//! Sends the messages of 60 seconds of a robot with a camera of 256x240 pixels at 10 Hz, sonars at 20 Hz, odometry, truth,
+//! two behaviours, decisions and commands at 50 Hz, as fast as the taps take them, and prints how much faster than real
+//! time that is: for each tap alone, and for all.
+
+#![allow(clippy::unwrap_used, reason = "a measurement stops at the first surprise")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde::Serialize;
+use yamabico_core::message::{
+    Axes, Beam, Command, DecisionHeader, Encoding, FrameHeader, Message, MessageType, Name, Odometry,
+    Proposal, RangeScanHeader, Reason, Truth, Twist, Verdict,
+};
+use yamabico_core::time::Time;
+use yamabico_runtime::record::{Digest, ImageFormat, McapRecorder, Pace, Recording, Tap, Tee};
+use yamabico_runtime::report::{ReferenceLine, SummaryTap, Trace};
+
+const SECONDS: u64 = 60;
+const WIDTH: u32 = 256;
+const HEIGHT: u32 = 240;
+
+fn main() {
+    let is_json = std::env::args().any(|argument| argument == "--json");
+    let path = std::env::args().skip(1).find(|argument| argument != "--json").map(PathBuf::from);
+    let path = path.unwrap_or_else(|| std::env::temp_dir().join("yamabico_recording_speed.mcap"));
+    let frames: Vec<Vec<u8>> = (0..8).map(frame).collect();
+    let mut rows = vec![
+        measure("digest", || plain(&mut Digest::new(), &frames)),
+        measure("summary with digest", || plain(&mut SummaryTap::new(ReferenceLine::default()), &frames)),
+        measure("trace", || plain(&mut Trace::default(), &frames)),
+    ];
+    for (name, images) in
+        [("recording, png", ImageFormat::Png), ("recording, jpeg 85", ImageFormat::Jpeg(85))]
+    {
+        rows.push(measure(name, || record(&path, images, &frames, &mut Tee::default())));
+    }
+    rows.push(measure("all, png", || {
+        let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
+        record(&path, ImageFormat::Png, &frames, &mut Tee(vec![&mut summary, &mut trace]))
+    }));
+    let _ = std::fs::remove_file(path);
+    if is_json {
+        println!("{}", serde_json::to_string_pretty(&rows).unwrap());
+    } else {
+        rows.iter().for_each(|row| println!("{}", row.text()));
+    }
+}
+
+/// What was written in one measurement.
+#[derive(Default, Serialize)]
+struct Written {
+    messages: u64,
+    megabytes: f64,
+    error: Option<String>,
+}
+
+/// One measurement.
+#[derive(Serialize)]
+struct Row {
+    what: &'static str,
+    seconds: f64,
+    real_time_factor: f64,
+    written: Option<Written>,
+}
+
+impl Row {
+    fn text(&self) -> String {
+        let Row { what, seconds, real_time_factor, written } = self;
+        let mut text =
+            format!("{what:22} {seconds:7.3} s for {SECONDS} s: {real_time_factor:7.0} x real time");
+        if let Some(Written { messages, megabytes, error }) = written {
+            text +=
+                &format!(", {messages} messages, {megabytes:.1} MB{}", error.as_deref().unwrap_or_default());
+        }
+        text
+    }
+}
+
+fn measure(what: &'static str, run: impl FnOnce() -> Option<Written>) -> Row {
+    let begin = Instant::now();
+    let written = run();
+    let seconds = begin.elapsed().as_secs_f64();
+    Row { what, seconds, real_time_factor: SECONDS as f64 / seconds, written }
+}
+
+fn plain(tap: &mut dyn Tap, frames: &[Vec<u8>]) -> Option<Written> {
+    drive(tap, frames);
+    None
+}
+
+fn record(path: &Path, images: ImageFormat, frames: &[Vec<u8>], others: &mut dyn Tap) -> Option<Written> {
+    let recording = Recording { images, ..Recording::new(path, Pace::Lockstep) };
+    let mut recorder = McapRecorder::create(recording).unwrap();
+    drive(&mut Tee(vec![&mut recorder, others]), frames);
+    let recorded = recorder.finish(BTreeMap::new());
+    Some(Written {
+        messages: recorded.messages.values().sum(),
+        megabytes: recorded.bytes as f64 * 1e-6,
+        error: recorded.error.map(|error| error.to_string()),
+    })
+}
+
+/// A hallway of sorts: smooth shades, two edges and noise of a few levels.
+fn frame(number: u32) -> Vec<u8> {
+    let level = |i: u32| {
+        let (x, y) = (i % WIDTH, i / WIDTH);
+        let noise = (i ^ number.wrapping_mul(977)).wrapping_mul(2_654_435_761) >> 30;
+        let shade = 60 + x / 4 + y / 4 + if x > 90 + y / 4 { 40 } else { 0 } + if y > 160 { 30 } else { 0 };
+        (shade + noise) as u8
+    };
+    (0..WIDTH * HEIGHT).map(level).collect()
+}
+
+fn drive(tap: &mut dyn Tap, frames: &[Vec<u8>]) {
+    for step in 0..SECONDS * 50 {
+        let time = Time(step * 20_000_000);
+        let (stamp_ns, sequence, x) = (time.0, step, 0.008 * step as f64);
+        if step % 5 == 0 {
+            let encoding = Encoding::Gray8.code();
+            let header = FrameHeader {
+                stamp_ns,
+                sequence,
+                width: WIDTH,
+                height: HEIGHT,
+                stride: WIDTH,
+                encoding,
+                exposure: 1.0,
+            };
+            send(tap, "sensors/front", time, &header, &frames[(step / 5) as usize % frames.len()]);
+        }
+        if step % 5 < 2 {
+            let scan = RangeScanHeader { stamp_ns, sequence, min_m: 0.1, max_m: 3.0 };
+            let beam = |i: i32| Beam {
+                azimuth_rad: 0.35 * f64::from(i),
+                cone_rad: 0.44,
+                range_m: 2.0,
+                ..Beam::default()
+            };
+            send(tap, "sensors/sonar", time, &scan, &[beam(-1), beam(0), beam(1)]);
+        }
+        send(tap, "sensors/odometry", time, &Odometry { stamp_ns, sequence, x, ..Default::default() }, &[]);
+        let truth = Truth { stamp_ns, sequence, x, person_m: f64::INFINITY, ..Default::default() };
+        send(tap, "truth", time, &truth, &[]);
+        let proposals = [
+            ("sonar-halt", Proposal::abstain(Reason::Clear)),
+            ("wall-follower", Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.01))),
+        ];
+        for (name, proposal) in proposals {
+            let proposal = Proposal { behaviour: Name::new(name), stamp_ns, sequence, ..proposal };
+            send(tap, &format!("behaviors/{name}/proposal"), time, &proposal, &[]);
+        }
+        let decision = DecisionHeader { stamp_ns, sequence, ..Default::default() };
+        send(tap, "decision", time, &decision, &[Verdict::default(); 2]);
+        send(tap, "command", time, &Command { stamp_ns, sequence, ..Default::default() }, &[]);
+    }
+}
+
+fn send<M: Message>(tap: &mut dyn Tap, topic: &str, time: Time, header: &M, items: &[M::Item]) {
+    let (header, items) = (bytemuck::bytes_of(header), bytemuck::cast_slice(items));
+    tap.message(topic, &MessageType::of::<M>(), time, header, items);
+}

@@ -1,0 +1,392 @@
+//! The picture of a run: walls, the way, who was in control where, halts and people.
+
+use std::path::{Path, PathBuf};
+
+use plotters::coord::Shift;
+use plotters::prelude::{BitMapBackend, Circle, DrawingArea, IntoDrawingArea, PathElement, Rectangle};
+use plotters::style::{Color, RGBColor, ShapeStyle};
+
+use super::Trace;
+use super::trace::TracePoint;
+use yamabico_drawing::lettering::{ADVANCE, ASCENT, pixels, width};
+
+/// A corner of a wall, map frame, metres.
+pub type Corner = [f64; 2];
+/// A pixel.
+type Pixel = (i32, i32);
+type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
+
+/// Everything is drawn so much larger and then made smaller, so that slanted lines are smooth. All sizes below are those
+/// of the large drawing.
+const OVERSAMPLING: i32 = 2;
+/// The map is at most so wide, pixels.
+const WIDEST_PX: f64 = 2400.0;
+/// The map is at most so high, pixels.
+const HIGHEST_PX: f64 = 1800.0;
+/// A metre is never more than this, pixels.
+const LARGEST_SCALE: f64 = 300.0;
+/// Corners of a drawn way are at least so far apart, pixels.
+const STRIDE_PX: i32 = 8;
+/// What is not a number of the map lies so far outside of it at most.
+const OUTSIDE_PX: f64 = 8000.0;
+const MARGIN_PX: i32 = 112;
+/// Around everything that is drawn, metres.
+const AROUND_M: f64 = 0.3;
+/// Letters are enlarged so much.
+const LETTER_SCALE: i32 = 4;
+const LINE_PX: i32 = 52;
+
+const INK: RGBColor = RGBColor(40, 40, 40);
+const GRID: RGBColor = RGBColor(232, 232, 232);
+const WALL: RGBColor = RGBColor(90, 90, 90);
+const WHEELS: RGBColor = RGBColor(170, 170, 170);
+const HALT: RGBColor = RGBColor(200, 30, 30);
+const PERSON: RGBColor = RGBColor(235, 130, 20);
+/// Those in control, in the order of appearance.
+const OWNERS: [RGBColor; 6] = [
+    RGBColor(30, 90, 200),
+    RGBColor(150, 60, 170),
+    RGBColor(20, 140, 90),
+    RGBColor(190, 160, 20),
+    RGBColor(20, 160, 190),
+    RGBColor(120, 80, 40),
+];
+
+/// A picture that could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// It could not be drawn.
+    #[error("cannot draw the trajectory: {0}")]
+    Drawing(String),
+    /// It could not be written.
+    #[error("cannot write {}: {reason}; make the folder writable or choose another", path.display())]
+    Writing {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+}
+
+/// Draws the run and writes it to a PNG file.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_trajectory(path: &Path, trace: &Trace, walls: &[Vec<Corner>]) -> Result<(), PictureError> {
+    let picture = draw_trajectory(trace, walls)?;
+    let failed =
+        |error: image::ImageError| PictureError::Writing { path: path.to_owned(), reason: error.to_string() };
+    picture.save_with_format(path, image::ImageFormat::Png).map_err(failed)
+}
+
+/// Draws the run among `walls` (polylines): the truth in the colour of who was in control, the odometry in grey (in
+/// colour where there is no truth), halts as red squares with their duration, people as orange rings with the smallest
+/// distance. Axes in metres; a grid of whole metres.
+///
+/// # Errors
+/// Never, but for failures of the drawing library.
+pub fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::RgbImage, PictureError> {
+    let odometry = trace.odometry();
+    let map = Map::around(trace, &odometry, walls);
+    let legend = legend(trace);
+    let size =
+        (map.width_px() as u32, (map.height_px() + legend_rows(&legend, map.width_px()) * LINE_PX) as u32);
+    let mut bytes = vec![255; size.0 as usize * size.1 as usize * 3];
+    draw(&mut bytes, size, trace, &odometry, walls, &map, &legend)
+        .map_err(|error| PictureError::Drawing(error.to_string()))?;
+    let large = image::RgbImage::from_raw(size.0, size.1, bytes)
+        .ok_or_else(|| PictureError::Drawing("the picture has no size".to_owned()))?;
+    let (width, height) = (size.0 / OVERSAMPLING as u32, size.1 / OVERSAMPLING as u32);
+    Ok(image::imageops::thumbnail(&large, width, height))
+}
+
+/// From metres to pixels.
+struct Map {
+    left_m: f64,
+    right_m: f64,
+    bottom_m: f64,
+    top_m: f64,
+    scale: f64,
+}
+
+impl Map {
+    fn around(trace: &Trace, odometry: &[TracePoint], walls: &[Vec<Corner>]) -> Map {
+        let ways = trace.truth().iter().chain(odometry).map(|point| [point.pose.x, point.pose.y]);
+        let corners = walls.iter().flatten().copied().chain(ways);
+        let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+        for [x, y] in corners.filter(|corner| corner.iter().all(|value| value.is_finite())) {
+            bounds = [bounds[0].min(x), bounds[1].max(x), bounds[2].min(y), bounds[3].max(y)];
+        }
+        if bounds[0] > bounds[1] {
+            bounds = [-1.0, 1.0, -1.0, 1.0];
+        }
+        let [left_m, right_m] = [bounds[0] - AROUND_M, bounds[1] + AROUND_M];
+        let [bottom_m, top_m] = [bounds[2] - AROUND_M, bounds[3] + AROUND_M];
+        let scale = (WIDEST_PX / (right_m - left_m)).min(HIGHEST_PX / (top_m - bottom_m)).min(LARGEST_SCALE);
+        Map { left_m, right_m, bottom_m, top_m, scale }
+    }
+
+    fn width_px(&self) -> i32 {
+        (((self.right_m - self.left_m) * self.scale) as i32 + 2 * MARGIN_PX).max(960)
+    }
+
+    fn height_px(&self) -> i32 {
+        ((self.top_m - self.bottom_m) * self.scale) as i32 + 2 * MARGIN_PX
+    }
+
+    fn pixel(&self, x: f64, y: f64) -> Pixel {
+        let right = ((x - self.left_m) * self.scale).clamp(-OUTSIDE_PX, OUTSIDE_PX);
+        let down = ((self.top_m - y) * self.scale).clamp(-OUTSIDE_PX, OUTSIDE_PX);
+        (MARGIN_PX + right.round() as i32, MARGIN_PX + down.round() as i32)
+    }
+}
+
+struct Legend {
+    words: String,
+    color: RGBColor,
+}
+
+fn legend(trace: &Trace) -> Vec<Legend> {
+    let owner =
+        |(index, name): (usize, &String)| Legend { words: name.clone(), color: owner_color(Some(index)) };
+    let mut legend: Vec<_> = trace.owners().iter().enumerate().map(owner).collect();
+    if !trace.truth().is_empty() {
+        legend.push(Legend { words: "odometry".into(), color: WHEELS });
+    }
+    legend.push(Legend { words: "halt (s)".into(), color: HALT });
+    if !trace.encounters().is_empty() {
+        legend.push(Legend { words: "person (m)".into(), color: PERSON });
+    }
+    legend
+}
+
+fn legend_width(entry: &Legend) -> i32 {
+    LETTER_SCALE * width(&entry.words) + 120
+}
+
+fn legend_rows(legend: &[Legend], most: i32) -> i32 {
+    let (mut rows, mut x) = (1, MARGIN_PX);
+    for entry in legend {
+        if x + legend_width(entry) > most && x > MARGIN_PX {
+            (rows, x) = (rows + 1, MARGIN_PX);
+        }
+        x += legend_width(entry);
+    }
+    rows
+}
+
+fn owner_color(owner: Option<usize>) -> RGBColor {
+    owner.map_or(INK, |index| OWNERS[index % OWNERS.len()])
+}
+
+type DrawResult = Result<(), Box<dyn std::error::Error>>;
+
+fn draw(
+    bytes: &mut [u8],
+    size: (u32, u32),
+    trace: &Trace,
+    odometry: &[TracePoint],
+    walls: &[Vec<Corner>],
+    map: &Map,
+    legend: &[Legend],
+) -> DrawResult {
+    let area = BitMapBackend::with_buffer(bytes, size).into_drawing_area();
+    draw_axes(&area, map)?;
+    for wall in walls {
+        let corners: Vec<_> = wall.iter().map(|&[x, y]| map.pixel(x, y)).collect();
+        draw_line(&area, corners, WALL.stroke_width(7))?;
+    }
+    if trace.truth().is_empty() {
+        draw_way(&area, map, odometry, 6)?;
+    } else {
+        draw_line(&area, path(map, odometry), WHEELS.stroke_width(4))?;
+        draw_way(&area, map, trace.truth(), 6)?;
+    }
+    for meeting in trace.encounters() {
+        let centre = map.pixel(meeting.x, meeting.y);
+        area.draw(&Circle::new(centre, 26, PERSON.stroke_width(6)))?;
+        let words = format!("{:.2}", meeting.nearest_m);
+        draw_text(&area, &words, (centre.0 - text_width(&words) / 2, centre.1 + 40), PERSON)?;
+    }
+    for mark in trace.halts() {
+        let (x, y) = map.pixel(mark.pose.x, mark.pose.y);
+        area.draw(&Rectangle::new([(x - 10, y - 10), (x + 10, y + 10)], HALT.filled()))?;
+        let words = format!("{:.1}", mark.halt.duration_s);
+        draw_text(&area, &words, (x - text_width(&words) / 2, y - 70), HALT)?;
+    }
+    draw_legend(&area, map, legend)?;
+    area.present()?;
+    Ok(())
+}
+
+fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
+    let step = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 1000.0];
+    let step = step.into_iter().find(|step| step * map.scale >= 120.0).unwrap_or(10_000.0);
+    let ticks = |low: f64, high: f64| {
+        ((low / step).ceil() as i64..=(high / step).floor() as i64).map(move |i| i as f64 * step)
+    };
+    let (left, top) = map.pixel(map.left_m, map.top_m);
+    let (right, bottom) = map.pixel(map.right_m, map.bottom_m);
+    for x in ticks(map.left_m, map.right_m) {
+        let at = map.pixel(x, 0.0).0;
+        draw_line(area, vec![(at, top), (at, bottom)], GRID.stroke_width(2))?;
+        let words = format!("{x}");
+        draw_text(area, &words, (at - text_width(&words) / 2, bottom + 16), INK)?;
+    }
+    for y in ticks(map.bottom_m, map.top_m) {
+        let at = map.pixel(0.0, y).1;
+        draw_line(area, vec![(left, at), (right, at)], GRID.stroke_width(2))?;
+        let words = format!("{y}");
+        draw_text(area, &words, (left - text_width(&words) - 14, at - ASCENT * LETTER_SCALE / 2), INK)?;
+    }
+    let frame = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
+    draw_line(area, frame, INK.stroke_width(2))?;
+    draw_text(area, "x (m)", (right - text_width("x (m)"), bottom + 60), INK)?;
+    draw_text(area, "y (m)", (16, top - 52), INK)
+}
+
+/// A way, piece by piece in the colour of who was in control.
+fn draw_way(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -> DrawResult {
+    let mut begin = 0;
+    for end in 1..=points.len() {
+        if end == points.len() || points[end].owner != points[begin].owner {
+            let piece = &points[begin..points.len().min(end + 1)];
+            draw_line(area, path(map, piece), owner_color(points[begin].owner).stroke_width(thickness))?;
+            begin = end;
+        }
+    }
+    Ok(())
+}
+
+/// The pixels of a way, without those that are too close together to show a direction.
+fn path(map: &Map, points: &[TracePoint]) -> Vec<Pixel> {
+    let mut path: Vec<Pixel> = Vec::new();
+    for (i, point) in points.iter().enumerate() {
+        let (x, y) = map.pixel(point.pose.x, point.pose.y);
+        let is_apart = |last: &Pixel| (x - last.0).abs() + (y - last.1).abs() >= STRIDE_PX;
+        if i + 1 == points.len() || path.last().is_none_or(is_apart) {
+            path.push((x, y));
+        }
+    }
+    path
+}
+
+fn draw_legend(area: &Area<'_>, map: &Map, legend: &[Legend]) -> DrawResult {
+    let (mut x, mut y) = (MARGIN_PX, map.height_px());
+    for entry in legend {
+        if x + legend_width(entry) > map.width_px() && x > MARGIN_PX {
+            (x, y) = (MARGIN_PX, y + LINE_PX);
+        }
+        area.draw(&Rectangle::new([(x, y), (x + 40, y + 28)], entry.color.filled()))?;
+        draw_text(area, &entry.words, (x + 56, y), INK)?;
+        x += legend_width(entry);
+    }
+    Ok(())
+}
+
+fn draw_line(area: &Area<'_>, path: Vec<Pixel>, style: ShapeStyle) -> DrawResult {
+    Ok(area.draw(&PathElement::new(path, style))?)
+}
+
+fn text_width(text: &str) -> i32 {
+    LETTER_SCALE * (width(text) - (ADVANCE - 5))
+}
+
+fn draw_text(area: &Area<'_>, text: &str, upper_left: Pixel, color: RGBColor) -> DrawResult {
+    for (x, y) in pixels(text) {
+        let corner = (upper_left.0 + LETTER_SCALE * x, upper_left.1 + LETTER_SCALE * y);
+        for (right, down) in (0..LETTER_SCALE * LETTER_SCALE).map(|i| (i % LETTER_SCALE, i / LETTER_SCALE)) {
+            area.draw_pixel((corner.0 + right, corner.1 + down), &color)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Tap;
+    use yamabico_core::message::{
+        Axes, DecisionHeader, Kind, Message, MessageType, Mode, Name, Odometry, Outcome, Truth, Verdict,
+    };
+    use yamabico_core::time::Time;
+
+    fn send<M: Message>(trace: &mut Trace, header: &M, items: &[M::Item]) {
+        let (header, items) = (bytemuck::bytes_of(header), bytemuck::cast_slice(items));
+        trace.message("t", &MessageType::of::<M>(), Time::ZERO, header, items);
+    }
+
+    /// A hallway in which one behaviour hands over to another, and a person makes the robot halt.
+    fn hallway() -> (Trace, Vec<Vec<Corner>>) {
+        let mut trace = Trace::default();
+        let mut x = 0.5_f64;
+        for step in 0..1600_u64 {
+            let stamp_ns = step * 20_000_000;
+            let halted = (600..760).contains(&step);
+            x += if halted { 0.0 } else { 0.008 };
+            let y = 0.15 * (-x / 2.0).exp();
+            let person_m = if halted { 0.4 } else { f64::INFINITY };
+            let vx = if halted { 0.0 } else { 0.4 };
+            send(&mut trace, &Truth { stamp_ns, x, y, vx, person_m, ..Truth::default() }, &[]);
+            let odometry = Odometry { stamp_ns, x: x - 0.5, y: 0.012 * (x - 0.5), ..Odometry::default() };
+            send(&mut trace, &odometry, &[]);
+            let name = if step < 1200 { "wall-follower" } else { "free-space" };
+            let mode = if halted { Mode::Halted } else { Mode::Driving };
+            let verdicts = [(name, Outcome::Won, Kind::Drive), ("sonar-halt", Outcome::Halting, Kind::Halt)];
+            let verdicts = verdicts.map(|(name, outcome, kind)| Verdict {
+                behaviour: Name::new(name),
+                outcome: outcome.code(),
+                kind: kind.code(),
+                ..Verdict::default()
+            });
+            let halted = if halted { Axes::ALL } else { Axes::NONE };
+            let decision = DecisionHeader { stamp_ns, mode: mode.code(), halted, ..Default::default() };
+            send(&mut trace, &decision, if halted.is_empty() { &verdicts[..1] } else { &verdicts });
+        }
+        let walls = vec![vec![[0.0, 1.0], [12.5, 1.0], [12.5, -1.0], [0.0, -1.0], [0.0, 1.0]]];
+        (trace, walls)
+    }
+
+    fn count(picture: &image::RgbImage, color: RGBColor) -> usize {
+        picture.pixels().filter(|pixel| pixel.0 == [color.0, color.1, color.2]).count()
+    }
+
+    #[test]
+    fn way_walls_halts_and_people_are_there() {
+        let (trace, walls) = hallway();
+        let picture = draw_trajectory(&trace, &walls).unwrap();
+        if let Some(folder) = std::env::var_os("YAMABICO_PICTURES") {
+            picture.save(Path::new(&folder).join("trajectory.png")).unwrap();
+        }
+        // About a hundred pixels a metre, three wide: so much of the way is in each owner's colour.
+        for (color, least) in
+            [(OWNERS[0], 1500), (OWNERS[2], 500), (WALL, 4000), (WHEELS, 500), (HALT, 80), (PERSON, 80)]
+        {
+            assert!(count(&picture, color) >= least, "{color:?}: {}", count(&picture, color));
+        }
+        let map = Map::around(&trace, &[], &walls);
+        let halt = map.pixel(trace.halts()[0].pose.x, trace.halts()[0].pose.y);
+        assert_eq!(
+            picture.get_pixel((halt.0 / OVERSAMPLING) as u32, (halt.1 / OVERSAMPLING) as u32).0,
+            [HALT.0, HALT.1, HALT.2]
+        );
+    }
+
+    #[test]
+    fn left_is_up_and_an_empty_run_is_a_picture_too() {
+        let (_, walls) = hallway();
+        let map = Map::around(&Trace::default(), &[], &walls);
+        assert!(
+            map.pixel(1.0, 1.0).1 < map.pixel(1.0, -1.0).1 && map.pixel(0.0, 0.0).0 < map.pixel(1.0, 0.0).0
+        );
+        assert!(draw_trajectory(&Trace::default(), &[]).unwrap().width() > 100);
+        let hostile = vec![vec![[f64::NAN, 0.0], [f64::INFINITY, 1.0]]];
+        assert!(draw_trajectory(&Trace::default(), &hostile).is_ok());
+    }
+
+    #[test]
+    fn a_missing_folder_is_told() {
+        let error = write_trajectory(Path::new("/nowhere/at/all.png"), &Trace::default(), &[]).unwrap_err();
+        assert!(error.to_string().contains("cannot write /nowhere/at/all.png"), "{error}");
+    }
+}

@@ -1,0 +1,112 @@
+//! Lines, crosses and boxes drawn into a caller-owned RGB picture, for people to look at.
+
+use crate::lettering;
+use nalgebra::Vector2;
+use yamabico_geometry::image::ImageView;
+
+/// Red, green, blue.
+pub type Colour = [u8; 3];
+
+/// A borrowed RGB picture: three bytes a pixel, no gaps between the rows.
+#[derive(Debug)]
+pub struct Canvas<'a> {
+    data: &'a mut [u8],
+    width: usize,
+    height: usize,
+}
+
+impl<'a> Canvas<'a> {
+    /// The picture of `width` x `height` pixels in `data`; `None` unless it holds exactly three bytes for each.
+    pub fn new(data: &'a mut [u8], width: usize, height: usize) -> Option<Self> {
+        (width.checked_mul(height)?.checked_mul(3)? == data.len()).then_some(Self { data, width, height })
+    }
+
+    /// Fills the picture with the grey image, as far as that reaches.
+    pub fn copy_grey(&mut self, image: ImageView) {
+        let width = self.width.min(image.width());
+        for v in 0..self.height.min(image.height()) {
+            let row = &mut self.data[3 * v * self.width..][..3 * width];
+            for (rgb, &grey) in row.as_chunks_mut::<3>().0.iter_mut().zip(image.row(v)) {
+                *rgb = [grey; 3];
+            }
+        }
+    }
+
+    /// Sets the pixel nearest to `at`; outside the picture nothing happens.
+    pub fn dot(&mut self, at: Vector2<f64>, colour: Colour) {
+        let (u, v) = (at.x.round(), at.y.round());
+        if u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64 {
+            let start = 3 * (v as usize * self.width + u as usize);
+            self.data[start..start + 3].copy_from_slice(&colour);
+        }
+    }
+
+    /// Draws the line between two points, one pixel wide; what is outside is cut off.
+    pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, colour: Colour) {
+        let Some((from, to)) = self.clip(from, to) else { return };
+        let along = to - from;
+        let steps = along.amax().ceil().max(1.0);
+        for i in 0..=steps as usize {
+            self.dot(from + along * (i as f64 / steps), colour);
+        }
+    }
+
+    /// Draws an upright cross with arms of `arm` px.
+    pub fn cross(&mut self, at: Vector2<f64>, arm: f64, colour: Colour) {
+        let (across, down) = (Vector2::new(arm, 0.0), Vector2::new(0.0, arm));
+        self.line(at - across, at + across, colour);
+        self.line(at - down, at + down, colour);
+    }
+
+    /// Writes a line of text whose upper left corner is at `at`.
+    pub fn text(&mut self, at: Vector2<f64>, text: &str, colour: Colour) {
+        for (right, below) in lettering::pixels(text) {
+            self.dot(at + Vector2::new(f64::from(right), f64::from(below)), colour);
+        }
+    }
+
+    /// Draws the outline of the box between two corners.
+    pub fn outline(&mut self, corner: Vector2<f64>, opposite: Vector2<f64>, colour: Colour) {
+        let [b, d] = [Vector2::new(opposite.x, corner.y), Vector2::new(corner.x, opposite.y)];
+        for (from, to) in [(corner, b), (b, opposite), (opposite, d), (d, corner)] {
+            self.line(from, to, colour);
+        }
+    }
+
+    /// The part of a line that lies in the picture (and a pixel around it).
+    fn clip(&self, from: Vector2<f64>, to: Vector2<f64>) -> Option<(Vector2<f64>, Vector2<f64>)> {
+        let along = to - from;
+        let (mut begin, mut end) = (0.0_f64, 1.0_f64);
+        for (start, step, size) in [(from.x, along.x, self.width), (from.y, along.y, self.height)] {
+            let (low, high) = ((-1.0 - start) / step, (size as f64 - start) / step);
+            if step == 0.0 {
+                if !(-1.0..=size as f64).contains(&start) {
+                    return None;
+                }
+            } else {
+                begin = begin.max(low.min(high));
+                end = end.min(low.max(high));
+            }
+        }
+        let is_sane = from.iter().chain(&to).all(|x| x.is_finite());
+        (is_sane && begin <= end).then(|| (from + along * begin, from + along * end))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_cut_off_at_the_border() {
+        let mut data = vec![0; 3 * 8 * 4];
+        let mut canvas = Canvas::new(&mut data, 8, 4).unwrap();
+        canvas.line(Vector2::new(-1e9, 2.0), Vector2::new(1e9, 2.0), [255, 0, 0]);
+        canvas.line(Vector2::new(0.0, -50.0), Vector2::new(7.0, -50.0), [0, 255, 0]);
+        canvas.line(Vector2::new(f64::NAN, 0.0), Vector2::new(7.0, 3.0), [0, 0, 255]);
+        let (pixels, _) = data.as_chunks::<3>();
+        assert!(pixels[16..24].iter().all(|&p| p == [255, 0, 0]));
+        assert_eq!(pixels.iter().filter(|&&p| p != [0, 0, 0]).count(), 8);
+        assert!(Canvas::new(&mut data[1..], 8, 4).is_none());
+    }
+}

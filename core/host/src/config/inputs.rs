@@ -1,0 +1,198 @@
+//! What is plugged into the slots of a behaviour.
+
+use super::read_robot::RobotDraft;
+use super::task::{Input, InputSource, OPERATOR};
+use std::sync::Arc;
+use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
+use yamabico_core::message::{Goal, Message, MessageType, Stick, Truth};
+use yamabico_parameters::{Entry, Problem, Span, Table, instead, nearest, quoted};
+
+/// Everything that an input can be plugged into.
+pub(crate) struct Sources<'a> {
+    /// None where the robot file could not be read.
+    pub robot: Option<&'a RobotDraft>,
+    /// The behaviours of the task by name, with their plugins where those are known.
+    pub behaviors: &'a [(String, Option<Arc<dyn BehaviorFactory>>)],
+}
+
+impl Sources<'_> {
+    /// Everything that gives messages of this type.
+    fn giving(&self, message: &MessageType) -> Vec<String> {
+        let sensors = self.robot.iter().flat_map(|robot| &robot.sensors);
+        let sensors = sensors.filter(|sensor| sensor.message.as_ref() == Some(message));
+        let mut names: Vec<String> = sensors.map(|sensor| sensor.name.clone()).collect();
+        for (name, plugin) in self.behaviors {
+            let outputs = plugin.iter().flat_map(|plugin| &plugin.info().outputs);
+            let right = outputs.filter(|output| output.message == *message);
+            names.extend(right.map(|output| format!("{name}.{}", output.name)));
+        }
+        if operators().contains(message) {
+            names.push(OPERATOR.to_owned());
+        }
+        names
+    }
+
+    fn sensor_names(&self) -> Vec<&str> {
+        self.robot.iter().flat_map(|robot| &robot.sensors).map(|sensor| sensor.name.as_str()).collect()
+    }
+}
+
+/// Checks the `inputs` of the behaviour that `entry` describes, and reads the right ones in the order of its slots.
+pub(crate) fn read_inputs(
+    entry: &Entry,
+    behavior: &BehaviorInfo,
+    sources: &Sources<'_>,
+    problems: &mut Vec<Problem>,
+) -> Vec<Input> {
+    let none = Table::default();
+    let table = entry.node.as_table().unwrap_or(&none);
+    let inputs = table.table("inputs").unwrap_or(&none);
+    let mut suggested = Vec::new();
+    for input in &inputs.entries {
+        if !behavior.inputs.iter().any(|slot| slot.name == input.key) {
+            let slots = behavior.inputs.iter().map(|slot| &*slot.name);
+            suggested.extend(nearest(&input.key, slots.clone()));
+
+            problems.push(
+                Problem::new(input.key_span, format!("`{}` has no input `{}`", behavior.name, input.key))
+                    .label("unknown")
+                    .help(instead(&input.key, slots, "input")),
+            );
+        }
+    }
+    let header = table.entry("inputs").map_or(entry.node.span, |inputs| inputs.node.span);
+    let mut read = Vec::new();
+    for slot in &behavior.inputs {
+        match inputs.entry(&slot.name) {
+            Some(input) => {
+                let Some(text) = input.node.as_text() else { continue };
+                match find_source(text, input.node.span, entry, slot, sources) {
+                    Ok(Some(source)) => read.push(Input { slot: slot.name.to_string(), source }),
+                    Ok(None) => {}
+                    Err(problem) => problems.push(*problem),
+                }
+            }
+            None if slot.required && !suggested.contains(&&*slot.name) => {
+                problems.push(missing(header, entry, slot, sources));
+            }
+            None => {}
+        }
+    }
+    read
+}
+
+/// What an operator tells behaviours.
+fn operators() -> [MessageType; 2] {
+    [MessageType::of::<Goal>(), MessageType::of::<Stick>()]
+}
+
+fn missing(header: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
+    let candidates = sources.giving(&slot.message);
+    let help = match candidates.first() {
+        Some(name) => format!("inputs = {{ {} = \"{name}\" }}", slot.name),
+        None if sources.robot.is_none() => format!("inputs = {{ {} = \"...\" }}", slot.name),
+        None => format!("nothing on this robot or in this task gives {}", slot.message.name),
+    };
+    Problem::new(header, format!("nothing is plugged into the input `{}` of `{}`", slot.name, entry.key))
+        .label(format!("{} is needed: {}", slot.name, slot.summary.trim_end_matches('.')))
+        .help(help)
+}
+
+/// The source that `text` names; nothing where it cannot be judged, because what it names is itself wrong.
+fn find_source(
+    text: &str,
+    span: Span,
+    entry: &Entry,
+    slot: &SlotInfo,
+    sources: &Sources<'_>,
+) -> Result<Option<InputSource>, Box<Problem>> {
+    let (message, source, place) = match text.split_once('.') {
+        Some((behavior, output)) => {
+            let Some((name, plugin)) = sources.behaviors.iter().find(|(name, _)| name == behavior) else {
+                let names = sources.behaviors.iter().map(|(name, _)| name.as_str());
+                return Err(Box::new(
+                    Problem::new(span, format!("there is no behaviour `{behavior}` in this task"))
+                        .label("unknown")
+                        .help(instead(behavior, names, "behaviour")),
+                ));
+            };
+            let Some(plugin) = plugin else { return Ok(None) };
+            let outputs = &plugin.info().outputs;
+            let Some(found) = outputs.iter().find(|found| found.name == output) else {
+                let outputs = outputs.iter().map(|output| &*output.name);
+                return Err(Box::new(
+                    Problem::new(span, format!("`{behavior}` has no output `{output}`"))
+                        .label("unknown")
+                        .help(instead(output, outputs, "output")),
+                ));
+            };
+            let source = InputSource::Output { behavior: name.clone(), output: output.to_owned() };
+            (found.message, source, None)
+        }
+        None => {
+            let Some(robot) = sources.robot else { return Ok(None) };
+            match robot.sensors.iter().find(|sensor| sensor.name == text) {
+                Some(sensor) => {
+                    let Some(message) = sensor.message else { return Ok(None) };
+                    (message, InputSource::Sensor(text.to_owned()), Some(sensor.span))
+                }
+                None if text == OPERATOR => {
+                    let asked = operators().into_iter().find(|message| *message == slot.message);
+                    (asked.unwrap_or(MessageType::of::<Goal>()), InputSource::Operator, None)
+                }
+                None => return Err(Box::new(no_sensor(text, span, entry, slot, sources))),
+            }
+        }
+    };
+    if message.name == Truth::NAME {
+        return Err(Box::new(truth(text, span)));
+    }
+    if message != slot.message {
+        let right = sources.giving(&slot.message);
+        let right: Vec<&str> = right.iter().map(String::as_str).collect();
+        let mut problem = Problem::new(span, format!("`{text}` does not fit into the input `{}`", slot.name))
+            .label(format!("gives {}, but `{}` takes {}", message.name, slot.name, slot.message.name));
+        if let Some(place) = place {
+            problem = problem.also(place, format!("`{text}` is described here"));
+        }
+        return Err(Box::new(match right.as_slice() {
+            [] => problem.help(format!("nothing on this robot or in this task gives {}", slot.message.name)),
+            names => problem.help(format!("what fits: {}", quoted(names))),
+        }));
+    }
+    Ok(Some(source))
+}
+
+fn truth(text: &str, span: Span) -> Problem {
+    Problem::new(span, format!("`{text}` cannot be an input"))
+        .label("the simulator's truth is for the judge alone")
+        .help("a behaviour sees the world through sensors only: take odometry, ranges or pictures")
+}
+
+fn no_sensor(text: &str, span: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
+    if text == "truth" {
+        return truth(text, span);
+    }
+    let problem = Problem::new(span, format!("there is no sensor `{text}` on this robot")).label("unknown");
+    if let Some((_, plugin)) = sources.behaviors.iter().find(|(name, _)| name == text) {
+        let outputs = plugin.iter().flat_map(|plugin| &plugin.info().outputs);
+        let outputs: Vec<String> = outputs.map(|output| format!("{text}.{}", output.name)).collect();
+        return match outputs.first() {
+            Some(output) if text != entry.key => {
+                problem.help(format!("`{text}` is a behaviour; plug in one of its outputs: \"{output}\""))
+            }
+            _ => problem.help(format!("`{text}` is a behaviour and has no output to plug in")),
+        };
+    }
+    let names = sources.sensor_names();
+    let fitting = sources.giving(&slot.message);
+    let fitting: Vec<&str> = fitting.iter().map(String::as_str).collect();
+    if let Some(name) = nearest(text, fitting.iter().copied()) {
+        return problem.help(format!("did you mean `{name}`?"));
+    }
+    match (nearest(text, names.iter().copied()), fitting.is_empty()) {
+        (None, false) => problem.help(format!("what fits into `{}`: {}", slot.name, quoted(&fitting))),
+
+        _ => problem.help(instead(text, names, "sensor")),
+    }
+}

@@ -1,0 +1,102 @@
+//! Files and folders that a plugin's keys name.
+//!
+//! A key whose schema has `"format": "file"` or `"folder"` names one that must be there; `"path"` names anything, such as a
+//! pattern. A path is relative to the file that it is written in, or to the working directory on the command line.
+
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::Value as Json;
+
+use yamabico_parameters::{Problem, Shape, Span, Table, nearest};
+
+/// The file that a table is written in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Home<'a> {
+    pub source: usize,
+    pub path: &'a Path,
+}
+
+impl Home<'_> {
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The file or folder that `text`, written at `span`, names.
+    pub fn file(&self, text: &str, span: Span) -> PathBuf {
+        match span.source == self.source {
+            true => tidy(&self.folder().join(text)),
+            false => PathBuf::from(text),
+        }
+    }
+}
+
+/// Checks that the files and folders that `table` names are there. Writes paths that are not relative to the folder of
+/// `home` into `keys` as absolute ones.
+pub(crate) fn resolve_paths(
+    table: &Table,
+    schema: &Json,
+    home: Home<'_>,
+    keys: &mut toml::Table,
+    problems: &mut Vec<Problem>,
+) {
+    for (key, shape) in Shape::new(schema).resolved().properties() {
+        let format = shape.resolved().text("format").or(shape.text("format"));
+        let Some(format @ ("file" | "folder" | "path")) = format else { continue };
+        let Some(entry) = table.entry(key) else { continue };
+        let Some(text) = entry.node.as_text() else { continue };
+        let on_command_line = entry.node.span.source != home.source;
+        let path = home.file(text, entry.node.span);
+        let is_there = match format {
+            "file" => path.is_file(),
+            "folder" => path.is_dir(),
+            _ => true,
+        };
+        if !is_there {
+            problems.push(
+                Problem::new(entry.node.span, format!("{}: there is no such {format}", path.display()))
+                    .label("named here")
+                    .help(what_is_near(&path)),
+            );
+        }
+        if on_command_line && let Ok(path) = std::path::absolute(&path) {
+            keys.insert(key.to_owned(), toml::Value::String(path.to_string_lossy().into_owned()));
+        }
+    }
+}
+
+/// What there is where a file or folder was looked for.
+pub(crate) fn what_is_near(path: &Path) -> String {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let Ok(files) = std::fs::read_dir(folder) else {
+        return format!("there is no folder {} either", folder.display());
+    };
+    let names = files.filter_map(|file| file.ok()?.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| !name.starts_with('.')).collect();
+    names.sort();
+    let wrong = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
+    match nearest(wrong, names.iter().map(String::as_str)) {
+        Some(name) => format!("did you mean {}?", tidy(&folder.join(name)).display()),
+        None if names.is_empty() => format!("{} is empty", folder.display()),
+        None => {
+            let more = if names.len() > 8 { ", ..." } else { "" };
+            names.truncate(8);
+            format!("in {} there are: {}{more}", folder.display(), names.join(", "))
+        }
+    }
+}
+
+/// Without `.` and without `x/..`.
+pub(crate) fn tidy(path: &Path) -> PathBuf {
+    let mut tidy = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::CurDir => {}
+            Component::ParentDir if matches!(tidy.components().next_back(), Some(Component::Normal(_))) => {
+                tidy.pop();
+            }
+            part => tidy.push(part),
+        }
+    }
+    tidy
+}

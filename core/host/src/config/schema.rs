@@ -1,0 +1,213 @@
+//! JSON Schemas of task files, robot files and the files that robots name, for editors.
+
+use serde_json::{Map, Value as Json, json};
+
+use super::tables::{BehaviorKeys, DeviceKeys, PartKeys, RobotKeys, SensorKeys, TaskKeys};
+use yamabico_core::plugins::Plugins;
+
+const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
+
+/// The JSON Schemas of every kind of file, with the keys of every plugin: `{ "task": ..., "robot": ..., "world": ... }`,
+/// the files that tables of devices and behaviours name by the key that names them.
+pub fn schema(plugins: &Plugins) -> Json {
+    let mut kinds = json!({ "task": task_schema(plugins), "robot": robot_schema(plugins) });
+    let of_drivers = plugins.drivers.iter().flat_map(|driver| &driver.info().files);
+    for file in of_drivers.chain(plugins.behaviors.iter().flat_map(|behavior| &behavior.info().files)) {
+        kinds[file.key] = (file.schema)().to_value();
+    }
+    kinds
+}
+
+/// The JSON Schema of a task file.
+pub fn task_schema(plugins: &Plugins) -> Json {
+    let mut whole = Whole::new(schemars::schema_for!(TaskKeys).to_value(), "A task of Yamabico");
+    let common = whole.include("behavior", schemars::schema_for!(BehaviorKeys).to_value());
+    let mut choices = vec![common, free_with_exec()];
+    let mut named = Map::new();
+    for behavior in &plugins.behaviors {
+        let plugin = behavior.info();
+        let mut own = plugin.parameters.clone();
+        describe_as(&mut own, &plugin.summary);
+        set_inputs(&mut own, &plugin.inputs);
+        let own = whole.include(&format!("behavior.{}", plugin.name), own);
+        choices.push(when("type", &plugin.name, own.clone()));
+        let unnamed = json!({ "not": { "anyOf": [{ "required": ["type"] }, { "required": ["exec"] }] } });
+        named.insert(plugin.name.clone(), json!({ "if": unnamed, "then": own }));
+    }
+    let every = whole.define("behavior.any", json!({ "type": "object", "allOf": choices }));
+    let named: Map<String, Json> =
+        named.into_iter().map(|(name, own)| (name, closed(vec![every.clone(), own]))).collect();
+    let any = closed(vec![every]);
+    whole.set("behaviors", json!({ "type": "object", "properties": named, "additionalProperties": any }));
+    whole.json
+}
+
+/// The JSON Schema of a robot file.
+pub fn robot_schema(plugins: &Plugins) -> Json {
+    let mut whole = Whole::new(schemars::schema_for!(RobotKeys).to_value(), "A robot of Yamabico");
+    let mut devices = vec![whole.include("device", schemars::schema_for!(DeviceKeys).to_value())];
+    devices.push(free_with_exec());
+    let mut sensors = vec![whole.include("sensor", schemars::schema_for!(SensorKeys).to_value())];
+    let mut drives = vec![whole.include("drive", schemars::schema_for!(PartKeys).to_value())];
+    for driver in plugins.drivers.iter().map(|driver| driver.info()) {
+        let mut own = driver.parameters.clone();
+        describe_as(&mut own, &driver.summary);
+        let own = whole.include(&format!("device.{}", driver.name), own);
+        devices.push(when("driver", &driver.name, own));
+    }
+    for (kind, parts) in super::describe::kinds_of_sensors(plugins) {
+        let any: Vec<Json> = parts
+            .into_iter()
+            .map(|(driver, plugin)| {
+                let mut own = plugin.parameters.clone();
+                describe_as(&mut own, &plugin.summary);
+                whole.include(&format!("sensor.{driver}.{kind}"), own)
+            })
+            .collect();
+        sensors.push(when("kind", kind, json!({ "anyOf": any })));
+    }
+    for driver in plugins.drivers.iter().map(|driver| driver.info()) {
+        for plugin in &driver.drives {
+            let mut own = plugin.parameters.clone();
+            describe_as(&mut own, &plugin.summary);
+            let own = whole.include(&format!("drive.{}.{}", driver.name, plugin.kind), own);
+            drives.push(when("kind", &plugin.kind, own));
+        }
+    }
+    whole.set("devices", json!({ "type": "object", "additionalProperties": closed(devices) }));
+    let sensors = whole.define("sensor.any", closed(sensors));
+    let drive = whole.define("drive.any", closed(drives));
+    whole.set("sensors", json!({ "type": "object" }));
+    whole.set("drive", json!({ "type": "object" }));
+    // The sensors and the drive of a program may have keys of its own.
+    whole.json["if"] = json!({ "properties": { "devices": { "additionalProperties": { "not": { "required": ["exec"] } } } } });
+    whole.json["then"] = json!({
+        "properties": { "sensors": { "additionalProperties": sensors }, "drive": drive }
+    });
+    whole.json
+}
+
+/// Any keys at all, where a program is named: it alone knows its own.
+fn free_with_exec() -> Json {
+    json!({ "if": { "required": ["exec"] }, "then": { "additionalProperties": true } })
+}
+
+/// A table with the keys of all `parts` and no others.
+fn closed(parts: Vec<Json>) -> Json {
+    json!({ "type": "object", "allOf": parts, "unevaluatedProperties": false })
+}
+
+/// `then`, where `key` is `word`.
+fn when(key: &str, word: &str, then: Json) -> Json {
+    json!({ "if": { "properties": { key: { "const": word } }, "required": [key] }, "then": then })
+}
+
+fn describe_as(schema: &mut Json, summary: &str) {
+    if let Some(object) = schema.as_object_mut() {
+        object.insert("description".into(), summary.into());
+    }
+}
+
+/// Names the slots under `inputs`.
+fn set_inputs(schema: &mut Json, slots: &[yamabico_core::behavior::SlotInfo]) {
+    let properties: Map<String, Json> = slots
+        .iter()
+        .map(|slot| {
+            let about = format!("{} Takes {}.", slot.summary, slot.message.name);
+            (slot.name.to_string(), json!({ "type": "string", "description": about }))
+        })
+        .collect();
+    let required: Vec<&str> = slots.iter().filter(|slot| slot.required).map(|slot| &*slot.name).collect();
+    let inputs = json!({ "type": "object", "properties": properties, "required": required, "additionalProperties": false });
+    if let Some(object) = schema.as_object_mut() {
+        let properties = object.entry("properties").or_insert_with(|| json!({}));
+        if let Some(properties) = properties.as_object_mut() {
+            properties.insert("inputs".into(), inputs);
+        }
+        if !required.is_empty() {
+            let all = object.entry("required").or_insert_with(|| json!([]));
+            if let Some(all) = all.as_array_mut() {
+                all.push("inputs".into());
+            }
+        }
+    }
+}
+
+/// A schema that others are put into.
+struct Whole {
+    json: Json,
+}
+
+impl Whole {
+    fn new(mut json: Json, title: &str) -> Whole {
+        if let Some(object) = json.as_object_mut() {
+            object.insert("$schema".into(), DIALECT.into());
+            object.insert("title".into(), title.into());
+            object.insert("additionalProperties".into(), false.into());
+        }
+        Whole { json }
+    }
+
+    /// Puts a schema of its own among the definitions, and returns a reference to it.
+    fn include(&mut self, name: &str, mut schema: Json) -> Json {
+        if let Some(object) = schema.as_object_mut() {
+            object.remove("$schema");
+            object.remove("title");
+            // Keys that all have and keys of its own stand in one table: neither part may forbid the other's.
+            object.remove("additionalProperties");
+        }
+        let inner = schema.as_object_mut().and_then(|object| object.remove("$defs"));
+        let inner = match inner {
+            Some(Json::Object(inner)) => inner,
+            _ => Map::new(),
+        };
+        rename_references(&mut schema, name);
+        let Some(object) = self.json.as_object_mut() else { return json!(true) };
+        let definitions = object.entry("$defs").or_insert_with(|| json!({}));
+        if let Some(definitions) = definitions.as_object_mut() {
+            for (key, mut part) in inner {
+                rename_references(&mut part, name);
+                definitions.insert(format!("{name}.{key}"), part);
+            }
+            definitions.insert(name.to_owned(), schema);
+        }
+        json!({ "$ref": format!("#/$defs/{name}") })
+    }
+
+    /// Puts a part that refers to other definitions among them, and returns a reference to it.
+    fn define(&mut self, name: &str, part: Json) -> Json {
+        if let Some(definitions) = self.json.get_mut("$defs").and_then(Json::as_object_mut) {
+            definitions.insert(name.to_owned(), part);
+        }
+        json!({ "$ref": format!("#/$defs/{name}") })
+    }
+
+    fn set(&mut self, key: &str, mut part: Json) {
+        let Some(properties) = self.json.get_mut("properties").and_then(Json::as_object_mut) else { return };
+        let about = properties.get(key).and_then(|old| old.get("description")).cloned();
+        if let (Some(about), Some(object)) = (about, part.as_object_mut()) {
+            object.insert("description".into(), about);
+        }
+        properties.insert(key.to_owned(), part);
+    }
+}
+
+/// Points the references of an included schema to where its definitions now are.
+fn rename_references(schema: &mut Json, name: &str) {
+    match schema {
+        Json::Object(object) => {
+            for (key, part) in object.iter_mut() {
+                match part {
+                    Json::String(target) if key == "$ref" => {
+                        if let Some(old) = target.strip_prefix("#/$defs/") {
+                            *target = format!("#/$defs/{name}.{old}");
+                        }
+                    }
+                    part => rename_references(part, name),
+                }
+            }
+        }
+        Json::Array(parts) => parts.iter_mut().for_each(|part| rename_references(part, name)),
+        _ => {}
+    }
+}

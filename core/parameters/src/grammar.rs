@@ -1,0 +1,117 @@
+//! Mistakes of TOML's grammar in words.
+
+use std::ops::Range;
+
+use super::problem::{Problem, Span};
+
+/// Adds what the parser said of `text`, once a line, to `problems`.
+pub fn explain<'a>(
+    text: &str,
+    source: usize,
+    errors: impl Iterator<Item = (Range<usize>, &'a str)>,
+    problems: &mut Vec<Problem>,
+) {
+    let mut last_line = None;
+    let mut in_second_table = 0;
+    for (range, message) in errors {
+        let line = Line::around(text, range.start);
+        let twice = message.contains("duplicate key");
+        if last_line.replace(line.start) == Some(line.start) || (twice && range.start < in_second_table) {
+            continue;
+        }
+        let span = Span { source, start: range.start, end: range.end };
+        if twice {
+            if line.is_header() {
+                in_second_table = line.next_header(text);
+            }
+            problems.push(set_twice(text, span, &line));
+        } else {
+            problems.push(not_toml(span, &line, message));
+        }
+    }
+}
+
+/// A line of a text.
+struct Line<'a> {
+    start: usize,
+    text: &'a str,
+}
+
+impl<'a> Line<'a> {
+    fn around(text: &'a str, byte: usize) -> Line<'a> {
+        let before = text.get(..byte.min(text.len())).unwrap_or("");
+        let start = before.rfind('\n').map_or(0, |at| at + 1);
+        Line { start, text: text.get(start..).and_then(|rest| rest.lines().next()).unwrap_or("") }
+    }
+
+    fn is_header(&self) -> bool {
+        self.text.trim_start().starts_with('[') && !self.text.contains('=')
+    }
+
+    /// The key before `=`, or the whole header.
+    fn name(&self) -> &'a str {
+        self.text.split('=').next().unwrap_or("").trim()
+    }
+
+    fn next_header(&self, text: &str) -> usize {
+        let end = self.start + self.text.len();
+        let next = text.get(end..).and_then(|rest| rest.find("\n["));
+        next.map_or(text.len(), |at| end + at)
+    }
+}
+
+fn set_twice(text: &str, span: Span, line: &Line<'_>) -> Problem {
+    let before = text.get(..line.start).unwrap_or("");
+    let mut first = None;
+    let mut at = 0;
+    for earlier in before.split_inclusive('\n') {
+        let earlier_line = Line { start: at, text: earlier.trim_end_matches(['\n', '\r']) };
+        if earlier_line.is_header() && !line.is_header() {
+            first = None;
+        }
+        if earlier_line.name() == line.name() {
+            first =
+                Some(Span { source: span.source, start: at, end: at + earlier_line.text.trim_end().len() });
+        }
+        at += earlier.len();
+    }
+    let what = if line.is_header() { "table stands here" } else { "key is set" };
+    let problem = Problem::new(span, format!("this {what} twice")).label("a second time");
+    let problem = problem.help("keep one of them");
+    match first {
+        Some(first) => problem.also(first, "first here"),
+        None => problem,
+    }
+}
+
+fn not_toml(span: Span, line: &Line<'_>, message: &str) -> Problem {
+    let rest = line.text.get(span.start.saturating_sub(line.start)..).unwrap_or("");
+    let word: String =
+        rest.chars().take_while(|&c| c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | '/')).collect();
+    let bare = word.chars().next().is_some_and(char::is_alphabetic)
+        && (message.contains("quoted") || message.contains("invalid boolean"));
+    let trimmed = line.text.trim();
+    if bare {
+        return Problem::new(span, "a text without quotes")
+            .label("not TOML")
+            .help(format!("write \"{word}\""));
+    }
+    if trimmed.starts_with('[') && !trimmed.contains('=') && !trimmed.ends_with(']') {
+        return Problem::new(span, "a bracket is missing")
+            .label("`]` expected")
+            .help(format!("write {trimmed}]"));
+    }
+    if trimmed.ends_with(']') && !trimmed.contains(['=', '[']) {
+        return Problem::new(span, "a bracket is missing")
+            .label("not TOML")
+            .help(format!("write [{trimmed}"));
+    }
+    if let Some((key, "")) = trimmed.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
+        return Problem::new(span, format!("`{key}` has no value"))
+            .label("a value is missing")
+            .help(format!("write {key} = and a number, \"a text\", true, [a, list] or {{ a = \"table\" }}"));
+    }
+    Problem::new(span, "this is not TOML")
+        .label(message.to_owned())
+        .help("a line is `key = value`, `[table]` or `# comment`")
+}

@@ -1,0 +1,22 @@
+//! Parameters in TOML, checked against their JSON Schemas; every mistake at once, with a pointer to its place.
+
+mod document;
+mod error;
+mod file;
+mod grammar;
+mod nearest;
+mod problem;
+mod schema_check;
+mod shape;
+mod typed;
+mod units;
+
+pub use document::{Entry, MOST_BYTES, Node, Table, Value, parse};
+pub use error::BuildError;
+pub use file::FileKind;
+pub use nearest::{instead, nearest, quoted};
+pub use problem::{Entry as Mistake, Problem, Problems, Source, Span, Style};
+pub use schema_check::check_table;
+pub use shape::Shape;
+pub use typed::{read, schema_of};
+pub use units::{meant, number, unit_of};

@@ -1,0 +1,170 @@
+//! Speed of the vision modules on one core.
+//!
+//! `cargo bench -p yamabico-core --bench vision`. The York Urban figure is the median over the pictures of the best of
+//! 15 runs each; it needs the folder `york_urban` in `YAMABICO_DATA` (default ../shared/data beside the workspace).
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
+use yamabico_geometry::camera::Intrinsics;
+use yamabico_geometry::image::{GrayImage, ImageView};
+use yamabico_vision::gradient::{Gradient, Scharr};
+use yamabico_vision::median::Median3;
+use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
+use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
+
+/// A corridor of flat shades with door frames, joints and noise; the axis meets at 52 % of the width, 46 % of the height.
+fn corridor(width: usize, height: usize) -> GrayImage {
+    let (vp_u, vp_v) = (0.52 * width as f64, 0.46 * height as f64);
+    let mut noise = 1_u32;
+    let mut image = GrayImage::new(width, height);
+    for (i, pixel) in image.pixels_mut().iter_mut().enumerate() {
+        let u = ((i % width) as f64 - vp_u) / width as f64;
+        let v = ((i / width) as f64 - vp_v) / width as f64;
+        // Distance ahead on the wall or on the floor, and the height on the wall.
+        let depth = 0.12 / u.abs().max(1.3 * v.abs()).max(0.01);
+        let is_wall = u.abs() > 1.3 * v.abs();
+        let height_on_wall = v / u.abs().max(1e-3);
+        let is_door = is_wall && (depth * 1.1).fract() < 0.45 && height_on_wall > -0.45;
+        let is_joint = !is_wall && v > 0.0 && (u / v.abs().max(1e-3) * 2.5).fract().abs() < 0.06;
+        let base = match (is_wall, is_door, is_joint) {
+            (true, true, _) => 95.0,
+            (true, false, _) if height_on_wall > 0.66 => 60.0,
+            (true, false, _) => 160.0,
+            (false, _, true) => 70.0,
+            (false, _, false) if v > 0.0 => 105.0,
+            (false, _, false) => 205.0,
+        };
+        noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *pixel = (base + f64::from(noise >> 24) / 32.0 - 4.0) as u8;
+    }
+    image
+}
+
+fn camera(width: usize, height: usize) -> Intrinsics {
+    Intrinsics::from_horizontal_fov(width as u32, height as u32, 1.0)
+}
+
+struct Chain {
+    detector: SegmentDetector,
+    finder: VanishingPointFinder,
+}
+
+impl Chain {
+    fn new() -> Self {
+        Self {
+            detector: SegmentDetector::new(SegmentConfig::default()),
+            finder: VanishingPointFinder::new(VanishingPointConfig::default()),
+        }
+    }
+
+    /// Number of segments, and whether a point was found.
+    fn look(&mut self, image: ImageView, camera: &Intrinsics) -> (usize, bool) {
+        match self.detector.detect(image) {
+            Ok(segments) => (segments.len(), self.finder.find(segments, camera, None).is_ok()),
+            Err(_) => (0, false),
+        }
+    }
+}
+
+fn kernels(criterion: &mut Criterion) {
+    let image = corridor(640, 480);
+    let Ok(view) = image.view() else { return };
+    let (mut median, mut filtered) = (Median3::default(), GrayImage::default());
+    criterion.bench_function("median3 640x480", |b| b.iter(|| median.filter(black_box(view), &mut filtered)));
+    let (mut scharr, mut gradient) = (Scharr::default(), Gradient::default());
+    criterion
+        .bench_function("scharr 640x480", |b| b.iter(|| scharr.gradient(black_box(view), &mut gradient)));
+    criterion.bench_function("binomial + scharr 640x480", |b| {
+        b.iter(|| scharr.smoothed_gradient(black_box(view), &mut gradient));
+    });
+}
+
+fn frames(criterion: &mut Criterion) {
+    for (width, height) in [(640, 480), (256, 240)] {
+        let image = corridor(width, height);
+        let Ok(view) = image.view() else { return };
+        let camera = camera(width, height);
+        let mut chain = Chain::new();
+        let (segments, found) = chain.look(view, &camera);
+        println!("corridor {width}x{height}: {segments} segments, vanishing point found: {found}");
+        criterion.bench_function(&format!("frame to vanishing point, corridor {width}x{height}"), |b| {
+            b.iter(|| chain.look(black_box(view), &camera));
+        });
+        criterion.bench_function(&format!("segments, corridor {width}x{height}"), |b| {
+            b.iter(|| chain.detector.detect(black_box(view)).map(<[_]>::len));
+        });
+        if let Ok(segments) = chain.detector.detect(view) {
+            let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
+            criterion.bench_function(&format!("vanishing point, corridor {width}x{height}"), |b| {
+                b.iter(|| finder.find(black_box(segments), &camera, None).is_ok());
+            });
+        }
+    }
+}
+
+fn york_urban(criterion: &mut Criterion) {
+    let pictures = photographs();
+    if pictures.is_empty() {
+        println!("York Urban pictures are missing: skipped (set YAMABICO_DATA)");
+        return;
+    }
+    let camera = Intrinsics { fx: 674.918, fy: 674.918, cx: 307.551, cy: 251.454, width: 640, height: 480 };
+    let mut chain = Chain::new();
+    let (mut times_us, mut counts) = (Vec::new(), Vec::new());
+    for picture in &pictures {
+        let Ok(view) = picture.view() else { continue };
+        let mut best = f64::INFINITY;
+        for _ in 0..15 {
+            let start = Instant::now();
+            let (segments, _) = black_box(chain.look(view, &camera));
+            best = best.min(start.elapsed().as_secs_f64() * 1e6);
+            counts.push(segments as f64);
+        }
+        times_us.push(best);
+    }
+    println!(
+        "York Urban, {} pictures: frame to vanishing point median {:.0} us, largest {:.0} us; segments median {:.0}",
+        times_us.len(),
+        middle(&mut times_us),
+        times_us.last().copied().unwrap_or(f64::NAN),
+        middle(&mut counts)
+    );
+    criterion.bench_function("frame to vanishing point, York Urban, all pictures", |b| {
+        let mut next = 0;
+        b.iter(|| {
+            next = (next + 1) % pictures.len();
+            pictures[next].view().map(|view| chain.look(view, &camera))
+        });
+    });
+}
+
+/// Sorts and returns the middle one.
+fn middle(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn photographs() -> Vec<GrayImage> {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
+    let data =
+        std::env::var_os("YAMABICO_DATA").map_or(root.join("../shared/data"), |folder| root.join(folder));
+    let mut files: Vec<_> = std::fs::read_dir(data.join("york_urban/images"))
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| entry.ok().map(|entry| entry.path()))
+        .collect();
+    files.sort();
+    let load = |path: &PathBuf| {
+        let rgb = image::open(path).ok()?.to_rgb8();
+        let (width, height) = (rgb.width() as usize, rgb.height() as usize);
+        let mut grey = GrayImage::default();
+        grey.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).ok()?;
+        Some(grey)
+    };
+    files.iter().filter_map(load).collect()
+}
+
+criterion_group!(vision, kernels, frames, york_urban);
+criterion_main!(vision);

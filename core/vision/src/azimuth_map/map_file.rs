@@ -1,0 +1,252 @@
+use std::path::Path;
+
+use nalgebra::{Matrix2, Point2};
+use schemars::{JsonSchema, schema_for};
+use serde::{Deserialize, Serialize};
+
+use super::candidate_surfaces::SurfaceState;
+use super::relink::LocatedEdge;
+use crate::azimuth_profile::EdgeSign;
+use crate::map::MapError;
+use yamabico_parameters::{BuildError, FileKind, Problems};
+
+/// Files with a map of vertical edges, as behaviours name them.
+pub const EDGE_MAP_FILE: FileKind = FileKind {
+    key: "edge_map",
+    what: "a map of vertical edges",
+    schema: || schema_for!(EdgeMap),
+    rules: |table| match table.clone().try_into::<EdgeMap>() {
+        Ok(map) => map.rules(),
+        Err(error) => vec![BuildError::new("", error.message())],
+    },
+};
+
+/// Vertical edges in plan, what stands between them, and where it is free.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct EdgeMap {
+    /// Vertical edges.
+    #[serde(rename = "edge")]
+    #[schemars(length(max = 2000))]
+    pub edges: Vec<MapEdge>,
+    /// What may stand between two of them.
+    #[serde(rename = "surface")]
+    #[schemars(length(max = 10_000))]
+    pub surfaces: Vec<MapSurface>,
+    /// Corners of what is free for certain, x and y, metres, each -1000 to 1000.
+    #[schemars(length(max = 4000), inner(inner(range(min = -1000.0, max = 1000.0))))]
+    pub free_m: Vec<[f64; 2]>,
+}
+
+/// A vertical edge.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MapEdge {
+    /// Number by which surfaces name it, 0 to 1000000; each once.
+    #[schemars(range(max = 1_000_000))]
+    pub number: u32,
+    /// Where it stands: x, y, metres, each -1000 to 1000.
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    pub at_m: [f64; 2],
+    /// Covariance: of x, of x and y, of y, square metres, each -100 to 100, default none.
+    #[serde(default)]
+    #[schemars(inner(range(min = -100.0, max = 100.0)))]
+    pub covariance_m2: [f64; 3],
+    /// How the picture changes across it to the left, 1 brighter, -1 darker, 0 not known, default 0.
+    #[serde(default)]
+    #[schemars(range(min = -1, max = 1))]
+    pub sign: i8,
+    /// In how many pictures it was seen, default 0.
+    #[serde(default)]
+    pub seen: u32,
+}
+
+/// What may stand between two edges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MapSurface {
+    /// Number of the edge on its right, seen from the free side, 0 to 1000000.
+    #[schemars(range(max = 1_000_000))]
+    pub right: u32,
+    /// Number of the edge on its left, 0 to 1000000.
+    #[schemars(range(max = 1_000_000))]
+    pub left: u32,
+    /// What is known of it, default unknown.
+    #[serde(default)]
+    pub state: SurfaceState,
+}
+
+impl MapEdge {
+    /// The edge of a map file.
+    #[must_use]
+    pub fn new(number: u32, edge: &LocatedEdge, seen: u32) -> Self {
+        let (at, spread) = (edge.position, edge.covariance);
+        Self {
+            number,
+            at_m: [at.x, at.y],
+            covariance_m2: [spread.m11, spread.m12, spread.m22],
+            sign: edge.sign.map_or(0, EdgeSign::value),
+            seen,
+        }
+    }
+
+    /// The edge as one with a position.
+    #[must_use]
+    pub fn located(&self) -> LocatedEdge {
+        let [xx, xy, yy] = self.covariance_m2;
+        LocatedEdge {
+            position: Point2::from(self.at_m),
+            covariance: Matrix2::new(xx, xy, xy, yy),
+            sign: EdgeSign::ALL.into_iter().find(|sign| sign.value() == self.sign),
+        }
+    }
+}
+
+impl EdgeMap {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or everything that is wrong in it.
+    pub fn read(path: &Path) -> Result<Self, MapError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| MapError::Unreadable { path: name.clone(), reason: error.to_string() })?;
+        Ok(Self::parse(&name, &text)?)
+    }
+
+    /// Reads and checks the text of a file.
+    ///
+    /// # Errors
+    /// Everything that is wrong in it, with its place.
+    pub fn from_toml(text: &str) -> Result<Self, Problems> {
+        Self::parse("the map", text)
+    }
+
+    /// Its text, without a comment: lengths to the tenth of a millimetre.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        use std::fmt::Write;
+        let mut text = String::from("edge = [\n");
+        // Writing to a string does not fail.
+        for edge in &self.edges {
+            let ([x, y], [xx, xy, yy]) = (edge.at_m, edge.covariance_m2);
+            let _ = writeln!(
+                text,
+                "  {{ number = {}, at_m = [{x:.4}, {y:.4}], covariance_m2 = [{xx:e}, {xy:e}, {yy:e}], sign = {}, seen = {} }},",
+                edge.number, edge.sign, edge.seen
+            );
+        }
+        text.push_str("]\nsurface = [\n");
+        for MapSurface { right, left, state } in &self.surfaces {
+            let state = match state {
+                SurfaceState::Unknown => "unknown",
+                SurfaceState::Solid => "solid",
+                SurfaceState::Empty => "empty",
+                SurfaceState::Nearer => "nearer",
+            };
+            let _ = writeln!(text, "  {{ right = {right}, left = {left}, state = \"{state}\" }},");
+        }
+        text.push_str("]\nfree_m = [");
+        for [x, y] in &self.free_m {
+            let _ = write!(text, "[{x:.4}, {y:.4}], ");
+        }
+        text.push_str("]\n");
+        text.replace("-0.0000", "0.0000").replace("], ]", "]]")
+    }
+
+    /// The edge with a number.
+    #[must_use]
+    pub fn edge(&self, number: u32) -> Option<&MapEdge> {
+        self.edges.iter().find(|edge| edge.number == number)
+    }
+
+    /// The ends of the surfaces that something stands in, or may: all but passages.
+    pub fn walls(&self) -> impl Iterator<Item = [Point2<f64>; 2]> {
+        let standing = self.surfaces.iter().filter(|surface| surface.state != SurfaceState::Empty);
+        standing.filter_map(|surface| {
+            let end = |number| self.edge(number).map(|edge| Point2::from(edge.at_m));
+            Some([end(surface.right)?, end(surface.left)?])
+        })
+    }
+
+    fn parse(name: &str, text: &str) -> Result<Self, Problems> {
+        let table = EDGE_MAP_FILE.read(name, text)?;
+        Ok(table.try_into().unwrap_or_default())
+    }
+
+    fn rules(&self) -> Vec<BuildError> {
+        if self.edges.is_empty() {
+            return vec![BuildError::new("edge", "is missing: a map needs at least one edge to see")];
+        }
+        let mut broken = Vec::new();
+        let mut numbers = std::collections::HashSet::new();
+        for (i, edge) in self.edges.iter().enumerate() {
+            if !numbers.insert(edge.number) {
+                let problem = format!("{} names another edge already", edge.number);
+                broken.push(BuildError::new(format!("edge[{i}].number"), problem));
+            }
+            let [xx, xy, yy] = edge.covariance_m2;
+            if xx < 0.0 || yy < 0.0 || xy * xy > xx * yy * (1.0 + 1e-9) {
+                let problem = "is no covariance: variances of x and y, and between them their covariance";
+                broken.push(BuildError::new(format!("edge[{i}].covariance_m2"), problem));
+            }
+        }
+        for (i, surface) in self.surfaces.iter().enumerate() {
+            for (key, number) in [("right", surface.right), ("left", surface.left)] {
+                if !numbers.contains(&number) {
+                    let problem = format!("names edge {number}, which the map does not have");
+                    broken.push(BuildError::new(format!("surface[{i}].{key}"), problem));
+                }
+            }
+        }
+        broken
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map() -> EdgeMap {
+        let edge = |number, x: f64, sign| MapEdge {
+            number,
+            at_m: [x, -1.25],
+            covariance_m2: [1e-4, -2e-5, 3e-4],
+            sign,
+            seen: 17,
+        };
+        EdgeMap {
+            edges: vec![edge(3, 2.0, 1), edge(7, -0.5, -1), edge(8, 0.0, 0)],
+            surfaces: vec![
+                MapSurface { right: 3, left: 7, state: SurfaceState::Solid },
+                MapSurface { right: 7, left: 8, state: SurfaceState::Empty },
+            ],
+            free_m: vec![[0.0, 0.0], [1.5, 0.0], [1.5, 2.25]],
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let map = map();
+        let text = map.to_toml();
+        assert_eq!(EdgeMap::from_toml(&text).unwrap(), map, "{text}");
+        assert_eq!(EdgeMap { free_m: Vec::new(), ..map.clone() }.to_toml().matches("free_m = []").count(), 1);
+        let again = MapEdge::new(3, &map.edges[0].located(), 17);
+        assert_eq!(again, map.edges[0]);
+        assert_eq!(map.walls().count(), 1);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let broken = |change: fn(&mut EdgeMap)| {
+            let mut map = map();
+            change(&mut map);
+            EdgeMap::from_toml(&map.to_toml()).unwrap_err().to_string()
+        };
+        assert!(broken(|map| map.edges[1].number = 3).contains("names another edge already"));
+        assert!(broken(|map| map.surfaces[0].left = 99).contains("edge 99"));
+        assert!(broken(|map| map.edges[0].covariance_m2 = [1e-4, 1.0, 1e-4]).contains("is no covariance"));
+        assert!(broken(|map| map.edges.clear()).contains("at least one edge"));
+        assert!(broken(|map| map.edges[0].at_m[0] = 5000.0).contains("1000"));
+    }
+}

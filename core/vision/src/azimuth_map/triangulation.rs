@@ -1,0 +1,287 @@
+use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
+use thiserror::Error;
+
+use yamabico_geometry::{Pose2, angle_difference, wrap_angle};
+
+/// An edge seen from a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Map from sensor: where the axis of the mirror was, and how it was turned.
+    pub sensor: Pose2,
+    /// Azimuth in the sensor's frame, radians.
+    pub azimuth_rad: f64,
+}
+
+impl Sighting {
+    /// The azimuth in the map's frame, radians.
+    #[inline]
+    #[must_use]
+    pub fn bearing_rad(&self) -> f64 {
+        wrap_angle(self.sensor.theta + self.azimuth_rad)
+    }
+}
+
+/// An edge that is located.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangulated {
+    /// On the map.
+    pub position: Point2<f64>,
+    /// Square metres.
+    pub covariance: Matrix2<f64>,
+    /// Sum of the squared residuals over their variances.
+    pub chi_squared: f64,
+    /// Largest angle between two of the bearings, radians.
+    pub parallax_rad: f64,
+    /// How many sightings.
+    pub sightings: usize,
+}
+
+impl Triangulated {
+    /// The larger standard deviation, metres.
+    #[must_use]
+    pub fn sigma_m(&self) -> f64 {
+        largest_eigenvalue(&self.covariance).max(0.0).sqrt()
+    }
+}
+
+/// When a position is believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriangulationRule {
+    /// Least angle between two bearings, radians.
+    pub least_parallax_rad: f64,
+    /// Largest chi-square of a degree of freedom.
+    pub most_chi_squared: f64,
+    /// Largest distance from the sensor, metres.
+    pub farthest_m: f64,
+}
+
+impl Default for TriangulationRule {
+    fn default() -> Self {
+        Self { least_parallax_rad: 5_f64.to_radians(), most_chi_squared: 4.0, farthest_m: 15.0 }
+    }
+}
+
+/// Why an edge has no position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum TriangulationError {
+    /// Fewer than two sightings.
+    #[error("an edge must be seen from two places at least")]
+    TooFew,
+    /// The bearings do not cross.
+    #[error("the bearings are parallel")]
+    ParallelBearings,
+    /// They cross at too small an angle for the position to be trusted.
+    #[error("the bearings cross at too small an angle")]
+    NoParallax,
+    /// They cross behind the sensor.
+    #[error("the bearings cross behind the sensor")]
+    Behind,
+    /// They do not meet in one point.
+    #[error("the bearings do not meet in one point")]
+    Inconsistent,
+    /// It is farther away than edges are seen.
+    #[error("the bearings cross too far away")]
+    TooFar,
+}
+
+/// Least eigenvalue of the mean normal matrix below which bearings are parallel.
+const PARALLEL: f64 = 1e-6;
+const MOST_ITERATIONS: usize = 50;
+
+/// The point that is nearest to all bearings by the squares of the perpendicular distances: Yagi et al. (1995), equation 6.
+///
+/// # Errors
+/// [`TriangulationError::TooFew`], [`TriangulationError::ParallelBearings`], and [`TriangulationError::Behind`] where the
+/// point is behind any of the sensors.
+pub fn least_squares_crossing(sightings: &[Sighting]) -> Result<Point2<f64>, TriangulationError> {
+    if sightings.len() < 2 {
+        return Err(TriangulationError::TooFew);
+    }
+    let origin = sightings[0].sensor.position();
+    let (mut n, mut g) = (Matrix2::zeros(), Vector2::zeros());
+    for sighting in sightings {
+        let (sin, cos) = sighting.bearing_rad().sin_cos();
+        let normal = Vector2::new(sin, -cos);
+        n += normal * normal.transpose();
+        g += normal * normal.dot(&(sighting.sensor.position() - origin));
+    }
+    let least = n.trace() - largest_eigenvalue(&n);
+    let inverse = n.try_inverse().filter(|_| least >= PARALLEL * sightings.len() as f64);
+    let position = origin + inverse.ok_or(TriangulationError::ParallelBearings)? * g;
+    if sightings.iter().all(|sighting| is_ahead(sighting, position)) {
+        Ok(position)
+    } else {
+        Err(TriangulationError::Behind)
+    }
+}
+
+/// The most likely point, for azimuths with the standard deviation `sigma_rad` > 0, from a first guess: Gauss-Newton on the
+/// angles.
+///
+/// Differs from Yagi et al. (1995): perpendicular distances favour points near the robot.
+///
+/// # Errors
+/// [`TriangulationError::ParallelBearings`] where it does not converge, and [`TriangulationError::Behind`].
+pub fn most_likely_crossing(
+    sightings: &[Sighting],
+    guess: Point2<f64>,
+    sigma_rad: f64,
+) -> Result<Triangulated, TriangulationError> {
+    let mut position = guess;
+    for _ in 0..MOST_ITERATIONS {
+        let (information, pull, _) = normal_equations(sightings, position);
+        let step = information.try_inverse().ok_or(TriangulationError::ParallelBearings)? * pull;
+        if !step.iter().all(|x| x.is_finite()) {
+            return Err(TriangulationError::ParallelBearings);
+        }
+        position += step;
+        if step.norm() < 1e-13 {
+            break;
+        }
+    }
+    let (information, _, squares) = normal_equations(sightings, position);
+    let variance = sigma_rad * sigma_rad;
+    let covariance = information.try_inverse().ok_or(TriangulationError::ParallelBearings)? * variance;
+    if !sightings.iter().all(|sighting| is_ahead(sighting, position)) {
+        return Err(TriangulationError::Behind);
+    }
+    Ok(Triangulated {
+        position,
+        covariance,
+        chi_squared: squares / variance,
+        parallax_rad: parallax_rad(sightings),
+        sightings: sightings.len(),
+    })
+}
+
+/// The most likely position of an edge, if it is to be believed.
+///
+/// # Errors
+/// [`TriangulationError`] says why not.
+pub fn triangulate(
+    sightings: &[Sighting],
+    sigma_rad: f64,
+    rule: &TriangulationRule,
+) -> Result<Triangulated, TriangulationError> {
+    if sightings.len() < 2 {
+        return Err(TriangulationError::TooFew);
+    }
+    if parallax_rad(sightings) < rule.least_parallax_rad {
+        return Err(TriangulationError::NoParallax);
+    }
+    let guess = least_squares_crossing(sightings)?;
+    let found = most_likely_crossing(sightings, guess, sigma_rad)?;
+    let freedom = sightings.len().saturating_sub(2).max(1) as f64;
+    if found.chi_squared / freedom > rule.most_chi_squared {
+        return Err(TriangulationError::Inconsistent);
+    }
+    let is_near =
+        |sighting: &Sighting| (found.position - sighting.sensor.position()).norm() <= rule.farthest_m;
+    if sightings.iter().all(is_near) { Ok(found) } else { Err(TriangulationError::TooFar) }
+}
+
+/// The largest angle between two of the bearings, radians in [0, pi].
+#[must_use]
+pub fn parallax_rad(sightings: &[Sighting]) -> f64 {
+    let mut largest = 0.0_f64;
+    for (i, a) in sightings.iter().enumerate() {
+        let bearing = a.bearing_rad();
+        for b in &sightings[..i] {
+            largest = largest.max(angle_difference(bearing, b.bearing_rad()).abs());
+        }
+    }
+    largest
+}
+
+/// Information of unit variance, the right-hand side, and the sum of the squared residuals.
+fn normal_equations(sightings: &[Sighting], position: Point2<f64>) -> (Matrix2<f64>, Vector2<f64>, f64) {
+    let mut sums = (Matrix2::zeros(), Vector2::zeros(), 0.0);
+    for sighting in sightings {
+        let away = position - sighting.sensor.position();
+        let jacobian = Vector2::new(-away.y, away.x) / away.norm_squared();
+        let residual = angle_difference(sighting.bearing_rad(), away.y.atan2(away.x));
+        sums.0 += jacobian * jacobian.transpose();
+        sums.1 += jacobian * residual;
+        sums.2 += residual * residual;
+    }
+    sums
+}
+
+fn is_ahead(sighting: &Sighting, position: Point2<f64>) -> bool {
+    let (sin, cos) = sighting.bearing_rad().sin_cos();
+    Vector2::new(cos, sin).dot(&(position - sighting.sensor.position())) > 0.0
+}
+
+pub(super) fn largest_eigenvalue(m: &Matrix2<f64>) -> f64 {
+    SymmetricEigen::new(*m).eigenvalues.max()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sightings(edge: Point2<f64>, errors: &[f64]) -> Vec<Sighting> {
+        errors
+            .iter()
+            .enumerate()
+            .map(|(i, error)| {
+                let sensor = Pose2::new(0.06 * i as f64, 0.01 * (i as f64).powi(2), 0.05 * i as f64);
+                let away = edge - sensor.position();
+                Sighting { sensor, azimuth_rad: away.y.atan2(away.x) - sensor.theta + error }
+            })
+            .collect()
+    }
+
+    proptest! {
+        #[test]
+        fn clean_bearings_meet_in_the_edge(x in -3.0..3.0, y in -3.0..3.0) {
+            let edge = Point2::new(x, y);
+            let seen = sightings(edge, &[0.0; 20]);
+            prop_assume!(parallax_rad(&seen) > 0.1);
+            prop_assume!(seen.iter().all(|s| (s.sensor.position() - edge).norm() > 0.3));
+            let found = triangulate(&seen, 0.01, &TriangulationRule::default()).unwrap();
+            prop_assert!((found.position - edge).norm() < 1e-9);
+            prop_assert!(found.chi_squared < 1e-12);
+            let twice = triangulate(&seen, 0.02, &TriangulationRule::default()).unwrap();
+            prop_assert!((twice.covariance - found.covariance * 4.0).norm() < 1e-9 * found.covariance.norm());
+        }
+
+        /// Moving the map moves the edge.
+        #[test]
+        fn the_map_has_no_special_place(
+            x in -5.0..5.0, y in -5.0..5.0, turn in -3.0..3.0,
+            errors in prop::collection::vec(-0.01..0.01, 12..20),
+        ) {
+            let seen = sightings(Point2::new(1.0, 1.5), &errors);
+            let move_ = Pose2::new(x, y, turn);
+            let moved: Vec<_> =
+                seen.iter().map(|s| Sighting { sensor: move_.compose(&s.sensor), ..*s }).collect();
+            let rule = TriangulationRule { most_chi_squared: f64::INFINITY, ..TriangulationRule::default() };
+            let (a, b) = (triangulate(&seen, 0.01, &rule).unwrap(), triangulate(&moved, 0.01, &rule).unwrap());
+            prop_assert!((move_.transform_point(a.position) - b.position).norm() < 1e-8);
+            prop_assert!((a.chi_squared - b.chi_squared).abs() < 1e-8 * (1.0 + a.chi_squared));
+        }
+    }
+
+    #[test]
+    fn what_is_not_to_be_believed_says_why() {
+        let rule = TriangulationRule::default();
+        let edge = Point2::new(2.0, 1.0);
+        let seen = sightings(edge, &[0.0; 12]);
+        assert_eq!(triangulate(&seen[..1], 0.01, &rule), Err(TriangulationError::TooFew));
+        assert_eq!(triangulate(&seen[..2], 0.01, &rule), Err(TriangulationError::NoParallax));
+        let mut wild = seen.clone();
+        wild[6].azimuth_rad += 0.2;
+        assert_eq!(triangulate(&wild, 0.01, &rule), Err(TriangulationError::Inconsistent));
+        let far = sightings(Point2::new(2.0, 40.0), &[0.0; 80]);
+        assert_eq!(triangulate(&far, 0.01, &rule), Err(TriangulationError::TooFar));
+        let behind: Vec<_> = seen
+            .iter()
+            .map(|s| Sighting { azimuth_rad: s.azimuth_rad + std::f64::consts::PI, ..*s })
+            .collect();
+        assert_eq!(triangulate(&behind, 0.01, &rule), Err(TriangulationError::Behind));
+        let broken = [Sighting { sensor: Pose2::IDENTITY, azimuth_rad: f64::NAN }; 5];
+        assert!(triangulate(&broken, 0.01, &rule).is_err());
+    }
+}

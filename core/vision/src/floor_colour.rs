@@ -1,0 +1,336 @@
+//! Which colours are floor: a box of thresholds, or a table of 32 x 32 x 32 classes.
+//!
+//! Sekimori, Usui, Masutani & Miyazaki tell the floor by its colour alone.
+
+use serde::{Deserialize, Serialize};
+
+use super::bit_image::{BitImage, pack};
+use super::vectorise::{self, Kernel};
+use yamabico_geometry::image::RgbView;
+
+/// Classes of one channel in a table.
+const CLASSES: usize = 32;
+
+/// Red, green, blue.
+pub type Colour = [u8; 3];
+
+/// Colours between two thresholds in each channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ColourBox {
+    /// Smallest red, green and blue, 0 to 255.
+    #[schemars(inner(range(min = 0, max = 255)))]
+    pub least: Colour,
+    /// Largest red, green and blue, 0 to 255.
+    #[schemars(inner(range(min = 0, max = 255)))]
+    pub most: Colour,
+}
+
+impl ColourBox {
+    /// Whether the colour lies between the thresholds, both included.
+    #[inline(always)]
+    #[must_use]
+    pub fn contains(&self, colour: Colour) -> bool {
+        // Not short-circuited, so that it vectorises.
+        let within = |i: usize| (colour[i] >= self.least[i]) & (colour[i] <= self.most[i]);
+        within(0) & within(1) & within(2)
+    }
+
+    /// The box with thresholds so many levels farther apart on either side.
+    #[must_use]
+    pub fn widened(&self, levels: u8) -> Self {
+        Self {
+            least: self.least.map(|level| level.saturating_sub(levels)),
+            most: self.most.map(|level| level.saturating_add(levels)),
+        }
+    }
+
+    /// The box with each threshold moved towards that of another box, by no more than so many levels.
+    #[must_use]
+    pub fn towards(&self, other: &ColourBox, levels: u8) -> Self {
+        let step = |from: u8, to: u8| to.clamp(from.saturating_sub(levels), from.saturating_add(levels));
+        Self {
+            least: std::array::from_fn(|i| step(self.least[i], other.least[i])),
+            most: std::array::from_fn(|i| step(self.most[i], other.most[i])),
+        }
+    }
+
+    /// The largest distance between the two thresholds of a channel, levels.
+    #[must_use]
+    pub fn spread(&self) -> u8 {
+        let spread = |i: usize| self.most[i].saturating_sub(self.least[i]);
+        spread(0).max(spread(1)).max(spread(2))
+    }
+}
+
+/// A class, floor or not, for each of 32 x 32 x 32 colours.
+#[derive(Clone, PartialEq, Eq)]
+pub struct ColourTable {
+    /// By red and green; a bit for each class of blue.
+    words: Box<[u32; CLASSES * CLASSES]>,
+}
+
+impl Default for ColourTable {
+    fn default() -> Self {
+        Self { words: Box::new([0; CLASSES * CLASSES]) }
+    }
+}
+
+impl std::fmt::Debug for ColourTable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ColourTable({} of {} colours)", self.count(), CLASSES.pow(3))
+    }
+}
+
+impl ColourTable {
+    /// Whether the colour's class is floor.
+    #[inline(always)]
+    #[must_use]
+    pub fn contains(&self, [red, green, blue]: Colour) -> bool {
+        let index = (usize::from(red) >> 3) << 5 | usize::from(green) >> 3;
+        self.words[index] >> (blue >> 3) & 1 == 1
+    }
+
+    /// Makes the colour's class floor.
+    pub fn insert(&mut self, [red, green, blue]: Colour) {
+        self.words[(usize::from(red) >> 3) << 5 | usize::from(green) >> 3] |= 1 << (blue >> 3);
+    }
+
+    /// Makes every class floor that the box touches.
+    pub fn insert_box(&mut self, colours: &ColourBox) {
+        let classes = |i: usize| colours.least[i] >> 3..=colours.most[i] >> 3;
+        for red in classes(0) {
+            for green in classes(1) {
+                classes(2).for_each(|blue| self.insert([red << 3, green << 3, blue << 3]));
+            }
+        }
+    }
+
+    /// Classes that are floor.
+    #[must_use]
+    pub fn count(&self) -> u32 {
+        self.words.iter().map(|word| word.count_ones()).sum()
+    }
+
+    /// 32 lines of hexadecimal digits, a line a class of red, eight digits a class of green, lowest bit for no blue.
+    #[must_use]
+    pub fn to_lines(&self) -> Vec<String> {
+        let line = |words: &[u32]| words.iter().map(|word| format!("{word:08x}")).collect();
+        self.words.chunks_exact(CLASSES).map(line).collect()
+    }
+
+    /// The table that [`ColourTable::to_lines`] wrote; `None` for anything else.
+    #[must_use]
+    pub fn from_lines<S: AsRef<str>>(lines: &[S]) -> Option<Self> {
+        let mut table = Self::default();
+        if lines.len() != CLASSES {
+            return None;
+        }
+        for (words, line) in table.words.chunks_exact_mut(CLASSES).zip(lines) {
+            let (digits, rest) = line.as_ref().as_bytes().as_chunks::<8>();
+            if digits.len() != CLASSES || !rest.is_empty() {
+                return None;
+            }
+            for (word, digits) in words.iter_mut().zip(digits) {
+                let text = std::str::from_utf8(digits).ok()?;
+                *word = u32::from_str_radix(text, 16).ok()?;
+            }
+        }
+        Some(table)
+    }
+}
+
+/// The colours of a floor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FloorColours {
+    /// Thresholds: fast, and enough where one lamp lights one floor.
+    Box(ColourBox),
+    /// A class for each colour.
+    Table(ColourTable),
+}
+
+impl FloorColours {
+    /// Whether a colour is floor.
+    #[must_use]
+    pub fn contains(&self, colour: Colour) -> bool {
+        match self {
+            FloorColours::Box(colours) => colours.contains(colour),
+            FloorColours::Table(table) => table.contains(colour),
+        }
+    }
+
+    /// Sets the pixels of `mask` whose colour is floor, and no others. Only the `columns` of each row are looked at; the rest
+    /// stays unset. A row without an entry is left out.
+    pub fn mark(&self, picture: RgbView, columns: &[std::ops::Range<u32>], mask: &mut BitImage) {
+        mask.clear(picture.width(), picture.height());
+        match self {
+            FloorColours::Box(colours) => {
+                vectorise::run(Mark { picture, columns, mask, classes: Thresholds::new(colours) });
+            }
+            FloorColours::Table(table) => vectorise::run(Mark { picture, columns, mask, classes: table }),
+        }
+    }
+}
+
+/// Tells the floor 64 pixels at a time.
+trait Classes {
+    /// A bit for each pixel, the first one lowest.
+    fn word(&self, colours: &[Colour; 64]) -> u64;
+}
+
+impl Classes for &ColourTable {
+    #[inline(always)]
+    fn word(&self, colours: &[Colour; 64]) -> u64 {
+        let mut flags = [0; 64];
+        for (flag, &colour) in flags.iter_mut().zip(colours) {
+            *flag = u8::from(self.contains(colour));
+        }
+        pack(&flags)
+    }
+}
+
+/// A box, channel after channel for 64 pixels: all channels are compared alike, and their bits brought together afterwards.
+struct Thresholds {
+    least: [u8; 192],
+    /// Largest less smallest; for an empty channel nothing fits, as the box is then empty altogether.
+    span: [u8; 192],
+    is_empty: bool,
+}
+
+impl Thresholds {
+    fn new(colours: &ColourBox) -> Self {
+        let channels = |levels: Colour| std::array::from_fn(|i| levels[i % 3]);
+        let span = std::array::from_fn(|i| colours.most[i].wrapping_sub(colours.least[i]));
+        let is_empty = (0..3).any(|i| colours.most[i] < colours.least[i]);
+        Self { least: channels(colours.least), span: channels(span), is_empty }
+    }
+}
+
+impl Classes for Thresholds {
+    #[inline(always)]
+    fn word(&self, colours: &[Colour; 64]) -> u64 {
+        if self.is_empty {
+            return 0;
+        }
+        let bytes = colours.as_flattened();
+        let mut flags = [0; 192];
+        for (((flag, &byte), &least), &span) in flags.iter_mut().zip(bytes).zip(&self.least).zip(&self.span) {
+            *flag = u8::from(byte.wrapping_sub(least) <= span);
+        }
+        let [a, b, c] = [0, 1, 2].map(|i| pack(flags.as_chunks::<64>().0.get(i).unwrap_or(&[0; 64])));
+        // A pixel's three bits come together at the place of its first.
+        let first = a & (a >> 1 | b << 63) & (a >> 2 | b << 62);
+        let second = b & (b >> 1 | c << 63) & (b >> 2 | c << 62);
+        let third = c & c >> 1 & c >> 2;
+        every_third(first) | every_third(second >> 2) << 22 | every_third(third >> 1) << 43
+    }
+}
+
+/// Every third bit, beginning with the lowest, side by side.
+#[inline(always)]
+fn every_third(mut bits: u64) -> u64 {
+    bits &= 0x9249_2492_4924_9249;
+    bits = (bits | bits >> 2) & 0x30c3_0c30_c30c_30c3;
+    bits = (bits | bits >> 4) & 0xf00f_00f0_0f00_f00f;
+    bits = (bits | bits >> 8) & 0x00ff_0000_ff00_00ff;
+    bits = (bits | bits >> 16) & 0x00ff_0000_0000_ffff;
+    (bits | bits >> 32) & 0x003f_ffff
+}
+
+struct Mark<'a, C> {
+    picture: RgbView<'a>,
+    columns: &'a [std::ops::Range<u32>],
+    mask: &'a mut BitImage,
+    classes: C,
+}
+
+impl<C: Classes> Kernel for Mark<'_, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (v, columns) in self.columns.iter().enumerate().take(self.picture.height()) {
+            let end = (columns.end as usize).min(self.picture.width());
+            // Whole words are looked at, and cut to the columns afterwards.
+            let first = columns.start as usize / 64;
+            if columns.start as usize >= end {
+                continue;
+            }
+            let pixels = &self.picture.row(v)[64 * first..];
+            let words = &mut self.mask.row_mut(v)[first..end.div_ceil(64)];
+            let (whole, rest) = pixels.as_chunks::<64>();
+            for (word, colours) in words.iter_mut().zip(whole) {
+                *word = self.classes.word(colours);
+            }
+            if let Some(word) = words.get_mut(whole.len()) {
+                let mut colours = [[0; 3]; 64];
+                colours[..rest.len()].copy_from_slice(rest);
+                *word = self.classes.word(&colours) & ((1 << rest.len()) - 1);
+            }
+            words[0] &= u64::MAX << (columns.start % 64);
+            if !end.is_multiple_of(64) {
+                words[words.len() - 1] &= (1 << (end % 64)) - 1;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GREEN: ColourBox = ColourBox { least: [16, 80, 24], most: [79, 255, 103] };
+
+    #[test]
+    fn a_table_of_a_box_marks_what_the_box_marks() {
+        let data: Vec<u8> = (0..3 * 150 * 7_usize).map(|i| (i * i * 31 + i * 7) as u8).collect();
+        let picture = RgbView::new(&data, 150, 7, 450).unwrap();
+        let mut table = ColourTable::default();
+        table.insert_box(&GREEN);
+        assert_eq!(table.count(), 8 * 22 * 10);
+        let columns = [0..150, 3..149, 64..128, 63..65, 10..10, 140..900];
+        let (mut by_box, mut by_table) = (BitImage::default(), BitImage::default());
+        FloorColours::Box(GREEN).mark(picture, &columns, &mut by_box);
+        FloorColours::Table(table).mark(picture, &columns, &mut by_table);
+        let mut count = 0;
+        for v in 0..7 {
+            for u in 0..150 {
+                let is_asked = columns.get(v).is_some_and(|columns| columns.contains(&(u as u32)));
+                let is_floor = is_asked && GREEN.contains(picture.pixel(u, v));
+                assert_eq!((by_box.get(u, v), by_table.get(u, v)), (is_floor, is_floor), "{u}, {v}");
+                count += u32::from(is_floor);
+            }
+        }
+        assert!(count > 10 && by_box.count() == count, "{count}");
+    }
+
+    #[test]
+    fn an_empty_box_has_no_colour() {
+        let data: Vec<u8> = (0..3 * 64).map(|i| i as u8).collect();
+        let picture = RgbView::new(&data, 64, 1, 192).unwrap();
+        let mut mask = BitImage::default();
+        let empty = ColourBox { least: [0, 9, 0], most: [255, 8, 255] };
+        FloorColours::Box(empty).mark(picture, std::slice::from_ref(&(0..64)), &mut mask);
+        assert_eq!(mask.count(), 0);
+        assert_eq!(every_third(1 | 1 << 3 | 1 << 30 | 1 << 63), 1 | 2 | 1 << 10 | 1 << 21);
+    }
+
+    #[test]
+    fn a_box_moves_step_by_step() {
+        let moved = GREEN.towards(&ColourBox { least: [10, 200, 24], most: [255, 255, 0] }, 20);
+        assert_eq!(moved, ColourBox { least: [10, 100, 24], most: [99, 255, 83] });
+        assert_eq!(GREEN.widened(30), ColourBox { least: [0, 50, 0], most: [109, 255, 133] });
+        assert_eq!((GREEN.spread(), moved.spread()), (175, 155));
+    }
+
+    #[test]
+    fn a_table_survives_being_written() {
+        let mut table = ColourTable::default();
+        table.insert([255, 0, 255]);
+        table.insert([8, 130, 40]);
+        let lines = table.to_lines();
+        assert_eq!(ColourTable::from_lines(&lines), Some(table));
+        assert_eq!(ColourTable::from_lines(&lines[1..]), None);
+        assert_eq!(ColourTable::from_lines(&vec!["é"; 32]), None);
+    }
+}

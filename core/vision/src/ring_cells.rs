@@ -1,0 +1,241 @@
+//! Counts of set pixels in the cells of rings around a mirror's centre: a template that is worked out once.
+//!
+//! Sekimori, Usui, Masutani & Miyazaki cut the picture with a mask of ring sectors and label what is left. Differs from
+//! \[1\]: set pixels are counted cell by cell, which gives the same shares without labels and centres of gravity.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use nalgebra::Vector2;
+
+use super::bit_image::BitImage;
+use super::vectorise::{self, Kernel};
+use yamabico_geometry::camera::MirrorImage;
+
+/// Pixels that lie on the border of two directions count for the left one (rad).
+const BORDER_RAD: f64 = 1e-9;
+/// A cell of which less than this share lies in the picture shows nothing.
+const LEAST_SHOWN: f64 = 0.5;
+
+/// Why there is no template.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum RingError {
+    /// Too few edges or directions, or too many.
+    #[error("{rings} rings and {directions} directions: 1 to 64 rings and 3 to 360 directions are possible")]
+    Size {
+        /// Rings asked for.
+        rings: usize,
+        /// Directions asked for.
+        directions: usize,
+    },
+    /// The radii do not grow.
+    #[error("the edges of the rings must grow from 0 px or more")]
+    Edges,
+}
+
+/// Which pixels belong to which cell. Cell `i * directions + j` lies in ring i, counted outwards, and in direction j,
+/// azimuth 2 pi j / directions to 2 pi (j + 1) / directions, to the left of ahead.
+#[derive(Clone, Debug)]
+pub struct RingCells {
+    width: usize,
+    height: usize,
+    rings: usize,
+    directions: usize,
+    /// Words of a mask and which of their bits; a cell's runs stand together.
+    runs: Vec<Run>,
+    /// Where the runs of each cell end.
+    ends: Vec<u32>,
+    areas: Vec<u32>,
+    is_shown: Vec<bool>,
+    columns: Vec<Range<u32>>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    word: u32,
+    bits: u64,
+}
+
+impl RingCells {
+    /// The template for pictures of this mirror, with ring edges at these radii (pixels of the mirror plane, growing).
+    /// `around_px` is how far around the rings a picture is looked at.
+    ///
+    /// # Errors
+    /// [`RingError`].
+    pub fn new(
+        image: &MirrorImage,
+        edges_px: &[f64],
+        directions: usize,
+        around_px: f64,
+    ) -> Result<Self, RingError> {
+        let rings = edges_px.len().saturating_sub(1);
+        if !(1..=64).contains(&rings) || !(3..=360).contains(&directions) {
+            return Err(RingError::Size { rings, directions });
+        }
+        if !edges_px.is_sorted_by(|a, b| a < b) || edges_px[0] < 0.0 || !edges_px[rings].is_finite() {
+            return Err(RingError::Edges);
+        }
+        let (width, height) = (image.width as usize, image.height as usize);
+        let mask = BitImage::new(width, height);
+        let mut runs: Vec<Vec<Run>> = vec![Vec::new(); rings * directions];
+        let mut columns = Vec::with_capacity(height);
+        for v in 0..height {
+            let mut seen: Option<Range<u32>> = None;
+            for u in 0..width {
+                let point = image.mirror_from_pixel(Vector2::new(u as f64, v as f64));
+                if point.norm() <= edges_px[rings] + around_px {
+                    let start = seen.map_or(u as u32, |seen| seen.start);
+                    seen = Some(start..u as u32 + 1);
+                }
+                let Some(cell) = cell(point, edges_px, directions) else { continue };
+                let (word, bit) = (mask.word_index(u, v) as u32, 1 << (u % 64));
+                match runs[cell].last_mut().filter(|run| run.word == word) {
+                    Some(run) => run.bits |= bit,
+                    None => runs[cell].push(Run { word, bits: bit }),
+                }
+            }
+            columns.push(seen.unwrap_or(0..0));
+        }
+        let areas: Vec<u32> =
+            runs.iter().map(|runs| runs.iter().map(|run| run.bits.count_ones()).sum()).collect();
+        // An area of the mirror plane is so many pixels.
+        let scale = (image.outward(0.0).perp(&image.around(0.0))).abs();
+        let is_shown = (0..rings * directions).map(|cell| {
+            let [inner, outer] = [0, 1].map(|next| edges_px[cell / directions + next]);
+            let whole_px = 0.5 * TAU / directions as f64 * (outer * outer - inner * inner) * scale;
+            areas[cell] > 0 && f64::from(areas[cell]) >= LEAST_SHOWN * whole_px
+        });
+        let is_shown = is_shown.collect();
+        let mut end = 0;
+        let ends = runs.iter().map(|runs| {
+            end += runs.len() as u32;
+            end
+        });
+        let ends = ends.collect();
+        let runs = runs.concat();
+        Ok(Self { width, height, rings, directions, runs, ends, areas, is_shown, columns })
+    }
+
+    /// Rings.
+    #[must_use]
+    pub fn rings(&self) -> usize {
+        self.rings
+    }
+
+    /// Directions.
+    #[must_use]
+    pub fn directions(&self) -> usize {
+        self.directions
+    }
+
+    /// Pixels of each cell.
+    #[must_use]
+    pub fn areas(&self) -> &[u32] {
+        &self.areas
+    }
+
+    /// Whether at least half of a cell lies in the picture.
+    #[must_use]
+    pub fn is_shown(&self, cell: usize) -> bool {
+        self.is_shown.get(cell).is_some_and(|&is_shown| is_shown)
+    }
+
+    /// Of each row, the columns that matter.
+    #[must_use]
+    pub fn columns(&self) -> &[Range<u32>] {
+        &self.columns
+    }
+
+    /// Writes to `counts`, one for each cell, how many pixels of the mask are set in it; a mask of another size has none.
+    pub fn count(&self, mask: &BitImage, counts: &mut Vec<u32>) {
+        counts.clear();
+        counts.resize(self.areas.len(), 0);
+        if (mask.width(), mask.height()) == (self.width, self.height) {
+            vectorise::run(Count { cells: self, words: mask.words(), counts });
+        }
+    }
+}
+
+/// The cell of a point of the mirror plane.
+fn cell(point: Vector2<f64>, edges_px: &[f64], directions: usize) -> Option<usize> {
+    let square = point.norm_squared();
+    let ring =
+        edges_px.windows(2).position(|edge| edge[0] * edge[0] <= square && square < edge[1] * edge[1])?;
+    let azimuth = point.y.atan2(point.x).rem_euclid(TAU) + BORDER_RAD;
+    Some(ring * directions + (azimuth / (TAU / directions as f64)).floor() as usize % directions)
+}
+
+struct Count<'a> {
+    cells: &'a RingCells,
+    words: &'a [u64],
+    counts: &'a mut [u32],
+}
+
+impl Kernel for Count<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut begin = 0;
+        for (count, &end) in self.counts.iter_mut().zip(&self.cells.ends) {
+            let end = end as usize;
+            for run in &self.cells.runs[begin..end] {
+                *count += (self.words[run.word as usize] & run.bits).count_ones();
+            }
+            begin = end;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image() -> MirrorImage {
+        MirrorImage::centred(256, 220)
+    }
+
+    #[test]
+    fn each_pixel_counts_for_the_cell_that_it_lies_in() {
+        let image = image().with_centre(Vector2::new(140.3, 100.2)).unwrap();
+        let edges = [20.0, 50.0, 77.5, 95.0];
+        let cells = RingCells::new(&image, &edges, 12, 3.0).unwrap();
+        let mut mask = BitImage::new(256, 220);
+        (0..220).for_each(|v| (0..256).filter(|u| u * v % 3 == 0).for_each(|u| mask.set(u, v)));
+        let mut expected = vec![0; 36];
+        for (u, v) in mask.pixels() {
+            let point = image.mirror_from_pixel(Vector2::new(u as f64, v as f64));
+            let ring = edges.iter().filter(|&&edge| edge <= point.norm()).count();
+            if (1..4).contains(&ring) {
+                let j = (point.y.atan2(point.x).rem_euclid(TAU) / TAU * 12.0) as usize;
+                expected[12 * (ring - 1) + j] += 1;
+                assert!(cells.columns()[v].contains(&(u as u32)));
+            }
+        }
+        let mut counts = Vec::new();
+        cells.count(&mask, &mut counts);
+        assert_eq!(counts, expected);
+        cells.count(&BitImage::new(255, 220), &mut counts);
+        assert_eq!(counts, [0; 36]);
+    }
+
+    #[test]
+    fn cells_beyond_the_picture_show_nothing() {
+        let cells = RingCells::new(&image(), &[80.0, 100.0, 150.0, 165.0], 8, 0.0).unwrap();
+        assert!((0..8).all(|cell| cells.is_shown(cell)));
+        assert!((16..24).all(|cell| !cells.is_shown(cell)) && !cells.is_shown(99));
+        let wide = image().with_orientation(nalgebra::Matrix2::new(0.0, -0.5, -1.0, 0.0)).unwrap();
+        let cells = RingCells::new(&wide, &[20.0, 50.0], 8, 0.0).unwrap();
+        assert!((0..8).all(|cell| cells.is_shown(cell)), "pixels that are not square");
+    }
+
+    #[test]
+    fn impossible_rings_are_refused() {
+        let refused = |edges: &[f64], directions| RingCells::new(&image(), edges, directions, 0.0).err();
+        assert!(matches!(refused(&[5.0], 32), Some(RingError::Size { rings: 0, .. })));
+        assert!(matches!(refused(&[5.0, 9.0], 2), Some(RingError::Size { .. })));
+        for edges in [[5.0, 5.0], [-1.0, 5.0], [5.0, f64::NAN], [5.0, f64::INFINITY]] {
+            assert_eq!(refused(&edges, 32), Some(RingError::Edges));
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Follows edge pixels into chains that run along an edge with the brighter side on one hand.
+
+use super::edges::{EDGE, EdgeMap, EdgePoint, SECTOR, SECTORS, STRONG};
+
+/// The chains of one image, one after the other, with the buffers that follow them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Chains {
+    /// Points of all chains, in the order along each.
+    pub points: Vec<EdgePoint>,
+    /// Index behind the last point of each chain.
+    pub ends: Vec<u32>,
+    /// Pixels of the chain in hand, from its seed onwards, and from its seed backwards.
+    ahead: Vec<u32>,
+    behind: Vec<u32>,
+}
+
+/// Steps to the three neighbours that may continue a chain, best first, for each sector of the gradient.
+type Steps = [[isize; 3]; SECTORS];
+
+impl Chains {
+    /// Follows every edge with at least one strong pixel, as far as neighbours differ by at most one sector (22.5 to 45
+    /// degrees), and keeps the chains of at least `least_points`. Uses up the marks of `edges`.
+    ///
+    /// Edges are entered only where they cross every so manieth row or column: all that are long enough do so twice, and
+    /// most specks never. Differs from a full hysteresis: an edge must be strong at such a place.
+    pub(super) fn follow(&mut self, edges: &mut EdgeMap, least_points: usize) {
+        self.points.clear();
+        self.ends.clear();
+        let steps = steps(edges.width() as isize);
+        let width = edges.width();
+        let pitch = (least_points / 2).max(1);
+        for row in 0..edges.marks.len() / width {
+            let step = if row % pitch == 0 { 1 } else { pitch };
+            for seed in (row * width..(row + 1) * width).step_by(step) {
+                if edges.marks[seed] & STRONG != 0 {
+                    self.follow_from(seed, edges, &steps, least_points);
+                }
+            }
+        }
+    }
+
+    fn follow_from(&mut self, seed: usize, edges: &mut EdgeMap, steps: &Steps, least_points: usize) {
+        let mark = edges.marks[seed];
+        self.ahead.clear();
+        self.behind.clear();
+        self.ahead.push(seed as u32);
+        walk(seed, mark, 0, &mut edges.marks, steps, &mut self.ahead);
+        walk(seed, mark, SECTORS as u8 / 2, &mut edges.marks, steps, &mut self.behind);
+        if self.ahead.len() + self.behind.len() < least_points {
+            return;
+        }
+        for &pixel in self.behind.iter().rev() {
+            self.points.push(edges.point(pixel as usize));
+        }
+        for &pixel in &self.ahead {
+            self.points.push(edges.point(pixel as usize));
+        }
+        self.ends.push(self.points.len() as u32);
+    }
+}
+
+/// Walks from `seed` (not noted) and notes each pixel; `turn` is 0 for forwards and half the sectors for backwards. The
+/// marks of the pixels it leaves or enters are cleared.
+#[inline(always)]
+fn walk(seed: usize, mark: u8, turn: u8, marks: &mut [u8], steps: &Steps, out: &mut Vec<u32>) {
+    marks[seed] = 0;
+    let (mut here, mut sector) = (seed, mark & SECTOR);
+    loop {
+        let ways = &steps[usize::from((sector + turn) & SECTOR)];
+        // Selections instead of branches: which neighbour goes on cannot be predicted.
+        let (mut there, mut mark) = (0, 0);
+        for step in [ways[2], ways[1], ways[0]] {
+            let candidate = here.wrapping_add_signed(step);
+            let found = marks.get(candidate).copied().unwrap_or(0);
+            (there, mark) = if agrees(found, sector) { (candidate, found) } else { (there, mark) };
+        }
+        if mark == 0 {
+            return;
+        }
+        marks[there] = 0;
+        out.push(there as u32);
+        (here, sector) = (there, mark & SECTOR);
+    }
+}
+
+/// Whether a mark is an edge in the same sector or one up or down (0, 1 or 2 after the shift by one).
+#[inline(always)]
+fn agrees(mark: u8, sector: u8) -> bool {
+    (mark & EDGE != 0) & ((mark.wrapping_sub(sector).wrapping_add(1) & SECTOR) <= 2)
+}
+
+/// The edge runs a quarter turn after its gradient; ahead are the neighbour nearest to that direction, then the second
+/// nearest, then the third.
+fn steps(width: isize) -> Steps {
+    std::array::from_fn(|sector| {
+        // Middle of the sector plus a quarter turn, in 1/8 turns: eight neighbours stand at multiples of it.
+        let course = (sector as f64 + 0.5) / 2.0 + 2.0;
+        let nearest = course.round();
+        let second = if course > nearest { nearest + 1.0 } else { nearest - 1.0 };
+        let third = 2.0 * nearest - second;
+        [nearest, second, third].map(|eighth| match (eighth as isize).rem_euclid(8) {
+            0 => 1,
+            1 => width + 1,
+            2 => width,
+            3 => width - 1,
+            4 => -1,
+            5 => -width - 1,
+            6 => -width,
+            _ => 1 - width,
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::edges::UNITS_PER_LEVEL;
+    use super::*;
+    use yamabico_geometry::image::ImageView;
+
+    #[test]
+    fn closed_outlines_are_followed_all_around() {
+        let (width, height) = (80, 70);
+        let disc = |u: usize, v: usize| {
+            let radius = (u as f64 - 40.0).hypot(v as f64 - 35.0);
+            (50.0 + 150.0 * (25.5 - radius).clamp(0.0, 1.0)) as u8
+        };
+        let square =
+            |u: usize, v: usize| if (20..60).contains(&u) && (15..55).contains(&v) { 200 } else { 50 };
+        for (shape, chains, points) in
+            [(&disc as &dyn Fn(usize, usize) -> u8, 1..=2, 130..=150), (&square, 1..=4, 145..=165)]
+        {
+            let data: Vec<u8> = (0..width * height).map(|i| shape(i % width, i / width)).collect();
+            let mut edges = EdgeMap::default();
+            let image = ImageView::new(&data, width, height, width).unwrap();
+            edges.find(image, 10.0 * UNITS_PER_LEVEL, 20.0 * UNITS_PER_LEVEL);
+            let mut found = Chains::default();
+            found.follow(&mut edges, 10);
+            assert!(chains.contains(&found.ends.len()), "{:?}", found.ends);
+            assert!(points.contains(&found.points.len()), "{}", found.points.len());
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The segments that may run along the corridor.
+
+use crate::segments::Segment;
+use nalgebra::{Vector2, Vector3};
+
+use yamabico_geometry::camera::Intrinsics;
+
+/// A segment as it votes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VotingLine {
+    /// Unit normal of the line normal . p = rho.
+    pub normal: Vector2<f64>,
+    /// Signed distance of the origin, px.
+    pub rho: f64,
+    /// Halfway between the ends, px.
+    pub midpoint: Vector2<f64>,
+    /// Distance between the ends, px.
+    pub length: f64,
+    /// Index of the segment.
+    pub segment: usize,
+}
+
+impl VotingLine {
+    /// Segment number `segment` as a voter.
+    #[must_use]
+    pub fn new(segment: usize, from: &Segment) -> Self {
+        Self { normal: from.normal, rho: from.rho, midpoint: from.midpoint(), length: from.length, segment }
+    }
+
+    /// Whether `point`'s foot lies between the ends. The image of a straight edge never crosses its own vanishing point,
+    /// so such a line does not lead to `point`.
+    pub(super) fn straddles(&self, point: Vector2<f64>) -> bool {
+        let from_middle = point - self.midpoint;
+        let along = self.normal.x * from_middle.y - self.normal.y * from_middle.x;
+        along.abs() < 0.5 * self.length
+    }
+}
+
+/// Which segments are left out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prefilter {
+    /// Unit vector of gravity in the optical frame.
+    pub down: Vector3<f64>,
+    /// Segments nearer to the image of the vertical are left out, rad.
+    pub vertical_rad: f64,
+    /// Segments nearer to the horizontal are left out, rad, ...
+    pub horizontal_rad: f64,
+    /// ... unless their line passes this pixel within `keep_px`.
+    pub predicted: Option<Vector2<f64>>,
+    pub keep_px: f64,
+    /// Shorter segments are left out, px.
+    pub min_length_px: f64,
+    pub most: usize,
+}
+
+impl Prefilter {
+    /// Fills `lines` with the voters among `segments`, in their order, at most `most`.
+    pub(super) fn select(&self, segments: &[Segment], camera: &Intrinsics, lines: &mut Vec<VotingLine>) {
+        lines.clear();
+        let voters = segments.iter().enumerate().filter(|(_, segment)| self.admits(segment, camera));
+        lines.extend(voters.map(|(index, segment)| VotingLine::new(index, segment)).take(self.most));
+    }
+
+    fn admits(&self, segment: &Segment, camera: &Intrinsics) -> bool {
+        let sane =
+            segment.length.is_finite() && segment.rho.is_finite() && segment.length >= self.min_length_px;
+        let vertical = image_of_down(self.down, segment.midpoint(), camera);
+        let direction = segment.direction();
+        let sine = (direction.x * vertical.y - direction.y * vertical.x).abs();
+        let cosine = direction.dot(&vertical).abs();
+        let is_vertical = sine < self.vertical_rad.sin();
+        let is_horizontal = cosine < self.horizontal_rad.sin();
+        let is_predicted = self.predicted.is_some_and(|at| segment.distance(at).abs() <= self.keep_px);
+        sane && !is_vertical && (!is_horizontal || is_predicted)
+    }
+}
+
+/// Unit direction, in the picture, of a plumb line through `point`.
+pub(super) fn image_of_down(down: Vector3<f64>, point: Vector2<f64>, camera: &Intrinsics) -> Vector2<f64> {
+    // The plumb line's vanishing point is K down; homogeneous, so that it may be at infinity.
+    let towards = Vector2::new(
+        camera.fx * down.x + (camera.cx - point.x) * down.z,
+        camera.fy * down.y + (camera.cy - point.y) * down.z,
+    );
+    towards.try_normalize(1e-12).unwrap_or_else(Vector2::y)
+}

@@ -1,0 +1,63 @@
+//! Nothing allocates per frame once the workspaces have seen a first one.
+
+use nalgebra::Vector2;
+use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
+use yamabico_geometry::camera::Intrinsics;
+use yamabico_geometry::image::{GrayImage, ImageView};
+use yamabico_vision::gradient::{Gradient, Scharr};
+use yamabico_vision::median::Median3;
+use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
+use yamabico_vision::vanishing_point::{Prediction, VanishingPointConfig, VanishingPointFinder};
+
+#[global_allocator]
+static HEAP: CountingAllocator = CountingAllocator;
+
+const WIDTH: usize = 320;
+const HEIGHT: usize = 240;
+
+/// Two walls, floor and ceiling whose edges meet at `vp`.
+fn corridor(vp: Vector2<f64>) -> Vec<u8> {
+    let shade = |u: usize, v: usize| {
+        let (du, dv) = (u as f64 - vp.x, v as f64 - vp.y);
+        let stripe = if (dv.atan2(du) * 9.0).sin() > 0.0 { 25 } else { 0 };
+        let base = if dv.abs() > du.abs() {
+            if dv > 0.0 { 90 } else { 200 }
+        } else if du > 0.0 {
+            130
+        } else {
+            160
+        };
+        base + stripe
+    };
+    (0..WIDTH * HEIGHT).map(|i| shade(i % WIDTH, i / WIDTH)).collect()
+}
+
+#[test]
+fn frames_after_the_first_do_not_allocate() {
+    let pictures: Vec<_> = [170.3, 120.9, 150.2].map(|u| corridor(Vector2::new(u, 115.6))).into();
+    let blank = vec![128; WIDTH * HEIGHT];
+    let rgb: Vec<u8> = pictures[0].iter().flat_map(|&grey| [grey; 3]).collect();
+    let camera = Intrinsics::from_horizontal_fov(WIDTH as u32, HEIGHT as u32, 1.0);
+    let prediction = Prediction::at_pixel(Vector2::new(150.0, 115.0), 30.0, &camera);
+    let mut detector = SegmentDetector::new(SegmentConfig::default());
+    let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
+    let (mut median, mut scharr) = (Median3::default(), Scharr::default());
+    let (mut filtered, mut grey, mut gradient) =
+        (GrayImage::default(), GrayImage::default(), Gradient::default());
+    let mut look = |data: &[u8]| {
+        let image = ImageView::new(data, WIDTH, HEIGHT, WIDTH).unwrap();
+        grey.copy_from_rgb8(&rgb, WIDTH, HEIGHT, 3 * WIDTH).unwrap();
+        median.filter(image, &mut filtered);
+        scharr.smoothed_gradient(image, &mut gradient);
+        let segments = detector.detect(image).ok()?;
+        assert!(finder.find(segments, &camera, None).is_ok());
+        finder.find(segments, &camera, Some(prediction)).ok().map(|found| found.pixel)
+    };
+    for data in &pictures {
+        assert!(look(data).is_some());
+    }
+    let frames = pictures.iter().chain([&blank]).chain(&pictures);
+    let (found, asked) = allocations(|| frames.filter(|data| look(data).is_some()).count());
+    assert_eq!(found, 2 * pictures.len());
+    assert_eq!(asked, Allocations::default(), "seven frames");
+}
