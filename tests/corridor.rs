@@ -36,7 +36,7 @@ impl Tap for Offsets {
 }
 
 #[test]
-fn the_robot_keeps_to_the_middle_for_twenty_five_metres() {
+fn the_robot_keeps_to_the_middle_for_twenty_five_meters() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/corridor.toml");
     let task = load(&file, &Overrides::default(), &plugins()).unwrap_or_else(|e| panic!("{e}"));
     let drive = |seed: u64| {

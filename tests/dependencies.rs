@@ -1,4 +1,4 @@
-//! Dependencies point one way: core <- {behaviors, sensors, arbiter} <- cli, and no behaviour knows another part.
+//! Dependencies point one way: core <- {behaviors, sensors, arbiter} <- cli, and no behavior knows another part.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -1,4 +1,4 @@
-//! On a football field with cubes, one picture of a mirror camera finds the robot to the centimetre, wherever it stands.
+//! On a football field with cubes, one picture of a mirror camera finds the robot to the centimeter, wherever it stands.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -50,7 +50,7 @@ fn the_outline_of_the_floor_finds_the_robot() {
             let off = |k: f64| (3.7 * f64::from(picture) + 1.3 * spot as f64 + k).sin();
             let toml = format!(
                 "method = \"floor-outline\"\nfloor_plan = \"maps/field-plan.toml\"\n\
-                 floor_colours = \"maps/field-floor.toml\"\n\
+                 floor_colors = \"maps/field-floor.toml\"\n\
                  start = {{ x_m = {}, y_m = {}, heading_deg = {}, sigma_m = 0.05, sigma_deg = 5 }}",
                 x + 0.05 * off(0.0),
                 y + 0.05 * off(2.0),

@@ -72,7 +72,7 @@ priority = 10
 inputs = { camera = "around", odometry = "wheels" }
 method = "polar-cells"
 speed_mps = 0.4
-turn_rad_s = 2.0
+turn_radps = 2.0
 margin_m = 0.03
 goal_m = [2.15, 0.0]
 tolerance_m = 0.15

@@ -13,7 +13,7 @@ use yamabico_runtime::execution::End;
 use yamabico_runtime::record::Tap;
 use yamabico_runtime::run::{Options, run};
 
-/// World x at which the walls end, metres.
+/// World x at which the walls end, meters.
 const END_M: f64 = 15.0;
 
 /// Compares what is published with the truth.
@@ -25,7 +25,7 @@ struct Listener {
     /// Largest error of the distance, as a share of it.
     worst: f64,
     nearest_m: f64,
-    /// Farthest from the middle of the corridor while messages come, metres.
+    /// Farthest from the middle of the corridor while messages come, meters.
     aside_m: f64,
 }
 
@@ -57,7 +57,7 @@ fn the_robot_steers_between_the_ends_of_the_walls_and_hands_over() {
 
 fn approach(seed: u64) {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/intersection.toml");
-    // Half a metre before the walls end is far enough: by then it is handed over.
+    // Half a meter before the walls end is far enough: by then it is handed over.
     let overrides = Overrides { set: vec!["run.goal.x_m=14.5".into()], ..Overrides::default() };
     let task = load(&file, &overrides, &plugins()).unwrap_or_else(|e| panic!("{e}"));
     let mut listener = Listener::default();

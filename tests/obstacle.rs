@@ -17,16 +17,16 @@ use yamabico_sim::{Scene, World};
 
 /// Seeds of the task's box and person.
 const SEEDS: [u64; 3] = [304, 305, 306];
-/// The box is known before the robot's middle is nearer to the box's, metres.
+/// The box is known before the robot's middle is nearer to the box's, meters.
 const FOUND_M: f64 = 1.0;
-/// An obstacle that is told within this of the box is the box, metres.
+/// An obstacle that is told within this of the box is the box, meters.
 const SAME_M: f64 = 0.5;
 
 fn configs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs")
 }
 
-/// The middle of the box of a seed, metres: of what stands on the floor there and not where the world has no boxes.
+/// The middle of the box of a seed, meters: of what stands on the floor there and not where the world has no boxes.
 fn middle_of_box(seed: u64) -> [f64; 2] {
     let text = std::fs::read_to_string(configs().join("worlds/hallway.toml")).unwrap();
     let mut world = World::from_toml(&text).unwrap();
@@ -41,7 +41,7 @@ fn middle_of_box(seed: u64) -> [f64; 2] {
 struct Judge {
     box_at: [f64; 2],
     robot: Pose2,
-    /// Distance to the box when it was told first, metres.
+    /// Distance to the box when it was told first, meters.
     found_m: Option<f64>,
 }
 
@@ -64,7 +64,7 @@ impl Tap for Judge {
 }
 
 #[test]
-fn the_box_is_found_a_metre_away_and_passed_without_contact() {
+fn the_box_is_found_a_meter_away_and_passed_without_contact() {
     let task = load(&configs().join("hallway.toml"), &Overrides::default(), &plugins())
         .unwrap_or_else(|problems| panic!("{problems}"));
     for seed in SEEDS {

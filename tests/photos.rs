@@ -1,4 +1,4 @@
-//! Photographs of a real corridor pass the whole spine: the behaviour steers towards where people see the corridor end.
+//! Photographs of a real corridor pass the whole spine: the behavior steers towards where people see the corridor end.
 //!
 //! The photographs are no part of the project: the folder `corridor_drive` in `YAMABICO_DATA`, else in `../shared/data`.
 
@@ -16,12 +16,12 @@ use yamabico_runtime::record::Tap;
 use yamabico_runtime::run::{Options, run};
 
 /// The principal column and the guessed focal length, pixels: 960 wide and 90 degrees.
-const CENTRE_PX: f64 = 479.5;
+const CENTER_PX: f64 = 479.5;
 const FOCAL_PX: f64 = 480.0;
-/// Labels nearer to the centre say nothing about where to steer, pixels.
+/// Labels nearer to the center say nothing about where to steer, pixels.
 const STEERING_DEADBAND_PX: f64 = 10.0;
 
-/// Where the behaviour saw the corridor's end, pixels, and how it wanted to turn, rad/s, by the picture's number.
+/// Where the behavior saw the corridor's end, pixels, and how it wanted to turn, rad/s, by the picture's number.
 #[derive(Default)]
 struct Answers(HashMap<u64, (f64, f64)>);
 
@@ -41,14 +41,14 @@ impl Tap for Answers {
         let heading_deg =
             proposal.note.as_str().strip_prefix("heading ").and_then(|text| text.split(' ').next());
         if let Some(Ok(degrees)) = heading_deg.map(str::parse::<f64>) {
-            let column = CENTRE_PX + FOCAL_PX * degrees.to_radians().tan();
+            let column = CENTER_PX + FOCAL_PX * degrees.to_radians().tan();
             // One picture a second, the first at the start.
             self.0.insert(proposal.evidence_ns / 1_000_000_000, (column, proposal.twist.angular));
         }
     }
 }
 
-/// Number and labelled column, pixels, of every photograph that has a label.
+/// Number and labeled column, pixels, of every photograph that has a label.
 fn labels(folder: &Path) -> Vec<(u64, f64)> {
     let mut names: Vec<String> = std::fs::read_dir(folder.join("images"))
         .unwrap()
@@ -57,12 +57,12 @@ fn labels(folder: &Path) -> Vec<(u64, f64)> {
     names.sort();
     let text = std::fs::read_to_string(folder.join("labels.csv")).unwrap();
     // The polygons between the quotes hold commas; the point is the last two fields.
-    let labelled = text.lines().filter_map(|line| {
+    let labeled = text.lines().filter_map(|line| {
         let column = line.rsplit(',').nth(1)?.parse().ok()?;
         let number = names.iter().position(|name| Some(name.as_str()) == line.split(',').next())?;
         Some((number as u64, column))
     });
-    labelled.collect()
+    labeled.collect()
 }
 
 /// Of sorted values, linear between two of them.
@@ -73,7 +73,7 @@ fn percentile(sorted: &[f64], share: f64) -> f64 {
 }
 
 #[test]
-fn the_behaviour_steers_towards_the_end_of_a_real_corridor() {
+fn the_behavior_steers_towards_the_end_of_a_real_corridor() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let data = std::env::var_os("YAMABICO_DATA").map_or(root.join("../shared/data"), PathBuf::from);
     let Ok(folder) = data.join("corridor_drive").canonicalize() else {
@@ -92,9 +92,9 @@ fn the_behaviour_steers_towards_the_end_of_a_real_corridor() {
     let (mut errors, mut steered, mut right) = (Vec::new(), 0, 0);
     for (number, column) in labels(&folder) {
         // A picture without an answer is half the width off and steered wrongly.
-        let (seen, turn) = answers.0.get(&number).copied().unwrap_or((CENTRE_PX + 480.0, 0.0));
+        let (seen, turn) = answers.0.get(&number).copied().unwrap_or((CENTER_PX + 480.0, 0.0));
         errors.push((seen - column).abs());
-        let offset = column - CENTRE_PX;
+        let offset = column - CENTER_PX;
         if offset.abs() > STEERING_DEADBAND_PX {
             steered += 1;
             // To what lies on the right, which is a negative turn.

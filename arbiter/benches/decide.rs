@@ -6,22 +6,22 @@ use std::time::Duration;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use yamabico_arbiter::decide::{Decision, State, decide};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Policy, Wire};
 use yamabico_core::message::{Axes, Kind, Proposal, Reason, Sector, Twist};
 use yamabico_core::sensor::MotionLimits;
 use yamabico_core::time::Time;
 
 const START: Time = Time(1_000_000_000);
 
-/// `count` behaviours whose proposals stay fresh for the whole benchmark.
+/// `count` behaviors whose proposals stay fresh for the whole benchmark.
 fn policy(count: usize) -> Policy {
-    let behaviours = (0..count).map(|i| BehaviourPolicy {
+    let behaviors = (0..count).map(|i| BehaviorPolicy {
         max_age: Duration::from_secs(1_000_000),
         max_evidence_age: Duration::from_secs(1_000_000),
-        ..BehaviourPolicy::new(&format!("behaviour-{i}"), i as i32)
+        ..BehaviorPolicy::new(&format!("behavior-{i}"), i as i32)
     });
     let kinematics = Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 10.0 };
-    Policy::new(MotionLimits::default(), kinematics, behaviours.collect())
+    Policy::new(MotionLimits::default(), kinematics, behaviors.collect())
 }
 
 /// Everybody drives, each on its own.
@@ -40,7 +40,7 @@ fn drives(count: usize) -> Vec<Option<Proposal>> {
 fn mixture(count: usize) -> Vec<Option<Proposal>> {
     let mut proposals = drives(count);
     for (i, slot) in proposals.iter_mut().enumerate() {
-        let ahead = Sector { centre_rad: 0.2, half_width_rad: 0.5 };
+        let ahead = Sector { center_rad: 0.2, half_width_rad: 0.5 };
         let other = match i % 8 {
             0 => Proposal::halt(Axes::ANGULAR, Reason::Echo),
             1 => Proposal::limit(Axes::LINEAR, Twist::planar(0.2, 0.0), Reason::WallNear),

@@ -10,9 +10,9 @@ use yamabico_core::message::{Axes, Twist};
 pub enum Kinematics {
     /// Two wheels on one axle, with the robot frame in the middle of the axle.
     Differential {
-        /// Distance between the wheels' points of contact, metres.
+        /// Distance between the wheels' points of contact, meters.
         base_m: f64,
-        /// Wheel radius, metres.
+        /// Wheel radius, meters.
         wheel_radius_m: f64,
         /// Largest wheel speed, rad/s.
         max_wheel_radps: f64,
@@ -21,9 +21,9 @@ pub enum Kinematics {
     Omni {
         /// How many.
         wheels: OmniWheels,
-        /// Radius of the circle, metres.
+        /// Radius of the circle, meters.
         ring_radius_m: f64,
-        /// Wheel radius, metres.
+        /// Wheel radius, meters.
         wheel_radius_m: f64,
         /// Largest wheel speed, rad/s.
         max_wheel_radps: f64,

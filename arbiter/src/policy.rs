@@ -9,11 +9,11 @@ use crate::kinematics::Kinematics;
 
 /// Everything that [`decide`](crate::decide::decide) goes by and that does not change while it runs.
 ///
-/// Behaviours are named by their index in `behaviours`; slots of proposals, verdicts and wires all use that index.
+/// Behaviors are named by their index in `behaviors`; slots of proposals, verdicts and wires all use that index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Policy {
-    /// The behaviours, in any order; priorities alone rank them.
-    pub behaviours: Vec<BehaviourPolicy>,
+    /// The behaviors, in any order; priorities alone rank them.
+    pub behaviors: Vec<BehaviorPolicy>,
     /// Who keeps whom from driving.
     pub wires: Vec<Wire>,
     /// Sensors without which the robot must not move.
@@ -34,9 +34,9 @@ pub struct Policy {
 
 impl Policy {
     /// A strict policy at 50 Hz, without wires and critical sensors, that allows stamps 2 ms ahead.
-    pub fn new(limits: MotionLimits, kinematics: Kinematics, behaviours: Vec<BehaviourPolicy>) -> Policy {
+    pub fn new(limits: MotionLimits, kinematics: Kinematics, behaviors: Vec<BehaviorPolicy>) -> Policy {
         Policy {
-            behaviours,
+            behaviors,
             wires: Vec::new(),
             sensors: Vec::new(),
             contest: Contest::Strict,
@@ -58,20 +58,20 @@ impl Policy {
         if self.axes().contains(axis) { self.limits.speed[axis as usize] } else { 0.0 }
     }
 
-    /// The index of the behaviour of this name.
+    /// The index of the behavior of this name.
     pub fn find(&self, name: &str) -> Option<usize> {
-        self.behaviours.iter().position(|behaviour| behaviour.name.as_str() == name)
+        self.behaviors.iter().position(|behavior| behavior.name.as_str() == name)
     }
 
-    /// The name of the behaviour at `index`; empty for nobody.
+    /// The name of the behavior at `index`; empty for nobody.
     pub fn name(&self, index: Option<u16>) -> Name {
-        index.and_then(|i| self.behaviours.get(usize::from(i))).map(|b| b.name).unwrap_or_default()
+        index.and_then(|i| self.behaviors.get(usize::from(i))).map(|b| b.name).unwrap_or_default()
     }
 }
 
-/// How one behaviour is heard.
+/// How one behavior is heard.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BehaviourPolicy {
+pub struct BehaviorPolicy {
     /// Its name in the task file, unique.
     pub name: Name,
     /// Higher wins.
@@ -96,11 +96,11 @@ pub struct BehaviourPolicy {
     pub dwell: Duration,
 }
 
-impl BehaviourPolicy {
+impl BehaviorPolicy {
     /// One that is not critical and has the usual ages: stamps of 200 ms, evidence of 1 s, 500 ms of
     /// hold, a deadline of 300 ms and no dwell.
-    pub fn new(name: &str, priority: i32) -> BehaviourPolicy {
-        BehaviourPolicy {
+    pub fn new(name: &str, priority: i32) -> BehaviorPolicy {
+        BehaviorPolicy {
             name: Name::new(name),
             priority,
             critical: false,
@@ -116,22 +116,22 @@ impl BehaviourPolicy {
     }
 
     /// The same, critical.
-    pub fn critical(self) -> BehaviourPolicy {
-        BehaviourPolicy { critical: true, ..self }
+    pub fn critical(self) -> BehaviorPolicy {
+        BehaviorPolicy { critical: true, ..self }
     }
 
     /// The same with another hold.
-    pub fn with_hold(self, hold: Duration) -> BehaviourPolicy {
-        BehaviourPolicy { hold, ..self }
+    pub fn with_hold(self, hold: Duration) -> BehaviorPolicy {
+        BehaviorPolicy { hold, ..self }
     }
 
     /// The same with another dwell.
-    pub fn with_dwell(self, dwell: Duration) -> BehaviourPolicy {
-        BehaviourPolicy { dwell, ..self }
+    pub fn with_dwell(self, dwell: Duration) -> BehaviorPolicy {
+        BehaviorPolicy { dwell, ..self }
     }
 }
 
-/// What a wire does to the drive proposals of the behaviour at its end.
+/// What a wire does to the drive proposals of the behavior at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WireKind {
     /// They are not heard at all.
@@ -140,14 +140,14 @@ pub enum WireKind {
     Suppress,
 }
 
-/// While behaviour `by` is active, and `hold` after, behaviour `what` does not drive. Halts and limits pass.
+/// While behavior `by` is active, and `hold` after, behavior `what` does not drive. Halts and limits pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wire {
     /// On every axis or on those that `by` claims.
     pub kind: WireKind,
-    /// Index of the behaviour at the start.
+    /// Index of the behavior at the start.
     pub by: usize,
-    /// Index of the behaviour at the end.
+    /// Index of the behavior at the end.
     pub what: usize,
     /// How long it outlives the activity of `by`; [`Duration::MAX`] is for ever.
     pub hold: Duration,

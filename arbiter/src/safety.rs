@@ -1,4 +1,4 @@
-//! What stops the robot whatever the behaviours want: the emergency stop, silence of a critical part, the clock.
+//! What stops the robot whatever the behaviors want: the emergency stop, silence of a critical part, the clock.
 
 use std::time::Duration;
 
@@ -13,8 +13,8 @@ pub enum Stop {
     EmergencyStop,
     /// The run ends.
     ShuttingDown,
-    /// The critical behaviour of this index is silent.
-    Behaviour(u16),
+    /// The critical behavior of this index is silent.
+    Behavior(u16),
     /// The critical sensor of this index is silent.
     Sensor(u16),
     /// Time ran backwards; it has not yet caught up with the latest instant seen.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use yamabico_arbiter::decide::{Decision, State, decide};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Contest, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Contest, Policy, Wire};
 use yamabico_core::message::{Axes, Proposal, Reason, Sector, Twist, Verdict};
 use yamabico_core::sensor::MotionLimits;
 use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
@@ -14,7 +14,7 @@ use yamabico_core::time::Time;
 static HEAP: CountingAllocator = CountingAllocator;
 
 fn proposal(i: usize, tick: u64) -> Option<Proposal> {
-    let ahead = Sector { centre_rad: 0.1, half_width_rad: 1.0 };
+    let ahead = Sector { center_rad: 0.1, half_width_rad: 1.0 };
     let proposal = match (i as u64 + tick) % 6 {
         0 => Proposal::halt(Axes::ANGULAR, Reason::Echo),
         1 => Proposal::limit(Axes::LINEAR, Twist::planar(0.3, 0.0), Reason::WallNear).in_sector(ahead),
@@ -29,15 +29,15 @@ fn proposal(i: usize, tick: u64) -> Option<Proposal> {
 
 #[test]
 fn a_decision_and_its_messages_allocate_nothing() {
-    let behaviours = (0..64).map(|i| {
-        BehaviourPolicy::new(&format!("b{i}"), i / 2)
+    let behaviors = (0..64).map(|i| {
+        BehaviorPolicy::new(&format!("b{i}"), i / 2)
             .with_hold(Duration::from_millis(50))
             .with_dwell(Duration::from_millis(30))
     });
     let mut policy = Policy::new(
         MotionLimits::default(),
         Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 10.0 },
-        behaviours.collect(),
+        behaviors.collect(),
     );
     policy.contest = Contest::Blend;
     policy.wires = (0..32).map(|i| Wire::suppress(i, i + 32, Duration::from_millis(40))).collect();

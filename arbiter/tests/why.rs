@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use yamabico_arbiter::decide::{Decision, Scene, State, Told, decide, explain};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Policy, Wire};
 use yamabico_core::message::{Axes, Name, Note, Process, ProcessState, Proposal, Reason, Sector, Twist};
 use yamabico_core::sensor::MotionLimits;
 use yamabico_core::time::Time;
@@ -24,7 +24,7 @@ const AVOIDER: usize = 1;
 const LOCALIZER: usize = 2;
 const WALL_FOLLOWER: usize = 3;
 
-/// The behaviours of a hallway, whose words are put into their mouths.
+/// The behaviors of a hallway, whose words are put into their mouths.
 struct Hallway {
     policy: Policy,
     state: State,
@@ -37,17 +37,17 @@ struct Hallway {
 
 impl Hallway {
     fn new(change: impl FnOnce(&mut Policy)) -> Hallway {
-        let behaviours = vec![
-            BehaviourPolicy::new("sonar-halt", 100).critical(),
-            BehaviourPolicy::new("obstacle-avoider", 50),
-            BehaviourPolicy::new("map-localizer", 20).with_dwell(Duration::from_millis(300)),
-            BehaviourPolicy::new("wall-follower", 10),
+        let behaviors = vec![
+            BehaviorPolicy::new("sonar-halt", 100).critical(),
+            BehaviorPolicy::new("obstacle-avoider", 50),
+            BehaviorPolicy::new("map-localizer", 20).with_dwell(Duration::from_millis(300)),
+            BehaviorPolicy::new("wall-follower", 10),
         ];
-        let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviours);
+        let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviors);
         change(&mut policy);
         Hallway {
             state: State::new(&policy),
-            proposals: vec![None; policy.behaviours.len()],
+            proposals: vec![None; policy.behaviors.len()],
             processes: Vec::new(),
             now: Time(10_000_000_000),
             sequence: 0,
@@ -135,7 +135,7 @@ fn the_sonar_halts_before_somebody() {
 fn a_limit_slows_what_is_ahead() {
     let mut hallway = Hallway::under_way();
     let limit = Proposal::limit(Axes::LINEAR, Twist::planar(0.15, 0.0), Reason::WallNear);
-    let ahead = Sector { centre_rad: 0.0, half_width_rad: 0.5 };
+    let ahead = Sector { center_rad: 0.0, half_width_rad: 0.5 };
     hallway
         .say(AVOIDER, limit.in_sector(ahead).with_note(format_args!("box at 0.9 m, 0.12 m beside the path")));
     hallway.go_on(MOMENT, &[]);
@@ -143,7 +143,7 @@ fn a_limit_slows_what_is_ahead() {
 }
 
 #[test]
-fn a_critical_behaviour_is_dead_and_comes_back() {
+fn a_critical_behavior_is_dead_and_comes_back() {
     let mut hallway = Hallway::under_way();
     let died = hallway.now + MOMENT;
     hallway.go_on(Duration::from_millis(400), &[SONAR_HALT]);
@@ -181,7 +181,7 @@ fn what_one_goes_by_is_too_old_and_the_other_waits_to_take_over() {
 fn one_inhibits_another_and_goes_on_doing_so_for_a_while() {
     let mut hallway = Hallway::changed(|policy| {
         policy.wires.push(Wire::inhibit(AVOIDER, LOCALIZER, Duration::from_secs(1)));
-        policy.behaviours[LOCALIZER].dwell = Duration::ZERO;
+        policy.behaviors[LOCALIZER].dwell = Duration::ZERO;
     });
     hallway.say(AVOIDER, drive(0.0, 0.9).with_note(format_args!("turns to the passage on the left")));
     hallway.go_on(MOMENT, &[]);

@@ -1,4 +1,4 @@
-//! The seam that a behaviour implements: sensors in, one proposal out.
+//! The seam that a behavior implements: sensors in, one proposal out.
 //!
 //! The contract of [`Behavior::propose`]:
 //! - it reads no clock ([`Inputs::now`] is the time), never sleeps, starts no threads, logs nothing;
@@ -40,9 +40,9 @@ pub trait Behavior: Send {
     fn recall(&mut self, _memory: &[u8]) {}
 }
 
-/// A behaviour that can be composed in a task file.
+/// A behavior that can be composed in a task file.
 pub trait Plugin: Behavior + Sized + 'static {
-    /// Its parameters: the keys of its table in the task file beyond those that every behaviour has.
+    /// Its parameters: the keys of its table in the task file beyond those that every behavior has.
     type Config: DeserializeOwned + JsonSchema;
     /// Name in task files, kebab-case.
     const NAME: &'static str;
@@ -195,13 +195,13 @@ pub trait SlotSource {
     fn get(&self, index: usize) -> Option<RawMessage<'_>>;
 }
 
-/// All slots of one behaviour.
+/// All slots of one behavior.
 pub trait InputSource {
     /// The slot at `index`; `None` beyond the last.
     fn slot(&self, index: usize) -> Option<&dyn SlotSource>;
 }
 
-/// What a behaviour sees in one call.
+/// What a behavior sees in one call.
 pub struct Inputs<'a> {
     now: Time,
     source: &'a dyn InputSource,

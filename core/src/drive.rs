@@ -20,9 +20,9 @@ pub trait Drive: Send {
 pub struct Wheels {
     /// How many.
     pub count: u8,
-    /// From the robot's center to where each touches the floor, metres.
+    /// From the robot's center to where each touches the floor, meters.
     pub from_center_m: f64,
-    /// Radius of each, metres.
+    /// Radius of each, meters.
     pub radius_m: f64,
     /// Largest speed of each, rad/s.
     pub max_radps: f64,

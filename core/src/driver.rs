@@ -172,7 +172,7 @@ pub struct Device {
     pub drive: Option<Box<dyn Drive>>,
     /// A simulator's own sensor of [`Truth`](crate::message::Truth), published on the output `truth`.
     pub judge: Option<Box<dyn Sensor>>,
-    /// Walls that a simulator knows, as polylines on the floor, map frame, metres: for plots.
+    /// Walls that a simulator knows, as polylines on the floor, map frame, meters: for plots.
     pub walls: Vec<Vec<[f64; 2]>>,
 }
 

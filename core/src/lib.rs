@@ -1,4 +1,4 @@
-//! The vocabulary of Yamabico: what robots, sensors, behaviours and the arbiter say to each other.
+//! The vocabulary of Yamabico: what robots, sensors, behaviors and the arbiter say to each other.
 //!
 //! `Frame -> Behavior::propose -> Proposal -> arbiter::decide -> Command -> Drive`
 //!

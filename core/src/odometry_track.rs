@@ -92,7 +92,7 @@ fn between(earlier: &Reading, later: &Reading, at: Time) -> Pose2 {
     earlier.pose.integrate(&Twist::logarithm(&motion, span_s), at.seconds_after(earlier.stamp))
 }
 
-/// How far the robot moved from one pose to another: metres of translation and radians of turning, never negative.
+/// How far the robot moved from one pose to another: meters of translation and radians of turning, never negative.
 #[must_use]
 pub fn travel(from: &Pose2, to: &Pose2) -> (f64, f64) {
     (from.distance(to), angle_difference(to.theta, from.theta).abs())

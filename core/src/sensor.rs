@@ -53,7 +53,7 @@ impl DeviceError {
     }
 }
 
-/// What a behaviour may know of a sensor: from the robot file.
+/// What a behavior may know of a sensor: from the robot file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SensorInfo {
     /// Its name in the robot file.
@@ -101,7 +101,7 @@ pub struct MountedMirror {
 pub enum SensorKind {
     /// A pinhole camera.
     Camera {
-        /// Focal lengths, centre and size, pixels.
+        /// Focal lengths, center and size, pixels.
         intrinsics: Intrinsics,
         /// Of the lens.
         distortion: Distortion,
@@ -121,9 +121,9 @@ pub enum SensorKind {
     },
     /// Sonars or a laser.
     Range {
-        /// Nearest range, metres.
+        /// Nearest range, meters.
         min_m: f64,
-        /// Farthest range, metres.
+        /// Farthest range, meters.
         max_m: f64,
     },
     /// Anything that needs no description.
@@ -135,7 +135,7 @@ pub enum SensorKind {
 pub struct Robot {
     /// Its name.
     pub name: String,
-    /// Radius of the circle about the centre that holds the whole robot, metres.
+    /// Radius of the circle about the center that holds the whole robot, meters.
     pub radius_m: f64,
     /// What it can do.
     pub limits: MotionLimits,

@@ -1,7 +1,7 @@
 """Pose from the outline of the floor with OpenCV and numpy, one thread: `floor_outline_speed.py FRAMES`.
 
 FRAMES holds floor_256x220.png as `cargo bench -p yamabico-map-localizer --bench poses` writes it. Row ends, hull, moments, and the
-linear fit to the lines of the field, as in the behaviour; the median of many runs, whole and for the fit alone.
+linear fit to the lines of the field, as in the behavior; the median of many runs, whole and for the fit alone.
 """
 import os
 import sys
@@ -41,11 +41,11 @@ def fit(x, y):
     points = np.c_[x, y] / (A - B * root)[:, None]
     weight = 1 / slope ** 2
     moments = cv2.moments(points.astype(np.float32))
-    centre = np.array([moments["m10"], moments["m01"]]) / moments["m00"]
+    center = np.array([moments["m10"], moments["m01"]]) / moments["m00"]
     axis = 0.5 * np.arctan2(2 * moments["mu11"], moments["mu20"] - moments["mu02"])
     for _ in range(20):
         sin, cos = np.sin(axis), np.cos(axis)
-        p = (points - centre) @ np.array([[cos, -sin], [sin, cos]])
+        p = (points - center) @ np.array([[cos, -sin], [sin, cos]])
         away = p[:, None] - FROM[None]
         share = np.clip((away * ALONG[None]).sum(2) / SQUARED, 0, 1)
         nearest = ((away - share[..., None] * ALONG[None]) ** 2).sum(2).argmin(1)
@@ -56,11 +56,11 @@ def fit(x, y):
         a, b, turn = np.linalg.solve(weighted.T @ row, weighted.T @ error)
         axis += turn
         sin, cos = np.sin(axis), np.cos(axis)
-        centre = centre - np.array([a * cos - b * sin, a * sin + b * cos])
+        center = center - np.array([a * cos - b * sin, a * sin + b * cos])
         if abs(a) <= 0.1 and abs(b) <= 0.1 and abs(turn) <= 1e-4:
             break
     sin, cos = np.sin(-axis), np.cos(-axis)
-    return -centre[0] * cos + centre[1] * sin, -centre[0] * sin - centre[1] * cos, -axis
+    return -center[0] * cos + center[1] * sin, -center[0] * sin - center[1] * cos, -axis
 
 
 def median_us(run):

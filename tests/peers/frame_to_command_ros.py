@@ -1,6 +1,6 @@
-"""Frame published to command received over three ROS 2 nodes, a process each: camera and drive, behaviour, arbiter.
+"""Frame published to command received over three ROS 2 nodes, a process each: camera and drive, behavior, arbiter.
 
-The behaviour and the arbiter do nothing but answer. A 640x480 mono frame every 20 ms, `best effort`, depth 1 everywhere.
+The behavior and the arbiter do nothing but answer. A 640x480 mono frame every 20 ms, `best effort`, depth 1 everywhere.
 Runs in a network namespace of its own that has only a loopback: nothing of it reaches, or hears of, another machine.
 
     python frame_to_command_ros.py [FRAMES]
@@ -51,7 +51,7 @@ def relay(role):
     from sensor_msgs.msg import Image
 
     takes, topic, answers = {
-        "behaviour": (Image, "camera", "proposal"),
+        "behavior": (Image, "camera", "proposal"),
         "arbiter": (TwistStamped, "proposal", "command"),
     }[role]
     rclpy.init()
@@ -103,11 +103,11 @@ def measure(frames):
 
 def main():
     enter_namespace()
-    if len(sys.argv) > 1 and sys.argv[1] in ("behaviour", "arbiter"):
+    if len(sys.argv) > 1 and sys.argv[1] in ("behavior", "arbiter"):
         return relay(sys.argv[1])
     raise_loopback()
     frames = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    relays = [subprocess.Popen([sys.executable, __file__, role]) for role in ("behaviour", "arbiter")]
+    relays = [subprocess.Popen([sys.executable, __file__, role]) for role in ("behavior", "arbiter")]
     try:
         latencies = sorted(measure(frames))
     finally:

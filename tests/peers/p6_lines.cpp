@@ -1,6 +1,6 @@
 // The localizer's filter with Eigen: forty image lines of map edges, projected anew at each belief, gated, applied in Joseph's form.
 //
-// The bench `localise` of the map-localizer leaves its problem in the temporary folder (yamabico-peers/p6_lines.raw, doubles):
+// The bench `localize` of the map-localizer leaves its problem in the temporary folder (yamabico-peers/p6_lines.raw, doubles):
 // fx fy cx cy, the rotation camera from body by rows, the mount in the camera, the prior's x y theta and its two standard
 // deviations, the gate, the number of edges, and for each the two ends on the map (x y z) and the two seen pixels (u v).
 //

@@ -1,4 +1,4 @@
-//! Five hundred kills at random times over all behaviours of the hallway, hangs, and deaths of the supervisor; figures.
+//! Five hundred kills at random times over all behaviors of the hallway, hangs, and deaths of the supervisor; figures.
 //!
 //!     cargo build --release && cargo run --release --example chaos -- [--blind] [KILLS] [SECONDS OF A RUN] [PYTHON]
 //!
@@ -22,13 +22,13 @@ use robot::{BareTimer, Robot, Segments, config, signal};
 use yamabico_core::message::Truth;
 use yamabico_core::time::Time;
 
-/// Behaviours and the simulator.
+/// Behaviors and the simulator.
 const PLUGINS: usize = VICTIMS.len() + 1;
 /// Who is a program in Python where there is an interpreter.
 const IN_PYTHON: &str = "wall-follower";
 /// Neither the goal nor the time ends a run.
 const ENDLESS: [&str; 2] = ["run.goal.x_m=1000", "run.duration_s=100000"];
-/// How near a person lets a robot come that is in their way, metres.
+/// How near a person lets a robot come that is in their way, meters.
 const GIVES_WAY_M: f64 = 0.4;
 /// Supervisors that are killed.
 const ORPHANS: usize = 10;
@@ -171,7 +171,7 @@ fn hang(program: &Path, set: &[String], figures: &mut Figures) {
     tell("stopped to dead", &figures.noticed);
 }
 
-/// The behaviour in control is killed: when the next command comes, and when the last one that it is behind is over.
+/// The behavior in control is killed: when the next command comes, and when the last one that it is behind is over.
 fn take_over(program: &Path, set: &[String]) {
     let mut robot = start(program, 2000, &with(set, "robot.devices.sim.clutter=\"none\""));
     let (mut next, mut other, timer) = (Vec::new(), Vec::new(), BareTimer::start(PERIOD));
@@ -198,8 +198,8 @@ fn take_over(program: &Path, set: &[String]) {
         };
         other.extend(after.clone().find(new).map(|command| since(command.stamp_ns)));
     }
-    tell("behaviour in control killed, to the next command", &next);
-    tell("behaviour in control killed, to a command without it", &other);
+    tell("behavior in control killed, to the next command", &next);
+    tell("behavior in control killed, to a command without it", &other);
     println!("a bare timer was {:.1?} late at most", timer.stop().most);
 }
 

@@ -1,4 +1,4 @@
-//! A behaviour in Python raises, ends, hangs, is killed and keeps what it must not, so many times each: how soon it is back.
+//! A behavior in Python raises, ends, hangs, is killed and keeps what it must not, so many times each: how soon it is back.
 //!
 //!     cargo build --release && cargo run --release --example python_falls -- [TIMES]
 

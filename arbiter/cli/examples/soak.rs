@@ -1,4 +1,4 @@
-//! Minutes of the hallway live at 100 Hz with all its behaviours: does anything grow, how late are the ticks, what does it cost?
+//! Minutes of the hallway live at 100 Hz with all its behaviors: does anything grow, how late are the ticks, what does it cost?
 //!
 //!     cargo build --release && cargo run --release --example soak -- [MINUTES]
 //!
@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use robot::{BareTimer, Holdings, Robot};
 
-/// The hallway's behaviours and the simulator.
+/// The hallway's behaviors and the simulator.
 const PLUGINS: [&str; 5] =
     ["sim", "sonar-halt", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
 const SUPERVISOR: &str = "arbiter and supervisor";
@@ -73,7 +73,7 @@ fn main() -> ExitCode {
     let name = format!("soak-{}", std::process::id());
     // Slow enough for the hallway to last; the goal is beyond its end.
     let speed_mps = (10.0 / (60.0 * minutes)).clamp(0.02, 0.4);
-    let speed = |behaviour: &str| format!("behaviors.{behaviour}.speed_mps={speed_mps}");
+    let speed = |behavior: &str| format!("behaviors.{behavior}.speed_mps={speed_mps}");
     let (localizer, follower) = (speed("map-localizer"), speed("wall-follower"));
     let duration = format!("run.duration_s={}", 120.0 * minutes);
     let set = ["arbiter.rate_hz=100", "run.goal.x_m=1000", &duration, &localizer, &follower];

@@ -20,7 +20,7 @@ use yamabico_runtime::execution::End;
 use yamabico_runtime::record::Tap;
 use yamabico_runtime::run::{Options, Ran, run};
 
-/// The first metres of a run, in which a robot that starts beside its line comes to it, metres.
+/// The first meters of a run, in which a robot that starts beside its line comes to it, meters.
 const SETTLING_M: f64 = 5.0;
 
 #[derive(Parser)]
@@ -114,7 +114,7 @@ impl Row {
     }
 }
 
-/// Offsets from the reference line, the map's x axis, after the first metres.
+/// Offsets from the reference line, the map's x axis, after the first meters.
 #[derive(Default)]
 struct Settled {
     square_sum: f64,
@@ -185,7 +185,7 @@ fn text(rows: &[Row]) -> String {
         "x real time",
     ];
     table.load_style(UTF8_FULL_CONDENSED).set_header(head);
-    let metres = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
+    let meters = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
     let count = |value: Option<u32>| value.map_or("-".into(), |value| value.to_string());
     for row in rows {
         table.add_row([
@@ -194,10 +194,10 @@ fn text(rows: &[Row]) -> String {
             format!("{:.1} s", row.time_s),
             count(row.contacts),
             count(row.struck),
-            metres(row.rms_offset_m),
-            metres(row.settled_rms_offset_m),
-            metres(row.clearance_m),
-            row.stood_at_m.iter().map(|metres| format!("{metres:.2} m")).collect::<Vec<_>>().join(", "),
+            meters(row.rms_offset_m),
+            meters(row.settled_rms_offset_m),
+            meters(row.clearance_m),
+            row.stood_at_m.iter().map(|meters| format!("{meters:.2} m")).collect::<Vec<_>>().join(", "),
             format!("{:.1}", row.real_time_factor),
         ]);
     }

@@ -11,7 +11,7 @@ use tracing_subscriber::EnvFilter;
 
 use commands::{Command, check, describe, goto, graph, learn, list, new, plugin, run, schema};
 
-/// Drives a robot with independent behaviours, and can say why.
+/// Drives a robot with independent behaviors, and can say why.
 #[derive(Parser)]
 #[command(name = "yamabico", version, propagate_version = true, after_help = EXIT_CODES)]
 struct Arguments {

@@ -42,8 +42,8 @@ impl Print {
         match self {
             Print::Json => self.show(&problems.entries(), |_| String::new()),
             Print::Text => {
-                let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-                eprint!("{}", problems.render(if colour { Style::Coloured } else { Style::Plain }));
+                let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+                eprint!("{}", problems.render(if color { Style::Colored } else { Style::Plain }));
                 let plural = if problems.len() == 1 { "mistake" } else { "mistakes" };
                 eprintln!("{} {plural}; nothing was opened", problems.len());
             }

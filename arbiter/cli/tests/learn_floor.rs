@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
-use yamabico_vision::floor_colour::FloorColours;
-use yamabico_vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_color::FloorColors;
+use yamabico_vision::floor_color_file::ColorFile;
 
 struct Folder(PathBuf);
 
@@ -18,7 +18,7 @@ impl Folder {
         Self(path)
     }
 
-    /// A green floor below a wall of this colour, and its mask.
+    /// A green floor below a wall of this color, and its mask.
     fn mark(&self, name: &str, wall: [u8; 3]) {
         let floor = |u: u32, v: u32| [40 + (u % 20) as u8, 130 + (v % 20) as u8, 60];
         let picture = RgbImage::from_fn(60, 40, |u, v| Rgb(if v < 20 { wall } else { floor(u, v) }));
@@ -56,12 +56,12 @@ fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
-fn read(path: &Path) -> FloorColours {
-    ColourFile::read(path).unwrap_or_else(|problem| panic!("{problem}"))
+fn read(path: &Path) -> FloorColors {
+    ColorFile::read(path).unwrap_or_else(|problem| panic!("{problem}"))
 }
 
 #[test]
-fn pictures_and_masks_become_colours() {
+fn pictures_and_masks_become_colors() {
     let folder = Folder::new("learns");
     folder.mark("one", [180, 170, 160]);
     folder.mark("two", [150, 40, 30]);
@@ -69,9 +69,9 @@ fn pictures_and_masks_become_colours() {
         let output = folder.learn(&["--form", form]);
         assert_eq!(output.status.code(), Some(0), "{}", told(&output));
         assert!(told(&output).contains("one.png") && told(&output).contains("100.0 %"), "{}", told(&output));
-        let colours = read(&folder.out());
-        assert!(colours.contains([50, 140, 60]), "{form}");
-        assert!(!colours.contains([180, 170, 160]) && !colours.contains([150, 40, 30]), "{form}");
+        let colors = read(&folder.out());
+        assert!(colors.contains([50, 140, 60]), "{form}");
+        assert!(!colors.contains([180, 170, 160]) && !colors.contains([150, 40, 30]), "{form}");
     }
 }
 

@@ -1,4 +1,4 @@
-//! `yamabico learn map` from outside: the map is right, and serves the localiser.
+//! `yamabico learn map` from outside: the map is right, and serves the localizer.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -76,7 +76,7 @@ fn edges_are_where_they_stand() {
     assert!(folder.0.join("map.png").metadata().unwrap().len() > 1000);
     let map = EdgeMap::read(&folder.map()).unwrap();
     let corners = corners("mapping.toml");
-    for (seen, most_m) in [(15, 0.02), (4, 0.04)] {
+    for (seen, max_m) in [(15, 0.02), (4, 0.04)] {
         let errors = errors(&map, &corners, seen);
         let worst = errors.iter().copied().fold(0.0, f64::max);
         println!(
@@ -86,7 +86,7 @@ fn edges_are_where_they_stand() {
             1e3 * mean(&errors),
             1e3 * worst
         );
-        assert!(errors.len() >= 11 && mean(&errors) <= most_m);
+        assert!(errors.len() >= 11 && mean(&errors) <= max_m);
     }
 }
 
@@ -130,7 +130,7 @@ fn a_second_drive_tells_which_surfaces_are_solid() {
 }
 
 #[test]
-fn a_map_that_was_made_serves_the_localiser() {
+fn a_map_that_was_made_serves_the_localizer() {
     let folder = Folder::new("room");
     let empty = [
         "behaviors.map-localizer.method=\"dead-reckoning\"",

@@ -111,7 +111,7 @@ fn said(ended: &Output) -> String {
 }
 
 #[test]
-fn behaviours_are_switched_and_the_robot_is_stopped() {
+fn behaviors_are_switched_and_the_robot_is_stopped() {
     let robot = Robot::start("switch", &[]);
     let wrong = robot.ask(&["disable", "wall-follwer"]);
     assert_eq!(wrong.status.code(), Some(2));
@@ -122,7 +122,7 @@ fn behaviours_are_switched_and_the_robot_is_stopped() {
     let json = robot.json(&["enable", "wall-follower"]);
     assert_eq!((json["state"].as_str(), json["changed"].as_bool()), (Some("enabled"), Some(true)), "{json}");
 
-    // Without a critical behaviour the robot stops, and says so.
+    // Without a critical behavior the robot stops, and says so.
     assert!(robot.told(&["disable", "sonar-halt"]).contains("sonar-halt is silent"));
     robot.told(&["enable", "sonar-halt"]);
 
@@ -139,7 +139,7 @@ fn a_robot_tells_why_who_and_what() {
     let told = robot.await_words(&["why"], "map-localizer asks for");
     assert!(told.contains("wall-follower (10)"), "{told}");
     let json = robot.json(&["why"]);
-    assert_eq!(json["explanation"]["behaviours"].as_array().unwrap().len(), 4, "{json}");
+    assert_eq!(json["explanation"]["behaviors"].as_array().unwrap().len(), 4, "{json}");
     robot.told(&["estop"]);
     assert!(robot.told(&["why"]).contains("emergency stop: latched until `yamabico reset`"));
     robot.told(&["reset"]);
@@ -166,7 +166,7 @@ fn a_robot_tells_why_who_and_what() {
     assert!(said(&wrong).contains("did you mean `command`?"));
 }
 
-/// Metres that map-localizer says are to go.
+/// Meters that map-localizer says are to go.
 fn to_go_m(why: &str) -> Option<f64> {
     why.split_once(" m to go")?.0.rsplit(' ').next()?.parse().ok()
 }
@@ -185,7 +185,7 @@ fn parameters_are_changed_all_or_none_and_outlive_a_crash() {
         (&["map-localizer.speed_mps=0.3", "wall-follower.speed_mps=9"][..], "wall-follower: `speed_mps` = 9"),
         (&["map-localizer.speed_mps=0.3", "sonar-halt.gate_m=4.9"], "`gate_m`: sonar-halt: 4.9 m is beyond"),
         (&["map-localizer.sped_mps=0.3"], "did you mean `speed_mps`?"),
-        (&["map-localiser.speed_mps=0.3"], "did you mean `map-localizer`?"),
+        (&["map-localizer.speed_mps=0.3"], "did you mean `map-localizer`?"),
         (&["map-localizer.speed_mps"], "no `=`"),
     ] {
         let ended = robot.ask(&[&["set"], assignments].concat());
@@ -222,11 +222,11 @@ fn parameters_are_changed_all_or_none_and_outlive_a_crash() {
 }
 
 #[test]
-fn a_hand_needs_a_behaviour_that_obeys_it_and_a_terminal() {
+fn a_hand_needs_a_behavior_that_obeys_it_and_a_terminal() {
     let robot = Robot::start("hand", &[]);
     let ended = robot.ask(&["teleop"]);
     assert_eq!(ended.status.code(), Some(2));
-    assert!(said(&ended).contains("has no behaviour that obeys a stick"), "{}", said(&ended));
+    assert!(said(&ended).contains("has no behavior that obeys a stick"), "{}", said(&ended));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Behaviours that are programs of their own: asked what they are, composed in TOML, run live, killed, refused.
+//! Behaviors that are programs of their own: asked what they are, composed in TOML, run live, killed, refused.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -32,7 +32,7 @@ impl Crate {
         command.output().unwrap()
     }
 
-    /// The task with `exec` as the program of its behaviour.
+    /// The task with `exec` as the program of its behavior.
     fn with_exec(&self, exec: &str) -> String {
         let task = std::fs::read_to_string(self.folder.join("creeper/task.toml")).unwrap();
         let task = task.replace("\"target/debug/creeper\"", exec);
@@ -78,7 +78,7 @@ fn a_program_is_composed_by_exec_and_drives() {
     assert!(ran.status.success(), "{}", said(&ran));
     let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
     assert!(report["distance_m"].as_f64() > Some(0.3), "{report}");
-    assert!(report["behaviours"]["creeper"]["calls"].as_u64() > Some(20), "{report}");
+    assert!(report["behaviors"]["creeper"]["calls"].as_u64() > Some(20), "{report}");
     assert_eq!(report["contacts"].as_u64(), Some(0));
 }
 
@@ -98,7 +98,7 @@ fn its_parameters_and_inputs_are_checked_like_those_of_any_other() {
 }
 
 #[test]
-fn what_is_no_behaviour_is_refused_before_anything_opens() {
+fn what_is_no_behavior_is_refused_before_anything_opens() {
     let place = Crate::new("refused");
     let description = |message: &str| {
         format!(

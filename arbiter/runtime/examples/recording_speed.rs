@@ -3,7 +3,7 @@
 //!     cargo run --release -p yamabico-arbiter --example recording_speed [FILE.mcap] [--json]
 //!
 //! Sends the messages of 60 seconds of a robot with a camera of 256x240 pixels at 10 Hz, sonars at 20 Hz, odometry, truth,
-//! two behaviours, decisions and commands at 50 Hz, as fast as the taps take them, and prints how much faster than real
+//! two behaviors, decisions and commands at 50 Hz, as fast as the taps take them, and prints how much faster than real
 //! time that is: for each tap alone, and for all.
 
 #![allow(clippy::unwrap_used, reason = "a measurement stops at the first surprise")]
@@ -152,7 +152,7 @@ fn drive(tap: &mut dyn Tap, frames: &[Vec<u8>]) {
             ("wall-follower", Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.01))),
         ];
         for (name, proposal) in proposals {
-            let proposal = Proposal { behaviour: Name::new(name), stamp_ns, sequence, ..proposal };
+            let proposal = Proposal { behavior: Name::new(name), stamp_ns, sequence, ..proposal };
             send(tap, &format!("behaviors/{name}/proposal"), time, &proposal, &[]);
         }
         let decision = DecisionHeader { stamp_ns, sequence, ..Default::default() };

@@ -21,7 +21,7 @@ use crate::supervisor::Program;
 pub struct Options {
     /// Of everything that is drawn by chance.
     pub seed: u64,
-    /// Threads that the behaviours share in lockstep.
+    /// Threads that the behaviors share in lockstep.
     pub threads: usize,
     /// Where the recording goes; none for no recording. Its folder is made where it is missing.
     pub recording: Option<PathBuf>,

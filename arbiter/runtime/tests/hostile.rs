@@ -24,12 +24,12 @@ use yamabico_host::config::{Overrides, load};
 use yamabico_runtime::execution::{Durations, Fared, Live, Plan, topics};
 use yamabico_runtime::record::Tap;
 
-/// What the honest behaviour asks for, m/s.
+/// What the honest behavior asks for, m/s.
 const HONEST_MPS: f64 = 0.3;
 /// Of the arbiter's tick.
 const PERIOD: Duration = Duration::from_millis(20);
 /// Decisions that proposals may trigger, a second: 64 a tick of 20 ms at once, then one a millisecond.
-const MOST_DECISIONS_HZ: f64 = 64.0 / 0.02 + 1000.0;
+const MAX_DECISIONS_HZ: f64 = 64.0 / 0.02 + 1000.0;
 
 /// Drives straight on.
 struct Honest;
@@ -151,7 +151,7 @@ fn drive_at(mps: f64) -> Proposal {
     Proposal {
         stamp_ns: now,
         evidence_ns: now,
-        behaviour: Name::new("evil"),
+        behavior: Name::new("evil"),
         ..Proposal::drive(Axes::LINEAR, Twist::planar(mps, 0.0))
     }
 }
@@ -196,7 +196,7 @@ fn nonsense_moves_nothing_and_keeps_nobody_from_driving() {
                 note: bytemuck::pod_read_unaligned(&[0xff; 64]),
                 ..p
             },
-            |p, _| Proposal { behaviour: bytemuck::pod_read_unaligned(&[0xff; 32]), kind: u32::MAX, ..p },
+            |p, _| Proposal { behavior: bytemuck::pod_read_unaligned(&[0xff; 32]), kind: u32::MAX, ..p },
         ];
         for round in 0.. {
             if over.load(Ordering::Relaxed) {
@@ -220,7 +220,7 @@ fn limits_and_halts_that_are_nonsense_only_slow() {
                 return;
             }
             let limit = Proposal::limit(Axes::ALL, Twist::planar(f64::INFINITY, -1.0), Reason::None);
-            let sector = Sector { centre_rad: f64::NAN, half_width_rad: f64::NEG_INFINITY };
+            let sector = Sector { center_rad: f64::NAN, half_width_rad: f64::NEG_INFINITY };
             let halt = Proposal::halt(bytemuck::cast(u32::MAX), Reason::None);
             let proposal = if round % 2 == 0 { limit.in_sector(sector) } else { halt };
             evil.publish(&Proposal { sequence: round, stamp_ns: u64::MAX, ..proposal }, &[]).unwrap();
@@ -249,8 +249,8 @@ fn a_flood_neither_stalls_nor_speeds_up() {
     let lasted = given.last.since(given.first.unwrap()).as_secs_f64();
     let sent_hz = SENT.load(Ordering::Relaxed) as f64 / lasted;
     println!("{sent_hz:.0} proposals a second, {:.0} commands a second", given.commands as f64 / lasted);
-    assert!(sent_hz > 2.0 * MOST_DECISIONS_HZ, "no flood");
-    assert!((given.commands as f64) < MOST_DECISIONS_HZ * lasted * 1.05, "{} commands", given.commands);
+    assert!(sent_hz > 2.0 * MAX_DECISIONS_HZ, "no flood");
+    assert!((given.commands as f64) < MAX_DECISIONS_HZ * lasted * 1.05, "{} commands", given.commands);
     assert!((given.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", given.fastest);
 }
 
@@ -270,7 +270,7 @@ fn nobody_speaks_in_anothers_name_or_with_another_priority() {
         }
         assert!(matches!(lesser.publish(&drive_at(0.4), &[0; 4096]), Err(BusError::TooLong { .. })));
         while !over.load(Ordering::Relaxed) {
-            let claimed = Proposal { behaviour: Name::new("honest"), priority: i32::MAX, ..drive_at(0.45) };
+            let claimed = Proposal { behavior: Name::new("honest"), priority: i32::MAX, ..drive_at(0.45) };
             lesser.publish(&claimed, &[]).unwrap();
             std::thread::sleep(Duration::from_millis(5));
         }

@@ -1,4 +1,4 @@
-//! Lockstep with small stand-ins for devices and behaviours: order, panics, dead sensors, threads.
+//! Lockstep with small stand-ins for devices and behaviors: order, panics, dead sensors, threads.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -209,7 +209,7 @@ fn silent_sensors_end_in_a_stop_and_never_in_silence() {
 }
 
 #[test]
-fn a_behaviour_that_panics_is_out_and_the_others_go_on() {
+fn a_behavior_that_panics_is_out_and_the_others_go_on() {
     let task = format!("{TASK}[behaviors.broken]\npriority = 20\ninputs = {{ wheels = \"wheels\" }}\n");
     let (decisions, digest) = run("broken", &task, 1);
     assert!(decisions[70].commanded.linear > 0.3);

@@ -52,14 +52,14 @@ fn drive(tap: &mut dyn Tap) {
         let truth = Truth { stamp_ns, sequence, x, person_m: f64::INFINITY, ..Default::default() };
         send(tap, "truth", time, &truth, &[]);
         let follower = Proposal {
-            behaviour: Name::new("wall-follower"),
+            behavior: Name::new("wall-follower"),
             stamp_ns,
             ..Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.1 / 3.0))
         };
         send(tap, "proposal/wall-follower", time, &follower, &[]);
         let sonar =
             if halted { Proposal::halt(Axes::ALL, Reason::Echo) } else { Proposal::abstain(Reason::Clear) };
-        let sonar = Proposal { behaviour: Name::new("sonar-halt"), stamp_ns, ..sonar };
+        let sonar = Proposal { behavior: Name::new("sonar-halt"), stamp_ns, ..sonar };
         send(tap, "proposal/sonar-halt", time, &sonar, &[]);
         let mode = if halted { Mode::Halted } else { Mode::Driving };
         let decision = DecisionHeader { stamp_ns, sequence, mode: mode.code(), ..Default::default() };

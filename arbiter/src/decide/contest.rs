@@ -9,7 +9,7 @@ use super::decision::{Decision, Lasting};
 use super::hear::Hearing;
 use super::state::State;
 
-/// Until when lower priorities wait for each axis that a behaviour drove.
+/// Until when lower priorities wait for each axis that a behavior drove.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tenure {
     until: [Time; 3],
@@ -212,7 +212,7 @@ impl Board {
         until.map_or(Lasting::Now, |until| Lasting::until(until, now))
     }
 
-    /// Keeps lower priorities from what the behaviour in `row` drove a moment ago.
+    /// Keeps lower priorities from what the behavior in `row` drove a moment ago.
     fn reserve(&mut self, row: u16, state: &State, now: Time) {
         for axis in Axis::ALL {
             if now < state.tenures[usize::from(row)].until[axis as usize] && !self.reserved.contains(axis) {

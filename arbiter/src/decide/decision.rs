@@ -40,13 +40,13 @@ pub struct Decision {
     pub stop: Option<Stop>,
     /// Whether some axis brakes with the emergency deceleration.
     pub emergency: bool,
-    /// Who won each axis: index of the behaviour.
+    /// Who won each axis: index of the behavior.
     pub source: [Option<u16>; 3],
     /// Who halts each axis.
     pub halted_by: [Option<u16>; 3],
     /// Whose limit binds each axis, and to what, m/s, m/s, rad/s.
     pub limited_by: [Option<(u16, f64)>; 3],
-    /// What became of each behaviour, by its index.
+    /// What became of each behavior, by its index.
     pub rulings: Vec<Ruling>,
 }
 
@@ -54,14 +54,14 @@ pub struct Decision {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Late {
     /// The winner.
-    pub behaviour: u16,
+    pub behavior: u16,
     /// Age of the oldest data in its proposal.
     pub age: Duration,
     /// What is left of the robot's largest speeds, above 0 and at most 1; 1 where lateness is only counted.
     pub factor: f64,
 }
 
-/// What became of one behaviour.
+/// What became of one behavior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ruling {
     /// The outcome.
@@ -127,7 +127,7 @@ impl Ruling {
 }
 
 impl Decision {
-    /// An empty one, with room for every behaviour of `policy`.
+    /// An empty one, with room for every behavior of `policy`.
     pub fn new(policy: &Policy) -> Decision {
         Decision {
             stamp: Time::ZERO,
@@ -146,15 +146,15 @@ impl Decision {
             source: [None; 3],
             halted_by: [None; 3],
             limited_by: [None; 3],
-            rulings: vec![Ruling::SILENT; policy.behaviours.len()],
+            rulings: vec![Ruling::SILENT; policy.behaviors.len()],
         }
     }
 
     /// Clears everything but the rulings, each of which is written in turn.
     pub(super) fn begin(&mut self, policy: &Policy, now: Time, sequence: u64) {
         let mut rulings = std::mem::take(&mut self.rulings);
-        if rulings.len() != policy.behaviours.len() {
-            rulings.resize(policy.behaviours.len(), Ruling::SILENT);
+        if rulings.len() != policy.behaviors.len() {
+            rulings.resize(policy.behaviors.len(), Ruling::SILENT);
         }
         *self = Decision {
             stamp: now,
@@ -212,14 +212,14 @@ impl Decision {
         }
     }
 
-    /// Writes one verdict a behaviour, in the order of the policy, to the front of `verdicts`, as many as fit; returns how
+    /// Writes one verdict a behavior, in the order of the policy, to the front of `verdicts`, as many as fit; returns how
     /// many were written.
     pub fn write_verdicts(&self, policy: &Policy, verdicts: &mut [Verdict]) -> usize {
-        for ((verdict, ruling), behaviour) in verdicts.iter_mut().zip(&self.rulings).zip(&policy.behaviours) {
+        for ((verdict, ruling), behavior) in verdicts.iter_mut().zip(&self.rulings).zip(&policy.behaviors) {
             *verdict = Verdict {
-                behaviour: behaviour.name,
+                behavior: behavior.name,
                 by: policy.name(ruling.by),
-                priority: behaviour.priority,
+                priority: behavior.priority,
                 outcome: ruling.outcome.code(),
                 claimed: ruling.claimed,
                 won: ruling.won,
@@ -245,7 +245,7 @@ impl Decision {
         let mut note = Note::default();
         // Writing to a `Text` cuts and never fails.
         let _ = match self.stop {
-            Some(Stop::Behaviour(index)) => write!(note, "{} is silent", policy.name(Some(index))),
+            Some(Stop::Behavior(index)) => write!(note, "{} is silent", policy.name(Some(index))),
             Some(Stop::Sensor(index)) => match policy.sensors.get(usize::from(index)) {
                 Some(sensor) => write!(note, "{} is silent", sensor.name),
                 None => Ok(()),
@@ -257,7 +257,7 @@ impl Decision {
                 Some(&index) => write!(note, "{} halts {}", policy.name(Some(index)), self.halted),
                 None => match self.late.filter(|late| late.factor < 1.0) {
                     Some(late) => {
-                        let (age_ms, of) = (late.age.as_secs_f64() * 1e3, policy.name(Some(late.behaviour)));
+                        let (age_ms, of) = (late.age.as_secs_f64() * 1e3, policy.name(Some(late.behavior)));
                         write!(note, "slowed: data of {of} is {age_ms:.0} ms old")
                     }
                     None => Ok(()),

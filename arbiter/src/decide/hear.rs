@@ -6,7 +6,7 @@ use yamabico_core::time::Time;
 use super::decision::{Decision, Lasting, Ruling};
 use super::state::{Bounds, Rule, State};
 
-/// What one behaviour says in this decision, and what it said last.
+/// What one behavior says in this decision, and what it said last.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Hearing {
     /// Sequence and stamp of the newest proposal seen.
@@ -25,7 +25,7 @@ pub(super) struct Hearing {
     pub suppressor: u16,
 }
 
-/// Hears every behaviour: lists who drives and whose halts and limits are in force, and writes a first ruling on each.
+/// Hears every behavior: lists who drives and whose halts and limits are in force, and writes a first ruling on each.
 pub(super) fn hear(state: &mut State, proposals: &[Option<Proposal>], now: Time, decision: &mut Decision) {
     state.drivers.clear();
     state.restraining.clear();
@@ -191,7 +191,7 @@ fn is_sound_limit(proposal: &Proposal) -> bool {
         && !proposal.axes.is_empty()
         && proposal.limits.is_finite()
         && linear.min(lateral).min(angular) >= 0.0
-        && proposal.sector.centre_rad.is_finite()
+        && proposal.sector.center_rad.is_finite()
         && proposal.sector.half_width_rad.is_finite()
         && proposal.sector.half_width_rad >= 0.0
 }

@@ -27,7 +27,7 @@ pub(super) fn note(
     let mut least = 1.0;
     for &row in &state.drivers {
         let slot = usize::from(state.rules[usize::from(row)].slot);
-        let Some(budget) = policy.behaviours[slot].latency_budget else { continue };
+        let Some(budget) = policy.behaviors[slot].latency_budget else { continue };
         let Some(proposal) = proposals.get(slot).and_then(Option::as_ref) else { continue };
         let age = now.since(Time(proposal.evidence_ns));
         if decision.rulings[slot].won.is_empty() || age <= budget {
@@ -36,7 +36,7 @@ pub(super) fn note(
         let share = share_of(budget, age);
         if share < least {
             least = share;
-            decision.late = Some(Late { behaviour: slot as u16, age, factor: share });
+            decision.late = Some(Late { behavior: slot as u16, age, factor: share });
         }
     }
     if policy.lateness == Lateness::Counts {

@@ -14,7 +14,7 @@ mod told;
 mod wires;
 
 pub use decision::{Decision, Lasting, Late, Ruling};
-pub use explain::{AxisWords, BehaviourWords, Explanation, Scene, Terms, explain};
+pub use explain::{AxisWords, BehaviorWords, Explanation, Scene, Terms, explain};
 pub use state::State;
 pub use told::Told;
 
@@ -27,7 +27,7 @@ use crate::safety::{Stop, Tick};
 
 /// Decides what the motors get at `now`.
 ///
-/// `proposals` holds the newest proposal of each behaviour at the behaviour's index in `policy`; a missing or empty slot is
+/// `proposals` holds the newest proposal of each behavior at the behavior's index in `policy`; a missing or empty slot is
 /// silence. `state` must have been made from the same policy. `decision` is overwritten.
 ///
 /// No failure raises a speed: whatever is stale, malformed, silent or out of time is dropped as a drive and kept as a halt
@@ -86,7 +86,7 @@ fn mode(decision: &Decision) -> Mode {
     match decision.stop {
         Some(Stop::EmergencyStop) => Mode::EmergencyStop,
         Some(Stop::ShuttingDown) => Mode::ShuttingDown,
-        Some(Stop::Behaviour(_) | Stop::Sensor(_) | Stop::Clock) => Mode::CriticalSilent,
+        Some(Stop::Behavior(_) | Stop::Sensor(_) | Stop::Clock) => Mode::CriticalSilent,
         None if !decision.halted.is_empty() => Mode::Halted,
         None if decision.source.iter().any(Option::is_some) => Mode::Driving,
         None => Mode::Idle,

@@ -19,7 +19,7 @@ enum Assertion {
     Blind { axes: Axes },
 }
 
-/// The halt and the limit of one behaviour that are still in force.
+/// The halt and the limit of one behavior that are still in force.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Restraint {
     /// Axes that it halts.
@@ -289,7 +289,7 @@ impl Swept {
         if sector.half_width_rad >= std::f64::consts::PI {
             return true;
         }
-        let offset = |direction_rad: f64| angle_difference(direction_rad, sector.centre_rad);
+        let offset = |direction_rad: f64| angle_difference(direction_rad, sector.center_rad);
         let is_inside = |direction_rad: f64| offset(direction_rad).abs() <= sector.half_width_rad + SAME_RAD;
         match (self.from_rad, self.to_rad) {
             (Some(from), Some(to)) => {
@@ -326,7 +326,7 @@ pub(super) fn stop_drivers(state: &State, decision: &mut Decision) {
         if ruling.won.is_empty() && ruling.outcome != Outcome::Held {
             ruling.outcome = Outcome::Stopped;
             ruling.by = match decision.stop {
-                Some(Stop::Behaviour(index)) => Some(index),
+                Some(Stop::Behavior(index)) => Some(index),
                 Some(_) => None,
                 None => decision.halted_by[axis as usize],
             };

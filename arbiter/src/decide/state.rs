@@ -15,7 +15,7 @@ use crate::safety::{Course, Orders, Watch};
 
 /// The memory of [`decide`](super::decide), and what is ordered from outside: made once from a policy.
 ///
-/// Rows stand in the order in which behaviours are asked: by priority, highest first, then by name.
+/// Rows stand in the order in which behaviors are asked: by priority, highest first, then by name.
 #[derive(Clone, Debug)]
 pub struct State {
     pub(super) rules: Vec<Rule>,
@@ -29,13 +29,13 @@ pub struct State {
     pub(super) drivers: Vec<u16>,
     /// Rows of this decision with a halt or limit in force.
     pub(super) restraining: Vec<u16>,
-    /// Slots of critical behaviours.
+    /// Slots of critical behaviors.
     pub(super) watches: Vec<(u16, Watch)>,
     sensors: Vec<Watch>,
     pub(super) bounds: Bounds,
     pub(super) has: Axes,
     pub(super) tolerance_ns: u64,
-    /// Whether some behaviour has a latency budget.
+    /// Whether some behavior has a latency budget.
     pub(super) has_budgets: bool,
     pub(super) orders: Orders,
     pub(super) course: Course,
@@ -43,7 +43,7 @@ pub struct State {
     sequence: u64,
 }
 
-/// What the policy says of one behaviour, ready for use.
+/// What the policy says of one behavior, ready for use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rule {
     /// Index in the policy.
@@ -93,9 +93,9 @@ impl Bounds {
 impl State {
     /// A robot at rest that has heard nothing yet.
     pub fn new(policy: &Policy) -> State {
-        let behaviours = &policy.behaviours;
-        let mut order: Vec<usize> = (0..behaviours.len()).collect();
-        order.sort_by_key(|&slot| (std::cmp::Reverse(behaviours[slot].priority), behaviours[slot].name));
+        let behaviors = &policy.behaviors;
+        let mut order: Vec<usize> = (0..behaviors.len()).collect();
+        order.sort_by_key(|&slot| (std::cmp::Reverse(behaviors[slot].priority), behaviors[slot].name));
         let row_of = |slot: usize| order.iter().position(|&s| s == slot);
 
         let mut watches = Vec::new();
@@ -103,28 +103,28 @@ impl State {
             .iter()
             .enumerate()
             .map(|(row, &slot)| {
-                let behaviour = &behaviours[slot];
-                let lower = order[row..].iter().position(|&s| behaviours[s].priority < behaviour.priority);
-                let first = order.iter().position(|&s| behaviours[s].priority == behaviour.priority);
+                let behavior = &behaviors[slot];
+                let lower = order[row..].iter().position(|&s| behaviors[s].priority < behavior.priority);
+                let first = order.iter().position(|&s| behaviors[s].priority == behavior.priority);
                 let (group_start, group_end) = match policy.contest {
                     Contest::Strict => (row, row + 1),
                     Contest::Blend => (first.unwrap_or(row), lower.map_or(order.len(), |n| row + n)),
                 };
-                let watch = behaviour.critical.then(|| {
-                    watches.push((slot as u16, Watch::new(behaviour.deadline)));
+                let watch = behavior.critical.then(|| {
+                    watches.push((slot as u16, Watch::new(behavior.deadline)));
                     (watches.len() - 1) as u16
                 });
                 Rule {
                     slot: slot as u16,
                     group_start: group_start as u16,
                     group_end: group_end as u16,
-                    enabled: behaviour.enabled,
-                    sleeps: behaviour.sleeps,
+                    enabled: behavior.enabled,
+                    sleeps: behavior.sleeps,
                     watch,
-                    max_age_ns: nanoseconds(behaviour.max_age),
-                    max_evidence_age_ns: nanoseconds(behaviour.max_evidence_age),
-                    hold_ns: nanoseconds(behaviour.hold),
-                    dwell_ns: nanoseconds(behaviour.dwell),
+                    max_age_ns: nanoseconds(behavior.max_age),
+                    max_evidence_age_ns: nanoseconds(behavior.max_evidence_age),
+                    hold_ns: nanoseconds(behavior.hold),
+                    dwell_ns: nanoseconds(behavior.dwell),
                 }
             })
             .collect();
@@ -149,7 +149,7 @@ impl State {
             bounds: Bounds::new(policy),
             has: policy.axes(),
             tolerance_ns: nanoseconds(policy.future_tolerance),
-            has_budgets: behaviours.iter().any(|behaviour| behaviour.latency_budget.is_some()),
+            has_budgets: behaviors.iter().any(|behavior| behavior.latency_budget.is_some()),
             orders: Orders::default(),
             course: Course::default(),
             ramp: Ramp::default(),
@@ -172,7 +172,7 @@ impl State {
         self.orders.shut_down();
     }
 
-    /// Lets the behaviour at `index` of the policy be heard.
+    /// Lets the behavior at `index` of the policy be heard.
     pub fn enable(&mut self, index: usize) {
         self.rules
             .iter_mut()
@@ -180,7 +180,7 @@ impl State {
             .for_each(|rule| rule.enabled = true);
     }
 
-    /// Lets the behaviour at `index` of the policy not be heard. A halt or limit of it is held as if it had died; a critical
+    /// Lets the behavior at `index` of the policy not be heard. A halt or limit of it is held as if it had died; a critical
     /// one counts as silent.
     pub fn disable(&mut self, index: usize) {
         self.rules
@@ -206,16 +206,16 @@ impl State {
         self.sequence
     }
 
-    /// The first critical behaviour, or else sensor, that is silent.
+    /// The first critical behavior, or else sensor, that is silent.
     pub(super) fn silent_part(&self, now: Time) -> Option<crate::safety::Stop> {
         use crate::safety::Stop;
-        let behaviour =
+        let behavior =
             self.watches.iter().find(|(_, watch)| watch.is_silent(now, Duration::MAX)).map(|&(slot, _)| slot);
         let sensor = || {
             self.sensors
                 .iter()
                 .position(|watch| watch.is_silent(now, Duration::from_nanos(self.tolerance_ns)))
         };
-        behaviour.map(Stop::Behaviour).or_else(|| sensor().map(|index| Stop::Sensor(index as u16)))
+        behavior.map(Stop::Behavior).or_else(|| sensor().map(|index| Stop::Sensor(index as u16)))
     }
 }

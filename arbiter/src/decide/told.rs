@@ -1,4 +1,4 @@
-//! A decision as it travelled.
+//! A decision as it traveled.
 
 use yamabico_core::message::{DecisionHeader, Verdict};
 
@@ -10,21 +10,21 @@ use crate::policy::Policy;
 pub struct Told {
     /// The decision.
     pub header: DecisionHeader,
-    /// What became of each behaviour.
+    /// What became of each behavior.
     pub verdicts: Vec<Verdict>,
 }
 
 impl Told {
     /// `decision` as it travels.
     pub fn of(policy: &Policy, decision: &Decision) -> Told {
-        let mut verdicts = vec![Verdict::default(); policy.behaviours.len()];
+        let mut verdicts = vec![Verdict::default(); policy.behaviors.len()];
         let count = decision.write_verdicts(policy, &mut verdicts);
         verdicts.truncate(count);
         Told { header: decision.header(policy), verdicts }
     }
 
-    /// What became of the behaviour `name`; `None` where the robot has none of this name.
+    /// What became of the behavior `name`; `None` where the robot has none of this name.
     pub fn verdict(&self, name: &str) -> Option<&Verdict> {
-        self.verdicts.iter().find(|verdict| verdict.behaviour.as_str() == name)
+        self.verdicts.iter().find(|verdict| verdict.behavior.as_str() == name)
     }
 }

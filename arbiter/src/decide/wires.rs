@@ -33,7 +33,7 @@ impl Line {
     }
 }
 
-/// Takes drive proposals, or axes of them, out of the contest. An inhibited behaviour is not active, and so its own wires
+/// Takes drive proposals, or axes of them, out of the contest. An inhibited behavior is not active, and so its own wires
 /// rest.
 pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
     for line in &mut state.lines {
@@ -66,7 +66,7 @@ pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
     }
 }
 
-/// Whether it is what a behaviour leaves that is not asked, or that has not been told to wake up yet.
+/// Whether it is what a behavior leaves that is not asked, or that has not been told to wake up yet.
 fn is_asleep(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Silent | Outcome::Stale | Outcome::StaleEvidence)
 }

@@ -48,14 +48,14 @@ proptest! {
     }
 
     #[test]
-    fn the_order_of_behaviours_does_not_matter(
+    fn the_order_of_behaviors_does_not_matter(
         policy in policy(), history in history(), places in Just((0..MOST).collect::<Vec<_>>()).prop_shuffle(),
     ) {
-        let n = policy.behaviours.len();
+        let n = policy.behaviors.len();
         let places: Vec<usize> = places.into_iter().filter(|&place| place < n).collect();
         let mut other = policy.clone();
         for (i, &place) in places.iter().enumerate() {
-            other.behaviours[place] = policy.behaviours[i].clone();
+            other.behaviors[place] = policy.behaviors[i].clone();
         }
         for wire in &mut other.wires {
             (wire.by, wire.what) = (places[wire.by], places[wire.what]);
@@ -86,9 +86,9 @@ proptest! {
         for moment in &history {
             run.live(moment);
             latest = latest.max(run.now);
-            for (i, behaviour) in policy.behaviours.iter().enumerate() {
+            for (i, behavior) in policy.behaviors.iter().enumerate() {
                 let sound = run.proposals[i].is_some_and(|p| {
-                    p.kind() == Some(Kind::Drive) && is_live(&p, behaviour, &policy, latest) && p.twist.is_finite()
+                    p.kind() == Some(Kind::Drive) && is_live(&p, behavior, &policy, latest) && p.twist.is_finite()
                 });
                 if !sound {
                     prop_assert!(run.decision.rulings[i].won.is_empty());

@@ -11,7 +11,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use yamabico_arbiter::decide::{Decision, State, decide};
 use yamabico_arbiter::kinematics::{Kinematics, OmniWheels};
-use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Contest, CriticalSensor, Policy, Wire};
 use yamabico_core::message::{Axes, Axis, Kind, Mode, Proposal, Reason, Sector, Twist};
 use yamabico_core::sensor::MotionLimits;
 use yamabico_core::time::Time;
@@ -26,7 +26,7 @@ const LIMITS: MotionLimits = MotionLimits {
     jerk: [200.0, 150.0, 600.0],
 };
 
-/// What one behaviour does before a decision.
+/// What one behavior does before a decision.
 #[derive(Clone, Debug)]
 enum Act {
     Repeat,
@@ -53,7 +53,7 @@ struct Run {
     policy: Policy,
     state: State,
     proposals: Vec<Option<Proposal>>,
-    /// The first so many behaviours act.
+    /// The first so many behaviors act.
     actors: usize,
     now: Time,
     sequence: u64,
@@ -65,19 +65,19 @@ impl Run {
         Run {
             policy: policy.clone(),
             state: State::new(policy),
-            proposals: vec![None; policy.behaviours.len()],
-            actors: policy.behaviours.len(),
+            proposals: vec![None; policy.behaviors.len()],
+            actors: policy.behaviors.len(),
             now: Time(100_000_000_000),
             sequence: 0,
             decision: Decision::new(policy),
         }
     }
 
-    /// With one more behaviour at the end, which has no wires, is not critical and does nothing by itself.
+    /// With one more behavior at the end, which has no wires, is not critical and does nothing by itself.
     fn with_stranger(policy: &Policy, priority: i32) -> Run {
         let mut policy = policy.clone();
-        policy.behaviours.push(BehaviourPolicy::new("stranger", priority));
-        Run { actors: policy.behaviours.len() - 1, ..Run::new(&policy) }
+        policy.behaviors.push(BehaviorPolicy::new("stranger", priority));
+        Run { actors: policy.behaviors.len() - 1, ..Run::new(&policy) }
     }
 
     fn put(&mut self, index: usize, proposal: Proposal, age_ms: i64, evidence_age_ms: i64) {
@@ -158,7 +158,7 @@ fn limit() -> impl Strategy<Value = Proposal> {
     let sector = prop_oneof![
         Just(Sector::ALL),
         (-7.0..7.0_f64, 0.0..3.2_f64)
-            .prop_map(|(centre_rad, half_width_rad)| Sector { centre_rad, half_width_rad }),
+            .prop_map(|(center_rad, half_width_rad)| Sector { center_rad, half_width_rad }),
     ];
     (1_u32..8, twist(), sector).prop_map(|(bits, limits, sector)| {
         let limits = Twist::new(limits.linear.abs(), limits.lateral.abs(), limits.angular.abs());
@@ -214,7 +214,7 @@ fn spoilt() -> impl Strategy<Value = Proposal> {
             2 => p.twist.angular = number,
             3 => p.limits.linear = number,
             4 => p.limits.angular = number,
-            5 => p.sector.centre_rad = number,
+            5 => p.sector.center_rad = number,
             6 => p.sector.half_width_rad = number,
             7 => p.confidence = number,
             8 => p.kind = code,
@@ -246,28 +246,28 @@ fn kinematics() -> impl Strategy<Value = Kinematics> {
     ]
 }
 
-/// With wires that run from earlier to later behaviours only, so never in a circle.
+/// With wires that run from earlier to later behaviors only, so never in a circle.
 fn policy() -> impl Strategy<Value = Policy> {
-    let behaviour = (0..8_i32, prop::bool::weighted(0.15), 0..400_u64, 0..3_u64);
+    let behavior = (0..8_i32, prop::bool::weighted(0.15), 0..400_u64, 0..3_u64);
     let wire = (0..MOST, 0..MOST, any::<bool>(), 0..300_u64);
-    (kinematics(), vec(behaviour, 1..=MOST), vec(wire, 0..4), any::<bool>(), prop::bool::weighted(0.2))
-        .prop_map(|(kinematics, behaviours, wires, blend, guarded)| {
-            let n = behaviours.len();
-            let behaviours: Vec<BehaviourPolicy> = behaviours
+    (kinematics(), vec(behavior, 1..=MOST), vec(wire, 0..4), any::<bool>(), prop::bool::weighted(0.2))
+        .prop_map(|(kinematics, behaviors, wires, blend, guarded)| {
+            let n = behaviors.len();
+            let behaviors: Vec<BehaviorPolicy> = behaviors
                 .into_iter()
                 .enumerate()
-                .map(|(i, (priority, critical, hold_ms, dwells))| BehaviourPolicy {
+                .map(|(i, (priority, critical, hold_ms, dwells))| BehaviorPolicy {
                     critical,
                     hold: Duration::from_millis(hold_ms),
                     dwell: Duration::from_millis(dwells / 2 * 100),
-                    ..BehaviourPolicy::new(&format!("b{i}"), priority)
+                    ..BehaviorPolicy::new(&format!("b{i}"), priority)
                 })
                 .collect();
-            let mut policy = Policy::new(LIMITS, kinematics, behaviours);
+            let mut policy = Policy::new(LIMITS, kinematics, behaviors);
             policy.contest = if blend { Contest::Blend } else { Contest::Strict };
             policy.wires = wires
                 .into_iter()
-                .filter(|&(by, what, ..)| by < what && what < n && !policy.behaviours[what].critical)
+                .filter(|&(by, what, ..)| by < what && what < n && !policy.behaviors[what].critical)
                 .map(|(by, what, inhibits, hold_ms)| {
                     let hold = Duration::from_millis(hold_ms);
                     if inhibits { Wire::inhibit(by, what, hold) } else { Wire::suppress(by, what, hold) }
@@ -282,8 +282,8 @@ fn policy() -> impl Strategy<Value = Policy> {
 }
 
 /// Whether neither stamp nor evidence of `proposal` is too old or from the future.
-fn is_live(proposal: &Proposal, behaviour: &BehaviourPolicy, policy: &Policy, now: Time) -> bool {
-    now.since(Time(proposal.stamp_ns)) <= behaviour.max_age
-        && now.since(Time(proposal.evidence_ns)) <= behaviour.max_evidence_age
+fn is_live(proposal: &Proposal, behavior: &BehaviorPolicy, policy: &Policy, now: Time) -> bool {
+    now.since(Time(proposal.stamp_ns)) <= behavior.max_age
+        && now.since(Time(proposal.evidence_ns)) <= behavior.max_evidence_age
         && Time(proposal.stamp_ns.max(proposal.evidence_ns)) <= now + policy.future_tolerance
 }

@@ -22,7 +22,7 @@ proptest! {
         };
         let named = if halt.axes.is_valid() && !halt.axes.is_empty() { halt.axes } else { Axes::ALL };
         run.wait(20);
-        run.put(policy.behaviours.len(), halt, ages_ms.0, ages_ms.1);
+        run.put(policy.behaviors.len(), halt, ages_ms.0, ages_ms.1);
         let before = run.state.commanded();
         let after = run.decide().commanded;
         for axis in named.intersection(policy.axes()).iter() {
@@ -34,7 +34,7 @@ proptest! {
         // 0.8 m/s and 1.5 rad/s are gone in half a second.
         for _ in 0..26 {
             run.wait(20);
-            run.put(policy.behaviours.len(), halt, ages_ms.0, ages_ms.1);
+            run.put(policy.behaviors.len(), halt, ages_ms.0, ages_ms.1);
             run.decide();
         }
         for axis in named.intersection(policy.axes()).iter() {
@@ -47,7 +47,7 @@ proptest! {
         policy in policy(), history in history(), last in moment(), one_more in limit(), spoil in 0..6_u8,
         priority in priority(),
     ) {
-        let stranger = policy.behaviours.len();
+        let stranger = policy.behaviors.len();
         let mut run = Run::with_stranger(&policy, priority);
         for moment in &history {
             run.live(moment);
@@ -68,7 +68,7 @@ proptest! {
         policy in policy(), history in history(), rest in vec(moment(), 1..=10), limit in limit(),
         priority in priority(),
     ) {
-        let stranger = policy.behaviours.len();
+        let stranger = policy.behaviors.len();
         let limit = limit.in_sector(Sector::ALL);
         let mut run = Run::with_stranger(&policy, priority);
         for moment in &history {
@@ -99,8 +99,8 @@ proptest! {
             let before = run.state.commanded();
             run.live(&Moment { order: u8::MAX, ..moment.clone() });
             latest = latest.max(run.now);
-            for (proposal, behaviour) in run.proposals.iter().zip(&policy.behaviours) {
-                let Some(limit) = proposal.filter(|p| is_live(p, behaviour, &policy, latest)) else { continue };
+            for (proposal, behavior) in run.proposals.iter().zip(&policy.behaviors) {
+                let Some(limit) = proposal.filter(|p| is_live(p, behavior, &policy, latest)) else { continue };
                 let limits = [limit.limits.linear, limit.limits.lateral, limit.limits.angular];
                 let sound = limit.axes.is_valid()
                     && limits.iter().all(|speed| speed.is_finite() && *speed >= 0.0)
@@ -117,7 +117,7 @@ proptest! {
         policy in policy(), history in history(), last in vec(moment(), 1..12),
         who in 0..MOST, held in restraint(), clears in any::<bool>(),
     ) {
-        let who = who % policy.behaviours.len();
+        let who = who % policy.behaviors.len();
         let mut run = Run::new(&policy);
         for moment in &history {
             run.live(moment);
@@ -135,11 +135,11 @@ proptest! {
             // The other author is never silent.
             let mut speaking = run.clone();
             speaking.put(who, held, 0, 0);
-            let within_hold = run.now <= said + policy.behaviours[who].hold;
+            let within_hold = run.now <= said + policy.behaviors[who].hold;
             let before = run.state.commanded();
             run.decide();
             speaking.decide();
-            if within_hold || policy.behaviours[who].critical {
+            if within_hold || policy.behaviors[who].critical {
                 assert_no_faster(&run.decision, &speaking.decision)?;
                 let named = if held.axes.is_empty() { Axes::ALL } else { held.axes }.intersection(policy.axes());
                 if held.kind() == Some(Kind::Halt) {

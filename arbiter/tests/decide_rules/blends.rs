@@ -3,8 +3,8 @@
 use super::*;
 
 fn equals() -> Bench {
-    let behaviours = ["a", "b", "c"].map(|name| BehaviourPolicy::new(name, 10)).to_vec();
-    let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviours);
+    let behaviors = ["a", "b", "c"].map(|name| BehaviorPolicy::new(name, 10)).to_vec();
+    let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviors);
     policy.contest = Contest::Blend;
     Bench::new(policy)
 }

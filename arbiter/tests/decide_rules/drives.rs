@@ -34,9 +34,9 @@ fn a_coupled_drive_that_lost_one_axis_gives_up_all() {
 
 #[test]
 fn what_a_coupled_drive_gives_up_is_free_for_the_next() {
-    let mut behaviours = two();
-    behaviours.push(BehaviourPolicy::new("lowest", 1));
-    let mut bench = Bench::differential(behaviours);
+    let mut behaviors = two();
+    behaviors.push(BehaviorPolicy::new("lowest", 1));
+    let mut bench = Bench::differential(behaviors);
     let straight = Proposal::drive(Axes::LINEAR, Twist::planar(0.2, 0.0));
     bench.say(0, turn(0.5)).say(1, forward(0.4)).say(2, straight);
     assert_eq!(bench.decide().wanted, Twist::planar(0.2, 0.5));
@@ -114,7 +114,7 @@ fn what_is_within_twice_the_limits_is_clamped() {
 
 #[test]
 fn a_disabled_drive_is_not_heard_until_enabled() {
-    let mut bench = two_with(|policy| policy.behaviours[0].enabled = false);
+    let mut bench = two_with(|policy| policy.behaviors[0].enabled = false);
     bench.say(0, forward(0.3)).say(1, forward(0.6)).decide();
     assert_eq!((bench.outcome(0), bench.decision.source[0]), (Outcome::Disabled, Some(1)));
     bench.state.enable(0);

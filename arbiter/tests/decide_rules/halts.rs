@@ -52,9 +52,9 @@ fn a_coupled_drive_that_a_halt_stops_on_one_axis_gives_up_all() {
 
 #[test]
 fn what_a_coupled_drive_gives_up_to_a_halt_is_free_for_the_next() {
-    let mut behaviours = two();
-    behaviours.push(BehaviourPolicy::new("lowest", 1));
-    let mut bench = Bench::differential(behaviours);
+    let mut behaviors = two();
+    behaviors.push(BehaviorPolicy::new("lowest", 1));
+    let mut bench = Bench::differential(behaviors);
     bench.say(0, Proposal::halt(Axes::LINEAR, Reason::Echo));
     bench.say(1, Proposal::drive(Axes::PLANAR, Twist::planar(0.5, 0.5))).say(2, turn(-0.3));
     let decision = bench.go_on(ms(500));
@@ -112,8 +112,8 @@ fn silence_is_no_release_until_hold_is_over() {
 #[test]
 fn the_halt_of_a_dead_critical_author_stays_until_it_is_back() {
     let mut bench = two_with(|policy| {
-        policy.behaviours[0].critical = true;
-        policy.behaviours[0].deadline = Duration::from_secs(3600);
+        policy.behaviors[0].critical = true;
+        policy.behaviors[0].deadline = Duration::from_secs(3600);
     });
     bench.say(0, halt()).decide();
     bench.proposals[0] = None;
@@ -126,8 +126,8 @@ fn the_halt_of_a_dead_critical_author_stays_until_it_is_back() {
 #[test]
 fn the_halt_of_a_critical_author_that_is_disabled_stays_and_both_are_told() {
     let mut bench = two_with(|policy| {
-        policy.behaviours[0].critical = true;
-        policy.behaviours[0].deadline = Duration::from_secs(3600);
+        policy.behaviors[0].critical = true;
+        policy.behaviors[0].deadline = Duration::from_secs(3600);
     });
     bench.say(0, halt()).decide();
     bench.state.disable(0);
@@ -168,7 +168,7 @@ fn a_stale_proposal_releases_nothing() {
 
 #[test]
 fn a_sound_halt_of_other_axes_replaces_the_first() {
-    let mut bench = two_with(|policy| policy.behaviours[0].hold = ms(0));
+    let mut bench = two_with(|policy| policy.behaviors[0].hold = ms(0));
     bench.say(0, halt()).say(1, forward(0.5)).decide();
     bench.after(TICK).say(0, Proposal::halt(Axes::LINEAR, Reason::Echo)).decide();
     assert_eq!(bench.decision.halted, Axes::LINEAR);

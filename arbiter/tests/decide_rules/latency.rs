@@ -7,7 +7,7 @@ use yamabico_arbiter::policy::Lateness;
 fn late(lateness: Lateness) -> Bench {
     two_with(|policy| {
         policy.lateness = lateness;
-        policy.behaviours[1].latency_budget = Some(ms(100));
+        policy.behaviors[1].latency_budget = Some(ms(100));
     })
 }
 
@@ -23,7 +23,7 @@ fn late_data_slows_to_the_share_of_the_budget_in_its_age() {
         bench.say(1, proposal);
         let decision = bench.decide().clone();
         assert!((decision.allowed.linear - allowed).abs() < 1e-12, "{age} ms: {}", decision.allowed.linear);
-        let told = decision.late.map(|late| (late.behaviour, late.age, late.factor));
+        let told = decision.late.map(|late| (late.behavior, late.age, late.factor));
         assert_eq!(told, (age > 100).then_some((1, ms(age), allowed)));
         let words = decision.note(&bench.policy).to_string();
         let expected = format!("slowed: data of low is {age} ms old");

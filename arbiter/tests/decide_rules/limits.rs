@@ -5,8 +5,8 @@ use super::*;
 #[test]
 fn the_smallest_limit_counts_whatever_its_priority() {
     let mut bench = Bench::differential(two());
-    bench.policy.behaviours.push(BehaviourPolicy::new("driver", 1000));
-    let mut bench = Bench::differential(bench.policy.behaviours);
+    bench.policy.behaviors.push(BehaviorPolicy::new("driver", 1000));
+    let mut bench = Bench::differential(bench.policy.behaviors);
     bench.say(2, forward(0.5)).say(0, slow(0.3)).say(1, slow(0.2));
     let decision = bench.decide();
     assert_eq!(decision.allowed, Twist::planar(0.2, 0.0));
@@ -32,7 +32,7 @@ fn a_stale_or_malformed_limit_is_zero_for_hold() {
         |p: Proposal, _: u64| Proposal { limits: Twist::planar(f64::NAN, 0.0), ..p },
         |p: Proposal, _: u64| Proposal { limits: Twist::planar(-0.1, 0.0), ..p },
         |p: Proposal, _: u64| Proposal { axes: Axes::NONE, ..p },
-        |p: Proposal, _: u64| p.in_sector(Sector { centre_rad: f64::NAN, half_width_rad: 0.1 }),
+        |p: Proposal, _: u64| p.in_sector(Sector { center_rad: f64::NAN, half_width_rad: 0.1 }),
     ] {
         let mut bench = Bench::differential(two());
         let proposal = spoil(slow(0.3), bench.now.0);
@@ -48,7 +48,7 @@ fn a_stale_or_malformed_limit_is_zero_for_hold() {
 #[test]
 fn a_limit_whose_author_falls_silent_becomes_zero_for_hold() {
     let mut bench = Bench::differential(two());
-    bench.say(0, slow(0.3).in_sector(Sector { centre_rad: 3.0, half_width_rad: 0.1 })).decide();
+    bench.say(0, slow(0.3).in_sector(Sector { center_rad: 3.0, half_width_rad: 0.1 })).decide();
     bench.after(ms(200)).say(1, forward(0.5));
     assert_eq!(bench.decide().allowed.linear, 0.5);
     assert_eq!(bench.outcome(0), Outcome::LimitElsewhere);
@@ -61,7 +61,7 @@ fn a_limit_whose_author_falls_silent_becomes_zero_for_hold() {
 
 #[test]
 fn a_sector_counts_only_for_translation_into_it() {
-    let ahead = Sector { centre_rad: 0.0, half_width_rad: 0.6 };
+    let ahead = Sector { center_rad: 0.0, half_width_rad: 0.6 };
     let mut bench = Bench::differential(two());
     bench.say(0, slow(0.1).in_sector(ahead)).say(1, forward(0.5));
     assert_eq!(bench.decide().allowed.linear, 0.1);
@@ -73,7 +73,7 @@ fn a_sector_counts_only_for_translation_into_it() {
 
 #[test]
 fn a_sector_behind_wraps_around() {
-    let behind = Sector { centre_rad: -3.1, half_width_rad: 0.3 };
+    let behind = Sector { center_rad: -3.1, half_width_rad: 0.3 };
     let mut bench = Bench::differential(two());
     bench.say(0, slow(0.1).in_sector(behind)).say(1, forward(-0.5));
     assert_eq!(bench.decide().allowed.linear, -0.1);
@@ -96,7 +96,7 @@ fn a_sector_that_the_velocity_swings_through_counts() {
     bench.say(1, towards(0.5)).decide();
     bench.go_on(ms(3000));
     bench.after(TICK).say(1, towards(-0.5));
-    bench.say(0, slow(0.1).in_sector(Sector { centre_rad: 0.0, half_width_rad: 0.1 }));
+    bench.say(0, slow(0.1).in_sector(Sector { center_rad: 0.0, half_width_rad: 0.1 }));
     assert!(bench.decide().allowed.linear < 0.1 + 1e-9);
     assert_eq!(bench.outcome(0), Outcome::Limiting);
 }

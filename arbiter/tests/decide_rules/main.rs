@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use yamabico_arbiter::decide::{Decision, Scene, State, Told, decide, explain};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Contest, CriticalSensor, Policy, Wire};
 use yamabico_arbiter::safety::Stop;
 use yamabico_core::message::{Axes, Kind, Mode, Outcome, Proposal, Reason, Sector, Twist, Verdict};
 use yamabico_core::sensor::MotionLimits;
@@ -32,7 +32,7 @@ fn ms(milliseconds: u64) -> Duration {
     Duration::from_millis(milliseconds)
 }
 
-/// A robot with behaviours whose proposals are set by hand, decided tick by tick.
+/// A robot with behaviors whose proposals are set by hand, decided tick by tick.
 struct Bench {
     policy: Policy,
     state: State,
@@ -46,19 +46,19 @@ impl Bench {
     fn new(policy: Policy) -> Bench {
         let state = State::new(&policy);
         let decision = Decision::new(&policy);
-        let proposals = vec![None; policy.behaviours.len()];
+        let proposals = vec![None; policy.behaviors.len()];
         Bench { policy, state, proposals, now: Time(10_000_000_000), sequence: 0, decision }
     }
 
-    fn differential(behaviours: Vec<BehaviourPolicy>) -> Bench {
-        Bench::new(Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviours))
+    fn differential(behaviors: Vec<BehaviorPolicy>) -> Bench {
+        Bench::new(Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviors))
     }
 
-    fn holonomic(behaviours: Vec<BehaviourPolicy>) -> Bench {
-        Bench::new(Policy::new(LIMITS, Kinematics::Body { axes: Axes::ALL }, behaviours))
+    fn holonomic(behaviors: Vec<BehaviorPolicy>) -> Bench {
+        Bench::new(Policy::new(LIMITS, Kinematics::Body { axes: Axes::ALL }, behaviors))
     }
 
-    /// Behaviour `index` proposes, with the stamps of this instant where it gives none.
+    /// Behavior `index` proposes, with the stamps of this instant where it gives none.
     fn say(&mut self, index: usize, proposal: Proposal) -> &mut Bench {
         self.sequence += 1;
         let or_now = |stamp: u64| if stamp == 0 { self.now.0 } else { stamp };
@@ -122,11 +122,11 @@ fn slow(limit: f64) -> Proposal {
     Proposal::limit(Axes::LINEAR, Twist::planar(limit, 0.0), Reason::WallNear)
 }
 
-fn two() -> Vec<BehaviourPolicy> {
-    vec![BehaviourPolicy::new("high", 100), BehaviourPolicy::new("low", 10)]
+fn two() -> Vec<BehaviorPolicy> {
+    vec![BehaviorPolicy::new("high", 100), BehaviorPolicy::new("low", 10)]
 }
 
-/// Two behaviours, "high" at index 0 before "low" at index 1.
+/// Two behaviors, "high" at index 0 before "low" at index 1.
 fn two_with(change: impl FnOnce(&mut Policy)) -> Bench {
     let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, two());
     change(&mut policy);

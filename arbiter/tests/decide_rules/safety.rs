@@ -1,23 +1,23 @@
-//! What stops the robot whatever the behaviours want.
+//! What stops the robot whatever the behaviors want.
 
 use super::*;
 
 fn guarded() -> Bench {
-    two_with(|policy| policy.behaviours[0].critical = true)
+    two_with(|policy| policy.behaviors[0].critical = true)
 }
 
 #[test]
-fn nothing_moves_before_a_critical_behaviour_is_heard() {
+fn nothing_moves_before_a_critical_behavior_is_heard() {
     let mut bench = guarded();
     bench.say(1, forward(0.5)).decide();
     assert_eq!((bench.decision.mode, bench.decision.commanded), (Mode::CriticalSilent, Twist::ZERO));
-    assert_eq!(bench.decision.stop, Some(Stop::Behaviour(0)));
+    assert_eq!(bench.decision.stop, Some(Stop::Behavior(0)));
     bench.say(0, Proposal::abstain(Reason::Clear));
     assert_eq!(bench.decide().mode, Mode::Driving);
 }
 
 #[test]
-fn a_critical_behaviour_silent_past_its_deadline_stops_the_robot() {
+fn a_critical_behavior_silent_past_its_deadline_stops_the_robot() {
     let mut bench = guarded();
     bench.say(0, Proposal::abstain(Reason::Clear)).say(1, forward(0.5)).decide();
     bench.go_on(ms(2000));
@@ -30,7 +30,7 @@ fn a_critical_behaviour_silent_past_its_deadline_stops_the_robot() {
 }
 
 #[test]
-fn a_critical_behaviour_that_speaks_only_stale_words_is_silent() {
+fn a_critical_behavior_that_speaks_only_stale_words_is_silent() {
     let mut bench = guarded();
     for _ in 0..30 {
         bench.after(TICK);
@@ -41,7 +41,7 @@ fn a_critical_behaviour_that_speaks_only_stale_words_is_silent() {
 }
 
 #[test]
-fn a_disabled_critical_behaviour_counts_as_silent() {
+fn a_disabled_critical_behavior_counts_as_silent() {
     let mut bench = guarded();
     bench.say(0, Proposal::abstain(Reason::Clear)).say(1, forward(0.5)).decide();
     bench.state.disable(0);

@@ -39,10 +39,10 @@ fn suppression_takes_only_the_axes_that_the_other_claims_or_last_claimed() {
 }
 
 #[test]
-fn an_inhibited_behaviour_does_not_inhibit_others() {
-    let mut behaviours = two();
-    behaviours.push(BehaviourPolicy::new("middle", 50));
-    let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviours);
+fn an_inhibited_behavior_does_not_inhibit_others() {
+    let mut behaviors = two();
+    behaviors.push(BehaviorPolicy::new("middle", 50));
+    let mut policy = Policy::new(LIMITS, Kinematics::Body { axes: Axes::PLANAR }, behaviors);
     policy.wires = vec![Wire::inhibit(2, 1, ms(0)), Wire::inhibit(0, 2, ms(0))];
     let mut bench = Bench::new(policy);
     bench
@@ -55,7 +55,7 @@ fn an_inhibited_behaviour_does_not_inhibit_others() {
 
 #[test]
 fn a_hand_over_waits_towards_a_lower_priority_only() {
-    let mut bench = two_with(|policy| policy.behaviours[0].dwell = ms(300));
+    let mut bench = two_with(|policy| policy.behaviors[0].dwell = ms(300));
     bench.say(0, forward(0.3)).say(1, forward(0.6)).decide();
     bench.say(0, Proposal::abstain(Reason::TooFewSegments)).after(ms(150));
     bench.say(1, forward(0.6)).decide();
@@ -74,7 +74,7 @@ fn who_sleeps_while_inhibited_is_told_so_although_it_is_silent() {
     {
         let mut bench = two_with(|policy| {
             policy.wires = vec![Wire::inhibit(0, 1, ms(100))];
-            policy.behaviours[1].sleeps = sleeps;
+            policy.behaviors[1].sleeps = sleeps;
         });
         bench.say(0, forward(0.2)).decide();
         assert_eq!(bench.outcome(1), silent);

@@ -13,16 +13,16 @@ fn a_decision_travels_with_names() {
     assert_eq!(header.note.as_str(), "high halts linear+angular");
     let mut verdicts = [Verdict::default(); 3];
     assert_eq!(bench.decision.write_verdicts(&bench.policy, &mut verdicts), 2);
-    assert_eq!((verdicts[0].behaviour.as_str(), verdicts[0].priority), ("high", 100));
+    assert_eq!((verdicts[0].behavior.as_str(), verdicts[0].priority), ("high", 100));
     assert_eq!((verdicts[1].by.as_str(), verdicts[1].outcome()), ("high", Some(Outcome::Stopped)));
     assert_eq!(verdicts[1].kind, Kind::Drive.code());
 }
 
 #[test]
 fn an_explanation_has_a_line_an_axis_and_a_loser() {
-    let mut behaviours = two();
-    behaviours.push(BehaviourPolicy::new("guard", 1));
-    let mut bench = Bench::differential(behaviours);
+    let mut behaviors = two();
+    behaviors.push(BehaviorPolicy::new("guard", 1));
+    let mut bench = Bench::differential(behaviors);
     bench.say(0, forward(0.5)).say(1, turn(0.5)).say(2, slow(0.2));
     bench.decide();
     assert_eq!(

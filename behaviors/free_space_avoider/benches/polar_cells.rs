@@ -1,4 +1,4 @@
-//! From a colour picture of the field to free distances all around, and from these to a direction, on one core.
+//! From a color picture of the field to free distances all around, and from these to a direction, on one core.
 //!
 //! `cargo bench -p yamabico-free-space-avoider --bench polar_cells`. The measurements of pictures go round twelve of 256 x 220. With
 //! `YAMABICO_FRAMES=DIR` (a full path) the pictures are kept there, for other programs to be timed on the same ones.
@@ -24,7 +24,7 @@ use yamabico_free_space_avoider::direction::{
 use yamabico_free_space_avoider::polar_cells::RingSight;
 use yamabico_sim::{Scene, World};
 use yamabico_vision::bit_image::BitImage;
-use yamabico_vision::floor_colour::{ColourBox, ColourTable, FloorColours};
+use yamabico_vision::floor_color::{ColorBox, ColorTable, FloorColors};
 use yamabico_vision::morphology::Morphology;
 use yamabico_vision::ring_cells::RingCells;
 
@@ -34,7 +34,7 @@ mod field;
 const PLACES: u32 = 12;
 const RUNS: usize = 300;
 const SCENES: u32 = 3000;
-const GREEN: ColourBox = ColourBox { least: [30, 110, 50], most: [115, 210, 140] };
+const GREEN: ColorBox = ColorBox { least: [30, 110, 50], most: [115, 210, 140] };
 
 fn pictures() -> Vec<Vec<u8>> {
     let scene = Scene::new(&World::from_toml(field::FIELD).unwrap(), 1).unwrap();
@@ -78,13 +78,13 @@ fn spread(mut values: Vec<f64>) -> (f64, f64) {
 fn seeing(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("polar_cells");
     let pictures = pictures();
-    let mut table = ColourTable::default();
+    let mut table = ColorTable::default();
     table.insert_box(&GREEN);
     let config = Config { method: Method::PolarCells, closing_px: 2, ..Config::default() };
-    let colours = [("thresholds", FloorColours::Box(GREEN)), ("table", FloorColours::Table(table))];
-    for (name, colours) in &colours {
+    let colors = [("thresholds", FloorColors::Box(GREEN)), ("table", FloorColors::Table(table))];
+    for (name, colors) in &colors {
         let mount = Mount::level(field::LENS_M);
-        let learned = Some(colours.clone());
+        let learned = Some(colors.clone());
         let mut sight = RingSight::new(&config, &field::camera(), &mount, field::RADIUS_M, learned).unwrap();
         let times = pictures.iter().map(|pixels| {
             best_us(RUNS, || {
@@ -93,10 +93,10 @@ fn seeing(criterion: &mut Criterion) {
         });
         let (median, largest) = spread(times.collect());
         println!(
-            "colour to distances, {name}, best of {RUNS} a picture: median {median:.1} us, largest {largest:.1} us"
+            "color to distances, {name}, best of {RUNS} a picture: median {median:.1} us, largest {largest:.1} us"
         );
         let mut next = 0;
-        group.bench_function(format!("colour to distances, {name}"), |bencher| {
+        group.bench_function(format!("color to distances, {name}"), |bencher| {
             bencher.iter(|| {
                 next = (next + 1) % pictures.len();
                 black_box(sight.distances_of(black_box(view(&pictures[next]))).len())
@@ -108,7 +108,7 @@ fn seeing(criterion: &mut Criterion) {
             black_box(whole.see(black_box(view(&pictures[0]))).is_ok());
         });
         println!(
-            "the same with all looks at what may be wrong, and with colours followed: {everything_us:.1} us"
+            "the same with all looks at what may be wrong, and with colors followed: {everything_us:.1} us"
         );
     }
     // Each step alone, over the whole picture.
@@ -117,10 +117,10 @@ fn seeing(criterion: &mut Criterion) {
     let (mut mask, mut morphology, mut counts) = (BitImage::default(), Morphology::default(), Vec::new());
     let pixels = view(&pictures[0]);
     let all = vec![0..256; 220];
-    for (name, colours) in &colours {
+    for (name, colors) in &colors {
         for (what, columns) in [("whole picture", &all[..]), ("ring", cells.columns())] {
-            let us = best_us(RUNS, || colours.mark(black_box(pixels), columns, &mut mask));
-            println!("floor colours, {name}, {what}: best {us:.1} us");
+            let us = best_us(RUNS, || colors.mark(black_box(pixels), columns, &mut mask));
+            println!("floor colors, {name}, {what}: best {us:.1} us");
         }
     }
     println!("closing, n = 2: best {:.1} us", best_us(RUNS, || morphology.close(black_box(&mut mask), 2)));
@@ -141,8 +141,8 @@ const RULES: ChoiceRules = ChoiceRules {
 const HEADING: HeadingRules = HeadingRules {
     speed_mps: 0.4,
     acceleration_mps2: 0.3,
-    turn_rad_s: 3.0,
-    turn_acceleration_rad_s2: 8.0,
+    turn_radps: 3.0,
+    turn_acceleration_radps2: 8.0,
     gain_per_s: 4.0,
     step_s: 0.04,
     horizon_s: 2.0,

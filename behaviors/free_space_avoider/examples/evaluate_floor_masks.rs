@@ -68,7 +68,7 @@ fn evaluate() -> Result<(), String> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let data = data.or_else(|| std::env::var_os("YAMABICO_DATA").map(PathBuf::from)).unwrap_or(beside);
     let config: Config = toml::from_str(&toml).map_err(|e| e.to_string())?;
-    let mut look = Look::new(config.grid(), config.least_contrast, config.floor_evenness);
+    let mut look = Look::new(config.grid(), config.min_contrast, config.floor_evenness);
     floor_masks(&data.join("floor_masks"), &mut look)?;
     corridor_drive(&data.join("corridor_drive"), &mut look)
 }
@@ -140,9 +140,9 @@ fn read(path: &Path) -> Result<GrayImage, String> {
     let problem = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let rgb = image::open(path).map_err(|e| problem(&e))?.to_rgb8();
     let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-    let mut grey = GrayImage::default();
-    grey.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).map_err(|e| problem(&e))?;
-    Ok(grey)
+    let mut gray = GrayImage::default();
+    gray.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).map_err(|e| problem(&e))?;
+    Ok(gray)
 }
 
 fn score(

@@ -2,7 +2,7 @@
 //!
 //! `evaluate_scenes [--scenes N] [--set TOML] [--json] [--out DIR]`
 //!
-//! Each scene is a room with walls, desks and boxes of random sizes, places and dark colours on a bright floor, with random
+//! Each scene is a room with walls, desks and boxes of random sizes, places and dark colors on a bright floor, with random
 //! lamps, exposure and noise, and a robot somewhere in it; in two of three a box stands within 1.2 m before it. The judge
 //! (`examples/judge`) knows the solids' outlines, not the picture:
 //! - *blocked*: a solid reaches into the robot's way, its circle with `side_m` on either side, within the stopping distance;
@@ -204,7 +204,7 @@ fn room(rng: &mut Stream) -> World {
         to_m: corners[(i + 1) % 4],
         height_m: 2.6,
         thickness_m: 0.12,
-        colour: dark(rng),
+        color: dark(rng),
         baseboard: None,
         doors: Vec::new(),
         windows: Vec::new(),
@@ -230,7 +230,7 @@ fn room(rng: &mut Stream) -> World {
         boxes,
         lamps,
         floor: Floor {
-            colour: [tone, tone * 0.98, tone * 0.92],
+            color: [tone, tone * 0.98, tone * 0.92],
             speckle: rng.random_range(0.02..0.1),
             gloss: rng.random_range(0.0..0.3),
             joint_spacing_m: if rng.random_bool(0.5) { [0.5, 0.5] } else { [0.0, 0.0] },
@@ -244,7 +244,7 @@ fn room(rng: &mut Stream) -> World {
 fn clutter(rng: &mut Stream, at_m: [f64; 2]) -> BoxItem {
     let mut side = || rng.random_range(0.12..0.9);
     let size_m = [side(), side(), side()];
-    BoxItem { at_m, yaw_deg: rng.random_range(-90.0..90.0), size_m, colour: dark(rng), ..BoxItem::default() }
+    BoxItem { at_m, yaw_deg: rng.random_range(-90.0..90.0), size_m, color: dark(rng), ..BoxItem::default() }
 }
 
 fn dark(rng: &mut Stream) -> [f32; 3] {

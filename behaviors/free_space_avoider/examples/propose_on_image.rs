@@ -3,7 +3,7 @@
 //! `propose_on_image [PICTURE] [--at X,Y,HEADING_DEG] [--set TOML] [--out FILE]`
 //!
 //! Without a picture the simulator takes one in the office, at a pose (m, degrees). The camera is the one of the office
-//! robot in either case. `--set` gives keys of the behaviour, such as `columns = 34`; `--out` writes what it saw.
+//! robot in either case. `--set` gives keys of the behavior, such as `columns = 34`; `--out` writes what it saw.
 
 mod arguments;
 mod office;
@@ -41,9 +41,9 @@ fn propose() -> Result<(), String> {
         Some(path) => {
             let rgb = image::open(&path).map_err(|e| format!("{}: {e}", path.display()))?.to_rgb8();
             let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-            let mut grey = GrayImage::default();
-            grey.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).map_err(|e| e.to_string())?;
-            grey
+            let mut gray = GrayImage::default();
+            gray.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).map_err(|e| e.to_string())?;
+            gray
         }
         None => {
             let world = World::from_toml(office_world::OFFICE).map_err(|e| e.to_string())?;

@@ -3,7 +3,7 @@
 //! `propose_on_mirror_image [PICTURE] [--at X,Y,HEADING_DEG] [--set TOML] [--out FILE]`
 //!
 //! Without a picture the simulator takes one on the small field, at a pose (m, degrees). The camera is the one of the field's robot in
-//! either case: 256 x 220 pixels. `--set` gives keys of the behaviour, such as `directions = 48`; `--out` writes what it saw.
+//! either case: 256 x 220 pixels. `--set` gives keys of the behavior, such as `directions = 48`; `--out` writes what it saw.
 
 mod arguments;
 mod field;
@@ -72,7 +72,7 @@ fn propose() -> Result<(), String> {
         proposal.note,
     );
     let sight = bench.behavior.polar_cells().ok_or("the method must be polar-cells")?.sight();
-    println!("floor       {:?}", sight.colours());
+    println!("floor       {:?}", sight.colors());
     println!("free rings  {:?}", sight.free().rings());
     for end in sight.distances().ends() {
         print!("{:+.0} deg {:.2} m  ", end.azimuth_rad.to_degrees(), end.distance_m);

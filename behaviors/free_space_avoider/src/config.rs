@@ -1,4 +1,4 @@
-//! The parameters of the behaviour.
+//! The parameters of the behavior.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -17,7 +17,7 @@ pub struct Config {
     pub speed_mps: f64,
     /// Rate of turns where the robot stands, rad/s, 0.05 to 3, default 0.4.
     #[schemars(range(min = 0.05, max = 3.0))]
-    pub turn_rad_s: f64,
+    pub turn_radps: f64,
     /// Distance from the robot's circle to what it would stop before (navel-grid), or keeps on every side (polar-cells), m, 0 to
     /// 3, default 0.35.
     #[schemars(range(min = 0.0, max = 3.0))]
@@ -39,10 +39,10 @@ pub struct Config {
     pub cell_px: u32,
     /// Whether the floor is brighter than what stands on it, default "bright-floor".
     pub polarity: PolarityRule,
-    /// Least difference between the means of dark and bright pixels, grey levels, 10 to 200, default 25.
+    /// Least difference between the means of dark and bright pixels, gray levels, 10 to 200, default 25.
     #[schemars(range(min = 10.0, max = 200.0))]
-    pub least_contrast: f64,
-    /// A floor whose darker part has less than this share of its brighter part's grey level is two things, 0 (take them for one)
+    pub min_contrast: f64,
+    /// A floor whose darker part has less than this share of its brighter part's gray level is two things, 0 (take them for one)
     /// to 1, default 0.7.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub floor_evenness: f64,
@@ -67,13 +67,13 @@ pub struct Config {
     /// Lines and specks in the floor up to twice so wide are closed, pixels, 0 to 4, default 1.
     #[schemars(range(min = 0, max = 4))]
     pub closing_px: u32,
-    /// The floor's colours as `yamabico learn floor` writes them, relative to the task file. Default none: what lies before the
+    /// The floor's colors as `yamabico learn floor` writes them, relative to the task file. Default none: what lies before the
     /// robot at the start is floor.
     #[schemars(extend("format" = "file"))]
-    pub floor_colours: Option<String>,
-    /// Without learned colours: what differs from those before the robot by no more is floor, levels, 2 to 80, default 24.
+    pub floor_colors: Option<String>,
+    /// Without learned colors: what differs from those before the robot by no more is floor, levels, 2 to 80, default 24.
     #[schemars(range(min = 2, max = 80))]
-    pub colour_tolerance: u32,
+    pub color_tolerance: u32,
     /// Where to go, x and y, m, each -1000 to 1000: on the map where a pose is plugged in, else from where odometry began.
     /// Default none: on, in the direction that the robot looks in at the start.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
@@ -91,7 +91,7 @@ pub struct Config {
 pub enum Method {
     /// A grid of floor and obstacles in the picture of one forward camera.
     NavelGrid,
-    /// Cells of floor colour all around, in the picture of a mirror camera.
+    /// Cells of floor color all around, in the picture of a mirror camera.
     PolarCells,
 }
 
@@ -132,7 +132,7 @@ impl Default for Config {
         Self {
             method: Method::NavelGrid,
             speed_mps: 0.3,
-            turn_rad_s: 0.4,
+            turn_radps: 0.4,
             margin_m: 0.35,
             side_m: 0.05,
             freer_side_m: 0.4,
@@ -140,7 +140,7 @@ impl Default for Config {
             rows: GridSize::PAPER.rows as u32,
             cell_px: GridSize::PAPER.cell_px as u32,
             polarity: PolarityRule::BrightFloor,
-            least_contrast: 25.0,
+            min_contrast: 25.0,
             floor_evenness: 0.7,
             heading: HeadingRule::Weights,
             patience_s: 3.0,
@@ -149,8 +149,8 @@ impl Default for Config {
             farthest_m: 1.25,
             free_share: 0.8,
             closing_px: 1,
-            floor_colours: None,
-            colour_tolerance: 24,
+            floor_colors: None,
+            color_tolerance: 24,
             goal_m: None,
             tolerance_m: 0.1,
             velocity: VelocityRule::Considered,
@@ -166,14 +166,14 @@ impl Config {
     pub fn check(&self) -> Result<(), BuildError> {
         for (key, value, low, high) in [
             ("speed_mps", self.speed_mps, 0.02, 2.0),
-            ("turn_rad_s", self.turn_rad_s, 0.05, 3.0),
+            ("turn_radps", self.turn_radps, 0.05, 3.0),
             ("margin_m", self.margin_m, 0.0, 3.0),
             ("side_m", self.side_m, 0.0, 1.0),
             ("freer_side_m", self.freer_side_m, 0.0, 3.0),
             ("columns", f64::from(self.columns), 5.0, 85.0),
             ("rows", f64::from(self.rows), 3.0, 45.0),
             ("cell_px", f64::from(self.cell_px), 4.0, 64.0),
-            ("least_contrast", self.least_contrast, 10.0, 200.0),
+            ("min_contrast", self.min_contrast, 10.0, 200.0),
             ("floor_evenness", self.floor_evenness, 0.0, 1.0),
             ("patience_s", self.patience_s, 0.1, 600.0),
             ("rings", f64::from(self.rings), 2.0, 64.0),
@@ -181,7 +181,7 @@ impl Config {
             ("farthest_m", self.farthest_m, 0.2, 10.0),
             ("free_share", self.free_share, 0.1, 1.0),
             ("closing_px", f64::from(self.closing_px), 0.0, 4.0),
-            ("colour_tolerance", f64::from(self.colour_tolerance), 2.0, 80.0),
+            ("color_tolerance", f64::from(self.color_tolerance), 2.0, 80.0),
             ("goal_m", self.goal_m.map_or(0.0, |goal| goal[0]), -1000.0, 1000.0),
             ("goal_m", self.goal_m.map_or(0.0, |goal| goal[1]), -1000.0, 1000.0),
             ("tolerance_m", self.tolerance_m, 0.01, 2.0),

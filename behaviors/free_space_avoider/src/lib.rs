@@ -1,7 +1,7 @@
 //! Drives where the floor is free, by one picture at a time: ahead of one forward camera, or all around by a mirror.
 //!
 //! Abdelfatah et al. (navel grid): a forward camera, floor that is brighter than obstacles, four decisions.
-//! Sekimori, Usui, Masutani & Miyazaki (polar cells): a mirror camera, floor of one colour, a direction for every velocity.
+//! Sekimori, Usui, Masutani & Miyazaki (polar cells): a mirror camera, floor of one color, a direction for every velocity.
 //! Differs from \[1\]: see [`navel_grid`] and [`polar_cells`]; besides, nothing within the stopping distance is driven at, and
 //! failures stop.
 
@@ -20,7 +20,7 @@ use yamabico_core::parameters::FileKind;
 use crate::config::Method;
 use crate::navel_grid::NavelGridAvoider;
 use crate::polar_cells::PolarCellsAvoider;
-use yamabico_vision::floor_colour_file::FLOOR_COLOURS_FILE;
+use yamabico_vision::floor_color_file::FLOOR_COLORS_FILE;
 
 /// The camera that looks ahead and down, or all around.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the floor ahead, or all around");
@@ -35,7 +35,7 @@ pub const GOAL: Slot<Goal> = Slot::optional("goal", "polar-cells: a goal that re
 /// Where the floor is free.
 pub const FREE_SPACE: Slot<FreeSpaceHeader> = Slot::optional("free-space", "how far the floor is free");
 
-/// Without a picture for longer (s), the behaviour abstains.
+/// Without a picture for longer (s), the behavior abstains.
 const STALE_S: f64 = 0.5;
 
 /// Drives where the floor is free.
@@ -53,7 +53,7 @@ impl Plugin for FreeSpaceAvoider {
     const SUMMARY: &'static str = "Drives where the floor is free, without a map, by one picture at a time.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
-    const FILES: &'static [FileKind] = &[FLOOR_COLOURS_FILE];
+    const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE];
     const CLAIMS: Axes = Axes::ALL;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {

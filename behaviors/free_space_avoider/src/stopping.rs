@@ -5,7 +5,7 @@ use yamabico_core::sensor::Robot;
 /// From a command to the wheels and from a decision to the next, seconds.
 pub const COMMAND_S: f64 = 0.04;
 
-/// Distance (m) from the robot's centre to what it still stops `margin_m` before, driving at `speed_mps`: the way until the
+/// Distance (m) from the robot's center to what it still stops `margin_m` before, driving at `speed_mps`: the way until the
 /// next picture is taken and delivered (`picture_age_s` at most) and obeyed, the way of braking in normal driving, the robot's circle and the margin.
 /// Infinite for a robot that does not brake.
 #[must_use]

@@ -100,11 +100,11 @@ fn free_space_is_told_from_right_to_left_and_never_too_far() {
     assert_eq!((header.stamp_ns, header.evidence_ns), (1_000_000_000, 1_000_000_000));
     assert_eq!(directions.len(), 17);
     assert!(directions.is_sorted_by(|a, b| a.azimuth_rad < b.azimuth_rad));
-    // The free room in the true world: from the robot's centre along each direction to the first solid.
+    // The free room in the true world: from the robot's center along each direction to the first solid.
     let scene = Scene::new(&World::from_toml(office_world::OFFICE).expect("a world"), 1).expect("a scene");
     let free_m = |azimuth_rad: f64| {
-        let hits = |metres: &f64| {
-            let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*metres, 0.0].into());
+        let hits = |meters: &f64| {
+            let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*meters, 0.0].into());
             let point = FREE.transform_point(ahead);
             yamabico_sim::clearance::to_solids(scene.solids(), [point.x, point.y], 0.0, 1.0) <= 0.0
         };

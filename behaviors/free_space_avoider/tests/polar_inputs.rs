@@ -84,8 +84,8 @@ fn it_drives_around_a_cube_and_tells_how_far_the_floor_is_free() {
     assert!(directions.is_sorted_by(|a, b| a.azimuth_rad < b.azimuth_rad));
     let scene = scene();
     let free_m = |azimuth_rad: f64| {
-        let hits = |metres: &f64| {
-            let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*metres, 0.0].into());
+        let hits = |meters: &f64| {
+            let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*meters, 0.0].into());
             let point = START.transform_point(ahead);
             yamabico_sim::clearance::to_solids(scene.solids(), [point.x, point.y], 0.0, 1.0) <= 0.0
         };
@@ -152,27 +152,27 @@ fn missing_stale_and_broken_inputs_are_named() {
 #[test]
 fn without_floor_in_view_it_stands_and_says_why() {
     let pixels = picture(START);
-    for (colour, at_start, later) in [
+    for (color, at_start, later) in [
         ([0, 0, 0], Reason::FloorModelBroken, Reason::FloorModelBroken),
         ([255, 255, 255], Reason::FloorModelBroken, Reason::FloorModelBroken),
         ([120, 120, 120], Reason::LowContrast, Reason::LowContrast),
     ] {
-        let covered: Vec<u8> = (0..256 * 220).flat_map(|_| colour).collect();
+        let covered: Vec<u8> = (0..256 * 220).flat_map(|_| color).collect();
         let mut bench_ = bench("");
         let proposal = show_often(&mut bench_, 1.0, &covered, 5);
         assert!(
             is_standing(&proposal) && proposal.reason() == Some(at_start),
-            "{colour:?}: {:?}",
+            "{color:?}: {:?}",
             proposal.reason()
         );
         let mut bench_ = bench("");
         show_often(&mut bench_, 1.0, &pixels, 3);
         let proposal = show(&mut bench_, 1.2, &covered);
-        assert!(speed(&proposal) == 0.0, "{colour:?}: stands at once");
+        assert!(speed(&proposal) == 0.0, "{color:?}: stands at once");
         let proposal = show_often(&mut bench_, 1.24, &covered, 5);
         assert!(
             is_standing(&proposal) && proposal.reason() == Some(later),
-            "{colour:?}: {:?}",
+            "{color:?}: {:?}",
             proposal.reason()
         );
         assert!(bench_.published::<FreeSpaceHeader>("free-space").is_empty());
@@ -180,7 +180,7 @@ fn without_floor_in_view_it_stands_and_says_why() {
 }
 
 #[test]
-fn another_light_stops_it_until_all_around_is_of_one_colour() {
+fn another_light_stops_it_until_all_around_is_of_one_color() {
     let pixels = picture(START);
     let yellow = lit(&pixels, [1.6, 0.75, 0.35]);
     let mut bench_ = bench("");
@@ -201,7 +201,7 @@ fn another_light_stops_it_until_all_around_is_of_one_colour() {
 fn a_moved_mirror_is_noticed() {
     let shifted = |by: Vector2<f64>| {
         let camera = field::camera();
-        let image = camera.image().with_centre(camera.image().centre() + by).expect("a centre");
+        let image = camera.image().with_center(camera.image().center() + by).expect("a center");
         picture_with(MirrorCamera::new(image, camera.mirror().clone()).expect("a camera"), START)
     };
     for by in [Vector2::new(5.0, 0.0), Vector2::new(-3.0, 4.0), Vector2::new(0.0, -5.0)] {
@@ -293,5 +293,5 @@ fn cameras_that_cannot_do_are_refused_with_a_remedy() {
     assert!(refused(field_robot::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
     assert!(refused(setup(), "farthest_m = 0.2\nrings = 40").problem.contains("fewer rings"));
     assert_eq!(refused(setup(), "rings = 1").key, "rings");
-    assert_eq!(refused(setup(), "floor_colours = 'nowhere.toml'").key, "floor_colours");
+    assert_eq!(refused(setup(), "floor_colors = 'nowhere.toml'").key, "floor_colors");
 }

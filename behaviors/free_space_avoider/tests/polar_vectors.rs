@@ -1,4 +1,4 @@
-//! Known answers of the polar cells and of the choice of a direction; millimetres outside, metres inside.
+//! Known answers of the polar cells and of the choice of a direction; millimeters outside, meters inside.
 
 mod vectors {
     use std::f64::consts::TAU;
@@ -42,7 +42,7 @@ mod vectors {
         value.as_array().unwrap_or_else(|| panic!("no list: {value}")).iter().map(number).collect()
     }
 
-    fn metres(value: &Value) -> Vector2<f64> {
+    fn meters(value: &Value) -> Vector2<f64> {
         Vector2::from_vec(numbers(value)) * 1e-3
     }
 
@@ -51,7 +51,7 @@ mod vectors {
         assert!(is_same, "{id}, {what}: {ours} instead of {theirs}");
     }
 
-    /// Millimetres, where 1e300 is how the file writes that there is no obstacle.
+    /// Millimeters, where 1e300 is how the file writes that there is no obstacle.
     fn check_clearance(id: &Value, ours_m: f64, theirs_mm: &Value) {
         let ours = if ours_m.is_finite() { 1e3 * ours_m } else { 1e300 };
         check(id, "clearance", ours, number(theirs_mm));
@@ -115,7 +115,7 @@ mod vectors {
         let schema = &file["schema"];
         let edges = numbers(&schema["edges_px"]);
         let directions = number(&schema["J_directions"]) as usize;
-        let image = MirrorImage::centred(256, 220);
+        let image = MirrorImage::centered(256, 220);
         let cells = RingCells::new(&image, &edges, directions, 5.0).expect("a template");
         let whole = |value: &Value| numbers(value).into_iter().map(|n| n as u32).collect::<Vec<_>>();
         assert_eq!(cells.areas(), whole(&schema["cell_area"]));
@@ -147,7 +147,7 @@ mod vectors {
         for case in cases(&file) {
             let id = &case["id"];
             let acceleration = 1e-3 * number(&case["alpha"]);
-            let motion = LimitedMotion::new(metres(&case["v_a"]), metres(&case["v_b"]), acceleration);
+            let motion = LimitedMotion::new(meters(&case["v_a"]), meters(&case["v_b"]), acceleration);
             check(id, "ramp", motion.ramp_s(), number(&case["t_a"]));
             for sample in case["samples"].as_array().expect("samples") {
                 let t = number(&sample["t"]);
@@ -193,7 +193,7 @@ mod vectors {
                 deviation_rad: [0.0, TAU],
             };
             let free = free_distances(&case["a"], &edges_mm);
-            let start = Start { velocity_mps: metres(&case["v_a"]), ..Start::default() };
+            let start = Start { velocity_mps: meters(&case["v_a"]), ..Start::default() };
             let side = case["s_prev"].as_i64().unwrap_or(0) as i8;
             let before = Before { side, direction_rad: None };
             let choice = chooser.choose(&free, &start, number(&case["goal_dir"]), &before, &rules);
@@ -209,7 +209,7 @@ mod vectors {
             check(id, "direction", choice.direction_rad, number(&expect["dir"]));
             let turn = wrap_angle(choice.direction_rad - number(&expect["dir_wrapped"]));
             check(id, "wrapped direction", turn, 0.0);
-            let least = choice::least_clearance_m(&free, &start, choice.velocity_mps, &rules);
+            let least = choice::min_clearance_m(&free, &start, choice.velocity_mps, &rules);
             check_clearance(id, least, &expect["min_clear"]);
             let begin = if velocity == Velocity::Ignored { choice.velocity_mps } else { start.velocity_mps };
             let ramp_s = LimitedMotion::new(begin, choice.velocity_mps, rules.acceleration_mps2).ramp_s();
@@ -227,8 +227,8 @@ mod vectors {
         let rules = HeadingRules {
             speed_mps: 1e-3 * number(&params["v_max"]),
             acceleration_mps2: 1e-3 * number(&params["alpha"]),
-            turn_rad_s: number(&params["w_max"]),
-            turn_acceleration_rad_s2: number(&params["alpha_w"]),
+            turn_radps: number(&params["w_max"]),
+            turn_acceleration_radps2: number(&params["alpha_w"]),
             gain_per_s: number(&params["k_theta"]),
             step_s: number(&params["dt"]),
             horizon_s: number(&params["T"]),
@@ -249,7 +249,7 @@ mod vectors {
                 [("at_0_5s", after(0.5)), ("at_1s", after(1.0)), ("at_2s", after(2.0)), ("final", last)]
             {
                 let p = 1e3 * state.position_m;
-                let ours = [p.x, p.y, state.theta_rad, 1e3 * state.speed_mps, state.turn_rad_s];
+                let ours = [p.x, p.y, state.theta_rad, 1e3 * state.speed_mps, state.turn_radps];
                 for (ours, theirs) in ours.into_iter().zip(numbers(&case[key])) {
                     check(id, key, ours, theirs);
                 }
@@ -257,7 +257,7 @@ mod vectors {
             let free = free_distances(&case["obstacle_a"], &edges_mm);
             check_clearance(
                 id,
-                heading::least_clearance_m(&free, start, heading_rad, &rules),
+                heading::min_clearance_m(&free, start, heading_rad, &rules),
                 &case["min_clear"],
             );
         }

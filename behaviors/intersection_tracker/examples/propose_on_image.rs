@@ -1,8 +1,8 @@
-//! What the behaviour proposes on one picture, and what it sees in it.
+//! What the behavior proposes on one picture, and what it sees in it.
 //!
 //! `propose_on_image [PICTURE] [--fov DEGREES] [--height M] [--tilt DEGREES] [--distance M] [--out FILE]`
 //!
-//! Without a picture it renders one of the simulator, `--distance` metres before a crossing. The camera looks along the
+//! Without a picture it renders one of the simulator, `--distance` meters before a crossing. The camera looks along the
 //! corridor; the robot is taken to stand. `--out` writes the picture with the corridor's edges (blue), the ends of walls
 //! (yellow), the floor lines of both walls (green) and the tracked edges with the middle between them (red).
 
@@ -33,7 +33,7 @@ struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// A grey picture and its camera.
+/// A gray picture and its camera.
 struct Picture {
     pixels: Vec<u8>,
     intrinsics: Intrinsics,
@@ -94,7 +94,7 @@ fn draw(picture: &Picture, bench: &Bench<IntersectionTracker>) -> Result<image::
     let mut data = vec![0; 3 * picture.pixels.len()];
     let mut canvas =
         Canvas::new(&mut data, width as usize, height as usize).ok_or("a canvas of the wrong size")?;
-    canvas.copy_grey(image);
+    canvas.copy_gray(image);
     let mut sight = Sight::new(
         CorridorCamera {
             pinhole: Pinhole::ideal(picture.intrinsics),
@@ -155,9 +155,9 @@ fn rendered(arguments: &Arguments) -> Result<Picture, String> {
 }
 
 fn load(path: &std::path::Path, arguments: &Arguments) -> Result<Picture, String> {
-    let grey = image::open(path).map_err(|error| format!("{}: {error}", path.display()))?.to_luma8();
-    let (intrinsics, mount) = arguments.camera(grey.width(), grey.height());
-    Ok(Picture { pixels: grey.into_raw(), intrinsics, mount })
+    let gray = image::open(path).map_err(|error| format!("{}: {error}", path.display()))?.to_luma8();
+    let (intrinsics, mount) = arguments.camera(gray.width(), gray.height());
+    Ok(Picture { pixels: gray.into_raw(), intrinsics, mount })
 }
 
 impl Arguments {

@@ -3,10 +3,10 @@
 //! `sweep_approaches [--approaches N] [--first SEED] [--fov DEGREES] [--size WxH] [--out DIR] [--verbose]`
 //!
 //! From 10 m to 1.5 m before the place where both walls end, or to where an edge comes within 15 px of the picture's border, at
-//! 0.4 m/s with a picture every 0.1 s: half of them to a crossing, half to a T, in corridors 1.7 to 2.4 m wide whose colours,
-//! lamps, floors, skirtings and doors vary; noise of 8 grey levels; brightness that grows or shrinks by a fifth on the way;
-//! start up to 0.3 m beside the middle and up to 5 degrees turned; odometry that errs by 1 % and 0.3 degrees a metre. Lost is
-//! an approach in which the behaviour says so, that is not tracked from 8 m on, that ends farther than 3 m before it, or in
+//! 0.4 m/s with a picture every 0.1 s: half of them to a crossing, half to a T, in corridors 1.7 to 2.4 m wide whose colors,
+//! lamps, floors, skirtings and doors vary; noise of 8 gray levels; brightness that grows or shrinks by a fifth on the way;
+//! start up to 0.3 m beside the middle and up to 5 degrees turned; odometry that errs by 1 % and 0.3 degrees a meter. Lost is
+//! an approach in which the behavior says so, that is not tracked from 8 m on, that ends farther than 3 m before it, or in
 //! which what is confirmed is off by more than 20 px or 3 m. The error is that of the mean column of both edges, at the
 //! camera's height. `--out` writes a picture of each loss.
 
@@ -44,7 +44,7 @@ struct Bin {
     middle_px: Vec<f64>,
     distance: Vec<f64>,
     /// Errors of the distance over their standard deviation.
-    normalised: Vec<f64>,
+    normalized: Vec<f64>,
 }
 
 fn main() {
@@ -54,7 +54,7 @@ fn main() {
         to_m,
         middle_px: Vec::new(),
         distance: Vec::new(),
-        normalised: Vec::new(),
+        normalized: Vec::new(),
     });
     let (mut lost, mut late, mut one_sided, mut ended_m) = (0, 0, 0, Vec::new());
     for seed in arguments.first..arguments.first + arguments.approaches {
@@ -85,7 +85,7 @@ fn main() {
         "distance       pictures  middle, px: median   95 %    max   distance, %: median   95 %   rms of error/sigma"
     );
     for bin in &bins {
-        let rms = (bin.normalised.iter().map(|x| x * x).sum::<f64>() / bin.normalised.len() as f64).sqrt();
+        let rms = (bin.normalized.iter().map(|x| x * x).sum::<f64>() / bin.normalized.len() as f64).sqrt();
         println!(
             "{:>4} to {:>4} m {:>9} {:>19.2} {:>6.2} {:>6.2} {:>21.1} {:>6.1} {:>20.2}",
             bin.from_m,
@@ -124,7 +124,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
         if ramp > 0.0 {
             drive.gain -= 0.1;
         }
-        // Whoever drives while the behaviour does not keeps the robot straight.
+        // Whoever drives while the behavior does not keeps the robot straight.
         drive.otherwise.angular = -drive.robot.theta - 0.8 * drive.robot.y;
         let has_picture = drive.step();
         let reason = drive.proposal.reason();
@@ -188,7 +188,7 @@ fn approach(seed: u64, arguments: &Arguments, bins: &mut [Bin]) -> Ran {
         if let Some(bin) = bins.iter_mut().find(|bin| ahead_m >= bin.from_m && ahead_m < bin.to_m) {
             bin.middle_px.push(middle_px);
             bin.distance.push(100.0 * (ahead.distance_m / truth_m - 1.0).abs());
-            bin.normalised.push((ahead.distance_m - truth_m) / ahead.sigma_m);
+            bin.normalized.push((ahead.distance_m - truth_m) / ahead.sigma_m);
         }
     }
     ran

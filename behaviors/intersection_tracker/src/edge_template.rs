@@ -17,7 +17,7 @@ use crate::strip::Strip;
 /// Size of a template, pixels of an image 640 px wide.
 const SIZE_AT_640_PX: [f64; 2] = [20.0, 40.0];
 /// Smallest size, pixels.
-const LEAST_SIZE_PX: [usize; 2] = [10, 16];
+const MIN_SIZE_PX: [usize; 2] = [10, 16];
 /// Columns to either side of the prediction that are searched, pixels of an image 640 px wide.
 const REACH_AT_640_PX: f64 = 12.0;
 /// Columns to either side of a match in which the edge is located, pixels of an image 640 px wide.
@@ -40,7 +40,7 @@ pub struct Aim {
     pub pixel: Vector2<f64>,
     /// Farther from there (px) it is none.
     pub gate_px: f64,
-    /// Distance along the camera's axis, metres: tells how much it grew.
+    /// Distance along the camera's axis, meters: tells how much it grew.
     pub depth_m: f64,
     /// Columns per row by which it leans.
     pub lean: f64,
@@ -52,7 +52,7 @@ pub struct EdgeTemplate {
     size: [usize; 2],
     reach: usize,
     snap_reach: usize,
-    least_correlation: f64,
+    min_correlation: f64,
     brighter: Brighter,
     anchor: Patch,
     anchor_depth_m: f64,
@@ -74,16 +74,16 @@ struct Patch {
 }
 
 impl EdgeTemplate {
-    /// Empty templates for pictures of this width; matches must correlate by `least_correlation`, 0 to 1.
+    /// Empty templates for pictures of this width; matches must correlate by `min_correlation`, 0 to 1.
     #[must_use]
-    pub fn new(image_width: u32, least_correlation: f64) -> Self {
+    pub fn new(image_width: u32, min_correlation: f64) -> Self {
         let scale = f64::from(image_width) / 640.0;
         let even = |px: f64, least: usize| ((0.5 * px * scale).round() as usize * 2).max(least);
         Self {
-            size: [even(SIZE_AT_640_PX[0], LEAST_SIZE_PX[0]), even(SIZE_AT_640_PX[1], LEAST_SIZE_PX[1])],
+            size: [even(SIZE_AT_640_PX[0], MIN_SIZE_PX[0]), even(SIZE_AT_640_PX[1], MIN_SIZE_PX[1])],
             reach: ((REACH_AT_640_PX * scale).round() as usize).max(6),
             snap_reach: ((SNAP_AT_640_PX * scale).round() as usize).max(3),
-            least_correlation,
+            min_correlation,
             brighter: Brighter::Left,
             anchor: Patch::default(),
             anchor_depth_m: 1.0,
@@ -154,7 +154,7 @@ impl EdgeTemplate {
         let place = search(view, &self.running.template, &area, middle).place;
         self.alike.compute(view, &self.running.template, &area);
         let alike = self.alike.at(place.u).unwrap_or(0.0);
-        if alike < self.least_correlation {
+        if alike < self.min_correlation {
             return Err(Reason::LowCorrelation);
         }
         if !self.is_unique(place, alike) {
@@ -246,7 +246,7 @@ impl EdgeTemplate {
         self.alike.compute(view, &self.scaled, &area);
         let best = self.alike.iter().max_by(|a, b| a.1.total_cmp(&b.1));
         best.is_some_and(|(u, alike)| {
-            alike >= self.least_correlation && (u as f64 + middle_u - at.x).abs() <= AGREE_PX
+            alike >= self.min_correlation && (u as f64 + middle_u - at.x).abs() <= AGREE_PX
         })
     }
 
@@ -317,14 +317,14 @@ impl Between {
 }
 
 /// Columns of the widest template that is grown.
-const MOST_COLUMNS: usize = 256;
+const MAX_COLUMNS: usize = 256;
 
 impl Grown<'_> {
     /// Grows it to this size into a picture.
     fn draw(&self, out: &mut GrayImage, width: usize, height: usize) {
-        let width = width.min(MOST_COLUMNS);
+        let width = width.min(MAX_COLUMNS);
         out.resize(width, height);
-        let mut columns = [Between::default(); MOST_COLUMNS];
+        let mut columns = [Between::default(); MAX_COLUMNS];
         for (u, column) in columns.iter_mut().enumerate().take(width) {
             let from_edge = (u as f64 - 0.5 * width as f64) / self.scale;
             *column = Between::new(self.anchor_edge + from_edge, self.anchor.width());

@@ -14,18 +14,18 @@ use crate::wall_foot::WallFoot;
 
 /// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
 const LARGEST_LEAN_RAD: f64 = 0.1;
-/// An edge ends at most this far above the floor: the skirting's height and some, metres; and this far where it is seen to
+/// An edge ends at most this far above the floor: the skirting's height and some, meters; and this far where it is seen to
 /// be higher than a door, since wall and background may look alike further down ...
 const HIGHEST_FOOT_M: [f64; 2] = [0.2, 1.6];
 /// ... or so far from the floor line, pixels of an image 640 px wide.
 const FOOT_AT_640_PX: f64 = 5.0;
 /// Shortest edge, pixels of an image 640 px wide.
 const SHORTEST_AT_640_PX: f64 = 30.0;
-/// Where the foot of a wall ends, an edge may be too faint to be found anywhere but between these heights, metres ...
+/// Where the foot of a wall ends, an edge may be too faint to be found anywhere but between these heights, meters ...
 const FAINT_HEIGHTS_M: [f64; 2] = [0.05, 0.65];
 /// ... and so many columns to either side, of an image 640 px wide.
 const FAINT_REACH_AT_640_PX: f64 = 4.0;
-/// Where its upper end is seen, the end of a wall is higher than any door, metres.
+/// Where its upper end is seen, the end of a wall is higher than any door, meters.
 const DOOR_HEIGHT_M: f64 = 2.15;
 /// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
 const SAME_EDGE_AT_640_PX: f64 = 2.5;
@@ -67,13 +67,13 @@ pub struct WallEnd {
     pub side: Side,
     /// Where it stands on the floor line, undistorted pixels.
     pub base: Vector2<f64>,
-    /// Where it stands, from the robot's centre, x ahead and y to the left, metres.
+    /// Where it stands, from the robot's center, x ahead and y to the left, meters.
     pub point_in_robot: Point2<f64>,
     /// Covariance of that, m^2.
     pub covariance: Matrix2<f64>,
-    /// From the camera, along the corridor, metres.
+    /// From the camera, along the corridor, meters.
     pub ahead_m: f64,
-    /// Standard deviation of `ahead_m`, metres.
+    /// Standard deviation of `ahead_m`, meters.
     pub ahead_sigma_m: f64,
     /// Whether it is seen to be higher than a door.
     pub is_high: bool,
@@ -84,11 +84,11 @@ pub struct WallEnd {
 /// What must hold of a wall's end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FinderRule {
-    /// Nearest and farthest along the corridor, metres.
+    /// Nearest and farthest along the corridor, meters.
     pub range_m: [f64; 2],
     /// Ends nearer to the left or right border of the picture are left out, pixels.
     pub border_px: f64,
-    /// Two ends that differ less along the corridor are a pair, metres; or less than three standard deviations.
+    /// Two ends that differ less along the corridor are a pair, meters; or less than three standard deviations.
     pub pair_m: f64,
 }
 
@@ -348,7 +348,7 @@ impl Scene<'_> {
 
     /// The direction of a pixel in the corridor's frame, not of unit length.
     fn ray(&self, pixel: Vector2<f64>) -> Vector3<f64> {
-        self.view.corridor_from_camera * self.view.intrinsics.normalised_from_pixel(pixel).push(1.0)
+        self.view.corridor_from_camera * self.view.intrinsics.normalized_from_pixel(pixel).push(1.0)
     }
 
     /// Whether a wall stands across the corridor between the two: a dead end.

@@ -22,7 +22,7 @@ const SAME_EDGE_AT_640_PX: f64 = 1.25;
 #[derive(Clone, Debug)]
 pub struct FollowedEdge {
     template: EdgeTemplate,
-    /// Where along it the templates are taken, metres above the camera.
+    /// Where along it the templates are taken, meters above the camera.
     above_m: f64,
     /// Whether it is followed.
     pub(crate) is_tracked: bool,
@@ -37,11 +37,11 @@ pub struct FollowedEdge {
 }
 
 impl FollowedEdge {
-    /// An edge that is not followed yet, in pictures of this width; matches must correlate by `least_correlation`, 0 to 1.
+    /// An edge that is not followed yet, in pictures of this width; matches must correlate by `min_correlation`, 0 to 1.
     #[must_use]
-    pub fn new(image_width: u32, least_correlation: f64) -> Self {
+    pub fn new(image_width: u32, min_correlation: f64) -> Self {
         Self {
-            template: EdgeTemplate::new(image_width, least_correlation),
+            template: EdgeTemplate::new(image_width, min_correlation),
             above_m: 0.0,
             is_tracked: false,
             misses: 0,
@@ -113,7 +113,7 @@ impl FollowedEdge {
         observe(landmarks, pose, camera, side, &expected, Vector2::new(column, aim.pixel.y))
     }
 
-    /// Where along the edge it is steepest, no farther aside than so many pixels: metres above the camera, the aim there, grey
+    /// Where along the edge it is steepest, no farther aside than so many pixels: meters above the camera, the aim there, gray
     /// levels a pixel.
     fn best_height(
         &self,
@@ -121,13 +121,13 @@ impl FollowedEdge {
         landmarks: &Landmarks,
         pose: &Pose2,
         camera: &CorridorCamera,
-        (side, most_px): (Side, f64),
+        (side, max_px): (Side, f64),
     ) -> Option<(f64, Aim, f64)> {
-        let fair_px = 0.4 * most_px;
+        let fair_px = 0.4 * max_px;
         let at = |height_m: f64| {
             let above_m = height_m - camera.mount.z;
             let (_, aim) = aim(landmarks, pose, camera, (side, above_m))?;
-            let aim = Aim { gate_px: aim.gate_px.min(most_px), ..aim };
+            let aim = Aim { gate_px: aim.gate_px.min(max_px), ..aim };
             let is_inside = !self.leaves(&aim, image);
             let (edge, _) = self.template.edge_at(image, &aim).filter(|_| is_inside)?;
             let aside = (edge.column - aim.pixel.x) / fair_px;
@@ -187,6 +187,6 @@ fn observe(
 
 /// The pixel as the lens shows it.
 pub(crate) fn raw(pinhole: &Pinhole, ideal: Vector2<f64>) -> Option<Vector2<f64>> {
-    let ray = pinhole.intrinsics().normalised_from_pixel(ideal).push(1.0);
+    let ray = pinhole.intrinsics().normalized_from_pixel(ideal).push(1.0);
     pinhole.project(&ray.into()).ok()
 }

@@ -2,12 +2,12 @@
 
 /// Heights at which it is sampled.
 pub const FOOT_SAMPLES: u32 = 16;
-/// Contrast that a foot has, and by which two differ, root mean square, grey levels.
+/// Contrast that a foot has, and by which two differ, root mean square, gray levels.
 pub const FOOT_CONTRAST: f64 = 12.0;
 /// Two feet of a wall look alike if they correlate by this.
 const ALIKE: f64 = 0.8;
 
-/// Grey levels across the foot of a wall, from below upwards.
+/// Gray levels across the foot of a wall, from below upwards.
 pub type FootProfile = [f64; FOOT_SAMPLES as usize];
 
 /// Whether two feet of walls look alike, whatever the light; a foot without contrast looks like any.

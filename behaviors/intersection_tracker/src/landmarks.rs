@@ -14,11 +14,11 @@ use yamabico_core::odometry_track::travel;
 
 use crate::finder::Side;
 
-/// Variance of the odometry's heading per radian turned (rad) and per metre driven (rad^2/m):
-/// wheels that slip by 5 mm in a metre, 0.36 m apart, twist the robot by 0.02 rad.
+/// Variance of the odometry's heading per radian turned (rad) and per meter driven (rad^2/m):
+/// wheels that slip by 5 mm in a meter, 0.36 m apart, twist the robot by 0.02 rad.
 const HEADING_VARIANCE: [f64; 2] = [1e-3, 4e-4];
-/// Variance of the odometry's position per metre driven, m^2/m.
-const POSITION_VARIANCE_PER_METRE: f64 = 2e-4;
+/// Variance of the odometry's position per meter driven, m^2/m.
+const POSITION_VARIANCE_PER_METER: f64 = 2e-4;
 /// Without odometry the robot may move this fast (m/s) and turn this fast (rad/s), one standard deviation.
 const BLIND_SPEEDS: [f64; 2] = [0.4, 0.3];
 /// Standard deviation of a tracked column, pixels.
@@ -43,16 +43,16 @@ pub enum Motion {
 pub struct Ahead {
     /// Of the middle between the edges: the mean of their bearings, radians, positive to the left.
     pub bearing: f64,
-    /// From the robot's centre to the middle between the edges, along the robot's heading, metres.
+    /// From the robot's center to the middle between the edges, along the robot's heading, meters.
     pub distance_m: f64,
-    /// Standard deviation of the distance, metres.
+    /// Standard deviation of the distance, meters.
     pub sigma_m: f64,
 }
 
 /// Left and right edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landmarks {
-    /// (x, y) of the left, then of the right one, odometry frame, metres.
+    /// (x, y) of the left, then of the right one, odometry frame, meters.
     state: Vector4<f64>,
     covariance: Matrix4<f64>,
 }
@@ -64,7 +64,7 @@ pub struct Expected {
     pub pixel: Vector2<f64>,
     /// Standard deviation of the column, pixels.
     pub sigma_px: f64,
-    /// From the camera, along its axis, metres.
+    /// From the camera, along its axis, meters.
     pub depth_m: f64,
     /// How far it leans: columns per row.
     pub lean: f64,
@@ -102,13 +102,13 @@ impl Landmarks {
     pub fn predict(&mut self, motion: Motion) {
         let (pose, heading_variance, position_variance) = match motion {
             Motion::Between(from, to) => {
-                let (metres, turned) = travel(&from, &to);
-                let [per_radian, per_metre] = HEADING_VARIANCE;
-                (to, per_radian * turned + per_metre * metres, POSITION_VARIANCE_PER_METRE * metres)
+                let (meters, turned) = travel(&from, &to);
+                let [per_radian, per_meter] = HEADING_VARIANCE;
+                (to, per_radian * turned + per_meter * meters, POSITION_VARIANCE_PER_METER * meters)
             }
             Motion::Unknown { elapsed_s } => {
-                let [metres, turned] = BLIND_SPEEDS.map(|speed| (speed * elapsed_s).powi(2));
-                (Pose2::IDENTITY, turned, metres)
+                let [meters, turned] = BLIND_SPEEDS.map(|speed| (speed * elapsed_s).powi(2));
+                (Pose2::IDENTITY, turned, meters)
             }
         };
         let [left, right] = Side::BOTH.map(|side| self.point(side) - pose.position());
@@ -119,13 +119,13 @@ impl Landmarks {
         }
     }
 
-    /// An edge in the odometry frame, metres.
+    /// An edge in the odometry frame, meters.
     #[must_use]
     pub fn point(&self, side: Side) -> Point2<f64> {
         Point2::from(self.state.fixed_rows::<2>(2 * side.index()).into_owned())
     }
 
-    /// The middle between the edges from a robot at `pose`, metres, and the standard deviation of how far ahead it is.
+    /// The middle between the edges from a robot at `pose`, meters, and the standard deviation of how far ahead it is.
     #[must_use]
     pub fn middle(&self, pose: &Pose2) -> (Point2<f64>, f64) {
         let middle = nalgebra::center(&self.point(Side::Left), &self.point(Side::Right));
@@ -174,7 +174,7 @@ impl Landmarks {
         slope.fixed_columns_mut::<2>(2 * side.index()).copy_from(&by_point);
         let variance = (slope * self.covariance * slope.transpose()).x.max(0.0);
         Some(Expected {
-            pixel: k.pixel_from_normalised(in_camera.xy() / depth_m),
+            pixel: k.pixel_from_normalized(in_camera.xy() / depth_m),
             sigma_px: variance.sqrt(),
             depth_m,
             lean: by_height.x / by_height.y,

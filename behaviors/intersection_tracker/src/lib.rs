@@ -79,7 +79,7 @@ pub struct IntersectionTracker {
     rule: FinderRule,
     track: IntersectionTrack,
     odometry: OdometryTrack,
-    grey: GrayImage,
+    gray: GrayImage,
     sequence: u64,
     last_picture: Option<Picture>,
     last_seen: Option<Time>,
@@ -128,7 +128,7 @@ impl Plugin for IntersectionTracker {
             calibration,
             horizon_sigma_rad: config.horizon_sigma_deg.to_radians(),
         };
-        let rule = FloorLineRule { least_contrast: config.floor_contrast, ..FloorLineRule::default() };
+        let rule = FloorLineRule { min_contrast: config.floor_contrast, ..FloorLineRule::default() };
         Ok(Self {
             sight: Sight::new(camera, rule),
             finder: EndFinder::default(),
@@ -140,7 +140,7 @@ impl Plugin for IntersectionTracker {
             track: IntersectionTrack::new(pinhole.intrinsics().width, &config),
             config,
             odometry: OdometryTrack::default(),
-            grey: GrayImage::default(),
+            gray: GrayImage::default(),
             sequence: 0,
             last_picture: None,
             last_seen: None,
@@ -231,12 +231,12 @@ impl IntersectionTracker {
                 self.trouble = Some(reason);
             }
         }
-        let mut grey = std::mem::take(&mut self.grey);
-        match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut grey) {
+        let mut gray = std::mem::take(&mut self.gray);
+        match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut gray) {
             Some(image) => self.look_at(image, &taken),
             None => self.trouble = Some(Reason::MalformedInput),
         }
-        self.grey = grey;
+        self.gray = gray;
         if self.track.landmarks().is_some() && self.track.drop_lost(&taken.pose.unwrap_or_default()) {
             self.lost_at = Some(stamp);
         }
@@ -252,9 +252,9 @@ impl IntersectionTracker {
         let (Some(from), Some(to)) = (last.pose, taken.pose) else {
             return Ok(Motion::Unknown { elapsed_s });
         };
-        let (metres, turned) = travel(&from, &to);
+        let (meters, turned) = travel(&from, &to);
         let [fastest, quickest] = JUMP_SPEEDS;
-        if metres > fastest * elapsed_s + 0.1 || turned > quickest * elapsed_s + 0.1 {
+        if meters > fastest * elapsed_s + 0.1 || turned > quickest * elapsed_s + 0.1 {
             return Err(Reason::Inconsistent);
         }
         Ok(Motion::Between(from, to))
@@ -404,7 +404,7 @@ impl IntersectionTracker {
             false => (1.0, Reason::Nominal),
         };
         let speed = share * self.config.speed_mps * (1.0 - ahead.bearing.abs() / 0.5).max(0.3);
-        let most = self.config.largest_turn_rad_s;
+        let most = self.config.largest_turn_radps;
         let turn = (self.config.turn_gain * ahead.bearing).clamp(-most, most);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn)).because(reason).with_note(note)
     }

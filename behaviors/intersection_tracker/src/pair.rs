@@ -24,24 +24,24 @@ pub fn partner(base: Vector2<f64>, other_wall: Vector3<f64>, view: &CorridorView
     (pixel.x.is_finite() && pixel.y.is_finite()).then_some(pixel)
 }
 
-/// The slope dy/dx, in normalised coordinates, of the line between two pixels.
+/// The slope dy/dx, in normalized coordinates, of the line between two pixels.
 #[must_use]
 pub fn slope(from: Vector2<f64>, to: Vector2<f64>, intrinsics: &Intrinsics) -> f64 {
-    let along = intrinsics.normalised_from_pixel(to) - intrinsics.normalised_from_pixel(from);
+    let along = intrinsics.normalized_from_pixel(to) - intrinsics.normalized_from_pixel(from);
     along.y / along.x
 }
 
-/// The slope dy/dx of the line across the corridor through a normalised point, for a level camera with this heading (rad).
+/// The slope dy/dx of the line across the corridor through a normalized point, for a level camera with this heading (rad).
 #[must_use]
-pub fn level_slope(normalised: Vector2<f64>, heading: f64) -> f64 {
+pub fn level_slope(normalized: Vector2<f64>, heading: f64) -> f64 {
     let (sin, cos) = heading.sin_cos();
-    normalised.y * sin / (cos + normalised.x * sin)
+    normalized.y * sin / (cos + normalized.x * sin)
 }
 
 /// Bearing (rad, positive to the left) in the robot's frame of what is seen at `pixel`, undistorted.
 #[must_use]
 pub fn bearing(pixel: Vector2<f64>, intrinsics: &Intrinsics, mount: &Mount) -> f64 {
-    let ray = mount.rotation_body_from_camera() * intrinsics.normalised_from_pixel(pixel).push(1.0);
+    let ray = mount.rotation_body_from_camera() * intrinsics.normalized_from_pixel(pixel).push(1.0);
     ray.y.atan2(ray.x)
 }
 
@@ -58,7 +58,7 @@ mod tests {
             let view = CorridorView::new(CameraAttitude { heading, tilt }, roll, 0.6, intrinsics);
             let pixel = |x: f64, y: f64| {
                 let point = view.corridor_from_camera.transpose() * Vector3::new(x, y, -0.6);
-                intrinsics.pixel_from_normalised(point.xy() / point.z)
+                intrinsics.pixel_from_normalized(point.xy() / point.z)
             };
             let other_wall = line_through(pixel(3.0, -1.2), pixel(9.0, -1.2));
             let found = partner(pixel(5.0, 0.8), other_wall, &view).unwrap();

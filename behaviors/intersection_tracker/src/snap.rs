@@ -4,11 +4,11 @@ use nalgebra::Vector2;
 use yamabico_core::image::ImageView;
 
 /// Half the width of the window, pixels, at most.
-const MOST_REACH: usize = 16;
+const MAX_REACH: usize = 16;
 /// Of the gradient counts what is above this share of its peak.
 const SHARE_OF_PEAK: f64 = 0.3;
-/// Smallest gradient of an edge, grey levels a pixel.
-const LEAST_GRADIENT: f64 = 2.0;
+/// Smallest gradient of an edge, gray levels a pixel.
+const MIN_GRADIENT: f64 = 2.0;
 
 /// On which side of an edge the picture is brighter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub enum Brighter {
 pub struct Snapped {
     /// Its column in the middle row, pixels.
     pub column: f64,
-    /// Its steepest gradient, grey levels a pixel.
+    /// Its steepest gradient, gray levels a pixel.
     pub gradient: f64,
 }
 
@@ -48,7 +48,7 @@ pub struct SnapWindow {
 /// picture.
 #[must_use]
 pub fn snap(image: ImageView<'_>, window: &SnapWindow) -> Option<Snapped> {
-    let reach = window.reach.clamp(1, MOST_REACH);
+    let reach = window.reach.clamp(1, MAX_REACH);
     let (middle_u, middle_v) = (window.middle.x.round(), window.middle.y.round());
     let half_rows = 0.5 * (window.rows as f64 - 1.0);
     let widest = reach as f64 + 1.0 + window.lean.abs() * half_rows;
@@ -59,7 +59,7 @@ pub fn snap(image: ImageView<'_>, window: &SnapWindow) -> Option<Snapped> {
     if !is_inside {
         return None;
     }
-    let mut sums = [0_u32; 2 * MOST_REACH + 3];
+    let mut sums = [0_u32; 2 * MAX_REACH + 3];
     let columns = 2 * reach + 3;
     for row in 0..window.rows {
         let below = row as f64 - half_rows;
@@ -75,7 +75,7 @@ pub fn snap(image: ImageView<'_>, window: &SnapWindow) -> Option<Snapped> {
         |i: usize| sign * (f64::from(sums[i + 2]) - f64::from(sums[i])) / window.rows.max(1) as f64;
     let peak = (0..columns - 2).max_by(|&a, &b| gradient(a).total_cmp(&gradient(b)))?;
     let least = SHARE_OF_PEAK * gradient(peak);
-    if gradient(peak) < LEAST_GRADIENT {
+    if gradient(peak) < MIN_GRADIENT {
         return None;
     }
     let counts = |i: &usize| gradient(*i) > least;

@@ -64,7 +64,7 @@ impl IntersectionTrack {
     /// Nothing tracked yet, for pictures of this width.
     #[must_use]
     pub fn new(image_width: u32, config: &Config) -> Self {
-        let edge = FollowedEdge::new(image_width, config.least_correlation);
+        let edge = FollowedEdge::new(image_width, config.min_correlation);
         Self {
             landmarks: None,
             edges: [edge.clone(), edge],

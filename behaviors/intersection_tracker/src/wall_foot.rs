@@ -11,17 +11,17 @@ use yamabico_vision::corridor::wall_distance::CorridorView;
 
 use crate::foot::{FOOT_CONTRAST, FOOT_SAMPLES, FootProfile, are_alike, is_flat, likeness};
 
-/// A wall that is seen again so much farther on goes on: an opening in it is a door's, metres.
+/// A wall that is seen again so much farther on goes on: an opening in it is a door's, meters.
 const DOOR_M: f64 = 1.3;
-/// Behind an edge higher than any door the wall must be gone so far only, metres: from afar the foot of a wall across the
+/// Behind an edge higher than any door the wall must be gone so far only, meters: from afar the foot of a wall across the
 /// corridor hides the rest of the gap.
 const GAP_M: f64 = 0.6;
-/// ... and at least so far beyond what the edge itself covers, metres.
-const LEAST_GAP_M: f64 = 0.3;
-/// In such steps a wall is looked for, metres.
+/// ... and at least so far beyond what the edge itself covers, meters.
+const MIN_GAP_M: f64 = 0.3;
+/// In such steps a wall is looked for, meters.
 const STEP_M: f64 = 0.1;
 /// A wall is there where it is seen at so many steps.
-const LEAST_STEPS: usize = 2;
+const MIN_STEPS: usize = 2;
 /// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
 /// The picture is compared so many columns before and behind an edge.
@@ -35,7 +35,7 @@ const PLACES: usize = 24;
 /// ... between these distances (m), each farther than the last by the same factor ...
 const PLACES_M: [f64; 2] = [1.2, 9.0];
 /// ... of which so many others must look alike.
-const LEAST_ALIKE: usize = 4;
+const MIN_ALIKE: usize = 4;
 /// A wall looks as usual where its foot correlates by this.
 const AS_USUAL: f64 = 0.75;
 
@@ -89,7 +89,7 @@ impl<'a> WallFoot<'a> {
 
     fn is_seen_behind(&self, ahead_m: f64, to_m: f64) -> bool {
         let clear_m = (CLEAR_COLUMNS_PX * self.column_m(ahead_m)).max(STEP_M);
-        self.is_seen_between(ahead_m + clear_m, ahead_m + to_m.max(clear_m + LEAST_GAP_M))
+        self.is_seen_between(ahead_m + clear_m, ahead_m + to_m.max(clear_m + MIN_GAP_M))
     }
 
     /// Whether the wall begins at an edge so far ahead (m), as behind another corridor: it is not seen before it, no farther
@@ -111,7 +111,7 @@ impl<'a> WallFoot<'a> {
         let places = (0..).map(|step| PLACES_M[0] + STEP_M * f64::from(step));
         for ahead_m in places.take_while(|&ahead_m| ahead_m < farthest_m + DOOR_M) {
             steps = if self.is_seen_at(ahead_m) { steps + 1 } else { 0 };
-            if steps >= LEAST_STEPS {
+            if steps >= MIN_STEPS {
                 last_m = Some(ahead_m);
             } else if last_m.is_some_and(|last_m| ahead_m > last_m + DOOR_M) {
                 return last_m.map(|last_m| last_m + 0.5 * STEP_M);
@@ -120,21 +120,21 @@ impl<'a> WallFoot<'a> {
         None
     }
 
-    /// Where the wall is seen so far ahead and so high above the floor, metres: a pixel of the picture as it is.
+    /// Where the wall is seen so far ahead and so high above the floor, meters: a pixel of the picture as it is.
     #[must_use]
     pub fn pixel(&self, ahead_m: f64, height_m: f64) -> Option<Vector2<f64>> {
         let point = Vector3::new(ahead_m, self.distance_m, height_m - self.view.height_m);
         self.pinhole.project(&(self.view.corridor_from_camera.transpose() * point).into()).ok()
     }
 
-    /// Whether the wall is seen at some places between two distances, metres.
+    /// Whether the wall is seen at some places between two distances, meters.
     fn is_seen_between(&self, from_m: f64, to_m: f64) -> bool {
         let steps = ((to_m - from_m) / STEP_M).floor().max(0.0) as u32;
         let places = (0..=steps).map(|step| from_m + STEP_M * f64::from(step));
-        places.filter(|&ahead_m| self.is_seen_at(ahead_m)).nth(LEAST_STEPS - 1).is_some()
+        places.filter(|&ahead_m| self.is_seen_at(ahead_m)).nth(MIN_STEPS - 1).is_some()
     }
 
-    /// Whether the wall is seen so far ahead, metres.
+    /// Whether the wall is seen so far ahead, meters.
     #[must_use]
     pub fn is_seen_at(&self, ahead_m: f64) -> bool {
         let (Some(usual), Some(here)) = (&self.usual, self.profile(ahead_m)) else { return false };
@@ -157,15 +157,15 @@ impl<'a> WallFoot<'a> {
             .flatten()
             .map(|profile| (alike(profile), *profile))
             .max_by_key(|(count, _)| *count)?;
-        (count > LEAST_ALIKE).then_some(usual)
+        (count > MIN_ALIKE).then_some(usual)
     }
 
-    /// Metres along the wall that one column shows.
+    /// Meters along the wall that one column shows.
     fn column_m(&self, ahead_m: f64) -> f64 {
         ahead_m.powi(2) / (self.distance_m.abs() * self.view.intrinsics.fx)
     }
 
-    /// Grey levels from below to above the foot of the wall; `None` outside the picture.
+    /// Gray levels from below to above the foot of the wall; `None` outside the picture.
     fn profile(&self, ahead_m: f64) -> Option<FootProfile> {
         let mut profile = [0.0; FOOT_SAMPLES as usize];
         for (sample, level) in (0..).zip(&mut profile) {
@@ -174,7 +174,7 @@ impl<'a> WallFoot<'a> {
         Some(profile)
     }
 
-    /// The grey level of one sample of the foot.
+    /// The gray level of one sample of the foot.
     fn level(&self, ahead_m: f64, sample: u32) -> Option<f64> {
         let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
         let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
@@ -218,8 +218,8 @@ mod tests {
     /// A wall on the left with a dark skirting, seen at these distances; else the floor, and a wall far behind.
     fn picture(view: &CorridorView, is_wall: impl Fn(f64) -> bool) -> Vec<u8> {
         let level = |u: u32, v: u32| {
-            let normalised = view.intrinsics.normalised_from_pixel(Vector2::new(f64::from(u), f64::from(v)));
-            let ray = view.corridor_from_camera * normalised.push(1.0);
+            let normalized = view.intrinsics.normalized_from_pixel(Vector2::new(f64::from(u), f64::from(v)));
+            let ray = view.corridor_from_camera * normalized.push(1.0);
             let (ahead_m, height_m) = (DISTANCE_M * ray.x / ray.y, 0.6 + DISTANCE_M * ray.z / ray.y);
             match height_m {
                 0.0..0.1 if ray.y > 0.0 && is_wall(ahead_m) => 40,

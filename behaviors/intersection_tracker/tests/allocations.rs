@@ -1,4 +1,4 @@
-//! After warm-up, a call of the behaviour allocates nothing.
+//! After warm-up, a call of the behavior allocates nothing.
 
 mod rig;
 

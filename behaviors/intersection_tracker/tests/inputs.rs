@@ -20,7 +20,7 @@ fn pixels() -> Vec<u8> {
     Drive::new(&world(Ending::Crossing, 2.4), start, camera(640, 480, FOV_DEG), 2.0, 1).render()
 }
 
-/// A behaviour that drives by a robot that stands, its time, and what it sees.
+/// A behavior that drives by a robot that stands, its time, and what it sees.
 struct Standing {
     bench: Bench<IntersectionTracker>,
     seconds: f64,
@@ -152,7 +152,7 @@ fn keys_out_of_range_are_refused() {
         ("nearest_m = 0.1", "nearest_m"),
         ("nearest_m = 4\nfarthest_m = 3", "farthest_m"),
         ("reacquire_misses = 9\nlost_misses = 5", "lost_misses"),
-        ("least_correlation = nan", "least_correlation"),
+        ("min_correlation = nan", "min_correlation"),
     ] {
         let refused =
             Bench::<IntersectionTracker>::new(text, setup(camera(640, 480, FOV_DEG))).err().unwrap();

@@ -38,18 +38,18 @@ mod vectors {
             close("right_base u", right.x, &expect["right_base"][0]);
             close("right_base v", right.y, &expect["right_base"][1]);
             close("slope_exact", slope(left, right, &intrinsics), &expect["slope_exact"]);
-            let normalised = intrinsics.normalised_from_pixel(left);
+            let normalized = intrinsics.normalized_from_pixel(left);
             if !expect["slope_closed_form"].is_null() {
-                close("slope_closed_form", level_slope(normalised, heading), &expect["slope_closed_form"]);
+                close("slope_closed_form", level_slope(normalized, heading), &expect["slope_closed_form"]);
             }
-            close("paper_eq20_slope", normalised.y * heading.sin(), &expect["paper_eq20_slope"]);
+            close("paper_eq20_slope", normalized.y * heading.sin(), &expect["paper_eq20_slope"]);
 
             let mount = Mount::tilted(height_m, tilt);
             let [by_left, by_right] = [left, right].map(|base| bearing(base, &intrinsics, &mount));
             close("bearing_left", by_left, &expect["bearing_left"]);
             close("bearing_right", by_right, &expect["bearing_right"]);
             close("steer_mean_bearing", 0.5 * (by_left + by_right), &expect["steer_mean_bearing"]);
-            let column = -intrinsics.normalised_from_pixel(0.5 * (left + right)).x.atan();
+            let column = -intrinsics.normalized_from_pixel(0.5 * (left + right)).x.atan();
             close("steer_mean_column_level", column, &expect["steer_mean_column_level"]);
             close("range_forward", view.floor_point(left).expect("floor").x, &expect["range_forward"]);
         }

@@ -113,7 +113,7 @@ fn azimuths(criterion: &mut Criterion) {
             println!("the problem was not written: {error}");
         }
         let name = problem.name;
-        let rule = AzimuthRule { probability: 0.999_999, most_correction_m: 1.0, ..AzimuthRule::default() };
+        let rule = AzimuthRule { probability: 0.999_999, max_correction_m: 1.0, ..AzimuthRule::default() };
         let mut localizer =
             AzimuthLocalizer::new(problem.landmarks.clone(), Vec::new(), LeverArm::zeros(), rule);
         match localizer.locate(&problem.predicted, &problem.seen) {
@@ -180,7 +180,7 @@ fn mask(camera: &MirrorCamera, outline: &OutlineRule, robot: &Pose2) -> BitImage
             let radius = seen.norm().max(1.0);
             if let Some(floor) = camera.floor_radius_m(radius, outline.height_m) {
                 let point = robot.transform_point(Point2::from(seen * (floor / radius)));
-                if radius < outline.most_radius_px && contains(&field, point) && !contains(&shadow, point) {
+                if radius < outline.max_radius_px && contains(&field, point) && !contains(&shadow, point) {
                     mask.set(u, v);
                 }
             }
@@ -200,10 +200,10 @@ fn save_mask(mask: &BitImage) -> image::ImageResult<()> {
 }
 
 fn floor(criterion: &mut Criterion) {
-    let outline = OutlineRule { height_m: 0.165, most_radius_px: 108.0 };
+    let outline = OutlineRule { height_m: 0.165, max_radius_px: 108.0 };
     let formula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
     let mirror = HyperboloidalMirror::from_floor_formula(formula, outline.height_m).expect("a mirror");
-    let image = MirrorImage::centred(256, 220).with_ring(1.0, 113.5).expect("a ring");
+    let image = MirrorImage::centered(256, 220).with_ring(1.0, 113.5).expect("a ring");
     let camera = MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).expect("a camera");
     let plan = FloorPlan::football_field(1.37, 1.55, 0.7625, 0.25).expect("a plan");
     let robot = Pose2::new(0.5, 0.2, 0.5);

@@ -86,7 +86,7 @@ fn draw(localizer: &MapLocalizer, picture: &Picture, believed: &Pose2) -> Result
     let (intrinsics, mount) = camera(width, height);
     let mut overlay = RgbImage::new(width, height);
     let mut canvas = Canvas::new(&mut overlay, width as usize, height as usize).ok_or("another size")?;
-    canvas.copy_grey(ImageView::new(picture.as_raw(), width as usize, height as usize, width as usize)?);
+    canvas.copy_gray(ImageView::new(picture.as_raw(), width as usize, height as usize, width as usize)?);
     let Finder::Wireframe(finder) = localizer.finder() else { return Err("not by a wire frame".into()) };
     let fixer = finder.fixer();
     let mut expectation = ExpectationMap::new(ExpectationRules::for_width(width));

@@ -84,13 +84,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn draw_edges(canvas: &mut Canvas, camera: &MirrorCamera, finder: &AzimuthFinder) {
     let image = camera.image();
     for (edge, of_map) in finder.seen().iter().zip(finder.localizer().edge_of_seen()) {
-        let colour = if of_map.is_some() { GREEN } else { ORANGE };
+        let color = if of_map.is_some() { GREEN } else { ORANGE };
         let outer = image.rim_radius_px() - 2.0;
         let inner = edge.inner_radius_px().unwrap_or(outer - edge.length_px);
         let at = |radius| image.pixel_from_polar(radius, edge.azimuth_rad);
         for aside in [-1.0, 0.0, 1.0] {
             let shift = Vector2::new(aside, aside);
-            canvas.line(at(inner) + shift, at(outer) + shift, colour);
+            canvas.line(at(inner) + shift, at(outer) + shift, color);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Pictures of the simulated football field with the floor marked in them, for `yamabico learn floor`: `render_floor FOLDER [N]`.
 //!
-//! What is floor is told by a second picture of each scene, in which the floor alone has another colour.
+//! What is floor is told by a second picture of each scene, in which the floor alone has another color.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -10,9 +10,9 @@ use yamabico_core::camera::{HyperboloidalMirror, Mirror, MirrorCamera, MirrorIma
 use yamabico_core::geometry::Pose2;
 use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random};
 
-/// Half the field's length and width less the robot, metres.
+/// Half the field's length and width less the robot, meters.
 const REACH_M: [f64; 2] = [1.2, 0.6];
-/// Levels by which a pixel differs where the floor's colour shows.
+/// Levels by which a pixel differs where the floor's color shows.
 const DIFFERENT: i32 = 12;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -23,8 +23,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/worlds/field.toml");
     let world = World::from_toml(&std::fs::read_to_string(path)?).map_err(|error| error.to_string())?;
     let mut other = world.clone();
-    other.floor.colour = [0.6, 0.1, 0.6];
-    let image = MirrorImage::centred(256, 220).with_ring(22.0, 112.0)?;
+    other.floor.color = [0.6, 0.1, 0.6];
+    let image = MirrorImage::centered(256, 220).with_ring(22.0, 112.0)?;
     let mirror = HyperboloidalMirror::new(479.374_593, 1.265_184_85, 0.040_083_7)?;
     let camera = MirrorCamera::new(image, Mirror::Hyperboloidal(mirror))?;
     for number in 0..count {
@@ -43,8 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             .map(|i| {
                 let pixel = Vector2::new(f64::from(i % 256), f64::from(i / 256));
                 let radius = image.mirror_from_pixel(pixel).norm();
-                let colours = picture[3 * i as usize..].iter().zip(&marked[3 * i as usize..]);
-                let most = colours.take(3).map(|(&a, &b)| (i32::from(a) - i32::from(b)).abs()).max();
+                let colors = picture[3 * i as usize..].iter().zip(&marked[3 * i as usize..]);
+                let most = colors.take(3).map(|(&a, &b)| (i32::from(a) - i32::from(b)).abs()).max();
                 match most {
                     // The robot, and what lies outside the mirror, is neither.
                     _ if !image.is_in_ring(radius) || radius > 108.0 => 128,

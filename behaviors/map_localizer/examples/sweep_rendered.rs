@@ -14,7 +14,7 @@ use yamabico_map_localizer::wire_frame::matching::LineNoise;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 use yamabico_vision::map::WireFrame;
 
-/// Standard deviations of the priors, metres and radians.
+/// Standard deviations of the priors, meters and radians.
 const PRIOR: [f64; 2] = [0.03, 0.01];
 const DRAWS: usize = 20;
 

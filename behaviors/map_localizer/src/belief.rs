@@ -39,7 +39,7 @@ impl Belief {
             && (0..3).all(|i| self.covariance[(i, i)] >= 0.0)
     }
 
-    /// The larger standard deviation of the position, metres.
+    /// The larger standard deviation of the position, meters.
     #[must_use]
     pub fn sigma_xy_m(&self) -> f64 {
         let [a, b, c] = [self.covariance[(0, 0)], self.covariance[(0, 1)], self.covariance[(1, 1)]];
@@ -76,7 +76,7 @@ impl Belief {
         // (I - KH) P (I - KH)' + K R K', multiplied out from the left.
         let kept = self.covariance - gain * spread.transpose();
         self.covariance = kept - (kept * h.transpose() - gain * noise) * gain.transpose();
-        self.symmetrise();
+        self.symmetrize();
         Update::Applied(distance)
     }
 
@@ -95,7 +95,7 @@ impl Belief {
         let keep = Matrix3::identity() - gain;
         self.covariance =
             keep * self.covariance * keep.transpose() + gain * measured.covariance * gain.transpose();
-        self.symmetrise();
+        self.symmetrize();
         Update::Applied(distance)
     }
 
@@ -127,7 +127,7 @@ impl Belief {
         let mut belief = *self;
         belief.shift(share * difference(&after.pose, &before.pose));
         belief.covariance -= share * (before.covariance - after.covariance) * share.transpose();
-        belief.symmetrise();
+        belief.symmetrize();
         belief
     }
 
@@ -156,7 +156,7 @@ impl Belief {
         self.shift(gain * innovation);
         let keep = Matrix3::identity() - gain * jacobian;
         self.covariance = keep * self.covariance * keep.transpose() + gain * gain.transpose() * noise;
-        self.symmetrise();
+        self.symmetrize();
         Update::Applied(distance)
     }
 
@@ -172,7 +172,7 @@ impl Belief {
         self.pose = Pose2 { x: x + by.x, y: y + by.y, theta: wrap_angle(theta + by.z) };
     }
 
-    fn symmetrise(&mut self) {
+    fn symmetrize(&mut self) {
         self.covariance = 0.5 * (self.covariance + self.covariance.transpose());
     }
 }

@@ -1,4 +1,4 @@
-//! The parameters of the behaviour.
+//! The parameters of the behavior.
 
 use std::path::PathBuf;
 
@@ -27,10 +27,10 @@ pub struct Config {
     /// A plan of the floor, for method floor-outline: a file, relative to the task file. Default none.
     #[schemars(extend("format" = "file"))]
     pub floor_plan: Option<String>,
-    /// The colours of the floor, for method floor-outline, as `yamabico learn floor` writes them: a file, relative to the
+    /// The colors of the floor, for method floor-outline, as `yamabico learn floor` writes them: a file, relative to the
     /// task file. Default none.
     #[schemars(extend("format" = "file"))]
-    pub floor_colours: Option<String>,
+    pub floor_colors: Option<String>,
     /// Where the robot is at the beginning.
     #[serde(default)]
     pub start: Start,
@@ -44,9 +44,9 @@ pub struct Config {
     #[schemars(range(min = 0.02, max = 2.0))]
     pub speed_mps: f64,
     /// Largest turn rate, rad/s, 0.1 to 3, default 0.8.
-    #[serde(default = "largest_turn_rad_s")]
+    #[serde(default = "largest_turn_radps")]
     #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_rad_s: f64,
+    pub largest_turn_radps: f64,
     /// Distance of the point of the path that it steers for, m, 0.2 to 5, default 0.8.
     #[serde(default = "look_ahead_m")]
     #[schemars(range(min = 0.2, max = 5.0))]
@@ -142,16 +142,16 @@ pub struct Start {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct OdometryNoise {
-    /// Of the way, m^2 a metre, 0 to 1, default 0.0001.
+    /// Of the way, m^2 a meter, 0 to 1, default 0.0001.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ss: f64,
     /// Of the heading, rad^2 a radian of turning, 0 to 1, default 0.001.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_tt: f64,
-    /// Of the heading, rad^2 a metre, 0 to 1, default 0.0006.
+    /// Of the heading, rad^2 a meter, 0 to 1, default 0.0006.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ts: f64,
-    /// Standard deviation of a drift of the heading that stays the same, as of unequal wheels, degrees a metre, 0 to 60,
+    /// Standard deviation of a drift of the heading that stays the same, as of unequal wheels, degrees a meter, 0 to 60,
     /// default 0.6.
     #[schemars(range(min = 0.0, max = 60.0))]
     pub drift_deg_per_m: f64,
@@ -211,7 +211,7 @@ impl Config {
             ("start.sigma_m", self.start.sigma_m, 0.005, 5.0),
             ("start.sigma_deg", self.start.sigma_deg, 0.1, 90.0),
             ("speed_mps", self.speed_mps, 0.02, 2.0),
-            ("largest_turn_rad_s", self.largest_turn_rad_s, 0.1, 3.0),
+            ("largest_turn_radps", self.largest_turn_radps, 0.1, 3.0),
             ("look_ahead_m", self.look_ahead_m, 0.2, 5.0),
             ("tolerance_m", self.tolerance_m, 0.02, 5.0),
             ("wall_margin_m", self.wall_margin_m, 0.0, 2.0),
@@ -239,7 +239,7 @@ impl Config {
 fn speed_mps() -> f64 {
     0.4
 }
-fn largest_turn_rad_s() -> f64 {
+fn largest_turn_radps() -> f64 {
     0.8
 }
 fn look_ahead_m() -> f64 {

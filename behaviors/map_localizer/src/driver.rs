@@ -13,14 +13,14 @@ use yamabico_vision::map::{Wall, WireFrame};
 use crate::belief::Belief;
 use crate::config::Config;
 use crate::pursuit::{JumpFilter, Pursuit, turn_towards};
-use crate::route::{MOST_CORNERS, Planner, Route, RouteError, Station};
+use crate::route::{MAX_CORNERS, Planner, Route, RouteError, Station};
 
 /// A goal's heading is reached within this, rad.
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
 /// A path goes round the end of a wall along so many sides of a polygon.
 const WALL_SIDES: u32 = 8;
 
-/// Corners of a convex obstacle, anticlockwise, metres.
+/// Corners of a convex obstacle, counterclockwise, meters.
 pub type Polygon = Vec<Point2<f64>>;
 
 /// A path and how far the robot came along it, to go on from.
@@ -47,7 +47,7 @@ pub struct Driver {
     tolerance_m: f64,
     clearance_m: f64,
     goal_heading: Option<f64>,
-    /// How far along the path the robot came, metres; `None` where it may stand anywhere on it.
+    /// How far along the path the robot came, meters; `None` where it may stand anywhere on it.
     farthest_m: Option<f64>,
     refusal: Option<RouteError>,
     /// The walls of the map, grown by what a path keeps from them.
@@ -86,9 +86,9 @@ impl Driver {
             law: Pursuit {
                 speed_mps: config.speed_mps,
                 look_ahead_m: config.look_ahead_m,
-                largest_turn_rad_s: config.largest_turn_rad_s,
+                largest_turn_radps: config.largest_turn_radps,
             },
-            known: corners.iter().copied().take(MOST_CORNERS - 2).collect(),
+            known: corners.iter().copied().take(MAX_CORNERS - 2).collect(),
             route: Route::new(corners, config.tolerance_m),
             tolerance_m: config.tolerance_m,
             clearance_m,
@@ -176,7 +176,7 @@ impl Driver {
         corners.extend_from_slice(&ahead[..leg]);
         let (begin, end, rest) = (from(leg), ahead[to], ahead[to + 1..].to_vec());
         match self.way_round(begin, end, grown) {
-            Ok(way) if corners.len() + way.len() + rest.len() <= MOST_CORNERS => {
+            Ok(way) if corners.len() + way.len() + rest.len() <= MAX_CORNERS => {
                 corners.extend_from_slice(&way[1..]);
                 corners.extend_from_slice(&rest);
                 self.route = Route::new(corners, self.route.tolerance_m);
@@ -201,7 +201,7 @@ impl Driver {
         let (path, _) = self.graph.shortest(out, goal, &all)?;
         let mut corners = vec![from];
         corners.extend(path.iter().skip(usize::from(out == from)));
-        if corners.len() > MOST_CORNERS { Err(PathError::Enclosed) } else { Ok(corners) }
+        if corners.len() > MAX_CORNERS { Err(PathError::Enclosed) } else { Ok(corners) }
     }
 
     /// The pose was lost: the robot may stand anywhere on its path.
@@ -214,7 +214,7 @@ impl Driver {
         self.jump = JumpFilter::default();
     }
 
-    /// The pose has jumped: by how much the robot has come to stand farther left of the path, metres.
+    /// The pose has jumped: by how much the robot has come to stand farther left of the path, meters.
     pub fn jump(&mut self, by_m: f64) {
         self.jump.jump(by_m);
     }
@@ -261,7 +261,7 @@ impl Driver {
         let heading = belief.pose.theta;
         let error = self.goal_heading.map_or(0.0, |goal| angle_difference(goal, heading));
         let twist = if error.abs() > HEADING_TOLERANCE_RAD {
-            turn_towards(heading, heading + error, self.law.largest_turn_rad_s)
+            turn_towards(heading, heading + error, self.law.largest_turn_radps)
         } else {
             Twist::ZERO
         };

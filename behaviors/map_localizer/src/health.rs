@@ -17,14 +17,14 @@ const CONTRADICTIONS: u32 = 3;
 const INFLATIONS: u32 = 4;
 /// The prior's covariance grows by this when it is believed less.
 pub const INFLATION: f64 = 4.0;
-/// Beyond these (m, rad) neighbouring doors look alike.
+/// Beyond these (m, rad) neighboring doors look alike.
 const BLOWN_UP: (f64, f64) = (0.5, 10.0 * std::f64::consts::PI / 180.0);
 /// Beyond this (m) the pose says nothing.
 const LOST_M: f64 = 1.5;
 /// Below this share of the upright edges that should be in view, the place along the way has no support.
 const SUPPORT: f64 = 0.2;
 /// With fewer upright edges in view nothing is said of the support.
-const LEAST_UPRIGHTS: usize = 3;
+const MIN_UPRIGHTS: usize = 3;
 /// So far (m) the robot goes on without support.
 const UNSUPPORTED_M: f64 = 1.5;
 
@@ -92,7 +92,7 @@ impl Health {
     pub fn take(&mut self, fix: &Fix, driven_m: f64) -> Advice {
         self.judge_surprise(fix);
         let [expected, seen] = fix.uprights;
-        let has_uprights = expected < LEAST_UPRIGHTS || seen as f64 >= SUPPORT * expected as f64;
+        let has_uprights = expected < MIN_UPRIGHTS || seen as f64 >= SUPPORT * expected as f64;
         let has_support = has_uprights && fix.verdict != Err(Reason::Ambiguous);
         self.unsupported_m = if has_support { 0.0 } else { self.unsupported_m + driven_m };
         match fix.verdict {

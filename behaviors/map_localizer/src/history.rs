@@ -49,7 +49,7 @@ pub struct History {
 struct Entry {
     stamp: Time,
     belief: Belief,
-    /// Driven since the last result that was applied, metres.
+    /// Driven since the last result that was applied, meters.
     driven_m: f64,
     /// From here to the next entry; zero in the newest.
     onward: Increment,
@@ -284,7 +284,7 @@ pub struct MotionSince {
     pub before: Pose2,
     /// The pose now as it follows from that.
     pub pose: Pose2,
-    /// Driven since the picture, metres.
+    /// Driven since the picture, meters.
     pub driven_m: f64,
     /// What the motion added to the covariance, from nothing at the picture.
     pub noise: Matrix3<f64>,

@@ -33,7 +33,7 @@ use yamabico_core::message::{
 use yamabico_core::parameters::FileKind;
 use yamabico_core::time::Time;
 use yamabico_vision::azimuth_map::EDGE_MAP_FILE;
-use yamabico_vision::floor_colour_file::FLOOR_COLOURS_FILE;
+use yamabico_vision::floor_color_file::FLOOR_COLORS_FILE;
 use yamabico_vision::map::WIRE_FRAME_FILE;
 
 use crate::belief::Belief;
@@ -43,7 +43,7 @@ use crate::fix::Fix;
 use crate::floor_outline::FLOOR_PLAN_FILE;
 use crate::look_around::LookAround;
 use crate::obstacles::Obstacles;
-use crate::route::{MOST_CORNERS, Route};
+use crate::route::{MAX_CORNERS, Route};
 use crate::tracker::{Track, Tracker};
 
 /// The camera that sees the map's edges.
@@ -62,7 +62,7 @@ pub const PATH: Slot<PathHeader> =
 pub const OBSTACLES: Slot<ObstaclesHeader> =
     Slot::required("obstacles", "what stands around that is not on the map");
 
-/// A path need not be changed for obstacles that come nearer than planned by less than this, metres.
+/// A path need not be changed for obstacles that come nearer than planned by less than this, meters.
 const REPLAN_M: f64 = 0.03;
 /// Odometry older than this (s) is none.
 const ODOMETRY_STALE_S: f64 = 0.3;
@@ -92,7 +92,7 @@ impl Plugin for MapLocalizer {
     const SUMMARY: &'static str = "Finds the robot on a map, and follows a planned path to a goal.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[POSE.info(), PATH.info(), OBSTACLES.info()];
-    const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE, EDGE_MAP_FILE, FLOOR_PLAN_FILE, FLOOR_COLOURS_FILE];
+    const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE, EDGE_MAP_FILE, FLOOR_PLAN_FILE, FLOOR_COLORS_FILE];
     const CLAIMS: Axes = Axes::PLANAR;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
@@ -282,12 +282,12 @@ impl MapLocalizer {
             heading_error_rad: station.heading_error_rad,
             progress_m: station.progress_m,
         };
-        let mut points = [PathPoint::default(); MOST_CORNERS];
+        let mut points = [PathPoint::default(); MAX_CORNERS];
         let corners = self.driver.route().corners();
         for (point, corner) in points.iter_mut().zip(corners) {
             *point = PathPoint { x: corner.x, y: corner.y };
         }
-        let _ = outputs.publish(PATH.name, &header, &points[..corners.len().min(MOST_CORNERS)]);
+        let _ = outputs.publish(PATH.name, &header, &points[..corners.len().min(MAX_CORNERS)]);
     }
 }
 
@@ -299,6 +299,6 @@ fn look_around(search: &LookAround, heading: f64) -> Proposal {
             .because(Reason::Searching)
             .with_note(format_args!("pose lost, looking around")),
         None => Proposal::halt(Axes::PLANAR, Reason::Lost)
-            .with_note(format_args!("pose lost, and nothing of the map is recognised")),
+            .with_note(format_args!("pose lost, and nothing of the map is recognized")),
     }
 }

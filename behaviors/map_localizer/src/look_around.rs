@@ -11,7 +11,7 @@ const THERE_RAD: f64 = 0.05;
 /// Pictures that are looked at from one heading.
 const PICTURES: u32 = 3;
 /// Turn rate, rad/s.
-const TURN_RAD_S: f64 = 0.5;
+const TURN_RADPS: f64 = 0.5;
 
 /// A search: some headings, some pictures from each.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +49,7 @@ impl LookAround {
     #[must_use]
     pub fn turn(&self, heading: f64) -> Option<Twist> {
         let target = self.began_at + LOOKS_RAD.get(self.look)?;
-        Some(turn_towards(heading, target, TURN_RAD_S))
+        Some(turn_towards(heading, target, TURN_RADPS))
     }
 
     fn error(&self, heading: f64) -> f64 {

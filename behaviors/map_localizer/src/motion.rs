@@ -8,7 +8,7 @@ use crate::belief::Belief;
 /// A small motion between two readings of the odometry. Sideways motion is not in it: the robot drives forward and turns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Increment {
-    /// Forward, metres.
+    /// Forward, meters.
     pub forward_m: f64,
     /// To the left, radians.
     pub turn_rad: f64,
@@ -17,11 +17,11 @@ pub struct Increment {
 /// How uncertain motion is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionNoise {
-    /// Variance of the way that a metre adds, m^2 / m.
+    /// Variance of the way that a meter adds, m^2 / m.
     pub way_per_way_m: f64,
     /// Variance of the heading that a radian of turning adds, rad^2 / rad.
     pub turn_per_turn_rad: f64,
-    /// Variance of the heading that a metre adds, rad^2 / m.
+    /// Variance of the heading that a meter adds, rad^2 / m.
     pub turn_per_way: f64,
     /// Standard deviation of a drift of the heading that stays the same, such as that of unequal wheels, rad / m.
     pub drift_per_way: f64,

@@ -13,26 +13,26 @@ use yamabico_vision::azimuth_map::{
 };
 
 /// An edge is believed once it was seen in more pictures than this ...
-const LEAST_SEEN: u32 = 15;
-/// ... and is located as well as this, metres.
-const MOST_SIGMA_M: f64 = 0.10;
+const MIN_SEEN: u32 = 15;
+/// ... and is located as well as this, meters.
+const MAX_SIGMA_M: f64 = 0.10;
 /// An edge of the map nearer than this (m) to it explains it.
 const SAME_EDGE_M: f64 = 0.15;
 /// Edges nearer to each other than this (m) belong to one obstacle.
 const LINK_M: f64 = 0.35;
 /// Standard deviation of the azimuth of an edge that is followed, rad: of the picture and of the pose.
 const AZIMUTH_SIGMA_RAD: f64 = 0.005;
-/// A foot is believed only as near as this to where it is, metres.
-const MOST_FOOT_SIGMA_M: f64 = 0.15;
+/// A foot is believed only as near as this to where it is, meters.
+const MAX_FOOT_SIGMA_M: f64 = 0.15;
 /// Most edges that are told.
-pub const MOST_EDGES: usize = 32;
+pub const MAX_EDGES: usize = 32;
 
 /// An edge that is not the map's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnknownEdge {
-    /// On the map, metres.
+    /// On the map, meters.
     pub position: Point2<f64>,
-    /// Of the position, square metres.
+    /// Of the position, square meters.
     pub covariance: Matrix2<f64>,
     /// Pictures that it was seen in.
     pub seen: u32,
@@ -41,9 +41,9 @@ pub struct UnknownEdge {
 /// Where an edge stands on the floor, from one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
-    /// From the camera's axis, metres.
+    /// From the camera's axis, meters.
     pub distance_m: f64,
-    /// Its standard deviation, metres.
+    /// Its standard deviation, meters.
     pub sigma_m: f64,
 }
 
@@ -73,7 +73,7 @@ impl UnknownEdges {
             map: map.edges.iter().map(MapEdge::located).collect(),
             tracker: LocusTracker::new(rule),
             standing: Vec::new(),
-            edges: Vec::with_capacity(MOST_EDGES),
+            edges: Vec::with_capacity(MAX_EDGES),
         }
     }
 
@@ -84,7 +84,7 @@ impl UnknownEdges {
         let loci = self.tracker.loci();
         self.standing.retain(|standing| loci.iter().any(|locus| locus.number == standing.locus));
         for ((edge, foot), place) in seen.iter().zip(feet).zip(self.tracker.locus_of_seen()) {
-            let good = foot.as_ref().filter(|foot| foot.sigma_m <= MOST_FOOT_SIGMA_M);
+            let good = foot.as_ref().filter(|foot| foot.sigma_m <= MAX_FOOT_SIGMA_M);
             if let (Some(foot), Some(place)) = (good, place) {
                 let standing = standing(loci[*place].number, foot, camera, camera.theta + edge.azimuth_rad);
                 match self.standing.iter_mut().find(|known| known.locus == standing.locus) {
@@ -94,15 +94,15 @@ impl UnknownEdges {
             }
         }
         self.edges.clear();
-        for locus in loci.iter().filter(|locus| locus.seen > LEAST_SEEN) {
-            let crossing = locus.located().filter(|edge| sigma_m(&edge.covariance) <= MOST_SIGMA_M);
+        for locus in loci.iter().filter(|locus| locus.seen > MIN_SEEN) {
+            let crossing = locus.located().filter(|edge| sigma_m(&edge.covariance) <= MAX_SIGMA_M);
             let foot = || {
                 let standing = self.standing.iter().find(|known| known.locus == locus.number)?;
                 let (position, covariance) = (standing.position, standing.covariance);
                 Some(LocatedEdge { position, covariance, sign: Some(locus.sign) })
             };
             let Some(located) = crossing.or_else(foot) else { continue };
-            if self.edges.len() < MOST_EDGES && !explains(&self.map, &located, SAME_EDGE_M) {
+            if self.edges.len() < MAX_EDGES && !explains(&self.map, &located, SAME_EDGE_M) {
                 let (position, covariance) = (located.position, located.covariance);
                 self.edges.push(UnknownEdge { position, covariance, seen: locus.seen });
             }
@@ -123,7 +123,7 @@ impl UnknownEdges {
 }
 
 impl UnknownEdge {
-    /// The larger standard deviation of the position, metres.
+    /// The larger standard deviation of the position, meters.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
         sigma_m(&self.covariance)
@@ -172,7 +172,7 @@ impl Obstacles {
                 y: edge.position.y,
                 radius_m: 0.5 * reach,
                 covariance,
-                confidence: 1.0 - f64::from(LEAST_SEEN) / f64::from(edge.seen.max(LEAST_SEEN)),
+                confidence: 1.0 - f64::from(MIN_SEEN) / f64::from(edge.seen.max(MIN_SEEN)),
             });
         }
     }
@@ -183,7 +183,7 @@ impl Obstacles {
         &self.told
     }
 
-    /// Their hulls, so much larger that the centre of a robot of this radius (m) may go anywhere outside of them. Call after
+    /// Their hulls, so much larger that the center of a robot of this radius (m) may go anywhere outside of them. Call after
     /// [`Obstacles::take`] with the same edges.
     pub fn grow(&mut self, edges: &[UnknownEdge], robot_radius_m: f64, grown: &mut Vec<Vec<Point2<f64>>>) {
         let mut count = 0;

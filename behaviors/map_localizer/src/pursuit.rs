@@ -21,10 +21,10 @@ const CREEP_MPS: f64 = 0.06;
 pub struct Pursuit {
     /// Cruising speed, m/s.
     pub speed_mps: f64,
-    /// Distance of the point that is steered for, metres.
+    /// Distance of the point that is steered for, meters.
     pub look_ahead_m: f64,
     /// Largest turn rate, rad/s.
-    pub largest_turn_rad_s: f64,
+    pub largest_turn_radps: f64,
 }
 
 impl Pursuit {
@@ -53,16 +53,16 @@ impl Pursuit {
         let bearing = in_robot.y.atan2(in_robot.x);
         *is_turning = bearing.abs() > if *is_turning { TURNED_RAD } else { TURN_FIRST_RAD };
         if *is_turning {
-            let rate = (TURN_GAIN * bearing).clamp(-self.largest_turn_rad_s, self.largest_turn_rad_s);
+            let rate = (TURN_GAIN * bearing).clamp(-self.largest_turn_radps, self.largest_turn_radps);
             return Twist::planar(0.0, rate);
         }
         let braking = (2.0 * BRAKING_MPS2 * station.to_go_m.max(0.0)).sqrt().max(CREEP_MPS);
         let speed = (share * self.speed_mps).min(braking) * bearing.cos().max(0.2);
         let curvature = 2.0 * in_robot.y / in_robot.coords.norm_squared().max(0.01);
         let turn = speed * curvature;
-        if turn.abs() > self.largest_turn_rad_s {
+        if turn.abs() > self.largest_turn_radps {
             // The same curve, more slowly.
-            let slower = self.largest_turn_rad_s / turn.abs();
+            let slower = self.largest_turn_radps / turn.abs();
             return Twist::planar(speed * slower, turn * slower);
         }
         Twist::planar(speed, turn)
@@ -71,9 +71,9 @@ impl Pursuit {
 
 /// A turn in place towards a heading (rad).
 #[must_use]
-pub fn turn_towards(heading: f64, target: f64, largest_rad_s: f64) -> Twist {
+pub fn turn_towards(heading: f64, target: f64, largest_radps: f64) -> Twist {
     let rate = TURN_GAIN * angle_difference(target, heading);
-    Twist::planar(0.0, rate.clamp(-largest_rad_s, largest_rad_s))
+    Twist::planar(0.0, rate.clamp(-largest_radps, largest_radps))
 }
 
 fn point_in_robot(pose: &Pose2, point: Point2<f64>) -> Point2<f64> {
@@ -91,7 +91,7 @@ pub struct JumpFilter {
 const TAKE_OVER_MPS: f64 = 0.2;
 
 impl JumpFilter {
-    /// Takes a jump: by how much the robot has come to stand farther left of the path, metres.
+    /// Takes a jump: by how much the robot has come to stand farther left of the path, meters.
     pub fn jump(&mut self, by_m: f64) {
         if by_m.is_finite() {
             self.pending_m += by_m;
@@ -104,7 +104,7 @@ impl JumpFilter {
         self.pending_m -= self.pending_m.clamp(-step, step);
     }
 
-    /// To be added to how far left of the path the robot stands, metres.
+    /// To be added to how far left of the path the robot stands, meters.
     #[must_use]
     pub fn aside_m(&self) -> f64 {
         -self.pending_m
@@ -115,7 +115,7 @@ impl JumpFilter {
 mod tests {
     use super::*;
 
-    const LAW: Pursuit = Pursuit { speed_mps: 0.4, look_ahead_m: 0.8, largest_turn_rad_s: 0.8 };
+    const LAW: Pursuit = Pursuit { speed_mps: 0.4, look_ahead_m: 0.8, largest_turn_radps: 0.8 };
 
     fn drive(mut pose: Pose2, seconds: f64) -> (Pose2, f64) {
         let route = Route::new(vec![Point2::new(0.0, 0.0), Point2::new(6.0, 0.0)], 0.1);

@@ -7,14 +7,14 @@ use yamabico_vision::map::WireFrame;
 
 /// Corners nearer to each other (m) are one.
 const SAME_PLACE_M: f64 = 1e-6;
-/// Distance between the places of a way whose clearance is looked at, metres.
+/// Distance between the places of a way whose clearance is looked at, meters.
 const SAMPLE_M: f64 = 0.05;
-/// The robot may be pushed back along its path by this, metres; farther back it is not looked for ...
+/// The robot may be pushed back along its path by this, meters; farther back it is not looked for ...
 const SLIP_BACK_M: f64 = 0.5;
-/// ... nor farther ahead than this at once, metres.
+/// ... nor farther ahead than this at once, meters.
 const STEP_AHEAD_M: f64 = 0.5;
 /// Most corners of a path.
-pub const MOST_CORNERS: usize = 64;
+pub const MAX_CORNERS: usize = 64;
 
 /// Why there is no path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -31,24 +31,24 @@ pub enum RouteError {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Route {
     corners: Vec<Point2<f64>>,
-    /// The goal is reached within this distance, metres.
+    /// The goal is reached within this distance, meters.
     pub tolerance_m: f64,
 }
 
 /// Where the robot stands on a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Station {
-    /// Path length behind, metres.
+    /// Path length behind, meters.
     pub progress_m: f64,
-    /// Path length ahead, metres.
+    /// Path length ahead, meters.
     pub to_go_m: f64,
-    /// Robot left of the path, metres.
+    /// Robot left of the path, meters.
     pub lateral_error_m: f64,
     /// Robot's heading less the path's, rad.
     pub heading_error_rad: f64,
     /// The path's heading here, rad.
     pub heading_rad: f64,
-    /// Straight distance to the end, metres.
+    /// Straight distance to the end, meters.
     pub distance_m: f64,
 }
 
@@ -57,7 +57,7 @@ pub struct Station {
 pub struct Planner<'a> {
     /// The map.
     pub map: &'a WireFrame,
-    /// Least distance of a way from a wall, metres.
+    /// Least distance of a way from a wall, meters.
     pub clearance_m: f64,
 }
 
@@ -85,8 +85,8 @@ impl Route {
     #[must_use]
     pub fn station(&self, pose: &Pose2, farthest_m: Option<f64>) -> Option<Station> {
         let at = pose.position();
-        let least_m = farthest_m.map_or(0.0, |farthest| (farthest - SLIP_BACK_M).max(0.0));
-        let most_m = farthest_m.map_or(f64::INFINITY, |farthest| farthest + STEP_AHEAD_M);
+        let min_m = farthest_m.map_or(0.0, |farthest| (farthest - SLIP_BACK_M).max(0.0));
+        let max_m = farthest_m.map_or(f64::INFINITY, |farthest| farthest + STEP_AHEAD_M);
         let total_m = self.length_m();
         let mut begin_m = 0.0;
         let mut best: Option<(f64, Station)> = None;
@@ -96,10 +96,10 @@ impl Route {
             if length <= SAME_PLACE_M {
                 continue;
             }
-            let [least, most] = [least_m, most_m].map(|limit| ((limit - begin_m) / length).clamp(0.0, 1.0));
+            let [least, most] = [min_m, max_m].map(|limit| ((limit - begin_m) / length).clamp(0.0, 1.0));
             let share = (run.dot(&(at - pair[0])) / (length * length)).clamp(least, most);
             let distance = (at - (pair[0] + run * share)).norm();
-            let is_near = begin_m <= most_m && begin_m + length >= least_m;
+            let is_near = begin_m <= max_m && begin_m + length >= min_m;
             if is_near && best.as_ref().is_none_or(|(nearest, _)| distance < *nearest) {
                 let heading_rad = run.y.atan2(run.x);
                 let progress_m = begin_m + share * length;
@@ -120,7 +120,7 @@ impl Route {
         best.map(|(_, station)| station)
     }
 
-    /// The place at this length from the beginning, metres; the ends beyond them.
+    /// The place at this length from the beginning, meters; the ends beyond them.
     #[must_use]
     pub fn place_at(&self, progress_m: f64) -> Option<Point2<f64>> {
         let mut rest = progress_m.max(0.0);
@@ -135,7 +135,7 @@ impl Route {
         self.corners.last().copied()
     }
 
-    /// The corners that lie beyond this length from the beginning, metres; the last one always does.
+    /// The corners that lie beyond this length from the beginning, meters; the last one always does.
     #[must_use]
     pub fn corners_after(&self, progress_m: f64) -> &[Point2<f64>] {
         let mut length_m = 0.0;
@@ -148,7 +148,7 @@ impl Route {
         &self.corners[self.corners.len().saturating_sub(1)..]
     }
 
-    /// Metres from its beginning to its end.
+    /// Meters from its beginning to its end.
     #[must_use]
     pub fn length_m(&self) -> f64 {
         self.corners.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()

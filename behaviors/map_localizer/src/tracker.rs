@@ -23,10 +23,10 @@ const FLOOR: [f64; 3] = [25e-6, 25e-6, 3.046e-6];
 const LARGE: (f64, f64) = (0.5, 14.16);
 /// ... within these (m, rad).
 const AGREEING: (f64, f64) = (0.15, 0.05);
-/// Turning by a radian changes what is seen as much as driving so far, metres.
+/// Turning by a radian changes what is seen as much as driving so far, meters.
 const TURN_M: f64 = 0.5;
 /// Pictures from one place still tell a little.
-const MOST_REPETITION: f64 = 50.0;
+const MAX_REPETITION: f64 = 50.0;
 /// Odometry that moves faster than the robot can by this factor has jumped ...
 const JUMP_FACTOR: f64 = 3.0;
 /// ... and says nothing of the motion but this (m, rad).
@@ -317,7 +317,7 @@ impl Tracker {
     fn repetition(&self) -> f64 {
         let moved_m = self.moved_m - self.fixed_at_m;
         match self.last_fix {
-            Some(_) => (self.config.correlation_m / moved_m).clamp(1.0, MOST_REPETITION),
+            Some(_) => (self.config.correlation_m / moved_m).clamp(1.0, MAX_REPETITION),
             None => 1.0,
         }
     }

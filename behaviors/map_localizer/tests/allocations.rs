@@ -1,4 +1,4 @@
-//! After warm-up, a call of the behaviour allocates nothing.
+//! After warm-up, a call of the behavior allocates nothing.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -169,11 +169,11 @@ fn maps_that_are_none_and_routes_through_walls_are_refused() {
     assert_eq!(refused("map = \"worlds/hallway.toml\"").key, "map");
     let wall = refused(&toml("route = [[3.0, 0.0], [3.0, 3.0]]"));
     assert!(wall.key == "route" && wall.problem.contains("corner 2"), "{wall}");
-    let millimetres = std::env::temp_dir().join(format!("yamabico-mm-{}.toml", std::process::id()));
-    std::fs::write(&millimetres, "edge = [{ from_m = [0, 0, 0], to_m = [18000, 0, 0] }]").unwrap();
-    let refusal = refused(&format!("map = {:?}", millimetres.display().to_string()));
-    assert!(refusal.problem.contains("millimetres"), "{refusal}");
-    std::fs::remove_file(millimetres).unwrap();
+    let millimeters = std::env::temp_dir().join(format!("yamabico-mm-{}.toml", std::process::id()));
+    std::fs::write(&millimeters, "edge = [{ from_m = [0, 0, 0], to_m = [18000, 0, 0] }]").unwrap();
+    let refusal = refused(&format!("map = {:?}", millimeters.display().to_string()));
+    assert!(refusal.problem.contains("millimeters"), "{refusal}");
+    std::fs::remove_file(millimeters).unwrap();
 }
 
 #[test]

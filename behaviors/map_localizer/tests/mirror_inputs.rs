@@ -66,7 +66,7 @@ fn nothing_to_see_is_told() {
 }
 
 #[test]
-fn a_lamp_of_another_colour_makes_no_floor() {
+fn a_lamp_of_another_color_makes_no_floor() {
     let (name, truth) = PLACES[0];
     let (status, reason, pose) = look(name, truth, |pixels| {
         pixels.as_chunks_mut::<3>().0.iter_mut().for_each(|[_, green, blue]| {

@@ -196,14 +196,14 @@ mod vectors {
         });
     }
 
-    const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, most_radius_px: 108.0 };
-    /// The height of the effective viewpoint, millimetres.
+    const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, max_radius_px: 108.0 };
+    /// The height of the effective viewpoint, millimeters.
     const FOCUS_MM: f64 = 205.083_716_678_843_8;
 
     fn camera() -> MirrorCamera {
         let formula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
         let mirror = HyperboloidalMirror::from_floor_formula(formula, OUTLINE.height_m).unwrap();
-        let image = MirrorImage::centred(256, 220).with_ring(1.0, 113.5).unwrap();
+        let image = MirrorImage::centered(256, 220).with_ring(1.0, 113.5).unwrap();
         MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).unwrap()
     }
 
@@ -213,10 +213,10 @@ mod vectors {
 
     fn exact() -> FitRule {
         FitRule {
-            least_shift_m: 1e-12,
-            least_turn_rad: 1e-12,
-            least_shift_px: 1e-9,
-            most_iterations: 60,
+            min_shift_m: 1e-12,
+            min_turn_rad: 1e-12,
+            min_shift_px: 1e-9,
+            max_iterations: 60,
             ..FitRule::default()
         }
     }
@@ -233,7 +233,7 @@ mod vectors {
     }
 
     fn pose_mm(place: &Start) -> [Pose2; 2] {
-        let robot_from_plan = Pose2::new(1e3 * place.centre.x, 1e3 * place.centre.y, place.axis_rad);
+        let robot_from_plan = Pose2::new(1e3 * place.center.x, 1e3 * place.center.y, place.axis_rad);
         let one = robot_from_plan.inverse();
         [one, Pose2::new(0.0, 0.0, std::f64::consts::PI).compose(&one)]
     }
@@ -274,10 +274,10 @@ mod vectors {
             for u in 0..256 {
                 let at = camera.image().mirror_from_pixel(Vector2::new(u as f64, v as f64));
                 let radius = at.norm();
-                if radius >= OUTLINE.most_radius_px {
+                if radius >= OUTLINE.max_radius_px {
                     continue;
                 }
-                // 1 px about the centre lies outside of the ring, on the floor for certain.
+                // 1 px about the center lies outside of the ring, on the floor for certain.
                 let floor = camera.floor_radius_m(radius.max(1.0), OUTLINE.height_m).unwrap();
                 let on_map = truth.transform_point(Point2::from(at * (1e3 * floor / radius.max(1.0))));
                 if contains(&field, on_map) && !shadows.iter().any(|shadow| contains(shadow, on_map)) {
@@ -333,8 +333,8 @@ mod vectors {
             outline.take_hull(&hull, &camera, &OUTLINE);
             let (found, start, lines) = fit(&mut outline, &exact());
             assert!(found.is_settled, "{id}");
-            close(1e3 * start.centre.x, number(&expect["g0"][0]), 1e-9, id);
-            close(1e3 * start.centre.y, number(&expect["g0"][1]), 1e-9, id);
+            close(1e3 * start.center.x, number(&expect["g0"][0]), 1e-9, id);
+            close(1e3 * start.center.y, number(&expect["g0"][1]), 1e-9, id);
             assert!((start.axis_rad - number(&expect["psi0"])).sin().abs() < 1e-9, "{id}: axis");
             let heading = case["predicted_heading"].as_f64().unwrap_or(truth.theta);
             let mut poses = pose_mm(&found.place);

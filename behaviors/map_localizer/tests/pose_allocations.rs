@@ -57,10 +57,10 @@ fn azimuths() {
 
 #[test]
 fn outlines() {
-    let outline = OutlineRule { height_m: 0.165, most_radius_px: 108.0 };
+    let outline = OutlineRule { height_m: 0.165, max_radius_px: 108.0 };
     let formula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
     let mirror = HyperboloidalMirror::from_floor_formula(formula, outline.height_m).unwrap();
-    let image = MirrorImage::centred(256, 220).with_ring(1.0, 113.5).unwrap();
+    let image = MirrorImage::centered(256, 220).with_ring(1.0, 113.5).unwrap();
     let camera = MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).unwrap();
     let corners =
         [(1.37, 0.7625), (-1.37, 0.7625), (-1.37, -0.7625), (1.37, -0.7625)].map(|(x, y)| Point2::new(x, y));

@@ -16,7 +16,7 @@ use yamabico_vision::azimuth_map::{LocusRule, LocusTracker, SeenEdge};
 use yamabico_vision::azimuth_profile::{AzimuthEdge, EdgeSign, ProfileRule};
 use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
 
-/// Panels around a room of 4 x 4 m, anticlockwise: where each begins, and how bright it is.
+/// Panels around a room of 4 x 4 m, counterclockwise: where each begins, and how bright it is.
 const PANELS: [(f64, f64, f32); 11] = [
     (-2.0, -2.0, 0.25),
     (-0.7, -2.0, 0.7),
@@ -42,7 +42,7 @@ fn room() -> (World, Vec<EdgeLandmark>) {
             to_m: [next.0, next.1],
             height_m: 2.4,
             thickness_m: 0.05,
-            colour: [level; 3],
+            color: [level; 3],
             baseboard: None,
             doors: Vec::new(),
             windows: Vec::new(),
@@ -66,7 +66,7 @@ struct Eye {
 
 impl Eye {
     fn new(world: &World) -> Self {
-        let image = MirrorImage::centred(512, 480).with_ring(16.0, 240.0).unwrap();
+        let image = MirrorImage::centered(512, 480).with_ring(16.0, 240.0).unwrap();
         let cone = ConicMirror::new(112.6_f64.to_radians(), 0.11, 576.563).unwrap();
         let camera = MirrorCamera::new(image, Mirror::Conic(cone)).unwrap();
         Self {
@@ -85,7 +85,7 @@ impl Eye {
 }
 
 #[test]
-fn the_pose_is_found_to_the_centimetre() {
+fn the_pose_is_found_to_the_centimeter() {
     let (world, landmarks) = room();
     let mut eye = Eye::new(&world);
     let mut localizer =

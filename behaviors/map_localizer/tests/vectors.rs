@@ -1,4 +1,4 @@
-//! The known answers on localisation.
+//! The known answers on localization.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -5,9 +5,9 @@ use yamabico_core::message::Beam;
 /// What is near enough to matter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
-    /// An echo nearer than this halts, metres from the sensor; the gate itself is still clean.
+    /// An echo nearer than this halts, meters from the sensor; the gate itself is still clean.
     pub gate_m: f64,
-    /// An echo nearer than this to the robot's centre forbids turning in place too, metres.
+    /// An echo nearer than this to the robot's center forbids turning in place too, meters.
     pub turning_radius_m: f64,
 }
 
@@ -18,7 +18,7 @@ pub enum Reading {
     Clean,
     /// Something stands inside the gate.
     Echo {
-        /// The nearest echo, metres from its sensor.
+        /// The nearest echo, meters from its sensor.
         range_m: f64,
         /// What is left to do.
         turning: Turning,
@@ -54,7 +54,7 @@ impl Gate {
                 nearest = Some(nearest.map_or(range_m, |best| best.min(range_m)));
             }
             // NaN in the beam's geometry closes, as it compares false.
-            let is_outside = distance_from_centre(beam, range_m) > self.turning_radius_m;
+            let is_outside = distance_from_center(beam, range_m) > self.turning_radius_m;
             if !is_outside {
                 turning = Turning::Closed;
             }
@@ -100,8 +100,8 @@ impl Latch {
     }
 }
 
-/// The smallest distance (m) from the robot's centre at which an echo of this range can have arisen within the cone.
-fn distance_from_centre(beam: &Beam, range_m: f64) -> f64 {
+/// The smallest distance (m) from the robot's center at which an echo of this range can have arisen within the cone.
+fn distance_from_center(beam: &Beam, range_m: f64) -> f64 {
     let distance_at = |part: f64| {
         let azimuth = beam.azimuth_rad + part * 0.5 * beam.cone_rad;
         (beam.x_m + range_m * azimuth.cos()).hypot(beam.y_m + range_m * azimuth.sin())

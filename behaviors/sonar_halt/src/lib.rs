@@ -1,6 +1,6 @@
 //! Halts the robot while a sonar sees something nearer than its gate.
 //!
-//! Ohya, Kosaka & Kak (1998), section on the vision and sonar subsystems: sonars gated at half a metre, any echo halts.
+//! Ohya, Kosaka & Kak (1998), section on the vision and sonar subsystems: sonars gated at half a meter, any echo halts.
 //! Differs from \[1\]: three clean readings release, and a sonar that is silent, late or broken halts like an echo.
 
 pub mod gate;

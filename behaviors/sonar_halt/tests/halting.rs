@@ -1,4 +1,4 @@
-//! The behaviour on hand-made scans.
+//! The behavior on hand-made scans.
 
 use yamabico_core::behavior::Setup;
 use yamabico_core::message::{Axes, Axis, Beam, Kind, NO_ECHO, Proposal, RangeScanHeader, Reason};

@@ -1,4 +1,4 @@
-//! The parameters of the behaviour.
+//! The parameters of the behavior.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -24,9 +24,9 @@ pub struct Config {
     #[schemars(range(min = 0.01, max = 1.0))]
     pub blind_speed_mps: f64,
     /// Largest turn rate, rad/s, 0.1 to 3, default 0.7.
-    #[serde(default = "largest_turn_rad_s")]
+    #[serde(default = "largest_turn_radps")]
     #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_rad_s: f64,
+    pub largest_turn_radps: f64,
     /// Room that is kept beside the robot, m, 0 to 1, default 0.03.
     #[serde(default = "margin_m")]
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -63,7 +63,7 @@ fn speed_mps() -> f64 {
 fn blind_speed_mps() -> f64 {
     0.1
 }
-fn largest_turn_rad_s() -> f64 {
+fn largest_turn_radps() -> f64 {
     0.7
 }
 fn margin_m() -> f64 {
@@ -97,7 +97,7 @@ impl Config {
         for (key, value, low, high) in [
             ("speed_mps", self.speed_mps, 0.02, 1.0),
             ("blind_speed_mps", self.blind_speed_mps, 0.01, 1.0),
-            ("largest_turn_rad_s", self.largest_turn_rad_s, 0.1, 3.0),
+            ("largest_turn_radps", self.largest_turn_radps, 0.1, 3.0),
             ("margin_m", self.margin_m, 0.0, 1.0),
             ("gap_margin_m", self.gap_margin_m, 0.0, 1.0),
             ("gate_m", self.gate_m, 0.05, 5.0),

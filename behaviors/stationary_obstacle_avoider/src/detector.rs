@@ -1,6 +1,6 @@
 //! What a picture shows that the map does not, region by region.
 //!
-//! Ohya, Kosaka & Kak (1998): edges seen against edges expected at the localised pose. Differs from \[1\]: only edges that run
+//! Ohya, Kosaka & Kak (1998): edges seen against edges expected at the localized pose. Differs from \[1\]: only edges that run
 //! upright over five rows count, and faint upright steps on the bare floor are evidence of their own.
 
 use nalgebra::{Vector2, Vector3};
@@ -24,11 +24,11 @@ const LARGEST_BLUR_PX: f64 = 6.0;
 const BENT_PIECES: usize = 8;
 /// Rows around an expected level edge in which what seems upright is its staircase.
 const LEVEL_ROWS: f64 = 6.0;
-/// Level edges (grey levels) that no floor has.
+/// Level edges (gray levels) that no floor has.
 const LEVEL_EDGES: u8 = 30;
 /// Edges so far beyond the picture's sides are expected as well, columns.
 const BESIDE_PX: f64 = 24.0;
-/// What the robot may be beside its pose, metres.
+/// What the robot may be beside its pose, meters.
 const POSE_ERROR_M: f64 = 0.06;
 
 /// What counts as an obstacle.
@@ -42,7 +42,7 @@ pub struct DetectorRules {
     pub edges: Sensitivity,
     /// How many pixels of level edges are no obstacle.
     pub level: Sensitivity,
-    /// How strong a faint upright step is no obstacle; in grey levels.
+    /// How strong a faint upright step is no obstacle; in gray levels.
     pub contrast: Sensitivity,
 }
 
@@ -199,21 +199,21 @@ impl Detector {
     /// Where the foot of what a region holds is, pixels: that of a faint step, else the lowest place of the edges that the map does
     /// not have. `None` where the region holds nothing; the horizon where no edge tells.
     #[must_use]
-    pub fn foot(&self, region: usize, least_px: u32) -> Option<Vector2<f64>> {
+    pub fn foot(&self, region: usize, min_px: u32) -> Option<Vector2<f64>> {
         let sight = self.sights.get(region).filter(|sight| sight.is_obstacle)?;
         if sight.is_step {
             return Some(sight.upright.foot);
         }
         let columns = self.regions.columns(region);
         let middle = 0.5 * (columns.start + columns.end) as f64;
-        let mut left = least_px;
+        let mut left = min_px;
         for v in (self.horizon..self.seen.height()).rev() {
             let is_seen = |u: usize| self.difference.is_extra(&self.seen, u, v) || self.level.get(u, v);
             let lowest = columns.clone().rev().find(|&u| is_seen(u));
             if let Some(u) = lowest {
                 left = left.saturating_sub(1);
                 if left == 0 {
-                    return Some(Vector2::new(u as f64, (v + least_px as usize) as f64));
+                    return Some(Vector2::new(u as f64, (v + min_px as usize) as f64));
                 }
             }
         }
@@ -318,8 +318,8 @@ impl Detector {
             Pinhole::ideal(Intrinsics { cx: k.cx + BESIDE_PX, width: k.width + 2 * BESIDE_PX as u32, ..k });
         let pixel = |ideal: Vector2<f64>| {
             let ideal = ideal - Vector2::new(BESIDE_PX, 0.0);
-            let bent = camera.distortion().distort(k.normalised_from_pixel(ideal));
-            if *camera.distortion() == Distortion::NONE { ideal } else { k.pixel_from_normalised(bent) }
+            let bent = camera.distortion().distort(k.normalized_from_pixel(ideal));
+            if *camera.distortion() == Distortion::NONE { ideal } else { k.pixel_from_normalized(bent) }
         };
         let pieces = if *camera.distortion() == Distortion::NONE { 1 } else { BENT_PIECES };
         let edges = self.expectation.compute(&self.map, &wide, &self.mount, pose);
@@ -369,18 +369,18 @@ impl Detector {
 
     /// A picture that shows next to nothing of the edges that must be there shows no obstacles either.
     fn check_contrast(&self, image: ImageView) -> Result<(), Reason> {
-        const LEAST_RECALL: f64 = 0.15;
-        const LEAST_EXPECTED_PX: u32 = 60;
-        const LEAST_SPREAD: u8 = 24;
-        let is_blind = self.difference.expected >= LEAST_EXPECTED_PX
-            && self.difference.recall().is_some_and(|recall| recall < LEAST_RECALL);
+        const MIN_RECALL: f64 = 0.15;
+        const MIN_EXPECTED_PX: u32 = 60;
+        const MIN_SPREAD: u8 = 24;
+        let is_blind = self.difference.expected >= MIN_EXPECTED_PX
+            && self.difference.recall().is_some_and(|recall| recall < MIN_RECALL);
         let (mut low, mut high) = (255, 0);
         for v in (0..image.height()).step_by(16) {
             for &level in image.row(v).iter().step_by(8) {
                 (low, high) = (low.min(level), high.max(level));
             }
         }
-        let is_flat = high.saturating_sub(low) < LEAST_SPREAD;
+        let is_flat = high.saturating_sub(low) < MIN_SPREAD;
         if is_blind || is_flat { Err(Reason::LowContrast) } else { Ok(()) }
     }
 }

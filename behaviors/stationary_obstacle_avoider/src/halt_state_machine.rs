@@ -120,11 +120,11 @@ pub struct Tick<'a> {
     pub speed_mps: f64,
     /// Heading of the robot, radians. NaN turns and drives nowhere.
     pub heading: f64,
-    /// Offset from the path, metres, positive to the left.
+    /// Offset from the path, meters, positive to the left.
     pub lateral_m: f64,
     /// Heading relative to the path, radians.
     pub path_heading_error: f64,
-    /// Progress along the path, metres.
+    /// Progress along the path, meters.
     pub progress_m: f64,
     /// Whether the pose is known.
     pub pose_ok: bool,

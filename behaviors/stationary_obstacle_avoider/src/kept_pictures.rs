@@ -19,7 +19,7 @@ pub struct Kept {
     stamp: Option<Time>,
     /// Exposure relative to the camera's nominal one.
     pub exposure: f64,
-    /// The grey levels.
+    /// The gray levels.
     pub image: GrayImage,
 }
 

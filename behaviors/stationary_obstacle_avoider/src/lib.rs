@@ -66,7 +66,7 @@ pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "what s
 
 /// A pose that is older (s) is none.
 const POSE_STALE_S: f64 = 0.5;
-/// An echo so near to a wall of the map is the wall's, metres.
+/// An echo so near to a wall of the map is the wall's, meters.
 const WALL_ECHO_M: f64 = 0.15;
 /// Somebody who stands in the way is waited for so long before the search, seconds.
 const WAIT_S: f64 = 3.0;
@@ -79,11 +79,11 @@ pub struct StationaryObstacleAvoider {
     room: Room,
     detector: Detector,
     table: Option<ThresholdTable>,
-    grey: GrayImage,
+    gray: GrayImage,
     pictures: KeptPictures,
     odometry: OdometryTrack,
     sonar: SonarWatch,
-    localised: Option<Localised>,
+    localized: Option<Localized>,
     path: Vec<PathPoint>,
     station: PathHeader,
     things: Things,
@@ -103,7 +103,7 @@ pub struct StationaryObstacleAvoider {
 
 /// Where the robot is.
 #[derive(Clone, Copy, Debug)]
-struct Localised {
+struct Localized {
     stamp: Time,
     evidence: Time,
     pose: Pose2,
@@ -130,7 +130,7 @@ impl Plugin for StationaryObstacleAvoider {
         let half_width_m = setup.robot.radius_m + config.margin_m;
         if half_width_m >= half_view * PLANE_M {
             let problem = format!(
-                "sees {:.2} m to either side a metre ahead, and the robot needs {half_width_m:.2} m",
+                "sees {:.2} m to either side a meter ahead, and the robot needs {half_width_m:.2} m",
                 half_view * PLANE_M
             );
             return Err(BuildError::new("inputs.camera", problem));
@@ -168,11 +168,11 @@ impl Plugin for StationaryObstacleAvoider {
             room: Room { half_width_m, gap_margin_m: config.gap_margin_m },
             detector: Detector::new(pinhole, mount, map, rules),
             table,
-            grey: GrayImage::default(),
+            gray: GrayImage::default(),
             pictures: KeptPictures::default(),
             odometry: OdometryTrack::default(),
             sonar: SonarWatch::default(),
-            localised: None,
+            localized: None,
             path: Vec::with_capacity(64),
             station: PathHeader::default(),
             things: Things::default(),
@@ -250,9 +250,9 @@ impl StationaryObstacleAvoider {
 
     /// The robot on the map now, by its last pose and the odometry since.
     fn robot(&self) -> Option<Pose2> {
-        let localised = self.localised?;
+        let localized = self.localized?;
         let newest = self.odometry.newest()?;
-        Some(localised.pose * localised.odometry.relative(&newest.pose))
+        Some(localized.pose * localized.odometry.relative(&newest.pose))
     }
 
     fn keep_picture(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
@@ -266,7 +266,7 @@ impl StationaryObstacleAvoider {
             exposure if exposure > 0.0 && exposure.is_finite() => exposure,
             _ => 1.0,
         };
-        match frame.gray(self.detector.camera().intrinsics().size(), &mut self.grey) {
+        match frame.gray(self.detector.camera().intrinsics().size(), &mut self.gray) {
             Some(image) => self.pictures.keep(stamp, exposure, image),
             None => self.trouble = Some(Reason::MalformedInput),
         }
@@ -287,21 +287,21 @@ impl StationaryObstacleAvoider {
         let (stamp, evidence) = (Time(pose.stamp_ns), Time(pose.evidence_ns));
         let on_map = Pose2::new(pose.x, pose.y, pose.theta);
         let heading_sigma = pose.covariance[8].sqrt();
-        let is_old = self.localised.is_some_and(|last| stamp < last.stamp);
+        let is_old = self.localized.is_some_and(|last| stamp < last.stamp);
         let (Some(odometry), false) = (self.odometry.pose_at(stamp), is_old) else { return };
         if !on_map.is_finite() || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
             self.trouble = Some(Reason::MalformedInput);
             return;
         }
-        let is_new = self.localised.is_none_or(|last| evidence > last.evidence);
+        let is_new = self.localized.is_none_or(|last| evidence > last.evidence);
         let is_usable = matches!(
             pose.status(),
             Some(PoseStatus::Tracking | PoseStatus::Coasting | PoseStatus::Inconsistent)
         );
-        let localised = Localised { stamp, evidence, pose: on_map, odometry, heading_sigma, is_usable };
-        self.localised = Some(localised);
+        let localized = Localized { stamp, evidence, pose: on_map, odometry, heading_sigma, is_usable };
+        self.localized = Some(localized);
         if is_new && is_usable && self.pictures.of(evidence).is_some() {
-            self.look(&localised, now);
+            self.look(&localized, now);
             self.publish(now, outputs);
         }
     }
@@ -311,8 +311,8 @@ impl StationaryObstacleAvoider {
         self.leave_blind_direction(now);
         let robot = self.robot();
         self.things.expire(now, robot.map(|robot| robot.position()));
-        let is_current = self.localised.is_some_and(|localised| {
-            localised.is_usable && now.seconds_after(localised.stamp) <= POSE_STALE_S
+        let is_current = self.localized.is_some_and(|localized| {
+            localized.is_usable && now.seconds_after(localized.stamp) <= POSE_STALE_S
         });
         let speed_mps = self.odometry.newest().map_or(0.0, |newest| newest.twist.speed());
         let tick = Tick {

@@ -1,4 +1,4 @@
-//! What a localised picture tells: things on the map, whether the way is clear, and where a passage is.
+//! What a localized picture tells: things on the map, whether the way is clear, and where a passage is.
 
 use nalgebra::{Point2, Vector2};
 use yamabico_core::geometry::{Pose2, angle_difference};
@@ -9,32 +9,32 @@ use crate::halt_state_machine::{Look, State};
 use crate::safe_passage::{Interval, PLANE_M, region_on_plane};
 use crate::things::Cut;
 use crate::way::{Surroundings, aim, is_clear, place_on};
-use crate::{Localised, StationaryObstacleAvoider};
+use crate::{Localized, StationaryObstacleAvoider};
 
-/// The path is steered for so far ahead, metres.
+/// The path is steered for so far ahead, meters.
 const LOOK_AHEAD_M: f64 = 1.2;
-/// A goal that lies farther to the side of the plane is taken for this, metres.
+/// A goal that lies farther to the side of the plane is taken for this, meters.
 const WIDEST_GOAL_M: f64 = 1.0;
-/// Something left behind by less is still beside the robot, metres.
+/// Something left behind by less is still beside the robot, meters.
 const BESIDE_M: f64 = 0.4;
-/// A passage on the side that was begun may be farther from the goal by this, metres.
+/// A passage on the side that was begun may be farther from the goal by this, meters.
 const LEAN_M: f64 = 0.3;
 /// Pixels of an obstacle that tell where its foot is.
 const FOOT_PX: u32 = 4;
 
 impl StationaryObstacleAvoider {
     /// Looks at the picture that a pose rests on.
-    pub(crate) fn look(&mut self, localised: &Localised, now: Time) {
-        let Some(at_picture) = self.odometry.pose_at(localised.evidence) else { return };
-        let robot = localised.pose * localised.odometry.relative(&at_picture);
-        let result = self.detect(localised, &robot, now);
+    pub(crate) fn look(&mut self, localized: &Localized, now: Time) {
+        let Some(at_picture) = self.odometry.pose_at(localized.evidence) else { return };
+        let robot = localized.pose * localized.odometry.relative(&at_picture);
+        let result = self.detect(localized, &robot, now);
         self.trouble = result.err();
-        self.looked = Some(localised.evidence);
-        if self.order.state == State::Search && !self.search.is_shown(localised.evidence) {
+        self.looked = Some(localized.evidence);
+        if self.order.state == State::Search && !self.search.is_shown(localized.evidence) {
             return;
         }
         let look =
-            Look { image_s: localised.evidence.as_secs_f64(), valid: false, clear: false, bearing: None };
+            Look { image_s: localized.evidence.as_secs_f64(), valid: false, clear: false, bearing: None };
         self.pending = Some(match result {
             Ok(()) if self.things.is_settled() => self.judge(look),
             Ok(()) => look,
@@ -47,12 +47,12 @@ impl StationaryObstacleAvoider {
     }
 
     /// Finds what stands in the way in a picture taken at `robot`.
-    fn detect(&mut self, localised: &Localised, robot: &Pose2, now: Time) -> Result<(), Reason> {
-        let picture = self.pictures.of(localised.evidence).ok_or(Reason::NoInput)?;
+    fn detect(&mut self, localized: &Localized, robot: &Pose2, now: Time) -> Result<(), Reason> {
+        let picture = self.pictures.of(localized.evidence).ok_or(Reason::NoInput)?;
         let table = self.table.as_ref().ok_or(Reason::NoThreshold)?;
         let place = table.at(robot, picture.exposure).ok_or(Reason::NoThreshold)?;
         let image = picture.image.view().map_err(|_| Reason::MalformedInput)?;
-        self.detector.look(image, robot, localised.heading_sigma, &place)?;
+        self.detector.look(image, robot, localized.heading_sigma, &place)?;
         self.floor.look(now, robot);
         self.things.begin();
         let half_view = (0.5 * self.detector.camera().intrinsics().horizontal_fov()).tan();
@@ -75,7 +75,7 @@ impl StationaryObstacleAvoider {
         Ok(())
     }
 
-    /// Distance ahead of the camera of the floor at a pixel, metres; `None` above the horizon.
+    /// Distance ahead of the camera of the floor at a pixel, meters; `None` above the horizon.
     fn depth(&self, pixel: Vector2<f64>) -> Option<f64> {
         let ray = self.detector.camera().ray_from_pixel(pixel)?;
         let (mount, in_body) =
@@ -109,7 +109,7 @@ impl StationaryObstacleAvoider {
         Look { valid: true, clear, bearing, ..look }
     }
 
-    /// Where the path leads, on the plane one metre ahead, metres; while avoiding, where it runs, leaning to the passage that
+    /// Where the path leads, on the plane one meter ahead, meters; while avoiding, where it runs, leaning to the passage that
     /// was chosen.
     fn goal_on_plane(&self, robot: &Pose2) -> f64 {
         let on_path = place_on(&self.path, self.station.progress_m, LOOK_AHEAD_M);

@@ -5,12 +5,12 @@
 
 use yamabico_core::geometry::{Pose2, angle_difference};
 
-/// Farthest place whose thresholds are used, metres.
+/// Farthest place whose thresholds are used, meters.
 pub const FARTHEST_M: f64 = 1.0;
 /// Largest difference of heading from the place whose thresholds are used, radians.
 pub const LARGEST_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
-/// What a radian of heading counts when places are compared, metres.
-pub const METRES_A_RADIAN: f64 = 1.0;
+/// What a radian of heading counts when places are compared, meters.
+pub const METERS_A_RADIAN: f64 = 1.0;
 
 /// The index of the nearest of `places` (map frame) within [`FARTHEST_M`] and [`LARGEST_TURN_RAD`] of `pose`, the first of
 /// equally near ones; `None` where none is, and for a pose that is not finite.
@@ -20,7 +20,7 @@ pub fn nearest(places: impl Iterator<Item = Pose2>, pose: &Pose2) -> Option<usiz
         let turn = angle_difference(place.theta, pose.theta).abs();
         let (dx, dy) = (place.x - pose.x, place.y - pose.y);
         let is_near = dx * dx + dy * dy <= FARTHEST_M * FARTHEST_M && turn <= LARGEST_TURN_RAD;
-        is_near.then(|| (i, dx * dx + dy * dy + (METRES_A_RADIAN * turn).powi(2)))
+        is_near.then(|| (i, dx * dx + dy * dy + (METERS_A_RADIAN * turn).powi(2)))
     });
     near.fold(None, |best: Option<(usize, f64)>, next| match best {
         Some(best) if best.1 <= next.1 => Some(best),

@@ -2,24 +2,24 @@
 
 use nalgebra::Vector2;
 use yamabico_core::image::ImageView;
-use yamabico_drawing::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Color};
 
 use crate::detector::Detector;
 
 /// Edges that the map explains.
-const EXPLAINED: Colour = [60, 200, 60];
+const EXPLAINED: Color = [60, 200, 60];
 /// Edges that it does not.
-const EXTRA: Colour = [255, 60, 60];
+const EXTRA: Color = [255, 60, 60];
 /// Edges that it lets expect and that are not seen.
-const MISSING: Colour = [70, 120, 255];
+const MISSING: Color = [70, 120, 255];
 /// The strongest step on the floor of a region, and the regions that hold something.
-const STEP: Colour = [255, 220, 0];
+const STEP: Color = [255, 220, 0];
 /// Where the floor begins that steps are looked for on.
-const FLOOR: Colour = [150, 90, 200];
+const FLOOR: Color = [150, 90, 200];
 
 /// Draws the last look of `detector` over the picture it looked at.
 pub fn draw(detector: &Detector, image: ImageView, canvas: &mut Canvas) {
-    canvas.copy_grey(image);
+    canvas.copy_gray(image);
     for (u, v) in detector.floor() {
         canvas.dot(Vector2::new(u as f64, v as f64), FLOOR);
     }

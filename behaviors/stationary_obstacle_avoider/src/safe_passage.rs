@@ -1,16 +1,16 @@
-//! The gaps between what is in the way, on the plane one metre ahead of the camera, and the direction through one of them.
+//! The gaps between what is in the way, on the plane one meter ahead of the camera, and the direction through one of them.
 //!
-//! Ohya, Kosaka & Kak (1998): obstacles and what is not seen are taken to stand one metre ahead, each widened by half the
+//! Ohya, Kosaka & Kak (1998): obstacles and what is not seen are taken to stand one meter ahead, each widened by half the
 //! robot. Differs from \[1\]: which gap is taken, and where in it, is stated here.
 
-/// Distance of the plane ahead of the camera, metres.
+/// Distance of the plane ahead of the camera, meters.
 pub const PLANE_M: f64 = 1.0;
-/// A gap that is not wider is none, metres.
+/// A gap that is not wider is none, meters.
 const NARROWEST_M: f64 = 1e-9;
 /// Gaps whose aims are as far from the goal as this (m) are equally good.
 const TIE_M: f64 = 1e-9;
 
-/// Places on the plane from `low` to `high`, metres, positive to the left.
+/// Places on the plane from `low` to `high`, meters, positive to the left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// The right end.
@@ -26,7 +26,7 @@ impl Interval {
         Self { low, high }
     }
 
-    /// Metres; negative where there is nothing between the ends.
+    /// Meters; negative where there is nothing between the ends.
     #[must_use]
     pub fn width(&self) -> f64 {
         self.high - self.low
@@ -44,7 +44,7 @@ impl Interval {
 pub struct Aim {
     /// The gap.
     pub gap: Interval,
-    /// The place in it, metres.
+    /// The place in it, meters.
     pub lateral_m: f64,
     /// Whether it is not where the goal lies.
     pub deviates: bool,

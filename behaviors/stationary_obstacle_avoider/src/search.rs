@@ -14,7 +14,7 @@ const PATIENCE_S: f64 = 1.5;
 /// A robot that has moved by less (m) since its last search has got nowhere.
 const SAME_PLACE_M: f64 = 0.1;
 /// After so many halts at one place, whatever was chosen there leads nowhere.
-const MOST_HALTS: usize = 5;
+const MAX_HALTS: usize = 5;
 
 /// How far the search has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +53,7 @@ impl Search {
 
     /// Whether it halted here so often that it is to be searched, whatever a look finds.
     pub fn is_due(&self) -> bool {
-        self.halted.is_some_and(|(_, halts)| halts >= MOST_HALTS)
+        self.halted.is_some_and(|(_, halts)| halts >= MAX_HALTS)
     }
 
     /// Whether the passages that were found are none: it was searched as wide as it goes, and the robot is still there.

@@ -52,7 +52,7 @@ impl SonarWatch {
         is_news
     }
 
-    /// The ranges of the newest scan, metres; none at all where the sonars are silent.
+    /// The ranges of the newest scan, meters; none at all where the sonars are silent.
     #[must_use]
     pub fn ranges_m(&self) -> &[Option<f64>] {
         &self.ranges_m

@@ -65,7 +65,7 @@ impl StationaryObstacleAvoider {
         let target = self.order.target_heading.unwrap_or(robot.theta);
         let off = angle_difference(target, robot.theta);
         if self.order.v_zero {
-            return turn(off, self.config.largest_turn_rad_s)
+            return turn(off, self.config.largest_turn_radps)
                 .because(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
@@ -78,7 +78,7 @@ impl StationaryObstacleAvoider {
         };
         let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
         let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
-            return turn(off, self.config.largest_turn_rad_s)
+            return turn(off, self.config.largest_turn_radps)
                 .because(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
         };
@@ -87,7 +87,7 @@ impl StationaryObstacleAvoider {
             if self.trouble.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
         let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
         let rate =
-            (TURN_GAIN * bearing).clamp(-self.config.largest_turn_rad_s, self.config.largest_turn_rad_s);
+            (TURN_GAIN * bearing).clamp(-self.config.largest_turn_radps, self.config.largest_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
             "past {} things, {:+.0} deg",
             self.things.confirmed().count(),
@@ -102,7 +102,7 @@ impl StationaryObstacleAvoider {
         if off.abs() <= SEARCHED_RAD {
             self.search.arrive(now);
         }
-        turn(off, self.config.largest_turn_rad_s).because(Reason::Searching)
+        turn(off, self.config.largest_turn_radps).because(Reason::Searching)
     }
 
     /// Goes on with the search where no picture of a direction can be judged.
@@ -114,16 +114,16 @@ impl StationaryObstacleAvoider {
     }
 
     fn why_lost(&self) -> Reason {
-        match self.localised {
+        match self.localized {
             None => Reason::NoInput,
-            Some(localised) if !localised.is_usable => Reason::Lost,
+            Some(localized) if !localized.is_usable => Reason::Lost,
             Some(_) => Reason::StaleInput,
         }
     }
 }
 
 /// A turn where the robot stands; keeps turning where a halt names only translation.
-fn turn(off: f64, largest_rad_s: f64) -> Proposal {
-    let rate = if off.is_finite() { (TURN_GAIN * off).clamp(-largest_rad_s, largest_rad_s) } else { 0.0 };
+fn turn(off: f64, largest_radps: f64) -> Proposal {
+    let rate = if off.is_finite() { (TURN_GAIN * off).clamp(-largest_radps, largest_radps) } else { 0.0 };
     Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate)).uncoupled()
 }

@@ -1,6 +1,6 @@
 //! What stands in the way and where, remembered while it is out of view.
 //!
-//! Ohya, Kosaka & Kak (1998) take all obstacles to stand one metre ahead. Differs from \[1\]: they are put where their foot is
+//! Ohya, Kosaka & Kak (1998) take all obstacles to stand one meter ahead. Differs from \[1\]: they are put where their foot is
 //! seen on the floor, and stay on the map when the robot drives past.
 
 use nalgebra::Point2;
@@ -10,7 +10,7 @@ use yamabico_core::time::Time;
 
 /// How many are remembered.
 const MOST: usize = 24;
-/// What was seen is remembered for so long, seconds; and for so long where it is beside the robot, nearer than this, metres: a
+/// What was seen is remembered for so long, seconds; and for so long where it is beside the robot, nearer than this, meters: a
 /// robot that stands still gets no view of it.
 pub const SEEN_S: f64 = 30.0;
 const BESIDE_S: f64 = 120.0;
@@ -19,7 +19,7 @@ const BESIDE_M: f64 = 1.5;
 const SEARCHED_RAD: f64 = 1.2;
 /// What was only heard is remembered for so long, seconds.
 const HEARD_S: f64 = 1.5;
-/// A sighting this much beyond the radius of a thing is still that thing, metres.
+/// A sighting this much beyond the radius of a thing is still that thing, meters.
 const SAME_M: f64 = 0.3;
 /// Pictures without it, though its place is in view, after which it is gone.
 const FORGOTTEN: u32 = 3;
@@ -27,10 +27,10 @@ const FORGOTTEN: u32 = 3;
 /// Something that the map does not have.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Thing {
-    /// Its middle on the map, metres.
+    /// Its middle on the map, meters.
     #[serde(with = "place")]
     pub at: Point2<f64>,
-    /// Metres.
+    /// Meters.
     pub radius_m: f64,
     /// Whether it was seen in two of three pictures.
     pub is_confirmed: bool,
@@ -45,7 +45,7 @@ pub struct Thing {
 /// The edge of a picture that cuts what is seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Cut {
-    /// Where the picture was taken, metres, map.
+    /// Where the picture was taken, meters, map.
     pub from: Point2<f64>,
     /// Its left edge, else its right one.
     pub is_left: bool,
@@ -114,7 +114,7 @@ impl Things {
         }
     }
 
-    /// Takes a sighting of the picture begun: at a place on the map, metres. The rest of what the picture's edge cuts is outside.
+    /// Takes a sighting of the picture begun: at a place on the map, meters. The rest of what the picture's edge cuts is outside.
     pub fn see(&mut self, at: Point2<f64>, radius_m: f64, cut: Option<Cut>, now: Time) {
         let is_same = |thing: &Thing| (thing.at - at).norm() < thing.radius_m.max(radius_m) + SAME_M;
         let known = self.list.iter_mut().filter(|thing| !thing.is_fresh && is_same(thing));
@@ -138,7 +138,7 @@ impl Things {
         }
     }
 
-    /// Takes an echo at a place on the map, metres: it counts at once.
+    /// Takes an echo at a place on the map, meters: it counts at once.
     pub fn hear(&mut self, at: Point2<f64>, radius_m: f64, now: Time) {
         if let Some(thing) = self.list.iter_mut().find(|thing| (thing.at - at).norm() < thing.radius_m) {
             (thing.is_confirmed, thing.seen) = (true, now);
@@ -172,7 +172,7 @@ impl Things {
         self.list.retain(|thing| thing.misses < FORGOTTEN);
     }
 
-    /// Forgets what was sensed too long ago. `robot`: where it is on the map, metres.
+    /// Forgets what was sensed too long ago. `robot`: where it is on the map, meters.
     pub fn expire(&mut self, now: Time, robot: Option<Point2<f64>>) {
         self.list.retain(|thing| {
             let is_beside = robot.is_some_and(|robot| (thing.at - robot).norm() < BESIDE_M);

@@ -7,17 +7,17 @@ use yamabico_core::image::ImageView;
 use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::vertical_edges::{EdgeDifference, Regions};
 
-/// The thresholds of the first pass, grey levels.
+/// The thresholds of the first pass, gray levels.
 pub const COARSE: [u8; 15] = [10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110, 120, 130, 140, 150];
-/// Step of the second pass around the best of the first, grey levels.
+/// Step of the second pass around the best of the first, gray levels.
 pub const FINE_STEP: u8 = 2;
 /// Less of the map's edges seen than this share makes a threshold invalid.
-pub const LEAST_RECALL: f64 = 0.5;
+pub const MIN_RECALL: f64 = 0.5;
 
 /// What one threshold gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// The threshold, grey levels.
+    /// The threshold, gray levels.
     pub threshold: u8,
     /// Differing pixels of each region.
     pub differing: Vec<u32>,
@@ -40,7 +40,7 @@ impl Row {
 pub enum Validity {
     /// It sees the edges of the map.
     Valid,
-    /// It sees less than [`LEAST_RECALL`] of them: picture and map do not register, or the edges are fainter than the rest.
+    /// It sees less than [`MIN_RECALL`] of them: picture and map do not register, or the edges are fainter than the rest.
     LowRecall,
     /// The map has no vertical edge in view.
     NoModel,
@@ -49,7 +49,7 @@ pub enum Validity {
 /// What was learned at one place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learned {
-    /// The threshold that leaves the smallest difference, grey levels.
+    /// The threshold that leaves the smallest difference, gray levels.
     pub t0: u8,
     /// That difference: the largest count of any region, pixels.
     pub n0: u32,
@@ -101,7 +101,7 @@ pub fn learn(rows: &[Row]) -> Option<Learned> {
     let row = rows.get(longest.start + (longest.len() - 1) / 4)?;
     let validity = match row.recall {
         None => Validity::NoModel,
-        Some(recall) if recall < LEAST_RECALL => Validity::LowRecall,
+        Some(recall) if recall < MIN_RECALL => Validity::LowRecall,
         Some(_) => Validity::Valid,
     };
     Some(Learned {
@@ -113,7 +113,7 @@ pub fn learn(rows: &[Row]) -> Option<Learned> {
     })
 }
 
-/// Every threshold that a place is learned with, grey levels: those of both passes.
+/// Every threshold that a place is learned with, gray levels: those of both passes.
 pub fn thresholds() -> impl Iterator<Item = u8> {
     (COARSE[0]..=COARSE[COARSE.len() - 1]).step_by(FINE_STEP.into())
 }
@@ -131,7 +131,7 @@ pub fn learn_in_two_passes(rows: &[Row]) -> Option<Learned> {
 /// What a picture shows on the floor besides edges that the map has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FloorLook {
-    /// The strongest upright step, grey levels.
+    /// The strongest upright step, gray levels.
     pub contrast: f64,
     /// The largest number of pixels of level edges of any region.
     pub level: u32,

@@ -11,7 +11,7 @@ use yamabico_core::parameters::{FileKind, Problems};
 
 use crate::obstacle_regions::nearest;
 
-/// Tables of thresholds, as the behaviour names them.
+/// Tables of thresholds, as the behavior names them.
 pub const THRESHOLD_FILE: FileKind = FileKind {
     key: "thresholds",
     what: "a table of thresholds",
@@ -60,7 +60,7 @@ pub struct Place {
     /// Its heading, degrees, -360 to 360.
     #[schemars(range(min = -360.0, max = 360.0))]
     pub heading_deg: f64,
-    /// Threshold of edges, grey levels, 1 to 255.
+    /// Threshold of edges, gray levels, 1 to 255.
     #[schemars(range(min = 1, max = 255))]
     pub t0: u8,
     /// Largest difference of any region at that threshold, pixels, 0 to 100000000.
@@ -69,7 +69,7 @@ pub struct Place {
     /// Largest number of edges of any region that the map does not have, pixels, 0 to 100000000.
     #[schemars(range(min = 0, max = 100_000_000))]
     pub n0_extra: u32,
-    /// Strongest upright step on the floor, grey levels, 0 to 255.
+    /// Strongest upright step on the floor, gray levels, 0 to 255.
     #[schemars(range(min = 0.0, max = 255.0))]
     pub contrast: f64,
     /// Largest number of pixels of level edges of any region that the map does not have, 0 to 100000000, default 0.
@@ -127,8 +127,8 @@ impl ThresholdTable {
              # Pictures of this size (px), each 16 to 8192, in so many regions, 3 to 31.\n\
              width = {}\nheight = {}\nregions = {}\n\
              # Exposure relative to the camera's nominal one, 0.001 to 1000.\nexposure = {}\n\n\
-             # Place on the map (m, m, degrees), threshold (grey levels), differing and unexplained pixels, strongest upright\n\
-             # step on the floor (grey levels), pixels of level edges, share of the map's edges that is seen.\nplace = [\n",
+             # Place on the map (m, m, degrees), threshold (gray levels), differing and unexplained pixels, strongest upright\n\
+             # step on the floor (gray levels), pixels of level edges, share of the map's edges that is seen.\nplace = [\n",
             self.width, self.height, self.regions, self.exposure
         );
         for p in &self.places {
@@ -163,7 +163,7 @@ impl ThresholdTable {
             .places
             .iter()
             .enumerate()
-            .filter(|(_, place)| place.recall < crate::threshold_learning::LEAST_RECALL);
+            .filter(|(_, place)| place.recall < crate::threshold_learning::MIN_RECALL);
         let problem = "is too low: such a threshold does not see the map; leave the place out";
         blind.map(|(i, _)| BuildError::new(format!("place[{i}].recall"), problem)).collect()
     }

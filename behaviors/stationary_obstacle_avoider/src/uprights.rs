@@ -11,20 +11,20 @@ use yamabico_core::image::ImageView;
 use yamabico_vision::map::Wall;
 use yamabico_vision::vertical_edges::Regions;
 
-/// Nearest and farthest foot of a step that is looked for, metres from the camera.
+/// Nearest and farthest foot of a step that is looked for, meters from the camera.
 const REACH_M: (f64, f64) = (0.7, 3.6);
-/// Height over which a step is averaged, metres.
+/// Height over which a step is averaged, meters.
 const HEIGHT_M: f64 = 0.3;
 /// Least share of that height that must lie before the floor, and least rows.
-const LEAST_SHARE: f64 = 0.5;
-const LEAST_ROWS: usize = 8;
+const MIN_SHARE: f64 = 0.5;
+const MIN_ROWS: usize = 8;
 /// Walls are looked for so far beyond the picture's sides: upright lines lean, columns.
 const BESIDE_PX: usize = 32;
 /// Half width of the derivative, columns.
 const REACH_PX: usize = 4;
 /// What a unit step gives in the derivative.
 const UNIT: f64 = 3.0;
-/// Around the foot of a wall nothing is looked at: this many pixels, and what the pose may be wrong by, metres.
+/// Around the foot of a wall nothing is looked at: this many pixels, and what the pose may be wrong by, meters.
 const WALL_MARGIN_PX: f64 = 3.0;
 const WALL_MARGIN_M: f64 = 0.06;
 /// A ray along a wall keeps this (m) from where it meets it at most.
@@ -33,7 +33,7 @@ const LONGEST_MARGIN_M: f64 = 1.5;
 /// The strongest step of a region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Upright {
-    /// Its height, grey levels, never negative.
+    /// Its height, gray levels, never negative.
     pub contrast: f64,
     /// Its foot, pixels.
     pub foot: Vector2<f64>,
@@ -96,7 +96,7 @@ impl Uprights {
             c + (v - last) * (nadir.x - c * nadir.z) / if rise.abs() < 1e-9 { 1e-9 } else { rise }
         };
         let ray = |c: f64| {
-            let pixel = k.normalised_from_pixel(Vector2::new(c, last));
+            let pixel = k.normalized_from_pixel(Vector2::new(c, last));
             let direction = (body_from_camera * pixel.push(1.0)).xy();
             let direction = direction / direction.norm().max(1e-9);
             let ahead = camera_from_body * direction.push(0.0);
@@ -124,7 +124,7 @@ impl Uprights {
             let is_foot = feet.contains(&v) && distance_m > 0.0;
             is_foot
                 .then(|| (raised(distance_m).round().max(first as f64)) as usize)
-                .filter(|&top| top + LEAST_ROWS <= v)
+                .filter(|&top| top + MIN_ROWS <= v)
         };
         let columns = (first..height)
             .flat_map(|v| (0..width).map(move |c| (c, v)))
@@ -167,11 +167,11 @@ impl Uprights {
         for (i, top) in self.tops.iter().enumerate() {
             let Some(top) = *top else { continue };
             let v = self.first + i;
-            let least_rows = (LEAST_SHARE * (v - top) as f64).max(LEAST_ROWS as f64) as usize;
+            let min_rows = (MIN_SHARE * (v - top) as f64).max(MIN_ROWS as f64) as usize;
             let row = i * self.width;
             for c in 0..self.width {
                 let from = top.max(self.eroded[c]);
-                if from + least_rows > v {
+                if from + min_rows > v {
                     continue;
                 }
                 let above = (from - self.first) * self.width;
@@ -203,7 +203,7 @@ impl Uprights {
         self.feet.iter().copied()
     }
 
-    /// The first row of bare floor of each upright line, and the lowest of its neighbours'.
+    /// The first row of bare floor of each upright line, and the lowest of its neighbors'.
     fn find_floor(&mut self, walls: &[Wall], map_from_robot: &Pose2) {
         let camera = map_from_robot.transform_point(self.position);
         self.eroded.fill(self.first);
@@ -250,7 +250,7 @@ impl Uprights {
 }
 
 /// Distance from `camera` along the unit `direction` to a wall and how much of it a wall that is [`WALL_MARGIN_M`] nearer takes
-/// away, metres; `None` where the ray does not meet it.
+/// away, meters; `None` where the ray does not meet it.
 fn meeting(camera: Point2<f64>, direction: Vector2<f64>, wall: &Wall) -> Option<(f64, f64)> {
     let run = wall.to - wall.from;
     let cross = direction.perp(&run);
@@ -260,7 +260,7 @@ fn meeting(camera: Point2<f64>, direction: Vector2<f64>, wall: &Wall) -> Option<
     (t > 0.0 && (0.0..=1.0).contains(&s)).then_some((t, margin_m))
 }
 
-/// The step between the neighbours of each pixel, less the slope around it: [`UNIT`] for a unit step, nothing for a slope.
+/// The step between the neighbors of each pixel, less the slope around it: [`UNIT`] for a unit step, nothing for a slope.
 fn sharpened(row: &[u8], out: &mut [i16]) {
     let width = row.len();
     out.fill(0);

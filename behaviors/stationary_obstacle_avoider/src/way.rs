@@ -10,21 +10,21 @@ use crate::safe_passage::{Aim, Interval, PLANE_M, SafePassage};
 use crate::seen_floor::SeenFloor;
 use crate::things::Things;
 
-/// How far to either side directions are looked at, on the plane, metres.
+/// How far to either side directions are looked at, on the plane, meters.
 const WIDEST_M: f64 = 1.2;
-/// Distance of two directions on the plane, metres.
+/// Distance of two directions on the plane, meters.
 const STEP_M: f64 = 0.04;
 /// No farther from its path than this (m) does a robot go to pass something: a side corridor is no way around.
 const FARTHEST_ASIDE_M: f64 = 1.0;
-/// Things farther ahead are not avoided yet, metres.
+/// Things farther ahead are not avoided yet, meters.
 const REACH_M: f64 = 2.0;
 
 /// What the robot needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
-    /// Half the width of what passes: the robot's radius and a margin, metres.
+    /// Half the width of what passes: the robot's radius and a margin, meters.
     pub half_width_m: f64,
-    /// Distance to keep from the ends of a gap where it is wide enough, metres.
+    /// Distance to keep from the ends of a gap where it is wide enough, meters.
     pub gap_margin_m: f64,
 }
 
@@ -49,7 +49,7 @@ pub fn is_clear(around: &Surroundings<'_>, goal_m: f64, room: &Room) -> bool {
     around.things.is_free(around.robot, goal_m.atan2(PLANE_M), REACH_M, room.half_width_m)
 }
 
-/// The free place on the plane one metre ahead that is nearest to `goal_m`, of the gap that is nearest to `lean_m` to the left
+/// The free place on the plane one meter ahead that is nearest to `goal_m`, of the gap that is nearest to `lean_m` to the left
 /// of it; `None` where nothing is free.
 #[must_use]
 pub fn aim(
@@ -77,16 +77,16 @@ fn is_open(around: &Surroundings<'_>, lateral_m: f64, room: &Room) -> bool {
     let here_m = map.clearance(robot.position());
     let halfway = robot.transform_point(Point2::new(0.5 * PLANE_M, 0.5 * lateral_m));
     // Somebody who stands nearer to a wall than that may leave it.
-    let least_m = room.half_width_m.min(here_m + 0.02);
+    let min_m = room.half_width_m.min(here_m + 0.02);
     map.clearance(place) >= room.half_width_m
-        && map.clearance(halfway) >= least_m
+        && map.clearance(halfway) >= min_m
         && map.is_open(robot.position(), place)
         && aside(path, place) <= FARTHEST_ASIDE_M.max(aside(path, robot.position()))
         && floor.is_known(place, map)
         && things.is_free(robot, bearing, REACH_M, room.half_width_m)
 }
 
-/// Distance of a place from a path, metres; zero where there is none.
+/// Distance of a place from a path, meters; zero where there is none.
 fn aside(path: &[PathPoint], place: Point2<f64>) -> f64 {
     let pieces = path.windows(2).map(|pair| {
         let (from, to) = (Point2::new(pair[0].x, pair[0].y), Point2::new(pair[1].x, pair[1].y));

@@ -1,6 +1,6 @@
 //! Drives as somebody holds a stick, and only while somebody does.
 //!
-//! A behaviour like any other: what outranks it halts or steers the robot whatever the hand does, and what it outranks takes
+//! A behavior like any other: what outranks it halts or steers the robot whatever the hand does, and what it outranks takes
 //! over when the hand lets go.
 
 use schemars::JsonSchema;
@@ -25,7 +25,7 @@ pub struct Config {
     pub speed_mps: f64,
     /// Turn rate with the stick held all the way round, rad/s, 0.05 to 3, default 0.8.
     #[schemars(range(min = 0.05, max = 3.0))]
-    pub turn_rad_s: f64,
+    pub turn_radps: f64,
     /// The dead man's time: nobody holds a stick that was held longer ago, ms, 50 to 2000, default 300.
     #[schemars(range(min = 50.0, max = 2000.0))]
     pub dead_man_ms: f64,
@@ -33,7 +33,7 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self { speed_mps: 0.3, turn_rad_s: 0.8, dead_man_ms: 300.0 }
+        Self { speed_mps: 0.3, turn_radps: 0.8, dead_man_ms: 300.0 }
     }
 }
 
@@ -92,6 +92,6 @@ fn twist(stick: &Stick, config: &Config) -> Option<Twist> {
     shares.iter().all(|share| share.abs() <= 1.0).then_some(Twist {
         linear: stick.forward * config.speed_mps,
         lateral: stick.left * config.speed_mps,
-        angular: stick.turn * config.turn_rad_s,
+        angular: stick.turn * config.turn_radps,
     })
 }

@@ -1,4 +1,4 @@
-//! The behaviour on a stick held by hand.
+//! The behavior on a stick held by hand.
 
 use yamabico_core::behavior::Setup;
 use yamabico_core::message::{Axes, Kind, Proposal, Reason, Stick};
@@ -13,7 +13,7 @@ fn setup() -> Setup {
 }
 
 fn bench() -> Bench<Teleop> {
-    Bench::new("speed_mps = 0.4\nturn_rad_s = 1.0", setup()).expect("a valid configuration")
+    Bench::new("speed_mps = 0.4\nturn_radps = 1.0", setup()).expect("a valid configuration")
 }
 
 fn hold(bench: &mut Bench<Teleop>, seconds: f64, forward: f64, turn: f64) -> Proposal {

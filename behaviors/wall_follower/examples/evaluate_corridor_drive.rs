@@ -1,14 +1,14 @@
 //! How well the column of the corridor's vanishing point agrees with the labels of a drive along a real corridor.
 //!
-//! `evaluate_corridor_drive DIR [--json] [--out DIR]` compares every frame with a labelled column (`labels.csv`) without
+//! `evaluate_corridor_drive DIR [--json] [--out DIR]` compares every frame with a labeled column (`labels.csv`) without
 //! any prediction. The camera is uncalibrated: a focal length of half the width is assumed, which only decides how far
 //! from the horizon a point may be. It prints the median and 90th percentile of the column's error, and how often the
-//! steering sign is right among the frames whose label is more than 10 px off the centre.
+//! steering sign is right among the frames whose label is more than 10 px off the center.
 
 #[allow(dead_code, reason = "the other evaluations use the rest")]
 mod evaluation;
 
-use evaluation::{Arguments, draw, load_grey, percentile};
+use evaluation::{Arguments, draw, load_gray, percentile};
 use nalgebra::Vector2;
 use serde_json::json;
 use std::process::ExitCode;
@@ -16,7 +16,7 @@ use yamabico_core::camera::Intrinsics;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
 use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
-/// Labels nearer to the centre say nothing about where to steer, px.
+/// Labels nearer to the center say nothing about where to steer, px.
 const STEERING_DEADBAND_PX: f64 = 10.0;
 
 fn main() -> ExitCode {
@@ -27,7 +27,7 @@ fn evaluate(arguments: &Arguments) -> Result<(), String> {
     let (mut errors, mut found, mut steered, mut right) = (Vec::new(), 0, 0, 0);
     for (name, label) in labels(arguments)? {
         let file = arguments.folder.join("images").join(format!("{name}.jpg"));
-        let image = load_grey(&file)?;
+        let image = load_gray(&file)?;
         let view = image.view().map_err(|e| format!("{name}: {e}"))?;
         let (width, height) = (view.width() as f64, view.height() as f64);
         let camera = Intrinsics {
@@ -57,7 +57,7 @@ fn evaluate(arguments: &Arguments) -> Result<(), String> {
         }
     }
     if errors.is_empty() {
-        return Err("no labelled frame".into());
+        return Err("no labeled frame".into());
     }
     let (median, p90) = (percentile(&errors, 0.5), percentile(&errors, 0.9));
     let share = f64::from(right as u32) / f64::from(steered.max(1) as u32);
@@ -78,7 +78,7 @@ fn evaluate(arguments: &Arguments) -> Result<(), String> {
     Ok(())
 }
 
-/// Name and labelled vanishing point of every frame that has one.
+/// Name and labeled vanishing point of every frame that has one.
 fn labels(arguments: &Arguments) -> Result<Vec<(String, Vector2<f64>)>, String> {
     let path = arguments.folder.join("labels.csv");
     let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;

@@ -7,7 +7,7 @@
 
 mod evaluation;
 
-use evaluation::{Arguments, draw, load_grey, percentile};
+use evaluation::{Arguments, draw, load_gray, percentile};
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 use std::process::ExitCode;
@@ -76,7 +76,7 @@ fn look_at(
     arguments: &Arguments,
 ) -> Result<Photograph, String> {
     let file = entry["file"].as_str().ok_or("an image without file")?;
-    let image = load_grey(&arguments.folder.join(file))?;
+    let image = load_gray(&arguments.folder.join(file))?;
     let view = image.view().map_err(|e| format!("{file}: {e}"))?;
     let mut detector = SegmentDetector::new(SegmentConfig::default());
     let segments = detector.detect(view).unwrap_or_default();
@@ -84,7 +84,7 @@ fn look_at(
     let found = finder.find(segments, camera, None);
     let name = entry["name"].as_str().unwrap_or(file).to_owned();
     if let Some(folder) = &arguments.out {
-        let truth = camera.pixel_from_normalised(axis.xy() / axis.z);
+        let truth = camera.pixel_from_normalized(axis.xy() / axis.z);
         draw(view, segments, found.as_ref().ok(), Some(truth), &folder.join(format!("{name}.png")))?;
     }
     let cosine = |direction: Vector3<f64>| direction.dot(&axis).abs().min(1.0);
@@ -96,7 +96,7 @@ fn look_at(
     })
 }
 
-/// The labelled direction whose vanishing point is in view, as a unit vector that points ahead.
+/// The labeled direction whose vanishing point is in view, as a unit vector that points ahead.
 fn axis_in_view(entry: &Value) -> Option<Vector3<f64>> {
     let index = entry["in_image_horizontal_vp"]["vp_index"].as_u64()? as usize;
     let numbers: Vec<f64> = entry["vp_dirs"][index].as_array()?.iter().filter_map(Value::as_f64).collect();

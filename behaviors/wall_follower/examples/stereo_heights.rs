@@ -2,8 +2,8 @@
 //!
 //! `stereo_heights [--pairs N] [--first SEED]`
 //!
-//! Two cameras of 640 x 480, 0.12 m apart and 0.6 m above the floor, in corridors 2 m wide, a new one every pair: colours,
-//! lamps, floors, skirtings and doors vary; heading -5 to 5 degrees, offset up to 0.3 m, noise of 2 grey levels. Each floor
+//! Two cameras of 640 x 480, 0.12 m apart and 0.6 m above the floor, in corridors 2 m wide, a new one every pair: colors,
+//! lamps, floors, skirtings and doors vary; heading -5 to 5 degrees, offset up to 0.3 m, noise of 2 gray levels. Each floor
 //! line is found in the left picture and matched in the right one; what the two disagree about in heading and tilt is shared,
 //! since they are mounted together; where they take different lines for a wall's, the inner one counts. A height off by more
 //! than 0.08 m is no floor line's, and counts as not found. The height of a floor line below the cameras is 0.6 m (Kweon et
@@ -27,11 +27,11 @@ use yamabico_wall_follower::stereo_match::{StereoPicture, matching_cotangent};
 
 const BASELINE_M: f64 = 0.12;
 const HEIGHT_M: f64 = 0.6;
-/// How far ahead of the cameras the lines are compared, metres.
+/// How far ahead of the cameras the lines are compared, meters.
 const AHEAD_M: f64 = 2.5;
-/// Heights that are looked for, metres.
+/// Heights that are looked for, meters.
 const HEIGHTS_M: [f64; 2] = [0.4, 0.9];
-/// A height farther from the cameras' is no floor line's, metres.
+/// A height farther from the cameras' is no floor line's, meters.
 const TOLERANCE_M: f64 = 0.08;
 
 /// What one camera saw.
@@ -157,5 +157,5 @@ fn on_floor_line(eye: &Eye, wall: ExpectedWall) -> Option<Vector2<f64>> {
     let distance_m = wall.distance_m - eye.mount.x * sin - eye.mount.y * cos;
     let point = nalgebra::Vector3::new(AHEAD_M, distance_m, -eye.view.height_m);
     let in_camera = eye.view.corridor_from_camera.transpose() * point;
-    (in_camera.z > 0.1).then(|| eye.view.intrinsics.pixel_from_normalised(in_camera.xy() / in_camera.z))
+    (in_camera.z > 0.1).then(|| eye.view.intrinsics.pixel_from_normalized(in_camera.xy() / in_camera.z))
 }

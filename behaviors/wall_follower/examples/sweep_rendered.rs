@@ -2,10 +2,10 @@
 //!
 //! `sweep_rendered [--json] [--poses N] [--size WxH] [--out DIR]`
 //!
-//! Every picture stands alone: no prediction, no memory. Heading -15 to 15 degrees, tilt -2 to 8 degrees (the behaviour is told
+//! Every picture stands alone: no prediction, no memory. Heading -15 to 15 degrees, tilt -2 to 8 degrees (the behavior is told
 //! the tilt with an error of up to 0.87, half a degree rms, as a mount has it), offset up to 0.4 m from the middle of a
 //! corridor 2 m wide, a new one every ten poses: closed and open doors, boxes along the walls, skirtings, floors and lamps
-//! vary; noise of 4 grey levels. A wall's distance is that of the line where its skirting meets the floor. Then the same at
+//! vary; noise of 4 gray levels. A wall's distance is that of the line where its skirting meets the floor. Then the same at
 //! 0.56 m from the left wall (Kweon et al. 1991, section 5), heading by heading, where a bias shows. `--out` writes the
 //! pictures with what was found: green the walls found, blue the true ones.
 
@@ -32,7 +32,7 @@ use yamabico_vision::corridor::sight::{CorridorCamera, Sight, Sighting};
 const WIDTH_M: f64 = 2.0;
 const HEIGHT_M: f64 = 0.6;
 const POSES_PER_WORLD: usize = 10;
-/// Distance from the left wall in the sweep over headings, metres.
+/// Distance from the left wall in the sweep over headings, meters.
 const NEAR_WALL_M: f64 = 0.56;
 /// Its headings (degrees), and how many poses at each.
 const HEADINGS_DEG: [i32; 7] = [-15, -10, -5, 0, 5, 10, 15];
@@ -254,7 +254,7 @@ fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// How far the skirting stands out of the wall, metres.
+/// How far the skirting stands out of the wall, meters.
 fn skirting_m() -> f64 {
     Corridor::default().baseboard.map_or(0.0, |baseboard| baseboard.depth_m)
 }
@@ -276,15 +276,15 @@ fn draw(
     let (width, height) = (image.width(), image.height());
     let mut data = vec![0; 3 * width * height];
     let mut canvas = Canvas::new(&mut data, width, height).ok_or("a canvas of the wrong size")?;
-    canvas.copy_grey(image);
-    let mut wall = |heading: f64, tilt: f64, distance_m: f64, colour: [u8; 3]| {
+    canvas.copy_gray(image);
+    let mut wall = |heading: f64, tilt: f64, distance_m: f64, color: [u8; 3]| {
         let body_from_camera = Mount { pan: heading, tilt, ..truth.mount }.rotation_body_from_camera();
         let point = |x: f64| (body_from_camera.transpose() * Vector3::new(x, distance_m, -HEIGHT_M)).into();
         if let Some((near, far)) = clip_to_near_plane(point(0.0), point(12.0)) {
             let pixel = |p: nalgebra::Point3<f64>| -> Vector2<f64> {
-                truth.intrinsics.pixel_from_normalised(p.coords.xy() / p.z)
+                truth.intrinsics.pixel_from_normalized(p.coords.xy() / p.z)
             };
-            canvas.line(pixel(near), pixel(far), colour);
+            canvas.line(pixel(near), pixel(far), color);
         }
     };
     for distance_m in [left_m(truth), right_m(truth)] {

@@ -1,4 +1,4 @@
-//! The parameters of the behaviour.
+//! The parameters of the behavior.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -14,7 +14,7 @@ pub struct Config {
     /// Length over which an offset from the middle decays, m, 0.2 to 5, default 0.8.
     #[schemars(range(min = 0.2, max = 5.0))]
     pub convergence_m: f64,
-    /// Damping of the centring law, 0.5 to 2, default 1 (critical).
+    /// Damping of the centering law, 0.5 to 2, default 1 (critical).
     #[schemars(range(min = 0.5, max = 2.0))]
     pub damping: f64,
     /// Offsets beyond this steer no harder, m, 0.1 to 2, default 0.6.
@@ -22,7 +22,7 @@ pub struct Config {
     pub largest_offset_m: f64,
     /// Largest turn rate, rad/s, 0.1 to 3, default 0.8.
     #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_rad_s: f64,
+    pub largest_turn_radps: f64,
     /// Distance kept from a single wall of a corridor whose width is not known, m, 0.2 to 3, default 0.6.
     #[schemars(range(min = 0.2, max = 3.0))]
     pub single_wall_m: f64,
@@ -35,7 +35,7 @@ pub struct Config {
     /// How well the mount's tilt and roll hold while driving, degrees, 0.05 to 30, default 1.
     #[schemars(range(min = 0.05, max = 30.0))]
     pub horizon_sigma_deg: f64,
-    /// Least difference of brightness across a floor line, grey levels, 1 to 100, default 8.
+    /// Least difference of brightness across a floor line, gray levels, 1 to 100, default 8.
     #[schemars(range(min = 1.0, max = 100.0))]
     pub floor_contrast: f64,
     /// What to do where no vanishing point is found.
@@ -67,7 +67,7 @@ impl Default for Config {
             convergence_m: 0.8,
             damping: 1.0,
             largest_offset_m: 0.6,
-            largest_turn_rad_s: 0.8,
+            largest_turn_radps: 0.8,
             single_wall_m: 0.6,
             near_wall_m: 0.15,
             stop_wall_m: 0.05,
@@ -95,7 +95,7 @@ impl Config {
             ("convergence_m", self.convergence_m, 0.2, 5.0),
             ("damping", self.damping, 0.5, 2.0),
             ("largest_offset_m", self.largest_offset_m, 0.1, 2.0),
-            ("largest_turn_rad_s", self.largest_turn_rad_s, 0.1, 3.0),
+            ("largest_turn_radps", self.largest_turn_radps, 0.1, 3.0),
             ("single_wall_m", self.single_wall_m, 0.2, 3.0),
             ("near_wall_m", self.near_wall_m, 0.0, 1.0),
             ("stop_wall_m", self.stop_wall_m, 0.0, self.near_wall_m),

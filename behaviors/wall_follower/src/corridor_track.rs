@@ -5,15 +5,15 @@
 use nalgebra::Vector2;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 
-use crate::centring::Walls;
+use crate::centering::Walls;
 use yamabico_core::odometry_track::travel;
 use yamabico_vision::corridor::floor_lines::ExpectedWall;
 use yamabico_vision::corridor::sight::{Expectation, Sighting};
 
 /// Heading variance per radian turned (odometry), rad.
 const VARIANCE_PER_TURN: f64 = 1e-3;
-/// Heading variance per metre driven, rad^2/m.
-const VARIANCE_PER_METRE: f64 = 2e-4;
+/// Heading variance per meter driven, rad^2/m.
+const VARIANCE_PER_METER: f64 = 2e-4;
 /// Heading variance per second where there is no odometry, rad^2/s: a turn of half a radian a second is no surprise.
 const VARIANCE_PER_SECOND_BLIND: f64 = 0.25;
 /// A heading this far from the prediction (rad), and beyond three standard deviations, is refused ...
@@ -28,8 +28,8 @@ const WALL_JUMP_M: f64 = 0.15;
 const WALL_CONFIRM_M: f64 = 0.5;
 /// A wall unseen for so far (m) is forgotten.
 const WALL_FORGET_M: f64 = 1.0;
-/// Standard deviation that a wall's distance gains per metre driven without seeing it, m.
-const WALL_DRIFT_PER_METRE: f64 = 0.04;
+/// Standard deviation that a wall's distance gains per meter driven without seeing it, m.
+const WALL_DRIFT_PER_METER: f64 = 0.04;
 /// The width is the median of so many.
 const WIDTHS: usize = 15;
 /// The width is forgotten after so far without seeing both walls, m.
@@ -44,9 +44,9 @@ pub struct Estimate {
     pub heading: f64,
     /// Its standard deviation, radians.
     pub heading_sigma: f64,
-    /// The walls from the robot's centre.
+    /// The walls from the robot's center.
     pub walls: Walls,
-    /// The corridor's width, metres, where it is known.
+    /// The corridor's width, meters, where it is known.
     pub width_m: Option<f64>,
 }
 
@@ -126,16 +126,16 @@ impl CorridorTrack {
                 self.anchor
             }
         };
-        let (metres, turned) = travel(&self.anchor, &pose);
+        let (meters, turned) = travel(&self.anchor, &pose);
         let across_m = self.axis.map_or(0.0, |axis| across(axis.angle, &self.anchor, &pose));
         if let Some(axis) = &mut self.axis {
-            axis.variance += VARIANCE_PER_TURN * turned + VARIANCE_PER_METRE * metres;
+            axis.variance += VARIANCE_PER_TURN * turned + VARIANCE_PER_METER * meters;
         }
         for wall in &mut self.walls {
             if let Some(known) = wall {
                 known.distance_m -= across_m;
-                known.variance += (WALL_DRIFT_PER_METRE * metres).powi(2) + 1e-6;
-                known.unseen_m += metres;
+                known.variance += (WALL_DRIFT_PER_METER * meters).powi(2) + 1e-6;
+                known.unseen_m += meters;
                 if known.unseen_m > WALL_FORGET_M {
                     *wall = None;
                 }
@@ -143,9 +143,9 @@ impl CorridorTrack {
         }
         for rival in self.rival_walls.iter_mut().flatten() {
             rival.distance_m -= across_m;
-            rival.for_m += metres;
+            rival.for_m += meters;
         }
-        self.widths.drive(metres);
+        self.widths.drive(meters);
         self.anchor = pose;
     }
 
@@ -278,7 +278,7 @@ impl CorridorTrack {
     }
 }
 
-/// Metres to the left of an axis (angle in the odometry frame) that lead from one pose to another.
+/// Meters to the left of an axis (angle in the odometry frame) that lead from one pose to another.
 fn across(axis_angle: f64, from: &Pose2, to: &Pose2) -> f64 {
     let (sin, cos) = axis_angle.sin_cos();
     Vector2::new(-sin, cos).dot(&(to.position() - from.position()))
@@ -321,10 +321,10 @@ impl WidthMemory {
         self.unseen_m = 0.0;
     }
 
-    fn drive(&mut self, metres: f64) {
-        self.unseen_m += metres;
+    fn drive(&mut self, meters: f64) {
+        self.unseen_m += meters;
         if let Some(rival) = &mut self.rival {
-            rival.for_m += metres;
+            rival.for_m += meters;
         }
         if self.unseen_m > WIDTH_FORGET_M {
             *self = Self::default();
@@ -366,7 +366,7 @@ mod tests {
         assert!(track.estimate_at(&Pose2::IDENTITY).is_none());
         track.predict(Motion::To(Pose2::new(0.0, 0.0, 0.5)));
         track.update(&sighting(0.1, Some(1.0), Some(-1.0)));
-        // The axis is at 0.4 in the odometry frame; one metre across it to the left is a metre towards the left wall.
+        // The axis is at 0.4 in the odometry frame; one meter across it to the left is a meter towards the left wall.
         let later = Pose2::new(-0.4_f64.sin() * 0.3, 0.4_f64.cos() * 0.3, 0.2);
         let now = track.estimate_at(&later).unwrap();
         assert!((now.heading + 0.2).abs() < 1e-12);
@@ -406,9 +406,9 @@ mod tests {
         for step in 1..=8 {
             see(&mut track, Pose2::new(0.25 * f64::from(step), 0.0, 0.0), Some(1.0), None);
         }
-        let two_metres_on = track.estimate_at(&Pose2::new(2.0, 0.0, 0.0)).unwrap();
-        assert!(two_metres_on.walls.right_m.is_none(), "unseen for too long");
-        assert!((two_metres_on.width_m.unwrap() - 1.8).abs() < 1e-9);
+        let two_meters_on = track.estimate_at(&Pose2::new(2.0, 0.0, 0.0)).unwrap();
+        assert!(two_meters_on.walls.right_m.is_none(), "unseen for too long");
+        assert!((two_meters_on.width_m.unwrap() - 1.8).abs() < 1e-9);
         for step in 9..=14 {
             see(&mut track, Pose2::new(0.25 * f64::from(step), 0.0, 0.0), Some(1.0), None);
         }

@@ -3,7 +3,7 @@
 //! Kweon et al. (1991): the vanishing point gives the heading, the floor lines the place between the walls.
 //! Differs from \[1\]: exact for any heading, tilt and roll, and steers while driving instead of stopping to look.
 
-pub mod centring;
+pub mod centering;
 pub mod config;
 pub mod corridor_track;
 pub mod recovery;
@@ -20,7 +20,7 @@ use yamabico_core::message::{Axes, FrameHeader, Odometry, Proposal, Reason, View
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
-use crate::centring::{Centring, align_in_place, allowed_speed};
+use crate::centering::{Centering, align_in_place, allowed_speed};
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
 use crate::recovery::{Loss, Recoverer, Recovery};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
@@ -40,7 +40,7 @@ const STEER_AWAY_RAD: f64 = 0.262;
 /// Speed of creeping away from a wall, m/s.
 const CREEP_MPS: f64 = 0.1;
 /// Largest turn rate of the search, rad/s.
-const SEARCH_RAD_S: f64 = 0.5;
+const SEARCH_RADPS: f64 = 0.5;
 /// Odometry older than this (s) is none.
 const ODOMETRY_STALE_S: f64 = 0.3;
 
@@ -48,13 +48,13 @@ const ODOMETRY_STALE_S: f64 = 0.3;
 #[derive(Clone, Debug)]
 pub struct WallFollower {
     config: Config,
-    law: Centring,
+    law: Centering,
     radius_m: f64,
     sight: Sight,
     odometry: OdometryTrack,
     track: CorridorTrack,
     recoverer: Recoverer,
-    grey: GrayImage,
+    gray: GrayImage,
     last_picture: Option<Time>,
     last_found: Option<Found>,
     trouble: Option<Reason>,
@@ -95,13 +95,13 @@ impl Plugin for WallFollower {
             calibration,
             horizon_sigma_rad: config.horizon_sigma_deg.to_radians(),
         };
-        let rule = FloorLineRule { least_contrast: config.floor_contrast, ..FloorLineRule::default() };
+        let rule = FloorLineRule { min_contrast: config.floor_contrast, ..FloorLineRule::default() };
         Ok(Self {
-            law: Centring {
+            law: Centering {
                 length_m: config.convergence_m,
                 damping: config.damping,
                 largest_offset_m: config.largest_offset_m,
-                largest_turn_rad_s: config.largest_turn_rad_s,
+                largest_turn_radps: config.largest_turn_radps,
             },
             radius_m: setup.robot.radius_m,
             sight: Sight::new(camera, rule),
@@ -109,7 +109,7 @@ impl Plugin for WallFollower {
             odometry: OdometryTrack::default(),
             track: CorridorTrack::default(),
             recoverer: Recoverer::default(),
-            grey: GrayImage::default(),
+            gray: GrayImage::default(),
             last_picture: None,
             last_found: None,
             trouble: None,
@@ -147,7 +147,7 @@ impl Behavior for WallFollower {
                 self.follow(&estimate, 0.5).with_evidence(evidence).because(Reason::Coasting)
             }
             (Some(Recovery::TurnTo(heading)), _) => {
-                turn_in_place(pose.map_or(0.0, |pose| pose.theta), heading, SEARCH_RAD_S)
+                turn_in_place(pose.map_or(0.0, |pose| pose.theta), heading, SEARCH_RADPS)
                     .with_evidence(last_picture)
                     .because(Reason::Searching)
             }
@@ -175,7 +175,7 @@ impl WallFollower {
         let elapsed_s = self.last_picture.map_or(0.0, |last| stamp.seconds_after(last));
         self.track.predict(pose.map_or(Motion::Unknown { elapsed_s }, Motion::To));
         self.last_picture = Some(stamp);
-        let seen = match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut self.grey) {
+        let seen = match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut self.gray) {
             Some(image) => self.sight.look(image, self.track.expectation()).map_err(no_heading),
             None => Err(Reason::MalformedInput),
         };
@@ -241,7 +241,7 @@ impl WallFollower {
         let walls = &estimate.walls;
         let clearance_m = walls.nearest_m() - self.radius_m;
         if estimate.heading.abs() > TURN_FIRST_RAD {
-            return turn_in_place(estimate.heading, 0.0, self.config.largest_turn_rad_s)
+            return turn_in_place(estimate.heading, 0.0, self.config.largest_turn_radps)
                 .because(Reason::EdgeOn);
         }
         if clearance_m < self.config.near_wall_m {
@@ -275,7 +275,7 @@ impl WallFollower {
         let is_left = left_m <= estimate.walls.nearest_m();
         let target = if is_left { -STEER_AWAY_RAD } else { STEER_AWAY_RAD };
         let leads_away = estimate.heading * target.signum() > 0.5 * STEER_AWAY_RAD;
-        let turn = align_in_place(estimate.heading, target, self.config.largest_turn_rad_s);
+        let turn = align_in_place(estimate.heading, target, self.config.largest_turn_radps);
         let speed = if clearance_m < self.config.stop_wall_m && !leads_away {
             0.0
         } else {
@@ -297,8 +297,8 @@ impl WallFollower {
 }
 
 /// A turn where the robot stands, from one heading to another; keeps turning where a halt names only translation.
-fn turn_in_place(heading: f64, target: f64, largest_rad_s: f64) -> Proposal {
-    Proposal::drive(Axes::PLANAR, Twist::planar(0.0, align_in_place(heading, target, largest_rad_s)))
+fn turn_in_place(heading: f64, target: f64, largest_radps: f64) -> Proposal {
+    Proposal::drive(Axes::PLANAR, Twist::planar(0.0, align_in_place(heading, target, largest_radps)))
         .uncoupled()
 }
 

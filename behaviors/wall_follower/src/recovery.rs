@@ -36,7 +36,7 @@ struct Search {
 pub struct Loss {
     /// Seconds since the last picture with a vanishing point; infinite where there was none.
     pub for_s: f64,
-    /// Metres driven since.
+    /// Meters driven since.
     pub for_m: f64,
     /// Heading in the odometry frame, radians; `None` without odometry.
     pub heading: Option<f64>,
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn coasts_for_a_second_or_half_a_metre() {
+    fn coasts_for_a_second_or_half_a_meter() {
         let rules = Lost::default();
         assert_eq!(Recoverer::default().step(&loss(0.9, 0.4, Some(0.0)), &rules), Recovery::Coast);
         assert_ne!(Recoverer::default().step(&loss(1.1, 0.4, Some(0.0)), &rules), Recovery::Coast);

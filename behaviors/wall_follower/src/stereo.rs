@@ -15,9 +15,9 @@ pub const SMALLEST_PARALLAX: f64 = 1e-3;
 /// A line along the corridor, placed by two cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StereoWall {
-    /// Of the left camera above the line, metres, positive.
+    /// Of the left camera above the line, meters, positive.
     pub height_m: f64,
-    /// From the left camera to the line, metres, positive to the left.
+    /// From the left camera to the line, meters, positive to the left.
     pub lateral_m: f64,
     /// Derivatives of the height with respect to the left and the right cotangent.
     pub height_gradient: Vector2<f64>,

@@ -1,6 +1,6 @@
 //! The same floor line in two aligned pictures, by what is bright and dark beside it.
 //!
-//! Differs from Kweon et al. (1991), section 3.4, where each picture's lines are found by themselves: two neighbouring lines
+//! Differs from Kweon et al. (1991), section 3.4, where each picture's lines are found by themselves: two neighboring lines
 //! of one skirting are not taken for each other.
 
 use std::ops::RangeInclusive;
@@ -20,14 +20,14 @@ const AHEAD: [f64; 2] = [2.5, 8.0];
 /// ... at so many places, as far as the pictures show them.
 const PLACES: u32 = 24;
 /// Fewest places.
-const LEAST_PLACES: u32 = 6;
+const MIN_PLACES: u32 = 6;
 /// Least correlation of the two pictures.
-const LEAST_CORRELATION: f64 = 0.8;
+const MIN_CORRELATION: f64 = 0.8;
 
 /// A picture without distortion, and how its camera looks along the corridor.
 #[derive(Clone, Copy, Debug)]
 pub struct StereoPicture<'a> {
-    /// Grey levels.
+    /// Gray levels.
     pub image: ImageView<'a>,
     /// The camera; the two of a pair share their attitude.
     pub view: &'a CorridorView,
@@ -54,7 +54,7 @@ pub fn matching_cotangent(
         is_shown(left, cotangent - REACH, cotangent + REACH)
             && is_shown(right, cotangent + first - REACH, cotangent + last + REACH)
     };
-    if (0..PLACES).filter(|&place| shown(place)).count() < LEAST_PLACES as usize {
+    if (0..PLACES).filter(|&place| shown(place)).count() < MIN_PLACES as usize {
         return None;
     }
     let wanted = left.profile(cotangent, shown)?;
@@ -64,7 +64,7 @@ pub fn matching_cotangent(
         Some((there, correlation(&wanted, &right.profile(there, shown)?)))
     };
     let best = (0..=steps).filter_map(|step| Some((step, alike(step)?.1))).max_by(|a, b| a.1.total_cmp(&b.1));
-    let (step, peak) = best.filter(|&(step, peak)| step > 0 && step < steps && peak >= LEAST_CORRELATION)?;
+    let (step, peak) = best.filter(|&(step, peak)| step > 0 && step < steps && peak >= MIN_CORRELATION)?;
     let (before, (there, _), after) = (alike(step - 1)?.1, alike(step)?, alike(step + 1)?.1);
     let bend = before - 2.0 * peak + after;
     let shift = if bend < -1e-12 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
@@ -78,7 +78,7 @@ fn ahead(place: u32) -> f64 {
 }
 
 impl StereoPicture<'_> {
-    /// Mean grey levels across a line, over the places that are shown.
+    /// Mean gray levels across a line, over the places that are shown.
     fn profile(&self, cotangent: f64, shown: impl Fn(u32) -> bool) -> Option<Profile> {
         let mut profile = [0.0; SAMPLES];
         for place in (0..PLACES).filter(|&place| shown(place)) {
@@ -89,10 +89,10 @@ impl StereoPicture<'_> {
         Some(profile)
     }
 
-    /// Grey level so many heights ahead of the camera and so many to its left, one below; `None` outside the picture.
+    /// Gray level so many heights ahead of the camera and so many to its left, one below; `None` outside the picture.
     fn level(&self, ahead: f64, cotangent: f64) -> Option<f64> {
         let in_camera = self.view.corridor_from_camera.transpose() * Vector3::new(ahead, cotangent, -1.0);
-        let pixel = self.view.intrinsics.pixel_from_normalised(in_camera.xy() / in_camera.z);
+        let pixel = self.view.intrinsics.pixel_from_normalized(in_camera.xy() / in_camera.z);
         let (width, height) = (self.image.width(), self.image.height());
         let is_inside = in_camera.z > 0.0
             && (0.0..width as f64 - 1.0).contains(&pixel.x)

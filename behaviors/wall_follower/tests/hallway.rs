@@ -7,7 +7,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Kind, Reason};
 use yamabico_sim::World;
 
-/// Drives 12.5 m and gives the RMS offset from the middle and the largest one, metres.
+/// Drives 12.5 m and gives the RMS offset from the middle and the largest one, meters.
 fn drive(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
     let mut drive = Drive::new(world, start, size, "speed_mps = 0.4");
     let (mut sum, mut count, mut largest) = (0.0, 0.0, 0.0_f64);
@@ -22,7 +22,7 @@ fn drive(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
 }
 
 #[test]
-fn keeps_to_the_middle_at_forty_centimetres_a_second() {
+fn keeps_to_the_middle_at_forty_centimeters_a_second() {
     for (seed, size) in [(0, (640, 480)), (1, (256, 240)), (2, (256, 240))] {
         let world = World::random_corridor(seed, 2.0);
         let (rms_m, largest_m) = drive(&world, Pose2::new(-0.5, 0.0, 0.0), size);

@@ -6,12 +6,12 @@ mod vectors {
     use yamabico_core::camera::{Intrinsics, Mount};
     use yamabico_core::geometry::Pose2;
     use yamabico_vision::corridor::heading::{
-        CameraAttitude, RobotHeading, axis_from_normalised, vanishing_point_homogeneous,
+        CameraAttitude, RobotHeading, axis_from_normalized, vanishing_point_homogeneous,
     };
     use yamabico_vision::corridor::wall_distance::{
         CorridorView, distance_from_slope, inverse_slope, line_through, width_from_slopes,
     };
-    use yamabico_wall_follower::centring::{Centring, Walls};
+    use yamabico_wall_follower::centering::{Centering, Walls};
     use yamabico_wall_follower::stereo::{StereoError, stereo_wall};
 
     fn load(name: &str) -> Value {
@@ -85,7 +85,7 @@ mod vectors {
         let in_robot = Vector3::new(cos * along + sin * across, cos * across - sin * along, point.z);
         let in_body = in_robot - Vector3::new(mount.x, mount.y, mount.z);
         let in_camera = mount.rotation_body_from_camera().transpose() * in_body;
-        intrinsics.pixel_from_normalised(in_camera.xy() / in_camera.z)
+        intrinsics.pixel_from_normalized(in_camera.xy() / in_camera.z)
     }
 
     fn vector(value: &Value) -> Vector3<f64> {
@@ -125,7 +125,7 @@ mod vectors {
             }
 
             let side = if behind { -1.0 } else { 1.0 };
-            let axis = axis_from_normalised(intrinsics.normalised_from_pixel(vp)) * side;
+            let axis = axis_from_normalized(intrinsics.normalized_from_pixel(vp)) * side;
             let attitude = CameraAttitude::from_axis(axis, mount.roll);
             let robot = RobotHeading::from_axis(axis, &mount);
             case.if_given("camera_heading", attitude.heading);
@@ -134,7 +134,7 @@ mod vectors {
             assert!(robot.elevation.abs() < 1e-9, "{} elevation", case.id);
             if !behind {
                 let simple =
-                    CameraAttitude::from_vanishing_point(intrinsics.normalised_from_pixel(vp), mount.roll);
+                    CameraAttitude::from_vanishing_point(intrinsics.normalized_from_pixel(vp), mount.roll);
                 assert!((simple.heading - attitude.heading).abs() < 1e-9, "{} simple form", case.id);
             }
             let jacobian = &case.expect["jac_heading_tilt_wrt_normalised_vp"];
@@ -224,14 +224,14 @@ mod vectors {
     }
 
     #[test]
-    fn centring() {
-        for_each_case("centring", |file, case| {
+    fn centering() {
+        for_each_case("centering", |file, case| {
             let params = &file["params"];
-            let law = Centring {
+            let law = Centering {
                 length_m: f(&params["length"]),
                 damping: f(&params["zeta"]),
                 largest_offset_m: f(&params["y_sat"]),
-                largest_turn_rad_s: f(&params["omega_max"]),
+                largest_turn_radps: f(&params["omega_max"]),
             };
             let walls =
                 Walls { left_m: case.input["d_left"].as_f64(), right_m: case.input["d_right"].as_f64() };

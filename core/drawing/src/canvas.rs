@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use yamabico_geometry::image::ImageView;
 
 /// Red, green, blue.
-pub type Colour = [u8; 3];
+pub type Color = [u8; 3];
 
 /// A borrowed RGB picture: three bytes a pixel, no gaps between the rows.
 #[derive(Debug)]
@@ -21,55 +21,55 @@ impl<'a> Canvas<'a> {
         (width.checked_mul(height)?.checked_mul(3)? == data.len()).then_some(Self { data, width, height })
     }
 
-    /// Fills the picture with the grey image, as far as that reaches.
-    pub fn copy_grey(&mut self, image: ImageView) {
+    /// Fills the picture with the gray image, as far as that reaches.
+    pub fn copy_gray(&mut self, image: ImageView) {
         let width = self.width.min(image.width());
         for v in 0..self.height.min(image.height()) {
             let row = &mut self.data[3 * v * self.width..][..3 * width];
-            for (rgb, &grey) in row.as_chunks_mut::<3>().0.iter_mut().zip(image.row(v)) {
-                *rgb = [grey; 3];
+            for (rgb, &gray) in row.as_chunks_mut::<3>().0.iter_mut().zip(image.row(v)) {
+                *rgb = [gray; 3];
             }
         }
     }
 
     /// Sets the pixel nearest to `at`; outside the picture nothing happens.
-    pub fn dot(&mut self, at: Vector2<f64>, colour: Colour) {
+    pub fn dot(&mut self, at: Vector2<f64>, color: Color) {
         let (u, v) = (at.x.round(), at.y.round());
         if u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64 {
             let start = 3 * (v as usize * self.width + u as usize);
-            self.data[start..start + 3].copy_from_slice(&colour);
+            self.data[start..start + 3].copy_from_slice(&color);
         }
     }
 
     /// Draws the line between two points, one pixel wide; what is outside is cut off.
-    pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, colour: Colour) {
+    pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, color: Color) {
         let Some((from, to)) = self.clip(from, to) else { return };
         let along = to - from;
         let steps = along.amax().ceil().max(1.0);
         for i in 0..=steps as usize {
-            self.dot(from + along * (i as f64 / steps), colour);
+            self.dot(from + along * (i as f64 / steps), color);
         }
     }
 
     /// Draws an upright cross with arms of `arm` px.
-    pub fn cross(&mut self, at: Vector2<f64>, arm: f64, colour: Colour) {
+    pub fn cross(&mut self, at: Vector2<f64>, arm: f64, color: Color) {
         let (across, down) = (Vector2::new(arm, 0.0), Vector2::new(0.0, arm));
-        self.line(at - across, at + across, colour);
-        self.line(at - down, at + down, colour);
+        self.line(at - across, at + across, color);
+        self.line(at - down, at + down, color);
     }
 
     /// Writes a line of text whose upper left corner is at `at`.
-    pub fn text(&mut self, at: Vector2<f64>, text: &str, colour: Colour) {
+    pub fn text(&mut self, at: Vector2<f64>, text: &str, color: Color) {
         for (right, below) in lettering::pixels(text) {
-            self.dot(at + Vector2::new(f64::from(right), f64::from(below)), colour);
+            self.dot(at + Vector2::new(f64::from(right), f64::from(below)), color);
         }
     }
 
     /// Draws the outline of the box between two corners.
-    pub fn outline(&mut self, corner: Vector2<f64>, opposite: Vector2<f64>, colour: Colour) {
+    pub fn outline(&mut self, corner: Vector2<f64>, opposite: Vector2<f64>, color: Color) {
         let [b, d] = [Vector2::new(opposite.x, corner.y), Vector2::new(corner.x, opposite.y)];
         for (from, to) in [(corner, b), (b, opposite), (opposite, d), (d, corner)] {
-            self.line(from, to, colour);
+            self.line(from, to, color);
         }
     }
 

@@ -3,4 +3,4 @@
 mod canvas;
 pub mod lettering;
 
-pub use canvas::{Canvas, Colour};
+pub use canvas::{Canvas, Color};

@@ -9,7 +9,7 @@ use yamabico_geometry::camera::{
 };
 
 fn mirrors(c: &mut Criterion) {
-    let image = MirrorImage::centred(512, 480).with_ring(16.0, 240.0).expect("a ring");
+    let image = MirrorImage::centered(512, 480).with_ring(16.0, 240.0).expect("a ring");
     let cone = ConicMirror::new(112.6_f64.to_radians(), 0.11, 576.563).expect("a cone");
     let hyperboloid = HyperboloidalMirror::new(520.0, 1.45, 0.08).expect("a hyperboloid");
     let profile = RadialProfile::Tangent { range_m: 1.788, rad_per_px: 0.0077, height_m: 0.6 };

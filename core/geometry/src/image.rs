@@ -1,7 +1,7 @@
-//! 8-bit grey images: a borrowed view with checked dimensions and an owned buffer that is filled again without
-//! allocating; and a borrowed view of colour images.
+//! 8-bit gray images: a borrowed view with checked dimensions and an owned buffer that is filled again without
+//! allocating; and a borrowed view of color images.
 //!
-//! Pixel centres stand on integer coordinates; u counts columns to the right, v rows downwards.
+//! Pixel centers stand on integer coordinates; u counts columns to the right, v rows downwards.
 
 mod rgb;
 
@@ -46,7 +46,7 @@ pub enum ImageError {
     },
 }
 
-/// A borrowed 8-bit grey image of at least one pixel.
+/// A borrowed 8-bit gray image of at least one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageView<'a> {
     data: &'a [u8],
@@ -93,7 +93,7 @@ impl<'a> ImageView<'a> {
     }
 }
 
-/// An owned 8-bit grey image without gaps between its rows. Filling it again allocates only when it must grow.
+/// An owned 8-bit gray image without gaps between its rows. Filling it again allocates only when it must grow.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GrayImage {
     data: Vec<u8>,
@@ -165,9 +165,9 @@ impl GrayImage {
         check_layout(rgb.len(), width, height, stride, 3)?;
         self.resize(width, height);
         for (v, row) in self.data.chunks_exact_mut(width).enumerate() {
-            let colours = rgb[v * stride..][..3 * width].as_chunks::<3>().0;
-            for (grey, &[r, g, b]) in row.iter_mut().zip(colours) {
-                *grey = luma(r, g, b);
+            let colors = rgb[v * stride..][..3 * width].as_chunks::<3>().0;
+            for (gray, &[r, g, b]) in row.iter_mut().zip(colors) {
+                *gray = luma(r, g, b);
             }
         }
         Ok(())
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn luma_keeps_grey_and_orders_colours() {
+    fn luma_keeps_gray_and_orders_colors() {
         for g in 0..=255 {
             assert_eq!(luma(g, g, g), g);
         }
@@ -235,11 +235,11 @@ mod tests {
 
     #[test]
     fn a_refused_rgb_image_leaves_the_buffer_alone() {
-        let mut grey = GrayImage::new(2, 1);
-        grey.pixels_mut().copy_from_slice(&[7, 9]);
-        assert!(grey.copy_from_rgb8(&[0; 11], 2, 2, 6).is_err());
-        assert_eq!(grey.pixels(), &[7, 9]);
-        grey.copy_from_rgb8(&[255; 12], 2, 2, 6).unwrap();
-        assert_eq!(grey.pixels(), &[255; 4]);
+        let mut gray = GrayImage::new(2, 1);
+        gray.pixels_mut().copy_from_slice(&[7, 9]);
+        assert!(gray.copy_from_rgb8(&[0; 11], 2, 2, 6).is_err());
+        assert_eq!(gray.pixels(), &[7, 9]);
+        gray.copy_from_rgb8(&[255; 12], 2, 2, 6).unwrap();
+        assert_eq!(gray.pixels(), &[255; 4]);
     }
 }

@@ -4,7 +4,7 @@
 //!   z up, floor at z = 0. A positive angle turns left, seen from above.
 //! - The camera's optical frame is x right, y down, z forward (see [`crate::camera`]).
 //! - A transform `a_from_b` takes the coordinates of a point from frame b to frame a; a point is named `point_in_a`.
-//! - Lengths are metres, angles radians, times seconds. Angles are wrapped to (-pi, pi] by [`wrap_angle`] alone.
+//! - Lengths are meters, angles radians, times seconds. Angles are wrapped to (-pi, pi] by [`wrap_angle`] alone.
 
 pub mod camera;
 pub mod image;

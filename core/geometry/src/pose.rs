@@ -14,9 +14,9 @@ use crate::{Twist, wrap_angle};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Pod, Zeroable)]
 #[serde(deny_unknown_fields)]
 pub struct Pose2 {
-    /// Position along x of the outer frame, metres.
+    /// Position along x of the outer frame, meters.
     pub x: f64,
-    /// Position along y of the outer frame, metres, positive to the left.
+    /// Position along y of the outer frame, meters, positive to the left.
     pub y: f64,
     /// Heading, radians, positive to the left of the outer frame's x axis.
     pub theta: f64,
@@ -69,13 +69,13 @@ impl Pose2 {
         Vector2::new(cos * vector_in_b.x - sin * vector_in_b.y, sin * vector_in_b.x + cos * vector_in_b.y)
     }
 
-    /// Position in the outer frame, metres.
+    /// Position in the outer frame, meters.
     #[must_use]
     pub fn position(&self) -> Point2<f64> {
         Point2::new(self.x, self.y)
     }
 
-    /// Distance between the two origins, metres, never negative.
+    /// Distance between the two origins, meters, never negative.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
         (self.x - other.x).hypot(self.y - other.y)

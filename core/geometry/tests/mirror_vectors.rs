@@ -18,7 +18,7 @@ mod vectors {
         let number = |key: &str| file["schema"]["params"][key].as_f64().unwrap();
         let (width, height) = (2.0 * number("cu") + 1.0, 2.0 * number("cv") + 1.0);
         let image =
-            MirrorImage::centred(width as u32, height as u32).with_ring(0.0, number("R_max")).unwrap();
+            MirrorImage::centered(width as u32, height as u32).with_ring(0.0, number("R_max")).unwrap();
         let cone = ConicMirror::new(number("delta_deg").to_radians(), number("l"), number("f_px")).unwrap();
         let camera = MirrorCamera::new(image, Mirror::Conic(cone)).unwrap();
         let lens = Vector3::new(0.0, 0.0, number("lens_height"));
@@ -84,7 +84,7 @@ mod vectors {
     fn sek_projection() {
         let file = file("sek_projection");
         let number = |key: &str| file["schema"]["consts"][key].as_f64().unwrap();
-        // The file's formula gives millimetres; the same in metres is a mirror.
+        // The file's formula gives millimeters; the same in meters is a mirror.
         let formula = FloorFormula { a: number("A"), b: number("B"), c: number("C") };
         let measured = FloorFormula { a: formula.a / MM, b: formula.b / MM, ..formula };
         let lens_height_m = 0.165;
@@ -93,7 +93,7 @@ mod vectors {
         near("focus", focus_height_m, number("focus_height_mm") * MM);
         near("horizon", mirror.horizon_px(), number("R_horizon"));
         let (width, height) = (2.0 * number("cu") + 1.0, 2.0 * number("cv") + 1.0);
-        let image = MirrorImage::centred(width as u32, height as u32).with_ring(0.0, 200.0).unwrap();
+        let image = MirrorImage::centered(width as u32, height as u32).with_ring(0.0, 200.0).unwrap();
         let camera = MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).unwrap();
         let on_floor = |x: f64, y: f64| Point3::new(x * MM, y * MM, -lens_height_m);
 

@@ -1,4 +1,4 @@
-//! A behaviour at work: fed from the bus, asked when something is new, its proposal signed and sent.
+//! A behavior at work: fed from the bus, asked when something is new, its proposal signed and sent.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -16,10 +16,10 @@ use super::ports::Ports;
 use super::scheduling::Scheduling;
 use super::topics;
 
-/// After so many panics a behaviour stays out.
-const MOST_PANICS: u32 = 5;
+/// After so many panics a behavior stays out.
+const MAX_PANICS: u32 = 5;
 
-/// Everything needed to seat a behaviour.
+/// Everything needed to seat a behavior.
 #[derive(Clone, Debug)]
 pub struct BehaviorPlan {
     /// What it is.
@@ -45,7 +45,7 @@ pub struct BehaviorPlan {
 }
 
 impl BehaviorPlan {
-    /// Waits for what arrives in the behaviour's slots, and where it may sleep, for what wakes it.
+    /// Waits for what arrives in the behavior's slots, and where it may sleep, for what wakes it.
     ///
     /// # Errors
     /// Topics that do not ring.
@@ -66,7 +66,7 @@ pub struct Hosting {
     pub scheduling: Scheduling,
 }
 
-/// How a behaviour fared. Wall-clock figures: they never enter a decision.
+/// How a behavior fared. Wall-clock figures: they never enter a decision.
 #[derive(Clone, Debug, Default)]
 pub struct BehaviorRecord {
     /// Of all calls.
@@ -79,7 +79,7 @@ pub struct BehaviorRecord {
     pub panics: u32,
 }
 
-/// A behaviour between its feed and its ports.
+/// A behavior between its feed and its ports.
 pub struct BehaviorSeat {
     pub(super) plan: BehaviorPlan,
     pub(super) behavior: Option<Box<dyn Behavior>>,
@@ -95,14 +95,14 @@ pub struct BehaviorSeat {
     last_call: Option<Time>,
     time: TimeSource,
     record: BehaviorRecord,
-    /// What the behaviour remembered after its last call.
+    /// What the behavior remembered after its last call.
     pub(super) memory: Vec<u8>,
     /// Whether it survived a call since it was built.
     survived: bool,
 }
 
 impl BehaviorSeat {
-    /// Builds the behaviour and opens its channels.
+    /// Builds the behavior and opens its channels.
     ///
     /// # Errors
     /// Parameters that do not fit, or channels that do not open.
@@ -154,7 +154,7 @@ impl BehaviorSeat {
         &self.memory
     }
 
-    /// Lets the behaviour go on where its predecessor, which remembered this, stopped.
+    /// Lets the behavior go on where its predecessor, which remembered this, stopped.
     pub fn recall(&mut self, memory: &[u8]) {
         if let Some(behavior) = &mut self.behavior {
             behavior.recall(memory);
@@ -170,7 +170,7 @@ impl BehaviorSeat {
         let Some(decisions) = &self.decisions else { return Ok(()) };
         if let Some(decision) = decisions.newest()? {
             let mut verdicts = decision.items().iter();
-            let own = verdicts.find(|verdict| verdict.behaviour == self.name);
+            let own = verdicts.find(|verdict| verdict.behavior == self.name);
             self.sleeps = own.and_then(Verdict::outcome) == Some(Outcome::Inhibited);
         }
         Ok(())
@@ -187,8 +187,8 @@ impl BehaviorSeat {
         Some(self.last_call.map_or(Time::ZERO, |last| last + period))
     }
 
-    /// Asks the behaviour where something is new or its period is over, and publishes its proposal. A panic is caught:
-    /// the behaviour falls silent for this call, as if it had died, and is built anew.
+    /// Asks the behavior where something is new or its period is over, and publishes its proposal. A panic is caught:
+    /// the behavior falls silent for this call, as if it had died, and is built anew.
     ///
     /// # Errors
     /// The bus refused the proposal.
@@ -224,7 +224,7 @@ impl BehaviorSeat {
     fn publish(&mut self, mut proposal: Proposal, now: Time, evidence_ns: u64) -> Result<(), BusError> {
         self.record.abstentions += u64::from(proposal.kind() == Some(Kind::Abstain));
         self.sequence += 1;
-        proposal.behaviour = self.name;
+        proposal.behavior = self.name;
         proposal.sequence = self.sequence;
         proposal.priority = self.plan.priority;
         if proposal.stamp_ns == 0 {
@@ -247,7 +247,7 @@ impl BehaviorSeat {
         let old = self.behavior.take();
         let rebuilt = catch_unwind(AssertUnwindSafe(|| {
             drop(old);
-            let anew = (panics < MOST_PANICS).then(|| plan.factory.build(&plan.table, &plan.setup));
+            let anew = (panics < MAX_PANICS).then(|| plan.factory.build(&plan.table, &plan.setup));
             let mut anew = anew.transpose()?;
             if let Some(anew) = anew.as_mut().filter(|_| recalls) {
                 anew.recall(memory);
@@ -257,29 +257,29 @@ impl BehaviorSeat {
         let name = &plan.setup.name;
         self.behavior = match rebuilt {
             Ok(Ok(Some(anew))) => {
-                tracing::error!("behaviour `{name}` panicked and is built anew");
+                tracing::error!("behavior `{name}` panicked and is built anew");
                 Some(anew)
             }
             Ok(Ok(None)) => {
-                tracing::error!("behaviour `{name}` panicked {panics} times and stays out");
+                tracing::error!("behavior `{name}` panicked {panics} times and stays out");
                 None
             }
             Ok(Err(error)) => {
-                tracing::error!("behaviour `{name}` panicked, cannot be built anew and stays out: {error}");
+                tracing::error!("behavior `{name}` panicked, cannot be built anew and stays out: {error}");
                 None
             }
             Err(_) => {
-                tracing::error!("behaviour `{name}` panicked, again while it was built anew, and stays out");
+                tracing::error!("behavior `{name}` panicked, again while it was built anew, and stays out");
                 None
             }
         };
     }
 }
 
-/// A behaviour or a device that could not be set up.
+/// A behavior or a device that could not be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum SeatError {
-    /// The parameters of a behaviour do not fit.
+    /// The parameters of a behavior do not fit.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// A device does not open.

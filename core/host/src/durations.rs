@@ -29,7 +29,7 @@ impl Durations {
     }
 
     /// How many buckets there are.
-    pub fn most_buckets(&self) -> usize {
+    pub fn max_buckets(&self) -> usize {
         self.buckets.len()
     }
 

@@ -1,10 +1,10 @@
-//! What the bus brings to one behaviour, slot by slot.
+//! What the bus brings to one behavior, slot by slot.
 
 use crate::bus::{Bus, BusError, Inbox};
 use yamabico_core::behavior::{InputSource, SlotSource};
 use yamabico_core::message::{Goal, Message, MessageType};
 
-/// The slots of one behaviour, fed from the bus.
+/// The slots of one behavior, fed from the bus.
 pub struct Feed {
     slots: Vec<Inbox>,
 }

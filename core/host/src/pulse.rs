@@ -12,12 +12,12 @@ use yamabico_core::message::{
 };
 use yamabico_core::time::Time;
 
-/// How often a behaviour tells how its calls went.
+/// How often a behavior tells how its calls went.
 const CALLS_EVERY: Duration = Duration::from_millis(500);
 /// Longest reason of a failure, bytes.
-pub const MOST_WORDS: usize = 2048;
+pub const MAX_WORDS: usize = 2048;
 /// Most corners of walls in one message.
-pub const MOST_CORNERS: usize = 4096;
+pub const MAX_CORNERS: usize = 4096;
 
 /// The pulse of one plugin. A bus that fails to carry it is told of once: the supervisor then takes the plugin for dead.
 pub struct Pulse {
@@ -105,19 +105,19 @@ impl Pulse {
         self.fails += 1;
         let header =
             FailureHeader { stamp_ns: now.0, sequence: self.fails, plugin: self.plugin, key: Note::new(key) };
-        let most = words.len().min(MOST_WORDS);
+        let most = words.len().min(MAX_WORDS);
         let told = say(&mut self.failures, &self.bus, topics::FAILURES, &header, &words.as_bytes()[..most]);
         self.note(told);
     }
 
-    /// Tells how the calls of a behaviour went, where it is time to.
+    /// Tells how the calls of a behavior went, where it is time to.
     pub fn tell_calls(&mut self, record: &BehaviorRecord, now: Time) {
         if now.since(self.calls_told) >= CALLS_EVERY {
             self.tell_last_calls(record, now);
         }
     }
 
-    /// Tells how the calls of a behaviour went, for the last time.
+    /// Tells how the calls of a behavior went, for the last time.
     pub fn tell_last_calls(&mut self, record: &BehaviorRecord, now: Time) {
         self.calls_told = now;
         self.reports += 1;
@@ -153,12 +153,12 @@ impl Pulse {
         self.note(told);
     }
 
-    /// Tells the walls that a device knows: polylines on the floor, map frame, metres.
+    /// Tells the walls that a device knows: polylines on the floor, map frame, meters.
     pub fn show_walls(&mut self, walls: &[Vec<[f64; 2]>], now: Time) {
         let lines = (0..).zip(walls);
         let corners: Vec<WallPoint> = lines
             .flat_map(|(line, wall)| wall.iter().map(move |&[x, y]| WallPoint { x, y, line }))
-            .take(MOST_CORNERS)
+            .take(MAX_CORNERS)
             .collect();
         if corners.is_empty() {
             return;

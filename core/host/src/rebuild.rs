@@ -1,4 +1,4 @@
-//! A behaviour built again from other parameters while the robot runs.
+//! A behavior built again from other parameters while the robot runs.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,14 +7,14 @@ use super::feed::Feed;
 use crate::bus::{Bus, BusError};
 use yamabico_core::behavior::{Behavior, BuildError};
 
-/// What other parameters make of a behaviour, beside the one that works.
+/// What other parameters make of a behavior, beside the one that works.
 pub(super) struct Candidate {
     table: toml::Table,
     behavior: Box<dyn Behavior>,
 }
 
 impl BehaviorSeat {
-    /// Builds what `table` makes of the behaviour; the one that works goes on.
+    /// Builds what `table` makes of the behavior; the one that works goes on.
     ///
     /// # Errors
     /// The constructor refuses the parameters, or panics over them.

@@ -19,9 +19,9 @@ pub const TAKEN: &str = "clock/taken";
 
 /// Which plugins are alive.
 pub const HEARTBEATS: &str = "plugins/heartbeats";
-/// How the calls of behaviours went.
+/// How the calls of behaviors went.
 pub const CALLS: &str = "plugins/calls";
-/// What the successors of behaviours must know.
+/// What the successors of behaviors must know.
 pub const MEMORIES: &str = "plugins/memories";
 /// What went wrong in plugins.
 pub const FAILURES: &str = "plugins/failures";
@@ -32,7 +32,7 @@ pub const WALLS: &str = "plugins/walls";
 pub const PROCESSES: &str = "plugins/processes";
 /// Who works on the robot, and every topic.
 pub const ROSTER: &str = "roster";
-/// Behaviours are asked to change their parameters.
+/// Behaviors are asked to change their parameters.
 pub const RETUNE: &str = "plugins/retune";
 /// What became of it.
 pub const RETUNED: &str = "plugins/retuned";
@@ -44,12 +44,12 @@ pub fn sensor(name: &str) -> String {
     format!("sensors/{name}")
 }
 
-/// What the behaviour `name` proposes.
+/// What the behavior `name` proposes.
 pub fn proposal(name: &str) -> String {
     format!("behaviors/{name}/proposal")
 }
 
-/// What the behaviour `name` publishes on `output`.
+/// What the behavior `name` publishes on `output`.
 pub fn output(name: &str, output: &str) -> String {
     format!("behaviors/{name}/{output}")
 }

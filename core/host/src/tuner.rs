@@ -1,4 +1,4 @@
-//! Changes a behaviour's parameters between two of its calls, in two steps, so that several behaviours change together or
+//! Changes a behavior's parameters between two of its calls, in two steps, so that several behaviors change together or
 //! not at all.
 
 use super::behavior::BehaviorSeat;
@@ -10,9 +10,9 @@ use yamabico_core::message::{Name, Note, RetuneHeader, RetuneStep, RetunedHeader
 use yamabico_core::time::Time;
 
 /// Longest table of parameters, bytes of TOML.
-pub const MOST_PARAMETERS: usize = 16 * 1024;
+pub const MAX_PARAMETERS: usize = 16 * 1024;
 
-/// Hears what parameters a behaviour is to get, and answers.
+/// Hears what parameters a behavior is to get, and answers.
 pub(super) struct Tuner {
     requests: Subscriber<RetuneHeader>,
     answers: Option<Publisher<RetunedHeader>>,
@@ -22,7 +22,7 @@ pub(super) struct Tuner {
 }
 
 impl Tuner {
-    /// That of the behaviour on `seat`; `None` where its channels do not open, which is told.
+    /// That of the behavior on `seat`; `None` where its channels do not open, which is told.
     pub fn open(seat: &BehaviorSeat, bus: &Bus) -> Option<Tuner> {
         match bus.subscriber(topics::RETUNE) {
             Ok(requests) => {
@@ -35,7 +35,7 @@ impl Tuner {
         }
     }
 
-    /// Does what was asked of the behaviour on `seat` since the last call; a bus that fails is told of.
+    /// Does what was asked of the behavior on `seat` since the last call; a bus that fails is told of.
     pub fn step(&mut self, seat: &mut BehaviorSeat) {
         if let Err(error) = self.try_to_step(seat) {
             tracing::error!("parameters of `{}`: {error}", seat.name());
@@ -48,7 +48,7 @@ impl Tuner {
             let header = *request.header();
             let text = String::from_utf8_lossy(request.items()).into_owned();
             drop(request);
-            if header.behaviour.as_str() != seat.name() {
+            if header.behavior.as_str() != seat.name() {
                 continue;
             }
             let answer = match header.step() {
@@ -59,7 +59,7 @@ impl Tuner {
                     continue;
                 }
             };
-            self.tell(header.behaviour, header.request, answer)?;
+            self.tell(header.behavior, header.request, answer)?;
         }
     }
 
@@ -82,14 +82,14 @@ impl Tuner {
             }
         };
         if let Err(error) = seat.replace(candidate, &self.bus) {
-            tracing::error!("behaviour `{}` is not told again what is kept: {error}", seat.name());
+            tracing::error!("behavior `{}` is not told again what is kept: {error}", seat.name());
         }
         Ok(Retuning::Applied)
     }
 
     fn tell(
         &mut self,
-        behaviour: Name,
+        behavior: Name,
         request: u64,
         answer: Result<Retuning, BuildError>,
     ) -> Result<(), BusError> {
@@ -102,7 +102,7 @@ impl Tuner {
             stamp_ns: Time::monotonic_now().0,
             sequence: self.answered,
             request,
-            behaviour,
+            behavior,
             key,
             outcome: outcome.code(),
             reserved: 0,
@@ -111,7 +111,7 @@ impl Tuner {
             Some(answers) => answers,
             None => self.answers.insert(self.bus.publisher(topics::RETUNED)?),
         };
-        let most = words.len().min(super::MOST_WORDS);
+        let most = words.len().min(super::MAX_WORDS);
         answers.publish(&header, &words.as_bytes()[..most])
     }
 }

@@ -19,7 +19,7 @@ use yamabico_core::time::Time;
 /// Longest sleep: how late the end of the run is noticed.
 const NAP: Duration = Duration::from_millis(50);
 
-/// A behaviour's end of the turns.
+/// A behavior's end of the turns.
 pub struct TurnSeat {
     turns: Subscriber<Turn>,
     taken: Publisher<Turn>,
@@ -37,7 +37,7 @@ pub struct ClockSeat {
 }
 
 impl TurnSeat {
-    /// That of the behaviour `name`.
+    /// That of the behavior `name`.
     ///
     /// # Errors
     /// Channels that do not open.
@@ -82,7 +82,7 @@ impl ClockSeat {
     }
 }
 
-/// Asks one behaviour when it is its turn, until `is_over`.
+/// Asks one behavior when it is its turn, until `is_over`.
 pub fn behave_in_turn(
     seat: &mut BehaviorSeat,
     turns: &mut TurnSeat,
@@ -102,7 +102,7 @@ pub fn behave_in_turn(
         let waited = asked.and_then(|()| turns.waiter.wait(longest));
         if let Err(error) = waited {
             // Its silence is the arbiter's to deal with; it tries again.
-            tracing::error!("behaviour `{}`: {error}", seat.name());
+            tracing::error!("behavior `{}`: {error}", seat.name());
             std::thread::sleep(longest);
         }
     }

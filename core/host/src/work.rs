@@ -11,12 +11,12 @@ use yamabico_core::message::PluginState;
 use yamabico_core::sensor::{DeviceError, Due};
 use yamabico_core::time::{Time, TimeSource};
 
-/// Longest sleep of a behaviour that nothing wakes: how late it notices the end of the run.
+/// Longest sleep of a behavior that nothing wakes: how late it notices the end of the run.
 const NAP: Duration = Duration::from_millis(50);
 /// Longest sleep of a device: its drive notices missing commands at least this often.
 const DEVICE_NAP: Duration = Duration::from_millis(10);
 
-/// Asks one behaviour whenever something arrives for it, until `is_over`; changes its parameters in between.
+/// Asks one behavior whenever something arrives for it, until `is_over`; changes its parameters in between.
 pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, is_over: &dyn Fn() -> bool) {
     let longest = NAP.min(pulse.every());
     seat.keep_time_by(TimeSource::Machine);
@@ -38,7 +38,7 @@ pub fn behave(seat: &mut BehaviorSeat, waiter: &mut Waiter, pulse: &mut Pulse, i
             Ok(()) => nap(waiter, sleep),
             Err(error) => {
                 // Its silence is the arbiter's to deal with; it tries again.
-                tracing::error!("behaviour `{}`: {error}", seat.name());
+                tracing::error!("behavior `{}`: {error}", seat.name());
                 std::thread::sleep(longest);
             }
         }

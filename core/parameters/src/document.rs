@@ -6,11 +6,11 @@ use toml::value::Datetime;
 use super::problem::{Problem, Span};
 
 /// Longest text that is read, bytes.
-pub const MOST_BYTES: usize = 1 << 20;
+pub const MAX_BYTES: usize = 1 << 20;
 /// Most dots in a key that is read; the parser recurses once a part, within each bracket anew.
-const MOST_DOTS: usize = 16;
+const MAX_DOTS: usize = 16;
 /// Deepest bracket within brackets that is read.
-const MOST_NESTED: usize = 16;
+const MAX_NESTED: usize = 16;
 
 /// A value and where it stands.
 #[derive(Clone, Debug)]
@@ -163,11 +163,11 @@ fn too_deep(text: &str) -> Option<(usize, String)> {
         } else if key == at && matches!(byte, b' ' | b'\t') {
             key += 1;
         }
-        if nested > MOST_NESTED {
-            return Some((at, format!("brackets stand more than {MOST_NESTED} deep in each other")));
+        if nested > MAX_NESTED {
+            return Some((at, format!("brackets stand more than {MAX_NESTED} deep in each other")));
         }
-        if dots > MOST_DOTS {
-            return Some((key, format!("a key has more than {MOST_DOTS} dots")));
+        if dots > MAX_DOTS {
+            return Some((key, format!("a key has more than {MAX_DOTS} dots")));
         }
         at += 1;
     }
@@ -271,12 +271,12 @@ mod tests {
         let tables = |depth: usize, dots: usize| {
             format!("{}1{}", format!("{} = {{", dotted(dots)).repeat(depth) + "b = ", "}".repeat(depth))
         };
-        assert!(!refused(&tables(MOST_NESTED, MOST_DOTS)));
-        assert!(refused(&tables(MOST_NESTED + 1, 0)));
-        assert!(refused(&tables(1, MOST_DOTS + 1)));
+        assert!(!refused(&tables(MAX_NESTED, MAX_DOTS)));
+        assert!(refused(&tables(MAX_NESTED + 1, 0)));
+        assert!(refused(&tables(1, MAX_DOTS + 1)));
         assert!(refused(&tables(2000, 60)));
-        let table = parse(&tables(MOST_NESTED, MOST_DOTS), 0, &mut Vec::new()).unwrap();
-        assert_eq!(depth(&table.entries[0].node), (MOST_DOTS + 1) * MOST_NESTED + 1);
+        let table = parse(&tables(MAX_NESTED, MAX_DOTS), 0, &mut Vec::new()).unwrap();
+        assert_eq!(depth(&table.entries[0].node), (MAX_DOTS + 1) * MAX_NESTED + 1);
     }
 
     #[test]
@@ -294,6 +294,6 @@ mod tests {
         ] {
             assert!(!refused(&text), "{text}");
         }
-        assert!(refused(&format!("a = \"b\" # c\n{}d = 1", "e.".repeat(MOST_DOTS + 1))));
+        assert!(refused(&format!("a = \"b\" # c\n{}d = 1", "e.".repeat(MAX_DOTS + 1))));
     }
 }

@@ -1,4 +1,4 @@
-//! TOML files that the table of a device or a behaviour names, such as worlds and maps, checked like the robot file.
+//! TOML files that the table of a device or a behavior names, such as worlds and maps, checked like the robot file.
 
 use schemars::Schema;
 
@@ -8,7 +8,7 @@ use super::schema_check::check_table;
 use super::shape::Shape;
 use crate::BuildError;
 
-/// A kind of TOML file that the table of a device or a behaviour names.
+/// A kind of TOML file that the table of a device or a behavior names.
 #[derive(Clone, Copy, Debug)]
 pub struct FileKind {
     /// The key that names one; its schema says `"format": "file"`.

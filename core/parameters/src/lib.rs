@@ -11,7 +11,7 @@ mod shape;
 mod typed;
 mod units;
 
-pub use document::{Entry, MOST_BYTES, Node, Table, Value, parse};
+pub use document::{Entry, MAX_BYTES, Node, Table, Value, parse};
 pub use error::BuildError;
 pub use file::FileKind;
 pub use nearest::{instead, nearest, quoted};

@@ -104,7 +104,7 @@ pub enum Style {
     /// Without escape codes, for files and pipes.
     Plain,
     /// With the escape codes of a terminal.
-    Coloured,
+    Colored,
 }
 
 impl Problems {
@@ -142,7 +142,7 @@ impl Problems {
     }
 
     fn report(&self, problem: &Problem, style: Style) -> String {
-        let config = Config::new().with_index_type(IndexType::Byte).with_color(style == Style::Coloured);
+        let config = Config::new().with_index_type(IndexType::Byte).with_color(style == Style::Colored);
         let place = |span: Span| {
             let source = self.sources.get(span.source)?;
             Some((span.source, source.range(span)))
@@ -152,8 +152,8 @@ impl Problems {
         labels.extend(problem.also.iter().map(|(span, label)| (*span, label, ariadne::Color::Yellow)));
         // Labels of one file in the order of its lines share one picture of it.
         labels.sort_by_key(|(span, ..)| (span.source != problem.span.source, *span));
-        let labels = labels.into_iter().filter_map(|(span, label, colour)| {
-            Some(Label::new(place(span)?).with_message(label).with_color(colour))
+        let labels = labels.into_iter().filter_map(|(span, label, color)| {
+            Some(Label::new(place(span)?).with_message(label).with_color(color))
         });
         let mut report = Report::build(ReportKind::Error, span)
             .with_config(config)

@@ -42,8 +42,8 @@ pub fn unit_of(key: &str) -> Option<&'static str> {
 pub fn meant(key: &str, value: f64, fits: impl Fn(f64) -> bool) -> Option<String> {
     let unit = unit_of(key)?;
     let guesses: &[(&str, f64)] = match unit {
-        "m" => &[("millimetres", 1e-3), ("centimetres", 1e-2)],
-        "m/s" => &[("millimetres per second", 1e-3), ("kilometres per hour", 1.0 / 3.6)],
+        "m" => &[("millimeters", 1e-3), ("centimeters", 1e-2)],
+        "m/s" => &[("millimeters per second", 1e-3), ("kilometers per hour", 1.0 / 3.6)],
         "s" => &[("milliseconds", 1e-3)],
         "ms" => &[("seconds", 1e3), ("microseconds", 1e-3)],
         "Hz" => &[("a period in seconds", f64::NAN)],
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn degrees_are_recognised_where_radians_are_asked_for() {
+    fn degrees_are_recognized_where_radians_are_asked_for() {
         let help = meant("max_angular_radps", 90.0, |value| value < 20.0).unwrap();
         assert!(help.contains("degrees per second, write max_angular_radps = 1.5708"), "{help}");
         assert_eq!(meant("max_angular_radps", -90.0, |value| value > 0.0), None);

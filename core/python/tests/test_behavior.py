@@ -1,4 +1,4 @@
-"""What a behaviour says of itself, and what it proposes."""
+"""What a behavior says of itself, and what it proposes."""
 
 import json
 import math
@@ -53,8 +53,8 @@ def corridor(heading, side_m, width_m=2.0):
     with np.errstate(divide="ignore", invalid="ignore"):
         at = right / down * mount["z"] - side_m
     floor = (down > 0) & (np.abs(at) < width_m / 2) & (forward > 0)
-    grey = np.where(floor, 60.0, 190.0).reshape(k["height"], 4, k["width"], 4)
-    return grey.mean(axis=(1, 3)).astype(np.uint8)
+    gray = np.where(floor, 60.0, 190.0).reshape(k["height"], 4, k["width"], 4)
+    return gray.mean(axis=(1, 3)).astype(np.uint8)
 
 
 def proposal_for(picture):

@@ -103,8 +103,8 @@ class Lending(unittest.TestCase):
         ]:
             with self.assertRaises(ValueError):
                 pixels_of(header, bytes_)
-        colour = FrameHeader(width=2, height=4, stride=6, encoding=Encoding.RGB8)
-        self.assertEqual(pixels_of(colour, bytes_).shape, (4, 2, 3))
+        color = FrameHeader(width=2, height=4, stride=6, encoding=Encoding.RGB8)
+        self.assertEqual(pixels_of(color, bytes_).shape, (4, 2, 3))
 
 
 if __name__ == "__main__":

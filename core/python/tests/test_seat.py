@@ -1,4 +1,4 @@
-"""A behaviour at work, on a bus of lists."""
+"""A behavior at work, on a bus of lists."""
 
 import json
 import unittest
@@ -80,7 +80,7 @@ class Seats(unittest.TestCase):
         seat, bus, _ = seated(sleeps_while_inhibited=True)
         for outcome, calls in [(Outcome.INHIBITED, 0), (Outcome.INHIBITED, 0), (Outcome.WON, 1)]:
             verdict = Verdict(outcome=outcome)
-            verdict.behaviour = "me"
+            verdict.behavior = "me"
             data = bytes(verdict)
             sample = Mock(payload_ptr=data)
             sample.payload().len.return_value = len(data)

@@ -1,4 +1,4 @@
-"""Behaviours, drivers and simulators for Yamabico in Python: derive from `Behavior`, end in `main(MyBehavior)`."""
+"""Behaviors, drivers and simulators for Yamabico in Python: derive from `Behavior`, end in `main(MyBehavior)`."""
 
 from .behavior import PLANAR, Behavior, Output, Setup, SetupError, Slot, abstain, drive, halt, limit
 from .device import Drive, Driver, Sensor, pinhole

@@ -1,4 +1,4 @@
-"""A behaviour: sensors in, one proposal out."""
+"""A behavior: sensors in, one proposal out."""
 
 import math
 
@@ -19,7 +19,7 @@ class Slot:
 
 
 class Output:
-    """What a behaviour publishes besides proposals; an attribute of a `Behavior`."""
+    """What a behavior publishes besides proposals; an attribute of a `Behavior`."""
 
     def __init__(self, message, summary):
         self.message, self.summary, self.required = message, summary, False
@@ -91,7 +91,7 @@ class Behavior:
 
 
 class Setup:
-    """What a behaviour is told when it is built."""
+    """What a behavior is told when it is built."""
 
     def __init__(self, name="behavior", parameters=None, robot=None, sensors=None, folder=".", publish=None):
         #: Its name in the task file.
@@ -111,7 +111,7 @@ class Setup:
         return Setup(self.name, parameters, self.robot, self.sensors, self.folder, self.publish)
 
     def camera(self, slot):
-        """Intrinsics and mount of the pinhole camera in `slot`, as dictionaries: pixels, metres, radians."""
+        """Intrinsics and mount of the pinhole camera in `slot`, as dictionaries: pixels, meters, radians."""
         kind = self.sensors.get(slot.name, {}).get("kind", {})
         if not isinstance(kind, dict) or "Camera" not in kind:
             raise SetupError(f"inputs.{slot.name}", "needs a pinhole camera of the robot")
@@ -170,7 +170,7 @@ class Input:
 
 
 class Inputs:
-    """What a behaviour sees in one call."""
+    """What a behavior sees in one call."""
 
     def __init__(self, now_ns, slots):
         #: The time of this call, nanoseconds.
@@ -190,12 +190,12 @@ def drive(linear_mps=0.0, turn_radps=0.0, lateral_mps=None, because=Reason.NOMIN
 
 
 def limit(linear_mps=None, turn_radps=None, because=Reason.NONE, sector=None, evidence_ns=0, note=""):
-    """Allow no more than these magnitudes; `sector` (centre, half width; radians) limits translation into it only."""
+    """Allow no more than these magnitudes; `sector` (center, half width; radians) limits translation into it only."""
     axes = (Axes.LINEAR if linear_mps is not None else 0) | (Axes.ANGULAR if turn_radps is not None else 0)
     proposal = _proposal(Kind.LIMIT, axes, because, evidence_ns, note)
     proposal.limits.linear, proposal.limits.angular = linear_mps or 0.0, turn_radps or 0.0
     if sector:
-        proposal.sector.centre_rad, proposal.sector.half_width_rad = sector
+        proposal.sector.center_rad, proposal.sector.half_width_rad = sector
     return proposal
 
 

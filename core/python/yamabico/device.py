@@ -32,7 +32,7 @@ class Sensor:
         return 0
 
     def info(self):
-        """What behaviours are told about it."""
+        """What behaviors are told about it."""
         times = {"period_s": self.period_ms * 1e-3, "latency_s": self.latency_ms * 1e-3}
         return {"name": self.name, "message": self.message.NAME, **times, "kind": self.describe()}
 
@@ -116,7 +116,7 @@ class Driver:
 
     @classmethod
     def answer(cls, question):
-        """What behaviours are told about a sensor of the robot file, or why it cannot be."""
+        """What behaviors are told about a sensor of the robot file, or why it cannot be."""
         try:
             sensor = cls.sensor(question["name"], question["kind"], question["table"])
             return {"sensor": {"info": sensor.info(), "most_bytes": sensor.most_bytes()}}

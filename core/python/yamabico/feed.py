@@ -1,4 +1,4 @@
-"""What the bus brings to one behaviour, slot by slot."""
+"""What the bus brings to one behavior, slot by slot."""
 
 from collections import deque
 
@@ -39,7 +39,7 @@ class Inbox:
         return self._held[-1][0] if self._held else None
 
     def input(self, lease):
-        """What the behaviour sees of it; pictures under `lease`."""
+        """What the behavior sees of it; pictures under `lease`."""
         lost, self._lost = self._lost, 0
         return Input([self._view(header, rest, lease) for header, rest in self._held], self._fresh, lost)
 
@@ -63,7 +63,7 @@ class Inbox:
 
 
 class Feed:
-    """The slots of one behaviour."""
+    """The slots of one behavior."""
 
     def __init__(self, bus, slots):
         """`slots`: name, topic and message class of each."""

@@ -91,7 +91,7 @@ def lend(address, length, keeper, lease):
 
 
 def pixels_of(header, bytes_):
-    """The picture that `bytes_` hold: (height, width), or (height, width, 3) of a colour picture.
+    """The picture that `bytes_` hold: (height, width), or (height, width, 3) of a color picture.
 
     Raises `ValueError` where the header does not fit its bytes.
     """

@@ -49,7 +49,7 @@ class Kind(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a behaviour proposes what it does."""
+    """Why a behavior proposes what it does."""
 
     NONE = 0
     NOMINAL = 1
@@ -223,11 +223,11 @@ class Beam(Item):
         ("azimuth_rad", ctypes.c_double),
         # Full opening angle, radians.
         ("cone_rad", ctypes.c_double),
-        # Distance from the sensor, metres; without meaning where NO_ECHO is set.
+        # Distance from the sensor, meters; without meaning where NO_ECHO is set.
         ("range_m", ctypes.c_double),
-        # Position of the sensor in the robot frame, forward, metres.
+        # Position of the sensor in the robot frame, forward, meters.
         ("x_m", ctypes.c_double),
-        # Position of the sensor in the robot frame, left, metres.
+        # Position of the sensor in the robot frame, left, meters.
         ("y_m", ctypes.c_double),
         # NO_ECHO or zero.
         ("flags", ctypes.c_uint32),
@@ -247,9 +247,9 @@ class RangeScanHeader(Message):
         ("stamp_ns", ctypes.c_uint64),
         # Counts up by one a scan.
         ("sequence", ctypes.c_uint64),
-        # Nearest range that the sensor can tell, metres.
+        # Nearest range that the sensor can tell, meters.
         ("min_m", ctypes.c_double),
-        # Farthest range that the sensor can tell, metres.
+        # Farthest range that the sensor can tell, meters.
         ("max_m", ctypes.c_double),
     ]
     NAME = "yamabico.RangeScanHeader.v1"
@@ -268,9 +268,9 @@ class Odometry(Message):
         ("stamp_ns", ctypes.c_uint64),
         # Counts up by one a reading.
         ("sequence", ctypes.c_uint64),
-        # Forward from the start, metres.
+        # Forward from the start, meters.
         ("x", ctypes.c_double),
-        # Left from the start, metres.
+        # Left from the start, meters.
         ("y", ctypes.c_double),
         # Heading, radians, left positive, in (-pi, pi].
         ("theta", ctypes.c_double),
@@ -379,16 +379,16 @@ assert ctypes.sizeof(Turn) == 64 and ctypes.alignment(Turn) == 8
 
 
 class Truth(Message):
-    """What a simulator knows and no robot can: for judging a run only. No behaviour may take it as an input."""
+    """What a simulator knows and no robot can: for judging a run only. No behavior may take it as an input."""
 
     _fields_ = [
         # The instant that it describes.
         ("stamp_ns", ctypes.c_uint64),
         # Counts up by one a message.
         ("sequence", ctypes.c_uint64),
-        # Map frame, metres.
+        # Map frame, meters.
         ("x", ctypes.c_double),
-        # Map frame, metres.
+        # Map frame, meters.
         ("y", ctypes.c_double),
         # Map frame, radians in (-pi, pi].
         ("theta", ctypes.c_double),
@@ -398,11 +398,11 @@ class Truth(Message):
         ("vy", ctypes.c_double),
         # Turn rate, rad/s.
         ("omega", ctypes.c_double),
-        # Path length since the start, metres.
+        # Path length since the start, meters.
         ("distance_m", ctypes.c_double),
-        # From the footprint to the nearest thing, metres; negative inside it.
+        # From the footprint to the nearest thing, meters; negative inside it.
         ("clearance_m", ctypes.c_double),
-        # From the footprint to the nearest person, metres; infinite without people.
+        # From the footprint to the nearest person, meters; infinite without people.
         ("person_m", ctypes.c_double),
         # Times that the robot's own motion touched something.
         ("contacts", ctypes.c_uint32),
@@ -425,13 +425,13 @@ class Goal(Message):
         ("stamp_ns", ctypes.c_uint64),
         # Counts up by one a goal.
         ("sequence", ctypes.c_uint64),
-        # Metres.
+        # Meters.
         ("x", ctypes.c_double),
-        # Metres.
+        # Meters.
         ("y", ctypes.c_double),
         # Radians; NaN where any heading will do.
         ("theta", ctypes.c_double),
-        # Reached within this distance, metres.
+        # Reached within this distance, meters.
         ("tolerance_m", ctypes.c_double),
     ]
     NAME = "yamabico.Goal.v1"
@@ -446,9 +446,9 @@ class PathPoint(Item):
     """A corner of a path, map frame."""
 
     _fields_ = [
-        # Metres.
+        # Meters.
         ("x", ctypes.c_double),
-        # Metres.
+        # Meters.
         ("y", ctypes.c_double),
     ]
 
@@ -466,11 +466,11 @@ class PathHeader(Message):
         ("evidence_ns", ctypes.c_uint64),
         # Counts up by one a message.
         ("sequence", ctypes.c_uint64),
-        # Robot left of the path, metres.
+        # Robot left of the path, meters.
         ("lateral_error_m", ctypes.c_double),
         # Robot heading less path heading, radians.
         ("heading_error_rad", ctypes.c_double),
-        # Path length behind the robot, metres.
+        # Path length behind the robot, meters.
         ("progress_m", ctypes.c_double),
     ]
     NAME = "yamabico.PathHeader.v1"
@@ -491,9 +491,9 @@ class Pose(Message):
         ("evidence_ns", ctypes.c_uint64),
         # Counts up by one a pose.
         ("sequence", ctypes.c_uint64),
-        # Metres.
+        # Meters.
         ("x", ctypes.c_double),
-        # Metres.
+        # Meters.
         ("y", ctypes.c_double),
         # Radians in (-pi, pi].
         ("theta", ctypes.c_double),
@@ -516,11 +516,11 @@ class Obstacle(Item):
     """An obstacle in the robot frame."""
 
     _fields_ = [
-        # Forward, metres.
+        # Forward, meters.
         ("x", ctypes.c_double),
-        # Left, metres.
+        # Left, meters.
         ("y", ctypes.c_double),
-        # Metres.
+        # Meters.
         ("radius_m", ctypes.c_double),
         # Of (x, y), row by row.
         ("covariance", (ctypes.c_double) * 4),
@@ -557,7 +557,7 @@ class FreeDirection(Item):
     _fields_ = [
         # Left positive, radians.
         ("azimuth_rad", ctypes.c_double),
-        # Metres from the robot's centre.
+        # Meters from the robot's center.
         ("distance_m", ctypes.c_double),
     ]
 
@@ -594,7 +594,7 @@ class Landmark(Item):
         ("azimuth_rad", ctypes.c_double),
         # Standard deviation, radians.
         ("sigma_rad", ctypes.c_double),
-        # Metres; NaN where only the bearing is known.
+        # Meters; NaN where only the bearing is known.
         ("range_m", ctypes.c_double),
     ]
 
@@ -633,9 +633,9 @@ class Intersection(Message):
         ("sequence", ctypes.c_uint64),
         # Of its middle, left positive, radians.
         ("bearing_rad", ctypes.c_double),
-        # To its nearer end, metres.
+        # To its nearer end, meters.
         ("distance_m", ctypes.c_double),
-        # Standard deviation of the distance, metres.
+        # Standard deviation of the distance, meters.
         ("sigma_m", ctypes.c_double),
     ]
     NAME = "yamabico.Intersection.v1"
@@ -667,7 +667,7 @@ class Sector(Item):
 
     _fields_ = [
         # Middle, left positive, radians.
-        ("centre_rad", ctypes.c_double),
+        ("center_rad", ctypes.c_double),
         # Half width, radians; pi or more is every direction.
         ("half_width_rad", ctypes.c_double),
     ]
@@ -677,20 +677,20 @@ assert ctypes.sizeof(Sector) == 16
 
 
 class Proposal(Message):
-    """What one behaviour proposes at one instant.
+    """What one behavior proposes at one instant.
 
-    Made with Proposal::drive, Proposal::limit, Proposal::halt or Proposal::abstain. The shell around the behaviour fills in who proposes, the sequence, the stamp and the priority."""
+    Made with Proposal::drive, Proposal::limit, Proposal::halt or Proposal::abstain. The shell around the behavior fills in who proposes, the sequence, the stamp and the priority."""
 
     _fields_ = [
         # Who proposes; filled in by the shell.
-        ("_behaviour", ctypes.c_char * 32),
+        ("_behavior", ctypes.c_char * 32),
         # Counts up by one a proposal; filled in by the shell.
         ("sequence", ctypes.c_uint64),
         # The instant of the world's state that it rests on; the shell fills in "now" where it is zero.
         ("stamp_ns", ctypes.c_uint64),
         # Oldest sensor data in it; the shell fills in "now" where it is zero.
         ("evidence_ns", ctypes.c_uint64),
-        # When the behaviour was handed what it rests on; filled in by the shell.
+        # When the behavior was handed what it rests on; filled in by the shell.
         ("received_ns", ctypes.c_uint64),
         # When it was sent; filled in by the shell.
         ("proposed_ns", ctypes.c_uint64),
@@ -717,7 +717,7 @@ class Proposal(Message):
         # The reason in words with numbers.
         ("_note", ctypes.c_char * 64),
     ]
-    behaviour = text("_behaviour")
+    behavior = text("_behavior")
     note = text("_note")
     NAME = "yamabico.Proposal.v2"
     CHANNEL = "latest"
@@ -735,9 +735,9 @@ class Command(Message):
         ("stamp_ns", ctypes.c_uint64),
         # Oldest sensor data behind it; the stamp itself where nothing was claimed.
         ("evidence_ns", ctypes.c_uint64),
-        # When the behaviour with the oldest data was handed it; this and the next two are zero where nothing was claimed.
+        # When the behavior with the oldest data was handed it; this and the next two are zero where nothing was claimed.
         ("received_ns", ctypes.c_uint64),
-        # When that behaviour's proposal was sent.
+        # When that behavior's proposal was sent.
         ("proposed_ns", ctypes.c_uint64),
         # When the arbiter took that proposal in.
         ("heard_ns", ctypes.c_uint64),
@@ -764,11 +764,11 @@ assert ctypes.sizeof(Command) == 184 and ctypes.alignment(Command) == 8
 
 
 class Verdict(Item):
-    """What became of one behaviour in one decision."""
+    """What became of one behavior in one decision."""
 
     _fields_ = [
-        # The behaviour.
-        ("_behaviour", ctypes.c_char * 32),
+        # The behavior.
+        ("_behavior", ctypes.c_char * 32),
         # Who beat, inhibited, suppressed or halted it; empty where nobody.
         ("_by", ctypes.c_char * 32),
         # Its priority.
@@ -781,7 +781,7 @@ class Verdict(Item):
         ("won", ctypes.c_uint32),
         # The number behind the outcome: age in seconds, the limit, or zero.
         ("number", ctypes.c_double),
-        # The behaviour's own Reason code.
+        # The behavior's own Reason code.
         ("reason", ctypes.c_uint32),
         # A Kind code.
         ("kind", ctypes.c_uint32),
@@ -792,7 +792,7 @@ class Verdict(Item):
         # Zero.
         ("reserved", ctypes.c_uint32),
     ]
-    behaviour = text("_behaviour")
+    behavior = text("_behavior")
     by = text("_by")
 
 
@@ -800,7 +800,7 @@ assert ctypes.sizeof(Verdict) == 112
 
 
 class DecisionHeader(Message):
-    """A decision and why: a verdict on each behaviour follows."""
+    """A decision and why: a verdict on each behavior follows."""
 
     _fields_ = [
         # When it was decided.
@@ -910,7 +910,7 @@ assert ctypes.sizeof(CallBucket) == 8
 
 
 class CallsHeader(Message):
-    """How the calls of a behaviour went since it was started. Wall-clock figures; the calls by duration follow."""
+    """How the calls of a behavior went since it was started. Wall-clock figures; the calls by duration follow."""
 
     _fields_ = [
         # When it was told.
@@ -940,7 +940,7 @@ assert ctypes.sizeof(CallsHeader) == 80 and ctypes.alignment(CallsHeader) == 8
 
 
 class MemoryHeader(Message):
-    """What the successor of a behaviour must know to go on where that stopped. Its items are JSON."""
+    """What the successor of a behavior must know to go on where that stopped. Its items are JSON."""
 
     _fields_ = [
         # When it was told.
@@ -963,9 +963,9 @@ class WallPoint(Item):
     """A corner of a wall."""
 
     _fields_ = [
-        # Map frame, metres.
+        # Map frame, meters.
         ("x", ctypes.c_double),
-        # Map frame, metres.
+        # Map frame, meters.
         ("y", ctypes.c_double),
         # Corners of one line follow each other and share its number.
         ("line", ctypes.c_uint64),
@@ -1092,7 +1092,7 @@ assert ctypes.sizeof(Control) == 152 and ctypes.alignment(Control) == 8
 
 
 class RetuneHeader(Message):
-    """The robot asks a behaviour to change its parameters. Its items are all of them, TOML."""
+    """The robot asks a behavior to change its parameters. Its items are all of them, TOML."""
 
     _fields_ = [
         # When it was asked.
@@ -1102,13 +1102,13 @@ class RetuneHeader(Message):
         # Which change: every step of one has the same number.
         ("request", ctypes.c_uint64),
         # Who is to change.
-        ("_behaviour", ctypes.c_char * 32),
+        ("_behavior", ctypes.c_char * 32),
         # A RetuneStep code.
         ("step", ctypes.c_uint32),
         # Zero.
         ("reserved", ctypes.c_uint32),
     ]
-    behaviour = text("_behaviour")
+    behavior = text("_behavior")
     NAME = "yamabico.RetuneHeader.v1"
     CHANNEL = "stream"
     ITEM = None
@@ -1128,7 +1128,7 @@ class RetunedHeader(Message):
         # Which change; of the robot's own answer, the stamp of what was asked.
         ("request", ctypes.c_uint64),
         # Who answers; empty where the robot for all of them.
-        ("_behaviour", ctypes.c_char * 32),
+        ("_behavior", ctypes.c_char * 32),
         # The key to change, dotted; empty where none is to blame.
         ("_key", ctypes.c_char * 64),
         # A Retuning code.
@@ -1136,7 +1136,7 @@ class RetunedHeader(Message):
         # Zero.
         ("reserved", ctypes.c_uint32),
     ]
-    behaviour = text("_behaviour")
+    behavior = text("_behavior")
     key = text("_key")
     NAME = "yamabico.RetunedHeader.v1"
     CHANNEL = "stream"
@@ -1158,7 +1158,7 @@ class Stick(Message):
         ("forward", ctypes.c_double),
         # -1 (to the right) to 1 (to the left).
         ("left", ctypes.c_double),
-        # -1 (clockwise) to 1 (anticlockwise).
+        # -1 (clockwise) to 1 (counterclockwise).
         ("turn", ctypes.c_double),
     ]
     NAME = "yamabico.Stick.v1"

@@ -33,7 +33,7 @@ NAP_S = 0.05
 
 
 def main(part):
-    """Is the behaviour or the driver `part`, a class. Ends the process."""
+    """Is the behavior or the driver `part`, a class. Ends the process."""
     if sys.argv[1:2] == ["--describe"]:
         print(json.dumps(part.description(PROTOCOL), indent=2))
         sys.exit(0)

@@ -18,14 +18,14 @@ from .messages import (
 
 CALLS_EVERY_NS = 500_000_000
 #: Longest reason of a failure, bytes.
-MOST_WORDS = 2048
-#: Longest memory of a behaviour, bytes.
-MOST_MEMORY = 16 * 1024
-MOST_BUCKETS = 32 * 40
+MAX_WORDS = 2048
+#: Longest memory of a behavior, bytes.
+MAX_MEMORY = 16 * 1024
+MAX_BUCKETS = 32 * 40
 
 
 class Calls:
-    """How the calls of a behaviour went."""
+    """How the calls of a behavior went."""
 
     def __init__(self):
         self.buckets = Counter()
@@ -93,8 +93,8 @@ class Pulse:
         self._calls.publish(header, (CallBucket * len(buckets))(*buckets) if buckets else b"")
 
     def tell_memory(self, memory):
-        """Tells what a successor must know, where that is something new; what is longer than `MOST_MEMORY` is not told."""
-        if memory == self._memory or len(memory) > MOST_MEMORY:
+        """Tells what a successor must know, where that is something new; what is longer than `MAX_MEMORY` is not told."""
+        if memory == self._memory or len(memory) > MAX_MEMORY:
             return
         self._memory = memory
         self._memories = self._memories or self._bus.publisher(MEMORIES_TOPIC, MemoryHeader)
@@ -109,7 +109,7 @@ class Pulse:
 
 def words_of(text):
     """A text as bytes, cut to what a message takes."""
-    return text.encode()[:MOST_WORDS].decode(errors="ignore").encode()
+    return text.encode()[:MAX_WORDS].decode(errors="ignore").encode()
 
 
 def bucket_of(nanos):
@@ -117,7 +117,7 @@ def bucket_of(nanos):
     if nanos < 32:
         return nanos
     octave = nanos.bit_length() - 6
-    return min((octave + 1) * 32 + ((nanos >> octave) - 32), MOST_BUCKETS - 1)
+    return min((octave + 1) * 32 + ((nanos >> octave) - 32), MAX_BUCKETS - 1)
 
 
 assert ctypes.sizeof(CallBucket) == 8

@@ -1,4 +1,4 @@
-"""A behaviour at work: fed from the bus, asked when something is new, its proposal signed and sent."""
+"""A behavior at work: fed from the bus, asked when something is new, its proposal signed and sent."""
 
 import json
 import time
@@ -11,17 +11,17 @@ from .lent import Lease
 from .messages import DECISION_TOPIC, DecisionHeader, Kind, Outcome, PluginState, Proposal
 from .pulse import Calls
 
-#: After so many exceptions a behaviour stays out.
-MOST_EXCEPTIONS = 5
+#: After so many exceptions a behavior stays out.
+MAX_EXCEPTIONS = 5
 
 
 class Seat:
-    """A behaviour between its feed and its proposals."""
+    """A behavior between its feed and its proposals."""
 
     def __init__(self, part, charge, bus, pulse):
         told = charge["part"]["behavior"]
         if told["plugin"] != part.name:
-            raise Refusal(f"this program has no behaviour `{told['plugin']}`")
+            raise Refusal(f"this program has no behavior `{told['plugin']}`")
         self.calls = Calls()
         self.name = charge["name"]
         #: What its successor must know: JSON, in bytes.
@@ -63,7 +63,7 @@ class Seat:
         self._fresh |= self._feed.collect()
         while self._decisions and (received := self._decisions.receive()) is not None:
             verdicts = items_of(DecisionHeader, received[1])
-            own = [verdict.outcome for verdict in verdicts if verdict.behaviour == self.name]
+            own = [verdict.outcome for verdict in verdicts if verdict.behavior == self.name]
             self.sleeps = own == [Outcome.INHIBITED]
 
     def next_call_ns(self):
@@ -73,7 +73,7 @@ class Seat:
         return 0 if self._last_ns is None else self._last_ns + self._period_ns
 
     def propose(self, now_ns, clock):
-        """Asks the behaviour where something is new or its period is over, and publishes its proposal, sent at `clock()`.
+        """Asks the behavior where something is new or its period is over, and publishes its proposal, sent at `clock()`.
 
         After an exception it falls silent for this call and is built anew; after five it stays out.
         """
@@ -98,7 +98,7 @@ class Seat:
             self._publish(proposal, now_ns, now_ns if evidence_ns is None else evidence_ns, clock)
 
     def build(self, parameters):
-        """What other parameters make of the behaviour; the one that works goes on. Raises what the constructor does."""
+        """What other parameters make of the behavior; the one that works goes on. Raises what the constructor does."""
         setup = self._setup.with_parameters(parameters)
         return setup, self._part(setup)
 
@@ -127,7 +127,7 @@ class Seat:
     def _publish(self, proposal, now_ns, evidence_ns, clock):
         self.calls.abstentions += proposal.kind == Kind.ABSTAIN
         self._sequence += 1
-        proposal.behaviour, proposal.sequence, proposal.priority = self.name, self._sequence, self._priority
+        proposal.behavior, proposal.sequence, proposal.priority = self.name, self._sequence, self._priority
         proposal.stamp_ns = proposal.stamp_ns or now_ns
         proposal.evidence_ns = proposal.evidence_ns or evidence_ns
         proposal.received_ns, proposal.proposed_ns = now_ns, clock()
@@ -140,7 +140,7 @@ class Seat:
         fate = "stays out"
         # What it remembers may be what it cannot bear, where it fails on its first call already.
         recalls, self._survived = self._survived, False
-        if self.calls.panics < MOST_EXCEPTIONS:
+        if self.calls.panics < MAX_EXCEPTIONS:
             try:
                 self.behavior = self._part(self._setup)
                 self._recall(self.memory if recalls else b"")
@@ -152,7 +152,7 @@ class Seat:
         self._pulse.fail("", f"{type(error).__name__}: {error}{where}; it {fate}")
 
     def _recall(self, memory):
-        """Lets a behaviour that was just built go on; what it cannot make sense of, it begins without."""
+        """Lets a behavior that was just built go on; what it cannot make sense of, it begins without."""
         if not memory:
             return
         try:

@@ -1,4 +1,4 @@
-"""Changes a behaviour's parameters between two of its calls, in two steps, so that several behaviours change together or not at all."""
+"""Changes a behavior's parameters between two of its calls, in two steps, so that several behaviors change together or not at all."""
 
 import time
 import tomllib
@@ -10,7 +10,7 @@ from .pulse import words_of
 
 
 class Tuner:
-    """Hears what parameters the behaviour on `seat` is to get, and answers."""
+    """Hears what parameters the behavior on `seat` is to get, and answers."""
 
     def __init__(self, seat, bus):
         self._seat, self._bus = seat, bus
@@ -19,10 +19,10 @@ class Tuner:
         self._answered = 0
 
     def step(self):
-        """Does what was asked of the behaviour since the last call."""
+        """Does what was asked of the behavior since the last call."""
         while (received := self._requests.receive()) is not None:
             header, sample = received
-            if header.behaviour != self._seat.name:
+            if header.behavior != self._seat.name:
                 continue
             steps = {RetuneStep.PREPARE: self._prepare, RetuneStep.APPLY: self._apply}
             if header.step not in steps:
@@ -56,5 +56,5 @@ class Tuner:
         self._answers = self._answers or self._bus.publisher(RETUNED_TOPIC, RetunedHeader)
         self._answered += 1
         header = RetunedHeader(stamp_ns=time.monotonic_ns(), sequence=self._answered, request=request, outcome=outcome)
-        header.behaviour, header.key = self._seat.name, key
+        header.behavior, header.key = self._seat.name, key
         self._answers.publish(header, words_of(words))

@@ -1,4 +1,4 @@
-//! What a behaviour is built with.
+//! What a behavior is built with.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use crate::camera::Pinhole;
 use crate::message::FrameHeader;
 use crate::sensor::{MountedMirror, MountedPinhole, Robot, SensorInfo, SensorKind};
 
-/// What a behaviour is told when it is built.
+/// What a behavior is told when it is built.
 #[derive(Clone, Debug, Default)]
 pub struct Setup {
     /// Its instance name in the task file.
@@ -21,7 +21,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// The sensor in `slot`; `None` where the slot is empty or fed by a behaviour.
+    /// The sensor in `slot`; `None` where the slot is empty or fed by a behavior.
     pub fn sensor<M>(&self, slot: &Slot<M>) -> Option<&SensorInfo> {
         self.sensors.iter().find(|(name, _)| name == slot.name).map(|(_, info)| info)
     }

@@ -10,9 +10,9 @@ message! {
         pub stamp_ns: u64,
         /// Oldest sensor data behind it; the stamp itself where nothing was claimed.
         pub evidence_ns: u64,
-        /// When the behaviour with the oldest data was handed it; this and the next two are zero where nothing was claimed.
+        /// When the behavior with the oldest data was handed it; this and the next two are zero where nothing was claimed.
         pub received_ns: u64,
-        /// When that behaviour's proposal was sent.
+        /// When that behavior's proposal was sent.
         pub proposed_ns: u64,
         /// When the arbiter took that proposal in.
         pub heard_ns: u64,
@@ -34,13 +34,13 @@ message! {
 vocabulary! {
     /// The arbiter's state at a decision.
     pub enum Mode {
-        /// Some behaviour drives.
+        /// Some behavior drives.
         Driving = 0 "driving",
         /// Nobody claims an axis.
         Idle = 1 "idle",
         /// A halt stops at least one axis.
         Halted = 2 "halted",
-        /// A critical behaviour or sensor is silent.
+        /// A critical behavior or sensor is silent.
         CriticalSilent = 3 "critical part silent",
         /// The emergency stop is latched.
         EmergencyStop = 4 "emergency stop",
@@ -50,7 +50,7 @@ vocabulary! {
 }
 
 message! {
-    /// A decision and why: a verdict on each behaviour follows.
+    /// A decision and why: a verdict on each behavior follows.
     "yamabico.DecisionHeader.v2" Stream [Verdict] evidence evidence_ns
     pub struct DecisionHeader {
         /// When it was decided.
@@ -126,9 +126,9 @@ vocabulary! {
         FromTheFuture = 23 "from the future",
         /// Not finite, out of range, or not in the vocabulary.
         Malformed = 24 "malformed",
-        /// Another behaviour inhibits it.
+        /// Another behavior inhibits it.
         Inhibited = 25 "inhibited",
-        /// Another behaviour suppresses it on every axis that it claims.
+        /// Another behavior suppresses it on every axis that it claims.
         Suppressed = 26 "suppressed",
         /// A higher priority has every axis that it claims.
         OutRanked = 27 "out-ranked",
@@ -142,10 +142,10 @@ vocabulary! {
 }
 
 item! {
-    /// What became of one behaviour in one decision.
+    /// What became of one behavior in one decision.
     pub struct Verdict {
-        /// The behaviour.
-        pub behaviour: Name,
+        /// The behavior.
+        pub behavior: Name,
         /// Who beat, inhibited, suppressed or halted it; empty where nobody.
         pub by: Name,
         /// Its priority.
@@ -158,7 +158,7 @@ item! {
         pub won: Axes,
         /// The number behind the outcome: age in seconds, the limit, or zero.
         pub number: f64,
-        /// The behaviour's own [`Reason`](super::Reason) code.
+        /// The behavior's own [`Reason`](super::Reason) code.
         pub reason: u32,
         /// A [`Kind`](super::Kind) code.
         pub kind: u32,
@@ -183,11 +183,11 @@ impl Verdict {
 vocabulary! {
     /// What somebody asks of a running robot.
     pub enum ControlKind {
-        /// Let a behaviour be heard.
+        /// Let a behavior be heard.
         Enable = 1 "enable",
-        /// Let a behaviour not be heard.
+        /// Let a behavior not be heard.
         Disable = 2 "disable",
-        /// Change parameters: the text is TOML, a table of keys for each behaviour.
+        /// Change parameters: the text is TOML, a table of keys for each behavior.
         Retune = 3 "retune",
         /// Stop, latched.
         EmergencyStop = 4 "e-stop",

@@ -118,7 +118,7 @@ lay! {
     /// A sector of directions of translation, robot frame.
     struct Sector {
         /// Middle, left positive, radians.
-        pub centre_rad: f64,
+        pub center_rad: f64,
         /// Half width, radians; pi or more is every direction.
         pub half_width_rad: f64,
     }

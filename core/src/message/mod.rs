@@ -154,7 +154,7 @@ macro_rules! vocabulary {
                 self as u32
             }
 
-            /// The meaning of a number that travelled; `None` where it is not in the vocabulary.
+            /// The meaning of a number that traveled; `None` where it is not in the vocabulary.
             pub const fn from_code(code: u32) -> Option<$ty> {
                 match code { $($code => Some($ty::$variant),)* _ => None }
             }

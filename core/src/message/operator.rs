@@ -1,4 +1,4 @@
-//! What an operator asks of behaviours.
+//! What an operator asks of behaviors.
 
 use super::{Name, Note, message, vocabulary};
 
@@ -15,7 +15,7 @@ vocabulary! {
 }
 
 message! {
-    /// The robot asks a behaviour to change its parameters. Its items are all of them, TOML.
+    /// The robot asks a behavior to change its parameters. Its items are all of them, TOML.
     "yamabico.RetuneHeader.v1" Stream [u8] in words
     pub struct RetuneHeader {
         /// When it was asked.
@@ -25,7 +25,7 @@ message! {
         /// Which change: every step of one has the same number.
         pub request: u64,
         /// Who is to change.
-        pub behaviour: Name,
+        pub behavior: Name,
         /// A [`RetuneStep`] code.
         pub step: u32,
         /// Zero.
@@ -63,7 +63,7 @@ message! {
         /// Which change; of the robot's own answer, the stamp of what was asked.
         pub request: u64,
         /// Who answers; empty where the robot for all of them.
-        pub behaviour: Name,
+        pub behavior: Name,
         /// The key to change, dotted; empty where none is to blame.
         pub key: Note,
         /// A [`Retuning`] code.
@@ -92,7 +92,7 @@ message! {
         pub forward: f64,
         /// -1 (to the right) to 1 (to the left).
         pub left: f64,
-        /// -1 (clockwise) to 1 (anticlockwise).
+        /// -1 (clockwise) to 1 (counterclockwise).
         pub turn: f64,
     }
 }

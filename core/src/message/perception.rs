@@ -1,4 +1,4 @@
-//! What behaviours make of what sensors measured. Each carries two stamps: `stamp_ns`, the instant that its state was
+//! What behaviors make of what sensors measured. Each carries two stamps: `stamp_ns`, the instant that its state was
 //! propagated to, and `evidence_ns`, the oldest sensor data in it.
 
 use super::{item, message, vocabulary};
@@ -11,13 +11,13 @@ message! {
         pub stamp_ns: u64,
         /// Counts up by one a goal.
         pub sequence: u64,
-        /// Metres.
+        /// Meters.
         pub x: f64,
-        /// Metres.
+        /// Meters.
         pub y: f64,
         /// Radians; NaN where any heading will do.
         pub theta: f64,
-        /// Reached within this distance, metres.
+        /// Reached within this distance, meters.
         pub tolerance_m: f64,
     }
 }
@@ -32,11 +32,11 @@ message! {
         pub evidence_ns: u64,
         /// Counts up by one a message.
         pub sequence: u64,
-        /// Robot left of the path, metres.
+        /// Robot left of the path, meters.
         pub lateral_error_m: f64,
         /// Robot heading less path heading, radians.
         pub heading_error_rad: f64,
-        /// Path length behind the robot, metres.
+        /// Path length behind the robot, meters.
         pub progress_m: f64,
     }
 }
@@ -44,9 +44,9 @@ message! {
 item! {
     /// A corner of a path, map frame.
     pub struct PathPoint {
-        /// Metres.
+        /// Meters.
         pub x: f64,
-        /// Metres.
+        /// Meters.
         pub y: f64,
     }
 }
@@ -77,9 +77,9 @@ message! {
         pub evidence_ns: u64,
         /// Counts up by one a pose.
         pub sequence: u64,
-        /// Metres.
+        /// Meters.
         pub x: f64,
-        /// Metres.
+        /// Meters.
         pub y: f64,
         /// Radians in (-pi, pi].
         pub theta: f64,
@@ -115,11 +115,11 @@ message! {
 item! {
     /// An obstacle in the robot frame.
     pub struct Obstacle {
-        /// Forward, metres.
+        /// Forward, meters.
         pub x: f64,
-        /// Left, metres.
+        /// Left, meters.
         pub y: f64,
-        /// Metres.
+        /// Meters.
         pub radius_m: f64,
         /// Of (x, y), row by row.
         pub covariance: [f64; 4],
@@ -146,7 +146,7 @@ item! {
     pub struct FreeDirection {
         /// Left positive, radians.
         pub azimuth_rad: f64,
-        /// Metres from the robot's centre.
+        /// Meters from the robot's center.
         pub distance_m: f64,
     }
 }
@@ -173,7 +173,7 @@ item! {
         pub azimuth_rad: f64,
         /// Standard deviation, radians.
         pub sigma_rad: f64,
-        /// Metres; NaN where only the bearing is known.
+        /// Meters; NaN where only the bearing is known.
         pub range_m: f64,
     }
 }
@@ -190,9 +190,9 @@ message! {
         pub sequence: u64,
         /// Of its middle, left positive, radians.
         pub bearing_rad: f64,
-        /// To its nearer end, metres.
+        /// To its nearer end, meters.
         pub distance_m: f64,
-        /// Standard deviation of the distance, metres.
+        /// Standard deviation of the distance, meters.
         pub sigma_m: f64,
     }
 }

@@ -9,7 +9,7 @@ vocabulary! {
         Starting = 0 "starting",
         /// Doing its work.
         Running = 1 "running",
-        /// Not asked, since another behaviour inhibits it.
+        /// Not asked, since another behavior inhibits it.
         Sleeping = 2 "sleeping",
         /// Switched off.
         Disabled = 3 "disabled",
@@ -60,7 +60,7 @@ message! {
 }
 
 message! {
-    /// How the calls of a behaviour went since it was started. Wall-clock figures; the calls by duration follow.
+    /// How the calls of a behavior went since it was started. Wall-clock figures; the calls by duration follow.
     "yamabico.CallsHeader.v1" Latest [CallBucket]
     pub struct CallsHeader {
         /// When it was told.
@@ -93,7 +93,7 @@ item! {
 }
 
 message! {
-    /// What the successor of a behaviour must know to go on where that stopped. Its items are JSON.
+    /// What the successor of a behavior must know to go on where that stopped. Its items are JSON.
     "yamabico.MemoryHeader.v1" Latest [u8] in words
     pub struct MemoryHeader {
         /// When it was told.
@@ -190,9 +190,9 @@ message! {
 item! {
     /// A corner of a wall.
     pub struct WallPoint {
-        /// Map frame, metres.
+        /// Map frame, meters.
         pub x: f64,
-        /// Map frame, metres.
+        /// Map frame, meters.
         pub y: f64,
         /// Corners of one line follow each other and share its number.
         pub line: u64,

@@ -1,4 +1,4 @@
-//! What a behaviour proposes.
+//! What a behavior proposes.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ impl Axes {
     /// All three.
     pub const ALL: Axes = Axes(7);
 
-    /// The set that travelled as these bits; `None` where a bit has no axis.
+    /// The set that traveled as these bits; `None` where a bit has no axis.
     pub const fn from_bits(bits: u32) -> Option<Axes> {
         if bits <= 7 { Some(Axes(bits)) } else { None }
     }
@@ -64,7 +64,7 @@ impl Axes {
         self.0 == 0
     }
 
-    /// Whether every bit has an axis; what travelled may not.
+    /// Whether every bit has an axis; what traveled may not.
     pub const fn is_valid(self) -> bool {
         self.0 <= 7
     }
@@ -125,11 +125,11 @@ vocabulary! {
 }
 
 vocabulary! {
-    /// Why a behaviour proposes what it does: the common words for what was seen, and for what was not.
+    /// Why a behavior proposes what it does: the common words for what was seen, and for what was not.
     pub enum Reason {
         /// None given.
         None = 0 "no reason given",
-        /// The behaviour does what it is for.
+        /// The behavior does what it is for.
         Nominal = 1 "nominal",
         /// Nothing near.
         Clear = 2 "clear",
@@ -145,7 +145,7 @@ vocabulary! {
         SonarStale = 7 "sonar stale",
         /// Messages were lost on the way.
         Overflow = 8 "overflow",
-        /// The behaviour panicked and is out until restarted.
+        /// The behavior panicked and is out until restarted.
         Panicked = 9 "panicked",
         /// Driving on the last good measurement.
         Coasting = 10 "coasting",
@@ -221,32 +221,32 @@ vocabulary! {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize)]
 pub struct Sector {
     /// Middle, left positive, radians.
-    pub centre_rad: f64,
+    pub center_rad: f64,
     /// Half width, radians; pi or more is every direction.
     pub half_width_rad: f64,
 }
 
 impl Sector {
     /// Every direction.
-    pub const ALL: Sector = Sector { centre_rad: 0.0, half_width_rad: std::f64::consts::PI };
+    pub const ALL: Sector = Sector { center_rad: 0.0, half_width_rad: std::f64::consts::PI };
 }
 
 message! {
-    /// What one behaviour proposes at one instant.
+    /// What one behavior proposes at one instant.
     ///
     /// Made with [`Proposal::drive`], [`Proposal::limit`], [`Proposal::halt`] or [`Proposal::abstain`]. The shell around
-    /// the behaviour fills in who proposes, the sequence, the stamp and the priority.
+    /// the behavior fills in who proposes, the sequence, the stamp and the priority.
     "yamabico.Proposal.v2" Latest [u8] evidence evidence_ns
     pub struct Proposal {
         /// Who proposes; filled in by the shell.
-        pub behaviour: Name,
+        pub behavior: Name,
         /// Counts up by one a proposal; filled in by the shell.
         pub sequence: u64,
         /// The instant of the world's state that it rests on; the shell fills in "now" where it is zero.
         pub stamp_ns: u64,
         /// Oldest sensor data in it; the shell fills in "now" where it is zero.
         pub evidence_ns: u64,
-        /// When the behaviour was handed what it rests on; filled in by the shell.
+        /// When the behavior was handed what it rests on; filled in by the shell.
         pub received_ns: u64,
         /// When it was sent; filled in by the shell.
         pub proposed_ns: u64,

@@ -45,7 +45,7 @@ message! {
 }
 
 impl FrameHeader {
-    /// Of a grey picture without padding at the ends of its rows.
+    /// Of a gray picture without padding at the ends of its rows.
     #[must_use]
     pub fn gray(width: u32, height: u32, stamp_ns: u64) -> Self {
         let encoding = Encoding::Gray8.code();
@@ -66,9 +66,9 @@ message! {
         pub stamp_ns: u64,
         /// Counts up by one a scan.
         pub sequence: u64,
-        /// Nearest range that the sensor can tell, metres.
+        /// Nearest range that the sensor can tell, meters.
         pub min_m: f64,
-        /// Farthest range that the sensor can tell, metres.
+        /// Farthest range that the sensor can tell, meters.
         pub max_m: f64,
     }
 }
@@ -83,11 +83,11 @@ item! {
         pub azimuth_rad: f64,
         /// Full opening angle, radians.
         pub cone_rad: f64,
-        /// Distance from the sensor, metres; without meaning where [`NO_ECHO`] is set.
+        /// Distance from the sensor, meters; without meaning where [`NO_ECHO`] is set.
         pub range_m: f64,
-        /// Position of the sensor in the robot frame, forward, metres.
+        /// Position of the sensor in the robot frame, forward, meters.
         pub x_m: f64,
-        /// Position of the sensor in the robot frame, left, metres.
+        /// Position of the sensor in the robot frame, left, meters.
         pub y_m: f64,
         /// [`NO_ECHO`] or zero.
         pub flags: u32,
@@ -111,9 +111,9 @@ message! {
         pub stamp_ns: u64,
         /// Counts up by one a reading.
         pub sequence: u64,
-        /// Forward from the start, metres.
+        /// Forward from the start, meters.
         pub x: f64,
-        /// Left from the start, metres.
+        /// Left from the start, meters.
         pub y: f64,
         /// Heading, radians, left positive, in (-pi, pi].
         pub theta: f64,
@@ -220,16 +220,16 @@ impl Turn {
 }
 
 message! {
-    /// What a simulator knows and no robot can: for judging a run only. No behaviour may take it as an input.
+    /// What a simulator knows and no robot can: for judging a run only. No behavior may take it as an input.
     "yamabico.Truth.v1" Stream [u8]
     pub struct Truth {
         /// The instant that it describes.
         pub stamp_ns: u64,
         /// Counts up by one a message.
         pub sequence: u64,
-        /// Map frame, metres.
+        /// Map frame, meters.
         pub x: f64,
-        /// Map frame, metres.
+        /// Map frame, meters.
         pub y: f64,
         /// Map frame, radians in (-pi, pi].
         pub theta: f64,
@@ -239,11 +239,11 @@ message! {
         pub vy: f64,
         /// Turn rate, rad/s.
         pub omega: f64,
-        /// Path length since the start, metres.
+        /// Path length since the start, meters.
         pub distance_m: f64,
-        /// From the footprint to the nearest thing, metres; negative inside it.
+        /// From the footprint to the nearest thing, meters; negative inside it.
         pub clearance_m: f64,
-        /// From the footprint to the nearest person, metres; infinite without people.
+        /// From the footprint to the nearest person, meters; infinite without people.
         pub person_m: f64,
         /// Times that the robot's own motion touched something.
         pub contacts: u32,

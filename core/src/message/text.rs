@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 pub struct Text<const N: usize>([u8; N]);
 
-/// The name of a behaviour, a sensor or another part.
+/// The name of a behavior, a sensor or another part.
 pub type Name = Text<32>;
 /// A reason in words.
 pub type Note = Text<64>;

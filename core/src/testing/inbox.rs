@@ -1,4 +1,4 @@
-//! Messages of one slot, kept until the behaviour has seen them.
+//! Messages of one slot, kept until the behavior has seen them.
 
 use std::collections::VecDeque;
 

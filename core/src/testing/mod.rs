@@ -1,4 +1,4 @@
-//! Runs one behaviour with no bus, robot, clock or file.
+//! Runs one behavior with no bus, robot, clock or file.
 //!
 //! ```ignore
 //! let mut bench = Bench::<SonarHalt>::new("gate_m = 0.5", Setup::default())?;
@@ -38,9 +38,9 @@ pub fn camera_setup(intrinsics: Intrinsics, mount: Mount) -> Setup {
     Setup { sensors: vec![("camera".into(), sensor)], ..Setup::default() }
 }
 
-/// One behaviour and what it is fed.
+/// One behavior and what it is fed.
 pub struct Bench<B: Plugin> {
-    /// The behaviour itself, to look into.
+    /// The behavior itself, to look into.
     pub behavior: B,
     now: Time,
     slots: Slots,
@@ -48,17 +48,17 @@ pub struct Bench<B: Plugin> {
 }
 
 impl<B: Plugin> Bench<B> {
-    /// The behaviour built from TOML text, as in its table of a task file without the keys that every behaviour has.
+    /// The behavior built from TOML text, as in its table of a task file without the keys that every behavior has.
     ///
     /// # Errors
-    /// Text that is not TOML, whatever the behaviour itself refuses, and what a task file's check would refuse: unknown
+    /// Text that is not TOML, whatever the behavior itself refuses, and what a task file's check would refuse: unknown
     /// keys, wrong types, values out of range.
     pub fn new(toml: &str, setup: Setup) -> Result<Bench<B>, BuildError> {
         let config = toml::from_str(toml).map_err(|error| BuildError::new("", error.to_string()))?;
         let behavior = B::new(config, &setup)?;
         let table = FileKind {
             key: B::NAME,
-            what: "the behaviour",
+            what: "the behavior",
             schema: || schemars::schema_for!(B::Config),
             rules: |_| Vec::new(),
         };
@@ -77,7 +77,7 @@ impl<B: Plugin> Bench<B> {
     /// Puts a message into a slot.
     ///
     /// # Panics
-    /// The behaviour has no such slot.
+    /// The behavior has no such slot.
     pub fn feed<M: Message>(&mut self, slot: &Slot<M>, header: &M, items: &[M::Item]) -> &mut Self {
         let queue = self.slots.find(slot.name);
         queue.push(bytemuck::bytes_of(header), bytemuck::cast_slice(items));
@@ -87,13 +87,13 @@ impl<B: Plugin> Bench<B> {
     /// Tells that `count` messages of a slot were lost by overflow.
     ///
     /// # Panics
-    /// The behaviour has no such slot.
+    /// The behavior has no such slot.
     pub fn lose<M: Message>(&mut self, slot: &Slot<M>, count: u64) -> &mut Self {
         self.slots.find(slot.name).lose(count);
         self
     }
 
-    /// One call of the behaviour; what was fed is fresh in this call only.
+    /// One call of the behavior; what was fed is fresh in this call only.
     pub fn propose(&mut self) -> Proposal {
         self.published.clear();
         let proposal = self
@@ -146,12 +146,12 @@ mod tests {
     struct OneKey {
         /// Ranges below this are noise.
         #[schemars(range(min = 0.0, max = 1.0))]
-        least_m: f32,
+        min_m: f32,
     }
 
     impl Default for OneKey {
         fn default() -> Self {
-            OneKey { least_m: 0.1 }
+            OneKey { min_m: 0.1 }
         }
     }
 
@@ -164,7 +164,7 @@ mod tests {
         const CLAIMS: Axes = Axes::LINEAR;
 
         fn new(config: OneKey, _: &Setup) -> Result<Self, BuildError> {
-            let _ = config.least_m;
+            let _ = config.min_m;
             Ok(Nearest)
         }
     }
@@ -214,7 +214,7 @@ mod tests {
     #[test]
     fn what_a_check_would_refuse_is_refused() {
         let refused = |toml: &str| Bench::<Nearest>::new(toml, Setup::default()).err().unwrap().problem;
-        assert!(refused("lest_m = 0.5").contains("did you mean `least_m`?"));
-        assert!(refused("least_m = 3").contains("must be at most 1 m"));
+        assert!(refused("lest_m = 0.5").contains("did you mean `min_m`?"));
+        assert!(refused("min_m = 3").contains("must be at most 1 m"));
     }
 }

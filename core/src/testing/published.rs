@@ -1,4 +1,4 @@
-//! What a behaviour or a sensor publishes, kept to be looked at.
+//! What a behavior or a sensor publishes, kept to be looked at.
 
 use crate::behavior::{OutputSink, PublishError, SlotInfo};
 use crate::message::{Message, MessageType};
@@ -7,7 +7,7 @@ use crate::message::{RawMessage, View};
 use super::allocations::uncounted;
 use super::inbox::Stored;
 
-/// Keeps whatever is published: the outputs of a behaviour on the bench, or of a sensor that a test polls.
+/// Keeps whatever is published: the outputs of a behavior on the bench, or of a sensor that a test polls.
 #[derive(Debug, Default)]
 pub struct Published {
     declared: Option<&'static [SlotInfo]>,

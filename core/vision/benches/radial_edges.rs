@@ -20,7 +20,7 @@ const SIZE: (usize, usize) = (512, 480);
 const WALLS: usize = 24;
 
 /// Walls of plain shades between 24 vertical edges, a floor whose border wanders, the robot in the middle, and noise of
-/// 3 grey levels; with the azimuths of the edges.
+/// 3 gray levels; with the azimuths of the edges.
 fn ring(image: &MirrorImage) -> (GrayImage, Vec<f64>) {
     let mut random = rand_pcg::Pcg64::seed_from_u64(5);
     let mut edges: Vec<f64> = (0..WALLS).map(|_| random.random_range(0.0..TAU)).collect();
@@ -61,7 +61,7 @@ fn save(picture: &GrayImage, edges: &[f64]) -> std::io::Result<()> {
 }
 
 fn radial(criterion: &mut Criterion) {
-    let Ok(image) = MirrorImage::centred(512, 480).with_ring(20.0, 240.0) else { return };
+    let Ok(image) = MirrorImage::centered(512, 480).with_ring(20.0, 240.0) else { return };
     let (picture, truth) = ring(&image);
     if let Err(error) = save(&picture, &truth) {
         println!("the picture was not written: {error}");

@@ -159,9 +159,9 @@ fn photographs() -> Vec<GrayImage> {
     let load = |path: &PathBuf| {
         let rgb = image::open(path).ok()?.to_rgb8();
         let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-        let mut grey = GrayImage::default();
-        grey.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).ok()?;
-        Some(grey)
+        let mut gray = GrayImage::default();
+        gray.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width).ok()?;
+        Some(gray)
     };
     files.iter().filter_map(load).collect()
 }

@@ -1,6 +1,6 @@
 //! Scaling an image by averaging areas: each new pixel is the mean of what it covers of the old ones.
 
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::{GrayImage, ImageView};
 
 /// Scales images to any size; keeps its row buffer from image to image.
@@ -25,7 +25,7 @@ impl AreaAverage {
             return;
         }
         self.prepare(image.width(), width);
-        vectorise::run(Scale { image, buffers: self, out: out.pixels_mut(), width, height });
+        vectorize::run(Scale { image, buffers: self, out: out.pixels_mut(), width, height });
     }
 
     fn prepare(&mut self, old: usize, new: usize) {

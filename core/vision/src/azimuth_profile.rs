@@ -42,7 +42,7 @@ pub struct EdgePoint {
     pub sign: EdgeSign,
     /// How much of the edge's length it stands for, pixels, > 0.
     pub length_px: f64,
-    /// How much it counts in the mean azimuth, > 0: the square of its distance from the centre, pixels, where all
+    /// How much it counts in the mean azimuth, > 0: the square of its distance from the center, pixels, where all
     /// points are equally sharp.
     pub weight: f64,
 }
@@ -58,19 +58,19 @@ pub struct AzimuthEdge {
     pub length_px: f64,
     /// Sum of the weights of its points.
     pub weight: f64,
-    /// Neighbouring bins that it fills.
+    /// Neighboring bins that it fills.
     pub bins: usize,
 }
 
 impl AzimuthEdge {
-    /// Standard deviation of the azimuth, radians, where weights are squared distances from the centre (pixels) and
-    /// points are `point_sigma_px` sharp, three neighbouring ones telling as much as one; not below `least_rad`.
+    /// Standard deviation of the azimuth, radians, where weights are squared distances from the center (pixels) and
+    /// points are `point_sigma_px` sharp, three neighboring ones telling as much as one; not below `min_rad`.
     #[must_use]
-    pub fn sigma_rad(&self, point_sigma_px: f64, least_rad: f64) -> f64 {
-        (point_sigma_px * (3.0 / self.weight.max(f64::MIN_POSITIVE)).sqrt()).max(least_rad)
+    pub fn sigma_rad(&self, point_sigma_px: f64, min_rad: f64) -> f64 {
+        (point_sigma_px * (3.0 / self.weight.max(f64::MIN_POSITIVE)).sqrt()).max(min_rad)
     }
 
-    /// Nearest distance of the edge from the centre, pixels, where weights are squared distances from the centre and the
+    /// Nearest distance of the edge from the center, pixels, where weights are squared distances from the center and the
     /// edge has no gaps. `None` where weight and length do not belong to such an edge.
     #[must_use]
     pub fn inner_radius_px(&self) -> Option<f64> {
@@ -87,7 +87,7 @@ pub struct ProfileRule {
     /// Bins of a turn, at least 8.
     pub bins: usize,
     /// Shortest edge, pixels.
-    pub least_length_px: f64,
+    pub min_length_px: f64,
     /// Runs of filled bins wider than this (radians) are cut at their deepest valley, if there is one of less than half of
     /// the peaks on both of its sides.
     pub widest_rad: f64,
@@ -95,7 +95,7 @@ pub struct ProfileRule {
 
 impl Default for ProfileRule {
     fn default() -> Self {
-        Self { bins: 1440, least_length_px: 15.0, widest_rad: 1.5_f64.to_radians() }
+        Self { bins: 1440, min_length_px: 15.0, widest_rad: 1.5_f64.to_radians() }
     }
 }
 
@@ -233,7 +233,7 @@ impl Runs<'_> {
             weight += bin.weight;
             moment += bin.moment + bin.weight * (index - run.start) as f64 * self.width_rad;
         }
-        if length_px >= self.rule.least_length_px && weight > 0.0 {
+        if length_px >= self.rule.min_length_px && weight > 0.0 {
             let first = (run.start as f64 + 0.5) * self.width_rad;
             edges.push(AzimuthEdge {
                 azimuth_rad: wrap_angle(first + moment / weight),

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
 /// What is farther from the picture is not drawn, pixels.
@@ -11,7 +11,7 @@ const FARTHEST_PX: f64 = 1e5;
 /// A mask of `width` x `height` pixels. Filling it again allocates only when it must grow.
 ///
 /// Rows are 64-bit words, lowest bit leftmost. An empty word stands before the first row and behind every row, so that
-/// whole pictures can be shifted sideways without bits running into the neighbouring row.
+/// whole pictures can be shifted sideways without bits running into the neighboring row.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BitImage {
     width: usize,
@@ -137,7 +137,7 @@ impl BitImage {
     /// Sets the pixels of `image` that are at least `least`, and no others.
     pub fn threshold(&mut self, image: ImageView, least: u8) {
         self.clear(image.width(), image.height());
-        vectorise::run(Threshold { image, least, out: self });
+        vectorize::run(Threshold { image, least, out: self });
     }
 
     /// Unsets what is set in `other`, a mask of the same size; one of another size changes nothing.
@@ -181,7 +181,7 @@ impl BitImage {
     pub fn upright(&self, spare: &mut BitImage, out: &mut BitImage) {
         spare.clear(self.width, self.height);
         out.clear(self.width, self.height);
-        vectorise::run(Upright { image: self, spare, out });
+        vectorize::run(Upright { image: self, spare, out });
     }
 
     /// The words of row `v`.

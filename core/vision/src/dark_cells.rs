@@ -1,6 +1,6 @@
 //! How many dark pixels each cell of a regular grid holds.
 
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
 /// Counts the dark pixels of square cells, row of cells by row of cells; keeps its buffer from image to image.
@@ -22,7 +22,7 @@ impl DarkCells {
         }
         self.columns.clear();
         self.columns.resize(cells * cell_px, 0);
-        vectorise::run(Count { image, first_bright, cell_px, columns: &mut self.columns, counts });
+        vectorize::run(Count { image, first_bright, cell_px, columns: &mut self.columns, counts });
     }
 }
 

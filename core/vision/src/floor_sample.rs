@@ -1,6 +1,6 @@
-//! What colours a patch of floor has.
+//! What colors a patch of floor has.
 
-use super::floor_colour::{Colour, ColourBox};
+use super::floor_color::{Color, ColorBox};
 
 /// Histograms of the three channels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,14 +16,14 @@ impl Default for FloorSample {
 }
 
 impl FloorSample {
-    /// Forgets every colour.
+    /// Forgets every color.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
 
     /// Adds a pixel.
-    pub fn add(&mut self, colour: Colour) {
-        for (channel, level) in self.channels.iter_mut().zip(colour) {
+    pub fn add(&mut self, color: Color) {
+        for (channel, level) in self.channels.iter_mut().zip(color) {
             channel[usize::from(level)] += 1;
         }
         self.count += 1;
@@ -45,14 +45,14 @@ impl FloorSample {
 
     /// In each channel the levels that this share (0 to 0.5) of the pixels is below, and above; `None` without a pixel.
     #[must_use]
-    pub fn middle(&self, share: f64) -> Option<ColourBox> {
+    pub fn middle(&self, share: f64) -> Option<ColorBox> {
         let skipped = (share.clamp(0.0, 0.5) * f64::from(self.count)) as u32;
-        let mut colours = ColourBox { least: [0; 3], most: [0; 3] };
+        let mut colors = ColorBox { least: [0; 3], most: [0; 3] };
         for (i, channel) in self.channels.iter().enumerate() {
-            colours.least[i] = first_level(channel.iter().enumerate(), skipped)?;
-            colours.most[i] = first_level(channel.iter().enumerate().rev(), skipped)?;
+            colors.least[i] = first_level(channel.iter().enumerate(), skipped)?;
+            colors.most[i] = first_level(channel.iter().enumerate().rev(), skipped)?;
         }
-        Some(colours)
+        Some(colors)
     }
 }
 
@@ -75,8 +75,8 @@ mod tests {
         let mut sample = FloorSample::default();
         assert_eq!(sample.middle(0.1), None);
         (0..100).for_each(|i| sample.add([i, 40, 255 - i]));
-        assert_eq!(sample.middle(0.0), Some(ColourBox { least: [0, 40, 156], most: [99, 40, 255] }));
-        assert_eq!(sample.middle(0.1), Some(ColourBox { least: [10, 40, 166], most: [89, 40, 245] }));
+        assert_eq!(sample.middle(0.0), Some(ColorBox { least: [0, 40, 156], most: [99, 40, 255] }));
+        assert_eq!(sample.middle(0.1), Some(ColorBox { least: [10, 40, 166], most: [89, 40, 245] }));
         sample.clear();
         assert_eq!(sample.count(), 0);
     }

@@ -1,10 +1,10 @@
-//! Learns the floor's colours from pictures in which people marked it.
+//! Learns the floor's colors from pictures in which people marked it.
 
-use super::floor_colour::{Colour, ColourBox, ColourTable, FloorColours};
+use super::floor_color::{Color, ColorBox, ColorTable, FloorColors};
 use super::floor_sample::FloorSample;
 
 const CLASSES: usize = 32;
-/// A class counts as much as this many of its neighbours.
+/// A class counts as much as this many of its neighbors.
 const OWN_WEIGHT: u32 = 4;
 /// Thresholds leave out this share of the floor's pixels at either end of each channel ...
 const OUTLIERS: f64 = 0.01;
@@ -20,7 +20,7 @@ pub enum Label {
     Other,
 }
 
-/// How many marked pixels have each colour.
+/// How many marked pixels have each color.
 #[derive(Clone, Debug)]
 pub struct FloorTraining {
     floor: Vec<u32>,
@@ -35,7 +35,7 @@ impl Default for FloorTraining {
     }
 }
 
-/// How well colours tell floor from the rest of marked pictures.
+/// How well colors tell floor from the rest of marked pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Judged {
     /// Share of the floor that is told, 0 to 1.
@@ -46,12 +46,12 @@ pub struct Judged {
 
 impl FloorTraining {
     /// Adds a marked pixel.
-    pub fn add(&mut self, colour: Colour, label: Label) {
-        let class = class(colour.map(|level| usize::from(level >> 3)));
+    pub fn add(&mut self, color: Color, label: Label) {
+        let class = class(color.map(|level| usize::from(level >> 3)));
         match label {
             Label::Floor => {
                 self.floor[class] += 1;
-                self.sample.add(colour);
+                self.sample.add(color);
             }
             Label::Other => self.other[class] += 1,
         }
@@ -72,12 +72,12 @@ impl FloorTraining {
         (sum(&self.floor), sum(&self.other))
     }
 
-    /// A table: floor is each class that is more frequent, with its neighbours, in the floor than in the rest, relative to how
+    /// A table: floor is each class that is more frequent, with its neighbors, in the floor than in the rest, relative to how
     /// much there is of either.
     #[must_use]
-    pub fn table(&self) -> FloorColours {
+    pub fn table(&self) -> FloorColors {
         let (floor_total, other_total) = self.counts();
-        let mut table = ColourTable::default();
+        let mut table = ColorTable::default();
         for red in 0..CLASSES {
             for green in 0..CLASSES {
                 for blue in 0..CLASSES {
@@ -89,24 +89,24 @@ impl FloorTraining {
                 }
             }
         }
-        FloorColours::Table(table)
+        FloorColors::Table(table)
     }
 
-    /// Thresholds around the floor's colours; `None` without a pixel of floor.
+    /// Thresholds around the floor's colors; `None` without a pixel of floor.
     #[must_use]
-    pub fn thresholds(&self) -> Option<FloorColours> {
-        let seen: ColourBox = self.sample.middle(OUTLIERS)?;
-        Some(FloorColours::Box(seen.widened(TOLERANCE)))
+    pub fn thresholds(&self) -> Option<FloorColors> {
+        let seen: ColorBox = self.sample.middle(OUTLIERS)?;
+        Some(FloorColors::Box(seen.widened(TOLERANCE)))
     }
 
-    /// How well colours tell these pixels, each class taken at its middle.
+    /// How well colors tell these pixels, each class taken at its middle.
     #[must_use]
-    pub fn judge(&self, colours: &FloorColours) -> Judged {
+    pub fn judge(&self, colors: &FloorColors) -> Judged {
         let mut told = [0_u64; 2];
         for red in 0..CLASSES {
             for green in 0..CLASSES {
                 for blue in 0..CLASSES {
-                    if colours.contains([red, green, blue].map(|class| (class << 3) as u8 + 4)) {
+                    if colors.contains([red, green, blue].map(|class| (class << 3) as u8 + 4)) {
                         let class = class([red, green, blue]);
                         told[0] += u64::from(self.floor[class]);
                         told[1] += u64::from(self.other[class]);
@@ -124,7 +124,7 @@ fn class([red, green, blue]: [usize; 3]) -> usize {
     (red * CLASSES + green) * CLASSES + blue
 }
 
-/// The count of a class and its neighbours.
+/// The count of a class and its neighbors.
 fn smoothed(counts: &[u32], at: [usize; 3]) -> u64 {
     let near = |i: usize| at[i].saturating_sub(1)..=(at[i] + 1).min(CLASSES - 1);
     let mut sum = u64::from((OWN_WEIGHT - 1) * counts[class(at)]);
@@ -157,10 +157,10 @@ mod tests {
         let training = training();
         assert_eq!(training.counts(), (200, 400));
         let (table, thresholds) = (training.table(), training.thresholds().unwrap());
-        for colours in [&table, &thresholds] {
-            assert_eq!(training.judge(colours), Judged { recall: 1.0, false_alarms: 0.0 });
-            assert!(colours.contains([50, 150, 60]) && !colours.contains([150, 40, 40]));
-            assert!(!colours.contains([0, 0, 0]) && !colours.contains([250, 20, 250]));
+        for colors in [&table, &thresholds] {
+            assert_eq!(training.judge(colors), Judged { recall: 1.0, false_alarms: 0.0 });
+            assert!(colors.contains([50, 150, 60]) && !colors.contains([150, 40, 40]));
+            assert!(!colors.contains([0, 0, 0]) && !colors.contains([250, 20, 250]));
         }
     }
 

@@ -1,11 +1,11 @@
 //! Scharr gradient, bare or of the image smoothed by a 5x5 binomial, in one pass over the rows.
 
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
-/// What a unit step (one grey level between two columns) gives in [`Gradient::gx`] of [`Scharr::gradient`].
+/// What a unit step (one gray level between two columns) gives in [`Gradient::gx`] of [`Scharr::gradient`].
 pub const SCHARR_UNIT: i32 = 16;
-/// Fixed-point scale of the smoothed image: quarters of a grey level.
+/// Fixed-point scale of the smoothed image: quarters of a gray level.
 pub const SMOOTH_UNIT: i32 = 4;
 
 /// Gradient of an image: two planes without gaps between the rows.
@@ -22,7 +22,7 @@ impl Gradient {
         self.width
     }
 
-    /// Derivative along u, row by row. Unit: 1/16 grey level (bare), 1/64 (smoothed), for a step between two pixels.
+    /// Derivative along u, row by row. Unit: 1/16 gray level (bare), 1/64 (smoothed), for a step between two pixels.
     pub fn gx(&self) -> &[i16] {
         &self.gx
     }
@@ -65,7 +65,7 @@ impl Scharr {
     fn run(&mut self, image: ImageView, smoothing: Smoothing, out: &mut Gradient) {
         out.resize(image.width(), image.height());
         self.rows.start(image.width(), smoothing);
-        vectorise::run(WholeImage { image, rows: &mut self.rows, out });
+        vectorize::run(WholeImage { image, rows: &mut self.rows, out });
     }
 }
 
@@ -151,7 +151,7 @@ impl GradientRows {
     }
 }
 
-/// Binomial of five rows and five columns, in quarters of a grey level.
+/// Binomial of five rows and five columns, in quarters of a gray level.
 #[inline(always)]
 fn smooth_row(rows: [&[u8]; 5], sums: &mut [i16], out: &mut [i16]) {
     let width = out.len();

@@ -3,18 +3,18 @@
 //! Ridler & Calvard (1978), as Abdelfatah et al. use it: start at the mean, split, take the middle of both means, repeat
 //! until nothing changes.
 
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 
-/// An image whose grey levels span less than this has no two classes.
-pub const LEAST_RANGE: u8 = 10;
+/// An image whose gray levels span less than this has no two classes.
+pub const MIN_RANGE: u8 = 10;
 
 /// More rounds than any histogram of 256 levels can take.
-const MOST_ROUNDS: u32 = 256;
+const MAX_ROUNDS: u32 = 256;
 
 /// A level and the two classes that it separates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Threshold {
-    /// Pixels below are dark, the others bright; 0 to 255, between two grey levels as a rule.
+    /// Pixels below are dark, the others bright; 0 to 255, between two gray levels as a rule.
     pub level: f64,
     /// Rounds until the level stayed, at least 1.
     pub rounds: u32,
@@ -25,14 +25,14 @@ pub struct Threshold {
 }
 
 impl Threshold {
-    /// The lowest grey level that is bright: a pixel is dark if it is smaller. 1 to 255.
+    /// The lowest gray level that is bright: a pixel is dark if it is smaller. 1 to 255.
     #[must_use]
     pub fn first_bright(&self) -> u8 {
-        // A class on either side: the level lies above the lowest and not above the highest grey level.
+        // A class on either side: the level lies above the lowest and not above the highest gray level.
         self.level.ceil() as u8
     }
 
-    /// Bright mean less dark mean, grey levels.
+    /// Bright mean less dark mean, gray levels.
     #[must_use]
     pub fn contrast(&self) -> f64 {
         self.bright.mean() - self.dark.mean()
@@ -53,12 +53,12 @@ pub enum Tone {
 pub struct Class {
     /// How many.
     pub count: u64,
-    /// Sum of their grey levels.
+    /// Sum of their gray levels.
     pub sum: u64,
 }
 
 impl Class {
-    /// Mean grey level; NaN of an empty class.
+    /// Mean gray level; NaN of an empty class.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.sum as f64 / self.count as f64
@@ -75,21 +75,21 @@ pub enum IsodataError {
     /// No pixel at all.
     #[error("there are no pixels")]
     Empty,
-    /// Darkest and brightest pixel are nearer than [`LEAST_RANGE`].
-    #[error("low contrast: all grey levels are near {mean:.1}")]
+    /// Darkest and brightest pixel are nearer than [`MIN_RANGE`].
+    #[error("low contrast: all gray levels are near {mean:.1}")]
     LowContrast {
         /// Mean of all pixels.
         mean: f64,
     },
 }
 
-/// The threshold of some pixels, in no order: a few vectorised passes over them, no histogram.
+/// The threshold of some pixels, in no order: a few vectorized passes over them, no histogram.
 ///
 /// # Errors
 /// [`IsodataError`].
 pub fn threshold_of_pixels(pixels: &[u8]) -> Result<Threshold, IsodataError> {
-    let (all, range) = vectorise::run(Survey(pixels));
-    iterate(all, range, MOST_ROUNDS, |first_bright| dark_pixels(pixels, first_bright))
+    let (all, range) = vectorize::run(Survey(pixels));
+    iterate(all, range, MAX_ROUNDS, |first_bright| dark_pixels(pixels, first_bright))
 }
 
 /// The threshold of one class of the pixels alone, as if the others were not there.
@@ -101,7 +101,7 @@ pub fn threshold_of_class(
     threshold: &Threshold,
     tone: Tone,
 ) -> Result<Threshold, IsodataError> {
-    iterate_class(pixels, threshold, tone, MOST_ROUNDS)
+    iterate_class(pixels, threshold, tone, MAX_ROUNDS)
 }
 
 /// The first round towards the threshold of one class: what is below and what is above its mean, for a single pass.
@@ -123,7 +123,7 @@ pub fn threshold_of_histogram(histogram: &[u64; 256]) -> Result<Threshold, Isoda
     };
     let lowest = histogram.iter().position(|&count| count > 0).unwrap_or(0) as u8;
     let highest = histogram.iter().rposition(|&count| count > 0).unwrap_or(0) as u8;
-    iterate(class(histogram), [lowest, highest], MOST_ROUNDS, |first_bright| {
+    iterate(class(histogram), [lowest, highest], MAX_ROUNDS, |first_bright| {
         class(&histogram[..first_bright as usize])
     })
 }
@@ -132,38 +132,38 @@ fn iterate_class(
     pixels: &[u8],
     threshold: &Threshold,
     tone: Tone,
-    most_rounds: u32,
+    max_rounds: u32,
 ) -> Result<Threshold, IsodataError> {
     let (all, darker, range) = match tone {
         Tone::Dark => (threshold.dark, Class::default(), [0, threshold.first_bright() - 1]),
         Tone::Bright => (threshold.bright, threshold.dark, [threshold.first_bright(), u8::MAX]),
     };
     let dark_below = |first_bright| dark_pixels(pixels, first_bright).without(darker);
-    if range[1] - range[0] < LEAST_RANGE {
+    if range[1] - range[0] < MIN_RANGE {
         return Err(IsodataError::LowContrast { mean: all.mean() });
     }
-    iterate(all, range, most_rounds, dark_below)
+    iterate(all, range, max_rounds, dark_below)
 }
 
 /// The rule, on whatever tells the pixels below a level.
 fn iterate(
     all: Class,
     [lowest, highest]: [u8; 2],
-    most_rounds: u32,
+    max_rounds: u32,
     dark_below: impl Fn(u8) -> Class,
 ) -> Result<Threshold, IsodataError> {
     if all.count == 0 {
         return Err(IsodataError::Empty);
     }
     let mean = all.mean();
-    if highest - lowest < LEAST_RANGE {
+    if highest - lowest < MIN_RANGE {
         return Err(IsodataError::LowContrast { mean });
     }
     // With two levels or more, the mean lies above the lowest and below the highest, and so does every middle of two means.
     let mut threshold =
         Threshold { level: mean, rounds: 0, dark: Class::default(), bright: Class::default() };
     let mut split_at = None;
-    while threshold.rounds < most_rounds {
+    while threshold.rounds < max_rounds {
         threshold.rounds += 1;
         let first_bright = threshold.first_bright();
         if split_at == Some(first_bright) {
@@ -296,7 +296,7 @@ mod tests {
                     let plain = dark_pixels_plain(&pixels, first_bright);
                     assert_eq!(dark_pixels(&pixels, first_bright), plain, "{length}, {first_bright}");
                 }
-                assert_eq!(Survey(&pixels).run(), vectorise::run(Survey(&pixels)), "{length}");
+                assert_eq!(Survey(&pixels).run(), vectorize::run(Survey(&pixels)), "{length}");
             }
         }
     }

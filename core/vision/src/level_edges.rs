@@ -1,14 +1,14 @@
 //! Level edges of a picture: the upper and lower ends of things.
 
 use super::bit_image::{BitImage, pack};
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
 /// Columns side by side that a level line covers at least.
 const RUN: u32 = 7;
 
-/// The operator, with its row buffers: a quarter of the absolute vertical Sobel derivative (an ideal step of g grey levels gives
-/// g), rounded down, kept where it is a maximum of its column (of equal neighbours the upper one). The border is replicated.
+/// The operator, with its row buffers: a quarter of the absolute vertical Sobel derivative (an ideal step of g gray levels gives
+/// g), rounded down, kept where it is a maximum of its column (of equal neighbors the upper one). The border is replicated.
 #[derive(Clone, Debug, Default)]
 pub struct LevelEdges {
     /// Row sums (1 2 1) of three rows; row v in slot v % 3.
@@ -26,7 +26,7 @@ impl LevelEdges {
             self.magnitudes[slot].clear();
             self.magnitudes[slot].resize(image.width().next_multiple_of(64), 0);
         }
-        vectorise::run(Edges { image, rows: self, least: least.max(1), out });
+        vectorize::run(Edges { image, rows: self, least: least.max(1), out });
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! 3x3 median of an 8-bit image.
 
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::{GrayImage, ImageView};
 
 /// 3x3 median filter with its row buffers.
@@ -13,7 +13,7 @@ pub struct Median3 {
 }
 
 impl Median3 {
-    /// Writes the median of each pixel and its eight neighbours to `out`, which takes the size of `image`; the border is
+    /// Writes the median of each pixel and its eight neighbors to `out`, which takes the size of `image`; the border is
     /// replicated. Allocates only when an image is wider or larger than every one before.
     pub fn filter(&mut self, image: ImageView, out: &mut GrayImage) {
         let width = image.width();
@@ -21,7 +21,7 @@ impl Median3 {
         for buffer in [&mut self.low, &mut self.middle, &mut self.high] {
             buffer.resize(width + 2, 0);
         }
-        vectorise::run(Filter { image, rows: self, out: out.pixels_mut() });
+        vectorize::run(Filter { image, rows: self, out: out.pixels_mut() });
     }
 }
 

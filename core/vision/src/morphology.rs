@@ -4,7 +4,7 @@
 //! touches the border.
 
 use super::bit_image::BitImage;
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 
 /// Workspace of the operations; allocates only for a larger mask than any before.
 #[derive(Clone, Debug, Default)]
@@ -31,7 +31,7 @@ impl Morphology {
     pub fn dilate(&mut self, mask: &mut BitImage, n: u32) {
         self.prepare(mask);
         for _ in 0..n {
-            vectorise::run(Dilate { mask, spare: &mut self.spare, inside: &self.inside });
+            vectorize::run(Dilate { mask, spare: &mut self.spare, inside: &self.inside });
         }
     }
 
@@ -39,11 +39,11 @@ impl Morphology {
     pub fn erode(&mut self, mask: &mut BitImage, n: u32) {
         self.prepare(mask);
         if n > 0 {
-            vectorise::run(Complement { mask, inside: &self.inside });
+            vectorize::run(Complement { mask, inside: &self.inside });
             for _ in 0..n {
-                vectorise::run(Dilate { mask, spare: &mut self.spare, inside: &self.inside });
+                vectorize::run(Dilate { mask, spare: &mut self.spare, inside: &self.inside });
             }
-            vectorise::run(Complement { mask, inside: &self.inside });
+            vectorize::run(Complement { mask, inside: &self.inside });
         }
     }
 

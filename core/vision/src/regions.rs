@@ -1,7 +1,7 @@
 //! The vertical regions of a picture, and how many bits of a mask lie in each.
 
 use super::bit_image::BitImage;
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 
 /// The vertical regions of a picture: equal in columns, counted from the left.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -82,7 +82,7 @@ impl Regions {
         if mask.width() != self.width {
             return;
         }
-        vectorise::run(CountColumns { mask, regions: self, counts });
+        vectorize::run(CountColumns { mask, regions: self, counts });
     }
 
     /// Calls `take` for each region that the bits of the word at place `word` of a row lie in, with their number.

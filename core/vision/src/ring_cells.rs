@@ -1,7 +1,7 @@
-//! Counts of set pixels in the cells of rings around a mirror's centre: a template that is worked out once.
+//! Counts of set pixels in the cells of rings around a mirror's center: a template that is worked out once.
 //!
 //! Sekimori, Usui, Masutani & Miyazaki cut the picture with a mask of ring sectors and label what is left. Differs from
-//! \[1\]: set pixels are counted cell by cell, which gives the same shares without labels and centres of gravity.
+//! \[1\]: set pixels are counted cell by cell, which gives the same shares without labels and centers of gravity.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -9,13 +9,13 @@ use std::ops::Range;
 use nalgebra::Vector2;
 
 use super::bit_image::BitImage;
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::camera::MirrorImage;
 
 /// Pixels that lie on the border of two directions count for the left one (rad).
 const BORDER_RAD: f64 = 1e-9;
 /// A cell of which less than this share lies in the picture shows nothing.
-const LEAST_SHOWN: f64 = 0.5;
+const MIN_SHOWN: f64 = 0.5;
 
 /// Why there is no template.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -103,7 +103,7 @@ impl RingCells {
         let is_shown = (0..rings * directions).map(|cell| {
             let [inner, outer] = [0, 1].map(|next| edges_px[cell / directions + next]);
             let whole_px = 0.5 * TAU / directions as f64 * (outer * outer - inner * inner) * scale;
-            areas[cell] > 0 && f64::from(areas[cell]) >= LEAST_SHOWN * whole_px
+            areas[cell] > 0 && f64::from(areas[cell]) >= MIN_SHOWN * whole_px
         });
         let is_shown = is_shown.collect();
         let mut end = 0;
@@ -151,7 +151,7 @@ impl RingCells {
         counts.clear();
         counts.resize(self.areas.len(), 0);
         if (mask.width(), mask.height()) == (self.width, self.height) {
-            vectorise::run(Count { cells: self, words: mask.words(), counts });
+            vectorize::run(Count { cells: self, words: mask.words(), counts });
         }
     }
 }
@@ -192,12 +192,12 @@ mod tests {
     use super::*;
 
     fn image() -> MirrorImage {
-        MirrorImage::centred(256, 220)
+        MirrorImage::centered(256, 220)
     }
 
     #[test]
     fn each_pixel_counts_for_the_cell_that_it_lies_in() {
-        let image = image().with_centre(Vector2::new(140.3, 100.2)).unwrap();
+        let image = image().with_center(Vector2::new(140.3, 100.2)).unwrap();
         let edges = [20.0, 50.0, 77.5, 95.0];
         let cells = RingCells::new(&image, &edges, 12, 3.0).unwrap();
         let mut mask = BitImage::new(256, 220);

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-/// Smallest root-mean-square distance, in px, that a fit claims: quantisation keeps real edges from being better.
+/// Smallest root-mean-square distance, in px, that a fit claims: quantization keeps real edges from being better.
 pub const RMS_FLOOR_PX: f64 = 0.1;
 
 /// Sums over edge points about an origin near them: count, first and second moments. They add up, so that two segments

@@ -5,11 +5,11 @@
 
 use super::bit_image::{BitImage, pack};
 pub use super::regions::Regions;
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::{GrayImage, ImageView};
 
-/// The operator, with its row buffers: a quarter of the absolute horizontal Sobel derivative (an ideal step of g grey levels
-/// gives g), rounded down, kept where it is a maximum of its row (of equal neighbours the left one). The border is
+/// The operator, with its row buffers: a quarter of the absolute horizontal Sobel derivative (an ideal step of g gray levels
+/// gives g), rounded down, kept where it is a maximum of its row (of equal neighbors the left one). The border is
 /// replicated.
 #[derive(Clone, Debug, Default)]
 pub struct VerticalEdges {
@@ -20,18 +20,18 @@ pub struct VerticalEdges {
 }
 
 impl VerticalEdges {
-    /// Writes the thinned magnitudes to `out`, which takes the size of `image`: grey levels, zero where there is no edge.
+    /// Writes the thinned magnitudes to `out`, which takes the size of `image`: gray levels, zero where there is no edge.
     pub fn thinned(&mut self, image: ImageView, out: &mut GrayImage) {
         out.resize(image.width(), image.height());
         self.prepare(image.width());
-        vectorise::run(Thinned { image, rows: self, out: out.pixels_mut() });
+        vectorize::run(Thinned { image, rows: self, out: out.pixels_mut() });
     }
 
     /// Sets the pixels of `out`, which takes the size of `image`, whose thinned magnitude is at least `least` > 0.
     pub fn edges(&mut self, image: ImageView, least: u8, out: &mut BitImage) {
         out.clear(image.width(), image.height());
         self.prepare(image.width());
-        vectorise::run(Edges { image, rows: self, least: least.max(1), out });
+        vectorize::run(Edges { image, rows: self, least: least.max(1), out });
     }
 
     fn prepare(&mut self, width: usize) {
@@ -161,8 +161,8 @@ impl EdgeDifference {
         self.missing.resize(seen.words().len(), 0);
         let radius = tolerance_px.min(63) as u32;
         let (surplus, missing) = (&mut self.surplus[..], &mut self.missing[..]);
-        vectorise::run(Compare { seen, expected, radius, surplus, missing });
-        (self.expected, self.found) = vectorise::run(Count {
+        vectorize::run(Compare { seen, expected, radius, surplus, missing });
+        (self.expected, self.found) = vectorize::run(Count {
             expected,
             surplus: &self.surplus,
             missing: &self.missing,

@@ -30,7 +30,7 @@ fn picture(image: &MirrorImage, turn: f64) -> GrayImage {
 
 #[test]
 fn pictures_after_the_first_ones_do_not_allocate() {
-    let image = MirrorImage::centred(256, 240).with_ring(0.0, 118.0).unwrap();
+    let image = MirrorImage::centered(256, 240).with_ring(0.0, 118.0).unwrap();
     // A robot that turns to and fro: edges come, go, and come again.
     let turns: Vec<f64> =
         (0..24).map(|i| 0.02 * f64::from(i)).chain((0..24).rev().map(|i| 0.02 * f64::from(i))).collect();

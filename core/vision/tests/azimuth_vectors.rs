@@ -57,7 +57,7 @@ mod vectors {
     #[test]
     fn copis_azimuth() {
         for_each_case("copis_azimuth", |case, id| {
-            let rule = ProfileRule { least_length_px: 8.0, ..ProfileRule::default() };
+            let rule = ProfileRule { min_length_px: 8.0, ..ProfileRule::default() };
             let mut profile = AzimuthProfile::new(rule);
             for pixel in list(&case["pixels"]) {
                 let weight = number(&pixel[2]);
@@ -138,8 +138,8 @@ mod vectors {
                 (moments.m20, "m20", moments.area * size * size),
                 (moments.m02, "m02", moments.area * size * size),
                 (moments.m11, "m11", moments.area * size * size),
-                (moments.centre().x, "xg", size),
-                (moments.centre().y, "yg", size),
+                (moments.center().x, "xg", size),
+                (moments.center().y, "yg", size),
                 (moments.principal()[0], "I_min", moments.area * size * size),
                 (moments.principal()[1], "I_max", moments.area * size * size),
             ] {

@@ -6,7 +6,7 @@ mod vectors {
     use serde_json::Value;
     use std::path::PathBuf;
     use yamabico_geometry::image::ImageView;
-    use yamabico_vision::template::correlation::{correlation, most_alike, peak_offset};
+    use yamabico_vision::template::correlation::{correlation, max_alike, peak_offset};
     use yamabico_vision::template::ssda::{classic, search, search_counted};
     use yamabico_vision::template::{Place, SearchArea, Template, TemplateError};
 
@@ -76,7 +76,7 @@ mod vectors {
         area: &SearchArea,
         tolerance: f64,
     ) {
-        let best = most_alike(image, template, area);
+        let best = max_alike(image, template, area);
         let wanted = &expect["zncc_best"];
         assert!((best.correlation - wanted["score"].as_f64().unwrap()).abs() <= tolerance, "{id}: {best:?}");
         let mut places = wanted["positions_vu"].as_array().unwrap().iter();

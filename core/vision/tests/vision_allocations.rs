@@ -36,17 +36,17 @@ fn corridor(vp: Vector2<f64>) -> Vec<u8> {
 fn frames_after_the_first_do_not_allocate() {
     let pictures: Vec<_> = [170.3, 120.9, 150.2].map(|u| corridor(Vector2::new(u, 115.6))).into();
     let blank = vec![128; WIDTH * HEIGHT];
-    let rgb: Vec<u8> = pictures[0].iter().flat_map(|&grey| [grey; 3]).collect();
+    let rgb: Vec<u8> = pictures[0].iter().flat_map(|&gray| [gray; 3]).collect();
     let camera = Intrinsics::from_horizontal_fov(WIDTH as u32, HEIGHT as u32, 1.0);
     let prediction = Prediction::at_pixel(Vector2::new(150.0, 115.0), 30.0, &camera);
     let mut detector = SegmentDetector::new(SegmentConfig::default());
     let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
     let (mut median, mut scharr) = (Median3::default(), Scharr::default());
-    let (mut filtered, mut grey, mut gradient) =
+    let (mut filtered, mut gray, mut gradient) =
         (GrayImage::default(), GrayImage::default(), Gradient::default());
     let mut look = |data: &[u8]| {
         let image = ImageView::new(data, WIDTH, HEIGHT, WIDTH).unwrap();
-        grey.copy_from_rgb8(&rgb, WIDTH, HEIGHT, 3 * WIDTH).unwrap();
+        gray.copy_from_rgb8(&rgb, WIDTH, HEIGHT, 3 * WIDTH).unwrap();
         median.filter(image, &mut filtered);
         scharr.smoothed_gradient(image, &mut gradient);
         let segments = detector.detect(image).ok()?;

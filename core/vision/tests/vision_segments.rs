@@ -6,7 +6,7 @@ use yamabico_vision::segments::{Polarity, Segment, SegmentConfig, SegmentDetecto
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 
-/// A picture from the grey level at every pixel.
+/// A picture from the gray level at every pixel.
 fn picture(level: impl Fn(f64, f64) -> f64) -> GrayImage {
     let mut image = GrayImage::new(WIDTH, HEIGHT);
     for (i, pixel) in image.pixels_mut().iter_mut().enumerate() {
@@ -43,8 +43,8 @@ fn a_box_has_four_sides_that_are_brighter_inside() {
         let sides = if along == 0 { [60.7, 180.4] } else { [80.3, 240.2] };
         let across = if along == 0 { middle.y } else { middle.x };
         assert!(sides.iter().any(|side| (across - side).abs() < 0.1), "{segment:?}");
-        let centre_is_along_normal = segment.distance([160.0, 120.0].into()) > 0.0;
-        assert_eq!(segment.polarity == Polarity::BrighterAlongNormal, centre_is_along_normal);
+        let center_is_along_normal = segment.distance([160.0, 120.0].into()) > 0.0;
+        assert_eq!(segment.polarity == Polarity::BrighterAlongNormal, center_is_along_normal);
         // A step of 120, smoothed: 0.63 of it.
         assert!((70.0..80.0).contains(&segment.mean_gradient), "{}", segment.mean_gradient);
         assert!(segment.sigma_mid < 0.05 && segment.sigma_angle < 0.01);

@@ -28,12 +28,12 @@ fn star(vp: [f64; 2], degrees: &[f64]) -> Vec<Segment> {
     degrees.iter().map(|&angle| between(at(angle, 80.0), at(angle, 200.0))).collect()
 }
 
-/// The image of the line from `start` along `direction`, 0 to `reach` metres, in the optical frame.
+/// The image of the line from `start` along `direction`, 0 to `reach` meters, in the optical frame.
 fn image_of(start: [f64; 3], direction: [f64; 3], reach: f64) -> Segment {
     let camera = camera();
     let at = |t: f64| {
         let p = Vector3::from(start) + Vector3::from(direction) * t;
-        camera.pixel_from_normalised(p.xy() / p.z)
+        camera.pixel_from_normalized(p.xy() / p.z)
     };
     Segment::between(at(0.0), at(reach), 0.5).unwrap()
 }

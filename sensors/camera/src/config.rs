@@ -33,7 +33,7 @@ pub struct ImageSequenceConfig {
     pub repeat: bool,
     /// Size and focal length; a picture of another size is refused.
     pub intrinsics: IntrinsicsConfig,
-    /// Whether intrinsics and mount were measured, default guessed: then behaviours trust directions roughly and
+    /// Whether intrinsics and mount were measured, default guessed: then behaviors trust directions roughly and
     /// distances not at all.
     #[serde(default = "default_calibration")]
     pub calibration: Calibration,
@@ -42,7 +42,7 @@ pub struct ImageSequenceConfig {
 }
 
 impl ImageSequenceConfig {
-    /// What behaviours are told of the sensor `name`.
+    /// What behaviors are told of the sensor `name`.
     ///
     /// # Errors
     /// Numbers that describe no camera or no rate.
@@ -73,7 +73,7 @@ impl ImageSequenceConfig {
         })
     }
 
-    /// Bytes of one picture: a grey level a pixel.
+    /// Bytes of one picture: a gray level a pixel.
     pub fn bytes(&self) -> usize {
         self.intrinsics.width as usize * self.intrinsics.height as usize
     }

@@ -153,7 +153,7 @@ fn inspect(path: &Path, width: u32, height: u32) -> Result<(), SequenceError> {
     if is_complete(format, &bytes) { Ok(()) } else { Err(SequenceError::Truncated(path.to_owned())) }
 }
 
-/// Whether a picture's data come to their end: the decoder of JPEG fills what is missing with grey and says nothing.
+/// Whether a picture's data come to their end: the decoder of JPEG fills what is missing with gray and says nothing.
 pub(crate) fn is_complete(format: ImageFormat, bytes: &[u8]) -> bool {
     match format {
         ImageFormat::Jpeg => jpeg_is_complete(bytes),

@@ -1,4 +1,4 @@
-//! Grey levels of a picture file.
+//! Gray levels of a picture file.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use image::DynamicImage;
 
 use crate::files::{SequenceError, is_complete};
 
-/// A decoded picture, grey or in colour, as it came from the file.
+/// A decoded picture, gray or in color, as it came from the file.
 pub(crate) enum Picture {
-    Grey(image::GrayImage),
-    Colour(image::RgbImage),
+    Gray(image::GrayImage),
+    Color(image::RgbImage),
 }
 
 impl Picture {
@@ -26,33 +26,33 @@ impl Picture {
         }
         let picture = image::load_from_memory_with_format(&bytes, format);
         Ok(match picture.map_err(|error| SequenceError::decoding(path, error))? {
-            DynamicImage::ImageLuma8(grey) => Picture::Grey(grey),
-            DynamicImage::ImageRgb8(colour) => Picture::Colour(colour),
-            grey @ (DynamicImage::ImageLumaA8(_)
+            DynamicImage::ImageLuma8(gray) => Picture::Gray(gray),
+            DynamicImage::ImageRgb8(color) => Picture::Color(color),
+            gray @ (DynamicImage::ImageLumaA8(_)
             | DynamicImage::ImageLuma16(_)
-            | DynamicImage::ImageLumaA16(_)) => Picture::Grey(grey.into_luma8()),
-            other => Picture::Colour(other.into_rgb8()),
+            | DynamicImage::ImageLumaA16(_)) => Picture::Gray(gray.into_luma8()),
+            other => Picture::Color(other.into_rgb8()),
         })
     }
 
     /// Width and height, pixels.
     pub fn size(&self) -> (u32, u32) {
         match self {
-            Picture::Grey(grey) => grey.dimensions(),
-            Picture::Colour(colour) => colour.dimensions(),
+            Picture::Gray(gray) => gray.dimensions(),
+            Picture::Color(color) => color.dimensions(),
         }
     }
 
-    /// Writes a grey level a pixel, row by row; `out` holds as many bytes as there are pixels.
+    /// Writes a gray level a pixel, row by row; `out` holds as many bytes as there are pixels.
     pub fn write_luma(&self, out: &mut [u8]) {
         match self {
-            Picture::Grey(grey) => {
-                for (out, &level) in out.iter_mut().zip(grey.as_raw()) {
+            Picture::Gray(gray) => {
+                for (out, &level) in out.iter_mut().zip(gray.as_raw()) {
                     *out = level;
                 }
             }
-            Picture::Colour(colour) => {
-                for (out, pixel) in out.iter_mut().zip(colour.as_raw().chunks_exact(3)) {
+            Picture::Color(color) => {
+                for (out, pixel) in out.iter_mut().zip(color.as_raw().chunks_exact(3)) {
                     *out = luma(pixel[0], pixel[1], pixel[2]);
                 }
             }
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn luma_keeps_grey_and_weighs_colours() {
+    fn luma_keeps_gray_and_weighs_colors() {
         assert!((0..=255).all(|level| luma(level, level, level) == level));
         assert_eq!((luma(255, 0, 0), luma(0, 255, 0), luma(0, 0, 255)), (76, 150, 29));
     }

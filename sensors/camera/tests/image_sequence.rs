@@ -25,8 +25,8 @@ impl Folder {
         Folder(path)
     }
 
-    /// A grey picture whose every pixel is `level`.
-    fn grey(&self, name: &str, level: u8) -> PathBuf {
+    /// A gray picture whose every pixel is `level`.
+    fn gray(&self, name: &str, level: u8) -> PathBuf {
         let path = self.0.join(name);
         image::GrayImage::from_pixel(WIDTH, HEIGHT, image::Luma([level])).save(&path).unwrap();
         path
@@ -118,7 +118,7 @@ fn watch(sensor: &mut dyn Sensor, most: usize) -> Result<Vec<(FrameHeader, Vec<u
 fn files_are_shown_by_name_at_the_rate_and_then_it_ends() {
     let folder = Folder::new("order");
     for (name, level) in [("b.png", 20), ("a.jpg", 10), ("c.PNG", 30)] {
-        folder.grey(name, level);
+        folder.gray(name, level);
     }
     std::fs::write(folder.0.join("README.md"), "not a picture").unwrap();
     let mut sensor = sensor(&folder.0, "files = \".\"\nrate_hz = 4.0\nlatency_ms = 100");
@@ -136,7 +136,7 @@ fn files_are_shown_by_name_at_the_rate_and_then_it_ends() {
 fn a_pattern_chooses_and_a_repeated_sequence_begins_again() {
     let folder = Folder::new("pattern [1]");
     for (name, level) in [("left_1.png", 1), ("left_2.png", 2), ("right_1.png", 3)] {
-        folder.grey(name, level);
+        folder.gray(name, level);
     }
     let mut repeated = sensor(&folder.0, "files = \"left_*.png\"\nrepeat = true");
     let levels: Vec<_> = watch(&mut *repeated, 5).unwrap().iter().map(|(_, pixels)| pixels[0]).collect();
@@ -148,7 +148,7 @@ fn a_pattern_chooses_and_a_repeated_sequence_begins_again() {
 #[test]
 fn a_late_poll_gets_the_newest_picture_only() {
     let folder = Folder::new("late");
-    (1..=9).for_each(|i| drop(folder.grey(&format!("{i}.png"), i)));
+    (1..=9).for_each(|i| drop(folder.gray(&format!("{i}.png"), i)));
     let mut sensor = sensor(&folder.0, "files = \".\"");
     let mut published = Published::default();
     let mut poll =
@@ -164,8 +164,8 @@ fn a_late_poll_gets_the_newest_picture_only() {
 }
 
 #[test]
-fn colour_becomes_luma() {
-    let folder = Folder::new("colour");
+fn color_becomes_luma() {
+    let folder = Folder::new("color");
     let image = image::RgbaImage::from_pixel(WIDTH, HEIGHT, image::Rgba([0, 255, 0, 128]));
     image.save(folder.0.join("a.png")).unwrap();
     let deep = image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(WIDTH, HEIGHT, image::Luma([0x8080]));
@@ -190,7 +190,7 @@ fn what_is_not_there_is_refused() {
 #[test]
 fn what_is_no_picture_is_refused_by_name() {
     let folder = Folder::new("broken");
-    folder.grey("a.png", 1);
+    folder.gray("a.png", 1);
     let bad = folder.0.join("b.png");
     let refused = |bytes: &[u8], words: &str| {
         std::fs::write(&bad, bytes).unwrap();
@@ -220,7 +220,7 @@ fn what_is_no_picture_is_refused_by_name() {
 fn a_file_that_breaks_off_or_changes_during_the_run_fails_the_device() {
     for name in ["b.png", "b.jpg"] {
         let folder = Folder::new(&format!("cut-{name}"));
-        folder.grey("a.png", 1);
+        folder.gray("a.png", 1);
         let path = folder.noise(name);
         let whole = std::fs::read(&path).unwrap();
         let mut complete = sensor(&folder.0, "files = \".\"");
@@ -248,7 +248,7 @@ fn a_file_that_breaks_off_or_changes_during_the_run_fails_the_device() {
 #[test]
 fn a_file_that_vanishes_is_named() {
     let folder = Folder::new("vanish");
-    let path = folder.grey("a.png", 1);
+    let path = folder.gray("a.png", 1);
     let mut opened = sensor(&folder.0, "files = \".\"");
     std::fs::remove_file(path).unwrap();
     let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();

@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             height,
             ExtendedColorType::Rgb8,
         )?;
-        println!("{name}: {width} x {height} colour in {each_ms:.1} ms");
+        println!("{name}: {width} x {height} color in {each_ms:.1} ms");
     }
     Ok(())
 }

@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
          #\n\
          #     cargo run -p yamabico-sim --example wire_frame_map WORLD.toml MAP.toml\n\
          #\n\
-         # Metres, each -1000000 to 1000000; map frame: that of the world, z up from the floor. A detail runs beside an\n\
+         # Meters, each -1000000 to 1000000; map frame: that of the world, z up from the floor. A detail runs beside an\n\
          # outline and from afar cannot be told from it.\n\n\
          name = \"{name}\"\n"
     );
@@ -48,18 +48,18 @@ fn draw(world: &World, map: &WireFrame, robot: Pose2) -> Result<RgbImage, Box<dy
     let mut image = RgbImage::from_raw(640, 480, pixels).ok_or("a picture of another size")?;
     let mut expectation = ExpectationMap::new(ExpectationRules::everything());
     for edge in expectation.compute(map, &Pinhole::ideal(intrinsics), &mount, &robot) {
-        let colour = if edge.role == EdgeRole::Detail { Rgb([255, 160, 0]) } else { Rgb([255, 0, 80]) };
-        line(&mut image, edge.from, edge.to, colour);
+        let color = if edge.role == EdgeRole::Detail { Rgb([255, 160, 0]) } else { Rgb([255, 0, 80]) };
+        line(&mut image, edge.from, edge.to, color);
     }
     Ok(image)
 }
 
-fn line(image: &mut RgbImage, from: Vector2<f64>, to: Vector2<f64>, colour: Rgb<u8>) {
+fn line(image: &mut RgbImage, from: Vector2<f64>, to: Vector2<f64>, color: Rgb<u8>) {
     let steps = (to - from).amax().ceil().max(1.0);
     for i in 0..=steps as u32 {
         let place = from + (to - from) * (f64::from(i) / steps);
         if let Some(pixel) = image.get_pixel_mut_checked(place.x.round() as u32, place.y.round() as u32) {
-            *pixel = colour;
+            *pixel = color;
         }
     }
 }

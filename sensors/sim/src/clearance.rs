@@ -2,17 +2,17 @@
 
 use crate::scene::{PERSON_RADIUS_M, Place, Solid};
 
-/// Distance in metres from a circle to the nearest solid that reaches below `height_m`; negative inside one, infinite
+/// Distance in meters from a circle to the nearest solid that reaches below `height_m`; negative inside one, infinite
 /// without any.
 #[must_use]
-pub fn to_solids(solids: &[Solid], centre: [f64; 2], radius_m: f64, height_m: f64) -> f64 {
+pub fn to_solids(solids: &[Solid], center: [f64; 2], radius_m: f64, height_m: f64) -> f64 {
     let low = solids.iter().filter(|s| s.z[0] < height_m && s.z[1] > 0.0);
-    low.map(|s| to_base(&s.base, centre)).fold(f64::INFINITY, f64::min) - radius_m
+    low.map(|s| to_base(&s.base, center)).fold(f64::INFINITY, f64::min) - radius_m
 }
 
-/// Distance in metres from a circle to the nearest person; negative when it overlaps one, infinite without people.
-pub fn to_people(places: impl Iterator<Item = Place>, centre: [f64; 2], radius_m: f64) -> f64 {
-    let gap = |p: Place| (p.at[0] - centre[0]).hypot(p.at[1] - centre[1]) - PERSON_RADIUS_M - radius_m;
+/// Distance in meters from a circle to the nearest person; negative when it overlaps one, infinite without people.
+pub fn to_people(places: impl Iterator<Item = Place>, center: [f64; 2], radius_m: f64) -> f64 {
+    let gap = |p: Place| (p.at[0] - center[0]).hypot(p.at[1] - center[1]) - PERSON_RADIUS_M - radius_m;
     places.map(gap).fold(f64::INFINITY, f64::min)
 }
 

@@ -135,7 +135,7 @@ pub struct SimConfig {
     /// Where the robot starts.
     #[serde(default)]
     pub start: Start,
-    /// Height of the robot: things higher up are not run into. Metres, 0.05 to 3.
+    /// Height of the robot: things higher up are not run into. Meters, 0.05 to 3.
     #[serde(default = "body_height")]
     #[schemars(range(min = 0.05, max = 3.0))]
     pub body_height_m: f64,
@@ -160,16 +160,16 @@ pub enum Clutter {
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Start {
-    /// Along the world's x axis, metres.
+    /// Along the world's x axis, meters.
     #[schemars(range(min = -1000.0, max = 1000.0))]
     pub x_m: f64,
-    /// Along the world's y axis, metres.
+    /// Along the world's y axis, meters.
     #[schemars(range(min = -1000.0, max = 1000.0))]
     pub y_m: f64,
     /// Degrees, + to the left.
     #[schemars(range(min = -180.0, max = 180.0))]
     pub heading_deg: f64,
-    /// The seed moves the start sideways by up to this much either way, metres, 0 to 5.
+    /// The seed moves the start sideways by up to this much either way, meters, 0 to 5.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub jitter_m: f64,
     /// The seed turns the start by up to this much either way, degrees, 0 to 180.

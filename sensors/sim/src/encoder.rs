@@ -20,25 +20,25 @@ pub struct EncoderConfig {
     pub latency_ms: f64,
     /// How the wheels stand; without it, three where the drive moves sideways, else two.
     pub wheels: Option<Wheels>,
-    /// Distance of the two wheels, or twice the distance of each of three from the centre, metres, 0.05 to 2.
+    /// Distance of the two wheels, or twice the distance of each of three from the center, meters, 0.05 to 2.
     #[schemars(range(min = 0.05, max = 2.0))]
     pub track_m: f64,
-    /// Encoder steps in a metre of a wheel's travel, 10 to 1000000.
+    /// Encoder steps in a meter of a wheel's travel, 10 to 1000000.
     #[schemars(range(min = 10.0, max = 1e6))]
     pub ticks_per_m: f64,
     /// Largest error of each wheel's radius, relative; the seed draws one for each wheel. 0 to 0.2.
     #[schemars(range(min = 0.0, max = 0.2))]
     pub scale_error: f64,
-    /// Standard deviation of a wheel's slip after a metre, metres; grows with the root of the travel. 0 to 0.2.
+    /// Standard deviation of a wheel's slip after a meter, meters; grows with the root of the travel. 0 to 0.2.
     #[schemars(range(min = 0.0, max = 0.2))]
     pub slip_m: f64,
-    /// Variance of the way that a metre adds, metres squared.
+    /// Variance of the way that a meter adds, meters squared.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ss: f64,
     /// Variance of the heading that a radian of turning adds, rad squared.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_tt: f64,
-    /// Variance of the heading that a metre adds, rad squared.
+    /// Variance of the heading that a meter adds, rad squared.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ts: f64,
 }
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn coarse_encoders_quantise_without_losing_steps() {
+    fn coarse_encoders_quantize_without_losing_steps() {
         let config =
             EncoderConfig { scale_error: 0.0, slip_m: 0.0, ticks_per_m: 100.0, ..EncoderConfig::default() };
         let mut odometer = Odometer::new(config, stream(1, "wheels"));

@@ -9,7 +9,7 @@ pub type Stream = Pcg64;
 /// The stream of `name` for `seed`: the same on every machine, and untouched by other names.
 #[must_use]
 pub fn stream(seed: u64, name: &str) -> Stream {
-    // FNV-1a over the name, then SplitMix64 to spread neighbouring seeds over the whole state.
+    // FNV-1a over the name, then SplitMix64 to spread neighboring seeds over the whole state.
     let hash =
         name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
     let mut state = seed ^ hash.rotate_left(32);

@@ -39,8 +39,8 @@ pub struct CameraView {
 /// Takes pictures with one camera; keeps its buffers and its noise from picture to picture.
 pub struct Renderer {
     film: Film,
-    grey: Raster<1>,
-    colour: Raster<3>,
+    gray: Raster<1>,
+    color: Raster<3>,
 }
 
 /// The picture cannot be taken.
@@ -63,22 +63,22 @@ impl Renderer {
     /// A camera with this lens and sensor, whose noise comes from `rng` (see [`crate::random::stream`]).
     #[must_use]
     pub fn new(photometry: Photometry, rng: Pcg64) -> Self {
-        Self { film: Film::new(photometry, rng), grey: Raster::default(), colour: Raster::default() }
+        Self { film: Film::new(photometry, rng), gray: Raster::default(), color: Raster::default() }
     }
 
-    /// Draws the view as grey levels, row by row, width x height bytes.
+    /// Draws the view as gray levels, row by row, width x height bytes.
     ///
     /// # Errors
     /// [`RenderError`] when the buffer or the view do not fit.
     pub fn render(&mut self, scene: &Scene, view: &CameraView, image: &mut [u8]) -> Result<(), RenderError> {
         view.check(image.len(), 1)?;
-        self.grey.draw(scene, &Eye::new(view), |y, row, k| {
+        self.gray.draw(scene, &Eye::new(view), |y, row, k| {
             self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 1));
         });
         Ok(())
     }
 
-    /// Draws the view in colour, three bytes (red, green, blue) a pixel.
+    /// Draws the view in color, three bytes (red, green, blue) a pixel.
     ///
     /// # Errors
     /// [`RenderError`] when the buffer or the view do not fit.
@@ -89,13 +89,13 @@ impl Renderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         view.check(image.len(), 3)?;
-        self.colour.draw(scene, &Eye::new(view), |y, row, k| {
+        self.color.draw(scene, &Eye::new(view), |y, row, k| {
             self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 3));
         });
         Ok(())
     }
 
-    /// Draws the view as grey levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
+    /// Draws the view as gray levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
     ///
     /// # Errors
     /// [`RenderError`] when the buffer or the view do not fit.

@@ -129,7 +129,7 @@ impl Scene {
         &self.surfaces
     }
 
-    /// Where walls, doors and boxes meet the floor: two points each, x and y in metres.
+    /// Where walls, doors and boxes meet the floor: two points each, x and y in meters.
     #[must_use]
     pub fn floor_plan(&self) -> Vec<Vec<[f64; 2]>> {
         let foot = |surface: &Surface| -> Option<Vec<[f64; 2]>> {
@@ -151,9 +151,9 @@ impl Scene {
         &self.walkers
     }
 
-    /// Lets the people look where they go, from `from_s` to `to_s`: a body of `radius_m` is at `centre`.
-    pub fn give_way(&mut self, centre: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
-        self.walkers.iter_mut().for_each(|walker| walker.give_way(centre, radius_m, from_s, to_s));
+    /// Lets the people look where they go, from `from_s` to `to_s`: a body of `radius_m` is at `center`.
+    pub fn give_way(&mut self, center: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
+        self.walkers.iter_mut().for_each(|walker| walker.give_way(center, radius_m, from_s, to_s));
     }
 
     /// Where the people are.

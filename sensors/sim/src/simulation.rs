@@ -22,9 +22,9 @@ const RELEASE_M: f64 = 0.01;
 pub struct Simulation {
     /// The world as it looks; its people stand where the last picture needed them.
     pub scene: Scene,
-    /// Radius of the footprint, metres.
+    /// Radius of the footprint, meters.
     pub radius_m: f64,
-    /// Things higher up than this are not run into, metres.
+    /// Things higher up than this are not run into, meters.
     pub height_m: f64,
     body: Body,
     origin: Option<Time>,
@@ -45,7 +45,7 @@ pub struct Moment {
     pub pose: Pose2,
     /// How it moves, body frame.
     pub twist: Twist,
-    /// Path length since the start, metres.
+    /// Path length since the start, meters.
     pub distance_m: f64,
     /// Times that its own motion touched something.
     pub contacts: u32,
@@ -123,7 +123,7 @@ impl Simulation {
         }
     }
 
-    /// Distances in metres from the footprint to the nearest thing (people included) and to the nearest person.
+    /// Distances in meters from the footprint to the nearest thing (people included) and to the nearest person.
     #[must_use]
     pub fn clearance(&self, moment: &Moment) -> (f64, f64) {
         let solid = self.to_solids(&moment.pose);

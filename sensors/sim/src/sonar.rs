@@ -13,7 +13,7 @@ use yamabico_core::geometry::Pose2;
 
 use crate::scene::{Place, Scene, glam};
 
-/// Radius in metres of what a person echoes with.
+/// Radius in meters of what a person echoes with.
 const PERSON_ECHO_M: f64 = 0.18;
 
 /// A row of sonars and how good they are.
@@ -31,19 +31,19 @@ pub struct SonarConfig {
     /// Full opening angle of each, degrees, 1 to 90.
     #[schemars(range(min = 1.0, max = 90.0))]
     pub cone_deg: f64,
-    /// Position in the robot frame, forward, metres.
+    /// Position in the robot frame, forward, meters.
     #[schemars(range(min = -5.0, max = 5.0))]
     pub x_m: f64,
-    /// Position in the robot frame, left, metres.
+    /// Position in the robot frame, left, meters.
     #[schemars(range(min = -5.0, max = 5.0))]
     pub y_m: f64,
-    /// Height above the floor, metres, 0.02 to 3.
+    /// Height above the floor, meters, 0.02 to 3.
     #[schemars(range(min = 0.02, max = 3.0))]
     pub z_m: f64,
-    /// Nearest range, metres, 0 to 1.
+    /// Nearest range, meters, 0 to 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub min_m: f64,
-    /// Range gate: what is farther is not reported, metres, 0.1 to 20.
+    /// Range gate: what is farther is not reported, meters, 0.1 to 20.
     #[schemars(range(min = 0.1, max = 20.0))]
     pub max_m: f64,
     /// Rays across the cone, 1 to 31; about three quarters of their square are cast.
@@ -55,7 +55,7 @@ pub struct SonarConfig {
     /// Share of the readings that are lost, 0 to 1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub dropout: f64,
-    /// Standard deviation of the range, metres, 0 to 0.2.
+    /// Standard deviation of the range, meters, 0 to 0.2.
     #[schemars(range(min = 0.0, max = 0.2))]
     pub noise_m: f64,
 }
@@ -80,7 +80,7 @@ impl Default for SonarConfig {
     }
 }
 
-/// The range in metres that the sonar at `azimuth_rad` reads from `robot`, or none: too far, lost, or mirrored away.
+/// The range in meters that the sonar at `azimuth_rad` reads from `robot`, or none: too far, lost, or mirrored away.
 pub fn reading(
     config: &SonarConfig,
     azimuth_rad: f64,
@@ -96,7 +96,7 @@ pub fn reading(
     (!lost && range <= config.max_m).then_some(range.max(config.min_m))
 }
 
-/// The nearest echo in the cone without noise, metres.
+/// The nearest echo in the cone without noise, meters.
 fn nearest_echo(
     config: &SonarConfig,
     azimuth_rad: f64,

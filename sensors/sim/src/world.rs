@@ -1,6 +1,6 @@
 //! What a world file says: walls, doors, boxes, lamps and people, before anything is built from it.
 //!
-//! World frame: x forward along the hallway, y left, z up, floor at z = 0. Metres, seconds; degrees only here.
+//! World frame: x forward along the hallway, y left, z up, floor at z = 0. Meters, seconds; degrees only here.
 
 mod check;
 mod corridor;
@@ -15,7 +15,7 @@ pub use check::WORLD_FILE;
 pub use corridor::{Branch, Corridor, CorridorDoor, Side};
 
 /// Linear RGB reflectance, each 0 (black) to 1 (white).
-pub type Colour = [f32; 3];
+pub type Color = [f32; 3];
 
 /// Everything that stands, hangs or walks in a world.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
@@ -56,24 +56,24 @@ pub struct World {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
-    /// Start of the face, x and y in metres, each -1000 to 1000.
+    /// Start of the face, x and y in meters, each -1000 to 1000.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub from_m: [f64; 2],
-    /// End of the face, x and y in metres, each -1000 to 1000; at most 500 m away.
+    /// End of the face, x and y in meters, each -1000 to 1000; at most 500 m away.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub to_m: [f64; 2],
-    /// Height in metres, 0.05 to 10.
+    /// Height in meters, 0.05 to 10.
     #[serde(default = "wall_height")]
     #[schemars(range(min = 0.05, max = 10.0))]
     pub height_m: f64,
-    /// Thickness in metres, 0.01 to 1.
+    /// Thickness in meters, 0.01 to 1.
     #[serde(default = "wall_thickness")]
     #[schemars(range(min = 0.01, max = 1.0))]
     pub thickness_m: f64,
     /// Reflectance.
-    #[serde(default = "wall_colour")]
+    #[serde(default = "wall_color")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
+    pub color: Color,
     /// The strip along the bottom of its left face; none when absent.
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
@@ -91,58 +91,58 @@ pub struct Wall {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Baseboard {
-    /// Height in metres, 0.02 to 0.5.
+    /// Height in meters, 0.02 to 0.5.
     #[schemars(range(min = 0.02, max = 0.5))]
     pub height_m: f64,
-    /// How far it stands out of the wall, metres, 0.002 to 0.05.
+    /// How far it stands out of the wall, meters, 0.002 to 0.05.
     #[schemars(range(min = 0.002, max = 0.05))]
     pub depth_m: f64,
     /// Reflectance.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
+    pub color: Color,
 }
 
 /// A door with its frame.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Door {
-    /// Centre of the opening, metres from the wall's start, 0 to 500.
+    /// Center of the opening, meters from the wall's start, 0 to 500.
     #[schemars(range(min = 0.0, max = 500.0))]
     pub at_m: f64,
-    /// Width of the opening in metres, 0.4 to 3.
+    /// Width of the opening in meters, 0.4 to 3.
     #[schemars(range(min = 0.4, max = 3.0))]
     pub width_m: f64,
-    /// Height of the opening in metres, 1.5 to the wall's height.
+    /// Height of the opening in meters, 1.5 to the wall's height.
     #[schemars(range(min = 1.5, max = 10.0))]
     pub height_m: f64,
     /// How far the leaf is open, degrees, 0 (closed) to 120. It opens away from the hallway, into a room built for it.
     #[schemars(range(min = 0.0, max = 120.0))]
     pub open_deg: f64,
-    /// Depth in metres of the room behind an open door, 0.5 to 10.
+    /// Depth in meters of the room behind an open door, 0.5 to 10.
     #[schemars(range(min = 0.5, max = 10.0))]
     pub room_depth_m: f64,
     /// Reflectance of the leaf.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
+    pub color: Color,
     /// Reflectance of the frame.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub frame_colour: Colour,
+    pub frame_color: Color,
 }
 
 /// A bright opening.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Window {
-    /// Centre, metres from the wall's start, 0 to 500; the wall's middle when absent.
+    /// Center, meters from the wall's start, 0 to 500; the wall's middle when absent.
     #[schemars(range(min = 0.0, max = 500.0))]
     pub at_m: Option<f64>,
-    /// Width in metres, 0.2 to 20.
+    /// Width in meters, 0.2 to 20.
     #[schemars(range(min = 0.2, max = 20.0))]
     pub width_m: f64,
-    /// Height of its lower edge above the floor, metres, 0 to 10.
+    /// Height of its lower edge above the floor, meters, 0 to 10.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub sill_m: f64,
-    /// Height of the opening, metres, 0.2 to the wall's height above the sill.
+    /// Height of the opening, meters, 0.2 to the wall's height above the sill.
     #[schemars(range(min = 0.2, max = 10.0))]
     pub height_m: f64,
     /// Radiance relative to a white surface under a lamp, 0 to 20.
@@ -150,17 +150,17 @@ pub struct Window {
     pub brightness: f32,
     /// Reflectance of the frame and its cross bars.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub frame_colour: Colour,
+    pub frame_color: Color,
 }
 
 /// A box of cardboard or wood.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxItem {
-    /// Centre of its base, x and y in metres, each -1000 to 1000.
+    /// Center of its base, x and y in meters, each -1000 to 1000.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Height of its base above the floor, metres, 0 to 10.
+    /// Height of its base above the floor, meters, 0 to 10.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub base_m: f64,
@@ -168,19 +168,19 @@ pub struct BoxItem {
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0))]
     pub yaw_deg: f64,
-    /// Length, width and height in metres, each 0.01 to 10.
+    /// Length, width and height in meters, each 0.01 to 10.
     #[serde(default = "box_size")]
     #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub size_m: [f64; 3],
     /// Reflectance; `[0.85, 0.85, 0.83]` is white, `[0.30, 0.19, 0.10]` brown.
-    #[serde(default = "box_colour")]
+    #[serde(default = "box_color")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
-    /// The seed picks one of these reflectances instead of `colour`; none when absent.
+    pub color: Color,
+    /// The seed picks one of these reflectances instead of `color`; none when absent.
     #[serde(default)]
     #[schemars(length(max = 100), inner(inner(range(min = 0.0, max = 1.0))))]
-    pub colours: Vec<Colour>,
-    /// The seed moves the box by up to this much either way, along x and y in metres, each 0 to 100.
+    pub colors: Vec<Color>,
+    /// The seed moves the box by up to this much either way, along x and y in meters, each 0 to 100.
     #[serde(default)]
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub jitter_m: [f64; 2],
@@ -194,10 +194,10 @@ pub struct BoxItem {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Centre, x and y in metres, each -1000 to 1000.
+    /// Center, x and y in meters, each -1000 to 1000.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Extent along x and y, metres, each 0.01 to 10.
+    /// Extent along x and y, meters, each 0.01 to 10.
     #[serde(default = "lamp_size")]
     #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub size_m: [f64; 2],
@@ -211,7 +211,7 @@ pub struct Lamp {
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Person {
-    /// Corners of the walk, x and y in metres, each -1000 to 1000; one corner means that they stand.
+    /// Corners of the walk, x and y in meters, each -1000 to 1000; one corner means that they stand.
     #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub path_m: Vec<[f64; 2]>,
     /// Pause in seconds at each corner, in order, each 0 to 3600; missing ones are 0.
@@ -230,23 +230,23 @@ pub struct Person {
     #[serde(default = "walking_speed")]
     #[schemars(range(min = 0.01, max = 3.0))]
     pub speed_mps: f64,
-    /// They wait, for up to 30 s, while a robot is in their way and nearer than this, metres, 0 to 10; at 0 they walk on whatever is
+    /// They wait, for up to 30 s, while a robot is in their way and nearer than this, meters, 0 to 10; at 0 they walk on whatever is
     /// there.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub gives_way_m: f64,
-    /// Height in metres, 0.5 to 2.2.
+    /// Height in meters, 0.5 to 2.2.
     #[serde(default = "person_height")]
     #[schemars(range(min = 0.5, max = 2.2))]
     pub height_m: f64,
     /// Reflectance of the shirt.
-    #[serde(default = "shirt_colour")]
+    #[serde(default = "shirt_color")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub shirt: Colour,
+    pub shirt: Color,
     /// Reflectance of the trousers.
-    #[serde(default = "trousers_colour")]
+    #[serde(default = "trousers_color")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub trousers: Colour,
+    pub trousers: Color,
 }
 
 /// The floor's surface.
@@ -255,20 +255,20 @@ pub struct Person {
 pub struct Floor {
     /// Reflectance.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
+    pub color: Color,
     /// Contrast of the speckle (standard deviation relative to the mean), 0 to 0.5.
     #[schemars(range(min = 0.0, max = 0.5))]
     pub speckle: f32,
-    /// Size of the finest speckle in metres, 0.002 to 0.1.
+    /// Size of the finest speckle in meters, 0.002 to 0.1.
     #[schemars(range(min = 0.002, max = 0.1))]
     pub grain_m: f32,
     /// How much it mirrors, 0 (matt) to 1 (polished).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gloss: f32,
-    /// Distance of the joints along x and y, metres, each 0.05 to 100; 0 means none.
+    /// Distance of the joints along x and y, meters, each 0.05 to 100; 0 means none.
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub joint_spacing_m: [f32; 2],
-    /// Width of the joints in metres, 0 to 0.05.
+    /// Width of the joints in meters, 0 to 0.05.
     #[schemars(range(min = 0.0, max = 0.05))]
     pub joint_width_m: f32,
     /// Brightness of the joints relative to the floor, 0 (black) to 1 (invisible).
@@ -280,13 +280,13 @@ pub struct Floor {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ceiling {
-    /// Height in metres, 2 to 10.
+    /// Height in meters, 2 to 10.
     #[schemars(range(min = 2.0, max = 10.0))]
     pub height_m: f64,
     /// Reflectance.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
-    /// Distance of the joints along x and y, metres, each 0.05 to 100; 0 means none.
+    pub color: Color,
+    /// Distance of the joints along x and y, meters, each 0.05 to 100; 0 means none.
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub joint_spacing_m: [f32; 2],
 }
@@ -302,7 +302,7 @@ impl World {
 
     /// An empty straight hallway along +x from x = -2 m: lamps, baseboards and an end window, no doors.
     ///
-    /// `length_m` and `width_m` are metres between the faces of the walls.
+    /// `length_m` and `width_m` are meters between the faces of the walls.
     #[must_use]
     pub fn corridor(length_m: f64, width_m: f64) -> Self {
         Self { corridor: Some(Corridor { length_m, width_m, ..Corridor::default() }), ..Self::default() }
@@ -316,8 +316,8 @@ impl Default for BoxItem {
             base_m: 0.0,
             yaw_deg: 0.0,
             size_m: box_size(),
-            colour: box_colour(),
-            colours: Vec::new(),
+            color: box_color(),
+            colors: Vec::new(),
             jitter_m: [0.0; 2],
             jitter_deg: 0.0,
         }
@@ -326,7 +326,7 @@ impl Default for BoxItem {
 
 impl Default for Baseboard {
     fn default() -> Self {
-        Self { height_m: 0.10, depth_m: 0.012, colour: [0.10, 0.09, 0.085] }
+        Self { height_m: 0.10, depth_m: 0.012, color: [0.10, 0.09, 0.085] }
     }
 }
 
@@ -338,8 +338,8 @@ impl Default for Door {
             height_m: 2.05,
             open_deg: 0.0,
             room_depth_m: 2.5,
-            colour: [0.36, 0.22, 0.12],
-            frame_colour: [0.26, 0.27, 0.28],
+            color: [0.36, 0.22, 0.12],
+            frame_color: [0.26, 0.27, 0.28],
         }
     }
 }
@@ -352,7 +352,7 @@ impl Default for Window {
             sill_m: 0.9,
             height_m: 1.3,
             brightness: 2.5,
-            frame_colour: [0.5, 0.5, 0.5],
+            frame_color: [0.5, 0.5, 0.5],
         }
     }
 }
@@ -360,7 +360,7 @@ impl Default for Window {
 impl Default for Floor {
     fn default() -> Self {
         Self {
-            colour: [0.42, 0.39, 0.34],
+            color: [0.42, 0.39, 0.34],
             speckle: 0.10,
             grain_m: 0.006,
             gloss: 0.5,
@@ -373,7 +373,7 @@ impl Default for Floor {
 
 impl Default for Ceiling {
     fn default() -> Self {
-        Self { height_m: 2.6, colour: [0.80, 0.80, 0.78], joint_spacing_m: [0.6, 0.6] }
+        Self { height_m: 2.6, color: [0.80, 0.80, 0.78], joint_spacing_m: [0.6, 0.6] }
     }
 }
 
@@ -383,13 +383,13 @@ fn wall_height() -> f64 {
 fn wall_thickness() -> f64 {
     0.12
 }
-pub(crate) fn wall_colour() -> Colour {
+pub(crate) fn wall_color() -> Color {
     [0.72, 0.71, 0.66]
 }
 fn box_size() -> [f64; 3] {
     [0.24, 0.24, 0.35]
 }
-fn box_colour() -> Colour {
+fn box_color() -> Color {
     [0.85, 0.85, 0.83]
 }
 fn lamp_size() -> [f64; 2] {
@@ -404,9 +404,9 @@ fn walking_speed() -> f64 {
 fn person_height() -> f64 {
     1.75
 }
-fn shirt_colour() -> Colour {
+fn shirt_color() -> Color {
     [0.25, 0.32, 0.55]
 }
-fn trousers_colour() -> Colour {
+fn trousers_color() -> Color {
     [0.07, 0.08, 0.11]
 }

@@ -148,13 +148,13 @@ fn a_mirror_camera_tells_its_mirror_and_hands_over_pictures_of_it() {
     spec.sensors.push(part);
     let frames = run(&mut open_spec(spec), 0.3, 1.0, 0.0).of::<FrameHeader>("ring");
     assert_eq!((frames.len(), frames[3].0.stamp_ns), (10, 300_000_000));
-    let grey_at = |(header, pixels): &(FrameHeader, Vec<u8>), [x, y]: [usize; 2]| {
+    let gray_at = |(header, pixels): &(FrameHeader, Vec<u8>), [x, y]: [usize; 2]| {
         assert_eq!((header.width, header.stride, pixels.len()), (64, 192, 64 * 60 * 3));
         pixels[y * 192 + 3 * x + 1]
     };
     for frame in &frames {
-        assert_eq!((grey_at(frame, [0, 0]), grey_at(frame, [31, 29])), (0, 0), "beside the ring is nothing");
-        assert!(grey_at(frame, [31, 20]) > 60, "the floor before it");
+        assert_eq!((gray_at(frame, [0, 0]), gray_at(frame, [31, 29])), (0, 0), "beside the ring is nothing");
+        assert!(gray_at(frame, [31, 20]) > 60, "the floor before it");
     }
 
     let mut narrow = table;

@@ -1,4 +1,4 @@
-//! Somebody in the hallway: a robot that keeps to the centre line and stops for echoes must meet them and hit nobody.
+//! Somebody in the hallway: a robot that keeps to the center line and stops for echoes must meet them and hit nobody.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 

@@ -17,11 +17,11 @@ use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random}
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
 const PLAIN: Photometry = Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0 };
 
-/// One of each, for a picture of this size, with the height of its lens or viewpoint in metres.
+/// One of each, for a picture of this size, with the height of its lens or viewpoint in meters.
 fn cameras(width: u32, height: u32) -> [(&'static str, f64, MirrorCamera); 3] {
     let rim_px = 0.5 * f64::from(height);
     let scale = rim_px / 240.0;
-    let image = MirrorImage::centred(width, height).with_ring((16.0 * scale).ceil(), rim_px).unwrap();
+    let image = MirrorImage::centered(width, height).with_ring((16.0 * scale).ceil(), rim_px).unwrap();
     let cone = ConicMirror::new(112.6_f64.to_radians(), 0.11, 576.563 * scale).unwrap();
     let hyperboloid = HyperboloidalMirror::new(520.0 * scale, 1.45, 0.08).unwrap();
     let profile = RadialProfile::Tangent { range_m: 1.788, rad_per_px: 0.0077 / scale, height_m: 0.6 };
@@ -142,16 +142,16 @@ fn rings_and_rays_agree() {
 }
 
 #[test]
-fn colour_pictures_have_the_luminance_of_grey_ones() {
+fn color_pictures_have_the_luminance_of_gray_ones() {
     let scene = Scene::new(&World::from_toml(HALLWAY).unwrap(), 1).unwrap();
     for (name, height_m, camera) in cameras(128, 120) {
         let view = MirrorView { mount: Mount::level(height_m), robot: Pose2::new(1.0, 0.0, 0.3) };
-        let grey = picture(&scene, &camera, &view);
-        let mut rgb = vec![0; 3 * grey.len()];
+        let gray = picture(&scene, &camera, &view);
+        let mut rgb = vec![0; 3 * gray.len()];
         renderer(&camera, PLAIN).render_rgb(&scene, &view, &mut rgb).unwrap();
         let light = |v: u8| (f64::from(v) / 255.0).powi(2);
         let unsaturated = |(g, c): &(&u8, &[u8])| **g < 250 && c.iter().all(|v| *v < 250);
-        for (g, c) in grey.iter().zip(rgb.chunks_exact(3)).filter(unsaturated) {
+        for (g, c) in gray.iter().zip(rgb.chunks_exact(3)).filter(unsaturated) {
             let luminance = 0.2126 * light(c[0]) + 0.7152 * light(c[1]) + 0.0722 * light(c[2]);
             assert!((luminance.sqrt() * 255.0 - f64::from(*g)).abs() < 2.0, "{name}: {g} {c:?}");
         }
@@ -164,10 +164,10 @@ fn the_picture_is_black_beside_the_ring_and_a_wrong_buffer_is_refused() {
     for (name, height_m, camera) in cameras(128, 120) {
         let view = MirrorView { mount: Mount::level(height_m), robot: Pose2::IDENTITY };
         let pixels = picture(&scene, &camera, &view);
-        for (i, grey) in pixels.iter().enumerate() {
+        for (i, gray) in pixels.iter().enumerate() {
             let pixel = Vector2::new((i % 128) as f64, (i / 128) as f64);
             let radius_px = camera.image().mirror_from_pixel(pixel).norm();
-            assert_eq!(*grey > 0, camera.image().is_in_ring(radius_px), "{name} at {pixel}");
+            assert_eq!(*gray > 0, camera.image().is_in_ring(radius_px), "{name} at {pixel}");
         }
         let mut renderer = renderer(&camera, PLAIN);
         assert!(renderer.render(&scene, &view, &mut [0; 7]).is_err());
@@ -198,8 +198,8 @@ fn turns_and_flips_are_where_they_belong() {
 
 #[test]
 fn the_hallway_looks_as_it_did() {
-    let boxes = "[[box]]\nat_m = [3.6, 0.4]\ncolour = [0.85, 0.85, 0.83]\n\
-                 [[box]]\nat_m = [2.2, -0.5]\ncolour = [0.30, 0.19, 0.10]";
+    let boxes = "[[box]]\nat_m = [3.6, 0.4]\ncolor = [0.85, 0.85, 0.83]\n\
+                 [[box]]\nat_m = [2.2, -0.5]\ncolor = [0.30, 0.19, 0.10]";
     let mut scene = Scene::new(&World::from_toml(&format!("{HALLWAY}\n{boxes}")).unwrap(), 1).unwrap();
     scene.set_time(10.0).unwrap();
     for (name, height_m, camera) in cameras(170, 160) {

@@ -28,7 +28,7 @@ fn picture(scene: &Scene, view: &CameraView, photometry: Photometry) -> Vec<u8> 
 fn pixel_of(view: &CameraView, point: Point3<f64>) -> Vector2<f64> {
     let at = view.robot.inverse().transform_point(point.xy());
     let p = view.mount.body_from_camera().inverse() * Point3::new(at.x, at.y, point.z);
-    view.intrinsics.pixel_from_normalised(Vector2::new(p.x / p.z, p.y / p.z))
+    view.intrinsics.pixel_from_normalized(Vector2::new(p.x / p.z, p.y / p.z))
 }
 
 /// The left edge of the lit pane in an otherwise black hallway, row by row, against its projection.
@@ -99,15 +99,15 @@ fn polygons_and_rays_agree() {
 }
 
 #[test]
-fn colour_pictures_have_the_luminance_of_grey_ones() {
+fn color_pictures_have_the_luminance_of_gray_ones() {
     let scene = Scene::new(&World::from_toml(HALLWAY).unwrap(), 1).unwrap();
     let view = view(96, 72, Mount::tilted(0.6, 0.1), Pose2::new(1.0, 0.0, 0.3));
-    let grey = picture(&scene, &view, PLAIN);
-    let mut rgb = vec![0; 3 * grey.len()];
+    let gray = picture(&scene, &view, PLAIN);
+    let mut rgb = vec![0; 3 * gray.len()];
     Renderer::new(PLAIN, random::stream(1, "test")).render_rgb(&scene, &view, &mut rgb).unwrap();
     let light = |v: u8| (f64::from(v) / 255.0).powi(2);
     for (g, c) in
-        grey.iter().zip(rgb.chunks_exact(3)).filter(|(g, c)| **g < 250 && c.iter().all(|v| *v < 250))
+        gray.iter().zip(rgb.chunks_exact(3)).filter(|(g, c)| **g < 250 && c.iter().all(|v| *v < 250))
     {
         let luminance = 0.2126 * light(c[0]) + 0.7152 * light(c[1]) + 0.0722 * light(c[2]);
         assert!((luminance.sqrt() * 255.0 - f64::from(*g)).abs() < 2.0, "{g} {c:?}");
@@ -153,19 +153,19 @@ fn the_hallway_looks_as_it_did() {
 
 #[test]
 fn a_white_and_a_brown_box_stand_out_each_in_its_way() {
-    let boxes = "[[box]]\nat_m = [2.2, 0.4]\ncolour = [0.85, 0.85, 0.83]\n\
-                 [[box]]\nat_m = [2.2, -0.4]\ncolour = [0.30, 0.19, 0.10]";
+    let boxes = "[[box]]\nat_m = [2.2, 0.4]\ncolor = [0.85, 0.85, 0.83]\n\
+                 [[box]]\nat_m = [2.2, -0.4]\ncolor = [0.30, 0.19, 0.10]";
     let scene = Scene::new(&World::from_toml(&format!("{HALLWAY}\n{boxes}")).unwrap(), 1).unwrap();
     let view = view(160, 120, Mount::tilted(0.6, 0.25), Pose2::IDENTITY);
     let pixels = picture(&scene, &view, PLAIN);
-    let grey_at = |point: Point3<f64>| {
+    let gray_at = |point: Point3<f64>| {
         let pixel = pixel_of(&view, point);
         f64::from(pixels[pixel.y.round() as usize * 160 + pixel.x.round() as usize])
     };
     // The faces towards the robot, and the floor before them, beside the mirror image of the lamps.
-    let (white, brown) = (grey_at(Point3::new(2.08, 0.4, 0.2)), grey_at(Point3::new(2.08, -0.4, 0.2)));
-    let floor = grey_at(Point3::new(1.8, 0.4, 0.0));
-    let top = grey_at(Point3::new(2.2, 0.4, 0.35));
+    let (white, brown) = (gray_at(Point3::new(2.08, 0.4, 0.2)), gray_at(Point3::new(2.08, -0.4, 0.2)));
+    let floor = gray_at(Point3::new(1.8, 0.4, 0.0));
+    let top = gray_at(Point3::new(2.2, 0.4, 0.35));
     assert!(
         top > floor + 40.0 && white > floor + 8.0 && brown < floor - 60.0,
         "white {top} and {white}, floor {floor}, brown {brown}"

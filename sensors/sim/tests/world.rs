@@ -17,12 +17,12 @@ length_m = 6
 width_m = 2
 height_m = 2.6
 thickness_m = 0.12
-colour = [0.7, 0.7, 0.6]
-end_colour = [0.6, 0.6, 0.6]
+color = [0.7, 0.7, 0.6]
+end_color = [0.6, 0.6, 0.6]
 lamp_spacing_m = 2.4
 lamp_size_m = [1.2, 0.3]
 lamp_brightness = 12
-baseboard = { height_m = 0.1, depth_m = 0.012, colour = [0.1, 0.1, 0.1] }
+baseboard = { height_m = 0.1, depth_m = 0.012, color = [0.1, 0.1, 0.1] }
 window = { at_m = 1, width_m = 1.2, sill_m = 0.9, height_m = 1.3, brightness = 2.5 }
 [[corridor.door]]
 side = "left"
@@ -31,8 +31,8 @@ width_m = 0.9
 height_m = 2
 open_deg = 60
 room_depth_m = 2
-colour = [0.3, 0.2, 0.1]
-frame_colour = [0.3, 0.2, 0.1]
+color = [0.3, 0.2, 0.1]
+frame_color = [0.3, 0.2, 0.1]
 [[corridor.branch]]
 side = "right"
 at_m = 3
@@ -43,7 +43,7 @@ from_m = [8, -2]
 to_m = [8, 2]
 height_m = 2.5
 thickness_m = 0.1
-colour = [0.5, 0.5, 0.5]
+color = [0.5, 0.5, 0.5]
 baseboard = { height_m = 0.1 }
 door = [{ at_m = 1, width_m = 0.9, height_m = 2 }]
 window = [{ at_m = 3, width_m = 1, sill_m = 1, height_m = 1 }]
@@ -52,7 +52,7 @@ at_m = [2, 0.5]
 base_m = 0.2
 yaw_deg = 20
 size_m = [0.3, 0.2, 0.4]
-colour = [0.8, 0.8, 0.8]
+color = [0.8, 0.8, 0.8]
 [[lamp]]
 at_m = [7, 0]
 size_m = [1, 0.3]
@@ -67,7 +67,7 @@ height_m = 1.7
 shirt = [0.2, 0.3, 0.5]
 trousers = [0.1, 0.1, 0.1]
 [floor]
-colour = [0.4, 0.4, 0.3]
+color = [0.4, 0.4, 0.3]
 speckle = 0.1
 grain_m = 0.006
 gloss = 0.5
@@ -76,7 +76,7 @@ joint_width_m = 0.004
 joint_tone = 0.6
 [ceiling]
 height_m = 2.6
-colour = [0.8, 0.8, 0.8]
+color = [0.8, 0.8, 0.8]
 joint_spacing_m = [0.6, 0.6]
 "#;
 
@@ -166,7 +166,7 @@ fn what_would_panic_or_never_end_is_refused_at_its_key() {
         ("[corridor.window]\nat_m = nan", "at_m", "finite"),
         ("[corridor.window]\nat_m = 1.9", "at_m", "outside its wall"),
         ("[corridor.window]\nheight_m = 2", "height_m", "2.9 m high in a wall of 2.6 m"),
-        ("[corridor]\ncolour = [2, 0, 0]", "colour", "too large"),
+        ("[corridor]\ncolor = [2, 0, 0]", "color", "too large"),
         ("[floor]\njoint_width_m = 1", "joint_width_m", "too large"),
         ("[[box]]\nat_m = [1e300, 0]", "at_m", "too large"),
         ("[[person]]\npath_m = [[0, 0]]\npause_s = [1, 2]", "pause_s", "more pauses"),

@@ -35,7 +35,7 @@ const RING_S: f64 = 0.5;
 const INK: RGBColor = RGBColor(40, 40, 40);
 const GRID: RGBColor = RGBColor(225, 225, 225);
 const WALL: RGBColor = RGBColor(90, 90, 90);
-const COLOURS: [(RGBColor, RGBColor); 3] = [
+const COLORS: [(RGBColor, RGBColor); 3] = [
     (RGBColor(30, 90, 200), RGBColor(190, 210, 245)),
     (RGBColor(200, 70, 30), RGBColor(250, 210, 190)),
     (RGBColor(20, 140, 90), RGBColor(185, 230, 210)),
@@ -58,9 +58,9 @@ pub fn draw(
     {
         let area = BitMapBackend::with_buffer(&mut bytes, size).into_drawing_area();
         area.fill(&WHITE)?;
-        for (k, (setting, colours)) in settings.iter().zip(COLOURS).enumerate() {
+        for (k, (setting, colors)) in settings.iter().zip(COLORS).enumerate() {
             let left = MARGIN_PX + k as f64 * (PANEL_PX + MARGIN_PX);
-            panel(&area, &map, walls, setting, colours, left)?;
+            panel(&area, &map, walls, setting, colors, left)?;
         }
         area.present()?;
     }
@@ -68,7 +68,7 @@ pub fn draw(
     Ok(image::imageops::thumbnail(&large, size.0 / OVERSAMPLING, size.1 / OVERSAMPLING))
 }
 
-/// From metres to pixels of a panel.
+/// From meters to pixels of a panel.
 struct Map {
     left_m: f64,
     top_m: f64,
@@ -151,14 +151,14 @@ fn curve(area: &Area<'_>, way: &Way, dark: RGBColor, (left, top): (f64, f64)) ->
     text(area, "commanded acceleration, 0 to 0.4 m/s/s, over s", (x, y - 36), INK)
 }
 
-fn text(area: &Area<'_>, words: &str, (x, y): (i32, i32), colour: RGBColor) -> DrawResult {
+fn text(area: &Area<'_>, words: &str, (x, y): (i32, i32), color: RGBColor) -> DrawResult {
     for (right, down) in pixels(words) {
         for part in 0..LETTER_SCALE * LETTER_SCALE {
             let at = (
                 x + LETTER_SCALE * right + part % LETTER_SCALE,
                 y + LETTER_SCALE * down + part / LETTER_SCALE,
             );
-            area.draw_pixel(at, &colour)?;
+            area.draw_pixel(at, &color)?;
         }
     }
     Ok(())

@@ -14,7 +14,7 @@ const STANDING_MPS: f64 = 1e-3;
 pub struct Moment {
     /// Since it began to move, seconds.
     pub time_s: f64,
-    /// Where it truly was, metres.
+    /// Where it truly was, meters.
     pub at_m: Vector2<f64>,
 }
 
@@ -27,9 +27,9 @@ pub struct Way {
     pub contacts: u32,
     /// From the first command that moves to the last, seconds.
     pub time_s: f64,
-    /// Its length, metres.
+    /// Its length, meters.
     pub length_m: f64,
-    /// From the robot to the nearest thing, metres; infinite where nothing is.
+    /// From the robot to the nearest thing, meters; infinite where nothing is.
     pub clearance_m: f64,
     /// Integral of the squared acceleration of the commanded velocity, m^2/s^3.
     pub square_acceleration: f64,

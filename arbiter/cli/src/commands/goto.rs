@@ -19,18 +19,18 @@ use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, 
 /// What `goto` is told.
 #[derive(Args)]
 pub struct Arguments {
-    /// X and Y of the goal on the map, metres, or a TOML file of goals: `[[goal]]` with `x_m`, `y_m`, `heading_deg`, `tolerance_m`.
+    /// X and Y of the goal on the map, meters, or a TOML file of goals: `[[goal]]` with `x_m`, `y_m`, `heading_deg`, `tolerance_m`.
     #[arg(required = true, num_args = 1..=2, value_names = ["X|FILE", "Y"], allow_negative_numbers = true)]
     goal: Vec<String>,
     /// Heading at the goal, degrees, positive to the left; any without it.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     heading: Option<f64>,
-    /// How near is there, metres.
+    /// How near is there, meters.
     #[arg(long, value_name = "M", default_value_t = tolerance())]
     tolerance: f64,
     #[command(flatten)]
     robot: Which,
-    /// The behaviour that plans the path.
+    /// The behavior that plans the path.
     #[arg(long, value_name = "NAME", default_value = "map-localizer")]
     behavior: String,
     /// Do not wait until the robot is there.
@@ -52,17 +52,17 @@ struct Goals {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GoalKeys {
-    /// Metres, -100000 to 100000.
+    /// Meters, -100000 to 100000.
     #[schemars(range(min = -100_000.0, max = 100_000.0))]
     x_m: f64,
-    /// Metres, -100000 to 100000.
+    /// Meters, -100000 to 100000.
     #[schemars(range(min = -100_000.0, max = 100_000.0))]
     y_m: f64,
     /// Degrees, positive to the left, -180 to 180; any heading when absent.
     #[serde(default)]
     #[schemars(range(min = -180.0, max = 180.0))]
     heading_deg: Option<f64>,
-    /// How near is there, metres, 0.01 to 100, default 0.3.
+    /// How near is there, meters, 0.01 to 100, default 0.3.
     #[serde(default = "tolerance")]
     #[schemars(range(min = 0.01, max = 100.0))]
     tolerance_m: f64,
@@ -149,7 +149,7 @@ fn read_goals(arguments: &Arguments, print: Print) -> Result<Vec<GoalKeys>, Exit
             let number = |text: &String| {
                 let number = text.parse().ok().filter(|number: &f64| number.abs() <= 100_000.0);
                 number
-                    .ok_or_else(|| usage(format!("`{text}` is no place on a map: give metres, such as 12.5")))
+                    .ok_or_else(|| usage(format!("`{text}` is no place on a map: give meters, such as 12.5")))
             };
             let (x_m, y_m, tolerance_m) = (number(x)?, number(y)?, arguments.tolerance);
             if !(0.01..=100.0).contains(&tolerance_m) {

@@ -33,7 +33,7 @@ use super::{TaskArguments, learn_floor, learn_map};
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for their pose.
-const MOST_PICTURES: usize = 8;
+const MAX_PICTURES: usize = 8;
 /// Turned by more than this (rad), the robot is at another place.
 const TURNED_RAD: f64 = 0.26;
 
@@ -44,7 +44,7 @@ pub enum Learn {
     Thresholds(Arguments),
     /// A map of vertical edges, for the map-localizer: drives the task and looks all around.
     Map(learn_map::Arguments),
-    /// The colours of a floor, for the free-space-avoider: from pictures and masks in a folder.
+    /// The colors of a floor, for the free-space-avoider: from pictures and masks in a folder.
     Floor(learn_floor::Arguments),
 }
 
@@ -59,7 +59,7 @@ pub struct Arguments {
     /// A picture of how much differs from the map at each threshold; without it, beside the table.
     #[arg(long, value_name = "FILE.png")]
     plot: Option<PathBuf>,
-    /// Distance from one place to the next, metres.
+    /// Distance from one place to the next, meters.
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     every: f64,
     /// Seed of everything that is drawn by chance.
@@ -207,16 +207,16 @@ struct Student {
 }
 
 impl Student {
-    /// For the behaviour of the task that publishes poses: its camera, its odometry and its map.
+    /// For the behavior of the task that publishes poses: its camera, its odometry and its map.
     fn new(task: &Task, every_m: f64) -> Result<Self, String> {
         if !(0.05..=10.0).contains(&every_m) {
-            return Err(format!("--every {every_m}: 0.05 to 10 metres"));
+            return Err(format!("--every {every_m}: 0.05 to 10 meters"));
         }
         let is_localizer = |behavior: &&BehaviorFile| {
             behavior.factory.info().outputs.iter().any(|output| output.message.name == Pose::NAME)
         };
         let localizer = task.behaviors.iter().find(is_localizer);
-        let localizer = localizer.ok_or("no behaviour of the task publishes a pose: add a map-localizer")?;
+        let localizer = localizer.ok_or("no behavior of the task publishes a pose: add a map-localizer")?;
         let sensor_with = |message: &str| {
             localizer.factory.info().inputs.iter().find(|slot| slot.message.name == message).and_then(
                 |slot| {
@@ -263,14 +263,14 @@ impl Student {
     }
 
     fn keep(&mut self, frame: &View<'_, FrameHeader>) {
-        let mut grey = match self.pictures.len() {
-            MOST_PICTURES => self.pictures.pop_front().map(|(_, _, grey)| grey).unwrap_or_default(),
+        let mut gray = match self.pictures.len() {
+            MAX_PICTURES => self.pictures.pop_front().map(|(_, _, gray)| gray).unwrap_or_default(),
             _ => GrayImage::default(),
         };
         let mut luma = GrayImage::default();
         if let Some(image) = frame.gray(self.detector.camera().intrinsics().size(), &mut luma) {
-            grey.copy_from(image);
-            self.pictures.push_back((Time(frame.header.stamp_ns), frame.header.exposure, grey));
+            gray.copy_from(image);
+            self.pictures.push_back((Time(frame.header.stamp_ns), frame.header.exposure, gray));
         }
     }
 
@@ -281,11 +281,11 @@ impl Student {
         if is_known || pose.status() != Some(PoseStatus::Tracking) {
             return;
         }
-        let Some((_, exposure, grey)) = self.pictures.iter().find(|(stamp, ..)| *stamp == evidence) else {
+        let Some((_, exposure, gray)) = self.pictures.iter().find(|(stamp, ..)| *stamp == evidence) else {
             return;
         };
         let poses = (self.odometry.pose_at(Time(pose.stamp_ns)), self.odometry.pose_at(evidence));
-        let (Some(then), Some(at_picture), Ok(image)) = (poses.0, poses.1, grey.view()) else { return };
+        let (Some(then), Some(at_picture), Ok(image)) = (poses.0, poses.1, gray.view()) else { return };
         let robot = Pose2::new(pose.x, pose.y, pose.theta) * then.relative(&at_picture);
         self.learned_at = Some(evidence);
         let Ok((rows, look)) = self.detector.learn(image, &robot) else { return };

@@ -1,20 +1,20 @@
-//! `yamabico learn floor`: the colours of a floor, from pictures in which people marked it.
+//! `yamabico learn floor`: the colors of a floor, from pictures in which people marked it.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use yamabico_vision::floor_colour::FloorColours;
-use yamabico_vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_color::FloorColors;
+use yamabico_vision::floor_color_file::ColorFile;
 use yamabico_vision::floor_training::{FloorTraining, Judged, Label};
 
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, Print, exit, fail, table};
 
 /// A mask at least so bright is floor ...
-const LEAST_FLOOR: u8 = 192;
+const MIN_FLOOR: u8 = 192;
 /// ... and at most so bright something else; between them it says nothing.
-const MOST_OTHER: u8 = 63;
+const MAX_OTHER: u8 = 63;
 /// Ends of the names of masks, after the name of the picture.
 const MASK: &str = ".mask.png";
 
@@ -22,7 +22,7 @@ const MASK: &str = ".mask.png";
 #[derive(Args)]
 pub struct Arguments {
     /// The folder: pictures NAME.png or NAME.jpg, each with a mask NAME.mask.png of the same size. White in a mask is floor, black
-    /// something else, grey is left out.
+    /// something else, gray is left out.
     folder: PathBuf,
     /// The file that is written.
     #[arg(long, value_name = "FILE.toml", default_value = "floor.toml")]
@@ -32,11 +32,11 @@ pub struct Arguments {
     form: Form,
 }
 
-/// How floor colours are told.
+/// How floor colors are told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Form {
-    /// A class for each of 32 x 32 x 32 colours.
+    /// A class for each of 32 x 32 x 32 colors.
     Table,
     /// A smallest and a largest red, green and blue: faster, and enough for a floor in one light.
     Thresholds,
@@ -71,15 +71,15 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
     };
     let mut all = FloorTraining::default();
     marked.iter().for_each(|(_, training)| all.merge(training));
-    let Some(colours) = colours(&all, arguments.form) else {
+    let Some(colors) = colors(&all, arguments.form) else {
         return fail("no pixel of any mask is white: nothing is floor", BAD_CONFIGURATION);
     };
     let pictures = marked.iter().enumerate().map(|(i, (name, training))| {
         let mut others = FloorTraining::default();
         marked.iter().enumerate().filter(|(k, _)| *k != i).for_each(|(_, (_, other))| others.merge(other));
-        let by_others = colours_of_others(&others, arguments.form).map(|colours| training.judge(&colours));
+        let by_others = colors_of_others(&others, arguments.form).map(|colors| training.judge(&colors));
         let (floor_px, other_px) = training.counts();
-        let Judged { recall, false_alarms } = training.judge(&colours);
+        let Judged { recall, false_alarms } = training.judge(&colors);
         Picture {
             name: name.clone(),
             floor_px,
@@ -91,14 +91,14 @@ pub fn learn(arguments: &Arguments, print: Print) -> ExitCode {
         }
     });
     let learned = Learned { file: arguments.out.clone(), form: arguments.form, pictures: pictures.collect() };
-    if let Err(problem) = write(&arguments.out, &colours) {
+    if let Err(problem) = write(&arguments.out, &colors) {
         return fail(&problem, DEVICE_FAILED);
     }
     print.show(&learned, text);
     exit(DONE)
 }
 
-fn colours(training: &FloorTraining, form: Form) -> Option<FloorColours> {
+fn colors(training: &FloorTraining, form: Form) -> Option<FloorColors> {
     match form {
         _ if training.counts().0 == 0 => None,
         Form::Table => Some(training.table()),
@@ -106,8 +106,8 @@ fn colours(training: &FloorTraining, form: Form) -> Option<FloorColours> {
     }
 }
 
-fn colours_of_others(others: &FloorTraining, form: Form) -> Option<FloorColours> {
-    (others.counts() != (0, 0)).then(|| colours(others, form)).flatten()
+fn colors_of_others(others: &FloorTraining, form: Form) -> Option<FloorColors> {
+    (others.counts() != (0, 0)).then(|| colors(others, form)).flatten()
 }
 
 /// The pictures of a folder by name, and the marked pixels of each.
@@ -153,32 +153,32 @@ fn read_pair(picture: &Path, mask: &Path) -> Result<FloorTraining, String> {
         ));
     }
     let open = |path: &Path| image::open(path).map_err(|error| format!("{}: {error}", path.display()));
-    let (colours, marks) = (open(picture)?.to_rgb8(), open(mask)?.to_luma8());
-    if colours.dimensions() != marks.dimensions() {
-        let ((width, height), (other_width, other_height)) = (colours.dimensions(), marks.dimensions());
+    let (colors, marks) = (open(picture)?.to_rgb8(), open(mask)?.to_luma8());
+    if colors.dimensions() != marks.dimensions() {
+        let ((width, height), (other_width, other_height)) = (colors.dimensions(), marks.dimensions());
         return Err(format!(
             "{}: {other_width} x {other_height} pixels, but the picture has {width} x {height}",
             mask.display()
         ));
     }
     let mut training = FloorTraining::default();
-    for (colour, mark) in colours.pixels().zip(marks.pixels()) {
+    for (color, mark) in colors.pixels().zip(marks.pixels()) {
         match mark.0[0] {
-            LEAST_FLOOR.. => training.add(colour.0, Label::Floor),
-            0..=MOST_OTHER => training.add(colour.0, Label::Other),
+            MIN_FLOOR.. => training.add(color.0, Label::Floor),
+            0..=MAX_OTHER => training.add(color.0, Label::Other),
             _ => {}
         }
     }
     Ok(training)
 }
 
-fn write(out: &Path, colours: &FloorColours) -> Result<(), String> {
+fn write(out: &Path, colors: &FloorColors) -> Result<(), String> {
     let cannot = |error: &dyn std::fmt::Display| format!("{}: {error}", out.display());
-    let text = toml::to_string_pretty(&ColourFile::from(colours)).map_err(|e| cannot(&e))?;
+    let text = toml::to_string_pretty(&ColorFile::from(colors)).map_err(|e| cannot(&e))?;
     if let Some(folder) = out.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(|e| cannot(&e))?;
     }
-    let head = "# Colours of a floor, as `yamabico learn floor` learned them from marked pictures.\n";
+    let head = "# Colors of a floor, as `yamabico learn floor` learned them from marked pictures.\n";
     std::fs::write(out, format!("{head}{text}")).map_err(|e| cannot(&e))
 }
 
@@ -200,7 +200,7 @@ fn text(learned: &Learned) -> String {
         ]);
     }
     format!(
-        "{rows}\nwritten to {}: name it as `floor_colours` of a free-space-avoider\n",
+        "{rows}\nwritten to {}: name it as `floor_colors` of a free-space-avoider\n",
         learned.file.display()
     )
 }

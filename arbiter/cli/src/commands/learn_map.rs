@@ -28,7 +28,7 @@ use super::whereabouts::Whereabouts;
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail, table};
 
 /// Pictures that wait for the odometry of their instant.
-const MOST_PICTURES: usize = 16;
+const MAX_PICTURES: usize = 16;
 
 /// What `learn map` is told.
 #[derive(Args)]
@@ -224,9 +224,9 @@ impl Cartographer {
             _ => None,
         });
         let (camera, mirror, mount) =
-            mirror.ok_or("no behaviour of the task has a mirror camera: edges are mapped by one")?;
+            mirror.ok_or("no behavior of the task has a mirror camera: edges are mapped by one")?;
         let whereabouts = Whereabouts::of(task)
-            .ok_or("no behaviour of the task has odometry: a map has its scale from it")?;
+            .ok_or("no behavior of the task has odometry: a map has its scale from it")?;
         let Mount { x, y, pan, .. } = mount;
         let image = mirror.image();
         let ways = WayRule { sway_rad: sway_deg.to_radians(), ..WayRule::default() };
@@ -244,19 +244,19 @@ impl Cartographer {
     fn keep(&mut self, frame: &View<'_, FrameHeader>) {
         let mut luma = GrayImage::default();
         if let Some(image) = frame.gray(self.size, &mut luma) {
-            let mut grey = GrayImage::default();
-            grey.copy_from(image);
-            self.pictures.truncate(MOST_PICTURES - 1);
-            self.pictures.push_back((Time(frame.header.stamp_ns), grey));
+            let mut gray = GrayImage::default();
+            gray.copy_from(image);
+            self.pictures.truncate(MAX_PICTURES - 1);
+            self.pictures.push_back((Time(frame.header.stamp_ns), gray));
         }
     }
 
     /// Maps the pictures whose place is known by now.
     fn map(&mut self) {
-        while let Some((stamp, grey)) = self.pictures.front() {
+        while let Some((stamp, gray)) = self.pictures.front() {
             let Some(robot) = self.whereabouts.at(*stamp) else { return };
             let camera = robot.compose(&self.robot_from_camera);
-            if let Ok(picture) = grey.view()
+            if let Ok(picture) = gray.view()
                 && let Ok(edges) = self.edges.find(picture)
             {
                 self.mapper.take(edges, &camera);

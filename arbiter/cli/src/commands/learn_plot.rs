@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use yamabico_drawing::lettering;
-use yamabico_drawing::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Color};
 use yamabico_stationary_obstacle_avoider::threshold_learning::Row;
 use yamabico_stationary_obstacle_avoider::threshold_table::Place;
 
@@ -12,8 +12,8 @@ const LEFT: f64 = 56.0;
 const BOTTOM: f64 = 396.0;
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 350.0;
-const INK: Colour = [40; 3];
-const GRID: Colour = [228; 3];
+const INK: Color = [40; 3];
+const GRID: Color = [228; 3];
 
 /// Writes the picture: a curve a place, N over T, and a cross at its T0.
 ///
@@ -40,10 +40,10 @@ pub fn plot(path: &Path, curves: &[Vec<Row>], places: &[Place]) -> Result<(), St
     }
     for (i, curve) in curves.iter().enumerate() {
         let shade = (230 * i / curves.len().max(1)) as u8;
-        let colour = [shade, 90, 230 - shade];
+        let color = [shade, 90, 230 - shade];
         for pair in curve.windows(2) {
             let point = |row: &Row| at(f64::from(row.threshold), f64::from(row.largest()));
-            canvas.line(point(&pair[0]), point(&pair[1]), colour);
+            canvas.line(point(&pair[0]), point(&pair[1]), color);
         }
     }
     for place in places {
@@ -53,7 +53,7 @@ pub fn plot(path: &Path, curves: &[Vec<Row>], places: &[Place]) -> Result<(), St
         &mut canvas,
         LEFT,
         14.0,
-        "N, differing pixels, over T, grey levels: a curve a place, its T0 a cross",
+        "N, differing pixels, over T, gray levels: a curve a place, its T0 a cross",
     );
     let (width, height) = (SIZE.0 as u32, SIZE.1 as u32);
     image::save_buffer(path, &pixels, width, height, image::ExtendedColorType::Rgb8)

@@ -1,4 +1,4 @@
-//! `yamabico list`: behaviours and drivers.
+//! `yamabico list`: behaviors and drivers.
 
 use std::process::ExitCode;
 

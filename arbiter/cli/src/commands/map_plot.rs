@@ -3,19 +3,19 @@
 use std::path::Path;
 
 use nalgebra::{SymmetricEigen, Vector2};
-use yamabico_drawing::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Color};
 use yamabico_vision::azimuth_map::{EdgeMap, SurfaceState};
 
 /// Sides of the picture, pixels, and of what is left white around the map.
 const SIZE: usize = 640;
 const MARGIN: f64 = 40.0;
-const INK: Colour = [40; 3];
-const GRID: Colour = [232; 3];
-const FREE: Colour = [120, 190, 120];
-const EDGE: Colour = [200, 30, 60];
+const INK: Color = [40; 3];
+const GRID: Color = [232; 3];
+const FREE: Color = [120, 190, 120];
+const EDGE: Color = [200, 30, 60];
 
-/// Writes the picture: edges as crosses with three standard deviations around them, surfaces as lines (black where solid, grey
-/// where not tested, none where empty), the border of what is free in green, a grid of half metres.
+/// Writes the picture: edges as crosses with three standard deviations around them, surfaces as lines (black where solid, gray
+/// where not tested, none where empty), the border of what is free in green, a grid of half meters.
 ///
 /// # Errors
 /// A file that cannot be written, in words.
@@ -33,9 +33,9 @@ pub fn plot(path: &Path, map: &EdgeMap) -> Result<(), String> {
         Vector2::new(MARGIN + scale * (x - low[0]), SIZE as f64 - MARGIN - scale * (y - low[1]))
     };
     for line in (2.0 * low[0].min(low[1])).floor() as i32..=(2.0 * high[0].max(high[1])).ceil() as i32 {
-        let metres = 0.5 * f64::from(line);
-        canvas.line(at(metres, low[1]), at(metres, low[1] + span), GRID);
-        canvas.line(at(low[0], metres), at(low[0] + span, metres), GRID);
+        let meters = 0.5 * f64::from(line);
+        canvas.line(at(meters, low[1]), at(meters, low[1] + span), GRID);
+        canvas.line(at(low[0], meters), at(low[0] + span, meters), GRID);
     }
     for (i, &[x, y]) in map.free_m.iter().enumerate() {
         let [to_x, to_y] = map.free_m[(i + 1) % map.free_m.len()];
@@ -43,13 +43,13 @@ pub fn plot(path: &Path, map: &EdgeMap) -> Result<(), String> {
     }
     for surface in &map.surfaces {
         let end = |number| map.edge(number).map(|edge| at(edge.at_m[0], edge.at_m[1]));
-        let colour = match surface.state {
+        let color = match surface.state {
             SurfaceState::Empty => continue,
             SurfaceState::Unknown => [170; 3],
             SurfaceState::Solid | SurfaceState::Nearer => INK,
         };
         if let (Some(right), Some(left)) = (end(surface.right), end(surface.left)) {
-            canvas.line(right, left, colour);
+            canvas.line(right, left, color);
         }
     }
     for edge in &map.edges {

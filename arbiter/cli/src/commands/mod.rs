@@ -39,13 +39,13 @@ pub enum Command {
     Learn(learn::Learn),
     /// Tell everything that is wrong with a task, without opening a device.
     Check(TaskArguments),
-    /// List behaviours and drivers.
+    /// List behaviors and drivers.
     List,
-    /// Describe a behaviour, a driver, a sensor or a drive: its inputs, outputs and parameters.
+    /// Describe a behavior, a driver, a sensor or a drive: its inputs, outputs and parameters.
     Describe(describe::Arguments),
     /// Print the JSON Schemas of task, robot and world files, for editors.
     Schema,
-    /// Draw a task: sensors, behaviours, wires, drive.
+    /// Draw a task: sensors, behaviors, wires, drive.
     Graph(graph::Arguments),
     /// Write a crate to begin a plugin with.
     #[command(subcommand)]

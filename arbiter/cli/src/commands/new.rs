@@ -11,7 +11,7 @@ use crate::output::{BAD_CONFIGURATION, DONE, Print, exit, fail};
 /// What is begun.
 #[derive(Subcommand)]
 pub enum New {
-    /// A behaviour in a program of its own, in Rust or in Python, with a test, and a task that runs it.
+    /// A behavior in a program of its own, in Rust or in Python, with a test, and a task that runs it.
     Behavior(Arguments),
 }
 
@@ -37,7 +37,7 @@ struct Begun {
     run: String,
 }
 
-/// What a behaviour begins with.
+/// What a behavior begins with.
 struct Template {
     /// Names and texts.
     files: &'static [(&'static str, &'static str)],

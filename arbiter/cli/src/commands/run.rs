@@ -26,7 +26,7 @@ pub struct Arguments {
     /// Seed of everything that is drawn by chance.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Threads that the behaviours share in lockstep; the result does not depend on it.
+    /// Threads that the behaviors share in lockstep; the result does not depend on it.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: u16,
     /// Run in real time instead of as fast as possible.

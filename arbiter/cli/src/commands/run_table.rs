@@ -14,7 +14,7 @@ pub fn run_table(ran: &Ran) -> String {
     if !ran.summary.halts.is_empty() {
         text += &halts(ran);
     }
-    text += &behaviours(&ran.summary);
+    text += &behaviors(&ran.summary);
     text += &latencies(&ran.summary);
     text += &topics(&ran.summary);
     text += &left(ran);
@@ -30,7 +30,7 @@ fn figures(ran: &Ran) -> String {
         End::TimeOver => "time over, not arrived",
         End::Interrupted => "interrupted",
     };
-    let metres = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
+    let meters = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
     let count = |value: Option<u32>| value.map_or("-".into(), |value| value.to_string());
     let halted = summary.halts.iter().fold(0.0, |sum, halt| sum + halt.duration_s);
     let mut table = table(&[&ran.task, end], 1..2);
@@ -39,10 +39,10 @@ fn figures(ran: &Ran) -> String {
     table.add_row(["time", &format!("{:.1} s", summary.time_s)]);
     table.add_row(["contacts", &count(summary.contacts)]);
     table.add_row(["people who walked into it", &count(summary.struck)]);
-    table.add_row(["smallest clearance", &metres(summary.smallest_clearance_m)]);
-    table.add_row(["nearest person while standing", &metres(summary.smallest_person_standing_m)]);
-    table.add_row(["nearest person while moving", &metres(summary.smallest_person_moving_m)]);
-    table.add_row(["RMS offset", &metres(summary.rms_offset_m)]);
+    table.add_row(["smallest clearance", &meters(summary.smallest_clearance_m)]);
+    table.add_row(["nearest person while standing", &meters(summary.smallest_person_standing_m)]);
+    table.add_row(["nearest person while moving", &meters(summary.smallest_person_moving_m)]);
+    table.add_row(["RMS offset", &meters(summary.rms_offset_m)]);
     table.add_row(["halts", &format!("{} ({halted:.1} s)", summary.halts.len())]);
     table.add_row(["faster than real time", &format!("{:.1} x", summary.real_time_factor)]);
     if is_live(summary) {
@@ -52,7 +52,7 @@ fn figures(ran: &Ran) -> String {
         ]);
         table.add_row(["started again", &restarts(summary)]);
     }
-    for (name, latency) in &summary.behaviours {
+    for (name, latency) in &summary.behaviors {
         if let Some(LatencyFigures { budget_ms: Some(budget_ms), late_commands, .. }) = latency.latency {
             let late = format!("{late_commands} on data older than {budget_ms:.0} ms");
             table.add_row([&format!("late commands of {name}"), &late]);
@@ -84,8 +84,8 @@ fn latencies(summary: &RunSummary) -> String {
     let head =
         ["p50, p99, most; ms", "to received", "to proposed", "to heard", "to commanded", "since captured"];
     let mut table = table(&head, 1..6);
-    for (name, behaviour) in &summary.behaviours {
-        let Some(latency) = &behaviour.latency else { continue };
+    for (name, behavior) in &summary.behaviors {
+        let Some(latency) = &behavior.latency else { continue };
         let stages = [
             latency.captured_to_received,
             latency.received_to_proposed,
@@ -116,9 +116,9 @@ fn halts(ran: &Ran) -> String {
     format!("{table}\n")
 }
 
-fn behaviours(summary: &RunSummary) -> String {
+fn behaviors(summary: &RunSummary) -> String {
     let head = [
-        "behaviour",
+        "behavior",
         "in control",
         "calls",
         "p50",
@@ -129,12 +129,12 @@ fn behaviours(summary: &RunSummary) -> String {
         "mostly because",
     ];
     let mut table = table(&head, 1..8);
-    let (behaviours, control_s) = (&summary.behaviours, &summary.control_s);
+    let (behaviors, control_s) = (&summary.behaviors, &summary.control_s);
     let seconds = |name: &str| format!("{:.1} s", control_s.get(name).copied().unwrap_or(0.0));
-    for (name, behaviour) in behaviours {
-        let timing = &behaviour.timing;
+    for (name, behavior) in behaviors {
+        let timing = &behavior.timing;
         let because =
-            behaviour.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
+            behavior.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
         table.add_row([
             name.clone(),
             seconds(name),
@@ -143,11 +143,11 @@ fn behaviours(summary: &RunSummary) -> String {
             format!("{:.0} us", timing.p99_us),
             timing.overruns.to_string(),
             timing.panics.to_string(),
-            behaviour.abstentions.to_string(),
+            behavior.abstentions.to_string(),
             because.to_owned(),
         ]);
     }
-    for name in control_s.keys().filter(|name| !behaviours.contains_key(*name)) {
+    for name in control_s.keys().filter(|name| !behaviors.contains_key(*name)) {
         table.add_row([name.clone(), seconds(name)]);
     }
     format!("{table}\n")
@@ -184,12 +184,12 @@ fn left(ran: &Ran) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_runtime::report::{BehaviourSummary, Ending, ReferenceLine, SummaryTap};
+    use yamabico_runtime::report::{BehaviorSummary, Ending, ReferenceLine, SummaryTap};
 
     fn summary() -> RunSummary {
         RunSummary {
             control_s: [("wall", 2.5), ("nobody", 0.5)].map(|(name, s)| (name.into(), s)).into(),
-            behaviours: [("wall".into(), BehaviourSummary::default())].into(),
+            behaviors: [("wall".into(), BehaviorSummary::default())].into(),
             topics: [("truth".into(), 41)].into(),
             ..SummaryTap::new(ReferenceLine::default()).finish(Ending::default())
         }
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn every_second_of_control_is_in_the_table() {
-        let table = behaviours(&summary());
+        let table = behaviors(&summary());
         let seconds_of = |name: &str| {
             let row = table.lines().find(|line| line.contains(name)).unwrap();
             row.split('┆').nth(1).unwrap().trim().trim_end_matches(['│', ' ']).to_owned()
@@ -208,8 +208,8 @@ mod tests {
     #[test]
     fn panics_are_told() {
         let mut summary = summary();
-        summary.behaviours.values_mut().for_each(|behaviour| behaviour.timing.panics = 73);
-        assert!(behaviours(&summary).contains("73"));
+        summary.behaviors.values_mut().for_each(|behavior| behavior.timing.panics = 73);
+        assert!(behaviors(&summary).contains("73"));
     }
 
     #[test]
@@ -217,7 +217,7 @@ mod tests {
         let mut summary = summary();
         let spread = Spread { count: 9, p50_ms: 1.25, p99_ms: 2.5, max_ms: 3.0 };
         let latency = LatencyFigures { captured_to_commanded: spread, ..LatencyFigures::default() };
-        summary.behaviours.values_mut().for_each(|behaviour| behaviour.latency = Some(latency));
+        summary.behaviors.values_mut().for_each(|behavior| behavior.latency = Some(latency));
         assert_eq!(latencies(&summary), "");
         summary.tick_lateness = spread;
         assert!(

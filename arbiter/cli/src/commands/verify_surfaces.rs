@@ -1,4 +1,4 @@
-//! Which surfaces of a new map are solid: a second drive, localised on that map, faces each of them with a sonar.
+//! Which surfaces of a new map are solid: a second drive, localized on that map, faces each of them with a sonar.
 
 use std::path::Path;
 
@@ -18,20 +18,20 @@ use yamabico_vision::polygon::{contains, nearest_on_segment};
 use super::whereabouts::{Whereabouts, pose_publisher};
 
 /// Narrower surfaces (m) hold no beam.
-const LEAST_WIDTH_M: f64 = 0.4;
+const MIN_WIDTH_M: f64 = 0.4;
 /// Each surface is approached from one of these distances (m), the first that there is room for ...
 const FAR_M: [f64; 5] = [1.3, 1.15, 1.0, 0.85, 0.7];
-/// ... to this near, metres.
+/// ... to this near, meters.
 const NEAR_M: f64 = 0.45;
-/// Room on either side of the robot, metres.
+/// Room on either side of the robot, meters.
 const MARGIN_M: f64 = 0.05;
-/// The point that is steered for lies so far ahead, metres.
+/// The point that is steered for lies so far ahead, meters.
 const LOOK_AHEAD_M: f64 = 0.2;
 /// So many surfaces are faced in one drive: a path has only so many corners.
-const MOST_SURFACES: usize = 16;
+const MAX_SURFACES: usize = 16;
 /// The drive is given up when it is slower on the whole, m/s.
 const SLOWEST_MPS: f64 = 0.03;
-/// Standard deviation of the distance to a surface, metres.
+/// Standard deviation of the distance to a surface, meters.
 const SIGMA_M: f64 = 0.03;
 
 /// The settings of the second drive: on the new map, from the start past every surface that is to be faced. `None` where there
@@ -69,7 +69,7 @@ fn route(map: &EdgeMap, start: Point2<f64>, clearance_m: f64) -> Option<Vec<Poin
     let mut approaches: Vec<_> = doubtful
         .filter_map(|surface| approach(map, surface, &walls))
         .filter(|approach| approach.iter().all(|&place| contains(&free, place)))
-        .take(MOST_SURFACES)
+        .take(MAX_SURFACES)
         .collect();
     // The drive ends at the last one: at that which is farthest from all the others, so that it does not end before.
     let apart = |i: usize| {
@@ -110,7 +110,7 @@ fn approach(map: &EdgeMap, surface: &MapSurface, walls: &[Vec<Point2<f64>>]) -> 
     let mut open = from_afar.filter(|&far| {
         VisibilityGraph::way_out(far, walls) == far && VisibilityGraph::is_open([far, near], walls)
     });
-    open.next().filter(|_| along.norm() >= LEAST_WIDTH_M).map(|far| [far, near])
+    open.next().filter(|_| along.norm() >= MIN_WIDTH_M).map(|far| [far, near])
 }
 
 /// Listens to the second drive.
@@ -133,7 +133,7 @@ impl Verifier {
         };
         let rule = SurfaceCheckRule { farthest_m: max_m, ..SurfaceCheckRule::default() };
         let whereabouts = Whereabouts::of(task).ok_or("--verify needs odometry")?;
-        if !whereabouts.is_localised() {
+        if !whereabouts.is_localized() {
             return Err("--verify needs a map-localizer in the task".into());
         }
         let check = |surface: &MapSurface| {

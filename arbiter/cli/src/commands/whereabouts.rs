@@ -1,4 +1,4 @@
-//! Where the robot was in a run: its odometry, laid onto the map by the poses that a behaviour told.
+//! Where the robot was in a run: its odometry, laid onto the map by the poses that a behavior told.
 
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Message, Odometry, Pose, RawMessage, View};
@@ -17,7 +17,7 @@ pub struct Whereabouts {
 }
 
 impl Whereabouts {
-    /// Of the robot of this task; `None` without odometry. Where no behaviour tells poses, its odometry is the map's frame.
+    /// Of the robot of this task; `None` without odometry. Where no behavior tells poses, its odometry is the map's frame.
     pub fn of(task: &Task) -> Option<Whereabouts> {
         let mut sensors = task.behaviors.iter().flat_map(|behavior| &behavior.setup.sensors);
         let (_, odometry) = sensors.find(|(_, sensor)| sensor.message == Odometry::NAME)?;
@@ -30,8 +30,8 @@ impl Whereabouts {
         })
     }
 
-    /// Whether a behaviour tells poses.
-    pub fn is_localised(&self) -> bool {
+    /// Whether a behavior tells poses.
+    pub fn is_localized(&self) -> bool {
         self.pose_topic.is_some()
     }
 
@@ -41,7 +41,7 @@ impl Whereabouts {
             if let Some(odometry) = View::<Odometry>::of(message) {
                 self.odometry.push(odometry.header, time);
             }
-            return !self.is_localised();
+            return !self.is_localized();
         }
         if self.pose_topic.as_deref() == Some(topic)
             && let Some(pose) = View::<Pose>::of(message)
@@ -60,7 +60,7 @@ impl Whereabouts {
     }
 }
 
-/// The name of the behaviour that publishes poses, and its topic.
+/// The name of the behavior that publishes poses, and its topic.
 pub fn pose_publisher(task: &Task) -> Option<(String, String)> {
     task.behaviors.iter().find_map(|behavior| {
         let output =

@@ -60,7 +60,7 @@ pub(super) fn ask(which: &Which, request: &Request) -> Result<(String, Obeyed), 
     let robot = which.choose().map_err(|problem| fail(&problem, BAD_CONFIGURATION))?;
     let obeyed = Desk::join(&robot).map_err(RequestError::from).and_then(|mut desk| desk.ask(request));
     let code = |error: &RequestError| match error {
-        RequestError::Bus(_) | RequestError::NoSuchBehaviour { .. } => BAD_CONFIGURATION,
+        RequestError::Bus(_) | RequestError::NoSuchBehavior { .. } => BAD_CONFIGURATION,
         _ => NOT_ARRIVED,
     };
     let obeyed = obeyed.map_err(|error| fail(&error.to_string(), code(&error)))?;

@@ -25,11 +25,11 @@ pub enum Command {
     /// Listen to what a running robot's parts tell each other.
     #[command(subcommand)]
     Topic(topic::Topic),
-    /// Let a behaviour of a running robot be heard again.
+    /// Let a behavior of a running robot be heard again.
     Enable(switch::Arguments),
-    /// Let a behaviour of a running robot not be heard.
+    /// Let a behavior of a running robot not be heard.
     Disable(switch::Arguments),
-    /// Change parameters of behaviours that run: all of them, or none where one is wrong.
+    /// Change parameters of behaviors that run: all of them, or none where one is wrong.
     Set(set::Arguments),
     /// Drive a running robot by the keys of this terminal.
     Teleop(teleop::Arguments),

@@ -1,4 +1,4 @@
-//! `yamabico set`: other parameters for behaviours that run.
+//! `yamabico set`: other parameters for behaviors that run.
 
 use std::process::ExitCode;
 
@@ -14,7 +14,7 @@ use crate::output::{BAD_CONFIGURATION, DONE, NOT_ARRIVED, Print, exit, fail};
 #[derive(Args)]
 pub struct Arguments {
     /// A parameter and its new value, such as `wall-follower.speed_mps=0.2`: TOML, or a bare word for a text.
-    #[arg(required = true, value_name = "BEHAVIOUR.KEY=VALUE")]
+    #[arg(required = true, value_name = "BEHAVIOR.KEY=VALUE")]
     assignments: Vec<String>,
     #[command(flatten)]
     robot: Which,
@@ -31,7 +31,7 @@ pub fn set(arguments: &Arguments, print: Print) -> ExitCode {
         Err(problem) => return fail(&problem, BAD_CONFIGURATION),
     };
     if let Some((key, _)) = changes.iter().find(|(_, value)| !value.is_table()) {
-        let problem = format!("`{key}` names no parameter: write BEHAVIOUR.KEY=VALUE");
+        let problem = format!("`{key}` names no parameter: write BEHAVIOR.KEY=VALUE");
         return fail(&problem, BAD_CONFIGURATION);
     }
     match retune(&robot, &changes) {

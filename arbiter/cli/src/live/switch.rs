@@ -1,4 +1,4 @@
-//! `yamabico enable` and `yamabico disable`: whether a behaviour of a running robot is heard.
+//! `yamabico enable` and `yamabico disable`: whether a behavior of a running robot is heard.
 
 use std::process::ExitCode;
 
@@ -14,18 +14,18 @@ use crate::output::{DONE, Print, exit};
 /// What `enable` and `disable` are told.
 #[derive(Args)]
 pub struct Arguments {
-    /// The behaviour, as the task names it.
+    /// The behavior, as the task names it.
     behavior: String,
     #[command(flatten)]
     robot: Which,
 }
 
-/// Lets the behaviour be heard.
+/// Lets the behavior be heard.
 pub fn enable(arguments: &Arguments, print: Print) -> ExitCode {
     switch(arguments, Request::Enable(arguments.behavior.clone()), "enabled", print)
 }
 
-/// Lets the behaviour not be heard.
+/// Lets the behavior not be heard.
 pub fn disable(arguments: &Arguments, print: Print) -> ExitCode {
     switch(arguments, Request::Disable(arguments.behavior.clone()), "disabled", print)
 }
@@ -52,7 +52,7 @@ fn switch(arguments: &Arguments, request: Request, done: &str, print: Print) -> 
     exit(DONE)
 }
 
-/// What became of the behaviour, and what the robot does.
+/// What became of the behavior, and what the robot does.
 fn now(name: &str, obeyed: &Obeyed) -> String {
     let verdict = obeyed.after.verdict(name);
     let outcome = verdict.and_then(Verdict::outcome).filter(|outcome| *outcome != Outcome::Disabled);

@@ -15,7 +15,7 @@ use super::which::Which;
 use crate::commands::run::interrupt_flag;
 use crate::output::{BAD_CONFIGURATION, DEVICE_FAILED, DONE, NOT_ARRIVED, Print, exit, fail};
 
-/// How long behaviours may take to say what they say anyway.
+/// How long behaviors may take to say what they say anyway.
 const LOOK: Duration = Duration::from_millis(500);
 /// With `--follow`, no more often than this.
 const PACE: Duration = Duration::from_millis(200);

@@ -28,7 +28,7 @@ impl Default for Config {
     }
 }
 
-/// The behaviour: what it keeps from one call to the next.
+/// The behavior: what it keeps from one call to the next.
 struct Creeper {
     config: Config,
 }

@@ -8,7 +8,7 @@ use crate::robot::{BareTimer, Holdings, Lateness, Robot, signal};
 
 /// From one decision of the hallway's task to the next.
 pub const PERIOD: Duration = Duration::from_millis(20);
-/// The behaviours of the hallway: whoever is killed is one of them.
+/// The behaviors of the hallway: whoever is killed is one of them.
 pub const VICTIMS: [&str; 4] =
     ["sonar-halt", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
 /// After the last death the transport's forgotten files go within this time.
@@ -87,7 +87,7 @@ impl Figures {
         self.late_bare = self.late_bare.and(timer.stop());
     }
 
-    /// Kills every behaviour once, and lets the robot settle; what it holds then is what it should hold ever after. A
+    /// Kills every behavior once, and lets the robot settle; what it holds then is what it should hold ever after. A
     /// process that was there from the start holds a little more, for it has waited for the first command.
     pub fn kill_each_once(&mut self, robot: &mut Robot) -> Holdings {
         for victim in VICTIMS {

@@ -16,7 +16,7 @@ use serde_json::Value;
 use yamabico_core::time::Time;
 use yamabico_host::bus::Bus;
 
-/// Behaviours and the simulator.
+/// Behaviors and the simulator.
 const PLUGINS: usize = VICTIMS.len() + 1;
 /// Farther than the hallway is long, and longer than any test.
 const NEVER: [&str; 2] = ["run.goal.x_m=1000", "run.duration_s=100000"];
@@ -63,7 +63,7 @@ fn assert_ended_well(robot: Robot) -> Value {
 }
 
 #[test]
-fn behaviours_that_are_killed_come_back_and_the_arbiter_misses_nothing() {
+fn behaviors_that_are_killed_come_back_and_the_arbiter_misses_nothing() {
     let mut robot = start("killed", &[]);
     let mut figures = Figures::default();
     let before = figures.kill_each_once(&mut robot);
@@ -80,12 +80,12 @@ fn behaviours_that_are_killed_come_back_and_the_arbiter_misses_nothing() {
     });
     assert_eq!(after, before, "what the dead held is not given back");
     let report = assert_ended_well(robot);
-    let calls = |name: &str| report["behaviours"][name]["calls"].as_u64();
+    let calls = |name: &str| report["behaviors"][name]["calls"].as_u64();
     assert!(calls("wall-follower") > Some(0) && calls("sonar-halt") > Some(0), "{report}");
 }
 
 #[test]
-fn a_behaviour_that_hangs_is_noticed_and_replaced() {
+fn a_behavior_that_hangs_is_noticed_and_replaced() {
     let mut robot = start("hung", &["behaviors.wall-follower.deadline_ms=400"]);
     robot.watch(Duration::from_millis(500));
     let timer = BareTimer::start(PERIOD);

@@ -1,4 +1,4 @@
-//! Ways in which a behaviour in Python fails, and how soon it is back.
+//! Ways in which a behavior in Python fails, and how soon it is back.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -13,7 +13,7 @@ use crate::robot::{Robot, signal};
 
 /// Who fails: named after its program.
 pub const FRAGILE: &str = "fragile";
-/// Behaviours and the simulator of the task.
+/// Behaviors and the simulator of the task.
 pub const PLUGINS: usize = 3;
 /// The simulator does not hang, whatever else the machine has to do.
 const SIM_IS_SOUND: &str = "robot.devices.sim.deadline_ms=20000";
@@ -53,7 +53,7 @@ impl Fall {
     }
 }
 
-/// A robot in the corridor that a behaviour in Python drives, which fails when it is told to.
+/// A robot in the corridor that a behavior in Python drives, which fails when it is told to.
 pub struct FragileRobot {
     /// The robot.
     pub robot: Robot,

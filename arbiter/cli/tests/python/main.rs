@@ -1,4 +1,4 @@
-//! Behaviours in Python: their package's own tests, a drive, failures that are survived. Where there is no Python, or no network
+//! Behaviors in Python: their package's own tests, a drive, failures that are survived. Where there is no Python, or no network
 //! to fetch the transport's package from, they are skipped, and say so.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -127,7 +127,7 @@ fn it_drives_down_half_the_corridor() {
     let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
     assert_eq!((report["end"].as_str(), report["contacts"].as_u64()), (Some("arrived"), Some(0)), "{report}");
     assert!(report["distance_m"].as_f64() > Some(11.8), "{report}");
-    assert!(report["behaviours"]["wall-follower"]["calls"].as_u64() > Some(100), "{report}");
+    assert!(report["behaviors"]["wall-follower"]["calls"].as_u64() > Some(100), "{report}");
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn whatever_becomes_of_it_it_is_back_and_the_robot_touches_nothing() {
     let ended = fragile.interrupt();
     let report: Value = serde_json::from_slice(&ended.stdout).unwrap();
     assert_eq!(report["contacts"].as_u64(), Some(0), "{report}");
-    assert!(report["behaviours"][FRAGILE]["panics"].as_u64() >= Some(1), "{report}");
+    assert!(report["behaviors"][FRAGILE]["panics"].as_u64() >= Some(1), "{report}");
 }
 
 #[test]

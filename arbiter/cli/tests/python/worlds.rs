@@ -7,7 +7,7 @@ use yamabico_core::message::Command;
 
 use crate::robot::{Robot, config};
 
-/// Behaviours and the world.
+/// Behaviors and the world.
 const PLUGINS: usize = 3;
 const LONGEST: Duration = Duration::from_secs(600);
 

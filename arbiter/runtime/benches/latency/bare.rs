@@ -93,7 +93,7 @@ impl Chain {
 
 /// The process of a relay: receives on its hop and sends on the next.
 pub fn relay(role: &str, root: &str) {
-    let hop = if role == "behaviour" { 0 } else { 1 };
+    let hop = if role == "behavior" { 0 } else { 1 };
     let node = node(root);
     let (receiver, sender) = (Receiver::open(&node, hop), Sender::open(&node, hop + 1));
     loop {

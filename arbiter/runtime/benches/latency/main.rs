@@ -1,9 +1,9 @@
-//! Frame published to command received, across three processes: a live robot whose behaviour does nothing, against bare
+//! Frame published to command received, across three processes: a live robot whose behavior does nothing, against bare
 //! iceoryx2 with events over the same hops in the same run.
 //!
 //!     cargo bench -p yamabico-arbiter --bench latency -- [FRAMES]
 //!
-//! Device, behaviour and arbiter are a process each; a 640x480 frame is written in place every 20 ms. The bare ones do
+//! Device, behavior and arbiter are a process each; a 640x480 frame is written in place every 20 ms. The bare ones do
 //! nothing but receive, send and ring, with messages of the same sizes, half a period later. Prints p50 and p99 in
 //! microseconds and the ratio of ours to bare; the bar is 1.5.
 
@@ -58,7 +58,7 @@ fn measure(frames: usize) {
     let options = Options { pace: Pace::Live, program: Some(program), ..Options::default() };
     let root = bare::Root::new();
     let chain = bare::Chain::open(&root);
-    let relays = ["behaviour", "arbiter"].map(|role| Relay::start(role, root.path()));
+    let relays = ["behavior", "arbiter"].map(|role| Relay::start(role, root.path()));
     let over = AtomicBool::new(false);
     let (ours, bare) = std::thread::scope(|scope| {
         let bare = scope.spawn(move || chain.measure(frames + COLD));

@@ -1,4 +1,4 @@
-//! The live robot: a camera and a drive in one device, and a behaviour that does nothing.
+//! The live robot: a camera and a drive in one device, and a behavior that does nothing.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};

@@ -50,10 +50,8 @@ impl ArbiterSeat {
     pub fn open(plan: &Plan, bus: &Bus) -> Result<ArbiterSeat, BusError> {
         let policy = plan.policy.clone();
         let commands = bus.publisher(topics::COMMAND)?;
-        let incoming = policy
-            .behaviours
-            .iter()
-            .map(|behavior| bus.subscriber(&topics::proposal(behavior.name.as_str())));
+        let incoming =
+            policy.behaviors.iter().map(|behavior| bus.subscriber(&topics::proposal(behavior.name.as_str())));
         let sensors = policy.sensors.iter().filter_map(|sensor| {
             let name = topics::sensor(sensor.name.as_str());
             let message = plan.topics.iter().find(|topic| topic.name == name)?.message;
@@ -62,9 +60,9 @@ impl ArbiterSeat {
         Ok(ArbiterSeat {
             state: State::new(&policy),
             decision: Decision::new(&policy),
-            proposals: vec![None; policy.behaviours.len()],
-            heard: vec![(Time::ZERO, Novelty::Followed); policy.behaviours.len()],
-            latencies: vec![Latency::default(); policy.behaviours.len()],
+            proposals: vec![None; policy.behaviors.len()],
+            heard: vec![(Time::ZERO, Novelty::Followed); policy.behaviors.len()],
+            latencies: vec![Latency::default(); policy.behaviors.len()],
             time: TimeSource::Step,
             incoming: incoming.collect::<Result<_, _>>()?,
             sensors: sensors.collect::<Result<_, _>>()?,
@@ -72,7 +70,7 @@ impl ArbiterSeat {
             goals: bus.publisher(topics::GOAL)?,
             commands,
             decisions: bus.publisher(topics::DECISION)?,
-            verdicts: vec![Verdict::default(); policy.behaviours.len()],
+            verdicts: vec![Verdict::default(); policy.behaviors.len()],
             is_mute: false,
             policy,
         })
@@ -131,7 +129,7 @@ impl ArbiterSeat {
             }
         }
         if let Some(latency) =
-            self.decision.late.and_then(|late| self.latencies.get_mut(usize::from(late.behaviour)))
+            self.decision.late.and_then(|late| self.latencies.get_mut(usize::from(late.behavior)))
         {
             latency.add_late();
         }
@@ -193,12 +191,12 @@ impl ArbiterSeat {
         self.time = time;
     }
 
-    /// How long the stages of each behaviour's proposals took, by name.
+    /// How long the stages of each behavior's proposals took, by name.
     pub fn latencies(&self) -> BTreeMap<String, LatencyFigures> {
-        let behaviours = self.policy.behaviours.iter().zip(&self.latencies);
-        behaviours
-            .map(|(behaviour, latency)| {
-                (behaviour.name.as_str().to_owned(), latency.figures(behaviour.latency_budget))
+        let behaviors = self.policy.behaviors.iter().zip(&self.latencies);
+        behaviors
+            .map(|(behavior, latency)| {
+                (behavior.name.as_str().to_owned(), latency.figures(behavior.latency_budget))
             })
             .collect()
     }

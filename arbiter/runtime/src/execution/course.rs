@@ -34,7 +34,7 @@ pub enum End {
 pub struct Progress {
     /// Since the start.
     pub elapsed: Duration,
-    /// From the robot to the goal, metres, where both are known.
+    /// From the robot to the goal, meters, where both are known.
     pub to_go_m: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! The behaviours of a lockstep run, on one thread or on several.
+//! The behaviors of a lockstep run, on one thread or on several.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
@@ -9,7 +9,7 @@ use yamabico_host::bus::BusError;
 
 use yamabico_host::{BehaviorRecord, BehaviorSeat, SeatError};
 
-/// Behaviours that collect together and propose together.
+/// Behaviors that collect together and propose together.
 pub struct Crew {
     /// On the caller's own thread.
     here: Vec<BehaviorSeat>,
@@ -50,7 +50,7 @@ impl Crew {
         Ok(Crew { here, workers: hands.into_iter().map(Worker::start).collect::<Result<_, _>>()? })
     }
 
-    /// Every behaviour takes in what has arrived.
+    /// Every behavior takes in what has arrived.
     ///
     /// # Errors
     /// The bus failed, or a thread died.
@@ -58,7 +58,7 @@ impl Crew {
         self.order(Order::Collect)
     }
 
-    /// Every behaviour that is due proposes. Call after [`Crew::collect`]: since all have collected by then, nobody sees
+    /// Every behavior that is due proposes. Call after [`Crew::collect`]: since all have collected by then, nobody sees
     /// what another publishes in this step, and the number of threads cannot matter.
     ///
     /// # Errors
@@ -75,14 +75,14 @@ impl Crew {
         let bus_failed = |error| DeviceError::failed("bus", error);
         let mut outcome = carry_out(&mut self.here, order).map_err(bus_failed);
         for worker in &self.workers {
-            let died = |_| DeviceError::failed("crew", "a thread of behaviours died");
+            let died = |_| DeviceError::failed("crew", "a thread of behaviors died");
             let answer = worker.done.recv().map_err(died).and_then(|answer| answer.map_err(bus_failed));
             outcome = outcome.and(answer);
         }
         outcome
     }
 
-    /// Ends the threads; how each behaviour fared.
+    /// Ends the threads; how each behavior fared.
     pub fn finish(self) -> Vec<(String, BehaviorRecord)> {
         let mut seats = self.here;
         for Worker { orders, done, thread } in self.workers {

@@ -9,9 +9,9 @@ use crate::report::LatencyFigures;
 /// How the parts of a run fared. It never enters a decision.
 #[derive(Clone, Debug, Default)]
 pub struct Fared {
-    /// The calls of each behaviour, by name.
+    /// The calls of each behavior, by name.
     pub behaviors: Vec<(String, BehaviorRecord)>,
-    /// The stages of each behaviour's proposals, by name.
+    /// The stages of each behavior's proposals, by name.
     pub latencies: BTreeMap<String, LatencyFigures>,
     /// Live: how late the arbiter woke at its ticks.
     pub lateness: Durations,

@@ -1,4 +1,4 @@
-//! Real time: the arbiter on a thread of its own, behaviours and devices each in a process or on a thread, woken by the
+//! Real time: the arbiter on a thread of its own, behaviors and devices each in a process or on a thread, woken by the
 //! messages that they wait for.
 //!
 //! Stamps are the machine's monotonic clock. The arrival of a proposal triggers a decision and a command at once; the tick
@@ -98,7 +98,7 @@ impl Live {
     /// [`Live::run`].
     ///
     /// # Errors
-    /// A robot of this name runs already; devices or behaviours that do not open.
+    /// A robot of this name runs already; devices or behaviors that do not open.
     pub fn open(plan: Plan, robot: &str, program: Option<Program>) -> Result<Live, SeatError> {
         let mut plan = plan.live();
         let bus = Bus::ipc(robot)?;
@@ -314,7 +314,7 @@ impl Live {
     /// Whether a thread or a device has failed; of several failures the first is kept.
     fn has_failed(&mut self) -> bool {
         if self.failure.is_none() {
-            // Of a behaviour that cannot begin again its silence tells; without a device there is no robot.
+            // Of a behavior that cannot begin again its silence tells; without a device there is no robot.
             let mut of_devices =
                 self.roll.failures().iter().filter(|failure| self.devices.contains(&failure.plugin));
             self.failure = of_devices.next().map(|failure| DeviceError::Told(failure.words.clone()));

@@ -45,7 +45,7 @@ impl Lockstep {
     /// Opens everything on a bus within this process; the first step is at time zero.
     ///
     /// # Errors
-    /// Devices or behaviours that do not open.
+    /// Devices or behaviors that do not open.
     pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, SeatError> {
         let bus = Bus::local("lockstep")?;
         plan.create_topics(&bus)?;
@@ -83,7 +83,7 @@ impl Lockstep {
         &mut self.arbiter
     }
 
-    /// Sensors that are due publish, behaviours propose, the arbiter decides, the drive obeys, and `tap` is shown all of it.
+    /// Sensors that are due publish, behaviors propose, the arbiter decides, the drive obeys, and `tap` is shown all of it.
     /// Then time advances. What fails keeps nobody else from their turn.
     ///
     /// # Errors

@@ -37,7 +37,7 @@ pub(super) struct Pacer {
     last: Option<Clock>,
 }
 
-/// A behaviour that takes turns.
+/// A behavior that takes turns.
 struct Member {
     name: Name,
     patience: Duration,
@@ -171,7 +171,7 @@ impl Pacer {
         self.turns.publish(&turn, &[])
     }
 
-    /// Waits until every behaviour has taken the turn. One that is silent for longer than it may be is waited for again when
+    /// Waits until every behavior has taken the turn. One that is silent for longer than it may be is waited for again when
     /// it takes a turn.
     fn wait_for_all(
         &mut self,

@@ -13,20 +13,19 @@ use yamabico_core::message::{
 use yamabico_host::bus::{Bell, Bus, BusError, STREAM_DEPTH, Spec};
 use yamabico_host::config::{self, Clock, InputSource, Task};
 use yamabico_host::{
-    BehaviorPlan, DevicePlan, Durations, Hosting, MOST_CORNERS, MOST_PARAMETERS, MOST_WORDS, Scheduling,
-    topics,
+    BehaviorPlan, DevicePlan, Durations, Hosting, MAX_CORNERS, MAX_PARAMETERS, MAX_WORDS, Scheduling, topics,
 };
 
-use super::roster::MOST_ROSTER;
+use super::roster::MAX_ROSTER;
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviourPolicy, Contest, CriticalSensor, Lateness, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Contest, CriticalSensor, Lateness, Policy, Wire};
 
-/// Items that an output of a behaviour may carry in one message.
-const MOST_OUTPUT_ITEMS: usize = 1024;
+/// Items that an output of a behavior may carry in one message.
+const MAX_OUTPUT_ITEMS: usize = 1024;
 /// Messages of a stream, and pictures, that the recorder may fall behind.
 const STREAM_TAP_DEPTH: usize = 1024;
 const FRAME_TAP_DEPTH: usize = 8;
-/// Readers that a topic has room for beside its behaviours: arbiter, drive, recorder, tools, and the dead.
+/// Readers that a topic has room for beside its behaviors: arbiter, drive, recorder, tools, and the dead.
 const SPARE_READERS: usize = 12;
 
 /// A channel of the run.
@@ -43,13 +42,13 @@ pub struct Topic {
 /// Everything that is opened for a run, in the order in which it acts.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Every channel: sensors, truth, behaviours by priority, decision, command, goal, control.
+    /// Every channel: sensors, truth, behaviors by priority, decision, command, goal, control.
     pub topics: Vec<Topic>,
     /// The devices.
     pub devices: Vec<DevicePlan>,
-    /// The behaviours, highest priority first, then by name.
+    /// The behaviors, highest priority first, then by name.
     pub behaviors: Vec<BehaviorPlan>,
-    /// How proposals become a command; behaviours in the same order.
+    /// How proposals become a command; behaviors in the same order.
     pub policy: Policy,
     /// Live: what is asked of the system's scheduler for the arbiter.
     pub scheduling: Scheduling,
@@ -83,18 +82,18 @@ impl Plan {
         let publishers = 2 * (self.behaviors.len() + self.devices.len());
         let spec =
             |list_bytes| Spec { publishers, subscribers: SPARE_READERS, list_bytes, ..Spec::default() };
-        let buckets = Durations::default().most_buckets() * size_of::<CallBucket>();
-        let corners = MOST_CORNERS * size_of::<WallPoint>();
+        let buckets = Durations::default().max_buckets() * size_of::<CallBucket>();
+        let corners = MAX_CORNERS * size_of::<WallPoint>();
         let told = [
             (topics::HEARTBEATS, MessageType::of::<Heartbeat>(), 0),
             (topics::CALLS, MessageType::of::<CallsHeader>(), buckets),
             (topics::MEMORIES, MessageType::of::<MemoryHeader>(), MAX_MEMORY_BYTES),
-            (topics::FAILURES, MessageType::of::<FailureHeader>(), MOST_WORDS),
+            (topics::FAILURES, MessageType::of::<FailureHeader>(), MAX_WORDS),
             (topics::WALLS, MessageType::of::<WallsHeader>(), corners),
             (topics::PROCESSES, MessageType::of::<ProcessesHeader>(), publishers * size_of::<Process>()),
-            (topics::ROSTER, MessageType::of::<RosterHeader>(), MOST_ROSTER),
-            (topics::RETUNE, MessageType::of::<RetuneHeader>(), MOST_PARAMETERS),
-            (topics::RETUNED, MessageType::of::<RetunedHeader>(), MOST_WORDS),
+            (topics::ROSTER, MessageType::of::<RosterHeader>(), MAX_ROSTER),
+            (topics::RETUNE, MessageType::of::<RetuneHeader>(), MAX_PARAMETERS),
+            (topics::RETUNED, MessageType::of::<RetunedHeader>(), MAX_WORDS),
         ];
         self.topics.extend(told.map(|(name, message, list_bytes)| Topic {
             name: name.to_owned(),
@@ -154,7 +153,7 @@ fn topics(task: &Task) -> Vec<Topic> {
     all.push(topic(topics::TRUTH.into(), MessageType::of::<Truth>(), 2, 0));
     for behavior in &task.behaviors {
         let output = |slot: &SlotInfo| {
-            let bytes = slot.message.item_size * MOST_OUTPUT_ITEMS;
+            let bytes = slot.message.item_size * MAX_OUTPUT_ITEMS;
             topic(topics::output(&behavior.name, &slot.name), slot.message, 2, bytes)
         };
         all.extend(behavior.factory.info().outputs.iter().map(output));
@@ -165,7 +164,7 @@ fn topics(task: &Task) -> Vec<Topic> {
     all.push(topic(topics::COMMAND.into(), MessageType::of::<Command>(), 1, 0));
     all.push(topic(topics::GOAL.into(), MessageType::of::<Goal>(), 1, 0));
     all.push(topic(topics::STICK.into(), MessageType::of::<Stick>(), 4, 0));
-    let control = topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, MOST_PARAMETERS);
+    let control = topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, MAX_PARAMETERS);
     all.push(Topic { spec: Spec { depth: STREAM_DEPTH, ..control.spec }, ..control });
     all
 }
@@ -230,7 +229,7 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
 }
 
 fn policy(task: &Task) -> Policy {
-    let behaviors = task.behaviors.iter().map(|behavior| BehaviourPolicy {
+    let behaviors = task.behaviors.iter().map(|behavior| BehaviorPolicy {
         name: Name::new(&behavior.name),
         priority: behavior.priority,
         critical: behavior.critical,

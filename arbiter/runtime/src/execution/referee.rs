@@ -37,7 +37,7 @@ impl Referee {
         self.commanded == Some(Twist::ZERO) && self.speed < STANDING
     }
 
-    /// From the centre of the robot to the goal, metres; `None` without a goal or before the first position.
+    /// From the center of the robot to the goal, meters; `None` without a goal or before the first position.
     pub fn to_go_m(&self) -> Option<f64> {
         let ([x, y], goal) = (self.position?, self.goal?);
         Some((goal.x_m - x).hypot(goal.y_m - y))

@@ -1,4 +1,4 @@
-//! Changes parameters of behaviours while they run: checked, prepared by all whom it concerns, and only then applied.
+//! Changes parameters of behaviors while they run: checked, prepared by all whom it concerns, and only then applied.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,19 +11,19 @@ use yamabico_core::message::{
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher, Subscriber};
 use yamabico_host::config::retune;
-use yamabico_host::{MOST_PARAMETERS, MOST_WORDS, topics};
+use yamabico_host::{MAX_PARAMETERS, MAX_WORDS, topics};
 
 use super::plan::Plan;
 use crate::supervisor::Supervisor;
 
-/// A behaviour that has not answered by then does not know how to.
+/// A behavior that has not answered by then does not know how to.
 const PREPARING: Duration = Duration::from_secs(3);
 /// Who was ready and has not applied it by then has died, and its successor is asked.
 const AGAIN: Duration = Duration::from_millis(300);
 /// Then it is given up.
 const APPLYING: Duration = Duration::from_secs(5);
 
-/// Changes parameters of a robot's behaviours, one request at a time.
+/// Changes parameters of a robot's behaviors, one request at a time.
 pub(super) struct RetuningDesk {
     parameters: BTreeMap<String, (Arc<dyn BehaviorFactory>, toml::Table)>,
     controls: Subscriber<Control>,
@@ -48,13 +48,13 @@ struct Change {
 
 /// Why parameters are not changed.
 struct Refusal {
-    behaviour: Name,
+    behavior: Name,
     key: Note,
     words: String,
 }
 
 impl RetuningDesk {
-    /// That of the behaviours of `plan`.
+    /// That of the behaviors of `plan`.
     pub fn open(plan: &Plan, bus: &Bus) -> Result<RetuningDesk, BusError> {
         let parameters = plan.behaviors.iter().map(|behavior| {
             (behavior.setup.name.clone(), (Arc::clone(&behavior.factory), behavior.table.clone()))
@@ -101,8 +101,8 @@ impl RetuningDesk {
 
     /// The new tables of parameters of all whom the request names.
     fn check(&self, text: &str) -> Result<BTreeMap<String, toml::Table>, Refusal> {
-        let refusal = |behaviour: &str, words: String| Refusal {
-            behaviour: Name::new(behaviour),
+        let refusal = |behavior: &str, words: String| Refusal {
+            behavior: Name::new(behavior),
             key: Note::default(),
             words,
         };
@@ -113,8 +113,8 @@ impl RetuningDesk {
             let (Some((factory, table)), Some(changes)) = (self.parameters.get(name), changes.as_table())
             else {
                 let names = self.parameters.keys().map(String::as_str);
-                let instead = yamabico_parameters::instead(name, names, "behaviour");
-                return Err(refusal(name, format!("the robot has no behaviour `{name}`: {instead}")));
+                let instead = yamabico_parameters::instead(name, names, "behavior");
+                return Err(refusal(name, format!("the robot has no behavior `{name}`: {instead}")));
             };
             let changed = retune(factory.info(), name, table, changes).map_err(|problems| {
                 let lines = problems.entries().into_iter().map(|entry| {
@@ -123,9 +123,9 @@ impl RetuningDesk {
                 });
                 refusal(name, lines.collect::<Vec<_>>().join("\n"))
             })?;
-            if toml::to_string(&changed).map_or(usize::MAX, |text| text.len()) > MOST_PARAMETERS {
+            if toml::to_string(&changed).map_or(usize::MAX, |text| text.len()) > MAX_PARAMETERS {
                 let words =
-                    format!("its parameters take more than {MOST_PARAMETERS} bytes: put them into a file");
+                    format!("its parameters take more than {MAX_PARAMETERS} bytes: put them into a file");
                 return Err(refusal(name, words));
             }
             tables.insert(name.clone(), changed);
@@ -140,18 +140,18 @@ impl RetuningDesk {
         };
         while let Some(answer) = self.answers.receive()? {
             let header = *answer.header();
-            if header.request != change.request || header.behaviour.is_empty() {
+            if header.request != change.request || header.behavior.is_empty() {
                 continue;
             }
             match (header.outcome(), change.step) {
                 (Some(Retuning::Ready), RetuneStep::Prepare)
                 | (Some(Retuning::Applied), RetuneStep::Apply) => {
-                    change.missing.retain(|name| name != header.behaviour.as_str());
+                    change.missing.retain(|name| name != header.behavior.as_str());
                 }
                 (Some(Retuning::Refused), _) => {
                     let words = String::from_utf8_lossy(answer.items()).into_owned();
                     drop(answer);
-                    let refusal = Refusal { behaviour: header.behaviour, key: header.key, words };
+                    let refusal = Refusal { behavior: header.behavior, key: header.key, words };
                     return self.give_up(change, refusal, now);
                 }
                 _ => {}
@@ -197,8 +197,8 @@ impl RetuningDesk {
     }
 
     fn time_out(&mut self, change: Change, words: &str, now: Time) -> Result<(), BusError> {
-        let behaviour = Name::new(change.missing.first().map_or("", String::as_str));
-        let refusal = Refusal { behaviour, key: Note::default(), words: words.to_owned() };
+        let behavior = Name::new(change.missing.first().map_or("", String::as_str));
+        let refusal = Refusal { behavior, key: Note::default(), words: words.to_owned() };
         self.give_up(change, refusal, now)
     }
 
@@ -219,7 +219,7 @@ impl RetuningDesk {
                 stamp_ns: now.0,
                 sequence: self.sequence,
                 request: change.request,
-                behaviour: Name::new(name),
+                behavior: Name::new(name),
                 step: change.step.code(),
                 reserved: 0,
             };
@@ -232,8 +232,8 @@ impl RetuningDesk {
     fn answer(&mut self, request: u64, outcome: Result<(), Refusal>, now: Time) -> Result<(), BusError> {
         let (outcome, key, words) = match outcome {
             Ok(()) => (Retuning::Applied, Note::default(), String::new()),
-            Err(Refusal { behaviour, key, words }) => {
-                let whose = if behaviour.is_empty() { String::new() } else { format!("{behaviour}: ") };
+            Err(Refusal { behavior, key, words }) => {
+                let whose = if behavior.is_empty() { String::new() } else { format!("{behavior}: ") };
                 (Retuning::Refused, key, whose + &words)
             }
         };
@@ -243,11 +243,11 @@ impl RetuningDesk {
             stamp_ns: now.0,
             sequence: self.answered,
             request,
-            behaviour: Name::default(),
+            behavior: Name::default(),
             key,
             outcome: outcome.code(),
             reserved: 0,
         };
-        self.told.publish(&header, &words.as_bytes()[..words.len().min(MOST_WORDS)])
+        self.told.publish(&header, &words.as_bytes()[..words.len().min(MAX_WORDS)])
     }
 }

@@ -55,12 +55,12 @@ impl Roll {
         &self.failures
     }
 
-    /// Walls that devices know: polylines on the floor, map frame, metres.
+    /// Walls that devices know: polylines on the floor, map frame, meters.
     pub fn walls(&self) -> Vec<Vec<[f64; 2]>> {
         self.walls.values().flatten().cloned().collect()
     }
 
-    /// How each behaviour fared, all its starts together.
+    /// How each behavior fared, all its starts together.
     pub fn records(&self) -> Vec<(String, BehaviorRecord)> {
         let mut all: BTreeMap<&str, BehaviorRecord> = BTreeMap::new();
         for ((name, _), record) in &self.records {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_starts_of_a_behaviour_add_up_and_what_is_told_again_does_not() {
+    fn the_starts_of_a_behavior_add_up_and_what_is_told_again_does_not() {
         let mut roll = Roll::default();
         for (restarts, calls) in [(0, 5), (0, 7), (1, 2)] {
             let header = CallsHeader { plugin: Name::new("a"), restarts, panics: 1, ..Default::default() };

@@ -10,7 +10,7 @@ use yamabico_host::{Hosting, topics};
 use super::plan::Plan;
 
 /// Longest roster, bytes of JSON.
-pub(super) const MOST_ROSTER: usize = 128 * 1024;
+pub(super) const MAX_ROSTER: usize = 128 * 1024;
 
 /// The plugins and topics of a live robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub struct Roster {
     pub robot: String,
     /// The process of arbiter, supervisor and recorder.
     pub pid: u32,
-    /// Devices, then behaviours, the highest priority first.
+    /// Devices, then behaviors, the highest priority first.
     pub plugins: Vec<Enrolled>,
     /// Every topic.
     pub topics: Vec<Posted>,
@@ -30,7 +30,7 @@ pub struct Roster {
 pub struct Enrolled {
     /// Its name in the task or robot file.
     pub name: String,
-    /// Which behaviour or driver it is.
+    /// Which behavior or driver it is.
     pub plugin: String,
     /// Whether it has a process of its own.
     pub own_process: bool,
@@ -38,11 +38,11 @@ pub struct Enrolled {
     pub exec: Vec<String>,
     /// It hangs when it shows no sign of life for longer, seconds.
     pub patience_s: f64,
-    /// What it is held to, where it is a behaviour.
-    pub behaviour: Option<Duties>,
+    /// What it is held to, where it is a behavior.
+    pub behavior: Option<Duties>,
 }
 
-/// What a behaviour is held to.
+/// What a behavior is held to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Duties {
     /// Higher wins.
@@ -77,15 +77,15 @@ impl Roster {
             own_process: own_process(&device.hosting),
             exec: Vec::new(),
             patience_s: device.hosting.patience.as_secs_f64(),
-            behaviour: None,
+            behavior: None,
         });
-        let behaviours = plan.behaviors.iter().map(|behavior| Enrolled {
+        let behaviors = plan.behaviors.iter().map(|behavior| Enrolled {
             name: behavior.setup.name.clone(),
             plugin: behavior.factory.info().name.clone(),
             own_process: own_process(&behavior.hosting),
             exec: behavior.exec.clone(),
             patience_s: behavior.hosting.patience.as_secs_f64(),
-            behaviour: duties(plan, &behavior.setup.name),
+            behavior: duties(plan, &behavior.setup.name),
         });
         let posted = plan.topics.iter().map(|topic| Posted {
             name: topic.name.clone(),
@@ -95,7 +95,7 @@ impl Roster {
         Roster {
             robot: robot.to_owned(),
             pid: std::process::id(),
-            plugins: devices.chain(behaviours).collect(),
+            plugins: devices.chain(behaviors).collect(),
             topics: posted.collect(),
         }
     }
@@ -110,8 +110,8 @@ pub(super) enum MayPart {
     No,
 }
 
-fn duties(plan: &Plan, behaviour: &str) -> Option<Duties> {
-    let policy = &plan.policy.behaviours[plan.policy.find(behaviour)?];
+fn duties(plan: &Plan, behavior: &str) -> Option<Duties> {
+    let policy = &plan.policy.behaviors[plan.policy.find(behavior)?];
     Some(Duties {
         priority: policy.priority,
         max_age_s: policy.max_age.as_secs_f64(),
@@ -125,7 +125,7 @@ fn publisher(plan: &Plan, topic: &str) -> String {
         let is_it = |(sensor, _): &(String, _)| topics::sensor(sensor) == name;
         plan.devices.iter().find(|device| device.sensors.iter().any(is_it))
     };
-    let behaviour = || {
+    let behavior = || {
         let begins = |name: &str| topic.starts_with(&topics::output(name, ""));
         plan.behaviors.iter().map(|behavior| &behavior.setup.name).find(|name| begins(name))
     };
@@ -133,12 +133,12 @@ fn publisher(plan: &Plan, topic: &str) -> String {
         topics::COMMAND | topics::DECISION | topics::GOAL => "arbiter".to_owned(),
         topics::CONTROL | topics::STICK => "operators".to_owned(),
         topics::PROCESSES | topics::ROSTER | topics::RETUNE => "robot".to_owned(),
-        topics::RETUNED | topics::CALLS | topics::MEMORIES => "behaviours".to_owned(),
+        topics::RETUNED | topics::CALLS | topics::MEMORIES => "behaviors".to_owned(),
         topics::TRUTH | topics::WALLS => "simulators".to_owned(),
         topics::HEARTBEATS | topics::FAILURES => "plugins".to_owned(),
         _ => match has(topic) {
             Some(device) => device.spec.name.clone(),
-            None => behaviour().map_or_else(String::new, Clone::clone),
+            None => behavior().map_or_else(String::new, Clone::clone),
         },
     }
 }

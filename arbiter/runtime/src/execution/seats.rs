@@ -9,8 +9,8 @@ use super::arbiter_seat::ArbiterSeat;
 use super::paced::Pacer;
 use super::plan::Plan;
 
-/// Topics that one thread can wait for. The arbiter hears behaviours beyond that, those of the lowest priority, at its tick.
-const MOST_BELLS: usize = 64;
+/// Topics that one thread can wait for. The arbiter hears behaviors beyond that, those of the lowest priority, at its tick.
+const MAX_BELLS: usize = 64;
 
 /// Everything that has been opened and waits for its thread.
 pub(super) struct Seats {
@@ -18,7 +18,7 @@ pub(super) struct Seats {
     pub arbiter: ArbitersSeat,
     /// Where the clock is a driver's.
     pub pacer: Option<Pacer>,
-    /// The behaviours.
+    /// The behaviors.
     pub behaviors: Vec<(BehaviorSeat, Waiter, Pulse, Scheduling, Option<TurnSeat>)>,
     /// The devices, by name.
     pub devices: Vec<(String, DeviceSeat, Waiter, Pulse, Scheduling)>,
@@ -32,10 +32,9 @@ impl Seats {
     pub fn arbiter(plan: &Plan, bus: &Bus) -> Result<ArbitersSeat, SeatError> {
         let arbiter = ArbiterSeat::open(plan, bus)?;
         let period = Duration::from_secs_f64(1.0 / plan.policy.rate_hz);
-        let proposals =
-            plan.policy.behaviours.iter().map(|behavior| topics::proposal(behavior.name.as_str()));
+        let proposals = plan.policy.behaviors.iter().map(|behavior| topics::proposal(behavior.name.as_str()));
         let heard: Vec<String> =
-            std::iter::once(topics::CONTROL.to_owned()).chain(proposals).take(MOST_BELLS).collect();
+            std::iter::once(topics::CONTROL.to_owned()).chain(proposals).take(MAX_BELLS).collect();
         let waiter = bus.waiter(&heard.iter().map(String::as_str).collect::<Vec<_>>())?;
         Ok((arbiter, waiter, period, plan.scheduling))
     }

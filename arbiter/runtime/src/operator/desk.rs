@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const BRAKING: Duration = Duration::from_secs(10);
 /// A request that has not been obeyed for so long is made again.
 const AGAIN: Duration = Duration::from_millis(100);
-/// What a request brings about, such as a stop for want of a critical behaviour, has come about after so long.
+/// What a request brings about, such as a stop for want of a critical behavior, has come about after so long.
 const SETTLING: Duration = Duration::from_millis(500);
 /// From one look at what was decided to the next.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -31,9 +31,9 @@ pub struct Desk {
 /// What is asked of a robot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Let this behaviour be heard.
+    /// Let this behavior be heard.
     Enable(String),
-    /// Let this behaviour not be heard.
+    /// Let this behavior not be heard.
     Disable(String),
     /// Stop, latched until a reset.
     EmergencyStop,
@@ -60,9 +60,9 @@ pub enum RequestError {
     /// No such robot runs, or the bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// The robot has no such behaviour.
-    #[error("the robot has no behaviour `{name}`: {instead}")]
-    NoSuchBehaviour {
+    /// The robot has no such behavior.
+    #[error("the robot has no behavior `{name}`: {instead}")]
+    NoSuchBehavior {
         /// What was asked for.
         name: String,
         /// What it has.
@@ -96,7 +96,7 @@ impl Desk {
     /// Asks, and waits until a decision shows that the robot obeyed; of an emergency stop, until no motion is commanded.
     ///
     /// # Errors
-    /// It has no such behaviour, or did not obey.
+    /// It has no such behavior, or did not obey.
     pub fn ask(&mut self, request: &Request) -> Result<Obeyed, RequestError> {
         if *request == Request::EmergencyStop {
             // Whatever is to be found out comes after.
@@ -181,14 +181,14 @@ impl Request {
         Control { stamp_ns: asked.0, sequence, kind: kind.code(), target, ..Control::default() }
     }
 
-    /// Refuses a behaviour that the robot does not have.
+    /// Refuses a behavior that the robot does not have.
     fn check(&self, told: &Told) -> Result<(), RequestError> {
         let (Request::Enable(name) | Request::Disable(name)) = self else { return Ok(()) };
         if told.verdict(name).is_some() {
             return Ok(());
         }
-        let names = told.verdicts.iter().map(|verdict| verdict.behaviour.as_str());
-        Err(RequestError::NoSuchBehaviour { name: name.clone(), instead: instead(name, names, "behaviour") })
+        let names = told.verdicts.iter().map(|verdict| verdict.behavior.as_str());
+        Err(RequestError::NoSuchBehavior { name: name.clone(), instead: instead(name, names, "behavior") })
     }
 
     fn is_obeyed(&self, told: &Told) -> bool {

@@ -29,20 +29,20 @@ pub struct Operator {
 /// A place to go to, map frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Metres.
+    /// Meters.
     pub x_m: f64,
-    /// Metres.
+    /// Meters.
     pub y_m: f64,
     /// Radians, left positive; `None` where any heading will do.
     pub heading: Option<f64>,
-    /// How near is there, metres.
+    /// How near is there, meters.
     pub tolerance_m: f64,
 }
 
 /// Why a robot is not on its way to a goal.
 #[derive(Debug, thiserror::Error)]
 pub enum GoalError {
-    /// No such robot runs, or it has no such behaviour.
+    /// No such robot runs, or it has no such behavior.
     #[error(transparent)]
     Bus(#[from] BusError),
     /// The request was not handed on.
@@ -57,16 +57,16 @@ pub enum GoalError {
          `goal` plugged into \"operator\"?"
     )]
     NoPath {
-        /// The behaviour that plans.
+        /// The behavior that plans.
         follower: String,
     },
 }
 
 impl Operator {
-    /// Joins the running robot of this name, whose behaviour `follower` plans paths.
+    /// Joins the running robot of this name, whose behavior `follower` plans paths.
     ///
     /// # Errors
-    /// No such robot runs, or it has no such behaviour.
+    /// No such robot runs, or it has no such behavior.
     pub fn join(robot: &str, follower: &str) -> Result<Operator, BusError> {
         let bus = Bus::join(robot)?;
         Ok(Operator {
@@ -78,7 +78,7 @@ impl Operator {
         })
     }
 
-    /// Sends the robot to `place` and waits until it has a path there; metres that it has to go.
+    /// Sends the robot to `place` and waits until it has a path there; meters that it has to go.
     ///
     /// # Errors
     /// It did not hear, or found no path.
@@ -118,7 +118,7 @@ impl Operator {
         }
     }
 
-    /// Metres along the path to `place` by the newest news; `None` without news, or while the path leads elsewhere.
+    /// Meters along the path to `place` by the newest news; `None` without news, or while the path leads elsewhere.
     ///
     /// # Errors
     /// The transport failed.

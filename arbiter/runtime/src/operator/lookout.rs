@@ -68,10 +68,10 @@ impl Lookout {
     pub fn join(robot: &str) -> Result<Lookout, LookError> {
         let bus = Bus::join(robot)?;
         let roster = Roster::of_robot(&bus)?;
-        let behaviours = || roster.plugins.iter().filter_map(|plugin| Some((plugin, plugin.behaviour?)));
-        let proposals = behaviours().map(|(plugin, _)| bus.subscriber(&topics::proposal(&plugin.name)));
-        let terms = behaviours().map(|(plugin, duties)| Terms {
-            behaviour: plugin.name.clone(),
+        let behaviors = || roster.plugins.iter().filter_map(|plugin| Some((plugin, plugin.behavior?)));
+        let proposals = behaviors().map(|(plugin, _)| bus.subscriber(&topics::proposal(&plugin.name)));
+        let terms = behaviors().map(|(plugin, duties)| Terms {
+            behavior: plugin.name.clone(),
             max_age_s: duties.max_age_s,
             max_evidence_age_s: duties.max_evidence_age_s,
             deadline_s: duties.deadline_s,
@@ -136,7 +136,7 @@ impl Lookout {
         let told = told.map(|told| Told { header: *told.header(), verdicts: told.items().to_vec() });
         for subscriber in &self.proposals {
             let Some(proposal) = subscriber.newest()?.map(|proposal| *proposal.header()) else { continue };
-            match self.scene.proposals.iter_mut().find(|known| known.behaviour == proposal.behaviour) {
+            match self.scene.proposals.iter_mut().find(|known| known.behavior == proposal.behavior) {
                 Some(known) => *known = proposal,
                 None => self.scene.proposals.push(proposal),
             }

@@ -1,4 +1,4 @@
-//! Somebody outside a running robot: sends it to goals, switches its behaviours, stops it, and looks at what it does.
+//! Somebody outside a running robot: sends it to goals, switches its behaviors, stops it, and looks at what it does.
 
 mod desk;
 mod goal;

@@ -13,7 +13,7 @@ use super::lookout::{LookError, Lookout};
 use crate::execution::{Enrolled, Roster, topics};
 use yamabico_arbiter::decide::Told;
 
-/// Longest time to listen: somewhat more than the half second after which behaviours tell of their calls again.
+/// Longest time to listen: somewhat more than the half second after which behaviors tell of their calls again.
 const LISTENING: Duration = Duration::from_millis(1200);
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -22,9 +22,9 @@ const PAUSE: Duration = Duration::from_millis(5);
 pub struct Mustered {
     /// Its name.
     pub name: String,
-    /// `behaviour` or `device`.
+    /// `behavior` or `device`.
     pub kind: &'static str,
-    /// Which behaviour or driver it is.
+    /// Which behavior or driver it is.
     pub plugin: String,
     /// How it fares.
     pub state: String,
@@ -36,9 +36,9 @@ pub struct Mustered {
     pub restarts: u32,
     /// Age of its last sign of life, seconds; `None` where none was heard.
     pub beat_age_s: Option<f64>,
-    /// How its calls went, where it is a behaviour that has told.
+    /// How its calls went, where it is a behavior that has told.
     pub calls: Option<Calls>,
-    /// Its priority, where it is a behaviour.
+    /// Its priority, where it is a behavior.
     pub priority: Option<i32>,
     /// What became of its newest proposal.
     pub outcome: Option<&'static str>,
@@ -50,7 +50,7 @@ pub struct Mustered {
     pub said: Option<Word>,
 }
 
-/// The calls of a behaviour since it was started.
+/// The calls of a behavior since it was started.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calls {
     /// How many.
@@ -111,7 +111,7 @@ impl Heard {
     fn is_complete(&self, roster: &Roster) -> bool {
         let has_told = |plugin: &Enrolled| {
             self.beats.contains_key(&plugin.name)
-                && (plugin.behaviour.is_none() || self.calls.contains_key(&plugin.name))
+                && (plugin.behavior.is_none() || self.calls.contains_key(&plugin.name))
         };
         self.told.is_some() && roster.plugins.iter().all(has_told)
     }
@@ -155,7 +155,7 @@ impl Heard {
         let pid = process.map_or_else(|| (!plugin.own_process).then_some(robot_pid), |p| Some(p.pid));
         Mustered {
             name: plugin.name.clone(),
-            kind: if plugin.behaviour.is_some() { "behaviour" } else { "device" },
+            kind: if plugin.behavior.is_some() { "behavior" } else { "device" },
             plugin: plugin.plugin.clone(),
             state: state(beat, process),
             pid: pid.filter(|pid| *pid != 0),
@@ -163,7 +163,7 @@ impl Heard {
             restarts: process.map_or(beat.map_or(0, |beat| beat.restarts), |process| process.restarts),
             beat_age_s: beat.map(|beat| age_s(beat.stamp_ns)),
             calls: self.calls.get(&plugin.name).copied(),
-            priority: plugin.behaviour.map(|duties| duties.priority),
+            priority: plugin.behavior.map(|duties| duties.priority),
             outcome: verdict.and_then(Verdict::outcome).map(Outcome::as_str),
             by: verdict.map(|verdict| verdict.by.as_str().to_owned()).filter(|by| !by.is_empty()),
             last_end: process.and_then(|process| word(&process.ended, process.ended_ns)),

@@ -1,15 +1,15 @@
-//! Somebody outside who changes parameters of behaviours that run.
+//! Somebody outside who changes parameters of behaviors that run.
 
 use std::time::{Duration, Instant};
 
 use yamabico_core::message::{Control, ControlKind, RetunedHeader, Retuning};
 use yamabico_core::time::Time;
-use yamabico_host::MOST_PARAMETERS;
+use yamabico_host::MAX_PARAMETERS;
 use yamabico_host::bus::{Bus, BusError};
 
 use crate::execution::topics;
 
-/// How long the robot may take to answer: longer than it waits for its behaviours.
+/// How long the robot may take to answer: longer than it waits for its behaviors.
 const PATIENCE: Duration = Duration::from_secs(10);
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -20,7 +20,7 @@ pub enum RetuneError {
     #[error(transparent)]
     Bus(#[from] BusError),
     /// What is asked cannot be written down.
-    #[error("too much at once: at most {MOST_PARAMETERS} bytes")]
+    #[error("too much at once: at most {MAX_PARAMETERS} bytes")]
     TooLong,
     /// The robot refused all of it.
     #[error("nothing was changed: {}{words}", if key.is_empty() { String::new() } else { format!("`{key}`: ") })]
@@ -35,14 +35,14 @@ pub enum RetuneError {
     Silent,
 }
 
-/// Asks the running robot of this name to change parameters: a table of keys for each behaviour. All of it or nothing is
+/// Asks the running robot of this name to change parameters: a table of keys for each behavior. All of it or nothing is
 /// done; returns when it is, with the time that it took.
 ///
 /// # Errors
 /// The robot refused, or did not answer.
 pub fn retune(robot: &str, changes: &toml::Table) -> Result<Duration, RetuneError> {
     let text = toml::to_string(changes).map_err(|_| RetuneError::TooLong)?;
-    if text.len() > MOST_PARAMETERS {
+    if text.len() > MAX_PARAMETERS {
         return Err(RetuneError::TooLong);
     }
     let bus = Bus::join(robot)?;
@@ -56,7 +56,7 @@ pub fn retune(robot: &str, changes: &toml::Table) -> Result<Duration, RetuneErro
     while began.elapsed() < PATIENCE {
         while let Some(answer) = answers.receive()? {
             let header = answer.header();
-            if header.request != asked.0 || !header.behaviour.is_empty() {
+            if header.request != asked.0 || !header.behavior.is_empty() {
                 continue;
             }
             return match header.outcome() {

@@ -71,7 +71,7 @@ pub(super) fn mounted(frame_id: &str, body_from_camera: &Isometry3<f64>) -> Fram
 pub(super) struct Chain {
     odom_from_base: Option<Pose2>,
     map_from_odom: Option<Pose2>,
-    localised: bool,
+    localized: bool,
 }
 
 impl Chain {
@@ -85,17 +85,17 @@ impl Chain {
         vec![transform(stamp_ns, MAP, ODOM, &map_from_odom), transform(stamp_ns, ODOM, BASE, &odom_from_base)]
     }
 
-    /// A behaviour knows where the robot is.
-    pub fn localised(&mut self, map_from_base: &Pose2) {
+    /// A behavior knows where the robot is.
+    pub fn localized(&mut self, map_from_base: &Pose2) {
         if map_from_base.is_finite() {
-            self.localised = true;
+            self.localized = true;
             self.map_from_odom = Some(self.origin_of_odometry(map_from_base));
         }
     }
 
     /// The judge knows where the robot is.
     pub fn truth(&mut self, map_from_base: &Pose2) {
-        let first = !self.localised && self.map_from_odom.is_none_or(|known| known == Pose2::IDENTITY);
+        let first = !self.localized && self.map_from_odom.is_none_or(|known| known == Pose2::IDENTITY);
         if first && map_from_base.is_finite() {
             self.map_from_odom = Some(self.origin_of_odometry(map_from_base));
         }
@@ -124,7 +124,7 @@ mod tests {
         assert_eq!((translation(&moved, 0), translation(&moved, 1)), ((2.0, 1.0), (0.5, 0.0)));
         chain.truth(&Pose2::new(9.0, 9.0, 0.0));
         assert_eq!(translation(&chain.odometry(2, Pose2::new(0.5, 0.0, 0.0)), 0), (2.0, 1.0));
-        chain.localised(&Pose2::new(2.6, 1.1, 0.0));
+        chain.localized(&Pose2::new(2.6, 1.1, 0.0));
         let corrected = translation(&chain.odometry(3, Pose2::new(0.5, 0.0, 0.0)), 0);
         assert!((corrected.0 - 2.1).abs() < 1e-12 && (corrected.1 - 1.1).abs() < 1e-12);
     }

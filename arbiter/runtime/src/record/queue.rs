@@ -7,9 +7,9 @@ use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
 
 /// Bytes of messages that may wait for the writer.
-const MOST_BYTES: usize = 64 << 20;
+const MAX_BYTES: usize = 64 << 20;
 /// Messages that may wait for the writer.
-const MOST_MESSAGES: usize = 16_384;
+const MAX_MESSAGES: usize = 16_384;
 /// What a waiting message takes besides its bytes.
 const OVERHEAD: usize = 128;
 /// Memory of a batch that is kept for later ones; what a burst took beyond it is given back.
@@ -60,7 +60,7 @@ impl Batch {
 
     /// A batch that is empty takes a message of any size.
     fn has_room(&self) -> bool {
-        self.slots.len() < MOST_MESSAGES && self.size() < MOST_BYTES
+        self.slots.len() < MAX_MESSAGES && self.size() < MAX_BYTES
     }
 
     fn push(&mut self, entry: &Entry) {
@@ -105,7 +105,7 @@ struct State {
 impl Queue {
     /// Whether `more` bytes would be taken now, with a share of the room left over for what is small.
     pub fn has_room_for(&self, more: usize) -> bool {
-        self.lock().waiting.size() + more <= MOST_BYTES / 2
+        self.lock().waiting.size() + more <= MAX_BYTES / 2
     }
 
     /// Adds a message where there is room and a writer; whether it was taken.
@@ -214,8 +214,8 @@ mod tests {
     #[test]
     fn is_bounded_and_a_gone_writer_blocks_nobody() {
         let queue = Queue::default();
-        assert!(queue.has_room_for(MOST_BYTES / 2));
-        assert!(offer(&queue, "a", MOST_BYTES));
+        assert!(queue.has_room_for(MAX_BYTES / 2));
+        assert!(offer(&queue, "a", MAX_BYTES));
         assert!(!queue.has_room_for(1));
         assert!(!offer(&queue, "a", 1));
         let writer = queue.clone();

@@ -8,7 +8,7 @@ use super::frames::{BASE, timestamp, vector, yaw};
 /// Rays of a scan that stands for sonar cones lie at most this far apart, radians.
 const RAY_STEP_RAD: f64 = 2.5 * std::f64::consts::PI / 180.0;
 /// More rays than this are no scan.
-const MOST_RAYS: f64 = 4096.0;
+const MAX_RAYS: f64 = 4096.0;
 
 /// The scan in the robot frame; `None` without a beam whose direction is finite.
 ///
@@ -25,7 +25,7 @@ pub(super) fn laser_scan(header: &RangeScanHeader, beams: &[Beam]) -> Option<Las
     let end = known().map(|beam| beam.azimuth_rad + half_cone(beam)).fold(f64::NEG_INFINITY, f64::max);
     let narrow = known().all(|beam| beam.cone_rad < RAY_STEP_RAD);
     let gaps = if narrow { (count - 1) as f64 } else { ((end - start) / RAY_STEP_RAD).ceil() };
-    if gaps > MOST_RAYS {
+    if gaps > MAX_RAYS {
         return None;
     }
     let step = if gaps > 0.0 { (end - start) / gaps } else { 0.0 };

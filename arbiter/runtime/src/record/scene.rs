@@ -19,7 +19,7 @@ const CORNERS: usize = 24;
 const SLOWEST_MPS: f64 = 0.01;
 
 const BLACK: Color = Color { r: 0.1, g: 0.1, b: 0.1, a: 1.0 };
-const GREY: Color = Color { r: 0.6, g: 0.6, b: 0.6, a: 0.5 };
+const GRAY: Color = Color { r: 0.6, g: 0.6, b: 0.6, a: 0.5 };
 const RED: Color = Color { r: 0.85, g: 0.15, b: 0.15, a: 1.0 };
 const ORANGE: Color = Color { r: 0.95, g: 0.55, b: 0.1, a: 1.0 };
 const GREEN: Color = Color { r: 0.1, g: 0.6, b: 0.3, a: 1.0 };
@@ -35,7 +35,7 @@ pub(super) fn footprint(radius_m: f64) -> SceneUpdate {
     shown(entity)
 }
 
-/// The cones of a scan, as far as they are free; red with an echo, grey to the farthest range without.
+/// The cones of a scan, as far as they are free; red with an echo, gray to the farthest range without.
 pub(super) fn cones(topic: &str, header: &RangeScanHeader, beams: &[Beam]) -> SceneUpdate {
     let mut entity = entity(header.stamp_ns, BASE, topic);
     entity.lines = beams.iter().filter_map(|beam| cone(header, beam)).collect();
@@ -45,7 +45,7 @@ pub(super) fn cones(topic: &str, header: &RangeScanHeader, beams: &[Beam]) -> Sc
 fn cone(header: &RangeScanHeader, beam: &Beam) -> Option<LinePrimitive> {
     let (range_m, color) = match beam.echo_m() {
         Some(range_m) => (range_m, RED),
-        None => (header.max_m, GREY),
+        None => (header.max_m, GRAY),
     };
     let numbers = [range_m, beam.azimuth_rad, beam.cone_rad, beam.x_m, beam.y_m];
     if numbers.iter().any(|number| !number.is_finite()) {
@@ -63,7 +63,7 @@ fn cone(header: &RangeScanHeader, beam: &Beam) -> Option<LinePrimitive> {
 /// A drive as the path that it would take, a halt or a limit as words; an abstention takes the author's drawing away.
 pub(super) fn proposal(topic: &str, proposal: &Proposal) -> SceneUpdate {
     let mut entity = entity(proposal.stamp_ns, BASE, topic);
-    let author = proposal.behaviour.as_str();
+    let author = proposal.behavior.as_str();
     let reason = proposal.reason().map_or("unknown reason", Reason::as_str);
     match proposal.kind() {
         Some(Kind::Drive) if proposal.twist.is_finite() => motion(&mut entity, &proposal.twist, BLUE, 0.02),

@@ -74,7 +74,7 @@ impl Journal {
             let note = proposal.note.as_str();
             let says_more = !note.is_empty() && note != reason;
             let note = if says_more { format!(" ({note})") } else { String::new() };
-            line(proposal.stamp_ns, level, proposal.behaviour.as_str(), format!("{kind}: {reason}{note}"))
+            line(proposal.stamp_ns, level, proposal.behavior.as_str(), format!("{kind}: {reason}{note}"))
         })
     }
 
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn a_change_of_mind_is_one_line() {
         let mut journal = Journal::default();
-        let halt = Proposal { behaviour: Name::new("sonar-halt"), ..Proposal::halt(Axes::ALL, Reason::Echo) }
+        let halt = Proposal { behavior: Name::new("sonar-halt"), ..Proposal::halt(Axes::ALL, Reason::Echo) }
             .with_note(format_args!("0.41 m ahead"));
         let log = journal.proposal("p", &halt).unwrap();
         assert_eq!((log.name.as_str(), log.message.as_str()), ("sonar-halt", "halt: echo (0.41 m ahead)"));

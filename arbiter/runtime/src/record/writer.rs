@@ -101,7 +101,7 @@ impl Writer {
             Pose::NAME => {
                 let Some(pose) = header::<Pose>(entry) else { return };
                 let at = Pose2::new(pose.x, pose.y, pose.theta);
-                self.chain.localised(&at);
+                self.chain.localized(&at);
                 self.pose(topic, time, pose.stamp_ns, MAP, &at);
             }
             Truth::NAME => {

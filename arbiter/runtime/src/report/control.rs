@@ -6,7 +6,7 @@ use serde::Serialize;
 use yamabico_core::message::{Axis, DecisionHeader, Kind, Mode, Outcome, Reason, Verdict};
 use yamabico_core::time::Time;
 
-/// In control while no behaviour is.
+/// In control while no behavior is.
 const NOBODY: &str = "nobody";
 /// In control from the start of the run until no part stops the robot for want of its first reading.
 const FIRST_READINGS: &str = "wait for first readings";
@@ -18,7 +18,7 @@ pub struct Halt {
     pub begin_s: f64,
     /// How long it lasted, seconds; up to the run's end where it was never released.
     pub duration_s: f64,
-    /// Who halted; the mode in words where no behaviour did.
+    /// Who halted; the mode in words where no behavior did.
     pub by: String,
 }
 
@@ -84,7 +84,7 @@ impl ControlLog {
         log.halts
     }
 
-    /// Seconds that each behaviour was in control; what was in control while no behaviour was goes by its own name.
+    /// Seconds that each behavior was in control; what was in control while no behavior was goes by its own name.
     pub fn time_s(&self) -> &BTreeMap<String, f64> {
         &self.time_s
     }
@@ -106,7 +106,7 @@ fn halter(header: &DecisionHeader, verdicts: &[Verdict]) -> Option<String> {
         Some(mode @ (Mode::CriticalSilent | Mode::EmergencyStop)) => Some(mode.as_str().to_owned()),
         Some(Mode::Halted) if header.halted.contains(Axis::Linear) => {
             let author = halting(verdicts);
-            Some(author.map_or(Mode::Halted.as_str(), |verdict| verdict.behaviour.as_str()).to_owned())
+            Some(author.map_or(Mode::Halted.as_str(), |verdict| verdict.behavior.as_str()).to_owned())
         }
         _ => None,
     }
@@ -144,7 +144,7 @@ fn driver(verdicts: &[Verdict]) -> String {
             if !owner.is_empty() {
                 owner.push('+');
             }
-            owner.push_str(verdict.behaviour.as_str());
+            owner.push_str(verdict.behavior.as_str());
         }
     }
     if owner.is_empty() { NOBODY.to_owned() } else { owner }
@@ -155,10 +155,10 @@ mod tests {
     use super::*;
     use yamabico_core::message::{Axes, Name};
 
-    fn verdict(behaviour: &str, outcome: Outcome, kind: Kind) -> Verdict {
-        let behaviour = Name::new(behaviour);
+    fn verdict(behavior: &str, outcome: Outcome, kind: Kind) -> Verdict {
+        let behavior = Name::new(behavior);
         let (outcome, kind) = (outcome.code(), kind.code());
-        Verdict { behaviour, outcome, kind, claimed: Axes::PLANAR, ..Verdict::default() }
+        Verdict { behavior, outcome, kind, claimed: Axes::PLANAR, ..Verdict::default() }
     }
 
     fn decision(seconds: f64, mode: Mode, halted: Axes) -> DecisionHeader {

@@ -6,9 +6,9 @@ use yamabico_core::time::Time;
 
 use super::STANDING_MPS;
 
-/// Nearer than this a person is met, metres from the footprint.
+/// Nearer than this a person is met, meters from the footprint.
 const MEETING_M: f64 = 1.0;
-/// Farther than this the meeting is over, metres.
+/// Farther than this the meeting is over, meters.
 const PARTING_M: f64 = 1.2;
 
 /// One meeting with people.
@@ -18,15 +18,15 @@ pub struct Encounter {
     pub begin_s: f64,
     /// When nobody was near any more; the run's end where it did not come to that.
     pub end_s: f64,
-    /// Where the robot was when the person was nearest, map frame, metres.
+    /// Where the robot was when the person was nearest, map frame, meters.
     pub x: f64,
-    /// Where the robot was when the person was nearest, map frame, metres.
+    /// Where the robot was when the person was nearest, map frame, meters.
     pub y: f64,
-    /// Smallest distance from the footprint, metres.
+    /// Smallest distance from the footprint, meters.
     pub nearest_m: f64,
-    /// Smallest distance while the robot moved by itself, metres; `None` where it stood all the time.
+    /// Smallest distance while the robot moved by itself, meters; `None` where it stood all the time.
     pub nearest_moving_m: Option<f64>,
-    /// Distance at each moment when it came to stand, metres; empty where it never stood.
+    /// Distance at each moment when it came to stand, meters; empty where it never stood.
     pub stood_at_m: Vec<f64>,
 }
 

@@ -7,7 +7,7 @@ use yamabico_core::message::Proposal;
 use yamabico_core::time::Time;
 use yamabico_host::Durations;
 
-/// The stages of one behaviour's proposals, counted by duration. Taking one in does not allocate.
+/// The stages of one behavior's proposals, counted by duration. Taking one in does not allocate.
 #[derive(Clone, Debug, Default)]
 pub struct Latency {
     waiting: Durations,
@@ -33,12 +33,12 @@ impl Latency {
         self.whole.add(sent.since(evidence));
     }
 
-    /// Counts a command that rested on data older than the behaviour's budget.
+    /// Counts a command that rested on data older than the behavior's budget.
     pub fn add_late(&mut self) {
         self.late += 1;
     }
 
-    /// In numbers; `budget` is that of the behaviour.
+    /// In numbers; `budget` is that of the behavior.
     pub fn figures(&self, budget: Option<Duration>) -> LatencyFigures {
         LatencyFigures {
             captured_to_received: Spread::of(&self.waiting),
@@ -52,11 +52,11 @@ impl Latency {
     }
 }
 
-/// How long each stage of a behaviour's proposals took: from the capture of the oldest sensor data in them to the first command
+/// How long each stage of a behavior's proposals took: from the capture of the oldest sensor data in them to the first command
 /// that took them into account. On the clock of the run: in lockstep, computing takes no time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct LatencyFigures {
-    /// Until the behaviour was handed the data.
+    /// Until the behavior was handed the data.
     pub captured_to_received: Spread,
     /// Until its proposal was sent.
     pub received_to_proposed: Spread,
@@ -66,7 +66,7 @@ pub struct LatencyFigures {
     pub heard_to_commanded: Spread,
     /// All stages together.
     pub captured_to_commanded: Spread,
-    /// The behaviour's latency budget, where it has one.
+    /// The behavior's latency budget, where it has one.
     pub budget_ms: Option<f64>,
     /// Commands of it that rested on older data.
     pub late_commands: u64,

@@ -13,7 +13,7 @@ mod trajectory;
 pub use control::{ControlLog, Halt};
 pub use encounter::{Encounter, Encounters};
 pub use latency::{Latency, LatencyFigures, Spread};
-pub use summary::{BehaviourSummary, Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
+pub use summary::{BehaviorSummary, Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
 pub use trace::{HaltMark, Trace, TracePoint, Way};
 pub use trajectory::{Corner, PictureError, draw_trajectory, write_trajectory};
 

@@ -17,9 +17,9 @@ use crate::record::{Digest, Tap};
 /// The line that a robot should keep to: through a point of the map, in a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ReferenceLine {
-    /// A point on it, map frame, metres.
+    /// A point on it, map frame, meters.
     pub x: f64,
-    /// A point on it, map frame, metres.
+    /// A point on it, map frame, meters.
     pub y: f64,
     /// Its direction, map frame, radians.
     pub theta: f64,
@@ -33,7 +33,7 @@ impl Default for ReferenceLine {
 }
 
 impl ReferenceLine {
-    /// How far a point of the map lies left of the line, metres.
+    /// How far a point of the map lies left of the line, meters.
     pub fn offset_m(&self, x: f64, y: f64) -> f64 {
         let (sin, cos) = self.theta.sin_cos();
         (y - self.y) * cos - (x - self.x) * sin
@@ -47,9 +47,9 @@ pub struct Ending {
     pub arrived: bool,
     /// Wall-clock time that the run took, seconds.
     pub wall_s: f64,
-    /// Wall-clock figures of each behaviour, by name.
+    /// Wall-clock figures of each behavior, by name.
     pub timings: BTreeMap<String, Timing>,
-    /// The stages of each behaviour's proposals, by name.
+    /// The stages of each behavior's proposals, by name.
     pub latencies: BTreeMap<String, LatencyFigures>,
     /// Live: how late the arbiter woke at its ticks.
     pub tick_lateness: Spread,
@@ -57,7 +57,7 @@ pub struct Ending {
     pub restarts: BTreeMap<String, u32>,
 }
 
-/// Wall-clock figures of one behaviour.
+/// Wall-clock figures of one behavior.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Timing {
     /// Calls of `propose`.
@@ -72,9 +72,9 @@ pub struct Timing {
     pub panics: u32,
 }
 
-/// One behaviour's part in a run.
+/// One behavior's part in a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct BehaviourSummary {
+pub struct BehaviorSummary {
     /// Wall-clock figures.
     #[serde(flatten)]
     pub timing: Timing,
@@ -93,7 +93,7 @@ pub struct BehaviourSummary {
 pub struct RunSummary {
     /// Whether the robot reached its goal.
     pub arrived: bool,
-    /// Path length, metres: the truth's, or else the odometry's.
+    /// Path length, meters: the truth's, or else the odometry's.
     pub distance_m: f64,
     /// Time of the first message on the run's clock, seconds.
     pub began_s: f64,
@@ -103,22 +103,22 @@ pub struct RunSummary {
     pub contacts: Option<u32>,
     /// Times that a person walked into the standing robot.
     pub struck: Option<u32>,
-    /// From the footprint to the nearest thing, metres.
+    /// From the footprint to the nearest thing, meters.
     pub smallest_clearance_m: Option<f64>,
-    /// From the footprint to the nearest person while the robot stood, metres; `None` where that never happened.
+    /// From the footprint to the nearest person while the robot stood, meters; `None` where that never happened.
     pub smallest_person_standing_m: Option<f64>,
-    /// From the footprint to the nearest person while the robot moved, metres; `None` where that never happened.
+    /// From the footprint to the nearest person while the robot moved, meters; `None` where that never happened.
     pub smallest_person_moving_m: Option<f64>,
-    /// Root mean square of the distance from the reference line over the path, metres; standing has no weight.
+    /// Root mean square of the distance from the reference line over the path, meters; standing has no weight.
     pub rms_offset_m: Option<f64>,
     /// Meetings with people.
     pub encounters: Vec<Encounter>,
     /// Times that the arbiter kept the robot from moving forward, once the first readings were there.
     pub halts: Vec<Halt>,
-    /// Seconds that each behaviour was in control; what was in control while no behaviour was goes by its own name.
+    /// Seconds that each behavior was in control; what was in control while no behavior was goes by its own name.
     pub control_s: BTreeMap<String, f64>,
-    /// Each behaviour's part.
-    pub behaviours: BTreeMap<String, BehaviourSummary>,
+    /// Each behavior's part.
+    pub behaviors: BTreeMap<String, BehaviorSummary>,
     /// Live: how late the arbiter woke at its ticks.
     pub tick_lateness: Spread,
     /// Live: how often each plugin was started again, by name.
@@ -140,7 +140,7 @@ pub struct SummaryTap {
     digest: Digest,
     control: ControlLog,
     encounters: Encounters,
-    behaviours: BTreeMap<String, BehaviourSummary>,
+    behaviors: BTreeMap<String, BehaviorSummary>,
     truth: Option<Truth>,
     odometry: Option<Pose2>,
     odometry_m: f64,
@@ -167,7 +167,7 @@ impl SummaryTap {
             digest: Digest::new(),
             control: ControlLog::default(),
             encounters: Encounters::default(),
-            behaviours: BTreeMap::new(),
+            behaviors: BTreeMap::new(),
             truth: None,
             odometry: None,
             odometry_m: 0.0,
@@ -189,11 +189,11 @@ impl SummaryTap {
     /// The numbers of the run that ended so.
     pub fn finish(mut self, ending: Ending) -> RunSummary {
         for (name, timing) in ending.timings {
-            self.behaviours.entry(name).or_default().timing = timing;
+            self.behaviors.entry(name).or_default().timing = timing;
         }
         for (name, latency) in ending.latencies {
             if latency.captured_to_commanded.count > 0 {
-                self.behaviours.entry(name).or_default().latency = Some(latency);
+                self.behaviors.entry(name).or_default().latency = Some(latency);
             }
         }
         let time_s = self.first.map_or(0.0, |first| self.last.since(first).as_secs_f64());
@@ -212,7 +212,7 @@ impl SummaryTap {
             encounters: self.encounters.list(),
             halts: self.control.halts(),
             control_s: self.control.time_s().clone(),
-            behaviours: self.behaviours,
+            behaviors: self.behaviors,
             tick_lateness: ending.tick_lateness,
             restarts: ending.restarts,
             topics: self.digest.counts().clone(),
@@ -248,16 +248,16 @@ impl SummaryTap {
     }
 
     fn add_proposal(&mut self, proposal: &Proposal) {
-        let name = proposal.behaviour.as_str();
-        if !self.behaviours.contains_key(name) {
-            self.behaviours.insert(name.to_owned(), BehaviourSummary::default());
+        let name = proposal.behavior.as_str();
+        if !self.behaviors.contains_key(name) {
+            self.behaviors.insert(name.to_owned(), BehaviorSummary::default());
         }
-        let Some(behaviour) = self.behaviours.get_mut(name) else { return };
-        behaviour.proposals += 1;
+        let Some(behavior) = self.behaviors.get_mut(name) else { return };
+        behavior.proposals += 1;
         if proposal.kind() == Some(Kind::Abstain) {
-            behaviour.abstentions += 1;
+            behavior.abstentions += 1;
             let reason = proposal.reason().map_or("unknown", Reason::as_str);
-            *behaviour.reasons.entry(reason).or_default() += 1;
+            *behavior.reasons.entry(reason).or_default() += 1;
         }
     }
 }
@@ -345,7 +345,7 @@ mod tests {
         assert_eq!(summary.smallest_person_moving_m, None);
         assert_eq!((summary.contacts, summary.struck), (Some(0), Some(2)));
         assert_eq!((summary.encounters.len(), summary.topics["truth"]), (1, 201));
-        assert_eq!((summary.behaviours["wall"].timing.calls, summary.digest.len()), (5, 64));
+        assert_eq!((summary.behaviors["wall"].timing.calls, summary.digest.len()), (5, 64));
     }
 
     #[test]
@@ -362,14 +362,14 @@ mod tests {
     #[test]
     fn abstentions_halts_and_control_are_counted() {
         let mut tap = SummaryTap::new(ReferenceLine::default());
-        let named = |proposal| Proposal { behaviour: Name::new("wall"), ..proposal };
+        let named = |proposal| Proposal { behavior: Name::new("wall"), ..proposal };
         let drive = named(Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.0)));
         send(&mut tap, "proposal/wall", 0.0, &drive, &[]);
         for _ in 0..3 {
             send(&mut tap, "proposal/wall", 0.1, &named(Proposal::abstain(Reason::NoWall)), &[]);
         }
         let verdict =
-            Verdict { behaviour: Name::new("wall"), outcome: Outcome::Won.code(), ..Default::default() };
+            Verdict { behavior: Name::new("wall"), outcome: Outcome::Won.code(), ..Default::default() };
         for (seconds, mode, halted) in [
             (0.0, Mode::Driving, Axes::NONE),
             (2.0, Mode::Halted, Axes::ALL),
@@ -380,7 +380,7 @@ mod tests {
             send(&mut tap, "decision", seconds, &decision, &[verdict]);
         }
         let summary = tap.finish(Ending::default());
-        let wall = &summary.behaviours["wall"];
+        let wall = &summary.behaviors["wall"];
         assert_eq!((wall.proposals, wall.abstentions, wall.reasons["no wall"]), (4, 3, 3));
         assert_eq!((summary.halts.len(), summary.halts[0].duration_s), (1, 1.0));
         assert_eq!(summary.control_s["wall"], 2.0);

@@ -7,21 +7,21 @@ use yamabico_core::time::Time;
 use super::{ControlLog, Encounter, Encounters, Halt};
 use crate::record::Tap;
 
-/// Points of a way are at least this far apart, metres.
+/// Points of a way are at least this far apart, meters.
 const SPACING_M: f64 = 0.01;
 /// More points than this are thinned to half.
-const MOST_POINTS: usize = 50_000;
+const MAX_POINTS: usize = 50_000;
 
 /// A point of a way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TracePoint {
-    /// Where, metres.
+    /// Where, meters.
     pub pose: Pose2,
     /// Who was in control: index into [`Trace::owners`]; `None` before the first decision.
     pub owner: Option<usize>,
 }
 
-/// Points of a way, a few centimetres apart.
+/// Points of a way, a few centimeters apart.
 #[derive(Clone, Debug)]
 pub struct Way {
     points: Vec<TracePoint>,
@@ -51,7 +51,7 @@ impl Way {
         if is_new {
             self.points.push(TracePoint { pose, owner });
         }
-        if self.points.len() > MOST_POINTS {
+        if self.points.len() > MAX_POINTS {
             self.spacing_m *= 2.0;
             let mut keep = false;
             self.points.retain(|_| {
@@ -67,7 +67,7 @@ impl Way {
 pub struct HaltMark {
     /// The halt.
     pub halt: Halt,
-    /// Where the robot was when it began, metres: map frame with a truth, else the odometry's.
+    /// Where the robot was when it began, meters: map frame with a truth, else the odometry's.
     pub pose: Pose2,
 }
 
@@ -178,7 +178,7 @@ mod tests {
     fn ways_owners_and_halts_are_kept() {
         let mut trace = Trace::default();
         let verdict =
-            Verdict { behaviour: Name::new("wall"), outcome: Outcome::Won.code(), ..Default::default() };
+            Verdict { behavior: Name::new("wall"), outcome: Outcome::Won.code(), ..Default::default() };
         for step in 0..100_u32 {
             let x = 0.02 * f64::from(step);
             send(&mut trace, &Truth { x: 5.0 + x, y: 1.0, ..Truth::default() }, &[]);
@@ -206,7 +206,7 @@ mod tests {
             way.push(Pose2::new(0.05 * f64::from(step), 0.0, 0.0), None);
             way.push(Pose2::new(0.05 * f64::from(step), 0.0, 0.0), None);
         }
-        assert!(way.points().len() <= MOST_POINTS && way.points().len() > MOST_POINTS / 4);
+        assert!(way.points().len() <= MAX_POINTS && way.points().len() > MAX_POINTS / 4);
         assert!((way.points()[way.points().len() - 1].pose.x - 10_000.0).abs() < 10.0);
     }
 }

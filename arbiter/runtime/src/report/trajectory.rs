@@ -10,7 +10,7 @@ use super::Trace;
 use super::trace::TracePoint;
 use yamabico_drawing::lettering::{ADVANCE, ASCENT, pixels, width};
 
-/// A corner of a wall, map frame, metres.
+/// A corner of a wall, map frame, meters.
 pub type Corner = [f64; 2];
 /// A pixel.
 type Pixel = (i32, i32);
@@ -23,14 +23,14 @@ const OVERSAMPLING: i32 = 2;
 const WIDEST_PX: f64 = 2400.0;
 /// The map is at most so high, pixels.
 const HIGHEST_PX: f64 = 1800.0;
-/// A metre is never more than this, pixels.
+/// A meter is never more than this, pixels.
 const LARGEST_SCALE: f64 = 300.0;
 /// Corners of a drawn way are at least so far apart, pixels.
 const STRIDE_PX: i32 = 8;
 /// What is not a number of the map lies so far outside of it at most.
 const OUTSIDE_PX: f64 = 8000.0;
 const MARGIN_PX: i32 = 112;
-/// Around everything that is drawn, metres.
+/// Around everything that is drawn, meters.
 const AROUND_M: f64 = 0.3;
 /// Letters are enlarged so much.
 const LETTER_SCALE: i32 = 4;
@@ -79,9 +79,9 @@ pub fn write_trajectory(path: &Path, trace: &Trace, walls: &[Vec<Corner>]) -> Re
     picture.save_with_format(path, image::ImageFormat::Png).map_err(failed)
 }
 
-/// Draws the run among `walls` (polylines): the truth in the colour of who was in control, the odometry in grey (in
-/// colour where there is no truth), halts as red squares with their duration, people as orange rings with the smallest
-/// distance. Axes in metres; a grid of whole metres.
+/// Draws the run among `walls` (polylines): the truth in the color of who was in control, the odometry in gray (in
+/// color where there is no truth), halts as red squares with their duration, people as orange rings with the smallest
+/// distance. Axes in meters; a grid of whole meters.
 ///
 /// # Errors
 /// Never, but for failures of the drawing library.
@@ -100,7 +100,7 @@ pub fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::Rg
     Ok(image::imageops::thumbnail(&large, width, height))
 }
 
-/// From metres to pixels.
+/// From meters to pixels.
 struct Map {
     left_m: f64,
     right_m: f64,
@@ -203,10 +203,10 @@ fn draw(
         draw_way(&area, map, trace.truth(), 6)?;
     }
     for meeting in trace.encounters() {
-        let centre = map.pixel(meeting.x, meeting.y);
-        area.draw(&Circle::new(centre, 26, PERSON.stroke_width(6)))?;
+        let center = map.pixel(meeting.x, meeting.y);
+        area.draw(&Circle::new(center, 26, PERSON.stroke_width(6)))?;
         let words = format!("{:.2}", meeting.nearest_m);
-        draw_text(&area, &words, (centre.0 - text_width(&words) / 2, centre.1 + 40), PERSON)?;
+        draw_text(&area, &words, (center.0 - text_width(&words) / 2, center.1 + 40), PERSON)?;
     }
     for mark in trace.halts() {
         let (x, y) = map.pixel(mark.pose.x, mark.pose.y);
@@ -245,7 +245,7 @@ fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
     draw_text(area, "y (m)", (16, top - 52), INK)
 }
 
-/// A way, piece by piece in the colour of who was in control.
+/// A way, piece by piece in the color of who was in control.
 fn draw_way(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -> DrawResult {
     let mut begin = 0;
     for end in 1..=points.len() {
@@ -316,7 +316,7 @@ mod tests {
         trace.message("t", &MessageType::of::<M>(), Time::ZERO, header, items);
     }
 
-    /// A hallway in which one behaviour hands over to another, and a person makes the robot halt.
+    /// A hallway in which one behavior hands over to another, and a person makes the robot halt.
     fn hallway() -> (Trace, Vec<Vec<Corner>>) {
         let mut trace = Trace::default();
         let mut x = 0.5_f64;
@@ -334,7 +334,7 @@ mod tests {
             let mode = if halted { Mode::Halted } else { Mode::Driving };
             let verdicts = [(name, Outcome::Won, Kind::Drive), ("sonar-halt", Outcome::Halting, Kind::Halt)];
             let verdicts = verdicts.map(|(name, outcome, kind)| Verdict {
-                behaviour: Name::new(name),
+                behavior: Name::new(name),
                 outcome: outcome.code(),
                 kind: kind.code(),
                 ..Verdict::default()
@@ -358,7 +358,7 @@ mod tests {
         if let Some(folder) = std::env::var_os("YAMABICO_PICTURES") {
             picture.save(Path::new(&folder).join("trajectory.png")).unwrap();
         }
-        // About a hundred pixels a metre, three wide: so much of the way is in each owner's colour.
+        // About a hundred pixels a meter, three wide: so much of the way is in each owner's color.
         for (color, least) in
             [(OWNERS[0], 1500), (OWNERS[2], 500), (WALL, 4000), (WHEELS, 500), (HALT, 80), (PERSON, 80)]
         {

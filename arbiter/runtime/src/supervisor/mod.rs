@@ -46,7 +46,7 @@ struct Orders {
     begun: AtomicBool,
     /// End every process.
     end: AtomicBool,
-    /// Parameters that behaviours get when they are started again.
+    /// Parameters that behaviors get when they are started again.
     retunes: Mutex<Vec<(String, toml::Table)>>,
 }
 
@@ -78,7 +78,7 @@ impl Supervisor {
         self.orders.begun.store(true, Ordering::Relaxed);
     }
 
-    /// Lets the behaviour `name` have these parameters when it is started again.
+    /// Lets the behavior `name` have these parameters when it is started again.
     pub fn retune(&self, name: &str, table: toml::Table) {
         self.orders.retunes.lock().unwrap_or_else(PoisonError::into_inner).push((name.to_owned(), table));
     }

@@ -12,7 +12,7 @@ use super::program::Program;
 use super::ward::WardPlan;
 
 /// Longest charge, bytes: what a pipe holds.
-const MOST_CHARGE: usize = 60_000;
+const MAX_CHARGE: usize = 60_000;
 
 /// Starts `program` as the plugin that `plan` names, in a process group of its own, so that Ctrl-C reaches the supervisor alone.
 ///
@@ -40,11 +40,9 @@ pub(super) fn spawn(program: &Program, plan: &WardPlan) -> std::io::Result<Child
 /// Tells a process what it is. Nobody waits for its reader: the pipe is empty and holds more than that.
 pub(super) fn tell(child: &mut Child, charge: &Charge) -> std::io::Result<()> {
     let text = toml::to_string(charge).map_err(std::io::Error::other)?;
-    if text.len() > MOST_CHARGE {
-        let problem = format!(
-            "its parameters take {} bytes, more than {MOST_CHARGE}: put them into a file",
-            text.len()
-        );
+    if text.len() > MAX_CHARGE {
+        let problem =
+            format!("its parameters take {} bytes, more than {MAX_CHARGE}: put them into a file", text.len());
         return Err(std::io::Error::other(problem));
     }
     let mut pipe = child.stdin.take().ok_or(std::io::ErrorKind::BrokenPipe)?;

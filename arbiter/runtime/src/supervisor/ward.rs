@@ -78,7 +78,7 @@ impl Ward {
         &self.plan.charge.name
     }
 
-    /// Lets it have these parameters when it is started again, where it is a behaviour.
+    /// Lets it have these parameters when it is started again, where it is a behavior.
     pub fn retune(&mut self, table: toml::Table) {
         if let Part::Behavior(part) = &mut self.plan.charge.part {
             part.parameters = table;

@@ -1,4 +1,4 @@
-//! Behaviours that stand in for real ones: one that drives, and some that fail.
+//! Behaviors that stand in for real ones: one that drives, and some that fail.
 
 use std::time::Duration;
 

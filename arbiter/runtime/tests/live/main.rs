@@ -1,4 +1,4 @@
-//! Live runs with small stand-ins for devices and behaviours: whatever happens, the drive is left at rest.
+//! Live runs with small stand-ins for devices and behaviors: whatever happens, the drive is left at rest.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -217,7 +217,7 @@ fn decisions_that_cannot_be_published_keep_no_command_back() {
 }
 
 #[test]
-fn more_behaviours_than_one_thread_can_wait_for_are_heard() {
+fn more_behaviors_than_one_thread_can_wait_for_are_heard() {
     let idle: String = (0..66)
         .map(|i| format!("[behaviors.idle-{i}]\ntype = \"broken\"\npriority = {}\n", 100 + i))
         .collect();
@@ -229,12 +229,12 @@ fn more_behaviours_than_one_thread_can_wait_for_are_heard() {
 }
 
 #[test]
-fn a_behaviour_that_panics_is_asked_five_times_and_told_of() {
+fn a_behavior_that_panics_is_asked_five_times_and_told_of() {
     let broken = "[behaviors.broken]\npriority = 20\n";
     let test =
         Test::new("broken", &format!("{BODY}{WHEELS}"), &format!("[run]\nduration_s = 2\n{RUNNER}{broken}"));
     let ran = test.run().unwrap();
-    let timing = ran.summary.behaviours["broken"].timing;
+    let timing = ran.summary.behaviors["broken"].timing;
     assert_eq!((timing.calls, timing.panics), (5, 5));
     test.assert_left_at_rest();
 }
@@ -283,7 +283,7 @@ fn commands_tell_their_stages_and_the_summary_tells_who_is_late() {
                 proposed_ns - received_ns
             });
         let ages: Vec<u64> = ages.collect();
-        let latency = ran.summary.behaviours["sleepy"].latency.unwrap();
+        let latency = ran.summary.behaviors["sleepy"].latency.unwrap();
         assert!(ages.len() > 10, "{} commands of it", ages.len());
         match pace {
             Pace::Live => {

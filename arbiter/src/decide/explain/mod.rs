@@ -1,7 +1,7 @@
 //! A decision in words.
 
 mod axis;
-mod behaviour;
+mod behavior;
 
 use std::fmt;
 
@@ -14,19 +14,19 @@ use crate::policy::Policy;
 /// What is known besides a decision: it makes the words more exact, and none of it is needed.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// The newest proposal of each behaviour, as far as it was heard.
+    /// The newest proposal of each behavior, as far as it was heard.
     pub proposals: Vec<Proposal>,
     /// The processes of plugins.
     pub processes: Vec<Process>,
-    /// What each behaviour is held to.
+    /// What each behavior is held to.
     pub terms: Vec<Terms>,
 }
 
-/// What a behaviour is held to.
+/// What a behavior is held to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terms {
     /// Its name.
-    pub behaviour: String,
+    pub behavior: String,
     /// Oldest stamp that is heard, seconds.
     pub max_age_s: f64,
     /// Oldest evidence that is heard, seconds.
@@ -35,15 +35,15 @@ pub struct Terms {
     pub deadline_s: Option<f64>,
 }
 
-/// A decision in words: what the robot does, an entry for each axis that the drive has, and one for each behaviour.
+/// A decision in words: what the robot does, an entry for each axis that the drive has, and one for each behavior.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explanation {
     /// What the robot does, and why.
     pub what: String,
     /// The axes.
     pub axes: Vec<AxisWords>,
-    /// The behaviours, in the order of the task.
-    pub behaviours: Vec<BehaviourWords>,
+    /// The behaviors, in the order of the task.
+    pub behaviors: Vec<BehaviorWords>,
 }
 
 /// One axis in words.
@@ -61,11 +61,11 @@ pub struct AxisWords {
     pub why: Vec<String>,
 }
 
-/// One behaviour in words.
+/// One behavior in words.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BehaviourWords {
+pub struct BehaviorWords {
     /// Its name.
-    pub behaviour: String,
+    pub behavior: String,
     /// Its priority.
     pub priority: i32,
     /// What became of what it says.
@@ -83,27 +83,27 @@ pub fn explain(told: &Told, scene: &Scene) -> Explanation {
     Explanation {
         what: what(told, scene),
         axes: told.header.axes.iter().map(|axis| axis::in_words(&told.header, axis)).collect(),
-        behaviours: told.verdicts.iter().map(|verdict| behaviour::in_words(told, verdict, scene)).collect(),
+        behaviors: told.verdicts.iter().map(|verdict| behavior::in_words(told, verdict, scene)).collect(),
     }
 }
 
 impl Scene {
     /// The scene of a policy, with what was proposed.
     pub fn of(policy: &Policy, proposals: &[Option<Proposal>]) -> Scene {
-        let named = policy.behaviours.iter().zip(proposals);
+        let named = policy.behaviors.iter().zip(proposals);
         let proposals = named
-            .filter_map(|(behaviour, proposal)| Some(Proposal { behaviour: behaviour.name, ..(*proposal)? }));
-        let terms = policy.behaviours.iter().map(|behaviour| Terms {
-            behaviour: behaviour.name.as_str().to_owned(),
-            max_age_s: behaviour.max_age.as_secs_f64(),
-            max_evidence_age_s: behaviour.max_evidence_age.as_secs_f64(),
-            deadline_s: behaviour.critical.then_some(behaviour.deadline.as_secs_f64()),
+            .filter_map(|(behavior, proposal)| Some(Proposal { behavior: behavior.name, ..(*proposal)? }));
+        let terms = policy.behaviors.iter().map(|behavior| Terms {
+            behavior: behavior.name.as_str().to_owned(),
+            max_age_s: behavior.max_age.as_secs_f64(),
+            max_evidence_age_s: behavior.max_evidence_age.as_secs_f64(),
+            deadline_s: behavior.critical.then_some(behavior.deadline.as_secs_f64()),
         });
         Scene { proposals: proposals.collect(), processes: Vec::new(), terms: terms.collect() }
     }
 
-    fn terms(&self, behaviour: &str) -> Option<&Terms> {
-        self.terms.iter().find(|terms| terms.behaviour == behaviour)
+    fn terms(&self, behavior: &str) -> Option<&Terms> {
+        self.terms.iter().find(|terms| terms.behavior == behavior)
     }
 }
 
@@ -114,9 +114,9 @@ impl fmt::Display for Explanation {
             let commanded = axis::speed(*commanded);
             writeln!(f, "  {axis:<8}{commanded:>6} {unit:<6} {}", why.join("; "))?;
         }
-        let label = |words: &BehaviourWords| format!("{} ({})", words.behaviour, words.priority);
-        let widest = self.behaviours.iter().map(|words| label(words).chars().count()).max().unwrap_or(0);
-        for words in &self.behaviours {
+        let label = |words: &BehaviorWords| format!("{} ({})", words.behavior, words.priority);
+        let widest = self.behaviors.iter().map(|words| label(words).chars().count()).max().unwrap_or(0);
+        for words in &self.behaviors {
             write!(f, "  {:<widest$}  {}", label(words), words.why)?;
             if !words.because.is_empty() {
                 write!(f, ": {}", words.because)?;

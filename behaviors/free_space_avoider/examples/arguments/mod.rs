@@ -10,14 +10,14 @@ pub struct Arguments {
     pub picture: Option<PathBuf>,
     /// Where the simulator takes it.
     pub robot: Pose2,
-    /// Keys of the behaviour.
+    /// Keys of the behavior.
     pub toml: String,
     /// Where what was seen is to be written.
     pub out: Option<PathBuf>,
 }
 
 impl Arguments {
-    /// Those of the command line, with what holds where it says nothing: a place and keys of the behaviour.
+    /// Those of the command line, with what holds where it says nothing: a place and keys of the behavior.
     ///
     /// # Errors
     /// What is wrong with them.

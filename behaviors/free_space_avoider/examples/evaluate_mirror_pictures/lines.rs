@@ -11,7 +11,7 @@ use super::{HEIGHT_M, camera};
 const PICTURE: &str = "nudt_2";
 /// So far off the stated pose the search begins: m, m, rad.
 const AWAY: [f64; 3] = [0.15, -0.1, 0.04];
-/// First and last steps of the search: m, and rad for each metre.
+/// First and last steps of the search: m, and rad for each meter.
 const STEPS: [f64; 2] = [0.1, 0.0005];
 const RAD_PER_M: f64 = 0.2;
 
@@ -29,10 +29,10 @@ pub fn residual(folder: &Path, calibration: &Value) -> Result<(), String> {
     for line in text.lines().skip(1) {
         let numbers: Result<Vec<f64>, _> = line.split(',').map(str::parse).collect();
         let Ok([u, v]) = numbers.as_deref() else { return Err(format!("no pixel: {line}")) };
-        let from_centre = Vector2::new(*u, *v) - camera.image().centre();
-        if let Some(floor_m) = camera.floor_radius_m(from_centre.norm(), HEIGHT_M) {
+        let from_center = Vector2::new(*u, *v) - camera.image().center();
+        if let Some(floor_m) = camera.floor_radius_m(from_center.norm(), HEIGHT_M) {
             // The map of the field is seen as the image is, from above with y to the right.
-            points.push(from_centre.normalize() * floor_m);
+            points.push(from_center.normalize() * floor_m);
         }
     }
     let lines = LineDistances::read(folder)?;
@@ -69,7 +69,7 @@ pub fn residual(folder: &Path, calibration: &Value) -> Result<(), String> {
     Ok(())
 }
 
-/// The distance to the nearest line of the field, one value a square centimetre.
+/// The distance to the nearest line of the field, one value a square centimeter.
 struct LineDistances(image::GrayImage);
 
 impl LineDistances {
@@ -78,7 +78,7 @@ impl LineDistances {
         Ok(Self(image::open(&path).map_err(|e| format!("{}: {e}", path.display()))?.to_luma8()))
     }
 
-    /// Distances of points seen from a pose, metres; outside of the map, as far as the map tells.
+    /// Distances of points seen from a pose, meters; outside of the map, as far as the map tells.
     fn of(&self, points: &[Vector2<f64>], pose: &Vector3<f64>) -> Vec<f64> {
         let turned = Rotation2::new(pose.z);
         let distance = |point: &Vector2<f64>| {

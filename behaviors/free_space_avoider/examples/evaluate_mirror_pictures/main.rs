@@ -4,7 +4,7 @@
 //!
 //! DIR holds `omni_msl/` (pictures, and how their mirrors show the floor); without it `YAMABICO_DATA`, else `../shared/data` beside the
 //! workspace. Cells: those free from the robot outwards beside what `labels.txt` says, which tells how it was made. The floor's
-//! colours are first those of each picture's own innermost ring ahead, and then a table learned from every other direction of
+//! colors are first those of each picture's own innermost ring ahead, and then a table learned from every other direction of
 //! the picture, and judged in the directions between. Lines: pixels of field lines that others marked in one picture,
 //! laid on the floor by the mirror and moved to where they fit the field best; told is how far from a line they end.
 
@@ -20,13 +20,13 @@ use yamabico_core::camera::{Mirror, MirrorCamera, MirrorImage, Mount, RadialMode
 use yamabico_core::image::RgbView;
 use yamabico_free_space_avoider::Config;
 use yamabico_free_space_avoider::polar_cells::RingSight;
-use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::floor_color::FloorColors;
 use yamabico_vision::floor_training::{FloorTraining, Label};
 
 const LABELS: &str = include_str!("labels.txt");
-/// What the behaviour is told. Beyond 8.5 m a pixel is half a metre.
+/// What the behavior is told. Beyond 8.5 m a pixel is half a meter.
 const CONFIG: &str =
-    "method = 'polar-cells'\nrings = 24\nfarthest_m = 8.5\nclosing_px = 3\ncolour_tolerance = 40\n";
+    "method = 'polar-cells'\nrings = 24\nfarthest_m = 8.5\nclosing_px = 3\ncolor_tolerance = 40\n";
 /// Height of the viewpoint, m: any, as the mirrors were measured on the floor.
 const HEIGHT_M: f64 = 0.6;
 /// So near to a label (px) a pixel teaches nothing.
@@ -76,10 +76,10 @@ fn evaluate() -> Result<(), String> {
         let mut all = Score::default();
         for picture in &pictures {
             let score = picture.judge(&config, is_taught.then(|| picture.learn()))?;
-            println!("{}, colours of {how}: {}", picture.name, score.text());
+            println!("{}, colors of {how}: {}", picture.name, score.text());
             all.add(&score);
         }
-        println!("all, colours of {how}: {}", all.text());
+        println!("all, colors of {how}: {}", all.text());
     }
     lines::residual(&folder, &calibration)
 }
@@ -88,7 +88,7 @@ fn evaluate() -> Result<(), String> {
 #[derive(Default)]
 struct Score {
     told: usize,
-    labelled: usize,
+    labeled: usize,
     both: usize,
     directions: usize,
     /// Directions that end in the same ring, and in the same or the next.
@@ -99,7 +99,7 @@ struct Score {
 impl Score {
     fn add(&mut self, other: &Score) {
         self.told += other.told;
-        self.labelled += other.labelled;
+        self.labeled += other.labeled;
         self.both += other.both;
         self.directions += other.directions;
         self.same += other.same;
@@ -108,13 +108,13 @@ impl Score {
 
     fn text(&self) -> String {
         format!(
-            "of {} cells told free {} are labelled free (precision {:.3}), of {} labelled free {:.3} are told (recall); \
-             {} of {} directions end in the labelled ring, {} within one ring of it",
+            "of {} cells told free {} are labeled free (precision {:.3}), of {} labeled free {:.3} are told (recall); \
+             {} of {} directions end in the labeled ring, {} within one ring of it",
             self.told,
             self.both,
             self.both as f64 / self.told as f64,
-            self.labelled,
-            self.both as f64 / self.labelled as f64,
+            self.labeled,
+            self.both as f64 / self.labeled as f64,
             self.same,
             self.directions,
             self.near,
@@ -122,12 +122,12 @@ impl Score {
     }
 }
 
-/// A labelled picture.
+/// A labeled picture.
 struct Picture {
     name: String,
     rgb: image::RgbImage,
     camera: MirrorCamera,
-    /// Where the floor ends in each direction, pixels; `None` where that was not labelled.
+    /// Where the floor ends in each direction, pixels; `None` where that was not labeled.
     labels: Vec<Option<f64>>,
 }
 
@@ -141,8 +141,8 @@ impl Picture {
         Ok(Self { name: name.to_owned(), rgb, camera, labels })
     }
 
-    /// Colours that tell the floor in the even directions.
-    fn learn(&self) -> FloorColours {
+    /// Colors that tell the floor in the even directions.
+    fn learn(&self) -> FloorColors {
         let mut training = FloorTraining::default();
         let image = self.camera.image();
         for (u, v, pixel) in self.rgb.enumerate_pixels() {
@@ -160,8 +160,8 @@ impl Picture {
         training.table()
     }
 
-    /// The score: of all directions, or with learned colours of the odd ones.
-    fn judge(&self, config: &Config, learned: Option<FloorColours>) -> Result<Score, String> {
+    /// The score: of all directions, or with learned colors of the odd ones.
+    fn judge(&self, config: &Config, learned: Option<FloorColors>) -> Result<Score, String> {
         let step = if learned.is_some() { 2 } else { 1 };
         let mut sight = RingSight::new(config, &self.camera, &Mount::level(HEIGHT_M), RADIUS_M, learned)
             .map_err(|problem| problem.to_string())?;
@@ -187,13 +187,13 @@ impl Picture {
         let directions = sight.free().rings().iter().zip(&self.labels);
         for (&told, label) in directions.skip(step - 1).step_by(step) {
             let Some(label) = *label else { continue };
-            let labelled = (0..edges.len() - 1).take_while(|&ring| is_free(label, ring)).count();
+            let labeled = (0..edges.len() - 1).take_while(|&ring| is_free(label, ring)).count();
             score.told += told;
-            score.labelled += labelled;
-            score.both += told.min(labelled);
+            score.labeled += labeled;
+            score.both += told.min(labeled);
             score.directions += 1;
-            score.same += usize::from(told == labelled);
-            score.near += usize::from(told.abs_diff(labelled) <= 1);
+            score.same += usize::from(told == labeled);
+            score.near += usize::from(told.abs_diff(labeled) <= 1);
         }
         Ok(score)
     }
@@ -202,13 +202,13 @@ impl Picture {
 /// The mirror of a team as its calibration has it: floor radius a tan(b R).
 fn camera(team: &Value, (width, height): (u32, u32)) -> Result<MirrorCamera, String> {
     let number = |value: &Value, key: &str| value[key].as_f64().ok_or(format!("calibration.json: no {key}"));
-    let centre = Vector2::new(number(team, "cu")?, number(team, "cv")?);
+    let center = Vector2::new(number(team, "cu")?, number(team, "cv")?);
     let [blind_px, rim_px] =
         [number(&team["roi"], "small_radius")?, number(&team["roi"], "big_radius")? - 5.0];
     let [range_m, rad_per_px] = [number(team, "a")?, number(team, "b")?];
     let profile = RadialProfile::Tangent { range_m, rad_per_px, height_m: HEIGHT_M };
-    let image = MirrorImage::centred(width, height)
-        .with_centre(centre)
+    let image = MirrorImage::centered(width, height)
+        .with_center(center)
         .and_then(|image| image.with_ring(blind_px, rim_px))
         .map_err(|e| e.to_string())?;
     let model = RadialModel::new(profile, blind_px, rim_px).map_err(|e| e.to_string())?;

@@ -6,11 +6,11 @@ use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use nalgebra::Vector2;
 use yamabico_core::message::Proposal;
-use yamabico_drawing::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Color};
 use yamabico_free_space_avoider::polar_cells::RingSight;
 
 /// Writes the picture, twice as large: free cells outlined green, the first blocked cell of each direction red, and a line from
-/// the centre, as long as the robot drives in a second, magenta.
+/// the center, as long as the robot drives in a second, magenta.
 pub fn draw(pixels: &[u8], sight: &RingSight, proposal: &Proposal, path: &Path) -> Result<(), String> {
     const SCALE: usize = 2;
     let (columns, rows) = (sight.image().width as usize, sight.image().height as usize);
@@ -29,13 +29,13 @@ pub fn draw(pixels: &[u8], sight: &RingSight, proposal: &Proposal, path: &Path) 
         sight.image().pixel_from_polar(radius_px, azimuth) * SCALE as f64 + half
     };
     let distances = sight.distances();
-    let cell = |canvas: &mut Canvas, ring: usize, sector: usize, colour: Colour| {
+    let cell = |canvas: &mut Canvas, ring: usize, sector: usize, color: Color| {
         let (right, left) = distances.borders(sector);
         let (right, left) = (right + 0.015, left - 0.015);
         let (inner, outer) = (sight.edges_px()[ring] + 0.7, sight.edges_px()[ring + 1] - 0.7);
         let corners = [(inner, right), (outer, right), (outer, left), (inner, left), (inner, right)];
         for pair in corners.windows(2) {
-            canvas.line(at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1), colour);
+            canvas.line(at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1), color);
         }
     };
     for (sector, &free) in sight.free().rings().iter().enumerate() {
@@ -54,7 +54,7 @@ pub fn draw(pixels: &[u8], sight: &RingSight, proposal: &Proposal, path: &Path) 
         let aside = Vector2::new(-azimuth.sin(), azimuth.cos());
         for side in -4..=4 {
             let shift =
-                sight.image().pixel_from_mirror(aside * (0.3 * f64::from(side))) - sight.image().centre();
+                sight.image().pixel_from_mirror(aside * (0.3 * f64::from(side))) - sight.image().center();
             canvas.line(at(4.0, azimuth) + shift * 3.0, at(radius_px, azimuth) + shift * 3.0, [255, 0, 255]);
         }
     }

@@ -8,8 +8,8 @@ use yamabico_core::time::Time;
 
 use crate::field::{LENS_M, RADIUS_M};
 
-/// What the behaviour is told besides its defaults.
-pub const CONFIG: &str = "method = 'polar-cells'\nspeed_mps = 0.4\nmargin_m = 0.03\nturn_rad_s = 2.0\n";
+/// What the behavior is told besides its defaults.
+pub const CONFIG: &str = "method = 'polar-cells'\nspeed_mps = 0.4\nmargin_m = 0.03\nturn_radps = 2.0\n";
 
 /// A robot with this camera whose drive has these axes.
 pub fn setup(camera: MirrorCamera, axes: Axes) -> Setup {
@@ -39,7 +39,7 @@ pub fn setup(camera: MirrorCamera, axes: Axes) -> Setup {
     }
 }
 
-/// The header of a colour picture.
+/// The header of a color picture.
 pub fn frame_header(seconds: f64) -> FrameHeader {
     FrameHeader {
         stamp_ns: Time::from_secs_f64(seconds).0,

@@ -34,7 +34,7 @@ pub struct Verdict {
     pub borderline: Option<&'static str>,
     /// Whether a solid stands in the way within the stopping distance.
     pub is_blocked: bool,
-    /// How far ahead the first solid in the way is, metres.
+    /// How far ahead the first solid in the way is, meters.
     pub ahead_m: f64,
     /// Shares taken on the left and on the right.
     pub taken: [f64; 2],
@@ -152,7 +152,7 @@ fn outlines(solids: &[Solid], robot: Pose2) -> Vec<Vec<[f64; 2]>> {
         .collect()
 }
 
-/// The part of an outline ahead of the robot's centre with |y| <= `half_width_m`.
+/// The part of an outline ahead of the robot's center with |y| <= `half_width_m`.
 fn in_strip(outline: &[[f64; 2]], half_width_m: f64) -> Vec<[f64; 2]> {
     let left = clipped(outline, |p| half_width_m - p[1]);
     clipped(&clipped(&left, |p| half_width_m + p[1]), |p| p[0])

@@ -8,7 +8,7 @@ use yamabico_core::sensor::Robot;
 use yamabico_core::testing::camera_setup;
 use yamabico_sim::{CameraView, Renderer, Scene};
 
-/// Radius of the robot, metres.
+/// Radius of the robot, meters.
 pub const RADIUS_M: f64 = 0.2;
 
 /// Its camera, for a picture of another width and height.

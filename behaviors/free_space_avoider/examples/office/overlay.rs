@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::Vector2;
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::Proposal;
-use yamabico_drawing::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Color};
 use yamabico_free_space_avoider::navel_grid::Sight;
 use yamabico_vision::area_average::AreaAverage;
 
@@ -19,15 +19,15 @@ pub fn draw(image: ImageView, sight: &Sight, proposal: &Proposal, path: &Path) -
     larger.pixels_mut().iter_mut().for_each(|pixel| *pixel = *pixel / 17 * 17);
     let mut data = vec![0; 3 * width * height];
     let mut canvas = Canvas::new(&mut data, width, height).ok_or("a canvas of the wrong size")?;
-    canvas.copy_grey(larger.view().map_err(|e| e.to_string())?);
+    canvas.copy_gray(larger.view().map_err(|e| e.to_string())?);
     let size = sight.size();
     let (cell_u, cell_v) = (width as f64 / size.columns as f64, height as f64 / size.rows as f64);
     let (way, weighed) = sight.covered();
     let corner =
         |column: usize, row: usize| Vector2::new(column as f64 * cell_u, height as f64 - row as f64 * cell_v);
-    let frame = |canvas: &mut Canvas, column: usize, row: usize, colour: Colour| {
+    let frame = |canvas: &mut Canvas, column: usize, row: usize, color: Color| {
         let by = Vector2::new(2.0, -2.0);
-        canvas.outline(corner(column, row) + by, corner(column + 1, row + 1) - by, colour);
+        canvas.outline(corner(column, row) + by, corner(column + 1, row + 1) - by, color);
     };
     for column in 0..size.columns {
         let free = sight.free().get(column).map_or(0, |&free| free as usize);
@@ -37,12 +37,12 @@ pub fn draw(image: ImageView, sight: &Sight, proposal: &Proposal, path: &Path) -
             } else if row < free {
                 let is_way = row < way[column] as usize;
                 let is_weighed = row < weighed[column] as usize;
-                let colour = match (is_way, is_weighed) {
+                let color = match (is_way, is_weighed) {
                     (true, _) => [40, 120, 255],
                     (false, true) => [40, 200, 220],
                     (false, false) => [60, 170, 60],
                 };
-                frame(&mut canvas, column, row, colour);
+                frame(&mut canvas, column, row, color);
             }
         }
         let end = corner(column, free);

@@ -69,7 +69,7 @@ pub struct Before {
 /// Where the robot is, in the frame of the free distances, and how it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Start {
-    /// Place of its centre, m.
+    /// Place of its center, m.
     pub position_m: Vector2<f64>,
     /// Its velocity, m/s.
     pub velocity_mps: Vector2<f64>,
@@ -100,8 +100,8 @@ pub(super) struct Candidate {
 
 impl Candidate {
     /// Whether it deviates by at least the one and less than the other.
-    pub(super) fn is_within(&self, [least_rad, most_rad]: [f64; 2]) -> bool {
-        (least_rad..most_rad).contains(&self.deviation_rad.abs())
+    pub(super) fn is_within(&self, [min_rad, max_rad]: [f64; 2]) -> bool {
+        (min_rad..max_rad).contains(&self.deviation_rad.abs())
     }
 
     pub(super) fn side(&self) -> i8 {
@@ -266,25 +266,25 @@ fn keeps_clear(
 /// The smallest clearance (m) of all the steps that are looked at when the robot changes from one velocity to another and
 /// would stop after its reaction time: the plain reference of what [`Chooser::choose`] decides by.
 #[must_use]
-pub fn least_clearance_m(
+pub fn min_clearance_m(
     free: &FreeDistances,
     start: &Start,
     to_mps: Vector2<f64>,
     rules: &ChoiceRules,
 ) -> f64 {
     let ways = Ways::new(start, to_mps, rules);
-    let drive = least_on_way_m(free, &ways.drive, start.position_m, ways.drive_s, rules.step_s);
-    drive.min(least_on_way_m(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules.step_s))
+    let drive = min_on_way_m(free, &ways.drive, start.position_m, ways.drive_s, rules.step_s);
+    drive.min(min_on_way_m(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules.step_s))
 }
 
 /// The smallest clearance (m) of all the steps of a stop.
 #[must_use]
 pub fn stop_clearance_m(free: &FreeDistances, start: &Start, rules: &ChoiceRules) -> f64 {
     let stop = LimitedMotion::new(start.velocity_mps, Vector2::zeros(), rules.acceleration_mps2);
-    least_on_way_m(free, &stop, start.position_m, stop.ramp_s(), rules.step_s)
+    min_on_way_m(free, &stop, start.position_m, stop.ramp_s(), rules.step_s)
 }
 
-fn least_on_way_m(
+fn min_on_way_m(
     free: &FreeDistances,
     motion: &LimitedMotion,
     from: Vector2<f64>,
@@ -332,7 +332,7 @@ mod tests {
             free.set(distances);
             let expected = Chooser::default().order(&free, goal, 0, 0.0).iter().position(|candidate| {
                 let to = Vector2::new(candidate.direction_rad.cos(), candidate.direction_rad.sin()) * 0.4;
-                least_clearance_m(&free, &start, to, &RULES) >= RULES.clearance_m
+                min_clearance_m(&free, &start, to, &RULES) >= RULES.clearance_m
             });
             let choice = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
             assert_eq!(choice.map(|choice| choice.rank), expected);

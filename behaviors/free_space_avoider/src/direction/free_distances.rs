@@ -127,7 +127,7 @@ impl FreeDistances {
         0.5 * (self.borders[sector] + self.borders[sector + 1])
     }
 
-    /// The end of free floor in each sector, seen from the robot's centre, from right (behind, all around) to left.
+    /// The end of free floor in each sector, seen from the robot's center, from right (behind, all around) to left.
     pub fn ends(&self) -> impl Iterator<Item = FreeDirection> {
         let first = if self.is_round { self.len().div_ceil(2) } else { 0 };
         (first..self.len()).chain(0..first).map(|sector| {
@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_are_told_from_the_robots_centre() {
+    fn ends_are_told_from_the_robots_center() {
         let mut free = FreeDistances::all_around(Vector2::new(0.1, 0.0), 4, 1.0);
         free.set([0.2, 0.4, 0.6, 0.8]);
         let ends: Vec<_> = free.ends().collect();

@@ -9,7 +9,7 @@ use super::choice::{Candidate, Chooser, SPEED_LADDER};
 use super::free_distances::FreeDistances;
 
 /// Below this turn rate (rad/s) a step is straight.
-const STRAIGHT_RAD_S: f64 = 1e-9;
+const STRAIGHT_RADPS: f64 = 1e-9;
 /// Turns up to this (rad) are worked out by series.
 const SMALL_TURN_RAD: f64 = 0.13;
 /// Coefficients of the even powers in sin(x) / x and in cos(x), from the second on: what is left out is below 1e-15.
@@ -24,9 +24,9 @@ pub struct HeadingRules {
     /// Largest acceleration along, m/s^2, above 0.
     pub acceleration_mps2: f64,
     /// Largest turn rate, rad/s.
-    pub turn_rad_s: f64,
+    pub turn_radps: f64,
     /// Largest change of the turn rate, rad/s^2, above 0.
-    pub turn_acceleration_rad_s2: f64,
+    pub turn_acceleration_radps2: f64,
     /// Turn rate for each radian of missing heading, 1/s.
     pub gain_per_s: f64,
     /// Time of a step, s.
@@ -66,15 +66,15 @@ pub struct Rollout {
     /// Speed ahead, m/s.
     pub speed_mps: f64,
     /// Turn rate, rad/s.
-    pub turn_rad_s: f64,
+    pub turn_radps: f64,
     sin_cos: (f64, f64),
 }
 
 impl Rollout {
     /// A robot at a place and a heading, driving at a speed and turning at a rate.
     #[must_use]
-    pub fn new(position_m: Vector2<f64>, theta_rad: f64, speed_mps: f64, turn_rad_s: f64) -> Self {
-        Self { position_m, theta_rad, speed_mps, turn_rad_s, sin_cos: theta_rad.sin_cos() }
+    pub fn new(position_m: Vector2<f64>, theta_rad: f64, speed_mps: f64, turn_radps: f64) -> Self {
+        Self { position_m, theta_rad, speed_mps, turn_radps, sin_cos: theta_rad.sin_cos() }
     }
 
     /// What the robot is asked for on its way to a heading: it turns in proportion to what is missing, and drives the
@@ -93,16 +93,16 @@ impl Rollout {
     /// One step on the way to what is asked for.
     pub fn step(&mut self, wished: &Twist, rules: &HeadingRules) {
         let dt = rules.step_s;
-        let (most_turn, most) = (rules.turn_acceleration_rad_s2 * dt, rules.acceleration_mps2 * dt);
-        self.turn_rad_s += (wished.angular - self.turn_rad_s).clamp(-most_turn, most_turn);
+        let (max_turn, most) = (rules.turn_acceleration_radps2 * dt, rules.acceleration_mps2 * dt);
+        self.turn_radps += (wished.angular - self.turn_radps).clamp(-max_turn, max_turn);
         self.speed_mps += (wished.linear - self.speed_mps).clamp(-most, most);
         let (sin, cos) = self.sin_cos;
-        let turn = self.turn_rad_s * dt;
+        let turn = self.turn_radps * dt;
         self.sin_cos = turned(self.sin_cos, turn);
-        self.position_m += if self.turn_rad_s.abs() < STRAIGHT_RAD_S {
+        self.position_m += if self.turn_radps.abs() < STRAIGHT_RADPS {
             Vector2::new(cos, sin) * (self.speed_mps * dt)
         } else {
-            let radius = self.speed_mps / self.turn_rad_s;
+            let radius = self.speed_mps / self.turn_radps;
             Vector2::new(self.sin_cos.0 - sin, cos - self.sin_cos.1) * radius
         };
         self.theta_rad += turn;
@@ -111,7 +111,7 @@ impl Rollout {
     /// Whether the robot stands.
     #[must_use]
     pub fn is_still(&self) -> bool {
-        self.speed_mps == 0.0 && self.turn_rad_s == 0.0
+        self.speed_mps == 0.0 && self.turn_radps == 0.0
     }
 }
 
@@ -158,7 +158,7 @@ impl Aim {
 
 /// What is asked for where so much heading is missing (rad, and its cosine).
 fn wished(missing_rad: f64, cos_missing: f64, rules: &HeadingRules) -> Twist {
-    let turn = (rules.gain_per_s * missing_rad).clamp(-rules.turn_rad_s, rules.turn_rad_s);
+    let turn = (rules.gain_per_s * missing_rad).clamp(-rules.turn_radps, rules.turn_radps);
     Twist::planar(rules.speed_mps * cos_missing.max(0.0), turn)
 }
 
@@ -175,7 +175,7 @@ pub fn roll_out(start: Rollout, heading_rad: f64, rules: &HeadingRules) -> impl 
             _ => Twist::ZERO,
         };
         state.step(&wished, &rules);
-        aim.follow(state.turn_rad_s * rules.step_s);
+        aim.follow(state.turn_radps * rules.step_s);
         Some(state)
     })
 }
@@ -254,12 +254,7 @@ fn keeps_clear(free: &FreeDistances, start: Rollout, heading_rad: f64, rules: &H
 /// The smallest clearance (m) of all states of a rollout and its start: the plain reference of what
 /// [`Chooser::choose_heading`] decides by.
 #[must_use]
-pub fn least_clearance_m(
-    free: &FreeDistances,
-    start: Rollout,
-    heading_rad: f64,
-    rules: &HeadingRules,
-) -> f64 {
+pub fn min_clearance_m(free: &FreeDistances, start: Rollout, heading_rad: f64, rules: &HeadingRules) -> f64 {
     let states = std::iter::once(start).chain(roll_out(start, heading_rad, rules));
     states.map(|state| free.clearance_m(state.position_m)).fold(f64::INFINITY, f64::min)
 }
@@ -273,8 +268,8 @@ mod tests {
     const RULES: HeadingRules = HeadingRules {
         speed_mps: 0.4,
         acceleration_mps2: 0.3,
-        turn_rad_s: 3.0,
-        turn_acceleration_rad_s2: 8.0,
+        turn_radps: 3.0,
+        turn_acceleration_radps2: 8.0,
         gain_per_s: 4.0,
         step_s: 0.02,
         horizon_s: 2.0,
@@ -307,7 +302,7 @@ mod tests {
             let (speed, turn) = (random.random_range(-0.1..0.4), random.random_range(-2.0..2.0));
             let start = Rollout::new(Vector2::zeros(), 0.0, speed, turn);
             let expected = Chooser::default().order(&free, goal, 0, 0.0).iter().position(|candidate| {
-                least_clearance_m(&free, start, candidate.direction_rad, &RULES) >= RULES.clearance_m
+                min_clearance_m(&free, start, candidate.direction_rad, &RULES) >= RULES.clearance_m
             });
             let drive = chooser.choose_heading(&free, &start, goal, 0, &RULES);
             assert_eq!(drive.map(|drive| drive.rank), expected);

@@ -1,4 +1,4 @@
-//! The behaviour with the navel grid: looks, decides and proposes.
+//! The behavior with the navel grid: looks, decides and proposes.
 
 use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup};
 use yamabico_core::camera::Intrinsics;
@@ -20,7 +20,7 @@ use crate::{CAMERA, FREE_SPACE, ODOMETRY, STALE_S};
 #[derive(Clone, Debug)]
 pub struct NavelGridAvoider {
     speed_mps: f64,
-    turn_rad_s: f64,
+    turn_radps: f64,
     intrinsics: Intrinsics,
     way: Swath,
     sight: Sight,
@@ -28,7 +28,7 @@ pub struct NavelGridAvoider {
     open_floor: Option<OpenFloor>,
     heading: Option<Drive>,
     odometry: OdometryTrack,
-    grey: GrayImage,
+    gray: GrayImage,
     /// Turned since the last picture, radians.
     turned_rad: f64,
     last_picture: Option<Time>,
@@ -38,7 +38,7 @@ pub struct NavelGridAvoider {
 }
 
 impl NavelGridAvoider {
-    /// The behaviour for a robot with a forward camera.
+    /// The behavior for a robot with a forward camera.
     ///
     /// # Errors
     /// Another kind of camera, or one that cannot show the way ahead.
@@ -71,7 +71,7 @@ impl NavelGridAvoider {
         };
         Ok(Self {
             speed_mps: config.speed_mps,
-            turn_rad_s: config.turn_rad_s,
+            turn_radps: config.turn_radps,
             intrinsics: *pinhole.intrinsics(),
             way,
             sight,
@@ -79,7 +79,7 @@ impl NavelGridAvoider {
             open_floor,
             heading: None,
             odometry: OdometryTrack::default(),
-            grey: GrayImage::default(),
+            gray: GrayImage::default(),
             turned_rad: 0.0,
             last_picture: None,
             trouble: None,
@@ -134,7 +134,7 @@ impl NavelGridAvoider {
     fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
         let is_newer = self.last_picture.is_none_or(|last| stamp > last);
-        let image = frame.gray(self.intrinsics.size(), &mut self.grey);
+        let image = frame.gray(self.intrinsics.size(), &mut self.gray);
         let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.malformed = usable.is_none();
         let Some(image) = usable else { return };
@@ -149,7 +149,7 @@ impl NavelGridAvoider {
         }
         let turned_rad = match (self.odometry.newest(), self.last_picture) {
             (Some(_), _) => std::mem::take(&mut self.turned_rad),
-            (None, Some(last)) => self.turn_rad_s * stamp.seconds_after(last),
+            (None, Some(last)) => self.turn_radps * stamp.seconds_after(last),
             (None, None) => 0.0,
         };
         self.last_picture = Some(stamp);
@@ -170,18 +170,18 @@ impl NavelGridAvoider {
 
     fn proposal(&self) -> Proposal {
         let drive =
-            |speed_mps, turn_rad_s| Proposal::drive(Axes::PLANAR, Twist::planar(speed_mps, turn_rad_s));
+            |speed_mps, turn_radps| Proposal::drive(Axes::PLANAR, Twist::planar(speed_mps, turn_radps));
         let why = self.trouble.map(Trouble::reason);
         match self.steering.motion() {
-            Motion::Forward { share, turn_rad_s } => {
+            Motion::Forward { share, turn_radps } => {
                 let speed_mps = share * self.speed_mps;
                 let chosen = self.heading.map(|heading| heading.twist);
-                let twist = chosen.unwrap_or(Twist::planar(speed_mps, turn_rad_s));
+                let twist = chosen.unwrap_or(Twist::planar(speed_mps, turn_radps));
                 drive(twist.linear.min(speed_mps), twist.angular)
                     .with_note(format_args!("free ahead, {:.0} % of the speed", 100.0 * share))
             }
             // A turn goes on where a halt names only translation.
-            Motion::Turn(side) => drive(0.0, side.sign() * self.turn_rad_s)
+            Motion::Turn(side) => drive(0.0, side.sign() * self.turn_radps)
                 .uncoupled()
                 .because(why.unwrap_or(Reason::Searching)),
             Motion::Stop => {

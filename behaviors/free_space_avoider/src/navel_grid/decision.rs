@@ -10,7 +10,7 @@ pub const SIDE_LIMIT: f64 = 80.0;
 /// A side to turn to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Anticlockwise, seen from above.
+    /// Counterclockwise, seen from above.
     Left,
     /// Clockwise.
     Right,

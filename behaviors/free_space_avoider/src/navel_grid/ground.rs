@@ -6,13 +6,13 @@ use yamabico_core::message::FreeDirection;
 
 use super::cells::GridSize;
 
-/// Floor that is seen free to the horizon is told to reach so far, metres.
+/// Floor that is seen free to the horizon is told to reach so far, meters.
 pub const FARTHEST_M: f64 = 20.0;
 
 /// An obstacle may reach this far (cells) out of the cells that are marked: a cell is free with a quarter of it taken.
 const OVERHANG: f64 = 0.25;
 
-/// The camera's grid, cell by cell on the floor plane; body frame, metres.
+/// The camera's grid, cell by cell on the floor plane; body frame, meters.
 #[derive(Clone, Debug)]
 pub struct GroundGrid {
     size: GridSize,
@@ -30,12 +30,12 @@ struct CellFloor {
     right_m: f64,
 }
 
-/// A part of the floor straight ahead of the robot's centre.
+/// A part of the floor straight ahead of the robot's center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swath {
-    /// From the robot's centre to its far end, metres.
+    /// From the robot's center to its far end, meters.
     pub length_m: f64,
-    /// To either side of the robot's axis, metres.
+    /// To either side of the robot's axis, meters.
     pub half_width_m: f64,
 }
 
@@ -82,7 +82,7 @@ impl GroundGrid {
             .collect()
     }
 
-    /// How far ahead the lowest line of the picture's middle shows the floor, metres from the robot's centre; `None` where
+    /// How far ahead the lowest line of the picture's middle shows the floor, meters from the robot's center; `None` where
     /// it shows none.
     #[must_use]
     pub fn nearest_m(&self) -> Option<f64> {
@@ -92,7 +92,7 @@ impl GroundGrid {
 
     /// The end of the free floor of a column with so many free cells from the bottom: the near edge of the first that is
     /// not, less the quarter that an obstacle across the column may reach out of it; a narrower one may reach out farther.
-    /// Direction and distance from the robot's centre.
+    /// Direction and distance from the robot's center.
     #[must_use]
     pub fn end(&self, column: usize, free: u32) -> Option<FreeDirection> {
         let free = (free as usize).min(self.size.rows);
@@ -112,7 +112,7 @@ impl Eye<'_> {
         let k = self.camera.intrinsics();
         let u = f64::from(k.width) * from_left / self.size.columns as f64 - 0.5;
         let v = f64::from(k.height) * (1.0 - from_bottom / self.size.rows as f64) - 0.5;
-        let ray = self.camera.normalised_from_pixel(Vector2::new(u, v))?.push(1.0);
+        let ray = self.camera.normalized_from_pixel(Vector2::new(u, v))?.push(1.0);
         Some(self.mount.rotation_body_from_camera() * ray)
     }
 

@@ -25,7 +25,7 @@ pub enum Polarity {
 /// Looks at pictures; keeps its buffers from picture to picture and allocates only with the first.
 #[derive(Clone, Debug)]
 pub struct Look {
-    least_contrast: f64,
+    min_contrast: f64,
     floor_evenness: f64,
     average: AreaAverage,
     scaled: GrayImage,
@@ -40,12 +40,12 @@ pub struct Look {
 
 impl Look {
     /// A look at pictures through this grid, which refuses those whose dark and bright pixels differ by less than
-    /// `least_contrast` grey levels on average. A floor whose darker part is darker than `floor_evenness` (0 to 1) of its
+    /// `min_contrast` gray levels on average. A floor whose darker part is darker than `floor_evenness` (0 to 1) of its
     /// brighter part, on average, is not one floor; 0 takes it for one.
     #[must_use]
-    pub fn new(size: GridSize, least_contrast: f64, floor_evenness: f64) -> Self {
+    pub fn new(size: GridSize, min_contrast: f64, floor_evenness: f64) -> Self {
         Self {
-            least_contrast,
+            min_contrast,
             floor_evenness,
             threshold: None,
             floor_level: None,
@@ -76,7 +76,7 @@ impl Look {
         self.median.filter(image, &mut self.filtered);
         let pixels = self.filtered.pixels();
         let threshold = threshold_of_pixels(pixels)?;
-        if threshold.contrast() < self.least_contrast {
+        if threshold.contrast() < self.min_contrast {
             let all = threshold.dark.sum + threshold.bright.sum;
             return Err(IsodataError::LowContrast { mean: all as f64 / pixels.len() as f64 });
         }
@@ -86,7 +86,7 @@ impl Look {
 
     /// The cells of the picture measured last, for a floor of this polarity; as before where it had no threshold.
     ///
-    /// Differs from \[1\]: among black things a grey wall counts as bright as the floor. Where the class of the floor falls
+    /// Differs from \[1\]: among black things a gray wall counts as bright as the floor. Where the class of the floor falls
     /// into two that are farther apart than the light on one floor is uneven, only the outer one is floor, unless the floor
     /// learnt before is like the other.
     pub fn cells(&mut self, polarity: Polarity) -> &Cells {
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grey_wall_is_no_floor_beside_a_black_one() {
+    fn a_gray_wall_is_no_floor_beside_a_black_one() {
         let mut image = GrayImage::new(340, 180);
         for v in 0..180 {
             for u in 0..340 {
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grey_floor_stays_floor_beside_white_things() {
+    fn a_gray_floor_stays_floor_beside_white_things() {
         let mut image = GrayImage::new(340, 180);
         for v in 0..180 {
             for u in 0..340 {

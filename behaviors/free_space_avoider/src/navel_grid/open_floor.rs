@@ -54,8 +54,8 @@ impl OpenFloor {
             rules: HeadingRules {
                 speed_mps: config.speed_mps.min(limits.speed[0]),
                 acceleration_mps2: along,
-                turn_rad_s: config.turn_rad_s.min(limits.speed[2]),
-                turn_acceleration_rad_s2: turning,
+                turn_radps: config.turn_radps.min(limits.speed[2]),
+                turn_acceleration_radps2: turning,
                 gain_per_s: GAIN_PER_S,
                 step_s: STEP_S,
                 horizon_s: HORIZON_S,

@@ -82,7 +82,7 @@ impl Sight {
             return broken("the robot's radius, speed or deceleration give no finite way to stop".into());
         }
         Ok(Self {
-            look: Look::new(size, config.least_contrast, config.floor_evenness),
+            look: Look::new(size, config.min_contrast, config.floor_evenness),
             way: ground.cells_of(way),
             spare: ground.cells_of(&way.enlarged(SPARE_LENGTH_M, SPARE_SIDE_M)),
             ground,

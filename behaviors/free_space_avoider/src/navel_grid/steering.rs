@@ -15,15 +15,15 @@ pub const REVERSAL_S: f64 = 2.0;
 pub const REVERSAL_WEIGHT: f64 = 20.0;
 /// After so many reversals the robot keeps on turning to the same side until it finds a way forward: between the two walls of
 /// a corner it would turn to and fro for ever.
-pub const MOST_REVERSALS: u32 = 1;
+pub const MAX_REVERSALS: u32 = 1;
 /// Sides that differ by more than this let the robot veer while it drives.
 const VEER_WEIGHT: f64 = 20.0;
 /// Turn rate of a veer, rad/s for each unit of weight.
-const VEER_RAD_S: f64 = 0.01;
+const VEER_RADPS: f64 = 0.01;
 /// Largest turn rate of a veer, rad/s.
-const MOST_VEER_RAD_S: f64 = 0.2;
+const MAX_VEER_RADPS: f64 = 0.2;
 /// Least share of the cruising speed.
-const LEAST_SHARE: f64 = 0.3;
+const MIN_SHARE: f64 = 0.3;
 /// More than a full turn without a way forward: the robot is shut in.
 const FULL_TURN_RAD: f64 = std::f64::consts::TAU;
 
@@ -35,7 +35,7 @@ pub enum Motion {
         /// Share of the cruising speed, 0.3 to 1.
         share: f64,
         /// Turn rate, rad/s, left positive.
-        turn_rad_s: f64,
+        turn_radps: f64,
     },
     /// Turns where it stands.
     Turn(Side),
@@ -138,17 +138,17 @@ impl Steering {
 
     fn may_reverse(&self, weights: &Weights, since: Time, at: Time) -> bool {
         let is_clear = (weights.right - weights.left).abs() > REVERSAL_WEIGHT;
-        self.reversals < MOST_REVERSALS && (is_clear || at.seconds_after(since) >= REVERSAL_S)
+        self.reversals < MAX_REVERSALS && (is_clear || at.seconds_after(since) >= REVERSAL_S)
     }
 }
 
 /// Slower the more intrudes ahead, and away from the heavier side.
 fn forward(weights: &Weights) -> Motion {
     let lean = weights.left - weights.right;
-    let veer = if lean.abs() > VEER_WEIGHT { VEER_RAD_S * lean } else { 0.0 };
+    let veer = if lean.abs() > VEER_WEIGHT { VEER_RADPS * lean } else { 0.0 };
     Motion::Forward {
-        share: (1.0 - weights.ahead / AHEAD_LIMIT).clamp(LEAST_SHARE, 1.0),
-        turn_rad_s: veer.clamp(-MOST_VEER_RAD_S, MOST_VEER_RAD_S),
+        share: (1.0 - weights.ahead / AHEAD_LIMIT).clamp(MIN_SHARE, 1.0),
+        turn_radps: veer.clamp(-MAX_VEER_RADPS, MAX_VEER_RADPS),
     }
 }
 
@@ -168,14 +168,14 @@ mod tests {
     #[test]
     fn forward_slows_down_and_veers_away() {
         let mut steering = Steering::new(3.0);
-        let full = Motion::Forward { share: 1.0, turn_rad_s: 0.0 };
+        let full = Motion::Forward { share: 1.0, turn_radps: 0.0 };
         assert_eq!(steering.step(seen(10.0, 0.0, 0.0), 0.0, at(0.0)), full);
-        let Motion::Forward { share, turn_rad_s } = steering.step(seen(35.0, 10.0, 20.0), 0.0, at(0.1))
+        let Motion::Forward { share, turn_radps } = steering.step(seen(35.0, 10.0, 20.0), 0.0, at(0.1))
         else {
             panic!("{:?}", steering.motion());
         };
-        assert!((share - 0.5).abs() < 1e-12 && (turn_rad_s + 0.25).abs() < 0.06, "{share}, {turn_rad_s}");
-        let slowest = Motion::Forward { share: 0.3, turn_rad_s: 0.2 };
+        assert!((share - 0.5).abs() < 1e-12 && (turn_radps + 0.25).abs() < 0.06, "{share}, {turn_radps}");
+        let slowest = Motion::Forward { share: 0.3, turn_radps: 0.2 };
         assert_eq!(steering.step(seen(0.0, 90.0, 39.0), 0.0, at(0.2)), slowest);
     }
 

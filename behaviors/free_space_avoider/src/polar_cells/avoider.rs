@@ -1,4 +1,4 @@
-//! The behaviour with polar cells: looks all around, chooses a direction and proposes.
+//! The behavior with polar cells: looks all around, chooses a direction and proposes.
 
 use nalgebra::Vector2;
 use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup};
@@ -6,7 +6,7 @@ use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Axes, Axis, FreeDirection, FreeSpaceHeader, Proposal, Reason};
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_core::time::Time;
-use yamabico_vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_color_file::ColorFile;
 
 use super::destination::{Destination, Wish};
 use super::pilot::{Pilot, Steer};
@@ -30,10 +30,10 @@ pub struct PolarCellsAvoider {
 }
 
 impl PolarCellsAvoider {
-    /// The behaviour for a robot with a mirror camera and odometry.
+    /// The behavior for a robot with a mirror camera and odometry.
     ///
     /// # Errors
-    /// Another kind of camera, no odometry, a mirror that does not show the floor around the robot, or a file of colours that
+    /// Another kind of camera, no odometry, a mirror that does not show the floor around the robot, or a file of colors that
     /// cannot be read.
     pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
         let camera = setup.mirror_camera(&CAMERA)?;
@@ -43,10 +43,10 @@ impl PolarCellsAvoider {
                 "polar-cells needs odometry: it drives by its velocity",
             ));
         }
-        let learned = match &config.floor_colours {
+        let learned = match &config.floor_colors {
             Some(file) => Some(
-                ColourFile::read(&setup.folder.join(file))
-                    .map_err(|problem| BuildError::new("floor_colours", problem))?,
+                ColorFile::read(&setup.folder.join(file))
+                    .map_err(|problem| BuildError::new("floor_colors", problem))?,
             ),
             None => None,
         };
@@ -137,11 +137,11 @@ impl PolarCellsAvoider {
             let stop = stop(trouble.reason());
             return match trouble {
                 Trouble::NoFloorAhead => {
-                    stop.with_note(format_args!("no single colour right before the robot at the start"))
+                    stop.with_note(format_args!("no single color right before the robot at the start"))
                 }
-                Trouble::MaskUnreliable => stop.with_note(format_args!("hardly any floor colour around it")),
+                Trouble::MaskUnreliable => stop.with_note(format_args!("hardly any floor color around it")),
                 Trouble::LowContrast => {
-                    stop.with_note(format_args!("even the robot itself is floor-coloured"))
+                    stop.with_note(format_args!("even the robot itself is floor-colored"))
                 }
                 Trouble::MirrorMoved { offset_px } => {
                     stop.with_note(format_args!("the mirror is seen {offset_px:.1} px beside its place"))
@@ -161,7 +161,7 @@ impl PolarCellsAvoider {
                 drive(twist).with_note(format_args!("{:.0} % of the speed", 100.0 * share))
             }
             Steer::BackOut(twist) => drive(twist).with_note(format_args!("away from what is too near")),
-            Steer::Turn(turn_rad_s) => drive(Twist::planar(0.0, turn_rad_s))
+            Steer::Turn(turn_radps) => drive(Twist::planar(0.0, turn_radps))
                 .uncoupled()
                 .because(Reason::Searching)
                 .with_note(format_args!("turns to where the floor is free")),

@@ -7,7 +7,7 @@ use yamabico_vision::ring_cells::RingCells;
 pub struct FreeCells {
     directions: usize,
     /// Of each cell, the least count that is free; out of reach where the cell is not shown.
-    least_px: Vec<u32>,
+    min_px: Vec<u32>,
     /// For so many frames each cell has been free, up to `frames`.
     streaks: Vec<u8>,
     frames: u8,
@@ -24,7 +24,7 @@ impl FreeCells {
         };
         Self {
             directions: cells.directions(),
-            least_px: cells.areas().iter().enumerate().map(least).collect(),
+            min_px: cells.areas().iter().enumerate().map(least).collect(),
             streaks: vec![0; cells.areas().len()],
             frames: frames.max(1),
             rings: vec![0; cells.directions()],
@@ -33,7 +33,7 @@ impl FreeCells {
 
     /// Takes the counts of a frame.
     pub fn update(&mut self, counts: &[u32]) {
-        for ((streak, least), count) in self.streaks.iter_mut().zip(&self.least_px).zip(counts) {
+        for ((streak, least), count) in self.streaks.iter_mut().zip(&self.min_px).zip(counts) {
             *streak = if count >= least { (*streak + 1).min(self.frames) } else { 0 };
         }
         for (direction, rings) in self.rings.iter_mut().enumerate() {
@@ -64,7 +64,7 @@ impl FreeCells {
     #[must_use]
     pub fn blocked_inside(&self, counts: &[u32]) -> f64 {
         let blocked =
-            counts.iter().zip(&self.least_px).take(self.directions).filter(|(count, least)| count < least);
+            counts.iter().zip(&self.min_px).take(self.directions).filter(|(count, least)| count < least);
         blocked.count() as f64 / self.directions as f64
     }
 }
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_cell_is_blocked_at_once_and_free_after_two_frames() {
-        let image = MirrorImage::centred(256, 220);
+        let image = MirrorImage::centered(256, 220);
         let cells = RingCells::new(&image, &[20.0, 50.0, 80.0, 105.0, 400.0], 8, 0.0).unwrap();
         let mut free = FreeCells::new(&cells, 0.5, 2);
         let all = cells.areas().to_vec();

@@ -113,8 +113,8 @@ impl Pilot {
         let heading = HeadingRules {
             speed_mps,
             acceleration_mps2: along,
-            turn_rad_s: config.turn_rad_s.min(limits.speed[2]),
-            turn_acceleration_rad_s2: turning,
+            turn_radps: config.turn_radps.min(limits.speed[2]),
+            turn_acceleration_radps2: turning,
             gain_per_s: GAIN_PER_S,
             step_s: TURNING_STEP_S,
             horizon_s: HORIZON_S,
@@ -245,7 +245,7 @@ impl Pilot {
             .max_by(|a, b| a.1.total_cmp(&b.1).then(aside(b.0).total_cmp(&aside(a.0))))
             .filter(|(_, free_m)| *free_m > self.rules.clearance_m)?;
         let missing = wrap_angle(free.middle(sector) - moved.theta);
-        let most = self.heading.turn_rad_s;
+        let most = self.heading.turn_radps;
         (missing.abs() > FACING_RAD).then(|| Steer::Turn((GAIN_PER_S * missing).clamp(-most, most)))
     }
 }

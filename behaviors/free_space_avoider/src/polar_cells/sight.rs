@@ -6,41 +6,41 @@ use yamabico_core::camera::{MirrorCamera, MirrorImage, Mount};
 use yamabico_core::image::RgbView;
 use yamabico_core::message::Reason;
 use yamabico_vision::bit_image::BitImage;
-use yamabico_vision::floor_colour::FloorColours;
+use yamabico_vision::floor_color::FloorColors;
 use yamabico_vision::morphology::Morphology;
 use yamabico_vision::ring_cells::RingCells;
 
 use super::floor_model::FloorModel;
 use super::free_cells::FreeCells;
-use super::mirror_centre::mirror_offset;
+use super::mirror_center::mirror_offset;
 use crate::config::Config;
 use crate::direction::FreeDistances;
 
 /// A mirror that leans by more than this (rad) is refused: its rings are no circles on the floor.
-const MOST_LEAN_RAD: f64 = 0.02;
+const MAX_LEAN_RAD: f64 = 0.02;
 /// From the robot's circle to the innermost edge (m), so that the robot does not see itself.
 const BESIDE_ROBOT_M: f64 = 0.01;
 /// Frames that a cell must be free in before it counts as free.
 const FRAMES: u8 = 2;
 /// More of the innermost ring not being floor ...
-const MOST_BLOCKED: f64 = 0.5;
-/// ... in so many frames one after the other: the colours are wrong.
+const MAX_BLOCKED: f64 = 0.5;
+/// ... in so many frames one after the other: the colors are wrong.
 const FRAMES_BLOCKED: u32 = 3;
-/// Colours are followed while no more of the innermost ring is blocked than this.
-const MOST_BLOCKED_TO_FOLLOW: f64 = 0.1;
+/// Colors are followed while no more of the innermost ring is blocked than this.
+const MAX_BLOCKED_TO_FOLLOW: f64 = 0.1;
 /// Farther (px) beside its place the mirror is not where it is said to be.
-const MOST_OFFSET_PX: f64 = 2.5;
-/// More of the robot's own image being floor-coloured, everything is.
-const MOST_FLOOR_INSIDE: f64 = 0.5;
+const MAX_OFFSET_PX: f64 = 2.5;
+/// More of the robot's own image being floor-colored, everything is.
+const MAX_FLOOR_INSIDE: f64 = 0.5;
 
 /// What is wrong with a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trouble {
-    /// At the start, what lies before the robot is dark, overexposed or of more than one colour.
+    /// At the start, what lies before the robot is dark, overexposed or of more than one color.
     NoFloorAhead,
-    /// Hardly anything around the robot has the floor's colours: another light, another floor, a covered mirror.
+    /// Hardly anything around the robot has the floor's colors: another light, another floor, a covered mirror.
     MaskUnreliable,
-    /// Even the robot's own image has the floor's colours.
+    /// Even the robot's own image has the floor's colors.
     LowContrast,
     /// The mirror is seen so many pixels beside its place.
     MirrorMoved {
@@ -81,7 +81,7 @@ pub struct RingSight {
 }
 
 impl RingSight {
-    /// A sight for this camera on a robot of this radius (m), with colours that were learned, or none.
+    /// A sight for this camera on a robot of this radius (m), with colors that were learned, or none.
     ///
     /// # Errors
     /// A mirror that leans or whose picture does not show the floor from beside the robot to the farthest ring.
@@ -90,10 +90,10 @@ impl RingSight {
         camera: &MirrorCamera,
         mount: &Mount,
         radius_m: f64,
-        learned: Option<FloorColours>,
+        learned: Option<FloorColors>,
     ) -> Result<Self, BuildError> {
         let broken = |problem: String| BuildError::new("inputs.camera", problem);
-        if !mount.is_finite() || mount.tilt.abs().max(mount.roll.abs()) > MOST_LEAN_RAD {
+        if !mount.is_finite() || mount.tilt.abs().max(mount.roll.abs()) > MAX_LEAN_RAD {
             return Err(broken("leans: polar-cells needs an upright mirror".into()));
         }
         let (sin, cos) = mount.pan.sin_cos();
@@ -109,9 +109,9 @@ impl RingSight {
         let cells =
             RingCells::new(&image, &edges_px, directions, around_px).map_err(|e| broken(e.to_string()))?;
         let floor = match learned {
-            Some(colours) => FloorModel::learned(colours),
+            Some(colors) => FloorModel::learned(colors),
             None => {
-                let tolerance = config.colour_tolerance.min(255) as u8;
+                let tolerance = config.color_tolerance.min(255) as u8;
                 FloorModel::seeded(&image, edges_px[0], edges_px[1], tolerance)
             }
         };
@@ -153,38 +153,38 @@ impl RingSight {
         }
         self.measure(picture);
         let blocked = self.free.blocked_inside(&self.counts);
-        self.blocked_frames = if blocked > MOST_BLOCKED { self.blocked_frames + 1 } else { 0 };
+        self.blocked_frames = if blocked > MAX_BLOCKED { self.blocked_frames + 1 } else { 0 };
         if self.blocked_frames >= FRAMES_BLOCKED {
-            // Another light makes all around another colour.
+            // Another light makes all around another color.
             if !self.floor.begin_again(picture) {
                 return Err(Trouble::MaskUnreliable);
             }
             self.blocked_frames = 0;
             self.measure(picture);
         }
-        let Some(colours) = self.floor.colours() else { return Err(Trouble::NoFloorAhead) };
-        let inside = |&&(u, v): &&(u16, u16)| colours.contains(picture.pixel(usize::from(u), usize::from(v)));
+        let Some(colors) = self.floor.colors() else { return Err(Trouble::NoFloorAhead) };
+        let inside = |&&(u, v): &&(u16, u16)| colors.contains(picture.pixel(usize::from(u), usize::from(v)));
         let floor_inside = self.inside.iter().filter(inside).count();
-        if floor_inside as f64 > MOST_FLOOR_INSIDE * self.inside.len() as f64 {
+        if floor_inside as f64 > MAX_FLOOR_INSIDE * self.inside.len() as f64 {
             return Err(Trouble::LowContrast);
         }
-        if let Some(offset_px) = mirror_offset(picture, &self.image, colours).map(|offset| offset.norm())
-            && offset_px > MOST_OFFSET_PX
+        if let Some(offset_px) = mirror_offset(picture, &self.image, colors).map(|offset| offset.norm())
+            && offset_px > MAX_OFFSET_PX
         {
             return Err(Trouble::MirrorMoved { offset_px });
         }
         self.free.update(&self.counts);
         self.distances.set(self.free.rings().iter().map(|&rings| self.edges_m[rings]));
-        if blocked <= MOST_BLOCKED_TO_FOLLOW {
+        if blocked <= MAX_BLOCKED_TO_FOLLOW {
             self.floor.follow(picture);
         }
         Ok(())
     }
 
-    /// Floor colours to counts.
+    /// Floor colors to counts.
     fn measure(&mut self, picture: RgbView) {
-        if let Some(colours) = self.floor.colours() {
-            colours.mark(picture, self.cells.columns(), &mut self.mask);
+        if let Some(colors) = self.floor.colors() {
+            colors.mark(picture, self.cells.columns(), &mut self.mask);
             self.morphology.close(&mut self.mask, self.closing);
             self.cells.count(&self.mask, &mut self.counts);
         }
@@ -224,7 +224,7 @@ impl RingSight {
         &self.edges_px
     }
 
-    /// The same on the floor, metres from the mirror's axis.
+    /// The same on the floor, meters from the mirror's axis.
     #[must_use]
     pub fn edges_m(&self) -> &[f64] {
         &self.edges_m
@@ -232,14 +232,14 @@ impl RingSight {
 
     /// What is floor now.
     #[must_use]
-    pub fn colours(&self) -> Option<&FloorColours> {
-        self.floor.colours()
+    pub fn colors(&self) -> Option<&FloorColors> {
+        self.floor.colors()
     }
 }
 
 /// The matrix from image to mirror directions.
 fn orientation(image: &MirrorImage) -> Matrix2<f64> {
-    let column = |along: Vector2<f64>| image.mirror_from_pixel(image.centre() + along);
+    let column = |along: Vector2<f64>| image.mirror_from_pixel(image.center() + along);
     Matrix2::from_columns(&[column(Vector2::x()), column(Vector2::y())])
 }
 
@@ -253,7 +253,7 @@ fn ring_edges_px(
     let image = camera.image();
     let first = match camera.radius_px(nearest_m, -height_m) {
         Ok(radius_px) => radius_px,
-        Err(yamabico_core::camera::Unseen::BlindCentre) => image.blind_radius_px(),
+        Err(yamabico_core::camera::Unseen::BlindCenter) => image.blind_radius_px(),
         Err(problem) => {
             return Err(format!("does not show the floor {nearest_m:.2} m from its axis: {problem}"));
         }

@@ -17,13 +17,13 @@ use yamabico_sim::random::stream;
 use yamabico_sim::world::{Branch, Corridor, Side as WallSide};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 
-/// Seconds between two readings of the odometry, each followed by a call of the behaviour.
+/// Seconds between two readings of the odometry, each followed by a call of the behavior.
 pub const TICK_S: f64 = 0.02;
 /// Pictures are taken every so many ticks ...
 pub const TICKS_PER_PICTURE: u64 = 5;
 /// ... and arrive so many ticks later.
 pub const LATENCY_TICKS: u64 = 2;
-/// Where the walls end, world x, metres.
+/// Where the walls end, world x, meters.
 pub const END_M: f64 = 12.0;
 
 /// A camera of the tests: `fov_deg` wide, 0.6 m above the floor, looking 6 degrees down.
@@ -32,12 +32,12 @@ pub fn camera(width: u32, height: u32, fov_deg: f64) -> (Intrinsics, Mount) {
     (Intrinsics::from_horizontal_fov(width, height, fov_deg.to_radians()), mount)
 }
 
-/// A robot with that camera in the behaviour's slot.
+/// A robot with that camera in the behavior's slot.
 pub fn setup((intrinsics, mount): (Intrinsics, Mount)) -> Setup {
     camera_setup(intrinsics, mount)
 }
 
-/// The header of a grey picture of this camera.
+/// The header of a gray picture of this camera.
 pub fn frame_header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
     FrameHeader::gray(intrinsics.width, intrinsics.height, Time::from_secs_f64(seconds).0)
 }
@@ -63,7 +63,7 @@ pub fn world(ending: Ending, across_m: f64) -> World {
     dressed(World::corridor(20.0, 2.0), ending, across_m)
 }
 
-/// The corridor of a seed, colours, lamps, floor and doors as they come, but for the last 1.5 m before its end.
+/// The corridor of a seed, colors, lamps, floor and doors as they come, but for the last 1.5 m before its end.
 pub fn random_world(seed: u64, ending: Ending) -> World {
     let mut rng = stream(seed, "approach");
     let mut world = World::random_corridor(seed, rng.random_range(1.7..2.4));
@@ -99,9 +99,9 @@ pub struct Drive {
     /// The edges, world frame.
     pub truth: Landmarks,
     pub photometry: Photometry,
-    /// What the robot does when the behaviour does not drive.
+    /// What the robot does when the behavior does not drive.
     pub otherwise: Twist,
-    /// Grey levels are made so much brighter or darker.
+    /// Gray levels are made so much brighter or darker.
     pub gain: f64,
     /// From this column on pictures are black.
     pub covered_from: usize,
@@ -195,7 +195,7 @@ impl Drive {
         self.picture.is_some()
     }
 
-    /// Wheels with limited acceleration; the odometry errs by 1 % and turns 0.3 degrees a metre too far.
+    /// Wheels with limited acceleration; the odometry errs by 1 % and turns 0.3 degrees a meter too far.
     fn move_on(&mut self) {
         let is_drive = self.proposal.kind() == Some(Kind::Drive);
         let wanted = if is_drive { self.proposal.twist } else { self.otherwise };

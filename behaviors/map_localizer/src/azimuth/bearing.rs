@@ -5,11 +5,11 @@ use yamabico_vision::azimuth_profile::EdgeSign;
 /// A vertical edge of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeLandmark {
-    /// On the map, metres.
+    /// On the map, meters.
     pub position: Point2<f64>,
     /// How the picture changes across it; `None` where that is not known.
     pub sign: Option<EdgeSign>,
-    /// Standard deviation of the position along either axis, metres.
+    /// Standard deviation of the position along either axis, meters.
     pub sigma_m: f64,
 }
 
@@ -24,7 +24,7 @@ pub struct SeenBearing {
     pub sigma_rad: f64,
 }
 
-/// Where the axis of the sensor stands on the robot, metres.
+/// Where the axis of the sensor stands on the robot, meters.
 pub type LeverArm = Vector2<f64>;
 
 /// The azimuth at which an edge of the map should be seen.
@@ -36,7 +36,7 @@ pub struct BearingPrediction {
     pub jacobian: RowVector3<f64>,
     /// What the landmark's own uncertainty makes of it, rad squared.
     pub landmark_variance: f64,
-    /// Distance from the sensor, metres.
+    /// Distance from the sensor, meters.
     pub distance_m: f64,
 }
 

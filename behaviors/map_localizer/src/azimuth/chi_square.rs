@@ -19,7 +19,7 @@ pub fn quantile(probability: f64, freedom: u32) -> f64 {
     0.5 * (low + high)
 }
 
-/// The probability of staying below `x`: the regularised lower incomplete gamma function of half the arguments, as a series
+/// The probability of staying below `x`: the regularized lower incomplete gamma function of half the arguments, as a series
 /// whose terms are all positive.
 fn cumulative(x: f64, freedom: u32) -> f64 {
     if x <= 0.0 {

@@ -24,10 +24,10 @@ const FOOT_SIGMA_PX: f64 = 4.0;
 /// An edge that ends this near to where edges are looked for goes on, pixels.
 const HIDDEN_FOOT_PX: f64 = 6.0;
 /// Fewer edges than this do not fix a pose.
-const LEAST_PAIRS: usize = 3;
+const MIN_PAIRS: usize = 3;
 /// A search needs so many, and this share of the edges that should be in view.
-const LEAST_FOUND: (usize, f64) = (4, 0.5);
-/// Least standard deviations of a robot that was found again: metres, radians.
+const MIN_FOUND: (usize, f64) = (4, 0.5);
+/// Least standard deviations of a robot that was found again: meters, radians.
 const FOUND_SIGMA: [f64; 2] = [0.02, 0.01];
 
 /// Finds the robot by the azimuths of vertical edges.
@@ -37,7 +37,7 @@ pub struct AzimuthFinder {
     robot_from_camera: Pose2,
     mirror: MountedMirror,
     inner_radius_px: f64,
-    grey: GrayImage,
+    gray: GrayImage,
     edges: RadialEdges,
     sigma_rad: f64,
     sway_rad: f64,
@@ -73,7 +73,7 @@ impl AzimuthFinder {
         let hiding = walls.clone();
         Ok(Self {
             robot_from_camera: Pose2::new(mirror.mount.x, mirror.mount.y, mirror.mount.pan),
-            grey: GrayImage::default(),
+            gray: GrayImage::default(),
             edges: RadialEdges::new(&image, &edge_rule, ProfileRule::default()),
             inner_radius_px: edge_rule.inner_radius_px,
             mirror,
@@ -149,7 +149,7 @@ impl PoseFinder for AzimuthFinder {
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.camera = None;
         let picture =
-            frame.gray(self.mirror.camera.image().size(), &mut self.grey).ok_or(Reason::MalformedInput)?;
+            frame.gray(self.mirror.camera.image().size(), &mut self.gray).ok_or(Reason::MalformedInput)?;
         let found = self.edges.find(picture).map_err(|_| Reason::MalformedInput)?;
         if found.is_empty() { Err(Reason::TooFewSegments) } else { Ok(()) }
     }
@@ -170,7 +170,7 @@ impl PoseFinder for AzimuthFinder {
         };
         self.camera = Some(after.pose);
         let camera = still.without_sway(&swayed, &after);
-        let is_enough = fix.pairs >= LEAST_PAIRS;
+        let is_enough = fix.pairs >= MIN_PAIRS;
         Fix {
             posterior: camera.carried(&self.robot_from_camera.inverse()),
             verdict: if is_enough { Ok(()) } else { Err(Reason::TooFewMatches) },
@@ -184,7 +184,7 @@ impl PoseFinder for AzimuthFinder {
         self.see(trust.scale);
         let wide = prior.carried(&self.robot_from_camera).swayed(self.sway_rad);
         let fix = self.localizer.search(&wide, &self.seen).ok()?;
-        let (pairs, share) = LEAST_FOUND;
+        let (pairs, share) = MIN_FOUND;
         let is_found = fix.pairs >= pairs && fix.pairs as f64 >= share * self.localizer.visible() as f64;
         is_found.then(|| {
             let mut found = fix.belief.swayed(self.sway_rad).carried(&self.robot_from_camera.inverse());
@@ -218,8 +218,8 @@ impl PoseFinder for AzimuthFinder {
 }
 
 /// Where an edge meets the floor; `None` where its lower end is not in the picture.
-fn foot(mirror: &MountedMirror, least_radius_px: f64, edge: &AzimuthEdge) -> Option<Foot> {
-    let radius_px = edge.inner_radius_px().filter(|radius| *radius > least_radius_px + HIDDEN_FOOT_PX)?;
+fn foot(mirror: &MountedMirror, min_radius_px: f64, edge: &AzimuthEdge) -> Option<Foot> {
+    let radius_px = edge.inner_radius_px().filter(|radius| *radius > min_radius_px + HIDDEN_FOOT_PX)?;
     let distance_m = mirror.camera.floor_radius_m(radius_px, mirror.mount.z)?;
     let slope = mirror.camera.floor_slope_m_per_px(radius_px, mirror.mount.z)?;
     Some(Foot { distance_m, sigma_m: FOOT_SIGMA_PX * slope })
@@ -229,7 +229,7 @@ fn reason(problem: &AzimuthProblem) -> Reason {
     match problem {
         AzimuthProblem::NoEdges => Reason::TooFewSegments,
         AzimuthProblem::BadPrediction => Reason::Inconsistent,
-        AzimuthProblem::AllUnknown { seen } if *seen < LEAST_PAIRS => Reason::TooFewMatches,
+        AzimuthProblem::AllUnknown { seen } if *seen < MIN_PAIRS => Reason::TooFewMatches,
         AzimuthProblem::Singular => Reason::Degenerate,
         AzimuthProblem::AllUnknown { .. }
         | AzimuthProblem::Inconsistent { .. }

@@ -14,12 +14,12 @@ pub struct JointRule {
     /// wrong pair hides among many right ones.
     pub conditional_gate: f64,
     /// Most steps of the search; the best set found until then counts.
-    pub most_nodes: u32,
+    pub max_nodes: u32,
 }
 
 impl Default for JointRule {
     fn default() -> Self {
-        Self { probability: 0.99, conditional_gate: 10.83, most_nodes: 20_000 }
+        Self { probability: 0.99, conditional_gate: 10.83, max_nodes: 20_000 }
     }
 }
 
@@ -90,8 +90,8 @@ struct Frame {
 impl JointCompatibility {
     /// For at most so many edges seen.
     #[must_use]
-    pub fn new(rule: JointRule, most_seen: u32) -> Self {
-        let gates = (0..=most_seen).map(|n| if n == 0 { 0.0 } else { quantile(rule.probability, n) });
+    pub fn new(rule: JointRule, max_seen: u32) -> Self {
+        let gates = (0..=max_seen).map(|n| if n == 0 { 0.0 } else { quantile(rule.probability, n) });
         Self {
             rule,
             gates: gates.collect(),
@@ -207,7 +207,7 @@ impl JointCompatibility {
         let mut best = Pairing { pairs: 0, distance_squared: f64::INFINITY, is_complete: true };
         let mut nodes = 0;
         while let Some(place) = self.frames.len().checked_sub(1) {
-            if nodes >= self.rule.most_nodes {
+            if nodes >= self.rule.max_nodes {
                 best.is_complete = false;
                 break;
             }
@@ -383,7 +383,7 @@ mod tests {
         let map = landmarks();
         let belief = Belief::new(Pose2::IDENTITY, 0.3, 0.3);
         let seen = seen_from(&map, &Pose2::IDENTITY);
-        let rule = JointRule { most_nodes: 3, ..JointRule::default() };
+        let rule = JointRule { max_nodes: 3, ..JointRule::default() };
         let pairing = JointCompatibility::new(rule, 20).pair(&belief, LeverArm::zeros(), &map, &seen);
         assert!(!pairing.is_complete);
     }

@@ -9,7 +9,7 @@ use super::joint_compatibility::{JointCompatibility, JointRule};
 use super::solver::{BearingPair, SolverRule, most_likely_pose};
 use crate::belief::Belief;
 
-/// A wall that hides what is behind it: its two ends on the map, metres.
+/// A wall that hides what is behind it: its two ends on the map, meters.
 pub type Obstruction = [Point2<f64>; 2];
 
 /// How the pose is found.
@@ -21,14 +21,14 @@ pub struct AzimuthRule {
     pub solver: SolverRule,
     /// Share of right poses that the test of the residuals lets pass, 0 to 1.
     pub probability: f64,
-    /// Largest correction of the position, metres.
-    pub most_correction_m: f64,
-    /// Farthest edges of the map that are looked for, metres.
+    /// Largest correction of the position, meters.
+    pub max_correction_m: f64,
+    /// Farthest edges of the map that are looked for, meters.
     pub farthest_m: f64,
-    /// An edge is not hidden by what ends this near to it, metres.
+    /// An edge is not hidden by what ends this near to it, meters.
     pub hiding_margin_m: f64,
     /// Most edges of a picture.
-    pub most_seen: u32,
+    pub max_seen: u32,
 }
 
 impl Default for AzimuthRule {
@@ -37,10 +37,10 @@ impl Default for AzimuthRule {
             joint: JointRule::default(),
             solver: SolverRule::default(),
             probability: 0.999,
-            most_correction_m: 0.5,
+            max_correction_m: 0.5,
             farthest_m: 15.0,
             hiding_margin_m: 0.05,
-            most_seen: 128,
+            max_seen: 128,
         }
     }
 }
@@ -87,7 +87,7 @@ pub enum AzimuthProblem {
     /// The pose lies farther from the prediction than it may.
     #[error("the pose lies {distance_m:.2} m from the prediction")]
     Jump {
-        /// Metres.
+        /// Meters.
         distance_m: f64,
     },
 }
@@ -116,12 +116,12 @@ impl AzimuthLocalizer {
     #[must_use]
     pub fn new(map: Vec<EdgeLandmark>, walls: Vec<Obstruction>, lever: LeverArm, rule: AzimuthRule) -> Self {
         Self {
-            joint: JointCompatibility::new(rule.joint, rule.most_seen),
-            gates: (0..=rule.most_seen).map(|n| quantile(rule.probability, n)).collect(),
+            joint: JointCompatibility::new(rule.joint, rule.max_seen),
+            gates: (0..=rule.max_seen).map(|n| quantile(rule.probability, n)).collect(),
             visible: Vec::with_capacity(map.len()),
             numbers: Vec::with_capacity(map.len()),
-            pairs: Vec::with_capacity(rule.most_seen as usize),
-            edge_of_seen: Vec::with_capacity(rule.most_seen as usize),
+            pairs: Vec::with_capacity(rule.max_seen as usize),
+            edge_of_seen: Vec::with_capacity(rule.max_seen as usize),
             rule,
             map,
             walls,
@@ -187,7 +187,7 @@ impl AzimuthLocalizer {
             return Err(AzimuthProblem::Inconsistent { chi_squared, pairs });
         }
         let distance_m = found.belief.pose.distance(&predicted.pose);
-        let is_near = distance_m <= self.rule.most_correction_m;
+        let is_near = distance_m <= self.rule.max_correction_m;
         if !is_near {
             return Err(AzimuthProblem::Jump { distance_m });
         }

@@ -30,7 +30,7 @@ pub struct PanFix {
     pub step: i32,
     /// The best of the headings, and the position for it.
     pub coarse: Pose2,
-    /// Its sum of squared distances, square metres.
+    /// Its sum of squared distances, square meters.
     pub cost: f64,
     /// The heading refined, and the position for it.
     pub pose: Pose2,

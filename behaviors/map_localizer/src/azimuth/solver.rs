@@ -32,24 +32,24 @@ pub enum Loss {
 pub struct SolverRule {
     /// What becomes of pairs that lie far off.
     pub loss: Loss,
-    /// A step shorter than this (metres and radians) is the last.
+    /// A step shorter than this (meters and radians) is the last.
     pub settled: f64,
     /// Steps after which a pose that still moves is given up.
-    pub most_iterations: u32,
+    pub max_iterations: u32,
 }
 
 impl SolverRule {
     /// Until nothing moves any more: for comparisons.
     #[must_use]
     pub fn exact(loss: Loss) -> Self {
-        Self { loss, settled: 1e-11, most_iterations: 200 }
+        Self { loss, settled: 1e-11, max_iterations: 200 }
     }
 }
 
 impl Default for SolverRule {
-    /// To the hundredth of a millimetre, far below what azimuths tell.
+    /// To the hundredth of a millimeter, far below what azimuths tell.
     fn default() -> Self {
-        Self { loss: Loss::Tukey(4.685), settled: 1e-5, most_iterations: 50 }
+        Self { loss: Loss::Tukey(4.685), settled: 1e-5, max_iterations: 50 }
     }
 }
 
@@ -112,7 +112,7 @@ pub fn most_likely_pose(
         Loss::Tukey(_) => Loss::Huber(HUBER),
         other => other,
     };
-    for iteration in 1..=rule.most_iterations {
+    for iteration in 1..=rule.max_iterations {
         let (information, pull, chi_squared) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
         let covariance = inverse_of(&information).ok_or(SolverError::Singular)?;
         let step: Vector3<f64> = covariance * pull;

@@ -7,8 +7,8 @@ use yamabico_core::camera::{MirrorCamera, MirrorImage};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_vision::bit_image::BitImage;
-use yamabico_vision::floor_colour::FloorColours;
-use yamabico_vision::floor_colour_file::ColourFile;
+use yamabico_vision::floor_color::FloorColors;
+use yamabico_vision::floor_color_file::ColorFile;
 use yamabico_vision::map::{Wall, WireFrame};
 use yamabico_vision::morphology::Morphology;
 use yamabico_vision::polygon::sides;
@@ -21,8 +21,8 @@ use crate::belief::{Belief, Update};
 use crate::config::Config;
 use crate::fix::{Fix, PoseFinder, Trust};
 
-/// Corners whose place on the floor changes by more than this with a pixel tell nothing, metres.
-const MOST_SLOPE_M: f64 = 0.7;
+/// Corners whose place on the floor changes by more than this with a pixel tell nothing, meters.
+const MAX_SLOPE_M: f64 = 0.7;
 /// Corners this near to the rim of the mirror are those of the rim, pixels.
 const RIM_PX: f64 = 2.0;
 /// Specks in the floor up to twice so many pixels wide are closed, as lines are.
@@ -31,7 +31,7 @@ const CLOSED_PX: u32 = 1;
 const SPECK_PX: u32 = 1;
 /// A mirror that leans by more is not upright, rad.
 const UPRIGHT_RAD: f64 = 0.002;
-/// Least standard deviations of a robot that was found again: metres, radians.
+/// Least standard deviations of a robot that was found again: meters, radians.
 const FOUND_SIGMA: [f64; 2] = [0.02, 0.01];
 /// Squared distance of a measured pose from the belief that is allowed, three degrees of freedom.
 const GATE: f64 = 16.27;
@@ -41,7 +41,7 @@ const GATE: f64 = 16.27;
 pub struct FloorFinder {
     walls: WireFrame,
     robot_from_camera: Pose2,
-    colours: FloorColours,
+    colors: FloorColors,
     size: [u32; 2],
     columns: Vec<Range<u32>>,
     mask: BitImage,
@@ -55,7 +55,7 @@ impl FloorFinder {
     /// One for the configuration's floor and the robot's mirror camera.
     ///
     /// # Errors
-    /// Another kind of camera, one that leans or does not see the floor, no plan or no colours, or files that cannot be read.
+    /// Another kind of camera, one that leans or does not see the floor, no plan or no colors, or files that cannot be read.
     pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
         let mirror = setup.mirror_camera(&CAMERA)?;
         let refused = |problem: &str| BuildError::new("inputs.camera", problem);
@@ -64,17 +64,17 @@ impl FloorFinder {
         }
         let path = config.file("floor_plan", config.floor_plan.as_ref(), setup)?;
         let file = FloorPlanFile::read(&path).map_err(|problem| BuildError::new("floor_plan", problem))?;
-        let path = config.file("floor_colours", config.floor_colours.as_ref(), setup)?;
-        let colours = ColourFile::read(&path).map_err(|problem| BuildError::new("floor_colours", problem))?;
-        let most_radius_px = most_radius_px(&mirror.camera, mirror.mount.z)
+        let path = config.file("floor_colors", config.floor_colors.as_ref(), setup)?;
+        let colors = ColorFile::read(&path).map_err(|problem| BuildError::new("floor_colors", problem))?;
+        let max_radius_px = max_radius_px(&mirror.camera, mirror.mount.z)
             .ok_or_else(|| refused("floor-outline needs a mirror that shows the floor"))?;
-        let rule = FloorRule::new(OutlineRule { height_m: mirror.mount.z, most_radius_px });
+        let rule = FloorRule::new(OutlineRule { height_m: mirror.mount.z, max_radius_px });
         let walls = sides(&file.corners()).map(|[from, to]| Wall { from, to }).collect();
         let image = mirror.camera.image();
         Ok(Self {
             walls: WireFrame::new(Vec::new(), walls),
             robot_from_camera: Pose2::new(mirror.mount.x, mirror.mount.y, mirror.mount.pan),
-            colours,
+            colors,
             size: image.size(),
             columns: columns(image),
             mask: BitImage::default(),
@@ -112,7 +112,7 @@ impl PoseFinder for FloorFinder {
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.last = None;
         let picture = frame.rgb(self.size).ok_or(Reason::MalformedInput)?;
-        self.colours.mark(picture, &self.columns, &mut self.mask);
+        self.colors.mark(picture, &self.columns, &mut self.mask);
         self.morphology.close(&mut self.mask, CLOSED_PX);
         // Specks beyond the floor would widen its hull; what is left keeps its corners.
         self.body.copy_from(&self.mask);
@@ -193,12 +193,12 @@ fn columns(image: &MirrorImage) -> Vec<Range<u32>> {
 
 /// The largest radius (pixels) at which the mirror, so high above the floor (m), still tells where the floor ends; `None` where
 /// it shows no floor.
-fn most_radius_px(camera: &MirrorCamera, height_m: f64) -> Option<f64> {
+fn max_radius_px(camera: &MirrorCamera, height_m: f64) -> Option<f64> {
     let rim = camera.image().rim_radius_px() - RIM_PX;
     let steps = (2.0 * rim) as u32;
     let radii = (1..=steps).rev().map(|step| 0.5 * f64::from(step));
     let tells = |radius: &f64| {
-        camera.floor_slope_m_per_px(*radius, height_m).is_some_and(|slope| slope <= MOST_SLOPE_M)
+        camera.floor_slope_m_per_px(*radius, height_m).is_some_and(|slope| slope <= MAX_SLOPE_M)
     };
     radii.into_iter().find(tells)
 }

@@ -22,14 +22,14 @@ pub enum Robust {
 /// How the outline is fitted to the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitRule {
-    /// A shift below this (metres) and a turn below `least_turn_rad` are the last.
-    pub least_shift_m: f64,
-    /// See `least_shift_m`.
-    pub least_turn_rad: f64,
+    /// A shift below this (meters) and a turn below `min_turn_rad` are the last.
+    pub min_shift_m: f64,
+    /// See `min_shift_m`.
+    pub min_turn_rad: f64,
     /// A step of the common shift below this is the last, pixels.
-    pub least_shift_px: f64,
+    pub min_shift_px: f64,
     /// Most steps.
-    pub most_iterations: u32,
+    pub max_iterations: u32,
     /// What becomes of corners that lie far off.
     pub robust: Robust,
     /// Standard deviation of a common shift of all corners in the picture, outwards, pixels, which is then estimated as well;
@@ -40,21 +40,21 @@ pub struct FitRule {
 impl Default for FitRule {
     fn default() -> Self {
         Self {
-            least_shift_m: 1e-4,
-            least_turn_rad: 1e-4,
-            least_shift_px: 1e-3,
-            most_iterations: 20,
+            min_shift_m: 1e-4,
+            min_turn_rad: 1e-4,
+            min_shift_px: 1e-3,
+            max_iterations: 20,
             robust: Robust::None,
             shift_sigma_px: None,
         }
     }
 }
 
-/// Where the fit begins and where it is: the centre of the plan in the robot's frame, and the direction of its x axis there.
+/// Where the fit begins and where it is: the center of the plan in the robot's frame, and the direction of its x axis there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
-    /// Metres, robot's frame.
-    pub centre: Point2<f64>,
+    /// Meters, robot's frame.
+    pub center: Point2<f64>,
     /// Radians, robot's frame.
     pub axis_rad: f64,
 }
@@ -62,7 +62,7 @@ pub struct Start {
 /// An outline that was fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// The centre of the plan and the direction of its x axis, robot's frame.
+    /// The center of the plan and the direction of its x axis, robot's frame.
     pub place: Start,
     /// The first correction (a, b, zeta), m and rad.
     pub first_step: Vector3<f64>,
@@ -76,7 +76,7 @@ pub struct Fit {
     pub shift_px: f64,
     /// Inverse of the matrix of (a, b, zeta).
     pub inverse: Matrix3<f64>,
-    /// Condition of the equations, metres.
+    /// Condition of the equations, meters.
     pub condition: f64,
 }
 
@@ -95,14 +95,14 @@ struct Assigned {
 }
 
 impl OutlineFitter {
-    /// Where the moments of the outline put the plan's centre and axis; the axis may be the other way round. `None` for an outline
+    /// Where the moments of the outline put the plan's center and axis; the axis may be the other way round. `None` for an outline
     /// without area.
     pub fn start(&mut self, outline: &FloorOutline) -> Option<Start> {
         let moments = self.moments(outline)?;
-        Some(Start { centre: moments.centre(), axis_rad: moments.long_axis_rad() })
+        Some(Start { center: moments.center(), axis_rad: moments.long_axis_rad() })
     }
 
-    /// Area of the outline on the floor, square metres.
+    /// Area of the outline on the floor, square meters.
     pub fn area_m2(&mut self, outline: &FloorOutline) -> f64 {
         self.moments(outline).map_or(0.0, |moments| moments.area)
     }
@@ -129,7 +129,7 @@ impl OutlineFitter {
         let mut best: Option<Fit> = None;
         self.work.clear();
         self.work.resize(outline.vertices().len(), Assigned::default());
-        for iteration in 1..=rule.most_iterations.max(1) {
+        for iteration in 1..=rule.max_iterations.max(1) {
             let (equations, cost) = self.equations(outline.vertices(), plan, &place, rule, shift_px);
             let (step, shift_step, inverse) = solve(&equations, rule)?;
             let first = *first_step.get_or_insert(step);
@@ -148,7 +148,7 @@ impl OutlineFitter {
                 best = Some(here);
             }
             place = moved(&place, &step);
-            let most = self.most_move(outline.vertices(), &place, &step);
+            let most = self.max_move(outline.vertices(), &place, &step);
             for assigned in &mut self.work {
                 assigned.slack_m -= 2.0 * most;
             }
@@ -157,10 +157,10 @@ impl OutlineFitter {
                 outline.project_shifted(camera.0, camera.1, shift_px);
                 self.work.fill(Assigned::default());
             }
-            let is_settled = step.x.abs() <= rule.least_shift_m
-                && step.y.abs() <= rule.least_shift_m
-                && step.z.abs() <= rule.least_turn_rad
-                && shift_step.abs() <= rule.least_shift_px;
+            let is_settled = step.x.abs() <= rule.min_shift_m
+                && step.y.abs() <= rule.min_shift_m
+                && step.z.abs() <= rule.min_turn_rad
+                && shift_step.abs() <= rule.min_shift_px;
             if is_settled {
                 let (equations, cost) = self.equations(outline.vertices(), plan, &place, rule, shift_px);
                 let rms_px = (cost / outline.vertices().len().max(1) as f64).sqrt();
@@ -199,7 +199,7 @@ impl OutlineFitter {
         let (sin, cos) = place.axis_rad.sin_cos();
         let turn = |v: Vector2<f64>| Vector2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x);
         for (vertex, assigned) in vertices.iter().zip(&mut self.work) {
-            let point = turn(vertex.point_in_robot - place.centre);
+            let point = turn(vertex.point_in_robot - place.center);
             if assigned.slack_m <= 0.0 {
                 *assigned = assign(plan, point);
             }
@@ -226,10 +226,10 @@ impl OutlineFitter {
     }
 
     /// How far a step moves any corner at most.
-    fn most_move(&self, vertices: &[OutlineVertex], place: &Start, step: &Vector3<f64>) -> f64 {
+    fn max_move(&self, vertices: &[OutlineVertex], place: &Start, step: &Vector3<f64>) -> f64 {
         let farthest = vertices
             .iter()
-            .map(|vertex| (vertex.point_in_robot - place.centre).norm_squared())
+            .map(|vertex| (vertex.point_in_robot - place.center).norm_squared())
             .fold(0.0, f64::max)
             .sqrt();
         step.x.hypot(step.y) + step.z.abs() * (farthest + step.x.hypot(step.y))
@@ -287,9 +287,9 @@ fn moved(place: &Start, step: &Vector3<f64>) -> Start {
     let axis_rad = place.axis_rad + step.z;
     let (sin, cos) = axis_rad.sin_cos();
     Start {
-        centre: Point2::new(
-            place.centre.x - step.x * cos + step.y * sin,
-            place.centre.y - step.x * sin - step.y * cos,
+        center: Point2::new(
+            place.center.x - step.x * cos + step.y * sin,
+            place.center.y - step.x * sin - step.y * cos,
         ),
         axis_rad: wrap_angle(axis_rad),
     }

@@ -6,7 +6,7 @@ use yamabico_vision::polygon::{PolygonMoments, convex_hull};
 /// A straight part of the floor's outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlineSegment {
-    /// Its ends, metres; the floor is on the left of the way from the first to the second.
+    /// Its ends, meters; the floor is on the left of the way from the first to the second.
     pub ends: [Point2<f64>; 2],
 }
 
@@ -28,7 +28,7 @@ pub(super) struct PlanSegment {
     pub line: usize,
 }
 
-/// The outline of a floor, in the frame of its own axes: the origin is the centre of its hull and x runs along it.
+/// The outline of a floor, in the frame of its own axes: the origin is the center of its hull and x runs along it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FloorPlan {
     pub(super) lines: Vec<PlanLine>,
@@ -49,7 +49,7 @@ pub enum FloorPlanError {
     NoArea,
 }
 
-/// Differences below this are those of rounding, metres.
+/// Differences below this are those of rounding, meters.
 const SAME_M: f64 = 1e-9;
 
 impl FloorPlan {
@@ -70,9 +70,9 @@ impl FloorPlan {
         convex_hull(&mut ends, &mut hull);
         let moments = PolygonMoments::of(&hull).ok_or(FloorPlanError::NoArea)?;
         let snap = |value: f64| if value.abs() < 1e-12 { 0.0 } else { value };
-        let centre = moments.centre();
+        let center = moments.center();
         let axis = if moments.has_axis() { moments.long_axis_rad() } else { 0.0 };
-        let map_from_plan = Pose2 { x: snap(centre.x), y: snap(centre.y), theta: snap(axis) };
+        let map_from_plan = Pose2 { x: snap(center.x), y: snap(center.y), theta: snap(axis) };
         let mut plan = Self {
             lines: Vec::new(),
             segments: Vec::with_capacity(outline.len()),
@@ -88,7 +88,7 @@ impl FloorPlan {
         Ok(plan)
     }
 
-    /// The plan of a floor whose corners are these, anticlockwise.
+    /// The plan of a floor whose corners are these, counterclockwise.
     ///
     /// # Errors
     /// [`FloorPlanError`].
@@ -99,7 +99,7 @@ impl FloorPlan {
     }
 
     /// A football field with its goals: half its length, half of it from the back of one goal to that of the other, half its
-    /// width, and half the width of a goal, metres. The sides of the goals are no part of the outline.
+    /// width, and half the width of a goal, meters. The sides of the goals are no part of the outline.
     ///
     /// # Errors
     /// [`FloorPlanError`].
@@ -131,7 +131,7 @@ impl FloorPlan {
         self.lines.len()
     }
 
-    /// The outward normal (of unit length) and the offset (metres) of a line in the plan's own frame.
+    /// The outward normal (of unit length) and the offset (meters) of a line in the plan's own frame.
     #[must_use]
     pub fn line(&self, number: usize) -> Option<(Vector2<f64>, f64)> {
         self.lines.get(number).map(|line| (line.normal, line.offset_m))
@@ -143,7 +143,7 @@ impl FloorPlan {
         self.map_from_plan
     }
 
-    /// Area of the hull, square metres.
+    /// Area of the hull, square meters.
     #[must_use]
     pub fn hull_area_m2(&self) -> f64 {
         self.hull_area_m2

@@ -17,37 +17,37 @@ pub struct FloorRule {
     /// How they are fitted.
     pub fit: FitRule,
     /// Fewest corners.
-    pub least_corners: usize,
+    pub min_corners: usize,
     /// Largest condition of the equations.
-    pub most_condition: f64,
+    pub max_condition: f64,
     /// Largest root mean square of the residuals, pixels.
-    pub most_rms_px: f64,
+    pub max_rms_px: f64,
     /// Smallest and largest area of the outline, as shares of the plan's hull.
     pub area_shares: [f64; 2],
-    /// Widest gap between the directions of neighbouring corners, radians.
+    /// Widest gap between the directions of neighboring corners, radians.
     pub widest_gap_rad: f64,
     /// Largest squared Mahalanobis distance from the prediction, three degrees of freedom.
     pub jump_gate: f64,
     /// Least residual that the covariance is made for, pixels.
-    pub least_sigma_px: f64,
+    pub min_sigma_px: f64,
     /// Headings this near to a quarter turn from the prediction's (radians) leave open which solution is meant.
     pub undecided_rad: f64,
 }
 
 impl FloorRule {
-    /// The rule for a mirror at a height (metres) whose picture tells something up to a radius (pixels).
+    /// The rule for a mirror at a height (meters) whose picture tells something up to a radius (pixels).
     #[must_use]
     pub fn new(outline: OutlineRule) -> Self {
         Self {
             outline,
             fit: FitRule::default(),
-            least_corners: 6,
-            most_condition: 1e6,
-            most_rms_px: 1.5,
+            min_corners: 6,
+            max_condition: 1e6,
+            max_rms_px: 1.5,
             area_shares: [0.5, 1.15],
             widest_gap_rad: 150_f64.to_radians(),
             jump_gate: 16.266_236_196_238_13,
-            least_sigma_px: 0.2,
+            min_sigma_px: 0.2,
             undecided_rad: 10_f64.to_radians(),
         }
     }
@@ -58,7 +58,7 @@ impl FloorRule {
 pub enum FloorSolution {
     /// The plan has one only, or the prediction tells.
     Sure,
-    /// Half a turn about the centre of the plan brings the other one, which fits as well: another landmark must tell.
+    /// Half a turn about the center of the plan brings the other one, which fits as well: another landmark must tell.
     Either {
         /// Map from robot.
         other: Pose2,
@@ -186,7 +186,7 @@ impl FloorLocalizer {
 
     fn locate_outline(&mut self, predicted: Option<&Belief>) -> Result<FloorFix, FloorProblem> {
         let corners = self.outline.vertices().len();
-        if corners < self.rule.least_corners {
+        if corners < self.rule.min_corners {
             return Err(FloorProblem::TooFewCorners { corners });
         }
         let share = self.fitter.area_m2(&self.outline) / self.plan.hull_area_m2();
@@ -227,9 +227,9 @@ impl FloorLocalizer {
         let fit = self
             .fitter
             .fit(&mut self.outline, &self.plan, start, &self.rule.fit, camera)
-            .filter(|fit| fit.condition <= self.rule.most_condition)
+            .filter(|fit| fit.condition <= self.rule.max_condition)
             .ok_or(FloorProblem::Singular)?;
-        let fits = fit.rms_px <= self.rule.most_rms_px;
+        let fits = fit.rms_px <= self.rule.max_rms_px;
         if !fits {
             return Err(FloorProblem::Residual { rms_px: fit.rms_px });
         }
@@ -251,13 +251,13 @@ impl FloorLocalizer {
 
     fn start_at(&self, map_from_robot: &Pose2) -> Start {
         let robot_from_plan = map_from_robot.inverse().compose(&self.plan.map_from_plan());
-        Start { centre: robot_from_plan.position(), axis_rad: robot_from_plan.theta }
+        Start { center: robot_from_plan.position(), axis_rad: robot_from_plan.theta }
     }
 
     /// Both solutions, of which only the first is one where the plan is not symmetric. Sekimori et al. (2001), equations 19 to 21,
     /// corrected.
     fn poses(&self, fit: &Fit) -> [Pose2; 2] {
-        let robot_from_plan = Pose2::new(fit.place.centre.x, fit.place.centre.y, fit.place.axis_rad);
+        let robot_from_plan = Pose2::new(fit.place.center.x, fit.place.center.y, fit.place.axis_rad);
         let half_turn = Pose2::new(0.0, 0.0, std::f64::consts::PI);
         let map_from_plan = self.plan.map_from_plan();
         let pose = robot_from_plan.inverse();
@@ -281,7 +281,7 @@ impl FloorLocalizer {
 
     /// That of the fit, turned into that of the pose.
     fn covariance(&self, fit: &Fit, pose: &Pose2) -> Matrix3<f64> {
-        let sigma = fit.rms_px.max(self.rule.least_sigma_px);
+        let sigma = fit.rms_px.max(self.rule.min_sigma_px);
         let plan = self.plan.map_from_plan();
         // The pose in the frame of the plan; the second solution has the same covariance there.
         let at = plan.inverse().compose(pose);
@@ -316,12 +316,12 @@ mod tests {
     use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorImage};
     use yamabico_vision::polygon::{convex_hull, sides};
 
-    const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, most_radius_px: 108.0 };
+    const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, max_radius_px: 108.0 };
 
     fn camera() -> MirrorCamera {
         let formula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
         let mirror = HyperboloidalMirror::from_floor_formula(formula, OUTLINE.height_m).unwrap();
-        let image = MirrorImage::centred(256, 220).with_ring(1.0, 113.5).unwrap();
+        let image = MirrorImage::centered(256, 220).with_ring(1.0, 113.5).unwrap();
         MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).unwrap()
     }
 
@@ -352,7 +352,7 @@ mod tests {
         }
         let mut hull = Vec::new();
         convex_hull(&mut seen, &mut hull);
-        hull.retain(|corner| corner.coords.norm() < OUTLINE.most_radius_px);
+        hull.retain(|corner| corner.coords.norm() < OUTLINE.max_radius_px);
         hull
     }
 

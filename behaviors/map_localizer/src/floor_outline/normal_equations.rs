@@ -49,7 +49,7 @@ impl NormalEquations {
     }
 
     /// Largest over smallest eigenvalue of the pose's matrix, with the turn's unknown in units of 1/`length` radians (1 for points in
-    /// metres, 1000 for millimetres). Infinite for a singular one.
+    /// meters, 1000 for millimeters). Infinite for a singular one.
     #[must_use]
     pub fn condition(&self, length: f64) -> f64 {
         let scale = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 1.0 / length));

@@ -7,13 +7,13 @@ use yamabico_vision::polygon::hull_of_sorted;
 /// A corner of the floor's hull.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlineVertex {
-    /// On the floor, robot's frame, metres.
+    /// On the floor, robot's frame, meters.
     pub point_in_robot: Point2<f64>,
     /// Away from the mirror's axis, of unit length.
     pub outward: Vector2<f64>,
-    /// How its distance grows with its radius in the picture, metres per pixel.
+    /// How its distance grows with its radius in the picture, meters per pixel.
     pub slope_m_per_px: f64,
-    /// Its distance from the centre of the picture, pixels of the mirror plane.
+    /// Its distance from the center of the picture, pixels of the mirror plane.
     pub radius_px: f64,
 }
 
@@ -28,10 +28,10 @@ impl OutlineVertex {
 /// Which corners count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlineRule {
-    /// Height of the mirror frame's origin above the floor, metres.
+    /// Height of the mirror frame's origin above the floor, meters.
     pub height_m: f64,
-    /// Corners farther from the centre of the picture tell too little, pixels.
-    pub most_radius_px: f64,
+    /// Corners farther from the center of the picture tell too little, pixels.
+    pub max_radius_px: f64,
 }
 
 /// The picture has no outline that can be used.
@@ -102,7 +102,7 @@ impl FloorOutline {
         &self.vertices
     }
 
-    /// Projects the hull's corners anew, as if each were seen `inward_px` nearer to the centre.
+    /// Projects the hull's corners anew, as if each were seen `inward_px` nearer to the center.
     pub fn project_shifted(&mut self, camera: &MirrorCamera, rule: &OutlineRule, inward_px: f64) {
         for vertex in &mut self.vertices {
             if let Some(moved) = vertex_at(vertex.outward, vertex.radius_px, inward_px, camera, rule) {
@@ -115,7 +115,7 @@ impl FloorOutline {
         self.vertices.clear();
         let seen = self.hull.iter().filter_map(|corner| {
             let radius_px = corner.coords.norm();
-            let is_near = radius_px > 0.0 && radius_px <= rule.most_radius_px;
+            let is_near = radius_px > 0.0 && radius_px <= rule.max_radius_px;
             is_near.then(|| vertex_at(corner.coords / radius_px, radius_px, 0.0, camera, rule)).flatten()
         });
         self.vertices.extend(seen);

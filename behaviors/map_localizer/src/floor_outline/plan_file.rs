@@ -9,7 +9,7 @@ use yamabico_vision::polygon::{is_simple, signed_area};
 
 use super::floor_plan::FloorPlan;
 
-/// Files of floor plans, as the behaviour names them.
+/// Files of floor plans, as the behavior names them.
 pub const FLOOR_PLAN_FILE: FileKind = FileKind {
     key: "floor_plan",
     what: "a plan of a floor",
@@ -24,13 +24,13 @@ pub const FLOOR_PLAN_FILE: FileKind = FileKind {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FloorPlanFile {
-    /// Corners of the floor, x and y on the map, metres, each -1000 to 1000, one after the other all around.
+    /// Corners of the floor, x and y on the map, meters, each -1000 to 1000, one after the other all around.
     #[schemars(length(min = 3, max = 500), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub corners_m: Vec<[f64; 2]>,
 }
 
 impl FloorPlanFile {
-    /// The corners, anticlockwise.
+    /// The corners, counterclockwise.
     #[must_use]
     pub fn corners(&self) -> Vec<Point2<f64>> {
         let mut corners: Vec<_> = self.corners_m.iter().map(|&corner| Point2::from(corner)).collect();

@@ -6,7 +6,7 @@ use yamabico_vision::map::WireFrame;
 
 use super::fixer::Fixer;
 use super::matching::LineNoise;
-use super::relocalise::Relocaliser;
+use super::relocalize::Relocalizer;
 use crate::CAMERA;
 use crate::belief::Belief;
 use crate::config::Config;
@@ -16,8 +16,8 @@ use crate::fix::{Fix, PoseFinder, Trust};
 #[derive(Clone, Debug)]
 pub struct WireFrameFinder {
     fixer: Fixer,
-    relocaliser: Relocaliser,
-    grey: GrayImage,
+    relocalizer: Relocalizer,
+    gray: GrayImage,
     sigma_px: f64,
     map_sigma_m: f64,
 }
@@ -32,9 +32,9 @@ impl WireFrameFinder {
         let map = WireFrame::read(&config.file("map", config.map.as_ref(), setup)?)
             .map_err(|error| BuildError::new("map", error.to_string()))?;
         Ok(Self {
-            relocaliser: Relocaliser::new(&map, &mount),
+            relocalizer: Relocalizer::new(&map, &mount),
             fixer: Fixer::new(map, pinhole, mount),
-            grey: GrayImage::default(),
+            gray: GrayImage::default(),
             sigma_px: config.sigma_px,
             map_sigma_m: config.map_sigma_m,
         })
@@ -62,7 +62,7 @@ impl PoseFinder for WireFrameFinder {
     }
 
     fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
-        let image = frame.gray(self.fixer.pinhole().intrinsics().size(), &mut self.grey);
+        let image = frame.gray(self.fixer.pinhole().intrinsics().size(), &mut self.gray);
         self.fixer.take(image.ok_or(Reason::MalformedInput)?)
     }
 
@@ -72,6 +72,6 @@ impl PoseFinder for WireFrameFinder {
 
     fn search(&mut self, prior: &Belief, trust: Trust) -> Option<Belief> {
         let noise = self.noise(trust);
-        self.relocaliser.find(&mut self.fixer, prior, &noise)
+        self.relocalizer.find(&mut self.fixer, prior, &noise)
     }
 }

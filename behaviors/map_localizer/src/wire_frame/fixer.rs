@@ -19,7 +19,7 @@ const REMATCH_PX: f64 = 5.0;
 /// Uprights whose columns differ by less (pixels) count as one.
 const SAME_COLUMN_PX: f64 = 8.0;
 /// With a smaller share of the expected edges it is not known whether the matches are right.
-pub const LEAST_SHARE: f64 = 0.35;
+pub const MIN_SHARE: f64 = 0.35;
 /// Where this share of the expected edges is matched, no other match is looked for.
 const WELL_SEEN: f64 = 0.75;
 /// Otherwise the robot's heading is looked from so many standard deviations to either side.
@@ -32,7 +32,7 @@ const START_SIGMAS: (f64, f64) = (0.1, 0.012);
 /// At most so many steps to either side; what lies farther away makes them longer.
 const START_STEPS: i32 = 6;
 /// Least number of lines of a fix.
-const LEAST_LINES: usize = 3;
+const MIN_LINES: usize = 3;
 
 /// Looks for the map in pictures; keeps its buffers.
 #[derive(Clone, Debug)]
@@ -225,14 +225,14 @@ impl Fixer {
     /// Whether the lines in use make a fix: three, of two directions or in two columns.
     fn verdict(&self, lines: usize) -> Result<(), Reason> {
         let near = self.matcher.edges_with_segments_near();
-        if lines == 0 && near >= LEAST_LINES {
+        if lines == 0 && near >= MIN_LINES {
             return Err(Reason::Gated);
         }
-        if lines < LEAST_LINES {
+        if lines < MIN_LINES {
             return Err(Reason::TooFewMatches);
         }
         let expected = self.expectation.expected();
-        if (lines as f64) < LEAST_SHARE * expected.len() as f64 {
+        if (lines as f64) < MIN_SHARE * expected.len() as f64 {
             // A few lines agree on something by chance.
             return Err(Reason::Ambiguous);
         }
@@ -261,7 +261,7 @@ impl Fixer {
     }
 }
 
-/// Standard deviation of the place across the robot's heading, metres.
+/// Standard deviation of the place across the robot's heading, meters.
 fn across_sigma_m(belief: &Belief) -> f64 {
     let (sin, cos) = belief.pose.theta.sin_cos();
     let across = Vector2::new(-sin, cos);

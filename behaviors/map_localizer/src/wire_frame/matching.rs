@@ -41,7 +41,7 @@ impl Default for Gates {
 pub struct LineNoise {
     /// Of an end across the line, pixels.
     pub sigma_px: f64,
-    /// Of the edge's place on the map, metres.
+    /// Of the edge's place on the map, meters.
     pub map_sigma_m: f64,
     /// Factor on the variance, from how well earlier measurements agreed.
     pub scale: f64,
@@ -106,7 +106,7 @@ impl Scene<'_> {
 impl Matcher {
     /// Pairs expected edges and segments one to one, by ascending distance.
     ///
-    /// Differs from the plain nearest neighbours of the prior: distances are those from the pose that most of the candidates
+    /// Differs from the plain nearest neighbors of the prior: distances are those from the pose that most of the candidates
     /// agree on, so that a wrong pair does not draw the others after it.
     pub fn pair(&mut self, scene: &Scene<'_>, belief: &Belief, noise: &LineNoise, gates: &Gates) -> &[Match] {
         self.gather(scene, belief, noise, gates);
@@ -171,7 +171,7 @@ impl Matcher {
     }
 }
 
-/// The neighbourhood of an expected edge in the picture.
+/// The neighborhood of an expected edge in the picture.
 struct Strip<'a> {
     line: &'a ProjectedLine,
     direction: Vector2<f64>,

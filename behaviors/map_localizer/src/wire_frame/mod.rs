@@ -10,6 +10,6 @@ mod finder;
 pub mod fixer;
 pub mod matching;
 pub mod projected_line;
-pub mod relocalise;
+pub mod relocalize;
 
 pub use finder::WireFrameFinder;

@@ -8,7 +8,7 @@ use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_vision::map::Edge;
 
-/// A line whose plane passes this near to the optical centre, relative to the edge's distance, has no image.
+/// A line whose plane passes this near to the optical center, relative to the edge's distance, has no image.
 const SMALLEST_NORM: f64 = 1e-12;
 /// Nearer (m) along the optical axis an upright edge has no column.
 const NEAREST_M: f64 = 0.1;
@@ -87,7 +87,7 @@ impl LineCamera {
 }
 
 impl LineView {
-    /// The edge's image line; `None` where the edge points at the optical centre.
+    /// The edge's image line; `None` where the edge points at the optical center.
     #[must_use]
     #[inline]
     pub fn project(&self, edge: &Edge) -> Option<ProjectedLine> {
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_through_the_optical_centre_has_no_image() {
+    fn an_edge_through_the_optical_center_has_no_image() {
         let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.0);
         let view = LineCamera::new(&intrinsics, &Mount::level(0.6)).at(&Pose2::IDENTITY);
         let edge = Edge::between(Point3::new(1.0, 0.0, 0.6), Point3::new(2.0, 0.0, 0.6));

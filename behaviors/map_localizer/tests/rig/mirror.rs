@@ -36,7 +36,7 @@ impl MirrorRobot {
         let camera =
             mirror_camera(&picture, &part("mirror").try_into().expect("a mirror")).expect("a camera");
         let mount = Mount::level(sensor["mount"]["z_m"].as_float().expect("a height"));
-        let is_colour = sensor.get("encoding").and_then(toml::Value::as_str) == Some("rgb8");
+        let is_color = sensor.get("encoding").and_then(toml::Value::as_str) == Some("rgb8");
         let radius_m = robot["footprint"]["radius_m"].as_float().expect("a radius");
         let size = camera.image().size();
         let info = |name: &str, message: &'static str, period_s, kind| SensorInfo {
@@ -64,7 +64,7 @@ impl MirrorRobot {
             world,
             mount,
             renderer: MirrorRenderer::new(camera, Photometry::default(), random::stream(1, "mirror")),
-            encoding: if is_colour { Encoding::Rgb8 } else { Encoding::Gray8 },
+            encoding: if is_color { Encoding::Rgb8 } else { Encoding::Gray8 },
             size,
         }
     }
@@ -84,7 +84,7 @@ impl MirrorRobot {
         rendered.expect("a picture")
     }
 
-    /// Shows a picture to the behaviour, `seconds` after the start, of a robot that has not moved.
+    /// Shows a picture to the behavior, `seconds` after the start, of a robot that has not moved.
     pub fn show(&self, bench: &mut Bench<MapLocalizer>, seconds: f64, pixels: &[u8]) {
         let stamp_ns = Time::from_secs_f64(seconds).0;
         let [width, height] = self.size;
@@ -96,12 +96,12 @@ impl MirrorRobot {
     }
 }
 
-/// The keys of the behaviour with a mirror camera, believed at this pose to 5 cm and 3 degrees.
+/// The keys of the behavior with a mirror camera, believed at this pose to 5 cm and 3 degrees.
 pub fn keys(name: &str, believed: &Pose2) -> String {
     let method = match name {
         "field" => {
             "method = \"floor-outline\"\nfloor_plan = \"maps/field-plan.toml\"\n\
-             floor_colours = \"maps/field-floor.toml\"\n"
+             floor_colors = \"maps/field-floor.toml\"\n"
         }
         _ => "method = \"azimuth\"\nedge_map = \"maps/room.toml\"\nmap_sigma_m = 0.003\n",
     };

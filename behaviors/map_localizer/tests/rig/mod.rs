@@ -1,4 +1,4 @@
-//! A robot with a camera in the rendered hallway, localised and driven by the map-localizer alone.
+//! A robot with a camera in the rendered hallway, localized and driven by the map-localizer alone.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 
-/// Seconds between two readings of the odometry, each followed by a call of the behaviour.
+/// Seconds between two readings of the odometry, each followed by a call of the behavior.
 pub const TICK_S: f64 = 0.02;
 /// Pictures are taken every so many ticks and arrive so many ticks later.
 const TICKS: (u64, u64) = (5, 2);
@@ -50,7 +50,7 @@ pub fn toml(more: &str) -> String {
     format!("map = \"maps/hallway.toml\"\n{more}")
 }
 
-/// The header of a grey picture of this camera.
+/// The header of a gray picture of this camera.
 pub fn frame_header(width: u32, height: u32, seconds: f64) -> FrameHeader {
     FrameHeader::gray(width, height, Time::from_secs_f64(seconds).0)
 }
@@ -65,7 +65,7 @@ pub enum Light {
     Dark,
     /// White everywhere.
     Saturated,
-    /// A grey haze.
+    /// A gray haze.
     Blurred,
 }
 
@@ -163,7 +163,7 @@ impl Drive {
         self.on_the_way.push((self.tick + TICKS.1, frame_header(width, height, self.now_s()), pixels));
     }
 
-    /// Wheels with limited acceleration; the odometry errs by 1 % and turns 0.5 degrees a metre too far.
+    /// Wheels with limited acceleration; the odometry errs by 1 % and turns 0.5 degrees a meter too far.
     fn move_on(&mut self) {
         let wanted =
             if self.proposal.kind() == Some(Kind::Drive) { self.proposal.twist } else { Twist::ZERO };

@@ -9,7 +9,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_drawing::Canvas;
 use yamabico_sim::random::{Stream, stream};
-use yamabico_sim::world::{BoxItem, Colour};
+use yamabico_sim::world::{BoxItem, Color};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
 use yamabico_stationary_obstacle_avoider::threshold_learning::{PlaceLearner, Validity};
@@ -21,10 +21,10 @@ use yamabico_vision::vertical_edges::Regions;
 pub const SIZE: (u32, u32) = (256, 240);
 /// Regions of a picture.
 pub const REGIONS: usize = 5;
-/// Colour of a white box.
-pub const WHITE: Colour = [0.85, 0.85, 0.83];
-/// Colour of a brown box.
-pub const BROWN: Colour = [0.30, 0.19, 0.10];
+/// Color of a white box.
+pub const WHITE: Color = [0.85, 0.85, 0.83];
+/// Color of a brown box.
+pub const BROWN: Color = [0.30, 0.19, 0.10];
 
 /// The hallway, the camera and the detector.
 pub struct Course {
@@ -164,9 +164,9 @@ impl Course {
         Pose2::new(self.rng.random_range(x_m), self.rng.random_range(-0.3..0.3), turn)
     }
 
-    pub fn scene(&self, item: &BoxItem, colour: Colour) -> Scene {
+    pub fn scene(&self, item: &BoxItem, color: Color) -> Scene {
         let mut world = self.world.clone();
-        world.boxes.push(BoxItem { colour, ..item.clone() });
+        world.boxes.push(BoxItem { color, ..item.clone() });
         Scene::new(&world, 1).unwrap()
     }
 
@@ -190,15 +190,15 @@ impl Course {
         let poses: Vec<(usize, Pose2)> = (0..REGIONS).filter_map(|r| self.pose_for(&item, r)).collect();
         let Some(&(_, first)) = poses.first() else { return };
         let black = self.scene(&item, [0.0; 3]);
-        let mut colour = WHITE;
+        let mut color = WHITE;
         if let Some((least, most)) = faint {
             let probe = self.scene(&item, BROWN.map(|c| 2.8 * c));
             let Some((contrast, floor)) = self.contrast(&probe, &black, first) else { return };
             let target = floor - self.rng.random_range(least..most);
             let scale = (2.8 * (target / (floor + contrast)).powi(2)) as f32;
-            colour = BROWN.map(|c| (scale * c).min(1.0));
+            color = BROWN.map(|c| (scale * c).min(1.0));
         }
-        let scene = self.scene(&item, colour);
+        let scene = self.scene(&item, color);
         for (region, robot) in poses {
             let Some((contrast, _)) = self.contrast(&scene, &black, robot) else { continue };
             let is_outside = faint.is_some_and(|(least, most)| !(least..most).contains(&contrast.abs()));
@@ -258,7 +258,7 @@ impl Course {
         let intrinsics = self.intrinsics;
         let is_floor = |i: usize| {
             let pixel = [(i % SIZE.0 as usize) as f64, (i / SIZE.0 as usize) as f64].into();
-            let ray = body_from_camera * intrinsics.normalised_from_pixel(pixel).push(1.0);
+            let ray = body_from_camera * intrinsics.normalized_from_pixel(pixel).push(1.0);
             let scale = self.mount.z / -ray.z;
             ray.z < -0.01 && robot.transform_point((ray.xy() * scale).into()).y.abs() < 0.98
         };

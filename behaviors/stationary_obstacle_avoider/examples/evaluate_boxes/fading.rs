@@ -1,31 +1,31 @@
 //! Boxes that fade into what is behind them: how much they must stand out to be seen.
 
 use rand::RngExt;
-use yamabico_sim::world::Colour;
+use yamabico_sim::world::Color;
 
 use crate::course::{Course, REGIONS, SIZE};
 
-/// Standard deviation of the camera's noise, grey levels.
+/// Standard deviation of the camera's noise, gray levels.
 const NOISE: f64 = 2.0;
 /// The outline of a box is so wide, columns.
 const OUTLINE_PX: usize = 2;
 
 /// A picture of a faded box and what became of it.
 pub struct Faded {
-    /// The largest difference along an upright outline of the box to what is behind it, grey levels.
+    /// The largest difference along an upright outline of the box to what is behind it, gray levels.
     pub contrast: f64,
     /// Whether it was found.
     pub is_found: bool,
 }
 
-/// At least `images` pictures of a box of this colour that nowhere stands out by more than a limit drawn from 0 to `most`
-/// (grey levels) from what is behind it.
-pub fn faded_boxes(course: &mut Course, colour: Colour, images: usize, most: f64) -> Vec<Faded> {
+/// At least `images` pictures of a box of this color that nowhere stands out by more than a limit drawn from 0 to `most`
+/// (gray levels) from what is behind it.
+pub fn faded_boxes(course: &mut Course, color: Color, images: usize, most: f64) -> Vec<Faded> {
     let empty = course.empty.clone();
     let mut faded = Vec::new();
     while faded.len() < images {
         let item = course.item();
-        let [scene, black, white] = [colour, [0.0; 3], [1.0; 3]].map(|colour| course.scene(&item, colour));
+        let [scene, black, white] = [color, [0.0; 3], [1.0; 3]].map(|color| course.scene(&item, color));
         for region in 0..REGIONS {
             let Some((_, robot)) = course.pose_for(&item, region) else { continue };
             let [with, without, black, white] =
@@ -53,7 +53,7 @@ pub fn faded_boxes(course: &mut Course, colour: Colour, images: usize, most: f64
     faded
 }
 
-/// The share found (percent) and the number of pictures for each `width` grey levels of contrast up to `most`: middle, share, n.
+/// The share found (percent) and the number of pictures for each `width` gray levels of contrast up to `most`: middle, share, n.
 pub fn curve(faded: &[Faded], width: f64, most: f64) -> Vec<(f64, f64, usize)> {
     let bins = (most / width).round() as usize;
     let bin = |bin: usize| {

@@ -2,7 +2,7 @@
 //!
 //!     cargo run --release -p yamabico-stationary-obstacle-avoider --example evaluate_boxes -- [--images N] [--seed N] [--plot FILE.png] [--show DIR]
 //!
-//! Thresholds are learned first, every half metre of the empty hallway from twelve pictures of a
+//! Thresholds are learned first, every half meter of the empty hallway from twelve pictures of a
 //! robot that weaves by 15 cm and 6 degrees. A box 24 x 24 x 35 cm stands, turned at
 //! random, inside the corridor, 1 to 3 m ahead (2 m in the outer regions), its middle in one of the five regions; the robot is up
 //! to 0.3 m beside the middle, turned by up to 8 degrees. The detector is told the true pose with errors of 2 cm across, 5 cm along
@@ -24,9 +24,9 @@ use crate::course::{BROWN, Course, REGIONS, Seen, WHITE};
 use crate::fading::{curve, faded_boxes};
 use crate::plot::{Curve, plot};
 
-/// Contrasts (grey levels) of the brown boxes that are to be found.
+/// Contrasts (gray levels) of the brown boxes that are to be found.
 const FAINT: (f64, f64) = (12.0, 20.0);
-/// Contrast up to which faded boxes are looked at, grey levels.
+/// Contrast up to which faded boxes are looked at, gray levels.
 const FAINTEST: f64 = 40.0;
 
 fn report(name: &str, seen: &[Seen]) {
@@ -84,7 +84,7 @@ fn main() {
         100.0 * f64::from(false_alarms) / clear as f64,
         course.unjudged
     );
-    for (name, faint) in [("white", None), ("brown, 12 to 20 grey levels", Some(FAINT))] {
+    for (name, faint) in [("white", None), ("brown, 12 to 20 gray levels", Some(FAINT))] {
         let (mut wanted, mut seen) = ([images; REGIONS], Vec::new());
         while wanted.iter().any(|&left| left > 0) {
             course.try_box(&mut wanted, faint, &mut seen);
@@ -93,8 +93,8 @@ fn main() {
     }
     println!("pictures not judged so far, which count as not found: {}", course.unjudged);
     if let Some(file) = file {
-        let curves = [WHITE, BROWN].map(|colour| {
-            let faded = faded_boxes(&mut course, colour, 10 * images, FAINTEST);
+        let curves = [WHITE, BROWN].map(|color| {
+            let faded = faded_boxes(&mut course, color, 10 * images, FAINTEST);
             curve(&faded, 2.0, FAINTEST)
         });
         for (name, curve) in ["white", "brown"].iter().zip(&curves) {
@@ -104,8 +104,8 @@ fn main() {
         }
         let [white, brown] = &curves;
         let curves = [
-            Curve { name: "white box, faded", colour: [20, 60, 200], points: white },
-            Curve { name: "brown box, faded", colour: [190, 90, 20], points: brown },
+            Curve { name: "white box, faded", color: [20, 60, 200], points: white },
+            Curve { name: "brown box, faded", color: [190, 90, 20], points: brown },
         ];
         plot(&file, &curves, FAINTEST);
     }

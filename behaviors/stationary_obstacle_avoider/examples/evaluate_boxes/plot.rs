@@ -4,20 +4,20 @@ use std::path::Path;
 
 use nalgebra::Vector2;
 use yamabico_drawing::lettering;
-use yamabico_drawing::{Canvas, Colour};
+use yamabico_drawing::{Canvas, Color};
 
 const SIZE: (usize, usize) = (640, 420);
 const LEFT: f64 = 60.0;
 const TOP: f64 = 44.0;
 const WIDTH: f64 = 550.0;
 const HEIGHT: f64 = 310.0;
-const INK: Colour = [40; 3];
-const GRID: Colour = [222; 3];
+const INK: Color = [40; 3];
+const GRID: Color = [222; 3];
 
-/// A curve: its name, its colour, and contrast (grey levels), share (percent) and n of each point.
+/// A curve: its name, its color, and contrast (gray levels), share (percent) and n of each point.
 pub struct Curve<'a> {
     pub name: &'a str,
-    pub colour: Colour,
+    pub color: Color,
     pub points: &'a [(f64, f64, usize)],
 }
 
@@ -46,19 +46,19 @@ pub fn plot(path: &Path, curves: &[Curve<'_>], most: f64) {
     canvas.text(Vector2::new(LEFT, 8.0), "boxes found, of 100, in single pictures, by contrast", INK);
     let count = format!("each point of n {} to {} pictures", n(usize::min), n(usize::max));
     canvas.text(Vector2::new(LEFT, 22.0), &count, INK);
-    let below = "largest difference to what is behind, along the upright outline, grey levels";
+    let below = "largest difference to what is behind, along the upright outline, gray levels";
     canvas.text(Vector2::new(LEFT, TOP + HEIGHT + 26.0), below, INK);
     canvas.text(Vector2::new(6.0, 30.0), "of 100", INK);
     for (curve, row) in curves.iter().zip(0_u8..) {
         for pair in curve.points.windows(2) {
-            canvas.line(at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1), curve.colour);
+            canvas.line(at(pair[0].0, pair[0].1), at(pair[1].0, pair[1].1), curve.color);
         }
         for point in curve.points {
-            canvas.cross(at(point.0, point.1), 3.0, curve.colour);
+            canvas.cross(at(point.0, point.1), 3.0, curve.color);
         }
         let legend = at(most, 0.0) + Vector2::new(-210.0, -60.0 + 16.0 * f64::from(row));
-        canvas.line(legend, legend + Vector2::new(20.0, 0.0), curve.colour);
-        canvas.cross(legend + Vector2::new(10.0, 0.0), 3.0, curve.colour);
+        canvas.line(legend, legend + Vector2::new(20.0, 0.0), curve.color);
+        canvas.cross(legend + Vector2::new(10.0, 0.0), 3.0, curve.color);
         canvas.text(legend + Vector2::new(28.0, -4.0), curve.name, INK);
     }
     let (width, height) = (SIZE.0 as u32, SIZE.1 as u32);

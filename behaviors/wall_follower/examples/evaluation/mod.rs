@@ -50,13 +50,13 @@ pub fn load_json(path: &Path) -> Result<Value, String> {
     serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-pub fn load_grey(path: &Path) -> Result<GrayImage, String> {
+pub fn load_gray(path: &Path) -> Result<GrayImage, String> {
     let rgb = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?.to_rgb8();
     let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-    let mut grey = GrayImage::default();
-    grey.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width)
+    let mut gray = GrayImage::default();
+    gray.copy_from_rgb8(rgb.as_raw(), width, height, 3 * width)
         .map_err(|e| format!("{}: {e}", path.display()))?;
-    Ok(grey)
+    Ok(gray)
 }
 
 /// Percentile `share` in [0, 1], linear between the values; NaN for none.
@@ -80,7 +80,7 @@ pub fn draw(
     let (width, height) = (view.width(), view.height());
     let mut data = vec![0; 3 * width * height];
     let mut canvas = Canvas::new(&mut data, width, height).ok_or("a canvas of the wrong size")?;
-    canvas.copy_grey(view);
+    canvas.copy_gray(view);
     for segment in segments {
         canvas.line(segment.p0, segment.p1, [230, 190, 0]);
     }

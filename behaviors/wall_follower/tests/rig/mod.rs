@@ -11,7 +11,7 @@ use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 
-/// Seconds between two readings of the odometry, each followed by a call of the behaviour.
+/// Seconds between two readings of the odometry, each followed by a call of the behavior.
 pub const TICK_S: f64 = 0.02;
 /// Pictures are taken every so many ticks ...
 const TICKS_PER_PICTURE: u64 = 5;
@@ -24,7 +24,7 @@ pub fn camera(width: u32, height: u32) -> (Intrinsics, Mount) {
     (Intrinsics::from_horizontal_fov(width, height, 60_f64.to_radians()), mount)
 }
 
-/// A robot with that camera in the behaviour's slot.
+/// A robot with that camera in the behavior's slot.
 pub fn setup(intrinsics: Intrinsics, mount: Mount, calibrated: Calibration) -> Setup {
     let mut setup = camera_setup(intrinsics, mount);
     if let SensorKind::Camera { calibrated: now, .. } = &mut setup.sensors[0].1.kind {
@@ -33,7 +33,7 @@ pub fn setup(intrinsics: Intrinsics, mount: Mount, calibrated: Calibration) -> S
     setup
 }
 
-/// The header of a grey picture of this camera.
+/// The header of a gray picture of this camera.
 pub fn frame_header(intrinsics: &Intrinsics, seconds: f64) -> FrameHeader {
     FrameHeader::gray(intrinsics.width, intrinsics.height, Time::from_secs_f64(seconds).0)
 }
@@ -115,7 +115,7 @@ impl Drive {
         self.move_on();
     }
 
-    /// Wheels with limited acceleration and a time constant; the odometry errs by 1 % and turns 0.3 degrees a metre too far.
+    /// Wheels with limited acceleration and a time constant; the odometry errs by 1 % and turns 0.3 degrees a meter too far.
     fn move_on(&mut self) {
         let wanted =
             if self.proposal.kind() == Some(Kind::Drive) { self.proposal.twist } else { Twist::ZERO };

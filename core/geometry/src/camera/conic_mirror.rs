@@ -17,7 +17,7 @@ use super::mirror_camera::{Meridian, MirrorError};
 pub struct ConicMirror {
     /// Full angle of the cone at its tip, radians, in (pi/2, pi).
     vertex_angle: f64,
-    /// From the lens centre up to the tip, metres.
+    /// From the lens center up to the tip, meters.
     lens_to_vertex_m: f64,
     /// Focal length, pixels of the mirror plane.
     focal_px: f64,
@@ -39,7 +39,7 @@ impl ConicMirror {
         )
     }
 
-    /// Full angle at the tip, radians: also the view angle from straight up that the centre of the image shows.
+    /// Full angle at the tip, radians: also the view angle from straight up that the center of the image shows.
     #[must_use]
     pub fn vertex_angle(&self) -> f64 {
         self.vertex_angle
@@ -51,7 +51,7 @@ impl ConicMirror {
         self.focal_px * -self.cos / self.sin
     }
 
-    /// Where the ray of an image radius leaves the mirror: distance from the axis and height above the lens, metres.
+    /// Where the ray of an image radius leaves the mirror: distance from the axis and height above the lens, meters.
     #[must_use]
     pub fn reflection_point(&self, radius_px: f64) -> Vector2<f64> {
         let eta = radius_px.atan2(self.focal_px);
@@ -91,7 +91,7 @@ pub struct ConicMirrorConfig {
     /// Full angle of the cone at its tip, degrees, 91 to 179.
     #[schemars(range(min = 91.0, max = 179.0))]
     pub vertex_angle_deg: f64,
-    /// From the lens centre up to the tip, m, 0.001 to 5.
+    /// From the lens center up to the tip, m, 0.001 to 5.
     #[schemars(range(min = 0.001, max = 5.0))]
     pub lens_to_vertex_m: f64,
     /// Focal length, pixels, 1 to 100000.
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_horizon_is_at_the_rim_and_the_circle_of_viewpoints_a_decimetre_behind() {
+    fn the_horizon_is_at_the_rim_and_the_circle_of_viewpoints_a_decimeter_behind() {
         let mirror = copis();
         assert!((mirror.horizon_px() - 240.0).abs() < 1e-9);
         assert!(mirror.direction(240.0).unwrap().y.abs() < 1e-12);

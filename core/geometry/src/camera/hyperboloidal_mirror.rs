@@ -23,7 +23,7 @@ pub struct HyperboloidalMirror {
 
 impl HyperboloidalMirror {
     /// A mirror seen with this focal length (pixels), of this eccentricity (the distance of the foci over that of the
-    /// vertices, above 1), whose foci are this far apart (metres).
+    /// vertices, above 1), whose foci are this far apart (meters).
     ///
     /// # Errors
     /// [`MirrorError::Shape`] outside these ranges.
@@ -37,7 +37,7 @@ impl HyperboloidalMirror {
         Ok(Self { focal_px, eccentricity, foci_m, below, above, twice })
     }
 
-    /// The mirror that a measured floor formula `r = R / (a - b sqrt(c + R^2))` (r in metres, R in pixels) belongs to,
+    /// The mirror that a measured floor formula `r = R / (a - b sqrt(c + R^2))` (r in meters, R in pixels) belongs to,
     /// with the lens `lens_height_m` above the floor.
     ///
     /// # Errors
@@ -112,23 +112,23 @@ impl Meridian for HyperboloidalMirror {
 /// Sekimori, Usui, Masutani & Miyazaki, section 2, and its inverse by squaring.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FloorFormula {
-    /// Pixels per metre.
+    /// Pixels per meter.
     pub a: f64,
-    /// One per metre.
+    /// One per meter.
     pub b: f64,
     /// Square pixels.
     pub c: f64,
 }
 
 impl FloorFormula {
-    /// Floor radius r in metres of an image radius in pixels; `None` at and beyond the horizon.
+    /// Floor radius r in meters of an image radius in pixels; `None` at and beyond the horizon.
     #[must_use]
     pub fn floor_radius_m(&self, radius_px: f64) -> Option<f64> {
         (radius_px >= 0.0 && radius_px < self.horizon_px())
             .then(|| radius_px / (self.a - self.b * (self.c + radius_px * radius_px).sqrt()))
     }
 
-    /// dr/dR, metres per pixel: what one pixel of radial error does on the floor; `None` at and beyond the horizon.
+    /// dr/dR, meters per pixel: what one pixel of radial error does on the floor; `None` at and beyond the horizon.
     #[must_use]
     pub fn slope_m_per_px(&self, radius_px: f64) -> Option<f64> {
         let slant = (self.c + radius_px * radius_px).sqrt();
@@ -137,7 +137,7 @@ impl FloorFormula {
             .then(|| (self.a - self.b * self.c / slant) / (denominator * denominator))
     }
 
-    /// Image radius in pixels of a floor radius in metres (at least 0).
+    /// Image radius in pixels of a floor radius in meters (at least 0).
     #[must_use]
     pub fn radius_px(&self, floor_radius_m: f64) -> f64 {
         let d = self.discriminant();
@@ -165,7 +165,7 @@ pub struct HyperboloidalMirrorConfig {
     /// Distance of the foci over that of the vertices, 1.001 to 10: the horizon is seen at focal_px (k - 1/k) / 2.
     #[schemars(range(min = 1.001, max = 10.0))]
     pub eccentricity: f64,
-    /// From the lens centre up to the mirror's focus, from which it seems to look, m, 0 to 5.
+    /// From the lens center up to the mirror's focus, from which it seems to look, m, 0 to 5.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub foci_m: f64,
 }

@@ -1,7 +1,7 @@
 //! A camera that looks all around through a mirror.
 //!
 //! The mirror's frame is the body's at zero angles of the mount: x ahead, y left, z up along the mirror's axis. Its
-//! origin is the lens centre below a conic or hyperboloidal mirror, and the viewpoint of a radial model.
+//! origin is the lens center below a conic or hyperboloidal mirror, and the viewpoint of a radial model.
 
 use nalgebra::{Point3, Vector2, Vector3};
 use schemars::JsonSchema;
@@ -14,7 +14,7 @@ use super::mirror_image::{MirrorImage, MirrorImageConfig};
 use super::radial_model::{RadialModel, RadialModelConfig};
 
 /// A mirror that is round about its axis: what it shows in the half-plane of one azimuth, whose coordinates are the
-/// distance from the axis and the height above the origin, metres.
+/// distance from the axis and the height above the origin, meters.
 pub trait Meridian {
     /// Where all rays of the half-plane seem to come from; a negative distance lies beyond the axis.
     fn viewpoint(&self) -> Vector2<f64>;
@@ -71,7 +71,7 @@ impl Meridian for Mirror {
 /// A ray in the mirror's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorRay {
-    /// Where it leaves the mirror, or the one viewpoint, metres.
+    /// Where it leaves the mirror, or the one viewpoint, meters.
     pub origin: Point3<f64>,
     /// Its direction, of unit length.
     pub direction: Vector3<f64>,
@@ -91,8 +91,8 @@ pub enum Unseen {
     #[error("the mirror does not show this direction")]
     OutOfView,
     /// Camera or robot are in the way.
-    #[error("the point is seen in the blind centre of the mirror")]
-    BlindCentre,
+    #[error("the point is seen in the blind center of the mirror")]
+    BlindCenter,
     /// The mirror is not large enough.
     #[error("the point would be seen beyond the rim of the mirror")]
     BeyondRim,
@@ -102,15 +102,15 @@ pub enum Unseen {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum MirrorError {
     /// The axis is nowhere.
-    #[error("the mirror's centre is not a finite pixel")]
-    Centre,
+    #[error("the mirror's center is not a finite pixel")]
+    Center,
     /// The matrix from image to mirror cannot be inverted, or hardly.
     #[error("the matrix mirror_from_image has no useful inverse: turn or flip, determinant near 1 or -1")]
     Orientation,
     /// The ring has no width.
-    #[error("a ring from {blind_radius_px} to {rim_radius_px} px shows nothing: 0 <= blind centre < rim")]
+    #[error("a ring from {blind_radius_px} to {rim_radius_px} px shows nothing: 0 <= blind center < rim")]
     Ring {
-        /// Radius of the blind centre, pixels.
+        /// Radius of the blind center, pixels.
         blind_radius_px: f64,
         /// Radius of the rim, pixels.
         rim_radius_px: f64,
@@ -123,13 +123,13 @@ pub enum MirrorError {
     FloorFormula,
     /// A measured profile does not grow.
     #[error(
-        "at {radius_px:.1} px the profile does not grow or leaves 0 to 180 degrees; blind centre and rim bound where it must hold"
+        "at {radius_px:.1} px the profile does not grow or leaves 0 to 180 degrees; blind center and rim bound where it must hold"
     )]
     Profile {
         /// The first such image radius, pixels.
         radius_px: f64,
     },
-    /// The mirror cannot show what lies between blind centre and rim.
+    /// The mirror cannot show what lies between blind center and rim.
     #[error("the mirror shows nothing at {radius_px:.1} px, which lies within its rim")]
     Rim {
         /// The image radius, pixels.
@@ -142,7 +142,7 @@ impl MirrorError {
     #[must_use]
     pub fn key(&self) -> &'static str {
         match self {
-            Self::Centre | Self::Orientation | Self::Ring { .. } | Self::Rim { .. } => "picture",
+            Self::Center | Self::Orientation | Self::Ring { .. } | Self::Rim { .. } => "picture",
             Self::Shape(_) | Self::FloorFormula | Self::Profile { .. } => "mirror",
         }
     }
@@ -152,7 +152,7 @@ impl MirrorCamera {
     /// A mirror seen in an image.
     ///
     /// # Errors
-    /// [`MirrorError::Rim`] where the mirror shows nothing at its blind centre or its rim.
+    /// [`MirrorError::Rim`] where the mirror shows nothing at its blind center or its rim.
     pub fn new(image: MirrorImage, mirror: Mirror) -> Result<Self, MirrorError> {
         for radius_px in [image.blind_radius_px(), image.rim_radius_px()] {
             if mirror.direction(radius_px).is_none() {
@@ -174,7 +174,7 @@ impl MirrorCamera {
         &self.mirror
     }
 
-    /// The ray through a pixel, mirror's frame; `None` outside the ring, and at the very centre, which has no azimuth.
+    /// The ray through a pixel, mirror's frame; `None` outside the ring, and at the very center, which has no azimuth.
     #[must_use]
     pub fn ray_from_pixel(&self, pixel: Vector2<f64>) -> Option<MirrorRay> {
         let point = self.image.mirror_from_pixel(pixel);
@@ -193,14 +193,14 @@ impl MirrorCamera {
     }
 
     /// The azimuth seen at a pixel, rad in (-pi, pi], to the left of ahead, about the mirror's axis; `None` outside the ring
-    /// and at the very centre.
+    /// and at the very center.
     #[must_use]
     pub fn azimuth_from_pixel(&self, pixel: Vector2<f64>) -> Option<f64> {
         let radius_px = self.image.mirror_from_pixel(pixel).norm();
         self.image.is_in_ring(radius_px).then(|| self.image.azimuth_from_pixel(pixel)).flatten()
     }
 
-    /// The pixel of a point in the mirror's frame, metres; it may lie outside the image, but not outside the ring. A
+    /// The pixel of a point in the mirror's frame, meters; it may lie outside the image, but not outside the ring. A
     /// point on the axis is at azimuth 0.
     ///
     /// # Errors
@@ -212,7 +212,7 @@ impl MirrorCamera {
         Ok(self.image.pixel_from_mirror(share * radius_px))
     }
 
-    /// The image radius (pixels) of a point at a distance from the axis and a height above the frame's origin, metres.
+    /// The image radius (pixels) of a point at a distance from the axis and a height above the frame's origin, meters.
     ///
     /// # Errors
     /// [`Unseen`] says why there is none.
@@ -220,7 +220,7 @@ impl MirrorCamera {
         let way = Vector2::new(distance_m, height_m) - self.mirror.viewpoint();
         let radius_px = self.mirror.radius_px(way).filter(|r| r.is_finite()).ok_or(Unseen::OutOfView)?;
         if radius_px < self.image.blind_radius_px() {
-            return Err(Unseen::BlindCentre);
+            return Err(Unseen::BlindCenter);
         }
         // Rounding alone does not put the rim beyond itself.
         if radius_px > self.image.rim_radius_px() * (1.0 + 1e-12) {
@@ -229,7 +229,7 @@ impl MirrorCamera {
         Ok(radius_px)
     }
 
-    /// Distance from the axis, metres, at which an image radius (pixels) sees the floor, under an upright mirror whose
+    /// Distance from the axis, meters, at which an image radius (pixels) sees the floor, under an upright mirror whose
     /// frame's origin is `height_m` above it; `None` outside the ring and from the horizon upwards.
     #[must_use]
     pub fn floor_radius_m(&self, radius_px: f64, height_m: f64) -> Option<f64> {
@@ -239,7 +239,7 @@ impl MirrorCamera {
         Some(viewpoint.x + way.x * (height_m + viewpoint.y) / -way.y)
     }
 
-    /// How that distance grows with the image radius, metres per pixel.
+    /// How that distance grows with the image radius, meters per pixel.
     #[must_use]
     pub fn floor_slope_m_per_px(&self, radius_px: f64, height_m: f64) -> Option<f64> {
         let way =
@@ -350,10 +350,10 @@ mod tests {
     fn what_is_not_seen_says_why() {
         let cone = camera(CONFIGS[0]).unwrap();
         assert_eq!(cone.pixel_from_point(&Point3::new(0.3, 0.0, -0.3)), Err(Unseen::OutOfView));
-        assert_eq!(cone.pixel_from_point(&Point3::new(0.97, 0.3, -0.3)), Err(Unseen::BlindCentre));
+        assert_eq!(cone.pixel_from_point(&Point3::new(0.97, 0.3, -0.3)), Err(Unseen::BlindCenter));
         assert_eq!(cone.pixel_from_point(&Point3::new(3.0, 1.0, 1.0)), Err(Unseen::BeyondRim));
         assert_eq!(cone.pixel_from_point(&Point3::new(f64::NAN, 1.0, 1.0)), Err(Unseen::OutOfView));
-        assert_eq!(cone.ray_from_pixel(cone.image().centre()), None);
+        assert_eq!(cone.ray_from_pixel(cone.image().center()), None);
         assert_eq!(cone.ray_from_pixel(Vector2::new(0.0, 0.0)), None);
         assert_eq!(cone.azimuth_from_pixel(Vector2::new(255.5, 230.0)), None);
     }

@@ -1,4 +1,4 @@
-//! The picture of a mirror: a ring in the image, in which the direction from the centre tells the azimuth.
+//! The picture of a mirror: a ring in the image, in which the direction from the center tells the azimuth.
 
 use nalgebra::{Matrix2, Vector2};
 use schemars::JsonSchema;
@@ -20,7 +20,7 @@ pub struct MirrorImage {
     pub width: u32,
     /// Image height, pixels.
     pub height: u32,
-    centre: Vector2<f64>,
+    center: Vector2<f64>,
     mirror_from_image: Matrix2<f64>,
     image_from_mirror: Matrix2<f64>,
     blind_radius_px: f64,
@@ -28,14 +28,14 @@ pub struct MirrorImage {
 }
 
 impl MirrorImage {
-    /// The image of a mirror as a bird sees it, centred, blind nowhere, with its rim where the image ends.
+    /// The image of a mirror as a bird sees it, centered, blind nowhere, with its rim where the image ends.
     #[must_use]
-    pub fn centred(width: u32, height: u32) -> Self {
+    pub fn centered(width: u32, height: u32) -> Self {
         let turn = Matrix2::new(BIRDS_EYE[0][0], BIRDS_EYE[0][1], BIRDS_EYE[1][0], BIRDS_EYE[1][1]);
         Self {
             width,
             height,
-            centre: Vector2::new(0.5 * (f64::from(width) - 1.0), 0.5 * (f64::from(height) - 1.0)),
+            center: Vector2::new(0.5 * (f64::from(width) - 1.0), 0.5 * (f64::from(height) - 1.0)),
             mirror_from_image: turn,
             image_from_mirror: turn,
             blind_radius_px: 0.0,
@@ -52,12 +52,12 @@ impl MirrorImage {
     /// The same with its axis at another pixel (u, v).
     ///
     /// # Errors
-    /// [`MirrorError::Centre`] for numbers that are not finite.
-    pub fn with_centre(self, centre: Vector2<f64>) -> Result<Self, MirrorError> {
-        if !centre.iter().all(|value| value.is_finite()) {
-            return Err(MirrorError::Centre);
+    /// [`MirrorError::Center`] for numbers that are not finite.
+    pub fn with_center(self, center: Vector2<f64>) -> Result<Self, MirrorError> {
+        if !center.iter().all(|value| value.is_finite()) {
+            return Err(MirrorError::Center);
         }
-        Ok(Self { centre, ..self })
+        Ok(Self { center, ..self })
     }
 
     /// The same with another matrix from image to mirror directions: a turned or a flipped picture, or pixels that are
@@ -75,7 +75,7 @@ impl MirrorImage {
         }
     }
 
-    /// The same with another ring, from the blind centre to the rim of the mirror, pixels of the mirror plane.
+    /// The same with another ring, from the blind center to the rim of the mirror, pixels of the mirror plane.
     ///
     /// # Errors
     /// [`MirrorError::Ring`] unless 0 <= blind < rim.
@@ -89,8 +89,8 @@ impl MirrorImage {
 
     /// The pixel (u, v) of the mirror's axis.
     #[must_use]
-    pub fn centre(&self) -> Vector2<f64> {
-        self.centre
+    pub fn center(&self) -> Vector2<f64> {
+        self.center
     }
 
     /// Nothing is seen nearer to the axis than this, pixels of the mirror plane: camera and robot are in the way.
@@ -109,14 +109,14 @@ impl MirrorImage {
     #[inline]
     #[must_use]
     pub fn mirror_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
-        self.mirror_from_image * (pixel - self.centre)
+        self.mirror_from_image * (pixel - self.center)
     }
 
     /// The pixel of a point of the mirror plane.
     #[inline]
     #[must_use]
     pub fn pixel_from_mirror(&self, point_in_mirror: Vector2<f64>) -> Vector2<f64> {
-        self.centre + self.image_from_mirror * point_in_mirror
+        self.center + self.image_from_mirror * point_in_mirror
     }
 
     /// The pixel at a distance from the axis (pixels of the mirror plane) and an azimuth (rad, to the left of ahead).
@@ -205,11 +205,11 @@ impl MirrorImageConfig {
     /// # Errors
     /// [`MirrorError`] for a matrix without inverse or a ring without width.
     pub fn image(&self) -> Result<MirrorImage, MirrorError> {
-        let plain = MirrorImage::centred(self.width, self.height);
+        let plain = MirrorImage::centered(self.width, self.height);
         let [[a, b], [c, d]] = self.mirror_from_image;
-        let centre = Vector2::new(self.cu.unwrap_or(plain.centre.x), self.cv.unwrap_or(plain.centre.y));
+        let center = Vector2::new(self.cu.unwrap_or(plain.center.x), self.cv.unwrap_or(plain.center.y));
         plain
-            .with_centre(centre)?
+            .with_center(center)?
             .with_orientation(Matrix2::new(a, b, c, d))?
             .with_ring(self.blind_radius_px, self.rim_radius_px.unwrap_or(plain.rim_radius_px))
     }
@@ -229,8 +229,8 @@ impl From<MirrorImage> for MirrorImageConfig {
         Self {
             width: image.width,
             height: image.height,
-            cu: Some(image.centre.x),
-            cv: Some(image.centre.y),
+            cu: Some(image.center.x),
+            cv: Some(image.center.y),
             blind_radius_px: image.blind_radius_px,
             rim_radius_px: Some(image.rim_radius_px),
             mirror_from_image: [[m.m11, m.m12], [m.m21, m.m22]],
@@ -249,10 +249,10 @@ mod tests {
 
     #[test]
     fn up_is_ahead_and_left_is_left() {
-        let image = MirrorImage::centred(512, 480);
+        let image = MirrorImage::centered(512, 480);
         assert_eq!(image.mirror_from_pixel(Vector2::new(255.5, 139.5)), Vector2::new(100.0, 0.0));
         assert_eq!(image.azimuth_from_pixel(Vector2::new(155.5, 239.5)), Some(FRAC_PI_2));
-        assert_eq!(image.azimuth_from_pixel(image.centre()), None);
+        assert_eq!(image.azimuth_from_pixel(image.center()), None);
         assert!((image.outward(0.0) - Vector2::new(0.0, -1.0)).norm() < 1e-15);
         assert!((image.around(0.0) - Vector2::new(-1.0, 0.0)).norm() < 1e-15);
         assert_eq!((image.rim_radius_px(), image.is_in_ring(240.1)), (240.0, false));
@@ -271,11 +271,11 @@ mod tests {
 
     #[test]
     fn what_is_no_ring_and_no_orientation_is_refused() {
-        let image = MirrorImage::centred(64, 48);
+        let image = MirrorImage::centered(64, 48);
         assert!(matches!(image.with_ring(30.0, 24.0), Err(MirrorError::Ring { .. })));
         assert!(image.with_ring(-1.0, 24.0).is_err() && image.with_ring(0.0, f64::NAN).is_err());
         assert_eq!(image.with_orientation(Matrix2::new(1.0, 1.0, 1.0, 1.0)), Err(MirrorError::Orientation));
         assert_eq!(image.with_orientation(Matrix2::repeat(f64::NAN)), Err(MirrorError::Orientation));
-        assert_eq!(image.with_centre(Vector2::new(f64::NAN, 0.0)), Err(MirrorError::Centre));
+        assert_eq!(image.with_center(Vector2::new(f64::NAN, 0.0)), Err(MirrorError::Center));
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use super::mirror_camera::MirrorCamera;
 
-/// Look-up tables over an image, row by row. Pixels outside the mirror's ring, and the very centre, hold NaN everywhere.
+/// Look-up tables over an image, row by row. Pixels outside the mirror's ring, and the very center, hold NaN everywhere.
 ///
 /// A table pays where most pixels are asked for in every picture; for a few edge points
 /// [`MirrorCamera::azimuth_from_pixel`] is as good.
@@ -76,13 +76,13 @@ impl MirrorTable {
         &self.around
     }
 
-    /// Distance from the axis at which the floor is seen, metres; NaN from the horizon upwards.
+    /// Distance from the axis at which the floor is seen, meters; NaN from the horizon upwards.
     #[must_use]
     pub fn floor_radius_m(&self) -> &[f32] {
         &self.floor_radius_m
     }
 
-    /// How that distance grows with the image radius, metres per pixel; NaN from the horizon upwards.
+    /// How that distance grows with the image radius, meters per pixel; NaN from the horizon upwards.
     #[must_use]
     pub fn floor_slope_m_per_px(&self) -> &[f32] {
         &self.floor_slope_m_per_px
@@ -98,7 +98,7 @@ mod tests {
     fn the_table_tells_what_the_camera_tells() {
         let formula = FloorFormula { a: 10_120.0, b: 20.54, c: 2.298e5 };
         let mirror = HyperboloidalMirror::from_floor_formula(formula, 0.165).unwrap();
-        let image = MirrorImage::centred(256, 220).with_ring(24.0, 118.0).unwrap();
+        let image = MirrorImage::centered(256, 220).with_ring(24.0, 118.0).unwrap();
         let camera = MirrorCamera::new(image, Mirror::Hyperboloidal(mirror)).unwrap();
         let table = MirrorTable::new(&camera, 0.165);
         assert_eq!((table.width(), table.azimuth_rad().len()), (256, 256 * 220));

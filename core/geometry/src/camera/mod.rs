@@ -1,7 +1,7 @@
 //! Cameras: a ray from a pixel, a pixel from a point.
 //!
-//! The optical frame is x right, y down, z forward. In the image u grows to the right and v downwards; pixel centres
-//! lie on integers, so the centre of a W x H image is ((W - 1)/2, (H - 1)/2).
+//! The optical frame is x right, y down, z forward. In the image u grows to the right and v downwards; pixel centers
+//! lie on integers, so the center of a W x H image is ((W - 1)/2, (H - 1)/2).
 //!
 //! A camera below a mirror sees all around ([`mirror_camera`]); its frame is that of the body, with z along the mirror's axis.
 

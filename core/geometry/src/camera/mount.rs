@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 /// A camera's position and attitude in the body frame (x forward, y left, z up), radians.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mount {
-    /// Ahead of the robot's centre, metres.
+    /// Ahead of the robot's center, meters.
     pub x: f64,
-    /// Left of the robot's centre, metres.
+    /// Left of the robot's center, meters.
     pub y: f64,
-    /// Above the floor, metres.
+    /// Above the floor, meters.
     pub z: f64,
     /// Turn about the vertical, radians, positive to the left.
     pub pan: f64,
@@ -22,13 +22,13 @@ pub struct Mount {
 }
 
 impl Mount {
-    /// A camera that looks straight ahead from `height_m` above the robot's centre.
+    /// A camera that looks straight ahead from `height_m` above the robot's center.
     #[must_use]
     pub fn level(height_m: f64) -> Self {
         Self { z: height_m, ..Self::default() }
     }
 
-    /// A camera above the robot's centre that looks ahead and `tilt_rad` down.
+    /// A camera above the robot's center that looks ahead and `tilt_rad` down.
     #[must_use]
     pub fn tilted(height_m: f64, tilt_rad: f64) -> Self {
         Self { z: height_m, tilt: tilt_rad, ..Self::default() }
@@ -70,7 +70,7 @@ impl Mount {
         turn.into_inner()
     }
 
-    /// The optical centre in the body frame, metres.
+    /// The optical center in the body frame, meters.
     #[must_use]
     pub fn position_in_body(&self) -> Vector3<f64> {
         Vector3::new(self.x, self.y, self.z)
@@ -83,15 +83,15 @@ impl Mount {
     }
 }
 
-/// A [`Mount`] as a robot file writes it: metres and degrees.
+/// A [`Mount`] as a robot file writes it: meters and degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MountConfig {
-    /// Ahead of the robot's centre, m, -5 to 5, default 0.
+    /// Ahead of the robot's center, m, -5 to 5, default 0.
     #[serde(default)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub x_m: f64,
-    /// Left of the robot's centre, m, -5 to 5, default 0.
+    /// Left of the robot's center, m, -5 to 5, default 0.
     #[serde(default)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub y_m: f64,

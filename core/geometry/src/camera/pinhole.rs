@@ -5,14 +5,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Points nearer than this along the optical axis are not projected, metres.
+/// Points nearer than this along the optical axis are not projected, meters.
 pub const NEAR_PLANE_M: f64 = 0.1;
 
-/// Largest distortion error (normalised image units) that the inversion leaves.
+/// Largest distortion error (normalized image units) that the inversion leaves.
 const UNDISTORTION_TOLERANCE: f64 = 1e-14;
 const UNDISTORTION_STEPS: usize = 60;
 
-/// The linear part of a camera and its image size; pixels, pixel centres on integers.
+/// The linear part of a camera and its image size; pixels, pixel centers on integers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.
@@ -36,7 +36,7 @@ impl Intrinsics {
         [self.width, self.height]
     }
 
-    /// Square pixels and a centred principal point, from the horizontal field of view (rad, in (0, pi)) across the whole
+    /// Square pixels and a centered principal point, from the horizontal field of view (rad, in (0, pi)) across the whole
     /// width: `fx = (width/2) / tan(fov/2)`.
     #[must_use]
     pub fn from_horizontal_fov(width: u32, height: u32, fov_rad: f64) -> Self {
@@ -63,16 +63,16 @@ impl Intrinsics {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
     }
 
-    /// Normalised coordinates ((u - cx)/fx, (v - cy)/fy) of an undistorted pixel.
+    /// Normalized coordinates ((u - cx)/fx, (v - cy)/fy) of an undistorted pixel.
     #[must_use]
-    pub fn normalised_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
+    pub fn normalized_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         Vector2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy)
     }
 
-    /// The undistorted pixel of normalised coordinates.
+    /// The undistorted pixel of normalized coordinates.
     #[must_use]
-    pub fn pixel_from_normalised(&self, normalised: Vector2<f64>) -> Vector2<f64> {
-        Vector2::new(self.fx * normalised.x + self.cx, self.fy * normalised.y + self.cy)
+    pub fn pixel_from_normalized(&self, normalized: Vector2<f64>) -> Vector2<f64> {
+        Vector2::new(self.fx * normalized.x + self.cx, self.fy * normalized.y + self.cy)
     }
 
     /// Whether the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
@@ -95,7 +95,7 @@ impl Intrinsics {
     }
 }
 
-/// Brown-Conrady distortion of normalised coordinates: radial k1, k2, k3 and tangential p1, p2; all zero means none.
+/// Brown-Conrady distortion of normalized coordinates: radial k1, k2, k3 and tangential p1, p2; all zero means none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Distortion {
@@ -120,7 +120,7 @@ impl Distortion {
     /// No distortion.
     pub const NONE: Self = Self { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
 
-    /// The distorted normalised coordinates of an ideal point.
+    /// The distorted normalized coordinates of an ideal point.
     #[must_use]
     pub fn distort(&self, ideal: Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (ideal.x, ideal.y);
@@ -225,14 +225,14 @@ impl Pinhole {
         if !self.is_invertible_at(ideal) {
             return Err(ProjectionError::OutsideLens);
         }
-        Ok(self.intrinsics.pixel_from_normalised(self.distortion.distort(ideal)))
+        Ok(self.intrinsics.pixel_from_normalized(self.distortion.distort(ideal)))
     }
 
-    /// The ideal normalised coordinates of a pixel (z = 1), by Newton's method; `None` where the lens model cannot be
+    /// The ideal normalized coordinates of a pixel (z = 1), by Newton's method; `None` where the lens model cannot be
     /// inverted.
     #[must_use]
-    pub fn normalised_from_pixel(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
-        let distorted = self.intrinsics.normalised_from_pixel(pixel);
+    pub fn normalized_from_pixel(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
+        let distorted = self.intrinsics.normalized_from_pixel(pixel);
         if self.distortion == Distortion::NONE {
             return Some(distorted);
         }
@@ -256,13 +256,13 @@ impl Pinhole {
     /// The unit ray through a pixel, in the optical frame; `None` where the lens model cannot be inverted.
     #[must_use]
     pub fn ray_from_pixel(&self, pixel: Vector2<f64>) -> Option<Vector3<f64>> {
-        self.normalised_from_pixel(pixel).map(|ideal| ideal.push(1.0).normalize())
+        self.normalized_from_pixel(pixel).map(|ideal| ideal.push(1.0).normalize())
     }
 
     /// The pixel where a camera without distortion would have seen the same ray; `None` as for the ray.
     #[must_use]
     pub fn undistort_pixel(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
-        self.normalised_from_pixel(pixel).map(|ideal| self.intrinsics.pixel_from_normalised(ideal))
+        self.normalized_from_pixel(pixel).map(|ideal| self.intrinsics.pixel_from_normalized(ideal))
     }
 
     fn is_invertible_at(&self, ideal: Vector2<f64>) -> bool {
@@ -398,7 +398,7 @@ mod tests {
         assert!((lens.valid_radius_squared() - 1.0 / 1.5).abs() < 1e-9);
         let camera = Pinhole::new(vga(), lens);
         assert_eq!(camera.project(&Point3::new(0.9, 0.0, 1.0)), Err(ProjectionError::OutsideLens));
-        assert!(camera.normalised_from_pixel(Vector2::new(5_000.0, 240.0)).is_none());
+        assert!(camera.normalized_from_pixel(Vector2::new(5_000.0, 240.0)).is_none());
     }
 
     #[test]
@@ -430,7 +430,7 @@ mod tests {
         fn point_pixel_ray(x in -0.55..0.55, y in -0.4..0.4, k1 in -0.3..0.3, p1 in -0.005..0.005, p2 in -0.005..0.005) {
             let camera = Pinhole::new(vga(), Distortion { k1, p1, p2, ..Distortion::NONE });
             let pixel = camera.project(&Point3::new(x * 4.0, y * 4.0, 4.0)).unwrap();
-            let ideal = camera.normalised_from_pixel(pixel).unwrap();
+            let ideal = camera.normalized_from_pixel(pixel).unwrap();
             prop_assert!((ideal - Vector2::new(x, y)).norm() * 554.0 < 1e-9);
         }
 

@@ -22,18 +22,18 @@ pub struct RadialModel {
 pub enum RadialProfile {
     /// The floor radius is `a tan(b R)`.
     Tangent {
-        /// a, metres.
+        /// a, meters.
         range_m: f64,
         /// b, radians per pixel.
         rad_per_px: f64,
-        /// The viewpoint's height above the floor when this was measured, metres.
+        /// The viewpoint's height above the floor when this was measured, meters.
         height_m: f64,
     },
-    /// The floor radius in metres is a polynomial of R; nothing above the horizon is described.
+    /// The floor radius in meters is a polynomial of R; nothing above the horizon is described.
     FloorPolynomial {
-        /// Coefficients of R^0, R^1, ..., metres.
+        /// Coefficients of R^0, R^1, ..., meters.
         coefficients: Vec<f64>,
-        /// The viewpoint's height above the floor when this was measured, metres.
+        /// The viewpoint's height above the floor when this was measured, meters.
         height_m: f64,
     },
     /// The angle from straight down in radians is a polynomial of R.
@@ -44,7 +44,7 @@ pub enum RadialProfile {
 }
 
 impl RadialModel {
-    /// A checked model for image radii from the blind centre to the rim, pixels.
+    /// A checked model for image radii from the blind center to the rim, pixels.
     ///
     /// # Errors
     /// [`MirrorError::Profile`] where the angle does not grow with the radius or leaves 0 to pi, [`MirrorError::Shape`]
@@ -207,9 +207,9 @@ pub enum RadialProfileConfig {
         #[schemars(range(min = 0.01, max = 10.0))]
         height_m: f64,
     },
-    /// The floor radius in metres is a polynomial of R.
+    /// The floor radius in meters is a polynomial of R.
     FloorPolynomial {
-        /// Coefficients of R^0, R^1, ..., metres, each -1000000 to 1000000.
+        /// Coefficients of R^0, R^1, ..., meters, each -1000000 to 1000000.
         #[schemars(length(min = 1, max = 16), inner(range(min = -1e6, max = 1e6)))]
         coefficients: Vec<f64>,
         /// The viewpoint's height above the floor for which this was measured, m, 0.01 to 10.
@@ -225,7 +225,7 @@ pub enum RadialProfileConfig {
 }
 
 impl RadialModelConfig {
-    /// The checked model for image radii from the blind centre to the rim, pixels.
+    /// The checked model for image radii from the blind center to the rim, pixels.
     ///
     /// # Errors
     /// As [`RadialModel::new`].

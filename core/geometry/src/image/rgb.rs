@@ -1,4 +1,4 @@
-//! A borrowed colour picture.
+//! A borrowed color picture.
 
 use super::{ImageError, check_layout};
 

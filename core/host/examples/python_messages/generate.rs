@@ -59,7 +59,7 @@ pub fn messages() -> String {
     vocabularies! {
         Encoding "How the bytes of a frame are to be read.",
         Kind "What a proposal asks for.",
-        Reason "Why a behaviour proposes what it does.",
+        Reason "Why a behavior proposes what it does.",
         PoseStatus "How far a pose can be trusted.",
         PluginState "How a plugin fares.",
         TurnPhase "What a turn of a step is for.",

@@ -1,4 +1,4 @@
-//! A behaviour on its seat.
+//! A behavior on its seat.
 
 use super::*;
 use crate::bus::Spec;
@@ -81,7 +81,7 @@ fn panics_of(mut seat: BehaviorSeat) -> u32 {
 
 #[test]
 fn who_panics_too_often_stays_out() {
-    assert_eq!(panics_of(seat(|_, _| Ok(Box::new(Broken)))), MOST_PANICS);
+    assert_eq!(panics_of(seat(|_, _| Ok(Box::new(Broken)))), MAX_PANICS);
 }
 
 #[test]
@@ -180,8 +180,8 @@ fn it_sleeps_while_it_is_inhibited_and_wakes_to_the_newest() {
     let (mut seat, wheels, said, bus) = fed(|plan| plan.sleeps = true);
     let decisions = bus.publisher::<DecisionHeader>(topics::DECISION).unwrap();
     let decide = |outcome: Outcome| {
-        let other = Verdict { behaviour: Name::new("other"), ..Default::default() };
-        let own = Verdict { behaviour: Name::new("broken"), outcome: outcome.code(), ..Default::default() };
+        let other = Verdict { behavior: Name::new("other"), ..Default::default() };
+        let own = Verdict { behavior: Name::new("broken"), outcome: outcome.code(), ..Default::default() };
         decisions.publish(&DecisionHeader::default(), &[other, own]).unwrap();
     };
     measure(&wheels, 1);

@@ -31,7 +31,7 @@ unsafe impl Send for Inbox {}
 impl Inbox {
     /// An inbox of `subscriber` for the slot of this name.
     pub fn new(slot: impl Into<String>, subscriber: RawSubscriber) -> Inbox {
-        let most = most_kept(&subscriber);
+        let most = max_kept(&subscriber);
         Inbox {
             held: VecDeque::with_capacity(most + 1),
             subscriber,
@@ -47,7 +47,7 @@ impl Inbox {
     /// # Errors
     /// The transport failed; what is at hand stays.
     pub fn refresh(&mut self) -> Result<usize, BusError> {
-        let most = most_kept(&self.subscriber);
+        let most = max_kept(&self.subscriber);
         self.fresh = 0;
         let mut crowded_out = 0;
         let outcome = loop {
@@ -108,6 +108,6 @@ impl SlotSource for Inbox {
     }
 }
 
-fn most_kept(subscriber: &RawSubscriber) -> usize {
+fn max_kept(subscriber: &RawSubscriber) -> usize {
     ordinary_depth(subscriber.message().channel)
 }

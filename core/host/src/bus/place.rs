@@ -27,7 +27,7 @@ pub(super) struct Lock {
 
 pub(super) const SEGMENTS: &str = "/dev/shm";
 /// How often a start gives way to those who look.
-const MOST_LOOKS: u32 = 2000;
+const MAX_LOOKS: u32 = 2000;
 /// What it waits each time.
 const A_LOOK: Duration = Duration::from_millis(1);
 /// `sun_path` of a Unix socket without its closing zero.
@@ -93,7 +93,7 @@ impl Place {
             match file.try_lock() {
                 Ok(()) => {}
                 // Who only looks whether the robot runs shares the lock for an instant, and whatever it starts meanwhile.
-                Err(TryLockError::WouldBlock) if looks < MOST_LOOKS && file.try_lock_shared().is_ok() => {
+                Err(TryLockError::WouldBlock) if looks < MAX_LOOKS && file.try_lock_shared().is_ok() => {
                     looks += 1;
                     drop(file);
                     std::thread::sleep(A_LOOK);

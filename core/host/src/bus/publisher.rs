@@ -210,7 +210,7 @@ impl RawPublisher {
         }
         #[allow(
             unsafe_code,
-            reason = "initialised bytes: of a mapped segment, zeroed by the kernel or left by an earlier message, or \
+            reason = "initialized bytes: of a mapped segment, zeroed by the kernel or left by an earlier message, or \
             of the local service's heap, zeroed above"
         )]
         let items = unsafe { std::slice::from_raw_parts_mut(items.as_mut_ptr().cast::<u8>(), items.len()) };

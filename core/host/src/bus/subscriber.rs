@@ -10,7 +10,7 @@ use iceoryx2::prelude::{PortFactory as _, Service, ipc, local};
 use iceoryx2::service::marker::CustomHeaderMarker;
 
 use super::sample::{AnySample, Held};
-use super::world::{Topic, history, most_held, ordinary_depth};
+use super::world::{Topic, history, max_held, ordinary_depth};
 use super::{Bus, BusError, Kind, RawSample, Sample};
 use yamabico_core::message::{Channel, Message, MessageType};
 
@@ -100,7 +100,7 @@ enum AnySubscriber {
 unsafe impl Send for RawSubscriber {}
 
 /// Senders whose sequence is remembered; beyond it the one heard longest ago is forgotten.
-const MOST_SENDERS: usize = 32;
+const MAX_SENDERS: usize = 32;
 
 impl RawSubscriber {
     pub(super) fn open(
@@ -123,7 +123,7 @@ impl RawSubscriber {
             message: *message,
             topic: topic.into(),
             counting: if counts { Counting::Gaps } else { Counting::Nothing },
-            senders: RefCell::new(Vec::with_capacity(MOST_SENDERS)),
+            senders: RefCell::new(Vec::with_capacity(MAX_SENDERS)),
             lost: Cell::new(0),
             refused: Cell::new(0),
             _bus: bus.clone(),
@@ -186,7 +186,7 @@ impl RawSubscriber {
                 Ok(Some(sample)) => sample,
                 Ok(None) => return Ok(None),
                 Err(ReceiveError::ExceedsMaxBorrows) => {
-                    let most = most_held(self.message.channel);
+                    let most = max_held(self.message.channel);
                     return Err(BusError::HoldsTooMany { topic: self.topic.clone(), most });
                 }
                 Err(e) => return Err(BusError::transport("receive from", &self.topic, e)),
@@ -218,7 +218,7 @@ impl RawSubscriber {
             sender.last = sequence;
             return;
         }
-        if senders.len() == MOST_SENDERS {
+        if senders.len() == MAX_SENDERS {
             senders.remove(0);
         }
         senders.push(Sender { id: origin, last: sequence });

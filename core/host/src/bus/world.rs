@@ -48,7 +48,7 @@ struct Inside<S: Service> {
 }
 
 /// Nodes, dead ones included, that may know a topic.
-pub(super) const MOST_NODES: usize = 64;
+pub(super) const MAX_NODES: usize = 64;
 const LIST_BYTES: &str = "yamabico.list_bytes";
 const RINGS: &str = "yamabico.rings";
 const LONGEST: Duration = Duration::from_millis(500);
@@ -93,9 +93,9 @@ impl<S: Service> World<S> {
         let created = builder(&inside.node, topic, message)?
             .max_publishers(spec.publishers)
             .max_subscribers(spec.subscribers)
-            .max_nodes(MOST_NODES)
+            .max_nodes(MAX_NODES)
             .subscriber_max_buffer_size(spec.depth.max(ordinary_depth(message.channel)))
-            .subscriber_max_borrowed_samples(most_held(message.channel))
+            .subscriber_max_borrowed_samples(max_held(message.channel))
             .history_size(history(message.channel))
             .enable_safe_overflow(true)
             .create_with_attributes(&limits);
@@ -110,7 +110,7 @@ impl<S: Service> World<S> {
                 .event()
                 .max_notifiers(spec.publishers)
                 .max_listeners(spec.subscribers)
-                .max_nodes(MOST_NODES)
+                .max_nodes(MAX_NODES)
                 .create()
                 .map_err(|e| BusError::transport("create the bell of", topic, e))?;
             inside.bells.insert(topic.into(), bell);
@@ -240,7 +240,7 @@ pub(super) fn ordinary_depth(channel: Channel) -> usize {
 }
 
 /// Samples that a subscriber may hold at once.
-pub(super) fn most_held(channel: Channel) -> usize {
+pub(super) fn max_held(channel: Channel) -> usize {
     ordinary_depth(channel) + 2
 }
 

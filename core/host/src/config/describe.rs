@@ -102,7 +102,7 @@ pub fn list(plugins: &Plugins) -> Listing {
     Listing { behaviors, devices }
 }
 
-/// Everything about one plugin: a behaviour, a driver, `driver/kind`, or a table that every file has (`arbiter`, `run`,
+/// Everything about one plugin: a behavior, a driver, `driver/kind`, or a table that every file has (`arbiter`, `run`,
 /// `limits`, `footprint`, `inhibit`, `suppress`).
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Behaviours and drivers that are programs of their own: asked what they are before anything is started.
+//! Behaviors and drivers that are programs of their own: asked what they are before anything is started.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -27,14 +27,14 @@ pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
     words.collect()
 }
 
-/// Asks the program of the behaviour `entry` what it is.
+/// Asks the program of the behavior `entry` what it is.
 pub(crate) fn ask(
     program: &[String],
     entry: &Entry,
     problems: &mut Vec<Problem>,
 ) -> Option<Arc<dyn BehaviorFactory>> {
     let told = converse::<Description>(program, DESCRIBE, "").and_then(Description::factory);
-    told.map_err(|problem| problems.push(refused(program, entry, "behaviour", problem))).ok()
+    told.map_err(|problem| problems.push(refused(program, entry, "behavior", problem))).ok()
 }
 
 /// Asks the program of the device `entry` which driver it is.

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::task::{InputSource, OPERATOR, Task};
 use yamabico_core::message::Axes;
 
-/// Sensors, behaviours, arbiter and drive, and what goes between them.
+/// Sensors, behaviors, arbiter and drive, and what goes between them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Graph {
     /// In the order of the way of the data.
@@ -34,7 +34,7 @@ pub enum GraphPart {
     Sensor,
     /// Whoever gives goals.
     Operator,
-    /// A behaviour.
+    /// A behavior.
     Behavior,
     /// The arbiter.
     Arbiter,

@@ -1,4 +1,4 @@
-//! What is plugged into the slots of a behaviour.
+//! What is plugged into the slots of a behavior.
 
 use super::read_robot::RobotDraft;
 use super::task::{Input, InputSource, OPERATOR};
@@ -11,7 +11,7 @@ use yamabico_parameters::{Entry, Problem, Span, Table, instead, nearest, quoted}
 pub(crate) struct Sources<'a> {
     /// None where the robot file could not be read.
     pub robot: Option<&'a RobotDraft>,
-    /// The behaviours of the task by name, with their plugins where those are known.
+    /// The behaviors of the task by name, with their plugins where those are known.
     pub behaviors: &'a [(String, Option<Arc<dyn BehaviorFactory>>)],
 }
 
@@ -37,7 +37,7 @@ impl Sources<'_> {
     }
 }
 
-/// Checks the `inputs` of the behaviour that `entry` describes, and reads the right ones in the order of its slots.
+/// Checks the `inputs` of the behavior that `entry` describes, and reads the right ones in the order of its slots.
 pub(crate) fn read_inputs(
     entry: &Entry,
     behavior: &BehaviorInfo,
@@ -81,7 +81,7 @@ pub(crate) fn read_inputs(
     read
 }
 
-/// What an operator tells behaviours.
+/// What an operator tells behaviors.
 fn operators() -> [MessageType; 2] {
     [MessageType::of::<Goal>(), MessageType::of::<Stick>()]
 }
@@ -111,9 +111,9 @@ fn find_source(
             let Some((name, plugin)) = sources.behaviors.iter().find(|(name, _)| name == behavior) else {
                 let names = sources.behaviors.iter().map(|(name, _)| name.as_str());
                 return Err(Box::new(
-                    Problem::new(span, format!("there is no behaviour `{behavior}` in this task"))
+                    Problem::new(span, format!("there is no behavior `{behavior}` in this task"))
                         .label("unknown")
-                        .help(instead(behavior, names, "behaviour")),
+                        .help(instead(behavior, names, "behavior")),
                 ));
             };
             let Some(plugin) = plugin else { return Ok(None) };
@@ -166,7 +166,7 @@ fn find_source(
 fn truth(text: &str, span: Span) -> Problem {
     Problem::new(span, format!("`{text}` cannot be an input"))
         .label("the simulator's truth is for the judge alone")
-        .help("a behaviour sees the world through sensors only: take odometry, ranges or pictures")
+        .help("a behavior sees the world through sensors only: take odometry, ranges or pictures")
 }
 
 fn no_sensor(text: &str, span: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
@@ -179,9 +179,9 @@ fn no_sensor(text: &str, span: Span, entry: &Entry, slot: &SlotInfo, sources: &S
         let outputs: Vec<String> = outputs.map(|output| format!("{text}.{}", output.name)).collect();
         return match outputs.first() {
             Some(output) if text != entry.key => {
-                problem.help(format!("`{text}` is a behaviour; plug in one of its outputs: \"{output}\""))
+                problem.help(format!("`{text}` is a behavior; plug in one of its outputs: \"{output}\""))
             }
-            _ => problem.help(format!("`{text}` is a behaviour and has no output to plug in")),
+            _ => problem.help(format!("`{text}` is a behavior and has no output to plug in")),
         };
     }
     let names = sources.sensor_names();

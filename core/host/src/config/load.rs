@@ -9,7 +9,7 @@ use super::read_robot::{RobotDraft, read_robot};
 use super::read_task::read_task;
 use super::task::Task;
 use yamabico_core::plugins::Plugins;
-use yamabico_parameters::{FileKind, MOST_BYTES, Problem, Problems, Source, Span, Table, parse};
+use yamabico_parameters::{FileKind, MAX_BYTES, Problem, Problems, Source, Span, Table, parse};
 
 /// Reads a task file and its robot file with the changes of `overrides`, and checks everything that can be checked without
 /// opening a device.
@@ -89,7 +89,7 @@ impl Loader {
         Some(draft)
     }
 
-    /// Checks the files that the tables of behaviours name; the names of the behaviours that name a wrong one.
+    /// Checks the files that the tables of behaviors name; the names of the behaviors that name a wrong one.
     fn check_files_of_behaviors(&mut self, home: Home<'_>, plugins: &Plugins) -> Vec<String> {
         let entries = self.task_tree.table("behaviors").map_or(&[][..], |table| table.entries.as_slice());
         let named = entries.iter().filter_map(|entry| {
@@ -195,7 +195,7 @@ fn read_text(path: &Path) -> Result<String, Unreadable> {
     if !data.is_file() {
         return Err(wrong("this is not a file", &what_is_near(&path.join("*"))));
     }
-    if data.len() > MOST_BYTES as u64 {
+    if data.len() > MAX_BYTES as u64 {
         return Err(wrong("the file is larger than 1 MiB", "a configuration is a short TOML text"));
     }
     let bytes =

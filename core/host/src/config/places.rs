@@ -15,7 +15,7 @@ pub(crate) struct Places {
 /// A part of a configuration that can turn out not to fit when it is built or opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part<'a> {
-    /// A behaviour, by its name in the task file.
+    /// A behavior, by its name in the task file.
     Behavior(&'a str),
     /// A device, by its name in the robot file.
     Device(&'a str),

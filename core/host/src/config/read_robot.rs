@@ -20,7 +20,7 @@ use yamabico_core::plugins::Plugins;
 use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_parameters::{Entry, Problem, Shape, Span, Table, Value, check_table, instead, quoted};
 
-/// What could be read of a robot file; behaviours are checked against it even where a part is wrong.
+/// What could be read of a robot file; behaviors are checked against it even where a part is wrong.
 pub(crate) struct RobotDraft {
     pub path: PathBuf,
     pub robot: Robot,
@@ -305,10 +305,10 @@ fn criticality(entry: &Entry, info: &SensorInfo, problems: &mut Vec<Problem>) ->
     });
     let least = info.period_s + info.latency_s;
     if let Some((_, span)) = written.filter(|(age, _)| *age < least) {
-        let least_ms = yamabico_parameters::number(least * 1e3);
+        let min_ms = yamabico_parameters::number(least * 1e3);
         problems.push(
             Problem::new(span, format!("`{}` would count as dead between two measurements", entry.key))
-                .label(format!("its period and latency are {least_ms} ms together"))
+                .label(format!("its period and latency are {min_ms} ms together"))
                 .help("three periods are usual; leave max_age_ms out to get them"),
         );
     }
@@ -340,7 +340,7 @@ fn read_drive(
     };
     let table = check_part(entry, &shape, home, problems);
     let (offer, (_, device, _)) = (offer?, named.as_ref()?);
-    // The axes count for the behaviours even where a key is wrong; the file is refused then anyway.
+    // The axes count for the behaviors even where a key is wrong; the file is refused then anyway.
     let wheels = table.as_ref().and_then(|_| wheels(entry));
     let part = PartSpec { name: "drive".into(), kind: offer.kind.clone(), table: table.unwrap_or_default() };
     Some(DriveFile { device: device.clone(), part, axes: offer.axes, wheels })
@@ -349,6 +349,6 @@ fn read_drive(
 /// The wheels of a drive whose keys are right.
 fn wheels(entry: &Entry) -> Option<Wheels> {
     let keys: PartKeys = entry.node.as_table()?.to_toml(|key| key == "wheels").try_into().ok()?;
-    let WheelKeys { count, from_centre_m, radius_m, max_radps } = keys.wheels?;
-    Some(Wheels { count, from_center_m: from_centre_m, radius_m, max_radps })
+    let WheelKeys { count, from_center_m, radius_m, max_radps } = keys.wheels?;
+    Some(Wheels { count, from_center_m: from_center_m, radius_m, max_radps })
 }

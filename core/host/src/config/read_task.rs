@@ -17,7 +17,7 @@ use yamabico_core::plugins::Plugins;
 use yamabico_core::sensor::SensorInfo;
 use yamabico_parameters::{Entry, Problem, Shape, Span, Table, check_table, instead, number};
 
-/// Reads the tree of the file `home`; `robot` is missing where its file could not be read, and `unfed` are the behaviours
+/// Reads the tree of the file `home`; `robot` is missing where its file could not be read, and `unfed` are the behaviors
 /// that name a file in which something is wrong.
 pub(crate) fn read_task(
     home: Home<'_>,
@@ -32,9 +32,9 @@ pub(crate) fn read_task(
     let drafts = read_behaviors(tree, home, plugins, problems);
     if let Some(entry) = tree.entry("behaviors").filter(|_| drafts.is_empty()) {
         problems.push(
-            Problem::new(entry.key_span, "there is no behaviour in this task")
+            Problem::new(entry.key_span, "there is no behavior in this task")
                 .label("nothing would ever move")
-                .help(instead("", plugins.behaviors.iter().map(|plugin| &*plugin.info().name), "behaviour")),
+                .help(instead("", plugins.behaviors.iter().map(|plugin| &*plugin.info().name), "behavior")),
         );
     }
     let known: Vec<(String, Option<Arc<dyn BehaviorFactory>>)> =
@@ -110,9 +110,9 @@ pub(crate) fn read_task(
 }
 
 /// A process that is starved of computing time for less than this is not taken for hung, where no deadline is written.
-const LEAST_PATIENCE_MS: f64 = 250.0;
+const MIN_PATIENCE_MS: f64 = 250.0;
 
-/// A behaviour's table on the way.
+/// A behavior's table on the way.
 struct Draft<'a> {
     entry: &'a Entry,
     table: &'a Table,
@@ -152,19 +152,19 @@ fn read_behavior<'a>(
     if plugin.is_none() && exec.is_empty() {
         let span = named.map_or(entry.key_span, |named| named.node.span);
         let names = plugins.behaviors.iter().map(|plugin| &*plugin.info().name);
-        let mut help = instead(name, names, "behaviour");
+        let mut help = instead(name, names, "behavior");
         if named.is_none() {
-            help.push_str(" (a table of another name says which behaviour it is: type = \"...\")");
+            help.push_str(" (a table of another name says which behavior it is: type = \"...\")");
         }
         problems
-            .push(Problem::new(span, format!("there is no behaviour `{name}`")).label("unknown").help(help));
+            .push(Problem::new(span, format!("there is no behavior `{name}`")).label("unknown").help(help));
     }
     let common = schemars::schema_for!(BehaviorKeys).to_value();
     let own = plugin.as_ref().map(|plugin| plugin.info().parameters.clone());
     let mut shapes = vec![Shape::new(&common)];
     shapes.extend(own.as_ref().map(Shape::new));
     let mut found = Vec::new();
-    check_table(table, entry.node.span, &shapes, &format!("behaviour `{}`", entry.key), &mut found);
+    check_table(table, entry.node.span, &shapes, &format!("behavior `{}`", entry.key), &mut found);
     if plugin.is_none() {
         // Its own keys cannot be judged while it is not known what it is.
         found.retain(|problem| !problem.message.starts_with("unknown key"));
@@ -240,7 +240,7 @@ impl Draft<'_> {
             scheduling: keys.scheduling.scheduling(),
             sleeps: keys.sleeps_while_inhibited,
             exec: self.exec.clone(),
-            patience: duration(keys.deadline_ms.unwrap_or((3.0 * own_period_ms).max(LEAST_PATIENCE_MS))),
+            patience: duration(keys.deadline_ms.unwrap_or((3.0 * own_period_ms).max(MIN_PATIENCE_MS))),
         }
     }
 
@@ -287,7 +287,7 @@ impl Draft<'_> {
                         "it drives {} only, and this robot's drive has {}",
                         plugin.claims, drive.axes
                     ))
-                    .help("take the behaviour away, or take a robot with such a drive"),
+                    .help("take the behavior away, or take a robot with such a drive"),
             );
         }
     }

@@ -1,9 +1,9 @@
-//! Other parameters for a behaviour that runs, checked like those of its task file.
+//! Other parameters for a behavior that runs, checked like those of its task file.
 
 use yamabico_core::behavior::BehaviorInfo;
 use yamabico_parameters::{Problems, Shape, Source, Span, check_table, parse};
 
-/// The parameters of the behaviour `name`, which is a `behavior` and has `table`, with `changes` laid over them; whole tables
+/// The parameters of the behavior `name`, which is a `behavior` and has `table`, with `changes` laid over them; whole tables
 /// of keys are laid over key by key.
 ///
 /// # Errors
@@ -21,7 +21,7 @@ pub fn retune(
     let schema = &behavior.parameters;
     if let Some(tree) = parse(&text, 0, &mut problems) {
         let top = Span { source: 0, start: 0, end: 0 };
-        check_table(&tree, top, &[Shape::new(schema)], &format!("behaviour `{name}`"), &mut problems);
+        check_table(&tree, top, &[Shape::new(schema)], &format!("behavior `{name}`"), &mut problems);
     }
     if problems.is_empty() {
         return Ok(changed);

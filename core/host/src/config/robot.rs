@@ -16,7 +16,7 @@ use yamabico_core::sensor::{Robot, SensorInfo};
 pub struct RobotFile {
     /// Where it was read from.
     pub path: PathBuf,
-    /// Name, footprint, limits and axes, as behaviours see them.
+    /// Name, footprint, limits and axes, as behaviors see them.
     pub robot: Robot,
     /// Whose clock counts while it runs live.
     pub clock: Clock,
@@ -54,7 +54,7 @@ pub struct SensorFile {
     pub device: String,
     /// Name, kind and checked keys.
     pub part: PartSpec,
-    /// What behaviours are told about it.
+    /// What behaviors are told about it.
     pub info: SensorInfo,
     /// The longest list in one of its messages, bytes.
     pub max_item_bytes: usize,

@@ -8,7 +8,7 @@ use yamabico_core::plugins::Plugins;
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
 /// The JSON Schemas of every kind of file, with the keys of every plugin: `{ "task": ..., "robot": ..., "world": ... }`,
-/// the files that tables of devices and behaviours name by the key that names them.
+/// the files that tables of devices and behaviors name by the key that names them.
 pub fn schema(plugins: &Plugins) -> Json {
     let mut kinds = json!({ "task": task_schema(plugins), "robot": robot_schema(plugins) });
     let of_drivers = plugins.drivers.iter().flat_map(|driver| &driver.info().files);

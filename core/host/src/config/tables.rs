@@ -20,13 +20,13 @@ pub(crate) struct TaskKeys {
     /// How proposals become a command.
     #[serde(default)]
     pub arbiter: ArbiterKeys,
-    /// The behaviours by name.
+    /// The behaviors by name.
     #[schemars(required)]
     pub behaviors: Option<BTreeMap<String, Keys>>,
-    /// Wires: while one behaviour is active, another is not heard at all.
+    /// Wires: while one behavior is active, another is not heard at all.
     #[serde(default)]
     pub inhibit: Vec<WireKeys>,
-    /// Wires: while one behaviour is active, another is not heard on the axes that the first claims.
+    /// Wires: while one behavior is active, another is not heard on the axes that the first claims.
     #[serde(default)]
     pub suppress: Vec<WireKeys>,
 }
@@ -147,7 +147,7 @@ pub enum Clock {
     Driver,
 }
 
-/// Who gets an axis that several behaviours claim.
+/// Who gets an axis that several behaviors claim.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, serde::Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Policy {
@@ -158,12 +158,12 @@ pub enum Policy {
     Blend,
 }
 
-/// The keys that every behaviour has, beside its own.
+/// The keys that every behavior has, beside its own.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(default)]
 #[schemars(extend("required" = ["priority"]))]
 pub(crate) struct BehaviorKeys {
-    /// Which behaviour; without it, the one that the table is named after.
+    /// Which behavior; without it, the one that the table is named after.
     #[serde(rename = "type")]
     pub kind: Option<String>,
     /// Who wins an axis; higher wins.
@@ -173,7 +173,7 @@ pub(crate) struct BehaviorKeys {
     pub critical: bool,
     /// Whether it takes part from the start.
     pub enabled: bool,
-    /// What is plugged into each of its inputs: the name of a sensor, or "behaviour.output".
+    /// What is plugged into each of its inputs: the name of a sensor, or "behavior.output".
     pub inputs: BTreeMap<String, String>,
     /// It is asked at least this often; without it, on new input only.
     #[schemars(range(min = 0.1, max = 60000.0))]
@@ -203,7 +203,7 @@ pub(crate) struct BehaviorKeys {
     pub isolation: Isolation,
     /// What is asked of the system's scheduler for it.
     pub scheduling: SchedulingKeys,
-    /// Whether it is not asked while another behaviour inhibits it; it then begins with the newest input.
+    /// Whether it is not asked while another behavior inhibits it; it then begins with the newest input.
     pub sleeps_while_inhibited: bool,
     /// The program that it is, and its arguments, where it is no part of this one. The program's path is relative to this file,
     /// and so is an argument that begins with `./` or `../`.
@@ -235,13 +235,13 @@ impl Default for BehaviorKeys {
     }
 }
 
-/// One behaviour silences another.
+/// One behavior silences another.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[allow(dead_code, reason = "declared for the schema; some are read from the tree, with their places")]
 pub(crate) struct WireKeys {
-    /// The behaviour that silences while it is active.
+    /// The behavior that silences while it is active.
     pub by: String,
-    /// The behaviour that is silenced.
+    /// The behavior that is silenced.
     pub what: String,
     /// How long after that it stays silenced.
     #[serde(default)]
@@ -279,7 +279,7 @@ pub(crate) struct RobotKeys {
 /// The room that the robot takes.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 pub(crate) struct FootprintKeys {
-    /// Of the circle about the centre that holds the whole robot.
+    /// Of the circle about the center that holds the whole robot.
     #[schemars(required, range(min = 0.01, max = 10.0))]
     pub radius_m: Option<f64>,
 }
@@ -410,9 +410,9 @@ pub(crate) struct WheelKeys {
     /// How many: 2 on one axle, or 3 or 4 omnidirectional ones on a circle.
     #[schemars(range(min = 2, max = 4))]
     pub count: u8,
-    /// From the robot's centre to where each wheel touches the floor: half the wheel base, or the radius of the circle.
+    /// From the robot's center to where each wheel touches the floor: half the wheel base, or the radius of the circle.
     #[schemars(range(min = 0.01, max = 5.0))]
-    pub from_centre_m: f64,
+    pub from_center_m: f64,
     /// Of each wheel.
     #[schemars(range(min = 0.005, max = 1.0))]
     pub radius_m: f64,

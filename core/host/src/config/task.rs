@@ -24,11 +24,11 @@ pub struct Task {
     pub run: Run,
     /// How proposals become a command.
     pub arbiter: Arbiter,
-    /// Every behaviour, highest priority first, then by name.
+    /// Every behavior, highest priority first, then by name.
     pub behaviors: Vec<BehaviorFile>,
-    /// Wires that silence a behaviour altogether.
+    /// Wires that silence a behavior altogether.
     pub inhibit: Vec<Wire>,
-    /// Wires that silence a behaviour on the axes that another claims.
+    /// Wires that silence a behavior on the axes that another claims.
     pub suppress: Vec<Wire>,
     pub(crate) places: super::places::Places,
 }
@@ -47,11 +47,11 @@ pub struct Run {
 /// A place to arrive at, in the frame of the map.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GoalArea {
-    /// Along the map's x axis, metres.
+    /// Along the map's x axis, meters.
     pub x_m: f64,
-    /// Along the map's y axis, metres.
+    /// Along the map's y axis, meters.
     pub y_m: f64,
-    /// How near is there, metres.
+    /// How near is there, meters.
     pub tolerance_m: f64,
 }
 
@@ -69,7 +69,7 @@ pub struct Arbiter {
     pub latency_slows: bool,
 }
 
-/// A behaviour of a task file.
+/// A behavior of a task file.
 #[derive(Clone, Debug)]
 pub struct BehaviorFile {
     /// Its name in the task file.
@@ -134,9 +134,9 @@ pub(crate) const OPERATOR: &str = "operator";
 pub enum InputSource {
     /// A sensor of the robot file.
     Sensor(String),
-    /// An output of another behaviour of the task.
+    /// An output of another behavior of the task.
     Output {
-        /// The behaviour's name in the task file.
+        /// The behavior's name in the task file.
         behavior: String,
         /// Its output.
         output: String,
@@ -155,7 +155,7 @@ impl std::fmt::Display for InputSource {
     }
 }
 
-/// One behaviour silences another.
+/// One behavior silences another.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Wire {
     /// Who silences while it is active.
@@ -167,7 +167,7 @@ pub struct Wire {
 }
 
 impl Task {
-    /// The behaviour of this name.
+    /// The behavior of this name.
     pub fn behavior(&self, name: &str) -> Option<&BehaviorFile> {
         self.behaviors.iter().find(|behavior| behavior.name == name)
     }

@@ -1,4 +1,4 @@
-//! Wires between behaviours, and behaviours that can never win.
+//! Wires between behaviors, and behaviors that can never win.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ pub(crate) struct WrittenWire {
     hold_span: Span,
 }
 
-/// What the checks of wires know of a behaviour.
+/// What the checks of wires know of a behavior.
 #[derive(Clone, Debug)]
 pub(crate) struct Wired {
     pub name: String,
@@ -74,9 +74,9 @@ pub(crate) fn check_wires(
         for (name, span) in [(&wire.by, written.by_span), (&wire.what, written.what_span)] {
             if !names().any(|known| known == name) {
                 problems.push(
-                    Problem::new(span, format!("there is no behaviour `{name}` in this task"))
+                    Problem::new(span, format!("there is no behavior `{name}` in this task"))
                         .label("unknown")
-                        .help(instead(name, names(), "behaviour")),
+                        .help(instead(name, names(), "behavior")),
                 );
             }
         }
@@ -104,9 +104,7 @@ pub(crate) fn check_wires(
         problems.push(
             Problem::new(cycle.span, format!("these wires form a cycle: {path}"))
                 .label("closes the cycle")
-                .help(
-                    "behaviours that silence each other in a ring take turns at random; take one wire away",
-                ),
+                .help("behaviors that silence each other in a ring take turns at random; take one wire away"),
         );
     }
 }
@@ -150,7 +148,7 @@ fn check_target(
     }
 }
 
-/// Finds behaviours that wait for each other's outputs in a ring.
+/// Finds behaviors that wait for each other's outputs in a ring.
 pub(crate) fn check_input_cycles(inputs: &[(String, InputSource, Span)], problems: &mut Vec<Problem>) {
     let edge = |(name, source, span): &'_ (String, InputSource, Span)| match source {
         InputSource::Output { behavior, .. } => Some((behavior.clone(), name.clone(), *span)),

@@ -66,10 +66,10 @@ pub enum Part {
     Device(DeviceCharge),
 }
 
-/// What a behaviour is told.
+/// What a behavior is told.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BehaviorCharge {
-    /// Which of the program's behaviours.
+    /// Which of the program's behaviors.
     pub plugin: String,
     /// Stamped onto its proposals.
     pub priority: i32,
@@ -142,7 +142,7 @@ pub enum ChargeError {
     /// The program has no such part.
     #[error("this program has no {what} `{name}`")]
     NoSuchPart {
-        /// `behaviour` or `driver`.
+        /// `behavior` or `driver`.
         what: &'static str,
         /// Its name.
         name: String,
@@ -186,14 +186,14 @@ impl BehaviorCharge {
         }
     }
 
-    /// The plan of the behaviour `name` that it charges one of `plugins` with.
+    /// The plan of the behavior `name` that it charges one of `plugins` with.
     ///
     /// # Errors
-    /// No such behaviour, or a message of another version.
+    /// No such behavior, or a message of another version.
     pub fn plan(self, name: &str, plugins: &Plugins, hosting: Hosting) -> Result<BehaviorPlan, ChargeError> {
         let factory = plugins.behavior(&self.plugin);
-        let factory = factory
-            .ok_or_else(|| ChargeError::NoSuchPart { what: "behaviour", name: self.plugin.clone() })?;
+        let factory =
+            factory.ok_or_else(|| ChargeError::NoSuchPart { what: "behavior", name: self.plugin.clone() })?;
         let inputs = self.inputs.iter().map(|input| {
             let PortCharge { name, topic, .. } = &input.port;
             Ok((name.clone(), topic.clone(), input.port.carries()?))

@@ -13,7 +13,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Its complaints are there so soon after its end.
 const SHORTLY: Duration = Duration::from_millis(200);
 /// What a program complains of counts up to so many bytes.
-const MOST_COMPLAINTS: u64 = 64 * 1024;
+const MAX_COMPLAINTS: u64 = 64 * 1024;
 
 /// Starts `program` with `argument`, tells it `words`, and returns what it answers, as JSON.
 pub(crate) fn converse<T: DeserializeOwned>(
@@ -42,7 +42,7 @@ pub(crate) fn converse<T: DeserializeOwned>(
     if let Some(from) = child.stderr.take() {
         std::thread::spawn(move || {
             let mut text = Vec::new();
-            let _ = from.take(MOST_COMPLAINTS).read_to_end(&mut text);
+            let _ = from.take(MAX_COMPLAINTS).read_to_end(&mut text);
             let _ = complain.send(String::from_utf8_lossy(&text).into_owned());
         });
     }

@@ -1,4 +1,4 @@
-//! What a program tells of the behaviour that it is, before it runs.
+//! What a program tells of the behavior that it is, before it runs.
 
 use std::sync::Arc;
 
@@ -12,12 +12,12 @@ use yamabico_core::message::{Axes, MessageType};
 /// The argument that asks for a description.
 pub const DESCRIBE: &str = "--describe";
 
-/// A behaviour in a program of its own, as JSON on standard output.
+/// A behavior in a program of its own, as JSON on standard output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// The protocol that the program speaks.
     pub protocol: u32,
-    /// The behaviour's name.
+    /// The behavior's name.
     pub name: String,
     /// What it does, in one sentence.
     pub summary: String,

@@ -81,7 +81,7 @@ pub struct SensorQuestion {
 pub enum SensorAnswer {
     /// It is right.
     Sensor {
-        /// What behaviours are told about it.
+        /// What behaviors are told about it.
         info: SensorInfo,
         /// The longest list of items in one of its messages, bytes.
         most_bytes: usize,

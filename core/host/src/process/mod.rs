@@ -16,16 +16,16 @@
 //!    everything is open. What keeps it from opening it tells on `plugins/failures`, and ends with exit code 2.
 //! 4. **Begin.** With `begin = "with-the-first-command"` it waits for a message on `command` before it proposes, measures or
 //!    moves; with `at-once` it does not.
-//! 5. **Work.** A behaviour publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
+//! 5. **Work.** A behavior publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
 //!    nanoseconds); `received_ns` and `proposed_ns` are zero where it does not tell its stages. With `sleeps_while_inhibited` it
 //!    need not propose while its verdict on `decision` is `inhibited`. A device publishes what it measures and obeys `command`.
 //!    Where `clock` is `driver`, the driver owns the time: for each step it publishes what it measured and then a `Clock` on
-//!    `clock`. The arbiter calls turns on `clock/turns`: `collect`, `propose`, `done`. A behaviour takes in what has arrived, or
+//!    `clock`. The arbiter calls turns on `clock/turns`: `collect`, `propose`, `done`. A behavior takes in what has arrived, or
 //!    proposes, stamped with the turn's `stamp_ns`, and says so on `clock/taken` with the same `Turn` and its name. When the
 //!    step is `done` the driver obeys the newest command and goes on with the next one.
-//!    A behaviour that must go on where it stopped publishes its memory on `plugins/memories` when that changes: a `MemoryHeader`
+//!    A behavior that must go on where it stopped publishes its memory on `plugins/memories` when that changes: a `MemoryHeader`
 //!    and JSON of at most 16 kB. Its successor is told the last one in `memory`.
-//! 6. **End.** On SIGTERM it ends within a second. The supervisor's death is SIGKILL for a behaviour and SIGHUP for a device,
+//! 6. **End.** On SIGTERM it ends within a second. The supervisor's death is SIGKILL for a behavior and SIGHUP for a device,
 //!    which then brakes, and ends.
 
 mod charge;
@@ -54,7 +54,7 @@ use yamabico_core::behavior::{Plugin, factory};
 use yamabico_core::driver::Driver;
 use yamabico_core::plugins::Plugins;
 
-/// All that the `main` of a behaviour's program has to do: `fn main() -> ExitCode { main::<MyBehavior>() }`.
+/// All that the `main` of a behavior's program has to do: `fn main() -> ExitCode { main::<MyBehavior>() }`.
 pub fn main<B: Plugin>() -> ExitCode {
     let behavior = factory::<B>();
     match std::env::args().nth(1) {

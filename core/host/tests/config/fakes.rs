@@ -62,7 +62,7 @@ impl Default for FollowerConfig {
     fn default() -> Self {
         FollowerConfig {
             speed_mps: 0.4,
-            side: Side::Centre,
+            side: Side::Center,
             weights: vec![0.5, 0.3, 0.2],
             search: None,
             patience: 5,
@@ -75,7 +75,7 @@ impl Default for FollowerConfig {
 #[serde(rename_all = "kebab-case")]
 enum Side {
     Left,
-    Centre,
+    Center,
     Right,
 }
 

@@ -31,7 +31,7 @@ fn load_bytes(task: &[u8], robot: &[u8], set: Vec<String>) -> std::io::Result<()
             String::from_utf8_lossy(robot)
         );
         assert!(!problems.render(Style::Plain).is_empty());
-        assert!(!problems.render(Style::Coloured).is_empty());
+        assert!(!problems.render(Style::Colored).is_empty());
         assert_eq!(problems.entries().len(), problems.len());
     }
     std::fs::remove_dir_all(folder)

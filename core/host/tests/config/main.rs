@@ -65,7 +65,7 @@ fn every_broken_configuration_is_refused_in_words() {
 }
 
 #[test]
-fn a_file_that_is_not_there_is_told_with_its_neighbours() {
+fn a_file_that_is_not_there_is_told_with_its_neighbors() {
     let problems = check("tests/valid/halway.toml").unwrap_err();
     insta::assert_snapshot!(problems.to_string());
     insta::assert_snapshot!(check("tests/nowhere/hallway.toml").unwrap_err().to_string());

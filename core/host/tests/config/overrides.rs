@@ -131,7 +131,7 @@ fn no_key_but_exec_starts_a_program() {
             assert!(!mark.exists(), "{key} = {text} started it");
         }
     }
-    assert!(with(&[&format!("behaviors.cruise.exec=[\"{path}\"]")]).is_err(), "it is no behaviour");
+    assert!(with(&[&format!("behaviors.cruise.exec=[\"{path}\"]")]).is_err(), "it is no behavior");
     assert!(mark.exists(), "exec starts it, and asks what it is");
     std::fs::remove_dir_all(folder).unwrap();
 }

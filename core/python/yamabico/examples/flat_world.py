@@ -16,19 +16,19 @@ FLOOR, CEILING = 70.0, 225.0
 
 
 def corridor(length_m, width_m):
-    """Walls as lines (n, 4): x, y of both ends, metres; and their greys. Doors are of another grey, pillars stand before walls."""
-    lines, greys = [], []
+    """Walls as lines (n, 4): x, y of both ends, meters; and their grays. Doors are of another gray, pillars stand before walls."""
+    lines, grays = [], []
     for side in (-0.5 * width_m, 0.5 * width_m):
         for begin in np.arange(-2.0, length_m + 2.0, 2.0):
             lines += [(begin, side, begin + 1.1, side), (begin + 1.1, side, begin + 2.0, side)]
-            greys += [170.0, 120.0]
+            grays += [170.0, 120.0]
     end = length_m + 2.0
     lines += [(-2.0, -0.5 * width_m, -2.0, 0.5 * width_m), (end, -0.5 * width_m, end, 0.5 * width_m)]
-    return np.array(lines), np.array(greys + [150.0, 150.0])
+    return np.array(lines), np.array(grays + [150.0, 150.0])
 
 
 class Camera(Sensor):
-    """A level pinhole camera: walls, floor and ceiling in plain greys."""
+    """A level pinhole camera: walls, floor and ceiling in plain grays."""
 
     kind, message = "camera", FrameHeader
     width_px = Integer("Columns.", 16, 1024, default=160)
@@ -84,7 +84,7 @@ class FlatWorld(Driver):
 
     def __init__(self, setup):
         super().__init__(setup)
-        self.walls, self.greys = corridor(self.length_m, self.width_m)
+        self.walls, self.grays = corridor(self.length_m, self.width_m)
         self.start = self.pose = np.array([0.0, self.start_y_m, math.radians(self.start_deg)])
         self.speed, self.wanted = np.zeros(2), np.zeros(2)
         self.now_ns = self.commanded_ns = None
@@ -119,7 +119,7 @@ class FlatWorld(Driver):
         self.distance_m += abs(ahead)
 
     def cast(self, bearings):
-        """Along each bearing (robot frame): distance to the nearest wall, metres, and its grey."""
+        """Along each bearing (robot frame): distance to the nearest wall, meters, and its gray."""
         angles = self.pose[2] + np.asarray(bearings)
         ray = np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
         begin, along = self.walls[:, :2] - self.pose[:2], self.walls[:, 2:] - self.walls[:, :2]
@@ -129,19 +129,19 @@ class FlatWorld(Driver):
             share = (begin[:, 0] * ray[..., 1] - begin[:, 1] * ray[..., 0]) / across
         distance = np.where((share >= 0) & (share <= 1) & (distance > 0), distance, np.inf)
         nearest = distance.argmin(axis=1)
-        return distance[np.arange(len(nearest)), nearest], self.greys[nearest]
+        return distance[np.arange(len(nearest)), nearest], self.grays[nearest]
 
     def see(self, camera):
         k = camera.describe()["Camera"]["intrinsics"]
         tangents = (np.arange(k["width"]) - k["cx"]) / k["fx"]
-        distance, grey = self.cast(-np.arctan(tangents))
+        distance, gray = self.cast(-np.arctan(tangents))
         depth = np.maximum(distance / np.hypot(1.0, tangents), 0.05)
         foot = k["cy"] + k["fy"] * camera.z_m / depth
         head = k["cy"] - k["fy"] * (WALL_HEIGHT_M - camera.z_m) / depth
         rows = np.arange(k["height"])[:, None]
         # How much of each pixel is above the foot, and above the head, of the wall.
         wall, sky = np.clip(foot - rows + 0.5, 0, 1), np.clip(head - rows + 0.5, 0, 1)
-        picture = (FLOOR + wall * (grey - FLOOR) + sky * (CEILING - grey)).astype(np.uint8)
+        picture = (FLOOR + wall * (gray - FLOOR) + sky * (CEILING - gray)).astype(np.uint8)
         size = {"width": k["width"], "height": k["height"], "stride": k["width"]}
         self.publish(camera, FrameHeader(stamp_ns=self.now_ns, encoding=Encoding.GRAY8, exposure=1.0, **size), picture)
 

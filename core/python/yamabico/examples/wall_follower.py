@@ -27,8 +27,8 @@ class WallFollower(Behavior):
     camera = Slot(FrameHeader, "picture ahead")
 
     speed_mps = Number("Speed along the corridor.", 0.02, 2.0, default=0.4)
-    least_contrast = Number("An edge is at least so steep, grey levels a pixel.", 1.0, 100.0, default=10.0)
-    side_gain = Number("Turn rate for each metre beside the middle, rad/s/m.", 0.0, 5.0, default=0.5)
+    min_contrast = Number("An edge is at least so steep, gray levels a pixel.", 1.0, 100.0, default=10.0)
+    side_gain = Number("Turn rate for each meter beside the middle, rad/s/m.", 0.0, 5.0, default=0.5)
     heading_gain = Number("Turn rate for each radian away from the corridor, 1/s.", 0.0, 5.0, default=1.2)
     max_turn_radps = Number("Largest turn rate.", 0.01, 5.0, default=0.6)
 
@@ -67,22 +67,22 @@ class WallFollower(Behavior):
     def edges(self, pixels):
         """Steep places of the picture: points (n, 2) on the plane one ahead of a level camera, right and down, and normals."""
         k = self.intrinsics
-        grey = pixels.astype(np.float32)
+        gray = pixels.astype(np.float32)
         # Smoothed across, so that one bright pixel is no edge.
-        right = (grey[:, 2:] - grey[:, :-2])[:-2] + 2 * (grey[:, 2:] - grey[:, :-2])[1:-1] + (grey[:, 2:] - grey[:, :-2])[2:]
-        down = (grey[2:] - grey[:-2])[:, :-2] + 2 * (grey[2:] - grey[:-2])[:, 1:-1] + (grey[2:] - grey[:-2])[:, 2:]
-        rows, columns = np.nonzero(np.hypot(right, down) > 8 * self.least_contrast)
+        right = (gray[:, 2:] - gray[:, :-2])[:-2] + 2 * (gray[:, 2:] - gray[:, :-2])[1:-1] + (gray[:, 2:] - gray[:, :-2])[2:]
+        down = (gray[2:] - gray[:-2])[:, :-2] + 2 * (gray[2:] - gray[:-2])[:, 1:-1] + (gray[2:] - gray[:-2])[:, 2:]
+        rows, columns = np.nonzero(np.hypot(right, down) > 8 * self.min_contrast)
         gradient = np.stack([right[rows, columns] * k["fx"], down[rows, columns] * k["fy"]], axis=1)
         seen = np.stack([(columns + 1 - k["cx"]) / k["fx"], (rows + 1 - k["cy"]) / k["fy"]], axis=1)
         along = np.stack([-gradient[:, 1], gradient[:, 0]], axis=1)
         along /= np.linalg.norm(along, axis=1, keepdims=True)
-        points = levelled(seen, self.mount["tilt"])
-        along = levelled(seen + 1e-3 * along, self.mount["tilt"]) - points
+        points = leveled(seen, self.mount["tilt"])
+        along = leveled(seen + 1e-3 * along, self.mount["tilt"]) - points
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
         return points, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def levelled(seen, tilt):
+def leveled(seen, tilt):
     """Points on the plane one ahead of a camera that looks down by `tilt`, as a level one would see them."""
     ahead = math.cos(tilt) - seen[:, 1] * math.sin(tilt)
     down = seen[:, 1] * math.cos(tilt) + math.sin(tilt)
@@ -109,7 +109,7 @@ def vanishing_point(points, normals):
 
 
 def foot_lines(points, tangent, height_m):
-    """How far right of the robot the left wall (negative) and the right one are, metres; None where one is not seen."""
+    """How far right of the robot the left wall (negative) and the right one are, meters; None where one is not seen."""
     below = points[points[:, 1] > 0.05]
     # A line on the floor beside the robot by so many heights leaves the vanishing point with this slope.
     offsets = (below[:, 0] - tangent) / below[:, 1]

@@ -2,7 +2,7 @@ use std::f64::consts::TAU;
 
 /// Two edges that were seen beside each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Neighbours {
+pub struct Neighbors {
     /// Number of the one on the right, seen from the robot.
     pub right: u32,
     /// Number of the one on the left.
@@ -20,7 +20,7 @@ pub struct Neighbours {
 pub struct AdjacencyTable {
     rows: Vec<u32>,
     /// By right and left number.
-    pairs: Vec<Neighbours>,
+    pairs: Vec<Neighbors>,
     order: Vec<(f64, u32)>,
     /// Place of each edge in `order`.
     places: Vec<Option<u32>>,
@@ -52,19 +52,19 @@ impl AdjacencyTable {
         &self.rows
     }
 
-    /// All pairs that were neighbours, by their right and left numbers.
+    /// All pairs that were neighbors, by their right and left numbers.
     #[must_use]
-    pub fn pairs(&self) -> &[Neighbours] {
+    pub fn pairs(&self) -> &[Neighbors] {
         &self.pairs
     }
 
-    /// The pair of a right and a left edge, if they were neighbours.
+    /// The pair of a right and a left edge, if they were neighbors.
     #[must_use]
-    pub fn pair(&self, right: u32, left: u32) -> Option<&Neighbours> {
+    pub fn pair(&self, right: u32, left: u32) -> Option<&Neighbors> {
         self.find(right, left).ok().map(|index| &self.pairs[index])
     }
 
-    /// Whether something was seen between two edges that were neighbours.
+    /// Whether something was seen between two edges that were neighbors.
     #[must_use]
     pub fn is_broken(&self, a: u32, b: u32) -> bool {
         [self.pair(a, b), self.pair(b, a)].into_iter().flatten().any(|pair| pair.is_broken)
@@ -113,7 +113,7 @@ impl AdjacencyTable {
             match self.find(right, left) {
                 Ok(index) => self.pairs[index].frames += 1,
                 Err(index) => {
-                    self.pairs.insert(index, Neighbours { right, left, frames: 1, is_broken: false });
+                    self.pairs.insert(index, Neighbors { right, left, frames: 1, is_broken: false });
                 }
             }
         }

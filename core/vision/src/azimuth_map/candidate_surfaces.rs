@@ -20,7 +20,7 @@ pub enum SurfaceState {
     Nearer,
 }
 
-/// A surface that may stand between two neighbouring edges.
+/// A surface that may stand between two neighboring edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// Numbers of the right and of the left edge.
@@ -32,17 +32,17 @@ pub struct Surface {
 /// What may be a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceRule {
-    /// In how many pictures its edges were neighbours, at least.
-    pub least_frames: u32,
-    /// Largest standard deviation of its edges, metres.
-    pub most_sigma_m: f64,
-    /// Least width, metres.
-    pub least_width_m: f64,
+    /// In how many pictures its edges were neighbors, at least.
+    pub min_frames: u32,
+    /// Largest standard deviation of its edges, meters.
+    pub max_sigma_m: f64,
+    /// Least width, meters.
+    pub min_width_m: f64,
 }
 
 impl Default for SurfaceRule {
     fn default() -> Self {
-        Self { least_frames: 3, most_sigma_m: 0.15, least_width_m: 0.05 }
+        Self { min_frames: 3, max_sigma_m: 0.15, min_width_m: 0.05 }
     }
 }
 
@@ -54,11 +54,11 @@ pub fn candidate_surfaces(
     out: &mut Vec<Surface>,
 ) {
     out.clear();
-    let end = |number: u32| located(number).filter(|edge| edge.sigma_m() <= rule.most_sigma_m);
-    for pair in table.pairs().iter().filter(|pair| pair.frames >= rule.least_frames && !pair.is_broken) {
+    let end = |number: u32| located(number).filter(|edge| edge.sigma_m() <= rule.max_sigma_m);
+    for pair in table.pairs().iter().filter(|pair| pair.frames >= rule.min_frames && !pair.is_broken) {
         if let (Some(right), Some(left)) = (end(pair.right), end(pair.left)) {
             let ends = [right.position, left.position];
-            if (ends[1] - ends[0]).norm() >= rule.least_width_m {
+            if (ends[1] - ends[0]).norm() >= rule.min_width_m {
                 out.push(Surface { edges: [pair.right, pair.left], ends });
             }
         }

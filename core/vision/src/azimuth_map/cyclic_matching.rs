@@ -45,7 +45,7 @@ impl Default for MatchingRule {
 /// Matches the edges that are expected with those seen so that their order around the robot is the same: the cheapest such
 /// assignment. Keeps its buffers.
 ///
-/// Differs from Yagi et al. (1995), section III: correlation and the order of the neighbours are one cost.
+/// Differs from Yagi et al. (1995), section III: correlation and the order of the neighbors are one cost.
 #[derive(Clone, Debug, Default)]
 pub struct CyclicMatcher {
     expected: Vec<usize>,

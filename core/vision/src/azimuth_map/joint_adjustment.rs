@@ -19,15 +19,15 @@ pub struct BearingObservation {
 /// How uncertain the way between two places is, and the camera on its mast.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WayRule {
-    /// Standard deviation of a way, however short, metres, > 0.
+    /// Standard deviation of a way, however short, meters, > 0.
     pub still_m: f64,
-    /// ... and after a metre; it grows with the way.
+    /// ... and after a meter; it grows with the way.
     pub way_per_way_m: f64,
     /// Standard deviation of a turn, however small, radians, > 0.
     pub still_rad: f64,
     /// ... and after a radian.
     pub turn_per_turn_rad: f64,
-    /// ... and after a metre, radians.
+    /// ... and after a meter, radians.
     pub turn_per_way_rad: f64,
     /// Standard deviation of the camera's sway about the vertical, radians, > 0.
     pub sway_rad: f64,
@@ -65,23 +65,23 @@ pub enum AdjustmentError {
 pub struct Adjusted {
     /// The robot's poses, map frame; the first one stays where it was.
     pub places: Vec<Pose2>,
-    /// The edges, metres.
+    /// The edges, meters.
     pub edges: Vec<Point2<f64>>,
-    /// Covariances of the edges, square metres.
+    /// Covariances of the edges, square meters.
     pub covariances: Vec<Matrix2<f64>>,
     /// Root mean square of the residuals of each edge's azimuths, in standard deviations.
     pub misfits: Vec<f64>,
 }
 
 /// Steps of the fit, at most.
-const MOST_STEPS: usize = 15;
+const MAX_STEPS: usize = 15;
 /// The fit has settled when no number changes by more.
 const SETTLED: f64 = 1e-7;
 /// Azimuths that miss by more standard deviations than this are of something else.
 const WILD: f64 = 8.0;
 /// Unknowns of a place: x, y, heading, sway.
 const OF_PLACE: usize = 4;
-/// The first place stays where it is to this standard deviation, metres and radians.
+/// The first place stays where it is to this standard deviation, meters and radians.
 const FIXED: f64 = 1e-6;
 
 /// Fits all places and edges at once to the azimuths, the ways driven between successive places (`odometry`, in any frame) and the
@@ -168,7 +168,7 @@ impl State {
         seen: &[BearingObservation],
         rule: &WayRule,
     ) -> Result<DMatrix<f64>, AdjustmentError> {
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let (normal, right) = self.equations(odometry, seen, rule);
             let step = normal.cholesky().ok_or(AdjustmentError::Singular)?.solve(&right);
             self.shift(&step);

@@ -56,19 +56,19 @@ pub struct LocusRule {
     /// Standard deviation of an azimuth, radians.
     pub sigma_rad: f64,
     /// Least gate, radians: added to what motion can do to an edge that is not located.
-    pub least_gate_rad: f64,
+    pub min_gate_rad: f64,
     /// How much the gate widens with each picture that does not show the edge, radians.
     pub gate_growth_rad: f64,
-    /// Nearest distance of an edge that is not located, metres.
+    /// Nearest distance of an edge that is not located, meters.
     pub nearest_m: f64,
     /// Pictures that confirm a locus.
     pub confirmed_after: u32,
     /// Pictures without it after which a locus is dormant (or dropped, where it is not located).
     pub dormant_after: u32,
     /// Most sightings kept of a locus, at least 8.
-    pub most_sightings: usize,
+    pub max_sightings: usize,
     /// Most loci.
-    pub most_loci: usize,
+    pub max_loci: usize,
 }
 
 impl Default for LocusRule {
@@ -78,13 +78,13 @@ impl Default for LocusRule {
             triangulation: TriangulationRule::default(),
             relinking: RelinkRule::default(),
             sigma_rad: 0.3_f64.to_radians(),
-            least_gate_rad: 1_f64.to_radians(),
+            min_gate_rad: 1_f64.to_radians(),
             gate_growth_rad: 0.5_f64.to_radians(),
             nearest_m: 0.5,
             confirmed_after: 4,
             dormant_after: 5,
-            most_sightings: 64,
-            most_loci: 200,
+            max_sightings: 64,
+            max_loci: 200,
         }
     }
 }
@@ -98,7 +98,7 @@ impl Locus {
         rule: &LocusRule,
     ) -> Self {
         sightings.clear();
-        sightings.reserve(rule.most_sightings.max(8));
+        sightings.reserve(rule.max_sightings.max(8));
         sightings.push(sighting);
         Self {
             number,
@@ -133,11 +133,11 @@ impl Locus {
                 let variance =
                     (jacobian * found.covariance * jacobian.transpose()).x + rule.sigma_rad.powi(2);
                 let azimuth = wrap_angle(away.y.atan2(away.x) - sensor.theta);
-                (azimuth, (3.0 * variance.sqrt()).max(rule.least_gate_rad))
+                (azimuth, (3.0 * variance.sqrt()).max(rule.min_gate_rad))
             }
             None => {
                 let reach = step.x.hypot(step.y) / rule.nearest_m;
-                (self.azimuth_rad, reach.min(1.0).asin() + rule.least_gate_rad)
+                (self.azimuth_rad, reach.min(1.0).asin() + rule.min_gate_rad)
             }
         }
     }
@@ -148,7 +148,7 @@ impl Locus {
         self.seen += 1;
         self.missed = 0;
         if self.seen.is_multiple_of(self.stride) {
-            self.keep(sighting, rule.most_sightings);
+            self.keep(sighting, rule.max_sightings);
             self.locate(rule);
         }
     }
@@ -175,7 +175,7 @@ impl Locus {
         };
         let freedom = self.sightings.len().saturating_sub(2).max(1) as f64;
         self.position =
-            found.ok().filter(|found| found.chi_squared / freedom <= rule.triangulation.most_chi_squared);
+            found.ok().filter(|found| found.chi_squared / freedom <= rule.triangulation.max_chi_squared);
     }
 
     /// How far the last azimuth lies from that of the position, radians.

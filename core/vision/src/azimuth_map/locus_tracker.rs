@@ -78,7 +78,7 @@ impl LocusTracker {
             let sighting = Sighting { sensor: *sensor, azimuth_rad: edge.azimuth_rad };
             match *place {
                 Some(place) => self.loci[place].extend(edge, sighting, &self.rule),
-                None if self.loci.len() < self.rule.most_loci && edge.azimuth_rad.is_finite() => {
+                None if self.loci.len() < self.rule.max_loci && edge.azimuth_rad.is_finite() => {
                     let sightings = self.spare.pop().unwrap_or_default();
                     let locus = Locus::begin(self.next_number, edge, sighting, sightings, &self.rule);
                     *place = Some(self.loci.len());
@@ -133,7 +133,7 @@ impl LocusTracker {
         let newer = self.loci[new].clone();
         let older = &mut self.loci[old];
         for &sighting in &sightings {
-            older.keep(sighting, self.rule.most_sightings);
+            older.keep(sighting, self.rule.max_sightings);
         }
         sightings.clear();
         self.loci[new].sightings = sightings;
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn long_loci_are_thinned_out() {
-        let rule = LocusRule { most_sightings: 16, ..LocusRule::default() };
+        let rule = LocusRule { max_sightings: 16, ..LocusRule::default() };
         let mut tracker = LocusTracker::new(rule);
         let edges = room();
         for frame in 0..200 {

@@ -10,7 +10,7 @@ use crate::azimuth_profile::EdgeSign;
 use crate::map::MapError;
 use yamabico_parameters::{BuildError, FileKind, Problems};
 
-/// Files with a map of vertical edges, as behaviours name them.
+/// Files with a map of vertical edges, as behaviors name them.
 pub const EDGE_MAP_FILE: FileKind = FileKind {
     key: "edge_map",
     what: "a map of vertical edges",
@@ -33,7 +33,7 @@ pub struct EdgeMap {
     #[serde(rename = "surface")]
     #[schemars(length(max = 10_000))]
     pub surfaces: Vec<MapSurface>,
-    /// Corners of what is free for certain, x and y, metres, each -1000 to 1000.
+    /// Corners of what is free for certain, x and y, meters, each -1000 to 1000.
     #[schemars(length(max = 4000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub free_m: Vec<[f64; 2]>,
 }
@@ -45,10 +45,10 @@ pub struct MapEdge {
     /// Number by which surfaces name it, 0 to 1000000; each once.
     #[schemars(range(max = 1_000_000))]
     pub number: u32,
-    /// Where it stands: x, y, metres, each -1000 to 1000.
+    /// Where it stands: x, y, meters, each -1000 to 1000.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Covariance: of x, of x and y, of y, square metres, each -100 to 100, default none.
+    /// Covariance: of x, of x and y, of y, square meters, each -100 to 100, default none.
     #[serde(default)]
     #[schemars(inner(range(min = -100.0, max = 100.0)))]
     pub covariance_m2: [f64; 3],
@@ -122,7 +122,7 @@ impl EdgeMap {
         Self::parse("the map", text)
     }
 
-    /// Its text, without a comment: lengths to the tenth of a millimetre.
+    /// Its text, without a comment: lengths to the tenth of a millimeter.
     #[must_use]
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;

@@ -29,28 +29,28 @@ pub struct MapperRule {
     /// How sharp a point of an edge is seen, pixels, and the least standard deviation of an azimuth, radians.
     pub azimuth_sigma: (f64, f64),
     /// An edge of the map was seen in more pictures than this.
-    pub least_seen: u32,
+    pub min_seen: u32,
     /// An edge whose azimuths miss its place by more, as a root mean square in standard deviations, is none.
-    pub most_misfit: f64,
-    /// Pictures nearer to the last one than this are left out: metres, radians.
+    pub max_misfit: f64,
+    /// Pictures nearer to the last one than this are left out: meters, radians.
     pub key_frame: (f64, f64),
     /// Most pictures of a map; then every other one is forgotten.
-    pub most_frames: usize,
+    pub max_frames: usize,
 }
 
 impl Default for MapperRule {
     fn default() -> Self {
         let degrees = f64::to_radians;
         Self {
-            loci: LocusRule { sigma_rad: degrees(1.0), least_gate_rad: degrees(4.0), ..LocusRule::default() },
+            loci: LocusRule { sigma_rad: degrees(1.0), min_gate_rad: degrees(4.0), ..LocusRule::default() },
             ways: WayRule::default(),
             surfaces: SurfaceRule::default(),
             relinking: RelinkRule::default(),
             azimuth_sigma: (0.3, degrees(0.05)),
-            least_seen: 4,
-            most_misfit: 1.5,
+            min_seen: 4,
+            max_misfit: 1.5,
             key_frame: (0.02, degrees(3.0)),
-            most_frames: 200,
+            max_frames: 200,
         }
     }
 }
@@ -131,7 +131,7 @@ impl Mapper {
         if !is_new || !camera.is_finite() {
             return;
         }
-        if self.places.len() >= self.rule.most_frames {
+        if self.places.len() >= self.rule.max_frames {
             self.thin_out();
         }
         let place = self.places.len();
@@ -143,12 +143,12 @@ impl Mapper {
             length_px: edge.length_px,
         }));
         self.tracker.take(&self.spare, camera);
-        let (point_px, least_rad) = self.rule.azimuth_sigma;
+        let (point_px, min_rad) = self.rule.azimuth_sigma;
         let loci = self.tracker.loci();
         let matched = edges.iter().zip(self.tracker.locus_of_seen());
         let now = matched.filter_map(|(edge, locus)| {
             let number = loci[(*locus)?].number;
-            let sigma_rad = edge.sigma_rad(point_px, least_rad);
+            let sigma_rad = edge.sigma_rad(point_px, min_rad);
             Some(SeenBy { place, number, azimuth_rad: edge.azimuth_rad, sigma_rad })
         });
         let first = self.seen.len();
@@ -166,7 +166,7 @@ impl Mapper {
             .tracker
             .loci()
             .iter()
-            .filter(|locus| locus.seen > self.rule.least_seen)
+            .filter(|locus| locus.seen > self.rule.min_seen)
             .filter_map(|locus| {
                 let position = locus.position?.position;
                 Some(Known { number: locus.number, sign: locus.sign, seen: locus.seen, position })
@@ -179,7 +179,7 @@ impl Mapper {
         let adjusted = self.adjusted(&known)?;
         // Where something near hides something far no edge stands: it wanders, and fits no place.
         let mut misfits = adjusted.misfits.iter();
-        known.retain(|_| misfits.next().is_some_and(|misfit| *misfit <= self.rule.most_misfit));
+        known.retain(|_| misfits.next().is_some_and(|misfit| *misfit <= self.rule.max_misfit));
         if known.is_empty() {
             return Err(nothing);
         }

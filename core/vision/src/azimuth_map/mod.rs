@@ -1,7 +1,7 @@
 //! Vertical edges of the surroundings, known by their azimuths alone: followed from picture to picture, located from
 //! several places, and put together to a map of edges, of what may stand between them, and of free space.
 //!
-//! Yagi, Nishizawa & Yachida (1995). Positions are those of the map in metres; azimuths are those of the sensor's frame,
+//! Yagi, Nishizawa & Yachida (1995). Positions are those of the map in meters; azimuths are those of the sensor's frame,
 //! which the pose of a [`Sighting`] brings to the map.
 
 mod adjacency;
@@ -19,7 +19,7 @@ mod triangulation;
 mod unknown_obstacles;
 mod visibility_graph;
 
-pub use adjacency::{AdjacencyTable, Neighbours};
+pub use adjacency::{AdjacencyTable, Neighbors};
 pub use candidate_surfaces::{Surface, SurfaceRule, SurfaceState, candidate_surfaces};
 pub use cyclic_matching::{CyclicMatcher, ExpectedEdge, MatchingRule, SeenEdge};
 pub use free_space::{star_polygon, table_polygon};

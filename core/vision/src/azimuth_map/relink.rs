@@ -5,9 +5,9 @@ use crate::azimuth_profile::EdgeSign;
 /// An edge with its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocatedEdge {
-    /// On the map, metres.
+    /// On the map, meters.
     pub position: Point2<f64>,
-    /// Square metres.
+    /// Square meters.
     pub covariance: Matrix2<f64>,
     /// How the picture changes across it; `None` where that is not known.
     pub sign: Option<EdgeSign>,
@@ -16,7 +16,7 @@ pub struct LocatedEdge {
 /// When two edges are one that was hidden for a while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelinkRule {
-    /// Largest distance, metres.
+    /// Largest distance, meters.
     pub farthest_m: f64,
     /// Largest squared Mahalanobis distance, two degrees of freedom.
     pub gate: f64,

@@ -8,9 +8,9 @@ use yamabico_geometry::Pose2;
 pub struct RangeReading {
     /// Map from sensor: the beam runs along its x.
     pub sensor: Pose2,
-    /// Metres; `None` for no echo.
+    /// Meters; `None` for no echo.
     pub range_m: Option<f64>,
-    /// Standard deviation of the distance to the surface that is expected, metres.
+    /// Standard deviation of the distance to the surface that is expected, meters.
     pub sigma_m: f64,
 }
 
@@ -30,24 +30,24 @@ pub enum ReadingClass {
 /// How readings are judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceCheckRule {
-    /// Least tolerance of the range, metres.
-    pub least_tolerance_m: f64,
+    /// Least tolerance of the range, meters.
+    pub min_tolerance_m: f64,
     /// Tolerance in standard deviations.
     pub tolerance_sigmas: f64,
     /// Largest angle between beam and normal, radians.
-    pub most_incidence_rad: f64,
-    /// Least distance of the hit from an end of the surface, metres.
+    pub max_incidence_rad: f64,
+    /// Least distance of the hit from an end of the surface, meters.
     pub margin_m: f64,
     /// Readings beyond, one after the other while the robot comes nearer, that make a passage.
-    pub least_beyond: u32,
+    pub min_beyond: u32,
     /// Readings at (or before) the surface, one after the other, that make it solid (or something before it).
-    pub least_at: u32,
-    /// Farthest range, metres.
+    pub min_at: u32,
+    /// Farthest range, meters.
     pub farthest_m: f64,
     /// Half the opening angle of the beam, radians: while its footprint reaches an end of the surface but for half of
     /// `beam_spare_m`, an echo may be that of the end, and does not make the surface solid. Zero for a ray.
     pub beam_half_angle_rad: f64,
-    /// Width that the surface must have beyond the beam's where that meets its middle, metres.
+    /// Width that the surface must have beyond the beam's where that meets its middle, meters.
     pub beam_spare_m: f64,
 }
 
@@ -62,12 +62,12 @@ impl SurfaceCheckRule {
     #[must_use]
     pub fn ray() -> Self {
         Self {
-            least_tolerance_m: 0.10,
+            min_tolerance_m: 0.10,
             tolerance_sigmas: 3.0,
-            most_incidence_rad: 15_f64.to_radians(),
+            max_incidence_rad: 15_f64.to_radians(),
             margin_m: 0.05,
-            least_beyond: 3,
-            least_at: 2,
+            min_beyond: 3,
+            min_at: 2,
             farthest_m: 4.0,
             beam_half_angle_rad: 0.0,
             beam_spare_m: f64::NEG_INFINITY,
@@ -101,7 +101,7 @@ impl SurfaceCheck {
         self.state
     }
 
-    /// Takes a reading; its class, and the distance along the beam to where the surface would be, metres, if it is hit.
+    /// Takes a reading; its class, and the distance along the beam to where the surface would be, meters, if it is hit.
     pub fn take(&mut self, reading: &RangeReading) -> (ReadingClass, Option<f64>) {
         let (class, hit) = self.classify(reading);
         let distance_m = hit.map(|hit| hit.distance_m);
@@ -119,9 +119,9 @@ impl SurfaceCheck {
         self.run = (Some(class), before + u32::from(counts));
         if self.state == SurfaceState::Unknown {
             self.state = match class {
-                ReadingClass::Beyond if self.run.1 >= self.rule.least_beyond => SurfaceState::Empty,
-                ReadingClass::At if self.run.1 >= self.rule.least_at => SurfaceState::Solid,
-                ReadingClass::Nearer if self.run.1 >= self.rule.least_at => SurfaceState::Nearer,
+                ReadingClass::Beyond if self.run.1 >= self.rule.min_beyond => SurfaceState::Empty,
+                ReadingClass::At if self.run.1 >= self.rule.min_at => SurfaceState::Solid,
+                ReadingClass::Nearer if self.run.1 >= self.rule.min_at => SurfaceState::Nearer,
                 _ => SurfaceState::Unknown,
             };
         }
@@ -131,8 +131,8 @@ impl SurfaceCheck {
     fn classify(&self, reading: &RangeReading) -> (ReadingClass, Option<Hit>) {
         let Some(hit) = hit(self.ends, &reading.sensor) else { return (ReadingClass::Untestable, None) };
         let rule = &self.rule;
-        let tolerance = rule.least_tolerance_m.max(rule.tolerance_sigmas * reading.sigma_m);
-        let is_testable = hit.incidence_rad <= rule.most_incidence_rad
+        let tolerance = rule.min_tolerance_m.max(rule.tolerance_sigmas * reading.sigma_m);
+        let is_testable = hit.incidence_rad <= rule.max_incidence_rad
             && hit.from_end_m >= rule.margin_m
             && hit.distance_m + tolerance < rule.farthest_m;
         let class = match reading.range_m.filter(|range| !range.is_nan()) {

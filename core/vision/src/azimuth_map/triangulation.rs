@@ -26,7 +26,7 @@ impl Sighting {
 pub struct Triangulated {
     /// On the map.
     pub position: Point2<f64>,
-    /// Square metres.
+    /// Square meters.
     pub covariance: Matrix2<f64>,
     /// Sum of the squared residuals over their variances.
     pub chi_squared: f64,
@@ -37,7 +37,7 @@ pub struct Triangulated {
 }
 
 impl Triangulated {
-    /// The larger standard deviation, metres.
+    /// The larger standard deviation, meters.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
         largest_eigenvalue(&self.covariance).max(0.0).sqrt()
@@ -48,16 +48,16 @@ impl Triangulated {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangulationRule {
     /// Least angle between two bearings, radians.
-    pub least_parallax_rad: f64,
+    pub min_parallax_rad: f64,
     /// Largest chi-square of a degree of freedom.
-    pub most_chi_squared: f64,
-    /// Largest distance from the sensor, metres.
+    pub max_chi_squared: f64,
+    /// Largest distance from the sensor, meters.
     pub farthest_m: f64,
 }
 
 impl Default for TriangulationRule {
     fn default() -> Self {
-        Self { least_parallax_rad: 5_f64.to_radians(), most_chi_squared: 4.0, farthest_m: 15.0 }
+        Self { min_parallax_rad: 5_f64.to_radians(), max_chi_squared: 4.0, farthest_m: 15.0 }
     }
 }
 
@@ -86,7 +86,7 @@ pub enum TriangulationError {
 
 /// Least eigenvalue of the mean normal matrix below which bearings are parallel.
 const PARALLEL: f64 = 1e-6;
-const MOST_ITERATIONS: usize = 50;
+const MAX_ITERATIONS: usize = 50;
 
 /// The point that is nearest to all bearings by the squares of the perpendicular distances: Yagi et al. (1995), equation 6.
 ///
@@ -118,7 +118,7 @@ pub fn least_squares_crossing(sightings: &[Sighting]) -> Result<Point2<f64>, Tri
 /// The most likely point, for azimuths with the standard deviation `sigma_rad` > 0, from a first guess: Gauss-Newton on the
 /// angles.
 ///
-/// Differs from Yagi et al. (1995): perpendicular distances favour points near the robot.
+/// Differs from Yagi et al. (1995): perpendicular distances favor points near the robot.
 ///
 /// # Errors
 /// [`TriangulationError::ParallelBearings`] where it does not converge, and [`TriangulationError::Behind`].
@@ -128,7 +128,7 @@ pub fn most_likely_crossing(
     sigma_rad: f64,
 ) -> Result<Triangulated, TriangulationError> {
     let mut position = guess;
-    for _ in 0..MOST_ITERATIONS {
+    for _ in 0..MAX_ITERATIONS {
         let (information, pull, _) = normal_equations(sightings, position);
         let step = information.try_inverse().ok_or(TriangulationError::ParallelBearings)? * pull;
         if !step.iter().all(|x| x.is_finite()) {
@@ -166,13 +166,13 @@ pub fn triangulate(
     if sightings.len() < 2 {
         return Err(TriangulationError::TooFew);
     }
-    if parallax_rad(sightings) < rule.least_parallax_rad {
+    if parallax_rad(sightings) < rule.min_parallax_rad {
         return Err(TriangulationError::NoParallax);
     }
     let guess = least_squares_crossing(sightings)?;
     let found = most_likely_crossing(sightings, guess, sigma_rad)?;
     let freedom = sightings.len().saturating_sub(2).max(1) as f64;
-    if found.chi_squared / freedom > rule.most_chi_squared {
+    if found.chi_squared / freedom > rule.max_chi_squared {
         return Err(TriangulationError::Inconsistent);
     }
     let is_near =
@@ -257,7 +257,7 @@ mod tests {
             let move_ = Pose2::new(x, y, turn);
             let moved: Vec<_> =
                 seen.iter().map(|s| Sighting { sensor: move_.compose(&s.sensor), ..*s }).collect();
-            let rule = TriangulationRule { most_chi_squared: f64::INFINITY, ..TriangulationRule::default() };
+            let rule = TriangulationRule { max_chi_squared: f64::INFINITY, ..TriangulationRule::default() };
             let (a, b) = (triangulate(&seen, 0.01, &rule).unwrap(), triangulate(&moved, 0.01, &rule).unwrap());
             prop_assert!((move_.transform_point(a.position) - b.position).norm() < 1e-8);
             prop_assert!((a.chi_squared - b.chi_squared).abs() < 1e-8 * (1.0 + a.chi_squared));

@@ -6,7 +6,7 @@ use crate::polygon::convex_hull;
 /// How far around the edges of an obstacle nothing may drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inflation {
-    /// Radius of the circle about each edge, metres.
+    /// Radius of the circle about each edge, meters.
     pub radius_m: f64,
     /// Sides of the polygon around that circle, at least 3.
     pub sides: u32,
@@ -50,7 +50,7 @@ impl ObstacleClusters {
     }
 }
 
-/// Writes to `out` the polygon, anticlockwise, that no centre of a robot may enter for an obstacle with these edges: its convex
+/// Writes to `out` the polygon, counterclockwise, that no center of a robot may enter for an obstacle with these edges: its convex
 /// hull, widened by a polygon around the circle. `corners` is a buffer. Empty for no edges.
 pub fn inflate(
     edges: impl IntoIterator<Item = Point2<f64>>,

@@ -17,7 +17,7 @@ pub enum PathError {
     Enclosed,
 }
 
-/// What may be touched, metres: paths run along the sides of obstacles.
+/// What may be touched, meters: paths run along the sides of obstacles.
 const TOUCH_M: f64 = 1e-9;
 
 /// The shortest way among convex obstacles: their corners, and the straight lines between these that no obstacle crosses.
@@ -38,7 +38,7 @@ struct Node {
 }
 
 impl VisibilityGraph {
-    /// The way from `start` to `goal`, both included, and its length, metres. `obstacles` are convex and anticlockwise; those with
+    /// The way from `start` to `goal`, both included, and its length, meters. `obstacles` are convex and counterclockwise; those with
     /// fewer than three corners stop nothing.
     ///
     /// # Errors

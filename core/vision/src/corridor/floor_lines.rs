@@ -23,16 +23,16 @@ pub struct CorridorLine {
 /// The brightness to the left and to the right of an edge, seen from start to end with u right and v down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sides {
-    /// Grey level at the edge, coming from the left.
+    /// Gray level at the edge, coming from the left.
     pub left: f64,
-    /// Grey level at the edge, coming from the right.
+    /// Gray level at the edge, coming from the right.
     pub right: f64,
-    /// Mean difference between the two sides somewhat farther away, grey levels.
+    /// Mean difference between the two sides somewhat farther away, gray levels.
     pub farther: f64,
 }
 
 impl Sides {
-    /// Grey levels by which the sides differ, both at the edge and farther away: nothing for a thin line between two halves
+    /// Gray levels by which the sides differ, both at the edge and farther away: nothing for a thin line between two halves
     /// of the same floor.
     #[must_use]
     pub fn contrast(&self) -> f64 {
@@ -49,9 +49,9 @@ pub struct FloorLineRule {
     pub nearest_m: f64,
     /// Farther lines (m) are none of this corridor's.
     pub farthest_m: f64,
-    /// Grey levels by which the two sides must differ.
-    pub least_contrast: f64,
-    /// Lines count in proportion to their contrast, up to so many grey levels.
+    /// Gray levels by which the two sides must differ.
+    pub min_contrast: f64,
+    /// Lines count in proportion to their contrast, up to so many gray levels.
     pub full_contrast: f64,
     /// An inner line with this share of the length outranks an outer one ...
     pub inner_share: f64,
@@ -71,7 +71,7 @@ impl Default for FloorLineRule {
             below_horizon_rad: 0.018,
             nearest_m: 0.2,
             farthest_m: 5.0,
-            least_contrast: 8.0,
+            min_contrast: 8.0,
             full_contrast: 40.0,
             inner_share: 0.6,
             inner_contrast: 0.6,
@@ -85,16 +85,16 @@ impl Default for FloorLineRule {
 /// Where a wall is expected, from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedWall {
-    /// Signed distance, metres, positive on the left.
+    /// Signed distance, meters, positive on the left.
     pub distance_m: f64,
-    /// Standard deviation, metres.
+    /// Standard deviation, meters.
     pub sigma_m: f64,
 }
 
 /// A wall found in one picture, from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenWall {
-    /// Signed distance, metres, positive on the left.
+    /// Signed distance, meters, positive on the left.
     pub distance_m: f64,
     /// The ends of its heaviest piece, the one farther from the horizon first; undistorted pixels.
     pub ends: [Vector2<f64>; 2],
@@ -212,7 +212,7 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
         return None;
     }
     let contrast = line.sides.contrast();
-    if contrast < rule.least_contrast {
+    if contrast < rule.min_contrast {
         return None;
     }
     // Seen from start to end in the picture (v down), the left side is at (along.y, -along.x).
@@ -234,7 +234,7 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
 
 /// Sine of the angle by which the ray of a pixel dips below the horizon.
 fn depression_sine(view: &CorridorView, pixel: Vector2<f64>) -> f64 {
-    let ray = view.corridor_from_camera * view.intrinsics.normalised_from_pixel(pixel).push(1.0);
+    let ray = view.corridor_from_camera * view.intrinsics.normalized_from_pixel(pixel).push(1.0);
     -ray.z / ray.norm()
 }
 
@@ -249,13 +249,13 @@ pub fn sides(image: ImageView<'_>, start: Vector2<f64>, end: Vector2<f64>, offse
     let mut sum = Sides { left: 0.0, right: 0.0, farther: 0.0 };
     for sample in 0..SAMPLES {
         let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES));
-        let grey = |times: f64| {
+        let gray = |times: f64| {
             let at = at + left * times;
             f64::from(image.pixel(at.x.round().max(0.0) as usize, at.y.round().max(0.0) as usize))
         };
-        let (far_left, far_right) = (grey(2.0), grey(-2.0));
-        sum.left += 2.0 * grey(1.0) - far_left;
-        sum.right += 2.0 * grey(-1.0) - far_right;
+        let (far_left, far_right) = (gray(2.0), gray(-2.0));
+        sum.left += 2.0 * gray(1.0) - far_left;
+        sum.right += 2.0 * gray(-1.0) - far_right;
         sum.farther += (far_left - far_right).abs();
     }
     let samples = f64::from(SAMPLES);
@@ -274,15 +274,15 @@ mod tests {
         CorridorView::new(attitude, 0.0, 0.6, Intrinsics::from_horizontal_fov(640, 480, 1.05))
     }
 
-    /// A line along the corridor at `d` and `height` above the floor, from 2 to `far` metres ahead.
-    fn line(d: f64, height: f64, far: f64, floor_grey: f64, wall_grey: f64) -> CorridorLine {
+    /// A line along the corridor at `d` and `height` above the floor, from 2 to `far` meters ahead.
+    fn line(d: f64, height: f64, far: f64, floor_gray: f64, wall_gray: f64) -> CorridorLine {
         let view = view();
         let pixel = |x: f64| {
             let camera = view.corridor_from_camera.transpose() * Vector3::new(x, d, height - 0.6);
-            view.intrinsics.pixel_from_normalised(camera.xy() / camera.z)
+            view.intrinsics.pixel_from_normalized(camera.xy() / camera.z)
         };
         // From near to far the left wall is on the left of its line.
-        let (left, right) = if d > 0.0 { (wall_grey, floor_grey) } else { (floor_grey, wall_grey) };
+        let (left, right) = if d > 0.0 { (wall_gray, floor_gray) } else { (floor_gray, wall_gray) };
         let sides = Sides { left, right, farther: (left - right).abs() };
         CorridorLine { start: pixel(2.0), end: pixel(far), sides }
     }

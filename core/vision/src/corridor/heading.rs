@@ -16,11 +16,11 @@ pub struct CameraAttitude {
 }
 
 impl CameraAttitude {
-    /// The attitude that sees the corridor's axis at this vanishing point, in normalised coordinates of a camera rolled by
+    /// The attitude that sees the corridor's axis at this vanishing point, in normalized coordinates of a camera rolled by
     /// `roll` (rad). The heading is within +-pi/2.
     #[must_use]
-    pub fn from_vanishing_point(normalised: Vector2<f64>, roll: f64) -> Self {
-        let level = deroll(normalised, roll);
+    pub fn from_vanishing_point(normalized: Vector2<f64>, roll: f64) -> Self {
+        let level = deroll(normalized, roll);
         let tilt = -level.y.atan();
         Self { heading: (level.x * tilt.cos()).atan(), tilt }
     }
@@ -34,14 +34,14 @@ impl CameraAttitude {
         Self { heading: level.x.atan2(axis_in_camera.z / tilt.cos()), tilt }
     }
 
-    /// The vanishing point of the corridor, normalised coordinates of a camera without roll; beyond +-pi/2 of heading it is
+    /// The vanishing point of the corridor, normalized coordinates of a camera without roll; beyond +-pi/2 of heading it is
     /// the point behind the camera.
     #[must_use]
     pub fn vanishing_point(&self) -> Vector2<f64> {
         Vector2::new(self.heading.tan() / self.tilt.cos(), -self.tilt.tan())
     }
 
-    /// Derivatives of (heading, tilt) with respect to the normalised vanishing point of a camera without roll.
+    /// Derivatives of (heading, tilt) with respect to the normalized vanishing point of a camera without roll.
     #[must_use]
     pub fn jacobian(&self) -> Matrix2<f64> {
         let ((sin_h, cos_h), (sin_t, cos_t)) = (self.heading.sin_cos(), self.tilt.sin_cos());
@@ -75,10 +75,10 @@ impl RobotHeading {
     }
 }
 
-/// The direction of a normalised image point in the optical frame, not of unit length.
+/// The direction of a normalized image point in the optical frame, not of unit length.
 #[must_use]
-pub fn axis_from_normalised(normalised: Vector2<f64>) -> Vector3<f64> {
-    normalised.push(1.0)
+pub fn axis_from_normalized(normalized: Vector2<f64>) -> Vector3<f64> {
+    normalized.push(1.0)
 }
 
 /// Where the corridor's axis is seen by a camera on a robot with this heading: the homogeneous pixel, whose third
@@ -114,10 +114,10 @@ mod tests {
             let mount = Mount { tilt, roll, ..Mount::level(0.6) };
             let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.0);
             let pixel = vanishing_point_homogeneous(heading, &mount, &intrinsics);
-            let normalised = intrinsics.normalised_from_pixel(pixel.xy() / pixel.z);
-            let back = CameraAttitude::from_vanishing_point(normalised, roll);
+            let normalized = intrinsics.normalized_from_pixel(pixel.xy() / pixel.z);
+            let back = CameraAttitude::from_vanishing_point(normalized, roll);
             assert!((back.heading - heading).abs() < 1e-12 && (back.tilt - tilt).abs() < 1e-12);
-            let robot = RobotHeading::from_axis(axis_from_normalised(normalised), &mount);
+            let robot = RobotHeading::from_axis(axis_from_normalized(normalized), &mount);
             assert!((robot.heading - heading).abs() < 1e-12 && robot.elevation.abs() < 1e-12);
         }
     }

@@ -21,9 +21,9 @@ const SIDE_OFFSET_AT_640_PX: f64 = 4.0;
 /// Standard deviation of a floor line across itself, pixels.
 const LINE_SIGMA_PX: f64 = 0.7;
 /// No heading is trusted better than this, radians.
-const LEAST_HEADING_SIGMA_RAD: f64 = 0.001;
-/// No distance is trusted better than this, metres.
-const LEAST_DISTANCE_SIGMA_M: f64 = 0.008;
+const MIN_HEADING_SIGMA_RAD: f64 = 0.001;
+/// No distance is trusted better than this, meters.
+const MIN_DISTANCE_SIGMA_M: f64 = 0.008;
 /// Beyond this heading (rad) a floor line is nearly level in the picture and gives no distance.
 const EDGE_ON_RAD: f64 = 1.05;
 
@@ -47,11 +47,11 @@ pub struct Expectation {
     pub heading: f64,
     /// Its standard deviation, radians.
     pub heading_sigma: f64,
-    /// Left and right wall from the robot's centre.
+    /// Left and right wall from the robot's center.
     pub walls: [Option<ExpectedWall>; 2],
 }
 
-/// What a picture told. Distances are from the robot's centre, positive on the left.
+/// What a picture told. Distances are from the robot's center, positive on the left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sighting {
     /// Robot's heading from the corridor's axis, radians, positive to the left.
@@ -166,7 +166,7 @@ impl Sight {
         };
         let mut sighting = Sighting {
             heading,
-            heading_sigma: heading_sigma.max(LEAST_HEADING_SIGMA_RAD),
+            heading_sigma: heading_sigma.max(MIN_HEADING_SIGMA_RAD),
             tilt: attitude.tilt,
             vanishing_point: found.pixel,
             left: None,
@@ -201,7 +201,7 @@ impl Sight {
                 found_m: wall.distance_m,
                 ends: wall.ends,
                 nearest_share: rule.skirting_ratio,
-                least_contrast: rule.least_contrast,
+                min_contrast: rule.min_contrast,
             };
             let distance_m = if wall.is_darker_at_the_wall {
                 wall.distance_m
@@ -218,7 +218,7 @@ impl Sight {
             )?;
             Some(ExpectedWall {
                 distance_m: distance_m + offset_m,
-                sigma_m: sigma_m.max(LEAST_DISTANCE_SIGMA_M),
+                sigma_m: sigma_m.max(MIN_DISTANCE_SIGMA_M),
             })
         };
         sighting.left = seen.left.and_then(from_robot);
@@ -260,7 +260,7 @@ fn level(found: &VanishingPoint<'_>, camera: &CorridorCamera) -> (CameraAttitude
         return (CameraAttitude::from_axis(found.direction, roll), found.covariance);
     }
     let elevation = |pixel: Vector2<f64>| {
-        let ray = intrinsics.normalised_from_pixel(pixel).push(1.0);
+        let ray = intrinsics.normalized_from_pixel(pixel).push(1.0);
         RobotHeading::from_axis(ray, &camera.mount).elevation
     };
     const STEP_PX: f64 = 0.5;
@@ -274,7 +274,7 @@ fn level(found: &VanishingPoint<'_>, camera: &CorridorCamera) -> (CameraAttitude
     let gain = spread / (slope.dot(&spread) + camera.horizon_sigma_rad.powi(2));
     let pixel = found.pixel - gain * elevation(found.pixel);
     let covariance = found.covariance - gain * spread.transpose();
-    (CameraAttitude::from_vanishing_point(intrinsics.normalised_from_pixel(pixel), roll), covariance)
+    (CameraAttitude::from_vanishing_point(intrinsics.normalized_from_pixel(pixel), roll), covariance)
 }
 
 /// The corridor's axis in the optical frame of a camera with this attitude and roll.

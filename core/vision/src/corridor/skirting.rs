@@ -25,8 +25,8 @@ pub struct FootSearch {
     pub ends: [Vector2<f64>; 2],
     /// The foot is at this share of the distance, or farther.
     pub nearest_share: f64,
-    /// Smallest step to darker, grey levels.
-    pub least_contrast: f64,
+    /// Smallest step to darker, gray levels.
+    pub min_contrast: f64,
 }
 
 /// Signed distance (m) of the line where a bright floor meets a darker skirting, between the searched share of the found
@@ -40,14 +40,14 @@ pub fn foot_of_wall(
 ) -> Option<f64> {
     let step = |range, reach| profile_step(image, pinhole, view, search, range, reach);
     let (first, contrast) = step([search.nearest_share, 0.99], REACH[0])?;
-    if contrast < search.least_contrast {
+    if contrast < search.min_contrast {
         return None;
     }
     let (share, _) = step([first - 0.025, first + 0.025], REACH[1])?;
     Some(search.found_m * share)
 }
 
-/// The share of the found distance, within a range, at which brightness falls most, and by how many grey levels.
+/// The share of the found distance, within a range, at which brightness falls most, and by how many gray levels.
 fn profile_step(
     image: ImageView<'_>,
     pinhole: &Pinhole,
@@ -88,14 +88,14 @@ fn peak_shift(before: f64, at: f64, after: f64) -> f64 {
     if bend.abs() < 1e-9 { 0.0 } else { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) }
 }
 
-/// Grey level between pixels; outside the image the border's.
+/// Gray level between pixels; outside the image the border's.
 fn bilinear(image: ImageView<'_>, at: Vector2<f64>) -> f64 {
     let (u, v) = (at.x.max(0.0), at.y.max(0.0));
     let (left, top) = (u.floor(), v.floor());
     let (right_part, lower_part) = (u - left, v - top);
-    let grey = |du: usize, dv: usize| f64::from(image.pixel(left as usize + du, top as usize + dv));
-    let upper = grey(0, 0) * (1.0 - right_part) + grey(1, 0) * right_part;
-    let lower = grey(0, 1) * (1.0 - right_part) + grey(1, 1) * right_part;
+    let gray = |du: usize, dv: usize| f64::from(image.pixel(left as usize + du, top as usize + dv));
+    let upper = gray(0, 0) * (1.0 - right_part) + gray(1, 0) * right_part;
+    let lower = gray(0, 1) * (1.0 - right_part) + gray(1, 1) * right_part;
     upper * (1.0 - lower_part) + lower * lower_part
 }
 
@@ -123,13 +123,13 @@ mod tests {
         let pinhole = Pinhole::ideal(intrinsics);
         let pixel = |x: f64, y: f64| {
             let point = view.corridor_from_camera.transpose() * Vector3::new(x, y, -0.6);
-            intrinsics.pixel_from_normalised(point.xy() / point.z)
+            intrinsics.pixel_from_normalized(point.xy() / point.z)
         };
         let search = FootSearch {
             found_m: 1.2,
             ends: [pixel(2.8, 1.2), pixel(7.0, 1.2)],
             nearest_share: 0.6,
-            least_contrast: 8.0,
+            min_contrast: 8.0,
         };
         let find = |foot_m: f64| {
             let data = picture(&view, foot_m, 1.2);

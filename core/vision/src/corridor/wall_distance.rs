@@ -18,7 +18,7 @@ const SMALLEST_ACROSS: f64 = 0.02;
 pub struct CorridorView {
     /// Rotation from the optical frame to the corridor's frame (x along, y left, z up).
     pub corridor_from_camera: Matrix3<f64>,
-    /// Height of the optical centre above the floor, metres.
+    /// Height of the optical center above the floor, meters.
     pub height_m: f64,
     /// The image geometry, undistorted.
     pub intrinsics: Intrinsics,
@@ -48,7 +48,7 @@ impl CorridorView {
         Self { corridor_from_camera: mount.rotation_body_from_camera(), height_m, intrinsics }
     }
 
-    /// Unit normal, in the corridor's frame, of the plane through the optical centre and a pixel line (a, b, c) with
+    /// Unit normal, in the corridor's frame, of the plane through the optical center and a pixel line (a, b, c) with
     /// a u + b v + c = 0.
     #[must_use]
     pub fn plane_normal(&self, pixel_line: Vector3<f64>) -> Vector3<f64> {
@@ -77,11 +77,11 @@ impl CorridorView {
         self.floor_point(pixel).map(|point| point.y)
     }
 
-    /// The floor point seen at `pixel`: metres ahead along the corridor and to the left, from the point below the camera.
+    /// The floor point seen at `pixel`: meters ahead along the corridor and to the left, from the point below the camera.
     /// `None` for a pixel at or above the horizon.
     #[must_use]
     pub fn floor_point(&self, pixel: Vector2<f64>) -> Option<Point2<f64>> {
-        let ray = self.corridor_from_camera * self.intrinsics.normalised_from_pixel(pixel).push(1.0);
+        let ray = self.corridor_from_camera * self.intrinsics.normalized_from_pixel(pixel).push(1.0);
         (ray.z < -1e-9).then(|| Point2::new(ray.x, ray.y) * (self.height_m / -ray.z))
     }
 }
@@ -93,7 +93,7 @@ pub fn line_through(a: Vector2<f64>, b: Vector2<f64>) -> Vector3<f64> {
     line / line.xy().norm()
 }
 
-/// Inverse slope dx/dy of a pixel line in normalised coordinates: finite also for a line that is vertical in the image.
+/// Inverse slope dx/dy of a pixel line in normalized coordinates: finite also for a line that is vertical in the image.
 #[must_use]
 pub fn inverse_slope(pixel_line: Vector3<f64>, intrinsics: &Intrinsics) -> f64 {
     -(pixel_line.y * intrinsics.fy) / (pixel_line.x * intrinsics.fx)
@@ -151,7 +151,7 @@ pub fn tied_distance_sigma(
 ) -> Option<f64> {
     const STEP_PX: f64 = 0.25;
     let distance = |vp: Vector2<f64>, point: Vector2<f64>| {
-        let attitude = CameraAttitude::from_vanishing_point(view.intrinsics.normalised_from_pixel(vp), roll);
+        let attitude = CameraAttitude::from_vanishing_point(view.intrinsics.normalized_from_pixel(vp), roll);
         CorridorView::new(attitude, roll, view.height_m, view.intrinsics).tied_distance(point)
     };
     let slope = |step_vp: Vector2<f64>, step_point: Vector2<f64>| {
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn sigma_grows_with_the_point_and_the_vanishing_point() {
         let view = view(0.0);
-        let vp = view.intrinsics.pixel_from_normalised(ATTITUDE.vanishing_point());
+        let vp = view.intrinsics.pixel_from_normalized(ATTITUDE.vanishing_point());
         let point = pixel(&view, Vector3::new(3.0, 1.0, -0.6));
         let sigma = |vp_px: f64, px: f64| {
             tied_distance_sigma(vp, &(Matrix2::identity() * vp_px * vp_px), point, px, &view, 0.0).unwrap()

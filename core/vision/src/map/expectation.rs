@@ -14,13 +14,13 @@ const PARALLEL: f64 = 0.052;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectationRules {
     /// Shorter parts of edges, pixels.
-    pub least_length_px: f64,
-    /// Edges that are farther away, metres.
+    pub min_length_px: f64,
+    /// Edges that are farther away, meters.
     pub farthest_m: f64,
     /// Both of two parallel edges that are nearer to each other, pixels: the camera cannot tell them apart. Where one is an
     /// outline and the other a detail, only the detail. 0 keeps all.
-    pub least_gap_px: f64,
-    /// Level edges whose upright plane passes nearer to the camera, metres: their lines say nothing of it. 0 keeps all.
+    pub min_gap_px: f64,
+    /// Level edges whose upright plane passes nearer to the camera, meters: their lines say nothing of it. 0 keeps all.
     pub grazing_m: f64,
     /// Distance of the places of a level edge whose sight lines are looked at, pixels.
     pub sample_px: f64,
@@ -29,7 +29,7 @@ pub struct ExpectationRules {
 impl Default for ExpectationRules {
     /// For a picture 640 pixels wide.
     fn default() -> Self {
-        Self { least_length_px: 20.0, farthest_m: 15.0, least_gap_px: 4.0, grazing_m: 0.05, sample_px: 8.0 }
+        Self { min_length_px: 20.0, farthest_m: 15.0, min_gap_px: 4.0, grazing_m: 0.05, sample_px: 8.0 }
     }
 }
 
@@ -37,16 +37,16 @@ impl ExpectationRules {
     /// For a picture of this width: the least length shrinks with it, to 10 pixels.
     #[must_use]
     pub fn for_width(width: u32) -> Self {
-        Self { least_length_px: (20.0 * f64::from(width) / 640.0).clamp(10.0, 20.0), ..Self::default() }
+        Self { min_length_px: (20.0 * f64::from(width) / 640.0).clamp(10.0, 20.0), ..Self::default() }
     }
 
     /// Everything that is in view: also what is short, far, or close to another edge.
     #[must_use]
     pub fn everything() -> Self {
         Self {
-            least_length_px: 0.0,
+            min_length_px: 0.0,
             farthest_m: f64::INFINITY,
-            least_gap_px: 0.0,
+            min_gap_px: 0.0,
             grazing_m: 0.0,
             ..Self::default()
         }
@@ -66,9 +66,9 @@ pub struct ExpectedEdge {
     pub from: Vector2<f64>,
     /// The other end.
     pub to: Vector2<f64>,
-    /// Distance in plan from the camera to its nearer end, metres.
+    /// Distance in plan from the camera to its nearer end, meters.
     pub range_m: f64,
-    /// Depth of its nearer end along the optical axis, metres.
+    /// Depth of its nearer end along the optical axis, meters.
     pub depth_m: f64,
 }
 
@@ -137,7 +137,7 @@ impl ExpectationMap {
         }
         let Some(clipped) = view.clip(edge) else { return };
         let length_px = (clipped.pixels[1] - clipped.pixels[0]).norm();
-        if length_px.is_nan() || length_px < self.rules.least_length_px {
+        if length_px.is_nan() || length_px < self.rules.min_length_px {
             return;
         }
         let [near, far] = clipped.points_in_camera.map(|point| view.plan_of(&point));
@@ -191,7 +191,7 @@ impl ExpectationMap {
     fn keep(&mut self, index: usize, edge: &Edge, clipped: &Clipped, shares: [f64; 2], view: &MapView) {
         let [p, q] = clipped.pixels;
         let [from, to] = shares.map(|share| p + (q - p) * share);
-        if (to - from).norm() < self.rules.least_length_px {
+        if (to - from).norm() < self.rules.min_length_px {
             return;
         }
         let ends = shares.map(|share| along(clipped, share));
@@ -212,7 +212,7 @@ impl ExpectationMap {
     }
 
     fn drop_close_pairs(&mut self) {
-        let gap_px = self.rules.least_gap_px;
+        let gap_px = self.rules.min_gap_px;
         if gap_px <= 0.0 {
             return;
         }
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_too_close_to_tell_apart_are_both_left_out() {
+    fn neighbors_too_close_to_tell_apart_are_both_left_out() {
         let lines = vec![
             edge([6.0, 1.0, 0.0], [6.0, 1.0, 2.0]),
             edge([6.0, 1.03, 0.0], [6.0, 1.03, 2.0]),

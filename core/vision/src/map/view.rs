@@ -6,7 +6,7 @@ use crate::map::wire_frame::{Edge, Wall};
 use yamabico_geometry::Pose2;
 use yamabico_geometry::camera::{Intrinsics, Mount, clip_to_near_plane};
 
-/// Walls that pass nearer to what is looked at do not hide it, metres.
+/// Walls that pass nearer to what is looked at do not hide it, meters.
 pub const WALL_TOLERANCE_M: f64 = 0.02;
 /// A sight line whose direction differs from a wall's by less (sine) runs along it.
 const PARALLEL: f64 = 1e-9;
@@ -24,7 +24,7 @@ pub struct MapView {
 pub struct Clipped {
     /// Its ends in ideal (undistorted) pixels, in the order of the edge.
     pub pixels: [Vector2<f64>; 2],
-    /// Its ends in the optical frame, metres.
+    /// Its ends in the optical frame, meters.
     pub points_in_camera: [Point3<f64>; 2],
 }
 
@@ -43,19 +43,19 @@ impl MapView {
         }
     }
 
-    /// The optical centre in plan, metres, map frame.
+    /// The optical center in plan, meters, map frame.
     #[must_use]
     pub fn plan_position(&self) -> Point2<f64> {
         self.camera_in_map.xy()
     }
 
-    /// A point of the map in the optical frame, metres.
+    /// A point of the map in the optical frame, meters.
     #[must_use]
     pub fn point_in_camera(&self, point_in_map: &Point3<f64>) -> Point3<f64> {
         Point3::from(self.camera_from_map * (point_in_map - self.camera_in_map))
     }
 
-    /// A point of the optical frame in plan, metres, map frame.
+    /// A point of the optical frame in plan, meters, map frame.
     #[must_use]
     pub fn plan_of(&self, point_in_camera: &Point3<f64>) -> Point2<f64> {
         (self.camera_in_map + self.camera_from_map.tr_mul(&point_in_camera.coords)).xy()
@@ -66,7 +66,7 @@ impl MapView {
     pub fn clip(&self, edge: &Edge) -> Option<Clipped> {
         let (a, b) = (self.point_in_camera(&edge.from), self.point_in_camera(&edge.to));
         let (a, b) = clip_to_near_plane(a, b)?;
-        let pixel = |p: &Point3<f64>| self.intrinsics.pixel_from_normalised(p.xy().coords / p.z);
+        let pixel = |p: &Point3<f64>| self.intrinsics.pixel_from_normalized(p.xy().coords / p.z);
         let (p, q) = (pixel(&a), pixel(&b));
         let far = [f64::from(self.intrinsics.width) - 1.0, f64::from(self.intrinsics.height) - 1.0];
         let (s0, s1) = clip_to_rectangle(p, q, far)?;

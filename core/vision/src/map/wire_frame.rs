@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use yamabico_parameters::{BuildError, FileKind, Problems};
 
-/// Map files, as behaviours name them: the ranges are in the schema, the rules tell what makes no building.
+/// Map files, as behaviors name them: the ranges are in the schema, the rules tell what makes no building.
 pub const WIRE_FRAME_FILE: FileKind = FileKind {
     key: "map",
     what: "a map file",
@@ -20,7 +20,7 @@ pub const WIRE_FRAME_FILE: FileKind = FileKind {
     },
 };
 
-/// Larger than this (m) is no building, but millimetres.
+/// Larger than this (m) is no building, but millimeters.
 const LARGEST_M: f64 = 1000.0;
 /// Smaller than this (m) is no building either.
 const SMALLEST_M: f64 = 0.1;
@@ -39,7 +39,7 @@ pub struct WireFrame {
 /// A straight edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// One end, metres, map frame.
+    /// One end, meters, map frame.
     pub from: Point3<f64>,
     /// The other end.
     pub to: Point3<f64>,
@@ -74,7 +74,7 @@ pub enum EdgeKind {
 /// A wall in plan, from floor to ceiling: nothing is seen through it, and nobody walks through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// One end, metres, map frame.
+    /// One end, meters, map frame.
     pub from: Point2<f64>,
     /// The other end.
     pub to: Point2<f64>,
@@ -97,7 +97,7 @@ pub enum MapError {
 }
 
 impl Edge {
-    /// The outline between two points, map frame, metres.
+    /// The outline between two points, map frame, meters.
     #[must_use]
     pub fn between(from: Point3<f64>, to: Point3<f64>) -> Self {
         let run = to - from;
@@ -117,7 +117,7 @@ impl Edge {
         Self { role: EdgeRole::Detail, ..self }
     }
 
-    /// Distance between its ends, metres.
+    /// Distance between its ends, meters.
     #[must_use]
     pub fn length(&self) -> f64 {
         (self.to - self.from).norm()
@@ -138,7 +138,7 @@ impl Wall {
         (0.0..=1.0).contains(&t) && (0.0..=1.0).contains(&s)
     }
 
-    /// Distance of a point from it, metres, never negative.
+    /// Distance of a point from it, meters, never negative.
     #[must_use]
     pub fn distance(&self, point: Point2<f64>) -> f64 {
         let wall = self.to - self.from;
@@ -173,7 +173,7 @@ impl WireFrame {
         Self::parse("the map", text)
     }
 
-    /// Its text as a map file, numbers to the millimetre, without a comment.
+    /// Its text as a map file, numbers to the millimeter, without a comment.
     #[must_use]
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;
@@ -214,7 +214,7 @@ impl WireFrame {
         !self.walls.iter().any(|wall| wall.is_crossed_by(start, end))
     }
 
-    /// Distance from a point to the nearest wall, metres; infinite without walls.
+    /// Distance from a point to the nearest wall, meters; infinite without walls.
     #[must_use]
     pub fn clearance(&self, point: Point2<f64>) -> f64 {
         self.walls.iter().map(|wall| wall.distance(point)).fold(f64::INFINITY, f64::min)
@@ -239,7 +239,7 @@ impl WireFrame {
     }
 }
 
-/// What a map file says: metres, map frame, x forward, y left, z up from the floor.
+/// What a map file says: meters, map frame, x forward, y left, z up from the floor.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct MapFile {
@@ -259,10 +259,10 @@ struct MapFile {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct EdgeEntry {
-    /// One end: x, y, z, metres, each -1000000 to 1000000.
+    /// One end: x, y, z, meters, each -1000000 to 1000000.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     from_m: [f64; 3],
-    /// The other end: x, y, z, metres, each -1000000 to 1000000.
+    /// The other end: x, y, z, meters, each -1000000 to 1000000.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     to_m: [f64; 3],
     /// How well it is seen, default outline.
@@ -274,10 +274,10 @@ struct EdgeEntry {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WallEntry {
-    /// One end: x, y, metres, each -1000000 to 1000000.
+    /// One end: x, y, meters, each -1000000 to 1000000.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     from_m: [f64; 2],
-    /// The other end: x, y, metres, each -1000000 to 1000000.
+    /// The other end: x, y, meters, each -1000000 to 1000000.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     to_m: [f64; 2],
 }
@@ -292,13 +292,13 @@ impl MapFile {
         if extent > LARGEST_M {
             broken.push(BuildError::new(
                 "edge",
-                format!("extends over {extent:.0} m, and a building over at most {LARGEST_M} m: are these millimetres?"),
+                format!("extends over {extent:.0} m, and a building over at most {LARGEST_M} m: are these millimeters?"),
             ));
         } else if extent < SMALLEST_M {
             broken.push(BuildError::new(
                 "edge",
                 format!(
-                    "extends over {extent} m only, and a building over more than {SMALLEST_M} m: are these kilometres?"
+                    "extends over {extent} m only, and a building over more than {SMALLEST_M} m: are these kilometers?"
                 ),
             ));
         }
@@ -308,7 +308,7 @@ impl MapFile {
             if (to - from).norm() < SHORTEST_M {
                 broken.push(BuildError::new(format!("edge[{i}].to_m"), "is where the edge begins"));
             }
-            if let Some(other) = seen.insert(ends_in_millimetres(&edge.from_m, &edge.to_m), i) {
+            if let Some(other) = seen.insert(ends_in_millimeters(&edge.from_m, &edge.to_m), i) {
                 broken.push(BuildError::new(format!("edge[{i}]"), format!("is the same as edge[{other}]")));
             }
         }
@@ -320,7 +320,7 @@ impl MapFile {
         broken
     }
 
-    /// The largest extent along an axis, metres.
+    /// The largest extent along an axis, meters.
     fn extent(&self) -> f64 {
         let points = self.edges.iter().flat_map(|edge| [edge.from_m, edge.to_m]);
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -334,9 +334,9 @@ impl MapFile {
     }
 }
 
-/// Both ends in whole millimetres, the smaller one first.
-fn ends_in_millimetres(from: &[f64; 3], to: &[f64; 3]) -> [[i64; 3]; 2] {
-    let whole = |point: &[f64; 3]| point.map(|metres| (metres * 1000.0).round() as i64);
+/// Both ends in whole millimeters, the smaller one first.
+fn ends_in_millimeters(from: &[f64; 3], to: &[f64; 3]) -> [[i64; 3]; 2] {
+    let whole = |point: &[f64; 3]| point.map(|meters| (meters * 1000.0).round() as i64);
     let mut ends = [whole(from), whole(to)];
     ends.sort_unstable();
     ends
@@ -373,10 +373,10 @@ mod tests {
 
     #[test]
     fn wrong_units_are_told() {
-        let millimetres = "edge = [{ from_m = [0, 0, 0], to_m = [18000, 0, 0] }]";
-        assert!(refusal(millimetres).contains("millimetres"));
-        let kilometres = "edge = [{ from_m = [0, 0, 0], to_m = [0.018, 0, 0] }]";
-        assert!(refusal(kilometres).contains("kilometres"));
+        let millimeters = "edge = [{ from_m = [0, 0, 0], to_m = [18000, 0, 0] }]";
+        assert!(refusal(millimeters).contains("millimeters"));
+        let kilometers = "edge = [{ from_m = [0, 0, 0], to_m = [0.018, 0, 0] }]";
+        assert!(refusal(kilometers).contains("kilometers"));
     }
 
     #[test]

@@ -2,7 +2,7 @@ use nalgebra::Point2;
 
 use super::cross;
 
-/// Writes the convex hull to `out`, anticlockwise from the smallest point by x and then y, without points between the
+/// Writes the convex hull to `out`, counterclockwise from the smallest point by x and then y, without points between the
 /// corners; fewer than three where all points lie on a line. Sorts `points`, which must be finite.
 pub fn convex_hull(points: &mut [Point2<f64>], out: &mut Vec<Point2<f64>>) {
     points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));

@@ -8,14 +8,14 @@ pub use moments::PolygonMoments;
 
 use nalgebra::Point2;
 
-/// Twice the area of a triangle, positive where it runs anticlockwise.
+/// Twice the area of a triangle, positive where it runs counterclockwise.
 #[inline]
 #[must_use]
 pub fn cross(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
     (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
 }
 
-/// The area, positive for an anticlockwise polygon; zero below three corners.
+/// The area, positive for an counterclockwise polygon; zero below three corners.
 #[must_use]
 pub fn signed_area(polygon: &[Point2<f64>]) -> f64 {
     let Some(&first) = polygon.first() else { return 0.0 };

@@ -15,8 +15,8 @@ pub struct PolygonMoments {
     pub m02: f64,
     /// Integral of x y.
     pub m11: f64,
-    centre: Point2<f64>,
-    /// About the centre: of x squared, y squared and x y.
+    center: Point2<f64>,
+    /// About the center: of x squared, y squared and x y.
     central: [f64; 3],
 }
 
@@ -48,23 +48,23 @@ impl PolygonMoments {
         let [m20, m02, m11] = [sums[3] / 12.0, sums[4] / 12.0, sums[5] / 24.0].map(|sum| sign * sum);
         let (x, y) = (m10 / area, m01 / area);
         let central = [m20 - x * m10, m02 - y * m01, m11 - x * m01];
-        let centre = Point2::new(first.x + x, first.y + y);
+        let center = Point2::new(first.x + x, first.y + y);
         Some(Self {
             area,
-            m10: centre.x * area,
-            m01: centre.y * area,
-            m20: central[0] + centre.x * centre.x * area,
-            m02: central[1] + centre.y * centre.y * area,
-            m11: central[2] + centre.x * centre.y * area,
-            centre,
+            m10: center.x * area,
+            m01: center.y * area,
+            m20: central[0] + center.x * center.x * area,
+            m02: central[1] + center.y * center.y * area,
+            m11: central[2] + center.x * center.y * area,
+            center,
             central,
         })
     }
 
-    /// The centre of gravity.
+    /// The center of gravity.
     #[must_use]
-    pub fn centre(&self) -> Point2<f64> {
-        self.centre
+    pub fn center(&self) -> Point2<f64> {
+        self.center
     }
 
     /// The direction of the axis about which the second moment is smallest, radians in (-pi/2, pi/2]; 0 for a round shape.
@@ -74,7 +74,7 @@ impl PolygonMoments {
         0.5 * (2.0 * xy).atan2(xx - yy)
     }
 
-    /// The smallest and the largest second moment about an axis through the centre.
+    /// The smallest and the largest second moment about an axis through the center.
     #[must_use]
     pub fn principal(&self) -> [f64; 2] {
         let [xx, yy, xy] = self.central;
@@ -97,7 +97,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Moving and turning a polygon moves and turns its centre and its axis, and changes no principal moment.
+        /// Moving and turning a polygon moves and turns its center and its axis, and changes no principal moment.
         #[test]
         fn moments_move_with_the_polygon(
             x in -100.0..100.0, y in -100.0..100.0, turn in -3.0..3.0, tip in 0.2..3.0, is_reversed in prop::bool::ANY,
@@ -112,7 +112,7 @@ mod tests {
             }
             let moved = PolygonMoments::of(&moved).unwrap();
             prop_assert!((moved.area - still.area).abs() < 1e-9);
-            prop_assert!((moved.centre() - (rotation * still.centre() + shift)).norm() < 1e-9);
+            prop_assert!((moved.center() - (rotation * still.center() + shift)).norm() < 1e-9);
             let axis = moved.long_axis_rad() - still.long_axis_rad() - turn;
             prop_assert!(axis.sin().abs() < 1e-8);
             for (a, b) in moved.principal().into_iter().zip(still.principal()) {

@@ -4,12 +4,12 @@ use nalgebra::{Matrix2, Vector2};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Geometry {
-    pub(super) centre: Vector2<f32>,
+    pub(super) center: Vector2<f32>,
     pub(super) mirror_from_image: Matrix2<f32>,
-    /// How a pixel moves on the way of growing azimuth, times its distance from the centre.
+    /// How a pixel moves on the way of growing azimuth, times its distance from the center.
     pub(super) around: Matrix2<f32>,
-    pub(super) least_slope: f32,
-    pub(super) most_oblique: f32,
+    pub(super) min_slope: f32,
+    pub(super) max_oblique: f32,
     pub(super) squared_radii: [f32; 2],
 }
 
@@ -47,7 +47,7 @@ impl Batch {
     pub(super) fn push(&mut self, at: [f32; 2], slope: [i16; 2], geometry: &Geometry) {
         let i = self.count;
         for axis in 0..2 {
-            self.position[axis][i] = at[axis] - geometry.centre[axis];
+            self.position[axis][i] = at[axis] - geometry.center[axis];
             self.slope[axis][i] = f32::from(slope[axis]);
         }
         self.count += 1;
@@ -67,11 +67,11 @@ impl Batch {
             let squared = ahead * ahead + left * left;
             let across = gx[i] * (a.m11 * x[i] + a.m12 * y[i]) + gy[i] * (a.m21 * x[i] + a.m22 * y[i]);
             let along = gx[i] * x[i] + gy[i] * y[i];
-            let least = geometry.least_slope * geometry.least_slope * squared;
+            let least = geometry.min_slope * geometry.min_slope * squared;
             let is_edge = (squared >= nearest)
                 & (squared <= farthest)
                 & (across * across >= least)
-                & (along.abs() <= geometry.most_oblique * across.abs());
+                & (along.abs() <= geometry.max_oblique * across.abs());
             let longest = x[i].abs().max(y[i].abs());
             let size = (x[i] * x[i] + y[i] * y[i]).sqrt();
             length[i] = if is_edge { size / longest } else { 0.0 };

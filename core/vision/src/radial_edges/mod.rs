@@ -1,7 +1,7 @@
 //! Radial edges of a mirror camera's picture: vertical edges of the surroundings, each at one azimuth.
 //!
 //! Yagi, Nishizawa & Yachida (1995), section II. Differs from \[1\]: points are thinned across the edge and placed
-//! between the pixels, and those far from the centre, whose azimuth is sharper, count for more.
+//! between the pixels, and those far from the center, whose azimuth is sharper, count for more.
 
 mod batch;
 mod rows;
@@ -11,7 +11,7 @@ use nalgebra::{Matrix2, Vector2};
 use thiserror::Error;
 
 use super::azimuth_profile::{AzimuthEdge, AzimuthProfile, ProfileRule};
-use super::vectorise;
+use super::vectorize;
 use yamabico_geometry::camera::MirrorImage;
 use yamabico_geometry::image::ImageView;
 
@@ -22,23 +22,23 @@ use scan::{Whole, Work};
 /// What is a point of a radial edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadialEdgeRule {
-    /// Least slope across the edge, sums of the Sobel operator (an ideal step of g grey levels gives 4 g), 1 to 1020.
-    pub least_slope: f64,
+    /// Least slope across the edge, sums of the Sobel operator (an ideal step of g gray levels gives 4 g), 1 to 1020.
+    pub min_slope: f64,
     /// Largest angle between the slope and the way of growing azimuth, radians, 0 to pi/4.
-    pub most_oblique_rad: f64,
-    /// Nearest to the centre, pixels.
+    pub max_oblique_rad: f64,
+    /// Nearest to the center, pixels.
     pub inner_radius_px: f64,
-    /// Farthest from the centre, pixels.
+    /// Farthest from the center, pixels.
     pub outer_radius_px: f64,
 }
 
 impl RadialEdgeRule {
-    /// The rule for the ring of a mirror: a pixel of rim and 30 pixels about the centre tell nothing.
+    /// The rule for the ring of a mirror: a pixel of rim and 30 pixels about the center tell nothing.
     #[must_use]
     pub fn within(image: &MirrorImage) -> Self {
         Self {
-            least_slope: 60.0,
-            most_oblique_rad: 15_f64.to_radians(),
+            min_slope: 60.0,
+            max_oblique_rad: 15_f64.to_radians(),
             inner_radius_px: (image.blind_radius_px() + 2.0).max(30.0),
             outer_radius_px: image.rim_radius_px() - 2.0,
         }
@@ -60,7 +60,7 @@ pub struct WrongSize {
 pub struct RadialEdges {
     size: [usize; 2],
     geometry: Geometry,
-    least_along_axis: i16,
+    min_along_axis: i16,
     rows: Vec<Row>,
     work: Work,
     profile: AzimuthProfile,
@@ -70,28 +70,28 @@ impl RadialEdges {
     /// A detector for the picture of a mirror.
     #[must_use]
     pub fn new(image: &MirrorImage, rule: &RadialEdgeRule, profile: ProfileRule) -> Self {
-        let unit = |p: Vector2<f64>| image.mirror_from_pixel(image.centre() + p);
+        let unit = |p: Vector2<f64>| image.mirror_from_pixel(image.center() + p);
         let mirror_from_image = Matrix2::from_columns(&[unit(Vector2::x()), unit(Vector2::y())]);
         let turned = Matrix2::new(0.0, -1.0, 1.0, 0.0) * mirror_from_image;
         let image_from_mirror = Matrix2::from_columns(&[image.outward(0.0), image.around(0.0)]);
         // A slope that passes the test of the angle has at least this share along the axis across the edge.
-        let oblique = rule.most_oblique_rad.tan().clamp(0.0, 1.0);
+        let oblique = rule.max_oblique_rad.tan().clamp(0.0, 1.0);
         let stretch = image_from_mirror.singular_values().max();
         let share = (1.0 - oblique) * std::f64::consts::FRAC_1_SQRT_2 / stretch;
         let size = [image.width as usize, image.height as usize];
         Self {
             size,
             geometry: Geometry {
-                centre: image.centre().cast(),
+                center: image.center().cast(),
                 mirror_from_image: mirror_from_image.cast(),
                 around: (image_from_mirror * turned).cast(),
-                least_slope: rule.least_slope as f32,
-                most_oblique: oblique as f32,
+                min_slope: rule.min_slope as f32,
+                max_oblique: oblique as f32,
                 squared_radii: [rule.inner_radius_px, rule.outer_radius_px]
                     .map(|r| (r.max(1.0) * r.max(1.0)) as f32),
             },
-            least_along_axis: (rule.least_slope * share).clamp(1.0, 1020.0) as i16,
-            rows: rows(size, image.centre(), rule.outer_radius_px * stretch),
+            min_along_axis: (rule.min_slope * share).clamp(1.0, 1020.0) as i16,
+            rows: rows(size, image.center(), rule.outer_radius_px * stretch),
             work: Work::new(size[0]),
             profile: AzimuthProfile::new(profile),
         }
@@ -107,10 +107,10 @@ impl RadialEdges {
         if [width, height] != self.size {
             return Err(WrongSize { width, height });
         }
-        vectorise::run(Whole {
+        vectorize::run(Whole {
             picture,
             geometry: &self.geometry,
-            least: self.least_along_axis,
+            least: self.min_along_axis,
             rows: &self.rows,
             work: &mut self.work,
             profile: &mut self.profile,
@@ -129,7 +129,7 @@ impl RadialEdges {
 mod tests {
     use super::*;
     use crate::azimuth_profile::EdgeSign;
-    use crate::vectorise::Kernel;
+    use crate::vectorize::Kernel;
     use yamabico_geometry::image::GrayImage;
     use yamabico_geometry::wrap_angle;
 
@@ -158,10 +158,10 @@ mod tests {
     }
 
     fn cameras() -> Vec<MirrorImage> {
-        let image = MirrorImage::centred(256, 240).with_ring(0.0, 118.0).unwrap();
+        let image = MirrorImage::centered(256, 240).with_ring(0.0, 118.0).unwrap();
         let turned = |m: [f64; 4]| {
             image
-                .with_centre(Vector2::new(130.3, 117.2))
+                .with_center(Vector2::new(130.3, 117.2))
                 .unwrap()
                 .with_orientation(Matrix2::new(m[0], m[1], m[2], m[3]))
                 .unwrap()
@@ -211,7 +211,7 @@ mod tests {
         Whole {
             picture: view,
             geometry: &edges.geometry,
-            least: edges.least_along_axis,
+            least: edges.min_along_axis,
             rows: &edges.rows,
             work: &mut edges.work,
             profile: &mut edges.profile,
@@ -243,7 +243,7 @@ mod tests {
         let small = GrayImage::new(100, 100);
         assert_eq!(edges.find(small.view().unwrap()), Err(WrongSize { width: 100, height: 100 }));
         for size in [1, 2, 3, 4, 5, 8] {
-            let image = MirrorImage::centred(size, size);
+            let image = MirrorImage::centered(size, size);
             let mut edges = RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default());
             let picture = GrayImage::new(size as usize, size as usize);
             assert_eq!(edges.find(picture.view().unwrap()).map(<[_]>::len), Ok(0));

@@ -8,12 +8,12 @@ pub(super) type Columns = [usize; 2];
 pub(super) struct Row {
     pub(super) upright: Columns,
     pub(super) level: [Columns; 2],
-    /// Columns whose derivative along v this row or a neighbour needs.
+    /// Columns whose derivative along v this row or a neighbor needs.
     pub(super) slopes: [Columns; 2],
 }
 
-pub(super) fn rows([width, height]: [usize; 2], centre: Vector2<f64>, radius_px: f64) -> Vec<Row> {
-    // Two columns and rows at the border have no neighbours to be compared with.
+pub(super) fn rows([width, height]: [usize; 2], center: Vector2<f64>, radius_px: f64) -> Vec<Row> {
+    // Two columns and rows at the border have no neighbors to be compared with.
     let inside = |from: f64, to: f64| -> Columns {
         let last = width.saturating_sub(3) as f64;
         let (from, to) = (from.ceil().max(2.0), to.floor().min(last));
@@ -21,14 +21,14 @@ pub(super) fn rows([width, height]: [usize; 2], centre: Vector2<f64>, radius_px:
     };
     let mut rows = vec![Row::default(); height];
     for (v, row) in rows.iter_mut().enumerate().take(height.saturating_sub(2)).skip(2) {
-        let down = v as f64 - centre.y;
+        let down = v as f64 - center.y;
         let half = (radius_px * radius_px - down * down).max(0.0).sqrt();
         let upright = half.min(down.abs());
-        row.upright = inside(centre.x - upright, centre.x + upright);
+        row.upright = inside(center.x - upright, center.x + upright);
         if half > down.abs() {
             let next = f64::MIN_POSITIVE + down.abs();
-            let left = inside(centre.x - half, (centre.x - next).ceil() - 1.0);
-            let right = inside((centre.x + next).floor() + 1.0, centre.x + half);
+            let left = inside(center.x - half, (center.x - next).ceil() - 1.0);
+            let right = inside((center.x + next).floor() + 1.0, center.x + half);
             row.level = [left, right];
         }
     }

@@ -1,7 +1,7 @@
 use super::batch::{BATCH, Batch, Geometry};
 use super::rows::{Columns, Row};
 use crate::azimuth_profile::AzimuthProfile;
-use crate::vectorise::Kernel;
+use crate::vectorize::Kernel;
 use yamabico_geometry::image::ImageView;
 
 #[derive(Clone, Debug)]
@@ -174,7 +174,7 @@ fn row_differences(above: &[u8], below: &[u8], out: &mut [i16]) {
     }
 }
 
-/// Three neighbours, weighted 1 2 1; `values` has one more on either side.
+/// Three neighbors, weighted 1 2 1; `values` has one more on either side.
 #[inline(always)]
 fn smooth(values: &[i16], out: &mut [i16]) {
     let count = out.len();
@@ -212,7 +212,7 @@ fn each_flag(flags: &[u8], mut take: impl FnMut(usize)) {
     }
 }
 
-/// Where between the neighbours the extremum of the middle one lies, pixels from it, -0.5 to 0.5: that of a parabola.
+/// Where between the neighbors the extremum of the middle one lies, pixels from it, -0.5 to 0.5: that of a parabola.
 #[inline(always)]
 fn between(slopes: [i16; 3]) -> f32 {
     let [l, c, r] = slopes.map(|slope| f32::from(slope.abs()));

@@ -14,39 +14,39 @@ pub(super) struct Chains {
     behind: Vec<u32>,
 }
 
-/// Steps to the three neighbours that may continue a chain, best first, for each sector of the gradient.
+/// Steps to the three neighbors that may continue a chain, best first, for each sector of the gradient.
 type Steps = [[isize; 3]; SECTORS];
 
 impl Chains {
-    /// Follows every edge with at least one strong pixel, as far as neighbours differ by at most one sector (22.5 to 45
-    /// degrees), and keeps the chains of at least `least_points`. Uses up the marks of `edges`.
+    /// Follows every edge with at least one strong pixel, as far as neighbors differ by at most one sector (22.5 to 45
+    /// degrees), and keeps the chains of at least `min_points`. Uses up the marks of `edges`.
     ///
     /// Edges are entered only where they cross every so manieth row or column: all that are long enough do so twice, and
     /// most specks never. Differs from a full hysteresis: an edge must be strong at such a place.
-    pub(super) fn follow(&mut self, edges: &mut EdgeMap, least_points: usize) {
+    pub(super) fn follow(&mut self, edges: &mut EdgeMap, min_points: usize) {
         self.points.clear();
         self.ends.clear();
         let steps = steps(edges.width() as isize);
         let width = edges.width();
-        let pitch = (least_points / 2).max(1);
+        let pitch = (min_points / 2).max(1);
         for row in 0..edges.marks.len() / width {
             let step = if row % pitch == 0 { 1 } else { pitch };
             for seed in (row * width..(row + 1) * width).step_by(step) {
                 if edges.marks[seed] & STRONG != 0 {
-                    self.follow_from(seed, edges, &steps, least_points);
+                    self.follow_from(seed, edges, &steps, min_points);
                 }
             }
         }
     }
 
-    fn follow_from(&mut self, seed: usize, edges: &mut EdgeMap, steps: &Steps, least_points: usize) {
+    fn follow_from(&mut self, seed: usize, edges: &mut EdgeMap, steps: &Steps, min_points: usize) {
         let mark = edges.marks[seed];
         self.ahead.clear();
         self.behind.clear();
         self.ahead.push(seed as u32);
         walk(seed, mark, 0, &mut edges.marks, steps, &mut self.ahead);
         walk(seed, mark, SECTORS as u8 / 2, &mut edges.marks, steps, &mut self.behind);
-        if self.ahead.len() + self.behind.len() < least_points {
+        if self.ahead.len() + self.behind.len() < min_points {
             return;
         }
         for &pixel in self.behind.iter().rev() {
@@ -67,7 +67,7 @@ fn walk(seed: usize, mark: u8, turn: u8, marks: &mut [u8], steps: &Steps, out: &
     let (mut here, mut sector) = (seed, mark & SECTOR);
     loop {
         let ways = &steps[usize::from((sector + turn) & SECTOR)];
-        // Selections instead of branches: which neighbour goes on cannot be predicted.
+        // Selections instead of branches: which neighbor goes on cannot be predicted.
         let (mut there, mut mark) = (0, 0);
         for step in [ways[2], ways[1], ways[0]] {
             let candidate = here.wrapping_add_signed(step);
@@ -89,11 +89,11 @@ fn agrees(mark: u8, sector: u8) -> bool {
     (mark & EDGE != 0) & ((mark.wrapping_sub(sector).wrapping_add(1) & SECTOR) <= 2)
 }
 
-/// The edge runs a quarter turn after its gradient; ahead are the neighbour nearest to that direction, then the second
+/// The edge runs a quarter turn after its gradient; ahead are the neighbor nearest to that direction, then the second
 /// nearest, then the third.
 fn steps(width: isize) -> Steps {
     std::array::from_fn(|sector| {
-        // Middle of the sector plus a quarter turn, in 1/8 turns: eight neighbours stand at multiples of it.
+        // Middle of the sector plus a quarter turn, in 1/8 turns: eight neighbors stand at multiples of it.
         let course = (sector as f64 + 0.5) / 2.0 + 2.0;
         let nearest = course.round();
         let second = if course > nearest { nearest + 1.0 } else { nearest - 1.0 };

@@ -9,15 +9,15 @@ use super::{Polarity, Segment};
 use thiserror::Error;
 use yamabico_geometry::image::ImageView;
 
-/// What counts as a segment. Thresholds are grey levels: a step of g levels between two pixels has gradient g before, and
+/// What counts as a segment. Thresholds are gray levels: a step of g levels between two pixels has gradient g before, and
 /// 0.63 g after the 5x5 smoothing that comes first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentConfig {
-    /// An edge is followed while its (smoothed) gradient is at least this, grey levels.
+    /// An edge is followed while its (smoothed) gradient is at least this, gray levels.
     pub low_threshold: f64,
-    /// An edge needs at least one point of this (smoothed) gradient, grey levels.
+    /// An edge needs at least one point of this (smoothed) gradient, gray levels.
     pub high_threshold: f64,
-    /// Both thresholds fall by a quarter for each frame without enough segments, until the low one is here, grey levels.
+    /// Both thresholds fall by a quarter for each frame without enough segments, until the low one is here, gray levels.
     pub lowest_threshold: f64,
     /// Shortest segment in an image 640 px wide, px; scales with the width, but not below `shortest_px`.
     pub min_length_at_640_px: f64,
@@ -160,8 +160,8 @@ impl SegmentDetector {
         let (low, high) =
             (self.config.low_threshold as f32 * scale, self.config.high_threshold as f32 * scale);
         self.edges.find(image, low, high);
-        let least_points = (min_length * std::f64::consts::FRAC_1_SQRT_2) as usize;
-        self.chains.follow(&mut self.edges, least_points.max(3));
+        let min_points = (min_length * std::f64::consts::FRAC_1_SQRT_2) as usize;
+        self.chains.follow(&mut self.edges, min_points.max(3));
     }
 
     fn cut_into_pieces(&mut self, min_length: f64) {

@@ -1,10 +1,10 @@
 //! Edge points: local maxima of the gradient, each with the sector of its gradient's direction.
 
 use crate::gradient::{GradientRows, SCHARR_UNIT, SMOOTH_UNIT, Smoothing};
-use crate::vectorise::{self, Kernel};
+use crate::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
-/// Gradient units for one grey level of a step between two pixels.
+/// Gradient units for one gray level of a step between two pixels.
 pub(super) const UNITS_PER_LEVEL: f32 = (SCHARR_UNIT * SMOOTH_UNIT) as f32;
 /// Sectors of the gradient's direction, 22.5 degrees each, from +u towards +v.
 pub(super) const SECTORS: usize = 16;
@@ -64,7 +64,7 @@ impl EdgeMap {
             row.resize(image.width(), 0);
         }
         self.rows.start(image.width(), Smoothing::Binomial5);
-        vectorise::run(Find { image, low: low as i16, high: high as i16, map: self });
+        vectorize::run(Find { image, low: low as i16, high: high as i16, map: self });
     }
 
     /// Columns of the image.
@@ -79,7 +79,7 @@ impl EdgeMap {
     }
 
     /// The sub-pixel place of edge pixel `index` (row by row; not an outermost pixel): the top of the parabola through the
-    /// derivative along its own gradient at the pixel and its two neighbours on the axis nearest to that.
+    /// derivative along its own gradient at the pixel and its two neighbors on the axis nearest to that.
     #[inline(always)]
     pub(super) fn point(&self, index: usize) -> EdgePoint {
         let (gx, gy) = self.gradient_at(index);

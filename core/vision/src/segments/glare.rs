@@ -4,7 +4,7 @@ use super::Segment;
 use nalgebra::Vector2;
 use yamabico_geometry::image::ImageView;
 
-/// Grey level from which a pixel counts as saturated.
+/// Gray level from which a pixel counts as saturated.
 const SATURATED: u8 = 250;
 /// How far from the edge the two sides are looked at, px.
 const SIDE_PX: f64 = 3.0;

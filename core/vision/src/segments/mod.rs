@@ -1,4 +1,4 @@
-//! Straight edge segments of a grey image.
+//! Straight edge segments of a gray image.
 //!
 //! Smoothing and Scharr gradient, non-maximum suppression with a sub-pixel offset, linking into chains that keep their
 //! gradient direction, recursive split, total least squares, merging of collinear pieces.
@@ -23,7 +23,7 @@ pub enum Polarity {
     DarkerAlongNormal,
 }
 
-/// A straight edge; pixels, u to the right, v downwards, pixel centres on integers.
+/// A straight edge; pixels, u to the right, v downwards, pixel centers on integers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// One end.
@@ -40,7 +40,7 @@ pub struct Segment {
     pub sigma_mid: f64,
     /// Standard deviation of the direction, rad.
     pub sigma_angle: f64,
-    /// Mean gradient across the edge, grey levels for a step between two pixels; never negative.
+    /// Mean gradient across the edge, gray levels for a step between two pixels; never negative.
     pub mean_gradient: f64,
     /// The brighter side.
     pub polarity: Polarity,

@@ -23,19 +23,19 @@ impl Piece {
 }
 
 /// Cuts one chain where it leaves its chord by more than `tolerance` px and appends the pieces of at least
-/// `least_length` px to `pieces`. `stack` is scratch.
+/// `min_length` px to `pieces`. `stack` is scratch.
 pub(super) fn split_chain(
     chain: &[EdgePoint],
     tolerance: f32,
-    least_length: f64,
+    min_length: f64,
     stack: &mut Vec<(u32, u32)>,
     pieces: &mut Vec<Piece>,
 ) {
-    let least_points = (least_length * std::f64::consts::FRAC_1_SQRT_2) as u32;
+    let min_points = (min_length * std::f64::consts::FRAC_1_SQRT_2) as u32;
     stack.clear();
     stack.push((0, chain.len() as u32));
     while let Some((begin, end)) = stack.pop() {
-        if end - begin < least_points.max(2) {
+        if end - begin < min_points.max(2) {
             continue;
         }
         let part = &chain[begin as usize..end as usize];
@@ -45,7 +45,7 @@ pub(super) fn split_chain(
                 stack.push((cut, end));
                 stack.push((begin, cut + 1));
             }
-            None => pieces.extend(fit(part).filter(|piece| piece.length() >= least_length)),
+            None => pieces.extend(fit(part).filter(|piece| piece.length() >= min_length)),
         }
     }
 }

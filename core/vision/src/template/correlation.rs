@@ -1,7 +1,7 @@
-//! Zero-mean normalised cross-correlation: how alike a template and a place are, whatever the brightness and the contrast.
+//! Zero-mean normalized cross-correlation: how alike a template and a place are, whatever the brightness and the contrast.
 
 use super::{Place, SearchArea, Template};
-use crate::vectorise::{self, Kernel};
+use crate::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
 /// A place and how alike it is.
@@ -86,7 +86,7 @@ impl RowCorrelation {
             sums.clear();
             sums.resize(stride, 0);
         }
-        vectorise::run(Along {
+        vectorize::run(Along {
             under: &self.under,
             template,
             products: &mut self.products,
@@ -159,7 +159,7 @@ impl Kernel for Along<'_> {
 
 /// The most alike place, of several the first one row by row.
 #[must_use]
-pub fn most_alike(image: ImageView<'_>, template: &Template, area: &SearchArea) -> Alike {
+pub fn max_alike(image: ImageView<'_>, template: &Template, area: &SearchArea) -> Alike {
     let mut best = Alike { place: area.first, correlation: f64::NEG_INFINITY };
     for place in area.places() {
         let correlation = correlation(image, template, place);
@@ -170,7 +170,7 @@ pub fn most_alike(image: ImageView<'_>, template: &Template, area: &SearchArea) 
     best
 }
 
-/// Columns from the middle one of three neighbouring correlations to the peak of the parabola through them, within half a
+/// Columns from the middle one of three neighboring correlations to the peak of the parabola through them, within half a
 /// column; zero where they bend upwards.
 #[must_use]
 pub fn peak_offset(before: f64, at: f64, after: f64) -> f64 {

@@ -9,8 +9,8 @@ pub mod ssda;
 use thiserror::Error;
 use yamabico_geometry::image::ImageView;
 
-/// Below this standard deviation (grey levels) a template looks the same everywhere.
-pub const LEAST_DEVIATION: f64 = 4.0;
+/// Below this standard deviation (gray levels) a template looks the same everywhere.
+pub const MIN_DEVIATION: f64 = 4.0;
 
 /// The top left pixel of a patch in a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub struct Place {
 /// Why there is no template.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum TemplateError {
-    /// Its standard deviation is below [`LEAST_DEVIATION`].
+    /// Its standard deviation is below [`MIN_DEVIATION`].
     #[error("the template has no contrast")]
     FlatTemplate,
     /// The patch is empty or does not lie in the picture.
@@ -32,7 +32,7 @@ pub enum TemplateError {
     Outside,
 }
 
-/// A patch of grey levels and its sums. Filled again it allocates only to grow.
+/// A patch of gray levels and its sums. Filled again it allocates only to grow.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Template {
     pixels: Vec<u8>,
@@ -76,7 +76,7 @@ impl Template {
         self.check()
     }
 
-    /// Takes `width` x `height` grey levels, asked for by column and row.
+    /// Takes `width` x `height` gray levels, asked for by column and row.
     pub fn fill(&mut self, width: usize, height: usize, level: impl Fn(usize, usize) -> u8) {
         self.pixels.clear();
         self.pixels
@@ -96,10 +96,10 @@ impl Template {
     /// Whether it can be told from its surroundings.
     ///
     /// # Errors
-    /// `FlatTemplate` below [`LEAST_DEVIATION`], `Outside` for one without pixels.
+    /// `FlatTemplate` below [`MIN_DEVIATION`], `Outside` for one without pixels.
     pub fn check(&self) -> Result<(), TemplateError> {
         match self.deviation() {
-            deviation if deviation >= LEAST_DEVIATION => Ok(()),
+            deviation if deviation >= MIN_DEVIATION => Ok(()),
             _ if self.pixels.is_empty() => Err(TemplateError::Outside),
             _ => Err(TemplateError::FlatTemplate),
         }
@@ -123,7 +123,7 @@ impl Template {
         ImageView::new(&self.pixels, self.width, self.height, self.width).ok()
     }
 
-    /// Standard deviation of its grey levels; zero for one without pixels.
+    /// Standard deviation of its gray levels; zero for one without pixels.
     #[must_use]
     pub fn deviation(&self) -> f64 {
         let count = self.pixels.len().max(1) as f64;

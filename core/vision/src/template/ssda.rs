@@ -12,7 +12,7 @@ use yamabico_geometry::image::ImageView;
 pub struct Match {
     /// Where.
     pub place: Place,
-    /// Sum of absolute differences, grey levels.
+    /// Sum of absolute differences, gray levels.
     pub sad: u32,
 }
 
@@ -99,7 +99,7 @@ pub struct Classic {
     pub place: Place,
     /// Pixels whose cumulative difference stayed within the threshold.
     pub count: u32,
-    /// The difference where it stopped, that of the exceeding pixel included, grey levels.
+    /// The difference where it stopped, that of the exceeding pixel included, gray levels.
     pub partial_error: u32,
 }
 

@@ -87,7 +87,7 @@ pub enum VanishingPointError {
 
 /// Unit ray through a pixel in the optical frame.
 fn ray(pixel: Vector2<f64>, camera: &Intrinsics) -> Vector3<f64> {
-    let at = camera.normalised_from_pixel(pixel);
+    let at = camera.normalized_from_pixel(pixel);
     Vector3::new(at.x, at.y, 1.0).normalize()
 }
 

@@ -1,7 +1,7 @@
 //! The coarse search: crossings of pairs of lines vote on a grid of directions.
 
 use super::lines::VotingLine;
-use crate::vectorise::{self, Kernel};
+use crate::vectorize::{self, Kernel};
 use nalgebra::Vector2;
 use yamabico_geometry::camera::Intrinsics;
 
@@ -54,11 +54,11 @@ impl Votes {
         self.vote_of.resize(lines.len(), 0.0);
         self.voters.fill(lines);
         let grid = grid(camera);
-        vectorise::run(Cast { votes: self, grid });
+        vectorize::run(Cast { votes: self, grid });
         self.blur();
     }
 
-    /// Fills `peaks` with the centres (px) of the strongest cells, at most `count`, strongest first, none within
+    /// Fills `peaks` with the centers (px) of the strongest cells, at most `count`, strongest first, none within
     /// `radius` cells of a stronger one.
     pub(super) fn peaks(
         &mut self,
@@ -77,7 +77,7 @@ impl Votes {
                 .fold((0, 0.0), |best, (row, &votes)| if votes > best.1 { (row, votes) } else { best });
             let cells = &self.smooth[row * COLUMNS..][..COLUMNS];
             let Some(column) = cells.iter().position(|&votes| votes == best && votes > 0.0) else { break };
-            peaks.push(self.centre_of_mass((column, row), &grid));
+            peaks.push(self.center_of_mass((column, row), &grid));
             // What is near a peak is none: negative from now on.
             let columns = column.saturating_sub(radius)..(column + radius + 1).min(COLUMNS);
             let rows = row.saturating_sub(radius)..(row + radius + 1).min(ROWS);
@@ -102,7 +102,7 @@ impl Votes {
     }
 
     /// Mean place of the votes in the 3x3 cells about `cell`, px.
-    fn centre_of_mass(&self, cell: (usize, usize), grid: &Grid) -> Vector2<f64> {
+    fn center_of_mass(&self, cell: (usize, usize), grid: &Grid) -> Vector2<f64> {
         let mut sum = Vector2::zeros();
         let mut total = 0.0;
         for row in cell.1.saturating_sub(1)..(cell.1 + 2).min(ROWS) {
@@ -115,7 +115,7 @@ impl Votes {
         (grid.origin + (sum / total).component_mul(&grid.cell)).map(f64::from)
     }
 
-    /// Adds up each cell and its eight neighbours with the weights of (1 2 1) both ways.
+    /// Adds up each cell and its eight neighbors with the weights of (1 2 1) both ways.
     fn blur(&mut self) {
         self.smooth.resize(COLUMNS * ROWS, 0.0);
         for row in 0..ROWS {

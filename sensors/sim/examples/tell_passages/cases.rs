@@ -1,7 +1,7 @@
 //! Passages and surfaces, and the robot that drives up to them.
 //!
 //! Two things stand a random width apart, 0.5 to 1.2 m. Between them is nothing, with a wall somewhere behind or none at all, or a
-//! panel nearly flush with both. The robot knows the two edges to a few centimetres, has turned to the middle between them to a
+//! panel nearly flush with both. The robot knows the two edges to a few centimeters, has turned to the middle between them to a
 //! few degrees, and drives there at 5 cm/s from where the cone of its sonar fits between the edges, or from nearer.
 
 use rand::RngExt;
@@ -19,15 +19,15 @@ pub struct Kind {
     pub name: &'static str,
     noise_m: f64,
     dropout: f64,
-    least_beyond: u32,
+    min_beyond: u32,
 }
 
 /// As the simulator has it.
 pub const CLEAN: Kind =
-    Kind { name: "5 mm of noise, 2 % of the echoes lost", noise_m: 0.005, dropout: 0.02, least_beyond: 3 };
+    Kind { name: "5 mm of noise, 2 % of the echoes lost", noise_m: 0.005, dropout: 0.02, min_beyond: 3 };
 /// One that loses so many echoes that more of them make a passage.
 pub const POOR: Kind =
-    Kind { name: "2 cm of noise, 10 % of the echoes lost", noise_m: 0.02, dropout: 0.1, least_beyond: 5 };
+    Kind { name: "2 cm of noise, 10 % of the echoes lost", noise_m: 0.02, dropout: 0.1, min_beyond: 5 };
 
 const SPEED_MPS: f64 = 0.05;
 const PERIOD_S: f64 = 0.05;
@@ -100,7 +100,7 @@ fn approach(kind: &Kind, is_passage: bool, seed: u64) -> Result<(SurfaceState, f
         ..SonarConfig::default()
     };
     let rule = SurfaceCheckRule {
-        least_beyond: kind.least_beyond,
+        min_beyond: kind.min_beyond,
         farthest_m: FARTHEST_M,
         beam_half_angle_rad: 0.5 * sonar.cone_deg.to_radians(),
         ..SurfaceCheckRule::default()

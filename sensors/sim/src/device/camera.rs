@@ -41,7 +41,7 @@ pub struct CameraConfig {
 }
 
 impl CameraConfig {
-    /// What behaviours are told.
+    /// What behaviors are told.
     ///
     /// # Errors
     /// A lens with distortion, which is not drawn.

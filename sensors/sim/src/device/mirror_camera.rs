@@ -48,7 +48,7 @@ pub struct MirrorCameraConfig {
 }
 
 impl MirrorCameraConfig {
-    /// What behaviours are told.
+    /// What behaviors are told.
     ///
     /// # Errors
     /// A mirror, or an image of it, that cannot be.

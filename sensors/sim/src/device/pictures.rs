@@ -19,7 +19,7 @@ use crate::simulation::Simulation;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PixelFormat {
-    /// A grey level.
+    /// A gray level.
     #[default]
     Gray8,
     /// Red, green and blue.

@@ -13,7 +13,7 @@ use crate::scene::Place;
 use crate::simulation::Simulation;
 use crate::sonar::{SonarConfig, reading};
 
-/// What behaviours are told of the sonars.
+/// What behaviors are told of the sonars.
 ///
 /// # Errors
 /// A range gate nearer than the nearest range, or directions that are no angles.

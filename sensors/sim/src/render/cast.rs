@@ -8,17 +8,17 @@ use super::shade::{BLOCK, Shader, Spots};
 use crate::Scene;
 use crate::scene::glam;
 
-/// Beyond this nothing is seen, metres.
+/// Beyond this nothing is seen, meters.
 const HORIZON_M: f32 = 300.0;
 /// Radiance where there is nothing.
 const DARKNESS: f32 = 0.02;
 
-/// A ray and its neighbours one pixel to the right and one down, which tell how large a pixel is where it ends.
+/// A ray and its neighbors one pixel to the right and one down, which tell how large a pixel is where it ends.
 #[derive(Clone, Copy, Debug)]
 pub struct RayBundle {
-    /// Where it starts, world, metres.
+    /// Where it starts, world, meters.
     pub origin: Vector3<f64>,
-    /// Its direction and its neighbours' directions, world; any length.
+    /// Its direction and its neighbors' directions, world; any length.
     pub directions: [Vector3<f64>; 3],
 }
 
@@ -40,7 +40,7 @@ impl RayBundle {
         let height = normal.dot(&(surface.origin - self.origin));
         let [here, right, below] = self.directions.map(|d| {
             let way = normal.dot(&d);
-            // A neighbour that misses the plane ends where its own ray does.
+            // A neighbor that misses the plane ends where its own ray does.
             let reach = if way.abs() > 1e-9 && height / way > 0.0 { height / way } else { distance };
             let p = self.origin + d * reach - surface.origin;
             surface.axes.map(|a| a.dot(&p))

@@ -8,7 +8,7 @@ use super::project::Side;
 use super::spans::Outline;
 use crate::scene::Surface;
 
-/// Nothing nearer to the mirror's axis than this is drawn, metres.
+/// Nothing nearer to the mirror's axis than this is drawn, meters.
 const NEAR_M: f64 = 0.03;
 /// Edges that turn less than this around the axis, radians, are cut finely: they run nearly along a row.
 const NEARLY_RADIAL_RAD: f64 = 0.06;
@@ -20,7 +20,7 @@ const SECTORS: usize = 360;
 /// Where a mirror camera is in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct MirrorEye {
-    /// Origin of the mirror's frame, world, metres.
+    /// Origin of the mirror's frame, world, meters.
     pub at: Vector3<f64>,
     /// Turns world vectors into the mirror's frame (z along its axis).
     pub mirror_from_world: Matrix3<f64>,
@@ -161,7 +161,7 @@ impl Facet {
         self.normal.dot(&self.origin) - self.normal.z * viewpoint.y - reach < -1e-9
     }
 
-    /// How far the facet's plane is behind the viewpoint of a half-plane, metres; negative before the seen side.
+    /// How far the facet's plane is behind the viewpoint of a half-plane, meters; negative before the seen side.
     #[inline]
     pub fn height(&self, normal: InPlane, viewpoint: Vector2<f64>) -> f64 {
         self.normal.dot(&self.origin) - normal.out * viewpoint.x - normal.up * viewpoint.y

@@ -19,7 +19,7 @@ use crate::Scene;
 
 /// Width of a row at the outer end of a ring, pixels.
 const ROW_PX: f64 = 1.0;
-/// Rings end here, and the innermost goes to the centre.
+/// Rings end here, and the innermost goes to the center.
 const SMALLEST_RING_PX: f64 = 16.0;
 /// Radiance of what is not mirror.
 const BLACK: f32 = 0.0;
@@ -40,8 +40,8 @@ pub struct MirrorRenderer {
     rings: Vec<Ring>,
     /// Where each pixel finds its light; pixels outside the ring find none.
     taps: Vec<Tap>,
-    grey: Layer<1>,
-    colour: Layer<3>,
+    gray: Layer<1>,
+    color: Layer<3>,
 }
 
 #[derive(Default)]
@@ -79,7 +79,7 @@ impl MirrorRenderer {
         let rings = rings(&camera);
         let taps = taps(&camera, &rings);
         let film = Film::new(photometry, rng);
-        Self { camera, film, rings, taps, grey: Layer::default(), colour: Layer::default() }
+        Self { camera, film, rings, taps, gray: Layer::default(), color: Layer::default() }
     }
 
     /// The camera.
@@ -88,7 +88,7 @@ impl MirrorRenderer {
         &self.camera
     }
 
-    /// Draws the view as grey levels, row by row, width x height bytes; black outside the ring.
+    /// Draws the view as gray levels, row by row, width x height bytes; black outside the ring.
     ///
     /// # Errors
     /// [`RenderError`] when the buffer or the view do not fit.
@@ -96,13 +96,13 @@ impl MirrorRenderer {
         self.check(view, image.len(), 1)?;
         let eye = self.eye(view);
         let size = self.size();
-        self.grey.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
+        self.gray.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
             self.film.develop(size, y, row, line(image, y, size[0], 1));
         });
         Ok(())
     }
 
-    /// Draws the view in colour, three bytes (red, green, blue) a pixel; black outside the ring.
+    /// Draws the view in color, three bytes (red, green, blue) a pixel; black outside the ring.
     ///
     /// # Errors
     /// [`RenderError`] when the buffer or the view do not fit.
@@ -115,13 +115,13 @@ impl MirrorRenderer {
         self.check(view, image.len(), 3)?;
         let eye = self.eye(view);
         let size = self.size();
-        self.colour.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
+        self.color.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
             self.film.develop(size, y, row, line(image, y, size[0], 3));
         });
         Ok(())
     }
 
-    /// Draws the view as grey levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
+    /// Draws the view as gray levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
     ///
     /// # Errors
     /// [`RenderError`] when the buffer or the view do not fit.
@@ -157,8 +157,8 @@ impl MirrorRenderer {
                 continue;
             };
             let beside = |by: Vector2<f64>| {
-                let neighbour = self.camera.ray_from_pixel(at + by * step);
-                world_from_mirror * neighbour.map_or(ray.direction, |ray| ray.direction)
+                let neighbor = self.camera.ray_from_pixel(at + by * step);
+                world_from_mirror * neighbor.map_or(ray.direction, |ray| ray.direction)
             };
             let directions = [Vector2::zeros(), Vector2::x(), Vector2::y()].map(beside);
             let origin = eye.at + world_from_mirror * ray.origin.coords;
@@ -246,7 +246,7 @@ fn rings(camera: &MirrorCamera) -> Vec<Ring> {
     loop {
         let half = (0.5 * outer_px).floor();
         let inner_px = if half < blind_px.max(SMALLEST_RING_PX) { blind_px } else { half };
-        // One column more on either side, for the neighbours of the ring's own.
+        // One column more on either side, for the neighbors of the ring's own.
         let (first_px, end_px) = ((inner_px - 1.0).max(0.0), outer_px + 1.0);
         let rows = (TAU * outer_px / ROW_PX).ceil() as usize;
         rings.push(Ring::new(camera.mirror(), rows, first_px, (end_px - first_px) as usize, rim_px));
@@ -270,7 +270,7 @@ fn taps(camera: &MirrorCamera, rings: &[Ring]) -> Vec<Tap> {
         if !image.is_in_ring(radius_px) {
             return Tap::OUTSIDE;
         }
-        // The innermost ring that has the pixel with its neighbours.
+        // The innermost ring that has the pixel with its neighbors.
         let inside = |ring: &Ring| ring.grid.first_px + ring.grid.width as f64 - 1.0 >= radius_px;
         let index = rings.iter().rposition(inside).unwrap_or(0);
         let grid = &rings[index].grid;

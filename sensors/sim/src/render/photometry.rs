@@ -1,4 +1,4 @@
-//! From radiance to grey levels: vignetting, exposure, the camera's curve and noise.
+//! From radiance to gray levels: vignetting, exposure, the camera's curve and noise.
 
 use rand::Rng;
 use rand_pcg::Pcg64;
@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Photometry {
-    /// Gain; 1 shows a white wall under the usual lamps at about grey level 200. 0.05 to 20.
+    /// Gain; 1 shows a white wall under the usual lamps at about gray level 200. 0.05 to 20.
     #[schemars(range(min = 0.05, max = 20.0))]
     pub exposure: f32,
     /// Share of the light that is missing in the picture's corners, 0 to 0.9.
     #[schemars(range(min = 0.0, max = 0.9))]
     pub vignetting: f32,
-    /// Standard deviation of the noise, grey levels, 0 to 50.
+    /// Standard deviation of the noise, gray levels, 0 to 50.
     #[schemars(range(min = 0.0, max = 50.0))]
     pub noise_sigma: f32,
 }
@@ -26,7 +26,7 @@ impl Default for Photometry {
     }
 }
 
-/// Radiance that gives grey level 255 at exposure 1.
+/// Radiance that gives gray level 255 at exposure 1.
 const WHITE_LEVEL: f32 = 1.25;
 /// Entries of the noise table; a power of two.
 const NOISE_STEPS: usize = 4096;
@@ -47,21 +47,21 @@ impl Film {
         Self { photometry, rng, normal: normal_quantiles(NOISE_STEPS) }
     }
 
-    /// Writes row `y` of a picture of this width and height: `row` holds radiance, `pixels` gets grey levels, channels side by side.
+    /// Writes row `y` of a picture of this width and height: `row` holds radiance, `pixels` gets gray levels, channels side by side.
     pub fn develop<const C: usize>(&mut self, size: [u32; 2], y: usize, row: &[[f32; C]], pixels: &mut [u8]) {
         let [width, height] = size.map(f64::from);
         let corner = 0.25 * (width * width + height * height);
         let fall = f64::from(self.photometry.vignetting) / corner;
-        let centre = 0.5 * (width - 1.0);
+        let center = 0.5 * (width - 1.0);
         let dy = y as f64 - 0.5 * (height - 1.0);
         let gain = self.photometry.exposure / WHITE_LEVEL;
-        let (fall, centre, dy2) = (fall as f32, centre as f32, (dy * dy) as f32);
+        let (fall, center, dy2) = (fall as f32, center as f32, (dy * dy) as f32);
         if self.photometry.noise_sigma > 0.0 {
-            self.develop_noisy(row, gain, fall, centre, dy2, pixels);
+            self.develop_noisy(row, gain, fall, center, dy2, pixels);
             return;
         }
         for (x, (radiance, out)) in row.iter().zip(pixels.chunks_exact_mut(C)).enumerate() {
-            let dx = x as f32 - centre;
+            let dx = x as f32 - center;
             let gain = gain * (1.0 - fall * (dx * dx + dy2));
             for c in 0..C {
                 // A square root stands in for the usual gamma of 1/2.2.
@@ -75,14 +75,14 @@ impl Film {
         row: &[[f32; C]],
         gain: f32,
         fall: f32,
-        centre: f32,
+        center: f32,
         dy2: f32,
         pixels: &mut [u8],
     ) {
         let sigma = self.photometry.noise_sigma;
         let mut bits = 0_u64;
         for (x, (radiance, out)) in row.iter().zip(pixels.chunks_exact_mut(C)).enumerate() {
-            let dx = x as f32 - centre;
+            let dx = x as f32 - center;
             let gain = gain * (1.0 - fall * (dx * dx + dy2));
             for c in 0..C {
                 if (x * C + c).is_multiple_of(5) {

@@ -7,13 +7,13 @@ use super::CameraView;
 use super::spans::Outline;
 use crate::scene::Surface;
 
-/// Nothing nearer than this is drawn, metres along the optical axis.
+/// Nothing nearer than this is drawn, meters along the optical axis.
 const NEAR_M: f64 = 0.03;
 
 /// Position and orientation of a camera in the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Eye {
-    /// Optical centre, world, metres.
+    /// Optical center, world, meters.
     pub at: Vector3<f64>,
     /// Turns world vectors into the optical frame (x right, y down, z forward).
     pub camera_from_world: Matrix3<f64>,
@@ -85,7 +85,7 @@ impl Eye {
         Self { intrinsics, ..*self }
     }
 
-    /// Direction in the world, with depth 1, of the picture point (x, y); pixel centres are at half numbers here.
+    /// Direction in the world, with depth 1, of the picture point (x, y); pixel centers are at half numbers here.
     #[must_use]
     pub fn direction(&self, x: f64, y: f64) -> Vector3<f64> {
         let k = &self.intrinsics;

@@ -131,7 +131,7 @@ fn paint<const C: usize>(
     let (v0, vx, vy) = row(&polygon.v);
     let k = &eye.intrinsics;
     let ray_y = ((y - 0.5 - k.cy) / k.fy) as f32;
-    let (centre, per_pixel) = ((k.cx + 0.5) as f32, (1.0 / k.fx) as f32);
+    let (center, per_pixel) = ((k.cx + 0.5) as f32, (1.0 / k.fx) as f32);
     let glossy = shader.gloss > 0.0 && mirror.width > 0;
     for (block, pixels) in out.chunks_mut(BLOCK).enumerate() {
         let start = from[0] + (block * BLOCK) as f32;
@@ -154,7 +154,7 @@ fn paint<const C: usize>(
         if glossy {
             for (i, pixel) in pixels.iter_mut().enumerate() {
                 let x = start + i as f32;
-                let ray_x = (x - centre) * per_pixel;
+                let ray_x = (x - center) * per_pixel;
                 let length = depth[i] * (1.0 + ray_x * ray_x + ray_y * ray_y).sqrt();
                 let share = shader.reflection(eye.at.z as f32 / length);
                 let seen = mirror.at(x, from[1]);
@@ -192,7 +192,7 @@ impl<const C: usize> Reflection<C> {
     /// Box blur, three pixels wide and five high: a floor is never flat.
     pub fn blur(&mut self) {
         let (w, h) = (self.width, self.height);
-        // What is far brighter than white would not leave its colour visible anywhere near.
+        // What is far brighter than white would not leave its color visible anywhere near.
         self.pixels.iter_mut().flatten().for_each(|p| *p = p.min(4.0));
         for (step, length, reach) in [(1, w, 1_usize), (w, h, 2)] {
             self.spare.clear();

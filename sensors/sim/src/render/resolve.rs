@@ -13,7 +13,7 @@ pub struct Part {
     pub polygon: u16,
     /// Share of the pixel, 0 to 1.
     pub share: f32,
-    /// Centre of that share in the picture.
+    /// Center of that share in the picture.
     pub x: f32,
     pub y: f32,
 }
@@ -111,7 +111,7 @@ impl Row {
         self.note(x, polygon, share * (span[1] - span[0]) as f32, 0.5 * (span[0] + span[1]), y);
     }
 
-    fn note(&mut self, x: usize, polygon: u16, share: f32, centre_x: f64, centre_y: f64) {
+    fn note(&mut self, x: usize, polygon: u16, share: f32, center_x: f64, center_y: f64) {
         let count = usize::from(self.counts[x]);
         let parts = &mut self.parts[x];
         let slot = parts[..count].iter().position(|p| p.polygon == polygon).unwrap_or_else(|| {
@@ -124,7 +124,7 @@ impl Row {
         });
         let part = &mut parts[slot];
         part.share += share;
-        part.x += share * centre_x as f32;
-        part.y += share * centre_y as f32;
+        part.x += share * center_x as f32;
+        part.y += share * center_y as f32;
     }
 }

@@ -4,7 +4,7 @@ use crate::scene::{PERSON_RADIUS_M, Scene, Surface};
 
 /// Reflectance of a smooth floor seen from straight above.
 const NORMAL_REFLECTANCE: f32 = 0.04;
-/// Radius of the soft shadow at a person's feet, metres.
+/// Radius of the soft shadow at a person's feet, meters.
 const SHADOW_RADIUS_M: f64 = 2.2 * PERSON_RADIUS_M;
 /// Speckle averaged over this many texels is no longer seen.
 const FADED: f32 = 64.0;
@@ -30,7 +30,7 @@ pub struct Shader<'a, const C: usize> {
 /// Points that are shaded together.
 pub const BLOCK: usize = 8;
 
-/// Points on a surface and the size of a pixel at each, metres along u and v. All of them have numbers, used or not.
+/// Points on a surface and the size of a pixel at each, meters along u and v. All of them have numbers, used or not.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spots {
     pub u: [f32; BLOCK],
@@ -136,13 +136,13 @@ impl<'a, const C: usize> Shader<'a, C> {
     }
 }
 
-/// A colour in one (luminance) or three channels.
+/// A color in one (luminance) or three channels.
 #[must_use]
-pub fn channels<const C: usize>(colour: [f32; 3]) -> [f32; C] {
+pub fn channels<const C: usize>(color: [f32; 3]) -> [f32; C] {
     if C == 1 {
-        [0.2126 * colour[0] + 0.7152 * colour[1] + 0.0722 * colour[2]; C]
+        [0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]; C]
     } else {
-        std::array::from_fn(|i| colour[i.min(2)])
+        std::array::from_fn(|i| color[i.min(2)])
     }
 }
 

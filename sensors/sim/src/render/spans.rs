@@ -93,7 +93,7 @@ impl Line {
     }
 }
 
-/// Appends a stretch; one that starts where the last one does replaces it, and equal neighbours become one.
+/// Appends a stretch; one that starts where the last one does replaces it, and equal neighbors become one.
 #[inline]
 fn push(pieces: &mut Vec<Stretch>, start: f64, polygon: u16) {
     if let Some(last) = pieces.last_mut() {

@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::light::Emitter;
 use super::surface::{Material, Solid, Surface};
-use crate::world::{Ceiling, Colour, Corridor, Door, Floor, Lamp, Wall, Window, World};
+use crate::world::{Ceiling, Color, Corridor, Door, Floor, Lamp, Wall, Window, World};
 
 /// What the building consists of.
 #[derive(Default)]
@@ -22,15 +22,15 @@ struct Slab {
     z: [f64; 2],
 }
 
-/// How far a door's frame reaches over the wall beside the opening, metres ...
+/// How far a door's frame reaches over the wall beside the opening, meters ...
 pub(crate) const FRAME_WIDTH_M: f64 = 0.06;
 /// ... into the opening ...
 pub(crate) const REBATE_M: f64 = 0.03;
 /// ... and out of the wall.
 pub(crate) const FRAME_DEPTH_M: f64 = 0.02;
-/// Thickness of a door's leaf, metres.
+/// Thickness of a door's leaf, meters.
 pub(crate) const LEAF_M: f64 = 0.04;
-/// Width of the bars around a window's panes, metres.
+/// Width of the bars around a window's panes, meters.
 pub(crate) const WINDOW_BAR_M: f64 = 0.05;
 
 impl Building {
@@ -45,7 +45,7 @@ impl Building {
             let across = Vector2::new(-sin, cos) * item.size_m[1];
             let corner = Vector2::from(item.at_m) - (along + across) / 2.0;
             let z = [item.base_m, item.base_m + item.size_m[2]];
-            let material = Material { speckle: 0.03, grain_m: 0.004, ..Material::matt(item.colour) };
+            let material = Material { speckle: 0.03, grain_m: 0.004, ..Material::matt(item.color) };
             b.slab(&Slab { corner, along, across, z }, material);
         }
         let lamps: Vec<Lamp> =
@@ -61,7 +61,7 @@ impl Building {
         let length = run.norm();
         let along = run / length;
         let left = Vector2::new(-along.y, along.x);
-        let material = wall_material(w.colour);
+        let material = wall_material(w.color);
         let piece = |a: f64, b: f64, z: [f64; 2]| Slab {
             corner: from + along * a - left * w.thickness_m,
             along: along * (b - a),
@@ -109,7 +109,7 @@ impl Building {
                         across: left * board.depth_m,
                         z: [0.0, board.height_m],
                     };
-                    self.faces(&strip, Material::matt(board.colour));
+                    self.faces(&strip, Material::matt(board.color));
                 }
                 start = b;
             }
@@ -128,7 +128,7 @@ impl Building {
         let half = d.width_m / 2.0;
         let deep = thickness + 2.0 * FRAME_DEPTH_M;
         let back = at - left * (thickness + FRAME_DEPTH_M);
-        let frame = Material::matt(d.frame_colour);
+        let frame = Material::matt(d.frame_color);
         let bar = |a: f64, b: f64, z: [f64; 2]| Slab {
             corner: back + along * a,
             along: along * (b - a),
@@ -150,7 +150,7 @@ impl Building {
         let (sin, cos) = (-d.open_deg.to_radians()).sin_cos();
         let turned = Vector2::new(cos * along.x - sin * along.y, sin * along.x + cos * along.y);
         let out = Vector2::new(-turned.y, turned.x);
-        let leaf = Material { speckle: 0.05, grain_m: 0.02, ..Material::matt(d.colour) };
+        let leaf = Material { speckle: 0.05, grain_m: 0.02, ..Material::matt(d.color) };
         let width = d.width_m - 2.0 * REBATE_M;
         let corner = hinge - out * LEAF_M;
         self.slab(
@@ -190,7 +190,7 @@ impl Building {
         let left = Vector2::new(-along.y, along.x);
         let half = g.width_m / 2.0;
         let z = [g.sill_m, g.sill_m + g.height_m];
-        let frame = Material::matt(g.frame_colour);
+        let frame = Material::matt(g.frame_color);
         let pane = at - left * (thickness * 0.8);
         let origin = lift(pane + along * half, g.sill_m);
         let up = Vector3::new(0.0, 0.0, g.height_m);
@@ -254,7 +254,7 @@ impl Building {
             joint_spacing_m: floor.joint_spacing_m,
             joint_width_m: floor.joint_width_m,
             joint_tone: floor.joint_tone,
-            ..Material::matt(floor.colour)
+            ..Material::matt(floor.color)
         };
         let origin = Vector3::new(low[0], low[1], 0.0);
         let (u, v) = (Vector3::new(size[0], 0.0, 0.0), Vector3::new(0.0, size[1], 0.0));
@@ -265,7 +265,7 @@ impl Building {
             joint_spacing_m: ceiling.joint_spacing_m,
             joint_width_m: 0.012,
             joint_tone: 0.75,
-            ..Material::matt(ceiling.colour)
+            ..Material::matt(ceiling.color)
         };
         let origin = Vector3::new(low[0], high[1], ceiling.height_m);
         self.surfaces.push(Surface::rectangle(origin, u, -v, ceiling_material));
@@ -294,8 +294,8 @@ impl Building {
     }
 }
 
-fn wall_material(colour: Colour) -> Material {
-    Material { speckle: 0.012, grain_m: 0.02, ..Material::matt(colour) }
+fn wall_material(color: Color) -> Material {
+    Material { speckle: 0.012, grain_m: 0.02, ..Material::matt(color) }
 }
 
 fn lift(p: Vector2<f64>, z: f64) -> Vector3<f64> {

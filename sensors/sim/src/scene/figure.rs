@@ -4,14 +4,14 @@ use nalgebra::Vector3;
 
 use super::surface::{LightGrid, Material, Surface};
 use super::walker::Place;
-use crate::world::{Colour, Person};
+use crate::world::{Color, Person};
 
-/// Radius in metres of the circle that a person occupies on the floor.
+/// Radius in meters of the circle that a person occupies on the floor.
 pub const PERSON_RADIUS_M: f64 = 0.22;
 
-const SKIN: Colour = [0.55, 0.36, 0.26];
-const HAIR: Colour = [0.05, 0.035, 0.025];
-const SHOES: Colour = [0.03, 0.03, 0.03];
+const SKIN: Color = [0.55, 0.36, 0.26];
+const HAIR: Color = [0.05, 0.035, 0.025];
+const SHOES: Color = [0.03, 0.03, 0.03];
 
 /// A facet and the outward directions along its left and right edge, so that light varies smoothly around the body.
 pub struct Facet {
@@ -45,8 +45,8 @@ pub fn facets(person: &Person, place: &Place, out: &mut Vec<Facet>) {
     }
     let head = [(0.84, 0.055), (0.875, 0.075), (0.925, 0.088), (0.965, 0.08), (0.99, 0.05), (1.0, 0.005)];
     for (i, pair) in head.windows(2).enumerate() {
-        let colour = if i < 2 { SKIN } else { HAIR };
-        limb(axis, axis, [pair[0].0 * h, pair[1].0 * h], [pair[0].1, pair[1].1], 12, colour, out);
+        let color = if i < 2 { SKIN } else { HAIR };
+        limb(axis, axis, [pair[0].0 * h, pair[1].0 * h], [pair[0].1, pair[1].1], 12, color, out);
     }
 }
 
@@ -57,10 +57,10 @@ fn limb(
     z: [f64; 2],
     radius: [f64; 2],
     sides: usize,
-    colour: Colour,
+    color: Color,
     out: &mut Vec<Facet>,
 ) {
-    let material = Material::matt(colour);
+    let material = Material::matt(color);
     let around = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / sides as f64;
         Vector3::new(angle.cos(), angle.sin(), 0.0)

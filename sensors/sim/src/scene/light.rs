@@ -12,15 +12,15 @@ const WHITE_IRRADIANCE: f64 = 0.95;
 const DARK_SHARE: f32 = 0.4;
 /// Contributions below this are not followed.
 const NEGLIGIBLE: f64 = 2e-3;
-/// Distance in metres of light values on large surfaces.
+/// Distance in meters of light values on large surfaces.
 const TEXEL_M: f64 = 0.15;
-/// Distance in metres from an edge at which its light is taken, so that it does not stand inside the neighbour.
+/// Distance in meters from an edge at which its light is taken, so that it does not stand inside the neighbor.
 const INSET_M: f64 = 0.03;
 
 /// A small piece of a shining surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Emitter {
-    /// Centre, world, metres.
+    /// Center, world, meters.
     pub at: Vector3<f64>,
     /// Unit direction that it shines to.
     pub normal: Vector3<f64>,

@@ -2,24 +2,24 @@
 
 use nalgebra::Vector3;
 
-use crate::world::Colour;
+use crate::world::Color;
 
 /// What a surface looks and sounds like.
 #[derive(Clone, Copy, Debug)]
 pub struct Material {
     /// Linear RGB reflectance.
-    pub albedo: Colour,
+    pub albedo: Color,
     /// Own radiance, relative to a white surface under a lamp.
     pub emission: f32,
     /// Standard deviation of the speckle relative to the mean.
     pub speckle: f32,
-    /// Size of the finest speckle, metres.
+    /// Size of the finest speckle, meters.
     pub grain_m: f32,
     /// How much of Fresnel's reflection is seen, 0 to 1. Only horizontal surfaces at z = 0 mirror.
     pub gloss: f32,
-    /// Distance of the joints along u and v, metres; 0 means none.
+    /// Distance of the joints along u and v, meters; 0 means none.
     pub joint_spacing_m: [f32; 2],
-    /// Width of the joints, metres.
+    /// Width of the joints, meters.
     pub joint_width_m: f32,
     /// Brightness of the joints relative to the surface.
     pub joint_tone: f32,
@@ -28,7 +28,7 @@ pub struct Material {
 impl Material {
     /// A matt material without texture.
     #[must_use]
-    pub fn matt(albedo: Colour) -> Self {
+    pub fn matt(albedo: Color) -> Self {
         Self {
             albedo,
             emission: 0.0,
@@ -57,7 +57,7 @@ pub struct Surface {
     pub origin: Vector3<f64>,
     /// Unit vectors along u and v; their cross product is the normal.
     pub axes: [Vector3<f64>; 2],
-    /// Extent along u and v, metres.
+    /// Extent along u and v, meters.
     pub size: [f64; 2],
     /// Its material.
     pub material: Material,
@@ -75,7 +75,7 @@ pub struct LightGrid {
 }
 
 impl Surface {
-    /// The parallelogram `origin`, `origin + u`, `origin + u + v`, `origin + v` (u and v at a right angle, metres).
+    /// The parallelogram `origin`, `origin + u`, `origin + u + v`, `origin + v` (u and v at a right angle, meters).
     #[must_use]
     pub fn rectangle(origin: Vector3<f64>, u: Vector3<f64>, v: Vector3<f64>, material: Material) -> Self {
         Self {
@@ -94,7 +94,7 @@ impl Surface {
         self.axes[0].cross(&self.axes[1])
     }
 
-    /// World point of the surface coordinates, metres.
+    /// World point of the surface coordinates, meters.
     #[must_use]
     pub fn point(&self, u: f64, v: f64) -> Vector3<f64> {
         self.origin + self.axes[0] * u + self.axes[1] * v
@@ -104,8 +104,8 @@ impl Surface {
 /// The upright prism that a wall, box or leaf occupies, for contact and clearance.
 #[derive(Clone, Copy, Debug)]
 pub struct Solid {
-    /// Corners of its base, counter-clockwise, x and y in metres.
+    /// Corners of its base, counter-clockwise, x and y in meters.
     pub base: [[f64; 2]; 4],
-    /// Lower and upper end, metres above the floor.
+    /// Lower and upper end, meters above the floor.
     pub z: [f64; 2],
 }

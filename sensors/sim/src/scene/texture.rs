@@ -59,7 +59,7 @@ impl Speckle {
     pub fn level(&self, footprint: f32) -> Level<'_> {
         let level = ((footprint.to_bits() >> 23) as usize).saturating_sub(127).min(self.levels.len() - 1);
         let shrink = f32::from_bits((127 - level as u32) << 23);
-        // The centre of a coarse texel lies between the centres of its fine ones.
+        // The center of a coarse texel lies between the centers of its fine ones.
         Level { texels: &self.levels[level], side: SIDE >> level, shrink, shift: 0.5 * shrink - 0.5 }
     }
 }

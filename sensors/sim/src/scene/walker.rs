@@ -23,13 +23,13 @@ pub struct Walker {
 /// Where somebody stands, which way they face and how their legs are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Position x and y, metres.
+    /// Position x and y, meters.
     pub at: [f64; 2],
     /// Direction of the face, radians.
     pub heading: f64,
     /// Velocity x and y, m/s.
     pub velocity: [f64; 2],
-    /// How far the left foot is ahead of the body, metres (the right foot is as far behind).
+    /// How far the left foot is ahead of the body, meters (the right foot is as far behind).
     pub stride: f64,
 }
 
@@ -42,13 +42,13 @@ struct Leg {
     heading: f64,
 }
 
-/// Length of a double step, metres.
+/// Length of a double step, meters.
 const GAIT_M: f64 = 1.3;
-/// Who gives way does so to what would come nearer than this to their side, metres.
+/// Who gives way does so to what would come nearer than this to their side, meters.
 const ELBOW_ROOM_M: f64 = 0.1;
 /// They wait for so long at most, and then squeeze past, seconds.
 const PATIENCE_S: f64 = 30.0;
-/// Largest distance of a foot ahead of the body, metres.
+/// Largest distance of a foot ahead of the body, meters.
 const STRIDE_M: f64 = 0.26;
 
 impl Walker {
@@ -81,9 +81,9 @@ impl Walker {
         if waits { Place { velocity: [0.0; 2], ..place } } else { place }
     }
 
-    /// Waits from `from_s` to `to_s`, seconds after the start of the run, where a body of `radius_m` at `centre` is in the way.
+    /// Waits from `from_s` to `to_s`, seconds after the start of the run, where a body of `radius_m` at `center` is in the way.
     /// Only who gives way does, and not for ever.
-    pub fn give_way(&mut self, centre: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
+    pub fn give_way(&mut self, center: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
         if self.person.gives_way_m <= 0.0 {
             return;
         }
@@ -92,7 +92,7 @@ impl Walker {
         if speed <= 0.0 {
             return;
         }
-        let [dx, dy] = [centre[0] - at[0], centre[1] - at[1]];
+        let [dx, dy] = [center[0] - at[0], center[1] - at[1]];
         let (ahead, aside) = ((dx * vx + dy * vy) / speed, (dx * vy - dy * vx).abs() / speed);
         let touch = PERSON_RADIUS_M + radius_m;
         let gap = dx.hypot(dy) - touch;
@@ -169,16 +169,16 @@ mod tests {
     fn who_gives_way_waits_for_what_is_in_the_way_and_goes_on() {
         let text = "[[person]]\npath_m = [[0, 0], [4, 0]]\nspeed_mps = 1\ngives_way_m = 0.5";
         let person = World::from_toml(text).unwrap().people.remove(0);
-        let walk = |person: &Person, centre: [f64; 2], until_s: f64| {
+        let walk = |person: &Person, center: [f64; 2], until_s: f64| {
             let mut walker = Walker::new(person, 0, 1);
             for step in 0..5000 {
                 let from_s = f64::from(step) * 0.01;
-                let centre = if from_s < until_s { centre } else { [50.0, 50.0] };
-                walker.give_way(centre, 0.2, from_s, f64::from(step + 1) * 0.01);
+                let center = if from_s < until_s { center } else { [50.0, 50.0] };
+                walker.give_way(center, 0.2, from_s, f64::from(step + 1) * 0.01);
             }
             walker
         };
-        // Stands half a metre before it, for as long as it is there.
+        // Stands half a meter before it, for as long as it is there.
         let touch = PERSON_RADIUS_M + 0.2;
         let waited = walk(&person, [2.005, 0.0], 4.0);
         let stop = 2.005 - touch - 0.5;

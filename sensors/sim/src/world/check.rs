@@ -17,11 +17,11 @@ pub const WORLD_FILE: FileKind = FileKind {
     },
 };
 
-/// Least distance of an opening from the next one and from the hallway's ends, metres.
+/// Least distance of an opening from the next one and from the hallway's ends, meters.
 const PILLAR_M: f64 = 0.1;
-/// Least distance of joints, metres.
+/// Least distance of joints, meters.
 const JOINTS_M: f32 = 0.05;
-/// Least distance of lamps, metres.
+/// Least distance of lamps, meters.
 const LAMPS_M: f64 = 0.5;
 
 impl World {

@@ -3,33 +3,33 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Baseboard, Colour, Door, Lamp, Wall, Window};
+use super::{Baseboard, Color, Door, Lamp, Wall, Window};
 
-/// A straight hallway along +x, its centre line on y = 0.
+/// A straight hallway along +x, its center line on y = 0.
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Corridor {
-    /// World x of its near end, metres, -1000 to 1000.
+    /// World x of its near end, meters, -1000 to 1000.
     #[schemars(range(min = -1000.0, max = 1000.0))]
     pub start_x_m: f64,
-    /// Length in metres, 1 to 200.
+    /// Length in meters, 1 to 200.
     #[schemars(range(min = 1.0, max = 200.0))]
     pub length_m: f64,
-    /// Width between the walls' faces in metres, 0.8 to 20.
+    /// Width between the walls' faces in meters, 0.8 to 20.
     #[schemars(range(min = 0.8, max = 20.0))]
     pub width_m: f64,
-    /// Height of the walls in metres, 1 to 10; the ceiling has its own.
+    /// Height of the walls in meters, 1 to 10; the ceiling has its own.
     #[schemars(range(min = 1.0, max = 10.0))]
     pub height_m: f64,
-    /// Thickness of the walls in metres, 0.05 to 0.5.
+    /// Thickness of the walls in meters, 0.05 to 0.5.
     #[schemars(range(min = 0.05, max = 0.5))]
     pub thickness_m: f64,
     /// Reflectance of the side walls.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
+    pub color: Color,
     /// Reflectance of the end walls.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub end_colour: Colour,
+    pub end_color: Color,
     /// The strip along the bottom of all walls; none when absent.
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
@@ -44,10 +44,10 @@ pub struct Corridor {
     /// The window in the far end; none when absent.
     #[serde(default)]
     pub window: Option<Window>,
-    /// Distance of the ceiling lamps, metres, 0.5 to 50; 0 means no lamps.
+    /// Distance of the ceiling lamps, meters, 0.5 to 50; 0 means no lamps.
     #[schemars(range(min = 0.0, max = 50.0))]
     pub lamp_spacing_m: f64,
-    /// Extent of a lamp along x and y, metres, each 0.01 to 10.
+    /// Extent of a lamp along x and y, meters, each 0.01 to 10.
     #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub lamp_size_m: [f64; 2],
     /// Radiance of the lamps relative to a white surface under them, 0 to 50.
@@ -71,14 +71,14 @@ pub enum Side {
 pub struct CorridorDoor {
     /// The wall that it is in.
     pub side: Side,
-    /// World x of its centre, metres.
+    /// World x of its center, meters.
     #[schemars(range(min = -1000.0, max = 1200.0))]
     pub at_m: f64,
-    /// Width of the opening in metres, 0.4 to 3.
+    /// Width of the opening in meters, 0.4 to 3.
     #[serde(default = "door_width")]
     #[schemars(range(min = 0.4, max = 3.0))]
     pub width_m: f64,
-    /// Height of the opening in metres, 1.5 to the walls' height.
+    /// Height of the opening in meters, 1.5 to the walls' height.
     #[serde(default = "door_height")]
     #[schemars(range(min = 1.5, max = 10.0))]
     pub height_m: f64,
@@ -86,18 +86,18 @@ pub struct CorridorDoor {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 120.0))]
     pub open_deg: f64,
-    /// Depth in metres of the room behind it when open, 0.5 to 10.
+    /// Depth in meters of the room behind it when open, 0.5 to 10.
     #[serde(default = "room_depth")]
     #[schemars(range(min = 0.5, max = 10.0))]
     pub room_depth_m: f64,
     /// Reflectance of the leaf.
-    #[serde(default = "door_colour")]
+    #[serde(default = "door_color")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub colour: Colour,
+    pub color: Color,
     /// Reflectance of the frame.
-    #[serde(default = "frame_colour")]
+    #[serde(default = "frame_color")]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub frame_colour: Colour,
+    pub frame_color: Color,
 }
 
 /// A side corridor at a right angle.
@@ -106,13 +106,13 @@ pub struct CorridorDoor {
 pub struct Branch {
     /// The side that it leaves to.
     pub side: Side,
-    /// World x of its centre line, metres.
+    /// World x of its center line, meters.
     #[schemars(range(min = -1000.0, max = 1200.0))]
     pub at_m: f64,
-    /// Width in metres, 0.5 to 20.
+    /// Width in meters, 0.5 to 20.
     #[schemars(range(min = 0.5, max = 20.0))]
     pub width_m: f64,
-    /// Length in metres, 0.5 to 50.
+    /// Length in meters, 0.5 to 50.
     #[schemars(range(min = 0.5, max = 50.0))]
     pub depth_m: f64,
 }
@@ -129,8 +129,8 @@ impl CorridorDoor {
             height_m: d.height_m,
             open_deg: 0.0,
             room_depth_m: d.room_depth_m,
-            colour: d.colour,
-            frame_colour: d.frame_colour,
+            color: d.color,
+            frame_color: d.frame_color,
         }
     }
 
@@ -149,8 +149,8 @@ impl Default for Corridor {
             width_m: 2.0,
             height_m: 2.6,
             thickness_m: 0.12,
-            colour: super::wall_colour(),
-            end_colour: [0.66, 0.66, 0.62],
+            color: super::wall_color(),
+            end_color: [0.66, 0.66, 0.62],
             baseboard: Some(Baseboard::default()),
             doors: Vec::new(),
             branches: Vec::new(),
@@ -163,7 +163,7 @@ impl Default for Corridor {
 }
 
 impl Corridor {
-    /// World x of its far end, metres.
+    /// World x of its far end, meters.
     #[must_use]
     pub fn end_x_m(&self) -> f64 {
         self.start_x_m + self.length_m
@@ -176,11 +176,11 @@ impl Corridor {
         self.side_walls(Side::Right, &mut walls);
         walls.push(Wall {
             windows: self.window.into_iter().collect(),
-            colour: self.end_colour,
+            color: self.end_color,
             ..self.plain([x1, -half], [x1, half])
         });
         self.side_walls(Side::Left, &mut walls);
-        walls.push(Wall { colour: self.end_colour, ..self.plain([x0, half], [x0, -half]) });
+        walls.push(Wall { color: self.end_color, ..self.plain([x0, half], [x0, -half]) });
         walls
     }
 
@@ -208,7 +208,7 @@ impl Corridor {
             to_m,
             height_m: self.height_m,
             thickness_m: self.thickness_m,
-            colour: self.colour,
+            color: self.color,
             baseboard: self.baseboard,
             doors: Vec::new(),
             windows: Vec::new(),
@@ -253,8 +253,8 @@ impl Corridor {
                 height_m: d.height_m,
                 open_deg: d.open_deg,
                 room_depth_m: d.room_depth_m,
-                colour: d.colour,
-                frame_colour: d.frame_colour,
+                color: d.color,
+                frame_color: d.frame_color,
             })
             .collect();
         walls.push(Wall { doors, ..self.plain([from_x, y], [to_x, y]) });
@@ -270,11 +270,11 @@ fn door_height() -> f64 {
 fn room_depth() -> f64 {
     Door::default().room_depth_m
 }
-fn door_colour() -> Colour {
-    Door::default().colour
+fn door_color() -> Color {
+    Door::default().color
 }
-fn frame_colour() -> Colour {
-    Door::default().frame_colour
+fn frame_color() -> Color {
+    Door::default().frame_color
 }
 
 #[cfg(test)]

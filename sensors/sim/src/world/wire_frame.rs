@@ -10,7 +10,7 @@ use crate::scene::build::{FRAME_DEPTH_M, FRAME_WIDTH_M, LEAF_M, REBATE_M, WINDOW
 
 impl World {
     /// What a map of the building shows: corners, skirtings, ceiling lines, doors and windows; neither lamps nor what
-    /// stands about. World frame, metres.
+    /// stands about. World frame, meters.
     #[must_use]
     pub fn wire_frame(&self) -> WireFrame {
         let mut draft = Draft::default();
@@ -168,7 +168,7 @@ impl Draft {
 
     /// Draws an edge once: walls share their corners.
     fn draw(&mut self, edge: Edge) {
-        let whole = |p: Point3<f64>| [p.x, p.y, p.z].map(|metres| (metres * 1000.0).round() as i64);
+        let whole = |p: Point3<f64>| [p.x, p.y, p.z].map(|meters| (meters * 1000.0).round() as i64);
         let mut ends = [whole(edge.from), whole(edge.to)];
         ends.sort_unstable();
         if ends[0] != ends[1] && self.drawn.insert(ends) {

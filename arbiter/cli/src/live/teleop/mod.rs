@@ -27,7 +27,7 @@ use screen::Screen;
 
 /// From one message about the stick to the next while it is held.
 const PERIOD: Duration = Duration::from_millis(50);
-/// Behaviour that obeys a stick.
+/// Behavior that obeys a stick.
 const PLUGIN: &str = "teleop";
 const HELP: &str = "arrows or i , j l: drive while held   u o m .: arcs   J L: sideways   k: stand   + -: speed   space: emergency stop   q: end";
 
@@ -59,7 +59,7 @@ pub fn teleop(arguments: &Arguments, _: Print) -> ExitCode {
     };
     if !lookout.roster().plugins.iter().any(|plugin| plugin.plugin == PLUGIN) {
         let problem = format!(
-            "robot `{robot}` has no behaviour that obeys a stick: add `[behaviors.{PLUGIN}]` with `inputs = {{ stick = \
+            "robot `{robot}` has no behavior that obeys a stick: add `[behaviors.{PLUGIN}]` with `inputs = {{ stick = \
              \"operator\" }}` to its task, as configs/teleop.toml has it"
         );
         return fail(&problem, BAD_CONFIGURATION);

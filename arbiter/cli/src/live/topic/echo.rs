@@ -16,7 +16,7 @@ use super::{NAP, WAITING, listen};
 use crate::output::{DONE, NOT_ARRIVED, Print, exit, fail};
 
 /// Items of a list that are shown of a longer one.
-const MOST_ITEMS: usize = 4;
+const MAX_ITEMS: usize = 4;
 
 /// What `topic echo` is told.
 #[derive(Args)]
@@ -44,7 +44,7 @@ pub fn echo(arguments: &Arguments, print: Print) -> ExitCode {
     };
     let message = *listener.message();
     let most = if arguments.once { 1 } else { arguments.count.unwrap_or(u64::MAX) };
-    let most_items = if arguments.full { usize::MAX } else { MOST_ITEMS };
+    let max_items = if arguments.full { usize::MAX } else { MAX_ITEMS };
     let (mut printed, began) = (0, Instant::now());
     let mut is_told = print == Print::Json;
     while !flag.load(Ordering::Relaxed) && printed < most {
@@ -52,7 +52,7 @@ pub fn echo(arguments: &Arguments, print: Print) -> ExitCode {
             let value = to_json(&message, heard.sample.header(), heard.sample.items());
             let text = match print {
                 Print::Json => value.to_string(),
-                Print::Text => in_words(&value, heard.now, most_items),
+                Print::Text => in_words(&value, heard.now, max_items),
             };
             printed += 1;
             match writeln!(std::io::stdout(), "{text}") {
@@ -74,7 +74,7 @@ pub fn echo(arguments: &Arguments, print: Print) -> ExitCode {
 }
 
 /// The message as an indented list of its fields, received at `at`; of long lists the first items.
-fn in_words(value: &Value, at: Time, most_items: usize) -> String {
+fn in_words(value: &Value, at: Time, max_items: usize) -> String {
     let mut text = String::new();
     if let Some(fields) = value.as_object() {
         for (name, value) in fields {
@@ -82,28 +82,28 @@ fn in_words(value: &Value, at: Time, most_items: usize) -> String {
             if fields.contains_key(&format!("{name}_text")) || is_for_machines(name) {
                 continue;
             }
-            field(&mut text, name.strip_suffix("_text").unwrap_or(name), value, at, most_items, 0);
+            field(&mut text, name.strip_suffix("_text").unwrap_or(name), value, at, max_items, 0);
         }
     }
     text + "---"
 }
 
-fn field(text: &mut String, name: &str, value: &Value, at: Time, most_items: usize, depth: usize) {
+fn field(text: &mut String, name: &str, value: &Value, at: Time, max_items: usize, depth: usize) {
     let indent = "  ".repeat(depth);
     match value {
         Value::Array(items) if items.iter().all(|item| !item.is_object()) => {
-            let shown: Vec<String> = items.iter().take(most_items.max(9)).map(scalar).collect();
+            let shown: Vec<String> = items.iter().take(max_items.max(9)).map(scalar).collect();
             let more = items.len().saturating_sub(shown.len());
             let more = if more > 0 { format!(", ... {more} more") } else { String::new() };
             *text += &format!("{indent}{name}: [{}{more}]\n", shown.join(", "));
         }
         Value::Array(items) => {
             *text += &format!("{indent}{name}: {} of them\n", items.len());
-            for item in items.iter().take(most_items) {
+            for item in items.iter().take(max_items) {
                 *text += &format!("{indent}  - {}\n", on_a_line(item));
             }
-            if items.len() > most_items {
-                *text += &format!("{indent}  ... {} more (--full)\n", items.len() - most_items);
+            if items.len() > max_items {
+                *text += &format!("{indent}  ... {} more (--full)\n", items.len() - max_items);
             }
         }
         Value::Object(_) => *text += &format!("{indent}{name}: {}\n", on_a_line(value)),
@@ -162,13 +162,13 @@ mod tests {
         let beams = [Beam { range_m: 0.41234567, ..Default::default() }; 7];
         let message = MessageType::of::<RangeScanHeader>();
         let value = to_json(&message, bytemuck::bytes_of(&scan), bytemuck::cast_slice(&beams));
-        let text = in_words(&value, Time(1_012_000_000), MOST_ITEMS);
+        let text = in_words(&value, Time(1_012_000_000), MAX_ITEMS);
         assert!(text.contains("stamp_ns: 1000000000  (12.00 ms before it arrived)"), "{text}");
         assert!(text.contains("items: 7 of them") && text.contains("... 3 more (--full)"), "{text}");
         assert!(text.contains("range_m 0.4123"), "{text}");
         let halt = Proposal { kind: Kind::Halt.code(), reason: Reason::Echo.code(), ..Proposal::default() };
         let value = to_json(&MessageType::of::<Proposal>(), bytemuck::bytes_of(&halt), &[]);
-        let text = in_words(&value, Time::ZERO, MOST_ITEMS);
+        let text = in_words(&value, Time::ZERO, MAX_ITEMS);
         assert!(text.contains("kind: halt\n") && text.contains("reason: echo\n"), "{text}");
         assert_eq!(Proposal::NAME, "yamabico.Proposal.v2");
     }
@@ -177,7 +177,7 @@ mod tests {
     fn every_message_can_be_told() {
         for message in ALL {
             let value = to_json(message, &vec![0; message.header_size], &vec![0; 2 * message.item_size]);
-            let text = in_words(&value, Time::ZERO, MOST_ITEMS);
+            let text = in_words(&value, Time::ZERO, MAX_ITEMS);
             assert!(text.lines().count() > 1 && !text.contains("null"), "{}: {text}", message.name);
         }
     }

@@ -1,20 +1,20 @@
-//! What became of one behaviour, and why.
+//! What became of one behavior, and why.
 
 use yamabico_core::message::{
     Axes, Axis, DecisionHeader, Kind, Outcome, Process, ProcessState, Reason, Twist, Verdict,
 };
 
 use super::axis::speed;
-use super::{BehaviourWords, Scene, Told};
+use super::{BehaviorWords, Scene, Told};
 
 /// A death is news for so long, seconds.
 const NEWS_S: f64 = 10.0;
 
-pub(super) fn in_words(told: &Told, verdict: &Verdict, scene: &Scene) -> BehaviourWords {
-    let name = verdict.behaviour.as_str();
-    let process = scene.processes.iter().find(|process| process.plugin == verdict.behaviour);
-    BehaviourWords {
-        behaviour: name.to_owned(),
+pub(super) fn in_words(told: &Told, verdict: &Verdict, scene: &Scene) -> BehaviorWords {
+    let name = verdict.behavior.as_str();
+    let process = scene.processes.iter().find(|process| process.plugin == verdict.behavior);
+    BehaviorWords {
+        behavior: name.to_owned(),
         priority: verdict.priority,
         outcome: verdict.outcome().map_or("unknown", Outcome::as_str),
         why: why(told, verdict, scene),
@@ -24,8 +24,8 @@ pub(super) fn in_words(told: &Told, verdict: &Verdict, scene: &Scene) -> Behavio
 }
 
 fn why(told: &Told, verdict: &Verdict, scene: &Scene) -> String {
-    let Verdict { by, claimed, won, number, behaviour, .. } = verdict;
-    let name = behaviour.as_str();
+    let Verdict { by, claimed, won, number, behavior, .. } = verdict;
+    let name = behavior.as_str();
     let axes = *claimed;
     let Some(outcome) = verdict.outcome() else { return "an outcome that this program does not know".into() };
     let terms = scene.terms(name);
@@ -114,12 +114,12 @@ fn left(verdict: &Verdict) -> String {
     if verdict.left_s > 0.0 { format!(", for another {:.2} s", verdict.left_s) } else { String::new() }
 }
 
-/// What the behaviour itself says: what it asks for in vain, and its note, or else its reason.
+/// What the behavior itself says: what it asks for in vain, and its note, or else its reason.
 fn because(verdict: &Verdict, scene: &Scene) -> String {
     if matches!(verdict.outcome(), Some(Outcome::Disabled | Outcome::Malformed | Outcome::Stale)) {
         return String::new();
     }
-    let proposal = scene.proposals.iter().find(|proposal| proposal.behaviour == verdict.behaviour);
+    let proposal = scene.proposals.iter().find(|proposal| proposal.behavior == verdict.behavior);
     let proposal = proposal.filter(|proposal| proposal.reason == verdict.reason);
     let note = proposal.map(|proposal| proposal.note).filter(|note| !note.is_empty());
     let said = match (note, Reason::from_code(verdict.reason)) {

@@ -1,4 +1,4 @@
-//! One picture against the map: the whole behaviour, and its steps.
+//! One picture against the map: the whole behavior, and its steps.
 
 use std::hint::black_box;
 use std::path::PathBuf;

@@ -1,6 +1,6 @@
 //! Runs a kernel with the widest vector instructions that the processor has.
 //!
-//! Kernels are plain loops over slices that the compiler vectorises. On x86-64 the same loops are compiled a second time
+//! Kernels are plain loops over slices that the compiler vectorizes. On x86-64 the same loops are compiled a second time
 //! for AVX2 and the counting of bits, chosen at run time; on AArch64 NEON is part of the base, so that the plain version has it already.
 
 /// A loop nest to be compiled once for each instruction set; its `run` must be `#[inline(always)]`.

@@ -54,7 +54,7 @@ fn percentile(errors: &[[f64; 3]], axis: usize) -> f64 {
 
 /// Drives down the hallway to 4 m and tells how it ended.
 fn drive(more: &[&str]) -> (End, Judge) {
-    let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/localisation.toml");
+    let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/localization.toml");
     let near = ["run.goal.x_m=4.0", "run.duration_s=30", "behaviors.map-localizer.route=[[4.0, 0.0]]"];
     let set = near.iter().chain(more).map(ToString::to_string).collect();
     let loaded = load(&task, &Overrides { robot: None, set }, &plugins())
@@ -66,7 +66,7 @@ fn drive(more: &[&str]) -> (End, Judge) {
 }
 
 #[test]
-fn the_pose_is_within_five_centimetres_across_ten_along_and_half_a_degree() {
+fn the_pose_is_within_five_centimeters_across_ten_along_and_half_a_degree() {
     let (end, judge) = drive(&[]);
     assert_eq!(end, End::Arrived);
     let errors = judge.errors();

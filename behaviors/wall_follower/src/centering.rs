@@ -1,11 +1,11 @@
 //! The law that brings the robot to the middle of the corridor and keeps it there, while driving.
 //!
-//! Kweon et al. (1991), section 4. Differs from \[1\]: continuous, instead of stopping, looking, moving to the centre and
+//! Kweon et al. (1991), section 4. Differs from \[1\]: continuous, instead of stopping, looking, moving to the center and
 //! turning back.
 
 /// How the robot converges to the line that it follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Centring {
+pub struct Centering {
     /// Length (m) over which an offset decays.
     pub length_m: f64,
     /// Damping; 1 is critical.
@@ -13,16 +13,16 @@ pub struct Centring {
     /// Offsets beyond this (m) steer no harder.
     pub largest_offset_m: f64,
     /// Largest turn rate, rad/s.
-    pub largest_turn_rad_s: f64,
+    pub largest_turn_radps: f64,
 }
 
-impl Default for Centring {
+impl Default for Centering {
     fn default() -> Self {
-        Self { length_m: 1.0, damping: 1.0, largest_offset_m: 0.6, largest_turn_rad_s: 0.8 }
+        Self { length_m: 1.0, damping: 1.0, largest_offset_m: 0.6, largest_turn_radps: 0.8 }
     }
 }
 
-impl Centring {
+impl Centering {
     /// Turn rate (rad/s, positive to the left) for a robot at `heading` (rad, positive left of the axis) and `lateral_m`
     /// left of its line, at forward speed `speed_mps` >= 0. Zero at standstill; see [`align_in_place`].
     #[must_use]
@@ -30,14 +30,14 @@ impl Centring {
         let offset = lateral_m.clamp(-self.largest_offset_m, self.largest_offset_m);
         let heading_term = 2.0 * self.damping * speed_mps / self.length_m * heading;
         let offset_term = speed_mps / (self.length_m * self.length_m) * offset * sinc(heading);
-        (-heading_term - offset_term).clamp(-self.largest_turn_rad_s, self.largest_turn_rad_s)
+        (-heading_term - offset_term).clamp(-self.largest_turn_radps, self.largest_turn_radps)
     }
 }
 
-/// Turn rate (rad/s) that turns a standing robot towards `target` (rad) from `heading` (rad), at most `largest_rad_s`.
+/// Turn rate (rad/s) that turns a standing robot towards `target` (rad) from `heading` (rad), at most `largest_radps`.
 #[must_use]
-pub fn align_in_place(heading: f64, target: f64, largest_rad_s: f64) -> f64 {
-    (-yamabico_core::geometry::angle_difference(heading, target)).clamp(-largest_rad_s, largest_rad_s)
+pub fn align_in_place(heading: f64, target: f64, largest_radps: f64) -> f64 {
+    (-yamabico_core::geometry::angle_difference(heading, target)).clamp(-largest_radps, largest_radps)
 }
 
 /// Signed distances (m) from the robot to the walls: the left one positive, the right one negative.
@@ -50,7 +50,7 @@ pub struct Walls {
 }
 
 impl Walls {
-    /// Distance between the walls, metres; `None` unless both are seen.
+    /// Distance between the walls, meters; `None` unless both are seen.
     #[must_use]
     pub fn width_m(&self) -> Option<f64> {
         Some(self.left_m? - self.right_m?)
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn the_loop_converges_without_overshoot() {
-        let law = Centring::default();
+        let law = Centering::default();
         for speed in [0.1, 0.4, 0.6] {
             let (mut y, mut heading, dt) = (0.4_f64, 0.1_f64, 0.02);
             let mut lowest = f64::INFINITY;
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn standing_robot_turns_to_its_target() {
-        assert_eq!(Centring::default().turn_rate(0.0, 0.3, 0.5), 0.0);
+        assert_eq!(Centering::default().turn_rate(0.0, 0.3, 0.5), 0.0);
         assert!((align_in_place(0.3, 0.0, 0.8) + 0.3).abs() < 1e-12);
         assert_eq!(align_in_place(3.0, -3.0, 0.2), 0.2);
     }

@@ -12,34 +12,34 @@ use super::fixer::Fixer;
 use super::matching::LineNoise;
 use crate::belief::Belief;
 
-/// Distance of the places that are tried, metres.
+/// Distance of the places that are tried, meters.
 const STEP_M: f64 = 0.15;
-/// Farthest places to either side of the prior that are tried, metres: at least, at most.
+/// Farthest places to either side of the prior that are tried, meters: at least, at most.
 const REACH_M: [f64; 2] = [2.0, 10.0];
-/// Standard deviation of a place that is tried, metres.
+/// Standard deviation of a place that is tried, meters.
 const TRIED_SIGMA_M: f64 = 0.1;
 /// Least share of the upright edges' length in view that must be seen.
-const LEAST_SHARE: f64 = 0.5;
+const MIN_SHARE: f64 = 0.5;
 /// Least number of upright edges that must be seen.
-const LEAST_UPRIGHTS: usize = 3;
+const MIN_UPRIGHTS: usize = 3;
 /// Another place, farther away than this (m), must not be nearly as good ...
 const RIVAL_M: f64 = 0.6;
 /// ... by this share.
 const RIVAL_SHARE: f64 = 0.8;
-/// Least standard deviations of a robot that was found again: metres, radians.
+/// Least standard deviations of a robot that was found again: meters, radians.
 const FOUND_SIGMA: [f64; 2] = [0.05, 0.01];
 /// No heading is trusted better than this, rad.
 const HEADING_SIGMA_RAD: f64 = 0.01;
 
 /// Looks for the robot along the map's main direction; keeps its buffers.
 #[derive(Clone, Debug)]
-pub struct Relocaliser {
+pub struct Relocalizer {
     finder: VanishingPointFinder,
     axis_rad: f64,
     tried: Vec<(f64, f64)>,
 }
 
-impl Relocaliser {
+impl Relocalizer {
     /// One for this map and mount.
     #[must_use]
     pub fn new(map: &WireFrame, mount: &Mount) -> Self {
@@ -69,7 +69,7 @@ impl Relocaliser {
             let (seen, expected) = seen_px(fixer, EdgeKind::Vertical);
             // A place where little could be seen is no better for having seen all of it.
             let share = seen / expected.max(1.0);
-            if fix.uprights[1] >= LEAST_UPRIGHTS { share * seen.sqrt() } else { 0.0 }
+            if fix.uprights[1] >= MIN_UPRIGHTS { share * seen.sqrt() } else { 0.0 }
         };
         let along_m = self.best(reach, |ahead| score_along(fixer, ahead))?;
         let best = score_along(fixer, along_m);
@@ -79,7 +79,7 @@ impl Relocaliser {
             .any(|&(other_m, score)| (other_m - along_m).abs() > RIVAL_M && score > RIVAL_SHARE * best);
         let fix = fixer.fix(&tried(place(along_m, across_m)), noise);
         let (seen, expected) = seen_px(fixer, EdgeKind::Vertical);
-        let is_found = best > 0.0 && !is_rivalled && seen >= LEAST_SHARE * expected && fix.verdict.is_ok();
+        let is_found = best > 0.0 && !is_rivalled && seen >= MIN_SHARE * expected && fix.verdict.is_ok();
         is_found.then(|| {
             let mut found = fix.posterior;
             let [place, heading] = FOUND_SIGMA;

@@ -1,38 +1,38 @@
-//! Which colours are floor: a box of thresholds, or a table of 32 x 32 x 32 classes.
+//! Which colors are floor: a box of thresholds, or a table of 32 x 32 x 32 classes.
 //!
-//! Sekimori, Usui, Masutani & Miyazaki tell the floor by its colour alone.
+//! Sekimori, Usui, Masutani & Miyazaki tell the floor by its color alone.
 
 use serde::{Deserialize, Serialize};
 
 use super::bit_image::{BitImage, pack};
-use super::vectorise::{self, Kernel};
+use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::RgbView;
 
 /// Classes of one channel in a table.
 const CLASSES: usize = 32;
 
 /// Red, green, blue.
-pub type Colour = [u8; 3];
+pub type Color = [u8; 3];
 
-/// Colours between two thresholds in each channel.
+/// Colors between two thresholds in each channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ColourBox {
+pub struct ColorBox {
     /// Smallest red, green and blue, 0 to 255.
     #[schemars(inner(range(min = 0, max = 255)))]
-    pub least: Colour,
+    pub least: Color,
     /// Largest red, green and blue, 0 to 255.
     #[schemars(inner(range(min = 0, max = 255)))]
-    pub most: Colour,
+    pub most: Color,
 }
 
-impl ColourBox {
-    /// Whether the colour lies between the thresholds, both included.
+impl ColorBox {
+    /// Whether the color lies between the thresholds, both included.
     #[inline(always)]
     #[must_use]
-    pub fn contains(&self, colour: Colour) -> bool {
-        // Not short-circuited, so that it vectorises.
-        let within = |i: usize| (colour[i] >= self.least[i]) & (colour[i] <= self.most[i]);
+    pub fn contains(&self, color: Color) -> bool {
+        // Not short-circuited, so that it vectorizes.
+        let within = |i: usize| (color[i] >= self.least[i]) & (color[i] <= self.most[i]);
         within(0) & within(1) & within(2)
     }
 
@@ -47,7 +47,7 @@ impl ColourBox {
 
     /// The box with each threshold moved towards that of another box, by no more than so many levels.
     #[must_use]
-    pub fn towards(&self, other: &ColourBox, levels: u8) -> Self {
+    pub fn towards(&self, other: &ColorBox, levels: u8) -> Self {
         let step = |from: u8, to: u8| to.clamp(from.saturating_sub(levels), from.saturating_add(levels));
         Self {
             least: std::array::from_fn(|i| step(self.least[i], other.least[i])),
@@ -63,42 +63,42 @@ impl ColourBox {
     }
 }
 
-/// A class, floor or not, for each of 32 x 32 x 32 colours.
+/// A class, floor or not, for each of 32 x 32 x 32 colors.
 #[derive(Clone, PartialEq, Eq)]
-pub struct ColourTable {
+pub struct ColorTable {
     /// By red and green; a bit for each class of blue.
     words: Box<[u32; CLASSES * CLASSES]>,
 }
 
-impl Default for ColourTable {
+impl Default for ColorTable {
     fn default() -> Self {
         Self { words: Box::new([0; CLASSES * CLASSES]) }
     }
 }
 
-impl std::fmt::Debug for ColourTable {
+impl std::fmt::Debug for ColorTable {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "ColourTable({} of {} colours)", self.count(), CLASSES.pow(3))
+        write!(f, "ColorTable({} of {} colors)", self.count(), CLASSES.pow(3))
     }
 }
 
-impl ColourTable {
-    /// Whether the colour's class is floor.
+impl ColorTable {
+    /// Whether the color's class is floor.
     #[inline(always)]
     #[must_use]
-    pub fn contains(&self, [red, green, blue]: Colour) -> bool {
+    pub fn contains(&self, [red, green, blue]: Color) -> bool {
         let index = (usize::from(red) >> 3) << 5 | usize::from(green) >> 3;
         self.words[index] >> (blue >> 3) & 1 == 1
     }
 
-    /// Makes the colour's class floor.
-    pub fn insert(&mut self, [red, green, blue]: Colour) {
+    /// Makes the color's class floor.
+    pub fn insert(&mut self, [red, green, blue]: Color) {
         self.words[(usize::from(red) >> 3) << 5 | usize::from(green) >> 3] |= 1 << (blue >> 3);
     }
 
     /// Makes every class floor that the box touches.
-    pub fn insert_box(&mut self, colours: &ColourBox) {
-        let classes = |i: usize| colours.least[i] >> 3..=colours.most[i] >> 3;
+    pub fn insert_box(&mut self, colors: &ColorBox) {
+        let classes = |i: usize| colors.least[i] >> 3..=colors.most[i] >> 3;
         for red in classes(0) {
             for green in classes(1) {
                 classes(2).for_each(|blue| self.insert([red << 3, green << 3, blue << 3]));
@@ -119,7 +119,7 @@ impl ColourTable {
         self.words.chunks_exact(CLASSES).map(line).collect()
     }
 
-    /// The table that [`ColourTable::to_lines`] wrote; `None` for anything else.
+    /// The table that [`ColorTable::to_lines`] wrote; `None` for anything else.
     #[must_use]
     pub fn from_lines<S: AsRef<str>>(lines: &[S]) -> Option<Self> {
         let mut table = Self::default();
@@ -140,34 +140,34 @@ impl ColourTable {
     }
 }
 
-/// The colours of a floor.
+/// The colors of a floor.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum FloorColours {
+pub enum FloorColors {
     /// Thresholds: fast, and enough where one lamp lights one floor.
-    Box(ColourBox),
-    /// A class for each colour.
-    Table(ColourTable),
+    Box(ColorBox),
+    /// A class for each color.
+    Table(ColorTable),
 }
 
-impl FloorColours {
-    /// Whether a colour is floor.
+impl FloorColors {
+    /// Whether a color is floor.
     #[must_use]
-    pub fn contains(&self, colour: Colour) -> bool {
+    pub fn contains(&self, color: Color) -> bool {
         match self {
-            FloorColours::Box(colours) => colours.contains(colour),
-            FloorColours::Table(table) => table.contains(colour),
+            FloorColors::Box(colors) => colors.contains(color),
+            FloorColors::Table(table) => table.contains(color),
         }
     }
 
-    /// Sets the pixels of `mask` whose colour is floor, and no others. Only the `columns` of each row are looked at; the rest
+    /// Sets the pixels of `mask` whose color is floor, and no others. Only the `columns` of each row are looked at; the rest
     /// stays unset. A row without an entry is left out.
     pub fn mark(&self, picture: RgbView, columns: &[std::ops::Range<u32>], mask: &mut BitImage) {
         mask.clear(picture.width(), picture.height());
         match self {
-            FloorColours::Box(colours) => {
-                vectorise::run(Mark { picture, columns, mask, classes: Thresholds::new(colours) });
+            FloorColors::Box(colors) => {
+                vectorize::run(Mark { picture, columns, mask, classes: Thresholds::new(colors) });
             }
-            FloorColours::Table(table) => vectorise::run(Mark { picture, columns, mask, classes: table }),
+            FloorColors::Table(table) => vectorize::run(Mark { picture, columns, mask, classes: table }),
         }
     }
 }
@@ -175,15 +175,15 @@ impl FloorColours {
 /// Tells the floor 64 pixels at a time.
 trait Classes {
     /// A bit for each pixel, the first one lowest.
-    fn word(&self, colours: &[Colour; 64]) -> u64;
+    fn word(&self, colors: &[Color; 64]) -> u64;
 }
 
-impl Classes for &ColourTable {
+impl Classes for &ColorTable {
     #[inline(always)]
-    fn word(&self, colours: &[Colour; 64]) -> u64 {
+    fn word(&self, colors: &[Color; 64]) -> u64 {
         let mut flags = [0; 64];
-        for (flag, &colour) in flags.iter_mut().zip(colours) {
-            *flag = u8::from(self.contains(colour));
+        for (flag, &color) in flags.iter_mut().zip(colors) {
+            *flag = u8::from(self.contains(color));
         }
         pack(&flags)
     }
@@ -198,21 +198,21 @@ struct Thresholds {
 }
 
 impl Thresholds {
-    fn new(colours: &ColourBox) -> Self {
-        let channels = |levels: Colour| std::array::from_fn(|i| levels[i % 3]);
-        let span = std::array::from_fn(|i| colours.most[i].wrapping_sub(colours.least[i]));
-        let is_empty = (0..3).any(|i| colours.most[i] < colours.least[i]);
-        Self { least: channels(colours.least), span: channels(span), is_empty }
+    fn new(colors: &ColorBox) -> Self {
+        let channels = |levels: Color| std::array::from_fn(|i| levels[i % 3]);
+        let span = std::array::from_fn(|i| colors.most[i].wrapping_sub(colors.least[i]));
+        let is_empty = (0..3).any(|i| colors.most[i] < colors.least[i]);
+        Self { least: channels(colors.least), span: channels(span), is_empty }
     }
 }
 
 impl Classes for Thresholds {
     #[inline(always)]
-    fn word(&self, colours: &[Colour; 64]) -> u64 {
+    fn word(&self, colors: &[Color; 64]) -> u64 {
         if self.is_empty {
             return 0;
         }
-        let bytes = colours.as_flattened();
+        let bytes = colors.as_flattened();
         let mut flags = [0; 192];
         for (((flag, &byte), &least), &span) in flags.iter_mut().zip(bytes).zip(&self.least).zip(&self.span) {
             *flag = u8::from(byte.wrapping_sub(least) <= span);
@@ -259,13 +259,13 @@ impl<C: Classes> Kernel for Mark<'_, C> {
             let pixels = &self.picture.row(v)[64 * first..];
             let words = &mut self.mask.row_mut(v)[first..end.div_ceil(64)];
             let (whole, rest) = pixels.as_chunks::<64>();
-            for (word, colours) in words.iter_mut().zip(whole) {
-                *word = self.classes.word(colours);
+            for (word, colors) in words.iter_mut().zip(whole) {
+                *word = self.classes.word(colors);
             }
             if let Some(word) = words.get_mut(whole.len()) {
-                let mut colours = [[0; 3]; 64];
-                colours[..rest.len()].copy_from_slice(rest);
-                *word = self.classes.word(&colours) & ((1 << rest.len()) - 1);
+                let mut colors = [[0; 3]; 64];
+                colors[..rest.len()].copy_from_slice(rest);
+                *word = self.classes.word(&colors) & ((1 << rest.len()) - 1);
             }
             words[0] &= u64::MAX << (columns.start % 64);
             if !end.is_multiple_of(64) {
@@ -279,19 +279,19 @@ impl<C: Classes> Kernel for Mark<'_, C> {
 mod tests {
     use super::*;
 
-    const GREEN: ColourBox = ColourBox { least: [16, 80, 24], most: [79, 255, 103] };
+    const GREEN: ColorBox = ColorBox { least: [16, 80, 24], most: [79, 255, 103] };
 
     #[test]
     fn a_table_of_a_box_marks_what_the_box_marks() {
         let data: Vec<u8> = (0..3 * 150 * 7_usize).map(|i| (i * i * 31 + i * 7) as u8).collect();
         let picture = RgbView::new(&data, 150, 7, 450).unwrap();
-        let mut table = ColourTable::default();
+        let mut table = ColorTable::default();
         table.insert_box(&GREEN);
         assert_eq!(table.count(), 8 * 22 * 10);
         let columns = [0..150, 3..149, 64..128, 63..65, 10..10, 140..900];
         let (mut by_box, mut by_table) = (BitImage::default(), BitImage::default());
-        FloorColours::Box(GREEN).mark(picture, &columns, &mut by_box);
-        FloorColours::Table(table).mark(picture, &columns, &mut by_table);
+        FloorColors::Box(GREEN).mark(picture, &columns, &mut by_box);
+        FloorColors::Table(table).mark(picture, &columns, &mut by_table);
         let mut count = 0;
         for v in 0..7 {
             for u in 0..150 {
@@ -305,32 +305,32 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_box_has_no_colour() {
+    fn an_empty_box_has_no_color() {
         let data: Vec<u8> = (0..3 * 64).map(|i| i as u8).collect();
         let picture = RgbView::new(&data, 64, 1, 192).unwrap();
         let mut mask = BitImage::default();
-        let empty = ColourBox { least: [0, 9, 0], most: [255, 8, 255] };
-        FloorColours::Box(empty).mark(picture, std::slice::from_ref(&(0..64)), &mut mask);
+        let empty = ColorBox { least: [0, 9, 0], most: [255, 8, 255] };
+        FloorColors::Box(empty).mark(picture, std::slice::from_ref(&(0..64)), &mut mask);
         assert_eq!(mask.count(), 0);
         assert_eq!(every_third(1 | 1 << 3 | 1 << 30 | 1 << 63), 1 | 2 | 1 << 10 | 1 << 21);
     }
 
     #[test]
     fn a_box_moves_step_by_step() {
-        let moved = GREEN.towards(&ColourBox { least: [10, 200, 24], most: [255, 255, 0] }, 20);
-        assert_eq!(moved, ColourBox { least: [10, 100, 24], most: [99, 255, 83] });
-        assert_eq!(GREEN.widened(30), ColourBox { least: [0, 50, 0], most: [109, 255, 133] });
+        let moved = GREEN.towards(&ColorBox { least: [10, 200, 24], most: [255, 255, 0] }, 20);
+        assert_eq!(moved, ColorBox { least: [10, 100, 24], most: [99, 255, 83] });
+        assert_eq!(GREEN.widened(30), ColorBox { least: [0, 50, 0], most: [109, 255, 133] });
         assert_eq!((GREEN.spread(), moved.spread()), (175, 155));
     }
 
     #[test]
     fn a_table_survives_being_written() {
-        let mut table = ColourTable::default();
+        let mut table = ColorTable::default();
         table.insert([255, 0, 255]);
         table.insert([8, 130, 40]);
         let lines = table.to_lines();
-        assert_eq!(ColourTable::from_lines(&lines), Some(table));
-        assert_eq!(ColourTable::from_lines(&lines[1..]), None);
-        assert_eq!(ColourTable::from_lines(&vec!["é"; 32]), None);
+        assert_eq!(ColorTable::from_lines(&lines), Some(table));
+        assert_eq!(ColorTable::from_lines(&lines[1..]), None);
+        assert_eq!(ColorTable::from_lines(&vec!["é"; 32]), None);
     }
 }

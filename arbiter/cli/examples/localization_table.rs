@@ -1,10 +1,10 @@
 //! How well a robot knows where it is while it drives: runs a task for some seeds, each with several latencies of its camera, with
 //! and without retroactive correction, and compares the pose with the truth.
 //!
-//!     cargo run --release -p yamabico --example localisation_table -- TASK [--seeds 5] [--json]
+//!     cargo run --release -p yamabico --example localization_table -- TASK [--seeds 5] [--json]
 //!
 //! With a latency the camera takes a picture as soon as the one before has been worked on, as slow vision does. The task file's
-//! `map-localizer` drives; its `max_evidence_age_ms` has to let it (`configs/localisation.toml`).
+//! `map-localizer` drives; its `max_evidence_age_ms` has to let it (`configs/localization.toml`).
 
 use std::path::PathBuf;
 use std::process::ExitCode;
