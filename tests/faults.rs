@@ -1,6 +1,4 @@
-//! Sensors that go wrong in the hallway: the robot comes to a stand and stays there, or goes on unharmed; nothing panics.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Faults of sensors in the hallway: the robot stops and stays at rest, or continues without contact; nothing panics.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,7 +7,7 @@ use std::time::Duration;
 
 use bytemuck::Pod;
 use yamabico::plugins::plugins;
-use yamabico_core::behavior::{BuildError, Outputs, PublishError};
+use yamabico_core::behavior::{Outputs, ParameterError, PublishError};
 use yamabico_core::driver::{Device, DeviceSpec, Driver, DriverInfo, PartSpec, SensorDescription};
 use yamabico_core::message::{
     Beam, Command, FrameHeader, Message, MessageType, Odometry, RangeScanHeader, RawMessage, Truth,
@@ -19,93 +17,93 @@ use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
 use yamabico_host::config::{Overrides, load};
-use yamabico_runtime::execution::End;
+use yamabico_runtime::execution::RunEnd;
 use yamabico_runtime::record::Tap;
-use yamabico_runtime::run::{Options, Ran, run};
+use yamabico_runtime::run::{Options, RunResult, run};
 
-/// When the sensor goes wrong: the robot has its speed by then, and has met nobody yet.
-const WRONG: Time = Time(2_000_000_000);
-/// From then on it must stand: old evidence is good for a second, and braking takes half a one.
-const STAND: Time = Time(4_000_000_000);
+/// Time of the fault: the robot drives at its speed and has not met the person yet.
+const FAULT: Time = Time(2_000_000_000);
+/// Time from which the robot must be at rest: old evidence is valid for 1 s, and braking takes 0.5 s.
+const AT_REST: Time = Time(4_000_000_000);
 
-/// What a sensor does from [`WRONG`] on.
+/// Behavior of a sensor from [`FAULT`] on.
 #[derive(Clone, Copy, Debug)]
 enum Fault {
     Silent,
     Empty,
-    NoNumber,
+    NotANumber,
     FromTheFuture,
     FromThePast,
     None,
 }
 
-/// A sensor whose messages are damaged on their way.
-struct Damaged {
+/// A sensor whose messages are corrupted.
+struct CorruptedSensor {
     name: String,
     sensor: Box<dyn Sensor>,
     fault: Fault,
 }
 
-impl Sensor for Damaged {
+impl Sensor for CorruptedSensor {
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
-        if now < WRONG {
+        if now < FAULT {
             return self.sensor.poll(now, outputs);
         }
-        let mut said = Published::default();
-        let due = self.sensor.poll(now, &mut Outputs::new(&mut said))?;
-        for (_, message, RawMessage { header, items }) in said.iter() {
+        let mut published = Published::default();
+        let due = self.sensor.poll(now, &mut Outputs::new(&mut published))?;
+        for (_, message, RawMessage { header, items }) in published.iter() {
             match message.name {
-                RangeScanHeader::NAME => self.pass_on::<RangeScanHeader>(header, items, outputs)?,
-                FrameHeader::NAME => self.pass_on::<FrameHeader>(header, items, outputs)?,
-                _ => self.pass_on::<Odometry>(header, items, outputs)?,
+                RangeScanHeader::NAME => self.forward::<RangeScanHeader>(header, items, outputs)?,
+                FrameHeader::NAME => self.forward::<FrameHeader>(header, items, outputs)?,
+                _ => self.forward::<Odometry>(header, items, outputs)?,
             }
         }
         Ok(due)
     }
 }
 
-/// A message with something to damage.
-trait Damage: Message {
+/// A message that can be corrupted.
+trait Corrupt: Message {
     fn restamp(&mut self, shift: fn(u64) -> u64);
-    fn spoil(&mut self, items: &mut [Self::Item]);
+    fn invalidate(&mut self, items: &mut [Self::Item]);
 }
 
-impl Damage for RangeScanHeader {
+impl Corrupt for RangeScanHeader {
     fn restamp(&mut self, shift: fn(u64) -> u64) {
         self.stamp_ns = shift(self.stamp_ns);
     }
 
-    fn spoil(&mut self, beams: &mut [Beam]) {
+    fn invalidate(&mut self, beams: &mut [Beam]) {
         for beam in beams {
             (beam.range_m, beam.flags) = (f64::NAN, 0);
         }
     }
 }
 
-impl Damage for FrameHeader {
+impl Corrupt for FrameHeader {
     fn restamp(&mut self, shift: fn(u64) -> u64) {
         self.stamp_ns = shift(self.stamp_ns);
     }
 
-    /// A picture has no room for what is no number; what it says of its size can be nonsense.
-    fn spoil(&mut self, _: &mut [u8]) {
+    /// Pixels cannot be NaN, but the header can contradict the image.
+    fn invalidate(&mut self, _: &mut [u8]) {
         (self.exposure, self.stride) = (f64::NAN, u32::MAX);
     }
 }
 
-impl Damage for Odometry {
+impl Corrupt for Odometry {
     fn restamp(&mut self, shift: fn(u64) -> u64) {
         self.stamp_ns = shift(self.stamp_ns);
     }
 
-    fn spoil(&mut self, _: &mut [u8]) {
+    fn invalidate(&mut self, _: &mut [u8]) {
         (self.x, self.y, self.theta, self.vx, self.omega) =
             (f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN);
     }
 }
 
-impl Damaged {
-    fn pass_on<M: Damage>(
+impl CorruptedSensor {
+    fn forward<M: Corrupt>(
         &self,
         header: &[u8],
         items: &[u8],
@@ -120,7 +118,7 @@ impl Damaged {
             Fault::None => {}
             Fault::Silent => return Ok(()),
             Fault::Empty => items.clear(),
-            Fault::NoNumber => header.spoil(&mut items),
+            Fault::NotANumber => header.invalidate(&mut items),
             Fault::FromTheFuture => header.restamp(|stamp_ns| stamp_ns + 60_000_000_000),
             Fault::FromThePast => header.restamp(|stamp_ns| stamp_ns / 1000),
         }
@@ -128,7 +126,7 @@ impl Damaged {
     }
 }
 
-/// The simulator with one sensor that goes wrong.
+/// The simulator with one faulty sensor.
 struct FaultySimulator {
     simulator: Arc<dyn Driver>,
     sensor: &'static str,
@@ -140,16 +138,17 @@ impl Driver for FaultySimulator {
         self.simulator.info()
     }
 
-    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, BuildError> {
+    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, ParameterError> {
         self.simulator.describe_sensor(sensor, folder)
     }
 
-    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError> {
+    fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {
         let mut device = self.simulator.open(spec)?;
         let sensors = device.sensors.into_iter().map(|(name, sensor)| {
             let is_faulty = name == self.sensor;
-            let damaged = |sensor| Box::new(Damaged { name: name.clone(), sensor, fault: self.fault });
-            let sensor = if is_faulty { damaged(sensor) as Box<dyn Sensor> } else { sensor };
+            let corrupted =
+                |sensor| Box::new(CorruptedSensor { name: name.clone(), sensor, fault: self.fault });
+            let sensor = if is_faulty { corrupted(sensor) as Box<dyn Sensor> } else { sensor };
             (name, sensor)
         });
         device.sensors = sensors.collect();
@@ -157,7 +156,7 @@ impl Driver for FaultySimulator {
     }
 }
 
-/// How fast the robot was when, and what the motors were told.
+/// True speeds, and the number of commands.
 #[derive(Default)]
 struct Speeds {
     true_mps: Vec<(Time, f64)>,
@@ -182,82 +181,82 @@ impl Tap for Speeds {
 }
 
 impl Speeds {
-    fn fastest_mps(&self, from: Time, to: Time) -> f64 {
+    fn max_mps(&self, from: Time, to: Time) -> f64 {
         let within = self.true_mps.iter().filter(|(time, _)| (from..to).contains(time));
         within.map(|&(_, speed)| speed).fold(0.0, f64::max)
     }
 }
 
-fn drive(sensor: &'static str, fault: Fault) -> (Ran, Speeds) {
+fn drive(sensor: &'static str, fault: Fault) -> (RunResult, Speeds) {
     let driver = FaultySimulator { simulator: yamabico_sim::driver(), sensor, fault };
     let plugins = Plugins { drivers: vec![Arc::new(driver)], ..plugins() };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../configs/hallway.toml");
+    let path = yamabico_testkit::config("hallway.toml");
     let mut task =
         load(&path, &Overrides::default(), &plugins).unwrap_or_else(|problems| panic!("{problems}"));
     task.run.duration = Some(Duration::from_secs(6));
     let mut speeds = Speeds::default();
-    let ran = run(&task, &Options::default(), &AtomicBool::new(false), &mut speeds, &mut |_| {}).unwrap();
-    assert_eq!((ran.end, ran.is_done(), ran.summary.contacts), (End::TimeOver, false, Some(0)));
+    let result = run(&task, &Options::default(), &AtomicBool::new(false), &mut speeds, &mut |_| {}).unwrap();
+    assert_eq!((result.end, result.is_done(), result.summary.contacts), (RunEnd::TimeOver, false, Some(0)));
     assert!(speeds.commands >= 300, "{} commands in six seconds", speeds.commands);
-    let before = speeds.fastest_mps(Time::ZERO, WRONG);
-    assert!(before > 0.3, "it had {before} m/s before the sensor went wrong");
-    (ran, speeds)
+    let before = speeds.max_mps(Time::ZERO, FAULT);
+    assert!(before > 0.3, "only {before} m/s before the fault");
+    (result, speeds)
 }
 
-fn stands(sensor: &'static str, fault: Fault) {
+fn assert_stops(sensor: &'static str, fault: Fault) {
     let (_, speeds) = drive(sensor, fault);
-    let after = speeds.fastest_mps(STAND, Time(u64::MAX));
-    assert!(after < 0.01, "{sensor} {fault:?}: it moved at {after} m/s");
+    let after = speeds.max_mps(AT_REST, Time(u64::MAX));
+    assert!(after < 0.01, "{sensor} {fault:?}: still {after} m/s");
 }
 
 #[test]
-fn a_sound_robot_drives_on() {
+fn without_a_fault_the_robot_continues() {
     let (_, speeds) = drive("sonar", Fault::None);
-    assert!(speeds.fastest_mps(STAND, Time(u64::MAX)) > 0.3);
+    assert!(speeds.max_mps(AT_REST, Time(u64::MAX)) > 0.3);
 }
 
 #[test]
 fn a_silent_sonar_stops_the_robot() {
-    stands("sonar", Fault::Silent);
+    assert_stops("sonar", Fault::Silent);
 }
 
 #[test]
 fn an_empty_scan_stops_the_robot() {
-    stands("sonar", Fault::Empty);
+    assert_stops("sonar", Fault::Empty);
 }
 
 #[test]
-fn ranges_that_are_no_numbers_stop_the_robot() {
-    stands("sonar", Fault::NoNumber);
+fn ranges_that_are_not_numbers_stop_the_robot() {
+    assert_stops("sonar", Fault::NotANumber);
 }
 
 #[test]
 fn ranges_from_another_time_stop_the_robot() {
-    stands("sonar", Fault::FromTheFuture);
-    stands("sonar", Fault::FromThePast);
+    assert_stops("sonar", Fault::FromTheFuture);
+    assert_stops("sonar", Fault::FromThePast);
 }
 
 #[test]
 fn a_silent_camera_stops_the_robot() {
-    stands("front", Fault::Silent);
+    assert_stops("front", Fault::Silent);
 }
 
 #[test]
-fn pictures_that_are_none_stop_the_robot() {
-    stands("front", Fault::Empty);
-    stands("front", Fault::NoNumber);
+fn invalid_frames_stop_the_robot() {
+    assert_stops("front", Fault::Empty);
+    assert_stops("front", Fault::NotANumber);
 }
 
 #[test]
-fn pictures_from_another_time_stop_the_robot() {
-    stands("front", Fault::FromTheFuture);
-    stands("front", Fault::FromThePast);
+fn frames_from_another_time_stop_the_robot() {
+    assert_stops("front", Fault::FromTheFuture);
+    assert_stops("front", Fault::FromThePast);
 }
 
 #[test]
-fn wheels_that_go_wrong_cost_no_contact() {
+fn faulty_odometry_causes_no_contact() {
     drive("wheels", Fault::Silent);
-    drive("wheels", Fault::NoNumber);
+    drive("wheels", Fault::NotANumber);
     drive("wheels", Fault::FromTheFuture);
     drive("wheels", Fault::FromThePast);
 }

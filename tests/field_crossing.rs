@@ -1,20 +1,15 @@
-//! A small field with cubes on it: by what a mirror camera shows of the floor, robots of both kinds of drive come through to
-//! the other side and touch nothing.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! A small field with cubes: robots with both kinds of drive cross it without contact, by the floor that a mirror camera observes.
 
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
 use yamabico::plugins::plugins;
-use yamabico_core::message::MessageType;
-use yamabico_core::time::Time;
 use yamabico_host::config::{Overrides, load};
-use yamabico_runtime::execution::End;
-use yamabico_runtime::record::Tap;
-use yamabico_runtime::run::{Options, run};
+use yamabico_runtime::execution::RunEnd;
+use yamabico_runtime::record::Tee;
 
-const WORLD: &str = include_str!("../behaviors/free_space_avoider/examples/field/field.toml");
+use crate::support::run_seed;
+
+const WORLD: &str = yamabico_rigs::field::FIELD;
 
 const ROBOT: &str = r#"
 name = "field-NAME"
@@ -78,12 +73,6 @@ goal_m = [2.15, 0.0]
 tolerance_m = 0.15
 "#;
 
-struct Nobody;
-
-impl Tap for Nobody {
-    fn message(&mut self, _: &str, _: &MessageType, _: Time, _: &[u8], _: &[u8]) {}
-}
-
 fn cross(drive: &str) {
     let name = format!("{drive}-{}", std::process::id());
     let folder: PathBuf = std::env::temp_dir().join(format!("yamabico-field-{name}"));
@@ -95,21 +84,20 @@ fn cross(drive: &str) {
     let task =
         load(&folder.join("task.toml"), &Overrides::default(), &plugins()).unwrap_or_else(|e| panic!("{e}"));
     for seed in 1..=6 {
-        let options = Options { seed, ..Options::default() };
-        let ran = run(&task, &options, &AtomicBool::new(false), &mut Nobody, &mut |_| {}).unwrap();
-        let summary = &ran.summary;
-        println!("{drive}, seed {seed}: {:?} {summary:?}", ran.end);
-        assert_eq!((ran.end, summary.contacts), (End::Arrived, Some(0)), "{drive}, seed {seed}");
+        let result = run_seed(&task, seed, &mut Tee::default());
+        let summary = &result.summary;
+        println!("{drive}, seed {seed}: {:?} {summary:?}", result.end);
+        assert_eq!((result.end, summary.contacts), (RunEnd::Arrived, Some(0)), "{drive}, seed {seed}");
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
 #[test]
-fn a_robot_that_drives_sideways_crosses_the_field() {
+fn a_holonomic_robot_crosses_the_field() {
     cross("holonomic");
 }
 
 #[test]
-fn a_robot_that_turns_crosses_the_field() {
+fn a_differential_robot_crosses_the_field() {
     cross("differential");
 }

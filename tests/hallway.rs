@@ -1,29 +1,22 @@
-//! The hallway: past somebody who crosses it and around a box to the goal, and the same seed gives the same bytes.
+//! The hallway: past a crossing person and around a box to the goal; equal seeds give equal digests.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use yamabico::plugins::plugins;
 use yamabico_arbiter::kinematics::Kinematics;
 use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
-use yamabico_host::config::{Overrides, Task, load};
-use yamabico_runtime::execution::{End, Plan};
+use yamabico_host::config::Task;
+use yamabico_runtime::execution::{Plan, RunEnd};
 use yamabico_runtime::record::{Tap, Tee};
-use yamabico_runtime::run::{Options, Ran, run};
+use yamabico_runtime::run::{Options, RunResult, run};
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
+use crate::support::task;
 
 fn hallway() -> Task {
-    load(&root().join("configs/hallway.toml"), &Overrides::default(), &plugins())
-        .unwrap_or_else(|e| panic!("{e}"))
+    task("hallway", &[])
 }
 
-fn drive(seed: u64, threads: usize) -> Ran {
+fn drive(seed: u64, threads: usize) -> RunResult {
     let options = Options { seed, threads, ..Options::default() };
     run(&hallway(), &options, &AtomicBool::new(false), &mut Tee::default(), &mut |_| {}).unwrap()
 }
@@ -34,7 +27,7 @@ fn the_robot_passes_a_person_and_a_box_and_arrives() {
         let summary = drive(seed, 1).summary;
         assert!(summary.arrived, "seed {seed}: not arrived");
         assert_eq!((summary.contacts, summary.struck), (Some(0), Some(0)), "seed {seed}");
-        assert!(!summary.encounters.is_empty(), "seed {seed}: the person was met");
+        assert!(!summary.encounters.is_empty(), "seed {seed}: no person was met");
         let avoiding_s = summary.control_s.get("stationary-obstacle-avoider").copied().unwrap_or(0.0);
         assert!(avoiding_s > 2.0, "seed {seed}: {avoiding_s} s around the box");
         let following_s = summary.control_s.get("map-localizer").copied().unwrap_or(0.0);
@@ -43,7 +36,7 @@ fn the_robot_passes_a_person_and_a_box_and_arrives() {
 }
 
 #[test]
-fn the_wheels_of_the_robot_file_bound_what_is_commanded() {
+fn the_wheels_of_the_robot_file_limit_the_commands() {
     let kinematics = Plan::new(&hallway(), 1).policy.kinematics;
     let wheels = Kinematics::Differential { base_m: 0.32, wheel_radius_m: 0.05, max_wheel_radps: 14.0 };
     assert_eq!(kinematics, wheels);
@@ -55,10 +48,10 @@ fn one_seed_gives_one_run_on_any_number_of_threads() {
     let second = drive(7, 2);
     assert_eq!(first.summary.digest, second.summary.digest);
     assert_eq!(first.summary.topics, second.summary.topics);
-    assert_ne!(first.summary.digest, drive(8, 1).summary.digest, "another seed is another run");
+    assert_ne!(first.summary.digest, drive(8, 1).summary.digest, "another seed must give another run");
 }
 
-/// Raises a flag after so many seconds and keeps the last truth.
+/// Interrupts the run at a time and records the speed.
 struct Interrupter<'a> {
     flag: &'a AtomicBool,
     at: Time,
@@ -77,16 +70,16 @@ impl Tap for Interrupter<'_> {
 }
 
 #[test]
-fn an_interrupt_stops_the_robot_first() {
+fn an_interrupt_stops_the_robot_before_the_run_ends() {
     let flag = AtomicBool::new(false);
     let mut tap = Interrupter { flag: &flag, at: Time::from_secs_f64(4.0), speed: Vec::new() };
-    let ran = run(&hallway(), &Options::default(), &flag, &mut tap, &mut |_| {}).unwrap();
-    assert_eq!(ran.end, End::Interrupted);
-    let fastest = tap.speed.iter().copied().fold(0.0, f64::max);
-    assert!(fastest > 0.3, "it drove at {fastest} m/s");
+    let result = run(&hallway(), &Options::default(), &flag, &mut tap, &mut |_| {}).unwrap();
+    assert_eq!(result.end, RunEnd::Interrupted);
+    let max_mps = tap.speed.iter().copied().fold(0.0, f64::max);
+    assert!(max_mps > 0.3, "only {max_mps} m/s");
     assert!(
         tap.speed.last().is_some_and(|speed| speed.abs() < 0.01),
-        "it ended at {:?} m/s",
+        "{:?} m/s at the end",
         tap.speed.last()
     );
 }

@@ -1,23 +1,13 @@
-//! The office: without a map the robot finds its way among furniture and touches nothing.
+//! The office: without a map the robot drives among furniture without contact.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
-
-use yamabico::plugins::plugins;
 use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
-use yamabico_host::config::{Overrides, load};
-use yamabico_runtime::execution::End;
+use yamabico_runtime::execution::RunEnd;
 use yamabico_runtime::record::Tap;
-use yamabico_runtime::run::{Options, run};
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
+use crate::support::{run_seed, task};
 
-/// The rooms that the robot has been in.
+/// Rooms that the robot has visited.
 #[derive(Default)]
 struct Rooms {
     first: bool,
@@ -36,17 +26,15 @@ impl Tap for Rooms {
 }
 
 #[test]
-fn the_robot_touches_nothing_and_keeps_on_finding_a_way() {
-    let task = load(&root().join("configs/office.toml"), &Overrides::default(), &plugins())
-        .unwrap_or_else(|e| panic!("{e}"));
+fn the_robot_has_no_contact_and_visits_both_rooms() {
+    let task = task("office", &[]);
     let drive = |seed| {
         let mut rooms = Rooms::default();
-        let options = Options { seed, ..Options::default() };
-        let ran = run(&task, &options, &AtomicBool::new(false), &mut rooms, &mut |_| {}).unwrap();
-        let summary = &ran.summary;
-        assert_eq!((ran.end, summary.contacts), (End::TimeOver, Some(0)), "seed {seed}");
+        let result = run_seed(&task, seed, &mut rooms);
+        let summary = &result.summary;
+        assert_eq!((result.end, summary.contacts), (RunEnd::TimeOver, Some(0)), "seed {seed}");
         assert!(summary.distance_m > 15.0, "seed {seed}: {} m", summary.distance_m);
-        assert!(rooms.first && rooms.second, "seed {seed}: it went through the doorway");
+        assert!(rooms.first && rooms.second, "seed {seed}: it did not pass the doorway");
     };
     std::thread::scope(|scope| [1, 2].map(|seed| scope.spawn(move || drive(seed))).map(|_| ()));
 }

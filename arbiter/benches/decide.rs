@@ -1,10 +1,10 @@
-//! Time of one decision, beside that of a scan for the freshest highest priority in the same slots.
+//! Duration of one decision, compared with a scan for the highest fresh priority in the same slots.
 
 use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use yamabico_arbiter::decide::{Decision, State, decide};
+use yamabico_arbiter::decide::{ArbiterState, Decision, decide};
 use yamabico_arbiter::kinematics::Kinematics;
 use yamabico_arbiter::policy::{BehaviorPolicy, Policy, Wire};
 use yamabico_core::message::{Axes, Kind, Proposal, Reason, Sector, Twist};
@@ -13,7 +13,7 @@ use yamabico_core::time::Time;
 
 const START: Time = Time(1_000_000_000);
 
-/// `count` behaviors whose proposals stay fresh for the whole benchmark.
+/// Policy of `count` behaviors whose proposals stay fresh for the whole benchmark.
 fn policy(count: usize) -> Policy {
     let behaviors = (0..count).map(|i| BehaviorPolicy {
         max_age: Duration::from_secs(1_000_000),
@@ -24,7 +24,7 @@ fn policy(count: usize) -> Policy {
     Policy::new(MotionLimits::default(), kinematics, behaviors.collect())
 }
 
-/// Everybody drives, each on its own.
+/// Drive proposals of every behavior.
 fn drives(count: usize) -> Vec<Option<Proposal>> {
     let drive = |i: usize| Proposal {
         sequence: 7,
@@ -36,7 +36,7 @@ fn drives(count: usize) -> Vec<Option<Proposal>> {
     (0..count).map(|i| Some(drive(i))).collect()
 }
 
-/// Of eight, one halts turning, two limit, one abstains, one is malformed and three drive.
+/// Mixture of proposals: of every eight, one halts turning, two limit, one abstains, one is malformed and three drive.
 fn mixture(count: usize) -> Vec<Option<Proposal>> {
     let mut proposals = drives(count);
     for (i, slot) in proposals.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ fn mixture(count: usize) -> Vec<Option<Proposal>> {
     proposals
 }
 
-/// The twist of the freshest drive of the highest priority, and nothing else.
+/// Twist of the fresh drive proposal with the highest priority.
 fn scan(proposals: &[Option<Proposal>], now: Time, max_age: Duration) -> Option<Twist> {
     let mut best: Option<&Proposal> = None;
     for proposal in proposals.iter().flatten() {
@@ -79,7 +79,7 @@ fn measure(criterion: &mut Criterion) {
             ("mixture with wires", wired, mixture(count)),
         ];
         for (name, policy, proposals) in &cases {
-            let mut state = State::new(policy);
+            let mut state = ArbiterState::new(policy);
             let mut decision = Decision::new(policy);
             let mut now = START;
             group.bench_function(BenchmarkId::new(*name, count), |bencher| {

@@ -5,47 +5,47 @@ use std::f64::consts::TAU;
 use yamabico_core::drive::Wheels;
 use yamabico_core::message::{Axes, Twist};
 
-/// How a drive turns wheel speeds into motion.
+/// Relation between wheel speeds and the motion of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kinematics {
-    /// Two wheels on one axle, with the robot frame in the middle of the axle.
+    /// Two wheels on one axle; the robot frame is in the middle of the axle.
     Differential {
-        /// Distance between the wheels' points of contact, meters.
+        /// Distance between the contact points of the wheels, m.
         base_m: f64,
-        /// Wheel radius, meters.
+        /// Wheel radius, m.
         wheel_radius_m: f64,
-        /// Largest wheel speed, rad/s.
+        /// Maximum wheel speed, rad/s.
         max_wheel_radps: f64,
     },
     /// Omnidirectional wheels, evenly spaced on a circle about the robot frame, each rolling along the tangent.
     Omni {
-        /// How many.
+        /// Number and placement of the wheels.
         wheels: OmniWheels,
-        /// Radius of the circle, meters.
+        /// Radius of the circle, m.
         ring_radius_m: f64,
-        /// Wheel radius, meters.
+        /// Wheel radius, m.
         wheel_radius_m: f64,
-        /// Largest wheel speed, rad/s.
+        /// Maximum wheel speed, rad/s.
         max_wheel_radps: f64,
     },
-    /// The drive takes body twists on these axes and sees to its wheels itself.
+    /// A drive that accepts body twists on these axes and controls its wheels itself.
     Body {
-        /// The axes that it takes.
+        /// Axes that it accepts.
         axes: Axes,
     },
 }
 
-/// Number and place of omnidirectional wheels.
+/// Number and placement of omnidirectional wheels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OmniWheels {
-    /// At 60, 180 and 300 degrees, so that the robot drives forward with one wheel behind.
+    /// At 60, 180 and 300 degrees: the robot drives forward with one wheel behind.
     Three,
     /// At 45, 135, 225 and 315 degrees.
     Four,
 }
 
-/// Speeds of up to four wheels, rad/s; a positive wheel of a differential drive rolls forward (left, right), one of an omni
-/// drive turns the robot to the left.
+/// Speeds of up to four wheels, rad/s. A positive speed of a differential drive's wheel (left, right) rolls forward, one of
+/// an omni drive turns the robot left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WheelSpeeds {
     rad_s: [f64; 4],
@@ -53,26 +53,26 @@ pub struct WheelSpeeds {
 }
 
 impl WheelSpeeds {
-    /// From one speed a wheel, at most four, rad/s.
+    /// Wheel speeds from a slice of at most four, rad/s; more are ignored.
     pub fn new(rad_s: &[f64]) -> WheelSpeeds {
         let mut speeds = WheelSpeeds { rad_s: [0.0; 4], count: rad_s.len().min(4) };
         speeds.rad_s[..speeds.count].copy_from_slice(&rad_s[..speeds.count]);
         speeds
     }
 
-    /// One speed a wheel, rad/s.
+    /// Speed of each wheel, rad/s.
     pub fn as_slice(&self) -> &[f64] {
         &self.rad_s[..self.count]
     }
 
-    /// The fastest, rad/s; zero without wheels.
+    /// Largest magnitude, rad/s; zero without wheels.
     pub fn fastest(&self) -> f64 {
-        self.as_slice().iter().fold(0.0, |most, speed| speed.abs().max(most))
+        self.as_slice().iter().fold(0.0, |max, speed| speed.abs().max(max))
     }
 }
 
 impl Kinematics {
-    /// The kinematics of a drive that has these axes and, where they are known, these wheels.
+    /// Kinematics of a drive with these axes and, if they are known, these wheels.
     pub fn new(axes: Axes, wheels: Option<&Wheels>) -> Kinematics {
         let Some(wheels) = wheels else { return Kinematics::Body { axes } };
         let (wheel_radius_m, max_wheel_radps) = (wheels.radius_m, wheels.max_radps);
@@ -93,7 +93,7 @@ impl Kinematics {
         }
     }
 
-    /// The axes that the drive has.
+    /// Axes of the drive.
     pub fn axes(&self) -> Axes {
         match *self {
             Kinematics::Differential { .. } => Axes::PLANAR,
@@ -102,7 +102,7 @@ impl Kinematics {
         }
     }
 
-    /// What the wheels do for `twist`; no wheels for [`Kinematics::Body`].
+    /// Wheel speeds for `twist`; none for [`Kinematics::Body`].
     pub fn wheels_from_twist(&self, twist: Twist) -> WheelSpeeds {
         match *self {
             Kinematics::Differential { base_m, wheel_radius_m, .. } => {
@@ -125,46 +125,10 @@ impl Kinematics {
         }
     }
 
-    /// The motion of the body for these wheel speeds, by least squares where there are more wheels than axes; zero where
-    /// their number does not fit the drive.
-    pub fn twist_from_wheels(&self, speeds: &WheelSpeeds) -> Twist {
-        match (*self, speeds.as_slice()) {
-            (Kinematics::Differential { base_m, wheel_radius_m, .. }, &[left, right]) => {
-                Twist::planar((left + right) * wheel_radius_m / 2.0, (right - left) * wheel_radius_m / base_m)
-            }
-            (Kinematics::Omni { wheels, ring_radius_m, wheel_radius_m, .. }, rad_s)
-                if rad_s.len() == wheels.count() =>
-            {
-                // Evenly spaced tangents are orthogonal: the pseudo-inverse is the scaled transpose.
-                let n = wheels.count() as f64;
-                let mut twist = Twist::ZERO;
-                for (i, speed) in rad_s.iter().enumerate() {
-                    let (sin, cos) = wheels.azimuth_rad(i).sin_cos();
-                    twist.linear -= sin * speed * wheel_radius_m * 2.0 / n;
-                    twist.lateral += cos * speed * wheel_radius_m * 2.0 / n;
-                    twist.angular += speed * wheel_radius_m / (n * ring_radius_m);
-                }
-                twist
-            }
-            _ => Twist::ZERO,
-        }
-    }
-
-    /// The largest multiple of `twist`, at most itself, that the wheels can roll: the same curve, driven slower.
-    pub fn saturate(&self, twist: Twist) -> Twist {
-        let (Kinematics::Differential { max_wheel_radps, .. } | Kinematics::Omni { max_wheel_radps, .. }) =
-            *self
-        else {
-            return twist;
-        };
-        let fastest = self.wheels_from_twist(twist).fastest();
-        if fastest <= max_wheel_radps { twist } else { scaled(twist, max_wheel_radps / fastest) }
-    }
-
-    /// The same curve as `wanted`, slowed until the wheels can roll every mixture of it and `current` that a ramp passes
-    /// through. Lowering a component of `wanted` afterwards stays within reach.
+    /// Scales `wanted` down until the wheels can reach every mixture of it and `current` that a ramp passes through.
+    /// Lowering a component of the result stays within reach.
     ///
-    /// An omni drive counts its translation as if each wheel had to roll all of it.
+    /// For an omni drive, each wheel is assumed to roll the whole translation.
     pub fn reachable(&self, wanted: Twist, current: Twist) -> Twist {
         let (rim_mps, lever_m) = match *self {
             Kinematics::Differential { base_m, wheel_radius_m, max_wheel_radps } => {
@@ -181,7 +145,8 @@ impl Kinematics {
         if along.max(along_now) + around.max(around_now) <= rim_mps {
             return wanted;
         }
-        // The demand grows with the scale: nothing, then the one that first exceeds what is driven now, then both.
+        // The wheel speed needed grows with the scale: constant at first, then with the component that first exceeds its
+        // current value, then with both.
         let both = rim_mps / (along + around);
         let along_only = (rim_mps - around_now) / along;
         let around_only = (rim_mps - along_now) / around;
@@ -199,7 +164,7 @@ impl Kinematics {
 }
 
 impl OmniWheels {
-    /// How many wheels.
+    /// Number of wheels.
     pub fn count(self) -> usize {
         match self {
             OmniWheels::Three => 3,
@@ -207,7 +172,7 @@ impl OmniWheels {
         }
     }
 
-    /// Where wheel `index` stands on the circle, radians from straight ahead, left positive.
+    /// Azimuth of wheel `index` on the circle, rad from straight ahead, left positive.
     pub fn azimuth_rad(self, index: usize) -> f64 {
         (index as f64 + 0.5) * TAU / self.count() as f64
     }
@@ -234,6 +199,28 @@ mod tests {
         Kinematics::Omni { wheels, ring_radius_m: 0.2, wheel_radius_m: 0.05, max_wheel_radps: 20.0 }
     }
 
+    /// Twist of the body for these wheel speeds, by least squares if there are more wheels than axes.
+    fn twist_from_wheels(kinematics: Kinematics, speeds: &[f64]) -> Twist {
+        match (kinematics, speeds) {
+            (Kinematics::Differential { base_m, wheel_radius_m, .. }, &[left, right]) => {
+                Twist::planar((left + right) * wheel_radius_m / 2.0, (right - left) * wheel_radius_m / base_m)
+            }
+            (Kinematics::Omni { wheels, ring_radius_m, wheel_radius_m, .. }, radps) => {
+                // Evenly spaced tangents are orthogonal: the pseudo-inverse is the scaled transpose.
+                let n = wheels.count() as f64;
+                let mut twist = Twist::ZERO;
+                for (i, speed) in radps.iter().enumerate() {
+                    let (sin, cos) = wheels.azimuth_rad(i).sin_cos();
+                    twist.linear -= sin * speed * wheel_radius_m * 2.0 / n;
+                    twist.lateral += cos * speed * wheel_radius_m * 2.0 / n;
+                    twist.angular += speed * wheel_radius_m / (n * ring_radius_m);
+                }
+                twist
+            }
+            _ => Twist::ZERO,
+        }
+    }
+
     fn assert_close(a: Twist, b: Twist) {
         for axis in yamabico_core::message::Axis::ALL {
             assert!((a.get(axis) - b.get(axis)).abs() < 1e-12, "{a:?} {b:?}");
@@ -241,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wheels_of_a_robot_file_are_taken_over() {
+    fn kinematics_follow_from_the_wheels_of_a_robot_file() {
         let pair = Wheels { count: 2, from_center_m: 0.2, radius_m: 0.1, max_radps: 10.0 };
         assert_eq!(Kinematics::new(Axes::PLANAR, Some(&pair)), DIFFERENTIAL);
         let ring = Wheels { count: 3, radius_m: 0.05, max_radps: 20.0, ..pair };
@@ -264,26 +251,20 @@ mod tests {
     }
 
     #[test]
-    fn wheels_and_twist_go_there_and_back() {
-        for kinematics in [omni(OmniWheels::Three), omni(OmniWheels::Four)] {
-            let twist = Twist { linear: 0.3, lateral: -0.2, angular: 0.7 };
-            assert_close(kinematics.twist_from_wheels(&kinematics.wheels_from_twist(twist)), twist);
+    fn wheel_speeds_give_the_twist_back() {
+        let twist = Twist { linear: 0.3, lateral: -0.2, angular: 0.7 };
+        for (kinematics, twist) in [
+            (omni(OmniWheels::Three), twist),
+            (omni(OmniWheels::Four), twist),
+            (DIFFERENTIAL, Twist::planar(0.3, -0.7)),
+        ] {
+            let speeds = kinematics.wheels_from_twist(twist);
+            assert_close(twist_from_wheels(kinematics, speeds.as_slice()), twist);
         }
-        let twist = Twist::planar(0.3, -0.7);
-        assert_close(DIFFERENTIAL.twist_from_wheels(&DIFFERENTIAL.wheels_from_twist(twist)), twist);
-        assert_eq!(DIFFERENTIAL.twist_from_wheels(&WheelSpeeds::new(&[1.0, 2.0, 3.0])), Twist::ZERO);
     }
 
     #[test]
-    fn saturation_keeps_the_curve() {
-        let slow = DIFFERENTIAL.saturate(Twist::planar(2.0, 1.0));
-        assert!((slow.linear / slow.angular - 2.0).abs() < 1e-12);
-        assert!((DIFFERENTIAL.wheels_from_twist(slow).fastest() - 10.0).abs() < 1e-12);
-        assert_eq!(DIFFERENTIAL.saturate(Twist::planar(0.5, 1.0)), Twist::planar(0.5, 1.0));
-    }
-
-    #[test]
-    fn what_is_reachable_leaves_room_for_what_is_driven_now() {
+    fn a_reachable_target_leaves_room_for_the_current_motion() {
         let spinning = Twist::planar(0.0, 4.0);
         let target = DIFFERENTIAL.reachable(Twist::planar(1.0, 0.0), spinning);
         assert!((target.linear - 0.2).abs() < 1e-12, "{target:?}");

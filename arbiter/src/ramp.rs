@@ -1,36 +1,36 @@
-//! From the speed driven now towards the speed wanted, within acceleration and jerk.
+//! Acceleration and jerk limits between the current and the target speed.
 //!
 //! Translation moves in a straight line through the plane of velocities. Speeding up is limited in acceleration and jerk
-//! and lands softly. Slowing down is limited in deceleration, and its onset in jerk; its end is not softened, and speeding
-//! up is broken off at once: so a lower target never gives a higher speed than a higher target would.
+//! and ends smoothly. Slowing down is limited in deceleration, and its onset in jerk; its end is not smoothed, and speeding
+//! up is aborted at once: so a lower target never gives a higher speed than a higher target would.
 
 use yamabico_core::message::{Axes, Axis, Twist};
 use yamabico_core::sensor::MotionLimits;
 
 use crate::kinematics::translation;
 
-/// What a ramp may use for one step.
+/// Time steps and emergency axes of one step of a ramp.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Time that braking may use, seconds.
+    /// Time step for braking, s.
     pub braking_s: f64,
-    /// Time that speeding up may use, seconds.
+    /// Time step for speeding up, s.
     pub speeding_s: f64,
     /// Axes to bring to zero with the emergency deceleration, without jerk limit.
     pub emergency: Axes,
 }
 
-/// The motion commanded last, and how fast it changes.
+/// Twist commanded last, and its rate of change.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ramp {
     velocity: Twist,
-    /// Change of speed of the translation, m/s^2; negative while slowing down.
+    /// Rate of the translation's speed, m/s^2; negative while slowing down.
     translation_rate: f64,
-    /// Change of the turn rate's magnitude, rad/s^2; negative while slowing down.
+    /// Rate of the turn rate's magnitude, rad/s^2; negative while slowing down.
     angular_rate: f64,
 }
 
-/// Bounds of one degree of freedom, SI.
+/// Limits of one degree of freedom, SI units.
 #[derive(Clone, Copy)]
 struct Bounds {
     acceleration: f64,
@@ -39,16 +39,16 @@ struct Bounds {
 }
 
 impl Ramp {
-    /// The motion commanded last.
+    /// Twist commanded last.
     pub fn velocity(&self) -> Twist {
         self.velocity
     }
 
-    /// Goes one step towards `target`, with the limits of the axes in `has`, and returns the new motion.
+    /// Moves one step towards `target`, within the limits of the axes in `drive_axes`, and returns the new twist.
     ///
-    /// An axis in `step.emergency` heads for zero, whatever the target says.
-    pub fn advance(&mut self, target: Twist, step: Step, limits: &MotionLimits, has: Axes) -> Twist {
-        self.translate(target, step, limits, has);
+    /// An axis in `step.emergency` brakes to zero, whatever the target is.
+    pub fn advance(&mut self, target: Twist, step: Step, limits: &MotionLimits, drive_axes: Axes) -> Twist {
+        self.translate(target, step, limits, drive_axes);
         self.turn(target.angular, step, limits);
         if !self.velocity.is_finite() {
             *self = Ramp::default();
@@ -56,15 +56,15 @@ impl Ramp {
         self.velocity
     }
 
-    fn translate(&mut self, target: Twist, step: Step, limits: &MotionLimits, has: Axes) {
-        let plane = has.without(Axes::ANGULAR);
+    fn translate(&mut self, target: Twist, step: Step, limits: &MotionLimits, drive_axes: Axes) {
+        let plane = drive_axes.without(Axes::ANGULAR);
         let halted = step.emergency.intersection(plane);
-        let brake = least(&limits.emergency, plane) * step.braking_s;
+        let brake = smallest(&limits.emergency, plane) * step.braking_s;
         if halted.is_empty() {
             let bounds = Bounds {
-                acceleration: least(&limits.acceleration, plane),
-                deceleration: least(&limits.deceleration, plane),
-                jerk: least(&limits.jerk, plane),
+                acceleration: smallest(&limits.acceleration, plane),
+                deceleration: smallest(&limits.deceleration, plane),
+                jerk: smallest(&limits.jerk, plane),
             };
             let [x, y] = approach(
                 [self.velocity.linear, self.velocity.lateral],
@@ -116,23 +116,23 @@ impl Bounds {
     }
 }
 
-/// Slower than this is standing, m/s or rad/s.
-const STANDING_MPS: f64 = 1e-12;
+/// Speeds below this are zero, m/s or rad/s.
+const STANDING: f64 = 1e-12;
 
-/// One step from velocity `now` towards `target` in a straight line.
+/// Moves one step from velocity `now` towards `target` in a straight line.
 fn approach(now: [f64; 2], target: [f64; 2], rate: &mut f64, bounds: Bounds, step: Step) -> [f64; 2] {
     let gap = [target[0] - now[0], target[1] - now[1]];
     let distance = gap[0].hypot(gap[1]);
-    if distance < STANDING_MPS {
+    if distance < STANDING {
         *rate = 0.0;
         return target;
     }
     let along = (now[0] * gap[0] + now[1] * gap[1]) / distance;
-    let (length, reach) = if along < -STANDING_MPS {
+    let (length, reach) = if along < -STANDING {
         let dt = step.braking_s;
         let pace = ((-*rate).max(0.0) + bounds.jerk * dt).min(bounds.deceleration);
         *rate = -pace;
-        // Up to the slowest point of the way; beyond it the robot speeds up again.
+        // Up to the slowest point of the line; after it the robot speeds up again.
         (pace * dt, distance.min(-along))
     } else {
         let dt = step.speeding_s;
@@ -152,7 +152,7 @@ fn approach(now: [f64; 2], target: [f64; 2], rate: &mut f64, bounds: Bounds, ste
     [now[0] + gap[0] * part, now[1] + gap[1] * part]
 }
 
-/// The largest acceleration from which `jerk` still comes to zero within `distance`.
+/// Maximum acceleration that `jerk` can still bring to zero within `distance`.
 fn landing(distance: f64, jerk: f64, dt: f64) -> f64 {
     if jerk.is_finite() {
         jerk * ((dt * dt / 4.0 + 2.0 * distance / jerk).sqrt() - dt / 2.0)
@@ -161,15 +161,15 @@ fn landing(distance: f64, jerk: f64, dt: f64) -> f64 {
     }
 }
 
-/// `now` nearer to zero by `change`, never beyond.
+/// Moves `now` towards zero by `change`, not past it.
 fn braked(now: f64, change: f64) -> f64 {
     if now.abs() > change { now - change.copysign(now) } else { 0.0 }
 }
 
-/// The smallest entry of the axes in `among`; zero without any.
-fn least(values: &[f64; 3], among: Axes) -> f64 {
-    let least = among.iter().fold(f64::INFINITY, |least, axis| least.min(values[axis as usize]));
-    if least == f64::INFINITY && among.is_empty() { 0.0 } else { least }
+/// Smallest entry of the axes in `among`; zero if there are none.
+fn smallest(values: &[f64; 3], among: Axes) -> f64 {
+    let smallest = among.iter().fold(f64::INFINITY, |smallest, axis| smallest.min(values[axis as usize]));
+    if smallest == f64::INFINITY && among.is_empty() { 0.0 } else { smallest }
 }
 
 #[cfg(test)]

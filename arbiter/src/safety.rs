@@ -1,4 +1,4 @@
-//! What stops the robot whatever the behaviors want: the emergency stop, silence of a critical part, the clock.
+//! Stops that no behavior can override: the emergency stop, silence of a critical part, a clock that runs backwards.
 
 use std::time::Duration;
 
@@ -6,42 +6,42 @@ use yamabico_core::time::Time;
 
 use crate::policy::Policy;
 
-/// Why the whole robot is being stopped.
+/// Cause of a stop of the whole robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The emergency stop is latched.
     EmergencyStop,
     /// The run ends.
     ShuttingDown,
-    /// The critical behavior of this index is silent.
+    /// The critical behavior at this index is silent.
     Behavior(u16),
-    /// The critical sensor of this index is silent.
+    /// The critical sensor at this index is silent.
     Sensor(u16),
-    /// Time ran backwards; it has not yet caught up with the latest instant seen.
+    /// Time ran backwards and has not yet caught up with the latest instant seen.
     Clock,
 }
 
 impl Stop {
-    /// Whether to brake with the emergency deceleration.
+    /// Returns true if the robot brakes with the emergency deceleration.
     pub fn is_emergency(self) -> bool {
         self != Stop::ShuttingDown
     }
 }
 
-/// What somebody ordered, until further notice.
+/// Stops requested from outside, in force until they are released.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Orders {
+pub struct StopRequests {
     emergency: bool,
     shutting_down: bool,
 }
 
-impl Orders {
+impl StopRequests {
     /// Latches the emergency stop.
-    pub fn stop(&mut self) {
+    pub fn emergency_stop(&mut self) {
         self.emergency = true;
     }
 
-    /// Releases the emergency stop. The end of a run cannot be taken back.
+    /// Releases the emergency stop. The end of a run cannot be revoked.
     pub fn reset(&mut self) {
         self.emergency = false;
     }
@@ -51,8 +51,8 @@ impl Orders {
         self.shutting_down = true;
     }
 
-    /// The stop that is ordered.
-    pub fn stop_ordered(&self) -> Option<Stop> {
+    /// Requested stop; the emergency stop comes first.
+    pub fn requested(&self) -> Option<Stop> {
         if self.emergency {
             Some(Stop::EmergencyStop)
         } else if self.shutting_down {
@@ -63,55 +63,56 @@ impl Orders {
     }
 }
 
-/// When a part was last heard, and how long it may be silent.
+/// Watchdog of a critical part: time of its last sign of life and maximum silence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Watch {
-    longest: Duration,
-    heard: Option<Time>,
+pub struct Watchdog {
+    max_silence: Duration,
+    last: Option<Time>,
 }
 
-impl Watch {
-    /// A part not heard yet.
-    pub fn new(longest: Duration) -> Watch {
-        Watch { longest, heard: None }
+impl Watchdog {
+    /// A watchdog that has not been fed yet.
+    pub fn new(max_silence: Duration) -> Watchdog {
+        Watchdog { max_silence, last: None }
     }
 
-    /// It was heard at `at`.
-    pub fn hear(&mut self, at: Time) {
-        self.heard = Some(at);
+    /// Records a sign of life at `at`.
+    pub fn feed(&mut self, at: Time) {
+        self.last = Some(at);
     }
 
-    /// Whether it has been silent for too long at `now`, or was never heard, or was heard later than `tolerance` from now.
+    /// Returns true if the part has been silent for too long at `now`, was never fed, or was fed with a stamp more than
+    /// `tolerance` in the future.
     pub fn is_silent(&self, now: Time, tolerance: Duration) -> bool {
-        self.heard.is_none_or(|heard| now.since(heard) > self.longest || heard > now + tolerance)
+        self.last.is_none_or(|last| now.since(last) > self.max_silence || last > now + tolerance)
     }
 }
 
-/// The instant and the time that one decision may use.
+/// Instant and time steps of one decision.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
-    /// The instant that ages are counted to: the latest one seen.
+    /// Instant from which ages are counted: the latest one seen.
     pub now: Time,
-    /// Time that braking may use, seconds.
+    /// Time step for braking, s.
     pub braking_s: f64,
-    /// Time that speeding up may use, seconds: at most [`LONGEST_STEP_PERIODS`] periods.
+    /// Time step for speeding up, s: at most [`MAX_STEP_PERIODS`] periods.
     pub speeding_s: f64,
-    /// Whether time ran backwards.
+    /// Set if time ran backwards.
     pub backwards: bool,
 }
 
-/// After a gap the robot speeds up by no more than this many periods' worth.
-pub const LONGEST_STEP_PERIODS: f64 = 2.0;
+/// Maximum time step for speeding up after a gap, periods.
+pub const MAX_STEP_PERIODS: f64 = 2.0;
 
-/// The course of time over the decisions.
+/// Clock of the decisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Course {
+pub struct DecisionClock {
     latest: Option<Time>,
 }
 
-impl Course {
-    /// The next decision is at `now`. The first one uses one period. One in the past brakes for one period and does not
-    /// speed up.
+impl DecisionClock {
+    /// Advances to the next decision at `now`. The first decision has a step of one period. A decision in the past brakes for
+    /// one period and does not speed up.
     pub fn advance(&mut self, now: Time, policy: &Policy) -> Tick {
         let period_s = if policy.rate_hz > 0.0 { 1.0 / policy.rate_hz } else { 0.0 };
         let Some(latest) = self.latest else {
@@ -123,6 +124,6 @@ impl Course {
         }
         self.latest = Some(now);
         let dt_s = now.since(latest).as_secs_f64();
-        Tick { now, braking_s: dt_s, speeding_s: dt_s.min(LONGEST_STEP_PERIODS * period_s), backwards: false }
+        Tick { now, braking_s: dt_s, speeding_s: dt_s.min(MAX_STEP_PERIODS * period_s), backwards: false }
     }
 }

@@ -2,16 +2,13 @@
 
 use std::time::Duration;
 
-use yamabico_arbiter::decide::{Decision, State, decide};
+use yamabico_arbiter::decide::{ArbiterState, Decision, decide};
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviorPolicy, Contest, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, Policy, TieRule, Wire};
 use yamabico_core::message::{Axes, Proposal, Reason, Sector, Twist, Verdict};
 use yamabico_core::sensor::MotionLimits;
-use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
+use yamabico_core::testing::{Allocations, allocations};
 use yamabico_core::time::Time;
-
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
 
 fn proposal(i: usize, tick: u64) -> Option<Proposal> {
     let ahead = Sector { center_rad: 0.1, half_width_rad: 1.0 };
@@ -29,24 +26,24 @@ fn proposal(i: usize, tick: u64) -> Option<Proposal> {
 
 #[test]
 fn a_decision_and_its_messages_allocate_nothing() {
-    let behaviors = (0..64).map(|i| {
-        BehaviorPolicy::new(&format!("b{i}"), i / 2)
-            .with_hold(Duration::from_millis(50))
-            .with_dwell(Duration::from_millis(30))
+    let behaviors = (0..64).map(|i| BehaviorPolicy {
+        hold: Duration::from_millis(50),
+        dwell: Duration::from_millis(30),
+        ..BehaviorPolicy::new(&format!("b{i}"), i / 2)
     });
     let mut policy = Policy::new(
         MotionLimits::default(),
         Kinematics::Differential { base_m: 0.4, wheel_radius_m: 0.1, max_wheel_radps: 10.0 },
         behaviors.collect(),
     );
-    policy.contest = Contest::Blend;
+    policy.ties = TieRule::Blend;
     policy.wires = (0..32).map(|i| Wire::suppress(i, i + 32, Duration::from_millis(40))).collect();
-    let mut state = State::new(&policy);
+    let mut state = ArbiterState::new(&policy);
     let mut decision = Decision::new(&policy);
     let mut proposals = vec![None; 64];
     let mut verdicts = vec![Verdict::default(); 64];
 
-    let ((), asked) = allocations(|| {
+    let ((), counted) = allocations(|| {
         for tick in 1..500 {
             for (i, slot) in proposals.iter_mut().enumerate() {
                 *slot = proposal(i, tick);
@@ -57,5 +54,5 @@ fn a_decision_and_its_messages_allocate_nothing() {
             decision.write_verdicts(&policy, &mut verdicts);
         }
     });
-    assert_eq!(asked, Allocations::default());
+    assert_eq!(counted, Allocations::default());
 }

@@ -1,10 +1,11 @@
-//! The seam that a behavior implements: sensors in, one proposal out.
+//! The interface of a behavior: sensor messages in, one motion proposal out.
 //!
-//! The contract of [`Behavior::propose`]:
-//! - it reads no clock ([`Inputs::now`] is the time), never sleeps, starts no threads, logs nothing;
-//! - it allocates nothing after warm-up;
-//! - "nothing seen" is a value: [`Proposal::abstain`] with a reason; a panic is a bug, caught at the boundary;
-//! - a failure never raises the speed.
+//! Contract of [`Behavior::propose`]:
+//! - It reads no clock ([`Inputs::now`] is the current time), never sleeps, starts no threads and logs nothing.
+//! - It allocates nothing after the first calls.
+//! - A perception without a result is a value: [`Proposal::abstain`] with a reason. A panic is a bug: the host catches
+//!   it and restarts the behavior.
+//! - A failure never raises the speed.
 
 mod setup;
 
@@ -17,82 +18,83 @@ use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 
 pub use setup::Setup;
-pub use yamabico_parameters::BuildError;
+pub use yamabico_parameters::ParameterError;
 use yamabico_parameters::{FileKind, read, schema_of};
 
 use crate::message::{Axes, Message, MessageType, Proposal, RawMessage, View};
 use crate::time::Time;
 
-/// The longest memory of a behavior, bytes.
-pub const MAX_MEMORY_BYTES: usize = 16 * 1024;
+/// Maximum size of a behavior's saved state, bytes.
+pub const MAX_SAVED_STATE_BYTES: usize = 16 * 1024;
 
-/// A module that maps what it sees to a proposed motion.
+/// A module that maps sensor data to a proposed motion.
 pub trait Behavior: Send {
-    /// Looks at the inputs once and proposes. What else it found out goes to `outputs`.
+    /// Proposes a motion from the current inputs, and publishes other results, such as a pose, to `outputs`.
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal;
 
-    /// Appends to `memory` what a successor must know to go on where this one stops, should it die after this call: JSON, at most
-    /// [`MAX_MEMORY_BYTES`]. Nothing, for one that knows only what its inputs tell.
-    fn remember(&self, _memory: &mut Vec<u8>) {}
+    /// Appends the state that a restarted instance needs to continue from here to `state`: JSON, at most
+    /// [`MAX_SAVED_STATE_BYTES`]. Called after each [`propose`](Behavior::propose). A behavior that depends on its
+    /// current inputs only saves nothing.
+    fn save_state(&self, _state: &mut Vec<u8>) {}
 
-    /// Goes on where a predecessor stopped that remembered this. Called at most once, before the first
-    /// [`propose`](Behavior::propose); what makes no sense is not to be believed.
-    fn recall(&mut self, _memory: &[u8]) {}
+    /// Continues from the state that an earlier instance saved. Called at most once, before the first
+    /// [`propose`](Behavior::propose). Ignores invalid state.
+    fn restore_state(&mut self, _state: &[u8]) {}
 }
 
-/// A behavior that can be composed in a task file.
+/// A behavior that task files can name.
 pub trait Plugin: Behavior + Sized + 'static {
-    /// Its parameters: the keys of its table in the task file beyond those that every behavior has.
+    /// Parameters: the keys of the behavior's table in the task file, without those common to all behaviors.
     type Config: DeserializeOwned + JsonSchema;
     /// Name in task files, kebab-case.
     const NAME: &'static str;
-    /// What it does, in one sentence.
+    /// Purpose, one sentence.
     const SUMMARY: &'static str;
-    /// What it takes.
+    /// Input slots.
     const INPUTS: &'static [SlotInfo];
-    /// What it publishes besides proposals.
+    /// Outputs besides proposals.
     const OUTPUTS: &'static [SlotInfo] = &[];
-    /// The TOML files that its keys name, such as maps; they are checked with the task.
+    /// Kinds of TOML file that its parameters name, such as maps; they are checked together with the task.
     const FILES: &'static [FileKind] = &[];
-    /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
+    /// Axes that it may ever claim with a drive proposal; none for a behavior that only halts or limits.
     const CLAIMS: Axes;
 
-    /// Builds it from its parameters for the given robot.
+    /// Builds the behavior from its parameters for the robot described by `setup`.
     ///
     /// # Errors
-    /// Parameters that contradict each other or the robot, with the key to change.
-    fn new(config: Self::Config, setup: &Setup) -> Result<Self, BuildError>;
+    /// Parameters that contradict each other or do not fit the robot, with the key to change.
+    fn new(config: Self::Config, setup: &Setup) -> Result<Self, ParameterError>;
 }
 
-/// Everything known of a behavior without running it.
+/// Static description of a behavior.
 #[derive(Clone, Debug)]
 pub struct BehaviorInfo {
     /// Name in task files, kebab-case.
     pub name: String,
-    /// Its purpose, in one sentence.
+    /// Purpose, one sentence.
     pub summary: String,
-    /// Its inputs.
+    /// Input slots.
     pub inputs: Vec<SlotInfo>,
-    /// Its outputs besides proposals.
+    /// Outputs besides proposals.
     pub outputs: Vec<SlotInfo>,
-    /// The TOML files that its parameters name.
+    /// Kinds of TOML file that its parameters name.
     pub files: Vec<FileKind>,
-    /// Every axis that it may ever claim as a drive; none for one that only halts or limits.
+    /// Axes that it may ever claim with a drive proposal; none for a behavior that only halts or limits.
     pub claims: Axes,
-    /// JSON Schema of its parameters.
+    /// JSON Schema of the parameters.
     pub parameters: Json,
 }
 
-/// A kind of behavior that task files can name: its description, and a way to build one.
+/// A kind of behavior that task files can name: its description and its constructor.
 pub trait BehaviorFactory: Send + Sync {
-    /// The description.
+    /// Static description of the behaviors that this factory builds.
     fn info(&self) -> &BehaviorInfo;
 
-    /// Builds a behavior from its parameters, which must have passed the schema.
+    /// Builds a behavior from parameters that passed the schema check.
     ///
     /// # Errors
-    /// Parameters that contradict each other or the robot, with the key to change.
-    fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, BuildError>;
+    /// Parameters that contradict each other or do not fit the robot, with the key to change.
+    fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, ParameterError>;
 }
 
 impl std::fmt::Debug for dyn BehaviorFactory {
@@ -101,7 +103,7 @@ impl std::fmt::Debug for dyn BehaviorFactory {
     }
 }
 
-/// The factory of the behavior `B`.
+/// Returns the factory of behavior `B`.
 #[must_use]
 pub fn factory<B: Plugin>() -> Arc<dyn BehaviorFactory> {
     let info = BehaviorInfo {
@@ -126,34 +128,34 @@ impl<B: Plugin> BehaviorFactory for Factory<B> {
         &self.info
     }
 
-    fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, BuildError> {
+    fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, ParameterError> {
         Ok(Box::new(B::new(read(parameters)?, setup)?))
     }
 }
 
-/// A typed place that a message can be plugged into.
+/// A typed input of a behavior.
 #[derive(Debug)]
 pub struct Slot<M> {
     /// Key under `inputs` in the task file.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose, shown by `yamabico describe`.
     pub summary: &'static str,
     required: bool,
     message: PhantomData<fn() -> M>,
 }
 
 impl<M: Message> Slot<M> {
-    /// A slot that the task file must fill.
+    /// Creates a slot that every task must connect.
     pub const fn required(name: &'static str, summary: &'static str) -> Slot<M> {
         Slot { name, summary, required: true, message: PhantomData }
     }
 
-    /// A slot that may stay empty.
+    /// Creates a slot that a task may leave unconnected.
     pub const fn optional(name: &'static str, summary: &'static str) -> Slot<M> {
         Slot { name, summary, required: false, message: PhantomData }
     }
 
-    /// Its description without the Rust type.
+    /// Description without the Rust type.
     pub const fn info(&self) -> SlotInfo {
         SlotInfo {
             name: Cow::Borrowed(self.name),
@@ -164,72 +166,72 @@ impl<M: Message> Slot<M> {
     }
 }
 
-/// The description of a [`Slot`].
+/// Description of a [`Slot`] or of an output.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SlotInfo {
     /// Key under `inputs` in the task file.
     pub name: Cow<'static, str>,
-    /// What it is for.
+    /// Purpose, shown by `yamabico describe`.
     pub summary: Cow<'static, str>,
-    /// Whether the task file must fill it.
+    /// True if the task file must connect it.
     pub required: bool,
-    /// What it takes.
+    /// Input slots.
     pub message: MessageType,
 }
 
-/// Where the messages of one slot come from: the bus, a recording, or a test.
+/// Source of one slot's messages: the bus, a recording or a test.
 pub trait SlotSource {
-    /// The slot's name.
+    /// Name of the slot.
     fn name(&self) -> &str;
-    /// Messages at hand, oldest first; the newest one stays at hand until a newer one arrives.
+    /// Number of messages held, oldest first. The newest message is held until a newer one arrives.
     fn len(&self) -> usize;
-    /// Whether nothing has ever arrived.
+    /// Returns true if no message has ever arrived.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
-    /// How many of them, counted from the newest, arrived since the last call of `propose`.
+    /// Number of held messages, counted from the newest, that arrived since the last call of `propose`.
     fn fresh(&self) -> usize;
-    /// Messages lost by overflow since the last call of `propose`.
+    /// Number of messages lost to buffer overflow since the last call of `propose`.
     fn lost(&self) -> u64;
-    /// The message at `index`, oldest first; `None` beyond [`SlotSource::len`].
+    /// Returns the held message at `index` (0 is the oldest), or `None` if `index` is out of range.
     fn get(&self, index: usize) -> Option<RawMessage<'_>>;
 }
 
-/// All slots of one behavior.
+/// Sources of all slots of one behavior.
 pub trait InputSource {
-    /// The slot at `index`; `None` beyond the last.
+    /// Returns the source at `index`, or `None` if `index` is out of range.
     fn slot(&self, index: usize) -> Option<&dyn SlotSource>;
 }
 
-/// What a behavior sees in one call.
+/// Input messages of one call of [`Behavior::propose`].
 pub struct Inputs<'a> {
     now: Time,
     source: &'a dyn InputSource,
 }
 
 impl<'a> Inputs<'a> {
-    /// The slots of `source` at the instant `now`.
+    /// Creates the inputs of a call at time `now`.
     pub fn new(now: Time, source: &'a dyn InputSource) -> Inputs<'a> {
         Inputs { now, source }
     }
 
-    /// The time of this call.
+    /// Current time: the time of this call.
     pub fn now(&self) -> Time {
         self.now
     }
 
-    /// The newest message of a slot, however old; `None` where none ever arrived or its bytes do not fit.
+    /// Returns the newest message of a slot regardless of its age, or `None` if none has arrived or its size is wrong.
     pub fn latest<M: Message>(&self, slot: &Slot<M>) -> Option<View<'a, M>> {
         let source = self.find(slot.name)?;
         View::of(source.get(source.len().checked_sub(1)?)?)
     }
 
-    /// Whether something arrived in a slot since the last call.
+    /// Returns true if a message arrived in the slot since the last call.
     pub fn is_fresh<M: Message>(&self, slot: &Slot<M>) -> bool {
         self.find(slot.name).is_some_and(|source| source.fresh() > 0)
     }
 
-    /// The messages of a slot that arrived since the last call, oldest first.
+    /// Returns the messages of a slot that arrived since the last call, oldest first.
     pub fn fresh<M: Message>(&self, slot: &Slot<M>) -> impl Iterator<Item = View<'a, M>> + use<'a, M> {
         let source = self.find(slot.name);
         let range =
@@ -237,7 +239,7 @@ impl<'a> Inputs<'a> {
         range.filter_map(move |index| View::of(source?.get(index)?))
     }
 
-    /// Messages of a slot lost by overflow since the last call.
+    /// Returns the number of messages of a slot lost to buffer overflow since the last call.
     pub fn lost<M: Message>(&self, slot: &Slot<M>) -> u64 {
         self.find(slot.name).map_or(0, SlotSource::lost)
     }
@@ -247,12 +249,12 @@ impl<'a> Inputs<'a> {
     }
 }
 
-/// Where the messages that a plugin publishes go.
+/// Destination of a plugin's messages.
 pub trait OutputSink {
-    /// Publishes a whole message on the output `name`.
+    /// Publishes a message on output `name`.
     ///
     /// # Errors
-    /// No such output, another type, too many items, or a bus that refused.
+    /// The output does not exist or has another type, the message is too long, or the bus failed.
     fn publish(
         &mut self,
         name: &str,
@@ -264,7 +266,7 @@ pub trait OutputSink {
     /// Publishes a message whose `len` bytes of items are written in place by `fill`.
     ///
     /// # Errors
-    /// As [`OutputSink::publish`].
+    /// Same as [`OutputSink::publish`].
     fn publish_in_place(
         &mut self,
         name: &str,
@@ -275,54 +277,54 @@ pub trait OutputSink {
     ) -> Result<(), PublishError>;
 }
 
-/// A message that could not be published.
+/// Reason why a message could not be published.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PublishError {
-    /// The plugin did not declare it, or nobody asked for it.
-    #[error("there is no output `{0}`")]
+    /// The plugin did not declare the output, or no input is connected to it.
+    #[error("output `{0}` does not exist: declare it in `OUTPUTS`")]
     NoSuchOutput(String),
-    /// The output carries another type.
-    #[error("output `{output}` carries {expected}, not {actual}")]
+    /// The output carries another message type.
+    #[error("output `{output}` carries {expected}, but the message is {actual}")]
     WrongType {
-        /// The output.
+        /// Name of the output.
         output: String,
-        /// What it carries.
+        /// Versioned name of the type that the output carries.
         expected: &'static str,
-        /// What was to be published.
+        /// Type of the refused message.
         actual: &'static str,
     },
-    /// The list is longer than the channel was opened for.
-    #[error("output `{output}` holds at most {most} bytes of items, not {len}")]
+    /// The list of items is longer than the output's channel allows.
+    #[error("output `{output}` takes at most {max} bytes of items, but the message has {len}")]
     TooLong {
-        /// The output.
+        /// Name of the output.
         output: String,
-        /// What fits.
-        most: usize,
-        /// What was to be published.
+        /// Capacity of the channel, bytes.
+        max: usize,
+        /// Type of the refused message.
         len: usize,
     },
-    /// The bus refused.
-    #[error("output `{output}`: {reason}")]
+    /// The transport failed.
+    #[error("output `{output}` could not publish: {reason}")]
     Refused {
-        /// The output.
+        /// Name of the output.
         output: String,
-        /// Why.
+        /// Error text of the transport.
         reason: String,
     },
 }
 
-/// What a plugin may publish into.
+/// Outputs of a plugin.
 pub struct Outputs<'a> {
     sink: &'a mut dyn OutputSink,
 }
 
 impl<'a> Outputs<'a> {
-    /// Outputs that end in `sink`.
+    /// Creates outputs that publish to `sink`.
     pub fn new(sink: &'a mut dyn OutputSink) -> Outputs<'a> {
         Outputs { sink }
     }
 
-    /// Publishes a header and its items on the output `name`.
+    /// Publishes a header and its items on output `name`.
     ///
     /// # Errors
     /// See [`PublishError`].
@@ -340,7 +342,7 @@ impl<'a> Outputs<'a> {
         )
     }
 
-    /// Publishes a message with `len` items that `fill` writes straight into shared memory.
+    /// Publishes a message with `len` items that `fill` writes directly into shared memory.
     ///
     /// # Errors
     /// See [`PublishError`].
@@ -359,7 +361,7 @@ impl<'a> Outputs<'a> {
             bytes,
             &mut |bytes| match bytemuck::try_cast_slice_mut(bytes) {
                 Ok(items) => fill(items),
-                // Memory that no item fits into must not carry what an earlier message left there.
+                // Shared memory may hold data of an earlier message: do not publish it.
                 Err(_) => bytes.fill(0),
             },
         )

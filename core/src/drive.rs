@@ -1,4 +1,4 @@
-//! The seam that a drive implements.
+//! The interface of a drive: the motors of the robot.
 
 use crate::message::Command;
 use crate::sensor::DeviceError;
@@ -6,24 +6,25 @@ use crate::time::Time;
 
 /// A device that moves the robot.
 ///
-/// It brakes by itself, with its own emergency deceleration, when no command has come for its watchdog time.
+/// A drive must brake by itself, with its emergency deceleration, if no command arrives within its watchdog time.
 pub trait Drive: Send {
-    /// Takes the newest command, or none where none has come since the last call; called at least once a tick.
+    /// Applies the newest command, or `None` if none has arrived since the last call. Called at least once per arbiter
+    /// period.
     ///
     /// # Errors
-    /// The motors do not obey; the run ends.
+    /// The motors do not respond: the run ends.
     fn apply(&mut self, command: Option<&Command>, now: Time) -> Result<(), DeviceError>;
 }
 
-/// The wheels of a drive, all alike and equally far from the robot's center.
+/// Wheels of a drive: equal, and at equal distances from the robot's center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheels {
-    /// How many.
+    /// Number of wheels.
     pub count: u8,
-    /// From the robot's center to where each touches the floor, meters.
+    /// Distance from the robot's center to each wheel's contact point, m.
     pub from_center_m: f64,
-    /// Radius of each, meters.
+    /// Wheel radius, m.
     pub radius_m: f64,
-    /// Largest speed of each, rad/s.
+    /// Maximum wheel speed, rad/s.
     pub max_radps: f64,
 }

@@ -1,4 +1,4 @@
-//! The seam that a family of devices implements: its description, and a way to open one.
+//! The interface of a driver: the description of a family of devices, and the function that opens one.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
-use crate::behavior::BuildError;
+use crate::behavior::ParameterError;
 use crate::drive::Drive;
 use crate::message::{Axes, Message, MessageType};
 use crate::parameters::{FileKind, schema_of};
@@ -14,30 +14,30 @@ use crate::sensor::{Robot, Sensor, SensorInfo};
 
 /// A family of devices that robot files can name.
 pub trait Driver: Send + Sync {
-    /// The description.
+    /// Static description of the driver.
     fn info(&self) -> &DriverInfo;
 
-    /// What behaviors and the bus must know of a sensor whose parameters have passed the schema. Relative paths in them
-    /// start at `folder`.
+    /// Describes a sensor, whose parameters passed the schema check, to behaviors and to the bus. Relative paths in the
+    /// parameters are resolved against `folder`.
     ///
     /// # Errors
     /// Parameters that contradict each other, with the key to change.
-    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, BuildError>;
+    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, ParameterError>;
 
-    /// Checks that whatever the sensor's parameters name outside the robot file, such as images, is there and fits. Opens
-    /// no device.
+    /// Checks that external resources named by the sensor's parameters, such as images, exist and are valid. Opens no
+    /// device.
     ///
     /// # Errors
-    /// What is missing or does not fit, with the key that names it.
-    fn check_sensor(&self, _sensor: &PartSpec, _folder: &Path) -> Result<(), BuildError> {
+    /// The missing or invalid resource, with the key that names it.
+    fn check_sensor(&self, _sensor: &PartSpec, _folder: &Path) -> Result<(), ParameterError> {
         Ok(())
     }
 
     /// Opens the device with its sensors and its drive.
     ///
     /// # Errors
-    /// What does not open, with the key to change.
-    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError>;
+    /// The part that does not open, with the key to change.
+    fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError>;
 }
 
 impl std::fmt::Debug for dyn Driver {
@@ -46,52 +46,52 @@ impl std::fmt::Debug for dyn Driver {
     }
 }
 
-/// Everything known of a driver without opening a device.
+/// Static description of a driver.
 #[derive(Clone, Debug)]
 pub struct DriverInfo {
     /// Name in robot files, kebab-case.
     pub name: String,
-    /// What it drives, in one sentence.
+    /// Purpose, one sentence.
     pub summary: String,
     /// JSON Schema of the device's own table.
     pub parameters: Json,
-    /// The TOML files that the device's own table names; they are checked with it.
+    /// Kinds of TOML file that the device's own table names; they are checked together with it.
     pub files: Vec<FileKind>,
-    /// The kinds of sensor that it offers.
+    /// Kinds of sensor that its devices can have.
     pub sensors: Vec<SensorOffer>,
-    /// The kinds of drive that it offers.
+    /// Kinds of drive that its devices can have.
     pub drives: Vec<DriveOffer>,
 }
 
 impl DriverInfo {
-    /// The kind of sensor of this name.
+    /// Returns the kind of sensor with this name, if any.
     #[must_use]
     pub fn sensor(&self, kind: &str) -> Option<&SensorOffer> {
         self.sensors.iter().find(|offer| offer.kind == kind)
     }
 
-    /// The kind of drive of this name.
+    /// Returns the kind of drive with this name, if any.
     #[must_use]
     pub fn drive(&self, kind: &str) -> Option<&DriveOffer> {
         self.drives.iter().find(|offer| offer.kind == kind)
     }
 }
 
-/// A kind of sensor that a driver offers.
+/// A kind of sensor that a driver provides.
 #[derive(Clone, Debug)]
 pub struct SensorOffer {
     /// Name in robot files, kebab-case.
     pub kind: String,
-    /// What it measures, in one sentence.
+    /// Purpose, one sentence.
     pub summary: String,
-    /// The message that it publishes.
+    /// Type of message that it publishes.
     pub message: MessageType,
-    /// JSON Schema of its parameters.
+    /// JSON Schema of the parameters.
     pub parameters: Json,
 }
 
 impl SensorOffer {
-    /// A kind of sensor that publishes `M` and has the parameters `P`.
+    /// Creates a kind of sensor that publishes `M` and has the parameters `P`.
     #[must_use]
     pub fn new<M: Message, P: JsonSchema>(kind: &str, summary: &str) -> SensorOffer {
         SensorOffer {
@@ -103,80 +103,81 @@ impl SensorOffer {
     }
 }
 
-/// A kind of drive that a driver offers.
+/// A kind of drive that a driver provides.
 #[derive(Clone, Debug)]
 pub struct DriveOffer {
     /// Name in robot files, kebab-case.
     pub kind: String,
-    /// What it moves, in one sentence.
+    /// Purpose, one sentence.
     pub summary: String,
-    /// The axes that it has.
+    /// Axes that it can move.
     pub axes: Axes,
-    /// JSON Schema of its parameters.
+    /// JSON Schema of the parameters.
     pub parameters: Json,
 }
 
 impl DriveOffer {
-    /// A kind of drive that has these axes and the parameters `P`.
+    /// Creates a kind of drive with these axes and the parameters `P`.
     #[must_use]
     pub fn new<P: JsonSchema>(kind: &str, summary: &str, axes: Axes) -> DriveOffer {
         DriveOffer { kind: kind.to_owned(), summary: summary.to_owned(), axes, parameters: schema_of::<P>() }
     }
 }
 
-/// One sensor of a device, as behaviors and the bus must know it.
+/// Description of one sensor of a device, for behaviors and for the bus.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorDescription {
-    /// What behaviors are told about it.
+    /// Description that behaviors receive.
     pub info: SensorInfo,
-    /// The longest list of items in one of its messages, bytes.
+    /// Maximum size of the item list of one message, bytes.
     pub max_item_bytes: usize,
 }
 
-/// What a driver is asked to open.
+/// Specification of a device to open.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DeviceSpec {
-    /// The device's name in the robot file.
+    /// Name of the device in the robot file.
     pub name: String,
     /// The device's own table, checked against the driver's schema.
     pub table: toml::Table,
-    /// Its sensors: name, kind and checked table.
+    /// Sensors to open.
     pub sensors: Vec<PartSpec>,
-    /// Its drive.
+    /// Drive, if any.
     pub drive: Option<PartSpec>,
-    /// Relative paths in the tables start here.
+    /// Folder against which relative paths in the tables are resolved.
     pub folder: PathBuf,
-    /// Of the run; a device derives its own streams from it and its names.
+    /// Seed of the run. A device derives the seeds of its random streams from it and from its own names.
     #[serde(with = "as_text")]
     pub seed: u64,
-    /// The robot that it is on.
+    /// The robot that carries the device.
     pub robot: Robot,
 }
 
-/// A sensor or a drive of a device.
+/// Specification of one sensor or drive of a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PartSpec {
     /// Name in the robot file.
     pub name: String,
-    /// Which of the driver's kinds.
+    /// Name of one of the driver's kinds.
     pub kind: String,
-    /// Its parameters, checked against the kind's schema.
+    /// Parameters, checked against the kind's schema.
     pub table: toml::Table,
 }
 
 /// An open device.
 pub struct Device {
-    /// Its sensors in the order asked for: name and sensor.
+    /// Sensors by name, in the order of the specification.
     pub sensors: Vec<(String, Box<dyn Sensor>)>,
-    /// Its drive.
+    /// Drive, if any.
     pub drive: Option<Box<dyn Drive>>,
-    /// A simulator's own sensor of [`Truth`](crate::message::Truth), published on the output `truth`.
-    pub judge: Option<Box<dyn Sensor>>,
-    /// Walls that a simulator knows, as polylines on the floor, map frame, meters: for plots.
+    /// Publisher of a simulator's ground truth, a [`Truth`](crate::message::Truth) on the output `truth`. Used to score
+    /// a run only.
+    pub ground_truth: Option<Box<dyn Sensor>>,
+    /// Walls known to a simulator, as polylines on the floor in the map frame, m. Used for plots only.
     pub walls: Vec<Vec<[f64; 2]>>,
 }
 
-/// Whole numbers that TOML has no room for.
+/// Serializes integers as text, since TOML has no unsigned 64-bit integers.
 mod as_text {
     use serde::de::Error;
     use serde::{Deserialize, Deserializer, Serializer};

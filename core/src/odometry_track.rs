@@ -1,4 +1,4 @@
-//! Where the robot was at an instant: the recent odometry.
+//! Recent odometry, from which the pose at any recent time is interpolated.
 
 use crate::geometry::{Pose2, Twist, angle_difference};
 use crate::message::Odometry;
@@ -6,10 +6,10 @@ use crate::time::Time;
 
 const CAPACITY: usize = 256;
 
-/// What is stamped later than now by more than this (s) is refused.
+/// Maximum time by which a stamp may lie in the future, s. Later messages are rejected.
 pub const FUTURE_TOLERANCE_S: f64 = 0.02;
 
-/// The newest readings, oldest overwritten first; never allocates.
+/// A ring buffer of odometry readings. Never allocates.
 #[derive(Clone, Debug)]
 pub struct OdometryTrack {
     readings: [Reading; CAPACITY],
@@ -17,14 +17,14 @@ pub struct OdometryTrack {
     newest: usize,
 }
 
-/// One reading.
+/// One odometry reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// When the encoders were read.
+    /// Time at which the encoders were read.
     pub stamp: Time,
-    /// Robot in the odometry frame.
+    /// Pose in the odometry frame.
     pub pose: Pose2,
-    /// Velocity, robot frame.
+    /// Velocity in the robot frame.
     pub twist: Twist,
 }
 
@@ -35,8 +35,8 @@ impl Default for OdometryTrack {
 }
 
 impl OdometryTrack {
-    /// Takes one reading. One that is not finite, not newer than the last or later than `now` is ignored, and `false` is
-    /// returned.
+    /// Adds a reading. Returns false, and ignores the reading, if it is not finite, not newer than the last one, or
+    /// stamped more than [`FUTURE_TOLERANCE_S`] after `now`.
     pub fn push(&mut self, odometry: &Odometry, now: Time) -> bool {
         let reading = Reading {
             stamp: Time(odometry.stamp_ns),
@@ -54,17 +54,17 @@ impl OdometryTrack {
         true
     }
 
-    /// The newest reading; `None` where there is none.
+    /// Returns the newest reading, or `None` if there is none.
     #[must_use]
     pub fn newest(&self) -> Option<&Reading> {
         (self.len > 0).then(|| &self.readings[self.newest])
     }
 
-    /// The pose at an instant: between two readings along the arc that joins them, after the newest (or before the oldest)
-    /// by its twist for at most half a second. `None` without a reading.
+    /// Returns the pose at time `at`, or `None` without readings. Between two readings the pose is interpolated on the
+    /// arc that joins them; outside of them it is extrapolated with the nearest reading's twist for at most 0.5 s.
     #[must_use]
     pub fn pose_at(&self, at: Time) -> Option<Pose2> {
-        const FARTHEST_S: f64 = 0.5;
+        const MAX_EXTRAPOLATION_S: f64 = 0.5;
         let mut later: Option<&Reading> = None;
         for back in 0..self.len {
             let reading = &self.readings[(self.newest + CAPACITY - back) % CAPACITY];
@@ -72,7 +72,7 @@ impl OdometryTrack {
                 return Some(match later {
                     Some(later) => between(reading, later, at),
                     None => {
-                        let ahead_s = at.seconds_after(reading.stamp).min(FARTHEST_S);
+                        let ahead_s = at.seconds_after(reading.stamp).min(MAX_EXTRAPOLATION_S);
                         reading.pose.integrate(&reading.twist, ahead_s)
                     }
                 });
@@ -80,7 +80,7 @@ impl OdometryTrack {
             later = Some(reading);
         }
         later.map(|oldest| {
-            let back_s = at.seconds_after(oldest.stamp).max(-FARTHEST_S);
+            let back_s = at.seconds_after(oldest.stamp).max(-MAX_EXTRAPOLATION_S);
             oldest.pose.integrate(&oldest.twist, back_s)
         })
     }
@@ -92,7 +92,7 @@ fn between(earlier: &Reading, later: &Reading, at: Time) -> Pose2 {
     earlier.pose.integrate(&Twist::logarithm(&motion, span_s), at.seconds_after(earlier.stamp))
 }
 
-/// How far the robot moved from one pose to another: meters of translation and radians of turning, never negative.
+/// Returns the distance (m) and the absolute rotation (rad) between two poses.
 #[must_use]
 pub fn travel(from: &Pose2, to: &Pose2) -> (f64, f64) {
     (from.distance(to), angle_difference(to.theta, from.theta).abs())
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_lie_between_and_beyond_readings() {
+    fn poses_are_interpolated_and_extrapolated() {
         let mut track = OdometryTrack::default();
         assert!(track.pose_at(Time::ZERO).is_none());
         for i in 0..400 {
@@ -116,19 +116,19 @@ mod tests {
         }
         let at = |seconds: f64| track.pose_at(Time::from_secs_f64(seconds)).unwrap().x;
         assert!((at(4.005) - 3.005).abs() < 1e-9);
-        assert!((at(5.0) - 4.0).abs() < 1e-6, "beyond the newest by its twist");
-        assert!((at(60.0) - 4.49).abs() < 1e-6, "but not for ever");
-        assert!((at(2.4) - 1.4).abs() < 1e-6, "before the oldest that is kept");
+        assert!((at(5.0) - 4.0).abs() < 1e-6, "extrapolated with the newest twist");
+        assert!((at(60.0) - 4.49).abs() < 1e-6, "for half a second at most");
+        assert!((at(2.4) - 1.4).abs() < 1e-6, "extrapolated before the oldest reading");
     }
 
     #[test]
-    fn nonsense_is_refused() {
+    fn invalid_readings_are_refused() {
         let mut track = OdometryTrack::default();
         let now = Time::from_secs_f64(2.0);
         assert!(track.push(&reading(1.0, 0.0, 0.0), now));
         assert!(!track.push(&reading(1.0, 5.0, 0.0), now) && !track.push(&reading(0.5, 5.0, 0.0), now));
         assert!(!track.push(&reading(2.0, f64::NAN, 0.0), now));
-        assert!(!track.push(&reading(9.0, 5.0, 0.0), now), "from the future");
+        assert!(!track.push(&reading(9.0, 5.0, 0.0), now), "stamped in the future");
         assert_eq!(track.newest().map(|reading| reading.pose.x), Some(0.0));
     }
 }

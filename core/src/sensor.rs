@@ -1,4 +1,4 @@
-//! The seam that a sensor implements, and what is known of a sensor and of a robot.
+//! The interface of a sensor, and the descriptions of sensors and robots that behaviors receive.
 
 use nalgebra::Isometry3;
 use serde::de::Error as _;
@@ -11,141 +11,143 @@ use crate::time::Time;
 
 /// A device that measures and publishes.
 pub trait Sensor: Send {
-    /// Publishes everything that is due up to `now` on the output of the sensor's own name, and tells when to come back.
+    /// Publishes all measurements due up to `now` on the output with the sensor's own name, and returns when to poll
+    /// again.
     ///
     /// # Errors
-    /// The device failed; the run ends or the sensor is restarted.
+    /// The device failed: the run ends or the device is restarted.
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError>;
 }
 
-/// When a sensor has something again.
+/// Time of a sensor's next measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Due {
-    /// Not before this instant.
+    /// Not before this time.
     At(Time),
-    /// Never: a recording has ended.
+    /// Never: the recording has ended.
     Ended,
 }
 
-/// A device that failed while it ran.
+/// Failure of a running device.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError {
-    /// It cannot go on.
+    /// The device cannot continue.
     #[error("device `{device}` failed: {reason}")]
     Failed {
         /// Its name in the robot file.
         device: String,
-        /// What happened and what to do.
+        /// Cause and remedy.
         reason: String,
     },
-    /// Its process told so.
+    /// The device's process reported a failure.
     #[error("{0}")]
-    Told(String),
-    /// What it measured could not be published.
+    Reported(String),
+    /// A measurement could not be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
 }
 
 impl DeviceError {
-    /// `device` failed because of `reason`.
+    /// Creates the failure of `device` with its cause.
     pub fn failed(device: impl Into<String>, reason: impl ToString) -> DeviceError {
         DeviceError::Failed { device: device.into(), reason: reason.to_string() }
     }
 }
 
-/// What a behavior may know of a sensor: from the robot file.
+/// Description of a sensor, from the robot file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SensorInfo {
     /// Its name in the robot file.
     pub name: String,
-    /// Name of what it publishes, such as `yamabico.FrameHeader.v1`.
+    /// Versioned name of the message that it publishes, such as `yamabico.FrameHeader.v1`.
     pub message: &'static str,
-    /// Seconds from one measurement to the next.
+    /// Time between measurements, s.
     pub period_s: f64,
-    /// Seconds from the middle of a measurement to its arrival.
+    /// Latency from the middle of a measurement to its arrival, s.
     pub latency_s: f64,
-    /// What depends on the kind of sensor.
+    /// Properties that depend on the kind of sensor.
     pub kind: SensorKind,
 }
 
-/// A pinhole camera on a robot, with usable numbers.
+/// A pinhole camera mounted on a robot, with valid parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MountedPinhole {
     /// Lens and image.
     pub pinhole: Pinhole,
-    /// Where it sits on the robot.
+    /// Position and attitude on the robot.
     pub mount: Mount,
-    /// Whether the intrinsics were measured, not guessed.
+    /// Accuracy class of intrinsics and mount.
     pub calibration: Calibration,
-    /// Seconds from one picture to the next.
+    /// Time between frames, s.
     pub period_s: f64,
-    /// Seconds from the middle of the exposure to the picture's arrival.
+    /// Latency from the middle of the exposure to the frame's arrival, s.
     pub latency_s: f64,
 }
 
-/// A mirror camera on a robot, with usable numbers.
+/// A mirror camera mounted on a robot, with valid parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MountedMirror {
     /// Mirror and image.
     pub camera: MirrorCamera,
-    /// Where the lens, or the viewpoint of a radial model, sits on the robot.
+    /// Position and attitude of the lens, or of the viewpoint of a radial model, on the robot.
     pub mount: Mount,
-    /// Seconds from one picture to the next.
+    /// Time between frames, s.
     pub period_s: f64,
-    /// Seconds from the middle of the exposure to the picture's arrival.
+    /// Latency from the middle of the exposure to the frame's arrival, s.
     pub latency_s: f64,
 }
 
-/// What is known of a sensor by its kind.
+/// Properties of a sensor by its kind.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SensorKind {
     /// A pinhole camera.
     Camera {
-        /// Focal lengths, center and size, pixels.
+        /// Focal lengths and principal point, pixels, and image size.
         intrinsics: Intrinsics,
-        /// Of the lens.
+        /// Lens distortion.
         distortion: Distortion,
-        /// Where it sits on the robot.
+        /// Position and attitude on the robot.
         mount: Mount,
-        /// Whether the intrinsics were measured, not guessed.
+        /// Accuracy class of intrinsics and mount.
         calibrated: Calibration,
     },
-    /// A camera that looks all around through a mirror.
+    /// An omnidirectional camera that looks up at a mirror.
     MirrorCamera {
-        /// The mirror and its image.
+        /// Mirror and image.
         camera: Box<MirrorCamera>,
-        /// Where the lens, or the viewpoint of a radial model, sits on the robot; upright at zero angles.
+        /// Position and attitude of the lens, or of the viewpoint of a radial model, on the robot; upright at zero
+        /// angles.
         mount: Mount,
-        /// Whether mirror and mount were measured, not guessed.
+        /// Accuracy class of mirror and mount.
         calibrated: Calibration,
     },
-    /// Sonars or a laser.
+    /// A ring of sonars or a laser scanner.
     Range {
-        /// Nearest range, meters.
+        /// Minimum range, m.
         min_m: f64,
-        /// Farthest range, meters.
+        /// Maximum range, m.
         max_m: f64,
     },
-    /// Anything that needs no description.
+    /// A sensor without further properties, such as wheel encoders.
     Other,
 }
 
-/// What is known of the robot: from the robot file.
+/// Description of the robot, from the robot file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Robot {
-    /// Its name.
+    /// Name of the robot.
     pub name: String,
-    /// Radius of the circle about the center that holds the whole robot, meters.
+    /// Radius of the footprint's bounding circle about the robot's center, m.
     pub radius_m: f64,
-    /// What it can do.
+    /// Motion limits of the drive.
     pub limits: MotionLimits,
-    /// Axes that the drive has.
+    /// Axes that the drive can move.
     pub axes: Axes,
 }
 
 impl SensorKind {
-    /// The rigid transform from a camera's own frame (a pinhole's optical frame, a mirror's frame) to the body frame;
-    /// `None` for what is no camera.
+    /// Returns the rigid transform from the camera's own frame (a pinhole's optical frame, a mirror's frame) to the
+    /// body frame, or `None` for other sensors.
     #[must_use]
     pub fn body_from_camera(&self) -> Option<Isometry3<f64>> {
         match self {
@@ -162,18 +164,18 @@ impl Default for Robot {
     }
 }
 
-/// What a robot's drive can do. Each triple is for the linear, lateral and angular axis: m and m, rad.
+/// Motion limits of a drive. Each array holds the linear, lateral and angular axis, in units of m, m and rad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionLimits {
-    /// Largest speed, per second.
+    /// Maximum speed, per second.
     pub speed: [f64; 3],
-    /// Largest acceleration while speeding up, per second squared.
+    /// Maximum acceleration while speeding up, per second squared.
     pub acceleration: [f64; 3],
-    /// Largest deceleration in normal driving, per second squared.
+    /// Maximum deceleration in normal driving, per second squared.
     pub deceleration: [f64; 3],
     /// Deceleration of a halt and of the emergency stop, per second squared.
     pub emergency: [f64; 3],
-    /// Largest change of acceleration, per second cubed.
+    /// Maximum jerk, per second cubed.
     pub jerk: [f64; 3],
 }
 
@@ -189,9 +191,9 @@ impl Default for MotionLimits {
     }
 }
 
-/// A [`SensorInfo`] from another program, which may know other messages.
+/// A [`SensorInfo`] as another program sent it; its message type may be unknown here.
 #[derive(Deserialize)]
-struct ToldInfo {
+struct SensorInfoFields {
     name: String,
     message: String,
     period_s: f64,
@@ -201,7 +203,8 @@ struct ToldInfo {
 
 impl<'de> Deserialize<'de> for SensorInfo {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SensorInfo, D::Error> {
-        let ToldInfo { name, message, period_s, latency_s, kind } = ToldInfo::deserialize(deserializer)?;
+        let SensorInfoFields { name, message, period_s, latency_s, kind } =
+            SensorInfoFields::deserialize(deserializer)?;
         let known = MessageType::find(&message);
         let known = known.ok_or_else(|| D::Error::custom(MessageType::unknown(&message)))?;
         Ok(SensorInfo { name, message: known.name, period_s, latency_s, kind })

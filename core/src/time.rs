@@ -1,4 +1,4 @@
-//! Instants on the one clock of a run.
+//! Time stamps on the clock of a run.
 
 use std::fmt;
 use std::ops::{Add, Sub};
@@ -8,9 +8,10 @@ use bytemuck::{Pod, Zeroable};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
-/// An instant: nanoseconds since the run's clock began (`CLOCK_MONOTONIC` live, the start of the run in lockstep).
+/// A time stamp: nanoseconds on the clock of the run (`CLOCK_MONOTONIC` in live runs, time since the start in
+/// lockstep).
 ///
-/// Instants of one run compare; those of different runs do not.
+/// Time stamps of different runs cannot be compared.
 #[repr(C)]
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable, Serialize, Deserialize,
@@ -18,33 +19,33 @@ use serde::{Deserialize, Serialize};
 pub struct Time(pub u64);
 
 impl Time {
-    /// The clock's beginning.
+    /// Zero of the clock.
     pub const ZERO: Time = Time(0);
-    /// Later than every instant that a run reaches.
+    /// The latest time stamp.
     pub const MAX: Time = Time(u64::MAX);
 
-    /// Now, on the machine's monotonic clock.
+    /// Reads the machine's monotonic clock.
     pub fn monotonic_now() -> Time {
         let now = clock_gettime(ClockId::Monotonic);
         Time(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
     }
 
-    /// The instant `seconds` after the clock's beginning; negative and non-finite values give [`Time::ZERO`].
+    /// Creates the time stamp `seconds` after zero. Negative and non-finite values give [`Time::ZERO`].
     pub fn from_secs_f64(seconds: f64) -> Time {
         Time((seconds * 1e9).round() as u64)
     }
 
-    /// Seconds since the clock's beginning.
+    /// Returns the seconds since zero.
     pub fn as_secs_f64(self) -> f64 {
         self.0 as f64 * 1e-9
     }
 
-    /// How long ago `earlier` was; zero where it lies in the future.
+    /// Returns the duration since `earlier`, or zero if `earlier` is in the future.
     pub fn since(self, earlier: Time) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))
     }
 
-    /// Signed seconds from `other` to `self`.
+    /// Returns the signed time from `other` to `self`, s.
     pub fn seconds_after(self, other: Time) -> f64 {
         (self.0 as i128 - other.0 as i128) as f64 * 1e-9
     }
@@ -72,10 +73,10 @@ impl fmt::Display for Time {
     }
 }
 
-/// What tells the time while a plugin or the arbiter works.
+/// Source of the current time within a step of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TimeSource {
-    /// Time stands still while a step is made: lockstep, where what computing takes must not be seen.
+    /// Time does not advance within a step: lockstep, in which computing time must have no effect.
     #[default]
     Step,
     /// The machine's monotonic clock.
@@ -83,7 +84,7 @@ pub enum TimeSource {
 }
 
 impl TimeSource {
-    /// Now, in a step that began at `step`.
+    /// Returns the current time in a step that began at `step`.
     pub fn now(self, step: Time) -> Time {
         match self {
             TimeSource::Step => step,

@@ -1,20 +1,51 @@
-from p5_vp import *
-import json,sys
-K=os.path.join(os.environ.get('YAMABICO_DATA','../../../shared/data'),'york_urban','')
-g=json.load(open(K+'ground_truth.json')); cam=g['camera']; f,cx,cy=cam['f_px'],cam['cx'],cam['cy']
-def ray(p): v=np.array([(p[0]-cx)/f,(p[1]-cy)/f,1.]); return v/np.linalg.norm(v)
-def ang(a,b): return np.degrees(np.arccos(min(1,abs(a@b))))
-out={}
-for i in g['images']:
-    h=i.get('in_image_horizontal_vp')
-    if h is None: continue
-    im=cv2.imread(K+i['file'],0); gt=np.array(i['vp_dirs'][h['vp_index']]); gt/=np.linalg.norm(gt)
-    for name,fn in (('FLD',seg_fld),('LSD',seg_lsd),('ED',seg_ed)):
-        s,L=prep(fn(im))
-        for m,e in (('ransac',ransac),('vote',vote)):
-            p=e(s,L); er=ang(ray(p),gt) if np.isfinite(p[0]) else 90
-            out.setdefault((name,m),[]).append((er,i['split_eccv08'],i['indoor'],i['corridor_like']))
-for k,v in out.items():
-    for lab,sel in (('all45',lambda r:True),('train',lambda r:r[1]=='train'),('test',lambda r:r[1]=='test'),('indoor',lambda r:r[2]),('corridor',lambda r:r[3])):
-        e=np.array([r[0] for r in v if sel(r)])
-        if len(e): print(k,lab,len(e),'med %.2f p90 %.2f  <=3deg %.0f%% <=5deg %.0f%%'%(np.median(e),np.percentile(e,90),100*(e<=3).mean(),100*(e<=5).mean()))
+"""Error of the vanishing point on the York Urban Database, for each detector and estimator of OpenCV."""
+
+import json
+import os
+
+from common import DATA, cv2, np
+from vanishing_point import ransac, segments_edge_drawing, segments_fld, segments_lsd, select, vote
+
+folder = os.path.join(DATA, "york_urban")
+with open(os.path.join(folder, "ground_truth.json")) as file:
+    truth = json.load(file)
+camera = truth["camera"]
+
+
+def ray(pixel):
+    direction = np.array(
+        [(pixel[0] - camera["cx"]) / camera["f_px"], (pixel[1] - camera["cy"]) / camera["f_px"], 1.0]
+    )
+    return direction / np.linalg.norm(direction)
+
+
+errors_deg = {}
+for entry in truth["images"]:
+    in_view = entry.get("in_image_horizontal_vp")
+    if in_view is None:
+        continue
+    gray = cv2.imread(os.path.join(folder, entry["file"]), 0)
+    axis = np.array(entry["vp_dirs"][in_view["vp_index"]])
+    axis /= np.linalg.norm(axis)
+    for detector, detect in (("FLD", segments_fld), ("LSD", segments_lsd), ("EdgeDrawing", segments_edge_drawing)):
+        selected = select(detect(gray))
+        for estimator, estimate in (("RANSAC", ransac), ("voting", vote)):
+            point = estimate(*selected)
+            error = np.degrees(np.arccos(min(1, abs(ray(point) @ axis)))) if np.isfinite(point[0]) else 90
+            errors_deg.setdefault((detector, estimator), []).append((error, entry))
+
+SUBSETS = {
+    "all": lambda entry: True,
+    "train": lambda entry: entry["split_eccv08"] == "train",
+    "test": lambda entry: entry["split_eccv08"] == "test",
+    "indoor": lambda entry: entry["indoor"],
+    "corridor": lambda entry: entry["corridor_like"],
+}
+for (detector, estimator), results in errors_deg.items():
+    for name, is_in in SUBSETS.items():
+        errors = np.array([error for error, entry in results if is_in(entry)])
+        if len(errors):
+            print(
+                f"{detector} + {estimator}, {name}, {len(errors)} photographs: median {np.median(errors):.2f} degrees, "
+                f"90 % {np.percentile(errors, 90):.2f}, within 3 degrees {(errors <= 3).sum()}, within 5 {(errors <= 5).sum()}"
+            )

@@ -1,14 +1,31 @@
-# Without an argument the pictures of York Urban; else those of a pattern, such as 'FRAMES/hallway_640x480_*.png'.
+"""Time from image to vanishing point with OpenCV: York Urban, or the images of a pattern such as 'FRAMES/hallway_640x480_*.png'."""
+
 import glob
-from p5_vp import *
-K=sys.argv[1] if len(sys.argv)>1 else os.path.join(os.environ.get('YAMABICO_DATA','../../../shared/data'),'york_urban','images','*.jpg')
-ims=[cv2.imread(f,0) for f in sorted(glob.glob(K))]
-def best(f,n=15):
-    b=1e9
-    for _ in range(n):
-        t=time.perf_counter(); f(); b=min(b,time.perf_counter()-t)
-    return b*1e6
-g=ims[0]; d=np.empty_like(g); gx,gy=(np.empty(g.shape,np.int16) for _ in '12')  # into memory that is there already, as ours
-print('median3 %.0f us, Scharr gx and gy %.0f us'%(best(lambda:cv2.medianBlur(g,3,d),200),best(lambda:(cv2.Scharr(g,cv2.CV_16S,1,0,gx),cv2.Scharr(g,cv2.CV_16S,0,1,gy)),200)))
-for name,f in (('FLD',seg_fld),('FLD + RANSAC',lambda i:ransac(*prep(seg_fld(i)))),('FLD + voting',lambda i:vote(*prep(seg_fld(i)))),('EdgeDrawing',seg_ed)):
-    t=[best(lambda:f(i)) for i in ims]; print('%s: median %.0f us over %d pictures'%(name,np.median(t),len(t)))
+import os
+import sys
+
+from common import DATA, best_us, cv2, np
+from vanishing_point import ransac, segments_edge_drawing, segments_fld, select, vote
+
+pattern = sys.argv[1] if len(sys.argv) > 1 else os.path.join(DATA, "york_urban", "images", "*.jpg")
+images = [cv2.imread(file, 0) for file in sorted(glob.glob(pattern))]
+first = images[0]
+# Into memory that exists already, as in the Rust benchmark.
+median, gradient_x, gradient_y = np.empty_like(first), np.empty(first.shape, np.int16), np.empty(first.shape, np.int16)
+
+
+def gradients():
+    cv2.Scharr(first, cv2.CV_16S, 1, 0, gradient_x)
+    cv2.Scharr(first, cv2.CV_16S, 0, 1, gradient_y)
+
+
+print(f"3x3 median {best_us(lambda: cv2.medianBlur(first, 3, median), 200):.0f} us")
+print(f"Scharr, both derivatives, {best_us(gradients, 200):.0f} us")
+for name, run in {
+    "FLD": segments_fld,
+    "FLD + RANSAC": lambda image: ransac(*select(segments_fld(image))),
+    "FLD + voting": lambda image: vote(*select(segments_fld(image))),
+    "EdgeDrawing": segments_edge_drawing,
+}.items():
+    times_us = [best_us(lambda: run(image), 15) for image in images]
+    print(f"{name}: median {np.median(times_us):.0f} us over {len(times_us)} images")

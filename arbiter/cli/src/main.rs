@@ -1,57 +1,49 @@
-//! The command line of Yamabico: one small file a command.
+//! The command line of Yamabico: one small file for each command.
 
 mod commands;
-mod live;
+mod interrupt;
 mod output;
+mod progress;
+mod robot_argument;
+mod task_arguments;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::Parser;
 use tracing_subscriber::EnvFilter;
 
-use commands::{Command, check, describe, goto, graph, learn, list, new, plugin, run, schema};
+use output::{Print, use_color};
 
-/// Drives a robot with independent behaviors, and can say why.
+/// Drives a mobile robot with independent behaviors, and explains every decision.
 #[derive(Parser)]
-#[command(name = "yamabico", version, propagate_version = true, after_help = EXIT_CODES)]
+#[command(name = "yamabico", version, propagate_version = true, after_help = AFTER_HELP)]
 struct Arguments {
     #[command(subcommand)]
-    command: Either,
-    /// Print tables as JSON.
+    command: commands::Command,
+    /// Print results as JSON.
     #[arg(long, global = true)]
     json: bool,
 }
 
-/// A command that takes a task, or one for a robot that runs.
-#[derive(Subcommand)]
-enum Either {
-    #[command(flatten)]
-    Command(Command),
-    #[command(flatten)]
-    Live(live::Command),
-}
+const AFTER_HELP: &str = "\
+Exit codes:
+  0  the goal was reached, or the command is done
+  1  the goal was not reached, the run was interrupted, or the robot did not answer
+  2  the configuration or the arguments are wrong; nothing was opened
+  3  a device or a file failed
 
-const EXIT_CODES: &str = "Exit codes: 0 arrived or done, 1 not arrived or interrupted, 2 bad configuration or usage, 3 a device failed.";
+Environment:
+  YAMABICO_LOG  log level on standard error: error, warn (default), info, debug or trace
+  NO_COLOR      if set, nothing is printed in color";
 
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
-    let Arguments { command, json } = Arguments::parse();
-    let print = if json { output::Print::Json } else { output::Print::Text };
-    let command = match command {
-        Either::Live(command) => return command.run(print),
-        Either::Command(command) => command,
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(use_color());
+    log.with_writer(std::io::stderr).without_time().init();
+    let Arguments { command, json } = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => return output::usage(&error),
     };
-    match command {
-        Command::Run(arguments) => run::run(&arguments, print),
-        Command::Goto(arguments) => goto::goto(&arguments, print),
-        Command::Learn(what) => learn::learn(&what, print),
-        Command::Check(arguments) => check::check(&arguments, print),
-        Command::List => list::list(print),
-        Command::Describe(arguments) => describe::describe(&arguments, print),
-        Command::Schema => schema::schema(),
-        Command::Graph(arguments) => graph::graph(&arguments, print),
-        Command::New(what) => new::new(&what, print),
-        Command::Plugin(arguments) => plugin::plugin(&arguments),
-    }
+    let print = if json { Print::Json } else { Print::Text };
+    command.run(print).unwrap_or_else(|failure| failure.report(print))
 }

@@ -1,28 +1,27 @@
-//! `yamabico learn floor` from outside: what it writes, and what it says of folders that cannot teach it.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! `yamabico learn floor`: the colors that it writes, and the folders that it refuses.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use yamabico_vision::floor_color::FloorColors;
 use yamabico_vision::floor_color_file::ColorFile;
 
-struct Folder(PathBuf);
+use crate::program::{TestFolder, assert_exit, yamabico};
 
-impl Folder {
+/// A folder of marked images.
+struct Images(TestFolder);
+
+impl Images {
     fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("yamabico-floor-{}-{test}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
+        Self(TestFolder::new(&format!("floor-{test}")))
     }
 
-    /// A green floor below a wall of this color, and its mask.
+    /// Adds an image of a green floor below a wall of this color, and its mask.
     fn mark(&self, name: &str, wall: [u8; 3]) {
         let floor = |u: u32, v: u32| [40 + (u % 20) as u8, 130 + (v % 20) as u8, 60];
-        let picture = RgbImage::from_fn(60, 40, |u, v| Rgb(if v < 20 { wall } else { floor(u, v) }));
-        picture.save(self.0.join(format!("{name}.png"))).unwrap();
+        let image = RgbImage::from_fn(60, 40, |u, v| Rgb(if v < 20 { wall } else { floor(u, v) }));
+        image.save(self.file(&format!("{name}.png"))).unwrap();
         let mask = GrayImage::from_fn(60, 40, |u, v| {
             Luma([if u < 5 {
                 128
@@ -32,28 +31,22 @@ impl Folder {
                 255
             }])
         });
-        mask.save(self.0.join(format!("{name}.mask.png"))).unwrap();
+        mask.save(self.file(&format!("{name}.mask.png"))).unwrap();
     }
 
     fn learn(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_yamabico"));
-        command.args(["learn", "floor"]).arg(&self.0).arg("--out").arg(self.out());
+        let mut command = yamabico();
+        command.args(["learn", "floor"]).arg(self.0.path()).arg("--out").arg(self.out());
         command.args(arguments).output().unwrap()
     }
 
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.file(name)
+    }
+
     fn out(&self) -> PathBuf {
-        self.0.join("out").join("floor.toml")
+        self.file("out/floor.toml")
     }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
-
-fn told(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
 fn read(path: &Path) -> FloorColors {
@@ -61,48 +54,42 @@ fn read(path: &Path) -> FloorColors {
 }
 
 #[test]
-fn pictures_and_masks_become_colors() {
-    let folder = Folder::new("learns");
-    folder.mark("one", [180, 170, 160]);
-    folder.mark("two", [150, 40, 30]);
+fn images_and_masks_become_colors() {
+    let images = Images::new("learns");
+    images.mark("one", [180, 170, 160]);
+    images.mark("two", [150, 40, 30]);
     for form in ["table", "thresholds"] {
-        let output = folder.learn(&["--form", form]);
-        assert_eq!(output.status.code(), Some(0), "{}", told(&output));
-        assert!(told(&output).contains("one.png") && told(&output).contains("100.0 %"), "{}", told(&output));
-        let colors = read(&folder.out());
+        assert_exit(&images.learn(&["--form", form]), 0, &["one.png", "100.0 %"]);
+        let colors = read(&images.out());
         assert!(colors.contains([50, 140, 60]), "{form}");
         assert!(!colors.contains([180, 170, 160]) && !colors.contains([150, 40, 30]), "{form}");
     }
 }
 
 #[test]
-fn what_cannot_teach_is_named() {
-    let empty = Folder::new("empty");
-    let output = empty.learn(&[]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(told(&output).contains("no picture"), "{}", told(&output));
+fn unsuitable_folders_are_refused() {
+    let empty = Images::new("empty");
+    assert_exit(&empty.learn(&[]), 2, &["has no images"]);
 
-    let alone = Folder::new("alone");
-    alone.mark("one", [180, 170, 160]);
-    std::fs::remove_file(alone.0.join("one.mask.png")).unwrap();
-    assert!(told(&alone.learn(&[])).contains("one.mask.png is missing"));
+    let no_mask = Images::new("no-mask");
+    no_mask.mark("one", [180, 170, 160]);
+    std::fs::remove_file(no_mask.file("one.mask.png")).unwrap();
+    assert_exit(&no_mask.learn(&[]), 2, &["one.mask.png is missing"]);
 
-    let lone = Folder::new("lone");
-    lone.mark("one", [180, 170, 160]);
-    lone.mark("two", [180, 170, 160]);
-    std::fs::remove_file(lone.0.join("two.png")).unwrap();
-    assert!(told(&lone.learn(&[])).contains("no picture to this mask"));
+    let no_image = Images::new("no-image");
+    no_image.mark("one", [180, 170, 160]);
+    no_image.mark("two", [180, 170, 160]);
+    std::fs::remove_file(no_image.file("two.png")).unwrap();
+    assert_exit(&no_image.learn(&[]), 2, &["two.mask.png", "the image of this mask is missing"]);
 
-    let size = Folder::new("size");
+    let size = Images::new("size");
     size.mark("one", [180, 170, 160]);
-    GrayImage::new(60, 41).save(size.0.join("one.mask.png")).unwrap();
-    let output = size.learn(&[]);
-    assert!(told(&output).contains("60 x 41") && told(&output).contains("60 x 40"), "{}", told(&output));
+    GrayImage::new(60, 41).save(size.file("one.mask.png")).unwrap();
+    assert_exit(&size.learn(&[]), 2, &["60 x 41", "60 x 40"]);
 
-    let black = Folder::new("black");
+    let black = Images::new("black");
     black.mark("one", [180, 170, 160]);
-    GrayImage::new(60, 40).save(black.0.join("one.mask.png")).unwrap();
-    let output = black.learn(&[]);
-    assert!(told(&output).contains("nothing is floor"), "{}", told(&output));
+    GrayImage::new(60, 40).save(black.file("one.mask.png")).unwrap();
+    assert_exit(&black.learn(&[]), 2, &["no pixel is floor"]);
     assert!(!black.out().exists());
 }

@@ -1,56 +1,32 @@
-//! `yamabico learn map` from outside: the map is right, and serves the localizer.
+//! `yamabico learn map`: the map is accurate, and the localizer can use it.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use nalgebra::Point2;
 use serde_json::Value;
 use yamabico_sim::World;
+use yamabico_testkit::{config, config_text};
 use yamabico_vision::azimuth_map::{EdgeMap, SurfaceState};
 use yamabico_vision::polygon::nearest_on_segment;
 
-fn configs() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs")
-}
+use crate::program::{TestFolder, yamabico};
 
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("yamabico-map-{}-{test}", std::process::id()));
-        std::fs::create_dir_all(&path).unwrap();
-        Self(path)
+/// Runs `yamabico COMMAND TASK --json` in `folder`.
+fn run(folder: &TestFolder, command: &[&str], task: &str, settings: &[&str]) -> Output {
+    let mut program = yamabico();
+    program.args(command).arg(config(task)).arg("--json");
+    for setting in settings {
+        program.args(["--set", setting]);
     }
-
-    fn map(&self) -> PathBuf {
-        self.0.join("map.toml")
-    }
-
-    fn yamabico(&self, words: &[&str], task: &str, settings: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_yamabico"));
-        command.args(words).arg(configs().join(task)).args(["--json"]);
-        for setting in settings {
-            command.args(["--set", setting]);
-        }
-        command.current_dir(&self.0).output().unwrap()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
+    program.current_dir(folder.path()).output().unwrap()
 }
 
 fn json(output: &Output) -> Value {
-    let told = String::from_utf8_lossy(&output.stderr);
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {told}"))
+    let errors = String::from_utf8_lossy(&output.stderr);
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {errors}"))
 }
 
-/// Distances (m) of the edges that were seen in more pictures than this from the nearest corner of a wall, which are `corners` as
-/// well as the backs of walls 5 cm thick.
+/// Distances (m) from the edges observed in more than `seen` frames to the nearest of `corners`.
 fn errors(map: &EdgeMap, corners: &[[f64; 2]], seen: u32) -> Vec<f64> {
     let nearest = |at: [f64; 2]| {
         let distances = corners.iter().map(|corner| (corner[0] - at[0]).hypot(corner[1] - at[1]));
@@ -60,8 +36,12 @@ fn errors(map: &EdgeMap, corners: &[[f64; 2]], seen: u32) -> Vec<f64> {
 }
 
 fn corners(world: &str) -> Vec<[f64; 2]> {
-    let text = std::fs::read_to_string(configs().join("worlds").join(world)).unwrap();
-    World::from_toml(&text).unwrap().walls.iter().map(|wall| wall.from_m).collect()
+    World::from_toml(&config_text(&format!("worlds/{world}")))
+        .unwrap()
+        .walls
+        .iter()
+        .map(|wall| wall.from_m)
+        .collect()
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -69,18 +49,18 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn edges_are_where_they_stand() {
-    let folder = Folder::new("mapping");
-    let learned = json(&folder.yamabico(&["learn", "map", "--out", "map.toml"], "mapping.toml", &[]));
+fn edges_are_accurate() {
+    let folder = TestFolder::new("map-mapping");
+    let learned = json(&run(&folder, &["learn", "map", "--out", "map.toml"], "mapping.toml", &[]));
     assert_eq!(learned["end"], "arrived", "{learned}");
-    assert!(folder.0.join("map.png").metadata().unwrap().len() > 1000);
-    let map = EdgeMap::read(&folder.map()).unwrap();
+    assert!(folder.file("map.png").metadata().unwrap().len() > 1000);
+    let map = EdgeMap::read(&folder.file("map.toml")).unwrap();
     let corners = corners("mapping.toml");
     for (seen, max_m) in [(15, 0.02), (4, 0.04)] {
         let errors = errors(&map, &corners, seen);
         let worst = errors.iter().copied().fold(0.0, f64::max);
         println!(
-            "{} of {} edges in more than {seen} pictures: {:.1} mm on average, {:.1} at most",
+            "{} of {} edges in more than {seen} frames: {:.1} mm on average, {:.1} mm at most",
             errors.len(),
             corners.len(),
             1e3 * mean(&errors),
@@ -91,47 +71,46 @@ fn edges_are_where_they_stand() {
 }
 
 #[test]
-fn a_recording_gives_the_map_that_the_drive_gave() {
-    let folder = Folder::new("recording");
-    let driven = json(&folder.yamabico(&["learn", "map", "--out", "map.toml"], "mapping.toml", &[]));
-    json(&folder.yamabico(&["run", "--record", "run.mcap"], "mapping.toml", &[]));
-    let words = ["learn", "map", "--from", "run.mcap", "--out", "again.toml"];
-    let heard = json(&folder.yamabico(&words, "mapping.toml", &[]));
-    assert_eq!(heard["end"], "sensors-ended", "{heard}");
-    assert_eq!(heard["edges"], driven["edges"]);
-    let text = |file: &str| std::fs::read_to_string(folder.0.join(file)).unwrap();
+fn a_recording_gives_the_same_map_as_the_drive() {
+    let folder = TestFolder::new("map-recording");
+    let driven = json(&run(&folder, &["learn", "map", "--out", "map.toml"], "mapping.toml", &[]));
+    json(&run(&folder, &["run", "--record", "run.mcap"], "mapping.toml", &[]));
+    let command = ["learn", "map", "--from", "run.mcap", "--out", "again.toml"];
+    let replayed = json(&run(&folder, &command, "mapping.toml", &[]));
+    assert_eq!(replayed["end"], "sensors-ended", "{replayed}");
+    assert_eq!(replayed["edges"], driven["edges"]);
+    let text = |file: &str| std::fs::read_to_string(folder.file(file)).unwrap();
     assert_eq!(text("again.toml"), text("map.toml"));
 
-    let words = ["learn", "map", "--from", "map.toml"];
-    let refused = folder.yamabico(&words, "mapping.toml", &[]);
-    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(!refused.status.success() && told.contains("no MCAP recording"), "{told}");
+    let command = ["learn", "map", "--from", "map.toml"];
+    let refused = run(&folder, &command, "mapping.toml", &[]);
+    let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && errors.contains("MCAP recording"), "{errors}");
 }
 
 #[test]
-fn a_second_drive_tells_which_surfaces_are_solid() {
-    let folder = Folder::new("verify");
-    let words = ["learn", "map", "--out", "map.toml", "--verify"];
-    let learned = json(&folder.yamabico(&words, "mapping.toml", &[]));
-    let map = EdgeMap::read(&folder.map()).unwrap();
+fn a_second_drive_verifies_which_surfaces_are_solid() {
+    let folder = TestFolder::new("map-verify");
+    let command = ["learn", "map", "--out", "map.toml", "--verify"];
+    let learned = json(&run(&folder, &command, "mapping.toml", &[]));
+    let map = EdgeMap::read(&folder.file("map.toml")).unwrap();
     assert!(map.surfaces.len() >= 6, "{learned}");
     assert_eq!(learned["verified"].as_u64(), Some(map.surfaces.len() as u64), "{learned}");
-    let text = std::fs::read_to_string(configs().join("worlds/mapping.toml")).unwrap();
-    let walls = World::from_toml(&text).unwrap().walls;
+    let walls = World::from_toml(&config_text("worlds/mapping.toml")).unwrap().walls;
     for surface in &map.surfaces {
         let end = |number| Point2::from(map.edge(number).unwrap().at_m);
-        let middle = nalgebra::center(&end(surface.right), &end(surface.left));
+        let center = nalgebra::center(&end(surface.right), &end(surface.left));
         let from_wall = walls
             .iter()
-            .map(|wall| (nearest_on_segment([wall.from_m.into(), wall.to_m.into()], middle) - middle).norm());
-        assert!(from_wall.fold(f64::INFINITY, f64::min) < 0.02, "{surface:?} at {middle} is no wall");
+            .map(|wall| (nearest_on_segment([wall.from_m.into(), wall.to_m.into()], center) - center).norm());
+        assert!(from_wall.fold(f64::INFINITY, f64::min) < 0.02, "{surface:?} at {center} is not a wall");
         assert_eq!(surface.state, SurfaceState::Solid, "{surface:?}");
     }
 }
 
 #[test]
-fn a_map_that_was_made_serves_the_localizer() {
-    let folder = Folder::new("room");
+fn the_localizer_can_use_a_learned_map() {
+    let folder = TestFolder::new("map-room");
     let empty = [
         "behaviors.map-localizer.method=\"dead-reckoning\"",
         "behaviors.map-localizer.route=[[0.9, -1.2], [1.3, -0.6], [1.3, 1.3]]",
@@ -141,15 +120,15 @@ fn a_map_that_was_made_serves_the_localizer() {
         "robot.sensors.wheels.scale_error=0",
         "run.goal.tolerance_m=0.3",
     ];
-    let words = ["learn", "map", "--out", "map.toml", "--sway-deg", "1"];
-    let learned = json(&folder.yamabico(&words, "room.toml", &empty));
+    let command = ["learn", "map", "--out", "map.toml", "--sway-deg", "1"];
+    let learned = json(&run(&folder, &command, "room.toml", &empty));
     assert_eq!(learned["end"], "arrived", "{learned}");
-    let map = EdgeMap::read(&folder.map()).unwrap();
+    let map = EdgeMap::read(&folder.file("map.toml")).unwrap();
     let errors = errors(&map, &corners("room.toml"), 15);
     println!("{} edges, {:.1} mm on average", errors.len(), 1e3 * mean(&errors));
     assert!(errors.len() >= 9 && mean(&errors) <= 0.02, "{errors:?}");
 
-    let map = format!("behaviors.map-localizer.edge_map={:?}", folder.map().display().to_string());
-    let ran = json(&folder.yamabico(&["run"], "room.toml", &[&map]));
+    let map = format!("behaviors.map-localizer.edge_map={:?}", folder.file("map.toml").display().to_string());
+    let ran = json(&run(&folder, &["run"], "room.toml", &[&map]));
     assert_eq!((&ran["end"], ran["contacts"].as_u64()), (&Value::from("arrived"), Some(0)), "{ran}");
 }

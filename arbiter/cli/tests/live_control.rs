@@ -1,85 +1,82 @@
-//! A robot that runs live, controlled and looked at from other terminals.
+//! Commands for a running robot: `why`, `ps`, `topic`, `enable`, `disable`, `set`, `teleop`, `estop` and `reset`.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use yamabico_testkit::config;
 
-/// Longest wait for a run that was started to get going.
-const PATIENCE: Duration = Duration::from_secs(60);
+use crate::program::{TIMEOUT, TestFolder, assert_exit, text, yamabico};
 
-/// A robot that drives down an empty hallway for ever; nothing of it is left behind.
+/// A robot that drives down an empty hallway without ever arriving; stopped when dropped.
 struct Robot {
     name: String,
-    folder: PathBuf,
+    folder: TestFolder,
     run: Child,
 }
 
 impl Robot {
     fn start(test: &str, arguments: &[&str]) -> Robot {
         let name = format!("control-{test}-{}", std::process::id());
-        let folder = std::env::temp_dir().join(format!("yamabico-{name}"));
-        let task = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs/hallway.toml");
-        let mut command = yamabico(&["run", "--live"]);
-        command.arg(task).arg("--out").arg(&folder).arg("--set").arg(format!("robot.name={name}"));
-        for set in ["run.goal.x_m=1000", "run.duration_s=600", "robot.devices.sim.clutter=\"none\""] {
+        let folder = TestFolder::new(&format!("control-{test}"));
+        let mut command = yamabico();
+        command.args(["run", "--live"]).arg(config("hallway.toml")).arg("--out").arg(folder.path());
+        command.args(["--set", &format!("robot.name={name}")]);
+        for set in ["run.goal.y_m=15", "run.duration_s=600", "robot.devices.sim.clutter=\"none\""] {
             command.args(["--set", set]);
         }
-        // Nobody hangs here, whatever else the machine has to do.
+        // A busy machine must not look like a hanging plugin.
         for plugin in ["robot.devices.sim", "behaviors.map-localizer", "behaviors.wall-follower"] {
             command.args(["--set", &format!("{plugin}.deadline_ms=20000")]);
         }
         let run = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         let robot = Robot { name, folder, run };
         let begun = Instant::now();
-        while robot.ask(&["reset"]).status.code() != Some(0) {
-            assert!(begun.elapsed() < PATIENCE, "{} does not come up", robot.name);
+        while robot.call(&["reset"]).status.code() != Some(0) {
+            assert!(begun.elapsed() < TIMEOUT, "{} does not start", robot.name);
             std::thread::sleep(Duration::from_millis(200));
         }
         robot
     }
 
-    fn ask(&self, arguments: &[&str]) -> Output {
-        yamabico(arguments).args(["--robot", &self.name]).output().unwrap()
+    /// Calls a command for this robot.
+    fn call(&self, arguments: &[&str]) -> Output {
+        yamabico().args(arguments).args(["--robot", &self.name]).output().unwrap()
     }
 
-    /// What a command prints that succeeds.
-    fn told(&self, arguments: &[&str]) -> String {
-        let ended = self.ask(arguments);
-        let said = said(&ended);
-        assert_eq!(ended.status.code(), Some(0), "{arguments:?}: {said}");
-        said
+    /// The output of a command that succeeds.
+    fn print(&self, arguments: &[&str]) -> String {
+        let output = self.call(arguments);
+        assert_exit(&output, 0, &[]);
+        text(&output)
     }
 
-    /// Asks until `words` are told.
-    fn await_words(&self, arguments: &[&str], words: &str) -> String {
+    /// Repeats a command until its output contains `part`.
+    fn await_text(&self, arguments: &[&str], part: &str) -> String {
         let begun = Instant::now();
         loop {
-            let told = self.told(arguments);
-            if told.contains(words) {
-                return told;
+            let text = self.print(arguments);
+            if text.contains(part) {
+                return text;
             }
-            assert!(begun.elapsed() < PATIENCE, "no `{words}` in {told}");
+            assert!(begun.elapsed() < TIMEOUT, "`{part}` is missing in {text}");
         }
     }
 
-    /// Waits until a plugin has a process that was started again at least so often; its number, and how often it was.
+    /// Waits until a plugin was restarted at least `restarts` times; returns its process id and the number of restarts.
     fn await_start(&self, plugin: &str, restarts: u64) -> (u64, u64) {
         let begun = Instant::now();
         loop {
             let plugins = self.json(&["ps"]);
-            let told = plugins.as_array().unwrap().iter().find(|told| told["name"] == plugin).unwrap();
-            match (told["pid"].as_u64(), told["restarts"].as_u64()) {
-                (Some(pid), Some(times)) if times >= restarts => return (pid, times),
-                _ => assert!(begun.elapsed() < PATIENCE, "{plugin} is not started again"),
+            let status = plugins.as_array().unwrap().iter().find(|status| status["name"] == plugin).unwrap();
+            match (status["pid"].as_u64(), status["restarts"].as_u64()) {
+                (Some(pid), Some(number)) if number >= restarts => return (pid, number),
+                _ => assert!(begun.elapsed() < TIMEOUT, "{plugin} is not restarted"),
             }
         }
     }
 
-    /// Kills a plugin's process; how often it had been started again.
+    /// Kills a plugin's process; returns the number of its restarts before.
     fn kill(&self, plugin: &str) -> u64 {
         let (pid, restarts) = self.await_start(plugin, 0);
         assert!(Command::new("kill").args(["-KILL", &pid.to_string()]).status().unwrap().success());
@@ -87,8 +84,8 @@ impl Robot {
     }
 
     fn json(&self, arguments: &[&str]) -> Value {
-        let told = self.told(&[arguments, &["--json"]].concat());
-        serde_json::from_str(&told).unwrap_or_else(|error| panic!("{error}: {told}"))
+        let text = self.print(&[arguments, &["--json"]].concat());
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
     }
 }
 
@@ -96,116 +93,99 @@ impl Drop for Robot {
     fn drop(&mut self) {
         let _ = Command::new("kill").args(["-INT", &self.run.id().to_string()]).status();
         let _ = self.run.wait();
-        let _ = std::fs::remove_dir_all(&self.folder);
     }
-}
-
-fn yamabico(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_yamabico"));
-    command.args(arguments).env("NO_COLOR", "1").stdin(Stdio::null());
-    command
-}
-
-fn said(ended: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr))
 }
 
 #[test]
 fn behaviors_are_switched_and_the_robot_is_stopped() {
     let robot = Robot::start("switch", &[]);
-    let wrong = robot.ask(&["disable", "wall-follwer"]);
-    assert_eq!(wrong.status.code(), Some(2));
-    assert!(said(&wrong).contains("did you mean `wall-follower`?"), "{}", said(&wrong));
+    assert_exit(&robot.call(&["disable", "wall-follwer"]), 2, &["did you mean `wall-follower`?"]);
 
-    assert!(robot.told(&["disable", "wall-follower"]).contains("wall-follower is disabled"));
-    assert!(robot.told(&["disable", "wall-follower"]).contains("was already disabled"));
+    assert!(robot.print(&["disable", "wall-follower"]).contains("wall-follower is disabled"));
+    assert!(robot.print(&["disable", "wall-follower"]).contains("was already disabled"));
     let json = robot.json(&["enable", "wall-follower"]);
     assert_eq!((json["state"].as_str(), json["changed"].as_bool()), (Some("enabled"), Some(true)), "{json}");
 
-    // Without a critical behavior the robot stops, and says so.
-    assert!(robot.told(&["disable", "sonar-halt"]).contains("sonar-halt is silent"));
-    robot.told(&["enable", "sonar-halt"]);
+    // Without a critical behavior the robot stops, and names it.
+    assert!(robot.print(&["disable", "sonar-halt"]).contains("sonar-halt is silent"));
+    robot.print(&["enable", "sonar-halt"]);
 
-    assert!(robot.told(&["estop"]).contains("emergency stop latched"));
-    assert!(robot.told(&["estop"]).contains("it stood already"));
-    assert!(robot.told(&["reset"]).contains("emergency stop released"));
-    assert!(robot.told(&["reset"]).contains("no emergency stop was latched"));
+    assert!(robot.print(&["estop"]).contains("emergency stop latched"));
+    assert!(robot.print(&["estop"]).contains("no motion was commanded before"));
+    assert!(robot.print(&["reset"]).contains("emergency stop released"));
+    assert!(robot.print(&["reset"]).contains("no emergency stop was latched"));
 }
 
 #[test]
-fn a_robot_tells_why_who_and_what() {
+fn decisions_plugins_and_topics_are_shown() {
     let robot = Robot::start("why", &[]);
-    robot.await_words(&["why"], ": driving\n");
-    let told = robot.await_words(&["why"], "map-localizer asks for");
-    assert!(told.contains("wall-follower (10)"), "{told}");
+    robot.await_text(&["why"], ": driving\n");
+    let text = robot.await_text(&["why"], "map-localizer asks for");
+    assert!(text.contains("wall-follower (10)"), "{text}");
     let json = robot.json(&["why"]);
     assert_eq!(json["explanation"]["behaviors"].as_array().unwrap().len(), 4, "{json}");
-    robot.told(&["estop"]);
-    assert!(robot.told(&["why"]).contains("emergency stop: latched until `yamabico reset`"));
-    robot.told(&["reset"]);
+    robot.print(&["estop"]);
+    assert!(robot.print(&["why"]).contains("emergency stop: latched until `yamabico reset`"));
+    robot.print(&["reset"]);
 
     let plugins = robot.json(&["ps"]);
     assert_eq!(plugins.as_array().unwrap().len(), 5, "{plugins}");
     let restarts = robot.kill("wall-follower");
-    let told = robot.await_words(&["ps"], "wall-follower: its last process was killed by signal 9");
-    assert!(told.contains("in the last decision"), "{told}");
-    robot.await_words(&["why"], "its process was killed by signal 9");
+    let text = robot.await_text(&["ps"], "wall-follower: its last process was killed by signal 9");
+    assert!(text.contains("last decision"), "{text}");
+    robot.await_text(&["why"], "its process was killed by signal 9");
     robot.await_start("wall-follower", restarts + 1);
 
-    let list = robot.told(&["topic", "list"]);
+    let list = robot.print(&["topic", "list"]);
     assert!(list.contains("sensors/sonar") && list.contains("yamabico.RangeScanHeader.v1"), "{list}");
     let hz = robot.json(&["topic", "hz", "sensors/wheels", "--for", "1.5", "--every", "1.5"]);
     let interval_s = hz["interval_s"]["p50"].as_f64().unwrap();
     assert!((0.015..0.03).contains(&interval_s) && hz["rate_hz"].as_f64() > Some(0.0), "{hz}");
     let age = robot.json(&["topic", "latency", "command", "--for", "1", "--every", "1"]);
     assert!((1e-3..1.0).contains(&age["age_s"]["p50"].as_f64().unwrap()), "{age}");
-    assert!(robot.told(&["topic", "echo", "sensors/sonar", "--once"]).contains("range_m"));
-    assert!(robot.told(&["topic", "echo", "roster", "--once"]).contains("map-localizer"));
-    let wrong = robot.ask(&["topic", "echo", "comand", "--once"]);
-    assert_eq!(wrong.status.code(), Some(2));
-    assert!(said(&wrong).contains("did you mean `command`?"));
+    assert!(robot.print(&["topic", "echo", "sensors/sonar", "--once"]).contains("range_m"));
+    assert!(robot.print(&["topic", "echo", "roster", "--once"]).contains("map-localizer"));
+    assert_exit(&robot.call(&["topic", "echo", "comand", "--once"]), 2, &["did you mean `command`?"]);
 }
 
-/// Meters that map-localizer says are to go.
+/// Remaining distance in the note of map-localizer, m.
 fn to_go_m(why: &str) -> Option<f64> {
     why.split_once(" m to go")?.0.rsplit(' ').next()?.parse().ok()
 }
 
 #[test]
-fn parameters_are_changed_all_or_none_and_outlive_a_crash() {
+fn parameters_are_changed_all_or_none_and_survive_a_crash() {
     let robot = Robot::start("set", &[]);
-    let before = robot.await_words(&["why"], "m to go");
+    let before = robot.await_text(&["why"], "m to go");
     let before_m = to_go_m(&before).unwrap();
-    assert!(robot.told(&["set", "map-localizer.speed_mps=0.2"]).contains("in force"));
-    let after = robot.await_words(&["why"], "map-localizer asks for 0.20");
+    assert!(robot.print(&["set", "map-localizer.speed_mps=0.2"]).contains("in effect"));
+    let after = robot.await_text(&["why"], "map-localizer asks for 0.20");
     let after_m = to_go_m(&after).unwrap();
-    assert!(after_m < before_m + 0.3, "it forgot how far it came: {before_m} m to go, then {after_m}");
+    assert!(after_m < before_m + 0.3, "it lost its progress: {before_m} m to go, then {after_m} m");
 
-    for (assignments, words) in [
+    for (assignments, part) in [
         (&["map-localizer.speed_mps=0.3", "wall-follower.speed_mps=9"][..], "wall-follower: `speed_mps` = 9"),
-        (&["map-localizer.speed_mps=0.3", "sonar-halt.gate_m=4.9"], "`gate_m`: sonar-halt: 4.9 m is beyond"),
+        (&["map-localizer.speed_mps=0.3", "sonar-halt.gate_m=4.9"], "`gate_m`"),
         (&["map-localizer.sped_mps=0.3"], "did you mean `speed_mps`?"),
-        (&["map-localizer.speed_mps=0.3"], "did you mean `map-localizer`?"),
+        (&["map-locelizer.speed_mps=0.3"], "did you mean `map-localizer`?"),
         (&["map-localizer.speed_mps"], "no `=`"),
     ] {
-        let ended = robot.ask(&[&["set"], assignments].concat());
-        assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
-        assert!(said(&ended).contains(words), "no `{words}` in {}", said(&ended));
+        assert_exit(&robot.call(&[&["set"], assignments].concat()), 2, &[part]);
     }
-    robot.told(&["set", "sonar-halt.gate_m=0.4", "wall-follower.speed_mps=0.1"]);
-    assert!(!robot.await_words(&["why"], "wall-follower (10)").contains("asks for 0.30"));
+    robot.print(&["set", "sonar-halt.gate_m=0.4", "wall-follower.speed_mps=0.1"]);
+    assert!(!robot.await_text(&["why"], "wall-follower (10)").contains("asks for 0.30"));
 
     let restarts = robot.kill("wall-follower");
     robot.await_start("wall-follower", restarts + 1);
-    let why = robot.await_words(&["why"], "by map-localizer (20): asks for 0.1");
+    let why = robot.await_text(&["why"], "by map-localizer (20): asks for 0.1");
     assert!(why.contains("map-localizer asks for 0.20"), "{why}");
 
-    // What was asked, and what became of it, is in the recording.
-    let recording = robot.folder.join("run.mcap");
+    // The requests are in the recording.
+    let recording = robot.folder.file("run.mcap");
     assert!(Command::new("kill").args(["-INT", &robot.run.id().to_string()]).status().unwrap().success());
     let begun = Instant::now();
     while Command::new("kill").args(["-0", &robot.run.id().to_string()]).status().unwrap().success() {
-        assert!(begun.elapsed() < PATIENCE, "it does not end");
+        assert!(begun.elapsed() < TIMEOUT, "the run does not end");
         std::thread::sleep(Duration::from_millis(100));
         if std::fs::read(&recording).is_ok_and(|bytes| mcap::Summary::read(&bytes).is_ok_and(|s| s.is_some()))
         {
@@ -222,15 +202,21 @@ fn parameters_are_changed_all_or_none_and_outlive_a_crash() {
 }
 
 #[test]
-fn a_hand_needs_a_behavior_that_obeys_it_and_a_terminal() {
-    let robot = Robot::start("hand", &[]);
-    let ended = robot.ask(&["teleop"]);
-    assert_eq!(ended.status.code(), Some(2));
-    assert!(said(&ended).contains("has no behavior that obeys a stick"), "{}", said(&ended));
+fn teleop_needs_a_teleop_behavior() {
+    let robot = Robot::start("teleop", &[]);
+    assert_exit(&robot.call(&["teleop"]), 2, &["has no teleop behavior", "[behaviors.teleop]"]);
 }
 
 #[test]
-fn a_robot_that_does_not_run_is_told() {
+fn of_several_robots_one_is_chosen_by_name() {
+    let (one, other) = (Robot::start("one", &[]), Robot::start("other", &[]));
+    let output = yamabico().arg("why").output().unwrap();
+    assert_exit(&output, 2, &["several robots are running", "--robot", &one.name, &other.name]);
+    assert!(one.print(&["why"]).starts_with(&one.name));
+}
+
+#[test]
+fn a_robot_that_is_not_running_is_reported() {
     for command in [
         &["estop"][..],
         &["reset"],
@@ -238,10 +224,10 @@ fn a_robot_that_does_not_run_is_told() {
         &["set", "a.b=1"],
         &["why"],
         &["ps"],
+        &["goto", "1", "0"],
         &["topic", "list"],
     ] {
-        let ended = yamabico(command).args(["--robot", "no-such-robot"]).output().unwrap();
-        assert_eq!(ended.status.code(), Some(2), "{}", said(&ended));
-        assert!(said(&ended).contains("no robot `no-such-robot` is running"), "{}", said(&ended));
+        let output = yamabico().args(command).args(["--robot", "no-such-robot"]).output().unwrap();
+        assert_exit(&output, 2, &["no robot `no-such-robot` is running"]);
     }
 }

@@ -1,16 +1,10 @@
-//! What a task asks of the system's scheduler reaches every process, and what the system refuses is told.
-
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
-
-#[allow(dead_code, reason = "shared with the tests of chaos, which ask for more")]
-#[path = "chaos/robot.rs"]
-mod robot;
+//! Scheduling settings of a task reach every process, and refused ones are reported.
 
 use std::path::Path;
 
-use robot::{PATIENCE, Robot};
+use yamabico_live_robot::robot::{LiveRobot, TIMEOUT};
 
-/// Of a thread: its policy, real-time priority, niceness, and the processors that it may run on.
+/// Scheduling of a thread: policy, real-time priority, niceness, and the processors it may run on.
 #[derive(Debug, PartialEq)]
 struct Scheduled {
     policy: u32,
@@ -24,7 +18,7 @@ const SCHED_FIFO: u32 = 1;
 
 fn scheduled(folder: &Path) -> Scheduled {
     let stat = std::fs::read_to_string(folder.join("stat")).unwrap();
-    // Behind the name in brackets, from the third field on.
+    // The third field is the first one after the name in brackets.
     let fields: Vec<&str> = stat[stat.rfind(')').unwrap() + 2..].split_whitespace().collect();
     let status = std::fs::read_to_string(folder.join("status")).unwrap();
     let processors = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).unwrap();
@@ -47,7 +41,7 @@ fn thread(pid: u32, name: &str) -> std::path::PathBuf {
     threads.find(|path| std::fs::read_to_string(path.join("comm")).unwrap().trim() == name).unwrap()
 }
 
-/// Whether the system lets this user have real-time priorities.
+/// Returns true if this user may use real-time priorities.
 fn may_be_real_time() -> bool {
     let tried = std::thread::spawn(|| {
         yamabico_host::Scheduling { fifo: Some(20), ..Default::default() }.apply().is_empty()
@@ -56,9 +50,9 @@ fn may_be_real_time() -> bool {
 }
 
 #[test]
-fn what_a_task_asks_for_is_what_its_processes_get() {
+fn processes_get_the_scheduling_of_the_task() {
     let own = scheduled(&process(std::process::id()));
-    // Lowering it may be forbidden, so each asks for more than it has by itself.
+    // Only raising the niceness is always allowed.
     let more = |by: i32| (own.nice + by).min(19);
     let first = own.processors.split(['-', ',']).next().unwrap();
     let name = format!("scheduling-{}", std::process::id());
@@ -69,11 +63,11 @@ fn what_a_task_asks_for_is_what_its_processes_get() {
         "behaviors.wall-follower.scheduling={ affinity = [127] }",
         &format!("robot.devices.sim.scheduling={{ nice = {} }}", more(3)),
     ];
-    let program = Path::new(env!("CARGO_BIN_EXE_yamabico"));
-    let mut robot = Robot::start(program, "hallway.toml", &name, 5, &set);
-    let is_up = |robot: &Robot, plugin: &&str| robot.process_of(plugin).is_some();
+    let program = crate::program::binary();
+    let mut robot = LiveRobot::start(program, "hallway.toml", &name, 5, &set);
+    let is_up = |robot: &LiveRobot, plugin: &&str| robot.process_of(plugin).is_some();
     let plugins = ["map-localizer", "sim", "wall-follower", "sonar-halt"];
-    assert!(robot.watch_until(PATIENCE, |robot| plugins.iter().all(|plugin| is_up(robot, plugin))));
+    assert!(robot.wait_until(TIMEOUT, |robot| plugins.iter().all(|plugin| is_up(robot, plugin))));
     let of = |plugin: &str| scheduled(&process(robot.process_of(plugin).unwrap()));
     let localizer = of("map-localizer");
     assert_eq!((localizer.nice, localizer.processors.as_str()), (more(7), first));
@@ -83,21 +77,18 @@ fn what_a_task_asks_for_is_what_its_processes_get() {
     assert_eq!(
         scheduled(&process(robot.supervisor())).nice,
         own.nice,
-        "only the arbiter's thread is the arbiter"
+        "only the thread of the arbiter is changed"
     );
-    let real_time = |told: Scheduled| (told.policy, told.priority);
+    let real_time = |thread: Scheduled| (thread.policy, thread.priority);
     let halt = of("sonar-halt");
-    let said = String::from_utf8(robot.interrupt().stderr).unwrap();
-    assert!(
-        said.contains("`wall-follower` runs on although the system refuses the processors 127"),
-        "{said}"
-    );
+    let log = String::from_utf8(robot.interrupt().stderr).unwrap();
+    assert!(log.contains("`wall-follower` runs on although the system refuses the CPUs 127"), "{log}");
     if may_be_real_time() {
         assert_eq!((real_time(arbiter), real_time(halt)), ((SCHED_FIFO, 20), (SCHED_FIFO, 10)));
     } else {
-        println!("this user may have no real-time priority: only the refusal was tested");
+        println!("real-time priorities are not permitted here: only the refusal was tested");
         assert_eq!((real_time(arbiter), real_time(halt)), ((SCHED_OTHER, 0), (SCHED_OTHER, 0)));
-        assert!(said.contains("`arbiter` runs on although the system refuses SCHED_FIFO 20"), "{said}");
-        assert!(said.contains("`sonar-halt` runs on") && said.contains("RLIMIT_RTPRIO"), "{said}");
+        assert!(log.contains("`arbiter` runs on although the system refuses SCHED_FIFO 20"), "{log}");
+        assert!(log.contains("`sonar-halt` runs on") && log.contains("RLIMIT_RTPRIO"), "{log}");
     }
 }

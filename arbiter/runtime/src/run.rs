@@ -1,4 +1,4 @@
-//! A whole run: opened, driven to its end, recorded, summed up.
+//! A whole run: opened, run to its end, recorded and summarized.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,33 +10,35 @@ use yamabico_core::sensor::DeviceError;
 use yamabico_host::config::{GoalArea, Overrides, Task};
 
 use crate::execution::{
-    BehaviorRecord, End, Fared, Live, Lockstep, Plan, Progress, SeatError, run_lockstep, topics,
+    CallStats, HostError, Live, Lockstep, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
 };
-use crate::record::{McapRecorder, Pace, RecordError, Recorded, Recording, Tap, Tee};
-use crate::report::{Ending, ReferenceLine, RunSummary, Spread, SummaryTap, Timing, Trace, write_trajectory};
+use crate::record::{McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
+use crate::report::{
+    ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_trajectory,
+};
 use crate::supervisor::Program;
 
-/// How a task is run.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Of everything that is drawn by chance.
+    /// Seed of every random number.
     pub seed: u64,
-    /// Threads that the behaviors share in lockstep.
+    /// Number of threads that run the behaviors in lockstep.
     pub threads: usize,
-    /// Where the recording goes; none for no recording. Its folder is made where it is missing.
+    /// File of the recording; `None` for no recording. Its folder is created if it is missing.
     pub recording: Option<PathBuf>,
-    /// In real time instead of as fast as possible.
+    /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
-    /// Where `trajectory.png` goes; none for no picture. The folder is made where it is missing.
-    pub pictures: Option<PathBuf>,
-    /// What was changed in the task, for the record.
+    /// Folder of `trajectory.png`; `None` for no plot. It is created if it is missing.
+    pub plots: Option<PathBuf>,
+    /// Changes of the task from the command line, for the recording.
     pub overrides: Overrides,
-    /// What the processes of plugins run that are to have their own in real time; without it, every plugin gets a thread.
+    /// Program of the plugins' processes in a live run; without it, every plugin gets a thread.
     pub program: Option<Program>,
 }
 
 impl Default for Options {
-    /// Seed 1, lockstep on one thread, no recording, no picture, nothing changed.
+    /// Seed 1, lockstep on one thread, no recording, no plot, no changes.
     fn default() -> Options {
         let pace = Pace::Lockstep;
         Options {
@@ -44,102 +46,101 @@ impl Default for Options {
             threads: 1,
             pace,
             recording: None,
-            pictures: None,
+            plots: None,
             overrides: Overrides::default(),
             program: None,
         }
     }
 }
 
-/// A run that could not be made.
+/// Failure of a run.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// Something could not be opened; nothing moved.
+    /// A part did not open; nothing moved.
     #[error(transparent)]
-    Setup(#[from] SeatError),
-    /// The recording cannot be begun; nothing moved.
+    Setup(#[from] HostError),
+    /// The recording could not be started; nothing moved.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// The output folder cannot be made; nothing moved.
-    #[error("cannot make the folder {}: {source}; choose another place", folder.display())]
+    /// The output folder could not be created; nothing moved.
+    #[error("could not create the folder {}: {source}; choose another", folder.display())]
     Folder {
-        /// The folder.
+        /// Folder.
         folder: PathBuf,
-        /// Why.
+        /// Cause.
         source: std::io::Error,
     },
-    /// A device failed on the way.
+    /// A device failed during the run.
     #[error(transparent)]
     Device(#[from] DeviceError),
 }
 
 impl RunError {
-    /// Whether a device is to blame: it does not open though no key of its table is wrong, or it failed on the way. Else the
-    /// task, the robot file or the options are.
+    /// Returns true if a device failed: during the run, or when it was opened although no key of its table is wrong. Otherwise
+    /// the task, the robot file or the options are wrong.
     pub fn is_of_a_device(&self) -> bool {
         match self {
             RunError::Device(_) => true,
-            RunError::Setup(SeatError::Device { reason, .. }) => reason.key.is_empty(),
+            RunError::Setup(HostError::Device { reason, .. }) => reason.key.is_empty(),
             _ => false,
         }
     }
 }
 
-/// A run that was made: what became of it, and what it left behind.
+/// Result of a run.
 #[derive(Debug, Serialize)]
-pub struct Ran {
-    /// The task's name.
+pub struct RunResult {
+    /// Name of the task.
     pub task: String,
-    /// Of everything that was drawn by chance.
+    /// Seed of every random number.
     pub seed: u64,
-    /// Where it was to arrive.
+    /// Goal of the task.
     pub goal: Option<GoalArea>,
-    /// Why it ended.
-    pub end: End,
-    /// The figures.
+    /// Cause of the end.
+    pub end: RunEnd,
+    /// Figures.
     #[serde(flatten)]
     pub summary: RunSummary,
-    /// Messages whose numbers are missing, because they came too fast or their device passed over them: the figures, the
-    /// digest and the recording are without them.
-    pub unseen: u64,
-    /// The recording, where there is one.
-    pub recording: Option<Left>,
-    /// The picture of the way, where there is one.
+    /// Number of messages lost to buffer overflow: figures, digest and recording lack them.
+    pub lost_messages: u64,
+    /// Recording, if there is one.
+    pub recording: Option<RecordingSummary>,
+    /// Plot of the trajectory, if there is one.
     pub trajectory: Option<PathBuf>,
-    /// Why there is no picture of the way, where one was asked for.
+    /// Cause why the requested plot is missing.
     pub trajectory_problem: Option<String>,
 }
 
-/// A recording that was left behind.
+/// Recording of a run.
 #[derive(Debug, Serialize)]
-pub struct Left {
-    /// The file.
+pub struct RecordingSummary {
+    /// File.
     pub path: PathBuf,
-    /// Its size.
+    /// Size of the file.
     pub bytes: u64,
-    /// Messages in it on each topic of the bus.
+    /// Number of recorded messages on each topic of the bus.
     pub messages: BTreeMap<String, u64>,
-    /// Pictures and messages that are not in it: unseen, or left out because the disk was too slow or full.
+    /// Number of missing images and messages: lost to buffer overflow, or dropped because the disk was too slow or full.
     pub missing: u64,
-    /// Why it broke off, where it did.
+    /// Cause why the recording is incomplete, if it is.
     pub problem: Option<String>,
 }
 
-impl Ran {
-    /// Whether the run did what was asked: the goal was reached; without a goal, it went on to its end.
+impl RunResult {
+    /// Returns true if the run did what the task asks for: it reached the goal, or, without a goal, ran to its end.
     pub fn is_done(&self) -> bool {
         match self.end {
-            End::Arrived => true,
-            End::SensorsEnded | End::TimeOver => self.goal.is_none(),
-            End::Interrupted => false,
+            RunEnd::Arrived => true,
+            RunEnd::SensorsEnded | RunEnd::TimeOver => self.goal.is_none(),
+            RunEnd::Interrupted => false,
         }
     }
 }
 
-impl Left {
-    fn of(recorded: Recorded, unseen: u64) -> Left {
-        Left {
-            missing: unseen + recorded.pictures_dropped + recorded.messages_dropped,
+impl RecordingSummary {
+    fn of(recorded: RecordingResult, lost_messages: u64) -> RecordingSummary {
+        RecordingSummary {
+            missing: lost_messages + recorded.images_dropped + recorded.messages_dropped,
             problem: recorded.error.map(|error| error.to_string()),
             path: recorded.path,
             bytes: recorded.bytes,
@@ -148,24 +149,23 @@ impl Left {
     }
 }
 
-/// Runs `task` to its end; `tap` is shown every message, `progress` every step. `interrupt`, once set, stops the robot and
-/// ends the run.
+/// Runs `task` to its end. `tap` receives every message, `progress` is called after every step. `interrupt`, once set, stops
+/// the robot and ends the run.
 ///
-/// What a run leaves behind must not cost the run: a recording that breaks off and a picture that cannot be written are told
-/// in what is returned.
+/// A failing recording or plot does not end the run; the result reports it.
 ///
 /// # Errors
-/// Something that does not open, or a device that fails on the way.
+/// A part does not open, or a device fails during the run.
 pub fn run(
     task: &Task,
     options: &Options,
     interrupt: &AtomicBool,
     tap: &mut dyn Tap,
     progress: &mut dyn FnMut(Progress),
-) -> Result<Ran, RunError> {
+) -> Result<RunResult, RunError> {
     let recording_folder = options.recording.as_deref().and_then(Path::parent);
-    [recording_folder, options.pictures.as_deref()].into_iter().flatten().try_for_each(make_folder)?;
-    // An earlier recording is replaced only once everything is open: it may be that of a run that still goes on.
+    [recording_folder, options.plots.as_deref()].into_iter().flatten().try_for_each(create_folder)?;
+    // An earlier recording is replaced only once everything is open: a run that is still going on may be writing it.
     let mut robot = Opened::open(task, options)?;
     let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
     let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
@@ -176,43 +176,44 @@ pub fn run(
         robot.run(task, interrupt, &mut Tee(taps), progress)
     };
     let wall_s = began.elapsed().as_secs_f64();
-    let (unseen, walls) = (robot.lost(), robot.walls());
+    let (lost_messages, walls) = (robot.lost(), robot.walls());
     let facts = [("digest".to_owned(), summary.digest().hex())];
-    let recording = recorder.map(|recorder| Left::of(recorder.finish(facts.into()), unseen));
+    let recording =
+        recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts.into()), lost_messages));
     let end = end?;
-    let fared = robot.finish();
-    let ending = Ending {
-        arrived: end == End::Arrived,
+    let stats = robot.finish();
+    let run_facts = RunFacts {
+        arrived: end == RunEnd::Arrived,
         wall_s,
-        timings: fared.behaviors.into_iter().map(|(name, record)| (name, timing(&record))).collect(),
-        latencies: fared.latencies,
-        tick_lateness: Spread::of(&fared.lateness),
-        restarts: fared.restarts,
+        timings: stats.behaviors.into_iter().map(|(name, record)| (name, timing(&record))).collect(),
+        latencies: stats.latencies,
+        tick_lateness: Spread::of(&stats.lateness),
+        restarts: stats.restarts,
     };
-    let picture = options.pictures.as_deref().map(|folder| folder.join("trajectory.png"));
-    let written = picture.as_deref().map(|path| write_trajectory(path, &trace, &walls));
+    let plot = options.plots.as_deref().map(|folder| folder.join("trajectory.png"));
+    let written = plot.as_deref().map(|path| write_trajectory(path, &trace, &walls));
     let trajectory_problem = written.and_then(Result::err).map(|error| error.to_string());
-    Ok(Ran {
+    Ok(RunResult {
         task: task.name.clone(),
         seed: options.seed,
         goal: task.run.goal,
         end,
-        summary: summary.finish(ending),
-        unseen,
+        summary: summary.finish(run_facts),
+        lost_messages,
         recording,
-        trajectory: picture.filter(|_| trajectory_problem.is_none()),
+        trajectory: plot.filter(|_| trajectory_problem.is_none()),
         trajectory_problem,
     })
 }
 
-/// A robot at rest with everything open.
+/// A robot at a standstill with everything open.
 enum Opened {
     Lockstep(Box<Lockstep>),
     Live(Box<Live>),
 }
 
 impl Opened {
-    fn open(task: &Task, options: &Options) -> Result<Opened, SeatError> {
+    fn open(task: &Task, options: &Options) -> Result<Opened, HostError> {
         let plan = Plan::new(task, options.seed);
         Ok(match options.pace {
             Pace::Lockstep => {
@@ -237,7 +238,7 @@ impl Opened {
         interrupt: &AtomicBool,
         tap: &mut dyn Tap,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<End, DeviceError> {
+    ) -> Result<RunEnd, DeviceError> {
         match self {
             Opened::Lockstep(lockstep) => run_lockstep(lockstep, &task.run, interrupt, tap, progress),
             Opened::Live(live) => live.run(&task.run, interrupt, tap, progress),
@@ -251,7 +252,7 @@ impl Opened {
         }
     }
 
-    fn finish(self) -> Fared {
+    fn finish(self) -> RunStats {
         match self {
             Opened::Lockstep(lockstep) => lockstep.finish(),
             Opened::Live(live) => live.finish(),
@@ -259,8 +260,8 @@ impl Opened {
     }
 }
 
-/// `folder` may be empty: the working directory.
-fn make_folder(folder: &Path) -> Result<(), RunError> {
+/// Creates `folder`; an empty path is the working directory.
+fn create_folder(folder: &Path) -> Result<(), RunError> {
     if folder.as_os_str().is_empty() {
         return Ok(());
     }
@@ -268,7 +269,7 @@ fn make_folder(folder: &Path) -> Result<(), RunError> {
 }
 
 fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
-    let files = [&task.path, &task.robot.path].into_iter();
+    let files = [&task.path, &task.robot.path].into_iter().chain(&task.robot.parts);
     let text =
         |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
     let sensors = task.robot.sensors.iter();
@@ -287,7 +288,7 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
     Ok(McapRecorder::create(recording)?)
 }
 
-fn timing(record: &BehaviorRecord) -> Timing {
+fn timing(record: &CallStats) -> Timing {
     let micros = |duration: Duration| duration.as_secs_f64() * 1e6;
     Timing {
         calls: record.calls.count(),

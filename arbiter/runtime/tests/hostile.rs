@@ -1,15 +1,10 @@
-//! A plugin with evil intent: it has the channel of its own proposals, and can neither crash nor stall nor speed up the arbiter.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-#[allow(dead_code, reason = "shared with tests that ask for more")]
-mod stand_ins;
+//! A hostile plugin on its own proposal topic can neither crash, nor stall, nor speed up the arbiter.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use stand_ins::stand_in;
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, SlotInfo, factory};
+use crate::stand_ins::stand_in;
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, SlotInfo, factory};
 use yamabico_core::drive::Drive;
 use yamabico_core::driver::Device;
 use yamabico_core::message::{
@@ -21,27 +16,27 @@ use yamabico_core::testing::NoParameters;
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher};
 use yamabico_host::config::{Overrides, load};
-use yamabico_runtime::execution::{Durations, Fared, Live, Plan, topics};
+use yamabico_runtime::execution::{DurationHistogram, Live, Plan, RunStats, topics};
 use yamabico_runtime::record::Tap;
 
-/// What the honest behavior asks for, m/s.
+/// Speed of the honest behavior, m/s.
 const HONEST_MPS: f64 = 0.3;
-/// Of the arbiter's tick.
+/// Period of the arbiter's tick.
 const PERIOD: Duration = Duration::from_millis(20);
 /// Decisions that proposals may trigger, a second: 64 a tick of 20 ms at once, then one a millisecond.
 const MAX_DECISIONS_HZ: f64 = 64.0 / 0.02 + 1000.0;
 
-/// Drives straight on.
+/// Drives straight ahead.
 struct Honest;
 
 impl Plugin for Honest {
     type Config = NoParameters;
     const NAME: &'static str = "honest";
-    const SUMMARY: &'static str = "Drives straight on.";
+    const SUMMARY: &'static str = "Drives straight ahead.";
     const INPUTS: &'static [SlotInfo] = &[];
     const CLAIMS: Axes = Axes::LINEAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Honest)
     }
 }
@@ -61,8 +56,14 @@ impl Drive for Motor {
 }
 
 fn plugins() -> Plugins {
-    let open =
-        |_| Ok(Device { sensors: Vec::new(), drive: Some(Box::new(Motor)), judge: None, walls: Vec::new() });
+    let open = |_| {
+        Ok(Device {
+            sensors: Vec::new(),
+            drive: Some(Box::new(Motor)),
+            ground_truth: None,
+            walls: Vec::new(),
+        })
+    };
     Plugins { behaviors: vec![factory::<Honest>()], drivers: vec![stand_in(&[], &["motor"], open).shared()] }
 }
 
@@ -70,9 +71,9 @@ const TASK: &str = "robot = \"robot.toml\"\n[run]\nduration_s = 3\n[behaviors.ho
     max_age_ms = 60000\nmax_evidence_age_ms = 60000\n\
     [behaviors.evil]\ntype = \"honest\"\npriority = 20\n[behaviors.lesser]\ntype = \"honest\"\npriority = 5\n";
 
-/// What the motors were given.
+/// Commands of a run.
 #[derive(Default)]
-struct Given {
+struct Commands {
     commands: u64,
     fastest: f64,
     honest: u64,
@@ -80,7 +81,7 @@ struct Given {
     last: Time,
 }
 
-impl Tap for Given {
+impl Tap for Commands {
     fn message(&mut self, _: &str, message: &MessageType, _: Time, header: &[u8], _: &[u8]) {
         if message.name != Command::NAME {
             return;
@@ -88,7 +89,7 @@ impl Tap for Given {
         let command: Command = bytemuck::pod_read_unaligned(header);
         let twist = command.twist;
         assert!(twist.is_finite());
-        // A recorder that falls behind sees fewer than there were.
+        // The sequence, because a tap that lags loses messages.
         self.commands = command.sequence;
         self.honest += u64::from(command.source[0] == Name::new("honest"));
         self.fastest = twist.linear.abs().max(twist.lateral.abs()).max(twist.angular.abs()).max(self.fastest);
@@ -97,12 +98,12 @@ impl Tap for Given {
     }
 }
 
-/// Runs the robot while `attack` has the channels of "evil", of a higher priority than the honest one, and of "lesser", until
-/// it is told that it is over.
+/// Runs the robot while `attack` publishes as "evil", of a higher priority than the honest behavior, and as "lesser", until
+/// its flag is set.
 fn under(
     name: &str,
     attack: impl Fn(&Bus, &Publisher<Proposal>, &Publisher<Proposal>, &AtomicBool) + Send + 'static,
-) -> (Given, Fared, Durations) {
+) -> (Commands, RunStats, DurationHistogram) {
     let robot = format!("hostile-{}-{name}", std::process::id());
     let folder = std::env::temp_dir().join(format!("yamabico-{robot}"));
     std::fs::create_dir_all(&folder).unwrap();
@@ -114,7 +115,7 @@ fn under(
     let task = task.unwrap_or_else(|problems| panic!("{problems}"));
     std::fs::remove_dir_all(&folder).unwrap();
     let mut plan = Plan::new(&task, 1);
-    // Somebody else takes their places.
+    // The attacker publishes for the others.
     plan.behaviors.retain(|behavior| behavior.setup.name == "honest");
     let mut live = Live::open(plan, &robot, None).unwrap();
     let over: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
@@ -125,16 +126,16 @@ fn under(
         attack(&bus, &evil, &lesser, over);
     });
     let bare = std::thread::spawn(move || bare_timer(over));
-    let mut given = Given::default();
-    live.run(&task.run, &AtomicBool::new(false), &mut given, &mut |_| {}).unwrap();
+    let mut driven = Commands::default();
+    live.run(&task.run, &AtomicBool::new(false), &mut driven, &mut |_| {}).unwrap();
     over.store(true, Ordering::Relaxed);
     attacker.join().unwrap();
-    (given, live.finish(), bare.join().unwrap())
+    (driven, live.finish(), bare.join().unwrap())
 }
 
-/// A thread that only sleeps from tick to tick, and how late it woke.
-fn bare_timer(over: &AtomicBool) -> Durations {
-    let mut late = Durations::default();
+/// Delay with which a thread that only sleeps wakes at its ticks.
+fn bare_timer(over: &AtomicBool) -> DurationHistogram {
+    let mut late = DurationHistogram::default();
     let mut next = Instant::now() + PERIOD;
     while !over.load(Ordering::Relaxed) {
         std::thread::sleep(next.saturating_duration_since(Instant::now()));
@@ -156,30 +157,30 @@ fn drive_at(mps: f64) -> Proposal {
     }
 }
 
-/// No later than a bare timer in the same run, but for one period, and never without a command.
-fn assert_on_time(given: &Given, fared: &Fared, bare: &Durations) {
-    let seconds = |late: &Durations| late.count() as f64 * PERIOD.as_secs_f64();
-    let lasted = given.last.since(given.first.unwrap()).as_secs_f64();
-    let shares = |late: &Durations| [0.5, 0.95, 0.99, 1.0].map(|share| late.quantile(share));
-    let (arbiter, timer) = (shares(&fared.lateness), shares(bare));
+/// Asserts that ticks are at most one period later than those of a bare timer in the same run.
+fn assert_on_time(driven: &Commands, stats: &RunStats, bare: &DurationHistogram) {
+    let seconds = |late: &DurationHistogram| late.count() as f64 * PERIOD.as_secs_f64();
+    let lasted = driven.last.since(driven.first.unwrap()).as_secs_f64();
+    let shares = |late: &DurationHistogram| [0.5, 0.95, 0.99, 1.0].map(|share| late.quantile(share));
+    let (arbiter, timer) = (shares(&stats.lateness), shares(bare));
     let ratio = arbiter[2].as_secs_f64() / timer[2].as_secs_f64();
     println!(
-        "ticks late by {arbiter:?}, a bare timer by {timer:?}: p50, p95, p99, most; ratio of p99 {ratio:.2}; \
+        "ticks late by {arbiter:?}, a bare timer by {timer:?}: p50, p95, p99, max; ratio of p99 {ratio:.2}; \
          {} commands in {lasted:.2} s",
-        given.commands
+        driven.commands
     );
-    // A machine that stands still for a while takes ticks from both.
-    let (ticks, possible) = (seconds(&fared.lateness), lasted.min(seconds(bare)));
+    // A machine that stalls skips ticks of both.
+    let (ticks, possible) = (seconds(&stats.lateness), lasted.min(seconds(bare)));
     assert!(ticks > 0.9 * possible, "{ticks} s of ticks in {lasted} s, of which a bare timer had {possible}");
-    // The last ones in a hundred are the machine's, which may let one thread stand still and not the other.
+    // No bound on the 99th percentile: the machine may stall one thread and not the other.
     assert!(arbiter[0] <= timer[0] + PERIOD / 2 && arbiter[1] <= timer[1] + PERIOD);
 }
 
 #[test]
-fn nonsense_moves_nothing_and_keeps_nobody_from_driving() {
-    let (given, fared, bare) = under("nonsense", |_, evil, _, over| {
+fn malformed_drives_move_nothing_and_block_no_other_behavior() {
+    let (driven, stats, bare) = under("malformed", |_, evil, _, over| {
         let now = || Time::monotonic_now().0;
-        let nonsense: [fn(Proposal, u64) -> Proposal; 12] = [
+        let malformed: [fn(Proposal, u64) -> Proposal; 12] = [
             |p, _| Proposal { twist: Twist::planar(f64::NAN, 0.0), ..p },
             |p, _| Proposal { twist: Twist::planar(f64::INFINITY, f64::NEG_INFINITY), ..p },
             |p, _| Proposal { twist: Twist::planar(1e38, 1e38), ..p },
@@ -202,19 +203,19 @@ fn nonsense_moves_nothing_and_keeps_nobody_from_driving() {
             if over.load(Ordering::Relaxed) {
                 return;
             }
-            let spoil = nonsense[round % nonsense.len()];
+            let spoil = malformed[round % malformed.len()];
             evil.publish(&Proposal { sequence: round as u64, ..spoil(drive_at(0.4), now()) }, &[]).unwrap();
             std::thread::sleep(Duration::from_millis(1));
         }
     });
-    assert_on_time(&given, &fared, &bare);
-    assert!((given.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", given.fastest);
-    assert!(given.honest > 100, "the honest one drove in {} commands", given.honest);
+    assert_on_time(&driven, &stats, &bare);
+    assert!((driven.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", driven.fastest);
+    assert!(driven.honest > 100, "the honest behavior drove in {} commands", driven.honest);
 }
 
 #[test]
-fn limits_and_halts_that_are_nonsense_only_slow() {
-    let (given, fared, bare) = under("limits", |_, evil, _, over| {
+fn malformed_limits_and_halts_only_slow_the_robot() {
+    let (driven, stats, bare) = under("limits", |_, evil, _, over| {
         for round in 0.. {
             if over.load(Ordering::Relaxed) {
                 return;
@@ -227,17 +228,17 @@ fn limits_and_halts_that_are_nonsense_only_slow() {
             std::thread::sleep(Duration::from_millis(1));
         }
     });
-    assert_on_time(&given, &fared, &bare);
-    assert!(given.fastest <= HONEST_MPS + 1e-9, "{} m/s", given.fastest);
+    assert_on_time(&driven, &stats, &bare);
+    assert!(driven.fastest <= HONEST_MPS + 1e-9, "{} m/s", driven.fastest);
 }
 
 #[test]
 fn a_flood_neither_stalls_nor_speeds_up() {
     static SENT: AtomicU64 = AtomicU64::new(0);
-    let (given, fared, bare) = under("flood", |_, _, lesser, over| {
+    let (driven, stats, bare) = under("flood", |_, _, lesser, over| {
         let begun = Instant::now();
         while !over.load(Ordering::Relaxed) {
-            // A hundred thousand a second, as far as the machine gives them.
+            // 100,000 per second, if the machine is fast enough.
             let due = (begun.elapsed().as_secs_f64() * 1e5) as u64;
             while SENT.load(Ordering::Relaxed) < due && !over.load(Ordering::Relaxed) {
                 let sequence = SENT.fetch_add(1, Ordering::Relaxed);
@@ -245,18 +246,18 @@ fn a_flood_neither_stalls_nor_speeds_up() {
             }
         }
     });
-    assert_on_time(&given, &fared, &bare);
-    let lasted = given.last.since(given.first.unwrap()).as_secs_f64();
+    assert_on_time(&driven, &stats, &bare);
+    let lasted = driven.last.since(driven.first.unwrap()).as_secs_f64();
     let sent_hz = SENT.load(Ordering::Relaxed) as f64 / lasted;
-    println!("{sent_hz:.0} proposals a second, {:.0} commands a second", given.commands as f64 / lasted);
+    println!("{sent_hz:.0} proposals a second, {:.0} commands a second", driven.commands as f64 / lasted);
     assert!(sent_hz > 2.0 * MAX_DECISIONS_HZ, "no flood");
-    assert!((given.commands as f64) < MAX_DECISIONS_HZ * lasted * 1.05, "{} commands", given.commands);
-    assert!((given.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", given.fastest);
+    assert!((driven.commands as f64) < MAX_DECISIONS_HZ * lasted * 1.05, "{} commands", driven.commands);
+    assert!((driven.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", driven.fastest);
 }
 
 #[test]
-fn nobody_speaks_in_anothers_name_or_with_another_priority() {
-    let (given, fared, bare) = under("name", |bus, _, lesser, over| {
+fn no_plugin_can_publish_under_another_name_or_priority() {
+    let (driven, stats, bare) = under("name", |bus, _, lesser, over| {
         let refused =
             |error: BusError| assert!(matches!(error, BusError::TooManyPublishers { .. }), "{error}");
         refused(bus.publisher::<Command>(topics::COMMAND).err().unwrap());
@@ -275,6 +276,6 @@ fn nobody_speaks_in_anothers_name_or_with_another_priority() {
             std::thread::sleep(Duration::from_millis(5));
         }
     });
-    assert_on_time(&given, &fared, &bare);
-    assert!((given.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", given.fastest);
+    assert_on_time(&driven, &stats, &bare);
+    assert!((driven.fastest - HONEST_MPS).abs() < 1e-6, "{} m/s", driven.fastest);
 }

@@ -1,12 +1,8 @@
-//! Lockstep with small stand-ins for devices and behaviors: order, panics, dead sensors, threads.
+//! Lockstep with small test doubles for devices and behaviors: order, panics, dead sensors, threads.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod stand_ins;
-
-use stand_ins::{PERIOD, stand_in};
+use crate::stand_ins::{PERIOD, stand_in};
 use yamabico_core::behavior::{
-    Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, factory,
+    Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo, factory,
 };
 use yamabico_core::drive::Drive;
 use yamabico_core::driver::{Device, DeviceSpec};
@@ -19,10 +15,10 @@ use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::testing::NoParameters;
 use yamabico_core::time::Time;
 use yamabico_host::config::{Overrides, load};
-use yamabico_runtime::execution::{Lockstep, Plan, Supply};
+use yamabico_runtime::execution::{Lockstep, Plan, SensorSupply};
 use yamabico_runtime::record::{Digest, Tap, Tee};
 
-/// Counts up every 20 ms; falls silent after a second and a half, ends after three.
+/// Odometry that counts up every 20 ms, is silent from 1.5 s on and ends after 3 s.
 struct Counter(u64);
 
 impl Sensor for Counter {
@@ -48,15 +44,20 @@ impl Drive for Motor {
     }
 }
 
-fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
+fn open(spec: DeviceSpec) -> Result<Device, ParameterError> {
     let sensors =
         spec.sensors.iter().map(|sensor| (sensor.name.clone(), Box::new(Counter(0)) as Box<dyn Sensor>));
-    Ok(Device { sensors: sensors.collect(), drive: Some(Box::new(Motor)), judge: None, walls: Vec::new() })
+    Ok(Device {
+        sensors: sensors.collect(),
+        drive: Some(Box::new(Motor)),
+        ground_truth: None,
+        walls: Vec::new(),
+    })
 }
 
-const WHEELS: Slot<Odometry> = Slot::required("wheels", "counts");
-const AHEAD: Slot<Intersection> = Slot::required("ahead", "what the first saw");
-const SEEN: Slot<Intersection> = Slot::required("seen", "what it saw");
+const WHEELS: Slot<Odometry> = Slot::required("wheels", "Odometry that counts.");
+const AHEAD: Slot<Intersection> = Slot::required("ahead", "Output of the leader.");
+const SEEN: Slot<Intersection> = Slot::required("seen", "Count of the leader.");
 
 /// Drives at a hundredth of the count and publishes the count.
 struct Leader;
@@ -69,7 +70,7 @@ impl Plugin for Leader {
     const OUTPUTS: &'static [SlotInfo] = &[SEEN.info()];
     const CLAIMS: Axes = Axes::LINEAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Leader)
     }
 }
@@ -90,17 +91,17 @@ impl Behavior for Leader {
     }
 }
 
-/// Turns by what the leader published.
+/// Turns by the output of the leader.
 struct Follower;
 
 impl Plugin for Follower {
     type Config = NoParameters;
     const NAME: &'static str = "follower";
-    const SUMMARY: &'static str = "Turns by what the leader saw.";
+    const SUMMARY: &'static str = "Turns by the output of the leader.";
     const INPUTS: &'static [SlotInfo] = &[AHEAD.info()];
     const CLAIMS: Axes = Axes::ANGULAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Follower)
     }
 }
@@ -109,7 +110,7 @@ impl Behavior for Follower {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let Some(seen) = inputs.latest(&AHEAD) else { return Proposal::abstain(Reason::NoInput) };
         let age = inputs.now().since(seen.header.stamp());
-        assert_eq!(age, PERIOD, "what is published in one step is seen in the next");
+        assert_eq!(age, PERIOD, "a message published in one step is received in the next");
         Proposal::drive(Axes::ANGULAR, Twist::planar(0.0, seen.header.distance_m * 0.001))
     }
 }
@@ -124,14 +125,14 @@ impl Plugin for Broken {
     const INPUTS: &'static [SlotInfo] = &[WHEELS.info()];
     const CLAIMS: Axes = Axes::LINEAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Broken)
     }
 }
 
 impl Behavior for Broken {
     fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
-        panic!("as every time")
+        panic!("a test panic")
     }
 }
 
@@ -186,7 +187,7 @@ impl Tap for Decisions {
 fn run(test: &str, task: &str, threads: usize) -> (Vec<DecisionHeader>, Digest) {
     let mut lockstep = Lockstep::open(plan(test, task), PERIOD, threads).unwrap();
     let (mut decisions, mut digest) = (Decisions::default(), Digest::new());
-    while lockstep.step(&mut Tee(vec![&mut decisions, &mut digest])).unwrap() == Supply::Lasting {}
+    while lockstep.step(&mut Tee(vec![&mut decisions, &mut digest])).unwrap() == SensorSupply::Active {}
     (decisions.0, digest)
 }
 
@@ -201,7 +202,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 }
 
 #[test]
-fn silent_sensors_end_in_a_stop_and_never_in_silence() {
+fn silent_sensors_end_in_a_stop_command() {
     let (decisions, _) = run("silent", TASK, 1);
     let at = |seconds: f64| &decisions[(seconds / PERIOD.as_secs_f64()) as usize];
     assert!(at(1.4).commanded.linear > 0.3, "{:?}", at(1.4));
@@ -209,7 +210,7 @@ fn silent_sensors_end_in_a_stop_and_never_in_silence() {
 }
 
 #[test]
-fn a_behavior_that_panics_is_out_and_the_others_go_on() {
+fn a_behavior_that_panics_abstains_and_the_others_continue() {
     let task = format!("{TASK}[behaviors.broken]\npriority = 20\ninputs = {{ wheels = \"wheels\" }}\n");
     let (decisions, digest) = run("broken", &task, 1);
     assert!(decisions[70].commanded.linear > 0.3);
@@ -217,7 +218,7 @@ fn a_behavior_that_panics_is_out_and_the_others_go_on() {
 }
 
 #[test]
-fn who_sleeps_while_inhibited_is_not_asked_and_then_begins_with_the_newest() {
+fn a_behavior_that_sleeps_while_inhibited_is_not_called() {
     let task = |sleeps: bool| {
         format!(
             "{TASK}[behaviors.second]\ntype = \"leader\"\npriority = 3\ninputs = {{ wheels = \"wheels\" }}\n\
@@ -230,7 +231,7 @@ fn who_sleeps_while_inhibited_is_not_asked_and_then_begins_with_the_newest() {
     assert_eq!(
         (proposals(&awake), proposals(&asleep)),
         (75, 2),
-        "once before it is told, once when it is free"
+        "once before it is inhibited, once when it is free"
     );
     let (_, two) = run("asleep-two", &task(true), 2);
     assert_eq!(asleep.hex(), two.hex());

@@ -1,6 +1,4 @@
-//! A recording holds every message once, opens elsewhere, and never stops a run.
-
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+//! A recording holds every message once, opens in other programs, and never stops a run.
 
 use std::collections::BTreeMap;
 use std::io::Read as _;
@@ -16,7 +14,7 @@ use yamabico_core::message::{
 };
 use yamabico_core::time::Time;
 use yamabico_runtime::record::{
-    Digest, McapRecorder, Pace, PlaybackError, RecordError, Recorded, Recording, Tap, Tee, play,
+    Digest, McapRecorder, Pace, PlaybackError, RecordError, Recording, RecordingResult, Tap, Tee, play,
 };
 
 const STEPS: u64 = 100;
@@ -26,7 +24,7 @@ fn send<M: Message>(tap: &mut dyn Tap, topic: &str, time: Time, header: &M, item
     tap.message(topic, &MessageType::of::<M>(), time, header, items);
 }
 
-/// Two seconds of a robot with a camera and sonars that drives, and halts for an echo in the middle.
+/// Messages of a robot with a camera and sonars that drives for 2 s and halts for an echo in between.
 fn drive(tap: &mut dyn Tap) {
     for step in 0..STEPS {
         let time = Time(step * 20_000_000);
@@ -74,7 +72,7 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-fn record(path: &Path, pace: Pace) -> (Digest, Recorded) {
+fn record(path: &Path, pace: Pace) -> (Digest, RecordingResult) {
     let recording = Recording {
         files: vec![("task.toml".into(), "robot = \"sim\"\n".into())],
         facts: BTreeMap::from([("seed".into(), "7".into())]),
@@ -121,7 +119,7 @@ fn a_recording_plays_back_to_the_byte() {
     assert_eq!((played.left_out.len(), played.broken_off), (0, None));
     assert_eq!(played.messages, recorded.counts().values().sum::<u64>());
 
-    // Half a file, as kill -9 leaves it.
+    // Half of a file, as after kill -9.
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let half = play(&path, &mut Digest::new()).unwrap();
@@ -144,7 +142,7 @@ fn every_message_is_there_once_under_its_own_topic() {
     let path = folder.join("run.mcap");
     let (digest, recorded) = record(&path, Pace::Lockstep);
     assert!(recorded.error.is_none(), "{:?}", recorded.error);
-    assert_eq!((recorded.pictures_dropped, recorded.messages_dropped), (0, 0));
+    assert_eq!((recorded.images_dropped, recorded.messages_dropped), (0, 0));
     assert_eq!(&recorded.messages, digest.counts());
     assert_eq!(recorded.bytes, path.metadata().unwrap().len());
 
@@ -170,7 +168,7 @@ fn every_message_is_there_once_under_its_own_topic() {
 }
 
 #[test]
-fn numbers_pictures_and_words_survive() {
+fn numbers_images_and_texts_are_kept() {
     let folder = folder("content");
     let path = folder.join("run.mcap");
     record(&path, Pace::Lockstep);
@@ -188,8 +186,8 @@ fn numbers_pictures_and_words_survive() {
     assert_eq!((&decision["mode_text"], decision["items"].as_array().unwrap().len()), (&"halted".into(), 2));
 
     let image = CompressedImage::decode_from(nth("/front/image", 3));
-    let picture = image::load_from_memory(&image.data).unwrap().into_luma8();
-    assert!(picture.iter().enumerate().all(|(i, &value)| value == (i as u32 * 7 + 15) as u8));
+    let image_read = image::load_from_memory(&image.data).unwrap().into_luma8();
+    assert!(image_read.iter().enumerate().all(|(i, &value)| value == (i as u32 * 7 + 15) as u8));
     let scan = LaserScan::decode_from(nth("/sonar/scan", 45));
     assert!(scan.ranges.iter().all(|&range| range == 0.4) && scan.ranges.len() > 20);
     let pose = PoseInFrame::decode_from(nth("/truth/pose", 99));
@@ -209,7 +207,7 @@ fn numbers_pictures_and_words_survive() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// Decoding, which `foxglove` has for its own messages under a name that is long to write.
+/// Short form of `foxglove`'s decoding.
 trait DecodeFrom: Sized {
     fn decode_from(bytes: &[u8]) -> Self;
 }
@@ -227,7 +225,7 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
         let mut digest = Digest::new();
         let begin = Instant::now();
         while !recorder.has_failed() {
-            assert!(begin.elapsed().as_secs() < 60, "nobody noticed that the disk is full");
+            assert!(begin.elapsed().as_secs() < 60, "the full disk was not noticed");
             drive(&mut Tee(vec![&mut digest, &mut recorder]));
         }
         let before = digest.counts().values().sum::<u64>();
@@ -242,7 +240,7 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_refused_with_a_remedy() {
+fn a_file_that_cannot_be_opened_is_refused_with_a_remedy() {
     let folder = folder("refused");
     let refused = |path: PathBuf| match McapRecorder::create(Recording::new(path, Pace::Lockstep)) {
         Err(error) => error,
@@ -258,17 +256,17 @@ fn what_cannot_be_opened_is_refused_with_a_remedy() {
 }
 
 #[test]
-fn a_live_run_never_waits_and_counts_what_it_leaves_out() {
+fn a_live_run_never_waits_and_counts_dropped_images() {
     let folder = folder("live");
-    // A disk that takes nothing until it is told to.
+    // A disk that blocks until the channel is used.
     let path = folder.join("run.mcap");
     assert!(Process::new("mkfifo").arg(&path).status().unwrap().success());
-    let (read, told) = std::sync::mpsc::channel();
+    let (read, may_read) = std::sync::mpsc::channel();
     let reader = std::thread::spawn({
         let path = path.clone();
         move || {
             let (mut file, mut bytes) = (std::fs::File::open(path).unwrap(), Vec::new());
-            let _ = told.recv_timeout(std::time::Duration::from_secs(60));
+            let _ = may_read.recv_timeout(std::time::Duration::from_secs(60));
             file.read_to_end(&mut bytes).unwrap();
             bytes
         }
@@ -282,13 +280,13 @@ fn a_live_run_never_waits_and_counts_what_it_leaves_out() {
     for _ in 0..60 {
         send(&mut recorder, "front", Time::ZERO, &header, &pixels);
     }
-    // Each was taken at once, since nothing of it goes to the disk before this.
+    // None of them waited, since nothing reaches the disk before this.
     read.send(()).unwrap();
     let recorded = recorder.finish(BTreeMap::new());
-    assert!(recorded.pictures_dropped > 0 && recorded.messages_dropped == 0, "{recorded:?}");
+    assert!(recorded.images_dropped > 0 && recorded.messages_dropped == 0, "{recorded:?}");
     let read = read_bytes(&reader.join().unwrap());
     assert_eq!(read.counts["front"], 60, "headers are kept");
-    assert_eq!(read.counts["/front/image"], 60 - recorded.pictures_dropped);
+    assert_eq!(read.counts["/front/image"], 60 - recorded.images_dropped);
     std::fs::remove_dir_all(folder).unwrap();
 }
 
@@ -305,17 +303,17 @@ fn python_reads_the_same_counts() {
     };
     let output = Process::new(python).arg(script).arg(&path).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let counts: BTreeMap<String, u64> = serde_json::from_value(told["counts"].clone()).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let counts: BTreeMap<String, u64> = serde_json::from_value(report["counts"].clone()).unwrap();
     assert_eq!(&bus_topics(&counts), digest.counts());
     assert_eq!(counts, read(&path).counts);
-    assert_eq!(told["metadata"]["result"]["digest"], digest.hex());
-    assert_eq!(told["images"], STEPS / 5);
+    assert_eq!(report["metadata"]["result"]["digest"], digest.hex());
+    assert_eq!(report["images"], STEPS / 5);
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// The Python of a fresh environment in `folder`; `None` where it or the packages cannot be had.
-/// `YAMABICO_PYTHON` names one that has the packages.
+/// Python of a new environment in `folder`; `None` if it or its packages cannot be installed. `YAMABICO_PYTHON` names an
+/// existing one with the packages.
 fn python_with_mcap(folder: &Path) -> Option<PathBuf> {
     if let Some(python) = std::env::var_os("YAMABICO_PYTHON") {
         return Some(python.into());

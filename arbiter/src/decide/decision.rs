@@ -1,4 +1,4 @@
-//! What was decided and why, by index; and as it travels.
+//! A decision and its reasons, by index, and its conversion to messages.
 
 use std::fmt::Write;
 use std::time::Duration;
@@ -11,108 +11,108 @@ use yamabico_core::time::Time;
 use crate::policy::Policy;
 use crate::safety::Stop;
 
-/// One decision. Made once for a policy and overwritten by every call of [`decide`](super::decide).
+/// A decision. Created once for a policy and overwritten by every call of [`decide`](super::decide).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decision {
-    /// When it was decided.
+    /// Time of the decision.
     pub stamp: Time,
-    /// Oldest sensor data behind the winners; the stamp where nobody won.
+    /// Oldest sensor data behind the winners; equal to `stamp` if there is no winner.
     pub evidence: Time,
-    /// The winner whose sensor data that is.
+    /// Winner that rests on this data.
     pub evidence_of: Option<u16>,
-    /// The winner whose data is older than its budget, and what comes of it.
-    pub late: Option<Late>,
-    /// Counts up by one a decision.
+    /// Winner whose sensor data is older than its latency budget.
+    pub late: Option<LateData>,
+    /// Number of the decision, increasing by one.
     pub sequence: u64,
-    /// What the winners asked for, before limits and ramps.
+    /// Twist that the winners ask for, before limits and ramps.
     pub wanted: Twist,
-    /// What the robot's largest speeds and its drive leave of it.
+    /// `wanted` cut to the robot's maximum speeds and to its drive.
     pub feasible: Twist,
-    /// After limits, halts and stops, before ramps.
+    /// `feasible` after limits, halts and stops, before ramps.
     pub allowed: Twist,
-    /// What the motors get.
+    /// Twist that the drive gets.
     pub commanded: Twist,
-    /// Axes that a halt stops.
+    /// Halted axes.
     pub halted: Axes,
-    /// The state of things.
+    /// Mode of the robot.
     pub mode: Mode,
-    /// What stops the whole robot.
+    /// Cause of a stop of the whole robot.
     pub stop: Option<Stop>,
-    /// Whether some axis brakes with the emergency deceleration.
+    /// Set if an axis brakes with the emergency deceleration.
     pub emergency: bool,
-    /// Who won each axis: index of the behavior.
+    /// Winner of each axis.
     pub source: [Option<u16>; 3],
-    /// Who halts each axis.
+    /// Behavior that halts each axis.
     pub halted_by: [Option<u16>; 3],
-    /// Whose limit binds each axis, and to what, m/s, m/s, rad/s.
+    /// Behavior whose limit binds each axis, and the limit, m/s, m/s, rad/s.
     pub limited_by: [Option<(u16, f64)>; 3],
-    /// What became of each behavior, by its index.
+    /// Ruling on each behavior, by its index.
     pub rulings: Vec<Ruling>,
 }
 
 /// A winner whose sensor data is older than its latency budget.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Late {
-    /// The winner.
+pub struct LateData {
+    /// Index of the winner.
     pub behavior: u16,
     /// Age of the oldest data in its proposal.
     pub age: Duration,
-    /// What is left of the robot's largest speeds, above 0 and at most 1; 1 where lateness is only counted.
+    /// Remaining share of the robot's maximum speeds, above 0 and at most 1; 1 if late data is only counted.
     pub factor: f64,
 }
 
-/// What became of one behavior.
+/// Result of a decision for one behavior.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ruling {
-    /// The outcome.
+    /// Outcome.
     pub outcome: Outcome,
-    /// What is wrong with the proposal, also where its halt or limit counts nevertheless.
+    /// Fault of the proposal, also if its halt or limit counts nevertheless.
     pub fault: Option<Outcome>,
-    /// Who beat, inhibited, suppressed or halted it.
+    /// Behavior that outranked, inhibited, suppressed or halted it.
     pub by: Option<u16>,
-    /// A [`Kind`] code: as received, or that of the halt or limit that is held.
+    /// A [`Kind`] code: as received, or that of the held halt or limit.
     pub kind: u32,
     /// A [`Reason`] code, as received.
     pub reason: u32,
-    /// Claimed, limited or halted.
+    /// Axes that it claims, limits or halts.
     pub claimed: Axes,
-    /// Driven by it in the end.
+    /// Axes that it drives in the end.
     pub won: Axes,
-    /// Age in seconds, the limit, or zero.
+    /// Age in s, the limit, or zero.
     pub number: f64,
-    /// How long the outcome still lasts without a word from anybody.
-    pub lasts: Lasting,
+    /// Time for which the outcome lasts without a new proposal.
+    pub remaining: Remaining,
 }
 
-/// How long an outcome still lasts without a word from anybody.
+/// Time for which an outcome lasts without a new proposal.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Lasting {
-    /// This decision.
+pub enum Remaining {
+    /// This decision only.
     #[default]
     Now,
-    /// So long.
+    /// This duration.
     For(Duration),
-    /// Until its author is back.
-    UntilBack,
+    /// Until the author proposes again.
+    UntilAuthorReturns,
 }
 
-impl Lasting {
-    /// From `now` until an instant; [`Time::MAX`] is for ever.
-    pub(super) fn until(end: Time, now: Time) -> Lasting {
-        if end == Time::MAX { Lasting::UntilBack } else { Lasting::For(end.since(now)) }
+impl Remaining {
+    /// Time from `now` until `end`; [`Time::MAX`] is forever.
+    pub(super) fn until(end: Time, now: Time) -> Remaining {
+        if end == Time::MAX { Remaining::UntilAuthorReturns } else { Remaining::For(end.since(now)) }
     }
 
     fn left_s(self) -> f64 {
         match self {
-            Lasting::Now => 0.0,
-            Lasting::For(left) => left.as_secs_f64(),
-            Lasting::UntilBack => -1.0,
+            Remaining::Now => 0.0,
+            Remaining::For(left) => left.as_secs_f64(),
+            Remaining::UntilAuthorReturns => -1.0,
         }
     }
 }
 
 impl Ruling {
-    /// Nothing has been heard.
+    /// Ruling on a behavior that has not proposed yet.
     pub const SILENT: Ruling = Ruling {
         outcome: Outcome::Silent,
         fault: None,
@@ -122,43 +122,20 @@ impl Ruling {
         claimed: Axes::NONE,
         won: Axes::NONE,
         number: 0.0,
-        lasts: Lasting::Now,
+        remaining: Remaining::Now,
     };
 }
 
 impl Decision {
-    /// An empty one, with room for every behavior of `policy`.
+    /// An empty decision with room for every behavior of `policy`.
     pub fn new(policy: &Policy) -> Decision {
-        Decision {
-            stamp: Time::ZERO,
-            evidence: Time::ZERO,
-            evidence_of: None,
-            late: None,
-            sequence: 0,
-            wanted: Twist::ZERO,
-            feasible: Twist::ZERO,
-            allowed: Twist::ZERO,
-            commanded: Twist::ZERO,
-            halted: Axes::NONE,
-            mode: Mode::Idle,
-            stop: None,
-            emergency: false,
-            source: [None; 3],
-            halted_by: [None; 3],
-            limited_by: [None; 3],
-            rulings: vec![Ruling::SILENT; policy.behaviors.len()],
-        }
+        Decision::empty(Time::ZERO, 0, vec![Ruling::SILENT; policy.behaviors.len()])
     }
 
-    /// Clears everything but the rulings, each of which is written in turn.
-    pub(super) fn begin(&mut self, policy: &Policy, now: Time, sequence: u64) {
-        let mut rulings = std::mem::take(&mut self.rulings);
-        if rulings.len() != policy.behaviors.len() {
-            rulings.resize(policy.behaviors.len(), Ruling::SILENT);
-        }
-        *self = Decision {
-            stamp: now,
-            evidence: now,
+    fn empty(stamp: Time, sequence: u64, rulings: Vec<Ruling>) -> Decision {
+        Decision {
+            stamp,
+            evidence: stamp,
             evidence_of: None,
             late: None,
             sequence,
@@ -174,10 +151,17 @@ impl Decision {
             halted_by: [None; 3],
             limited_by: [None; 3],
             rulings,
-        };
+        }
     }
 
-    /// The command as it travels, without its stages.
+    /// Clears everything but the rulings, each of which is overwritten in turn.
+    pub(super) fn begin(&mut self, policy: &Policy, now: Time, sequence: u64) {
+        let mut rulings = std::mem::take(&mut self.rulings);
+        rulings.resize(policy.behaviors.len(), Ruling::SILENT);
+        *self = Decision::empty(now, sequence, rulings);
+    }
+
+    /// Command message, without the times of its stages.
     pub fn command(&self, policy: &Policy) -> Command {
         Command {
             stamp_ns: self.stamp.0,
@@ -190,7 +174,7 @@ impl Decision {
         }
     }
 
-    /// The decision as it travels, without its verdicts.
+    /// Decision message, without its verdicts.
     pub fn header(&self, policy: &Policy) -> DecisionHeader {
         DecisionHeader {
             stamp_ns: self.stamp.0,
@@ -212,8 +196,8 @@ impl Decision {
         }
     }
 
-    /// Writes one verdict a behavior, in the order of the policy, to the front of `verdicts`, as many as fit; returns how
-    /// many were written.
+    /// Writes one verdict for each behavior, in the order of the policy, to the front of `verdicts`, as many as fit; returns
+    /// their number.
     pub fn write_verdicts(&self, policy: &Policy, verdicts: &mut [Verdict]) -> usize {
         for ((verdict, ruling), behavior) in verdicts.iter_mut().zip(&self.rulings).zip(&policy.behaviors) {
             *verdict = Verdict {
@@ -226,7 +210,7 @@ impl Decision {
                 number: ruling.number,
                 reason: ruling.reason,
                 kind: ruling.kind,
-                left_s: ruling.lasts.left_s(),
+                left_s: ruling.remaining.left_s(),
                 fault: ruling.fault.map_or(0, Outcome::code),
                 reserved: 0,
             };
@@ -240,10 +224,10 @@ impl Decision {
         Twist { linear, lateral, angular }
     }
 
-    /// Why the mode is what it is, in words; empty where the mode says it all.
+    /// Cause of the mode; empty if the mode needs none.
     pub fn note(&self, policy: &Policy) -> Note {
         let mut note = Note::default();
-        // Writing to a `Text` cuts and never fails.
+        // Writing to a `Text` truncates and never fails.
         let _ = match self.stop {
             Some(Stop::Behavior(index)) => write!(note, "{} is silent", policy.name(Some(index))),
             Some(Stop::Sensor(index)) => match policy.sensors.get(usize::from(index)) {

@@ -1,22 +1,24 @@
-//! The decision: from the newest proposals, what came before, and the time, to one command and a verdict on everybody.
+//! The decision: one command and a verdict on each behavior.
 //!
-//! [`decide`] is a pure function of its arguments: it reads no clock, does no input or output, allocates nothing, and
-//! cannot fail. Every call gives a command.
+//! [`decide`] is a pure function of the newest proposals, the state and the time: it reads no clock, does no input or
+//! output, allocates nothing and cannot fail. Every call gives a command.
 
-mod contest;
+mod allocation;
 mod decision;
+mod decision_message;
 mod explain;
-mod hear;
-mod late;
-mod restrain;
+mod latency;
+mod restraints;
+mod screening;
 mod state;
-mod told;
 mod wires;
 
-pub use decision::{Decision, Lasting, Late, Ruling};
-pub use explain::{AxisWords, BehaviorWords, Explanation, Scene, Terms, explain};
-pub use state::State;
-pub use told::Told;
+pub use decision::{Decision, LateData, Remaining, Ruling};
+pub use decision_message::DecisionMessage;
+pub use explain::{
+    AxisExplanation, BehaviorExplanation, ExplainContext, Explanation, ProposalTerms, explain,
+};
+pub use state::ArbiterState;
 
 use yamabico_core::message::{Axes, Mode, Proposal, Twist};
 use yamabico_core::time::Time;
@@ -25,58 +27,66 @@ use crate::policy::Policy;
 use crate::ramp::Step;
 use crate::safety::{Stop, Tick};
 
-/// Decides what the motors get at `now`.
+/// Decides on the command at `now`.
 ///
 /// `proposals` holds the newest proposal of each behavior at the behavior's index in `policy`; a missing or empty slot is
-/// silence. `state` must have been made from the same policy. `decision` is overwritten.
+/// silence. `state` must come from the same policy. `decision` is overwritten.
 ///
-/// No failure raises a speed: whatever is stale, malformed, silent or out of time is dropped as a drive and kept as a halt
-/// or as a limit of zero.
+/// 1. A drive proposal that is disabled, stale or malformed is dropped; such a halt still halts, such a limit is zero.
+/// 2. Wires inhibit drive proposals, or suppress axes of them.
+/// 3. Halts stop the axes that they name.
+/// 4. Limits combine to their minimum on each axis, as far as the motion points into their sectors.
+/// 5. Each axis goes to the highest-priority drive proposal that claims it; a coupled drive gets all of its axes or none.
+/// 6. An axis that no behavior claims slows to zero.
+/// 7. A critical behavior or sensor that is silent, the emergency stop, and a clock that runs backwards stop the robot.
+/// 8. The result is cut to the robot's limits, ramped by acceleration and jerk, and commanded.
+///
+/// No failure raises a speed.
 pub fn decide(
     policy: &Policy,
-    state: &mut State,
+    state: &mut ArbiterState,
     proposals: &[Option<Proposal>],
     now: Time,
     decision: &mut Decision,
 ) {
-    let tick = state.course.advance(now, policy);
+    let tick = state.clock.advance(now, policy);
     decision.begin(policy, now, state.next_sequence());
-    hear::hear(state, proposals, tick.now, decision);
+    screening::screen(state, proposals, tick.now, decision);
     wires::apply(state, tick.now, decision);
-    restrain::halt(state, decision);
-    contest::award(state, proposals, tick.now, decision);
-    let share = late::note(policy, state, proposals, tick.now, decision);
+    restraints::find_halts(state, decision);
+    allocation::allocate(state, proposals, tick.now, decision);
+    let share = latency::check(policy, state, proposals, tick.now, decision);
     decision.feasible = within_limits(policy, state.ramp.velocity(), decision.wanted, share);
-    decision.allowed = restrain::restrain(state, tick.now, decision.feasible, decision);
+    decision.allowed = restraints::apply(state, tick.now, decision.feasible, decision);
     decision.stop = stop(state, &tick);
-    restrain::stop_drivers(state, decision);
+    restraints::revoke_stopped_axes(state, decision);
     decision.commanded = ramp(policy, state, &tick, decision);
     decision.mode = mode(decision);
 }
 
-/// `wanted` cut to a share of the robot's largest speeds, its translation in the same direction, and to what the wheels can
-/// roll.
+/// Cuts `wanted` to `share` of the robot's maximum speeds, keeping the direction of its translation, and to what the wheels
+/// can reach.
 fn within_limits(policy: &Policy, current: Twist, wanted: Twist, share: f64) -> Twist {
     let [linear, lateral, angular] = policy.limits.speed.map(|speed| share * speed);
-    let slowed = restrain::limited_to(wanted, Axes::ALL, Twist { linear, lateral, angular });
+    let slowed = restraints::limited_to(wanted, Axes::ALL, Twist { linear, lateral, angular });
     policy.kinematics.reachable(slowed, current)
 }
 
-/// What stops the whole robot, the most severe first.
-fn stop(state: &State, tick: &Tick) -> Option<Stop> {
-    match state.orders.stop_ordered() {
+/// Finds what stops the whole robot, the most severe cause first.
+fn stop(state: &ArbiterState, tick: &Tick) -> Option<Stop> {
+    match state.stop_requests.requested() {
         Some(Stop::EmergencyStop) => Some(Stop::EmergencyStop),
-        ordered => {
+        requested => {
             let silent = if tick.backwards { Some(Stop::Clock) } else { state.silent_part(tick.now) };
-            silent.or(ordered)
+            silent.or(requested)
         }
     }
 }
 
-/// Goes one step towards what is allowed; halted axes and emergencies brake as hard as the robot can.
-fn ramp(policy: &Policy, state: &mut State, tick: &Tick, decision: &mut Decision) -> Twist {
-    let everything = decision.stop.is_some_and(Stop::is_emergency);
-    let emergency = if everything { Axes::ALL } else { decision.halted };
+/// Ramps one step towards the allowed twist; halted axes and emergencies brake with the emergency deceleration.
+fn ramp(policy: &Policy, state: &mut ArbiterState, tick: &Tick, decision: &mut Decision) -> Twist {
+    let stops_everything = decision.stop.is_some_and(Stop::is_emergency);
+    let emergency = if stops_everything { Axes::ALL } else { decision.halted };
     decision.emergency = !emergency.is_empty();
     let step = Step { braking_s: tick.braking_s, speeding_s: tick.speeding_s, emergency };
     state.ramp.advance(decision.allowed, step, &policy.limits, policy.axes())

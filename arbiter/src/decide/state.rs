@@ -1,61 +1,61 @@
-//! What a decision remembers of the ones before.
+//! State that a decision passes on to the next.
 
 use std::time::Duration;
 
 use yamabico_core::message::{Axes, Twist};
 use yamabico_core::time::Time;
 
-use super::contest::Tenure;
-use super::hear::Hearing;
-use super::restrain::Restraint;
-use super::wires::{Line, in_order};
-use crate::policy::{Contest, Policy};
+use super::allocation::DwellTimer;
+use super::restraints::Restraint;
+use super::screening::Candidate;
+use super::wires::{ActiveWire, in_order};
+use crate::policy::{Policy, TieRule};
 use crate::ramp::Ramp;
-use crate::safety::{Course, Orders, Watch};
+use crate::safety::{DecisionClock, Stop, StopRequests, Watchdog};
 
-/// The memory of [`decide`](super::decide), and what is ordered from outside: made once from a policy.
+/// State of [`decide`](super::decide) and the requests from outside. Created once from a policy.
 ///
-/// Rows stand in the order in which behaviors are asked: by priority, highest first, then by name.
+/// Its lists have one row for each behavior, by priority, highest first, then by name.
 #[derive(Clone, Debug)]
-pub struct State {
-    pub(super) rules: Vec<Rule>,
-    pub(super) hearings: Vec<Hearing>,
+pub struct ArbiterState {
+    pub(super) rules: Vec<BehaviorRule>,
+    pub(super) candidates: Vec<Candidate>,
     pub(super) restraints: Vec<Restraint>,
-    pub(super) tenures: Vec<Tenure>,
-    pub(super) lines: Vec<Line>,
+    pub(super) dwell_timers: Vec<DwellTimer>,
+    pub(super) wires: Vec<ActiveWire>,
     /// Rows with a dwell.
-    pub(super) dwellers: Vec<u16>,
-    /// Rows of this decision with a drive proposal to be considered.
+    pub(super) dwelling: Vec<u16>,
+    /// Rows of this decision with a drive proposal to consider.
     pub(super) drivers: Vec<u16>,
     /// Rows of this decision with a halt or limit in force.
     pub(super) restraining: Vec<u16>,
-    /// Slots of critical behaviors.
-    pub(super) watches: Vec<(u16, Watch)>,
-    sensors: Vec<Watch>,
-    pub(super) bounds: Bounds,
-    pub(super) has: Axes,
+    /// Watchdogs of critical behaviors, with their slots.
+    pub(super) watchdogs: Vec<(u16, Watchdog)>,
+    sensors: Vec<Watchdog>,
+    pub(super) bounds: PlausibleSpeeds,
+    pub(super) drive_axes: Axes,
     pub(super) tolerance_ns: u64,
-    /// Whether some behavior has a latency budget.
+    /// Set if a behavior has a latency budget.
     pub(super) has_budgets: bool,
-    pub(super) orders: Orders,
-    pub(super) course: Course,
+    pub(super) stop_requests: StopRequests,
+    pub(super) clock: DecisionClock,
     pub(super) ramp: Ramp,
     sequence: u64,
 }
 
-/// What the policy says of one behavior, ready for use.
+/// Settings of one behavior in the units of a decision.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rule {
+pub(super) struct BehaviorRule {
     /// Index in the policy.
     pub slot: u16,
-    /// First row of a lower priority; the next one in a strict contest.
+    /// First row of a lower priority; the next row if equal priorities do not share.
     pub group_end: u16,
     pub enabled: bool,
-    /// Whether it is silent while it is inhibited.
+    /// Set if it is silent while it is inhibited.
     pub sleeps: bool,
-    /// Index of its watch.
-    pub watch: Option<u16>,
-    /// First row of the same priority; the row itself in a strict contest.
+    /// Index of its watchdog, if it is critical.
+    pub watchdog: Option<u16>,
+    /// First row of the same priority; the row itself if equal priorities do not share.
     pub group_start: u16,
     pub max_age_ns: u64,
     pub max_evidence_age_ns: u64,
@@ -63,18 +63,18 @@ pub(super) struct Rule {
     pub dwell_ns: u64,
 }
 
-/// As nanoseconds; what is longer than the clock can count becomes for ever.
+/// Nanoseconds of `duration`, saturating at forever.
 pub(super) fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// What a drive proposal may ask for: twice the robot's limits, for each set of claimed axes.
+/// Plausible speeds of a drive proposal, twice the robot's limits, for each set of claimed axes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds([Twist; 8]);
+pub(super) struct PlausibleSpeeds([Twist; 8]);
 
-impl Bounds {
-    fn new(policy: &Policy) -> Bounds {
-        Bounds(std::array::from_fn(|bits| {
+impl PlausibleSpeeds {
+    fn new(policy: &Policy) -> PlausibleSpeeds {
+        PlausibleSpeeds(std::array::from_fn(|bits| {
             let claimed = Axes::from_bits(bits as u32).unwrap_or_default().intersection(policy.axes());
             let mut bound = Twist { linear: f64::MAX, lateral: f64::MAX, angular: f64::MAX };
             for axis in claimed.iter() {
@@ -84,43 +84,43 @@ impl Bounds {
         }))
     }
 
-    /// The bound for valid `axes`.
+    /// Maximum plausible speeds for valid `axes`.
     pub fn of(&self, axes: Axes) -> &Twist {
         &self.0[(axes.bits() & 7) as usize]
     }
 }
 
-impl State {
-    /// A robot at rest that has heard nothing yet.
-    pub fn new(policy: &Policy) -> State {
+impl ArbiterState {
+    /// State of a robot at a standstill before the first proposal.
+    pub fn new(policy: &Policy) -> ArbiterState {
         let behaviors = &policy.behaviors;
         let mut order: Vec<usize> = (0..behaviors.len()).collect();
         order.sort_by_key(|&slot| (std::cmp::Reverse(behaviors[slot].priority), behaviors[slot].name));
         let row_of = |slot: usize| order.iter().position(|&s| s == slot);
 
-        let mut watches = Vec::new();
-        let rules: Vec<Rule> = order
+        let mut watchdogs = Vec::new();
+        let rules: Vec<BehaviorRule> = order
             .iter()
             .enumerate()
             .map(|(row, &slot)| {
                 let behavior = &behaviors[slot];
                 let lower = order[row..].iter().position(|&s| behaviors[s].priority < behavior.priority);
                 let first = order.iter().position(|&s| behaviors[s].priority == behavior.priority);
-                let (group_start, group_end) = match policy.contest {
-                    Contest::Strict => (row, row + 1),
-                    Contest::Blend => (first.unwrap_or(row), lower.map_or(order.len(), |n| row + n)),
+                let (group_start, group_end) = match policy.ties {
+                    TieRule::Strict => (row, row + 1),
+                    TieRule::Blend => (first.unwrap_or(row), lower.map_or(order.len(), |n| row + n)),
                 };
-                let watch = behavior.critical.then(|| {
-                    watches.push((slot as u16, Watch::new(behavior.deadline)));
-                    (watches.len() - 1) as u16
+                let watchdog = behavior.critical.then(|| {
+                    watchdogs.push((slot as u16, Watchdog::new(behavior.deadline)));
+                    (watchdogs.len() - 1) as u16
                 });
-                Rule {
+                BehaviorRule {
                     slot: slot as u16,
                     group_start: group_start as u16,
                     group_end: group_end as u16,
                     enabled: behavior.enabled,
                     sleeps: behavior.sleeps,
-                    watch,
+                    watchdog,
                     max_age_ns: nanoseconds(behavior.max_age),
                     max_evidence_age_ns: nanoseconds(behavior.max_evidence_age),
                     hold_ns: nanoseconds(behavior.hold),
@@ -128,30 +128,30 @@ impl State {
                 }
             })
             .collect();
-        let lines = policy
+        let wires = policy
             .wires
             .iter()
-            .filter_map(|wire| Some(Line::new(wire, row_of(wire.by)?, row_of(wire.what)?)))
+            .filter_map(|wire| Some(ActiveWire::new(wire, row_of(wire.by)?, row_of(wire.what)?)))
             .collect();
         let n = rules.len();
-        let dwellers = (0..n).filter(|&row| rules[row].dwell_ns > 0).map(|row| row as u16).collect();
-        State {
-            dwellers,
+        let dwelling = (0..n).filter(|&row| rules[row].dwell_ns > 0).map(|row| row as u16).collect();
+        ArbiterState {
+            dwelling,
             rules,
-            hearings: vec![Hearing::default(); n],
+            candidates: vec![Candidate::default(); n],
             restraints: vec![Restraint::default(); n],
-            tenures: vec![Tenure::default(); n],
-            lines: in_order(lines),
+            dwell_timers: vec![DwellTimer::default(); n],
+            wires: in_order(wires),
             drivers: Vec::with_capacity(n),
             restraining: Vec::with_capacity(n),
-            watches,
-            sensors: policy.sensors.iter().map(|sensor| Watch::new(sensor.max_age)).collect(),
-            bounds: Bounds::new(policy),
-            has: policy.axes(),
+            watchdogs,
+            sensors: policy.sensors.iter().map(|sensor| Watchdog::new(sensor.max_age)).collect(),
+            bounds: PlausibleSpeeds::new(policy),
+            drive_axes: policy.axes(),
             tolerance_ns: nanoseconds(policy.future_tolerance),
             has_budgets: behaviors.iter().any(|behavior| behavior.latency_budget.is_some()),
-            orders: Orders::default(),
-            course: Course::default(),
+            stop_requests: StopRequests::default(),
+            clock: DecisionClock::default(),
             ramp: Ramp::default(),
             sequence: 0,
         }
@@ -159,20 +159,20 @@ impl State {
 
     /// Latches the emergency stop.
     pub fn emergency_stop(&mut self) {
-        self.orders.stop();
+        self.stop_requests.emergency_stop();
     }
 
     /// Releases the emergency stop.
     pub fn reset(&mut self) {
-        self.orders.reset();
+        self.stop_requests.reset();
     }
 
-    /// Brings the robot to rest for the end of the run.
+    /// Brings the robot to a standstill for the end of the run.
     pub fn shut_down(&mut self) {
-        self.orders.shut_down();
+        self.stop_requests.shut_down();
     }
 
-    /// Lets the behavior at `index` of the policy be heard.
+    /// Enables the behavior at `index` of the policy.
     pub fn enable(&mut self, index: usize) {
         self.rules
             .iter_mut()
@@ -180,8 +180,8 @@ impl State {
             .for_each(|rule| rule.enabled = true);
     }
 
-    /// Lets the behavior at `index` of the policy not be heard. A halt or limit of it is held as if it had died; a critical
-    /// one counts as silent.
+    /// Disables the behavior at `index` of the policy. A halt or limit of it is held as if it had died; a critical behavior
+    /// counts as silent.
     pub fn disable(&mut self, index: usize) {
         self.rules
             .iter_mut()
@@ -189,14 +189,14 @@ impl State {
             .for_each(|rule| rule.enabled = false);
     }
 
-    /// The critical sensor at `index` of the policy measured at `stamp`.
+    /// Records that the critical sensor at `index` of the policy measured at `stamp`.
     pub fn sensor_measured(&mut self, index: usize, stamp: Time) {
-        if let Some(watch) = self.sensors.get_mut(index) {
-            watch.hear(stamp);
+        if let Some(watchdog) = self.sensors.get_mut(index) {
+            watchdog.feed(stamp);
         }
     }
 
-    /// The motion commanded last.
+    /// Twist commanded last.
     pub fn commanded(&self) -> Twist {
         self.ramp.velocity()
     }
@@ -206,15 +206,17 @@ impl State {
         self.sequence
     }
 
-    /// The first critical behavior, or else sensor, that is silent.
-    pub(super) fn silent_part(&self, now: Time) -> Option<crate::safety::Stop> {
-        use crate::safety::Stop;
-        let behavior =
-            self.watches.iter().find(|(_, watch)| watch.is_silent(now, Duration::MAX)).map(|&(slot, _)| slot);
+    /// First critical behavior that is silent, or else the first critical sensor.
+    pub(super) fn silent_part(&self, now: Time) -> Option<Stop> {
+        let behavior = self
+            .watchdogs
+            .iter()
+            .find(|(_, watchdog)| watchdog.is_silent(now, Duration::MAX))
+            .map(|&(slot, _)| slot);
         let sensor = || {
             self.sensors
                 .iter()
-                .position(|watch| watch.is_silent(now, Duration::from_nanos(self.tolerance_ns)))
+                .position(|watchdog| watchdog.is_silent(now, Duration::from_nanos(self.tolerance_ns)))
         };
         behavior.map(Stop::Behavior).or_else(|| sensor().map(|index| Stop::Sensor(index as u16)))
     }

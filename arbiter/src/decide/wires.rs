@@ -1,28 +1,28 @@
-//! Step 2: who keeps whom from driving.
+//! Step 2: inhibition and suppression of drive proposals.
 
 use yamabico_core::message::{Axes, Outcome};
 use yamabico_core::time::Time;
 
-use super::decision::{Decision, Lasting};
-use super::state::{State, nanoseconds};
+use super::decision::{Decision, Remaining};
+use super::state::{ArbiterState, nanoseconds};
 use crate::policy::{Wire, WireKind};
 
-/// A wire between rows, and how long it still holds.
+/// A wire between rows.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Line {
+pub(super) struct ActiveWire {
     kind: WireKind,
     by: usize,
     what: usize,
     hold_ns: u64,
-    /// It holds before this instant, though `by` is not active.
+    /// End of its hold time: until then it acts though `by` is not active.
     until: Time,
-    /// What `by` claims or last claimed.
+    /// Axes that `by` claims or last claimed.
     axes: Axes,
 }
 
-impl Line {
-    pub fn new(wire: &Wire, by: usize, what: usize) -> Line {
-        Line {
+impl ActiveWire {
+    pub fn new(wire: &Wire, by: usize, what: usize) -> ActiveWire {
+        ActiveWire {
             kind: wire.kind,
             by,
             what,
@@ -33,58 +33,58 @@ impl Line {
     }
 }
 
-/// Takes drive proposals, or axes of them, out of the contest. An inhibited behavior is not active, and so its own wires
-/// rest.
-pub(super) fn apply(state: &mut State, now: Time, decision: &mut Decision) {
-    for line in &mut state.lines {
-        let by = state.hearings[line.by];
+/// Removes inhibited drive proposals and suppressed axes from the decision. An inhibited behavior is not active, so its own
+/// wires do not act.
+pub(super) fn apply(state: &mut ArbiterState, now: Time, decision: &mut Decision) {
+    for wire in &mut state.wires {
+        let by = state.candidates[wire.by];
         if by.active {
-            line.until = Time(now.0.saturating_add(line.hold_ns));
-            line.axes = by.named;
+            wire.until = Time(now.0.saturating_add(wire.hold_ns));
+            wire.axes = by.axes;
         }
-        let (what, rule) = (&mut state.hearings[line.what], &state.rules[line.what]);
+        let (what, rule) = (&mut state.candidates[wire.what], &state.rules[wire.what]);
         let ruling = &mut decision.rulings[usize::from(rule.slot)];
-        if !(what.drives || rule.sleeps && is_asleep(ruling.outcome)) || !(by.active || now < line.until) {
+        if !(what.drives || rule.sleeps && is_asleep(ruling.outcome)) || !(by.active || now < wire.until) {
             continue;
         }
-        let lasts = if by.active { Lasting::Now } else { Lasting::until(line.until, now) };
-        match line.kind {
+        let remaining = if by.active { Remaining::Now } else { Remaining::until(wire.until, now) };
+        match wire.kind {
             WireKind::Inhibit => {
-                (what.drives, what.active) = (false, state.restraints[line.what].any());
+                (what.drives, what.active) = (false, state.restraints[wire.what].any());
                 ruling.outcome = Outcome::Inhibited;
-                ruling.by = Some(state.rules[line.by].slot);
-                ruling.lasts = lasts;
+                ruling.by = Some(state.rules[wire.by].slot);
+                ruling.remaining = remaining;
             }
             WireKind::Suppress => {
                 if what.suppressed.is_empty() {
-                    what.suppressor = line.by as u16;
+                    what.suppressor = wire.by as u16;
                 }
-                what.suppressed = what.suppressed.union(line.axes);
-                decision.rulings[usize::from(state.rules[line.what].slot)].lasts = lasts;
+                what.suppressed = what.suppressed.union(wire.axes);
+                ruling.remaining = remaining;
             }
         }
     }
 }
 
-/// Whether it is what a behavior leaves that is not asked, or that has not been told to wake up yet.
+/// Returns true for the outcomes of a behavior that has stopped proposing because it is inhibited.
 fn is_asleep(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Silent | Outcome::Stale | Outcome::StaleEvidence)
 }
 
-/// Every line into a row before the lines out of it; those of a cycle last.
-pub(super) fn in_order(mut lines: Vec<Line>) -> Vec<Line> {
-    let rows = lines.iter().map(|line| line.by.max(line.what) + 1).max().unwrap_or(0);
-    let mut place = vec![usize::MAX; rows];
+/// Sorts wires so that those into a row come before those out of it; wires of a cycle come last.
+pub(super) fn in_order(mut wires: Vec<ActiveWire>) -> Vec<ActiveWire> {
+    let rows = wires.iter().map(|wire| wire.by.max(wire.what) + 1).max().unwrap_or(0);
+    let mut order = vec![usize::MAX; rows];
     for next in 0..rows {
         let free = (0..rows).find(|&row| {
-            place[row] == usize::MAX
-                && lines.iter().all(|line| line.what != row || place[line.by] != usize::MAX)
+            order[row] == usize::MAX
+                && wires.iter().all(|wire| wire.what != row || order[wire.by] != usize::MAX)
         });
         match free {
-            Some(row) => place[row] = next,
+            Some(row) => order[row] = next,
             None => break,
         }
     }
-    lines.sort_by_key(|line| (place[line.what], line.what, line.by, line.kind == WireKind::Suppress));
-    lines
+    wires.sort_by_key(|wire| (order[wire.what], wire.what, wire.by, wire.kind == WireKind::Suppress));
+    wires
 }

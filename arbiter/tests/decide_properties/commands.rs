@@ -1,4 +1,4 @@
-//! Who drives, and what the motors get.
+//! Properties of commands.
 
 use super::*;
 
@@ -17,13 +17,13 @@ proptest! {
                 prop_assert!(twist.get(axis).abs() <= policy.speed(axis) + SLACK, "{:?}", twist);
             }
             let wheels = policy.kinematics.wheels_from_twist(twist).fastest();
-            let most = match policy.kinematics {
+            let max = match policy.kinematics {
                 Kinematics::Differential { max_wheel_radps, .. } | Kinematics::Omni { max_wheel_radps, .. } => {
                     max_wheel_radps
                 }
                 Kinematics::Body { .. } => f64::INFINITY,
             };
-            prop_assert!(wheels <= most + SLACK, "wheel at {} for {:?}", wheels, twist);
+            prop_assert!(wheels <= max + SLACK, "wheel at {} for {:?}", wheels, twist);
             let dt_s = (moment.wait_ms.max(20) as f64) * 1e-3;
             let change = (twist.angular - before.angular).abs();
             prop_assert!(change <= LIMITS.emergency[2] * dt_s + SLACK, "turn changes by {}", change);
@@ -34,7 +34,7 @@ proptest! {
     }
 
     #[test]
-    fn a_coupled_drive_drives_all_that_it_asks_for_or_nothing(policy in policy(), history in history()) {
+    fn a_coupled_drive_gets_all_of_its_axes_or_none(policy in policy(), history in history()) {
         let mut run = Run::new(&policy);
         for moment in &history {
             run.live(moment);
@@ -49,7 +49,7 @@ proptest! {
 
     #[test]
     fn the_order_of_behaviors_does_not_matter(
-        policy in policy(), history in history(), places in Just((0..MOST).collect::<Vec<_>>()).prop_shuffle(),
+        policy in policy(), history in history(), places in Just((0..MAX_BEHAVIORS).collect::<Vec<_>>()).prop_shuffle(),
     ) {
         let n = policy.behaviors.len();
         let places: Vec<usize> = places.into_iter().filter(|&place| place < n).collect();

@@ -1,4 +1,4 @@
-//! Halts and limits.
+//! Properties of halts and limits.
 
 use super::*;
 
@@ -31,7 +31,7 @@ proptest! {
             prop_assert!(after.get(axis).abs() <= before.get(axis).abs());
             prop_assert!(!run.decision.rulings.iter().any(|ruling| ruling.won.contains(axis)));
         }
-        // 0.8 m/s and 1.5 rad/s are gone in half a second.
+        // From 0.8 m/s and 1.5 rad/s, the robot stops within half a second.
         for _ in 0..26 {
             run.wait(20);
             run.put(policy.behaviors.len(), halt, ages_ms.0, ages_ms.1);
@@ -61,8 +61,8 @@ proptest! {
         assert_no_faster(limited.decide(), run.decide())?;
     }
 
-    // Of two runs that have parted, the slower one may turn faster: its wheels have more room. What holds for ever is that
-    // no speed is above a limit, but where it comes from above.
+    // Once two runs have diverged, the slower one may turn faster, because its wheels have more room. What always holds: no
+    // speed exceeds a limit unless it exceeded it before.
     #[test]
     fn no_speed_rises_above_a_limit_and_none_stays_above(
         policy in policy(), history in history(), rest in vec(moment(), 1..=10), limit in limit(),
@@ -76,7 +76,7 @@ proptest! {
         }
         // Time may have run backwards; from here on it does not.
         run.now = run.now.max(run.decision.stamp) + Duration::from_secs(2000);
-        let repeat = Moment { wait_ms: 20, acts: vec![Act::Repeat; MOST], order: u8::MAX, sensor_works: true };
+        let repeat = Moment { wait_ms: 20, acts: vec![Act::Repeat; MAX_BEHAVIORS], order: u8::MAX, sensor_works: true };
         let forward = rest.into_iter().map(|moment| Moment { wait_ms: moment.wait_ms.abs(), ..moment });
         for moment in forward.chain(vec![repeat; 60]) {
             let before = run.state.commanded();
@@ -86,8 +86,8 @@ proptest! {
             assert_within(&run.decision, before, limit.axes.intersection(policy.axes()), limit.limits)?;
         }
         for axis in limit.axes.intersection(policy.axes()).iter() {
-            let (speed, most) = (run.decision.commanded.get(axis).abs(), limit.limits.get(axis));
-            prop_assert!(speed <= most + SLACK, "{:?} still at {} instead of {}", axis, speed, most);
+            let (speed, max) = (run.decision.commanded.get(axis).abs(), limit.limits.get(axis));
+            prop_assert!(speed <= max + SLACK, "{:?} still at {} instead of {}", axis, speed, max);
         }
     }
 
@@ -115,7 +115,7 @@ proptest! {
     #[test]
     fn falling_silent_with_a_halt_or_limit_never_raises_a_speed_within_hold(
         policy in policy(), history in history(), last in vec(moment(), 1..12),
-        who in 0..MOST, held in restraint(), clears in any::<bool>(),
+        who in 0..MAX_BEHAVIORS, held in restraint(), clears in any::<bool>(),
     ) {
         let who = who % policy.behaviors.len();
         let mut run = Run::new(&policy);
@@ -126,7 +126,7 @@ proptest! {
         run.wait(20);
         run.put(who, held, 0, 0);
         run.decide();
-        let said = run.now;
+        let proposed = run.now;
         for mut moment in last {
             moment.acts[who] = if clears { Act::Clear } else { Act::Keep };
             moment.wait_ms = moment.wait_ms.max(0);
@@ -135,7 +135,7 @@ proptest! {
             // The other author is never silent.
             let mut speaking = run.clone();
             speaking.put(who, held, 0, 0);
-            let within_hold = run.now <= said + policy.behaviors[who].hold;
+            let within_hold = run.now <= proposed + policy.behaviors[who].hold;
             let before = run.state.commanded();
             run.decide();
             speaking.decide();
@@ -153,7 +153,7 @@ proptest! {
     }
 }
 
-/// No axis is allowed more, and neither the translation nor the turn is faster.
+/// Asserts that no axis is allowed more, and that neither the translation nor the turn is faster.
 fn assert_no_faster(slower: &Decision, faster: &Decision) -> Result<(), TestCaseError> {
     for axis in Axis::ALL {
         let (less, more) = (slower.allowed.get(axis).abs(), faster.allowed.get(axis).abs());
@@ -165,7 +165,7 @@ fn assert_no_faster(slower: &Decision, faster: &Decision) -> Result<(), TestCase
     Ok(())
 }
 
-/// Nothing is allowed beyond `limits` on `axes`, and what is driven is beyond them only where it comes from beyond.
+/// Asserts that no more than `limits` is allowed on `axes`, and that a speed exceeds them only if it did before.
 fn assert_within(decision: &Decision, before: Twist, axes: Axes, limits: Twist) -> Result<(), TestCaseError> {
     for axis in axes.iter() {
         let (limit, allowed) = (limits.get(axis), decision.allowed.get(axis).abs());

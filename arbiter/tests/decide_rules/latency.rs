@@ -1,12 +1,12 @@
 //! Latency budgets.
 
 use super::*;
-use yamabico_arbiter::policy::Lateness;
+use yamabico_arbiter::policy::LatencyPolicy;
 
-/// "low" may rest on data of 100 ms, and drives.
-fn late(lateness: Lateness) -> Bench {
+/// Bench in which "low" has a latency budget of 100 ms.
+fn late(lateness: LatencyPolicy) -> Bench {
     two_with(|policy| {
-        policy.lateness = lateness;
+        policy.latency_policy = lateness;
         policy.behaviors[1].latency_budget = Some(ms(100));
     })
 }
@@ -18,42 +18,42 @@ fn of_data(bench: &Bench, age: Duration) -> Proposal {
 #[test]
 fn late_data_slows_to_the_share_of_the_budget_in_its_age() {
     for (age, allowed) in [(50, 1.0), (100, 1.0), (200, 0.5), (400, 0.25)] {
-        let mut bench = late(Lateness::Slows);
+        let mut bench = late(LatencyPolicy::Slow);
         let proposal = of_data(&bench, ms(age));
-        bench.say(1, proposal);
+        bench.propose(1, proposal);
         let decision = bench.decide().clone();
         assert!((decision.allowed.linear - allowed).abs() < 1e-12, "{age} ms: {}", decision.allowed.linear);
-        let told = decision.late.map(|late| (late.behavior, late.age, late.factor));
-        assert_eq!(told, (age > 100).then_some((1, ms(age), allowed)));
-        let words = decision.note(&bench.policy).to_string();
+        let late_data = decision.late.map(|late| (late.behavior, late.age, late.factor));
+        assert_eq!(late_data, (age > 100).then_some((1, ms(age), allowed)));
+        let text = decision.note(&bench.policy).to_string();
         let expected = format!("slowed: data of low is {age} ms old");
-        assert_eq!(words, if age > 100 { expected } else { String::new() });
+        assert_eq!(text, if age > 100 { expected } else { String::new() });
     }
 }
 
 #[test]
-fn what_is_slower_already_is_not_slowed() {
-    let mut bench = late(Lateness::Slows);
+fn a_slow_drive_is_not_slowed() {
+    let mut bench = late(LatencyPolicy::Slow);
     let proposal = Proposal { twist: Twist::planar(0.3, 0.2), ..of_data(&bench, ms(200)) };
-    bench.say(1, proposal);
+    bench.propose(1, proposal);
     assert_eq!(bench.decide().allowed, Twist::planar(0.3, 0.2));
 }
 
 #[test]
-fn lateness_is_counted_where_it_does_not_slow() {
-    let mut bench = late(Lateness::Counts);
+fn late_data_is_only_counted_unless_it_slows() {
+    let mut bench = late(LatencyPolicy::Count);
     let proposal = of_data(&bench, ms(200));
-    bench.say(1, proposal);
+    bench.propose(1, proposal);
     let decision = bench.decide().clone();
     assert_eq!((decision.allowed.linear, decision.late.map(|late| late.age)), (1.0, Some(ms(200))));
     assert_eq!(decision.note(&bench.policy).as_str(), "");
 }
 
 #[test]
-fn only_who_drives_is_late() {
-    let mut bench = late(Lateness::Slows);
+fn only_a_winner_is_late() {
+    let mut bench = late(LatencyPolicy::Slow);
     let proposal = of_data(&bench, ms(200));
-    bench.say(1, proposal).say(0, forward(0.9));
+    bench.propose(1, proposal).propose(0, forward(0.9));
     let decision = bench.decide();
     assert_eq!((decision.allowed.linear, decision.late, decision.evidence_of), (0.9, None, Some(0)));
 }

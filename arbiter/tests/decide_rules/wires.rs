@@ -3,12 +3,12 @@
 use super::*;
 
 #[test]
-fn the_inhibited_is_not_heard_while_the_other_is_active_and_hold_after() {
+fn an_inhibited_drive_is_ignored_while_the_source_is_active_and_hold_after() {
     let mut bench = two_with(|policy| policy.wires = vec![Wire::inhibit(1, 0, ms(100))]);
-    bench.say(0, forward(0.3)).say(1, turn(0.5)).decide();
+    bench.propose(0, forward(0.3)).propose(1, turn(0.5)).decide();
     assert_eq!((bench.outcome(0), bench.decision.rulings[0].by), (Outcome::Inhibited, Some(1)));
     assert_eq!(bench.decision.source, [None, None, Some(1)]);
-    bench.say(1, Proposal::abstain(Reason::Clear)).after(ms(99)).decide();
+    bench.propose(1, Proposal::abstain(Reason::Clear)).after(ms(99)).decide();
     assert_eq!(bench.outcome(0), Outcome::Inhibited);
     bench.after(ms(1)).decide();
     assert_eq!(bench.outcome(0), Outcome::Won);
@@ -17,24 +17,24 @@ fn the_inhibited_is_not_heard_while_the_other_is_active_and_hold_after() {
 #[test]
 fn a_halt_passes_an_inhibition_and_is_active_itself() {
     let mut bench = two_with(|policy| policy.wires = vec![Wire::inhibit(1, 0, ms(0))]);
-    bench.say(0, halt()).say(1, forward(0.5));
+    bench.propose(0, halt()).propose(1, forward(0.5));
     assert_eq!(bench.decide().mode, Mode::Halted);
     let mut bench = two_with(|policy| policy.wires = vec![Wire::inhibit(0, 1, ms(0))]);
-    bench.say(0, slow(0.5)).say(1, forward(0.5)).decide();
+    bench.propose(0, slow(0.5)).propose(1, forward(0.5)).decide();
     assert_eq!(bench.outcome(1), Outcome::Inhibited);
 }
 
 #[test]
 fn suppression_takes_only_the_axes_that_the_other_claims_or_last_claimed() {
     let mut bench = two_with(|policy| policy.wires = vec![Wire::suppress(1, 0, ms(100))]);
-    bench.say(0, forward(0.3).uncoupled()).say(1, turn(0.5)).decide();
+    bench.propose(0, forward(0.3).uncoupled()).propose(1, turn(0.5)).decide();
     assert_eq!(bench.decision.source, [Some(0), None, Some(1)]);
     assert_eq!((bench.outcome(0), bench.decision.rulings[0].by), (Outcome::WonPart, Some(1)));
-    bench.say(1, Proposal::abstain(Reason::Clear)).after(ms(50)).decide();
+    bench.propose(1, Proposal::abstain(Reason::Clear)).after(ms(50)).decide();
     assert_eq!(bench.decision.source, [Some(0), None, None]);
-    bench.say(0, turn(0.1)).decide();
+    bench.propose(0, turn(0.1)).decide();
     assert_eq!(bench.outcome(0), Outcome::Suppressed);
-    bench.say(0, forward(0.3)).decide();
+    bench.propose(0, forward(0.3)).decide();
     assert_eq!(bench.outcome(0), Outcome::GaveUp);
 }
 
@@ -46,9 +46,9 @@ fn an_inhibited_behavior_does_not_inhibit_others() {
     policy.wires = vec![Wire::inhibit(2, 1, ms(0)), Wire::inhibit(0, 2, ms(0))];
     let mut bench = Bench::new(policy);
     bench
-        .say(0, turn(0.5))
-        .say(2, forward(0.2))
-        .say(1, Proposal::drive(Axes::LINEAR, Twist::planar(0.4, 0.0)));
+        .propose(0, turn(0.5))
+        .propose(2, forward(0.2))
+        .propose(1, Proposal::drive(Axes::LINEAR, Twist::planar(0.4, 0.0)));
     bench.decide();
     assert_eq!((bench.outcome(2), bench.outcome(1)), (Outcome::Inhibited, Outcome::Won));
 }
@@ -56,19 +56,19 @@ fn an_inhibited_behavior_does_not_inhibit_others() {
 #[test]
 fn a_hand_over_waits_towards_a_lower_priority_only() {
     let mut bench = two_with(|policy| policy.behaviors[0].dwell = ms(300));
-    bench.say(0, forward(0.3)).say(1, forward(0.6)).decide();
-    bench.say(0, Proposal::abstain(Reason::TooFewSegments)).after(ms(150));
-    bench.say(1, forward(0.6)).decide();
+    bench.propose(0, forward(0.3)).propose(1, forward(0.6)).decide();
+    bench.propose(0, Proposal::abstain(Reason::TooFewSegments)).after(ms(150));
+    bench.propose(1, forward(0.6)).decide();
     assert_eq!((bench.outcome(1), bench.decision.rulings[1].by), (Outcome::Waiting, Some(0)));
     assert_eq!(bench.decision.wanted, Twist::ZERO);
     bench.after(ms(150)).decide();
     assert_eq!(bench.outcome(1), Outcome::Won);
-    bench.say(0, forward(0.3)).decide();
+    bench.propose(0, forward(0.3)).decide();
     assert_eq!(bench.outcome(0), Outcome::Won);
 }
 
 #[test]
-fn who_sleeps_while_inhibited_is_told_so_although_it_is_silent() {
+fn a_sleeping_behavior_is_ruled_inhibited_although_it_is_silent() {
     for (sleeps, silent, stale) in
         [(true, Outcome::Inhibited, Outcome::Inhibited), (false, Outcome::Silent, Outcome::Stale)]
     {
@@ -76,14 +76,14 @@ fn who_sleeps_while_inhibited_is_told_so_although_it_is_silent() {
             policy.wires = vec![Wire::inhibit(0, 1, ms(100))];
             policy.behaviors[1].sleeps = sleeps;
         });
-        bench.say(0, forward(0.2)).decide();
+        bench.propose(0, forward(0.2)).decide();
         assert_eq!(bench.outcome(1), silent);
-        bench.say(1, forward(0.5)).decide();
+        bench.propose(1, forward(0.5)).decide();
         assert_eq!(bench.outcome(1), Outcome::Inhibited);
-        bench.after(ms(201)).say(0, forward(0.2)).decide();
-        assert_eq!(bench.outcome(1), stale, "it has not been asked since");
-        bench.say(0, Proposal::abstain(Reason::Clear)).decide();
-        assert_eq!(bench.outcome(1), stale, "the wire holds on");
+        bench.after(ms(201)).propose(0, forward(0.2)).decide();
+        assert_eq!(bench.outcome(1), stale, "it has not been called since");
+        bench.propose(0, Proposal::abstain(Reason::Clear)).decide();
+        assert_eq!(bench.outcome(1), stale, "the wire still holds");
         bench.after(ms(101)).decide();
         assert_eq!(bench.outcome(1), Outcome::Stale, "which wakes it");
     }

@@ -1,7 +1,8 @@
-//! From a color picture of the field to free distances all around, and from these to a direction, on one core.
+//! Run time of method polar-cells on one core: from a color image of the field to free distances, and from these to a
+//! direction.
 //!
-//! `cargo bench -p yamabico-free-space-avoider --bench polar_cells`. The measurements of pictures go round twelve of 256 x 220. With
-//! `YAMABICO_FRAMES=DIR` (a full path) the pictures are kept there, for other programs to be timed on the same ones.
+//! `cargo bench -p yamabico-free-space-avoider --bench polar_cells`. The measurements of images cycle through twelve of
+//! 256 x 220. `YAMABICO_FRAMES=DIR` (an absolute path) saves the images, so that other programs can be timed on them.
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark")]
 
@@ -19,34 +20,31 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::RgbView;
 use yamabico_free_space_avoider::config::{Config, Method};
 use yamabico_free_space_avoider::direction::{
-    Before, ChoiceRules, Chooser, FreeDistances, HeadingRules, Rollout, Start, Velocity,
+    ChoiceRules, Chooser, FreeDistances, HeadingRules, PreviousChoice, Rollout, Start, Velocity,
 };
-use yamabico_free_space_avoider::polar_cells::RingSight;
-use yamabico_sim::{Scene, World};
+use yamabico_free_space_avoider::polar_cells::RingObserver;
+use yamabico_free_space_avoider::polar_cells::ring_cells::RingCells;
+use yamabico_rigs::field;
 use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::floor_color::{ColorBox, ColorTable, FloorColors};
 use yamabico_vision::morphology::Morphology;
-use yamabico_vision::ring_cells::RingCells;
 
-#[path = "../examples/field/mod.rs"]
-mod field;
-
-const PLACES: u32 = 12;
+const POSES: u32 = 12;
 const RUNS: usize = 300;
 const SCENES: u32 = 3000;
 const GREEN: ColorBox = ColorBox { least: [30, 110, 50], most: [115, 210, 140] };
 
-fn pictures() -> Vec<Vec<u8>> {
-    let scene = Scene::new(&World::from_toml(field::FIELD).unwrap(), 1).unwrap();
+fn images() -> Vec<Vec<u8>> {
+    let scene = field::scene();
     let mut renderer = field::renderer(field::camera());
     let folder = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from);
-    (0..PLACES)
-        .map(|place| {
-            let at = f64::from(place);
+    (0..POSES)
+        .map(|pose| {
+            let at = f64::from(pose);
             let robot = Pose2::new(0.9 * (0.7 * at).sin(), 0.5 * (1.9 * at).cos(), 0.9 * at);
             let pixels = field::render(&mut renderer, &scene, robot);
             if let Some(folder) = &folder {
-                let path = folder.join(format!("field_256x220_{place:02}.png"));
+                let path = folder.join(format!("field_256x220_{pose:02}.png"));
                 image::save_buffer(path, &pixels, 256, 220, image::ExtendedColorType::Rgb8).unwrap();
             }
             pixels
@@ -58,7 +56,7 @@ fn view(pixels: &[u8]) -> RgbView<'_> {
     RgbView::new(pixels, 256, 220, 3 * 256).unwrap()
 }
 
-/// The quickest of many runs, which other programs on the machine disturb least.
+/// Measures the minimum time of many runs, us; other processes on the machine affect it least.
 fn best_us(runs: usize, mut run: impl FnMut()) -> f64 {
     (0..runs)
         .map(|_| {
@@ -69,15 +67,15 @@ fn best_us(runs: usize, mut run: impl FnMut()) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Median and largest.
+/// Returns median and maximum.
 fn spread(mut values: Vec<f64>) -> (f64, f64) {
     values.sort_by(f64::total_cmp);
     (values[values.len() / 2], values[values.len() - 1])
 }
 
-fn seeing(criterion: &mut Criterion) {
+fn observing(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("polar_cells");
-    let pictures = pictures();
+    let images = images();
     let mut table = ColorTable::default();
     table.insert_box(&GREEN);
     let config = Config { method: Method::PolarCells, closing_px: 2, ..Config::default() };
@@ -85,42 +83,44 @@ fn seeing(criterion: &mut Criterion) {
     for (name, colors) in &colors {
         let mount = Mount::level(field::LENS_M);
         let learned = Some(colors.clone());
-        let mut sight = RingSight::new(&config, &field::camera(), &mount, field::RADIUS_M, learned).unwrap();
-        let times = pictures.iter().map(|pixels| {
+        let mut observer =
+            RingObserver::new(&config, &field::camera(), &mount, field::RADIUS_M, learned).unwrap();
+        let times = images.iter().map(|pixels| {
             best_us(RUNS, || {
-                black_box(sight.distances_of(black_box(view(pixels))));
+                black_box(observer.distances_of(black_box(view(pixels))));
             })
         });
-        let (median, largest) = spread(times.collect());
+        let (median, max) = spread(times.collect());
         println!(
-            "color to distances, {name}, best of {RUNS} a picture: median {median:.1} us, largest {largest:.1} us"
+            "color to distances, {name}, best of {RUNS} per image: median {median:.1} us, maximum {max:.1} us"
         );
         let mut next = 0;
         group.bench_function(format!("color to distances, {name}"), |bencher| {
             bencher.iter(|| {
-                next = (next + 1) % pictures.len();
-                black_box(sight.distances_of(black_box(view(&pictures[next]))).len())
+                next = (next + 1) % images.len();
+                black_box(observer.distances_of(black_box(view(&images[next]))).len())
             });
         });
-        println!("free rings {:?}", sight.free().rings());
-        let mut whole = RingSight::new(&config, &field::camera(), &mount, field::RADIUS_M, None).unwrap();
-        let everything_us = best_us(RUNS, || {
-            black_box(whole.see(black_box(view(&pictures[0]))).is_ok());
+        println!("free rings {:?}", observer.free().rings());
+        let mut checked =
+            RingObserver::new(&config, &field::camera(), &mount, field::RADIUS_M, None).unwrap();
+        let checked_us = best_us(RUNS, || {
+            black_box(checked.observe(black_box(view(&images[0]))).is_ok());
         });
         println!(
-            "the same with all looks at what may be wrong, and with colors followed: {everything_us:.1} us"
+            "color to distances, {name}, with failure checks and tracking of the colors: {checked_us:.1} us"
         );
     }
-    // Each step alone, over the whole picture.
+    // Each step alone.
     let edges: Vec<f64> = (0..7).map(|i| 24.0 + 12.0 * f64::from(i)).collect();
     let cells = RingCells::new(field::camera().image(), &edges, 32, 5.0).unwrap();
     let (mut mask, mut morphology, mut counts) = (BitImage::default(), Morphology::default(), Vec::new());
-    let pixels = view(&pictures[0]);
+    let pixels = view(&images[0]);
     let all = vec![0..256; 220];
     for (name, colors) in &colors {
-        for (what, columns) in [("whole picture", &all[..]), ("ring", cells.columns())] {
+        for (region, columns) in [("all columns", &all[..]), ("ring", cells.columns())] {
             let us = best_us(RUNS, || colors.mark(black_box(pixels), columns, &mut mask));
-            println!("floor colors, {name}, {what}: best {us:.1} us");
+            println!("floor colors, {name}, {region}: best {us:.1} us");
         }
     }
     println!("closing, n = 2: best {:.1} us", best_us(RUNS, || morphology.close(black_box(&mut mask), 2)));
@@ -156,48 +156,58 @@ fn choosing(criterion: &mut Criterion) {
     let mut random = Pcg64::seed_from_u64(1);
     let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.228);
     let mut chooser = Chooser::default();
-    let (mut sideways, mut ahead) = (Vec::new(), Vec::new());
+    let (mut holonomic, mut nonholonomic) = (Vec::new(), Vec::new());
     let mut worst = (0.0, None);
     for _ in 0..SCENES {
-        // From crowded to open, some as walls that close in all around.
-        let least = random.random_range(1..4);
-        let most = random.random_range(least..7);
+        // From crowded to open scenes, some enclosed by walls.
+        let min_rings = random.random_range(1..4);
+        let max_rings = random.random_range(min_rings..7);
         let width = random.random_range(1..6);
         let rings: Vec<usize> = (0..32_usize.div_ceil(width))
-            .flat_map(|_| vec![random.random_range(least..=most); width])
+            .flat_map(|_| vec![random.random_range(min_rings..=max_rings); width])
             .take(32)
             .collect();
         free.set(rings.iter().map(|&ring| edges_m[ring]));
-        let (speed, way) = (random.random_range(0.0..0.4), random.random_range(-PI..PI));
-        let start =
-            Start { velocity_mps: Vector2::new(speed * way.cos(), speed * way.sin()), ..Start::default() };
+        let (speed, azimuth) = (random.random_range(0.0..0.4), random.random_range(-PI..PI));
+        let velocity_mps = Vector2::new(speed * azimuth.cos(), speed * azimuth.sin());
+        let start = Start { velocity_mps, ..Start::default() };
         let goal = random.random_range(-PI..PI);
         let us = best_us(20, || {
-            black_box(chooser.choose_speed(black_box(&free), &start, goal, &Before::default(), &RULES));
+            black_box(chooser.choose_speed(
+                black_box(&free),
+                &start,
+                goal,
+                &PreviousChoice::default(),
+                &RULES,
+            ));
         });
-        sideways.push(us);
+        holonomic.push(us);
         if us > worst.0 {
             worst = (us, Some((free.clone(), start, goal)));
         }
         let turning = Rollout::new(Vector2::zeros(), 0.0, speed, random.random_range(-2.0..2.0));
-        ahead.push(best_us(20, || {
+        nonholonomic.push(best_us(20, || {
             black_box(chooser.choose_heading_speed(black_box(&free), &turning, goal, 0, &HEADING));
         }));
     }
-    for (what, times) in [("sideways", sideways), ("ahead and turning", ahead)] {
-        let (median, largest) = spread(times);
-        println!(
-            "choice of {SCENES} random scenes, {what}, up to three speeds: median {median:.1} us, largest {largest:.1} us"
-        );
+    for (drive, times) in [("holonomic", holonomic), ("nonholonomic", nonholonomic)] {
+        let (median, max) = spread(times);
+        println!("choice in {SCENES} random scenes, {drive}: median {median:.1} us, maximum {max:.1} us");
     }
     if let (_, Some((free, start, goal))) = worst {
         criterion.bench_function("direction choice, worst scene", |bencher| {
             bencher.iter(|| {
-                black_box(chooser.choose_speed(black_box(&free), &start, goal, &Before::default(), &RULES))
+                black_box(chooser.choose_speed(
+                    black_box(&free),
+                    &start,
+                    goal,
+                    &PreviousChoice::default(),
+                    &RULES,
+                ))
             });
         });
     }
 }
 
-criterion_group!(benches, seeing, choosing);
+criterion_group!(benches, observing, choosing);
 criterion_main!(benches);

@@ -1,9 +1,23 @@
-//! Drives where the floor is free, by one picture at a time: ahead of one forward camera, or all around by a mirror.
+//! Drives where the floor is free, without a map, from single images of a forward camera or of a mirror camera.
 //!
-//! Abdelfatah et al. (navel grid): a forward camera, floor that is brighter than obstacles, four decisions.
-//! Sekimori, Usui, Masutani & Miyazaki (polar cells): a mirror camera, floor of one color, a direction for every velocity.
-//! Differs from \[1\]: see [`navel_grid`] and [`polar_cells`]; besides, nothing within the stopping distance is driven at, and
-//! failures stop.
+//! ```
+//! use yamabico_core::camera::{Intrinsics, Mount};
+//! use yamabico_core::message::{Kind, Reason};
+//! use yamabico_core::testing::{Bench, camera_setup};
+//! use yamabico_free_space_avoider::FreeSpaceAvoider;
+//!
+//! let mount = Mount::tilted(0.6, 28_f64.to_radians());
+//! let camera = camera_setup(Intrinsics::from_horizontal_fov(340, 180, 1.57), mount);
+//! let mut bench = Bench::<FreeSpaceAvoider>::new("speed_mps = 0.3", camera)?;
+//! let proposal = bench.at(0.1).propose(); // no frame yet
+//! assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Abstain), Some(Reason::NoInput)));
+//! # Ok::<(), yamabico_core::behavior::ParameterError>(())
+//! ```
+//!
+//! Method [`navel_grid`], Abdelfatah et al.: forward camera, floor brighter than obstacles, four decisions. Method
+//! [`polar_cells`], Sekimori, Usui, Masutani & Miyazaki: mirror camera, floor of one color, a choice of direction that
+//! takes the velocity into account. Differs from \[1\]: see both modules; in addition, the robot never drives toward
+//! obstacles within its stopping distance and stops on failures.
 
 pub mod config;
 pub mod direction;
@@ -13,7 +27,7 @@ pub mod stopping;
 
 pub use config::Config;
 
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Goal, Odometry, Pose, Proposal};
 use yamabico_core::parameters::FileKind;
 
@@ -22,42 +36,44 @@ use crate::navel_grid::NavelGridAvoider;
 use crate::polar_cells::PolarCellsAvoider;
 use yamabico_vision::floor_color_file::FLOOR_COLORS_FILE;
 
-/// The camera that looks ahead and down, or all around.
-pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the floor ahead, or all around");
-/// Where the wheels say the robot is.
-pub const ODOMETRY: Slot<Odometry> =
-    Slot::optional("odometry", "how the robot moves; polar-cells needs it, navel-grid measures turns by it");
-/// Where the robot is on the map.
+/// Input: frames of a forward camera tilted down, or of a mirror camera.
+pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the floor ahead or all around");
+/// Input: wheel odometry.
+pub const ODOMETRY: Slot<Odometry> = Slot::optional(
+    "odometry",
+    "motion of the robot; required by polar-cells, navel-grid measures turns by it",
+);
+/// Input: pose of the robot on the map.
 pub const POSE: Slot<Pose> =
-    Slot::optional("pose", "polar-cells: where the robot is on the map that goals are on");
-/// Where to go.
-pub const GOAL: Slot<Goal> = Slot::optional("goal", "polar-cells: a goal that replaces the one in the task");
-/// Where the floor is free.
-pub const FREE_SPACE: Slot<FreeSpaceHeader> = Slot::optional("free-space", "how far the floor is free");
+    Slot::optional("pose", "polar-cells: pose of the robot in the map frame of the goals");
+/// Input: goal that replaces the configured one.
+pub const GOAL: Slot<Goal> = Slot::optional("goal", "polar-cells: goal that replaces the one in the task");
+/// Output: free floor.
+pub const FREE_SPACE: Slot<FreeSpaceHeader> =
+    Slot::optional("free-space", "free distance of the floor by direction");
 
-/// Without a picture for longer (s), the behavior abstains.
+/// Age above which a frame is stale, s.
 const STALE_S: f64 = 0.5;
 
-/// Drives where the floor is free.
+/// The behavior: drives where the floor is free.
 #[derive(Clone, Debug)]
 pub enum FreeSpaceAvoider {
-    /// By a grid in the picture of one forward camera.
+    /// Method `navel-grid`, for a forward camera.
     NavelGrid(Box<NavelGridAvoider>),
-    /// By cells all around in the picture of a mirror camera.
+    /// Method `polar-cells`, for a mirror camera.
     PolarCells(Box<PolarCellsAvoider>),
 }
 
 impl Plugin for FreeSpaceAvoider {
     type Config = Config;
     const NAME: &'static str = "free-space-avoider";
-    const SUMMARY: &'static str = "Drives where the floor is free, without a map, by one picture at a time.";
+    const SUMMARY: &'static str = "Drives where the floor is free, without a map, from single images.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
     const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE];
     const CLAIMS: Axes = Axes::ALL;
 
-    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
-        config.check()?;
+    fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         Ok(match config.method {
             Method::NavelGrid => Self::NavelGrid(Box::new(NavelGridAvoider::new(&config, setup)?)),
             Method::PolarCells => Self::PolarCells(Box::new(PolarCellsAvoider::new(&config, setup)?)),
@@ -75,7 +91,7 @@ impl Behavior for FreeSpaceAvoider {
 }
 
 impl FreeSpaceAvoider {
-    /// What drives by the navel grid; `None` with another method.
+    /// Returns the avoider with method `navel-grid`; `None` with another method.
     #[must_use]
     pub fn navel_grid(&self) -> Option<&NavelGridAvoider> {
         match self {
@@ -84,7 +100,7 @@ impl FreeSpaceAvoider {
         }
     }
 
-    /// What drives by polar cells; `None` with another method.
+    /// Returns the avoider with method `polar-cells`; `None` with another method.
     #[must_use]
     pub fn polar_cells(&self) -> Option<&PolarCellsAvoider> {
         match self {

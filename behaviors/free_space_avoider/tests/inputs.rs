@@ -1,9 +1,4 @@
-//! Good, missing, stale and broken pictures, and cameras that cannot do.
-
-#[path = "../examples/office/mod.rs"]
-mod office;
-#[path = "../examples/office/world.rs"]
-mod office_world;
+//! Method navel-grid with valid, missing, stale and malformed frames, and with unsuitable cameras.
 
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
@@ -12,22 +7,23 @@ use yamabico_core::message::{FrameHeader, FreeSpaceHeader, Kind, Odometry, Propo
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, ODOMETRY};
+use yamabico_rigs::office;
+use yamabico_sim::Renderer;
 use yamabico_sim::random::stream;
-use yamabico_sim::{Renderer, Scene, World};
 
 const WIDTH: usize = 340;
 const HEIGHT: usize = 180;
 
 /// Free floor ahead, from the middle of the first room.
 const FREE: Pose2 = Pose2 { x: 1.7, y: 2.6, theta: 0.0 };
-/// Before the cupboard.
+/// Cupboard directly ahead.
 const BLOCKED: Pose2 = Pose2 { x: 1.2, y: 2.6, theta: 3.1 };
 
-fn picture(robot: Pose2) -> GrayImage {
-    let scene = Scene::new(&World::from_toml(office_world::OFFICE).expect("a world"), 1).expect("a scene");
-    let mut renderer = Renderer::new(office_world::photometry(), stream(1, "noise"));
+fn render(robot: Pose2) -> GrayImage {
+    let scene = office::scene();
+    let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
     office::render(&mut renderer, &scene, office::camera(WIDTH as u32, HEIGHT as u32), robot)
-        .expect("a picture")
+        .expect("an image")
 }
 
 fn bench(toml: &str) -> Bench<FreeSpaceAvoider> {
@@ -56,7 +52,7 @@ fn negative(image: &GrayImage) -> GrayImage {
     negative
 }
 
-/// Mean of the surrounding square.
+/// Replaces each pixel by the mean of the surrounding square.
 fn blurred(image: &GrayImage, radius: usize) -> GrayImage {
     let view = image.view().expect("pixels");
     let mut blurred = image.clone();
@@ -80,28 +76,28 @@ fn is_standing(proposal: &Proposal) -> bool {
 }
 
 #[test]
-fn drives_on_free_floor_and_turns_before_a_cupboard() {
+fn drives_on_free_floor_and_turns_in_front_of_a_cupboard() {
     let mut bench = bench("");
-    let proposal = show(&mut bench, 1.0, &picture(FREE));
+    let proposal = show(&mut bench, 1.0, &render(FREE));
     assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Drive), Some(Reason::Nominal)));
     assert!((0.2..=0.3).contains(&proposal.twist.linear), "{}", proposal.twist.linear);
     assert_eq!(proposal.evidence_ns, Time::from_secs_f64(1.0).0);
-    let proposal = show(&mut bench, 1.1, &picture(BLOCKED));
+    let proposal = show(&mut bench, 1.1, &render(BLOCKED));
     assert_eq!((proposal.twist.linear, proposal.twist.angular.abs()), (0.0, 0.4));
     assert_eq!((proposal.reason(), proposal.coupled), (Some(Reason::Searching), 0));
 }
 
 #[test]
-fn free_space_is_told_from_right_to_left_and_never_too_far() {
+fn free_space_is_published_from_right_to_left_and_never_too_far() {
     let mut bench = bench("");
-    show(&mut bench, 1.0, &picture(FREE));
+    show(&mut bench, 1.0, &render(FREE));
     let published = bench.published::<FreeSpaceHeader>("free-space");
     let [(header, directions)] = &published[..] else { panic!("{} messages", published.len()) };
     assert_eq!((header.stamp_ns, header.evidence_ns), (1_000_000_000, 1_000_000_000));
     assert_eq!(directions.len(), 17);
     assert!(directions.is_sorted_by(|a, b| a.azimuth_rad < b.azimuth_rad));
-    // The free room in the true world: from the robot's center along each direction to the first solid.
-    let scene = Scene::new(&World::from_toml(office_world::OFFICE).expect("a world"), 1).expect("a scene");
+    // Ground truth: distance from the robot's center to the first solid in a direction.
+    let scene = office::scene();
     let free_m = |azimuth_rad: f64| {
         let hits = |meters: &f64| {
             let ahead = Pose2::new(0.0, 0.0, azimuth_rad).transform_point([*meters, 0.0].into());
@@ -111,30 +107,33 @@ fn free_space_is_told_from_right_to_left_and_never_too_far() {
         (1..2000).map(|step| 0.005 * f64::from(step)).find(hits).unwrap_or(10.0)
     };
     for direction in directions {
-        // What stands in less than a quarter of a cell is not seen: the column is free that far somewhere in its width.
+        // An obstacle in less than a quarter of a cell is not detected: the column is free only in a part of its width.
         let across = [-0.05, -0.025, 0.0, 0.025, 0.05].map(|aside| free_m(direction.azimuth_rad + aside));
         let farthest_m = across.into_iter().fold(0.0, f64::max);
-        let (told_m, degrees) = (direction.distance_m, direction.azimuth_rad.to_degrees());
-        assert!(told_m <= farthest_m, "{degrees:.0} degrees: told {told_m:.2} m, free {farthest_m:.2} m");
+        let (published_m, degrees) = (direction.distance_m, direction.azimuth_rad.to_degrees());
+        assert!(
+            published_m <= farthest_m,
+            "{degrees:.0} degrees: published {published_m:.2} m, free {farthest_m:.2} m"
+        );
     }
     show(&mut bench, 1.1, &flat(90));
-    assert!(bench.published::<FreeSpaceHeader>("free-space").is_empty(), "nothing was seen");
+    assert!(bench.published::<FreeSpaceHeader>("free-space").is_empty(), "published without an observation");
 }
 
 #[test]
-fn missing_and_stale_pictures_are_named() {
+fn missing_and_stale_frames_are_reported() {
     let mut bench = bench("");
     assert_eq!(bench.propose().reason(), Some(Reason::NoInput));
-    show(&mut bench, 1.0, &picture(FREE));
+    show(&mut bench, 1.0, &render(FREE));
     assert_eq!(bench.at(1.4).propose().kind(), Some(Kind::Drive));
     let stale = bench.at(1.6).propose();
     assert_eq!((stale.kind(), stale.reason()), (Some(Kind::Abstain), Some(Reason::StaleInput)));
-    assert_eq!(show(&mut bench, 1.7, &picture(FREE)).kind(), Some(Kind::Drive));
+    assert_eq!(show(&mut bench, 1.7, &render(FREE)).kind(), Some(Kind::Drive));
 }
 
 #[test]
-fn frames_of_wrong_size_encoding_or_time_are_refused() {
-    let image = picture(FREE);
+fn frames_of_wrong_size_encoding_or_time_are_rejected() {
+    let image = render(FREE);
     let (intrinsics, _) = office::camera(WIDTH as u32, HEIGHT as u32);
     let good = header(&intrinsics, 2.0);
     let mut headers = vec![good; 6];
@@ -159,8 +158,8 @@ fn frames_of_wrong_size_encoding_or_time_are_refused() {
 }
 
 #[test]
-fn dark_bright_and_covered_pictures_stop_it() {
-    let free = picture(FREE);
+fn dark_bright_and_covered_images_stop_the_robot() {
+    let free = render(FREE);
     for level in [0, 90, 255] {
         let mut bench = bench("");
         show(&mut bench, 1.0, &free);
@@ -169,13 +168,13 @@ fn dark_bright_and_covered_pictures_stop_it() {
             assert!(is_standing(&proposal), "level {level}");
             assert_eq!(proposal.reason(), Some(Reason::LowContrast), "level {level}");
         }
-        assert!(show(&mut bench, 6.0, &free).twist.linear > 0.0, "level {level}: goes on");
+        assert!(show(&mut bench, 6.0, &free).twist.linear > 0.0, "level {level}: continues");
     }
     let mut dusk = free.clone();
     dusk.pixels_mut().iter_mut().for_each(|pixel| *pixel /= 12);
     let mut bench = bench("");
     assert_eq!(show(&mut bench, 1.0, &dusk).reason(), Some(Reason::LowContrast));
-    // A hand before the lower three quarters.
+    // The lower three quarters of the image are covered.
     let mut covered = free.clone();
     covered.pixels_mut()[WIDTH * HEIGHT / 4..].fill(5);
     show(&mut bench, 1.1, &free);
@@ -185,18 +184,18 @@ fn dark_bright_and_covered_pictures_stop_it() {
 }
 
 #[test]
-fn blurred_pictures_give_the_same_turns() {
+fn blurred_images_give_the_same_decisions() {
     for radius in [1, 3, 6] {
         let mut bench = bench("");
-        assert!(show(&mut bench, 1.0, &blurred(&picture(FREE), radius)).twist.linear > 0.0, "{radius}");
-        let proposal = show(&mut bench, 1.1, &blurred(&picture(BLOCKED), radius));
+        assert!(show(&mut bench, 1.0, &blurred(&render(FREE), radius)).twist.linear > 0.0, "{radius}");
+        let proposal = show(&mut bench, 1.1, &blurred(&render(BLOCKED), radius));
         assert_eq!(proposal.twist.linear, 0.0, "{radius}");
     }
 }
 
 #[test]
-fn a_floor_of_the_other_polarity_stops_it_unless_it_may_tell() {
-    let (free, blocked) = (picture(FREE), picture(BLOCKED));
+fn a_floor_of_the_other_polarity_stops_the_robot_unless_polarity_is_configured() {
+    let (free, blocked) = (render(FREE), render(BLOCKED));
     let (dark_free, dark_blocked) = (negative(&free), negative(&blocked));
     let mut bright = bench("");
     let proposal = show(&mut bright, 1.0, &dark_free);
@@ -209,17 +208,17 @@ fn a_floor_of_the_other_polarity_stops_it_unless_it_may_tell() {
     }
     let mut auto = bench("polarity = \"auto\"");
     assert!(show(&mut auto, 1.0, &free).twist.linear > 0.0);
-    assert!(show(&mut auto, 1.1, &dark_free).twist.linear == 0.0, "the first picture decided");
+    assert!(show(&mut auto, 1.1, &dark_free).twist.linear == 0.0, "the first frame decided");
 }
 
 #[test]
-fn shut_in_it_stops_after_a_full_turn_and_says_so() {
+fn an_enclosed_robot_stops_after_a_full_turn_and_reports_it() {
     for has_odometry in [true, false] {
         let mut bench = bench("");
-        let (free, blocked) = (picture(FREE), picture(BLOCKED));
+        let (free, blocked) = (render(FREE), render(BLOCKED));
         show(&mut bench, 1.0, &free);
         let (mut turned, mut seconds) = (0.0, 1.0);
-        let shut_in = loop {
+        let enclosed = loop {
             seconds += 0.1;
             if has_odometry {
                 let theta = yamabico_core::geometry::wrap_angle(turned);
@@ -233,16 +232,16 @@ fn shut_in_it_stops_after_a_full_turn_and_says_so() {
             }
             turned += 0.1 * proposal.twist.angular;
         };
-        assert_eq!(shut_in.reason(), Some(Reason::PassageBlocked));
+        assert_eq!(enclosed.reason(), Some(Reason::PassageBlocked));
         let full = std::f64::consts::TAU;
         assert!((full..full + 0.2).contains(&turned.abs()), "turned {turned}, odometry {has_odometry}");
         assert!(is_standing(&show(&mut bench, seconds + 0.1, &blocked)));
-        assert!(show(&mut bench, seconds + 0.2, &free).twist.linear > 0.0, "the way is free again");
+        assert!(show(&mut bench, seconds + 0.2, &free).twist.linear > 0.0, "the path is free again");
     }
 }
 
 #[test]
-fn cameras_that_cannot_do_are_refused_with_a_remedy() {
+fn unsuitable_cameras_are_rejected_with_a_remedy() {
     let refused = |intrinsics: Intrinsics, mount: Mount, toml: &str| {
         Bench::<FreeSpaceAvoider>::new(toml, office::setup(intrinsics, mount)).err().expect("refused")
     };
@@ -257,7 +256,7 @@ fn cameras_that_cannot_do_are_refused_with_a_remedy() {
 }
 
 #[test]
-fn headings_by_clearance_drive_where_the_decisions_do_and_turn_where_they_turn() {
+fn headings_by_clearance_agree_with_the_decisions() {
     let (intrinsics, mount) = office::camera(WIDTH as u32, HEIGHT as u32);
     let toml = "heading = 'clearance'";
     let refused =
@@ -268,9 +267,9 @@ fn headings_by_clearance_drive_where_the_decisions_do_and_turn_where_they_turn()
     wheels.kind = yamabico_core::sensor::SensorKind::Other;
     setup.sensors.push(("odometry".into(), wheels));
     let mut bench = Bench::<FreeSpaceAvoider>::new(toml, setup).expect("a valid configuration");
-    let proposal = show(&mut bench, 1.0, &picture(FREE));
+    let proposal = show(&mut bench, 1.0, &render(FREE));
     assert_eq!(proposal.reason(), Some(Reason::Nominal));
     assert!(proposal.twist.linear > 0.05 && proposal.twist.angular.abs() <= 0.4, "{:?}", proposal.twist);
-    let proposal = show(&mut bench, 1.1, &picture(BLOCKED));
+    let proposal = show(&mut bench, 1.1, &render(BLOCKED));
     assert_eq!((proposal.twist.linear, proposal.twist.angular.abs()), (0.0, 0.4));
 }

@@ -1,9 +1,4 @@
-//! Polar cells with good, missing, broken and misleading pictures, and with cameras that cannot do.
-
-#[path = "../examples/field/mod.rs"]
-mod field;
-#[path = "../examples/field/robot.rs"]
-mod field_robot;
+//! Method polar-cells with valid, missing, malformed and misleading frames, and with unsuitable cameras.
 
 use nalgebra::Vector2;
 use yamabico_core::camera::{Intrinsics, MirrorCamera, Mount};
@@ -15,36 +10,33 @@ use yamabico_core::sensor::SensorKind;
 use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
 use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, GOAL, ODOMETRY, POSE};
-use yamabico_sim::{Scene, World};
+use yamabico_rigs::field;
+use yamabico_sim::Scene;
 
-/// A cube is ahead.
+/// Pose with a cube ahead.
 const START: Pose2 = Pose2 { x: -0.75, y: 0.0, theta: 0.0 };
 
 fn scene() -> Scene {
-    Scene::new(&World::from_toml(field::FIELD).expect("a world"), 1).expect("a scene")
+    field::scene()
 }
 
-fn picture_with(camera: MirrorCamera, robot: Pose2) -> Vec<u8> {
+fn render_with(camera: MirrorCamera, robot: Pose2) -> Vec<u8> {
     field::render(&mut field::renderer(camera), &scene(), robot)
 }
 
-fn picture(robot: Pose2) -> Vec<u8> {
-    picture_with(field::camera(), robot)
+fn render(robot: Pose2) -> Vec<u8> {
+    render_with(field::camera(), robot)
 }
 
 fn bench(toml: &str) -> Bench<FreeSpaceAvoider> {
-    let toml = field_robot::CONFIG.to_owned() + toml;
-    Bench::new(&toml, field_robot::setup(field::camera(), Axes::ALL)).expect("a valid configuration")
+    let toml = field::CONFIG.to_owned() + toml;
+    Bench::new(&toml, field::setup(field::camera(), Axes::ALL)).expect("a valid configuration")
 }
 
-/// A robot that stands is shown a picture.
+/// Feeds an image and the odometry of a stopped robot.
 fn show(bench: &mut Bench<FreeSpaceAvoider>, seconds: f64, pixels: &[u8]) -> Proposal {
     let odometry = Odometry { stamp_ns: Time::from_secs_f64(seconds).0, ..Odometry::default() };
-    bench.at(seconds).feed(&ODOMETRY, &odometry, &[]).feed(
-        &CAMERA,
-        &field_robot::frame_header(seconds),
-        pixels,
-    );
+    bench.at(seconds).feed(&ODOMETRY, &odometry, &[]).feed(&CAMERA, &field::frame_header(seconds), pixels);
     bench.propose()
 }
 
@@ -64,16 +56,16 @@ fn is_standing(proposal: &Proposal) -> bool {
     proposal.kind() == Some(Kind::Drive) && speed(proposal) == 0.0 && proposal.twist.angular == 0.0
 }
 
-/// The picture in another light: each channel times a share.
+/// Changes the light of an image: multiplies each channel by a factor.
 fn lit(pixels: &[u8], shares: [f64; 3]) -> Vec<u8> {
     pixels.iter().enumerate().map(|(i, &level)| (f64::from(level) * shares[i % 3]).min(255.0) as u8).collect()
 }
 
 #[test]
-fn it_drives_around_a_cube_and_tells_how_far_the_floor_is_free() {
+fn the_robot_drives_around_a_cube_and_publishes_free_space() {
     let mut bench = bench("");
-    let pixels = picture(START);
-    assert!(is_standing(&show(&mut bench, 1.0, &pixels)), "a cell is free after two pictures");
+    let pixels = render(START);
+    assert!(is_standing(&show(&mut bench, 1.0, &pixels)), "a cell is free after two frames");
     let proposal = show(&mut bench, 1.04, &pixels);
     assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Drive), Some(Reason::Nominal)));
     assert!(speed(&proposal) > 0.09 && proposal.twist.lateral.abs() > 0.02, "{:?}", proposal.twist);
@@ -91,42 +83,46 @@ fn it_drives_around_a_cube_and_tells_how_far_the_floor_is_free() {
         };
         (1..600).map(|step| 0.005 * f64::from(step)).find(hits).unwrap_or(3.0)
     };
-    let edges_m = bench.behavior.polar_cells().expect("the method").sight().edges_m().to_vec();
+    let edges_m = bench.behavior.polar_cells().expect("the method").observer().edges_m().to_vec();
     let mut blocked = 0;
     for direction in directions {
         let across = [-0.09, -0.045, 0.0, 0.045, 0.09].map(|aside| free_m(direction.azimuth_rad + aside));
         let farthest_m = across.into_iter().fold(0.0, f64::max);
-        let told_m = direction.distance_m;
-        // A fifth of the last free cell may be taken.
-        let ring = edges_m.iter().filter(|&&edge| edge < told_m - 1e-9).count();
+        let published_m = direction.distance_m;
+        // A fifth of the last free cell may be covered.
+        let ring = edges_m.iter().filter(|&&edge| edge < published_m - 1e-9).count();
         let width_m = edges_m[ring] - edges_m[ring.saturating_sub(1)];
-        assert!(told_m <= farthest_m + 0.3 * width_m, "{:.2}: {told_m} {farthest_m}", direction.azimuth_rad);
-        blocked += u32::from(told_m < edges_m[edges_m.len() - 1]);
+        assert!(
+            published_m <= farthest_m + 0.3 * width_m,
+            "{:.2}: {published_m} {farthest_m}",
+            direction.azimuth_rad
+        );
+        blocked += u32::from(published_m < edges_m[edges_m.len() - 1]);
     }
     assert!((8..32).contains(&blocked), "{blocked}");
 }
 
 #[test]
-fn a_robot_that_turns_drives_the_same_way() {
-    let toml = field_robot::CONFIG;
-    let mut bench = Bench::<FreeSpaceAvoider>::new(toml, field_robot::setup(field::camera(), Axes::PLANAR))
-        .expect("valid");
-    let proposal = show_often(&mut bench, 1.0, &picture(START), 3);
+fn a_nonholonomic_robot_drives_around_a_cube() {
+    let toml = field::CONFIG;
+    let mut bench =
+        Bench::<FreeSpaceAvoider>::new(toml, field::setup(field::camera(), Axes::PLANAR)).expect("valid");
+    let proposal = show_often(&mut bench, 1.0, &render(START), 3);
     assert_eq!((proposal.axes, proposal.reason()), (Axes::PLANAR, Some(Reason::Nominal)));
     assert!(proposal.twist.angular.abs() > 0.1 && proposal.twist.lateral == 0.0, "{:?}", proposal.twist);
 }
 
 #[test]
-fn missing_stale_and_broken_inputs_are_named() {
-    let pixels = picture(START);
+fn missing_stale_and_malformed_inputs_are_reported() {
+    let pixels = render(START);
     let mut bench_ = bench("");
     assert_eq!(bench_.propose().reason(), Some(Reason::NoInput));
-    bench_.at(1.0).feed(&CAMERA, &field_robot::frame_header(1.0), &pixels);
+    bench_.at(1.0).feed(&CAMERA, &field::frame_header(1.0), &pixels);
     assert_eq!(bench_.propose().reason(), Some(Reason::NoInput), "no odometry yet");
     show_often(&mut bench_, 1.04, &pixels, 3);
     assert_eq!(bench_.at(1.3).propose().kind(), Some(Kind::Drive));
     assert_eq!(bench_.at(1.9).propose().reason(), Some(Reason::StaleInput));
-    let good = field_robot::frame_header(3.0);
+    let good = field::frame_header(3.0);
     let broken = [
         FrameHeader { width: 220, ..good },
         FrameHeader { height: 221, ..good },
@@ -150,8 +146,8 @@ fn missing_stale_and_broken_inputs_are_named() {
 }
 
 #[test]
-fn without_floor_in_view_it_stands_and_says_why() {
-    let pixels = picture(START);
+fn without_floor_in_view_the_robot_stops_with_a_reason() {
+    let pixels = render(START);
     for (color, at_start, later) in [
         ([0, 0, 0], Reason::FloorModelBroken, Reason::FloorModelBroken),
         ([255, 255, 255], Reason::FloorModelBroken, Reason::FloorModelBroken),
@@ -180,15 +176,15 @@ fn without_floor_in_view_it_stands_and_says_why() {
 }
 
 #[test]
-fn another_light_stops_it_until_all_around_is_of_one_color() {
-    let pixels = picture(START);
+fn changed_light_stops_the_robot_until_the_ring_is_of_one_color() {
+    let pixels = render(START);
     let yellow = lit(&pixels, [1.6, 0.75, 0.35]);
     let mut bench_ = bench("");
     show_often(&mut bench_, 1.0, &pixels, 3);
     assert_eq!(speed(&show(&mut bench_, 1.2, &yellow)), 0.0);
     let proposal = show_often(&mut bench_, 1.24, &yellow, 6);
-    assert!(speed(&proposal) > 0.0, "it looks at the floor again: {:?}", proposal.reason());
-    // A change over a minute is followed.
+    assert!(speed(&proposal) > 0.0, "the colors are taken again: {:?}", proposal.reason());
+    // A slow change is tracked.
     let mut bench_ = bench("");
     for step in 0..400 {
         let share = 1.0 - 0.001 * f64::from(step);
@@ -198,18 +194,18 @@ fn another_light_stops_it_until_all_around_is_of_one_color() {
 }
 
 #[test]
-fn a_moved_mirror_is_noticed() {
+fn a_moved_mirror_is_detected() {
     let shifted = |by: Vector2<f64>| {
         let camera = field::camera();
         let image = camera.image().with_center(camera.image().center() + by).expect("a center");
-        picture_with(MirrorCamera::new(image, camera.mirror().clone()).expect("a camera"), START)
+        render_with(MirrorCamera::new(image, camera.mirror().clone()).expect("a camera"), START)
     };
     for by in [Vector2::new(5.0, 0.0), Vector2::new(-3.0, 4.0), Vector2::new(0.0, -5.0)] {
         let proposal = show_often(&mut bench(""), 1.0, &shifted(by), 5);
         // At the start, the robot's own image may hide the floor ahead.
         assert!(is_standing(&proposal) && proposal.reason() != Some(Reason::Nominal), "{by}");
         let mut bench = bench("");
-        show_often(&mut bench, 1.0, &picture(START), 3);
+        show_often(&mut bench, 1.0, &render(START), 3);
         let proposal = show_often(&mut bench, 1.2, &shifted(by), 5);
         assert!(is_standing(&proposal), "{by}");
         assert_eq!(proposal.reason(), Some(Reason::Inconsistent), "{by}");
@@ -217,12 +213,12 @@ fn a_moved_mirror_is_noticed() {
     }
     let mut bench = bench("");
     let proposal = show_often(&mut bench, 1.0, &shifted(Vector2::new(0.5, -0.5)), 5);
-    assert!(speed(&proposal) > 0.0, "half a pixel does no harm");
+    assert!(speed(&proposal) > 0.0, "an offset of half a pixel is tolerated");
 }
 
 #[test]
-fn it_never_drives_into_the_hidden_half_of_the_ring() {
-    let mut hidden = picture(Pose2::new(0.0, -0.25, 0.0));
+fn the_robot_never_drives_into_the_hidden_half_of_the_ring() {
+    let mut hidden = render(Pose2::new(0.0, -0.25, 0.0));
     for v in 0..220 {
         hidden[3 * 256 * v..3 * (256 * v + 128)].fill(60);
     }
@@ -234,7 +230,7 @@ fn it_never_drives_into_the_hidden_half_of_the_ring() {
 
 #[test]
 fn goals_are_reached_and_replaced_and_lost_with_the_pose() {
-    let pixels = picture(Pose2::new(-0.75, 0.35, 0.0));
+    let pixels = render(Pose2::new(-0.75, 0.35, 0.0));
     let mut bench_ = bench("goal_m = [0.05, 0.0]");
     let arrived = show_often(&mut bench_, 1.0, &pixels, 3);
     assert!(is_standing(&arrived) && arrived.note.as_str() == "arrived");
@@ -254,29 +250,26 @@ fn goals_are_reached_and_replaced_and_lost_with_the_pose() {
     assert!(is_standing(&lost) && lost.reason() == Some(Reason::Lost));
 }
 
-/// While pictures and commands are on their way the robot drives on, and turns.
 #[test]
-fn what_was_seen_is_where_it_was_seen() {
-    let pixels = picture(START);
+fn free_distances_are_corrected_for_motion_since_the_frame() {
+    let pixels = render(START);
     let mut bench = bench("");
     show_often(&mut bench, 1.0, &pixels, 3);
     let still = show(&mut bench, 1.2, &pixels);
-    // Since the picture the robot has turned by a quarter to the left; its goal has turned as much.
+    // Since the frame the robot has turned left by 90 degrees, and the goal in its frame right by as much.
     let turned = Odometry { theta: std::f64::consts::FRAC_PI_2, ..Odometry::default() };
     bench.at(1.24).feed(&ODOMETRY, &Odometry { stamp_ns: Time::from_secs_f64(1.24).0, ..turned }, &[]);
     let proposal = bench.propose();
-    let way = |p: &Proposal| p.twist.lateral.atan2(p.twist.linear);
-    assert!(wrap_angle(way(&proposal) - way(&still) + turned.theta).abs() < 1e-6);
+    let direction = |p: &Proposal| p.twist.lateral.atan2(p.twist.linear);
+    assert!(wrap_angle(direction(&proposal) - direction(&still) + turned.theta).abs() < 1e-6);
 }
 
 #[test]
-fn cameras_that_cannot_do_are_refused_with_a_remedy() {
+fn unsuitable_cameras_are_rejected_with_a_remedy() {
     let refused = |setup, toml: &str| {
-        Bench::<FreeSpaceAvoider>::new(&(field_robot::CONFIG.to_owned() + toml), setup)
-            .err()
-            .expect("refused")
+        Bench::<FreeSpaceAvoider>::new(&(field::CONFIG.to_owned() + toml), setup).err().expect("refused")
     };
-    let setup = || field_robot::setup(field::camera(), Axes::ALL);
+    let setup = || field::setup(field::camera(), Axes::ALL);
     let pinhole = camera_setup(Intrinsics::from_horizontal_fov(256, 220, 1.5), Mount::level(0.3));
     assert!(refused(pinhole, "").problem.contains("mirror camera"));
     let mut blind = setup();
@@ -290,7 +283,7 @@ fn cameras_that_cannot_do_are_refused_with_a_remedy() {
     let camera = field::camera();
     let image = camera.image().with_ring(22.0, 90.0).expect("a ring");
     let small = MirrorCamera::new(image, camera.mirror().clone()).expect("a camera");
-    assert!(refused(field_robot::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
+    assert!(refused(field::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
     assert!(refused(setup(), "farthest_m = 0.2\nrings = 40").problem.contains("fewer rings"));
     assert_eq!(refused(setup(), "rings = 1").key, "rings");
     assert_eq!(refused(setup(), "floor_colors = 'nowhere.toml'").key, "floor_colors");

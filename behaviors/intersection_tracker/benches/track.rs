@@ -5,36 +5,36 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark may panic")]
 
-#[path = "../tests/rig/mod.rs"]
-mod rig;
-
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Vector2;
-use rig::{Drive, END_M, Ending, camera, world};
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 use yamabico_core::camera::{Calibration, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
-use yamabico_intersection_tracker::Config;
 use yamabico_intersection_tracker::edge_template::{Aim, EdgeTemplate};
-use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side};
+use yamabico_intersection_tracker::finder::{EndFinder, FinderRule};
 use yamabico_intersection_tracker::landmarks::Motion;
+use yamabico_intersection_tracker::template::correlation::correlation;
+use yamabico_intersection_tracker::template::ssda::search;
+use yamabico_intersection_tracker::template::{PatchOrigin, SearchArea, Template};
 use yamabico_intersection_tracker::track::{IntersectionTrack, Sides};
+use yamabico_intersection_tracker::{Config, IntersectionTracker};
+use yamabico_rigs::approach::{END_M, Ending, approach, edge_column, wall_ends, world};
+use yamabico_rigs::camera::forward_camera;
+use yamabico_rigs::camera_drive::CameraDrive;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
-use yamabico_vision::corridor::sight::{CorridorCamera, Sight};
-use yamabico_vision::template::correlation::correlation;
-use yamabico_vision::template::ssda::search;
-use yamabico_vision::template::{Place, SearchArea, Template};
+use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver};
 
 /// Rounds over the pictures of which the quickest counts, which other programs on the machine disturb least.
 const ROUNDS: u32 = 400;
 
 fn benches(criterion: &mut Criterion) {
-    let (intrinsics, mount) = camera(640, 480, 60.0);
+    let (intrinsics, mount) = forward_camera(640, 480, 60.0, 6.0);
     let start = Pose2::new(END_M - 6.0, 0.05, 0.0);
-    let mut drive = Drive::new(&world(Ending::Crossing, 2.4), start, (intrinsics, mount), 4.0, 1);
+    let world = world(Ending::Crossing, 2.4);
+    let mut drive: CameraDrive<IntersectionTracker> = approach(&world, start, (intrinsics, mount), 4.0, 1);
     let pictures: Vec<_> = (0..8).map(|_| drive.render()).collect();
     let views: Vec<_> = pictures.iter().map(|data| ImageView::new(data, 640, 480, 640).unwrap()).collect();
     let mut next = 0;
@@ -43,7 +43,7 @@ fn benches(criterion: &mut Criterion) {
         next
     };
 
-    let at = [Side::Left, Side::Right].map(|side| Vector2::new(drive.true_column(side).unwrap(), 181.0));
+    let at = wall_ends(&world).map(|end| Vector2::new(edge_column(&drive.view, end).unwrap(), 181.0));
     if let Some(folder) = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from) {
         for (i, data) in pictures.iter().enumerate() {
             let path = folder.join(format!("intersection_640x480_{i}_{:.2}_{:.2}.png", at[0].x, at[1].x));
@@ -52,16 +52,16 @@ fn benches(criterion: &mut Criterion) {
     }
     let mut templates = [Template::default(), Template::default()];
     for (template, at) in templates.iter_mut().zip(at) {
-        template.take(views[0], Place { u: at.x as usize - 10, v: 161 }, 20, 40).unwrap();
+        template.take(views[0], PatchOrigin { u: at.x as usize - 10, v: 161 }, 20, 40).unwrap();
     }
     criterion.bench_function("SSDA and correlation, two 20x40 templates, 25 columns", |bencher| {
         bencher.iter(|| {
             let view = views[picture()];
             for (template, at) in templates.iter().zip(at) {
-                let middle = Place { u: at.x as usize - 10, v: 161 };
+                let middle = PatchOrigin { u: at.x as usize - 10, v: 161 };
                 let area = SearchArea::along_row(view, template, middle, 12).unwrap();
                 let best = search(view, template, &area, middle);
-                black_box(correlation(view, template, best.place));
+                black_box(correlation(view, template, best.position));
             }
         });
     });
@@ -101,10 +101,10 @@ fn benches(criterion: &mut Criterion) {
         calibration: Calibration::Measured,
         horizon_sigma_rad: 1_f64.to_radians(),
     };
-    let mut sight = Sight::new(seen_by, FloorLineRule::default());
+    let mut sight = CorridorObserver::new(seen_by, FloorLineRule::default());
     let mut finder = EndFinder::default();
     let rule = FinderRule { range_m: [1.5, 12.0], border_px: 25.0, pair_m: 0.3 };
-    let sighting = sight.look(views[0], None).unwrap();
+    let sighting = sight.observe(views[0], None).unwrap();
     finder.find(views[0], &sight, &sighting, &rule);
     let pair = finder.pair(&rule).unwrap();
     let mut track = IntersectionTrack::new(640, &Config::default());
@@ -121,7 +121,7 @@ fn benches(criterion: &mut Criterion) {
         |bencher| {
             bencher.iter(|| {
                 let view = views[picture()];
-                if let Ok(sighting) = sight.look(view, None) {
+                if let Ok(sighting) = sight.observe(view, None) {
                     black_box(finder.find(view, &sight, &sighting, &rule).len());
                 }
             });

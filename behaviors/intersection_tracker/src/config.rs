@@ -1,98 +1,91 @@
-//! The parameters of the behavior.
+//! Parameters of the behavior.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::BuildError;
+use smart_default::SmartDefault;
+use yamabico_core::behavior::ParameterError;
+
+/// Minimum length of the range of distances in which intersections are tracked, m.
+const MIN_TRACKED_M: f64 = 0.5;
 
 /// Parameters of [`IntersectionTracker`](crate::IntersectionTracker).
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Speed towards the intersection, m/s, 0.02 to 2, default 0.4.
+    /// Speed toward the intersection.
+    #[default(0.4)]
     #[schemars(range(min = 0.02, max = 2.0))]
     pub speed_mps: f64,
-    /// Turn rate per angle to the middle of the intersection, 1/s, 0.1 to 4, default 1.2.
+    /// Turn rate per angle to the middle of the intersection, 1/s.
+    #[default(1.2)]
     #[schemars(range(min = 0.1, max = 4.0))]
     pub turn_gain: f64,
-    /// Largest turn rate, rad/s, 0.1 to 3, default 0.6.
+    /// Maximum turn rate.
+    #[default(0.6)]
     #[schemars(range(min = 0.1, max = 3.0))]
     pub largest_turn_radps: f64,
-    /// Nearer than this it hands over, m, 0.5 to 5, default 1.2.
+    /// Distance at which the behavior stops steering and hands over.
+    #[default(1.2)]
     #[schemars(range(min = 0.5, max = 5.0))]
     pub nearest_m: f64,
-    /// Farther than this it looks for no intersection, m, 2 to 30, default 12.
+    /// Maximum distance at which intersections are detected.
+    #[default(12.0)]
     #[schemars(range(min = 2.0, max = 30.0))]
     pub farthest_m: f64,
-    /// It hands over too when an edge comes so near to the border of the picture, pixels, 1 to 100, default 15.
+    /// Distance between an edge and the border of the image below which the behavior hands over as well.
+    #[default(15.0)]
     #[schemars(range(min = 1.0, max = 100.0))]
     pub border_px: f64,
-    /// Two wall ends that differ by less along the corridor are a pair, m, 0.05 to 2, default 0.3.
+    /// Maximum difference along the corridor between the two wall ends of a pair.
+    #[default(0.3)]
     #[schemars(range(min = 0.05, max = 2.0))]
     pub pair_m: f64,
-    /// So many pictures must show both ends before it steers, 1 to 20, default 3.
+    /// Number of frames that must show both wall ends before the behavior steers.
+    #[default(3)]
     #[schemars(range(min = 1, max = 20))]
-    pub confirm_pictures: u32,
-    /// Least correlation of a match, 0.3 to 0.99, default 0.7.
+    pub confirm_frames: u32,
+    /// Minimum correlation of a template match.
+    #[default(0.7)]
     #[schemars(range(min = 0.3, max = 0.99))]
     pub min_correlation: f64,
-    /// An edge missed so often in a row is looked for anew, pictures, 1 to 20, default 3.
+    /// Number of consecutive frames without a match after which an edge is detected anew.
+    #[default(3)]
     #[schemars(range(min = 1, max = 20))]
     pub reacquire_misses: u32,
-    /// An edge missed so often in a row is lost, pictures, 2 to 100, default 10.
+    /// Number of consecutive frames without a match after which an edge is lost.
+    #[default(10)]
     #[schemars(range(min = 2, max = 100))]
     pub lost_misses: u32,
-    /// How well the mount's tilt and roll hold while driving, degrees, 0.05 to 30, default 1.
+    /// Standard deviation of the camera's tilt and roll while driving.
+    #[default(1.0)]
     #[schemars(range(min = 0.05, max = 30.0))]
     pub horizon_sigma_deg: f64,
-    /// Least difference of brightness across a floor line, gray levels, 1 to 100, default 8.
+    /// Minimum contrast across a floor line, gray levels.
+    #[default(8.0)]
     #[schemars(range(min = 1.0, max = 100.0))]
     pub floor_contrast: f64,
 }
 
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            speed_mps: 0.4,
-            turn_gain: 1.2,
-            largest_turn_radps: 0.6,
-            nearest_m: 1.2,
-            farthest_m: 12.0,
-            border_px: 15.0,
-            pair_m: 0.3,
-            confirm_pictures: 3,
-            min_correlation: 0.7,
-            reacquire_misses: 3,
-            lost_misses: 10,
-            horizon_sigma_deg: 1.0,
-            floor_contrast: 8.0,
-        }
-    }
-}
-
 impl Config {
-    /// Whether every number is in its range.
+    /// Checks the parameters against each other.
     ///
     /// # Errors
-    /// The first key that is not, with its range.
-    pub fn check(&self) -> Result<(), BuildError> {
-        for (key, value, low, high) in [
-            ("speed_mps", self.speed_mps, 0.02, 2.0),
-            ("turn_gain", self.turn_gain, 0.1, 4.0),
-            ("largest_turn_radps", self.largest_turn_radps, 0.1, 3.0),
-            ("nearest_m", self.nearest_m, 0.5, 5.0),
-            ("farthest_m", self.farthest_m, self.nearest_m + 0.5, 30.0),
-            ("border_px", self.border_px, 1.0, 100.0),
-            ("pair_m", self.pair_m, 0.05, 2.0),
-            ("confirm_pictures", f64::from(self.confirm_pictures), 1.0, 20.0),
-            ("min_correlation", self.min_correlation, 0.3, 0.99),
-            ("reacquire_misses", f64::from(self.reacquire_misses), 1.0, 20.0),
-            ("lost_misses", f64::from(self.lost_misses), f64::from(self.reacquire_misses) + 1.0, 100.0),
-            ("horizon_sigma_deg", self.horizon_sigma_deg, 0.05, 30.0),
-            ("floor_contrast", self.floor_contrast, 1.0, 100.0),
-        ] {
-            if !(low..=high).contains(&value) {
-                return Err(BuildError::new(key, format!("{value} is not between {low} and {high}")));
-            }
+    /// The key to change.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        let min_m = self.nearest_m + MIN_TRACKED_M;
+        if self.farthest_m < min_m {
+            let problem = format!(
+                "must be at least nearest_m + {MIN_TRACKED_M} m = {min_m} m, but is {} m: raise it",
+                self.farthest_m
+            );
+            return Err(ParameterError::new("farthest_m", problem));
+        }
+        if self.lost_misses <= self.reacquire_misses {
+            let problem = format!(
+                "must be more than reacquire_misses, {}, but is {}: raise it",
+                self.reacquire_misses, self.lost_misses
+            );
+            return Err(ParameterError::new("lost_misses", problem));
         }
         Ok(())
     }

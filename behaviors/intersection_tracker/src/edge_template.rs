@@ -1,48 +1,48 @@
-//! One edge from picture to picture: template search, snap to the edge, and the checks that keep it from drifting.
+//! Template tracking of one vertical edge: search, subpixel refinement, and checks against drift.
 //!
-//! Kweon et al. (1991), section 4, search a template with SSDA and replace it every time. Differs from \[1\]: the search runs
-//! along a row only, since an edge looks alike all along itself; the edge is located anew after each match; a match must
-//! correlate, be unique, be found back in the last picture, and agree with the template of the beginning.
+//! Kweon et al. (1991), section 4, search a template with SSDA and replace it every time. Differs from the
+//! paper: the search runs along a row only, since an edge looks the same along its length; the edge is refined after each
+//! match; a match must correlate, be unique, match backward in the last image, and agree with the first template (anchor).
 
+use crate::template::correlation::{RowCorrelation, peak_offset};
+use crate::template::ssda::search;
+use crate::template::{PatchOrigin, SearchArea, Template, TemplateError};
 use nalgebra::Vector2;
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::Reason;
-use yamabico_vision::template::correlation::{RowCorrelation, peak_offset};
-use yamabico_vision::template::ssda::search;
-use yamabico_vision::template::{Place, SearchArea, Template, TemplateError};
 
 use crate::snap::{Brighter, SnapWindow, Snapped, snap};
 use crate::strip::Strip;
 
-/// Size of a template, pixels of an image 640 px wide.
+/// Size of a template, pixels at an image width of 640 px.
 const SIZE_AT_640_PX: [f64; 2] = [20.0, 40.0];
-/// Smallest size, pixels.
+/// Minimum size, pixels.
 const MIN_SIZE_PX: [usize; 2] = [10, 16];
-/// Columns to either side of the prediction that are searched, pixels of an image 640 px wide.
+/// Search range in columns to either side of the prediction, pixels at an image width of 640 px.
 const REACH_AT_640_PX: f64 = 12.0;
-/// Columns to either side of a match in which the edge is located, pixels of an image 640 px wide.
+/// Range in columns to either side of a match for the subpixel refinement, pixels at an image width of 640 px.
 const SNAP_AT_640_PX: f64 = 5.0;
-/// Another place farther away than this (px) must correlate less ...
+/// Distance from the best match (px) from which on another match must correlate less.
 const APART_PX: usize = 4;
-/// ... by this.
+/// Minimum difference of the correlations.
 const UNIQUE_BY: f64 = 0.05;
-/// The running template is replaced above this correlation only.
+/// Minimum correlation at which the running template is replaced.
 const REPLACE_ABOVE: f64 = 0.8;
-/// Largest difference between the match and that of the anchor, and of the way back, pixels.
+/// Maximum difference between the match and the anchor match, and of the backward match, pixels.
 const AGREE_PX: f64 = 1.5;
-/// The anchor is taken anew when things have grown by this.
+/// Growth in scale after which the anchor is replaced.
 const RENEW_AT_SCALE: f64 = 1.5;
 
-/// What is known of an edge before looking.
+/// Prediction of an edge before the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
-    /// Where it is expected, pixels of the picture as it is.
+    /// Expected position, distorted pixels.
     pub pixel: Vector2<f64>,
-    /// Farther from there (px) it is none.
+    /// Maximum distance from there, pixels.
     pub gate_px: f64,
-    /// Distance along the camera's axis, meters: tells how much it grew.
+    /// Depth along the optical axis, m: gives the change in scale.
     pub depth_m: f64,
-    /// Columns per row by which it leans.
+    /// Slope of the edge, columns per row.
     pub lean: f64,
 }
 
@@ -60,7 +60,7 @@ pub struct EdgeTemplate {
     grown: GrayImage,
     scaled: Template,
     found: Template,
-    /// A wider piece of the last picture in which it was found.
+    /// A wider patch of the last image with a match.
     last: Patch,
     strip: Strip,
     alike: RowCorrelation,
@@ -74,7 +74,7 @@ struct Patch {
 }
 
 impl EdgeTemplate {
-    /// Empty templates for pictures of this width; matches must correlate by `min_correlation`, 0 to 1.
+    /// Returns empty templates for images of this width. Matches must correlate by `min_correlation`, 0 to 1.
     #[must_use]
     pub fn new(image_width: u32, min_correlation: f64) -> Self {
         let scale = f64::from(image_width) / 640.0;
@@ -97,13 +97,13 @@ impl EdgeTemplate {
         }
     }
 
-    /// Rows above and below the aim that must lie in the picture, pixels.
+    /// Returns the rows above and below the prediction that must lie in the image.
     #[must_use]
     pub fn half_rows(&self) -> f64 {
         0.5 * self.size[1] as f64 + 5.0
     }
 
-    /// The edge at an aim, of either polarity, within the gate; `None` where there is none.
+    /// Returns the edge of either polarity within the gate; `None` if there is none.
     #[must_use]
     pub fn edge_at(&self, image: ImageView<'_>, aim: &Aim) -> Option<(Snapped, Brighter)> {
         let reach = (aim.gate_px.ceil().max(2.0) as usize).min(self.snap_reach);
@@ -115,11 +115,11 @@ impl EdgeTemplate {
         edges.into_iter().flatten().filter(is_near).max_by(|a, b| a.0.gradient.total_cmp(&b.0.gradient))
     }
 
-    /// Takes the templates at an edge and gives its exact column, pixels.
+    /// Takes the templates at an edge, and returns its refined column, pixels.
     ///
     /// # Errors
-    /// `LowCorrelation` where there is no edge within the gate, `FlatTemplate` where it has no contrast, `Gated` where it does
-    /// not lie in the picture; nothing can be tracked then.
+    /// `LowCorrelation` if there is no edge within the gate, `FlatTemplate` if it has no contrast, `Gated` if it is not in the
+    /// image; tracking is impossible then.
     pub fn acquire(&mut self, image: ImageView<'_>, aim: &Aim) -> Result<f64, Reason> {
         let (edge, brighter) = self.edge_at(image, aim).ok_or(Reason::LowCorrelation)?;
         self.brighter = brighter;
@@ -133,11 +133,11 @@ impl EdgeTemplate {
         taken.map(|()| edge.column)
     }
 
-    /// The edge in the next picture.
+    /// Finds the edge in the next image.
     ///
     /// # Errors
-    /// `LowCorrelation` for a match too weak or one that is not found back in the last picture, `Ambiguous` for one of several,
-    /// `Gated` for one outside the gate or the picture. The templates stay as they were.
+    /// `LowCorrelation` for a weak match or one without a backward match, `Ambiguous` for one of several, `Gated` for one
+    /// outside the gate or the image. The templates do not change then.
     pub fn track(&mut self, image: ImageView<'_>, aim: &Aim) -> Result<Snapped, Reason> {
         let mut strip = std::mem::take(&mut self.strip);
         let found = self.track_in(&mut strip, image, aim);
@@ -151,7 +151,7 @@ impl EdgeTemplate {
         let middle = Strip::place(expected, self.running.edge, self.size[1]).ok_or(Reason::Gated)?;
         let area =
             SearchArea::along_row(view, &self.running.template, middle, self.reach).ok_or(Reason::Gated)?;
-        let place = search(view, &self.running.template, &area, middle).place;
+        let place = search(view, &self.running.template, &area, middle).position;
         self.alike.compute(view, &self.running.template, &area);
         let alike = self.alike.at(place.u).unwrap_or(0.0);
         if alike < self.min_correlation {
@@ -161,7 +161,7 @@ impl EdgeTemplate {
             return Err(Reason::Ambiguous);
         }
         let matched = place.u as f64 + self.offset(place) + self.running.edge;
-        if !self.is_found_back(view, place, matched) {
+        if !self.matches_backward(view, place, matched) {
             return Err(Reason::LowCorrelation);
         }
         let at = Vector2::new(strip.outside(matched), aim.pixel.y);
@@ -175,7 +175,7 @@ impl EdgeTemplate {
         Ok(edge)
     }
 
-    /// Cuts the strip about a pixel; gives that pixel in it.
+    /// Cuts the strip around a pixel, and returns the coordinates of the pixel in it.
     fn cut(
         &self,
         strip: &mut Strip,
@@ -188,21 +188,21 @@ impl EdgeTemplate {
         if is_cut { Ok(strip.inside(pixel)) } else { Err(Reason::Gated) }
     }
 
-    /// Whether every place apart from the best correlates clearly less.
-    fn is_unique(&self, best: Place, alike: f64) -> bool {
+    /// Returns true if every other position correlates clearly less than the best one.
+    fn is_unique(&self, best: PatchOrigin, alike: f64) -> bool {
         let apart = self.alike.iter().filter(|(u, _)| u.abs_diff(best.u) > APART_PX);
         apart.fold(true, |is_unique, (_, other)| is_unique && other <= alike - UNIQUE_BY)
     }
 
-    /// Fraction of a column from the best place to the peak of the correlation; none at the ends of the area.
-    fn offset(&self, place: Place) -> f64 {
+    /// Returns the subpixel offset from the best column to the peak of the correlation; 0 at the ends of the range.
+    fn offset(&self, place: PatchOrigin) -> f64 {
         let at = |u: usize| self.alike.at(u);
         let around = place.u.checked_sub(1).and_then(at).zip(at(place.u)).zip(at(place.u + 1));
         around.map_or(0.0, |((before, at), after)| peak_offset(before, at, after))
     }
 
-    /// Whether what was found, looked for in the last picture, is where the edge was.
-    fn is_found_back(&mut self, view: ImageView<'_>, place: Place, matched: f64) -> bool {
+    /// Returns true if the match, searched for in the last image, leads back to the edge.
+    fn matches_backward(&mut self, view: ImageView<'_>, place: PatchOrigin, matched: f64) -> bool {
         let [width, height] = self.size;
         if self.found.take(view, place, width, height).is_err() {
             return false;
@@ -210,9 +210,9 @@ impl EdgeTemplate {
         let Some(band) = self.last.template.view() else { return true };
         let Some(area) = SearchArea::whole(band, &self.found) else { return false };
         let in_patch = matched - place.u as f64;
-        let start = Place { u: (self.last.edge - in_patch).max(0.0) as usize, v: 0 };
-        let back = search(band, &self.found, &area, start).place;
-        // The way back is known to whole columns.
+        let start = PatchOrigin { u: (self.last.edge - in_patch).max(0.0) as usize, v: 0 };
+        let back = search(band, &self.found, &area, start).position;
+        // The backward match is accurate to whole columns.
         (back.u as f64 + in_patch - self.last.edge).abs() <= AGREE_PX + 0.5
     }
 
@@ -221,15 +221,15 @@ impl EdgeTemplate {
         if alike >= REPLACE_ABOVE && self.anchor_agrees(strip, at, scale) {
             let is_kept = self.running.take(strip, at, self.size, 0).is_ok();
             if is_kept && scale > RENEW_AT_SCALE {
-                // Without contrast the old anchor stays.
+                // Without contrast the old anchor remains.
                 let _ = self.renew(strip, at, depth_m);
             }
         }
-        // A flat band finds nothing back, which the next picture will tell.
+        // A patch without contrast fails the backward match in the next image.
         let _ = self.last.take(strip, at, self.size, self.reach);
     }
 
-    /// Whether the anchor, grown by `scale`, is found where the edge is.
+    /// Returns true if the anchor, scaled by `scale`, matches at the edge.
     fn anchor_agrees(&mut self, strip: &Strip, at: Vector2<f64>, scale: f64) -> bool {
         let (Some(anchor), Some(view)) = (self.anchor.template.view(), strip.view()) else { return false };
         let [width, height] = self.size;
@@ -237,7 +237,7 @@ impl EdgeTemplate {
         let grown = Grown { anchor, anchor_edge: self.anchor.edge, scale: scale.max(0.5) };
         grown.draw(&mut self.grown, width, height);
         let Ok(grown) = self.grown.view() else { return false };
-        if self.scaled.take(grown, Place::default(), width, height).is_err() {
+        if self.scaled.take(grown, PatchOrigin::default(), width, height).is_err() {
             return false;
         }
         let Some(middle) = Strip::place(at, middle_u, height) else { return false };
@@ -268,7 +268,7 @@ impl EdgeTemplate {
 }
 
 impl Patch {
-    /// Takes the patch about an edge, `margin` columns wider on either side.
+    /// Takes the patch around an edge, `margin` columns wider on either side.
     fn take(
         &mut self,
         strip: &Strip,
@@ -288,14 +288,14 @@ impl Patch {
     }
 }
 
-/// A template grown about the edge in it.
+/// A template scaled about its edge.
 struct Grown<'a> {
     anchor: ImageView<'a>,
     anchor_edge: f64,
     scale: f64,
 }
 
-/// Where a grown column or row comes from: the pixels before and behind it, and the share of the latter of 256.
+/// Source of a scaled column or row: the pixels before and after it, and the weight of the latter, of 256.
 #[derive(Clone, Copy, Debug, Default)]
 struct Between {
     before: usize,
@@ -304,7 +304,7 @@ struct Between {
 }
 
 impl Between {
-    /// Between pixels `at`, of which there are `count`; outside them the border's.
+    /// Interpolates at position `at` of `count` pixels; the border is replicated.
     fn new(at: f64, count: usize) -> Self {
         let fixed = (256.0 * at.clamp(0.0, count as f64 - 1.0) + 0.5) as usize;
         let before = fixed / 256;
@@ -316,11 +316,11 @@ impl Between {
     }
 }
 
-/// Columns of the widest template that is grown.
+/// Maximum number of columns of a scaled template.
 const MAX_COLUMNS: usize = 256;
 
 impl Grown<'_> {
-    /// Grows it to this size into a picture.
+    /// Draws the template, scaled to this size.
     fn draw(&self, out: &mut GrayImage, width: usize, height: usize) {
         let width = width.min(MAX_COLUMNS);
         out.resize(width, height);

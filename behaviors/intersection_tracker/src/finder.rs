@@ -1,51 +1,51 @@
-//! Where the walls of a corridor end: vertical edges that stand on a floor line which does not go on behind them.
+//! Detector of the ends of a corridor's walls: vertical edges on a floor line that does not continue behind them.
 //!
 //! Kweon et al. (1991), section 3.5.
 
 use nalgebra::{Matrix2, Point2, Rotation2, Vector2, Vector3};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::image::ImageView;
-use yamabico_vision::corridor::sight::{Sight, Sighting};
+use yamabico_vision::corridor::observer::{CorridorObservation, CorridorObserver};
 use yamabico_vision::corridor::wall_distance::CorridorView;
 use yamabico_vision::segments::Segment;
 
 use crate::snap::{Brighter, SnapWindow, snap};
 use crate::wall_foot::WallFoot;
 
-/// Edges that lean farther from the vertical than this (rad) are none of a wall's end.
-const LARGEST_LEAN_RAD: f64 = 0.1;
-/// An edge ends at most this far above the floor: the skirting's height and some, meters; and this far where it is seen to
-/// be higher than a door, since wall and background may look alike further down ...
-const HIGHEST_FOOT_M: [f64; 2] = [0.2, 1.6];
-/// ... or so far from the floor line, pixels of an image 640 px wide.
+/// Maximum angle between an edge and the vertical, rad.
+const MAX_LEAN_RAD: f64 = 0.1;
+/// Maximum height of an edge's lower end above the floor, m: about the height of a skirting; and for an edge higher than
+/// a door, whose lower part may lack contrast.
+const MAX_FOOT_M: [f64; 2] = [0.2, 1.6];
+/// Maximum distance of its lower end from the floor line, pixels at an image width of 640 px.
 const FOOT_AT_640_PX: f64 = 5.0;
-/// Shortest edge, pixels of an image 640 px wide.
-const SHORTEST_AT_640_PX: f64 = 30.0;
-/// Where the foot of a wall ends, an edge may be too faint to be found anywhere but between these heights, meters ...
+/// Minimum length of an edge, pixels at an image width of 640 px.
+const MIN_LENGTH_AT_640_PX: f64 = 30.0;
+/// Range of heights in which a faint edge is searched at the end of a wall's foot, m.
 const FAINT_HEIGHTS_M: [f64; 2] = [0.05, 0.65];
-/// ... and so many columns to either side, of an image 640 px wide.
+/// Range of columns to either side in which it is searched, at an image width of 640 px.
 const FAINT_REACH_AT_640_PX: f64 = 4.0;
-/// Where its upper end is seen, the end of a wall is higher than any door, meters.
+/// Minimum height of the end of a wall whose upper end is visible: higher than any door, m.
 const DOOR_HEIGHT_M: f64 = 2.15;
-/// Pieces so near to an edge's line belong to it, pixels of an image 640 px wide.
+/// Maximum distance of a segment to an edge's line at which it belongs to the edge, pixels at an image width of 640 px.
 const SAME_EDGE_AT_640_PX: f64 = 2.5;
-/// An edge that comes so near to the upper border of the picture goes on beyond it, pixels.
+/// Distance to the upper border at which an edge counts as cut off, pixels.
 const UPPER_BORDER_PX: f64 = 3.0;
 /// Standard deviation of an edge's column, pixels.
 const COLUMN_SIGMA_PX: f64 = 1.0;
-/// Part of a wall's distance by which its skirting stands out, at most.
+/// Maximum depth of a skirting, as a fraction of the wall's distance.
 const SKIRTING_SHARE: f64 = 0.015;
-/// Part of the way from edge to edge that a line on the floor must cover to be a wall's across the corridor.
+/// Fraction of the distance between two edges that a floor line must cover to be a wall across the corridor.
 const CLOSED_SHARE: f64 = 0.4;
-/// Part of its distance by which such a line may stand before or behind the ends, besides two rows.
+/// Tolerance of the distance of such a line, as a fraction, in addition to two rows.
 const CLOSED_TOLERANCE: f64 = 0.04;
 
 /// Left or right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Where the lateral coordinate is positive.
+    /// Positive lateral coordinate.
     Left,
-    /// Where it is negative.
+    /// Negative lateral coordinate.
     Right,
 }
 
@@ -60,35 +60,35 @@ impl Side {
     }
 }
 
-/// A vertical edge where a wall may end.
+/// A vertical edge that may be the end of a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallEnd {
-    /// Which wall.
+    /// Side of the wall.
     pub side: Side,
-    /// Where it stands on the floor line, undistorted pixels.
+    /// Base point on the floor line, undistorted pixels.
     pub base: Vector2<f64>,
-    /// Where it stands, from the robot's center, x ahead and y to the left, meters.
+    /// Position in the robot frame, m.
     pub point_in_robot: Point2<f64>,
-    /// Covariance of that, m^2.
+    /// Covariance of the position, m^2.
     pub covariance: Matrix2<f64>,
-    /// From the camera, along the corridor, meters.
+    /// Distance from the camera along the corridor, m.
     pub ahead_m: f64,
     /// Standard deviation of `ahead_m`, meters.
     pub ahead_sigma_m: f64,
-    /// Whether it is seen to be higher than a door.
+    /// True if the edge is visibly higher than a door.
     pub is_high: bool,
-    /// Length in the picture, pixels.
+    /// Length in the image, pixels.
     pub length_px: f64,
 }
 
-/// What must hold of a wall's end.
+/// Conditions for the end of a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FinderRule {
-    /// Nearest and farthest along the corridor, meters.
+    /// Minimum and maximum distance along the corridor, m.
     pub range_m: [f64; 2],
-    /// Ends nearer to the left or right border of the picture are left out, pixels.
+    /// Minimum distance to the left and right border of the image, pixels.
     pub border_px: f64,
-    /// Two ends that differ less along the corridor are a pair, meters; or less than three standard deviations.
+    /// Maximum difference along the corridor between the two ends of a pair, m; three standard deviations, if larger.
     pub pair_m: f64,
 }
 
@@ -99,27 +99,27 @@ impl FinderRule {
     }
 }
 
-/// Finds where walls end; keeps its buffer from picture to picture.
+/// Finds the ends of walls. Reuses its buffer.
 #[derive(Clone, Debug, Default)]
 pub struct EndFinder {
     ends: Vec<WallEnd>,
 }
 
-/// What the picture's geometry is worked out from.
+/// Geometry of the current image.
 struct Scene<'a> {
-    sight: &'a Sight,
-    sighting: &'a Sighting,
+    sight: &'a CorridorObserver,
+    sighting: &'a CorridorObservation,
     view: &'a CorridorView,
     rule: &'a FinderRule,
 }
 
 impl EndFinder {
-    /// Everything in `image`, the last picture of `sight`, that may be the end of a wall.
+    /// Finds all candidates in `image`, the last image of the observer.
     pub fn find(
         &mut self,
         image: ImageView<'_>,
-        sight: &Sight,
-        sighting: &Sighting,
+        sight: &CorridorObserver,
+        sighting: &CorridorObservation,
         rule: &FinderRule,
     ) -> &[WallEnd] {
         self.ends.clear();
@@ -144,32 +144,32 @@ impl EndFinder {
                 self.ends.push(faint);
             }
         }
-        self.leave_out_dead_ends(&scene);
+        self.remove_dead_ends(&scene);
         &self.ends
     }
 
-    /// Any two ends that belong together, left and right: equally far along the corridor, with an open floor between them.
+    /// Returns all pairs of a left and a right end at the same distance along the corridor, with open floor between them.
     pub fn pairs(&self, rule: &FinderRule) -> impl Iterator<Item = [WallEnd; 2]> {
         let on = |side: Side| self.ends.iter().filter(move |end| end.side == side);
         let pairs = on(Side::Left).flat_map(move |left| on(Side::Right).map(move |right| [*left, *right]));
         pairs.filter(|[left, right]| rule.belong_together(left, right))
     }
 
-    /// The nearest of the [pairs](Self::pairs); `None` for a picture without any.
+    /// Returns the nearest of the [pairs](Self::pairs).
     #[must_use]
     pub fn pair(&self, rule: &FinderRule) -> Option<[WallEnd; 2]> {
         let ahead_m = |pair: &[WallEnd; 2]| 0.5 * (pair[0].ahead_m + pair[1].ahead_m);
         self.pairs(rule).min_by(|a, b| ahead_m(a).total_cmp(&ahead_m(b)))
     }
 
-    /// The ends found in the last picture.
+    /// Returns the ends found in the last image.
     #[must_use]
     pub fn ends(&self) -> &[WallEnd] {
         &self.ends
     }
 
-    /// Leaves out ends between which a wall stands, and all beyond.
-    fn leave_out_dead_ends(&mut self, scene: &Scene<'_>) {
+    /// Removes ends with a wall between them, and all ends behind.
+    fn remove_dead_ends(&mut self, scene: &Scene<'_>) {
         let closed = self
             .pairs(scene.rule)
             .filter(|[left, right]| scene.is_closed(left, right))
@@ -181,24 +181,24 @@ impl EndFinder {
     }
 }
 
-/// A wall as the camera sees it.
+/// A wall relative to the camera.
 #[derive(Clone, Copy)]
 struct WallAt {
     distance_m: f64,
     sigma_m: f64,
 }
 
-/// How far up an edge is seen.
+/// Visible height of an edge.
 enum Reach {
-    /// Not higher than a door.
+    /// At most as high as a door.
     Door,
-    /// To the upper border of the picture, and lower than a door there.
-    OutOfPicture,
+    /// Cut off by the upper border, below the height of a door.
+    OutOfImage,
     /// Higher than a door.
     High,
 }
 
-/// Where something on a wall's floor line stands.
+/// Position of a point on a wall's floor line.
 struct Standing {
     point_in_robot: Point2<f64>,
     covariance: Matrix2<f64>,
@@ -206,7 +206,7 @@ struct Standing {
     ahead_sigma_m: f64,
 }
 
-/// What is seen of an edge.
+/// Observation of an edge.
 struct Seen {
     is_high: bool,
     length_px: f64,
@@ -233,7 +233,7 @@ impl Scene<'_> {
     fn wall_end(&self, segment: &Segment, side: Side, wall: WallAt) -> Option<WallEnd> {
         let intrinsics = &self.view.intrinsics;
         let scale = f64::from(intrinsics.width) / 640.0;
-        if segment.length < SHORTEST_AT_640_PX * scale || !is_upright(segment, self.view) {
+        if segment.length < MIN_LENGTH_AT_640_PX * scale || !is_upright(segment, self.view) {
             return None;
         }
         let edge = segment.normal.push(-segment.rho);
@@ -243,8 +243,8 @@ impl Scene<'_> {
         let lower_end = if segment.p0.y > segment.p1.y { segment.p0 } else { segment.p1 };
         let (highest_m, is_high) = match self.reach(segment, &place) {
             Reach::Door => return None,
-            Reach::OutOfPicture => (HIGHEST_FOOT_M[0], false),
-            Reach::High => (HIGHEST_FOOT_M[1], true),
+            Reach::OutOfImage => (MAX_FOOT_M[0], false),
+            Reach::High => (MAX_FOOT_M[1], true),
         };
         let highest_px = (highest_m * intrinsics.fy / place.ahead_m).max(FOOT_AT_640_PX * scale);
         let above_px = base.y - lower_end.y;
@@ -254,7 +254,7 @@ impl Scene<'_> {
         Some(place.end(side, base, Seen { is_high, length_px: segment.length }))
     }
 
-    /// The edge where the foot of a wall ends, too faint to be found as a line of its own.
+    /// Returns the edge at the end of a wall's foot that is too faint to be a segment.
     fn faint_end(
         &self,
         image: ImageView<'_>,
@@ -287,7 +287,7 @@ impl Scene<'_> {
         Some(place.end(side, base, Seen { is_high: false, length_px: lower.y - upper.y }))
     }
 
-    /// Where a pixel of a wall's floor line stands, if it is in view and in range.
+    /// Returns the position of a pixel on a wall's floor line, if it is in view and in range.
     fn standing_at(&self, base: Vector2<f64>, wall: WallAt) -> Option<Standing> {
         let [nearest_m, farthest_m] = self.rule.range_m;
         let width = f64::from(self.view.intrinsics.width);
@@ -296,7 +296,7 @@ impl Scene<'_> {
         place.filter(|place| (nearest_m..=farthest_m).contains(&place.ahead_m))
     }
 
-    /// Where a pixel of a wall's floor line stands: its bearing is exact, its distance as good as the wall's.
+    /// Returns the position of a pixel on a wall's floor line; its bearing is exact, its distance as accurate as the wall's.
     fn place(&self, base: Vector2<f64>, wall: WallAt) -> Option<Standing> {
         let on_floor = self.view.floor_point(base)?;
         let (x, y) = (on_floor.x, wall.distance_m);
@@ -323,7 +323,7 @@ impl Scene<'_> {
         })
     }
 
-    /// How far up an edge reaches, with all pieces of it.
+    /// Returns the visible height of an edge with all of its segments.
     fn reach(&self, edge: &Segment, place: &Standing) -> Reach {
         let aside_px = SAME_EDGE_AT_640_PX * f64::from(self.view.intrinsics.width) / 640.0;
         let of_edge = |piece: &&Segment| {
@@ -334,24 +334,24 @@ impl Scene<'_> {
         let upper_end = |piece: &Segment| if piece.p0.y < piece.p1.y { piece.p0 } else { piece.p1 };
         let pieces = self.sight.segments().iter().filter(of_edge);
         let Some(top) = pieces.map(upper_end).min_by(|a, b| a.y.total_cmp(&b.y)) else { return Reach::Door };
-        // All of the edge is as far ahead as its base.
+        // The whole edge is at the distance of its base.
         let ray = self.ray(top);
         let height_m = self.view.height_m + place.ahead_m * ray.z / ray.x;
         if height_m > DOOR_HEIGHT_M {
             Reach::High
         } else if top.y < UPPER_BORDER_PX {
-            Reach::OutOfPicture
+            Reach::OutOfImage
         } else {
             Reach::Door
         }
     }
 
-    /// The direction of a pixel in the corridor's frame, not of unit length.
+    /// Returns the direction of a pixel in the corridor's frame, not normalized.
     fn ray(&self, pixel: Vector2<f64>) -> Vector3<f64> {
         self.view.corridor_from_camera * self.view.intrinsics.normalized_from_pixel(pixel).push(1.0)
     }
 
-    /// Whether a wall stands across the corridor between the two: a dead end.
+    /// Returns true if a wall closes the corridor between the two ends.
     fn is_closed(&self, left: &WallEnd, right: &WallEnd) -> bool {
         let (from, to) = (left.base.x.min(right.base.x), left.base.x.max(right.base.x));
         let ahead_m = 0.5 * (left.ahead_m + right.ahead_m);
@@ -376,7 +376,7 @@ impl Scene<'_> {
     }
 }
 
-/// The floor line of a wall at this signed distance from the camera, as a pixel line of unit normal.
+/// Returns the floor line of a wall at this signed distance from the camera, as a pixel line with unit normal.
 #[must_use]
 pub fn floor_line(view: &CorridorView, distance_m: f64) -> Vector3<f64> {
     let normal = Vector3::new(0.0, view.height_m, distance_m);
@@ -384,16 +384,16 @@ pub fn floor_line(view: &CorridorView, distance_m: f64) -> Vector3<f64> {
     line / line.xy().norm()
 }
 
-/// K^-T n.
+/// Returns K^-T n.
 fn inverse_transposed(k: &Intrinsics, n: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(n.x / k.fx, n.y / k.fy, n.z - n.x * k.cx / k.fx - n.y * k.cy / k.fy)
 }
 
-/// Whether the segment points to where all plumb lines meet in this picture.
+/// Returns true if the segment points to the vertical vanishing point.
 fn is_upright(segment: &Segment, view: &CorridorView) -> bool {
     let plumb = view.intrinsics.matrix() * (view.corridor_from_camera.transpose() * Vector3::z());
     let middle = segment.midpoint();
     let towards = plumb.xy() - middle * plumb.z;
     let sine = segment.normal.dot(&towards) / towards.norm();
-    sine.abs() < LARGEST_LEAN_RAD.sin()
+    sine.abs() < MAX_LEAN_RAD.sin()
 }

@@ -1,43 +1,43 @@
-//! One edge of the intersection: where along it the templates are taken, and what its landmark learns.
+//! One tracked edge of the intersection: the height of its templates, and the updates of its landmark.
 
 use nalgebra::Vector2;
 use yamabico_core::camera::Pinhole;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Reason;
-use yamabico_vision::corridor::sight::CorridorCamera;
+use yamabico_vision::corridor::observer::CorridorCamera;
 
 use crate::edge_template::{Aim, EdgeTemplate};
 use crate::finder::Side;
 use crate::landmarks::{Expected, Landmarks};
 
-/// Heights above the floor (m) at which an edge may be followed: where it is seen best.
+/// Candidate heights above the floor (m) at which an edge is tracked: the one with the best contrast is used.
 const HEIGHTS_M: [f64; 8] = [0.35, 0.6, 0.85, 1.1, 1.35, 1.6, 1.85, 2.1];
-/// Another height is taken where the edge is so much steeper there.
+/// Ratio of gradients above which another height replaces the current one.
 const BETTER_BY: f64 = 1.5;
-/// Elsewhere along itself an edge that is seen stands no farther from where it must be, pixels of an image 640 px wide.
+/// Maximum deviation of an edge at another height from its prediction, pixels at an image width of 640 px.
 const SAME_EDGE_AT_640_PX: f64 = 1.25;
 
-/// An edge and how it is seen.
+/// A tracked edge.
 #[derive(Clone, Debug)]
 pub struct FollowedEdge {
     template: EdgeTemplate,
-    /// Where along it the templates are taken, meters above the camera.
+    /// Height of the templates above the camera, m.
     above_m: f64,
-    /// Whether it is followed.
+    /// True if the edge is tracked.
     pub(crate) is_tracked: bool,
-    /// Pictures in a row in which it was missed.
+    /// Number of consecutive frames in which it was missed.
     pub(crate) misses: u32,
-    /// Comparisons in a row in which the wall ended elsewhere.
+    /// Number of consecutive comparisons in which the wall ended elsewhere.
     pub(crate) elsewhere: u32,
-    /// Where it was seen in the last picture, at the camera's height, undistorted pixels.
-    pub(crate) seen_at: Option<Vector2<f64>>,
-    /// Why it was not.
-    pub(crate) trouble: Option<Reason>,
+    /// Position in the last image, at the camera's height, undistorted pixels.
+    pub(crate) observed_at: Option<Vector2<f64>>,
+    /// Reason for which it was missed.
+    pub(crate) failure: Option<Reason>,
 }
 
 impl FollowedEdge {
-    /// An edge that is not followed yet, in pictures of this width; matches must correlate by `min_correlation`, 0 to 1.
+    /// Returns an edge that is not tracked yet, for images of this width. Matches must correlate by `min_correlation`, 0 to 1.
     #[must_use]
     pub fn new(image_width: u32, min_correlation: f64) -> Self {
         Self {
@@ -46,12 +46,12 @@ impl FollowedEdge {
             is_tracked: false,
             misses: 0,
             elsewhere: 0,
-            seen_at: None,
-            trouble: None,
+            observed_at: None,
+            failure: None,
         }
     }
 
-    /// Looks for the edge; gives its place at the camera's height, undistorted pixels.
+    /// Finds the edge, and returns its position at the camera's height, undistorted pixels.
     pub(crate) fn look(
         &mut self,
         image: ImageView<'_>,
@@ -74,8 +74,8 @@ impl FollowedEdge {
         Ok(at)
     }
 
-    /// After a miss: takes the templates anew where the edge is still seen just where it must be, for the landmarks too; gives
-    /// whether it is. It stays missed until the next picture matches.
+    /// After a miss, takes new templates if the edge is visible at its predicted position, and returns true if so. The edge stays
+    /// missed until the next match.
     pub(crate) fn retake(
         &mut self,
         image: ImageView<'_>,
@@ -94,7 +94,8 @@ impl FollowedEdge {
         observe(landmarks, pose, camera, side, &expected, Vector2::new(column, at.pixel.y)).is_ok()
     }
 
-    /// Takes the templates where the edge is seen best; gives its place at the camera's height, undistorted pixels.
+    /// Takes the templates at the height with the best contrast, and returns the edge's position at the camera's height,
+    /// undistorted pixels.
     pub(crate) fn take(
         &mut self,
         image: ImageView<'_>,
@@ -113,8 +114,8 @@ impl FollowedEdge {
         observe(landmarks, pose, camera, side, &expected, Vector2::new(column, aim.pixel.y))
     }
 
-    /// Where along the edge it is steepest, no farther aside than so many pixels: meters above the camera, the aim there, gray
-    /// levels a pixel.
+    /// Returns the height with the steepest gradient within a lateral tolerance: height above the camera (m), prediction there,
+    /// gradient (gray levels per pixel).
     fn best_height(
         &self,
         image: ImageView<'_>,
@@ -140,19 +141,19 @@ impl FollowedEdge {
             .map(|(above_m, aim, gradient, _)| (above_m, aim, gradient))
     }
 
-    /// Whether a template at this aim reaches out of the picture above or below.
+    /// Returns true if a template at this prediction extends beyond the image above or below.
     fn leaves(&self, aim: &Aim, image: ImageView<'_>) -> bool {
         let rows = self.template.half_rows();
         aim.pixel.y < rows || aim.pixel.y > image.height() as f64 - 1.0 - rows
     }
 }
 
-/// How far aside (px) an edge may be seen elsewhere along itself.
+/// Returns the lateral tolerance at another height, pixels.
 fn same_edge_px(image: ImageView<'_>) -> f64 {
     SAME_EDGE_AT_640_PX * image.width() as f64 / 640.0
 }
 
-/// Where the edge is expected, some height above the camera.
+/// Returns the prediction of the edge at a height above the camera.
 fn aim(
     landmarks: &Landmarks,
     pose: &Pose2,
@@ -169,7 +170,7 @@ fn aim(
     Some((expected, aim))
 }
 
-/// Takes a pixel of the picture as the edge; gives its place at the camera's height, undistorted pixels.
+/// Updates the landmark by a pixel of the edge, and returns its position at the camera's height, undistorted pixels.
 fn observe(
     landmarks: &mut Landmarks,
     pose: &Pose2,
@@ -185,7 +186,7 @@ fn observe(
     Ok(level + Vector2::new(at.x - expected.pixel.x, 0.0))
 }
 
-/// The pixel as the lens shows it.
+/// Returns the distorted pixel.
 pub(crate) fn raw(pinhole: &Pinhole, ideal: Vector2<f64>) -> Option<Vector2<f64>> {
     let ray = pinhole.intrinsics().normalized_from_pixel(ideal).push(1.0);
     pinhole.project(&ray.into()).ok()

@@ -1,22 +1,22 @@
-//! The foot of a wall in the picture: floor, skirting, wall.
+//! Brightness profile across the foot of a wall: floor, skirting, wall.
 
-/// Heights at which it is sampled.
+/// Number of samples of a profile.
 pub const FOOT_SAMPLES: u32 = 16;
-/// Contrast that a foot has, and by which two differ, root mean square, gray levels.
+/// RMS contrast of a profile, and RMS difference of two, above which they count, gray levels.
 pub const FOOT_CONTRAST: f64 = 12.0;
-/// Two feet of a wall look alike if they correlate by this.
+/// Minimum correlation of two similar profiles.
 const ALIKE: f64 = 0.8;
 
-/// Gray levels across the foot of a wall, from below upwards.
+/// Gray levels across the foot of a wall, upward.
 pub type FootProfile = [f64; FOOT_SAMPLES as usize];
 
-/// Whether two feet of walls look alike, whatever the light; a foot without contrast looks like any.
+/// Returns true if two profiles are similar up to gain and offset. A profile without contrast is similar to any.
 #[must_use]
 pub fn are_alike(a: &FootProfile, b: &FootProfile) -> bool {
     is_flat(a) || correlation(a, b) > ALIKE
 }
 
-/// Correlation of two feet of walls, -1 to 1, one of which may be displaced by one sample; 0 where either has no contrast.
+/// Returns the correlation of two profiles, -1 to 1, up to a shift by one sample; 0 if either has no contrast.
 #[must_use]
 pub fn likeness(a: &[f64], b: &[f64]) -> f64 {
     let count = a.len().min(b.len());
@@ -37,7 +37,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     if both > 0.0 { sum(a, mean_a, b, mean_b) / both } else { 0.0 }
 }
 
-/// Whether a foot of a wall has no contrast.
+/// Returns true if a profile has no contrast.
 #[must_use]
 pub fn is_flat(profile: &FootProfile) -> bool {
     let mean = profile.iter().sum::<f64>() / f64::from(FOOT_SAMPLES);

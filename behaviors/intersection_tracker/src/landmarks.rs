@@ -1,7 +1,7 @@
-//! The two edges as landmarks in the odometry frame, with one covariance: what the odometry errs, it errs for both.
+//! Joint estimate of the two edges as landmarks in the odometry frame; errors of the odometry are common to both.
 //!
-//! Kweon et al. (1991), section 4, have no such filter; it tells the tracker where to look, and sharpens the distance from
-//! the robot's own motion.
+//! Kweon et al. (1991), section 4, have no such filter; it predicts the edges for the tracker, and refines their distance by
+//! the robot's motion.
 
 use std::ops::AddAssign;
 
@@ -19,60 +19,60 @@ use crate::finder::Side;
 const HEADING_VARIANCE: [f64; 2] = [1e-3, 4e-4];
 /// Variance of the odometry's position per meter driven, m^2/m.
 const POSITION_VARIANCE_PER_METER: f64 = 2e-4;
-/// Without odometry the robot may move this fast (m/s) and turn this fast (rad/s), one standard deviation.
+/// Standard deviation of the speeds (m/s, rad/s) of a robot without odometry.
 const BLIND_SPEEDS: [f64; 2] = [0.4, 0.3];
 /// Standard deviation of a tracked column, pixels.
 const COLUMN_SIGMA_PX: f64 = 0.4;
-/// Square of the standard deviations within which a point is taken.
+/// Gate of the squared Mahalanobis distance.
 const GATE: f64 = 12.25;
 
-/// How the robot moved since the last picture.
+/// Motion of the robot since the last frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
     /// From one pose in the odometry frame to another.
     Between(Pose2, Pose2),
-    /// Nobody knows; so many seconds passed.
+    /// Unknown: there is no odometry.
     Unknown {
-        /// Seconds since the last picture.
+        /// Time since the last frame, s.
         elapsed_s: f64,
     },
 }
 
-/// The intersection from the robot.
+/// The intersection relative to the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ahead {
-    /// Of the middle between the edges: the mean of their bearings, radians, positive to the left.
+    /// Mean bearing of the two edges, rad, positive to the left.
     pub bearing: f64,
-    /// From the robot's center to the middle between the edges, along the robot's heading, meters.
+    /// Distance from the robot's center to the middle between the edges, along the robot's heading, m.
     pub distance_m: f64,
     /// Standard deviation of the distance, meters.
     pub sigma_m: f64,
 }
 
-/// Left and right edge.
+/// Positions of the left and the right edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landmarks {
-    /// (x, y) of the left, then of the right one, odometry frame, meters.
+    /// (x, y) of the left, then of the right edge, odometry frame, m.
     state: Vector4<f64>,
     covariance: Matrix4<f64>,
 }
 
-/// Where an edge is expected.
+/// Prediction of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
-    /// Undistorted pixels.
+    /// Position, undistorted pixels.
     pub pixel: Vector2<f64>,
     /// Standard deviation of the column, pixels.
     pub sigma_px: f64,
-    /// From the camera, along its axis, meters.
+    /// Depth along the optical axis, m.
     pub depth_m: f64,
-    /// How far it leans: columns per row.
+    /// Slope, columns per row.
     pub lean: f64,
     slope: RowVector4<f64>,
 }
 
 impl Landmarks {
-    /// Two edges seen from a robot at `pose`: points and covariances in the robot's frame.
+    /// Returns the estimate from two edges observed from `pose`: points and covariances in the robot frame.
     #[must_use]
     pub fn new(pose: &Pose2, points: [Point2<f64>; 2], covariances: [Matrix2<f64>; 2]) -> Self {
         let mut landmarks = Self { state: Vector4::zeros(), covariance: Matrix4::zeros() };
@@ -82,7 +82,7 @@ impl Landmarks {
         landmarks
     }
 
-    /// Puts one edge elsewhere, forgetting what was known of it.
+    /// Replaces one edge, and drops its correlation with the other.
     pub fn place(
         &mut self,
         pose: &Pose2,
@@ -98,7 +98,7 @@ impl Landmarks {
         self.covariance.fixed_view_mut::<2, 2>(at, at).copy_from(&(turn * covariance * turn.transpose()));
     }
 
-    /// Adds what the odometry may have erred by on the way, or what the robot may have moved without any.
+    /// Adds the uncertainty of the odometry, or of the unknown motion.
     pub fn predict(&mut self, motion: Motion) {
         let (pose, heading_variance, position_variance) = match motion {
             Motion::Between(from, to) => {
@@ -119,13 +119,13 @@ impl Landmarks {
         }
     }
 
-    /// An edge in the odometry frame, meters.
+    /// Returns the position of an edge in the odometry frame, m.
     #[must_use]
     pub fn point(&self, side: Side) -> Point2<f64> {
         Point2::from(self.state.fixed_rows::<2>(2 * side.index()).into_owned())
     }
 
-    /// The middle between the edges from a robot at `pose`, meters, and the standard deviation of how far ahead it is.
+    /// Returns the middle between the edges in the frame of a robot at `pose`, m, and the standard deviation of its distance.
     #[must_use]
     pub fn middle(&self, pose: &Pose2) -> (Point2<f64>, f64) {
         let middle = nalgebra::center(&self.point(Side::Left), &self.point(Side::Right));
@@ -135,14 +135,14 @@ impl Landmarks {
         (in_robot, (ahead * self.covariance * ahead.transpose()).x.max(0.0).sqrt())
     }
 
-    /// Bearing (rad, positive to the left) of an edge from the camera of a robot at `pose`, in the robot's frame.
+    /// Returns the bearing of an edge from the camera of a robot at `pose`, in the robot frame, rad, positive to the left.
     #[must_use]
     pub fn bearing(&self, pose: &Pose2, side: Side, mount: &Mount) -> f64 {
         let point = pose.inverse().transform_point(self.point(side));
         (point.y - mount.y).atan2(point.x - mount.x)
     }
 
-    /// Where an edge is expected, `above_m` higher than the camera, in a picture taken from `pose`; `None` behind the camera.
+    /// Returns the prediction of an edge, `above_m` above the camera, in an image taken from `pose`; `None` behind the camera.
     #[must_use]
     pub fn expected(
         &self,
@@ -158,7 +158,7 @@ impl Landmarks {
         if depth_m < 0.1 || !depth_m.is_finite() {
             return None;
         }
-        // Derivatives of the pixel by the point in the camera's frame.
+        // Jacobian of the pixel with respect to the point in the camera frame.
         let by_camera = Matrix2x3::new(
             k.fx / depth_m,
             0.0,
@@ -182,7 +182,7 @@ impl Landmarks {
         })
     }
 
-    /// Takes the column (undistorted pixels) at which an edge was seen where it was `expected`.
+    /// Updates the estimate by the observed column (undistorted pixels) of an edge.
     pub fn observe_column(&mut self, expected: &Expected, column: f64) {
         let slope = expected.slope;
         let spread = self.covariance * slope.transpose();
@@ -193,8 +193,8 @@ impl Landmarks {
         self.covariance = keep * self.covariance * keep.transpose() + gain * gain.transpose() * noise;
     }
 
-    /// Whether an edge stands, within three and a half standard deviations, where one picture alone tells: point and covariance
-    /// in the frame of a robot at `pose`.
+    /// Returns true if an observed point agrees with an edge within 3.5 standard deviations: point and covariance in the frame of
+    /// a robot at `pose`.
     #[must_use]
     pub fn agrees(
         &self,
@@ -210,8 +210,8 @@ impl Landmarks {
         total.try_inverse().is_some_and(|inverse| (innovation.transpose() * inverse * innovation).x <= GATE)
     }
 
-    /// Takes where an edge stands by one picture alone: point and covariance in the frame of a robot at `pose`. Returns
-    /// whether it agrees within three and a half standard deviations; what does not is not taken.
+    /// Updates the estimate by an observed point: point and covariance in the frame of a robot at `pose`. Returns false, without
+    /// an update, beyond 3.5 standard deviations.
     pub fn observe_point(
         &mut self,
         pose: &Pose2,
@@ -238,7 +238,7 @@ impl Landmarks {
     }
 }
 
-/// Odometry frame from the robot's, free vectors.
+/// Returns the rotation from the robot frame to the odometry frame.
 fn rotation(pose: &Pose2) -> Matrix2<f64> {
     let (sin, cos) = pose.theta.sin_cos();
     Matrix2::new(cos, -sin, sin, cos)

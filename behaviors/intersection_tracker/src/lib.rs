@@ -1,7 +1,20 @@
 //! Finds the two vertical edges where the walls of a corridor end, tracks them and steers between them.
 //!
-//! Kweon et al. (1991), sections 3.5 and 4. Differs from \[1\]: exact geometry, and a tracker that knows where the edges stand,
-//! checks every match, and says when it has lost them.
+//! ```
+//! use yamabico_core::camera::{Intrinsics, Mount};
+//! use yamabico_core::message::{Kind, Reason};
+//! use yamabico_core::testing::{Bench, camera_setup};
+//! use yamabico_intersection_tracker::IntersectionTracker;
+//!
+//! let camera = camera_setup(Intrinsics::from_horizontal_fov(640, 480, 1.0), Mount::level(0.6));
+//! let mut bench = Bench::<IntersectionTracker>::new("speed_mps = 0.4", camera)?;
+//! let proposal = bench.at(0.1).propose(); // no frame yet
+//! assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Abstain), Some(Reason::NoInput)));
+//! # Ok::<(), yamabico_core::behavior::ParameterError>(())
+//! ```
+//!
+//! Kweon et al. (1991), sections 3.5 and 4. Differs from the paper: exact geometry, and a tracker that estimates the positions
+//! of the edges, validates every match, and reports their loss.
 
 pub mod config;
 pub mod edge_template;
@@ -12,6 +25,7 @@ pub mod landmarks;
 pub mod pair;
 pub mod snap;
 pub mod strip;
+pub mod template;
 pub mod track;
 pub mod wall_foot;
 
@@ -19,7 +33,7 @@ pub use config::Config;
 pub use landmarks::Ahead;
 
 use nalgebra::Point2;
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
@@ -28,76 +42,76 @@ use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
-use yamabico_vision::corridor::sight::{CorridorCamera, Expectation, Sight};
+use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver, CorridorPrediction};
 use yamabico_vision::vanishing_point::VanishingPointError;
 
 use crate::finder::{EndFinder, FinderRule, Side, WallEnd};
 use crate::landmarks::Motion;
 use crate::track::{IntersectionTrack, Sides};
 
-/// The camera that looks ahead.
-pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the corridor ahead");
-/// Where the wheels say the robot is.
-pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "motion between pictures");
-/// What is ahead.
+/// Input: frames of the camera that looks ahead.
+pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the corridor ahead");
+/// Input: wheel odometry.
+pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "motion between frames");
+/// Output: the tracked intersection.
 pub const INTERSECTION: Slot<Intersection> =
     Slot::required("intersection", "bearing and distance of the intersection ahead");
 
-/// Odometry or pictures older than this (s) are none.
+/// Age above which odometry and frames are stale, s.
 const STALE_S: f64 = 0.3;
-/// Without a picture in which an edge was seen for so long (s) the intersection is lost.
+/// Time without an observed edge after which the intersection is lost, s.
 const COAST_S: f64 = 1.0;
-/// For so long (s) after a loss it is told.
-const MOURN_S: f64 = 2.0;
-/// Faster (m/s, rad/s) no robot moves: the odometry jumped.
+/// Time for which a loss is reported, s.
+const LOSS_REPORTED_S: f64 = 2.0;
+/// Speeds (m/s, rad/s) above which the odometry jumped.
 const JUMP_SPEEDS: [f64; 2] = [3.0, 6.0];
-/// A heading seen so long ago (s) is still expected.
+/// Age up to which a measured heading of the corridor serves as prediction, s.
 const AXIS_KEPT_S: f64 = 3.0;
-/// Standard deviation of that expectation, radians.
+/// Standard deviation of that prediction, rad.
 const AXIS_SIGMA_RAD: f64 = 0.03;
-/// Every so many pictures the ends of the walls are compared with the tracked edges.
-const REVIEW_PICTURES: u32 = 5;
-/// Walls that end near by but elsewhere in so many comparisons in a row: the edges are given up.
+/// Number of frames between two comparisons of the tracked edges with the ends of the walls.
+const REVIEW_FRAMES: u32 = 5;
+/// Number of consecutive contradicting comparisons after which the edges are dropped.
 const CONTRADICTIONS: u32 = 3;
-/// What is handed over is not found again before it is this much farther away (m) and from the border (px).
+/// Hysteresis of the handover: additional distance (m) and border (px) at which an intersection is found again.
 const APART: (f64, f64) = (0.3, 10.0);
-/// What is not confirmed after so many pictures is given up.
-const UNCONFIRMED_PICTURES: u32 = 20;
-/// A pair nearer by this (m) than the one that is not yet confirmed is taken instead.
+/// Number of frames after which an unconfirmed pair is dropped.
+const UNCONFIRMED_FRAMES: u32 = 20;
+/// Distance by which a new pair must be nearer to replace an unconfirmed one, m.
 const NEARER_M: f64 = 0.8;
-/// An intersection handed over is passed once it is behind the robot or farther away than this (m) ...
+/// Distance from which on an intersection that was handed over counts as passed, m.
 const PASSED_M: f64 = 3.0;
-/// ... or, without odometry, after so long, s.
+/// Time after which it counts as passed without odometry, s.
 const PASSED_S: f64 = 5.0;
 
-/// Steers towards the middle between the two edges where the walls of a corridor end.
+/// The behavior: steers toward the middle between the two edges where the walls of a corridor end.
 #[derive(Clone, Debug)]
 pub struct IntersectionTracker {
     config: Config,
-    sight: Sight,
+    observer: CorridorObserver,
     finder: EndFinder,
     rule: FinderRule,
     track: IntersectionTrack,
     odometry: OdometryTrack,
     gray: GrayImage,
     sequence: u64,
-    last_picture: Option<Picture>,
+    last_frame: Option<Frame>,
     last_seen: Option<Time>,
-    /// Angle of the corridor's axis in the odometry frame, and when it was seen.
+    /// Angle of the corridor's axis in the odometry frame, and the time of its measurement.
     axis: Option<(f64, Time)>,
     lost_at: Option<Time>,
     handed_over: Option<HandedOver>,
-    trouble: Option<Reason>,
+    failure: Option<Reason>,
 }
 
-/// When and where a picture was taken.
+/// Capture time and pose of a frame.
 #[derive(Clone, Copy, Debug)]
-struct Picture {
+struct Frame {
     stamp: Time,
     pose: Option<Pose2>,
 }
 
-/// An intersection that the robot has come to: where, in the odometry frame, and when.
+/// An intersection that the robot has reached: its position in the odometry frame, and the time.
 #[derive(Clone, Copy, Debug)]
 struct HandedOver {
     point: Point2<f64>,
@@ -108,16 +122,16 @@ impl Plugin for IntersectionTracker {
     type Config = Config;
     const NAME: &'static str = "intersection-tracker";
     const SUMMARY: &'static str =
-        "Steers towards the middle between the edges where the walls of a corridor end.";
+        "Steers toward the middle between the edges where the walls of a corridor end.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info()];
     const OUTPUTS: &'static [SlotInfo] = &[INTERSECTION.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
-    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
+    fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         config.check()?;
         let MountedPinhole { pinhole, mount, calibration, .. } = setup.pinhole(&CAMERA)?;
         if calibration == Calibration::Guessed || mount.z <= 0.0 {
-            return Err(BuildError::new(
+            return Err(ParameterError::new(
                 "inputs.camera",
                 "needs a camera with measured intrinsics, above the floor: distances come from its height",
             ));
@@ -130,7 +144,7 @@ impl Plugin for IntersectionTracker {
         };
         let rule = FloorLineRule { min_contrast: config.floor_contrast, ..FloorLineRule::default() };
         Ok(Self {
-            sight: Sight::new(camera, rule),
+            observer: CorridorObserver::new(camera, rule),
             finder: EndFinder::default(),
             rule: FinderRule {
                 range_m: [config.nearest_m + APART.0, config.farthest_m],
@@ -142,12 +156,12 @@ impl Plugin for IntersectionTracker {
             odometry: OdometryTrack::default(),
             gray: GrayImage::default(),
             sequence: 0,
-            last_picture: None,
+            last_frame: None,
             last_seen: None,
             axis: None,
             lost_at: None,
             handed_over: None,
-            trouble: None,
+            failure: None,
         })
     }
 }
@@ -160,35 +174,35 @@ impl Behavior for IntersectionTracker {
             self.odometry.push(odometry.header, now);
         }
         if !had_odometry && self.odometry.newest().is_some() {
-            // What was seen so far does not refer to the odometry frame.
+            // Earlier estimates do not refer to the odometry frame.
             self.track.lose();
         }
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
-            self.look(&frame, now);
+            self.process_frame(&frame, now);
         }
-        let Some(picture) = self.last_picture else {
-            return Proposal::abstain(self.trouble.unwrap_or(Reason::NoInput));
+        let Some(frame) = self.last_frame else {
+            return Proposal::abstain(self.failure.unwrap_or(Reason::NoInput));
         };
-        if now.seconds_after(picture.stamp) > STALE_S {
-            return Proposal::abstain(Reason::StaleInput).with_evidence(picture.stamp);
+        if now.seconds_after(frame.stamp) > STALE_S {
+            return Proposal::abstain(Reason::StaleInput).with_evidence(frame.stamp);
         }
         let pose = match self.odometry.newest() {
             None => Pose2::IDENTITY,
             Some(newest) if now.seconds_after(newest.stamp) > STALE_S => {
-                return Proposal::abstain(Reason::StaleInput).with_evidence(picture.stamp);
+                return Proposal::abstain(Reason::StaleInput).with_evidence(frame.stamp);
             }
             Some(_) => self.odometry.pose_at(now).unwrap_or_default(),
         };
         let mut proposal = match self.ahead(&pose) {
             Some(ahead) => {
                 if self.is_confirmed() {
-                    self.publish(&ahead, picture.stamp, now, outputs);
+                    self.publish(&ahead, frame.stamp, now, outputs);
                 }
                 self.steer(&ahead)
             }
             None => self.nothing_ahead(now),
         };
-        proposal = proposal.with_evidence(self.last_seen.unwrap_or(picture.stamp));
+        proposal = proposal.with_evidence(self.last_seen.unwrap_or(frame.stamp));
         if let Some(newest) = self.odometry.newest() {
             proposal.stamp_ns = newest.stamp.0;
         }
@@ -197,44 +211,44 @@ impl Behavior for IntersectionTracker {
 }
 
 impl IntersectionTracker {
-    /// The tracker, to look into.
+    /// Returns the tracker, for inspection.
     #[must_use]
     pub fn track(&self) -> &IntersectionTrack {
         &self.track
     }
 
-    /// The intersection as seen from a robot at `pose` in the odometry frame; `None` while none is tracked.
+    /// Returns the intersection relative to a robot at `pose` in the odometry frame; `None` while none is tracked.
     #[must_use]
     pub fn ahead(&self, pose: &Pose2) -> Option<Ahead> {
         let landmarks = self.track.landmarks()?;
-        let mount = &self.sight.camera().mount;
+        let mount = &self.observer.camera().mount;
         let [left, right] = Side::BOTH.map(|side| landmarks.bearing(pose, side, mount));
         let (middle, sigma_m) = landmarks.middle(pose);
         Some(Ahead { bearing: 0.5 * (left + right), distance_m: middle.x, sigma_m })
     }
 
-    fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
+    fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_picture.is_none_or(|last| stamp > last.stamp);
+        let is_newer = self.last_frame.is_none_or(|last| stamp > last.stamp);
         if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
-            self.trouble = Some(Reason::MalformedInput);
+            self.failure = Some(Reason::MalformedInput);
             return;
         }
-        let taken = Picture { stamp, pose: self.odometry.pose_at(stamp) };
+        let taken = Frame { stamp, pose: self.odometry.pose_at(stamp) };
         let motion = self.motion_to(&taken);
-        self.last_picture = Some(taken);
+        self.last_frame = Some(taken);
         match motion {
             Ok(motion) => self.track.predict(motion),
             Err(reason) => {
                 self.track.lose();
                 self.lost_at = None;
-                self.trouble = Some(reason);
+                self.failure = Some(reason);
             }
         }
         let mut gray = std::mem::take(&mut self.gray);
-        match frame.gray(self.sight.camera().pinhole.intrinsics().size(), &mut gray) {
-            Some(image) => self.look_at(image, &taken),
-            None => self.trouble = Some(Reason::MalformedInput),
+        match frame.gray(self.observer.camera().pinhole.intrinsics().size(), &mut gray) {
+            Some(image) => self.process_image(image, &taken),
+            None => self.failure = Some(Reason::MalformedInput),
         }
         self.gray = gray;
         if self.track.landmarks().is_some() && self.track.drop_lost(&taken.pose.unwrap_or_default()) {
@@ -242,9 +256,9 @@ impl IntersectionTracker {
         }
     }
 
-    /// How the robot moved since the last picture.
-    fn motion_to(&self, taken: &Picture) -> Result<Motion, Reason> {
-        let Some(last) = self.last_picture else { return Ok(Motion::Unknown { elapsed_s: 0.0 }) };
+    /// Returns the motion of the robot since the last frame.
+    fn motion_to(&self, taken: &Frame) -> Result<Motion, Reason> {
+        let Some(last) = self.last_frame else { return Ok(Motion::Unknown { elapsed_s: 0.0 }) };
         let elapsed_s = taken.stamp.seconds_after(last.stamp);
         if elapsed_s > COAST_S {
             return Err(Reason::StaleInput);
@@ -260,9 +274,9 @@ impl IntersectionTracker {
         Ok(Motion::Between(from, to))
     }
 
-    fn look_at(&mut self, image: ImageView<'_>, taken: &Picture) {
+    fn process_image(&mut self, image: ImageView<'_>, taken: &Frame) {
         let pose = taken.pose.unwrap_or_default();
-        let camera = *self.sight.camera();
+        let camera = *self.observer.camera();
         if self.hands_over(&pose, &camera) {
             self.handed_over = self.track.landmarks().map(|landmarks| HandedOver {
                 point: nalgebra::center(&landmarks.point(Side::Left), &landmarks.point(Side::Right)),
@@ -271,17 +285,17 @@ impl IntersectionTracker {
             self.track.lose();
         }
         if !self.has_passed(taken) {
-            self.trouble = None;
+            self.failure = None;
             return;
         }
         self.handed_over = None;
         let seen = self.track.follow(image, &pose, &camera);
-        self.trouble = None;
-        let is_due = self.track.pictures().is_multiple_of(REVIEW_PICTURES);
+        self.failure = None;
+        let is_due = self.track.frames().is_multiple_of(REVIEW_FRAMES);
         if taken.pose.is_none() || !self.is_confirmed() || self.track.needs_ends() || is_due {
-            self.trouble = self.look_for_ends(image, taken, &pose).err();
+            self.failure = self.find_ends(image, taken, &pose).err();
         }
-        if seen != Sides::None || Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some()) {
+        if seen != Sides::None || Side::BOTH.iter().any(|&side| self.track.observed_at(side).is_some()) {
             self.last_seen = Some(taken.stamp);
             self.lost_at = None;
         }
@@ -290,11 +304,11 @@ impl IntersectionTracker {
     fn hands_over(&self, pose: &Pose2, camera: &CorridorCamera) -> bool {
         let is_near =
             self.ahead(pose).is_some_and(|ahead| ahead.distance_m - camera.mount.x < self.config.nearest_m);
-        is_near || self.track.leaves_picture(pose, camera)
+        is_near || self.track.leaves_image(pose, camera)
     }
 
-    /// Whether there is no intersection at which the robot still is.
-    fn has_passed(&self, taken: &Picture) -> bool {
+    /// Returns true unless the robot is still at an intersection that was handed over.
+    fn has_passed(&self, taken: &Frame) -> bool {
         let Some(last) = self.handed_over else { return true };
         match taken.pose {
             Some(pose) => {
@@ -305,30 +319,34 @@ impl IntersectionTracker {
         }
     }
 
-    /// Finds where the walls end, for a new track or for the edges that the track misses.
-    fn look_for_ends(&mut self, image: ImageView<'_>, taken: &Picture, pose: &Pose2) -> Result<(), Reason> {
+    /// Finds the ends of the walls, for a new track or for edges that the track misses.
+    fn find_ends(&mut self, image: ImageView<'_>, taken: &Frame, pose: &Pose2) -> Result<(), Reason> {
         let expectation = self.axis.filter(|_| taken.pose.is_some()).and_then(|(axis, seen)| {
             let is_fresh = taken.stamp.seconds_after(seen) < AXIS_KEPT_S;
             let heading = wrap_angle(pose.theta - axis);
-            is_fresh.then_some(Expectation { heading, heading_sigma: AXIS_SIGMA_RAD, walls: [None; 2] })
+            is_fresh.then_some(CorridorPrediction {
+                heading,
+                heading_sigma: AXIS_SIGMA_RAD,
+                walls: [None; 2],
+            })
         });
-        let sighting = self.sight.look(image, expectation).map_err(no_heading)?;
+        let sighting = self.observer.observe(image, expectation).map_err(heading_failure)?;
         self.axis = Some((wrap_angle(pose.theta - sighting.heading), taken.stamp));
-        let camera = *self.sight.camera();
-        self.finder.find(image, &self.sight, &sighting, &self.rule);
+        let camera = *self.observer.camera();
+        self.finder.find(image, &self.observer, &sighting, &self.rule);
         let pair = self.finder.pair(&self.rule);
         if self.track.landmarks().is_some() {
             let is_given_up = self.compare(image, pose);
             if self.is_confirmed() && !is_given_up {
                 return Ok(());
             }
-            if is_given_up || self.track.pictures() > UNCONFIRMED_PICTURES {
+            if is_given_up || self.track.frames() > UNCONFIRMED_FRAMES {
                 self.track.lose();
             }
         }
         let tracked_m = self.ahead(pose).map(|ahead| ahead.distance_m);
         let Some(pair) = pair else {
-            // A single end may be a door's.
+            // A single end may belong to a door.
             return if self.finder.ends().is_empty() { Ok(()) } else { Err(Reason::OneSided) };
         };
         let is_nearer = tracked_m.is_none_or(|tracked| middle(&pair).x < tracked - NEARER_M);
@@ -338,10 +356,10 @@ impl IntersectionTracker {
         Ok(())
     }
 
-    /// Compares the edges that are followed with the ends of the walls in a picture; gives whether the walls ended elsewhere
-    /// too often.
+    /// Compares the tracked edges with the ends of the walls in the image. Returns true if the walls ended elsewhere too
+    /// often.
     fn compare(&mut self, image: ImageView<'_>, pose: &Pose2) -> bool {
-        let camera = *self.sight.camera();
+        let camera = *self.observer.camera();
         let tracked_m = self.ahead(pose).map_or(f64::INFINITY, |ahead| ahead.distance_m);
         let is_nearer = |pair: &[WallEnd; 2]| middle(pair).x < tracked_m - NEARER_M;
         let is_seen_nearer = self.finder.pair(&self.rule).is_some_and(|pair| is_nearer(&pair));
@@ -360,26 +378,26 @@ impl IntersectionTracker {
             }
             return false;
         }
-        // Corners behind an intersection say nothing of the edges that are followed.
+        // Corners behind an intersection are no evidence about the tracked edges.
         let is_before = |pair: [WallEnd; 2]| middle(&pair).x < tracked_m + NEARER_M;
         self.finder.pairs(&self.rule).any(is_before) && self.track.contradict() >= CONTRADICTIONS
     }
 
-    fn publish(&mut self, ahead: &Ahead, picture: Time, now: Time, outputs: &mut Outputs<'_>) {
+    fn publish(&mut self, ahead: &Ahead, frame: Time, now: Time, outputs: &mut Outputs<'_>) {
         let message = Intersection {
             stamp_ns: self.odometry.newest().map_or(now, |newest| newest.stamp).0,
-            evidence_ns: self.last_seen.unwrap_or(picture).0,
+            evidence_ns: self.last_seen.unwrap_or(frame).0,
             sequence: self.sequence,
             bearing_rad: ahead.bearing,
             distance_m: ahead.distance_m,
             sigma_m: ahead.sigma_m,
         };
         self.sequence += 1;
-        // Nobody may be listening.
+        // The output may have no subscriber.
         let _ = outputs.publish(INTERSECTION.name, &message, &[]);
     }
 
-    /// Towards the middle, or why not.
+    /// Proposes to drive toward the middle, or abstains with the reason.
     fn steer(&self, ahead: &Ahead) -> Proposal {
         let note = format_args!(
             "{:.1} m ahead +- {:.2}, {:+.1} degrees",
@@ -397,7 +415,7 @@ impl IntersectionTracker {
         if self.track.sides() != Sides::Both {
             return Proposal::abstain(Reason::OneSided).with_note(note);
         }
-        let is_seen = Side::BOTH.iter().any(|&side| self.track.seen_at(side).is_some());
+        let is_seen = Side::BOTH.iter().any(|&side| self.track.observed_at(side).is_some());
         let (share, reason) = match self.track.needs_ends() {
             _ if !is_seen => (0.5, Reason::Coasting),
             true => (0.5, Reason::OneSided),
@@ -406,15 +424,15 @@ impl IntersectionTracker {
         let speed = share * self.config.speed_mps * (1.0 - ahead.bearing.abs() / 0.5).max(0.3);
         let most = self.config.largest_turn_radps;
         let turn = (self.config.turn_gain * ahead.bearing).clamp(-most, most);
-        Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn)).because(reason).with_note(note)
+        Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn)).with_reason(reason).with_note(note)
     }
 
     fn nothing_ahead(&self, now: Time) -> Proposal {
-        let is_mourned = self.lost_at.is_some_and(|lost| now.seconds_after(lost) < MOURN_S);
+        let is_mourned = self.lost_at.is_some_and(|lost| now.seconds_after(lost) < LOSS_REPORTED_S);
         if is_mourned {
             return Proposal::abstain(Reason::IntersectionLost);
         }
-        if let Some(reason) = self.trouble {
+        if let Some(reason) = self.failure {
             return Proposal::abstain(reason);
         }
         match self.handed_over {
@@ -424,7 +442,7 @@ impl IntersectionTracker {
     }
 
     fn is_confirmed(&self) -> bool {
-        self.track.confirmations() >= self.config.confirm_pictures
+        self.track.confirmations() >= self.config.confirm_frames
     }
 }
 
@@ -432,8 +450,8 @@ fn middle(pair: &[WallEnd; 2]) -> Point2<f64> {
     nalgebra::center(&pair[0].point_in_robot, &pair[1].point_in_robot)
 }
 
-/// Why a picture has no heading, as proposals say it.
-fn no_heading(error: VanishingPointError) -> Reason {
+/// Converts the reason for a missing vanishing point to the reason of a proposal.
+fn heading_failure(error: VanishingPointError) -> Reason {
     match error {
         VanishingPointError::TooFewSegments { .. } => Reason::TooFewSegments,
         VanishingPointError::NoVanishingPoint => Reason::NoVanishingPoint,

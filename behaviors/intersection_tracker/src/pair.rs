@@ -1,21 +1,21 @@
-//! The two edges of an intersection: where the partner of one of them must be, and the way between them.
+//! Geometry of the two edges of an intersection: the partner of an edge, and the bearing between them.
 //!
-//! Kweon et al. (1991), section 3.5. Differs from \[1\]: exact for any heading and tilt where they take the heading as small
-//! and the tilt as none; the way between two edges is the mean of their bearings, not of their columns.
+//! Kweon et al. (1991), section 3.5. Differs from the paper: exact for any heading and tilt, where the paper neglects them;
+//! the bearing between two edges is the mean of their bearings, not of their columns.
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_vision::corridor::wall_distance::CorridorView;
 
-/// The direction across the corridor, to its left, in the camera's optical frame: unit length. Through the intrinsics it is
+/// Returns the direction across the corridor, to its left, in the optical frame: unit length. Through the intrinsics it is
 /// the homogeneous vanishing point of all lines across, at infinity for a camera that looks along the corridor.
 #[must_use]
 pub fn across_in_camera(view: &CorridorView) -> Vector3<f64> {
     view.corridor_from_camera.transpose() * Vector3::y()
 }
 
-/// The pixel on `other_wall`, a pixel line (a, b, c) with a u + b v + c = 0, that lies straight across the corridor from the
-/// floor point seen at `base`. `None` where the two lines do not meet in the picture plane.
+/// Returns the pixel on `other_wall`, a pixel line (a, b, c) with a u + b v + c = 0, that lies straight across the corridor from the
+/// floor point seen at `base`. `None` if the two lines do not meet in the image plane.
 #[must_use]
 pub fn partner(base: Vector2<f64>, other_wall: Vector3<f64>, view: &CorridorView) -> Option<Vector2<f64>> {
     let vanishing_point = view.intrinsics.matrix() * across_in_camera(view);
@@ -24,21 +24,21 @@ pub fn partner(base: Vector2<f64>, other_wall: Vector3<f64>, view: &CorridorView
     (pixel.x.is_finite() && pixel.y.is_finite()).then_some(pixel)
 }
 
-/// The slope dy/dx, in normalized coordinates, of the line between two pixels.
+/// Returns the slope dy/dx, in normalized coordinates, of the line between two pixels.
 #[must_use]
 pub fn slope(from: Vector2<f64>, to: Vector2<f64>, intrinsics: &Intrinsics) -> f64 {
     let along = intrinsics.normalized_from_pixel(to) - intrinsics.normalized_from_pixel(from);
     along.y / along.x
 }
 
-/// The slope dy/dx of the line across the corridor through a normalized point, for a level camera with this heading (rad).
+/// Returns the slope dy/dx of the line across the corridor through a normalized point, for a level camera with this heading (rad).
 #[must_use]
 pub fn level_slope(normalized: Vector2<f64>, heading: f64) -> f64 {
     let (sin, cos) = heading.sin_cos();
     normalized.y * sin / (cos + normalized.x * sin)
 }
 
-/// Bearing (rad, positive to the left) in the robot's frame of what is seen at `pixel`, undistorted.
+/// Returns the bearing (rad, positive to the left) of an undistorted pixel in the robot frame.
 #[must_use]
 pub fn bearing(pixel: Vector2<f64>, intrinsics: &Intrinsics, mount: &Mount) -> f64 {
     let ray = mount.rotation_body_from_camera() * intrinsics.normalized_from_pixel(pixel).push(1.0);

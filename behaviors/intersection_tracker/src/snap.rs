@@ -1,51 +1,50 @@
-//! The column of a vertical edge to a fraction of a pixel.
+//! Subpixel location of a vertical edge.
 
 use nalgebra::Vector2;
 use yamabico_core::image::ImageView;
 
-/// Half the width of the window, pixels, at most.
+/// Maximum half width of the window, pixels.
 const MAX_REACH: usize = 16;
-/// Of the gradient counts what is above this share of its peak.
+/// Fraction of the peak above which gradients count.
 const SHARE_OF_PEAK: f64 = 0.3;
-/// Smallest gradient of an edge, gray levels a pixel.
+/// Minimum gradient of an edge, gray levels per pixel.
 const MIN_GRADIENT: f64 = 2.0;
 
-/// On which side of an edge the picture is brighter.
+/// Brighter side of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Brighter {
-    /// To the left of the edge.
+    /// Left of the edge.
     Left,
-    /// To the right of the edge.
+    /// Right of the edge.
     Right,
 }
 
 /// An edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Snapped {
-    /// Its column in the middle row, pixels.
+    /// Column in the middle row, pixels.
     pub column: f64,
-    /// Its steepest gradient, gray levels a pixel.
+    /// Maximum gradient, gray levels per pixel.
     pub gradient: f64,
 }
 
-/// Where and how to look for an edge.
+/// Search window for an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SnapWindow {
-    /// The middle, pixels.
+    /// Center, pixels.
     pub middle: Vector2<f64>,
-    /// Columns to either side, at most 16.
+    /// Half width in columns, at most 16.
     pub reach: usize,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Columns per row by which the edge leans.
+    /// Slope of the edge, columns per row.
     pub lean: f64,
-    /// The side of the edge that is brighter.
+    /// Brighter side of the edge.
     pub brighter: Brighter,
 }
 
-/// The edge: its column in the middle row is the centroid of what the gradient of the column means has above 30 % of its peak, about
-/// the peak. `None` where nothing in the window gets brighter to the right side, or where the window leaves the
-/// picture.
+/// Returns the edge: its column in the middle row is the centroid of the gradient of the column means above 30 % of the
+/// peak, around the peak. `None` if no gradient in the window has the right sign, or the window leaves the image.
 #[must_use]
 pub fn snap(image: ImageView<'_>, window: &SnapWindow) -> Option<Snapped> {
     let reach = window.reach.clamp(1, MAX_REACH);
@@ -94,13 +93,13 @@ mod tests {
     use super::*;
 
     /// A blurred step that leans, brighter on the right.
-    fn picture(column: f64, lean: f64) -> Vec<u8> {
+    fn image(column: f64, lean: f64) -> Vec<u8> {
         let level = |u: f64, v: f64| 80.0 + 60.0 / (1.0 + (-1.5 * (u - column - lean * (v - 30.0))).exp());
         (0..60).flat_map(|v| (0..80).map(move |u| level(f64::from(u), f64::from(v)).round() as u8)).collect()
     }
 
     fn find(column: f64, lean: f64, middle_u: f64, brighter: Brighter) -> Option<f64> {
-        let data = picture(column, lean);
+        let data = image(column, lean);
         let image = ImageView::new(&data, 80, 60, 80).unwrap();
         let middle = Vector2::new(middle_u, 30.0);
         snap(image, &SnapWindow { middle, reach: 6, rows: 41, lean, brighter }).map(|edge| edge.column)

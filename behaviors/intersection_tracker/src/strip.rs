@@ -1,17 +1,17 @@
-//! A smoothed piece of a picture about a vertical edge.
+//! Smoothed image strip around a vertical edge.
 //!
-//! An edge looks alike along itself, so that the mean over some rows takes the noise away and leaves the edge.
+//! An edge looks the same along its length: the mean over several rows removes noise and preserves the edge.
 
+use crate::template::PatchOrigin;
 use nalgebra::Vector2;
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_vision::template::Place;
 
 /// Rows of the vertical mean, an odd number.
 const ROWS: usize = 9;
-/// Columns that the horizontal binomial takes to either side.
+/// Half width of the horizontal binomial filter, columns.
 const MARGIN: usize = 2;
 
-/// A piece of a picture, smoothed; keeps its buffers.
+/// A smoothed image strip. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Strip {
     smooth: GrayImage,
@@ -22,8 +22,8 @@ pub struct Strip {
 }
 
 impl Strip {
-    /// Takes `width` x `height` pixels about `middle`: means over 9 rows of the binomial (1, 4, 6, 4, 1)/16 along the row. What
-    /// lies outside the picture is its border's. Returns whether the middle lies in the picture.
+    /// Cuts `width` x `height` pixels around `middle`: means over 9 rows of the binomial (1, 4, 6, 4, 1)/16 along the row. The
+    /// border is replicated. Returns true if the middle lies in the image.
     pub fn cut(&mut self, image: ImageView<'_>, middle: Vector2<f64>, width: usize, height: usize) -> bool {
         let inside = |at: f64, size: usize| (0.0..size as f64).contains(&at);
         if !inside(middle.x, image.width()) || !inside(middle.y, image.height()) {
@@ -64,34 +64,35 @@ impl Strip {
         true
     }
 
-    /// The strip as a picture; `None` before the first cut.
+    /// Returns the strip as an image; `None` before the first cut.
     #[must_use]
     pub fn view(&self) -> Option<ImageView<'_>> {
         self.smooth.view().ok()
     }
 
-    /// A pixel of the picture in the strip.
+    /// Converts a pixel of the image to the strip.
     #[must_use]
     pub fn inside(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         pixel - self.origin
     }
 
-    /// A column of the strip in the picture.
+    /// Converts a column of the strip to the image.
     #[must_use]
     pub fn outside(&self, column: f64) -> f64 {
         column + self.origin.x
     }
 
-    /// The place at which a patch of this size has `pixel`, of the strip, at column `edge` and in its middle row; `None` where
-    /// it leaves the strip to the left or above.
+    /// Returns the origin of a patch of this size that has the strip's `pixel` at column `edge` in its middle row; `None` if it
+    /// leaves the strip to the left or above.
     #[must_use]
-    pub fn place(pixel: Vector2<f64>, edge: f64, height: usize) -> Option<Place> {
+    pub fn place(pixel: Vector2<f64>, edge: f64, height: usize) -> Option<PatchOrigin> {
         let corner = Vector2::new(pixel.x - edge, pixel.y - (height / 2) as f64).map(f64::round);
-        (corner.x >= 0.0 && corner.y >= 0.0).then(|| Place { u: corner.x as usize, v: corner.y as usize })
+        (corner.x >= 0.0 && corner.y >= 0.0)
+            .then(|| PatchOrigin { u: corner.x as usize, v: corner.y as usize })
     }
 }
 
-/// `count` pixels of a row from column `first` on, the border repeated beyond it.
+/// Copies `count` pixels of a row from column `first` on; the border is replicated.
 fn take_line(row: &[u8], first: isize, count: usize, line: &mut Vec<u8>) {
     line.clear();
     if let Some(inside) = usize::try_from(first).ok().and_then(|first| row.get(first..first + count)) {

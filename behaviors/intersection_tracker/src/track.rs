@@ -1,10 +1,10 @@
-//! The two edges followed from picture to picture, as long as they are seen.
+//! Tracker of the two edges of an intersection from frame to frame.
 
 use nalgebra::Vector2;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_core::message::Reason;
-use yamabico_vision::corridor::sight::CorridorCamera;
+use yamabico_vision::corridor::observer::CorridorCamera;
 
 use crate::config::Config;
 use crate::finder::{Side, WallEnd};
@@ -12,26 +12,26 @@ use crate::followed_edge::{FollowedEdge, raw};
 use crate::landmarks::{Landmarks, Motion};
 use crate::pair::bearing;
 
-/// Edges nearer to or farther from each other than this (m) are no corridor's.
+/// Minimum and maximum distance between the two edges of a corridor, m.
 const WIDTHS_M: [f64; 2] = [0.5, 8.0];
-/// Standard deviation of the distance (m) above which nothing is known.
+/// Standard deviation of the distance above which the intersection is lost, m.
 const LARGEST_SIGMA_M: f64 = 2.0;
-/// The end of a wall farther from the edge that is followed is another one, pixels of an image 640 px wide ...
+/// Distance above which the end of a wall contradicts the tracked edge, pixels at an image width of 640 px.
 const ELSEWHERE_AT_640_PX: f64 = 1.2;
-/// ... if it is so in as many comparisons in a row.
+/// Number of consecutive contradictions after which the edge is replaced.
 const ELSEWHERE_TIMES: u32 = 2;
-/// After a miss an edge is looked for elsewhere along itself only where its column is known so well, pixels of an image 640 px
-/// wide ...
+/// Maximum standard deviation of the predicted column for a search at another height after a miss, pixels at an image width
+/// of 640 px.
 const RETAKE_GATE_AT_640_PX: f64 = 5.0;
-/// ... or so well where the other one was missed too, and then is found where this one tells.
+/// The same if both edges were missed.
 const RETAKE_FIRST_GATE_AT_640_PX: f64 = 12.0;
 
-/// How much of the intersection is seen.
+/// The edges that are observed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sides {
     /// Neither edge.
     None,
-    /// One of them; where the other must be is worked out.
+    /// One of them; the other one is predicted.
     One,
     /// Both.
     Both,
@@ -47,21 +47,21 @@ impl Sides {
     }
 }
 
-/// The tracker of one intersection at a time; keeps its buffers from one to the next.
+/// Tracker of one intersection at a time. Reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct IntersectionTrack {
     landmarks: Option<Landmarks>,
     edges: [FollowedEdge; 2],
     confirmations: u32,
     contradictions: u32,
-    pictures: u32,
+    frames: u32,
     reacquire_misses: u32,
     lost_misses: u32,
     border_px: f64,
 }
 
 impl IntersectionTrack {
-    /// Nothing tracked yet, for pictures of this width.
+    /// Returns a tracker without an intersection, for images of this width.
     #[must_use]
     pub fn new(image_width: u32, config: &Config) -> Self {
         let edge = FollowedEdge::new(image_width, config.min_correlation);
@@ -70,44 +70,44 @@ impl IntersectionTrack {
             edges: [edge.clone(), edge],
             confirmations: 0,
             contradictions: 0,
-            pictures: 0,
+            frames: 0,
             reacquire_misses: config.reacquire_misses,
             lost_misses: config.lost_misses,
             border_px: config.border_px,
         }
     }
 
-    /// The edges' places; `None` while nothing is tracked.
+    /// Returns the estimated positions of the edges; `None` while nothing is tracked.
     #[must_use]
     pub fn landmarks(&self) -> Option<&Landmarks> {
         self.landmarks.as_ref()
     }
 
-    /// Pictures in which both walls were found to end where the edges are.
+    /// Returns the number of frames in which both walls ended at the edges.
     #[must_use]
     pub fn confirmations(&self) -> u32 {
         self.confirmations
     }
 
-    /// Pictures since the beginning.
+    /// Returns the number of frames since the start of the track.
     #[must_use]
-    pub fn pictures(&self) -> u32 {
-        self.pictures
+    pub fn frames(&self) -> u32 {
+        self.frames
     }
 
-    /// Counts a picture in which both walls end where the edges are.
+    /// Counts a frame in which both walls end at the edges.
     pub fn confirm(&mut self) {
         self.confirmations = self.confirmations.saturating_add(1);
         self.contradictions = 0;
     }
 
-    /// Counts a picture in which the walls end elsewhere; gives how many there were in a row.
+    /// Counts a frame in which the walls end elsewhere, and returns the number of consecutive ones.
     pub fn contradict(&mut self) -> u32 {
         self.contradictions = self.contradictions.saturating_add(1);
         self.contradictions
     }
 
-    /// Whether the walls end, by one picture alone taken from `pose`, where the edges are.
+    /// Returns true if the ends of the walls in one image, taken from `pose`, agree with the edges.
     #[must_use]
     pub fn agrees(&self, pose: &Pose2, ends: &[WallEnd; 2]) -> bool {
         self.landmarks.is_some_and(|landmarks| {
@@ -115,44 +115,44 @@ impl IntersectionTrack {
         })
     }
 
-    /// Which edges are followed.
+    /// Returns the edges that are tracked.
     #[must_use]
     pub fn sides(&self) -> Sides {
         Sides::of([self.edges[0].is_tracked, self.edges[1].is_tracked])
     }
 
-    /// Where an edge was seen in the last picture, at the camera's height, undistorted pixels.
+    /// Returns the position of an edge in the last image, at the camera's height, undistorted pixels.
     #[must_use]
-    pub fn seen_at(&self, side: Side) -> Option<Vector2<f64>> {
-        self.edges[side.index()].seen_at
+    pub fn observed_at(&self, side: Side) -> Option<Vector2<f64>> {
+        self.edges[side.index()].observed_at
     }
 
-    /// Why an edge was not seen in the last picture.
+    /// Returns the reason for which an edge was missed in the last image.
     #[must_use]
-    pub fn trouble(&self, side: Side) -> Option<Reason> {
-        self.edges[side.index()].trouble
+    pub fn failure(&self, side: Side) -> Option<Reason> {
+        self.edges[side.index()].failure
     }
 
-    /// Whether an edge is not followed, or was missed so often that it has to be looked for among the ends of the walls.
+    /// Returns true if an edge is not tracked, or was missed so often that it must be found again among the ends of the walls.
     #[must_use]
     pub fn needs_ends(&self) -> bool {
         self.edges.iter().any(|edge| !edge.is_tracked || edge.misses >= self.reacquire_misses)
     }
 
-    /// Forgets everything.
+    /// Drops the intersection.
     pub fn lose(&mut self) {
         self.landmarks = None;
-        (self.confirmations, self.contradictions, self.pictures) = (0, 0, 0);
+        (self.confirmations, self.contradictions, self.frames) = (0, 0, 0);
         for edge in &mut self.edges {
             (edge.is_tracked, edge.misses, edge.elsewhere) = (false, 0, 0);
-            (edge.seen_at, edge.trouble) = (None, None);
+            (edge.observed_at, edge.failure) = (None, None);
         }
     }
 
-    /// Begins with the ends of both walls, seen from a robot at `pose`.
+    /// Starts a track with the ends of both walls, observed from `pose`.
     ///
     /// # Errors
-    /// Why neither edge can be followed.
+    /// The reason for which neither edge can be tracked.
     pub fn begin_pair(
         &mut self,
         image: ImageView<'_>,
@@ -172,16 +172,16 @@ impl IntersectionTrack {
         begun
     }
 
-    /// Carries what is known to the next picture.
+    /// Propagates the state to the next frame.
     pub fn predict(&mut self, motion: Motion) {
         if let Some(landmarks) = &mut self.landmarks {
             landmarks.predict(motion);
         }
     }
 
-    /// Whether the intersection is so near, or so far aside, that an edge leaves the picture.
+    /// Returns true if the intersection is so near, or so far aside, that an edge leaves the image.
     #[must_use]
-    pub fn leaves_picture(&self, pose: &Pose2, camera: &CorridorCamera) -> bool {
+    pub fn leaves_image(&self, pose: &Pose2, camera: &CorridorCamera) -> bool {
         let Some(landmarks) = &self.landmarks else { return false };
         let width = f64::from(camera.pinhole.intrinsics().width);
         Side::BOTH.into_iter().any(|side| {
@@ -191,38 +191,38 @@ impl IntersectionTrack {
         })
     }
 
-    /// Looks for both edges in a picture taken from `pose`; gives which were seen in it.
+    /// Searches for both edges in an image taken from `pose`, and returns those observed.
     pub fn follow(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera) -> Sides {
         let Some(landmarks) = &mut self.landmarks else { return Sides::None };
         for side in Side::BOTH {
             let edge = &mut self.edges[side.index()];
-            edge.seen_at = None;
+            edge.observed_at = None;
             if !edge.is_tracked {
                 continue;
             }
             match edge.look(image, landmarks, pose, camera, side) {
-                Ok(column) => (edge.seen_at, edge.misses, edge.trouble) = (Some(column), 0, None),
+                Ok(column) => (edge.observed_at, edge.misses, edge.failure) = (Some(column), 0, None),
                 Err(reason) => {
                     edge.misses += 1;
-                    edge.trouble = Some(reason);
+                    edge.failure = Some(reason);
                 }
             }
         }
         self.retake_missed(image, pose, camera);
-        self.pictures = self.pictures.saturating_add(1);
-        Sides::of([self.edges[0].seen_at.is_some(), self.edges[1].seen_at.is_some()])
+        self.frames = self.frames.saturating_add(1);
+        Sides::of([self.edges[0].observed_at.is_some(), self.edges[1].observed_at.is_some()])
     }
 
-    /// Takes the templates of edges that were missed anew, each where the others tell that it must be.
+    /// Takes new templates for missed edges at their predicted positions.
     fn retake_missed(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera) {
         let Some(mut landmarks) = self.landmarks else { return };
         let scale = image.width() as f64 / 640.0;
-        let is_alone = self.edges.iter().all(|edge| edge.seen_at.is_none());
+        let is_alone = self.edges.iter().all(|edge| edge.observed_at.is_none());
         let mut gate_px = scale * if is_alone { RETAKE_FIRST_GATE_AT_640_PX } else { RETAKE_GATE_AT_640_PX };
         for side in Side::BOTH {
             let edge = &mut self.edges[side.index()];
             if edge.is_tracked
-                && edge.seen_at.is_none()
+                && edge.observed_at.is_none()
                 && edge.retake(image, &mut landmarks, pose, camera, (side, gate_px))
             {
                 gate_px = scale * RETAKE_GATE_AT_640_PX;
@@ -230,23 +230,23 @@ impl IntersectionTrack {
         }
     }
 
-    /// Takes where the end of a wall stands for the distance of its edge, and the end for the edge where that is not followed
-    /// or was missed too often; an end that stands elsewhere changes nothing.
+    /// Updates the distance of an edge by the end of its wall, and starts to track the end if the edge is not tracked or was
+    /// missed too often. An end elsewhere has no effect.
     pub fn reacquire(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera, end: &WallEnd) {
         let Some(landmarks) = &mut self.landmarks else { return };
         let is_there = landmarks.observe_point(pose, end.side, end.point_in_robot, &end.covariance);
         let edge = &self.edges[end.side.index()];
         if is_there && (!edge.is_tracked || edge.misses >= self.reacquire_misses) {
-            // What cannot be taken stays missed.
+            // An edge without a template stays missed.
             let _ = self.acquire(image, pose, camera, end);
         }
     }
 
-    /// Compares an edge that was seen with the end of its wall, found in the same picture; where the wall ended elsewhere again
-    /// and again, the edge is that of something else, and the end is taken instead.
+    /// Compares an observed edge with the end of its wall in the same image. After repeated contradictions the end replaces
+    /// the edge.
     pub fn correct(&mut self, image: ImageView<'_>, pose: &Pose2, camera: &CorridorCamera, end: &WallEnd) {
         let edge = &mut self.edges[end.side.index()];
-        let (Some(landmarks), Some(seen_at)) = (&mut self.landmarks, edge.seen_at) else { return };
+        let (Some(landmarks), Some(seen_at)) = (&mut self.landmarks, edge.observed_at) else { return };
         let (intrinsics, mount) = (camera.pinhole.intrinsics(), &camera.mount);
         let from_camera = end.point_in_robot - Vector2::new(mount.x, mount.y);
         let aside_rad = from_camera.y.atan2(from_camera.x) - bearing(seen_at, intrinsics, mount);
@@ -259,15 +259,15 @@ impl IntersectionTrack {
         if edge.elsewhere >= ELSEWHERE_TIMES {
             edge.elsewhere = 0;
             landmarks.place(pose, end.side, end.point_in_robot, &end.covariance);
-            // What cannot be taken stays missed, and is looked for among the ends of the walls.
+            // An edge without a template stays missed, and is found again among the ends of the walls.
             if self.acquire(image, pose, camera, end).is_err() {
                 self.edges[end.side.index()].misses = self.reacquire_misses;
             }
         }
     }
 
-    /// Drops edges that were missed too often, and everything where no edge is left or the two are no corridor's; gives
-    /// whether the intersection is lost.
+    /// Drops edges that were missed too often, and the intersection if no edge is left or the two cannot belong to one
+    /// corridor. Returns true if the intersection is lost.
     pub fn drop_lost(&mut self, pose: &Pose2) -> bool {
         let Some(landmarks) = &self.landmarks else { return false };
         for edge in &mut self.edges {
@@ -293,9 +293,9 @@ impl IntersectionTrack {
         let Some(landmarks) = &mut self.landmarks else { return Err(Reason::IntersectionLost) };
         let edge = &mut self.edges[end.side.index()];
         let taken = edge.take(image, landmarks, pose, camera, end.side);
-        edge.trouble = taken.err();
+        edge.failure = taken.err();
         let at = taken?;
-        (edge.is_tracked, edge.misses, edge.seen_at) = (true, 0, Some(at));
+        (edge.is_tracked, edge.misses, edge.observed_at) = (true, 0, Some(at));
         Ok(())
     }
 }

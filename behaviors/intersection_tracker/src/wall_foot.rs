@@ -1,45 +1,45 @@
-//! Where along its floor line a wall is seen.
+//! Visibility of a wall along its floor line.
 //!
-//! A wall looks alike all along its foot, whatever the light: floor, skirting, wall. A door interrupts it for no more than a
-//! door's width; at the end of the wall it stops, and before a corner behind another corridor there is none.
+//! The profile across the foot of a wall (floor, skirting, wall) is similar all along, up to illumination. A door interrupts
+//! it for at most a door's width; it stops at the end of the wall, and is absent before a corner behind another corridor.
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::Pinhole;
 use yamabico_core::image::ImageView;
-use yamabico_vision::corridor::sight::Sight;
+use yamabico_vision::corridor::observer::CorridorObserver;
 use yamabico_vision::corridor::wall_distance::CorridorView;
 
 use crate::foot::{FOOT_CONTRAST, FOOT_SAMPLES, FootProfile, are_alike, is_flat, likeness};
 
-/// A wall that is seen again so much farther on goes on: an opening in it is a door's, meters.
+/// Maximum width of an opening that counts as a door, m.
 const DOOR_M: f64 = 1.3;
-/// Behind an edge higher than any door the wall must be gone so far only, meters: from afar the foot of a wall across the
-/// corridor hides the rest of the gap.
+/// Minimum gap behind an edge that is higher than a door, m: from a distance the foot of a wall across the corridor hides the
+/// rest of the gap.
 const GAP_M: f64 = 0.6;
-/// ... and at least so far beyond what the edge itself covers, meters.
+/// Minimum gap beyond the columns that the edge itself covers, m.
 const MIN_GAP_M: f64 = 0.3;
-/// In such steps a wall is looked for, meters.
+/// Step at which a wall is sampled, m.
 const STEP_M: f64 = 0.1;
-/// A wall is there where it is seen at so many steps.
+/// Minimum number of samples at which a wall is visible.
 const MIN_STEPS: usize = 2;
-/// Between these heights (m) a line on a wall is its floor line or the edge of its skirting.
+/// Range of heights (m) of a floor line or the edge of a skirting.
 const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
-/// The picture is compared so many columns before and behind an edge.
+/// Columns before and behind an edge at which profiles are compared.
 const FOOT_COLUMNS_PX: [f64; 4] = [2.0, 3.0, 4.0, 5.0];
-/// So many columns from an edge the picture is that of one of its sides.
+/// Distance from an edge at which a column shows one side only, pixels.
 const CLEAR_COLUMNS_PX: f64 = 2.5;
-/// The foot of what stands across the corridor, whose row differs by less than this (px), looks like the wall's.
+/// Minimum row difference (px) at which the foot of a wall across the corridor can be told from this wall's.
 const CLEAR_ROWS_PX: f64 = 2.0;
-/// What a wall usually looks like is asked at so many places ...
+/// Number of samples from which the typical profile of a wall is chosen.
 const PLACES: usize = 24;
-/// ... between these distances (m), each farther than the last by the same factor ...
+/// Range of their distances (m), in geometric steps.
 const PLACES_M: [f64; 2] = [1.2, 9.0];
-/// ... of which so many others must look alike.
+/// Minimum number of other samples that must be similar.
 const MIN_ALIKE: usize = 4;
-/// A wall looks as usual where its foot correlates by this.
+/// Minimum correlation with the typical profile.
 const AS_USUAL: f64 = 0.75;
 
-/// The foot of one wall in a picture.
+/// Foot of one wall in an image.
 #[derive(Clone, Debug)]
 pub struct WallFoot<'a> {
     image: ImageView<'a>,
@@ -50,16 +50,21 @@ pub struct WallFoot<'a> {
 }
 
 impl<'a> WallFoot<'a> {
-    /// The foot of the wall at a signed distance (m, positive on the left) from the camera, in the last picture of `sight`.
+    /// Returns the foot of the wall at a signed distance (m, positive on the left) from the camera, in the observer's last image.
     #[must_use]
-    pub fn new(image: ImageView<'a>, sight: &'a Sight, view: &'a CorridorView, distance_m: f64) -> Self {
+    pub fn new(
+        image: ImageView<'a>,
+        sight: &'a CorridorObserver,
+        view: &'a CorridorView,
+        distance_m: f64,
+    ) -> Self {
         let mut foot = Self { image, pinhole: &sight.camera().pinhole, view, distance_m, usual: None };
         foot.usual = foot.most_common();
         foot
     }
 
-    /// Whether the foot looks different before and behind an edge so far ahead (m): a shade on the wall leaves the skirting
-    /// alike, and so does the edge of something farther away.
+    /// Returns true if the profile differs before and behind an edge at this distance (m). It does not at a shadow on the wall, or
+    /// at the edge of something farther away.
     #[must_use]
     pub fn differs_at(&self, ahead_m: f64) -> bool {
         let column_m = self.column_m(ahead_m);
@@ -74,14 +79,14 @@ impl<'a> WallFoot<'a> {
         sum.is_some_and(|sum| sum > FOOT_CONTRAST.powi(2) * f64::from(FOOT_SAMPLES))
     }
 
-    /// Whether the wall is seen behind an edge so far ahead (m), no farther than a door is wide; also where nobody knows what
-    /// the wall looks like.
+    /// Returns true if the wall is visible behind an edge at this distance (m), within the width of a door, or if its typical
+    /// profile is unknown.
     #[must_use]
     pub fn goes_on_behind(&self, ahead_m: f64) -> bool {
         self.usual.is_none() || self.is_seen_behind(ahead_m, DOOR_M)
     }
 
-    /// Whether the wall is seen close behind an edge so far ahead (m), as behind a corner beyond another corridor.
+    /// Returns true if the wall is visible close behind an edge at this distance (m), as behind a corner beyond another corridor.
     #[must_use]
     pub fn goes_on_close_behind(&self, ahead_m: f64) -> bool {
         self.is_seen_behind(ahead_m, GAP_M)
@@ -89,22 +94,21 @@ impl<'a> WallFoot<'a> {
 
     fn is_seen_behind(&self, ahead_m: f64, to_m: f64) -> bool {
         let clear_m = (CLEAR_COLUMNS_PX * self.column_m(ahead_m)).max(STEP_M);
-        self.is_seen_between(ahead_m + clear_m, ahead_m + to_m.max(clear_m + MIN_GAP_M))
+        self.is_visible_between(ahead_m + clear_m, ahead_m + to_m.max(clear_m + MIN_GAP_M))
     }
 
-    /// Whether the wall begins at an edge so far ahead (m), as behind another corridor: it is not seen before it, no farther
-    /// than a door is wide.
+    /// Returns true if the wall starts at an edge at this distance (m), as behind another corridor: it is not visible before it,
+    /// within the width of a door.
     #[must_use]
     pub fn begins_at(&self, ahead_m: f64) -> bool {
         let row_m = ahead_m.powi(2) / (self.view.height_m * self.view.intrinsics.fy);
         let clear_m = (CLEAR_COLUMNS_PX * self.column_m(ahead_m))
             .max(CLEAR_ROWS_PX * row_m)
             .clamp(STEP_M, 0.8 * DOOR_M);
-        self.usual.is_some() && !self.is_seen_between(ahead_m - DOOR_M, ahead_m - clear_m)
+        self.usual.is_some() && !self.is_visible_between(ahead_m - DOOR_M, ahead_m - clear_m)
     }
 
-    /// How far ahead (m) the wall is no longer seen, for farther than a door is wide; `None` where that is nowhere up to
-    /// `farthest_m`.
+    /// Returns the distance (m) at which the wall ends, for more than the width of a door; `None` if it does not up to `farthest_m`.
     #[must_use]
     pub fn end(&self, farthest_m: f64) -> Option<f64> {
         let (mut last_m, mut steps) = (None, 0);
@@ -120,28 +124,28 @@ impl<'a> WallFoot<'a> {
         None
     }
 
-    /// Where the wall is seen so far ahead and so high above the floor, meters: a pixel of the picture as it is.
+    /// Returns the distorted pixel of a point of the wall at a distance and a height, m.
     #[must_use]
     pub fn pixel(&self, ahead_m: f64, height_m: f64) -> Option<Vector2<f64>> {
         let point = Vector3::new(ahead_m, self.distance_m, height_m - self.view.height_m);
         self.pinhole.project(&(self.view.corridor_from_camera.transpose() * point).into()).ok()
     }
 
-    /// Whether the wall is seen at some places between two distances, meters.
-    fn is_seen_between(&self, from_m: f64, to_m: f64) -> bool {
+    /// Returns true if the wall is visible at several samples between two distances, m.
+    fn is_visible_between(&self, from_m: f64, to_m: f64) -> bool {
         let steps = ((to_m - from_m) / STEP_M).floor().max(0.0) as u32;
         let places = (0..=steps).map(|step| from_m + STEP_M * f64::from(step));
         places.filter(|&ahead_m| self.is_seen_at(ahead_m)).nth(MIN_STEPS - 1).is_some()
     }
 
-    /// Whether the wall is seen so far ahead, meters.
+    /// Returns true if the wall is visible at a distance, m.
     #[must_use]
     pub fn is_seen_at(&self, ahead_m: f64) -> bool {
         let (Some(usual), Some(here)) = (&self.usual, self.profile(ahead_m)) else { return false };
         !is_flat(&here) && likeness(usual, &here) > AS_USUAL
     }
 
-    /// What the foot looks like at most places.
+    /// Returns the typical profile.
     fn most_common(&self) -> Option<FootProfile> {
         let [near_m, far_m] = PLACES_M;
         let mut profiles = [None; PLACES];
@@ -160,12 +164,12 @@ impl<'a> WallFoot<'a> {
         (count > MIN_ALIKE).then_some(usual)
     }
 
-    /// Meters along the wall that one column shows.
+    /// Returns the length of the wall that one column covers, m.
     fn column_m(&self, ahead_m: f64) -> f64 {
         ahead_m.powi(2) / (self.distance_m.abs() * self.view.intrinsics.fx)
     }
 
-    /// Gray levels from below to above the foot of the wall; `None` outside the picture.
+    /// Returns the profile at a distance; `None` outside the image.
     fn profile(&self, ahead_m: f64) -> Option<FootProfile> {
         let mut profile = [0.0; FOOT_SAMPLES as usize];
         for (sample, level) in (0..).zip(&mut profile) {
@@ -174,7 +178,7 @@ impl<'a> WallFoot<'a> {
         Some(profile)
     }
 
-    /// The gray level of one sample of the foot.
+    /// Returns the gray level of one sample.
     fn level(&self, ahead_m: f64, sample: u32) -> Option<f64> {
         let [lowest_m, highest_m] = FOOT_HEIGHTS_M;
         let height_m = lowest_m + (highest_m - lowest_m) * f64::from(sample) / f64::from(FOOT_SAMPLES - 1);
@@ -198,11 +202,11 @@ mod tests {
     use yamabico_core::camera::{Intrinsics, Mount};
     use yamabico_vision::corridor::floor_lines::FloorLineRule;
     use yamabico_vision::corridor::heading::CameraAttitude;
-    use yamabico_vision::corridor::sight::CorridorCamera;
+    use yamabico_vision::corridor::observer::CorridorCamera;
 
     const DISTANCE_M: f64 = 1.0;
 
-    fn sight() -> (Sight, CorridorView) {
+    fn sight() -> (CorridorObserver, CorridorView) {
         let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.05);
         let camera = CorridorCamera {
             pinhole: Pinhole::ideal(intrinsics),
@@ -212,11 +216,11 @@ mod tests {
         };
         let attitude = CameraAttitude { heading: 0.03, tilt: 0.1 };
         let view = CorridorView::new(attitude, 0.0, 0.6, intrinsics);
-        (Sight::new(camera, FloorLineRule::default()), view)
+        (CorridorObserver::new(camera, FloorLineRule::default()), view)
     }
 
     /// A wall on the left with a dark skirting, seen at these distances; else the floor, and a wall far behind.
-    fn picture(view: &CorridorView, is_wall: impl Fn(f64) -> bool) -> Vec<u8> {
+    fn image(view: &CorridorView, is_wall: impl Fn(f64) -> bool) -> Vec<u8> {
         let level = |u: u32, v: u32| {
             let normalized = view.intrinsics.normalized_from_pixel(Vector2::new(f64::from(u), f64::from(v)));
             let ray = view.corridor_from_camera * normalized.push(1.0);
@@ -235,7 +239,7 @@ mod tests {
     fn a_wall_goes_on_behind_a_door_and_ends_at_a_corridor() {
         let (sight, view) = sight();
         let is_wall = |ahead_m: f64| !(3.0..4.0).contains(&ahead_m) && !(6.0..8.0).contains(&ahead_m);
-        let pixels = picture(&view, is_wall);
+        let pixels = image(&view, is_wall);
         let image = ImageView::new(&pixels, 640, 480, 640).unwrap();
         let foot = WallFoot::new(image, &sight, &view, DISTANCE_M);
         for (ahead_m, is_there) in [(2.5, true), (3.5, false), (5.0, true), (7.0, false), (9.0, true)] {
@@ -261,7 +265,7 @@ mod tests {
     #[test]
     fn a_wall_that_is_seen_all_along_never_ends() {
         let (sight, view) = sight();
-        let pixels = picture(&view, |_| true);
+        let pixels = image(&view, |_| true);
         let foot = WallFoot::new(ImageView::new(&pixels, 640, 480, 640).unwrap(), &sight, &view, DISTANCE_M);
         assert_eq!(foot.end(12.0), None);
     }

@@ -1,21 +1,18 @@
 //! After warm-up, a call of the behavior allocates nothing.
 
-mod rig;
-
-use rig::{Drive, END_M, Ending, camera, frame_header, odometry, setup, world};
+use crate::rig::{camera, drive, setup};
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::Kind;
-use yamabico_core::testing::{Bench, CountingAllocator, allocations};
+use yamabico_core::testing::{Bench, allocations};
 use yamabico_intersection_tracker::{CAMERA, IntersectionTracker, ODOMETRY};
-
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
+use yamabico_rigs::approach::{END_M, Ending, world};
+use yamabico_rigs::camera::{frame_header, odometry};
 
 #[test]
 fn a_frame_allocates_nothing_after_warm_up() {
     let seen_by = camera(640, 480, 60.0);
     let start = Pose2::new(END_M - 5.0, 0.0, 0.0);
-    let mut drive = Drive::new(&world(Ending::Crossing, 2.4), start, seen_by, 4.0, 1);
+    let mut drive = drive(&world(Ending::Crossing, 2.4), start, seen_by, 4.0, 1);
     // Every fifth picture is dark, so that edges are missed and looked for anew.
     let pictures: Vec<_> = (0..10).map(|_| drive.render()).collect();
     let dark = vec![0; 640 * 480];

@@ -1,18 +1,15 @@
 //! Approaches to rendered intersections.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod rig;
-
-use rig::{Drive, END_M, Ending, camera, world};
+use crate::rig::{Drive, camera, drive, true_column};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Intersection, Kind, Reason};
 use yamabico_intersection_tracker::finder::Side;
+use yamabico_rigs::approach::{END_M, Ending, world};
 
 /// A robot so far before the end of the walls, beside the middle and turned.
 fn before(ending: Ending, ahead_m: f64) -> Drive {
     let start = Pose2::new(END_M - ahead_m, 0.15, -0.05);
-    Drive::new(&world(ending, 2.4), start, camera(640, 480, 60.0), 4.0, 5)
+    drive(&world(ending, 2.4), start, camera(640, 480, 60.0), 4.0, 5)
 }
 
 fn is_driving(drive: &Drive) -> bool {
@@ -39,7 +36,7 @@ fn comes_to_a_crossing_and_to_a_tee_and_hands_over() {
             assert!((message.distance_m - ahead_m).abs() < 0.05 * ahead_m + 0.02, "{message:?} at {ahead_m}");
             assert!((message.distance_m - ahead_m).abs() < 4.0 * message.sigma_m, "{message:?} at {ahead_m}");
             let track = drive.bench.behavior.track();
-            let error = |side| Some(track.seen_at(side)?.x - drive.true_column(side)?);
+            let error = |side| Some(track.observed_at(side)?.x - true_column(&drive, side)?);
             let Some((left, right)) = error(Side::Left).zip(error(Side::Right)) else { continue };
             let middle_px = 0.5 * (left + right).abs();
             worst_px = worst_px.max(middle_px);
@@ -117,7 +114,7 @@ fn in_the_dark_it_coasts_then_is_lost_then_finds_again() {
     let [nominal, coasting, lost] = [Reason::Nominal, Reason::Coasting, Reason::IntersectionLost].map(Some);
     assert_eq!(reasons, [nominal, coasting, lost]);
     drive.gain = 1.0;
-    drive.otherwise.linear = 0.0;
+    drive.fallback.linear = 0.0;
     while drive.now_s() < 8.0 {
         drive.step();
     }

@@ -1,10 +1,6 @@
 //! Missing, stale and broken inputs.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod rig;
-
-use rig::{Drive, END_M, Ending, camera, frame_header, odometry, setup, world};
+use crate::rig::{camera, drive, setup};
 use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Encoding, FrameHeader, Kind, Reason};
@@ -12,12 +8,14 @@ use yamabico_core::sensor::SensorKind;
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_intersection_tracker::{CAMERA, IntersectionTracker, ODOMETRY};
+use yamabico_rigs::approach::{END_M, Ending, world};
+use yamabico_rigs::camera::{frame_header, odometry};
 
 const FOV_DEG: f64 = 60.0;
 
 fn pixels() -> Vec<u8> {
     let start = Pose2::new(END_M - 6.0, 0.0, 0.0);
-    Drive::new(&world(Ending::Crossing, 2.4), start, camera(640, 480, FOV_DEG), 2.0, 1).render()
+    drive(&world(Ending::Crossing, 2.4), start, camera(640, 480, FOV_DEG), 2.0, 1).render()
 }
 
 /// A behavior that drives by a robot that stands, its time, and what it sees.
@@ -39,7 +37,7 @@ impl Standing {
         standing
     }
 
-    /// What it proposes on these pixels, a tenth of a second later, with this pose of the wheels.
+    /// Returns the proposal on these pixels, 0.1 s later, with this odometry pose.
     fn see(&mut self, pixels: &[u8], wheels: Pose2) -> (Kind, Reason) {
         self.seconds += 0.1;
         let header = frame_header(&camera(640, 480, FOV_DEG).0, self.seconds);

@@ -5,12 +5,13 @@ mod vectors {
     use serde_json::Value;
     use yamabico_core::camera::{Intrinsics, Mount};
     use yamabico_intersection_tracker::pair::{across_in_camera, bearing, level_slope, partner, slope};
+    use yamabico_testkit::vectors::perspective;
     use yamabico_vision::corridor::heading::CameraAttitude;
     use yamabico_vision::corridor::wall_distance::{CorridorView, line_through};
 
     #[test]
     fn intersection_pair() {
-        let file = load("intersection_pair");
+        let file = perspective("intersection_pair");
         let tolerance = number(&file["tolerance"]);
         let cases = file["cases"].as_array().expect("cases");
         assert!(!cases.is_empty(), "no case");
@@ -73,14 +74,5 @@ mod vectors {
 
     fn point(value: &Value) -> Vector2<f64> {
         Vector2::new(number(&value[0]), number(&value[1]))
-    }
-
-    fn load(name: &str) -> Value {
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-        let folder = std::env::var("YAMABICO_VECTORS").unwrap_or_else(|_| "tests/vectors".into());
-        let path = std::path::Path::new(root).join(folder).join("perspective").join(format!("{name}.json"));
-        let text =
-            std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     }
 }

@@ -1,6 +1,6 @@
-//! Poses from azimuths of edges and from the outline of the floor, on one core.
+//! Time to find a pose from the azimuths of edges and from the outline of the floor, on one core.
 //!
-//! With `YAMABICO_FRAMES=DIR` (a full path) the problems are kept there, for other programs to be timed on the same ones.
+//! With `YAMABICO_FRAMES=DIR` (an absolute path) the problems are saved there for peer programs.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -30,7 +30,7 @@ fn folder() -> Option<PathBuf> {
     std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from)
 }
 
-/// Prints the median of many single runs: on a busy machine a mean tells of others.
+/// Prints the median of many single runs, which other load on the machine affects less than the mean.
 fn median<R>(name: &str, mut run: impl FnMut() -> R) {
     let mut times: Vec<f64> = (0..3000)
         .map(|_| {
@@ -43,7 +43,7 @@ fn median<R>(name: &str, mut run: impl FnMut() -> R) {
     println!("{name}: median of single runs {:.1} us", times[times.len() / 2]);
 }
 
-/// Nearly normal, of unit variance.
+/// Returns an approximately normal sample with unit variance.
 fn normal(random: &mut rand_pcg::Pcg64) -> f64 {
     (0..12).map(|_| random.random_range(-0.5..0.5)).sum()
 }
@@ -56,7 +56,7 @@ struct Problem {
     predicted: Belief,
 }
 
-/// Forty edges around a robot, each with its sign, seen in another order.
+/// Creates 40 edges around a robot, observed in random order.
 fn problem(name: &'static str, half_m: f64, sigma_rad: f64, predicted: &Belief, has_signs: bool) -> Problem {
     let mut random = rand_pcg::Pcg64::seed_from_u64(3);
     let factor = predicted.covariance.cholesky().map_or_else(Matrix3::zeros, |factor| factor.l());
@@ -110,7 +110,7 @@ fn azimuths(criterion: &mut Criterion) {
         problem("wide", 10.0, 0.01, &wide, false),
     ] {
         if let Err(error) = save(&problem) {
-            println!("the problem was not written: {error}");
+            println!("could not write the problem: {error}");
         }
         let name = problem.name;
         let rule = AzimuthRule { probability: 0.999_999, max_correction_m: 1.0, ..AzimuthRule::default() };
@@ -118,7 +118,7 @@ fn azimuths(criterion: &mut Criterion) {
             AzimuthLocalizer::new(problem.landmarks.clone(), Vec::new(), LeverArm::zeros(), rule);
         match localizer.locate(&problem.predicted, &problem.seen) {
             Ok(fix) => println!(
-                "{name}: {} of {EDGES} paired, off by {:.1} mm; predicted {:.1} mm",
+                "{name}: {} of {EDGES} paired, error {:.1} mm, error of the prediction {:.1} mm",
                 fix.pairs,
                 1e3 * fix.belief.pose.distance(&problem.truth),
                 1e3 * problem.predicted.pose.distance(&problem.truth)
@@ -158,7 +158,7 @@ fn azimuths(criterion: &mut Criterion) {
     }
 }
 
-/// The floor of a football field as a robot sees it, with a box of 130 mm on it.
+/// Returns the mask of a football field's floor seen by a robot, with a box of 130 mm on it.
 fn mask(camera: &MirrorCamera, outline: &OutlineRule, robot: &Pose2) -> BitImage {
     let (a, b, w, g) = (1.37, 1.55, 0.7625, 0.25);
     let half = [(b, -g), (b, g), (a, g), (a, w), (-a, w), (-a, g)];
@@ -209,14 +209,14 @@ fn floor(criterion: &mut Criterion) {
     let robot = Pose2::new(0.5, 0.2, 0.5);
     let mask = mask(&camera, &outline, &robot);
     if let Err(error) = save_mask(&mask) {
-        println!("the mask was not written: {error}");
+        println!("could not write the mask: {error}");
     }
     let mut localizer = FloorLocalizer::new(plan.clone(), camera.clone(), FloorRule::new(outline));
     let predicted = Belief::new(Pose2::new(0.52, 0.19, 0.52), 0.05, 0.05);
     for (name, known) in [("from the moments", None), ("from a prediction", Some(&predicted))] {
         match localizer.locate(&mask, known) {
             Ok(fix) => println!(
-                "{name}: {} corners, {} steps, off by {:.1} mm",
+                "{name}: {} corners, {} iterations, error {:.1} mm",
                 fix.corners,
                 fix.iterations,
                 1e3 * fix.belief.pose.distance(&robot)
@@ -236,19 +236,19 @@ fn floor(criterion: &mut Criterion) {
     });
     let mut fitter = OutlineFitter::default();
     median("floor outline, corners to pose alone", || {
-        let start = fitter.start(&seen)?;
+        let start = fitter.initial_placement(&seen)?;
         fitter.fit(&mut seen, black_box(&plan), start, &FitRule::default(), (&camera, &outline))
     });
     criterion.bench_function("floor outline, corners to pose alone", |b| {
         b.iter(|| {
-            let start = fitter.start(&seen)?;
+            let start = fitter.initial_placement(&seen)?;
             fitter.fit(&mut seen, black_box(&plan), start, &FitRule::default(), (&camera, &outline))
         });
     });
     let shifted = FitRule { shift_sigma_px: Some(2.0), ..FitRule::default() };
     criterion.bench_function("floor outline, corners to pose and common shift alone", |b| {
         b.iter(|| {
-            let start = fitter.start(&seen)?;
+            let start = fitter.initial_placement(&seen)?;
             let fit = fitter.fit(&mut seen, black_box(&plan), start, &shifted, (&camera, &outline));
             seen.project_shifted(&camera, &outline, 0.0);
             fit

@@ -1,12 +1,12 @@
-//! Without any map: by the wheels alone, such as along a known way while a map is made.
+//! Localization by odometry alone, for example while a map is recorded along a known path.
 
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_vision::map::WireFrame;
 
 use crate::belief::Belief;
-use crate::fix::{Fix, PoseFinder, Trust};
+use crate::fix::{Fix, NoiseFactors, PoseFinder};
 
-/// Finds nothing in pictures: the odometry carries the start on, and the pose grows more uncertain.
+/// Pose finder that uses no images: the pose is propagated by odometry and its covariance grows.
 #[derive(Clone, Debug, Default)]
 pub struct DeadReckoning {
     walls: WireFrame,
@@ -17,15 +17,15 @@ impl PoseFinder for DeadReckoning {
         &self.walls
     }
 
-    fn take(&mut self, _: &View<'_, FrameHeader>) -> Result<(), Reason> {
+    fn observe(&mut self, _: &View<'_, FrameHeader>) -> Result<(), Reason> {
         Err(Reason::NoModel)
     }
 
-    fn fix(&mut self, prior: &Belief, _: Trust) -> Fix {
+    fn fix(&mut self, prior: &Belief, _: NoiseFactors) -> Fix {
         Fix::none(prior, Reason::NoModel)
     }
 
-    fn search(&mut self, _: &Belief, _: Trust) -> Option<Belief> {
+    fn search(&mut self, _: &Belief, _: NoiseFactors) -> Option<Belief> {
         None
     }
 }

@@ -1,6 +1,6 @@
-//! The ways to find the robot, by the configuration.
+//! Choice of the localization method by the configuration.
 
-use yamabico_core::behavior::{BuildError, Setup};
+use yamabico_core::behavior::{ParameterError, Setup};
 
 use crate::azimuth::AzimuthFinder;
 use crate::config::{Config, Method};
@@ -9,25 +9,25 @@ use crate::fix::PoseFinder;
 use crate::floor_outline::FloorFinder;
 use crate::wire_frame::WireFrameFinder;
 
-/// What finds the robot in pictures.
+/// Pose finder of the configured method.
 #[derive(Clone, Debug)]
 pub enum Finder {
-    /// By the edges of a wire-frame map.
+    /// Matches the edges of a wire-frame map.
     Wireframe(Box<WireFrameFinder>),
-    /// By the azimuths of vertical edges.
+    /// Matches the azimuths of vertical edges.
     Azimuth(Box<AzimuthFinder>),
-    /// By the outline of the floor.
+    /// Matches the outline of the floor.
     FloorOutline(Box<FloorFinder>),
-    /// By the wheels alone.
+    /// Uses odometry alone.
     DeadReckoning(DeadReckoning),
 }
 
 impl Finder {
-    /// The one that the configuration asks for.
+    /// Creates the finder of the configured method.
     ///
     /// # Errors
-    /// A camera of another kind, or a file that is missing or cannot be read.
-    pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
+    /// The camera is of another kind, or a file is missing or invalid.
+    pub fn new(config: &Config, setup: &Setup) -> Result<Self, ParameterError> {
         Ok(match config.method {
             Method::Wireframe => Self::Wireframe(Box::new(WireFrameFinder::new(config, setup)?)),
             Method::Azimuth => Self::Azimuth(Box::new(AzimuthFinder::new(config, setup)?)),
@@ -36,7 +36,7 @@ impl Finder {
         })
     }
 
-    /// What all of them do.
+    /// Returns the finder behind its trait.
     #[must_use]
     pub fn method(&self) -> &dyn PoseFinder {
         match self {
@@ -47,7 +47,7 @@ impl Finder {
         }
     }
 
-    /// What all of them do, with a picture.
+    /// Returns the finder behind its trait, mutable.
     pub fn method_mut(&mut self) -> &mut dyn PoseFinder {
         match self {
             Self::Wireframe(finder) => &mut **finder,

@@ -1,4 +1,4 @@
-//! What a picture tells of the pose, by whatever method.
+//! Pose correction from one image, independent of the method.
 
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_vision::map::WireFrame;
@@ -6,70 +6,64 @@ use yamabico_vision::map::WireFrame;
 use crate::belief::Belief;
 use crate::obstacles::UnknownEdge;
 
-/// What a picture told.
+/// Result of matching one image with the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fix {
-    /// The belief after it; the prior where nothing was matched.
+    /// Belief after the update; the prior if no feature was matched.
     pub posterior: Belief,
-    /// Whether it counts, or why not. What was matched moved the belief also where it does not count; where that is because it
-    /// is ambiguous, the posterior is not to be used.
+    /// `Ok` if this is a valid fix, else the reason why not. The posterior includes the matched features in either
+    /// case; it must not be used if the reason is `Ambiguous`.
     pub verdict: Result<(), Reason>,
-    /// Lines, edges or corners that moved the belief.
+    /// Number of features (lines, edges or corners) that updated the belief.
     pub lines: usize,
-    /// Of these, how many should be in view.
+    /// Number of features of the map that should be in view.
     pub expected: usize,
-    /// Upright edges that should be in view, and of these the ones that moved the belief.
+    /// Number of vertical edges that should be in view, and number of these that updated the belief.
     pub uprights: [usize; 2],
-    /// Squared distances over their degrees of freedom, summed over the lines: 1 a line where covariances are honest.
-    pub surprise: f64,
+    /// Normalized innovation squared (NIS) divided by its degrees of freedom, summed over the features: on average 1
+    /// per feature if the covariances are consistent.
+    pub nis: f64,
 }
 
 impl Fix {
-    /// One that told nothing.
+    /// Creates the result of an image without a match.
     #[must_use]
     pub fn none(prior: &Belief, reason: Reason) -> Self {
-        Self {
-            posterior: *prior,
-            verdict: Err(reason),
-            lines: 0,
-            expected: 0,
-            uprights: [0; 2],
-            surprise: 0.0,
-        }
+        Self { posterior: *prior, verdict: Err(reason), lines: 0, expected: 0, uprights: [0; 2], nis: 0.0 }
     }
 }
 
-/// How far what a picture shows can be trusted.
+/// Factors on the variance of the measurements in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trust {
-    /// Factor on the variance, from how well earlier measurements agreed.
+pub struct NoiseFactors {
+    /// Factor in gates and updates, adapted to the consistency of earlier measurements.
     pub scale: f64,
-    /// Factor on the variance where a measurement moves the belief, >= 1: pictures from nearly one place err alike.
-    pub repetition: f64,
+    /// Additional factor in updates only, >= 1: errors of images taken close to each other are correlated.
+    pub correlation: f64,
 }
 
-/// A way to find the robot in pictures.
+/// Method that localizes the robot in images.
 pub trait PoseFinder {
-    /// The walls of the map, which paths keep clear of.
+    /// Returns the walls of the map, which paths keep clear of.
     fn walls(&self) -> &WireFrame;
 
-    /// Takes a picture.
+    /// Extracts the features of an image for the calls that follow.
     ///
     /// # Errors
-    /// `MalformedInput` where it is no picture of this camera; why it tells nothing.
-    fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason>;
+    /// `MalformedInput` if the frame does not fit the camera, else the reason why the image has no usable features.
+    fn observe(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason>;
 
-    /// What the picture taken last makes of a belief.
-    fn fix(&mut self, prior: &Belief, trust: Trust) -> Fix;
+    /// Updates a belief with the observed image.
+    fn fix(&mut self, prior: &Belief, noise: NoiseFactors) -> Fix;
 
-    /// The robot in the picture taken last, where the belief is too vague for [`PoseFinder::fix`]; `None` where it is found
-    /// nowhere, or in two places.
-    fn search(&mut self, prior: &Belief, trust: Trust) -> Option<Belief>;
+    /// Searches for the robot's pose in the observed image if the belief is too uncertain for [`PoseFinder::fix`];
+    /// `None` if there is no solution or more than one.
+    fn search(&mut self, prior: &Belief, noise: NoiseFactors) -> Option<Belief>;
 
-    /// Follows what the picture taken last shows beside the map, seen from where the fix placed the robot.
-    fn follow_unknown(&mut self) {}
+    /// Tracks the features of the observed image that are not on the map, using the pose of the fix.
+    fn track_unknown(&mut self) {}
 
-    /// Edges that the map does not explain, as far as they are known to stand where they do.
+    /// Returns the located edges that are not on the map.
     fn unknown_edges(&self) -> &[UnknownEdge] {
         &[]
     }

@@ -1,54 +1,53 @@
-//! How far the pose can be trusted.
+//! Consistency monitor of the pose estimate.
 
 use yamabico_core::message::{PoseStatus, Reason};
 
 use crate::belief::Belief;
 use crate::fix::Fix;
 
-/// So many lines are judged together.
+/// Number of lines over which the normalized innovations are averaged.
 const WINDOW_LINES: usize = 20;
-/// Half the mean squared distance of honest covariances lies in here.
-const HONEST: [f64; 2] = [0.4, 2.0];
-/// Factor on the measurements' variance: no less, no more.
-const SCALE: [f64; 2] = [0.25, 16.0];
-/// Pictures in a row whose lines all lie beyond the gate, before the prior is believed less.
-const CONTRADICTIONS: u32 = 3;
-/// So often is it believed less before the robot looks around.
-const INFLATIONS: u32 = 4;
-/// The prior's covariance grows by this when it is believed less.
+/// Range of the mean NIS per degree of freedom in which covariances count as consistent.
+const CONSISTENT_NIS: [f64; 2] = [0.4, 2.0];
+/// Range of the factor on the variance of measurements.
+const SCALE_RANGE: [f64; 2] = [0.25, 16.0];
+/// Number of consecutive images with all lines outside the gate after which the prior's covariance is inflated.
+const IMAGES_BEFORE_INFLATION: u32 = 3;
+/// Maximum number of inflations before the robot looks around.
+const MAX_INFLATIONS: u32 = 4;
+/// Factor by which an inflation multiplies the prior's covariance.
 pub const INFLATION: f64 = 4.0;
-/// Beyond these (m, rad) neighboring doors look alike.
-const BLOWN_UP: (f64, f64) = (0.5, 10.0 * std::f64::consts::PI / 180.0);
-/// Beyond this (m) the pose says nothing.
-const LOST_M: f64 = 1.5;
-/// Below this share of the upright edges that should be in view, the place along the way has no support.
-const SUPPORT: f64 = 0.2;
-/// With fewer upright edges in view nothing is said of the support.
+/// Standard deviations of position (m) and heading (rad) above which matches with neighboring doors become ambiguous
+/// and the pose counts as lost.
+const MAX_SIGMA: (f64, f64) = (0.5, 10.0 * std::f64::consts::PI / 180.0);
+/// Minimum fraction of the expected vertical edges that must be matched to support the position along the corridor.
+const MIN_SUPPORT: f64 = 0.2;
+/// Minimum number of expected vertical edges for the support to be evaluated.
 const MIN_UPRIGHTS: usize = 3;
-/// So far (m) the robot goes on without support.
-const UNSUPPORTED_M: f64 = 1.5;
+/// Maximum distance driven without support, m.
+const MAX_UNSUPPORTED_M: f64 = 1.5;
 
-/// What is to be done about the belief.
+/// Action recommended by the consistency check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Advice {
-    /// Nothing.
-    GoOn,
-    /// Believe the prior less: multiply its covariance by [`INFLATION`].
+    /// Keep the belief.
+    Continue,
+    /// Multiply the prior's covariance by [`INFLATION`].
     Inflate,
-    /// Stop and look around.
+    /// Stop and search for the pose.
     LookAround,
 }
 
-/// The judge.
+/// Consistency of the recent matches and the resulting status of the pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Health {
     status: PoseStatus,
     reason: Reason,
     scale: f64,
-    surprise: f64,
+    nis: f64,
     lines: usize,
     is_contradicted: bool,
-    contradictions: u32,
+    gated_images: u32,
     inflations: u32,
     unsupported_m: f64,
 }
@@ -59,10 +58,10 @@ impl Default for Health {
             status: PoseStatus::Unknown,
             reason: Reason::NoInput,
             scale: 1.0,
-            surprise: 0.0,
+            nis: 0.0,
             lines: 0,
             is_contradicted: false,
-            contradictions: 0,
+            gated_images: 0,
             inflations: 0,
             unsupported_m: 0.0,
         }
@@ -70,36 +69,36 @@ impl Default for Health {
 }
 
 impl Health {
-    /// How far the pose can be trusted.
+    /// Returns the status of the pose.
     #[must_use]
     pub fn status(&self) -> PoseStatus {
         self.status
     }
 
-    /// Why.
+    /// Returns the reason for the status.
     #[must_use]
     pub fn reason(&self) -> Reason {
         self.reason
     }
 
-    /// Factor on the variance of measurements.
+    /// Returns the factor on the variance of measurements.
     #[must_use]
     pub fn noise_scale(&self) -> f64 {
         self.scale
     }
 
-    /// Judges a picture that was matched, `driven_m` after the one before it.
-    pub fn take(&mut self, fix: &Fix, driven_m: f64) -> Advice {
-        self.judge_surprise(fix);
+    /// Evaluates the match of an image. `driven_m` is the distance driven since the previous image.
+    pub fn evaluate(&mut self, fix: &Fix, driven_m: f64) -> Advice {
+        self.evaluate_nis(fix);
         let [expected, seen] = fix.uprights;
-        let has_uprights = expected < MIN_UPRIGHTS || seen as f64 >= SUPPORT * expected as f64;
+        let has_uprights = expected < MIN_UPRIGHTS || seen as f64 >= MIN_SUPPORT * expected as f64;
         let has_support = has_uprights && fix.verdict != Err(Reason::Ambiguous);
         self.unsupported_m = if has_support { 0.0 } else { self.unsupported_m + driven_m };
         match fix.verdict {
             Ok(()) => {
-                self.contradictions = 0;
+                self.gated_images = 0;
                 self.inflations = 0;
-                let is_sound = !self.is_contradicted && self.unsupported_m < 0.5 * UNSUPPORTED_M;
+                let is_sound = !self.is_contradicted && self.unsupported_m < 0.5 * MAX_UNSUPPORTED_M;
                 (self.status, self.reason) = if is_sound {
                     (PoseStatus::Tracking, Reason::Nominal)
                 } else {
@@ -107,24 +106,24 @@ impl Health {
                 };
             }
             Err(Reason::Gated) => {
-                self.contradictions += 1;
+                self.gated_images += 1;
                 (self.status, self.reason) = (PoseStatus::Inconsistent, Reason::Gated);
-                if self.contradictions >= CONTRADICTIONS {
-                    self.contradictions = 0;
+                if self.gated_images >= IMAGES_BEFORE_INFLATION {
+                    self.gated_images = 0;
                     self.inflations += 1;
                     self.reason = Reason::OverConfident;
-                    return if self.inflations > INFLATIONS { self.lose() } else { Advice::Inflate };
+                    return if self.inflations > MAX_INFLATIONS { self.lose() } else { Advice::Inflate };
                 }
             }
             Err(reason) => self.miss(reason),
         }
-        if self.unsupported_m > UNSUPPORTED_M || is_blown_up(&fix.posterior) {
+        if self.unsupported_m > MAX_UNSUPPORTED_M || is_too_uncertain(&fix.posterior) {
             return self.lose();
         }
-        Advice::GoOn
+        Advice::Continue
     }
 
-    /// Takes a picture that told nothing.
+    /// Records an image without a fix.
     pub fn miss(&mut self, reason: Reason) {
         if !matches!(self.status, PoseStatus::Unknown | PoseStatus::Lost) {
             self.status = PoseStatus::Coasting;
@@ -132,7 +131,7 @@ impl Health {
         self.reason = reason;
     }
 
-    /// Takes something that contradicts the belief, such as odometry that jumps.
+    /// Records data that contradicts the belief, such as a jump of the odometry.
     pub fn doubt(&mut self, reason: Reason) {
         if self.status != PoseStatus::Lost {
             self.status = PoseStatus::Inconsistent;
@@ -140,13 +139,17 @@ impl Health {
         self.reason = reason;
     }
 
-    /// Looks at the belief where no picture comes; says whether it has grown beyond use.
-    pub fn watch(&mut self, belief: &Belief) -> Advice {
-        if self.status != PoseStatus::Lost && is_blown_up(belief) { self.lose() } else { Advice::GoOn }
+    /// Checks the uncertainty of the belief between images.
+    pub fn check(&mut self, belief: &Belief) -> Advice {
+        if self.status != PoseStatus::Lost && is_too_uncertain(belief) {
+            self.lose()
+        } else {
+            Advice::Continue
+        }
     }
 
-    /// The robot was found again.
-    pub fn found(&mut self) {
+    /// Restarts with status `Tracking` after the pose was found again.
+    pub fn recover(&mut self) {
         *self = Self { status: PoseStatus::Tracking, reason: Reason::Nominal, ..Self::default() };
     }
 
@@ -155,31 +158,24 @@ impl Health {
         Advice::LookAround
     }
 
-    fn judge_surprise(&mut self, fix: &Fix) {
-        self.surprise += fix.surprise;
+    fn evaluate_nis(&mut self, fix: &Fix) {
+        self.nis += fix.nis;
         self.lines += fix.lines;
         if self.lines < WINDOW_LINES {
             return;
         }
-        let mean = self.surprise / self.lines as f64;
-        self.is_contradicted = mean > HONEST[1];
-        if !(HONEST[0]..=HONEST[1]).contains(&mean) {
-            self.scale = (self.scale * mean.clamp(0.7, 2.0)).clamp(SCALE[0], SCALE[1]);
+        let mean = self.nis / self.lines as f64;
+        self.is_contradicted = mean > CONSISTENT_NIS[1];
+        if !(CONSISTENT_NIS[0]..=CONSISTENT_NIS[1]).contains(&mean) {
+            self.scale = (self.scale * mean.clamp(0.7, 2.0)).clamp(SCALE_RANGE[0], SCALE_RANGE[1]);
         }
-        self.surprise = 0.0;
+        self.nis = 0.0;
         self.lines = 0;
     }
 }
 
-/// Whether gates would reach from one door to the next.
-fn is_blown_up(belief: &Belief) -> bool {
-    belief.sigma_xy_m() > BLOWN_UP.0 || belief.sigma_theta_rad() > BLOWN_UP.1
-}
-
-/// Whether the place is not known within `LOST_M`.
-#[must_use]
-pub fn is_lost(belief: &Belief) -> bool {
-    belief.sigma_xy_m() > LOST_M
+fn is_too_uncertain(belief: &Belief) -> bool {
+    belief.sigma_xy_m() > MAX_SIGMA.0 || belief.sigma_theta_rad() > MAX_SIGMA.1
 }
 
 #[cfg(test)]
@@ -187,19 +183,19 @@ mod tests {
     use super::*;
     use yamabico_core::geometry::Pose2;
 
-    fn fix(verdict: Result<(), Reason>, lines: usize, surprise: f64, uprights: [usize; 2]) -> Fix {
+    fn fix(verdict: Result<(), Reason>, lines: usize, nis: f64, uprights: [usize; 2]) -> Fix {
         let posterior = Belief::new(Pose2::IDENTITY, 0.02, 0.01);
-        Fix { posterior, verdict, lines, expected: 10, uprights, surprise }
+        Fix { posterior, verdict, lines, expected: 10, uprights, nis }
     }
 
     #[test]
-    fn lines_beyond_the_gate_are_believed_in_the_end() {
+    fn lines_outside_the_gate_inflate_the_belief_and_then_start_a_search() {
         let mut health = Health::default();
-        health.take(&fix(Ok(()), 10, 10.0, [6, 5]), 0.04);
+        health.evaluate(&fix(Ok(()), 10, 10.0, [6, 5]), 0.04);
         assert_eq!(health.status(), PoseStatus::Tracking);
         let mut advice = Vec::new();
         for _ in 0..15 {
-            advice.push(health.take(&fix(Err(Reason::Gated), 0, 0.0, [6, 5]), 0.04));
+            advice.push(health.evaluate(&fix(Err(Reason::Gated), 0, 0.0, [6, 5]), 0.04));
         }
         assert_eq!(advice.iter().filter(|advice| **advice == Advice::Inflate).count(), 4);
         assert_eq!(advice.last(), Some(&Advice::LookAround));
@@ -207,15 +203,15 @@ mod tests {
     }
 
     #[test]
-    fn surprising_measurements_count_less_and_are_told() {
+    fn inconsistent_measurements_are_downweighted_and_reported() {
         let mut health = Health::default();
         for _ in 0..4 {
-            health.take(&fix(Ok(()), 10, 35.0, [6, 5]), 0.04);
+            health.evaluate(&fix(Ok(()), 10, 35.0, [6, 5]), 0.04);
         }
         assert_eq!(health.status(), PoseStatus::Inconsistent);
         assert!(health.noise_scale() >= 3.0);
         for _ in 0..20 {
-            health.take(&fix(Ok(()), 10, 2.0, [6, 5]), 0.04);
+            health.evaluate(&fix(Ok(()), 10, 2.0, [6, 5]), 0.04);
         }
         assert_eq!(health.status(), PoseStatus::Tracking);
         assert!(health.noise_scale() < 1.0);
@@ -225,7 +221,7 @@ mod tests {
     fn floor_lines_alone_do_not_carry_far() {
         let mut health = Health::default();
         let mut driven = 0.0;
-        while health.take(&fix(Ok(()), 6, 6.0, [8, 0]), 0.04) == Advice::GoOn {
+        while health.evaluate(&fix(Ok(()), 6, 6.0, [8, 0]), 0.04) == Advice::Continue {
             driven += 0.04;
             assert!(driven < 3.0);
         }
@@ -233,12 +229,12 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_belief_is_lost() {
+    fn an_uncertain_belief_is_lost() {
         let mut health = Health::default();
-        assert_eq!(health.watch(&Belief::new(Pose2::IDENTITY, 0.4, 0.1)), Advice::GoOn);
-        assert_eq!(health.watch(&Belief::new(Pose2::IDENTITY, 0.6, 0.1)), Advice::LookAround);
-        assert_eq!(health.watch(&Belief::new(Pose2::IDENTITY, 0.6, 0.1)), Advice::GoOn, "once");
-        health.found();
+        assert_eq!(health.check(&Belief::new(Pose2::IDENTITY, 0.4, 0.1)), Advice::Continue);
+        assert_eq!(health.check(&Belief::new(Pose2::IDENTITY, 0.6, 0.1)), Advice::LookAround);
+        assert_eq!(health.check(&Belief::new(Pose2::IDENTITY, 0.6, 0.1)), Advice::Continue, "once");
+        health.recover();
         assert_eq!(health.status(), PoseStatus::Tracking);
     }
 }

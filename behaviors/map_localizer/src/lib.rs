@@ -1,15 +1,27 @@
-//! Finds the robot on a map, and follows a planned path to a goal.
+//! Localizes the robot on a map and follows a planned path to a goal.
 //!
-//! Ohya, Kosaka & Kak (1998): what an old picture shows corrects the position of its own instant. Differs from \[1\]: every
-//! picture is used, and the covariance is corrected with the pose. What finds the robot in a picture is a
-//! [`fix::PoseFinder`]: by the edges of a [wire frame](wire_frame), by [azimuths](azimuth) or by the
-//! [outline of the floor](floor_outline).
+//! Ohya, Kosaka & Kak (1998) \[1\]: an image corrects the pose at its own capture time. Differs from \[1\]: every image
+//! is used, and the covariance is corrected with the pose. A [`fix::PoseFinder`] extracts the correction from the
+//! image: from the edges of a [wire frame](wire_frame), from [azimuths](azimuth) of vertical edges or from the [outline
+//! of the floor](floor_outline). The [`tracker`] applies it retroactively, and the [`path_follower`] drives.
+//!
+//! ```
+//! # use yamabico_core::{behavior::Setup, message::Odometry, testing::Bench, time::Time};
+//! # use yamabico_map_localizer::{MapLocalizer, ODOMETRY};
+//! let parameters = "method = 'dead-reckoning'\nroute = [[3.0, 0.0]]";
+//! let mut bench = Bench::<MapLocalizer>::new(parameters, Setup::default())?;
+//!
+//! let odometry = Odometry { stamp_ns: Time::from_secs_f64(1.0).0, ..Odometry::default() };
+//! let proposal = bench.at(1.0).feed(&ODOMETRY, &odometry, &[]).propose();
+//! assert!(proposal.twist.linear > 0.0, "drives toward the goal");
+//! # Ok::<(), yamabico_core::behavior::ParameterError>(())
+//! ```
 
 pub mod azimuth;
 pub mod belief;
 pub mod config;
 pub mod dead_reckoning;
-pub mod driver;
+
 pub mod finder;
 pub mod fix;
 pub mod floor_outline;
@@ -18,6 +30,7 @@ pub mod history;
 pub mod look_around;
 pub mod motion;
 pub mod obstacles;
+pub mod path_follower;
 pub mod pursuit;
 pub mod route;
 pub mod tracker;
@@ -25,7 +38,7 @@ pub mod wire_frame;
 
 pub use config::Config;
 
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{
     Axes, FrameHeader, Goal, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus, Proposal,
     Reason,
@@ -37,77 +50,76 @@ use yamabico_vision::floor_color_file::FLOOR_COLORS_FILE;
 use yamabico_vision::map::WIRE_FRAME_FILE;
 
 use crate::belief::Belief;
-use crate::driver::{Driver, Journey, Polygon};
+
 use crate::finder::Finder;
 use crate::fix::Fix;
 use crate::floor_outline::FLOOR_PLAN_FILE;
 use crate::look_around::LookAround;
 use crate::obstacles::Obstacles;
+use crate::path_follower::{PathFollower, PathState, Polygon};
 use crate::route::{MAX_CORNERS, Route};
-use crate::tracker::{Track, Tracker};
+use crate::tracker::{PoseState, Tracker};
 
-/// The camera that sees the map's edges.
-pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "pictures of the building");
-/// Where the wheels say the robot is.
-pub const ODOMETRY: Slot<Odometry> = Slot::required("odometry", "motion between pictures");
-/// Where to go.
-pub const GOAL: Slot<Goal> = Slot::optional("goal", "a goal that replaces the route");
-/// Where the robot is.
-pub const POSE: Slot<Pose> = Slot::required("pose", "where the robot is on the map");
-/// The way that it goes.
-pub const PATH: Slot<PathHeader> =
-    Slot::required("path", "the planned path, and where the robot stands on it");
+/// Camera whose images are matched with the map.
+pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "images of the surroundings");
+/// Odometry that propagates the pose between images.
+pub const ODOMETRY: Slot<Odometry> = Slot::required("odometry", "motion between images");
+/// Goal in the map frame; optional.
+pub const GOAL: Slot<Goal> = Slot::optional("goal", "goal that replaces the route");
+/// Pose estimate in the map frame.
+pub const POSE: Slot<Pose> = Slot::required("pose", "pose estimate in the map frame");
+/// Planned path and the robot's progress along it.
+pub const PATH: Slot<PathHeader> = Slot::required("path", "planned path and the robot's progress along it");
 
-/// What stands in the way that the map does not tell of.
-pub const OBSTACLES: Slot<ObstaclesHeader> =
-    Slot::required("obstacles", "what stands around that is not on the map");
+/// Obstacles that are not on the map.
+pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "obstacles that are not on the map");
 
-/// A path need not be changed for obstacles that come nearer than planned by less than this, meters.
+/// Maximum intrusion of an obstacle into the planned clearance that triggers no new path, m.
 const REPLAN_M: f64 = 0.03;
-/// Odometry older than this (s) is none.
+/// Maximum age of odometry, s.
 const ODOMETRY_STALE_S: f64 = 0.3;
-/// Without a fix for longer than this (s), the robot drives at half its speed.
+/// Time without a fix after which the robot drives at half its speed, s.
 const COAST_S: f64 = 1.0;
-/// With a belief wider than this (m, rad) the robot drives slowly.
-const VAGUE: (f64, f64) = (0.2, 0.07);
+/// Standard deviations of position (m) and heading (rad) above which the robot slows down.
+const VAGUE_SIGMA: (f64, f64) = (0.2, 0.07);
 
-/// Finds the robot on the map and drives it along its path.
+/// Behavior that localizes the robot on a map and drives it along a path.
 #[derive(Clone, Debug)]
 pub struct MapLocalizer {
     tracker: Tracker,
-    driver: Driver,
+    follower: PathFollower,
     obstacles: Obstacles,
-    /// The obstacles, grown by what the robot must not and what it shall not go nearer.
-    near: Vec<Polygon>,
-    grown: Vec<Polygon>,
+    /// Obstacles inflated by slightly less than the robot's radius: the current path must not cross them.
+    hard: Vec<Polygon>,
+    /// Obstacles inflated by the robot's radius: a new path must not cross them.
+    inflated: Vec<Polygon>,
     radius_m: f64,
     map_variance: f64,
     sequence: u64,
-    obstacles_told: u64,
+    obstacle_sequence: u64,
 }
 
 impl Plugin for MapLocalizer {
     type Config = Config;
     const NAME: &'static str = "map-localizer";
-    const SUMMARY: &'static str = "Finds the robot on a map, and follows a planned path to a goal.";
+    const SUMMARY: &'static str = "Localizes the robot on a map and follows a planned path to a goal.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[POSE.info(), PATH.info(), OBSTACLES.info()];
     const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE, EDGE_MAP_FILE, FLOOR_PLAN_FILE, FLOOR_COLORS_FILE];
     const CLAIMS: Axes = Axes::PLANAR;
 
-    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
-        config.check()?;
+    fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         let finder = Finder::new(&config, setup)?;
         Ok(Self {
-            driver: Driver::new(&config, finder.method().walls(), setup.robot.radius_m)?,
+            follower: PathFollower::new(&config, finder.method().walls(), setup.robot.radius_m)?,
             tracker: Tracker::new(&config, finder, &setup.robot),
             obstacles: Obstacles::default(),
-            near: Vec::new(),
-            grown: Vec::new(),
+            hard: Vec::new(),
+            inflated: Vec::new(),
             radius_m: setup.robot.radius_m,
             map_variance: config.map_sigma_m.powi(2),
             sequence: 0,
-            obstacles_told: 0,
+            obstacle_sequence: 0,
         })
     }
 }
@@ -119,15 +131,15 @@ impl Behavior for MapLocalizer {
         for odometry in inputs.fresh(&ODOMETRY) {
             self.tracker.take_odometry(odometry.header, now);
         }
-        self.look(inputs, outputs);
+        self.process_image(inputs, outputs);
         if let Some(goal) = inputs.latest(&GOAL).filter(|_| inputs.is_fresh(&GOAL))
             && let Some((_, belief)) = self.tracker.newest()
         {
-            self.driver.take_goal(goal.header, belief, self.tracker.finder().method().walls());
+            self.follower.set_goal(goal.header, belief, self.tracker.finder().method().walls());
         }
         let Some(newest) = self.stamp() else { return Proposal::abstain(Reason::NoInput) };
         if before != Some(newest) {
-            self.driver.pass(before.map_or(0.0, |before| newest.seconds_after(before)));
+            self.follower.advance_time(before.map_or(0.0, |before| newest.seconds_after(before)));
             self.publish(outputs);
         }
         let evidence = self.tracker.evidence();
@@ -135,9 +147,9 @@ impl Behavior for MapLocalizer {
             return Proposal::abstain(Reason::StaleInput).with_evidence(evidence);
         }
         let mut proposal = match self.tracker.search() {
-            // What the search needs is a picture, whatever it shows.
+            // The search depends on any recent image, not on the last fix.
             Some((search, heading)) => {
-                look_around(search, heading).with_evidence(self.tracker.last_picture_at().unwrap_or(evidence))
+                look_around(search, heading).with_evidence(self.tracker.last_image_at().unwrap_or(evidence))
             }
             None => self.drive(now).with_evidence(evidence),
         };
@@ -145,121 +157,121 @@ impl Behavior for MapLocalizer {
         proposal
     }
 
-    fn remember(&self, memory: &mut Vec<u8>) {
-        if let Some(track) = self.tracker.memory().filter(|_| self.tracker.search().is_none()) {
-            // Nothing is a memory too.
-            let _ = serde_json::to_writer(memory, &(track, self.driver.memory()));
+    fn save_state(&self, state: &mut Vec<u8>) {
+        if let Some(pose) = self.tracker.state().filter(|_| self.tracker.search().is_none()) {
+            // Writing to a vector cannot fail, and an incomplete state is ignored on restore.
+            let _ = serde_json::to_writer(state, &(pose, self.follower.state()));
         }
     }
 
-    fn recall(&mut self, memory: &[u8]) {
-        if let Ok((track, journey)) = serde_json::from_slice::<(Track, Journey<'_>)>(memory) {
-            self.tracker.recall(&track);
-            self.driver.recall(journey);
+    fn restore_state(&mut self, state: &[u8]) {
+        if let Ok((pose, path)) = serde_json::from_slice::<(PoseState, PathState<'_>)>(state) {
+            self.tracker.restore(&pose);
+            self.follower.restore(path);
         }
     }
 }
 
 impl MapLocalizer {
-    /// The belief at the newest odometry; `None` before any.
+    /// Returns the belief at the newest odometry; `None` before any.
     #[must_use]
     pub fn belief(&self) -> Option<&Belief> {
         self.tracker.newest().map(|(_, belief)| belief)
     }
 
-    /// How far the pose can be trusted, and why.
+    /// Returns the status of the pose estimate and its reason.
     #[must_use]
     pub fn status(&self) -> (PoseStatus, Reason) {
         self.tracker.status()
     }
 
-    /// What the last picture told; `None` before any.
+    /// Returns the result of matching the last image; `None` before any.
     #[must_use]
     pub fn last_fix(&self) -> Option<&Fix> {
         self.tracker.last_fix()
     }
 
-    /// What looks at the pictures.
+    /// Returns the finder that matches images with the map.
     #[must_use]
     pub fn finder(&self) -> &Finder {
         self.tracker.finder()
     }
 
-    /// The path that is followed.
+    /// Returns the path that is followed.
     #[must_use]
     pub fn route(&self) -> &Route {
-        self.driver.route()
+        self.follower.route()
     }
 
     fn stamp(&self) -> Option<Time> {
         self.tracker.newest().map(|(stamp, _)| stamp)
     }
 
-    /// Takes a new picture, and tells the driver what that does to the pose.
-    fn look(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
+    /// Processes a new image and informs the path follower of the resulting jump of the pose.
+    fn process_image(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {
         let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) else { return };
         let was_lost = self.tracker.search().is_some();
         let before = self.lateral_error_m();
-        self.tracker.look(&frame, inputs.now());
+        self.tracker.process_image(&frame, inputs.now());
         if was_lost && self.tracker.search().is_none() {
-            self.driver.forget_station();
+            self.follower.forget_progress();
         } else if let (Some(before), Some(after)) = (before, self.lateral_error_m()) {
-            self.driver.jump(after - before);
+            self.follower.add_jump(after - before);
         }
         self.avoid(Time(frame.header.stamp_ns), outputs);
     }
 
-    /// Tells what stands around that is not on the map, and goes round it.
+    /// Publishes the obstacles that are not on the map and plans a path around them.
     fn avoid(&mut self, stamp: Time, outputs: &mut Outputs<'_>) {
         let edges = self.tracker.finder().method().unknown_edges();
-        if edges.is_empty() && self.obstacles.told().is_empty() {
+        if edges.is_empty() && self.obstacles.list().is_empty() {
             return;
         }
-        self.obstacles.take(edges);
+        self.obstacles.group(edges);
         if let Some((_, belief)) = self.tracker.newest().filter(|_| self.tracker.search().is_none()) {
-            self.obstacles.grow(edges, self.radius_m - REPLAN_M, &mut self.near);
-            self.obstacles.grow(edges, self.radius_m, &mut self.grown);
-            self.driver.avoid(&self.near, &self.grown, belief);
+            self.obstacles.inflate(edges, self.radius_m - REPLAN_M, &mut self.hard);
+            self.obstacles.inflate(edges, self.radius_m, &mut self.inflated);
+            self.follower.avoid(&self.hard, &self.inflated, belief);
         }
         let header =
-            ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence: self.obstacles_told };
-        // Nobody listens, or the bus is full: the path counts all the same.
-        if outputs.publish(OBSTACLES.name, &header, self.obstacles.told()).is_ok() {
-            self.obstacles_told += 1;
+            ObstaclesHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence: self.obstacle_sequence };
+        // A failed publication does not affect driving.
+        if outputs.publish(OBSTACLES.name, &header, self.obstacles.list()).is_ok() {
+            self.obstacle_sequence += 1;
         }
     }
 
     fn lateral_error_m(&self) -> Option<f64> {
-        Some(self.driver.station(self.belief()?)?.lateral_error_m)
+        Some(self.follower.progress(self.belief()?)?.lateral_error_m)
     }
 
     fn drive(&mut self, now: Time) -> Proposal {
         let Some(belief) = self.belief().copied() else { return Proposal::abstain(Reason::NoInput) };
-        let proposal = self.driver.drive(&belief, self.share_of_speed(&belief, now));
+        let proposal = self.follower.drive(&belief, self.speed_factor(&belief, now));
         match proposal.reason() {
-            Some(Reason::Nominal) => proposal.because(self.tracker.status().1),
+            Some(Reason::Nominal) => proposal.with_reason(self.tracker.status().1),
             _ => proposal,
         }
     }
 
-    /// The share of the cruising speed that the pose is good for.
-    fn share_of_speed(&self, belief: &Belief, now: Time) -> f64 {
+    /// Returns the fraction of the cruising speed that the quality of the pose estimate permits, 0 to 1.
+    fn speed_factor(&self, belief: &Belief, now: Time) -> f64 {
         let age_s = self.tracker.last_fix_at().map_or(f64::INFINITY, |fix| now.seconds_after(fix));
-        let share: f64 = match self.tracker.status().0 {
+        let factor: f64 = match self.tracker.status().0 {
             PoseStatus::Tracking => 1.0,
             PoseStatus::Coasting if age_s <= COAST_S => 1.0,
             _ => 0.5,
         };
-        let is_vague = belief.sigma_xy_m() > VAGUE.0 || belief.sigma_theta_rad() > VAGUE.1;
-        if is_vague { share.min(0.4) } else { share }
+        let is_vague = belief.sigma_xy_m() > VAGUE_SIGMA.0 || belief.sigma_theta_rad() > VAGUE_SIGMA.1;
+        if is_vague { factor.min(0.4) } else { factor }
     }
 
     fn publish(&mut self, outputs: &mut Outputs<'_>) {
         let Some((stamp, belief)) = self.tracker.newest() else { return };
         let (stamp_ns, evidence_ns) = (stamp.0, self.tracker.evidence().0);
         self.sequence += 1;
-        // How far the map's edges are off together is in every picture: it does not grow less with more of them.
-        let of_map = |i: usize| if i == 0 || i == 4 { self.map_variance } else { 0.0 };
+        // An offset of the whole map is common to all images, so more images do not reduce it.
+        let map_variance = |i: usize| if i == 0 || i == 4 { self.map_variance } else { 0.0 };
         let pose = Pose {
             stamp_ns,
             evidence_ns,
@@ -267,23 +279,23 @@ impl MapLocalizer {
             x: belief.pose.x,
             y: belief.pose.y,
             theta: belief.pose.theta,
-            covariance: std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)] + of_map(i)),
+            covariance: std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)] + map_variance(i)),
             status: self.tracker.status().0.code(),
             reserved: 0,
         };
-        // Nobody listens, or the bus is full: the proposal counts all the same.
+        // A failed publication does not affect the proposal.
         let _ = outputs.publish(POSE.name, &pose, &[]);
-        let Some(station) = self.driver.station(belief) else { return };
+        let Some(progress) = self.follower.progress(belief) else { return };
         let header = PathHeader {
             stamp_ns,
             evidence_ns,
             sequence: self.sequence,
-            lateral_error_m: station.lateral_error_m,
-            heading_error_rad: station.heading_error_rad,
-            progress_m: station.progress_m,
+            lateral_error_m: progress.lateral_error_m,
+            heading_error_rad: progress.heading_error_rad,
+            progress_m: progress.progress_m,
         };
         let mut points = [PathPoint::default(); MAX_CORNERS];
-        let corners = self.driver.route().corners();
+        let corners = self.follower.route().corners();
         for (point, corner) in points.iter_mut().zip(corners) {
             *point = PathPoint { x: corner.x, y: corner.y };
         }
@@ -291,12 +303,12 @@ impl MapLocalizer {
     }
 }
 
-/// Turns where the robot stands until the pose is found, or all was looked at.
+/// Turns in place until the pose is found; halts after the last heading of the search.
 fn look_around(search: &LookAround, heading: f64) -> Proposal {
-    match search.turn(heading) {
+    match search.next_turn(heading) {
         Some(twist) => Proposal::drive(Axes::PLANAR, twist)
             .uncoupled()
-            .because(Reason::Searching)
+            .with_reason(Reason::Searching)
             .with_note(format_args!("pose lost, looking around")),
         None => Proposal::halt(Axes::PLANAR, Reason::Lost)
             .with_note(format_args!("pose lost, and nothing of the map is recognized")),

@@ -1,95 +1,96 @@
-//! What stands in the way that the map does not tell of: edges that are seen from several places and are not the map's.
+//! Obstacles that are not on the map, located from vertical edges seen from several positions.
 //!
-//! Yagi, Nishizawa & Yachida (1995), section VI: edges without a partner on the map are followed and located; those that stay
-//! where they are make obstacles, which a new path leads around. Differs from \[1\]: what the robot drives straight at has no
-//! parallax, and is placed where its foot is seen on the floor.
+//! Yagi, Nishizawa & Yachida (1995) \[1\], section VI: edges that match none of the map's are tracked and located;
+//! those that are stationary form obstacles, which a new path leads around. Differs from \[1\]: an edge straight ahead
+//! of the robot has no parallax, so it is located at its foot on the floor.
 
 use nalgebra::{Matrix2, Point2, Vector2};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Obstacle;
 use yamabico_vision::azimuth_map::{
-    EdgeMap, Inflation, LocatedEdge, LocusRule, LocusTracker, MapEdge, ObstacleClusters, SeenEdge, explains,
-    inflate,
+    EdgeMap, Inflation, LocatedEdge, LocusRule, LocusTracker, MapEdge, ObservedEdge, ObstacleClusters,
+    inflate, is_explained,
 };
 
-/// An edge is believed once it was seen in more pictures than this ...
+/// Number of images with an edge above which it can count as an obstacle.
 const MIN_SEEN: u32 = 15;
-/// ... and is located as well as this, meters.
+/// Maximum standard deviation of an edge's position, m.
 const MAX_SIGMA_M: f64 = 0.10;
-/// An edge of the map nearer than this (m) to it explains it.
+/// Distance to an edge of the map below which the two are the same edge, m.
 const SAME_EDGE_M: f64 = 0.15;
-/// Edges nearer to each other than this (m) belong to one obstacle.
+/// Distance between edges below which they belong to one obstacle, m.
 const LINK_M: f64 = 0.35;
-/// Standard deviation of the azimuth of an edge that is followed, rad: of the picture and of the pose.
+/// Standard deviation of the azimuth of a tracked edge from image and pose together, rad.
 const AZIMUTH_SIGMA_RAD: f64 = 0.005;
-/// A foot is believed only as near as this to where it is, meters.
+/// Maximum standard deviation of a foot's distance, m.
 const MAX_FOOT_SIGMA_M: f64 = 0.15;
-/// Most edges that are told.
+/// Maximum number of edges.
 pub const MAX_EDGES: usize = 32;
 
-/// An edge that is not the map's.
+/// Vertical edge that is not on the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnknownEdge {
-    /// On the map, meters.
+    /// Position in the map frame, m.
     pub position: Point2<f64>,
-    /// Of the position, square meters.
+    /// Covariance of the position, m².
     pub covariance: Matrix2<f64>,
-    /// Pictures that it was seen in.
+    /// Number of images in which the edge was seen.
     pub seen: u32,
 }
 
-/// Where an edge stands on the floor, from one picture.
+/// Foot of an edge on the floor, from one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
-    /// From the camera's axis, meters.
+    /// Distance from the camera's axis, m.
     pub distance_m: f64,
-    /// Its standard deviation, meters.
+    /// Standard deviation of the distance, m.
     pub sigma_m: f64,
 }
 
-/// The foot that an edge was last seen with.
+/// Position of a tracked edge from its last visible foot.
 #[derive(Clone, Copy, Debug)]
-struct Standing {
+struct FootPosition {
     locus: u32,
     position: Point2<f64>,
     covariance: Matrix2<f64>,
 }
 
-/// Follows the edges that the map does not explain. Keeps its buffers.
+/// Tracker of the edges that are not on the map. Reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct UnknownEdges {
     map: Vec<LocatedEdge>,
     tracker: LocusTracker,
-    standing: Vec<Standing>,
+    feet: Vec<FootPosition>,
     edges: Vec<UnknownEdge>,
 }
 
 impl UnknownEdges {
-    /// With the map that explains edges.
+    /// Creates a tracker that ignores the edges of this map.
     #[must_use]
     pub fn new(map: &EdgeMap) -> Self {
         let rule = LocusRule { sigma_rad: AZIMUTH_SIGMA_RAD, ..LocusRule::default() };
         Self {
             map: map.edges.iter().map(MapEdge::located).collect(),
             tracker: LocusTracker::new(rule),
-            standing: Vec::new(),
+            feet: Vec::new(),
             edges: Vec::with_capacity(MAX_EDGES),
         }
     }
 
-    /// Takes what a picture shows beside the map, seen from this pose of the camera on the map, and the feet of these edges
-    /// where they are seen.
-    pub fn take(&mut self, seen: &[SeenEdge], feet: &[Option<Foot>], camera: &Pose2) {
-        self.tracker.take(seen, camera);
+    /// Tracks the unmatched edges of an image. `feet` contains the visible foot of each edge, `camera` is the pose of
+    /// the camera in the map frame.
+    pub fn track(&mut self, seen: &[ObservedEdge], feet: &[Option<Foot>], camera: &Pose2) {
+        self.tracker.update(seen, camera);
         let loci = self.tracker.loci();
-        self.standing.retain(|standing| loci.iter().any(|locus| locus.number == standing.locus));
-        for ((edge, foot), place) in seen.iter().zip(feet).zip(self.tracker.locus_of_seen()) {
-            let good = foot.as_ref().filter(|foot| foot.sigma_m <= MAX_FOOT_SIGMA_M);
-            if let (Some(foot), Some(place)) = (good, place) {
-                let standing = standing(loci[*place].number, foot, camera, camera.theta + edge.azimuth_rad);
-                match self.standing.iter_mut().find(|known| known.locus == standing.locus) {
-                    Some(known) => *known = standing,
-                    None => self.standing.push(standing),
+        self.feet.retain(|known| loci.iter().any(|locus| locus.number == known.locus));
+        for ((edge, foot), index) in seen.iter().zip(feet).zip(self.tracker.locus_of_observed()) {
+            let usable = foot.as_ref().filter(|foot| foot.sigma_m <= MAX_FOOT_SIGMA_M);
+            if let (Some(foot), Some(index)) = (usable, index) {
+                let located =
+                    foot_position(loci[*index].number, foot, camera, camera.theta + edge.azimuth_rad);
+                match self.feet.iter_mut().find(|known| known.locus == located.locus) {
+                    Some(known) => *known = located,
+                    None => self.feet.push(located),
                 }
             }
         }
@@ -97,33 +98,27 @@ impl UnknownEdges {
         for locus in loci.iter().filter(|locus| locus.seen > MIN_SEEN) {
             let crossing = locus.located().filter(|edge| sigma_m(&edge.covariance) <= MAX_SIGMA_M);
             let foot = || {
-                let standing = self.standing.iter().find(|known| known.locus == locus.number)?;
-                let (position, covariance) = (standing.position, standing.covariance);
+                let foot = self.feet.iter().find(|known| known.locus == locus.number)?;
+                let (position, covariance) = (foot.position, foot.covariance);
                 Some(LocatedEdge { position, covariance, sign: Some(locus.sign) })
             };
             let Some(located) = crossing.or_else(foot) else { continue };
-            if self.edges.len() < MAX_EDGES && !explains(&self.map, &located, SAME_EDGE_M) {
+            if self.edges.len() < MAX_EDGES && !is_explained(&self.map, &located, SAME_EDGE_M) {
                 let (position, covariance) = (located.position, located.covariance);
                 self.edges.push(UnknownEdge { position, covariance, seen: locus.seen });
             }
         }
     }
 
-    /// Those that stand where they are known to.
+    /// Returns the edges that are located precisely enough.
     #[must_use]
     pub fn edges(&self) -> &[UnknownEdge] {
         &self.edges
     }
-
-    /// All that are followed.
-    #[must_use]
-    pub fn tracker(&self) -> &LocusTracker {
-        &self.tracker
-    }
 }
 
 impl UnknownEdge {
-    /// The larger standard deviation of the position, meters.
+    /// Returns the maximum standard deviation of the position over all directions, m.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
         sigma_m(&self.covariance)
@@ -134,40 +129,40 @@ fn sigma_m(covariance: &Matrix2<f64>) -> f64 {
     covariance.symmetric_eigenvalues().max().max(0.0).sqrt()
 }
 
-fn standing(locus: u32, foot: &Foot, camera: &Pose2, bearing_rad: f64) -> Standing {
+fn foot_position(locus: u32, foot: &Foot, camera: &Pose2, bearing_rad: f64) -> FootPosition {
     let along = Vector2::new(bearing_rad.cos(), bearing_rad.sin());
     let across = Vector2::new(-along.y, along.x) * (foot.distance_m * AZIMUTH_SIGMA_RAD);
     let along_sigma = along * foot.sigma_m;
-    Standing {
+    FootPosition {
         locus,
         position: camera.position() + along * foot.distance_m,
         covariance: along_sigma * along_sigma.transpose() + across * across.transpose(),
     }
 }
 
-/// Groups edges into obstacles. Keeps its buffers.
+/// Obstacles formed by groups of unknown edges. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Obstacles {
     clusters: ObstacleClusters,
-    places: Vec<Point2<f64>>,
+    positions: Vec<Point2<f64>>,
     labels: Vec<usize>,
-    told: Vec<Obstacle>,
+    list: Vec<Obstacle>,
     corners: Vec<Point2<f64>>,
 }
 
 impl Obstacles {
-    /// Takes the edges that are known.
-    pub fn take(&mut self, edges: &[UnknownEdge]) {
-        self.places.clear();
-        self.places.extend(edges.iter().map(|edge| edge.position));
+    /// Groups the edges into obstacles.
+    pub fn group(&mut self, edges: &[UnknownEdge]) {
+        self.positions.clear();
+        self.positions.extend(edges.iter().map(|edge| edge.position));
         self.labels.clear();
-        self.labels.extend_from_slice(self.clusters.label(&self.places, LINK_M, |_, _| false));
-        self.told.clear();
+        self.labels.extend_from_slice(self.clusters.label(&self.positions, LINK_M, |_, _| false));
+        self.list.clear();
         for (i, edge) in edges.iter().enumerate() {
             let others = (0..edges.len()).filter(|&j| self.labels[j] == self.labels[i]);
-            let reach = others.map(|j| (self.places[j] - self.places[i]).norm()).fold(0.0, f64::max);
+            let reach = others.map(|j| (self.positions[j] - self.positions[i]).norm()).fold(0.0, f64::max);
             let covariance = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|at| edge.covariance[at]);
-            self.told.push(Obstacle {
+            self.list.push(Obstacle {
                 x: edge.position.x,
                 y: edge.position.y,
                 radius_m: 0.5 * reach,
@@ -177,29 +172,29 @@ impl Obstacles {
         }
     }
 
-    /// One for each edge, which reaches half way to the farthest one of the same obstacle.
+    /// Returns one circle per edge, with half the distance to the farthest edge of the same obstacle as its radius.
     #[must_use]
-    pub fn told(&self) -> &[Obstacle] {
-        &self.told
+    pub fn list(&self) -> &[Obstacle] {
+        &self.list
     }
 
-    /// Their hulls, so much larger that the center of a robot of this radius (m) may go anywhere outside of them. Call after
-    /// [`Obstacles::take`] with the same edges.
-    pub fn grow(&mut self, edges: &[UnknownEdge], robot_radius_m: f64, grown: &mut Vec<Vec<Point2<f64>>>) {
+    /// Writes the convex hulls of the obstacles, inflated by the radius of the robot (m) and the uncertainty of the
+    /// edges. The edges must be those of the last call of [`Obstacles::group`].
+    pub fn inflate(&mut self, edges: &[UnknownEdge], robot_radius_m: f64, hulls: &mut Vec<Vec<Point2<f64>>>) {
         let mut count = 0;
         for first in 0..self.labels.len() {
             if self.labels[first] != first {
                 continue;
             }
-            let of_group = || (first..edges.len()).filter(|&i| self.labels[i] == first);
-            let sigma_m = of_group().map(|i| edges[i].sigma_m()).fold(0.0, f64::max);
+            let members = || (first..edges.len()).filter(|&i| self.labels[i] == first);
+            let sigma_m = members().map(|i| edges[i].sigma_m()).fold(0.0, f64::max);
             let inflation = Inflation::of_robot(robot_radius_m, sigma_m);
-            if grown.len() == count {
-                grown.push(Vec::new());
+            if hulls.len() == count {
+                hulls.push(Vec::new());
             }
-            inflate(of_group().map(|i| self.places[i]), &inflation, &mut self.corners, &mut grown[count]);
+            inflate(members().map(|i| self.positions[i]), &inflation, &mut self.corners, &mut hulls[count]);
             count += 1;
         }
-        grown.truncate(count);
+        hulls.truncate(count);
     }
 }

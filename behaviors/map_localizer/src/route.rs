@@ -1,111 +1,106 @@
-//! Paths along straight lines between way-points, and where the robot stands on one.
+//! Paths of straight legs between corners, path planning by waypoints, and the robot's progress along a path.
 
 use nalgebra::Point2;
 use thiserror::Error;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_vision::map::WireFrame;
 
-/// Corners nearer to each other (m) are one.
-const SAME_PLACE_M: f64 = 1e-6;
-/// Distance between the places of a way whose clearance is looked at, meters.
+/// Length below which a leg is skipped, m.
+const MIN_LEG_M: f64 = 1e-6;
+/// Spacing of the points at which the clearance of a leg is checked, m.
 const SAMPLE_M: f64 = 0.05;
-/// The robot may be pushed back along its path by this, meters; farther back it is not looked for ...
-const SLIP_BACK_M: f64 = 0.5;
-/// ... nor farther ahead than this at once, meters.
-const STEP_AHEAD_M: f64 = 0.5;
-/// Most corners of a path.
+/// Maximum distance behind the robot's previous progress in which its position on the path is searched, m.
+const MAX_BACKWARD_M: f64 = 0.5;
+/// Maximum distance ahead of the robot's previous progress in which its position on the path is searched, m.
+const MAX_FORWARD_M: f64 = 0.5;
+/// Maximum number of corners of a path.
 pub const MAX_CORNERS: usize = 64;
 
-/// Why there is no path.
+/// Reason why there is no path.
+// The texts are part of proposal notes, which the digests of recordings cover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RouteError {
-    /// Every way crosses a wall or passes too near to one.
+    /// All paths cross a wall or pass too close to one.
     #[error("every way to the goal is blocked by a wall of the map")]
     Blocked,
-    /// The goal is no place.
+    /// The start or the goal is not finite.
     #[error("the goal is no place")]
     NotFinite,
 }
 
-/// A path: corners, map frame.
+/// Path given by its corners, map frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Route {
     corners: Vec<Point2<f64>>,
-    /// The goal is reached within this distance, meters.
+    /// Distance at which the goal is reached, m.
     pub tolerance_m: f64,
 }
 
-/// Where the robot stands on a path.
+/// Robot's position relative to a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Station {
-    /// Path length behind, meters.
+pub struct PathProgress {
+    /// Path length from the start to the robot, m.
     pub progress_m: f64,
-    /// Path length ahead, meters.
+    /// Path length from the robot to the end, m.
     pub to_go_m: f64,
-    /// Robot left of the path, meters.
+    /// Distance of the robot from the path, m, positive to the left.
     pub lateral_error_m: f64,
-    /// Robot's heading less the path's, rad.
+    /// Robot's heading minus the path's heading, rad.
     pub heading_error_rad: f64,
-    /// The path's heading here, rad.
+    /// Heading of the path at the robot, rad.
     pub heading_rad: f64,
-    /// Straight distance to the end, meters.
+    /// Straight-line distance to the end, m.
     pub distance_m: f64,
 }
 
-/// What a way must keep from the walls.
+/// Planner of paths that keep a distance from the walls.
 #[derive(Clone, Copy, Debug)]
 pub struct Planner<'a> {
-    /// The map.
+    /// Map with the walls.
     pub map: &'a WireFrame,
-    /// Least distance of a way from a wall, meters.
+    /// Minimum distance of a path from a wall, m.
     pub clearance_m: f64,
 }
 
 impl Route {
-    /// A path along these corners.
+    /// Creates a path along these corners.
     #[must_use]
     pub fn new(corners: Vec<Point2<f64>>, tolerance_m: f64) -> Self {
         Self { corners, tolerance_m }
     }
 
-    /// Its corners.
+    /// Returns the corners.
     #[must_use]
     pub fn corners(&self) -> &[Point2<f64>] {
         &self.corners
     }
 
-    /// Whether it leads anywhere.
+    /// Returns the robot's progress at the nearest point of the path; `None` without a path. If the maximum progress so
+    /// far is given (m), only points close to it are considered, since a path may cross itself.
     #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.corners.len() < 2
-    }
-
-    /// Where a robot stands: the nearest place of the path; of a robot that had come this far (m) already, the nearest one
-    /// thereabouts, for a path may cross itself. `None` without a path.
-    #[must_use]
-    pub fn station(&self, pose: &Pose2, farthest_m: Option<f64>) -> Option<Station> {
+    pub fn progress(&self, pose: &Pose2, max_progress_m: Option<f64>) -> Option<PathProgress> {
         let at = pose.position();
-        let min_m = farthest_m.map_or(0.0, |farthest| (farthest - SLIP_BACK_M).max(0.0));
-        let max_m = farthest_m.map_or(f64::INFINITY, |farthest| farthest + STEP_AHEAD_M);
+        let min_m = max_progress_m.map_or(0.0, |max| (max - MAX_BACKWARD_M).max(0.0));
+        let max_m = max_progress_m.map_or(f64::INFINITY, |max| max + MAX_FORWARD_M);
         let total_m = self.length_m();
         let mut begin_m = 0.0;
-        let mut best: Option<(f64, Station)> = None;
+        let mut best: Option<(f64, PathProgress)> = None;
         for pair in self.corners.windows(2) {
             let run = pair[1] - pair[0];
             let length = run.norm();
-            if length <= SAME_PLACE_M {
+            if length <= MIN_LEG_M {
                 continue;
             }
-            let [least, most] = [min_m, max_m].map(|limit| ((limit - begin_m) / length).clamp(0.0, 1.0));
-            let share = (run.dot(&(at - pair[0])) / (length * length)).clamp(least, most);
-            let distance = (at - (pair[0] + run * share)).norm();
+            let [min, max] = [min_m, max_m].map(|limit| ((limit - begin_m) / length).clamp(0.0, 1.0));
+            let fraction = (run.dot(&(at - pair[0])) / (length * length)).clamp(min, max);
+            let distance = (at - (pair[0] + run * fraction)).norm();
             let is_near = begin_m <= max_m && begin_m + length >= min_m;
             if is_near && best.as_ref().is_none_or(|(nearest, _)| distance < *nearest) {
                 let heading_rad = run.y.atan2(run.x);
-                let progress_m = begin_m + share * length;
+                let progress_m = begin_m + fraction * length;
                 best = Some((
                     distance,
-                    Station {
+                    PathProgress {
                         progress_m,
                         to_go_m: total_m - progress_m,
                         lateral_error_m: run.perp(&(at - pair[0])) / length,
@@ -117,17 +112,17 @@ impl Route {
             }
             begin_m += length;
         }
-        best.map(|(_, station)| station)
+        best.map(|(_, progress)| progress)
     }
 
-    /// The place at this length from the beginning, meters; the ends beyond them.
+    /// Returns the point at this distance along the path (m), clamped to its ends; `None` without corners.
     #[must_use]
-    pub fn place_at(&self, progress_m: f64) -> Option<Point2<f64>> {
+    pub fn point_at(&self, progress_m: f64) -> Option<Point2<f64>> {
         let mut rest = progress_m.max(0.0);
         for pair in self.corners.windows(2) {
             let run = pair[1] - pair[0];
             let length = run.norm();
-            if rest <= length && length > SAME_PLACE_M {
+            if rest <= length && length > MIN_LEG_M {
                 return Some(pair[0] + run * (rest / length));
             }
             rest -= length;
@@ -135,7 +130,7 @@ impl Route {
         self.corners.last().copied()
     }
 
-    /// The corners that lie beyond this length from the beginning, meters; the last one always does.
+    /// Returns the corners after this distance along the path (m), at least the last one.
     #[must_use]
     pub fn corners_after(&self, progress_m: f64) -> &[Point2<f64>] {
         let mut length_m = 0.0;
@@ -148,7 +143,7 @@ impl Route {
         &self.corners[self.corners.len().saturating_sub(1)..]
     }
 
-    /// Meters from its beginning to its end.
+    /// Returns the length of the path, m.
     #[must_use]
     pub fn length_m(&self) -> f64 {
         self.corners.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
@@ -156,7 +151,8 @@ impl Route {
 }
 
 impl Planner<'_> {
-    /// Whether the straight way keeps its distance from every wall. Where it begins it may be nearer, if it leads away.
+    /// Returns true if the straight leg keeps its distance from all walls. It may start closer to a wall if it leads
+    /// away.
     #[must_use]
     pub fn is_free(&self, from: Point2<f64>, to: Point2<f64>) -> bool {
         if !self.map.is_open(from, to) {
@@ -173,29 +169,29 @@ impl Planner<'_> {
         })
     }
 
-    /// The shortest path from `from` to `goal` along straight ways, by way of any of `way_points`.
+    /// Finds the shortest path of free legs from `from` to `goal`, through any of the waypoints.
     ///
     /// # Errors
-    /// Why there is none.
+    /// There is no path, or a coordinate is not finite.
     pub fn path(
         &self,
         from: Point2<f64>,
-        way_points: &[Point2<f64>],
+        waypoints: &[Point2<f64>],
         goal: Point2<f64>,
     ) -> Result<Vec<Point2<f64>>, RouteError> {
         if ![from.x, from.y, goal.x, goal.y].iter().all(|value| value.is_finite()) {
             return Err(RouteError::NotFinite);
         }
-        let mut places = vec![from];
-        places.extend_from_slice(way_points);
-        places.push(goal);
-        let last = places.len() - 1;
-        let mut lengths = vec![f64::INFINITY; places.len()];
-        let mut before = vec![0; places.len()];
-        let mut is_done = vec![false; places.len()];
+        let mut nodes = vec![from];
+        nodes.extend_from_slice(waypoints);
+        nodes.push(goal);
+        let last = nodes.len() - 1;
+        let mut lengths = vec![f64::INFINITY; nodes.len()];
+        let mut previous = vec![0; nodes.len()];
+        let mut is_done = vec![false; nodes.len()];
         lengths[0] = 0.0;
-        // Dijkstra's algorithm: a place's ways are looked at when it is reached.
-        while let Some(here) = (0..places.len())
+        // Dijkstra's algorithm; the legs from a node are checked only when the node is reached.
+        while let Some(here) = (0..nodes.len())
             .filter(|&i| !is_done[i] && lengths[i].is_finite())
             .min_by(|&a, &b| lengths[a].total_cmp(&lengths[b]))
         {
@@ -203,11 +199,11 @@ impl Planner<'_> {
             if here == last {
                 break;
             }
-            for there in 1..places.len() {
-                let length = lengths[here] + (places[there] - places[here]).norm();
-                if !is_done[there] && length < lengths[there] && self.is_free(places[here], places[there]) {
+            for there in 1..nodes.len() {
+                let length = lengths[here] + (nodes[there] - nodes[here]).norm();
+                if !is_done[there] && length < lengths[there] && self.is_free(nodes[here], nodes[there]) {
                     lengths[there] = length;
-                    before[there] = here;
+                    previous[there] = here;
                 }
             }
         }
@@ -217,8 +213,8 @@ impl Planner<'_> {
         let mut path = vec![goal];
         let mut here = last;
         while here != 0 {
-            here = before[here];
-            path.push(places[here]);
+            here = previous[here];
+            path.push(nodes[here]);
         }
         path.reverse();
         Ok(path)
@@ -239,49 +235,49 @@ mod tests {
     }
 
     #[test]
-    fn a_station_tells_side_heading_and_progress() {
+    fn progress_contains_lateral_error_heading_error_and_distance() {
         let route = Route::new(vec![point(0.0, 0.0), point(2.0, 0.0), point(2.0, 3.0)], 0.1);
-        let station = route.station(&Pose2::new(1.0, 0.2, 0.1), None).unwrap();
-        assert!((station.progress_m - 1.0).abs() < 1e-12 && (station.lateral_error_m - 0.2).abs() < 1e-12);
-        assert!((station.heading_error_rad - 0.1).abs() < 1e-12 && (station.to_go_m - 4.0).abs() < 1e-12);
-        let station = route.station(&Pose2::new(2.3, 1.0, 0.0), None).unwrap();
-        assert!((station.progress_m - 3.0).abs() < 1e-12 && (station.lateral_error_m + 0.3).abs() < 1e-12);
-        let station = route.station(&Pose2::new(1.0, 0.0, 0.0), Some(3.0)).unwrap();
-        assert!((station.progress_m - 2.5).abs() < 1e-12, "it does not go far back");
-        assert!(Route::default().station(&Pose2::IDENTITY, None).is_none());
-        assert_eq!(route.place_at(2.5), Some(point(2.0, 0.5)));
-        assert_eq!(route.place_at(99.0), Some(point(2.0, 3.0)));
+        let progress = route.progress(&Pose2::new(1.0, 0.2, 0.1), None).unwrap();
+        assert!((progress.progress_m - 1.0).abs() < 1e-12 && (progress.lateral_error_m - 0.2).abs() < 1e-12);
+        assert!((progress.heading_error_rad - 0.1).abs() < 1e-12 && (progress.to_go_m - 4.0).abs() < 1e-12);
+        let progress = route.progress(&Pose2::new(2.3, 1.0, 0.0), None).unwrap();
+        assert!((progress.progress_m - 3.0).abs() < 1e-12 && (progress.lateral_error_m + 0.3).abs() < 1e-12);
+        let progress = route.progress(&Pose2::new(1.0, 0.0, 0.0), Some(3.0)).unwrap();
+        assert!((progress.progress_m - 2.5).abs() < 1e-12, "limited backward search");
+        assert!(Route::default().progress(&Pose2::IDENTITY, None).is_none());
+        assert_eq!(route.point_at(2.5), Some(point(2.0, 0.5)));
+        assert_eq!(route.point_at(99.0), Some(point(2.0, 3.0)));
     }
 
     #[test]
-    fn where_a_path_crosses_itself_the_robot_stays_on_its_piece() {
+    fn a_robot_stays_on_its_leg_at_a_self_intersection() {
         let corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 2.0), (1.0, -2.0)];
         let route = Route::new(corners.map(|(x, y)| point(x, y)).to_vec(), 0.1);
         let mut farthest = None;
         for i in 0..=20 {
-            // A little nearer to the piece that crosses.
-            let station = route.station(&Pose2::new(0.1 * f64::from(i), 0.01, 0.0), farthest).unwrap();
-            assert!((station.progress_m - 0.1 * f64::from(i)).abs() < 0.011, "{}", station.progress_m);
-            farthest = Some(station.progress_m);
+            // Slightly closer to the crossing leg.
+            let progress = route.progress(&Pose2::new(0.1 * f64::from(i), 0.01, 0.0), farthest).unwrap();
+            assert!((progress.progress_m - 0.1 * f64::from(i)).abs() < 0.011, "{}", progress.progress_m);
+            farthest = Some(progress.progress_m);
         }
-        let lost = route.station(&Pose2::new(1.01, 0.2, 0.0), None).unwrap();
+        let lost = route.progress(&Pose2::new(1.01, 0.2, 0.0), None).unwrap();
         assert!((lost.progress_m - 6.8).abs() < 1e-9, "the whole path: {}", lost.progress_m);
     }
 
     #[test]
-    fn a_way_round_a_wall_goes_by_a_way_point() {
+    fn a_path_around_a_wall_uses_a_waypoint() {
         let map = wall_across();
         let planner = Planner { map: &map, clearance_m: 0.3 };
         let (from, goal) = (point(0.0, 0.0), point(4.0, 0.0));
         assert_eq!(planner.path(from, &[], goal), Err(RouteError::Blocked));
-        assert_eq!(planner.path(from, &[point(2.0, 1.1)], goal), Err(RouteError::Blocked), "too near");
+        assert_eq!(planner.path(from, &[point(2.0, 1.1)], goal), Err(RouteError::Blocked), "too close");
         let path = planner.path(from, &[point(2.0, 1.5), point(2.0, 3.0)], goal).unwrap();
         assert_eq!(path, [from, point(2.0, 1.5), goal]);
         assert_eq!(planner.path(from, &[], point(f64::NAN, 0.0)), Err(RouteError::NotFinite));
     }
 
     #[test]
-    fn a_robot_near_a_wall_may_leave_it() {
+    fn a_robot_close_to_a_wall_may_drive_away() {
         let map = wall_across();
         let planner = Planner { map: &map, clearance_m: 0.3 };
         assert!(planner.is_free(point(1.9, 0.0), point(0.0, 0.0)));

@@ -1,4 +1,4 @@
-//! Keeps the pose: dead reckoning, fixes at the instants of their pictures, and the search when it is lost.
+//! Pose tracking: dead reckoning, retroactive corrections by images, and the search for a lost pose.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -11,159 +11,164 @@ use yamabico_core::time::Time;
 use crate::belief::{Belief, difference};
 use crate::config::Config;
 use crate::finder::Finder;
-use crate::fix::{Fix, Trust};
+use crate::fix::{Fix, NoiseFactors};
 use crate::health::{Advice, Health, INFLATION};
 use crate::history::{CAPACITY, History, HistoryError};
 use crate::look_around::LookAround;
 use crate::motion::Increment;
 
-/// The least variances of a belief after a fix: 5 mm, 5 mm, 0.1 degrees.
-const FLOOR: [f64; 3] = [25e-6, 25e-6, 3.046e-6];
-/// A correction by more than this (m), or beyond this squared distance, waits for the next picture to agree ...
-const LARGE: (f64, f64) = (0.5, 14.16);
-/// ... within these (m, rad).
-const AGREEING: (f64, f64) = (0.15, 0.05);
-/// Turning by a radian changes what is seen as much as driving so far, meters.
+/// Minimum variances of (x, y, theta) after a fix, m², m², rad²: (5 mm)², (5 mm)², (0.1 deg)².
+const MIN_VARIANCES: [f64; 3] = [25e-6, 25e-6, 3.046e-6];
+/// Distance (m) and squared Mahalanobis distance above which a correction must be confirmed by the next image.
+const LARGE_CORRECTION: (f64, f64) = (0.5, 14.16);
+/// Maximum difference between a large correction and its confirmation, m and rad.
+const CONFIRMATION_TOLERANCE: (f64, f64) = (0.15, 0.05);
+/// Distance driven that decorrelates two images as much as a turn by 1 rad, m.
 const TURN_M: f64 = 0.5;
-/// Pictures from one place still tell a little.
-const MAX_REPETITION: f64 = 50.0;
-/// Odometry that moves faster than the robot can by this factor has jumped ...
+/// Maximum factor on the variance of images that are correlated with the previous fix.
+const MAX_CORRELATION: f64 = 50.0;
+/// Multiple of the robot's maximum speed above which odometry counts as a jump.
 const JUMP_FACTOR: f64 = 3.0;
-/// ... and says nothing of the motion but this (m, rad).
+/// Standard deviations of position (m) and heading (rad) added by a jump of the odometry.
 const JUMP_SIGMA: (f64, f64) = (0.1, 0.1);
 
-/// What is known of the robot's place at an instant, to go on from.
+/// Saved state of a [`Tracker`], restored after a restart.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Track {
-    /// The instant.
+pub struct PoseState {
+    /// Time of the newest odometry.
     stamp: Time,
-    /// What the odometry told.
+    /// Odometry pose at this time.
     odometry: Pose2,
-    /// Map from robot.
+    /// Robot pose in the map frame at this time.
     pose: Pose2,
-    /// Of (x, y, theta), row by row.
+    /// Covariance of (x, y, theta), row-major, m and rad.
     covariance: [f64; 9],
-    /// When the picture of the last fix was taken.
+    /// Capture time of the image of the last fix.
     fixed: Option<Time>,
 }
 
-/// Where the robot is, by its camera and its wheels.
+/// Pose estimator that fuses odometry and camera images.
 #[derive(Clone, Debug)]
 pub struct Tracker {
     config: Config,
-    /// Faster than this (m/s, rad/s) only odometry that jumps is.
-    fastest: (f64, f64),
+    /// Speed (m/s) and turn rate (rad/s) above which odometry counts as a jump.
+    jump_speed: (f64, f64),
     finder: Finder,
     history: History,
     health: Health,
     odometry: Option<(Time, Pose2)>,
+    /// Distance driven in total, m.
     driven_m: f64,
-    looked_at_m: f64,
-    /// Driven, and turned for [`TURN_M`] a radian.
+    /// Value of `driven_m` at the last image.
+    driven_at_image_m: f64,
+    /// Distance driven, plus [`TURN_M`] per radian turned, m.
     moved_m: f64,
-    fixed_at_m: f64,
-    begun: Option<Time>,
-    last_picture: Option<Time>,
-    last_fix: Option<Time>,
-    seen: Option<Fix>,
-    held: Option<Vector3<f64>>,
+    /// Value of `moved_m` at the last fix.
+    moved_at_fix_m: f64,
+    started: Option<Time>,
+    last_image: Option<Time>,
+    last_fix_at: Option<Time>,
+    last_fix: Option<Fix>,
+    /// Large correction that awaits confirmation.
+    unconfirmed: Option<Vector3<f64>>,
     search: Option<LookAround>,
 }
 
 impl Tracker {
-    /// One for this robot, with a way to find it.
+    /// Creates a tracker for this robot with the given pose finder.
     #[must_use]
     pub fn new(config: &Config, finder: Finder, robot: &Robot) -> Self {
         let speed = &robot.limits.speed;
         Self {
-            fastest: (JUMP_FACTOR * speed[0].max(0.1), JUMP_FACTOR * speed[2].max(0.1)),
+            jump_speed: (JUMP_FACTOR * speed[0].max(0.1), JUMP_FACTOR * speed[2].max(0.1)),
             finder,
             history: History::new(CAPACITY, config.odometry.into()),
             health: Health::default(),
             odometry: None,
             driven_m: 0.0,
-            looked_at_m: 0.0,
+            driven_at_image_m: 0.0,
             moved_m: 0.0,
-            fixed_at_m: 0.0,
-            begun: None,
-            last_picture: None,
+            moved_at_fix_m: 0.0,
+            started: None,
+            last_image: None,
+            last_fix_at: None,
             last_fix: None,
-            seen: None,
-            held: None,
+            unconfirmed: None,
             search: None,
             config: config.clone(),
         }
     }
 
-    /// The belief at the newest odometry, and when that was; `None` before any.
+    /// Returns the belief at the newest odometry and its time; `None` before any.
     #[must_use]
     pub fn newest(&self) -> Option<(Time, &Belief)> {
         self.history.newest()
     }
 
-    /// How far the pose can be trusted, and why.
+    /// Returns the status of the pose estimate and its reason.
     #[must_use]
     pub fn status(&self) -> (PoseStatus, Reason) {
         (self.health.status(), self.health.reason())
     }
 
-    /// Oldest sensor data in the pose: the last picture that gave a fix, or the beginning.
+    /// Returns the time of the oldest sensor data in the pose: the capture time of the last fix, or the start.
     #[must_use]
     pub fn evidence(&self) -> Time {
-        self.last_fix.or(self.begun).unwrap_or(Time::ZERO)
+        self.last_fix_at.or(self.started).unwrap_or(Time::ZERO)
     }
 
-    /// When the picture of the last fix was taken; `None` before any.
+    /// Returns the capture time of the last image that gave a valid fix; `None` before any.
     #[must_use]
     pub fn last_fix_at(&self) -> Option<Time> {
-        self.last_fix
+        self.last_fix_at
     }
 
-    /// When the last picture was taken; `None` before any.
+    /// Returns the capture time of the last image; `None` before any.
     #[must_use]
-    pub fn last_picture_at(&self) -> Option<Time> {
-        self.last_picture
+    pub fn last_image_at(&self) -> Option<Time> {
+        self.last_image
     }
 
-    /// What the last picture told; `None` before any.
+    /// Returns the result of matching the last image, valid or not; `None` before any.
     #[must_use]
     pub fn last_fix(&self) -> Option<&Fix> {
-        self.seen.as_ref()
+        self.last_fix.as_ref()
     }
 
-    /// What looks at the pictures.
+    /// Returns the finder that matches images with the map.
     #[must_use]
     pub fn finder(&self) -> &Finder {
         &self.finder
     }
 
-    /// The search for a lost pose, and the odometry's heading (rad) that it refers to; `None` while the pose is known.
+    /// Returns the search for a lost pose and the current odometry heading (rad); `None` while the pose is known.
     #[must_use]
     pub fn search(&self) -> Option<(&LookAround, f64)> {
         Some((self.search.as_ref()?, self.odometry?.1.theta))
     }
 
-    /// What a successor must know; `None` before any odometry.
+    /// Returns the state to save for a restart; `None` before any odometry.
     #[must_use]
-    pub fn memory(&self) -> Option<Track> {
+    pub fn state(&self) -> Option<PoseState> {
         let ((stamp, odometry), (_, belief)) = (self.odometry?, self.history.newest()?);
         let covariance = std::array::from_fn(|i| belief.covariance[(i / 3, i % 3)]);
-        Some(Track { stamp, odometry, pose: belief.pose, covariance, fixed: self.last_fix })
+        Some(PoseState { stamp, odometry, pose: belief.pose, covariance, fixed: self.last_fix_at })
     }
 
-    /// Goes on where a predecessor stopped; the next odometry tells how far the robot has come since.
-    pub fn recall(&mut self, track: &Track) {
-        let covariance = Matrix3::from_row_slice(&track.covariance);
-        let belief = Belief { pose: track.pose, covariance };
-        if belief.is_sound() && track.odometry.is_finite() {
-            self.history.start(track.stamp, belief);
-            self.begun = Some(track.stamp);
-            self.odometry = Some((track.stamp, track.odometry));
-            self.last_fix = track.fixed;
+    /// Restores a saved state. The next odometry supplies the motion since it was saved.
+    pub fn restore(&mut self, state: &PoseState) {
+        let covariance = Matrix3::from_row_slice(&state.covariance);
+        let belief = Belief { pose: state.pose, covariance };
+        if belief.is_valid() && state.odometry.is_finite() {
+            self.history.start(state.stamp, belief);
+            self.started = Some(state.stamp);
+            self.odometry = Some((state.stamp, state.odometry));
+            self.last_fix_at = state.fixed;
         }
     }
 
-    /// Takes a reading of the odometry; what is not finite, not newer, or from the future moves nothing.
+    /// Propagates the pose by an odometry message. A message that is not finite, not newer or from the future is
+    /// ignored.
     pub fn take_odometry(&mut self, odometry: &Odometry, now: Time) {
         let (stamp, pose) = (Time(odometry.stamp_ns), Pose2::new(odometry.x, odometry.y, odometry.theta));
         if !pose.is_finite() || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
@@ -171,7 +176,7 @@ impl Tracker {
         }
         let Some((last_stamp, last_pose)) = self.odometry else {
             self.history.start(stamp, self.config.start.belief());
-            self.begun = Some(stamp);
+            self.started = Some(stamp);
             self.odometry = Some((stamp, pose));
             return;
         };
@@ -181,8 +186,8 @@ impl Tracker {
         self.odometry = Some((stamp, pose));
         let elapsed_s = stamp.seconds_after(last_stamp);
         let increment = Increment::between(&last_pose, &pose);
-        let has_jumped = last_pose.distance(&pose) > self.fastest.0 * elapsed_s + 0.02
-            || increment.turn_rad.abs() > self.fastest.1 * elapsed_s + 0.05;
+        let has_jumped = last_pose.distance(&pose) > self.jump_speed.0 * elapsed_s + 0.02
+            || increment.turn_rad.abs() > self.jump_speed.1 * elapsed_s + 0.05;
         if has_jumped {
             self.history.advance(stamp, Increment::default());
             self.widen(JUMP_SIGMA.0, JUMP_SIGMA.1);
@@ -193,16 +198,16 @@ impl Tracker {
             self.moved_m += increment.forward_m.abs() + TURN_M * increment.turn_rad.abs();
         }
         if let Some((_, belief)) = self.history.newest()
-            && self.health.watch(belief) == Advice::LookAround
+            && self.health.check(belief) == Advice::LookAround
         {
             self.begin_search();
         }
     }
 
-    /// Takes a picture: a fix, or a try to find the pose again.
-    pub fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
+    /// Corrects the pose with an image, or searches for a lost pose in it.
+    pub fn process_image(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        if self.last_picture.is_some_and(|last| stamp <= last) {
+        if self.last_image.is_some_and(|last| stamp <= last) {
             return self.health.miss(Reason::OutOfOrder);
         }
         if stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
@@ -212,10 +217,10 @@ impl Tracker {
             Ok(prior) => prior,
             Err(error) => return self.health.miss(reason(error)),
         };
-        self.last_picture = Some(stamp);
-        if let Err(reason) = self.finder.method_mut().take(frame) {
+        self.last_image = Some(stamp);
+        if let Err(reason) = self.finder.method_mut().observe(frame) {
             self.health.miss(reason);
-            self.search_in_vain();
+            self.count_failed_search();
         } else if self.search.is_some() {
             self.find(stamp, &prior);
         } else {
@@ -224,13 +229,13 @@ impl Tracker {
     }
 
     fn fix(&mut self, stamp: Time, prior: &Belief) {
-        let trust = self.trust();
-        let fix = self.finder.method_mut().fix(prior, trust);
-        self.seen = Some(fix);
-        let driven_m = self.driven_m - self.looked_at_m;
-        self.looked_at_m = self.driven_m;
-        match self.health.take(&fix, driven_m) {
-            Advice::GoOn => {}
+        let noise = self.noise_factors();
+        let fix = self.finder.method_mut().fix(prior, noise);
+        self.last_fix = Some(fix);
+        let driven_m = self.driven_m - self.driven_at_image_m;
+        self.driven_at_image_m = self.driven_m;
+        match self.health.evaluate(&fix, driven_m) {
+            Advice::Continue => {}
             Advice::Inflate => {
                 let covariance = prior.covariance * INFLATION;
                 self.apply(stamp, prior, Belief { covariance, ..*prior });
@@ -239,39 +244,39 @@ impl Tracker {
             Advice::LookAround => return self.begin_search(),
         }
         let is_usable = fix.lines > 0 && fix.verdict != Err(Reason::Ambiguous);
-        if !is_usable || self.is_held_back(prior, &fix) {
+        if !is_usable || self.requires_confirmation(prior, &fix) {
             return;
         }
         let mut posterior = fix.posterior;
-        posterior.floor(FLOOR);
+        posterior.raise_variances(MIN_VARIANCES);
         if self.apply(stamp, prior, posterior) {
-            self.fixed_at_m = self.moved_m;
+            self.moved_at_fix_m = self.moved_m;
             if fix.verdict.is_ok() {
-                self.last_fix = Some(stamp);
-                self.finder.method_mut().follow_unknown();
+                self.last_fix_at = Some(stamp);
+                self.finder.method_mut().track_unknown();
             }
         }
     }
 
-    /// Whether a correction is so large that the next picture must confirm it first.
-    fn is_held_back(&mut self, prior: &Belief, fix: &Fix) -> bool {
+    /// Returns true if a correction is large and does not confirm the previous one; stores it until the next image.
+    fn requires_confirmation(&mut self, prior: &Belief, fix: &Fix) -> bool {
         let correction = difference(&fix.posterior.pose, &prior.pose);
-        let is_large =
-            correction.xy().norm() > LARGE.0 || prior.distance_squared(&fix.posterior.pose) > LARGE.1;
-        let is_confirmed = self.held.is_some_and(|held| {
-            let off = correction - held;
-            off.xy().norm() < AGREEING.0 && off.z.abs() < AGREEING.1
+        let is_large = correction.xy().norm() > LARGE_CORRECTION.0
+            || prior.distance_squared(&fix.posterior.pose) > LARGE_CORRECTION.1;
+        let is_confirmed = self.unconfirmed.is_some_and(|previous| {
+            let off = correction - previous;
+            off.xy().norm() < CONFIRMATION_TOLERANCE.0 && off.z.abs() < CONFIRMATION_TOLERANCE.1
         });
-        self.held = (is_large && !is_confirmed).then_some(correction);
-        if self.held.is_some() {
+        self.unconfirmed = (is_large && !is_confirmed).then_some(correction);
+        if self.unconfirmed.is_some() {
             self.health.doubt(Reason::Gated);
         }
-        self.held.is_some()
+        self.unconfirmed.is_some()
     }
 
-    /// Writes a result into the history; whether that was possible.
+    /// Writes a posterior into the history; returns true on success.
     fn apply(&mut self, stamp: Time, prior: &Belief, posterior: Belief) -> bool {
-        if !posterior.is_sound() {
+        if !posterior.is_valid() {
             self.health.doubt(Reason::Inconsistent);
             return false;
         }
@@ -284,15 +289,15 @@ impl Tracker {
     }
 
     fn find(&mut self, stamp: Time, prior: &Belief) {
-        let trust = Trust { scale: 1.0, repetition: 1.0 };
-        match self.finder.method_mut().search(prior, trust) {
+        let noise = NoiseFactors { scale: 1.0, correlation: 1.0 };
+        match self.finder.method_mut().search(prior, noise) {
             Some(found) if self.apply(stamp, prior, found) => {
                 self.search = None;
-                self.held = None;
-                self.health.found();
-                self.last_fix = Some(stamp);
+                self.unconfirmed = None;
+                self.health.recover();
+                self.last_fix_at = Some(stamp);
             }
-            _ => self.search_in_vain(),
+            _ => self.count_failed_search(),
         }
     }
 
@@ -302,27 +307,27 @@ impl Tracker {
         }
     }
 
-    fn search_in_vain(&mut self) {
+    fn count_failed_search(&mut self) {
         if let (Some(search), Some((_, pose))) = (&mut self.search, self.odometry) {
-            search.picture(pose.theta);
+            search.count_failure(pose.theta);
         }
     }
 
-    fn trust(&self) -> Trust {
-        Trust { scale: self.health.noise_scale(), repetition: self.repetition() }
+    fn noise_factors(&self) -> NoiseFactors {
+        NoiseFactors { scale: self.health.noise_scale(), correlation: self.correlation() }
     }
 
-    /// By how much a picture tells less than its lines could, because those of the picture before stood in nearly the same
-    /// places and err alike.
-    fn repetition(&self) -> f64 {
-        let moved_m = self.moved_m - self.fixed_at_m;
-        match self.last_fix {
-            Some(_) => (self.config.correlation_m / moved_m).clamp(1.0, MAX_REPETITION),
+    /// Returns the factor on the variance of an image whose errors are correlated with those of the last fix, because
+    /// the robot has moved only a little since.
+    fn correlation(&self) -> f64 {
+        let moved_m = self.moved_m - self.moved_at_fix_m;
+        match self.last_fix_at {
+            Some(_) => (self.config.correlation_m / moved_m).clamp(1.0, MAX_CORRELATION),
             None => 1.0,
         }
     }
 
-    /// Adds doubt to the newest belief, m and rad; what was before is forgotten.
+    /// Adds variance to the newest belief (standard deviations in m and rad) and discards the older history.
     fn widen(&mut self, sigma_m: f64, sigma_rad: f64) {
         let Some((stamp, belief)) = self.history.newest() else { return };
         let mut belief = *belief;

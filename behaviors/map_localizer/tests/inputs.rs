@@ -1,17 +1,14 @@
-//! Bad input ends in a named state, slower or stopped.
+//! Invalid input results in a reported status and a slower or stopped robot.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod rig;
-
+use crate::rig::{Drive, drive, frame_header, pose_error, setup, toml};
 use nalgebra::{Matrix3, Vector3};
-use rig::{Drive, Light, frame_header, setup, toml};
 use yamabico_core::behavior::Behavior;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, Pose, PoseStatus, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
 use yamabico_map_localizer::{CAMERA, GOAL, MapLocalizer, ODOMETRY};
+use yamabico_rigs::camera_drive::Light;
 
 const ROUTE: &str = "route = [[12.5, 0.0]]";
 
@@ -32,34 +29,35 @@ fn status(drive: &Drive) -> (PoseStatus, Reason) {
 }
 
 #[test]
-fn a_good_drive_keeps_its_pose() {
-    let mut drive = Drive::new(Pose2::new(0.05, -0.05, 0.02), ROUTE);
+fn a_normal_drive_keeps_its_pose() {
+    let mut drive = drive(Pose2::new(0.05, -0.05, 0.02), ROUTE);
     drive.run(6.0);
-    let (place, heading) = drive.error();
-    assert!(place < 0.06 && heading < 0.02, "{place} m, {heading} rad");
+    let (position, heading) = pose_error(&drive);
+    assert!(position < 0.06 && heading < 0.02, "{position} m, {heading} rad");
     assert_eq!(status(&drive).0, PoseStatus::Tracking);
     assert!(drive.robot.x > 1.5, "{:?}", drive.robot);
 }
 
 #[test]
-fn a_successor_goes_on_from_where_its_predecessor_was() {
-    let mut drive = Drive::new(Pose2::new(0.05, -0.05, 0.02), ROUTE);
+fn a_restarted_behavior_restores_its_pose() {
+    let mut drive = drive(Pose2::new(0.05, -0.05, 0.02), ROUTE);
     drive.run(6.0);
-    let (mut memory, farthest) = (Vec::new(), drive.robot.x);
-    drive.bench.behavior.remember(&mut memory);
-    for (memory, knows) in [(memory.as_slice(), true), (b"[]".as_slice(), false)] {
+    let (mut state, farthest) = (Vec::new(), drive.robot.x);
+    drive.bench.behavior.save_state(&mut state);
+    for (state, is_restored) in [(state.as_slice(), true), (b"[]".as_slice(), false)] {
         drive.bench = Bench::new(&toml(ROUTE), setup(256, 240)).unwrap();
-        drive.bench.behavior.recall(memory);
+        drive.bench.behavior.restore_state(state);
         drive.run(0.1);
-        let (place, heading) = drive.error();
-        assert_eq!(place < 0.06 && heading < 0.02, knows, "{place} m, {heading} rad after {farthest} m");
+        let (position, heading) = pose_error(&drive);
+        let is_accurate = position < 0.06 && heading < 0.02;
+        assert_eq!(is_accurate, is_restored, "{position} m, {heading} rad after {farthest} m");
     }
 }
 
 #[test]
-fn pictures_without_lines_slow_the_robot_and_widen_the_pose() {
-    for light in [Light::Dark, Light::Saturated, Light::Blurred] {
-        let mut drive = Drive::new(Pose2::IDENTITY, ROUTE);
+fn images_without_lines_slow_the_robot_and_increase_the_covariance() {
+    for light in [Light::Uniform(1), Light::Uniform(255), Light::Haze] {
+        let mut drive = drive(Pose2::IDENTITY, ROUTE);
         drive.run(4.0);
         let sigma = drive.pose.unwrap().covariance[8];
         drive.light = light;
@@ -74,7 +72,7 @@ fn pictures_without_lines_slow_the_robot_and_widen_the_pose() {
         assert!(drive.pose.unwrap().covariance[8] > sigma);
         assert!(nees(&drive) < 25.0);
         let evidence = drive.pose.unwrap().evidence_ns;
-        assert!(drive.now_s() - evidence as f64 * 1e-9 > 2.5, "the pose tells how old its evidence is");
+        assert!(drive.now_s() - evidence as f64 * 1e-9 > 2.5, "the pose states the age of its evidence");
         drive.light = Light::Normal;
         drive.run(1.5);
         assert_eq!(status(&drive).0, PoseStatus::Tracking, "{light:?}");
@@ -82,26 +80,26 @@ fn pictures_without_lines_slow_the_robot_and_widen_the_pose() {
 }
 
 #[test]
-fn a_kidnapped_robot_notices_and_is_found_or_says_that_it_is_lost() {
-    let mut drive = Drive::new(Pose2::IDENTITY, ROUTE);
+fn a_kidnapped_robot_is_detected_and_relocalized_or_reported_lost() {
+    let mut drive = drive(Pose2::IDENTITY, ROUTE);
     drive.run(4.0);
-    // Carried on by 0.8 m and to the side while the wheels stand.
+    // Displaced by 0.8 m forward and to the side while the wheels stand still.
     drive.robot = Pose2::new(drive.robot.x + 0.8, drive.robot.y + 0.2, drive.robot.theta + 0.1);
-    let (mut was_honest, mut worst) = (false, 0.0_f64);
+    let (mut was_detected, mut worst) = (false, 0.0_f64);
     for _ in 0..1500 {
         drive.step();
-        was_honest |= status(&drive).0 != PoseStatus::Tracking;
+        was_detected |= status(&drive).0 != PoseStatus::Tracking;
         if status(&drive).0 == PoseStatus::Tracking && drive.now_s() > 24.0 {
-            worst = worst.max(drive.error().0);
+            worst = worst.max(pose_error(&drive).0);
         }
     }
-    assert!(was_honest, "it must not stay sure of itself");
-    assert!(worst < 0.15, "{worst} m off and sure of it");
+    assert!(was_detected, "the status must not stay Tracking");
+    assert!(worst < 0.15, "{worst} m off with status Tracking");
 }
 
 #[test]
-fn odometry_that_jumps_moves_nothing() {
-    let mut drive = Drive::new(Pose2::IDENTITY, ROUTE);
+fn a_jump_of_the_odometry_does_not_move_the_pose() {
+    let mut drive = drive(Pose2::IDENTITY, ROUTE);
     drive.run(4.0);
     let before = drive.pose.unwrap();
     drive.wheels = Pose2::new(-40.0, 7.0, -1.0);
@@ -112,11 +110,11 @@ fn odometry_that_jumps_moves_nothing() {
     assert!(after.covariance[0] > 0.005 && drive.proposal.twist.linear <= 0.2);
     drive.run(1.5);
     assert_eq!(status(&drive).0, PoseStatus::Tracking);
-    assert!(drive.error().0 < 0.06);
+    assert!(pose_error(&drive).0 < 0.06);
 }
 
 #[test]
-fn no_odometry_and_old_odometry_drive_nowhere() {
+fn missing_or_stale_odometry_does_not_drive() {
     let mut bench = Bench::<MapLocalizer>::new(&toml(ROUTE), setup(256, 240)).unwrap();
     let proposal = bench.at(1.0).propose();
     assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Abstain), Some(Reason::NoInput)));
@@ -130,7 +128,7 @@ fn no_odometry_and_old_odometry_drive_nowhere() {
 }
 
 #[test]
-fn pictures_of_the_wrong_time_or_size_are_named() {
+fn images_with_a_wrong_time_or_size_are_reported() {
     let mut bench = Bench::<MapLocalizer>::new(&toml(ROUTE), setup(256, 240)).unwrap();
     let odometry = |seconds| Odometry { stamp_ns: Time::from_secs_f64(seconds).0, ..Odometry::default() };
     for i in 0..20 {
@@ -150,10 +148,10 @@ fn pictures_of_the_wrong_time_or_size_are_named() {
 }
 
 #[test]
-fn a_map_with_nothing_in_view_says_so() {
+fn a_map_without_edges_in_view_is_reported() {
     let text = std::env::temp_dir().join(format!("yamabico-far-{}.toml", std::process::id()));
     std::fs::write(&text, "edge = [{ from_m = [900, 900, 0], to_m = [900, 900, 2] }]").unwrap();
-    let mut drive = Drive::new(Pose2::IDENTITY, ROUTE);
+    let mut drive = drive(Pose2::IDENTITY, ROUTE);
     drive.bench =
         Bench::new(&format!("map = {:?}\n{ROUTE}", text.display().to_string()), setup(256, 240)).unwrap();
     drive.run(2.0);
@@ -163,7 +161,7 @@ fn a_map_with_nothing_in_view_says_so() {
 }
 
 #[test]
-fn maps_that_are_none_and_routes_through_walls_are_refused() {
+fn invalid_maps_and_routes_through_walls_are_rejected() {
     let refused = |toml: &str| Bench::<MapLocalizer>::new(toml, setup(256, 240)).err().unwrap();
     assert_eq!(refused("map = \"maps/none.toml\"").key, "map");
     assert_eq!(refused("map = \"worlds/hallway.toml\"").key, "map");
@@ -178,7 +176,7 @@ fn maps_that_are_none_and_routes_through_walls_are_refused() {
 
 #[test]
 fn a_goal_replaces_the_route_but_not_through_walls() {
-    let mut drive = Drive::new(Pose2::IDENTITY, "route = [[5.0, 0.0]]");
+    let mut drive = drive(Pose2::IDENTITY, "route = [[5.0, 0.0]]");
     drive.run(2.0);
     let goal = |x: f64, y: f64| Goal { x, y, theta: f64::NAN, tolerance_m: 0.1, ..Goal::default() };
     let end = |drive: &Drive| {
@@ -203,8 +201,8 @@ fn a_goal_replaces_the_route_but_not_through_walls() {
 }
 
 #[test]
-fn a_fix_is_told_with_the_stamp_of_its_picture() {
-    let mut drive = Drive::new(Pose2::IDENTITY, ROUTE);
+fn a_fix_is_published_with_the_stamp_of_its_image() {
+    let mut drive = drive(Pose2::IDENTITY, ROUTE);
     let mut evidence = Vec::new();
     for _ in 0..60 {
         drive.step();
@@ -213,6 +211,6 @@ fn a_fix_is_told_with_the_stamp_of_its_picture() {
         evidence.push(pose.evidence_ns);
     }
     evidence.dedup();
-    // Pictures are taken every 0.1 s.
+    // The camera period is 0.1 s.
     assert!(evidence.len() > 8 && evidence.iter().all(|stamp| stamp % 100_000_000 == 0), "{evidence:?}");
 }

@@ -1,10 +1,6 @@
-//! The known answers on poses from azimuths and from the outline of the floor.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Known answers of the localization by azimuths and by the outline of the floor.
 
 mod vectors {
-    use std::path::PathBuf;
-
     use nalgebra::{Matrix3, Point2, Vector2};
     use serde_json::Value;
     use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage};
@@ -16,20 +12,15 @@ mod vectors {
     use yamabico_map_localizer::belief::Belief;
     use yamabico_map_localizer::floor_outline::{
         Fit, FitRule, FloorLocalizer, FloorOutline, FloorPlan, FloorProblem, FloorRule, LineMeasurement,
-        NormalEquations, OutlineFitter, OutlineRule, Start,
+        NormalEquations, OutlineFitter, OutlineRule, PlanPlacement,
     };
+    use yamabico_testkit::vectors::omni;
     use yamabico_vision::azimuth_profile::EdgeSign;
     use yamabico_vision::bit_image::BitImage;
     use yamabico_vision::polygon::{contains, convex_hull};
 
     fn for_each_case(name: &str, mut check: impl FnMut(&Value, &str)) {
-        let folder = std::env::var_os("YAMABICO_VECTORS").map_or_else(
-            || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors")),
-            PathBuf::from,
-        );
-        let path = folder.join("omni").join(name).with_extension("json");
-        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        let file: Value = serde_json::from_str(&text).unwrap();
+        let file = omni(name);
         let cases = file["cases"].as_array().unwrap();
         assert!(!cases.is_empty(), "{name} has no case");
         for case in cases {
@@ -138,12 +129,12 @@ mod vectors {
             let search = &case["pan_search"];
             let found = PanSearch::default().find(&clean, predicted.theta).unwrap();
             assert_eq!(i64::from(found.step), search["k"].as_i64().unwrap(), "{id}");
-            let place = |at: &str, pan: &str| {
+            let pose_of = |at: &str, pan: &str| {
                 let position = point(&search[at]);
                 Pose2::new(position.x, position.y, number(&search[pan]))
             };
-            close_pose(&found.coarse, &place("pos", "pan"), 1e-8, id);
-            close_pose(&found.pose, &place("pos_refined", "pan_refined"), 1e-8, id);
+            close_pose(&found.coarse, &pose_of("pos", "pan"), 1e-8, id);
+            close_pose(&found.pose, &pose_of("pos_refined", "pan_refined"), 1e-8, id);
             close(found.cost, number(&search["cost"]), 1e-8, id);
 
             for (key, prior) in [("gn", None), ("map", Some(&prior))] {
@@ -154,9 +145,9 @@ mod vectors {
                 close_matrix(&found.belief.covariance, &case[key]["cov"], 1e-8, &format!("{id}: {key}"));
                 close(found.chi_squared, number(&case[key]["chi2"]), 1e-8, &format!("{id}: {key}"));
             }
-            let wild = pairs(&case["huber_map"]["outlier_pairs"]);
+            let with_outlier = pairs(&case["huber_map"]["outlier_pairs"]);
             let rule = SolverRule::exact(Loss::Huber(1.345));
-            let found = most_likely_pose(&wild, &predicted, Some(&prior), &rule, lever).unwrap();
+            let found = most_likely_pose(&with_outlier, &predicted, Some(&prior), &rule, lever).unwrap();
             close_pose(&found.belief.pose, &pose(&case["huber_map"]["pose"]), 1e-8, &format!("{id}: huber"));
         });
     }
@@ -174,7 +165,7 @@ mod vectors {
                     shift_slope: 0.0,
                 });
             }
-            let (matrix, right) = equations.of_pose();
+            let (matrix, right) = equations.pose_block();
             let size = matrix.amax();
             for i in 0..3 {
                 for j in 0..3 {
@@ -197,7 +188,7 @@ mod vectors {
     }
 
     const OUTLINE: OutlineRule = OutlineRule { height_m: 0.165, max_radius_px: 108.0 };
-    /// The height of the effective viewpoint, millimeters.
+    /// Height of the effective viewpoint, mm.
     const FOCUS_MM: f64 = 205.083_716_678_843_8;
 
     fn camera() -> MirrorCamera {
@@ -221,7 +212,8 @@ mod vectors {
         }
     }
 
-    /// In the paper's numbers: goal back, end and side line on the positive side, then on the negative one.
+    /// Returns the number of a line in the paper: back of the goal, end line and side line on the positive side, then
+    /// those on the negative side.
     fn paper_line(plan: &FloorPlan, line: usize) -> u64 {
         let (normal, offset) = plan.line(line).unwrap();
         let first = match () {
@@ -232,21 +224,22 @@ mod vectors {
         if normal.x + normal.y > 0.0 { first } else { first + 3 }
     }
 
-    fn pose_mm(place: &Start) -> [Pose2; 2] {
-        let robot_from_plan = Pose2::new(1e3 * place.center.x, 1e3 * place.center.y, place.axis_rad);
+    fn pose_mm(placement: &PlanPlacement) -> [Pose2; 2] {
+        let PlanPlacement { center, axis_rad } = *placement;
+        let robot_from_plan = Pose2::new(1e3 * center.x, 1e3 * center.y, axis_rad);
         let one = robot_from_plan.inverse();
         [one, Pose2::new(0.0, 0.0, std::f64::consts::PI).compose(&one)]
     }
 
-    fn fit(outline: &mut FloorOutline, rule: &FitRule) -> (Fit, Start, Vec<u64>) {
+    fn fit(outline: &mut FloorOutline, rule: &FitRule) -> (Fit, PlanPlacement, Vec<u64>) {
         let (plan, camera) = (field(), camera());
         let mut fitter = OutlineFitter::default();
-        let start = fitter.start(outline).unwrap();
+        let start = fitter.initial_placement(outline).unwrap();
         let fit = fitter.fit(outline, &plan, start, rule, (&camera, &OUTLINE)).unwrap();
         (fit, start, fitter.lines().map(|line| paper_line(&plan, line)).collect())
     }
 
-    /// The floor that a camera sees of the field with boxes on it.
+    /// Returns the mask of the field's floor seen by a camera, with boxes on it.
     fn render(truth: &Pose2, boxes: &[Value], height_mm: f64, camera: &MirrorCamera) -> BitImage {
         let (a, b, w, g) = (1370.0, 1550.0, 762.5, 250.0);
         let half = [(b, -g), (b, g), (a, g), (a, w), (-a, w), (-a, g)];
@@ -257,10 +250,10 @@ mod vectors {
             .iter()
             .map(|at| {
                 let [x, y, side, yaw] = [0, 1, 2, 3].map(|i| number(&at[i]));
-                let place = Pose2::new(x, y, yaw);
+                let box_pose = Pose2::new(x, y, yaw);
                 let half = 0.5 * side;
                 let mut corners: Vec<_> = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-                    .map(|(i, j)| place.transform_point(Point2::new(i * half, j * half)))
+                    .map(|(i, j)| box_pose.transform_point(Point2::new(i * half, j * half)))
                     .to_vec();
                 let far = FOCUS_MM / (FOCUS_MM - height_mm);
                 corners.extend(corners.clone().iter().map(|corner| robot + (corner - robot) * far));
@@ -277,7 +270,7 @@ mod vectors {
                 if radius >= OUTLINE.max_radius_px {
                     continue;
                 }
-                // 1 px about the center lies outside of the ring, on the floor for certain.
+                // The center within 1 px is outside of the ring and always on the floor.
                 let floor = camera.floor_radius_m(radius.max(1.0), OUTLINE.height_m).unwrap();
                 let on_map = truth.transform_point(Point2::from(at * (1e3 * floor / radius.max(1.0))));
                 if contains(&field, on_map) && !shadows.iter().any(|shadow| contains(shadow, on_map)) {
@@ -332,12 +325,12 @@ mod vectors {
             }
             outline.take_hull(&hull, &camera, &OUTLINE);
             let (found, start, lines) = fit(&mut outline, &exact());
-            assert!(found.is_settled, "{id}");
+            assert!(found.is_converged, "{id}");
             close(1e3 * start.center.x, number(&expect["g0"][0]), 1e-9, id);
             close(1e3 * start.center.y, number(&expect["g0"][1]), 1e-9, id);
             assert!((start.axis_rad - number(&expect["psi0"])).sin().abs() < 1e-9, "{id}: axis");
             let heading = case["predicted_heading"].as_f64().unwrap_or(truth.theta);
-            let mut poses = pose_mm(&found.place);
+            let mut poses = pose_mm(&found.placement);
             poses.sort_by(|a, b| {
                 let off = |pose: &Pose2| angle_difference(pose.theta, heading).abs();
                 off(a).total_cmp(&off(b))
@@ -351,7 +344,7 @@ mod vectors {
             if is_rendered {
                 let expected: Vec<_> =
                     list(&expect["line_of_point"]).iter().map(|line| line.as_u64().unwrap()).collect();
-                // The axis may point the other way: then the lines are those of the other side.
+                // If the axis points the other way, the lines are those of the opposite side.
                 let turned: Vec<_> = lines.iter().map(|line| (line + 2) % 6 + 1).collect();
                 assert!(lines == expected || turned == expected, "{id}: {lines:?}");
                 assert_eq!(u64::from(found.iterations), expect["iters_converged"].as_u64().unwrap(), "{id}");
@@ -376,7 +369,7 @@ mod vectors {
                 outline.take_hull(&hull, &camera(), &OUTLINE);
                 let (found, ..) = fit(&mut outline, rule);
                 let off = |pose: &Pose2| angle_difference(pose.theta, truth.theta).abs();
-                let [one, other] = pose_mm(&found.place);
+                let [one, other] = pose_mm(&found.placement);
                 (found, if off(&one) < off(&other) { one } else { other })
             };
             let (found, with_shift) = find(&FitRule { shift_sigma_px: Some(f64::INFINITY), ..exact() });
@@ -385,8 +378,8 @@ mod vectors {
             assert!(distance < 1e-6, "{id}: {distance} mm");
             assert!(angle_difference(with_shift.theta, expected.theta).abs() < 1e-9, "{id}: heading");
             assert!((found.shift_px - number(&case["beta"])).abs() < 1e-9, "{id}: shift");
-            // Without the shift corners lie outside of the plan's, equally far from two lines: what is told of that fit depends on
-            // rounding. It is to be worse, and no more.
+            // Without the shift, corners are outside of the plan and equally far from two lines, so the result depends on
+            // rounding. It must be worse; the value is not compared.
             let (_, without) = find(&exact());
             assert!(without.distance(&truth) >= with_shift.distance(&truth) - 1e-6, "{id}: without");
         });

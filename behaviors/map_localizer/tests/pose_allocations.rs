@@ -1,20 +1,15 @@
-//! Poses from azimuths and from the outline of the floor ask for no memory after the first one.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Localization by azimuths and by the outline of the floor allocates nothing after the first call.
 
 use nalgebra::{Point2, Vector2};
 use yamabico_core::camera::{FloorFormula, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
+use yamabico_core::testing::{Allocations, allocations};
 use yamabico_map_localizer::azimuth::{
     AzimuthLocalizer, AzimuthRule, EdgeLandmark, LeverArm, SeenBearing, predict,
 };
 use yamabico_map_localizer::belief::Belief;
 use yamabico_map_localizer::floor_outline::{FitRule, FloorLocalizer, FloorPlan, FloorRule, OutlineRule};
 use yamabico_vision::bit_image::BitImage;
-
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
 
 #[test]
 fn azimuths() {
@@ -25,22 +20,22 @@ fn azimuths() {
             EdgeLandmark { position: Point2::new(far * cos, far * sin), sign: None, sigma_m: 0.01 }
         })
         .collect();
-    let looks: Vec<(Pose2, Vec<SeenBearing>)> = (0..6)
+    let observations: Vec<(Pose2, Vec<SeenBearing>)> = (0..6)
         .map(|step| {
             let pose = Pose2::new(0.02 * f64::from(step), 0.01, 0.03 * f64::from(step));
-            let see = |edge: &EdgeLandmark| SeenBearing {
+            let bearing = |edge: &EdgeLandmark| SeenBearing {
                 azimuth_rad: predict(edge, &pose, LeverArm::zeros()).azimuth_rad,
                 sign: None,
                 sigma_rad: 0.005,
             };
-            (pose, map.iter().map(see).collect())
+            (pose, map.iter().map(bearing).collect())
         })
         .collect();
     let wall = [Point2::new(1.5, 1.0), Point2::new(1.5, 3.0)];
     let mut localizer =
         AzimuthLocalizer::new(map.clone(), vec![wall], LeverArm::zeros(), AzimuthRule::default());
     let mut run = || {
-        looks
+        observations
             .iter()
             .filter(|(pose, seen)| {
                 let predicted =
@@ -50,9 +45,9 @@ fn azimuths() {
             })
             .count()
     };
-    assert_eq!(run(), looks.len());
-    let (found, asked) = allocations(run);
-    assert_eq!((found, asked), (looks.len(), Allocations::default()));
+    assert_eq!(run(), observations.len());
+    let (found, made) = allocations(run);
+    assert_eq!((found, made), (observations.len(), Allocations::default()));
 }
 
 #[test]
@@ -101,6 +96,6 @@ fn outlines() {
             .count()
     };
     assert_eq!(run(), robots.len());
-    let (found, asked) = allocations(run);
-    assert_eq!((found, asked), (robots.len(), Allocations::default()));
+    let (found, made) = allocations(run);
+    assert_eq!((found, made), (robots.len(), Allocations::default()));
 }

@@ -1,6 +1,4 @@
-//! From rendered pictures of a conic mirror to the pose, and to a map of the edges.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Localization and mapping with rendered images of a conic mirror camera.
 
 use nalgebra::Point2;
 use yamabico_core::camera::{ConicMirror, Mirror, MirrorCamera, MirrorImage, Mount};
@@ -12,11 +10,11 @@ use yamabico_map_localizer::azimuth::{
 use yamabico_map_localizer::belief::Belief;
 use yamabico_sim::world::Wall;
 use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random};
-use yamabico_vision::azimuth_map::{LocusRule, LocusTracker, SeenEdge};
+use yamabico_vision::azimuth_map::{LocusRule, LocusTracker, ObservedEdge};
 use yamabico_vision::azimuth_profile::{AzimuthEdge, EdgeSign, ProfileRule};
 use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
 
-/// Panels around a room of 4 x 4 m, counterclockwise: where each begins, and how bright it is.
+/// Panels around a room of 4 x 4 m, counterclockwise: start (x, y) in m, and gray level.
 const PANELS: [(f64, f64, f32); 11] = [
     (-2.0, -2.0, 0.25),
     (-0.7, -2.0, 0.7),
@@ -57,14 +55,14 @@ fn room() -> (World, Vec<EdgeLandmark>) {
     (world, landmarks)
 }
 
-struct Eye {
+struct MirrorRig {
     renderer: MirrorRenderer,
     scene: Scene,
-    picture: GrayImage,
+    image: GrayImage,
     edges: RadialEdges,
 }
 
-impl Eye {
+impl MirrorRig {
     fn new(world: &World) -> Self {
         let image = MirrorImage::centered(512, 480).with_ring(16.0, 240.0).unwrap();
         let cone = ConicMirror::new(112.6_f64.to_radians(), 0.11, 576.563).unwrap();
@@ -72,31 +70,31 @@ impl Eye {
         Self {
             renderer: MirrorRenderer::new(camera, Photometry::default(), random::stream(4, "mirror")),
             scene: Scene::new(world, 0).unwrap(),
-            picture: GrayImage::new(512, 480),
+            image: GrayImage::new(512, 480),
             edges: RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default()),
         }
     }
 
-    fn look(&mut self, robot: Pose2) -> &[AzimuthEdge] {
+    fn observe(&mut self, robot: Pose2) -> &[AzimuthEdge] {
         let view = MirrorView { mount: Mount::level(0.3), robot };
-        self.renderer.render(&self.scene, &view, self.picture.pixels_mut()).unwrap();
-        self.edges.find(self.picture.view().unwrap()).unwrap()
+        self.renderer.render(&self.scene, &view, self.image.pixels_mut()).unwrap();
+        self.edges.find(self.image.view().unwrap()).unwrap()
     }
 }
 
 #[test]
-fn the_pose_is_found_to_the_centimeter() {
+fn the_pose_is_accurate_to_3_mm() {
     let (world, landmarks) = room();
-    let mut eye = Eye::new(&world);
+    let mut rig = MirrorRig::new(&world);
     let mut localizer =
         AzimuthLocalizer::new(landmarks, Vec::new(), LeverArm::zeros(), AzimuthRule::default());
-    let (mut worst, mut sum, mut of_paper) = (0.0_f64, 0.0, 0.0);
-    const LOOKS: u32 = 12;
-    for look in 0..LOOKS {
-        let t = f64::from(look);
+    let (mut worst, mut mean, mut pan_search_mean) = (0.0_f64, 0.0, 0.0);
+    const POSES: u32 = 12;
+    for number in 0..POSES {
+        let t = f64::from(number);
         let truth = Pose2::new(0.7 * (0.9 * t).cos(), 0.6 * (0.7 * t).sin(), 0.55 * t);
-        let seen: Vec<_> = eye
-            .look(truth)
+        let seen: Vec<_> = rig
+            .observe(truth)
             .iter()
             .map(|edge| SeenBearing {
                 azimuth_rad: edge.azimuth_rad,
@@ -110,40 +108,40 @@ fn the_pose_is_found_to_the_centimeter() {
         let predicted = Belief::new(pose, 0.03, 0.025);
         let fix = localizer.locate(&predicted, &seen).unwrap();
         let error = fix.belief.pose.distance(&truth);
-        assert!(fix.pairs >= 8, "look {look}: {} pairs of {} edges", fix.pairs, seen.len());
+        assert!(fix.pairs >= 8, "pose {number}: {} pairs of {} edges", fix.pairs, seen.len());
         assert!(wrap_angle(fix.belief.pose.theta - truth.theta).abs() < 0.3_f64.to_radians());
-        let paper = PanSearch::default().find(localizer.pairs(), pose.theta).unwrap();
-        of_paper += paper.pose.distance(&truth) / f64::from(LOOKS);
-        sum += error / f64::from(LOOKS);
+        let pan_search = PanSearch::default().find(localizer.pairs(), pose.theta).unwrap();
+        pan_search_mean += pan_search.pose.distance(&truth) / f64::from(POSES);
+        mean += error / f64::from(POSES);
         worst = worst.max(error);
     }
     println!(
-        "mean {:.2} mm, worst {:.2} mm; search over the heading {:.2} mm",
-        1e3 * sum,
+        "mean {:.2} mm, maximum {:.2} mm; mean of the search over the heading {:.2} mm",
+        1e3 * mean,
         1e3 * worst,
-        1e3 * of_paper
+        1e3 * pan_search_mean
     );
-    assert!(sum < 0.001 && worst < 0.003, "mean {sum} m, worst {worst} m");
+    assert!(mean < 0.001 && worst < 0.003, "mean {mean} m, maximum {worst} m");
 }
 
 #[test]
-fn edges_are_located_along_a_known_way() {
+fn edges_are_located_along_a_known_path() {
     let (world, landmarks) = room();
-    let mut eye = Eye::new(&world);
+    let mut rig = MirrorRig::new(&world);
     let rule = LocusRule { sigma_rad: 0.15_f64.to_radians(), ..LocusRule::default() };
     let mut tracker = LocusTracker::new(rule);
     let mut robot = Pose2::new(-0.8, -0.3, 0.0);
     for frame in 0..40 {
-        let seen: Vec<_> = eye
-            .look(robot)
+        let seen: Vec<_> = rig
+            .observe(robot)
             .iter()
-            .map(|edge| SeenEdge {
+            .map(|edge| ObservedEdge {
                 azimuth_rad: edge.azimuth_rad,
                 sign: edge.sign,
                 length_px: edge.length_px,
             })
             .collect();
-        tracker.take(&seen, &robot);
+        tracker.update(&seen, &robot);
         // Straight, an arc to the right, and straight again.
         let turn = if (13..27).contains(&frame) { -0.06 } else { 0.0 };
         robot = robot.compose(&Pose2::new(0.04, 0.0, turn));
@@ -163,7 +161,7 @@ fn edges_are_located_along_a_known_way() {
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     let right = found.iter().filter(|found| **found).count();
     println!(
-        "{} edges seen in more than 15 pictures, {right} of {} true ones, mean {:.1} mm",
+        "{} edges seen in more than 15 images, {right} of {} true ones, mean error {:.1} mm",
         errors.len(),
         found.len(),
         1e3 * mean

@@ -1,43 +1,43 @@
-//! The gate: what one scan says, and the latch that turns scans into halting and releasing.
+//! The gate, which classifies one scan, and the latch, which holds a halt until enough scans in a row are clean.
 
 use yamabico_core::message::Beam;
 
-/// What is near enough to matter.
+/// Ranges below which an echo matters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
-    /// An echo nearer than this halts, meters from the sensor; the gate itself is still clean.
+    /// Range below which an echo halts, measured from the sensor, m. An echo at exactly this range is clean.
     pub gate_m: f64,
-    /// An echo nearer than this to the robot's center forbids turning in place too, meters.
+    /// Distance from the robot's center below which an echo forbids turning in place, m.
     pub turning_radius_m: f64,
 }
 
-/// What one scan says.
+/// The class of one scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reading {
     /// No echo inside the gate.
     Clean,
-    /// Something stands inside the gate.
+    /// At least one echo inside the gate.
     Echo {
-        /// The nearest echo, meters from its sensor.
+        /// Range of the nearest echo, measured from its sensor, m.
         range_m: f64,
-        /// What is left to do.
+        /// Permission to turn in place.
         turning: Turning,
     },
-    /// No beam at all, or a number that is no range: no evidence of free space.
+    /// No beams, or a range that is negative or not finite: no evidence of free space.
     Malformed,
 }
 
-/// Whether the robot may turn where it stands.
+/// Permission to turn in place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turning {
-    /// Nothing was seen in the circle that the turning robot needs.
+    /// No echo inside the circle that turning requires.
     Open,
-    /// Something stands in that circle, or nobody knows.
+    /// An echo inside that circle, or no valid scan.
     Closed,
 }
 
 impl Gate {
-    /// Reads one scan; never panics, whatever the numbers.
+    /// Classifies one scan. Does not panic on any input.
     #[must_use]
     pub fn read(&self, beams: &[Beam]) -> Reading {
         if beams.is_empty() {
@@ -53,7 +53,7 @@ impl Gate {
             if range_m < self.gate_m {
                 nearest = Some(nearest.map_or(range_m, |best| best.min(range_m)));
             }
-            // NaN in the beam's geometry closes, as it compares false.
+            // A NaN in the beam's geometry compares false, and so forbids turning.
             let is_outside = distance_from_center(beam, range_m) > self.turning_radius_m;
             if !is_outside {
                 turning = Turning::Closed;
@@ -63,7 +63,7 @@ impl Gate {
     }
 }
 
-/// Halting until enough clean readings came in a row.
+/// Holds a halt until enough clean readings came in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latch {
     clean: u32,
@@ -71,36 +71,36 @@ pub struct Latch {
 }
 
 impl Latch {
-    /// A latch that halts and needs `needed` clean readings in a row to release.
+    /// Returns a latch that holds, and releases after `needed` clean readings in a row.
     #[must_use]
     pub const fn new(needed: u32) -> Self {
         Self { clean: 0, needed }
     }
 
-    /// Takes one more clean reading.
+    /// Counts a clean reading.
     pub fn clean(&mut self) {
         self.clean = self.clean.saturating_add(1).min(self.needed);
     }
 
-    /// Halts from now on.
+    /// Holds from now on.
     pub fn trip(&mut self) {
         self.clean = 0;
     }
 
-    /// Whether it halts.
+    /// Returns true while the latch holds.
     #[must_use]
     pub const fn is_holding(&self) -> bool {
         self.clean < self.needed
     }
 
-    /// Clean readings still needed to release.
+    /// Number of clean readings still needed to release.
     #[must_use]
     pub const fn missing(&self) -> u32 {
         self.needed - self.clean
     }
 }
 
-/// The smallest distance (m) from the robot's center at which an echo of this range can have arisen within the cone.
+/// Returns the minimum distance (m) from the robot's center to the points of the cone at this range.
 fn distance_from_center(beam: &Beam, range_m: f64) -> f64 {
     let distance_at = |part: f64| {
         let azimuth = beam.azimuth_rad + part * 0.5 * beam.cone_rad;

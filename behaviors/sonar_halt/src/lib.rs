@@ -1,66 +1,62 @@
-//! Halts the robot while a sonar sees something nearer than its gate.
+//! Halts the robot while a sonar reports an echo nearer than a gate.
 //!
-//! Ohya, Kosaka & Kak (1998), section on the vision and sonar subsystems: sonars gated at half a meter, any echo halts.
-//! Differs from \[1\]: three clean readings release, and a sonar that is silent, late or broken halts like an echo.
+//! ```
+//! use yamabico_core::behavior::Setup;
+//! use yamabico_core::message::{Beam, Kind, RangeScanHeader};
+//! use yamabico_core::testing::Bench;
+//! use yamabico_sonar_halt::{SONAR, SonarHalt};
+//!
+//! let mut bench = Bench::<SonarHalt>::new("gate_m = 0.5", Setup::default())?;
+//! let beam = Beam { range_m: 0.4, ..Default::default() };
+//! bench.at(0.1).feed(&SONAR, &RangeScanHeader { stamp_ns: 100_000_000, ..Default::default() }, &[beam]);
+//! assert_eq!(bench.propose().kind(), Some(Kind::Halt));
+//! # Ok::<(), yamabico_core::behavior::ParameterError>(())
+//! ```
+//!
+//! Ohya, Kosaka & Kak (1998): sonars with a gate at 0.5 m; any echo halts. Differs from the paper: consecutive clean scans
+//! release the halt, and a sonar that is silent, late or malformed halts like an echo.
 
 pub mod gate;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use smart_default::SmartDefault;
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, Proposal, RangeScanHeader, Reason};
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::time::Time;
 
 use crate::gate::{Gate, Latch, Reading, Turning};
 
-/// The sonar that is watched.
+/// Input: the range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
 
-/// A scan stamped later than now by more than this is refused, seconds.
+/// Tolerance for stamps in the future, s.
 const FUTURE_TOLERANCE_S: f64 = 0.02;
 
 /// Parameters of [`SonarHalt`].
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// An echo nearer than this halts, m from the sensor, 0.05 to 5, default 0.5.
+    /// Range below which an echo halts the robot, measured from the sensor.
+    #[default(0.5)]
     #[schemars(range(min = 0.05, max = 5.0))]
     pub gate_m: f64,
-    /// Clean scans in a row that release, 1 to 100, default 3.
+    /// Number of consecutive clean scans that release the halt.
+    #[default(3)]
     #[schemars(range(min = 1, max = 100))]
     pub clean_readings: u32,
-    /// A sonar silent for longer halts, ms, 20 to 2000, default 300.
+    /// Age of the newest scan above which the robot halts.
+    #[default(300.0)]
     #[schemars(range(min = 20.0, max = 2000.0))]
     pub stale_ms: f64,
-    /// Room that turning in place needs around the robot's circle, m, 0 to 1, default 0.03.
+    /// Clearance around the robot's circle that turning in place requires.
+    #[default(0.03)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub turning_margin_m: f64,
 }
 
-impl Default for Config {
-    fn default() -> Self {
-        Self { gate_m: 0.5, clean_readings: 3, stale_ms: 300.0, turning_margin_m: 0.03 }
-    }
-}
-
-impl Config {
-    fn check(&self) -> Result<(), BuildError> {
-        let between = |key: &str, value: f64, low: f64, high: f64| {
-            if (low..=high).contains(&value) {
-                Ok(())
-            } else {
-                Err(BuildError::new(key, format!("{value} is not between {low} and {high}")))
-            }
-        };
-        between("gate_m", self.gate_m, 0.05, 5.0)?;
-        between("clean_readings", f64::from(self.clean_readings), 1.0, 100.0)?;
-        between("stale_ms", self.stale_ms, 20.0, 2000.0)?;
-        between("turning_margin_m", self.turning_margin_m, 0.0, 1.0)
-    }
-}
-
-/// Halts while something is nearer than the gate, and while the sonar cannot tell.
+/// The behavior: halts while an echo is inside the gate, and while there is no valid scan.
 #[derive(Clone, Debug)]
 pub struct SonarHalt {
     gate: Gate,
@@ -70,7 +66,7 @@ pub struct SonarHalt {
     cause: Cause,
 }
 
-/// Why the latch holds.
+/// Reason for which the latch holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cause {
     reason: Reason,
@@ -79,7 +75,7 @@ struct Cause {
 }
 
 impl Cause {
-    const fn blind(reason: Reason) -> Self {
+    const fn without_range(reason: Reason) -> Self {
         Self { reason, turning: Turning::Closed, range_m: f64::NAN }
     }
 }
@@ -91,13 +87,15 @@ impl Plugin for SonarHalt {
     const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
     const CLAIMS: Axes = Axes::NONE;
 
-    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
-        config.check()?;
+    fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         if let Some(SensorKind::Range { max_m, .. }) = setup.sensor(&SONAR).map(|sensor| &sensor.kind)
             && *max_m < config.gate_m
         {
-            let problem = format!("{} m is beyond the sonar's range of {max_m} m", config.gate_m);
-            return Err(BuildError::new("gate_m", problem));
+            let problem = format!(
+                "must be at most the sonar's range of {max_m} m, but is {} m: lower it",
+                config.gate_m
+            );
+            return Err(ParameterError::new("gate_m", problem));
         }
         Ok(Self {
             gate: Gate {
@@ -107,24 +105,24 @@ impl Plugin for SonarHalt {
             latch: Latch::new(config.clean_readings),
             stale_s: config.stale_ms * 1e-3,
             last_stamp: None,
-            cause: Cause::blind(Reason::NoInput),
+            cause: Cause::without_range(Reason::NoInput),
         })
     }
 }
 
 impl Behavior for SonarHalt {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
-        self.count_losses(inputs);
+        self.check_losses(inputs);
         self.read_scans(inputs);
-        self.watch_the_age(inputs.now());
+        self.check_age(inputs.now());
         self.proposal()
     }
 }
 
 impl SonarHalt {
-    fn count_losses(&mut self, inputs: &Inputs<'_>) {
+    fn check_losses(&mut self, inputs: &Inputs<'_>) {
         if inputs.lost(&SONAR) > 0 {
-            self.trip(Cause::blind(Reason::Overflow));
+            self.trip(Cause::without_range(Reason::Overflow));
         }
     }
 
@@ -132,7 +130,7 @@ impl SonarHalt {
         for scan in inputs.fresh(&SONAR) {
             let stamp = Time(scan.header.stamp_ns);
             if stamp.seconds_after(inputs.now()) > FUTURE_TOLERANCE_S {
-                self.trip(Cause::blind(Reason::MalformedInput));
+                self.trip(Cause::without_range(Reason::MalformedInput));
                 continue;
             }
             let is_newer = self.last_stamp.is_none_or(|last| stamp > last);
@@ -142,7 +140,7 @@ impl SonarHalt {
                 Reading::Echo { range_m, turning } => {
                     self.trip(Cause { reason: Reason::Echo, turning, range_m });
                 }
-                Reading::Malformed => self.trip(Cause::blind(Reason::MalformedInput)),
+                Reading::Malformed => self.trip(Cause::without_range(Reason::MalformedInput)),
             }
             if is_newer {
                 self.last_stamp = Some(stamp);
@@ -150,12 +148,12 @@ impl SonarHalt {
         }
     }
 
-    fn watch_the_age(&mut self, now: Time) {
+    fn check_age(&mut self, now: Time) {
         match self.last_stamp {
             None if self.cause.reason != Reason::NoInput => {}
-            None => self.trip(Cause::blind(Reason::NoInput)),
+            None => self.trip(Cause::without_range(Reason::NoInput)),
             Some(stamp) if now.seconds_after(stamp) > self.stale_s => {
-                self.trip(Cause::blind(Reason::SonarStale));
+                self.trip(Cause::without_range(Reason::SonarStale));
             }
             Some(_) => {}
         }

@@ -1,7 +1,7 @@
-//! Vertical edges, threshold, thinning and difference in five regions; and a whole look at a picture of the hallway.
+//! Vertical edges and their difference in five regions; and the whole detector on a frame of the hallway.
 //!
-//! `cargo bench -p yamabico-stationary-obstacle-avoider --bench vertical_edges`. The picture and the expected edges are those of
-//! `tests/peers/p4_vert.py` where that has left them in the temporary folder, else a rendered picture.
+//! `cargo bench -p yamabico-stationary-obstacle-avoider --bench vertical_edges`. The image and the expected edges are those of
+//! `tests/peers/vertical_edges_speed.py` if present in the temporary folder, otherwise the image is rendered.
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark")]
 
@@ -13,10 +13,11 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 use yamabico_stationary_obstacle_avoider::detector::{Detector, DetectorRules};
+use yamabico_stationary_obstacle_avoider::regions::Regions;
 use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+use yamabico_stationary_obstacle_avoider::vertical_edges::{EdgeDifference, VerticalEdges};
 use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::map::WireFrame;
-use yamabico_vision::vertical_edges::{EdgeDifference, Regions, VerticalEdges};
 
 const SIZE: (usize, usize) = (256, 240);
 
@@ -38,11 +39,11 @@ fn benches(criterion: &mut Criterion) {
     let intrinsics = Intrinsics::from_horizontal_fov(SIZE.0 as u32, SIZE.1 as u32, 60_f64.to_radians());
     let (mount, robot) = (Mount::tilted(0.6, 6_f64.to_radians()), Pose2::new(3.0, 0.0, 0.0));
     let rendered = rendered(robot, intrinsics, mount);
-    let pixels = std::fs::read(peers().join("p4.raw")).unwrap_or_else(|_| rendered.clone());
+    let pixels = std::fs::read(peers().join("vertical_edges.raw")).unwrap_or_else(|_| rendered.clone());
     let image = ImageView::new(&pixels, SIZE.0, SIZE.1, SIZE.0).unwrap();
     let mut expected = BitImage::new(SIZE.0, SIZE.1);
     for u in [30.0, 61.0, 95.0, 140.0, 171.0, 200.0, 228.0] {
-        expected.line([u, 40.0].into(), [u + 2.0, 210.0].into());
+        expected.draw_line([u, 40.0].into(), [u + 2.0, 210.0].into());
     }
     let (mut operator, mut seen, mut difference) =
         (VerticalEdges::default(), BitImage::default(), EdgeDifference::default());
@@ -51,7 +52,7 @@ fn benches(criterion: &mut Criterion) {
         b.iter(|| {
             operator.edges(black_box(image), 20, &mut seen);
             difference.compare(&seen, &expected, 2, &regions);
-            difference.largest()
+            difference.max_count()
         });
     });
 
@@ -62,8 +63,8 @@ fn benches(criterion: &mut Criterion) {
     let rules = DetectorRules::for_size(SIZE.0 as u32, SIZE.1 as u32);
     let mut detector = Detector::new(Pinhole::ideal(intrinsics), mount, map, rules);
     let image = ImageView::new(&rendered, SIZE.0, SIZE.1, SIZE.0).unwrap();
-    criterion.bench_function("whole look at the hallway 256x240", |b| {
-        b.iter(|| detector.look(black_box(image), &robot, 1e-3, &place).map(<[_]>::len));
+    criterion.bench_function("detector on the hallway 256x240", |b| {
+        b.iter(|| detector.detect(black_box(image), &robot, 1e-3, &place).map(<[_]>::len));
     });
 }
 

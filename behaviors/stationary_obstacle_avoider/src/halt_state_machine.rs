@@ -1,35 +1,36 @@
-//! Follow, halt, look again, search, avoid, rejoin: one step a tick, a pure function of the state and the tick.
+//! State machine: follow, halt, look again, search, avoid, rejoin. A step is a pure function of the state and its
+//! input.
 //!
-//! Ohya, Kosaka & Kak (1998): any echo halts, a halt is followed by a fresh look. Differs from \[1\]: how a halt is
-//! released, when to search and when to give up are stated here.
+//! Ohya, Kosaka & Kak (1998): every echo halts the robot, and after a halt it evaluates a new frame. Differs from
+//! \[1\]: explicit conditions to release a halt, to search and to give up.
 
 use serde::{Deserialize, Serialize};
 use yamabico_core::geometry::angle_difference;
 
-/// What the robot is doing.
+/// State of the avoider.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum State {
-    /// On its path.
+    /// Follows its path; other behaviors drive.
     #[default]
     Follow,
-    /// Braking for an echo or for want of a passage.
+    /// Brakes because of an echo or because there is no passage.
     Halt,
-    /// Standing, waiting for a picture taken since.
+    /// Stands and waits for a frame captured since.
     Relook,
-    /// Turning in place, looking for a passage.
+    /// Turns in place and looks for a passage.
     Search,
-    /// Turning to a passage and driving through it.
+    /// Turns to a passage, then drives through it.
     Avoid,
-    /// Returning to the path.
+    /// Returns to the path; other behaviors drive.
     Rejoin,
-    /// The pose is not known.
+    /// Stands because the pose is unknown.
     Lost,
-    /// Nothing was found all around.
+    /// Stands because no search found a passage.
     Blocked,
 }
 
 impl State {
-    /// The state's name, in the spelling of the code.
+    /// Returns the name of the state, as in the code.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
@@ -45,34 +46,35 @@ impl State {
     }
 }
 
-/// The numbers of the machine.
+/// Parameters of the state machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// A sonar range (m) strictly below this is an echo.
+    /// Range (m) below which a sonar return counts as an echo.
     pub gate_m: f64,
-    /// Ticks without an echo after which the sonar counts as clear.
+    /// Number of steps without an echo after which the sonar counts as clear.
     pub clean_readings: u32,
-    /// Ticks without an echo after which an avoiding robot may drive.
+    /// Number of steps without an echo after which an avoiding robot may drive.
     pub release_readings: u32,
-    /// Slower than this (m/s) is standing.
+    /// Speed below which the robot counts as standing, m/s.
     pub standing_mps: f64,
-    /// A passage at a smaller bearing (rad) does not lead past what the sonar sees.
+    /// Minimum bearing of a passage that leads past an echo, rad.
     pub smallest_bearing_rad: f64,
-    /// Turned to the target, radians; while three times this is left, the avoiding robot stands.
+    /// Heading error up to which the robot is turned to its target, rad. It may drive at up to three times this
+    /// error.
     pub aligned_rad: f64,
-    /// Progress (m) that passes the obstacle.
+    /// Progress after which the obstacle is passed, m.
     pub passing_m: f64,
-    /// Longest look (s) before searching.
-    pub patience_s: f64,
-    /// An offset from the path (m) beyond this calls for rejoining it.
+    /// Maximum duration of `Relook` before a search, s.
+    pub relook_timeout_s: f64,
+    /// Offset from the path above which the robot must rejoin it, m.
     pub off_path_m: f64,
-    /// An offset (m) up to this is on the path.
+    /// Offset from the path up to which the robot is on it, m.
     pub on_path_m: f64,
-    /// A heading error (rad) up to this is along the path.
+    /// Heading error up to which the robot is aligned with the path, rad.
     pub on_heading_rad: f64,
-    /// Pictures without a passage after which the search starts.
+    /// Number of frames without a passage after which a search starts.
     pub looks: u32,
-    /// Pictures of the search after which the way is blocked.
+    /// Number of frames of a search after which the path counts as blocked.
     pub search_looks: u32,
 }
 
@@ -86,7 +88,7 @@ impl Default for Rules {
             smallest_bearing_rad: 5_f64.to_radians(),
             aligned_rad: 3_f64.to_radians(),
             passing_m: 1.5,
-            patience_s: 10.0,
+            relook_timeout_s: 10.0,
             off_path_m: 0.10,
             on_path_m: 0.05,
             on_heading_rad: 5_f64.to_radians(),
@@ -96,43 +98,43 @@ impl Default for Rules {
     }
 }
 
-/// What vision found in one picture.
+/// Result of vision for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// When the picture was taken, seconds.
+pub struct VisionResult {
+    /// Capture time of the frame, s.
     pub image_s: f64,
-    /// Whether the result can be used.
+    /// True if the frame could be evaluated.
     pub valid: bool,
-    /// Whether the way to the goal is clear.
+    /// True if the path to the goal is clear.
     pub clear: bool,
-    /// Bearing (rad, positive left) of the best passage; `None` where there is none.
+    /// Bearing of the best passage, rad, positive left; `None` if there is none.
     pub bearing: Option<f64>,
 }
 
-/// What the machine is told in one step.
+/// Input of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick<'a> {
-    /// Now, seconds.
+    /// Current time, s.
     pub now_s: f64,
-    /// Ranges of the sonars (m); `None` without an echo. No sonar at all counts as an echo.
+    /// Sonar ranges, m; `None` for a beam without an echo. An empty slice counts as an echo.
     pub sonar_m: &'a [Option<f64>],
-    /// Speed of the robot, m/s, either sign.
+    /// Speed of the robot, m/s, of either sign.
     pub speed_mps: f64,
-    /// Heading of the robot, radians. NaN turns and drives nowhere.
+    /// Heading of the robot, rad. With NaN the robot neither turns nor drives.
     pub heading: f64,
-    /// Offset from the path, meters, positive to the left.
+    /// Offset from the path, m, positive left.
     pub lateral_m: f64,
-    /// Heading relative to the path, radians.
+    /// Heading relative to the path, rad.
     pub path_heading_error: f64,
-    /// Progress along the path, meters.
+    /// Progress along the path, m.
     pub progress_m: f64,
-    /// Whether the pose is known.
+    /// True if the pose is known.
     pub pose_ok: bool,
-    /// A vision result that arrived since the last step.
-    pub vision: Option<Look>,
+    /// Vision result since the last step.
+    pub vision: Option<VisionResult>,
 }
 
-/// What the machine remembers from step to step.
+/// State machine with its memory.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
     state: State,
@@ -144,19 +146,19 @@ pub struct Machine {
     progress_mark_m: f64,
 }
 
-/// What the robot is to do.
+/// Output of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Order {
-    /// The state after the step.
+pub struct MotionOrder {
+    /// State after the step.
     pub state: State,
-    /// Whether the robot must not translate.
+    /// True if the robot must not translate.
     pub v_zero: bool,
-    /// The absolute heading (rad) to turn to, while avoiding.
+    /// Heading to turn to (rad, frame of the input), while avoiding.
     pub target_heading: Option<f64>,
 }
 
 impl Machine {
-    /// A machine that follows its path and has found the sonar clear.
+    /// Creates a machine that follows its path and has a clear sonar.
     #[must_use]
     pub const fn new(rules: &Rules) -> Self {
         Self {
@@ -170,20 +172,20 @@ impl Machine {
         }
     }
 
-    /// The state.
+    /// Returns the current state.
     #[must_use]
     pub const fn state(&self) -> State {
         self.state
     }
 
-    /// One step: the machine afterwards and what the robot is to do.
+    /// Takes one step. Returns the machine after it, and its output.
     #[must_use]
-    pub fn step(mut self, tick: &Tick<'_>, rules: &Rules) -> (Self, Order) {
+    pub fn step(mut self, tick: &Tick<'_>, rules: &Rules) -> (Self, MotionOrder) {
         let echo = tick.sonar_m.is_empty()
             || tick.sonar_m.iter().flatten().any(|&range| range < rules.gate_m || range.is_nan());
         self.clean = if echo { 0 } else { self.clean.saturating_add(1) };
         self.advance(tick, rules, echo);
-        let order = Order {
+        let order = MotionOrder {
             state: self.state,
             v_zero: self.must_stand(tick, rules, echo),
             target_heading: self.target_heading,
@@ -191,27 +193,28 @@ impl Machine {
         (self, order)
     }
 
-    /// The machine of a robot whose avoider died and came back: what stood or looked around stands and looks again.
+    /// Returns the machine for a restarted behavior: `Relook`, `Search` and `Blocked` become `Halt`, which starts
+    /// them anew.
     #[must_use]
-    pub fn come_back(mut self) -> Self {
+    pub fn after_restart(mut self) -> Self {
         if matches!(self.state, State::Relook | State::Search | State::Blocked) {
             self.stop(State::Halt);
         }
         self
     }
 
-    /// Searches, for nothing that was found from where it stands led anywhere.
+    /// Starts a search because no passage found from here led on.
     #[must_use]
-    pub fn look_around(mut self) -> (Self, Order) {
+    pub fn start_search(mut self) -> (Self, MotionOrder) {
         self.search();
-        (self, Order { state: State::Search, v_zero: true, target_heading: None })
+        (self, MotionOrder { state: State::Search, v_zero: true, target_heading: None })
     }
 
-    /// Stands, for nothing that was tried led anywhere.
+    /// Stops in `Blocked` because all searches at this place failed.
     #[must_use]
-    pub fn give_up(mut self) -> (Self, Order) {
+    pub fn block_path(mut self) -> (Self, MotionOrder) {
         self.stop(State::Blocked);
-        (self, Order { state: State::Blocked, v_zero: true, target_heading: None })
+        (self, MotionOrder { state: State::Blocked, v_zero: true, target_heading: None })
     }
 
     fn advance(&mut self, tick: &Tick<'_>, rules: &Rules, echo: bool) {
@@ -222,7 +225,7 @@ impl Machine {
             State::Lost => self.relook(tick),
             State::Halt if tick.speed_mps.abs() < rules.standing_mps => self.relook(tick),
             State::Halt | State::Blocked => {}
-            State::Relook | State::Search => self.look(tick, rules),
+            State::Relook | State::Search => self.evaluate(tick, rules),
             State::Follow | State::Rejoin | State::Avoid if echo => {
                 let is_turning =
                     self.state == State::Avoid && !self.is_turned_within(tick, rules.aligned_rad);
@@ -236,8 +239,8 @@ impl Machine {
     }
 
     fn drive(&mut self, tick: &Tick<'_>, rules: &Rules) {
-        if let Some(look) = tick.vision.filter(|look| look.valid && !look.clear) {
-            return match look.bearing {
+        if let Some(result) = tick.vision.filter(|result| result.valid && !result.clear) {
+            return match result.bearing {
                 Some(bearing) => self.turn_to(tick, bearing),
                 None => self.stop(State::Halt),
             };
@@ -250,10 +253,10 @@ impl Machine {
     }
 
     fn avoid(&mut self, tick: &Tick<'_>, rules: &Rules) {
-        if let Some(look) = tick.vision.filter(|look| look.valid) {
-            match look.bearing {
+        if let Some(result) = tick.vision.filter(|result| result.valid) {
+            match result.bearing {
                 None => return self.stop(State::Halt),
-                Some(bearing) if !look.clear => self.turn_to(tick, bearing),
+                Some(bearing) if !result.clear => self.turn_to(tick, bearing),
                 Some(_) => {}
             }
         }
@@ -262,20 +265,20 @@ impl Machine {
         }
     }
 
-    fn look(&mut self, tick: &Tick<'_>, rules: &Rules) {
-        if let Some(look) = tick.vision.filter(|look| look.image_s >= self.requested_s) {
+    fn evaluate(&mut self, tick: &Tick<'_>, rules: &Rules) {
+        if let Some(result) = tick.vision.filter(|result| result.image_s >= self.requested_s) {
             self.requested_s = tick.now_s;
             self.looks += 1;
-            if look.valid {
-                match look.bearing {
-                    Some(bearing) => self.choose(tick, rules, look.clear, bearing),
+            if result.valid {
+                match result.bearing {
+                    Some(bearing) => self.choose(tick, rules, result.clear, bearing),
                     None if self.state == State::Relook && self.looks >= rules.looks => self.search(),
                     None => {}
                 }
             }
         }
         match self.state {
-            State::Relook if tick.now_s - self.entered_s > rules.patience_s => self.search(),
+            State::Relook if tick.now_s - self.entered_s > rules.relook_timeout_s => self.search(),
             State::Search if self.looks >= rules.search_looks => self.stop(State::Blocked),
             _ => {}
         }
@@ -317,7 +320,7 @@ impl Machine {
         self.progress_mark_m = tick.progress_m;
     }
 
-    /// Whether at most `rad` is left to turn; no with a heading that is no number.
+    /// Returns true if the heading error is at most `rad`; false if the heading is NaN.
     fn is_turned_within(&self, tick: &Tick<'_>, rad: f64) -> bool {
         self.target_heading.is_none_or(|target| angle_difference(target, tick.heading).abs() <= rad)
     }

@@ -1,19 +1,21 @@
-//! Which regions of the picture hold something that the map does not: more difference than was learned at this place.
+//! Decision whether a region of the image holds an obstacle: its edges differ from the map by more than was learned
+//! at this place.
 //!
-//! Ohya, Kosaka & Kak (1998): more than (1 + eps) N0. Differs from \[1\]: a floor below which no count is an obstacle, and
-//! limits on how far away a place may have been learned.
+//! Ohya, Kosaka & Kak (1998): a region is an obstacle if its count exceeds (1 + eps) N0. Differs from \[1\]: a
+//! minimum count for an obstacle, and limits on the distance and heading from the place where a threshold was
+//! learned.
 
 use yamabico_core::geometry::{Pose2, angle_difference};
 
-/// Farthest place whose thresholds are used, meters.
+/// Maximum distance to a place whose thresholds apply, m.
 pub const FARTHEST_M: f64 = 1.0;
-/// Largest difference of heading from the place whose thresholds are used, radians.
+/// Maximum difference of heading to a place whose thresholds apply, rad.
 pub const LARGEST_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
-/// What a radian of heading counts when places are compared, meters.
+/// Distance that is equivalent to one radian of heading when places are compared, m.
 pub const METERS_A_RADIAN: f64 = 1.0;
 
-/// The index of the nearest of `places` (map frame) within [`FARTHEST_M`] and [`LARGEST_TURN_RAD`] of `pose`, the first of
-/// equally near ones; `None` where none is, and for a pose that is not finite.
+/// Returns the index of the nearest of `places` (map frame) within [`FARTHEST_M`] and [`LARGEST_TURN_RAD`] of `pose`,
+/// the first of equally near ones; `None` if there is none, or if `pose` is not finite.
 #[must_use]
 pub fn nearest(places: impl Iterator<Item = Pose2>, pose: &Pose2) -> Option<usize> {
     let near = places.enumerate().filter_map(|(i, place)| {
@@ -29,23 +31,23 @@ pub fn nearest(places: impl Iterator<Item = Pose2>, pose: &Pose2) -> Option<usiz
     .map(|(i, _)| i)
 }
 
-/// How much difference is still no obstacle.
+/// Margin by which a measurement may exceed the learned one without indicating an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensitivity {
-    /// Share by which the learned count may be exceeded, 0 or more.
+    /// Fraction by which the learned value may be exceeded, at least 0.
     pub epsilon: f64,
-    /// Pixels that are never an obstacle.
-    pub floor_px: f64,
+    /// Minimum limit: values up to this one never indicate an obstacle. In the unit of the measurement.
+    pub min_limit: f64,
 }
 
 impl Sensitivity {
-    /// The largest count (px) that is no obstacle where `learned` was counted without one.
+    /// Returns the largest value that is not an obstacle, given the value `learned` in the empty building.
     #[must_use]
     pub fn limit(&self, learned: f64) -> f64 {
-        ((1.0 + self.epsilon) * learned).max(self.floor_px)
+        ((1.0 + self.epsilon) * learned).max(self.min_limit)
     }
 
-    /// Whether `count` is an obstacle: strictly more than [`Sensitivity::limit`].
+    /// Returns true if `count` is strictly greater than [`Sensitivity::limit`].
     #[must_use]
     pub fn is_obstacle(&self, count: u32, learned: f64) -> bool {
         f64::from(count) > self.limit(learned)

@@ -1,64 +1,64 @@
-//! The gaps between what is in the way, on the plane one meter ahead of the camera, and the direction through one of them.
+//! Gaps between obstacles on the plane one meter ahead of the camera, and the choice of a point in one of them.
 //!
-//! Ohya, Kosaka & Kak (1998): obstacles and what is not seen are taken to stand one meter ahead, each widened by half the
-//! robot. Differs from \[1\]: which gap is taken, and where in it, is stated here.
+//! Ohya, Kosaka & Kak (1998): obstacles and unobserved areas are assumed one meter ahead and widened by half the
+//! robot's width. Differs from \[1\]: an explicit choice of the gap and of the point in it.
 
 /// Distance of the plane ahead of the camera, meters.
 pub const PLANE_M: f64 = 1.0;
-/// A gap that is not wider is none, meters.
-const NARROWEST_M: f64 = 1e-9;
-/// Gaps whose aims are as far from the goal as this (m) are equally good.
+/// Width up to which a gap is dropped, m.
+const MIN_WIDTH_M: f64 = 1e-9;
+/// Difference of distance from the goal up to which two gaps are equally good, m.
 const TIE_M: f64 = 1e-9;
 
-/// Places on the plane from `low` to `high`, meters, positive to the left.
+/// Interval on the plane, m, positive left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// The right end.
+    /// Right end, m.
     pub low: f64,
-    /// The left end.
+    /// Left end, m.
     pub high: f64,
 }
 
 impl Interval {
-    /// From `low` to `high`.
+    /// Creates the interval from `low` to `high`, m.
     #[must_use]
     pub const fn new(low: f64, high: f64) -> Self {
         Self { low, high }
     }
 
-    /// Meters; negative where there is nothing between the ends.
+    /// Returns the width, m; negative if the interval is empty.
     #[must_use]
     pub fn width(&self) -> f64 {
         self.high - self.low
     }
 
-    /// The same with `margin` more on either side.
+    /// Returns the interval extended by `margin` (m) at both ends.
     #[must_use]
     pub fn widened(&self, margin: f64) -> Self {
         Self::new(self.low - margin, self.high + margin)
     }
 }
 
-/// Where to go.
+/// Point to steer for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
-    /// The gap.
+    /// Gap that contains the point.
     pub gap: Interval,
-    /// The place in it, meters.
+    /// Lateral position on the plane, m, positive left.
     pub lateral_m: f64,
-    /// Whether it is not where the goal lies.
+    /// True if the point differs from the goal.
     pub deviates: bool,
 }
 
 impl Aim {
-    /// Its direction from the camera's axis, radians, positive left.
+    /// Returns its bearing from the camera's axis, rad, positive left.
     #[must_use]
     pub fn bearing(&self) -> f64 {
         (self.lateral_m / PLANE_M).atan()
     }
 }
 
-/// The gaps, found by cutting away what is blocked. Keeps its memory from one picture to the next.
+/// Free gaps: the open interval without the blocked ones. Reuses its buffers from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub struct SafePassage {
     free: Vec<Interval>,
@@ -66,14 +66,14 @@ pub struct SafePassage {
 }
 
 impl SafePassage {
-    /// Begins with `open` free and everything else blocked.
+    /// Resets the gaps: `open` is free, everything else is blocked.
     pub fn begin(&mut self, open: Interval) {
         self.free.clear();
         self.free.push(open);
         self.drop_narrow();
     }
 
-    /// Blocks an interval; one that is not of two numbers blocks everything.
+    /// Blocks an interval; an interval with NaN blocks everything.
     pub fn block(&mut self, blocked: Interval) {
         if blocked.low.is_nan() || blocked.high.is_nan() {
             return self.free.clear();
@@ -91,21 +91,23 @@ impl SafePassage {
         self.drop_narrow();
     }
 
-    /// The gaps, from left to right.
+    /// Returns the gaps, from left to right.
     #[must_use]
     pub fn free(&self) -> &[Interval] {
         &self.free
     }
 
-    /// The place nearest to `goal_m` (m, on the plane) that keeps `margin_m` (or half the gap) from the ends of its gap; of
-    /// equally near ones that in the wider gap, then the left one. `None` where everything is blocked.
+    /// Returns the point nearest to `goal_m` (m, on the plane) that keeps `margin_m` (m), or half the width of a
+    /// narrower gap, from the ends of its gap; of equally near ones that in the wider gap, then the left one. `None`
+    /// if everything is blocked.
     #[must_use]
     pub fn choose(&self, goal_m: f64, margin_m: f64) -> Option<Aim> {
         self.choose_leaning(goal_m, 0.0, margin_m)
     }
 
-    /// As [`SafePassage::choose`], of the gap that is nearest to a place `lean_m` to the left of the goal: who has begun to
-    /// pass on one side goes on there, though the other one may seem a little nearer now.
+    /// Like [`SafePassage::choose`], but compares the gaps by the distance from a position `lean_m` (m) to the left
+    /// of the goal. A robot that passes an obstacle on one side thus stays on it, although the other side is slightly
+    /// nearer.
     #[must_use]
     pub fn choose_leaning(&self, goal_m: f64, lean_m: f64, margin_m: f64) -> Option<Aim> {
         let aims = self.free.iter().map(|&gap| {
@@ -127,12 +129,12 @@ impl SafePassage {
     }
 
     fn drop_narrow(&mut self) {
-        self.free.retain(|gap| gap.width() > NARROWEST_M);
+        self.free.retain(|gap| gap.width() > MIN_WIDTH_M);
     }
 }
 
-/// What region `index` of `count` covers of the plane for a camera whose half view is `half_view_m` there: the leftmost
-/// columns are region 0.
+/// Returns the interval of the plane that image region `index` of `count` covers; region 0 is the leftmost.
+/// `half_view_m`: half the visible width of the plane, m.
 #[must_use]
 pub fn region_on_plane(index: usize, count: usize, half_view_m: f64) -> Interval {
     let width = 2.0 * half_view_m / count.max(1) as f64;

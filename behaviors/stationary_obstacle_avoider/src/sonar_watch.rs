@@ -1,14 +1,14 @@
-//! The newest scan of the sonars, as the state machine takes it: a silent, lost or broken one is an echo.
+//! Newest sonar scan, as input of the state machine; a silent, lost or malformed scan counts as an echo.
 
 use yamabico_core::behavior::{Inputs, Slot};
 use yamabico_core::message::{Beam, RangeScanHeader};
 use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
 use yamabico_core::time::Time;
 
-/// Most beams that are looked at; more are taken for an echo.
-const MOST: usize = 64;
+/// Maximum number of beams; a scan with more counts as an echo.
+const MAX_BEAMS: usize = 64;
 
-/// What the sonars say.
+/// Newest sonar scan. Without ranges it counts as an echo.
 #[derive(Clone, Debug)]
 pub struct SonarWatch {
     ranges_m: Vec<Option<f64>>,
@@ -18,15 +18,15 @@ pub struct SonarWatch {
 
 impl Default for SonarWatch {
     fn default() -> Self {
-        Self { ranges_m: Vec::with_capacity(MOST), beams: Vec::with_capacity(MOST), newest: None }
+        Self { ranges_m: Vec::with_capacity(MAX_BEAMS), beams: Vec::with_capacity(MAX_BEAMS), newest: None }
     }
 }
 
 impl SonarWatch {
-    /// Takes the scans that arrived; whether there is something to tell the state machine: a scan, or a silence longer than
-    /// `stale_s`.
-    pub fn take(&mut self, inputs: &Inputs<'_>, slot: &Slot<RangeScanHeader>, stale_s: f64) -> bool {
-        let mut is_news = false;
+    /// Reads the new scans. Returns true if the state machine must take a step: after a new scan, a lost one, or a
+    /// silence longer than `stale_s`.
+    pub fn update(&mut self, inputs: &Inputs<'_>, slot: &Slot<RangeScanHeader>, stale_s: f64) -> bool {
+        let mut must_step = false;
         let now = inputs.now();
         for scan in inputs.fresh(slot) {
             let stamp = Time(scan.header.stamp_ns);
@@ -34,11 +34,11 @@ impl SonarWatch {
             if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
                 continue;
             }
-            is_news = true;
+            must_step = true;
             self.newest = Some(stamp);
             self.ranges_m.clear();
             self.beams.clear();
-            if scan.items.len() <= MOST {
+            if scan.items.len() <= MAX_BEAMS {
                 self.ranges_m.extend(scan.items.iter().map(Beam::echo_m));
                 self.beams.extend_from_slice(scan.items);
             }
@@ -47,24 +47,24 @@ impl SonarWatch {
         if is_silent || inputs.lost(slot) > 0 {
             self.ranges_m.clear();
             self.beams.clear();
-            is_news = true;
+            must_step = true;
         }
-        is_news
+        must_step
     }
 
-    /// The ranges of the newest scan, meters; none at all where the sonars are silent.
+    /// Returns the ranges of the newest scan, m; an empty slice if the sonar is silent.
     #[must_use]
     pub fn ranges_m(&self) -> &[Option<f64>] {
         &self.ranges_m
     }
 
-    /// The beams of the newest scan.
+    /// Returns the beams of the newest scan.
     #[must_use]
     pub fn beams(&self) -> &[Beam] {
         &self.beams
     }
 
-    /// When the newest scan was taken.
+    /// Returns the stamp of the newest scan.
     #[must_use]
     pub fn newest(&self) -> Option<Time> {
         self.newest

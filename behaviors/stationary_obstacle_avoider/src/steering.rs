@@ -1,40 +1,40 @@
-//! What the avoider proposes in each state: silence, a turn, a drive through a passage, a halt.
+//! Proposals of the avoider in each state.
 
 use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 use yamabico_core::message::{Axes, Proposal, Reason};
 use yamabico_core::time::Time;
 
 use crate::StationaryObstacleAvoider;
-use crate::halt_state_machine::{Look, State};
+use crate::halt_state_machine::{State, VisionResult};
+use crate::passage_finder::{Surroundings, aim};
 use crate::safe_passage::PLANE_M;
-use crate::way::{Surroundings, aim};
 
 /// Turn rate per radian of heading error, 1/s.
 const TURN_GAIN: f64 = 1.8;
-/// Turned to a direction of the search, rad.
-const SEARCHED_RAD: f64 = 0.06;
-/// Without a look at a picture for longer (s), vision tells nothing.
-const LOOK_STALE_S: f64 = 1.0;
+/// Heading error below which a direction of the search is reached, rad.
+const DIRECTION_REACHED_RAD: f64 = 0.06;
+/// Age of the newest evaluated frame above which the speed is limited, s.
+const EVALUATION_STALE_S: f64 = 1.0;
 
 impl StationaryObstacleAvoider {
-    /// What it proposes in the state that it is in.
+    /// Returns the proposal of the current state.
     pub(crate) fn proposal(&mut self, now: Time) -> Proposal {
-        let evidence = self.looked.or(self.sonar.newest()).unwrap_or(now);
+        let evidence = self.evaluated.or(self.sonar.newest()).unwrap_or(now);
         let robot = self.robot();
         let state = self.order.state;
         let translation = Axes::LINEAR.union(Axes::LATERAL);
         let proposal = match (state, robot) {
             (State::Follow | State::Rejoin, _) => self.follow(now),
-            (State::Lost, _) => Proposal::halt(translation, self.why_lost()),
+            (State::Lost, _) => Proposal::halt(translation, self.lost_reason()),
             (State::Avoid, Some(robot)) => self.avoid(&robot),
-            (State::Search, Some(robot)) => self.turn_to_look(&robot, now),
+            (State::Search, Some(robot)) => self.turn_to_direction(&robot, now),
             (State::Blocked, _) => Proposal::halt(Axes::ALL, Reason::PassageBlocked),
             (State::Relook, _) => Proposal::halt(Axes::ALL, Reason::Searching),
             _ => Proposal::halt(Axes::ALL, Reason::Echo),
         };
-        // A halt, a limit or an abstention rests on there being nothing better.
-        let rests_on_looks = matches!(state, State::Avoid);
-        let proposal = proposal.with_evidence(if rests_on_looks { evidence } else { now });
+        // Only a drive rests on the frame: evidence of the others is the present.
+        let rests_on_frame = matches!(state, State::Avoid);
+        let proposal = proposal.with_evidence(if rests_on_frame { evidence } else { now });
         if state == State::Avoid || state == State::Follow {
             proposal
         } else {
@@ -42,15 +42,16 @@ impl StationaryObstacleAvoider {
         }
     }
 
-    /// Others drive; slowly where vision tells nothing.
+    /// Abstains, or limits the speed if vision gives no result.
     fn follow(&self, now: Time) -> Proposal {
-        let is_blind = self.looked.is_none_or(|looked| now.seconds_after(looked) > LOOK_STALE_S);
-        let why = match self.trouble {
+        let is_blind =
+            self.evaluated.is_none_or(|evaluated| now.seconds_after(evaluated) > EVALUATION_STALE_S);
+        let failure = match self.failure {
             Some(reason) => Some(reason),
             None if is_blind => Some(Reason::StaleInput),
             None => None,
         };
-        match why {
+        match failure {
             Some(reason) => {
                 let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
                 Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
@@ -60,60 +61,61 @@ impl StationaryObstacleAvoider {
         }
     }
 
-    /// Towards the target heading, as far as walls and things allow.
+    /// Turns to the target heading, then drives through the passage nearest to it.
     fn avoid(&mut self, robot: &Pose2) -> Proposal {
         let target = self.order.target_heading.unwrap_or(robot.theta);
         let off = angle_difference(target, robot.theta);
         if self.order.v_zero {
             return turn(off, self.config.largest_turn_radps)
-                .because(Reason::Nominal)
+                .with_reason(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
         let around = Surroundings {
             robot,
             map: self.detector.map(),
-            things: &self.things,
-            floor: &self.floor,
+            obstacles: &self.known_obstacles,
+            views: &self.views,
             path: &self.path,
         };
-        let wanted_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
-        let Some(aim) = aim(&around, wanted_m, self.lean_m, &self.room, &mut self.passage) else {
+        let goal_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
+        let Some(aim) = aim(&around, goal_m, self.lean_m, &self.clearances, &mut self.passage) else {
             return turn(off, self.config.largest_turn_radps)
-                .because(Reason::PassageBlocked)
+                .with_reason(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
         };
         let bearing = aim.bearing();
         let fastest =
-            if self.trouble.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
+            if self.failure.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
         let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
         let rate =
             (TURN_GAIN * bearing).clamp(-self.config.largest_turn_radps, self.config.largest_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
             "past {} things, {:+.0} deg",
-            self.things.confirmed().count(),
+            self.known_obstacles.confirmed().count(),
             bearing.to_degrees()
         ))
     }
 
-    /// The next direction of the search.
-    fn turn_to_look(&mut self, robot: &Pose2, now: Time) -> Proposal {
+    /// Turns to the next direction of the search.
+    fn turn_to_direction(&mut self, robot: &Pose2, now: Time) -> Proposal {
         let along = *self.search.along.get_or_insert(robot.theta);
         let off = angle_difference(along + self.search.direction(), robot.theta);
-        if off.abs() <= SEARCHED_RAD {
-            self.search.arrive(now);
+        if off.abs() <= DIRECTION_REACHED_RAD {
+            self.search.mark_reached(now);
         }
-        turn(off, self.config.largest_turn_radps).because(Reason::Searching)
+        turn(off, self.config.largest_turn_radps).with_reason(Reason::Searching)
     }
 
-    /// Goes on with the search where no picture of a direction can be judged.
+    /// Passes an unusable vision result to the state machine if the current search direction gives no usable frame in
+    /// time.
     pub(crate) fn leave_blind_direction(&mut self, now: Time) {
-        if self.order.state == State::Search && self.search.is_blind(now) {
+        if self.order.state == State::Search && self.search.advance_if_timed_out(now) {
             self.pending =
-                Some(Look { image_s: now.as_secs_f64(), valid: false, clear: false, bearing: None });
+                Some(VisionResult { image_s: now.as_secs_f64(), valid: false, clear: false, bearing: None });
         }
     }
 
-    fn why_lost(&self) -> Reason {
+    fn lost_reason(&self) -> Reason {
         match self.localized {
             None => Reason::NoInput,
             Some(localized) if !localized.is_usable => Reason::Lost,
@@ -122,8 +124,9 @@ impl StationaryObstacleAvoider {
     }
 }
 
-/// A turn where the robot stands; keeps turning where a halt names only translation.
-fn turn(off: f64, largest_radps: f64) -> Proposal {
-    let rate = if off.is_finite() { (TURN_GAIN * off).clamp(-largest_radps, largest_radps) } else { 0.0 };
+/// Proposes to turn in place; the turn remains when another behavior halts only translation. `off`: heading error,
+/// rad.
+fn turn(off: f64, max_radps: f64) -> Proposal {
+    let rate = if off.is_finite() { (TURN_GAIN * off).clamp(-max_radps, max_radps) } else { 0.0 };
     Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate)).uncoupled()
 }

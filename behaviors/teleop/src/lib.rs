@@ -1,43 +1,53 @@
-//! Drives as somebody holds a stick, and only while somebody does.
+//! Drives by a joystick or by keys, only while they are held.
 //!
-//! A behavior like any other: what outranks it halts or steers the robot whatever the hand does, and what it outranks takes
-//! over when the hand lets go.
+//! An ordinary behavior with a priority: behaviors that outrank it halt or steer the robot whatever the operator does, and
+//! behaviors below it take over when the operator lets go.
+//!
+//! ```
+//! use yamabico_core::behavior::Setup;
+//! use yamabico_core::message::Stick;
+//! use yamabico_core::testing::Bench;
+//! use yamabico_teleop::{STICK, Teleop};
+//!
+//! let mut bench = Bench::<Teleop>::new("speed_mps = 0.4", Setup::default())?;
+//! let stick = Stick { stamp_ns: 1_000_000_000, forward: 0.5, ..Default::default() };
+//! assert_eq!(bench.at(1.0).feed(&STICK, &stick, &[]).propose().twist.linear, 0.2);
+//! # Ok::<(), yamabico_core::behavior::ParameterError>(())
+//! ```
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use smart_default::SmartDefault;
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, Axis, Proposal, Reason, Stick, Twist};
 use yamabico_core::time::Time;
 
-/// Where the stick is held.
+/// Input: the position of the stick.
 pub const STICK: Slot<Stick> =
-    Slot::required("stick", "where somebody holds the stick, from `yamabico teleop`");
+    Slot::required("stick", "position of the operator's stick, from `yamabico teleop`");
 
-/// A stick held later than now by more than this is nobody's, seconds.
+/// Tolerance for stamps in the future, s.
 const FUTURE_TOLERANCE_S: f64 = 0.02;
 
 /// Parameters of [`Teleop`].
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Speed with the stick held all the way forward, back or to the side, m/s, 0.02 to 2, default 0.3.
+    /// Speed at full stick deflection forward, backward or sideways.
+    #[default(0.3)]
     #[schemars(range(min = 0.02, max = 2.0))]
     pub speed_mps: f64,
-    /// Turn rate with the stick held all the way round, rad/s, 0.05 to 3, default 0.8.
+    /// Turn rate at full rotation of the stick.
+    #[default(0.8)]
     #[schemars(range(min = 0.05, max = 3.0))]
     pub turn_radps: f64,
-    /// The dead man's time: nobody holds a stick that was held longer ago, ms, 50 to 2000, default 300.
+    /// Dead-man timeout: age above which a stick message is ignored.
+    #[default(300.0)]
     #[schemars(range(min = 50.0, max = 2000.0))]
     pub dead_man_ms: f64,
 }
 
-impl Default for Config {
-    fn default() -> Self {
-        Self { speed_mps: 0.3, turn_radps: 0.8, dead_man_ms: 300.0 }
-    }
-}
-
-/// Drives as somebody holds a stick.
+/// The behavior: proposes the twist of the stick while the stick is held.
 #[derive(Clone, Debug)]
 pub struct Teleop {
     config: Config,
@@ -47,16 +57,19 @@ pub struct Teleop {
 impl Plugin for Teleop {
     type Config = Config;
     const NAME: &'static str = "teleop";
-    const SUMMARY: &'static str = "Drives as somebody holds a stick, and only while somebody does.";
+    const SUMMARY: &'static str = "Drives by a joystick or by keys, only while they are held.";
     const INPUTS: &'static [SlotInfo] = &[STICK.info()];
     const CLAIMS: Axes = Axes::ALL;
 
-    fn new(config: Config, setup: &Setup) -> Result<Self, BuildError> {
+    fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         let limits = &setup.robot.limits.speed;
         let fastest = limits[Axis::Linear as usize];
         if setup.robot.axes.contains(Axis::Linear) && config.speed_mps > fastest {
-            let problem = format!("{} m/s is more than the robot's {fastest} m/s", config.speed_mps);
-            return Err(BuildError::new("speed_mps", problem));
+            let problem = format!(
+                "must be at most the robot's {fastest} m/s, but is {} m/s: lower it",
+                config.speed_mps
+            );
+            return Err(ParameterError::new("speed_mps", problem));
         }
         Ok(Self { config, axes: setup.robot.axes })
     }
@@ -86,7 +99,7 @@ impl Behavior for Teleop {
     }
 }
 
-/// What the stick asks for; `None` where it is held nowhere that a stick can be.
+/// Returns the twist that the stick asks for; `None` if a deflection is not within -1 to 1.
 fn twist(stick: &Stick, config: &Config) -> Option<Twist> {
     let shares = [stick.forward, stick.left, stick.turn];
     shares.iter().all(|share| share.abs() <= 1.0).then_some(Twist {

@@ -1,22 +1,22 @@
 //! One `propose` with a new picture of a rendered corridor.
 
-#[path = "../tests/rig/mod.rs"]
-mod rig;
-
 use criterion::{Criterion, criterion_group, criterion_main};
-use rig::{camera, frame_header, picture, setup};
-use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Odometry;
-use yamabico_core::testing::Bench;
+use yamabico_core::testing::{Bench, camera_setup};
+use yamabico_rigs::camera::{forward_camera, frame_header, render};
+use yamabico_sim::random::stream;
+use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 
 fn propose(criterion: &mut Criterion) {
+    let scene = Scene::new(&World::random_corridor(3, 2.0), 0).expect("a valid world");
     for (width, height) in [(640, 480), (256, 240)] {
-        let (intrinsics, mount) = camera(width, height);
-        let pixels = picture(intrinsics, mount, Pose2::new(0.0, 0.1, 0.03));
-        let setup = setup(intrinsics, mount, Calibration::Measured);
-        let mut bench = Bench::<WallFollower>::new("", setup).expect("defaults are valid");
+        let (intrinsics, mount) = forward_camera(width, height, 60.0, 5.0);
+        let view = CameraView { intrinsics, mount, robot: Pose2::new(0.0, 0.1, 0.03) };
+        let pixels = render(&mut Renderer::new(Photometry::default(), stream(3, "picture")), &scene, &view);
+        let mut bench =
+            Bench::<WallFollower>::new("", camera_setup(intrinsics, mount)).expect("defaults are valid");
         let mut step = 0_u32;
         criterion.bench_function(&format!("wall_follower/propose/{width}x{height}"), |b| {
             b.iter_batched(

@@ -1,18 +1,18 @@
-//! The law that brings the robot to the middle of the corridor and keeps it there, while driving.
+//! Steering law that brings the robot to the centerline of the corridor and keeps it there.
 //!
-//! Kweon et al. (1991), section 4. Differs from \[1\]: continuous, instead of stopping, looking, moving to the center and
-//! turning back.
+//! Kweon et al. (1991), section 4. Differs from the paper: continuous, instead of stopping, looking, moving to the center
+//! and turning back.
 
-/// How the robot converges to the line that it follows.
+/// Gains of the convergence to the target line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Centering {
-    /// Length (m) over which an offset decays.
+    /// Distance over which a lateral offset decays, m.
     pub length_m: f64,
-    /// Damping; 1 is critical.
+    /// Damping ratio; 1 is critical.
     pub damping: f64,
-    /// Offsets beyond this (m) steer no harder.
+    /// Lateral offset at which the steering saturates, m.
     pub largest_offset_m: f64,
-    /// Largest turn rate, rad/s.
+    /// Maximum turn rate, rad/s.
     pub largest_turn_radps: f64,
 }
 
@@ -23,7 +23,7 @@ impl Default for Centering {
 }
 
 impl Centering {
-    /// Turn rate (rad/s, positive to the left) for a robot at `heading` (rad, positive left of the axis) and `lateral_m`
+    /// Returns the turn rate (rad/s, positive to the left) for a robot at `heading` (rad, positive left of the axis) and `lateral_m`
     /// left of its line, at forward speed `speed_mps` >= 0. Zero at standstill; see [`align_in_place`].
     #[must_use]
     pub fn turn_rate(&self, speed_mps: f64, heading: f64, lateral_m: f64) -> f64 {
@@ -34,7 +34,7 @@ impl Centering {
     }
 }
 
-/// Turn rate (rad/s) that turns a standing robot towards `target` (rad) from `heading` (rad), at most `largest_radps`.
+/// Returns the turn rate (rad/s) that turns a standing robot toward `target` (rad) from `heading` (rad), at most `largest_radps`.
 #[must_use]
 pub fn align_in_place(heading: f64, target: f64, largest_radps: f64) -> f64 {
     (-yamabico_core::geometry::angle_difference(heading, target)).clamp(-largest_radps, largest_radps)
@@ -43,21 +43,21 @@ pub fn align_in_place(heading: f64, target: f64, largest_radps: f64) -> f64 {
 /// Signed distances (m) from the robot to the walls: the left one positive, the right one negative.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Walls {
-    /// To the left wall, positive; `None` where it is not seen.
+    /// Distance to the left wall, positive; `None` if it is not visible.
     pub left_m: Option<f64>,
-    /// To the right wall, negative; `None` where it is not seen.
+    /// Distance to the right wall, negative; `None` if it is not visible.
     pub right_m: Option<f64>,
 }
 
 impl Walls {
-    /// Distance between the walls, meters; `None` unless both are seen.
+    /// Returns the distance between the walls, m; `None` unless both are visible.
     #[must_use]
     pub fn width_m(&self) -> Option<f64> {
         Some(self.left_m? - self.right_m?)
     }
 
-    /// The robot's offset (m) to the left of the line that it should follow: the middle between two walls; half the
-    /// remembered width from a single one, or `single_wall_target_m` without a memory; zero where no wall is seen.
+    /// Returns the robot's offset (m) to the left of the target line: the middle between two walls; half the remembered
+    /// width from a single wall, or `single_wall_target_m` without a remembered width; zero without a visible wall.
     #[must_use]
     pub fn lateral_left_of_target(&self, remembered_width_m: Option<f64>, single_wall_target_m: f64) -> f64 {
         let keep = remembered_width_m.map_or(single_wall_target_m, |width| 0.5 * width);
@@ -69,15 +69,15 @@ impl Walls {
         }
     }
 
-    /// Distance (m) to the nearer wall; infinite where none is seen.
+    /// Returns the distance to the nearer wall, m; infinite if none is visible.
     #[must_use]
     pub fn nearest_m(&self) -> f64 {
         self.left_m.map_or(f64::INFINITY, f64::abs).min(self.right_m.map_or(f64::INFINITY, f64::abs))
     }
 }
 
-/// Forward speed (m/s) allowed at this heading (rad) and clearance (m, from the footprint to the nearest wall): never more
-/// than `cruise_mps`, 0.3 of it when pointing 0.35 rad away, and 0.5 m/s times the root of the clearance over 0.3 m.
+/// Returns the maximum forward speed (m/s) at this heading (rad) and clearance (m, from the footprint to the nearest wall):
+/// at most `cruise_mps`, 0.3 of it when pointing 0.35 rad away, and 0.5 m/s times the root of the clearance over 0.3 m.
 #[must_use]
 pub fn allowed_speed(cruise_mps: f64, heading: f64, clearance_m: f64) -> f64 {
     let by_heading = cruise_mps * (1.0 - heading.abs() / 0.5).max(0.3);

@@ -1,65 +1,66 @@
-//! Where the robot is in the corridor, kept from picture to picture with the odometry.
+//! State of the robot in the corridor, propagated from frame to frame by odometry.
 //!
-//! Heading, left wall and right wall are three scalar filters; the corridor's axis stands still in the odometry frame.
+//! Heading, left wall and right wall are three scalar Kalman filters; the corridor's axis is fixed in the odometry frame.
 
 use nalgebra::Vector2;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 
 use crate::centering::Walls;
 use yamabico_core::odometry_track::travel;
-use yamabico_vision::corridor::floor_lines::ExpectedWall;
-use yamabico_vision::corridor::sight::{Expectation, Sighting};
+use yamabico_vision::corridor::floor_lines::WallEstimate;
+use yamabico_vision::corridor::observer::{CorridorObservation, CorridorPrediction};
 
 /// Heading variance per radian turned (odometry), rad.
 const VARIANCE_PER_TURN: f64 = 1e-3;
 /// Heading variance per meter driven, rad^2/m.
 const VARIANCE_PER_METER: f64 = 2e-4;
-/// Heading variance per second where there is no odometry, rad^2/s: a turn of half a radian a second is no surprise.
+/// Heading variance per second without odometry, rad^2/s: allows turns of 0.5 rad/s.
 const VARIANCE_PER_SECOND_BLIND: f64 = 0.25;
-/// A heading this far from the prediction (rad), and beyond three standard deviations, is refused ...
+/// Innovation of the heading (rad) above which, if also above three standard deviations, it is rejected, until
+/// [`CONSISTENT_FRAMES`] agree.
 const HEADING_JUMP_RAD: f64 = 0.045;
-/// ... unless so many pictures in a row agree.
-const CONSISTENT_PICTURES: u32 = 3;
-/// Beyond this standard deviation (rad) the heading is lost.
+/// Number of consecutive frames that overrule a rejection.
+const CONSISTENT_FRAMES: u32 = 3;
+/// Standard deviation (rad) above which the heading is lost.
 const HEADING_LOST_RAD: f64 = 0.175;
-/// A wall that jumps farther (m) may be a recess ...
+/// Jump of a wall distance (m) above which it may be a recess, until it lasts for [`WALL_CONFIRM_M`].
 const WALL_JUMP_M: f64 = 0.15;
-/// ... unless it stays for so far, m.
+/// Driven distance that confirms a changed wall distance or width, m.
 const WALL_CONFIRM_M: f64 = 0.5;
-/// A wall unseen for so far (m) is forgotten.
+/// Driven distance without an observation after which a wall is dropped, m.
 const WALL_FORGET_M: f64 = 1.0;
-/// Standard deviation that a wall's distance gains per meter driven without seeing it, m.
+/// Growth of a wall distance's standard deviation per meter driven without an observation, m.
 const WALL_DRIFT_PER_METER: f64 = 0.04;
-/// The width is the median of so many.
+/// Number of width measurements of which the median is taken.
 const WIDTHS: usize = 15;
-/// The width is forgotten after so far without seeing both walls, m.
+/// Driven distance without both walls after which the width is dropped, m.
 const WIDTH_FORGET_M: f64 = 3.0;
-/// Two walls whose distance differs farther from the known width are not a pair, m.
+/// Maximum difference between a measured and the known width, m.
 const WIDTH_TOLERANCE_M: f64 = 0.15;
 
-/// The robot in the corridor.
+/// State of the robot in the corridor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Heading from the axis, radians, positive to the left.
+    /// Heading relative to the axis, rad, positive to the left.
     pub heading: f64,
-    /// Its standard deviation, radians.
+    /// Standard deviation of the heading, rad.
     pub heading_sigma: f64,
-    /// The walls from the robot's center.
+    /// Signed distances from the robot's center to the walls.
     pub walls: Walls,
-    /// The corridor's width, meters, where it is known.
+    /// Width of the corridor, m, if known.
     pub width_m: Option<f64>,
 }
 
-/// What became of a sighting.
+/// Outcome of an observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It was taken.
+    /// The observation updated the state.
     Accepted,
-    /// Its heading contradicts the prediction.
+    /// The heading contradicts the prediction: the observation was rejected.
     Gated,
 }
 
-/// The filters. Everything refers to the pose at the last picture.
+/// The filters. All states refer to the pose at the last frame.
 #[derive(Clone, Debug, Default)]
 pub struct CorridorTrack {
     axis: Option<Axis>,
@@ -81,7 +82,7 @@ struct Axis {
 struct Wall {
     distance_m: f64,
     variance: f64,
-    unseen_m: f64,
+    unobserved_m: f64,
 }
 
 /// A distance or width that contradicts the known one, waiting to be confirmed.
@@ -91,31 +92,31 @@ struct Rival {
     for_m: f64,
 }
 
-/// How the robot moved between two pictures.
+/// Motion of the robot between two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
     /// By odometry, to this pose in the odometry frame.
     To(Pose2),
-    /// Nobody knows; so many seconds passed.
+    /// Unknown: there is no odometry.
     Unknown {
-        /// Seconds since the last picture.
+        /// Time since the last frame, s.
         elapsed_s: f64,
     },
 }
 
 impl CorridorTrack {
-    /// Whether there is a heading to steer by.
+    /// Returns true if the heading is known well enough to steer by.
     #[must_use]
     pub fn has_heading(&self) -> bool {
         self.axis.is_some_and(|axis| axis.variance.sqrt() < HEADING_LOST_RAD)
     }
 
-    /// Forgets everything but the corridor's width.
+    /// Drops everything but the width of the corridor.
     pub fn lose(&mut self) {
         *self = Self { widths: self.widths.clone(), ..Self::default() };
     }
 
-    /// Carries the state to the pose of the next picture.
+    /// Propagates the state to the pose of the next frame.
     pub fn predict(&mut self, motion: Motion) {
         let pose = match motion {
             Motion::To(pose) => pose,
@@ -135,8 +136,8 @@ impl CorridorTrack {
             if let Some(known) = wall {
                 known.distance_m -= across_m;
                 known.variance += (WALL_DRIFT_PER_METER * meters).powi(2) + 1e-6;
-                known.unseen_m += meters;
-                if known.unseen_m > WALL_FORGET_M {
+                known.unobserved_m += meters;
+                if known.unobserved_m > WALL_FORGET_M {
                     *wall = None;
                 }
             }
@@ -149,15 +150,15 @@ impl CorridorTrack {
         self.anchor = pose;
     }
 
-    /// What the next picture is expected to show, after [`CorridorTrack::predict`].
+    /// Returns the prediction for the next frame, after [`CorridorTrack::predict`].
     #[must_use]
-    pub fn expectation(&self) -> Option<Expectation> {
+    pub fn prediction(&self) -> Option<CorridorPrediction> {
         let axis = self.axis.filter(|_| self.has_heading())?;
-        Some(Expectation {
+        Some(CorridorPrediction {
             heading: wrap_angle(self.anchor.theta - axis.angle),
             heading_sigma: axis.variance.sqrt(),
             walls: self.walls.map(|wall| {
-                wall.map(|wall| ExpectedWall {
+                wall.map(|wall| WallEstimate {
                     distance_m: wall.distance_m,
                     sigma_m: wall.variance.sqrt().max(0.02),
                 })
@@ -165,12 +166,12 @@ impl CorridorTrack {
         })
     }
 
-    /// Takes what a picture showed, taken at the pose that was predicted to.
-    pub fn update(&mut self, sighting: &Sighting) -> Verdict {
-        if !self.update_axis(sighting) {
+    /// Updates the state by an observation at the predicted pose.
+    pub fn update(&mut self, observation: &CorridorObservation) -> Verdict {
+        if !self.update_axis(observation) {
             return Verdict::Gated;
         }
-        let seen = [sighting.left, sighting.right];
+        let seen = [observation.left, observation.right];
         let pair = self.known_pair(seen);
         for (side, wall) in pair.into_iter().enumerate() {
             if let Some(wall) = wall {
@@ -183,7 +184,7 @@ impl CorridorTrack {
         Verdict::Accepted
     }
 
-    /// The robot in the corridor at a later pose in the odometry frame; `None` without a heading.
+    /// Returns the state at a later pose in the odometry frame; `None` without a heading.
     #[must_use]
     pub fn estimate_at(&self, pose: &Pose2) -> Option<Estimate> {
         let axis = self.axis.filter(|_| self.has_heading())?;
@@ -197,9 +198,9 @@ impl CorridorTrack {
         })
     }
 
-    fn update_axis(&mut self, sighting: &Sighting) -> bool {
-        let seen = wrap_angle(self.anchor.theta - sighting.heading);
-        let noise = sighting.heading_sigma.powi(2);
+    fn update_axis(&mut self, observation: &CorridorObservation) -> bool {
+        let seen = wrap_angle(self.anchor.theta - observation.heading);
+        let noise = observation.heading_sigma.powi(2);
         let Some(axis) = self.axis.as_mut().filter(|axis| axis.variance.sqrt() < HEADING_LOST_RAD) else {
             self.axis = Some(Axis { angle: seen, variance: noise });
             return true;
@@ -212,7 +213,7 @@ impl CorridorTrack {
                 _ => 1,
             };
             self.rejected = Some((seen, agreeing));
-            if agreeing < CONSISTENT_PICTURES {
+            if agreeing < CONSISTENT_FRAMES {
                 return false;
             }
             *axis = Axis { angle: seen, variance: noise };
@@ -226,8 +227,8 @@ impl CorridorTrack {
         true
     }
 
-    /// The walls seen, without the one that does not fit the known width, unless another width lasts.
-    fn known_pair(&mut self, seen: [Option<ExpectedWall>; 2]) -> [Option<ExpectedWall>; 2] {
+    /// Returns the observed walls without the one that contradicts the known width, unless another width is confirmed.
+    fn known_pair(&mut self, seen: [Option<WallEstimate>; 2]) -> [Option<WallEstimate>; 2] {
         let [Some(left), Some(right)] = seen else { return seen };
         let width_m = left.distance_m - right.distance_m;
         if self.widths.fits(width_m) {
@@ -237,10 +238,10 @@ impl CorridorTrack {
             self.walls = [None; 2];
             return seen;
         }
-        let surprise = |side: usize, wall: ExpectedWall| {
+        let innovation = |side: usize, wall: WallEstimate| {
             self.walls[side].map_or(f64::INFINITY, |known| (wall.distance_m - known.distance_m).abs())
         };
-        let (by_left, by_right) = (surprise(0, left), surprise(1, right));
+        let (by_left, by_right) = (innovation(0, left), innovation(1, right));
         if by_left.is_infinite() && by_right.is_infinite() {
             seen
         } else if by_left <= by_right {
@@ -250,9 +251,9 @@ impl CorridorTrack {
         }
     }
 
-    fn update_wall(&mut self, side: usize, seen: ExpectedWall) {
+    fn update_wall(&mut self, side: usize, seen: WallEstimate) {
         let noise = seen.sigma_m.powi(2);
-        let fresh = Wall { distance_m: seen.distance_m, variance: noise, unseen_m: 0.0 };
+        let fresh = Wall { distance_m: seen.distance_m, variance: noise, unobserved_m: 0.0 };
         let Some(wall) = &mut self.walls[side] else {
             self.walls[side] = Some(fresh);
             return;
@@ -262,7 +263,7 @@ impl CorridorTrack {
             let gain = wall.variance / (wall.variance + noise);
             wall.distance_m += gain * innovation;
             wall.variance *= 1.0 - gain;
-            wall.unseen_m = 0.0;
+            wall.unobserved_m = 0.0;
             self.rival_walls[side] = None;
             return;
         }
@@ -278,19 +279,19 @@ impl CorridorTrack {
     }
 }
 
-/// Meters to the left of an axis (angle in the odometry frame) that lead from one pose to another.
+/// Returns the displacement between two poses to the left of an axis (angle in the odometry frame), m.
 fn across(axis_angle: f64, from: &Pose2, to: &Pose2) -> f64 {
     let (sin, cos) = axis_angle.sin_cos();
     Vector2::new(-sin, cos).dot(&(to.position() - from.position()))
 }
 
-/// The corridor's width: the median of the last pairs of walls.
+/// Width of the corridor: the median of the last pairs of walls.
 #[derive(Clone, Debug, Default)]
 struct WidthMemory {
     widths: [f64; WIDTHS],
     count: usize,
     next: usize,
-    unseen_m: f64,
+    unobserved_m: f64,
     rival: Option<Rival>,
 }
 
@@ -299,7 +300,7 @@ impl WidthMemory {
         self.median_m().is_none_or(|known| (width_m - known).abs() <= WIDTH_TOLERANCE_M)
     }
 
-    /// Hears of a width that does not fit; forgets the known one and says so once the other has lasted.
+    /// Registers a contradicting width. Once it is confirmed, drops the known width and returns true.
     fn contradict(&mut self, width_m: f64) -> bool {
         let rival = self
             .rival
@@ -318,15 +319,15 @@ impl WidthMemory {
         self.widths[self.next] = width_m;
         self.next = (self.next + 1) % WIDTHS;
         self.count = (self.count + 1).min(WIDTHS);
-        self.unseen_m = 0.0;
+        self.unobserved_m = 0.0;
     }
 
     fn drive(&mut self, meters: f64) {
-        self.unseen_m += meters;
+        self.unobserved_m += meters;
         if let Some(rival) = &mut self.rival {
             rival.for_m += meters;
         }
-        if self.unseen_m > WIDTH_FORGET_M {
+        if self.unobserved_m > WIDTH_FORGET_M {
             *self = Self::default();
         }
     }
@@ -343,9 +344,9 @@ impl WidthMemory {
 mod tests {
     use super::*;
 
-    fn sighting(heading: f64, left: Option<f64>, right: Option<f64>) -> Sighting {
-        let wall = |d: f64| ExpectedWall { distance_m: d, sigma_m: 0.01 };
-        Sighting {
+    fn observation(heading: f64, left: Option<f64>, right: Option<f64>) -> CorridorObservation {
+        let wall = |d: f64| WallEstimate { distance_m: d, sigma_m: 0.01 };
+        CorridorObservation {
             heading,
             heading_sigma: 0.002,
             tilt: 0.0,
@@ -357,7 +358,7 @@ mod tests {
 
     fn see(track: &mut CorridorTrack, pose: Pose2, left: Option<f64>, right: Option<f64>) -> Verdict {
         track.predict(Motion::To(pose));
-        track.update(&sighting(pose.theta, left, right))
+        track.update(&observation(pose.theta, left, right))
     }
 
     #[test]
@@ -365,8 +366,8 @@ mod tests {
         let mut track = CorridorTrack::default();
         assert!(track.estimate_at(&Pose2::IDENTITY).is_none());
         track.predict(Motion::To(Pose2::new(0.0, 0.0, 0.5)));
-        track.update(&sighting(0.1, Some(1.0), Some(-1.0)));
-        // The axis is at 0.4 in the odometry frame; one meter across it to the left is a meter towards the left wall.
+        track.update(&observation(0.1, Some(1.0), Some(-1.0)));
+        // The axis is at 0.4 in the odometry frame; one meter across it to the left is a meter toward the left wall.
         let later = Pose2::new(-0.4_f64.sin() * 0.3, 0.4_f64.cos() * 0.3, 0.2);
         let now = track.estimate_at(&later).unwrap();
         assert!((now.heading + 0.2).abs() < 1e-12);
@@ -381,7 +382,7 @@ mod tests {
         see(&mut track, Pose2::IDENTITY, Some(1.0), Some(-1.0));
         for expected in [Verdict::Gated, Verdict::Gated, Verdict::Accepted] {
             track.predict(Motion::To(Pose2::IDENTITY));
-            assert_eq!(track.update(&sighting(0.3, None, None)), expected);
+            assert_eq!(track.update(&observation(0.3, None, None)), expected);
         }
         assert!((track.estimate_at(&Pose2::IDENTITY).unwrap().heading - 0.3).abs() < 1e-9);
     }
@@ -438,11 +439,11 @@ mod tests {
     }
 
     #[test]
-    fn without_odometry_the_picture_rules() {
+    fn without_odometry_the_frame_dominates() {
         let mut track = CorridorTrack::default();
-        track.update(&sighting(0.0, None, None));
+        track.update(&observation(0.0, None, None));
         track.predict(Motion::Unknown { elapsed_s: 0.1 });
-        assert_eq!(track.update(&sighting(0.2, None, None)), Verdict::Accepted);
+        assert_eq!(track.update(&observation(0.2, None, None)), Verdict::Accepted);
         assert!((track.estimate_at(&Pose2::IDENTITY).unwrap().heading - 0.2).abs() < 0.01);
     }
 }

@@ -1,24 +1,24 @@
-//! What to do while no vanishing point is found: drive on for a moment, stop, look to both sides, report.
+//! Recovery while no vanishing point is found: coast, stop, look to both sides, give up.
 
 use yamabico_core::geometry::angle_difference;
 
 use crate::config::Lost;
 
-/// Turned to a direction of the search, radians.
+/// Tolerance of the heading at which a search direction is reached, rad.
 const ARRIVED_RAD: f64 = 0.03;
 
-/// What is left to do.
+/// Recovery action.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Recovery {
     /// Drive on at half speed by the last estimate.
     Coast,
     /// Stand and turn to this heading in the odometry frame, radians.
     TurnTo(f64),
-    /// Stand: everything was looked at, or there is no way to look.
+    /// Stand: the search is complete, or impossible without odometry.
     GiveUp,
 }
 
-/// How the loss goes on; forgotten at the first picture with a vanishing point.
+/// State machine of the recovery. Reset by the first frame with a vanishing point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Recoverer {
     search: Option<Search>,
@@ -31,26 +31,26 @@ struct Search {
     has_arrived: bool,
 }
 
-/// What is known while nothing is seen.
+/// Description of the loss at one call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loss {
-    /// Seconds since the last picture with a vanishing point; infinite where there was none.
+    /// Time since the last frame with a vanishing point, s; infinite if there was none.
     pub for_s: f64,
-    /// Meters driven since.
+    /// Distance driven since then, m.
     pub for_m: f64,
-    /// Heading in the odometry frame, radians; `None` without odometry.
+    /// Heading in the odometry frame, rad; `None` without odometry.
     pub heading: Option<f64>,
-    /// Whether a picture without a vanishing point was taken since the last call.
-    pub has_new_picture: bool,
+    /// True if a frame without a vanishing point arrived since the last call.
+    pub has_new_frame: bool,
 }
 
 impl Recoverer {
-    /// Something was found: the next loss starts afresh.
+    /// Ends the recovery: a vanishing point was found.
     pub fn found(&mut self) {
         self.search = None;
     }
 
-    /// What to do now.
+    /// Returns the next action.
     pub fn step(&mut self, loss: &Loss, rules: &Lost) -> Recovery {
         if self.search.is_none() && loss.for_s <= rules.coast_s && loss.for_m <= rules.coast_m {
             return Recovery::Coast;
@@ -60,7 +60,7 @@ impl Recoverer {
             self.search.get_or_insert(Search { start_heading: heading, step: 0, has_arrived: false });
         let Some(offset) = search_offset(search.step, rules) else { return Recovery::GiveUp };
         let target = search.start_heading + offset;
-        if search.has_arrived && loss.has_new_picture {
+        if search.has_arrived && loss.has_new_frame {
             *search = Search { step: search.step + 1, has_arrived: false, ..*search };
         } else if angle_difference(target, heading).abs() < ARRIVED_RAD {
             search.has_arrived = true;
@@ -70,8 +70,8 @@ impl Recoverer {
     }
 }
 
-/// Directions of the search relative to its start (rad): by steps to the left, then to the right, then back; `None` when
-/// all were looked at.
+/// Returns a direction of the search relative to its start (rad): steps to the left, then to the right, then back; `None`
+/// after the last.
 fn search_offset(step: u32, rules: &Lost) -> Option<f64> {
     let looks = (rules.search_deg / rules.step_deg).floor() as u32;
     let (number, side) = if step < looks { (step + 1, 1.0) } else { (step + 1 - looks.min(step + 1), -1.0) };
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     fn loss(for_s: f64, for_m: f64, heading: Option<f64>) -> Loss {
-        Loss { for_s, for_m, heading, has_new_picture: true }
+        Loss { for_s, for_m, heading, has_new_frame: true }
     }
 
     #[test]
@@ -123,16 +123,16 @@ mod tests {
     }
 
     #[test]
-    fn waits_for_a_picture_taken_after_the_turn() {
+    fn waits_for_a_frame_captured_after_the_turn() {
         let rules = Lost::default();
         let mut recoverer = Recoverer::default();
-        let blind = Loss { has_new_picture: false, ..loss(2.0, 0.0, Some(0.0)) };
+        let blind = Loss { has_new_frame: false, ..loss(2.0, 0.0, Some(0.0)) };
         let Recovery::TurnTo(first) = recoverer.step(&blind, &rules) else { panic!("no search") };
         for _ in 0..5 {
             let there = Loss { heading: Some(first), ..blind };
             assert_eq!(recoverer.step(&there, &rules), Recovery::TurnTo(first));
         }
-        let looked = Loss { heading: Some(first), has_new_picture: true, ..blind };
+        let looked = Loss { heading: Some(first), has_new_frame: true, ..blind };
         assert_ne!(recoverer.step(&looked, &rules), Recovery::TurnTo(first));
     }
 }

@@ -1,17 +1,13 @@
 //! After warm-up, a call of the behavior allocates nothing.
 
-mod rig;
-
-use rig::{camera, frame_header, picture, setup};
+use crate::rig::{camera, render, setup};
 use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Kind, Odometry};
-use yamabico_core::testing::{Bench, CountingAllocator, allocations};
+use yamabico_core::testing::{Bench, allocations};
 use yamabico_core::time::Time;
+use yamabico_rigs::camera::frame_header;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
-
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
 
 #[test]
 fn a_frame_allocates_nothing_after_warm_up() {
@@ -20,7 +16,7 @@ fn a_frame_allocates_nothing_after_warm_up() {
         Bench::<WallFollower>::new("", setup(intrinsics, mount, Calibration::Measured)).expect("defaults");
     let pictures: Vec<_> = [0.0, 0.1, -0.1]
         .into_iter()
-        .map(|heading| (heading, picture(intrinsics, mount, Pose2::new(0.0, 0.0, heading))))
+        .map(|heading| (heading, render(intrinsics, mount, Pose2::new(0.0, 0.0, heading))))
         .collect();
     let mut counted = 0;
     for i in 0..150_usize {

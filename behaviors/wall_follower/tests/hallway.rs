@@ -1,15 +1,14 @@
 //! Drives through rendered corridors.
 
-mod rig;
-
-use rig::{Drive, TICK_S};
+use crate::rig::drive;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Kind, Reason};
+use yamabico_rigs::camera_drive::{Light, TICK_S};
 use yamabico_sim::World;
 
-/// Drives 12.5 m and gives the RMS offset from the middle and the largest one, meters.
-fn drive(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
-    let mut drive = Drive::new(world, start, size, "speed_mps = 0.4");
+/// Drives 12.5 m and returns the RMS offset from the center line and the largest one, m.
+fn offsets_m(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
+    let mut drive = drive(world, start, size, "speed_mps = 0.4");
     let (mut sum, mut count, mut largest) = (0.0, 0.0, 0.0_f64);
     while drive.robot.x < start.x + 12.5 {
         drive.step();
@@ -25,7 +24,7 @@ fn drive(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
 fn keeps_to_the_middle_at_forty_centimeters_a_second() {
     for (seed, size) in [(0, (640, 480)), (1, (256, 240)), (2, (256, 240))] {
         let world = World::random_corridor(seed, 2.0);
-        let (rms_m, largest_m) = drive(&world, Pose2::new(-0.5, 0.0, 0.0), size);
+        let (rms_m, largest_m) = offsets_m(&world, Pose2::new(-0.5, 0.0, 0.0), size);
         println!("world {seed}: RMS {rms_m:.4} m, largest {largest_m:.4} m");
         assert!(rms_m <= 0.05, "world {seed}: RMS offset {rms_m} m");
         assert!(largest_m < 0.5, "world {seed}: {largest_m} m off");
@@ -37,7 +36,7 @@ fn comes_to_the_middle_from_the_side() {
     for (y, degrees) in [(0.4, 15.0_f64), (-0.4, -10.0)] {
         let world = World::random_corridor(11, 2.0);
         let mut drive =
-            Drive::new(&world, Pose2::new(-0.5, y, degrees.to_radians()), (256, 240), "speed_mps = 0.4");
+            drive(&world, Pose2::new(-0.5, y, degrees.to_radians()), (256, 240), "speed_mps = 0.4");
         while drive.robot.x < 6.0 {
             drive.step();
             assert!(drive.robot.y.abs() < 0.7, "almost touches a wall at {:?}", drive.robot);
@@ -50,13 +49,13 @@ fn comes_to_the_middle_from_the_side() {
 #[test]
 fn coasts_in_the_dark_then_searches_then_reports() {
     let world = World::random_corridor(5, 2.0);
-    let mut drive = Drive::new(&world, Pose2::new(0.0, 0.0, 0.0), (256, 240), "speed_mps = 0.4");
+    let mut drive = drive(&world, Pose2::new(0.0, 0.0, 0.0), (256, 240), "speed_mps = 0.4");
     for _ in 0..250 {
         drive.step();
     }
     let cruising = drive.proposal.twist.linear;
     assert!(cruising > 0.3, "{cruising} m/s, {:?}", drive.proposal.reason());
-    drive.is_dark = true;
+    drive.light = Light::Uniform(0);
     let (dark_from_s, mut reasons) = (drive.now_s(), Vec::new());
     while drive.now_s() < dark_from_s + 60.0 {
         drive.step();
@@ -76,7 +75,7 @@ fn coasts_in_the_dark_then_searches_then_reports() {
         }
     }
     assert_eq!(reasons, [Some(Reason::Coasting), Some(Reason::Searching), Some(Reason::TooFewSegments)]);
-    drive.is_dark = false;
+    drive.light = Light::Normal;
     for _ in 0..100 {
         drive.step();
     }

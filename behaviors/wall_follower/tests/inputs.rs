@@ -1,14 +1,13 @@
 //! Missing, stale and broken inputs.
 
-mod rig;
-
-use rig::{camera, frame_header, picture, setup};
+use crate::rig::{camera, render, setup};
 use yamabico_core::behavior::Setup;
 use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Encoding, FrameHeader, Kind, Odometry, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
+use yamabico_rigs::camera::frame_header;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 
 fn bench(calibration: Calibration) -> Bench<WallFollower> {
@@ -28,7 +27,7 @@ fn turns_right_when_it_points_left() {
         (Pose2::new(0.0, 0.3, 0.0), Calibration::Measured, Reason::Nominal),
         (Pose2::new(0.0, 0.0, 0.1), Calibration::Guessed, Reason::NoHeightCalibration),
     ] {
-        let pixels = picture(intrinsics, mount, pose);
+        let pixels = render(intrinsics, mount, pose);
         let mut bench = bench(calibration);
         bench.at(1.05).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
         let proposal = bench.feed(&ODOMETRY, &odometry(1.04), &[]).propose();
@@ -40,11 +39,11 @@ fn turns_right_when_it_points_left() {
 }
 
 #[test]
-fn drives_by_pictures_alone() {
+fn drives_without_odometry() {
     let (intrinsics, mount) = camera(256, 240);
     let mut bench = bench(Calibration::Guessed);
     for (i, heading) in [0.1, 0.05, -0.1].into_iter().enumerate() {
-        let pixels = picture(intrinsics, mount, Pose2::new(0.0, 0.0, heading));
+        let pixels = render(intrinsics, mount, Pose2::new(0.0, 0.0, heading));
         let seconds = i as f64 * 0.1;
         bench.at(seconds).feed(&CAMERA, &frame_header(&intrinsics, seconds), &pixels);
         let turn = bench.propose().twist.angular;
@@ -57,7 +56,7 @@ fn missing_and_stale_inputs_are_named() {
     let (intrinsics, mount) = camera(256, 240);
     let mut bench = bench(Calibration::Measured);
     assert_eq!(bench.propose().reason(), Some(Reason::NoInput));
-    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
     bench.at(1.0).feed(&ODOMETRY, &odometry(1.0), &[]).feed(
         &CAMERA,
         &frame_header(&intrinsics, 1.0),
@@ -72,7 +71,7 @@ fn missing_and_stale_inputs_are_named() {
 fn a_camera_that_falls_silent_stops_the_robot() {
     let (intrinsics, mount) = camera(256, 240);
     let mut bench = bench(Calibration::Measured);
-    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
     bench.at(1.0).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
     for i in 0..40 {
         let seconds = 1.0 + 0.1 * f64::from(i);
@@ -88,7 +87,7 @@ fn a_camera_that_falls_silent_stops_the_robot() {
 #[test]
 fn broken_pictures_are_named() {
     let (intrinsics, mount) = camera(256, 240);
-    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
     let good = frame_header(&intrinsics, 1.0);
     for (header, pixels) in [
         (FrameHeader { width: 200, ..good }, &pixels[..]),
@@ -126,7 +125,7 @@ fn broken_pictures_are_named() {
 #[test]
 fn odometry_from_the_future_is_refused() {
     let (intrinsics, mount) = camera(256, 240);
-    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
     let mut bench = bench(Calibration::Measured);
     bench.at(1.0).feed(&ODOMETRY, &Odometry { stamp_ns: u64::MAX, ..odometry(1.0) }, &[]);
     let proposal =
@@ -137,7 +136,7 @@ fn odometry_from_the_future_is_refused() {
 #[test]
 fn odometry_that_starts_late_turns_nothing() {
     let (intrinsics, mount) = camera(256, 240);
-    let pixels = picture(intrinsics, mount, Pose2::IDENTITY);
+    let pixels = render(intrinsics, mount, Pose2::IDENTITY);
     let mut bench = bench(Calibration::Measured);
     bench.at(1.0).feed(&CAMERA, &frame_header(&intrinsics, 1.0), &pixels);
     assert_eq!(bench.propose().kind(), Some(Kind::Drive));

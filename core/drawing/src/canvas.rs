@@ -1,13 +1,13 @@
-//! Lines, crosses and boxes drawn into a caller-owned RGB picture, for people to look at.
+//! Drawing into an RGB image.
 
-use crate::lettering;
+use crate::font;
 use nalgebra::Vector2;
 use yamabico_geometry::image::ImageView;
 
-/// Red, green, blue.
+/// A color: red, green, blue.
 pub type Color = [u8; 3];
 
-/// A borrowed RGB picture: three bytes a pixel, no gaps between the rows.
+/// A borrowed RGB image: three bytes per pixel, no padding between rows.
 #[derive(Debug)]
 pub struct Canvas<'a> {
     data: &'a mut [u8],
@@ -16,12 +16,13 @@ pub struct Canvas<'a> {
 }
 
 impl<'a> Canvas<'a> {
-    /// The picture of `width` x `height` pixels in `data`; `None` unless it holds exactly three bytes for each.
+    /// Creates a canvas of `width` x `height` pixels on `data`, or returns `None` if `data` does not hold exactly three
+    /// bytes per pixel.
     pub fn new(data: &'a mut [u8], width: usize, height: usize) -> Option<Self> {
         (width.checked_mul(height)?.checked_mul(3)? == data.len()).then_some(Self { data, width, height })
     }
 
-    /// Fills the picture with the gray image, as far as that reaches.
+    /// Copies a gray image to the upper left corner, cropped to the canvas.
     pub fn copy_gray(&mut self, image: ImageView) {
         let width = self.width.min(image.width());
         for v in 0..self.height.min(image.height()) {
@@ -32,7 +33,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Sets the pixel nearest to `at`; outside the picture nothing happens.
+    /// Sets the pixel nearest to `at`, if it lies inside the canvas.
     pub fn dot(&mut self, at: Vector2<f64>, color: Color) {
         let (u, v) = (at.x.round(), at.y.round());
         if u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64 {
@@ -41,7 +42,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Draws the line between two points, one pixel wide; what is outside is cut off.
+    /// Draws a line between two points, one pixel wide, clipped to the canvas.
     pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, color: Color) {
         let Some((from, to)) = self.clip(from, to) else { return };
         let along = to - from;
@@ -51,21 +52,21 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Draws an upright cross with arms of `arm` px.
+    /// Draws an upright cross with arms of `arm` pixels.
     pub fn cross(&mut self, at: Vector2<f64>, arm: f64, color: Color) {
         let (across, down) = (Vector2::new(arm, 0.0), Vector2::new(0.0, arm));
         self.line(at - across, at + across, color);
         self.line(at - down, at + down, color);
     }
 
-    /// Writes a line of text whose upper left corner is at `at`.
+    /// Draws a line of text with its upper left corner at `at`.
     pub fn text(&mut self, at: Vector2<f64>, text: &str, color: Color) {
-        for (right, below) in lettering::pixels(text) {
+        for (right, below) in font::pixels(text) {
             self.dot(at + Vector2::new(f64::from(right), f64::from(below)), color);
         }
     }
 
-    /// Draws the outline of the box between two corners.
+    /// Draws the outline of a box between two opposite corners.
     pub fn outline(&mut self, corner: Vector2<f64>, opposite: Vector2<f64>, color: Color) {
         let [b, d] = [Vector2::new(opposite.x, corner.y), Vector2::new(corner.x, opposite.y)];
         for (from, to) in [(corner, b), (b, opposite), (opposite, d), (d, corner)] {
@@ -73,7 +74,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// The part of a line that lies in the picture (and a pixel around it).
+    /// Clips a line to the canvas and a margin of one pixel.
     fn clip(&self, from: Vector2<f64>, to: Vector2<f64>) -> Option<(Vector2<f64>, Vector2<f64>)> {
         let along = to - from;
         let (mut begin, mut end) = (0.0_f64, 1.0_f64);
@@ -88,8 +89,8 @@ impl<'a> Canvas<'a> {
                 end = end.min(low.max(high));
             }
         }
-        let is_sane = from.iter().chain(&to).all(|x| x.is_finite());
-        (is_sane && begin <= end).then(|| (from + along * begin, from + along * end))
+        let is_finite = from.iter().chain(&to).all(|x| x.is_finite());
+        (is_finite && begin <= end).then(|| (from + along * begin, from + along * end))
     }
 }
 
@@ -98,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_cut_off_at_the_border() {
+    fn lines_are_clipped_to_the_canvas() {
         let mut data = vec![0; 3 * 8 * 4];
         let mut canvas = Canvas::new(&mut data, 8, 4).unwrap();
         canvas.line(Vector2::new(-1e9, 2.0), Vector2::new(1e9, 2.0), [255, 0, 0]);

@@ -1,11 +1,10 @@
-//! Mirror cameras: a ray from a pixel, a pixel from a point, and what a look-up table saves over a whole picture.
+//! Mirror cameras: duration of a ray from a pixel and of a pixel from a point.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Point3, Vector2};
 use std::hint::black_box;
 use yamabico_geometry::camera::{
-    ConicMirror, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage, MirrorTable, RadialModel,
-    RadialProfile,
+    ConicMirror, HyperboloidalMirror, Mirror, MirrorCamera, MirrorImage, RadialModel, RadialProfile,
 };
 
 fn mirrors(c: &mut Criterion) {
@@ -30,19 +29,6 @@ fn mirrors(c: &mut Criterion) {
         group.bench_function("pixel from point", |b| b.iter(|| camera.pixel_from_point(black_box(&point))));
         group.finish();
     }
-    let camera = MirrorCamera::new(image, Mirror::Conic(cone)).expect("all of the ring is mirror");
-    let table = MirrorTable::new(&camera, 0.3);
-    let mut group = c.benchmark_group("azimuths of 512x480");
-    group.bench_function("worked out", |b| {
-        let azimuth = |i: usize| camera.azimuth_from_pixel(Vector2::new((i % 512) as f64, (i / 512) as f64));
-        b.iter(|| (0..512 * 480).filter_map(azimuth).sum::<f64>());
-    });
-    group.bench_function("from the table", |b| {
-        b.iter(|| {
-            black_box(&table).azimuth_rad().iter().map(|a| if a.is_nan() { 0.0 } else { *a }).sum::<f32>()
-        });
-    });
-    group.finish();
 }
 
 criterion_group!(benches, mirrors);

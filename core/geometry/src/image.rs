@@ -1,7 +1,6 @@
-//! 8-bit gray images: a borrowed view with checked dimensions and an owned buffer that is filled again without
-//! allocating; and a borrowed view of color images.
+//! 8-bit gray images, borrowed ([`ImageView`]) or owned ([`GrayImage`]), and borrowed color images ([`RgbView`]).
 //!
-//! Pixel centers stand on integer coordinates; u counts columns to the right, v rows downwards.
+//! Pixel centers lie on integer coordinates; u counts columns to the right, v rows downward.
 
 mod rgb;
 
@@ -9,39 +8,39 @@ pub use rgb::RgbView;
 
 use thiserror::Error;
 
-/// Why some bytes are not an image.
+/// Reason why a buffer is not a valid image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ImageError {
-    /// An image needs at least one column and one row.
+    /// The image has no pixels.
     #[error("an image of {width} x {height} pixels is empty")]
     Empty {
-        /// Columns asked for.
+        /// Image width, pixels.
         width: usize,
-        /// Rows asked for.
+        /// Image height, pixels.
         height: usize,
     },
-    /// The distance between two rows is shorter than a row.
-    #[error("rows are {stride} bytes apart, but one row needs {needed} bytes")]
+    /// Rows overlap.
+    #[error("the stride is {stride} bytes, but a row has {needed} bytes")]
     StrideTooSmall {
-        /// Bytes from one row to the next.
+        /// Distance between the beginnings of two rows, bytes.
         stride: usize,
-        /// Bytes that one row holds.
+        /// Size of one row, bytes.
         needed: usize,
     },
-    /// The data end before the last row does.
-    #[error("the image needs {needed} bytes, but {available} are there")]
+    /// The buffer is shorter than the image.
+    #[error("the image needs {needed} bytes, but the buffer has {available}")]
     TooShort {
-        /// Bytes from the first pixel to the last, inclusive.
+        /// Size from the first pixel to the last, bytes.
         needed: usize,
-        /// Bytes handed over.
+        /// Size of the buffer, bytes.
         available: usize,
     },
-    /// Width, height and stride together exceed the address space.
-    #[error("an image of {height} rows, {stride} bytes apart, exceeds the address space")]
+    /// The image exceeds the address space.
+    #[error("an image of {height} rows of {stride} bytes exceeds the address space")]
     TooLarge {
-        /// Rows asked for.
+        /// Image height, pixels.
         height: usize,
-        /// Bytes from one row to the next.
+        /// Distance between the beginnings of two rows, bytes.
         stride: usize,
     },
 }
@@ -56,44 +55,44 @@ pub struct ImageView<'a> {
 }
 
 impl<'a> ImageView<'a> {
-    /// The image of `width` x `height` pixels whose rows start `stride` bytes apart in `data`.
+    /// Creates a view of `width` x `height` pixels whose rows begin `stride` bytes apart in `data`.
     ///
     /// # Errors
-    /// [`ImageError`] names which of the numbers does not fit.
+    /// [`ImageError`] if a size is zero or does not match the buffer.
     pub fn new(data: &'a [u8], width: usize, height: usize, stride: usize) -> Result<Self, ImageError> {
         check_layout(data.len(), width, height, stride, 1)?;
         Ok(Self { data, width, height, stride })
     }
 
-    /// Columns, at least 1.
+    /// Image width, pixels, at least 1.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows, at least 1.
+    /// Image height, pixels, at least 1.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Bytes from the start of one row to the start of the next, at least the width.
+    /// Distance between the beginnings of two rows, bytes, at least the width.
     pub fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Row `v`, exactly `width` pixels; a row beyond the image is the nearest one (replicated border).
+    /// Returns row `v`; a row below the image is the last one (replicated border).
     #[inline]
     pub fn row(&self, v: usize) -> &'a [u8] {
         let start = v.min(self.height - 1) * self.stride;
         &self.data[start..start + self.width]
     }
 
-    /// The pixel in column `u` and row `v`; outside, the nearest one (replicated border).
+    /// Returns the pixel in column `u` and row `v`; outside of the image, the nearest one (replicated border).
     pub fn pixel(&self, u: usize, v: usize) -> u8 {
         self.row(v)[u.min(self.width - 1)]
     }
 }
 
-/// An owned 8-bit gray image without gaps between its rows. Filling it again allocates only when it must grow.
+/// An owned 8-bit gray image without padding between its rows. Refilling it allocates only if it must grow.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GrayImage {
     data: Vec<u8>,
@@ -102,47 +101,47 @@ pub struct GrayImage {
 }
 
 impl GrayImage {
-    /// A black image; 0 x 0 is allowed and waits for [`GrayImage::resize`].
+    /// Creates a black image; 0 x 0 is allowed.
     pub fn new(width: usize, height: usize) -> Self {
         Self { data: vec![0; width * height], width, height }
     }
 
-    /// Gives the buffer this size. The pixels are unspecified until they are written.
+    /// Resizes the image. Its pixels are unspecified until they are written.
     pub fn resize(&mut self, width: usize, height: usize) {
         self.data.resize(width * height, 0);
         self.width = width;
         self.height = height;
     }
 
-    /// Columns.
+    /// Image width, pixels.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Image height, pixels.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The image as a view.
+    /// Returns a view of the image.
     ///
     /// # Errors
-    /// [`ImageError::Empty`] when it has no pixels.
+    /// [`ImageError::Empty`] if it has no pixels.
     pub fn view(&self) -> Result<ImageView<'_>, ImageError> {
         ImageView::new(&self.data, self.width, self.height, self.width)
     }
 
-    /// All pixels, row by row.
+    /// Pixels, row by row.
     pub fn pixels(&self) -> &[u8] {
         &self.data
     }
 
-    /// All pixels, row by row, to be written.
+    /// Mutable pixels, row by row.
     pub fn pixels_mut(&mut self) -> &mut [u8] {
         &mut self.data
     }
 
-    /// Takes the size and the pixels of `view`.
+    /// Copies size and pixels of `view`.
     pub fn copy_from(&mut self, view: ImageView) {
         self.resize(view.width(), view.height());
         for (v, row) in self.data.chunks_exact_mut(view.width()).enumerate() {
@@ -150,11 +149,11 @@ impl GrayImage {
         }
     }
 
-    /// Takes the size and the luma (0.299 R + 0.587 G + 0.114 B, rounded) of an image with three bytes a pixel, whose
-    /// rows start `stride` bytes apart.
+    /// Converts an RGB image, whose rows begin `stride` bytes apart, to luma (ITU-R BT.601: 0.299 R + 0.587 G + 0.114
+    /// B, rounded).
     ///
     /// # Errors
-    /// [`ImageError`] names which of the numbers does not fit; the buffer then keeps what it held.
+    /// [`ImageError`] if a size is zero or does not match the buffer; the image is then unchanged.
     pub fn copy_from_rgb8(
         &mut self,
         rgb: &[u8],
@@ -174,7 +173,7 @@ impl GrayImage {
     }
 }
 
-/// Luma of ITU-R BT.601 in 1/256, rounded; 255 of each channel gives 255.
+/// Returns the luma of ITU-R BT.601, in integer arithmetic of 1/256; white gives 255.
 fn luma(r: u8, g: u8, b: u8) -> u8 {
     ((77 * u16::from(r) + 150 * u16::from(g) + 29 * u16::from(b) + 127) >> 8) as u8
 }

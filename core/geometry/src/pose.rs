@@ -1,4 +1,4 @@
-//! Planar poses.
+//! Planar poses and transforms.
 
 use std::ops::Mul;
 
@@ -14,45 +14,45 @@ use crate::{Twist, wrap_angle};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Pod, Zeroable)]
 #[serde(deny_unknown_fields)]
 pub struct Pose2 {
-    /// Position along x of the outer frame, meters.
+    /// Position along x of the outer frame, m.
     pub x: f64,
-    /// Position along y of the outer frame, meters, positive to the left.
+    /// Position along y of the outer frame, m, positive to the left.
     pub y: f64,
-    /// Heading, radians, positive to the left of the outer frame's x axis.
+    /// Heading in the outer frame, rad, positive to the left.
     pub theta: f64,
 }
 
 impl Pose2 {
-    /// The pose at the origin with heading zero; the transform that changes nothing.
+    /// The identity transform.
     pub const IDENTITY: Self = Self { x: 0.0, y: 0.0, theta: 0.0 };
 
-    /// A pose from its position (m) and heading (rad, wrapped to (-pi, pi]).
+    /// Creates a pose from a position (m) and a heading (rad, wrapped to (-pi, pi]).
     #[must_use]
     pub fn new(x: f64, y: f64, theta: f64) -> Self {
         Self { x, y, theta: wrap_angle(theta) }
     }
 
-    /// `a_from_c` of `self` = `a_from_b` and the given `b_from_c`: the second pose seen from the first one's outer frame.
+    /// Composes `self` = `a_from_b` with `b_from_c` and returns `a_from_c`.
     #[must_use]
     pub fn compose(&self, b_from_c: &Self) -> Self {
         let p = self.transform_point(Point2::new(b_from_c.x, b_from_c.y));
         Self::new(p.x, p.y, self.theta + b_from_c.theta)
     }
 
-    /// `b_from_a` of `self` = `a_from_b`.
+    /// Returns `b_from_a` of `self` = `a_from_b`.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let (sin, cos) = self.theta.sin_cos();
         Self::new(-cos * self.x - sin * self.y, sin * self.x - cos * self.y, -self.theta)
     }
 
-    /// The pose `other` (in the same outer frame) as seen from `self`: `self.inverse() * other`.
+    /// Returns the pose `other`, given in the same outer frame, relative to `self`: `self.inverse() * other`.
     #[must_use]
     pub fn relative(&self, other: &Self) -> Self {
         self.inverse().compose(other)
     }
 
-    /// The point's coordinates in the outer frame, given those in this pose's frame.
+    /// Transforms a point from this pose's frame to the outer frame.
     #[must_use]
     pub fn transform_point(&self, point_in_b: Point2<f64>) -> Point2<f64> {
         let (sin, cos) = self.theta.sin_cos();
@@ -62,40 +62,39 @@ impl Pose2 {
         )
     }
 
-    /// A free vector turned from this pose's frame into the outer frame (no translation).
+    /// Rotates a vector from this pose's frame to the outer frame, without translation.
     #[must_use]
     pub fn rotate_vector(&self, vector_in_b: Vector2<f64>) -> Vector2<f64> {
         let (sin, cos) = self.theta.sin_cos();
         Vector2::new(cos * vector_in_b.x - sin * vector_in_b.y, sin * vector_in_b.x + cos * vector_in_b.y)
     }
 
-    /// Position in the outer frame, meters.
+    /// Returns the position in the outer frame, m.
     #[must_use]
     pub fn position(&self) -> Point2<f64> {
         Point2::new(self.x, self.y)
     }
 
-    /// Distance between the two origins, meters, never negative.
+    /// Returns the distance between the two positions, m.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
         (self.x - other.x).hypot(self.y - other.y)
     }
 
-    /// The pose after moving with the constant body twist for `duration_s` (may be negative): the exact arc, not an
-    /// Euler step.
+    /// Returns the pose after moving with the constant twist for `duration_s`, which may be negative: an exact arc.
     #[must_use]
     pub fn integrate(&self, twist: &Twist, duration_s: f64) -> Self {
         self.compose(&twist.exponential(duration_s))
     }
 
-    /// The homogeneous 3x3 matrix of this transform, acting on (x, y, 1).
+    /// Returns the homogeneous 3x3 matrix of this transform, which acts on (x, y, 1).
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
         let (sin, cos) = self.theta.sin_cos();
         Matrix3::new(cos, -sin, self.x, sin, cos, self.y, 0.0, 0.0, 1.0)
     }
 
-    /// Whether all three numbers are finite.
+    /// Returns true if all numbers are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         self.x.is_finite() && self.y.is_finite() && self.theta.is_finite()

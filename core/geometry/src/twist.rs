@@ -1,29 +1,29 @@
-//! Planar velocities and the motions that they make.
+//! Planar velocities and their exponential map.
 
 use bytemuck::{Pod, Zeroable};
 use serde::Serialize;
 
 use crate::Pose2;
 
-/// Below this turn (rad) the arc's sine and cosine quotients are taken from their series.
+/// Rotation, rad, below which sin(a)/a and (1 - cos(a))/a are computed from their series.
 const SMALL_TURN_RAD: f64 = 1e-4;
 
-/// A direction of motion that a command sets, in the robot frame.
+/// An axis of motion in the robot frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 pub enum Axis {
-    /// Forward speed.
+    /// Forward speed, m/s.
     Linear = 0,
-    /// Speed to the left.
+    /// Speed to the left, m/s.
     Lateral = 1,
-    /// Turn rate, left positive.
+    /// Turn rate, rad/s, positive to the left.
     Angular = 2,
 }
 
 impl Axis {
-    /// All three, in the order of [`Twist`].
+    /// All axes, in the order of [`Twist`].
     pub const ALL: [Axis; 3] = [Axis::Linear, Axis::Lateral, Axis::Angular];
 
-    /// In words.
+    /// Name, lower case.
     pub const fn as_str(self) -> &'static str {
         match self {
             Axis::Linear => "linear",
@@ -37,11 +37,11 @@ impl Axis {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize)]
 pub struct Twist {
-    /// Forward, m/s.
+    /// Forward speed, m/s.
     pub linear: f64,
-    /// To the left, m/s.
+    /// Speed to the left, m/s.
     pub lateral: f64,
-    /// Turn rate, rad/s, left positive.
+    /// Turn rate, rad/s, positive to the left.
     pub angular: f64,
 }
 
@@ -49,12 +49,12 @@ impl Twist {
     /// No motion.
     pub const ZERO: Twist = Twist { linear: 0.0, lateral: 0.0, angular: 0.0 };
 
-    /// Forward and turn, as a differential drive moves.
+    /// Creates a twist without lateral motion, as a differential drive has it.
     pub const fn planar(linear: f64, angular: f64) -> Twist {
         Twist { linear, lateral: 0.0, angular }
     }
 
-    /// The component along `axis`.
+    /// Returns the component along `axis`.
     pub const fn get(&self, axis: Axis) -> f64 {
         match axis {
             Axis::Linear => self.linear,
@@ -72,20 +72,21 @@ impl Twist {
         }
     }
 
-    /// Whether all three numbers are finite.
+    /// Returns true if all components are finite.
     pub fn is_finite(&self) -> bool {
         self.linear.is_finite() && self.lateral.is_finite() && self.angular.is_finite()
     }
 }
 
 impl Twist {
-    /// A body twist from vx (m/s), vy (m/s, left) and omega (rad/s, left).
+    /// Creates a twist from forward speed (m/s), speed to the left (m/s) and turn rate (rad/s, positive to the left).
     #[must_use]
     pub const fn new(linear: f64, lateral: f64, angular: f64) -> Self {
         Self { linear, lateral, angular }
     }
 
-    /// The motion `start_from_end` made by holding this twist for `duration_s`: the exponential map of SE(2), an arc.
+    /// Returns the motion `start_from_end` of holding this twist for `duration_s`: the exponential map of SE(2), an
+    /// arc.
     #[must_use]
     pub fn exponential(&self, duration_s: f64) -> Pose2 {
         let turn = self.angular * duration_s;
@@ -94,8 +95,8 @@ impl Twist {
         Pose2::new(along * dx - across * dy, across * dx + along * dy, turn)
     }
 
-    /// The constant twist that makes the motion `start_from_end` in `duration_s` > 0 along the shortest arc: the
-    /// logarithm of SE(2), inverse of [`Twist::exponential`] for turns below pi.
+    /// Returns the constant twist that makes the motion `start_from_end` in `duration_s` > 0: the logarithm of SE(2),
+    /// inverse of [`Twist::exponential`] for rotations below pi.
     #[must_use]
     pub fn logarithm(start_from_end: &Pose2, duration_s: f64) -> Self {
         let (along, across) = arc_quotients(start_from_end.theta);
@@ -105,14 +106,14 @@ impl Twist {
         Self::new(dx / duration_s, dy / duration_s, start_from_end.theta / duration_s)
     }
 
-    /// Speed of translation, m/s, never negative.
+    /// Returns the speed of translation, m/s, not negative.
     #[must_use]
     pub fn speed(&self) -> f64 {
         self.linear.hypot(self.lateral)
     }
 }
 
-/// sin(a)/a and (1 - cos(a))/a, by their series near zero.
+/// Returns sin(a)/a and (1 - cos(a))/a, from their series near zero.
 fn arc_quotients(turn_rad: f64) -> (f64, f64) {
     if turn_rad.abs() < SMALL_TURN_RAD {
         let square = turn_rad * turn_rad;

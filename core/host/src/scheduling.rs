@@ -1,118 +1,121 @@
-//! What the system's scheduler is asked for: real-time priority, niceness, processors.
+//! Requests to the operating system's scheduler: real-time priority, niceness, CPU affinity.
 
 use std::fmt;
 
 use rustix::process::{Resource, getrlimit, setpriority_process};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use crate::bus::run_first_come_first_served;
+use crate::bus::set_fifo_priority;
 
-/// What a plugin or the arbiter asks of the system's scheduler; nothing by default.
+/// Scheduling that a plugin or the arbiter requests; by default that of its parent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scheduling {
-    /// SCHED_FIFO with this priority, 1 to 99: it goes before everything that is not real-time.
+    /// Priority under SCHED_FIFO, 1 to 99: preempts every thread that is not real-time.
     pub fifo: Option<u8>,
-    /// Niceness, -20 to 19: lower gets more.
+    /// Niceness, -20 to 19; a lower one gets more computing time.
     pub nice: Option<i8>,
-    /// The processors that it may run on, a bit each, the first lowest; zero for all.
-    pub processors: u128,
+    /// CPUs that it may run on, one bit each, CPU 0 the lowest; zero for all.
+    pub affinity: u128,
 }
 
-/// What the system does not allow, and the remedy. The robot runs on without it.
+/// Refusal of a scheduling request by the operating system. The robot runs without it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum NotScheduled {
-    /// No real-time priority.
+pub enum SchedulingError {
+    /// Real-time priority is not permitted.
     #[error(
-        "the system refuses SCHED_FIFO {asked} ({problem}; RLIMIT_RTPRIO is {limit}): raise the limit (`ulimit -r`, or \
-         `rtprio` in /etc/security/limits.conf) or give the program CAP_SYS_NICE (`setcap cap_sys_nice+ep`)"
+        "the system refuses SCHED_FIFO {requested} ({problem}; RLIMIT_RTPRIO is {limit}): raise the limit \
+         (`ulimit -r`, or `rtprio` in /etc/security/limits.conf) or give the program CAP_SYS_NICE \
+         (`setcap cap_sys_nice+ep`)"
     )]
     Fifo {
-        /// The priority.
-        asked: u8,
-        /// The limit in force.
+        /// Requested priority.
+        requested: u8,
+        /// Current RLIMIT_RTPRIO.
         limit: u64,
-        /// What the system said.
+        /// Reason given by the operating system.
         problem: String,
     },
-    /// Not so low a niceness.
+    /// The niceness is not permitted.
     #[error(
-        "the system refuses nice {asked} ({problem}; RLIMIT_NICE is {limit}, which allows down to {}): raise the limit \
-         (`ulimit -e`, or `nice` in /etc/security/limits.conf) or give the program CAP_SYS_NICE (`setcap cap_sys_nice+ep`)",
+        "the system refuses nice {requested} ({problem}; RLIMIT_NICE is {limit}, which allows down to {}): \
+         raise the limit (`ulimit -e`, or `nice` in /etc/security/limits.conf) or give the program CAP_SYS_NICE \
+         (`setcap cap_sys_nice+ep`)",
         20_i64.saturating_sub_unsigned(*.limit)
     )]
     Nice {
-        /// The niceness.
-        asked: i8,
-        /// The limit in force: 20 less the lowest niceness.
+        /// Requested niceness.
+        requested: i8,
+        /// Current RLIMIT_NICE: 20 less the lowest niceness allowed.
         limit: u64,
-        /// What the system said.
+        /// Reason given by the operating system.
         problem: String,
     },
-    /// Not these processors.
-    #[error("the system refuses the processors {asked} ({problem}): this process may run on {there}")]
-    Processors {
-        /// Those asked for.
-        asked: Processors,
-        /// Those that may be had.
-        there: Processors,
-        /// What the system said.
+    /// The CPUs are not available.
+    #[error("the system refuses the CPUs {requested} ({problem}): this process may run on {available}")]
+    Affinity {
+        /// Requested CPUs.
+        requested: CpuList,
+        /// Available CPUs.
+        available: CpuList,
+        /// Reason given by the operating system.
         problem: String,
     },
 }
 
-/// A set of processors, as a list.
+/// Set of CPUs, one bit each; shown as a list of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Processors(pub u128);
+pub struct CpuList(pub u128);
 
 impl Scheduling {
-    /// Asks the system for all of it, for the calling thread and those that it starts from now on; what it refused.
-    pub fn apply(&self) -> Vec<NotScheduled> {
-        let asked = [self.take_processors(), self.take_niceness(), self.take_priority()];
-        asked.into_iter().filter_map(Result::err).collect()
+    /// Applies every request to the calling thread, and to threads that it starts from now on. Returns those that the
+    /// system refused.
+    pub fn apply(&self) -> Vec<SchedulingError> {
+        let applied = [self.apply_affinity(), self.apply_niceness(), self.apply_priority()];
+        applied.into_iter().filter_map(Result::err).collect()
     }
 
-    fn take_processors(&self) -> Result<(), NotScheduled> {
-        if self.processors == 0 {
+    fn apply_affinity(&self) -> Result<(), SchedulingError> {
+        if self.affinity == 0 {
             return Ok(());
         }
         let mut set = CpuSet::new();
-        numbers(self.processors).for_each(|number| set.set(number));
-        sched_setaffinity(None, &set).map_err(|error| NotScheduled::Processors {
-            asked: Processors(self.processors),
-            there: available(),
+        numbers(self.affinity).for_each(|number| set.set(number));
+        sched_setaffinity(None, &set).map_err(|error| SchedulingError::Affinity {
+            requested: CpuList(self.affinity),
+            available: available(),
             problem: error.to_string(),
         })
     }
 
-    fn take_niceness(&self) -> Result<(), NotScheduled> {
-        let Some(asked) = self.nice else { return Ok(()) };
+    fn apply_niceness(&self) -> Result<(), SchedulingError> {
+        let Some(requested) = self.nice else { return Ok(()) };
         let limit = getrlimit(Resource::Nice).current.unwrap_or(u64::MAX);
-        setpriority_process(None, i32::from(asked)).map_err(|error| NotScheduled::Nice {
-            asked,
+        setpriority_process(None, i32::from(requested)).map_err(|error| SchedulingError::Nice {
+            requested,
             limit,
             problem: error.to_string(),
         })
     }
 
-    fn take_priority(&self) -> Result<(), NotScheduled> {
-        let Some(asked) = self.fifo else { return Ok(()) };
+    fn apply_priority(&self) -> Result<(), SchedulingError> {
+        let Some(requested) = self.fifo else { return Ok(()) };
         let limit = getrlimit(Resource::Rtprio).current.unwrap_or(u64::MAX);
-        run_first_come_first_served(asked).map_err(|error| NotScheduled::Fifo {
-            asked,
+        set_fifo_priority(requested).map_err(|error| SchedulingError::Fifo {
+            requested,
             limit,
             problem: error.to_string(),
         })
     }
 }
 
-/// As arguments of a program that [`parse`](str::parse) understands again: `fifo=50,nice=-5,processors=3`; empty where
-/// nothing is asked for.
+/// Command-line argument that [`parse`](str::parse) reads, such as `fifo=50,nice=-5,affinity=3`; empty without a
+/// request.
 impl fmt::Display for Scheduling {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let fifo = self.fifo.map(|fifo| format!("fifo={fifo}"));
         let nice = self.nice.map(|nice| format!("nice={nice}"));
-        let processors = (self.processors != 0).then(|| format!("processors={}", self.processors));
-        let all: Vec<String> = [fifo, nice, processors].into_iter().flatten().collect();
+        let affinity = (self.affinity != 0).then(|| format!("affinity={}", self.affinity));
+        let all: Vec<String> = [fifo, nice, affinity].into_iter().flatten().collect();
         f.write_str(&all.join(","))
     }
 }
@@ -123,29 +126,30 @@ impl std::str::FromStr for Scheduling {
     fn from_str(text: &str) -> Result<Scheduling, String> {
         let mut scheduling = Scheduling::default();
         for part in text.split(',').filter(|part| !part.is_empty()) {
-            let (key, value) = part.split_once('=').ok_or_else(|| format!("`{part}` is no key=value"))?;
-            let wrong = |_| format!("`{value}` is no {key}");
+            let (key, value) =
+                part.split_once('=').ok_or_else(|| format!("`{part}` must have the form key=value"))?;
+            let wrong = |_| format!("`{value}` is not a valid {key}");
             match key {
                 "fifo" => scheduling.fifo = Some(value.parse().map_err(wrong)?),
                 "nice" => scheduling.nice = Some(value.parse().map_err(wrong)?),
-                "processors" => scheduling.processors = value.parse().map_err(wrong)?,
-                _ => return Err(format!("there is no `{key}`: fifo, nice, processors")),
+                "affinity" => scheduling.affinity = value.parse().map_err(wrong)?,
+                _ => return Err(format!("unknown key `{key}`: use fifo, nice or affinity")),
             }
         }
         Ok(scheduling)
     }
 }
 
-impl fmt::Display for Processors {
+impl fmt::Display for CpuList {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let all: Vec<String> = numbers(self.0).map(|number| number.to_string()).collect();
         f.write_str(&all.join(", "))
     }
 }
 
-fn available() -> Processors {
+fn available() -> CpuList {
     let set = sched_getaffinity(None).unwrap_or_else(|_| CpuSet::new());
-    Processors((0..u128::BITS as usize).filter(|&number| set.is_set(number)).fold(0, |all, n| all | 1 << n))
+    CpuList((0..u128::BITS as usize).filter(|&number| set.is_set(number)).fold(0, |all, n| all | 1 << n))
 }
 
 fn numbers(set: u128) -> impl Iterator<Item = usize> {
@@ -157,11 +161,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_asked_for_crosses_as_text() {
+    fn a_request_survives_as_text() {
         for scheduling in [
             Scheduling::default(),
-            Scheduling { fifo: Some(50), nice: Some(-5), processors: 0b101 },
-            Scheduling { processors: u128::MAX, ..Scheduling::default() },
+            Scheduling { fifo: Some(50), nice: Some(-5), affinity: 0b101 },
+            Scheduling { affinity: u128::MAX, ..Scheduling::default() },
         ] {
             assert_eq!(scheduling.to_string().parse(), Ok(scheduling));
         }
@@ -169,28 +173,28 @@ mod tests {
     }
 
     #[test]
-    fn processors_and_niceness_are_those_of_the_thread_that_asks() {
+    fn affinity_and_niceness_apply_to_the_calling_thread_only() {
         let before = available();
         let one = 1 << before.0.trailing_zeros();
-        let asked = Scheduling { nice: Some(7), processors: one, ..Scheduling::default() };
+        let request = Scheduling { nice: Some(7), affinity: one, ..Scheduling::default() };
         let seen = std::thread::spawn(move || {
-            let refused = asked.apply();
+            let refused = request.apply();
             (refused, available(), rustix::process::getpriority_process(None).ok())
         });
-        assert_eq!(seen.join().unwrap(), (Vec::new(), Processors(one), Some(7)));
-        assert_eq!(available(), before, "another thread goes on as before");
+        assert_eq!(seen.join().unwrap(), (Vec::new(), CpuList(one), Some(7)));
+        assert_eq!(available(), before, "another thread is not affected");
     }
 
     #[test]
-    fn what_the_system_refuses_is_told_with_the_remedy() {
+    fn a_refusal_names_the_remedy() {
         let missing = 1 << 127;
         let refused =
-            std::thread::spawn(move || Scheduling { processors: missing, ..Scheduling::default() }.apply());
-        let words = refused.join().unwrap()[0].to_string();
-        assert!(words.contains("processors 127") && words.contains(&available().to_string()), "{words}");
-        let fifo = NotScheduled::Fifo { asked: 50, limit: 0, problem: "no".into() }.to_string();
-        assert!(["RLIMIT_RTPRIO is 0", "CAP_SYS_NICE", "ulimit -r"].iter().all(|word| fifo.contains(word)));
-        let nice = NotScheduled::Nice { asked: -5, limit: 15, problem: "no".into() }.to_string();
+            std::thread::spawn(move || Scheduling { affinity: missing, ..Scheduling::default() }.apply());
+        let text = refused.join().unwrap()[0].to_string();
+        assert!(text.contains("CPUs 127") && text.contains(&available().to_string()), "{text}");
+        let fifo = SchedulingError::Fifo { requested: 50, limit: 0, problem: "no".into() }.to_string();
+        assert!(["RLIMIT_RTPRIO is 0", "CAP_SYS_NICE", "ulimit -r"].iter().all(|part| fifo.contains(part)));
+        let nice = SchedulingError::Nice { requested: -5, limit: 15, problem: "no".into() }.to_string();
         assert!(nice.contains("allows down to 5"), "{nice}");
     }
 }

@@ -1,55 +1,55 @@
-//! What each channel is called.
+//! Names of the topics.
 
 /// Motor commands.
 pub const COMMAND: &str = "command";
-/// Decisions with their verdicts.
+/// Decisions of the arbiter, with a verdict for each behavior.
 pub const DECISION: &str = "decision";
-/// Requests to the running robot.
+/// Requests of operators to the running robot.
 pub const CONTROL: &str = "control";
-/// Where the operator last sent the robot.
+/// Goal that an operator set last.
 pub const GOAL: &str = "goal";
-/// A simulator's truth, for judging only.
+/// Ground truth of a simulator, for evaluation only.
 pub const TRUTH: &str = "truth";
-/// The instants of a run whose clock is a driver's.
+/// Time of each step, if the clock belongs to a driver.
 pub const CLOCK: &str = "clock";
-/// The turns of each of its steps, as the arbiter calls them.
-pub const TURNS: &str = "clock/turns";
-/// Who has taken which turn.
-pub const TAKEN: &str = "clock/taken";
+/// Announcements of the phases of each step, by the arbiter.
+pub const STEP_ANNOUNCEMENTS: &str = "clock/turns";
+/// Acknowledgments of the phases, by the behaviors.
+pub const STEP_ACKNOWLEDGMENTS: &str = "clock/taken";
 
-/// Which plugins are alive.
+/// Heartbeats of plugins.
 pub const HEARTBEATS: &str = "plugins/heartbeats";
-/// How the calls of behaviors went.
+/// Statistics of the calls of behaviors.
 pub const CALLS: &str = "plugins/calls";
-/// What the successors of behaviors must know.
-pub const MEMORIES: &str = "plugins/memories";
-/// What went wrong in plugins.
+/// Saved states of behaviors, for their next instance.
+pub const SAVED_STATES: &str = "plugins/memories";
+/// Failures of plugins.
 pub const FAILURES: &str = "plugins/failures";
-/// Walls that devices know, for plots.
+/// Walls of simulated worlds, for plots.
 pub const WALLS: &str = "plugins/walls";
 
-/// The processes of plugins.
+/// States of the plugins' processes.
 pub const PROCESSES: &str = "plugins/processes";
-/// Who works on the robot, and every topic.
-pub const ROSTER: &str = "roster";
-/// Behaviors are asked to change their parameters.
+/// Manifest of the robot: its plugins and topics.
+pub const MANIFEST: &str = "roster";
+/// Requests to change the parameters of behaviors.
 pub const RETUNE: &str = "plugins/retune";
-/// What became of it.
+/// Replies to these requests.
 pub const RETUNED: &str = "plugins/retuned";
-/// Where somebody holds the stick.
+/// Commands of a manual control stick.
 pub const STICK: &str = "stick";
 
-/// What the sensor `name` measures.
+/// Returns the topic of the sensor `name`.
 pub fn sensor(name: &str) -> String {
     format!("sensors/{name}")
 }
 
-/// What the behavior `name` proposes.
+/// Returns the topic of the proposals of the behavior `name`.
 pub fn proposal(name: &str) -> String {
     format!("behaviors/{name}/proposal")
 }
 
-/// What the behavior `name` publishes on `output`.
+/// Returns the topic of an output of the behavior `name`.
 pub fn output(name: &str, output: &str) -> String {
     format!("behaviors/{name}/{output}")
 }

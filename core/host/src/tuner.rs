@@ -1,121 +1,134 @@
-//! Changes a behavior's parameters between two of its calls, in two steps, so that several behaviors change together or
-//! not at all.
+//! Change of a running behavior's parameters between two calls.
+//!
+//! A change has two steps, so that several behaviors change together or not at all: every behavior prepares, and when
+//! all are ready, every behavior applies.
 
-use super::behavior::BehaviorSeat;
-use super::rebuild::Candidate;
-use super::topics;
+use crate::behavior_host::BehaviorHost;
 use crate::bus::{Bus, BusError, Publisher, Subscriber};
-use yamabico_core::behavior::BuildError;
-use yamabico_core::message::{Name, Note, RetuneHeader, RetuneStep, RetunedHeader, Retuning};
+use crate::candidate::Candidate;
+use crate::topics;
+use yamabico_core::behavior::ParameterError;
+use yamabico_core::message::{Name, Note, RetuneHeader, RetuneOutcome, RetuneStep, RetunedHeader};
 use yamabico_core::time::Time;
 
-/// Longest table of parameters, bytes of TOML.
-pub const MAX_PARAMETERS: usize = 16 * 1024;
+/// Maximum length of a behavior's parameters, bytes of TOML.
+pub const MAX_PARAMETER_BYTES: usize = 16 * 1024;
 
-/// Hears what parameters a behavior is to get, and answers.
+/// Receives requests to change the parameters of one behavior, and replies.
 pub(super) struct Tuner {
     requests: Subscriber<RetuneHeader>,
-    answers: Option<Publisher<RetunedHeader>>,
+    replies: Option<Publisher<RetunedHeader>>,
     candidate: Option<(u64, Candidate)>,
-    answered: u64,
+    sequence: u64,
     bus: Bus,
 }
 
 impl Tuner {
-    /// That of the behavior on `seat`; `None` where its channels do not open, which is told.
-    pub fn open(seat: &BehaviorSeat, bus: &Bus) -> Option<Tuner> {
+    /// Opens the tuner of the behavior of `host`. Returns none and logs a warning if its topic cannot be opened.
+    pub fn open(host: &BehaviorHost, bus: &Bus) -> Option<Tuner> {
         match bus.subscriber(topics::RETUNE) {
             Ok(requests) => {
-                Some(Tuner { requests, answers: None, candidate: None, answered: 0, bus: bus.clone() })
+                Some(Tuner { requests, replies: None, candidate: None, sequence: 0, bus: bus.clone() })
             }
             Err(error) => {
-                tracing::warn!("parameters of `{}` cannot be changed while it runs: {error}", seat.name());
+                tracing::warn!("parameters of `{}` cannot be changed during the run: {error}", host.name());
                 None
             }
         }
     }
 
-    /// Does what was asked of the behavior on `seat` since the last call; a bus that fails is told of.
-    pub fn step(&mut self, seat: &mut BehaviorSeat) {
-        if let Err(error) = self.try_to_step(seat) {
-            tracing::error!("parameters of `{}`: {error}", seat.name());
+    /// Handles the requests that arrived since the last call. Logs a failure of the bus.
+    pub fn step(&mut self, host: &mut BehaviorHost) {
+        if let Err(error) = self.handle_requests(host) {
+            tracing::error!("changing parameters of `{}` failed: {error}", host.name());
         }
     }
 
-    fn try_to_step(&mut self, seat: &mut BehaviorSeat) -> Result<(), BusError> {
+    fn handle_requests(&mut self, host: &mut BehaviorHost) -> Result<(), BusError> {
         loop {
             let Some(request) = self.requests.receive()? else { return Ok(()) };
             let header = *request.header();
             let text = String::from_utf8_lossy(request.items()).into_owned();
             drop(request);
-            if header.behavior.as_str() != seat.name() {
+            if header.behavior.as_str() != host.name() {
                 continue;
             }
-            let answer = match header.step() {
-                Some(RetuneStep::Prepare) => self.prepare(seat, header.request, &text),
-                Some(RetuneStep::Apply) => self.apply(seat, header.request, &text),
+            let result = match header.step() {
+                Some(RetuneStep::Prepare) => self.prepare(host, header.request, &text),
+                Some(RetuneStep::Apply) => self.apply(host, header.request, &text),
                 Some(RetuneStep::Drop) | None => {
                     self.candidate = None;
                     continue;
                 }
             };
-            self.tell(header.behavior, header.request, answer)?;
+            self.reply(header.behavior, header.request, result)?;
         }
     }
 
-    fn prepare(&mut self, seat: &BehaviorSeat, request: u64, text: &str) -> Result<Retuning, BuildError> {
+    fn prepare(
+        &mut self,
+        host: &BehaviorHost,
+        request: u64,
+        text: &str,
+    ) -> Result<RetuneOutcome, ParameterError> {
         self.candidate = None;
-        self.candidate = Some((request, seat.build(read(text)?)?));
-        Ok(Retuning::Ready)
+        self.candidate = Some((request, host.build(parse(text)?)?));
+        Ok(RetuneOutcome::Ready)
     }
 
-    fn apply(&mut self, seat: &mut BehaviorSeat, request: u64, text: &str) -> Result<Retuning, BuildError> {
+    fn apply(
+        &mut self,
+        host: &mut BehaviorHost,
+        request: u64,
+        text: &str,
+    ) -> Result<RetuneOutcome, ParameterError> {
         let prepared = self.candidate.take().filter(|(of, _)| *of == request);
         let candidate = match prepared {
             Some((_, candidate)) => candidate,
+            // The behavior was restarted after it prepared, perhaps with the new parameters.
             None => {
-                let table = read(text)?;
-                if seat.has(&table) {
-                    return Ok(Retuning::Applied);
+                let table = parse(text)?;
+                if host.has_parameters(&table) {
+                    return Ok(RetuneOutcome::Applied);
                 }
-                seat.build(table)?
+                host.build(table)?
             }
         };
-        if let Err(error) = seat.replace(candidate, &self.bus) {
-            tracing::error!("behavior `{}` is not told again what is kept: {error}", seat.name());
+        if let Err(error) = host.replace(candidate, &self.bus) {
+            tracing::error!("could not reopen the inputs of behavior `{}`: {error}", host.name());
         }
-        Ok(Retuning::Applied)
+        Ok(RetuneOutcome::Applied)
     }
 
-    fn tell(
+    fn reply(
         &mut self,
         behavior: Name,
         request: u64,
-        answer: Result<Retuning, BuildError>,
+        result: Result<RetuneOutcome, ParameterError>,
     ) -> Result<(), BusError> {
-        let (outcome, key, words) = match answer {
+        let (outcome, key, text) = match result {
             Ok(outcome) => (outcome, Note::default(), String::new()),
-            Err(refusal) => (Retuning::Refused, Note::new(&refusal.key), refusal.problem),
+            Err(error) => (RetuneOutcome::Refused, Note::new(&error.key), error.problem),
         };
-        self.answered += 1;
+        self.sequence += 1;
         let header = RetunedHeader {
             stamp_ns: Time::monotonic_now().0,
-            sequence: self.answered,
+            sequence: self.sequence,
             request,
             behavior,
             key,
             outcome: outcome.code(),
             reserved: 0,
         };
-        let answers = match &self.answers {
-            Some(answers) => answers,
-            None => self.answers.insert(self.bus.publisher(topics::RETUNED)?),
+        let replies = match &self.replies {
+            Some(replies) => replies,
+            None => self.replies.insert(self.bus.publisher(topics::RETUNED)?),
         };
-        let most = words.len().min(super::MAX_WORDS);
-        answers.publish(&header, &words.as_bytes()[..most])
+        let len = text.len().min(super::MAX_FAILURE_TEXT_BYTES);
+        replies.publish(&header, &text.as_bytes()[..len])
     }
 }
 
-fn read(text: &str) -> Result<toml::Table, BuildError> {
-    toml::from_str(text).map_err(|error| BuildError::new("", error.message()))
+fn parse(text: &str) -> Result<toml::Table, ParameterError> {
+    toml::from_str(text).map_err(|error| ParameterError::new("", error.message()))
 }

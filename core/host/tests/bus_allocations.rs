@@ -1,21 +1,18 @@
-//! A message costs no memory of ours: nothing is allocated to receive one, and to send one only what iceoryx2 takes for the
-//! duration of the loan.
+//! Receiving a message allocates no memory; sending one allocates only what iceoryx2 needs for the duration of the
+//! loan.
 
 use yamabico_core::message::{FrameHeader, MessageType, Odometry};
-use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
-use yamabico_host::bus::{Bus, Inbox, Spec};
-
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
+use yamabico_core::testing::{Allocations, allocations};
+use yamabico_host::bus::{Bus, Inbox, TopicSpec};
 
 const MESSAGES: u64 = 1000;
 
 #[test]
-fn messages_are_not_paid_for_on_the_heap() {
+fn messages_allocate_no_memory() {
     for bus in [Bus::local("heap").unwrap(), Bus::ipc(&format!("heap-{}", std::process::id())).unwrap()] {
         let odometry = MessageType::of::<Odometry>();
-        bus.create_raw("odometry", &odometry, &Spec::default()).unwrap();
-        bus.create::<FrameHeader>("camera", &Spec { list_bytes: 4096, ..Spec::default() }).unwrap();
+        bus.create_raw("odometry", &odometry, &TopicSpec::default()).unwrap();
+        bus.create::<FrameHeader>("camera", &TopicSpec { list_bytes: 4096, ..TopicSpec::default() }).unwrap();
         let (wheels, camera) = (bus.publisher("odometry").unwrap(), bus.publisher("camera").unwrap());
         let frames = bus.subscriber::<FrameHeader>("camera").unwrap();
         let mut inbox = Inbox::new("wheels", bus.subscriber_raw("odometry", &odometry).unwrap());
@@ -39,6 +36,6 @@ fn messages_are_not_paid_for_on_the_heap() {
         }
         assert_eq!(received, Allocations::default());
         let one_each = Allocations { calls: 2 * MESSAGES, bytes_kept: 0 };
-        assert_eq!(sent, one_each, "one loan of iceoryx2 a message, given back at once");
+        assert_eq!(sent, one_each, "one loan of iceoryx2 per message, freed at once");
     }
 }

@@ -1,14 +1,12 @@
-//! Channels behave alike within a process and in shared memory.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Topics behave the same within a process and in shared memory.
 
 use std::time::Duration;
 
 use yamabico_core::behavior::SlotSource;
 use yamabico_core::message::{Beam, Command, FrameHeader, MessageType, Odometry, Proposal, RangeScanHeader};
-use yamabico_host::bus::{Bell, Bus, BusError, Inbox, STREAM_DEPTH, Spec};
+use yamabico_host::bus::{Bus, BusError, Inbox, Notification, STREAM_DEPTH, TopicSpec};
 
-/// Runs `claim` on a bus of either kind.
+/// Runs `claim` on a bus of each kind.
 fn on_both(name: &str, claim: fn(&Bus)) {
     claim(&Bus::local(name).unwrap());
     claim(&Bus::ipc(&format!("{name}-{}", std::process::id())).unwrap());
@@ -21,7 +19,7 @@ fn odometry(sequence: u64) -> Odometry {
 #[test]
 fn a_header_without_a_list_arrives() {
     on_both("header", |bus| {
-        bus.create::<Odometry>("odometry", &Spec::default()).unwrap();
+        bus.create::<Odometry>("odometry", &TopicSpec::default()).unwrap();
         let subscriber = bus.subscriber::<Odometry>("odometry").unwrap();
         let publisher = bus.publisher::<Odometry>("odometry").unwrap();
         assert!(subscriber.receive().unwrap().is_none());
@@ -35,7 +33,7 @@ fn a_header_without_a_list_arrives() {
 #[test]
 fn lists_arrive_with_their_lengths() {
     on_both("lists", |bus| {
-        let spec = Spec { list_bytes: 3 * size_of::<Beam>(), ..Spec::default() };
+        let spec = TopicSpec { list_bytes: 3 * size_of::<Beam>(), ..TopicSpec::default() };
         bus.create::<RangeScanHeader>("sonar", &spec).unwrap();
         let subscriber = bus.subscriber::<RangeScanHeader>("sonar").unwrap();
         let publisher = bus.publisher::<RangeScanHeader>("sonar").unwrap();
@@ -46,15 +44,16 @@ fn lists_arrive_with_their_lengths() {
             assert_eq!((sample.header().max_m, sample.items()), (4.0, &beams[..len]));
         }
         let too_long = publisher.publish(&Default::default(), &[Beam::default(); 4]);
-        let most = 3 * size_of::<Beam>();
-        assert!(matches!(too_long, Err(BusError::TooLong { most: m, .. }) if m == most), "{too_long:?}");
+        let max_bytes = 3 * size_of::<Beam>();
+        assert!(matches!(too_long, Err(BusError::TooLong { max, .. }) if max == max_bytes), "{too_long:?}");
     });
 }
 
 #[test]
 fn a_frame_is_written_in_place() {
     on_both("frame", |bus| {
-        bus.create::<FrameHeader>("camera", &Spec { list_bytes: 640 * 480, ..Spec::default() }).unwrap();
+        bus.create::<FrameHeader>("camera", &TopicSpec { list_bytes: 640 * 480, ..TopicSpec::default() })
+            .unwrap();
         let publisher = bus.publisher::<FrameHeader>("camera").unwrap();
         let subscriber = bus.subscriber::<FrameHeader>("camera").unwrap();
         for value in 1..200 {
@@ -68,15 +67,15 @@ fn a_frame_is_written_in_place() {
 }
 
 #[test]
-fn a_late_reader_of_a_latest_channel_gets_the_last_value() {
+fn a_late_subscriber_of_a_latest_channel_receives_the_last_value() {
     on_both("late", |bus| {
-        bus.create::<Proposal>("proposal", &Spec::default()).unwrap();
+        bus.create::<Proposal>("proposal", &TopicSpec::default()).unwrap();
         let publisher = bus.publisher::<Proposal>("proposal").unwrap();
         for sequence in 1..=5 {
             publisher.publish(&Proposal { sequence, ..Default::default() }, &[]).unwrap();
         }
         let late = bus.subscriber::<Proposal>("proposal").unwrap();
-        publisher.welcome().unwrap();
+        publisher.resend_to_new_subscribers().unwrap();
         assert_eq!(late.receive().unwrap().unwrap().header().sequence, 5);
         assert!(late.receive().unwrap().is_none());
         for sequence in 6..=8 {
@@ -89,9 +88,9 @@ fn a_late_reader_of_a_latest_channel_gets_the_last_value() {
 }
 
 #[test]
-fn a_late_reader_of_a_stream_gets_nothing_old() {
+fn a_late_subscriber_of_a_stream_receives_no_old_message() {
     on_both("late-stream", |bus| {
-        bus.create::<Command>("command", &Spec::default()).unwrap();
+        bus.create::<Command>("command", &TopicSpec::default()).unwrap();
         let publisher = bus.publisher::<Command>("command").unwrap();
         publisher.publish(&Command::default(), &[]).unwrap();
         assert!(bus.subscriber::<Command>("command").unwrap().receive().unwrap().is_none());
@@ -99,9 +98,9 @@ fn a_late_reader_of_a_stream_gets_nothing_old() {
 }
 
 #[test]
-fn a_stream_that_overflows_is_counted() {
+fn messages_lost_in_an_overflow_are_counted() {
     on_both("overflow", |bus| {
-        bus.create::<Odometry>("odometry", &Spec { depth: 200, ..Spec::default() }).unwrap();
+        bus.create::<Odometry>("odometry", &TopicSpec { depth: 200, ..TopicSpec::default() }).unwrap();
         let publisher = bus.publisher::<Odometry>("odometry").unwrap();
         let subscriber = bus.subscriber::<Odometry>("odometry").unwrap();
         let tap = bus.tap("odometry", &MessageType::of::<Odometry>()).unwrap();
@@ -125,9 +124,9 @@ fn a_stream_that_overflows_is_counted() {
 }
 
 #[test]
-fn a_sequence_that_starts_anew_is_no_loss() {
+fn a_sequence_that_restarts_is_not_a_loss() {
     on_both("anew", |bus| {
-        bus.create::<Odometry>("odometry", &Spec { publishers: 2, ..Spec::default() }).unwrap();
+        bus.create::<Odometry>("odometry", &TopicSpec { publishers: 2, ..TopicSpec::default() }).unwrap();
         let subscriber = bus.subscriber::<Odometry>("odometry").unwrap();
         for _ in 0..3 {
             let publisher = bus.publisher::<Odometry>("odometry").unwrap();
@@ -141,12 +140,12 @@ fn a_sequence_that_starts_anew_is_no_loss() {
 }
 
 #[test]
-fn a_second_publisher_is_refused_by_the_transport() {
+fn a_second_publisher_is_refused() {
     on_both("second", |bus| {
-        bus.create::<Command>("command", &Spec::default()).unwrap();
+        bus.create::<Command>("command", &TopicSpec::default()).unwrap();
         let first = bus.publisher::<Command>("command").unwrap();
         let second = bus.publisher::<Command>("command").err().unwrap();
-        assert!(matches!(second, BusError::TooManyPublishers { most: 1, .. }), "{second}");
+        assert!(matches!(second, BusError::TooManyPublishers { max: 1, .. }), "{second}");
         assert!(second.to_string().contains("`command`"), "{second}");
         drop(first);
         bus.publisher::<Command>("command").unwrap();
@@ -154,13 +153,16 @@ fn a_second_publisher_is_refused_by_the_transport() {
 }
 
 #[test]
-fn a_topic_of_another_type_is_refused_naming_both() {
+fn the_error_for_a_wrong_type_names_both_types() {
     on_both("type", |bus| {
-        bus.create::<Odometry>("odometry", &Spec::default()).unwrap();
+        bus.create::<Odometry>("odometry", &TopicSpec::default()).unwrap();
         let error = bus.subscriber::<Command>("odometry").err().unwrap().to_string();
         assert!(error.contains("yamabico.Odometry.v1") && error.contains("yamabico.Command.v2"), "{error}");
         assert!(matches!(bus.subscriber::<Odometry>("none").err(), Some(BusError::NoSuchTopic { .. })));
-        assert!(matches!(bus.create::<Odometry>("odometry", &Spec::default()), Err(BusError::Exists { .. })));
+        assert!(matches!(
+            bus.create::<Odometry>("odometry", &TopicSpec::default()),
+            Err(BusError::Exists { .. })
+        ));
     });
 }
 
@@ -168,7 +170,7 @@ fn a_topic_of_another_type_is_refused_naming_both() {
 fn wrong_sizes_are_errors() {
     on_both("sizes", |bus| {
         let scan = MessageType::of::<RangeScanHeader>();
-        bus.create_raw("sonar", &scan, &Spec { list_bytes: 1000, ..Spec::default() }).unwrap();
+        bus.create_raw("sonar", &scan, &TopicSpec { list_bytes: 1000, ..TopicSpec::default() }).unwrap();
         let publisher = bus.publisher_raw("sonar", &scan).unwrap();
         let header = vec![0xff; scan.header_size];
         let size = scan.item_size;
@@ -185,9 +187,9 @@ fn wrong_sizes_are_errors() {
 }
 
 #[test]
-fn samples_held_are_limited() {
+fn the_number_of_held_samples_is_limited() {
     on_both("held", |bus| {
-        bus.create::<Proposal>("proposal", &Spec::default()).unwrap();
+        bus.create::<Proposal>("proposal", &TopicSpec::default()).unwrap();
         let publisher = bus.publisher::<Proposal>("proposal").unwrap();
         let subscriber = bus.subscriber::<Proposal>("proposal").unwrap();
         let mut held = Vec::new();
@@ -198,7 +200,7 @@ fn samples_held_are_limited() {
                 Err(error) => break error,
             }
         };
-        assert!(matches!(refused, BusError::HoldsTooMany { most: 3, .. }), "{refused}");
+        assert!(matches!(refused, BusError::TooManySamples { max: 3, .. }), "{refused}");
         assert_eq!(held.iter().map(|s| s.header().sequence).collect::<Vec<_>>(), [0, 1, 2]);
         drop(held);
         assert!(subscriber.receive().unwrap().is_some());
@@ -206,10 +208,10 @@ fn samples_held_are_limited() {
 }
 
 #[test]
-fn an_inbox_keeps_the_newest_and_moves_with_its_samples() {
+fn an_inbox_keeps_the_newest_messages_and_moves_with_its_samples() {
     on_both("inbox", |bus| {
         let message = MessageType::of::<Odometry>();
-        bus.create_raw("odometry", &message, &Spec::default()).unwrap();
+        bus.create_raw("odometry", &message, &TopicSpec::default()).unwrap();
         let publisher = bus.publisher::<Odometry>("odometry").unwrap();
         let mut inbox = Inbox::new("wheels", bus.subscriber_raw("odometry", &message).unwrap());
         assert_eq!((inbox.refresh().unwrap(), inbox.len(), inbox.lost()), (0, 0, 0));
@@ -238,9 +240,9 @@ fn an_inbox_keeps_the_newest_and_moves_with_its_samples() {
 }
 
 #[test]
-fn ports_work_on_threads_of_their_own() {
+fn ports_work_on_other_threads() {
     on_both("threads", |bus| {
-        bus.create::<Odometry>("odometry", &Spec::default()).unwrap();
+        bus.create::<Odometry>("odometry", &TopicSpec::default()).unwrap();
         let subscriber = bus.subscriber::<Odometry>("odometry").unwrap();
         let publisher = bus.publisher::<Odometry>("odometry").unwrap();
         publisher.publish(&odometry(1), &[]).unwrap();
@@ -273,35 +275,35 @@ fn ports_work_on_threads_of_their_own() {
 }
 
 #[test]
-fn a_waiter_tells_what_rang() {
-    on_both("bell", |bus| {
-        let spec = Spec { bell: Bell::Rings, ..Spec::default() };
+fn a_wait_set_returns_the_notified_topics() {
+    on_both("notification", |bus| {
+        let spec = TopicSpec { notification: Notification::On, ..TopicSpec::default() };
         bus.create::<Odometry>("odometry", &spec).unwrap();
         bus.create::<Command>("command", &spec).unwrap();
-        bus.create::<Proposal>("silent", &Spec::default()).unwrap();
-        let mut waiter = bus.waiter(&["odometry", "command"]).unwrap();
+        bus.create::<Proposal>("unnotified", &TopicSpec::default()).unwrap();
+        let mut wait_set = bus.wait_set(&["odometry", "command"]).unwrap();
         let publisher = bus.publisher::<Command>("command").unwrap();
         let brief = Duration::from_millis(1);
         let long = Duration::from_secs(60);
-        while !waiter.wait(brief).unwrap().is_empty() {}
+        while !wait_set.wait(brief).unwrap().is_empty() {}
         publisher.publish(&Command::default(), &[]).unwrap();
         publisher.publish(&Command::default(), &[]).unwrap();
-        let rang = waiter.wait(long).unwrap();
-        assert!(rang.contains(1) && !rang.contains(0));
-        assert!(waiter.wait(brief).unwrap().is_empty());
-        let woken = std::thread::spawn(move || waiter.wait(long).unwrap());
+        let notified = wait_set.wait(long).unwrap();
+        assert!(notified.contains(1) && !notified.contains(0));
+        assert!(wait_set.wait(brief).unwrap().is_empty());
+        let woken = std::thread::spawn(move || wait_set.wait(long).unwrap());
         std::thread::sleep(brief);
         publisher.publish(&Command::default(), &[]).unwrap();
         assert!(woken.join().unwrap().contains(1));
-        assert!(matches!(bus.waiter(&["silent"]).err(), Some(BusError::Silent { .. })));
+        assert!(matches!(bus.wait_set(&["unnotified"]).err(), Some(BusError::NoNotification { .. })));
     });
 }
 
 #[test]
-fn buses_within_a_process_are_worlds_of_their_own() {
+fn buses_within_a_process_are_separate() {
     let (a, b) = (Bus::local("same").unwrap(), Bus::local("same").unwrap());
-    a.create::<Odometry>("odometry", &Spec::default()).unwrap();
-    b.create::<Odometry>("odometry", &Spec::default()).unwrap();
+    a.create::<Odometry>("odometry", &TopicSpec::default()).unwrap();
+    b.create::<Odometry>("odometry", &TopicSpec::default()).unwrap();
     let subscriber = b.subscriber::<Odometry>("odometry").unwrap();
     a.publisher::<Odometry>("odometry").unwrap().publish(&odometry(1), &[]).unwrap();
     assert!(subscriber.receive().unwrap().is_none());

@@ -1,65 +1,81 @@
-//! A TOML text as a tree in which every key and value knows where it stands.
+//! TOML text as a tree with the source span of every key and value.
 
 use toml::de::{DeTable, DeValue};
 use toml::value::Datetime;
 
 use super::problem::{Problem, Span};
 
-/// Longest text that is read, bytes.
+/// Maximum size of a text, bytes.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Most dots in a key that is read; the parser recurses once a part, within each bracket anew.
+/// Maximum number of dots in a key; the parser recurses once per part, anew within each bracket.
 const MAX_DOTS: usize = 16;
-/// Deepest bracket within brackets that is read.
+/// Maximum nesting of brackets.
 const MAX_NESTED: usize = 16;
 
-/// A value and where it stands.
+/// Value with its source span.
 #[derive(Clone, Debug)]
 pub struct Node {
+    /// Source span.
     pub span: Span,
+    /// Value.
     pub value: Value,
 }
 
-/// What TOML can say.
+/// TOML value.
 #[derive(Clone, Debug)]
 pub enum Value {
+    /// String.
     Text(String),
+    /// Integer.
     Whole(i64),
+    /// Float.
     Number(f64),
+    /// Boolean.
     Switch(bool),
+    /// Date or time.
     Moment(Datetime),
+    /// Array.
     List(Vec<Node>),
+    /// Table.
     Table(Table),
 }
 
-/// Keys and values in the order of the text.
+/// Table with its keys in the order of the text.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
+    /// Keys with their values.
     pub entries: Vec<Entry>,
 }
 
-/// One key of a table.
+/// Key of a table, with its value.
 #[derive(Clone, Debug)]
 pub struct Entry {
+    /// Key.
     pub key: String,
+    /// Source span of the key.
     pub key_span: Span,
+    /// Value.
     pub node: Node,
 }
 
 impl Table {
+    /// Returns the entry of `key`.
     pub fn entry(&self, key: &str) -> Option<&Entry> {
         self.entries.iter().find(|entry| entry.key == key)
     }
 
+    /// Returns the entry of `key` for modification.
     pub fn entry_mut(&mut self, key: &str) -> Option<&mut Entry> {
         self.entries.iter_mut().find(|entry| entry.key == key)
     }
 
-    /// The table under `key`; `None` where it is missing or no table.
+    /// Returns the table under `key`, or `None` if it is missing or not a table.
     pub fn table(&self, key: &str) -> Option<&Table> {
         self.entry(key)?.node.as_table()
     }
 
-    /// Where the value of the dotted `path`, such as `door[2].at_m`, stands, or as much of the path as there is.
+    /// Returns the span of the value at the dotted `path`, such as `door[2].at_m`, or of the longest existing part of
+    /// the path.
     pub fn span_of(&self, path: &str) -> Option<Span> {
         let (first, rest) = path.split_once('.').unwrap_or((path, ""));
         let (key, index) = match first.strip_suffix(']').and_then(|first| first.split_once('[')) {
@@ -74,7 +90,23 @@ impl Table {
         Some(deeper.unwrap_or(node.span))
     }
 
-    /// The plain TOML table with the keys that `keep` picks.
+    /// Returns the dotted path, such as `door[2].at_m`, of the innermost key whose key or value contains byte `at`;
+    /// empty if there is none.
+    pub fn path_at(&self, at: usize) -> String {
+        let contains = |span: Span| (span.start..span.end).contains(&at);
+        let inside = |entry: &Entry| {
+            let inner = match &entry.node.value {
+                Value::Table(table) => table.path_at(at),
+                _ => String::new(),
+            };
+            let is_here = contains(entry.key_span) || contains(entry.node.span) || !inner.is_empty();
+            is_here
+                .then(|| if inner.is_empty() { entry.key.clone() } else { format!("{}.{inner}", entry.key) })
+        };
+        self.entries.iter().find_map(inside).unwrap_or_default()
+    }
+
+    /// Converts the keys selected by `keep` to a plain TOML table.
     pub fn to_toml(&self, keep: impl Fn(&str) -> bool) -> toml::Table {
         let kept = self.entries.iter().filter(|entry| keep(&entry.key));
         kept.map(|entry| (entry.key.clone(), entry.node.to_toml())).collect()
@@ -82,6 +114,7 @@ impl Table {
 }
 
 impl Node {
+    /// Returns the table, or `None` for any other value.
     pub fn as_table(&self) -> Option<&Table> {
         match &self.value {
             Value::Table(table) => Some(table),
@@ -89,6 +122,7 @@ impl Node {
         }
     }
 
+    /// Returns the string, or `None` for any other value.
     pub fn as_text(&self) -> Option<&str> {
         match &self.value {
             Value::Text(text) => Some(text),
@@ -96,7 +130,7 @@ impl Node {
         }
     }
 
-    /// The plain TOML value.
+    /// Converts the value to a plain TOML value.
     pub fn to_toml(&self) -> toml::Value {
         match &self.value {
             Value::Text(text) => toml::Value::String(text.clone()),
@@ -109,25 +143,25 @@ impl Node {
         }
     }
 
-    /// What kind of value it is, with its article.
+    /// Returns the type of the value, with its article.
     pub fn kind(&self) -> &'static str {
         match self.value {
-            Value::Text(_) => "a text",
-            Value::Whole(_) => "a whole number",
+            Value::Text(_) => "a string",
+            Value::Whole(_) => "an integer",
             Value::Number(_) => "a number",
-            Value::Switch(_) => "true or false",
+            Value::Switch(_) => "a boolean",
             Value::Moment(_) => "a date or time",
-            Value::List(_) => "a list",
+            Value::List(_) => "an array",
             Value::Table(_) => "a table",
         }
     }
 }
 
-/// Reads the text of source number `source`; every mistake of grammar is added to `problems`.
+/// Parses the text of source number `source`, and adds every syntax error to `problems`.
 pub fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<Table> {
     if let Some((at, what)) = too_deep(text) {
         let span = Span { source, start: at, end: at + 1 };
-        problems.push(Problem::new(span, what).label("here").help("tables here are at most five deep"));
+        problems.push(Problem::new(span, what).label("here").help("configurations need at most five levels"));
         return None;
     }
     let (root, errors) = DeTable::parse_recoverable(text);
@@ -139,7 +173,7 @@ pub fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<T
     None
 }
 
-/// Where `text` goes deeper than the parser's stack, and what is too deep there.
+/// Returns the position and description of nesting that is too deep for the parser's stack.
 fn too_deep(text: &str) -> Option<(usize, String)> {
     let bytes = text.as_bytes();
     let (mut at, mut key, mut dots, mut nested) = (0, 0, 0, 0_usize);
@@ -164,7 +198,7 @@ fn too_deep(text: &str) -> Option<(usize, String)> {
             key += 1;
         }
         if nested > MAX_NESTED {
-            return Some((at, format!("brackets stand more than {MAX_NESTED} deep in each other")));
+            return Some((at, format!("brackets are nested more than {MAX_NESTED} deep")));
         }
         if dots > MAX_DOTS {
             return Some((key, format!("a key has more than {MAX_DOTS} dots")));
@@ -174,7 +208,7 @@ fn too_deep(text: &str) -> Option<(usize, String)> {
     None
 }
 
-/// The byte after the text whose quotes open at `open`; one with single quotes ends with its line at the latest.
+/// Returns the end of the string whose quotes open at `open`; a single-line string ends with its line at the latest.
 fn after_quotes(bytes: &[u8], open: usize) -> usize {
     let quote = bytes[open];
     let long = bytes[open..].starts_with(&[quote; 3]);
@@ -236,9 +270,9 @@ impl Reader<'_> {
 
     fn too_large(&mut self, span: Span, number: &str) -> Value {
         self.problems.push(
-            Problem::new(span, "this number has too many digits")
+            Problem::new(span, "this integer is out of range")
                 .label(format!("{} digits", number.len()))
-                .help("whole numbers go up to 9223372036854775807"),
+                .help("the maximum is 9223372036854775807"),
         );
         Value::Whole(0)
     }
@@ -248,7 +282,7 @@ impl Reader<'_> {
 mod tests {
     use super::*;
 
-    /// How deep tables and lists stand in each other.
+    /// Depth of nested tables and arrays.
     fn depth(node: &Node) -> usize {
         let inside = match &node.value {
             Value::Table(table) => table.entries.iter().map(|entry| depth(&entry.node)).max(),

@@ -1,18 +1,18 @@
-//! A parameter that does not fit.
+//! Error of a parameter value.
 
-/// A parameter that does not fit.
+/// Parameter with an invalid value.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{problem}", if key.is_empty() { String::new() } else { format!("`{key}`: ") })]
-pub struct BuildError {
-    /// The key to change, dotted; empty where the whole table.
+pub struct ParameterError {
+    /// Dotted key to change; empty for the whole table.
     pub key: String,
-    /// What is wrong and what would be right.
+    /// Description of the error and its remedy.
     pub problem: String,
 }
 
-impl BuildError {
-    /// `key` is wrong because of `problem`.
-    pub fn new(key: impl Into<String>, problem: impl Into<String>) -> BuildError {
-        BuildError { key: key.into(), problem: problem.into() }
+impl ParameterError {
+    /// Creates the error `problem` of `key`.
+    pub fn new(key: impl Into<String>, problem: impl Into<String>) -> ParameterError {
+        ParameterError { key: key.into(), problem: problem.into() }
     }
 }

@@ -1,4 +1,4 @@
-//! TOML files that the table of a device or a behavior names, such as worlds and maps, checked like the robot file.
+//! TOML files named by parameters of devices and behaviors, such as worlds and maps.
 
 use schemars::Schema;
 
@@ -6,26 +6,26 @@ use super::document::{Table, parse};
 use super::problem::{Problem, Problems, Source, Span};
 use super::schema_check::check_table;
 use super::shape::Shape;
-use crate::BuildError;
+use crate::ParameterError;
 
-/// A kind of TOML file that the table of a device or a behavior names.
+/// Kind of TOML file named by a parameter of a device or a behavior.
 #[derive(Clone, Copy, Debug)]
 pub struct FileKind {
-    /// The key that names one; its schema says `"format": "file"`.
+    /// Parameter with the path of the file; its schema has `"format": "file"`.
     pub key: &'static str,
-    /// What it is, with its article, such as "a world file".
+    /// Description with its article, such as "a world file".
     pub what: &'static str,
-    /// JSON Schema of what stands in it.
+    /// JSON Schema of its content.
     pub schema: fn() -> Schema,
-    /// Everything wrong in a table that fits the schema, each at its key, such as `corridor.door[2].at_m`.
-    pub rules: fn(&toml::Table) -> Vec<BuildError>,
+    /// Returns all errors in a table that fits the schema, each with its key, such as `corridor.door[2].at_m`.
+    pub rules: fn(&toml::Table) -> Vec<ParameterError>,
 }
 
 impl FileKind {
-    /// Reads and checks a text, called `name` where it is wrong.
+    /// Parses and checks a text; `name` is shown in errors.
     ///
     /// # Errors
-    /// Everything that is wrong in it: mistakes of grammar, else those against the schema, else those against the rules.
+    /// All syntax errors, else all violations of the schema, else all violations of the rules.
     pub fn read(&self, name: &str, text: &str) -> Result<toml::Table, Problems> {
         let mut problems = Vec::new();
         let tree = parse(text, 0, &mut problems);
@@ -43,7 +43,7 @@ impl FileKind {
         }
     }
 
-    /// Adds what is wrong in the tree of source number `source`.
+    /// Adds all errors in the tree of source number `source` to `problems`.
     pub fn check(&self, tree: &Table, source: usize, problems: &mut Vec<Problem>) {
         let schema = (self.schema)().to_value();
         let top = Span { source, start: 0, end: 0 };
@@ -52,7 +52,7 @@ impl FileKind {
         if problems.len() > before {
             return;
         }
-        for BuildError { key, problem } in (self.rules)(&tree.to_toml(|_| true)) {
+        for ParameterError { key, problem } in (self.rules)(&tree.to_toml(|_| true)) {
             let name = key.rsplit('.').next().unwrap_or(&key).split('[').next().unwrap_or("");
             problems.push(Problem::new(tree.span_of(&key).unwrap_or(top), format!("`{name}` {problem}")));
         }

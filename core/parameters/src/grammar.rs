@@ -1,10 +1,10 @@
-//! Mistakes of TOML's grammar in words.
+//! Explanations of TOML syntax errors.
 
 use std::ops::Range;
 
 use super::problem::{Problem, Span};
 
-/// Adds what the parser said of `text`, once a line, to `problems`.
+/// Adds the parser's errors, at most one per line, to `problems`.
 pub fn explain<'a>(
     text: &str,
     source: usize,
@@ -31,7 +31,7 @@ pub fn explain<'a>(
     }
 }
 
-/// A line of a text.
+/// Line of a text.
 struct Line<'a> {
     start: usize,
     text: &'a str,
@@ -48,7 +48,7 @@ impl<'a> Line<'a> {
         self.text.trim_start().starts_with('[') && !self.text.contains('=')
     }
 
-    /// The key before `=`, or the whole header.
+    /// Returns the key before `=`, or the whole header.
     fn name(&self) -> &'a str {
         self.text.split('=').next().unwrap_or("").trim()
     }
@@ -75,11 +75,11 @@ fn set_twice(text: &str, span: Span, line: &Line<'_>) -> Problem {
         }
         at += earlier.len();
     }
-    let what = if line.is_header() { "table stands here" } else { "key is set" };
-    let problem = Problem::new(span, format!("this {what} twice")).label("a second time");
-    let problem = problem.help("keep one of them");
+    let what = if line.is_header() { "table is defined" } else { "key is set" };
+    let problem = Problem::new(span, format!("this {what} twice")).label("second definition");
+    let problem = problem.help("remove one of them");
     match first {
-        Some(first) => problem.also(first, "first here"),
+        Some(first) => problem.also(first, "first definition"),
         None => problem,
     }
 }
@@ -92,8 +92,8 @@ fn not_toml(span: Span, line: &Line<'_>, message: &str) -> Problem {
         && (message.contains("quoted") || message.contains("invalid boolean"));
     let trimmed = line.text.trim();
     if bare {
-        return Problem::new(span, "a text without quotes")
-            .label("not TOML")
+        return Problem::new(span, "this string has no quotes")
+            .label("quotes expected")
             .help(format!("write \"{word}\""));
     }
     if trimmed.starts_with('[') && !trimmed.contains('=') && !trimmed.ends_with(']') {
@@ -103,15 +103,15 @@ fn not_toml(span: Span, line: &Line<'_>, message: &str) -> Problem {
     }
     if trimmed.ends_with(']') && !trimmed.contains(['=', '[']) {
         return Problem::new(span, "a bracket is missing")
-            .label("not TOML")
+            .label("`[` expected")
             .help(format!("write [{trimmed}"));
     }
     if let Some((key, "")) = trimmed.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
-        return Problem::new(span, format!("`{key}` has no value"))
-            .label("a value is missing")
-            .help(format!("write {key} = and a number, \"a text\", true, [a, list] or {{ a = \"table\" }}"));
+        return Problem::new(span, format!("`{key}` has no value")).label("value expected").help(format!(
+            "write {key} = followed by a number, \"string\", true, [array] or {{ key = \"table\" }}"
+        ));
     }
-    Problem::new(span, "this is not TOML")
+    Problem::new(span, "this is not valid TOML")
         .label(message.to_owned())
         .help("a line is `key = value`, `[table]` or `# comment`")
 }

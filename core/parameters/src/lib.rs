@@ -1,7 +1,8 @@
-//! Parameters in TOML, checked against their JSON Schemas; every mistake at once, with a pointer to its place.
+//! Parameters in TOML, checked against JSON Schemas; all errors are reported at once, each with its source span.
 
 mod document;
 mod error;
+mod excerpt;
 mod file;
 mod grammar;
 mod nearest;
@@ -12,7 +13,7 @@ mod typed;
 mod units;
 
 pub use document::{Entry, MAX_BYTES, Node, Table, Value, parse};
-pub use error::BuildError;
+pub use error::ParameterError;
 pub use file::FileKind;
 pub use nearest::{instead, nearest, quoted};
 pub use problem::{Entry as Mistake, Problem, Problems, Source, Span, Style};

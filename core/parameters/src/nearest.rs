@@ -1,6 +1,6 @@
-//! The valid name that somebody most likely meant.
+//! Suggestions for misspelled names.
 
-/// The name nearest to `wrong`; `None` where none is near.
+/// Returns the name most similar to `wrong`, or `None` if no name is similar.
 pub fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace('_', "-");
     let wrong = plain(wrong);
@@ -23,7 +23,8 @@ pub fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Opt
         .map(|(_, name)| name)
 }
 
-/// For a `wrong` name: "did you mean ...?" where one of `names` is near, else all of them. `what` is what they name.
+/// Returns "did you mean ...?" if one of `names` is similar to `wrong`, else a list of all names. `what` is the kind of
+/// thing that they name.
 pub fn instead<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>, what: &str) -> String {
     let mut names: Vec<&str> = names.into_iter().collect();
     if let Some(name) = nearest(wrong, names.iter().copied()) {
@@ -32,13 +33,13 @@ pub fn instead<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>, what: 
     names.sort_unstable();
     names.dedup();
     match names.as_slice() {
-        [] => format!("there is no {what} to choose from"),
+        [] => format!("no {what} is available"),
         [one] => format!("the only {what} is `{one}`"),
-        many => format!("there are: {}", quoted(many)),
+        many => format!("available: {}", quoted(many)),
     }
 }
 
-/// `a`, `b`, `c`
+/// Joins the names as `a`, `b`, `c`.
 pub fn quoted(names: &[&str]) -> String {
     let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
     names.join(", ")
@@ -49,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slip_of_the_finger_is_found() {
+    fn a_misspelled_name_is_found() {
         let names = ["priority", "period_ms", "max_age_ms", "critical"];
         assert_eq!(nearest("prioritty", names), Some("priority"));
         assert_eq!(nearest("max_age", names), Some("max_age_ms"));
@@ -59,8 +60,8 @@ mod tests {
     }
 
     #[test]
-    fn without_a_near_name_all_are_told() {
-        assert_eq!(instead("zzz", ["b", "a"], "sensor"), "there are: `a`, `b`");
-        assert_eq!(instead("zzz", [], "sensor"), "there is no sensor to choose from");
+    fn without_a_similar_name_all_are_listed() {
+        assert_eq!(instead("zzz", ["b", "a"], "sensor"), "available: `a`, `b`");
+        assert_eq!(instead("zzz", [], "sensor"), "no sensor is available");
     }
 }

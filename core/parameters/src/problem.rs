@@ -1,27 +1,34 @@
-//! What is wrong in a configuration, with a pointer to the place.
+//! Configuration errors with source spans.
 
 use std::fmt;
 
 use ariadne::{Config, IndexType, Label, Report, ReportKind};
 use serde::Serialize;
 
-/// A stretch of a source, in bytes.
+use super::excerpt::{Excerpt, printable};
+
+/// Byte range of a source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span {
+    /// Index into [`Problems::sources`].
     pub source: usize,
+    /// Start, bytes.
     pub start: usize,
+    /// End, bytes, exclusive.
     pub end: usize,
 }
 
-/// A text that a configuration came from: a file, or one `--set`.
+/// Source text of a configuration: a file, or one `--set`.
 #[derive(Clone, Debug, Default)]
 pub struct Source {
+    /// Path of the file, or `--set`.
     pub name: String,
+    /// Content.
     pub text: String,
 }
 
 impl Source {
-    /// Line and column, both from 1, of a byte; columns count characters.
+    /// Returns line and column of a byte, from 1; columns count characters.
     fn position(&self, byte: usize) -> (usize, usize) {
         let before = self.text.get(..self.floor(byte)).unwrap_or("");
         let line = before.matches('\n').count() + 1;
@@ -40,85 +47,93 @@ impl Source {
     }
 }
 
-/// One mistake.
+/// Configuration error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
+    /// Source span.
     pub span: Span,
+    /// Error message, one line.
     pub message: String,
+    /// Note at the span.
     pub label: String,
+    /// Remedy.
     pub help: Option<String>,
+    /// Related spans with a note each.
     pub also: Vec<(Span, String)>,
 }
 
 impl Problem {
+    /// Creates the error `message` at `span`.
     pub fn new(span: Span, message: impl Into<String>) -> Problem {
         Problem { span, message: message.into(), label: "here".into(), help: None, also: Vec::new() }
     }
 
-    /// Says next to the caret `label`.
+    /// Sets the note at the span.
     pub fn label(mut self, label: impl Into<String>) -> Problem {
         self.label = label.into();
         self
     }
 
-    /// Says what would be right.
+    /// Sets the remedy.
     pub fn help(mut self, help: impl Into<String>) -> Problem {
         self.help = Some(help.into());
         self
     }
 
-    /// Points to another place that has to do with it.
+    /// Adds a related span.
     pub fn also(mut self, span: Span, label: impl Into<String>) -> Problem {
         self.also.push((span, label.into()));
         self
     }
 }
 
-/// Everything that is wrong in a configuration.
+/// All errors in a configuration.
 #[derive(Clone, Debug, Default)]
 pub struct Problems {
+    /// Source texts.
     pub sources: Vec<Source>,
+    /// Errors.
     pub problems: Vec<Problem>,
 }
 
-/// One mistake as data.
+/// Error as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
-    /// The file, or `--set`.
+    /// Path of the file, or `--set`.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// What is wrong.
+    /// Error message.
     pub message: String,
-    /// What is said about the place.
+    /// Note at the span.
     pub label: String,
-    /// What would be right.
+    /// Remedy.
     pub help: Option<String>,
 }
 
-/// How a text is shown.
+/// Style of rendered text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Style {
-    /// Without escape codes, for files and pipes.
+    /// No escape codes, for files and pipes.
     Plain,
-    /// With the escape codes of a terminal.
+    /// Escape codes for a terminal.
     Colored,
 }
 
 impl Problems {
-    /// How many there are.
+    /// Returns the number of errors.
     pub fn len(&self) -> usize {
         self.problems.len()
     }
 
-    /// Whether nothing is wrong.
+    /// Returns true if there are no errors.
     pub fn is_empty(&self) -> bool {
         self.problems.is_empty()
     }
 
-    /// Every mistake as data, in the order of the files and lines.
+    /// Returns all errors as data, ordered by file and line.
     pub fn entries(&self) -> Vec<Entry> {
         let entry = |problem: &Problem| {
             let source = self.sources.get(problem.span.source)?;
@@ -135,7 +150,7 @@ impl Problems {
         self.problems.iter().filter_map(entry).collect()
     }
 
-    /// Every mistake with the line that it stands in and what would be right, for a person.
+    /// Renders all errors with their source lines and remedies.
     pub fn render(&self, style: Style) -> String {
         let reports = self.problems.iter().map(|problem| self.report(problem, style));
         reports.collect::<Vec<_>>().join("\n")
@@ -143,40 +158,48 @@ impl Problems {
 
     fn report(&self, problem: &Problem, style: Style) -> String {
         let config = Config::new().with_index_type(IndexType::Byte).with_color(style == Style::Colored);
+        let spans: Vec<Span> =
+            std::iter::once(problem.span).chain(problem.also.iter().map(|(span, _)| *span)).collect();
+        let excerpts: Vec<Excerpt> = (0..self.sources.len())
+            .map(|index| Excerpt::of(&self.sources[index], spans.iter().filter(|span| span.source == index)))
+            .collect();
         let place = |span: Span| {
-            let source = self.sources.get(span.source)?;
-            Some((span.source, source.range(span)))
+            let range = self.sources.get(span.source)?.range(span);
+            let excerpt = excerpts.get(span.source)?;
+            Some((span.source, excerpt.position(range.start)..excerpt.position(range.end)))
         };
-        let Some(span) = place(problem.span) else { return format!("Error: {}\n", problem.message) };
+        let message = printable(&problem.message);
+        let Some(span) = place(problem.span) else { return format!("Error: {message}\n") };
         let mut labels = vec![(problem.span, &problem.label, ariadne::Color::Red)];
         labels.extend(problem.also.iter().map(|(span, label)| (*span, label, ariadne::Color::Yellow)));
-        // Labels of one file in the order of its lines share one picture of it.
+        // Labels of one file in the order of its lines share one excerpt.
         labels.sort_by_key(|(span, ..)| (span.source != problem.span.source, *span));
         let labels = labels.into_iter().filter_map(|(span, label, color)| {
-            Some(Label::new(place(span)?).with_message(label).with_color(color))
+            Some(Label::new(place(span)?).with_message(printable(label)).with_color(color))
         });
         let mut report = Report::build(ReportKind::Error, span)
             .with_config(config)
-            .with_message(&problem.message)
+            .with_message(&message)
             .with_labels(labels);
 
         if let Some(help) = &problem.help {
-            report = report.with_help(help);
+            report = report.with_help(printable(help));
         }
         let mut bytes = Vec::new();
-        match report.finish().write(Shelf::of(&self.sources), &mut bytes) {
+        match report.finish().write(Shelf::of(&self.sources, excerpts), &mut bytes) {
             Ok(()) => plain_ends(&String::from_utf8_lossy(&bytes)),
-            Err(error) => format!("Error: {} ({error})\n", problem.message),
+            Err(error) => format!("Error: {message} ({error})\n"),
         }
     }
 
+    /// Sorts the errors by source and span, and removes duplicates.
     pub fn sort(&mut self) {
         self.problems.sort_by_key(|problem| problem.span);
         self.problems.dedup();
     }
 }
 
-/// Without spaces at the ends of lines.
+/// Removes spaces at the ends of lines.
 fn plain_ends(text: &str) -> String {
     text.lines().map(|line| format!("{}\n", line.trim_end())).collect()
 }
@@ -189,13 +212,13 @@ impl fmt::Display for Problems {
 
 impl std::error::Error for Problems {}
 
-/// The sources as the renderer wants them.
+/// Sources for the renderer.
 struct Shelf(Vec<(ariadne::Source, String)>);
 
 impl Shelf {
-    fn of(sources: &[Source]) -> Shelf {
-        let shelve = |source: &Source| (ariadne::Source::from(source.text.clone()), source.name.clone());
-        Shelf(sources.iter().map(shelve).collect())
+    fn of(sources: &[Source], excerpts: Vec<Excerpt>) -> Shelf {
+        let names = sources.iter().map(|source| printable(&source.name));
+        Shelf(excerpts.into_iter().map(|excerpt| ariadne::Source::from(excerpt.text)).zip(names).collect())
     }
 }
 

@@ -1,4 +1,4 @@
-//! Checks a table against JSON Schemas: every unknown key, missing key, wrong type and value out of range at once.
+//! Check of a table against JSON Schemas: all unknown keys, missing keys, wrong types and values out of range at once.
 
 use std::collections::BTreeSet;
 
@@ -10,8 +10,8 @@ use super::problem::{Problem, Span};
 use super::shape::Shape;
 use super::units::{meant, number, unit_of};
 
-/// Checks every key of `table` against the union of `shapes`; `owner` says whose keys they are. `header` stands for keys
-/// that are missing.
+/// Checks every key of `table` against the union of `shapes`. `owner` names the table in errors; missing keys are
+/// reported at `header`.
 pub fn check_table(
     table: &Table,
     header: Span,
@@ -50,7 +50,7 @@ pub fn check_table(
                 let property = known.iter().find(|(name, _)| *name == key).map(|(_, shape)| *shape);
                 problems.push(
                     Problem::new(header, format!("`{key}` is missing"))
-                        .label(format!("{owner} needs it"))
+                        .label(format!("required by {owner}"))
                         .help(
                             property.map_or(format!("add {key} = ..."), |shape| example(key, shape, header)),
                         ),
@@ -60,7 +60,7 @@ pub fn check_table(
     }
 }
 
-/// How to write a key that is missing.
+/// Returns an example of a missing key.
 fn example(key: &str, shape: Shape<'_>, header: Span) -> String {
     let about = shape.text("description").or(shape.resolved().text("description"));
     let about = about.map_or(String::new(), |text| format!("  # {}", first_sentence(text)));
@@ -116,8 +116,8 @@ fn check_value(key: &str, node: &Node, shape: Shape<'_>, owner: &str, problems: 
         Value::Whole(number) => check_range(key, node, *number as f64, shape, problems),
         Value::Number(number) if types.as_slice() == ["integer"] => {
             problems.push(
-                Problem::new(node.span, format!("`{key}` must be a whole number"))
-                    .label("has a point")
+                Problem::new(node.span, format!("`{key}` must be an integer"))
+                    .label("has a decimal point")
                     .help(format!("write {key} = {}", super::units::number(*number))),
             );
         }
@@ -134,9 +134,9 @@ fn check_word(key: &str, node: &Node, words: &[&str], problems: &mut Vec<Problem
     match node.as_text() {
         Some(word) if words.contains(&word) => {}
         Some(word) => problems.push(
-            Problem::new(node.span, format!("`{key}` cannot be \"{word}\""))
-                .label("not one of the choices")
-                .help(instead(word, words.iter().copied(), "choice")),
+            Problem::new(node.span, format!("`{key}` must not be \"{word}\""))
+                .label("not an allowed value")
+                .help(instead(word, words.iter().copied(), "value")),
         ),
         None => problems.push(
             Problem::new(node.span, format!("`{key}` must be one of {}", quoted(words)))
@@ -146,7 +146,7 @@ fn check_word(key: &str, node: &Node, words: &[&str], problems: &mut Vec<Problem
     }
 }
 
-/// Takes the branch that the value was meant for: the one whose constant keys it has, else the one with the fewest mistakes.
+/// Checks against the intended branch: the one with the same constant key, else the one with the fewest errors.
 fn check_branches(key: &str, node: &Node, branches: &[Shape<'_>], owner: &str, problems: &mut Vec<Problem>) {
     if let Some(table) = node.as_table()
         && let Some((tag, words)) = shared_tag(branches)
@@ -156,7 +156,7 @@ fn check_branches(key: &str, node: &Node, branches: &[Shape<'_>], owner: &str, p
             let help = format!("add {tag} = one of {}", quoted(&words));
             problems.push(
                 Problem::new(header, format!("`{tag}` is missing"))
-                    .label(format!("`{key}` needs it"))
+                    .label(format!("required by `{key}`"))
                     .help(help),
             );
             return;
@@ -182,7 +182,7 @@ fn check_branches(key: &str, node: &Node, branches: &[Shape<'_>], owner: &str, p
     }
 }
 
-/// The key that has another constant in every branch, and those constants.
+/// Returns the key that has a different constant in each branch, and the constants.
 fn shared_tag<'a>(branches: &[Shape<'a>]) -> Option<(&'a str, Vec<&'a str>)> {
     let first = branches.first()?.resolved().properties();
     first.iter().find_map(|(key, _)| {
@@ -198,11 +198,11 @@ fn shared_tag<'a>(branches: &[Shape<'a>]) -> Option<(&'a str, Vec<&'a str>)> {
 
 fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Problem {
     let name = |name: &&str| match *name {
-        "string" => "a text",
-        "integer" => "a whole number",
+        "string" => "a string",
+        "integer" => "an integer",
         "number" => "a number",
-        "boolean" => "true or false",
-        "array" => "a list",
+        "boolean" => "a boolean",
+        "array" => "an array",
         _ => "a table",
     };
     let expected: Vec<&str> = types.iter().map(name).collect();
@@ -213,14 +213,14 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
     let unit = unit_of(key).map_or(String::new(), |unit| format!(", in {unit}"));
     match &node.value {
         Value::Text(text) if wants("number") && text.trim().parse::<f64>().is_ok() => {
-            problem.help(format!("without the quotes: {key} = {}", text.trim()))
+            problem.help(format!("remove the quotes: {key} = {}", text.trim()))
         }
         Value::Text(text) if wants("boolean") => {
             let on = matches!(text.to_lowercase().as_str(), "true" | "yes" | "on" | "1");
-            problem.help(format!("without quotes: {key} = {on}"))
+            problem.help(format!("remove the quotes: {key} = {on}"))
         }
         Value::Whole(_) | Value::Number(_) | Value::Switch(_) if wants("string") => {
-            problem.help(format!("text stands in quotes: {key} = \"{}\"", node.to_toml()))
+            problem.help(format!("add quotes: {key} = \"{}\"", node.to_toml()))
         }
         Value::Number(number) if wants("integer") => {
             problem.help(format!("write {key} = {}", super::units::number(number.round())))
@@ -231,7 +231,7 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
         _ => match default {
             Some(default) => problem.help(format!("write, for example, {key} = {default}{unit}")),
             None if wants("number") || wants("integer") => {
-                problem.help(format!("write the number alone{unit}: {key} = ..."))
+                problem.help(format!("write a number{unit}: {key} = ..."))
             }
             None => problem,
         },
@@ -240,10 +240,8 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
 
 fn check_range(key: &str, node: &Node, value: f64, shape: Shape<'_>, problems: &mut Vec<Problem>) {
     if !value.is_finite() {
-        problems.push(
-            Problem::new(node.span, format!("`{key}` must be a finite number"))
-                .label("is not a number that can be used"),
-        );
+        problems
+            .push(Problem::new(node.span, format!("`{key}` must be a finite number")).label("not finite"));
         return;
     }
     let lowest = shape.bound("minimum");
@@ -285,13 +283,13 @@ fn check_items(
     problems: &mut Vec<Problem>,
 ) {
     let count = |name: &str| shape.part.get(name).and_then(Json::as_u64).map(|count| count as usize);
-    let (least, most) = (count("minItems").unwrap_or(0), count("maxItems").unwrap_or(usize::MAX));
-    if items.len() < least || items.len() > most {
-        let wanted = match (least, most) {
-            (least, most) if least == most => format!("{least}"),
-            (least, usize::MAX) => format!("at least {least}"),
-            (0, most) => format!("at most {most}"),
-            (least, most) => format!("{least} to {most}"),
+    let (min, max) = (count("minItems").unwrap_or(0), count("maxItems").unwrap_or(usize::MAX));
+    if items.len() < min || items.len() > max {
+        let wanted = match (min, max) {
+            (min, max) if min == max => format!("{min}"),
+            (min, usize::MAX) => format!("at least {min}"),
+            (0, max) => format!("at most {max}"),
+            (min, max) => format!("{min} to {max}"),
         };
         problems.push(
             Problem::new(node.span, format!("`{key}` must have {wanted} items"))
@@ -300,6 +298,18 @@ fn check_items(
     }
     let tuple = shape.part.get("prefixItems").and_then(Json::as_array);
     let every = shape.part.get("items").filter(|part| part.is_object());
+    let is_nested = every.is_some_and(|part| shape.at(part).types() == ["array"]);
+    if is_nested && !items.is_empty() && items.iter().all(|item| !matches!(item.value, Value::List(_))) {
+        problems.push(
+            Problem::new(node.span, format!("`{key}` must be an array of arrays"))
+                .label(format!(
+                    "is an array of {}s",
+                    items[0].kind().trim_start_matches("an ").trim_start_matches("a ")
+                ))
+                .help(format!("write {key} = [{}]", node.to_toml())),
+        );
+        return;
+    }
     for (index, item) in items.iter().enumerate() {
         if let Some(part) = tuple.and_then(|parts| parts.get(index)).or(every) {
             let before = problems.len();

@@ -1,26 +1,30 @@
-//! A JSON Schema as the checks and descriptions look at it.
+//! View of a JSON Schema for checks and descriptions.
 
 use std::collections::BTreeSet;
 
 use serde_json::Value as Json;
 
-/// A schema, or a part of one, and the whole in which its references are found.
+/// Schema, or part of one, with the document that resolves its references.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape<'a> {
+    /// Schema or part of it.
     pub part: &'a Json,
+    /// Document in which references are resolved.
     pub whole: &'a Json,
 }
 
 impl<'a> Shape<'a> {
+    /// Creates a view of a whole schema.
     pub fn new(schema: &'a Json) -> Shape<'a> {
         Shape { part: schema, whole: schema }
     }
 
+    /// Returns a view of another part of the same document.
     pub fn at(self, part: &'a Json) -> Shape<'a> {
         Shape { part, ..self }.resolved()
     }
 
-    /// With references followed, and "or nothing" left out: an absent key says that in TOML.
+    /// Follows references and removes null alternatives, which TOML expresses by an absent key.
     pub fn resolved(self) -> Shape<'a> {
         let mut shape = self;
         for _ in 0..16 {
@@ -38,7 +42,7 @@ impl<'a> Shape<'a> {
         shape
     }
 
-    /// The branches of an `anyOf` or `oneOf` without null.
+    /// Returns the branches of an `anyOf` or `oneOf` without null.
     pub fn alternatives(self) -> Vec<Shape<'a>> {
         let branches = self.part.get("anyOf").or_else(|| self.part.get("oneOf")).and_then(Json::as_array);
         let branches = branches.into_iter().flatten();
@@ -46,7 +50,7 @@ impl<'a> Shape<'a> {
         branches.filter(|part| !null(part)).map(|part| Shape { part, ..self }).collect()
     }
 
-    /// Properties of this and of every `allOf` branch.
+    /// Returns the properties of this and of every `allOf` branch.
     pub fn properties(self) -> Vec<(&'a str, Shape<'a>)> {
         let own = self.part.get("properties").and_then(Json::as_object).into_iter().flatten();
         let mut all: Vec<_> = own.map(|(key, part)| (key.as_str(), Shape { part, ..self })).collect();
@@ -56,7 +60,7 @@ impl<'a> Shape<'a> {
         all
     }
 
-    /// Keys that must be there, of this and of every `allOf` branch.
+    /// Returns the required keys of this and of every `allOf` branch.
     pub fn required(self) -> BTreeSet<&'a str> {
         let own = self.part.get("required").and_then(Json::as_array).into_iter().flatten();
         let mut all: BTreeSet<_> = own.filter_map(Json::as_str).collect();
@@ -66,13 +70,13 @@ impl<'a> Shape<'a> {
         all
     }
 
-    /// What every value of a table with free keys must be.
+    /// Returns the schema of the values of a table with arbitrary keys.
     pub fn free_keys(self) -> Option<Shape<'a>> {
         let part = self.part.get("additionalProperties").filter(|part| part.is_object())?;
         Some(self.at(part))
     }
 
-    /// The words that a text may be; empty where any text will do.
+    /// Returns the allowed strings; empty if any string is allowed.
     pub fn words(self) -> Vec<&'a str> {
         let enumerated = self.part.get("enum").and_then(Json::as_array).into_iter().flatten();
         let mut words: Vec<&str> =
@@ -83,7 +87,7 @@ impl<'a> Shape<'a> {
         words
     }
 
-    /// The names of the types that a value may have; empty where any will do.
+    /// Returns the names of the allowed types; empty if any type is allowed.
     pub fn types(self) -> Vec<&'a str> {
         let types = match self.part.get("type") {
             Some(Json::String(name)) => vec![name.as_str()],
@@ -93,10 +97,12 @@ impl<'a> Shape<'a> {
         types.into_iter().filter(|name| *name != "null").collect()
     }
 
+    /// Returns the number under `name`, such as `minimum`.
     pub fn bound(self, name: &str) -> Option<f64> {
         self.part.get(name).and_then(Json::as_f64)
     }
 
+    /// Returns the string under `name`, such as `description`.
     pub fn text(self, name: &str) -> Option<&'a str> {
         self.part.get(name).and_then(Json::as_str)
     }

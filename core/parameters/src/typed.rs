@@ -1,21 +1,21 @@
-//! Parameters as a Rust type: their schema, and a value from a checked table.
+//! Parameters as a Rust type.
 
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 
-use crate::BuildError;
+use crate::ParameterError;
 
-/// The JSON Schema of the parameters `P`.
+/// Returns the JSON Schema of the parameters `P`.
 #[must_use]
 pub fn schema_of<P: JsonSchema>() -> Json {
     schemars::schema_for!(P).to_value()
 }
 
-/// The parameters in a table.
+/// Converts a table to parameters.
 ///
 /// # Errors
-/// A table that does not fit the type; one that has passed the type's schema does.
-pub fn read<P: DeserializeOwned>(table: &toml::Table) -> Result<P, BuildError> {
-    table.clone().try_into().map_err(|error: toml::de::Error| BuildError::new("", error.message()))
+/// The table does not fit the type; a table that passed the schema check does.
+pub fn read<P: DeserializeOwned>(table: &toml::Table) -> Result<P, ParameterError> {
+    table.clone().try_into().map_err(|error: toml::de::Error| ParameterError::new("", error.message()))
 }

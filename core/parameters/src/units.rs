@@ -1,6 +1,6 @@
-//! Units, read from the end of a key: `gap_m`, `fov_deg`, `speed_mps`.
+//! Units derived from the ending of a key: `gap_m`, `fov_deg`, `speed_mps`.
 
-/// Endings of keys and the units that they stand for; the longest ending that fits counts.
+/// Endings of keys and their units; the longest matching ending applies.
 const UNITS: &[(&str, &str)] = &[
     ("_m", "m"),
     ("_mm", "mm"),
@@ -26,19 +26,20 @@ const UNITS: &[(&str, &str)] = &[
     ("_radps3", "rad/s³"),
     ("_percent", "%"),
     ("_per_m", "1/m"),
+    ("_deg_per_m", "°/m"),
     ("deg_per_px", "°/px"),
     ("_kg", "kg"),
     ("_n", "N"),
     ("_nm", "N m"),
 ];
 
-/// The unit that the ending of `key` names; `None` where it names none.
+/// Returns the unit given by the ending of `key`, or `None` if it has no unit.
 pub fn unit_of(key: &str) -> Option<&'static str> {
     let fits = UNITS.iter().filter(|(ending, _)| key.ends_with(ending));
     fits.max_by_key(|(ending, _)| ending.len()).map(|(_, unit)| *unit)
 }
 
-/// What somebody may have meant who wrote `value` under `key`, where `fits` tells a value that would be right.
+/// Returns a hint if `value` was probably written in another unit than that of `key`; `fits` accepts valid values.
 pub fn meant(key: &str, value: f64, fits: impl Fn(f64) -> bool) -> Option<String> {
     let unit = unit_of(key)?;
     let guesses: &[(&str, f64)] = match unit {
@@ -57,10 +58,10 @@ pub fn meant(key: &str, value: f64, fits: impl Fn(f64) -> bool) -> Option<String
         let meant = if factor.is_nan() { 1.0 / value } else { value * factor };
         (meant.is_finite() && meant != 0.0 && fits(meant)).then_some((name, meant))
     })?;
-    Some(format!("the unit is {unit}; if this is in {name}, write {key} = {}", number(meant)))
+    Some(format!("the unit is {unit}; if the value is in {name}, write {key} = {}", number(meant)))
 }
 
-/// A number as a person writes it: at most four digits behind the point, no exponent where it can be helped.
+/// Formats a number with at most four decimals, and with an exponent only for very small and very large values.
 pub fn number(value: f64) -> String {
     if value != 0.0 && (value.abs() < 1e-3 || value.abs() >= 1e9) {
         return format!("{value:e}");
@@ -74,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_longest_ending_counts() {
+    fn the_longest_ending_applies() {
         assert_eq!(unit_of("max_angular_radps"), Some("rad/s"));
         assert_eq!(unit_of("gate_m"), Some("m"));
         assert_eq!(unit_of("turn_rad_s"), Some("rad/s"));
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn degrees_are_recognized_where_radians_are_asked_for() {
+    fn degrees_are_recognized_where_radians_are_expected() {
         let help = meant("max_angular_radps", 90.0, |value| value < 20.0).unwrap();
         assert!(help.contains("degrees per second, write max_angular_radps = 1.5708"), "{help}");
         assert_eq!(meant("max_angular_radps", -90.0, |value| value > 0.0), None);

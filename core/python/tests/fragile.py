@@ -1,4 +1,4 @@
-"""A wall-follower that fails when it is told to, by a word in a file, which it takes away; and that counts its calls."""
+"""A wall-follower that fails on request, by a word in a file, which it removes; it also counts its calls."""
 
 import os
 
@@ -7,11 +7,11 @@ from yamabico.examples.wall_follower import WallFollower
 
 
 class Fragile(WallFollower):
-    """Follows walls, and fails when it is told to."""
+    """Follows walls, and fails on request."""
 
     name = "fragile"
 
-    orders = Word("The file that tells how to fail: raise, exit, loop, keep, poison.", default="")
+    orders = Word("File with the kind of failure: raise, exit, loop, keep, poison.", default="")
     kept = None
     calls = 0
     poison = False
@@ -19,15 +19,15 @@ class Fragile(WallFollower):
     def __init__(self, setup):
         super().__init__(setup)
         if self.speed_mps == 1.0:
-            raise SetupError("speed_mps", "too fast for one so fragile")
+            raise SetupError("speed_mps", "must be below 1 m/s")
 
-    def remember(self):
-        return {"calls": self.calls, "poison": self.poison, **super().remember()}
+    def save_state(self):
+        return {"calls": self.calls, "poison": self.poison, **super().save_state()}
 
-    def recall(self, memory):
-        super().recall(memory)
-        self.calls = memory["calls"]
-        if memory["poison"]:
+    def restore_state(self, state):
+        super().restore_state(state)
+        self.calls = state["calls"]
+        if state["poison"]:
             os._exit(7)
 
     def propose(self, inputs):
@@ -37,7 +37,7 @@ class Fragile(WallFollower):
         order = self.taken()
         self.poison = order == "poison"
         if order == "raise":
-            raise RuntimeError("as it was told")
+            raise RuntimeError("as requested")
         if order == "exit":
             os._exit(7)
         while order == "loop":
@@ -51,7 +51,7 @@ class Fragile(WallFollower):
         return proposal
 
     def taken(self):
-        """The word in the file; empty where there is none."""
+        """Returns the word in the file, and removes it; empty if there is no file."""
         try:
             with open(self.orders, encoding="utf-8") as file:
                 word = file.read()

@@ -1,4 +1,4 @@
-"""What a behavior says of itself, and what it proposes."""
+"""Descriptions of behaviors, and their proposals."""
 
 import json
 import math
@@ -11,7 +11,7 @@ from yamabico.behavior import Input, Inputs, View
 from yamabico.bus import BusError, message_class
 from yamabico.examples.wall_follower import WallFollower
 from yamabico.messages import Encoding, FrameHeader, Odometry, Pose
-from yamabico.pulse import bucket_of
+from yamabico.reporter import bucket_of
 
 CAMERA = {
     "Camera": {
@@ -33,17 +33,17 @@ class Example(Behavior):
 
     name = "example"
     claims = Axes.LINEAR
-    wheels = Slot(Odometry, "where it is", required=False)
-    own_pose = Output(Pose, "where it thinks that it is")
+    wheels = Slot(Odometry, "wheel odometry", required=False)
+    own_pose = Output(Pose, "pose estimate")
     speed_mps = Number("Speed.", 0.0, 2.0, default=0.4)
-    count = Integer("How many.", 1, 9)
+    count = Integer("Count.", 1, 9)
     inner = Group("A table.", Inner)
 
 
 def corridor(heading, side_m, width_m=2.0):
-    """A picture of a corridor whose floor is dark: the robot `side_m` left of its middle, turned left by `heading`."""
+    """Renders a corridor with a dark floor, for a robot `side_m` left of its middle, turned left by `heading`."""
     k, mount = CAMERA["Camera"]["intrinsics"], CAMERA["Camera"]["mount"]
-    # Four by four rays a pixel.
+    # 4 x 4 rays per pixel.
     columns, rows = np.meshgrid(np.arange(-0.375, k["width"] - 0.5, 0.25), np.arange(-0.375, k["height"] - 0.5, 0.25))
     x, y = (columns - k["cx"]) / k["fx"], (rows - k["cy"]) / k["fy"]
     ahead = math.cos(mount["tilt"]) - y * math.sin(mount["tilt"])
@@ -57,22 +57,22 @@ def corridor(heading, side_m, width_m=2.0):
     return gray.mean(axis=(1, 3)).astype(np.uint8)
 
 
-def proposal_for(picture):
+def proposal_for(image):
     follower = WallFollower(Setup(sensors={"camera": {"kind": CAMERA}}))
     header = FrameHeader(width=256, height=240, stride=256, encoding=Encoding.GRAY8)
     for _ in range(20):
-        proposal = follower.propose(Inputs(0, {"camera": Input([View(header, pixels=lambda: picture)], 1)}))
+        proposal = follower.propose(Inputs(0, {"camera": Input([View(header, pixels=lambda: image)], 1)}))
     return proposal
 
 
 class Descriptions(unittest.TestCase):
-    def test_slots_outputs_and_parameters_are_told(self):
-        told = Example.description(1)
-        self.assertEqual((told["summary"], told["claims"]), ("Does something.", "linear"))
-        self.assertEqual(told["inputs"][0]["message"], "yamabico.Odometry.v1")
-        self.assertFalse(told["inputs"][0]["required"])
-        self.assertEqual(told["outputs"][0]["name"], "own-pose")
-        keys = told["parameters"]
+    def test_slots_outputs_and_parameters_are_described(self):
+        described = Example.description(1)
+        self.assertEqual((described["summary"], described["claims"]), ("Does something.", "linear"))
+        self.assertEqual(described["inputs"][0]["message"], "yamabico.Odometry.v1")
+        self.assertFalse(described["inputs"][0]["required"])
+        self.assertEqual(described["outputs"][0]["name"], "own-pose")
+        keys = described["parameters"]
         self.assertEqual(keys["required"], ["count"])
         self.assertEqual(keys["properties"]["speed_mps"]["maximum"], 2.0)
         self.assertEqual(keys["properties"]["inner"]["properties"]["gap_m"]["default"], 0.5)
@@ -85,20 +85,20 @@ class Descriptions(unittest.TestCase):
     def test_another_version_of_a_message_is_refused_and_both_are_named(self):
         with self.assertRaisesRegex(BusError, r"Odometry\.v9.*Odometry\.v1"):
             message_class("yamabico.Odometry.v9")
-        with self.assertRaisesRegex(BusError, "no message"):
+        with self.assertRaisesRegex(BusError, "unknown"):
             message_class("yamabico.Smell.v1")
 
 
 class Proposals(unittest.TestCase):
-    def test_each_says_what_it_is(self):
-        told = drive(0.3, -0.2, note="é" * 40)
-        self.assertEqual((told.kind, told.axes, told.twist.angular), (Kind.DRIVE, 5, -0.2))
-        self.assertEqual(told.note, "é" * 32)
+    def test_each_kind_has_its_fields(self):
+        described = drive(0.3, -0.2, note="é" * 40)
+        self.assertEqual((described.kind, described.axes, described.twist.angular), (Kind.DRIVE, 5, -0.2))
+        self.assertEqual(described.note, "é" * 32)
         self.assertEqual(limit(linear_mps=0.1, sector=(0.0, 0.5)).sector.half_width_rad, 0.5)
         self.assertEqual(limit(linear_mps=0.1).axes, 1)
         self.assertEqual((halt().axes, abstain(Reason.NO_INPUT).reason), (7, 4))
 
-    def test_durations_are_counted_on_the_common_scale(self):
+    def test_durations_are_counted_on_a_logarithmic_scale(self):
         self.assertEqual([bucket_of(nanos) for nanos in (0, 31, 32, 63, 64, 66, 1_000_000)], [0, 31, 32, 63, 64, 65, 509])
 
 
@@ -113,15 +113,15 @@ class WallFollowing(unittest.TestCase):
         self.assertLess(proposal_for(corridor(0.0, 0.3)).twist.angular, -0.08)
         self.assertGreater(proposal_for(corridor(0.0, -0.3)).twist.angular, 0.08)
 
-    def test_its_successor_goes_on_from_where_it_was(self):
+    def test_a_new_instance_continues_from_the_saved_state(self):
         setup = Setup(sensors={"camera": {"kind": CAMERA}})
         first, second = WallFollower(setup), WallFollower(setup.with_parameters({"speed_mps": 0.1}))
         first.side_m = 0.3
-        second.recall(json.loads(json.dumps(first.remember())))
+        second.restore_state(json.loads(json.dumps(first.save_state())))
         self.assertEqual((second.side_m, second.speed_mps, first.speed_mps), (0.3, 0.1, 0.4))
-        self.assertIsNone(Example(Setup(parameters={"count": 3})).remember())
+        self.assertIsNone(Example(Setup(parameters={"count": 3})).save_state())
 
-    def test_of_a_plain_picture_it_abstains(self):
+    def test_it_abstains_on_an_image_without_edges(self):
         self.assertEqual(proposal_for(np.full((240, 256), 90, dtype=np.uint8)).kind, Kind.ABSTAIN)
 
     def test_it_needs_a_camera(self):

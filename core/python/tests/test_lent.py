@@ -1,4 +1,4 @@
-"""Pictures cannot be used longer than they are lent."""
+"""The pixels of a frame cannot be used after the call in which they are valid."""
 
 import copy
 import ctypes
@@ -13,7 +13,7 @@ from yamabico.messages import Encoding, FrameHeader
 
 
 class Keeper:
-    """Stands for a sample of the bus: gone when nobody holds it."""
+    """Stands for a sample of the bus: freed when its last reference is gone."""
 
     def __init__(self):
         self.memory = (ctypes.c_uint8 * 24)(*range(24))
@@ -23,31 +23,31 @@ def lent():
     keeper = Keeper()
     lease = Lease("camera")
     header = FrameHeader(width=5, height=4, stride=6, encoding=Encoding.GRAY8)
-    picture = pixels_of(header, lend(ctypes.addressof(keeper.memory), 24, keeper, lease))
-    return picture, lease, weakref.ref(keeper)
+    image = pixels_of(header, lend(ctypes.addressof(keeper.memory), 24, keeper, lease))
+    return image, lease, weakref.ref(keeper)
 
 
 class Lending(unittest.TestCase):
     def test_it_reads_in_place_and_cannot_be_written(self):
-        picture, _, keeper = lent()
-        self.assertEqual(picture.shape, (4, 5))
-        self.assertEqual(int(picture[1, 0]), 6)
+        image, _, keeper = lent()
+        self.assertEqual(image.shape, (4, 5))
+        self.assertEqual(int(image[1, 0]), 6)
         keeper().memory[6] = 99
-        self.assertEqual(int(picture[1, 0]), 99)
+        self.assertEqual(int(image[1, 0]), 99)
         with self.assertRaises(ValueError):
-            picture[0, 0] = 1
+            image[0, 0] = 1
 
     def test_every_use_after_release_is_refused(self):
-        picture, lease, _ = lent()
+        image, lease, _ = lent()
         views = {
-            "itself": picture,
-            "slice": picture[1:],
-            "transposed": picture.T,
-            "with another axis": picture[np.newaxis],
-            "flipped": np.flipud(picture),
-            "split": np.split(picture, 2)[1],
-            "diagonal": np.diagonal(picture),
-            "seen again": picture.view(),
+            "itself": image,
+            "slice": image[1:],
+            "transposed": image.T,
+            "with another axis": image[np.newaxis],
+            "flipped": np.flipud(image),
+            "split": np.split(image, 2)[1],
+            "diagonal": np.diagonal(image),
+            "seen again": image.view(),
         }
         lease.is_over = True
         uses = {
@@ -72,21 +72,21 @@ class Lending(unittest.TestCase):
                     attempt(view)
 
     def test_copies_and_results_may_be_kept(self):
-        picture, lease, keeper = lent()
-        kept = [picture.copy(), picture.astype(np.float32), picture + 1, np.sort(picture), picture.mean(axis=0), copy.copy(picture)]
-        del picture
+        image, lease, keeper = lent()
+        kept = [image.copy(), image.astype(np.float32), image + 1, np.sort(image), image.mean(axis=0), copy.copy(image)]
+        del image
         lease.is_over = True
         gc.collect()
-        self.assertIsNone(keeper(), "nothing holds the sample")
+        self.assertIsNone(keeper(), "nothing keeps the sample alive")
         self.assertTrue(all(array.sum() > 0 for array in kept))
 
-    def test_what_slips_through_holds_its_own_picture(self):
-        picture, lease, keeper = lent()
-        plain = np.asarray(picture)[1:]
-        del picture
+    def test_an_array_that_bypasses_the_check_keeps_its_own_frame(self):
+        image, lease, keeper = lent()
+        plain = np.asarray(image)[1:]
+        del image
         lease.is_over = True
         gc.collect()
-        self.assertIsNotNone(keeper(), "its memory is not given back")
+        self.assertIsNotNone(keeper(), "its memory is not released")
         self.assertEqual(int(plain[0, 0]), 6)
         del plain
         gc.collect()

@@ -1,4 +1,7 @@
-"""Behaviors, drivers and simulators for Yamabico in Python: derive from `Behavior`, end in `main(MyBehavior)`."""
+"""Behaviors, drivers and simulators for Yamabico in Python.
+
+Derive a class from `Behavior` or `Driver` and pass it to `main`.
+"""
 
 from .behavior import PLANAR, Behavior, Output, Setup, SetupError, Slot, abstain, drive, halt, limit
 from .device import Drive, Driver, Sensor, pinhole

@@ -1,4 +1,4 @@
-"""A behavior: sensors in, one proposal out."""
+"""The interface of a behavior: sensor messages in, one motion proposal out."""
 
 import math
 
@@ -9,7 +9,7 @@ PLANAR = Axes.LINEAR | Axes.ANGULAR
 
 
 class Slot:
-    """A place that messages of the class `message` can be plugged into; an attribute of a `Behavior`."""
+    """An input of messages of the class `message`; a class attribute of a `Behavior`."""
 
     def __init__(self, message, summary, required=True):
         self.message, self.summary, self.required = message, summary, required
@@ -19,7 +19,7 @@ class Slot:
 
 
 class Output:
-    """What a behavior publishes besides proposals; an attribute of a `Behavior`."""
+    """An output besides proposals; a class attribute of a `Behavior`."""
 
     def __init__(self, message, summary):
         self.message, self.summary, self.required = message, summary, False
@@ -29,10 +29,10 @@ class Output:
 
 
 class Behavior:
-    """Derive from this class, name its slots, outputs and parameters as attributes, and override `propose`.
+    """Base class of behaviors: declare slots, outputs and parameters as class attributes, and override `propose`.
 
-    The first line of the class's docstring is its summary. `name` is its name in task files, `claims` every axis that it may ever
-    drive. An instance knows `self.setup`: the robot, the sensors in its slots, the folder that relative paths start from.
+    The first line of the docstring is the summary. `name` is the name in task files; `claims` are the axes that the behavior may
+    ever claim with a drive proposal. `self.setup` describes the robot and the connected sensors.
     """
 
     name = ""
@@ -43,38 +43,38 @@ class Behavior:
         self.parameters = setup.parameters
 
     def propose(self, inputs):
-        """Looks at the inputs once and returns `drive`, `limit`, `halt` or `abstain`.
+        """Returns a proposal for the current inputs: `drive`, `limit`, `halt` or `abstain`.
 
-        It sleeps never and reads no clock: `inputs.now_ns` is the time. `inputs[self.camera]` is what is in a slot.
+        Must not sleep or read a clock: `inputs.now_ns` is the current time. `inputs[self.camera]` is the `Input` of a slot.
         """
         raise NotImplementedError
 
-    def remember(self):
-        """What its successor must know, where this process dies or its parameters change: what JSON can hold, at most 16 KiB of it;
-        None for nothing. Asked after each call of `propose`.
+    def save_state(self):
+        """Returns the state that a restarted or reconfigured instance needs to continue, as at most 16 KiB of JSON-compatible data,
+        or None. Called after each `propose`.
         """
         return None
 
-    def recall(self, memory):
-        """Goes on where a predecessor stopped that remembered this. Called at most once, before the first `propose`."""
+    def restore_state(self, state):
+        """Continues from the state that an earlier instance saved. Called at most once, before the first `propose`."""
 
     def publish(self, output, header, items=b""):
-        """Publishes a message on one of its outputs."""
+        """Publishes a message on `output`."""
         self.setup.publish(output, header, items)
 
     @classmethod
     def slots(cls):
-        """Its slots, in the order in which they are written."""
+        """Returns the slots in the order of their declaration."""
         return _attributes(cls, Slot)
 
     @classmethod
     def outputs(cls):
-        """Its outputs, in the order in which they are written."""
+        """Returns the outputs in the order of their declaration."""
         return _attributes(cls, Output)
 
     @classmethod
     def description(cls, protocol):
-        """What it is, for whoever composes it."""
+        """Returns the description of the behavior for `yamabico check` and `yamabico describe`."""
         ports = lambda ports: [
             {"name": port.name, "summary": port.summary, "required": port.required, "message": port.message.NAME}
             for port in ports
@@ -83,7 +83,7 @@ class Behavior:
             "protocol": protocol,
             "name": cls.name,
             "summary": summary_of(cls),
-            "claims": words_of(cls.claims),
+            "claims": axes_text(cls.claims),
             "inputs": ports(cls.slots()),
             "outputs": ports(cls.outputs()),
             "parameters": schema_of(cls),
@@ -91,43 +91,46 @@ class Behavior:
 
 
 class Setup:
-    """What a behavior is told when it is built."""
+    """Context in which a behavior is built."""
 
     def __init__(self, name="behavior", parameters=None, robot=None, sensors=None, folder=".", publish=None):
-        #: Its name in the task file.
+        #: Name of this instance in the task file.
         self.name = name
-        #: The keys of its table that the file says.
+        #: Parameters set in the task file.
         self.parameters = parameters or {}
-        #: Name, radius and limits of the robot, as the robot file has them.
+        #: Name, radius and limits of the robot, from the robot file.
         self.robot = robot or {}
-        #: What is known of the sensor in each slot that one is plugged into, by the slot's name.
+        #: Description of the sensor connected to each slot, by slot name.
         self.sensors = sensors or {}
-        #: Relative paths start here.
+        #: Folder against which relative paths are resolved.
         self.folder = folder
         self.publish = publish or (lambda output, header, items: None)
 
     def with_parameters(self, parameters):
-        """The same with other parameters."""
+        """Returns a copy with other parameters."""
         return Setup(self.name, parameters, self.robot, self.sensors, self.folder, self.publish)
 
     def camera(self, slot):
-        """Intrinsics and mount of the pinhole camera in `slot`, as dictionaries: pixels, meters, radians."""
+        """Returns intrinsics and mount of the pinhole camera in `slot`, as dictionaries in pixels, m and rad.
+
+        Raises `SetupError` if another kind of sensor is connected.
+        """
         kind = self.sensors.get(slot.name, {}).get("kind", {})
         if not isinstance(kind, dict) or "Camera" not in kind:
-            raise SetupError(f"inputs.{slot.name}", "needs a pinhole camera of the robot")
+            raise SetupError(f"inputs.{slot.name}", "must be a pinhole camera of the robot")
         return kind["Camera"]["intrinsics"], kind["Camera"]["mount"]
 
 
 class SetupError(ValueError):
-    """A parameter, or what is plugged in, does not fit; `key` is the one to change."""
+    """A parameter or a connected sensor is invalid; `key` is the parameter to change."""
 
     def __init__(self, key, problem):
         super().__init__(problem)
         self.key = key
 
 
-class Refusal(Exception):
-    """Why a plugin cannot begin; `key` is that of its table to change."""
+class LaunchError(Exception):
+    """A plugin cannot start; `key` is the parameter to change, if any."""
 
     def __init__(self, problem, key=""):
         super().__init__(problem)
@@ -135,7 +138,7 @@ class Refusal(Exception):
 
 
 class View:
-    """A message at hand: `header` and `items`; `pixels` of a picture, which are lent for this call."""
+    """A received message: `header` and `items`, or the `pixels` of a frame."""
 
     def __init__(self, header, items=(), pixels=None):
         self.header, self.items = header, items
@@ -143,37 +146,40 @@ class View:
 
     @property
     def pixels(self):
-        """The picture: (height, width), or (height, width, 3). Later than in this call, using it raises `ReleasedError`."""
+        """Image of a frame as an array of shape (height, width) or (height, width, 3).
+
+        Valid during this call of `propose` only: later use raises `ReleasedError`.
+        """
         if self._pixels is None:
-            raise TypeError(f"{type(self.header).__name__} is no picture")
+            raise TypeError(f"{type(self.header).__name__} is not a frame: it has no pixels")
         return self._pixels()
 
 
 class Input:
-    """What is in a slot."""
+    """Messages of one slot."""
 
     def __init__(self, views=(), fresh=0, lost=0):
         self._views = views
         self._fresh = fresh
-        #: Messages lost since the last call.
+        #: Number of messages lost to buffer overflow since the last call.
         self.lost = lost
 
     @property
     def latest(self):
-        """The newest message, however old; None where none ever arrived."""
+        """Newest message regardless of its age; None if none has arrived."""
         return self._views[-1] if self._views else None
 
     @property
     def fresh(self):
-        """The messages that arrived since the last call, oldest first."""
+        """Messages that arrived since the last call, oldest first."""
         return self._views[len(self._views) - self._fresh :]
 
 
 class Inputs:
-    """What a behavior sees in one call."""
+    """Input messages of one call of `propose`."""
 
     def __init__(self, now_ns, slots):
-        #: The time of this call, nanoseconds.
+        #: Current time, ns.
         self.now_ns = now_ns
         self._slots = slots
 
@@ -181,41 +187,41 @@ class Inputs:
         return self._slots.get(slot.name) or Input()
 
 
-def drive(linear_mps=0.0, turn_radps=0.0, lateral_mps=None, because=Reason.NOMINAL, confidence=1.0, evidence_ns=0, note=""):
-    """Drive: forward, turning to the left, and to the left where `lateral_mps` is given."""
-    proposal = _proposal(Kind.DRIVE, PLANAR if lateral_mps is None else PLANAR | Axes.LATERAL, because, evidence_ns, note)
+def drive(linear_mps=0.0, turn_radps=0.0, lateral_mps=None, reason=Reason.NOMINAL, confidence=1.0, evidence_ns=0, note=""):
+    """Proposes to drive: forward, with a turn rate positive to the left, and to the left if `lateral_mps` is given."""
+    proposal = _proposal(Kind.DRIVE, PLANAR if lateral_mps is None else PLANAR | Axes.LATERAL, reason, evidence_ns, note)
     proposal.twist.linear, proposal.twist.lateral, proposal.twist.angular = linear_mps, lateral_mps or 0.0, turn_radps
     proposal.confidence = confidence
     return proposal
 
 
-def limit(linear_mps=None, turn_radps=None, because=Reason.NONE, sector=None, evidence_ns=0, note=""):
-    """Allow no more than these magnitudes; `sector` (center, half width; radians) limits translation into it only."""
+def limit(linear_mps=None, turn_radps=None, reason=Reason.NONE, sector=None, evidence_ns=0, note=""):
+    """Limits the speeds of all behaviors. With `sector` (center, half width; rad) only translation into the sector is limited."""
     axes = (Axes.LINEAR if linear_mps is not None else 0) | (Axes.ANGULAR if turn_radps is not None else 0)
-    proposal = _proposal(Kind.LIMIT, axes, because, evidence_ns, note)
+    proposal = _proposal(Kind.LIMIT, axes, reason, evidence_ns, note)
     proposal.limits.linear, proposal.limits.angular = linear_mps or 0.0, turn_radps or 0.0
     if sector:
         proposal.sector.center_rad, proposal.sector.half_width_rad = sector
     return proposal
 
 
-def halt(axes=Axes.LINEAR | Axes.LATERAL | Axes.ANGULAR, because=Reason.NONE, evidence_ns=0, note=""):
-    """Stop on `axes`."""
-    return _proposal(Kind.HALT, axes, because, evidence_ns, note)
+def halt(axes=Axes.LINEAR | Axes.LATERAL | Axes.ANGULAR, reason=Reason.NONE, evidence_ns=0, note=""):
+    """Stops the robot on `axes`."""
+    return _proposal(Kind.HALT, axes, reason, evidence_ns, note)
 
 
-def abstain(because=Reason.NONE, note=""):
-    """Propose nothing, and say why."""
-    return _proposal(Kind.ABSTAIN, 0, because, 0, note)
+def abstain(reason=Reason.NONE, note=""):
+    """Proposes no motion, with a reason."""
+    return _proposal(Kind.ABSTAIN, 0, reason, 0, note)
 
 
 def summary_of(cls):
-    """The first line of a class's docstring."""
+    """Returns the first line of a class's docstring."""
     return (cls.__doc__ or cls.__name__).strip().splitlines()[0]
 
 
-def words_of(axes):
-    """Axes in words: `linear+angular`; `none` for none."""
+def axes_text(axes):
+    """Returns the text of a set of axes, such as `linear+angular` or `none`."""
     return "+".join(axis.name.lower() for axis in Axes if axis & axes) or "none"
 
 

@@ -1,51 +1,55 @@
-"""A driver: sensors, a drive, or a whole simulator."""
+"""The interface of a driver: sensors, a drive, or a whole simulator."""
 
 import math
 
-from .behavior import summary_of, words_of
+from .behavior import axes_text, summary_of
 from .messages import TRUTH_TOPIC, Axes, Odometry
 from .parameters import Number, schema_of
 
 
 class Sensor:
-    """A kind of sensor: derive from this class, name its parameters as attributes.
+    """Base class of a kind of sensor: declare its parameters as class attributes.
 
-    `kind` is its name in robot files, `message` the class of what it publishes. `period_ms` and `latency_ms` are keys of every
-    sensor here.
+    `kind` is the name in robot files, `message` the class of its messages. Every sensor has the parameters `period_ms` and
+    `latency_ms`.
     """
 
     kind = ""
     message = Odometry
 
-    period_ms = Number("From one measurement to the next.", 1, 10000, default=50)
-    latency_ms = Number("From a measurement to its delivery.", 0, 10000, default=0)
+    period_ms = Number("Time between measurements.", 1, 10000, default=50)
+    latency_ms = Number("Time from a measurement to its delivery.", 0, 10000, default=0)
 
     def __init__(self, name, parameters):
         self.name, self.parameters = name, parameters
 
     def describe(self):
-        """What depends on the kind: "Other", {"Range": {"min_m", "max_m"}}, or what `pinhole` returns."""
+        """Returns the properties of the sensor: "Other", {"Range": {"min_m": ..., "max_m": ...}}, or the result of `pinhole`."""
         return "Other"
 
+    def max_item_bytes(self):
+        """Returns the maximum size of the item list of one message, bytes."""
+        return self.most_bytes()
+
     def most_bytes(self):
-        """The longest list of items in one of its messages, bytes."""
+        """Former name of `max_item_bytes`, which drivers may still override."""
         return 0
 
     def info(self):
-        """What behaviors are told about it."""
+        """Returns the description that behaviors receive."""
         times = {"period_s": self.period_ms * 1e-3, "latency_s": self.latency_ms * 1e-3}
         return {"name": self.name, "message": self.message.NAME, **times, "kind": self.describe()}
 
     def is_due(self, now_ns):
-        """Whether it measures at `now_ns`: once each period, from zero on. Ask once an instant."""
-        turn = now_ns // int(self.period_ms * 1e6)
-        due = turn != getattr(self, "_turn", None)
-        self._turn = turn
+        """Returns true if a measurement is due at `now_ns`: once per period, beginning at zero. Call it once per time step."""
+        period = now_ns // int(self.period_ms * 1e6)
+        due = period != getattr(self, "_last_period", None)
+        self._last_period = period
         return due
 
 
 class Drive:
-    """A kind of drive: derive from this class, name its parameters as attributes."""
+    """Base class of a kind of drive: declare its parameters as class attributes."""
 
     kind = "differential"
     axes = Axes.LINEAR | Axes.ANGULAR
@@ -55,10 +59,12 @@ class Drive:
 
 
 class Driver:
-    """Derive from this class, list the kinds of `sensors` and `drives`, name parameters as attributes, override `poll`, `apply`.
+    """Base class of drivers: list the kinds of `sensors` and `drives`, declare parameters as class attributes, and override `poll`
 
-    With `clock = "driver"` in the robot file time advances by this driver's steps of `step_ns`, and as fast as `pace` says: 1 is
-    real time, None as fast as everybody follows.
+    and `apply`.
+
+    With `clock = "driver"` in the robot file, time advances in this driver's steps of `setup.step_ns`. `pace` is the ratio of its
+    clock to real time; None is as fast as possible.
     """
 
     name = ""
@@ -71,23 +77,26 @@ class Driver:
         self.parameters = setup.parameters
 
     def poll(self, now_ns):
-        """Publishes everything that is due up to `now_ns`; returns when to come back, nanoseconds."""
+        """Publishes all measurements due up to `now_ns`, and returns the time at which to poll again, ns."""
         raise NotImplementedError
 
     def apply(self, command, now_ns):
-        """Obeys the newest command; None where none has come since the last call. Without commands it brakes by itself."""
+        """Applies the newest command, or None if none has arrived since the last call. Must brake by itself without commands."""
 
     def publish(self, sensor, header, items=b""):
-        """Publishes what `sensor` measured."""
+        """Publishes a measurement of `sensor`."""
         self.setup.publish(sensor.name, header, items)
 
-    def tell_truth(self, truth):
-        """What a simulator knows and no robot can: for judging a run only."""
+    def publish_truth(self, truth):
+        """Publishes the ground truth of a simulator, which is used to score a run only."""
         self.setup.publish(TRUTH_TOPIC, truth, b"")
+
+    #: Former name of `publish_truth`.
+    tell_truth = publish_truth
 
     @classmethod
     def description(cls, protocol):
-        """What it is, for whoever composes it."""
+        """Returns the description of the driver for `yamabico check` and `yamabico describe`."""
         sensor = lambda kind: {
             "kind": kind.kind,
             "summary": summary_of(kind),
@@ -97,7 +106,7 @@ class Driver:
         drive = lambda kind: {
             "kind": kind.kind,
             "summary": summary_of(kind),
-            "axes": words_of(kind.axes),
+            "axes": axes_text(kind.axes),
             "parameters": schema_of(kind),
         }
         return {
@@ -111,44 +120,44 @@ class Driver:
 
     @classmethod
     def sensor(cls, name, kind, parameters):
-        """The sensor of this name."""
+        """Creates the sensor `name`."""
         return next(known for known in cls.sensors if known.kind == kind)(name, parameters)
 
     @classmethod
     def answer(cls, question):
-        """What behaviors are told about a sensor of the robot file, or why it cannot be."""
+        """Answers a query about a sensor in the robot file: its description, or the reason why it is invalid."""
         try:
             sensor = cls.sensor(question["name"], question["kind"], question["table"])
-            return {"sensor": {"info": sensor.info(), "most_bytes": sensor.most_bytes()}}
+            return {"sensor": {"info": sensor.info(), "max_item_bytes": sensor.max_item_bytes()}}
         except ValueError as error:
             return {"refused": {"key": getattr(error, "key", ""), "problem": str(error)}}
 
 
 class DeviceSetup:
-    """What a driver is told when it is opened."""
+    """Context in which a driver is opened."""
 
     def __init__(self, name="device", parameters=None, sensors=(), drive=None, robot=None, folder=".", seed=1, step_ns=0, publish=None):
-        #: Its name in the robot file.
+        #: Name of the device in the robot file.
         self.name = name
-        #: The keys of its table that the file says.
+        #: Parameters set in the robot file.
         self.parameters = parameters or {}
-        #: Its sensors, instances of the driver's kinds.
+        #: Sensors: instances of the driver's kinds.
         self.sensors = list(sensors)
-        #: Its drive; None where another device has it.
+        #: Drive; None if another device has it.
         self.drive = drive
-        #: Name, radius and limits of the robot.
+        #: Name, radius and limits of the robot, from the robot file.
         self.robot = robot or {}
-        #: Relative paths start here.
+        #: Folder against which relative paths are resolved.
         self.folder = folder
-        #: Of everything that is drawn by chance.
+        #: Seed of all random numbers.
         self.seed = seed
-        #: One step of its clock, where that counts.
+        #: Step of the driver's clock, ns.
         self.step_ns = step_ns
         self.publish = publish or (lambda name, header, items: None)
 
 
 def pinhole(width, height, fov_deg, z_m, tilt_deg=0.0, pan_deg=0.0, x_m=0.0, y_m=0.0):
-    """A camera with square pixels: size (px), horizontal field of view across the whole width, place and attitude on the robot."""
+    """Describes a camera with square pixels: size (px), horizontal field of view across the whole width, and mount on the robot."""
     focal = width / 2 / math.tan(math.radians(fov_deg) / 2)
     intrinsics = {"fx": focal, "fy": focal, "cx": (width - 1) / 2, "cy": (height - 1) / 2, "width": width, "height": height}
     mount = {"x": x_m, "y": y_m, "z": z_m, "pan": math.radians(pan_deg), "tilt": math.radians(tilt_deg), "roll": 0.0}

@@ -1,4 +1,4 @@
-"""What the bus brings to one behavior, slot by slot."""
+"""Input messages of one behavior, slot by slot."""
 
 from collections import deque
 
@@ -8,7 +8,7 @@ from .messages import FrameHeader, Goal
 
 
 class Inbox:
-    """A slot: the messages that came with the last look, or the newest one ever where nothing came since."""
+    """Messages of one slot: those of the last `collect`, or the newest one if none has arrived since."""
 
     def __init__(self, slot, subscriber):
         self.slot = slot
@@ -20,13 +20,13 @@ class Inbox:
         self._last = None
 
     def collect(self):
-        """Takes in what has arrived and lets go of what was seen; whether anything had arrived."""
+        """Receives new messages, which replace the old ones. Returns true if any arrived."""
         self._fresh = 0
         while (received := self._subscriber.receive()) is not None:
             if self._fresh == 0:
                 self._held.clear()
             header, sample = received
-            # A picture stays where it is; everything else is small and copied.
+            # Frames stay in shared memory; other messages are small and copied.
             is_frame = type(header) is FrameHeader
             self._held.append((header, sample if is_frame else items_of(type(header), sample)))
             self._fresh = min(self._fresh + 1, self._held.maxlen)
@@ -35,11 +35,11 @@ class Inbox:
         return self._fresh > 0
 
     def newest(self):
-        """The newest header; None where nothing ever arrived."""
+        """Returns the newest header, or None if no message has arrived."""
         return self._held[-1][0] if self._held else None
 
     def input(self, lease):
-        """What the behavior sees of it; pictures under `lease`."""
+        """Returns the `Input` for the behavior; `lease` guards the pixels of frames."""
         lost, self._lost = self._lost, 0
         return Input([self._view(header, rest, lease) for header, rest in self._held], self._fresh, lost)
 
@@ -63,22 +63,22 @@ class Inbox:
 
 
 class Feed:
-    """The slots of one behavior."""
+    """Slots of one behavior."""
 
     def __init__(self, bus, slots):
-        """`slots`: name, topic and message class of each."""
+        """Subscribes to `slots`: name, topic and message class of each."""
         self._inboxes = [Inbox(name, bus.subscriber(topic, message)) for name, topic, message in slots]
 
     def collect(self):
-        """Takes in what has arrived; whether anything had."""
+        """Receives new messages. Returns true if any arrived."""
         return any([inbox.collect() for inbox in self._inboxes])
 
     def inputs(self, lease_of):
-        """What is in each slot, by its name; pictures under `lease_of(slot)`."""
+        """Returns the `Input` of each slot by name; `lease_of(slot)` guards the pixels of frames."""
         return {inbox.slot: inbox.input(lease_of(inbox.slot)) for inbox in self._inboxes}
 
     def evidence_ns(self):
-        """The oldest evidence among the newest messages of all slots; None where nothing ever arrived."""
+        """Returns the oldest evidence stamp among the newest messages of all slots, or None if none has arrived."""
         newest = [header for header in (inbox.newest() for inbox in self._inboxes) if header is not None]
         stamps = [getattr(header, "evidence_ns", header.stamp_ns) for header in newest if type(header) is not Goal]
         return min(stamps, default=None)

@@ -1,8 +1,8 @@
-"""Pictures read where their sender wrote them, for as long as they are lent.
+"""Zero-copy access to the pixels of frames in shared memory.
 
-A picture is lent for one call of `propose`. Whoever uses it, or any array taken from it, later than that gets a
-`ReleasedError`; what is to be kept is copied (`pixels.copy()`). What numpy lets slip through (`numpy.asarray` of an array that
-was kept) still reads this very picture: its memory is given back only when nobody can reach it any more.
+The pixels are valid during one call of `propose`. Later use of the array, or of any view of it, raises `ReleasedError`; use
+`pixels.copy()` to keep data. An array that bypasses this check (`numpy.asarray` of a kept array) still reads the same frame,
+since the memory is released only after the last reference is gone.
 """
 
 import ctypes
@@ -13,24 +13,24 @@ from .messages import Encoding
 
 
 class ReleasedError(RuntimeError):
-    """A picture was used after the call that it was lent for."""
+    """Pixels were used after the call of `propose` in which they were valid."""
 
 
 class Lease:
-    """Says whether what was lent may still be used."""
+    """Validity of the pixels of one slot."""
 
     def __init__(self, slot):
         self.slot = slot
         self.is_over = False
 
     def check(self):
-        """Raises `ReleasedError` where it may not."""
+        """Raises `ReleasedError` if the pixels are no longer valid."""
         if self.is_over:
-            raise ReleasedError(f"the picture of `{self.slot}` was lent for one call: copy what is to be kept")
+            raise ReleasedError(f"the pixels of `{self.slot}` are valid during one call of `propose` only: use `pixels.copy()` to keep them")
 
 
 class LentArray(np.ndarray):
-    """A read-only array in shared memory, and every view taken from it. Results of computing with it are ordinary arrays."""
+    """A read-only array in shared memory, or a view of one. Results of computations are ordinary arrays."""
 
     def __array_finalize__(self, source):
         lease = None if source is None or self.flags.owndata else _lease_of(source)
@@ -51,11 +51,11 @@ class LentArray(np.ndarray):
         return _lent_again(result, leases)
 
     def copy(self, order="C"):
-        """An ordinary array that may be kept."""
+        """Returns an ordinary array, which stays valid."""
         return np.array(self.view(np.ndarray), order=order, copy=True)
 
     def astype(self, *args, **kwargs):
-        """An ordinary array that may be kept."""
+        """Returns an ordinary array, which stays valid."""
         kwargs["copy"] = True
         return self.view(np.ndarray).astype(*args, **kwargs)
 
@@ -82,7 +82,7 @@ for _name in ("getitem", "setitem", "iter", "len", "contains", "bool", "int", "f
 
 
 def lend(address, length, keeper, lease):
-    """The bytes at `address` as a read-only array under `lease`. `keeper` lives as long as anything that reads them."""
+    """Returns the bytes at `address` as a read-only array that `lease` guards. Keeps `keeper` alive as long as the memory is in use."""
     memory = (ctypes.c_uint8 * length).from_address(address)
     memory.keeper = keeper
     array = np.frombuffer(memoryview(memory).toreadonly(), dtype=np.uint8).view(LentArray)
@@ -91,14 +91,14 @@ def lend(address, length, keeper, lease):
 
 
 def pixels_of(header, bytes_):
-    """The picture that `bytes_` hold: (height, width), or (height, width, 3) of a color picture.
+    """Returns the image in `bytes_` as an array of shape (height, width), or (height, width, 3) for a color frame.
 
-    Raises `ValueError` where the header does not fit its bytes.
+    Raises `ValueError` if the header does not match the bytes.
     """
     channels = {Encoding.GRAY8: 1, Encoding.RGB8: 3}.get(header.encoding)
     row = header.width * (channels or 0)
     if not row or not header.height or header.stride < row or header.stride * header.height > len(bytes_):
-        raise ValueError(f"{len(bytes_)} bytes are no picture of {header}")
+        raise ValueError(f"{len(bytes_)} bytes do not match the frame {header}")
     rows = bytes_[: header.stride * header.height].reshape(header.height, header.stride)[:, :row]
     return rows if channels == 1 else rows.reshape(header.height, header.width, channels)
 
@@ -114,7 +114,7 @@ def _check(array):
 
 
 def _plain(value, leases=None):
-    """`value` with ordinary arrays in the place of lent ones, whose leases are checked and gathered."""
+    """Returns `value` with lent arrays replaced by ordinary ones; checks their leases and appends them to `leases`."""
     if isinstance(value, LentArray):
         lease = _lease_of(value)
         if lease is not None:
@@ -130,7 +130,7 @@ def _plain(value, leases=None):
 
 
 def _lent_again(result, leases):
-    """A view of what is lent, such as `numpy.flipud` returns, is lent as well."""
+    """Guards results that are views of lent arrays, such as those of `numpy.flipud`."""
     if isinstance(result, (tuple, list)) and type(result) in (tuple, list):
         return type(result)(_lent_again(part, leases) for part in result)
     if isinstance(result, np.ndarray) and not result.flags.owndata:

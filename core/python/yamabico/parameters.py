@@ -1,11 +1,11 @@
-"""Parameters: the keys of a plugin's own table in a task or robot file, checked before it starts.
+"""Parameters: the keys of a plugin's own table in a task or robot file, checked before the plugin starts.
 
-The ending of a key tells its unit (`gap_m`, `speed_mps`, `period_ms`, `fov_deg`).
+The suffix of a key is its unit (`gap_m`, `speed_mps`, `period_ms`, `fov_deg`).
 """
 
 
 class Parameter:
-    """A key with a default, or a required one. Read from an instance it is the value that the file says."""
+    """A parameter, required unless it has a default. Read from an instance, it is the value in the file or the default."""
 
     def __init__(self, summary, schema, default=None):
         self.summary, self.default = summary, default
@@ -18,49 +18,49 @@ class Parameter:
         return self if instance is None else instance.parameters.get(self.name, self.default)
 
     def schema(self):
-        """As JSON Schema."""
+        """Returns the JSON Schema of the parameter."""
         schema = {**self._schema, "description": self.summary}
         return schema if self.default is None else {**schema, "default": self.default}
 
 
 class Number(Parameter):
-    """A number from `least` to `most`."""
+    """A number from `minimum` to `maximum`."""
 
-    def __init__(self, summary, least, most, default=None):
-        super().__init__(summary, {"type": "number", "minimum": least, "maximum": most}, default)
+    def __init__(self, summary, minimum, maximum, default=None):
+        super().__init__(summary, {"type": "number", "minimum": minimum, "maximum": maximum}, default)
 
 
 class Integer(Parameter):
-    """A whole number from `least` to `most`."""
+    """An integer from `minimum` to `maximum`."""
 
-    def __init__(self, summary, least, most, default=None):
-        super().__init__(summary, {"type": "integer", "minimum": least, "maximum": most}, default)
+    def __init__(self, summary, minimum, maximum, default=None):
+        super().__init__(summary, {"type": "integer", "minimum": minimum, "maximum": maximum}, default)
 
 
 class Numbers(Parameter):
-    """A list of numbers, each from `least` to `most`."""
+    """A list of numbers, each from `minimum` to `maximum`."""
 
-    def __init__(self, summary, least, most, default=None):
-        item = {"type": "number", "minimum": least, "maximum": most}
+    def __init__(self, summary, minimum, maximum, default=None):
+        item = {"type": "number", "minimum": minimum, "maximum": maximum}
         super().__init__(summary, {"type": "array", "items": item}, default)
 
 
 class Switch(Parameter):
-    """True or false."""
+    """A boolean."""
 
     def __init__(self, summary, default=None):
         super().__init__(summary, {"type": "boolean"}, default)
 
 
 class Word(Parameter):
-    """A text; one of `choices` where there are any."""
+    """A string; one of `choices` if any are given."""
 
     def __init__(self, summary, choices=(), default=None):
         super().__init__(summary, {"type": "string", **({"enum": list(choices)} if choices else {})}, default)
 
 
 class Group(Parameter):
-    """A table within the table: an instance of a class whose attributes are parameters."""
+    """A nested table: an instance of a class whose attributes are parameters."""
 
     def __init__(self, summary, inside):
         super().__init__(summary, schema_of(inside))
@@ -77,7 +77,7 @@ class Group(Parameter):
 
 
 def parameters_of(owner):
-    """The parameters of a class, inherited ones first."""
+    """Returns the parameters of a class, inherited ones first."""
     found = {}
     for base in reversed(owner.__mro__):
         found.update((name, value) for name, value in vars(base).items() if isinstance(value, Parameter))
@@ -85,7 +85,7 @@ def parameters_of(owner):
 
 
 def schema_of(owner):
-    """The JSON Schema of a class's parameters."""
+    """Returns the JSON Schema of a class's parameters."""
     parameters = parameters_of(owner)
     required = [name for name, parameter in parameters.items() if parameter.default is None]
     schema = {

@@ -1,7 +1,7 @@
-"""The life of a plugin's process: `main(MyBehavior)` is all that a program has to say.
+"""The main function of a plugin's process: a program calls `main(MyBehavior)`.
 
-The supervisor starts it, tells it on standard input what it is, watches its heartbeat and starts it again. With the single
-argument `--describe` the program says what it is, as JSON, and ends.
+The supervisor starts the process, sends it the launch configuration on standard input, monitors its heartbeat and restarts it.
+With the single argument `--describe` the program prints its description as JSON and exits.
 """
 
 import importlib
@@ -13,38 +13,38 @@ import time
 import tomllib
 import traceback
 
-from .behavior import Refusal
+from .behavior import LaunchError
 from .messages import (
     COMMAND_TOPIC,
     DECISION_TOPIC,
     PROTOCOL,
-    TAKEN_TOPIC,
-    TURNS_TOPIC,
+    STEP_ACKNOWLEDGMENTS_TOPIC,
+    STEP_ANNOUNCEMENTS_TOPIC,
     Command,
     PluginState,
-    Turn,
-    TurnPhase,
+    StepSignal,
+    StepPhase,
 )
 
-#: Exit code of a plugin that cannot begin.
-CANNOT_BEGIN = 2
-#: Longest sleep: how late the end of the run is noticed, seconds.
-NAP_S = 0.05
+#: Exit code of a plugin that cannot start.
+EXIT_CANNOT_START = 2
+#: Maximum waiting time, and so the maximum delay at the end of the run, s.
+MAX_WAIT_S = 0.05
 
 
-def main(part):
-    """Is the behavior or the driver `part`, a class. Ends the process."""
+def main(plugin_class):
+    """Runs the program of the behavior or driver class `plugin_class`. Does not return."""
     if sys.argv[1:2] == ["--describe"]:
-        print(json.dumps(part.description(PROTOCOL), indent=2))
+        print(json.dumps(plugin_class.description(PROTOCOL), indent=2))
         sys.exit(0)
     if sys.argv[1:2] == ["--sensor"]:
-        print(json.dumps(part.answer(json.load(sys.stdin)), indent=2))
+        print(json.dumps(plugin_class.answer(json.load(sys.stdin)), indent=2))
         sys.exit(0)
-    serve(part)
+    serve(plugin_class)
 
 
-class Life:
-    """Whether the process goes on."""
+class Lifetime:
+    """Decides when the process ends: on SIGTERM, or when its supervisor dies."""
 
     def __init__(self):
         self.is_over = self.is_orphan = False
@@ -53,8 +53,8 @@ class Life:
         signal.signal(signal.SIGTERM, self._end)
         signal.signal(signal.SIGHUP, self._orphan)
 
-    def goes_on(self):
-        """Whether nobody has told it to end, and its supervisor lives."""
+    def is_running(self):
+        """Returns true until SIGTERM arrives or the supervisor dies."""
         if os.getppid() != self._parent:
             self._orphan()
         return not self.is_over
@@ -66,113 +66,117 @@ class Life:
         self.is_over = self.is_orphan = True
 
 
-def serve(part):
-    """Serves as the plugin that standard input charges this process with, until SIGTERM. Ends the process."""
-    life = Life()
-    pulse = None
+def serve(plugin_class):
+    """Runs the plugin of the launch configuration on standard input until SIGTERM. Does not return."""
+    lifetime = Lifetime()
+    reporter = None
     try:
-        # Before anything is told: a successor comes up while its predecessor is cleaned up after.
-        for module in ("bus", "feed", "lent", "pulse", "seat", "tuner"):
+        # Import before reading: a restarted plugin starts up while the supervisor still cleans up after the old one.
+        for module in ("behavior_host", "bus", "feed", "lent", "reporter", "tuner"):
             importlib.import_module(f".{module}", __package__)
-        charge = tomllib.loads(sys.stdin.read())
-        if charge["protocol"] != PROTOCOL:
-            raise Refusal(f"the charge is of protocol {charge['protocol']}, this package knows {PROTOCOL}: install that of the robot")
+        launch = tomllib.loads(sys.stdin.read())
+        if launch["protocol"] != PROTOCOL:
+            raise LaunchError(
+                f"the launch configuration has protocol {launch['protocol']}, but this package has {PROTOCOL}: "
+                "install the version of this package that belongs to the robot"
+            )
         from .bus import Bus
-        from .pulse import Pulse
+        from .reporter import PluginReporter
 
-        bus = Bus(charge["bus_root"], charge["bus_prefix"])
-        pulse = Pulse(bus, charge["name"], charge["restarts"], charge["beat_ms"])
-        work = _behave if "behavior" in charge["part"] else _operate
-        work(part, charge, bus, pulse, life)
+        bus = Bus(launch["bus_root"], launch["bus_prefix"])
+        reporter = PluginReporter(bus, launch["name"], launch["restarts"], launch["heartbeat_ms"])
+        run = _run_behavior if "behavior" in launch["role"] else _run_device
+        run(plugin_class, launch, bus, reporter, lifetime)
     except Exception as error:
         traceback.print_exc()
-        if pulse is not None:
-            pulse.fail(getattr(error, "key", ""), str(error) or type(error).__name__)
-        _end(CANNOT_BEGIN)
+        if reporter is not None:
+            reporter.report_failure(getattr(error, "key", ""), str(error) or type(error).__name__)
+        _end(EXIT_CANNOT_START)
     _end(0)
 
 
-def wait_to_begin(charge, bus, pulse, life):
-    """Says that everything is open, and waits for the first command where that is the beginning."""
-    if charge["begin"] == "at-once":
-        pulse.beat(PluginState.STARTING)
+def wait_to_begin(launch, bus, reporter, lifetime):
+    """Reports that all ports are open, and waits for the first command if the launch configuration requires it."""
+    if launch["start"] == "immediately":
+        reporter.heartbeat(PluginState.STARTING)
         return
-    commands, waiter = bus.subscriber(COMMAND_TOPIC, Command), bus.waiter([COMMAND_TOPIC])
-    while commands.receive() is None and life.goes_on():
-        pulse.beat(PluginState.STARTING)
-        waiter.wait(pulse.every_s)
+    commands, wait_set = bus.subscriber(COMMAND_TOPIC, Command), bus.wait_set([COMMAND_TOPIC])
+    while commands.receive() is None and lifetime.is_running():
+        reporter.heartbeat(PluginState.STARTING)
+        wait_set.wait(reporter.period_s)
 
 
 def _end(code):
-    # Nothing is taken down: whoever is about to read what was said last can do so until the supervisor cleans up.
+    # Exit without closing ports: other processes can read the last messages until the supervisor cleans up.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)
 
 
-def _behave(part, charge, bus, pulse, life):
-    from .seat import Seat
+def _run_behavior(plugin_class, launch, bus, reporter, lifetime):
+    from .behavior_host import BehaviorHost
     from .tuner import Tuner
 
-    seat = Seat(part, charge, bus, pulse)
-    tuner = Tuner(seat, bus)
-    longest_s = min(NAP_S, pulse.every_s)
-    if charge.get("clock") == "driver":
-        _behave_in_turn(seat, tuner, charge, bus, pulse, life, longest_s)
+    host = BehaviorHost(plugin_class, launch, bus, reporter)
+    tuner = Tuner(host, bus)
+    max_wait_s = min(MAX_WAIT_S, reporter.period_s)
+    if launch.get("clock") == "driver":
+        _run_in_steps(host, tuner, launch, bus, reporter, lifetime, max_wait_s)
         return
-    waiter = bus.waiter([topic for _, topic, _ in seat.slots] + ([DECISION_TOPIC] if seat.may_sleep else []))
-    wait_to_begin(charge, bus, pulse, life)
-    while life.goes_on():
+    wait_set = bus.wait_set([topic for _, topic, _ in host.slots] + ([DECISION_TOPIC] if host.may_sleep else []))
+    wait_to_begin(launch, bus, reporter, lifetime)
+    while lifetime.is_running():
         tuner.step()
-        pulse.beat(seat.state())
-        seat.collect()
-        seat.propose(time.monotonic_ns(), time.monotonic_ns)
-        pulse.tell_memory(seat.memory)
-        pulse.tell_calls(seat.calls)
-        due = seat.next_call_ns()
-        wait_s = longest_s if due is None else min((due - time.monotonic_ns()) * 1e-9, longest_s)
+        reporter.heartbeat(host.state())
+        host.collect()
+        host.propose(time.monotonic_ns(), time.monotonic_ns)
+        reporter.report_saved_state(host.saved_state)
+        reporter.report_calls(host.calls)
+        due = host.next_call_ns()
+        wait_s = max_wait_s if due is None else min((due - time.monotonic_ns()) * 1e-9, max_wait_s)
         if wait_s > 0:
-            waiter.wait(wait_s)
-    pulse.tell_last_calls(seat.calls)
+            wait_set.wait(wait_s)
+    reporter.report_final_calls(host.calls)
 
 
-def _behave_in_turn(seat, tuner, charge, bus, pulse, life, longest_s):
-    turns, taken = bus.subscriber(TURNS_TOPIC, Turn), bus.publisher(TAKEN_TOPIC, Turn)
-    waiter, sequence = bus.waiter([TURNS_TOPIC]), 0
-    wait_to_begin(charge, bus, pulse, life)
-    while life.goes_on():
+def _run_in_steps(host, tuner, launch, bus, reporter, lifetime, max_wait_s):
+    announced = bus.subscriber(STEP_ANNOUNCEMENTS_TOPIC, StepSignal)
+    acknowledged = bus.publisher(STEP_ACKNOWLEDGMENTS_TOPIC, StepSignal)
+    wait_set, sequence = bus.wait_set([STEP_ANNOUNCEMENTS_TOPIC]), 0
+    wait_to_begin(launch, bus, reporter, lifetime)
+    while lifetime.is_running():
         tuner.step()
-        pulse.beat(seat.state())
-        while (received := turns.receive()) is not None:
-            turn = received[0]
-            if turn.phase == TurnPhase.COLLECT:
-                seat.collect()
-            elif turn.phase == TurnPhase.PROPOSE:
-                seat.propose(turn.stamp_ns, lambda: turn.stamp_ns)
+        reporter.heartbeat(host.state())
+        while (received := announced.receive()) is not None:
+            step = received[0]
+            if step.phase == StepPhase.COLLECT:
+                host.collect()
+            elif step.phase == StepPhase.PROPOSE:
+                host.propose(step.stamp_ns, lambda: step.stamp_ns)
             else:
                 continue
             sequence += 1
-            turn.plugin, turn.sequence = charge["name"], sequence
-            taken.publish(turn)
-        pulse.tell_memory(seat.memory)
-        pulse.tell_calls(seat.calls)
-        waiter.wait(longest_s)
-    pulse.tell_last_calls(seat.calls)
+            step.plugin, step.sequence = launch["name"], sequence
+            acknowledged.publish(step)
+        reporter.report_saved_state(host.saved_state)
+        reporter.report_calls(host.calls)
+        wait_set.wait(max_wait_s)
+    reporter.report_final_calls(host.calls)
 
 
-def _operate(part, charge, bus, pulse, life):
-    from .device_seat import DeviceSeat, bury
+def _run_device(plugin_class, launch, bus, reporter, lifetime):
+    from .device_host import DeviceHost, remove_shared_memory
 
-    seat = DeviceSeat(part, charge, bus)
-    waiter = bus.waiter([COMMAND_TOPIC])
-    owns_the_clock = charge.get("clock") == "driver"
-    if owns_the_clock:
-        seat.open_the_clock(bus)
-    wait_to_begin(charge, bus, pulse, life)
-    if owns_the_clock:
-        seat.keep_the_clock(pulse, life.goes_on)
+    host = DeviceHost(plugin_class, launch, bus)
+    wait_set = bus.wait_set([COMMAND_TOPIC])
+    owns_clock = launch.get("clock") == "driver"
+    if owns_clock:
+        host.open_clock(bus)
+    wait_to_begin(launch, bus, reporter, lifetime)
+    if owns_clock:
+        host.run_in_steps(reporter, lifetime.is_running)
     else:
-        seat.operate(waiter, pulse, life.goes_on)
-    if life.is_orphan:
-        seat.brake()
-        bury(charge["bus_root"], charge["bus_prefix"])
+        host.run(wait_set, reporter, lifetime.is_running)
+    if lifetime.is_orphan:
+        host.brake()
+        remove_shared_memory(launch["bus_root"], launch["bus_prefix"])

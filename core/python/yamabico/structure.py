@@ -1,10 +1,10 @@
-"""What every message and every item of a list has."""
+"""Base classes of messages and of their items."""
 
 import ctypes
 
 
 class Item(ctypes.Structure):
-    """An element of a list, or a part of a header."""
+    """An item of a list, or a struct inside a header."""
 
     def __repr__(self):
         names = [name.lstrip("_") for name, *_ in self._fields_]
@@ -12,7 +12,7 @@ class Item(ctypes.Structure):
 
 
 class Message(Item):
-    """A header. `NAME` is its versioned name, `CHANNEL` is "latest" or "stream", `ITEM` the type of its items or None."""
+    """A header. `NAME` is the versioned name, `CHANNEL` "latest" or "stream", `ITEM` the class of the items or None."""
 
     NAME = ""
     CHANNEL = ""
@@ -20,12 +20,12 @@ class Message(Item):
 
     @classmethod
     def type_name(cls):
-        """What the transport compares."""
+        """Returns the type name that the transport compares."""
         return cls.NAME
 
 
 def text(field):
-    """A property that reads and writes the bytes of `field` as text: cut at the last whole character that fits."""
+    """Returns a property that reads and writes the bytes of `field` as text, truncated at the last whole character that fits."""
 
     def read(self):
         value = getattr(self, field)

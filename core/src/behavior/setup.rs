@@ -1,37 +1,37 @@
-//! What a behavior is built with.
+//! Context in which a behavior is built: its name, robot and sensors.
 
 use std::path::PathBuf;
 
-use super::{BuildError, Slot};
+use super::{ParameterError, Slot};
 use crate::camera::Pinhole;
 use crate::message::FrameHeader;
 use crate::sensor::{MountedMirror, MountedPinhole, Robot, SensorInfo, SensorKind};
 
-/// What a behavior is told when it is built.
+/// Context in which a behavior is built, besides its own parameters.
 #[derive(Clone, Debug, Default)]
 pub struct Setup {
-    /// Its instance name in the task file.
+    /// Name of this instance in the task file.
     pub name: String,
-    /// The robot that it is for.
+    /// The robot that it will drive.
     pub robot: Robot,
-    /// Relative paths in its keys start here.
+    /// Folder against which relative paths in its parameters are resolved.
     pub folder: PathBuf,
-    /// What is plugged into each of its slots: slot name and the sensor, where it is a sensor.
+    /// The sensor connected to each slot, by slot name. Slots that a behavior feeds are not listed.
     pub sensors: Vec<(String, SensorInfo)>,
 }
 
 impl Setup {
-    /// The sensor in `slot`; `None` where the slot is empty or fed by a behavior.
+    /// Returns the sensor connected to `slot`, or `None` if the slot is empty or fed by a behavior.
     pub fn sensor<M>(&self, slot: &Slot<M>) -> Option<&SensorInfo> {
         self.sensors.iter().find(|(name, _)| name == slot.name).map(|(_, info)| info)
     }
 
-    /// The pinhole camera in `slot`.
+    /// Returns the pinhole camera connected to `slot`.
     ///
     /// # Errors
-    /// Anything else in the slot, and a camera whose intrinsics or mount are no usable numbers.
-    pub fn pinhole(&self, slot: &Slot<FrameHeader>) -> Result<MountedPinhole, BuildError> {
-        let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
+    /// No pinhole camera is connected, or its intrinsics or mount are invalid.
+    pub fn pinhole(&self, slot: &Slot<FrameHeader>) -> Result<MountedPinhole, ParameterError> {
+        let refused = |problem: &str| Err(ParameterError::new(format!("inputs.{}", slot.name), problem));
         let Some(SensorInfo {
             kind: SensorKind::Camera { intrinsics, distortion, mount, calibrated },
             period_s,
@@ -39,22 +39,24 @@ impl Setup {
             ..
         }) = self.sensor(slot)
         else {
-            return refused("needs a pinhole camera of the robot");
+            return refused("must be a pinhole camera of the robot");
         };
         if !intrinsics.is_valid() || !mount.is_finite() {
-            return refused("the camera's intrinsics or mount are no usable numbers");
+            return refused(
+                "the camera's intrinsics or mount are invalid: numbers must be finite, focal lengths and size above 0",
+            );
         }
         let pinhole = Pinhole::new(*intrinsics, *distortion);
         let (period_s, latency_s) = (*period_s, *latency_s);
         Ok(MountedPinhole { pinhole, mount: *mount, calibration: *calibrated, period_s, latency_s })
     }
 
-    /// The mirror camera in `slot`.
+    /// Returns the mirror camera connected to `slot`.
     ///
     /// # Errors
-    /// Anything else in the slot, and a mount of no usable numbers.
-    pub fn mirror_camera(&self, slot: &Slot<FrameHeader>) -> Result<MountedMirror, BuildError> {
-        let refused = |problem: &str| Err(BuildError::new(format!("inputs.{}", slot.name), problem));
+    /// No mirror camera is connected, or its mount is invalid.
+    pub fn mirror_camera(&self, slot: &Slot<FrameHeader>) -> Result<MountedMirror, ParameterError> {
+        let refused = |problem: &str| Err(ParameterError::new(format!("inputs.{}", slot.name), problem));
         match self.sensor(slot) {
             Some(&SensorInfo {
                 kind: SensorKind::MirrorCamera { ref camera, mount, .. },
@@ -65,9 +67,9 @@ impl Setup {
                 Ok(MountedMirror { camera: (**camera).clone(), mount, period_s, latency_s })
             }
             Some(SensorInfo { kind: SensorKind::MirrorCamera { .. }, .. }) => {
-                refused("the camera's mount has no usable numbers")
+                refused("the camera's mount is invalid: its numbers must be finite")
             }
-            _ => refused("needs a mirror camera of the robot"),
+            _ => refused("must be a mirror camera of the robot"),
         }
     }
 }

@@ -1,42 +1,42 @@
-//! What the arbiter decides, and what is asked of it.
+//! Commands and decisions of the arbiter, and the operator's requests.
 
-use super::{Axes, Name, Note, Twist, item, message, vocabulary};
+use super::{Axes, Name, Note, Twist, code_enum, item, message};
 
 message! {
-    /// What the motors get.
+    /// Command of the arbiter to the drive.
     "yamabico.Command.v2" Stream [u8] evidence evidence_ns
     pub struct Command {
-        /// When it was decided.
+        /// Time of the decision.
         pub stamp_ns: u64,
-        /// Oldest sensor data behind it; the stamp itself where nothing was claimed.
+        /// Stamp of the oldest sensor data behind it; the time of the decision if no behavior drives.
         pub evidence_ns: u64,
-        /// When the behavior with the oldest data was handed it; this and the next two are zero where nothing was claimed.
+        /// Time at which the behavior with the oldest data received it. Zero, like the next two, if no behavior drives.
         pub received_ns: u64,
-        /// When that behavior's proposal was sent.
+        /// Time at which that behavior sent its proposal.
         pub proposed_ns: u64,
-        /// When the arbiter took that proposal in.
-        pub heard_ns: u64,
-        /// When it was sent.
+        /// Time at which the arbiter received that proposal.
+        pub accepted_ns: u64,
+        /// Time at which the command was sent.
         pub sent_ns: u64,
-        /// Counts up by one a command.
+        /// Sequence number.
         pub sequence: u64,
-        /// Body twist, within the robot's limits.
+        /// Body twist within the robot's limits.
         pub twist: Twist,
-        /// Not zero: brake with the emergency deceleration.
+        /// Nonzero to brake with the emergency deceleration.
         pub emergency: u32,
         /// Zero.
         pub reserved: u32,
-        /// Who won the linear, lateral and angular axis; empty where nobody claimed it.
+        /// Behaviors that drive the linear, lateral and angular axis; empty if none.
         pub source: [Name; 3],
     }
 }
 
-vocabulary! {
-    /// The arbiter's state at a decision.
+code_enum! {
+    /// State of the arbiter.
     pub enum Mode {
-        /// Some behavior drives.
+        /// A behavior drives.
         Driving = 0 "driving",
-        /// Nobody claims an axis.
+        /// No behavior claims an axis.
         Idle = 1 "idle",
         /// A halt stops at least one axis.
         Halted = 2 "halted",
@@ -44,97 +44,97 @@ vocabulary! {
         CriticalSilent = 3 "critical part silent",
         /// The emergency stop is latched.
         EmergencyStop = 4 "emergency stop",
-        /// The run ends and the robot is being stopped.
+        /// The run is ending and the robot is being stopped.
         ShuttingDown = 5 "shutting down",
     }
 }
 
 message! {
-    /// A decision and why: a verdict on each behavior follows.
+    /// A decision of the arbiter with its explanation. Its items are the verdicts on the behaviors.
     "yamabico.DecisionHeader.v2" Stream [Verdict] evidence evidence_ns
     pub struct DecisionHeader {
-        /// When it was decided.
+        /// Time of the decision.
         pub stamp_ns: u64,
-        /// Oldest sensor data behind the command.
+        /// Stamp of the oldest sensor data behind the command.
         pub evidence_ns: u64,
-        /// That of the command.
+        /// Sequence number of the command.
         pub sequence: u64,
-        /// What the winners asked for, before limits and ramps.
+        /// Twist that the winning behaviors propose, before limits and ramps.
         pub wanted: Twist,
-        /// What the robot's largest speeds and its drive leave of it.
+        /// The same after the robot's speed limits and the kinematics of its drive.
         pub feasible: Twist,
-        /// The least limit in force on each axis, where it has a `limiter`.
+        /// Lowest limit in force on each axis; valid for axes with a `limiter`.
         pub limit: Twist,
-        /// After halts and limits, before ramps.
+        /// Twist after halts and limits, before ramps.
         pub allowed: Twist,
-        /// What was commanded.
+        /// Commanded twist.
         pub commanded: Twist,
         /// Axes that a halt stops.
         pub halted: Axes,
-        /// The axes that the drive has.
+        /// Axes that the drive can move.
         pub axes: Axes,
         /// A [`Mode`] code.
         pub mode: u32,
-        /// Not zero: some axis brakes with the emergency deceleration.
+        /// Nonzero if an axis brakes with the emergency deceleration.
         pub emergency: u32,
-        /// Who won the linear, lateral and angular axis; empty where nobody claimed it.
+        /// Behaviors that drive the linear, lateral and angular axis; empty if none.
         pub source: [Name; 3],
-        /// Whose limit binds each axis; empty where nobody's.
+        /// Behaviors whose limits bind the axes; empty if none.
         pub limiter: [Name; 3],
-        /// Who halts each axis; empty where nobody.
+        /// Behaviors that halt the axes; empty if none.
         pub halter: [Name; 3],
-        /// Why the mode is what it is, in words.
+        /// Explanation of the mode.
         pub note: Note,
     }
 }
 
 impl DecisionHeader {
-    /// The mode, where the code is known.
+    /// Returns the mode, or `None` if the code is undefined.
     pub fn mode(&self) -> Option<Mode> {
         Mode::from_code(self.mode)
     }
 }
 
-vocabulary! {
-    /// What became of a proposal.
+code_enum! {
+    /// Outcome of a proposal in a decision.
     pub enum Outcome {
-        /// Nothing has been heard from it yet.
+        /// No proposal has arrived yet.
         Silent = 0 "silent",
-        /// It abstained.
+        /// The behavior abstained.
         Abstained = 1 "abstained",
         /// It drives every axis that it claims.
         Won = 2 "won",
         /// It drives some of the axes that it claims.
         WonPart = 3 "won in part",
-        /// Its share is blended with that of equals.
+        /// Blended with proposals of the same priority.
         Blended = 4 "blended",
         /// Its limit is in force.
         Limiting = 5 "limiting",
-        /// Its limit is in force only for other directions.
+        /// Its limit applies to other directions.
         LimitElsewhere = 6 "limit points elsewhere",
         /// Its halt is in force.
         Halting = 7 "halting",
-        /// Its halt or limit is kept though the author fell silent or released it a moment ago.
+        /// Its halt or limit is held after its author fell silent or released it.
         Held = 8 "held",
-        /// Switched off.
+        /// The behavior is disabled.
         Disabled = 20 "disabled",
-        /// Too old.
+        /// The proposal is too old.
         Stale = 21 "stale",
-        /// Evidence too old.
+        /// The sensor data behind it is too old.
         StaleEvidence = 22 "stale evidence",
-        /// Stamped later than now.
+        /// Stamped in the future.
         FromTheFuture = 23 "from the future",
-        /// Not finite, out of range, or not in the vocabulary.
+        /// Not finite, out of range, or with an undefined code.
         Malformed = 24 "malformed",
-        /// Another behavior inhibits it.
+        /// Inhibited by another behavior.
         Inhibited = 25 "inhibited",
-        /// Another behavior suppresses it on every axis that it claims.
+        /// Suppressed by another behavior on every axis that it claims.
         Suppressed = 26 "suppressed",
-        /// A higher priority has every axis that it claims.
+        /// A higher priority drives every axis that it claims.
         OutRanked = 27 "out-ranked",
-        /// It lost one axis and gave up the others with it.
+        /// Coupled: it lost one axis and gave up the others.
         GaveUp = 28 "gave up, coupled",
-        /// It must wait before it may take over from a higher priority.
+        /// Waiting for its dwell time before it takes over from a higher priority.
         Waiting = 29 "waiting",
         /// A halt stops every axis that it won.
         Stopped = 30 "stopped by a halt",
@@ -142,31 +142,31 @@ vocabulary! {
 }
 
 item! {
-    /// What became of one behavior in one decision.
+    /// Verdict of a decision on one behavior.
     pub struct Verdict {
-        /// The behavior.
+        /// Name of the behavior.
         pub behavior: Name,
-        /// Who beat, inhibited, suppressed or halted it; empty where nobody.
+        /// Behavior that outranked, inhibited, suppressed or halted it; empty if none.
         pub by: Name,
-        /// Its priority.
+        /// Priority from the task file.
         pub priority: i32,
         /// An [`Outcome`] code.
         pub outcome: u32,
-        /// Claimed, limited or halted.
+        /// Axes that it claims, limits or halts.
         pub claimed: Axes,
-        /// Driven by it in the end.
+        /// Axes that it drives.
         pub won: Axes,
-        /// The number behind the outcome: age in seconds, the limit, or zero.
+        /// Number behind the outcome: the age in s, the limit in m/s or rad/s, or zero.
         pub number: f64,
-        /// The behavior's own [`Reason`](super::Reason) code.
+        /// [`Reason`](super::Reason) code of its proposal.
         pub reason: u32,
         /// A [`Kind`](super::Kind) code.
         pub kind: u32,
-        /// How long the outcome still lasts if nobody says a word: of what is held, inhibited, suppressed or waits, seconds;
-        /// negative where until its author is back, zero elsewhere.
+        /// Remaining time of a hold, inhibition, suppression or wait without new messages, s; negative if it lasts
+        /// until the author returns, zero for other outcomes.
         pub left_s: f64,
-        /// What is wrong with its newest word, an [`Outcome`] code, though a halt or limit of it may count all the same; zero
-        /// where nothing.
+        /// Fault of its newest proposal, an [`Outcome`] code, even if its halt or limit is still in force; zero if
+        /// none.
         pub fault: u32,
         /// Zero.
         pub reserved: u32,
@@ -174,43 +174,44 @@ item! {
 }
 
 impl Verdict {
-    /// The outcome, where the code is known.
+    /// Returns the outcome, or `None` if the code is undefined.
     pub fn outcome(&self) -> Option<Outcome> {
         Outcome::from_code(self.outcome)
     }
 }
 
-vocabulary! {
-    /// What somebody asks of a running robot.
+code_enum! {
+    /// Kind of an operator's request.
     pub enum ControlKind {
-        /// Let a behavior be heard.
+        /// Enable a behavior.
         Enable = 1 "enable",
-        /// Let a behavior not be heard.
+        /// Disable a behavior.
         Disable = 2 "disable",
-        /// Change parameters: the text is TOML, a table of keys for each behavior.
+        /// Change parameters: the text is TOML, one table of keys per behavior.
         Retune = 3 "retune",
-        /// Stop, latched.
+        /// Latch the emergency stop.
         EmergencyStop = 4 "e-stop",
-        /// Release the latched stop.
+        /// Release the emergency stop.
         Reset = 5 "reset",
-        /// Go to `goal`.
+        /// Set the goal.
         Goal = 6 "goal",
     }
 }
 
 message! {
-    /// A request to a running robot. A malformed one is refused and told. Its items are the text of a retune.
-    "yamabico.Control.v2" Stream [u8] in words
+    /// An operator's request to a running robot. Its items are the TOML text of a parameter change. A malformed request
+    /// is refused and reported.
+    "yamabico.Control.v2" Stream [u8] as text
     pub struct Control {
-        /// When it was asked.
+        /// Time of the request.
         pub stamp_ns: u64,
-        /// Counts up by one a request.
+        /// Sequence number.
         pub sequence: u64,
-        /// Whom it concerns; empty where the whole robot.
+        /// Name of the behavior; empty for the whole robot.
         pub target: Name,
-        /// Why, in words.
+        /// Explanation by the operator.
         pub note: Note,
-        /// x, y, theta and tolerance of a goal: m, m, rad, m.
+        /// Goal: x, y, theta and tolerance in m, m, rad and m.
         pub goal: [f64; 4],
         /// A [`ControlKind`] code.
         pub kind: u32,
@@ -220,7 +221,7 @@ message! {
 }
 
 impl Control {
-    /// What is asked, where the code is known.
+    /// Returns the kind of the request, or `None` if the code is undefined.
     pub fn kind(&self) -> Option<ControlKind> {
         ControlKind::from_code(self.kind)
     }

@@ -1,11 +1,12 @@
-//! The pixels of a camera frame.
+//! Typed access to the pixels of a camera frame.
 
 use super::{Encoding, FrameHeader, View};
 use crate::image::{GrayImage, ImageView, RgbView};
 
 impl<'a> View<'a, FrameHeader> {
-    /// The gray levels of the frame: its own bytes where it is gray, else its luma, computed into `buffer`. `None` where
-    /// the encoding is unknown, or where the size (columns, rows) differs from `size` or from the number of bytes.
+    /// Returns the frame as a gray image: its own pixels if it is gray, else its luma, computed into `buffer`. Returns
+    /// `None` if the encoding is unknown, or if the size (columns, rows) differs from `size` or does not match the
+    /// number of bytes.
     #[must_use]
     pub fn gray(&self, size: [u32; 2], buffer: &'a mut GrayImage) -> Option<ImageView<'a>> {
         let (width, height, stride) = self.layout(size)?;
@@ -18,8 +19,8 @@ impl<'a> View<'a, FrameHeader> {
         }
     }
 
-    /// The colors of the frame. `None` where it is not a color frame, or where the size (columns, rows) differs from `size`
-    /// or from the number of bytes.
+    /// Returns the frame as a color image. Returns `None` if it is not a color frame, or if the size (columns, rows)
+    /// differs from `size` or does not match the number of bytes.
     #[must_use]
     pub fn rgb(&self, size: [u32; 2]) -> Option<RgbView<'a>> {
         let (width, height, stride) = self.layout(size)?;
@@ -29,7 +30,7 @@ impl<'a> View<'a, FrameHeader> {
         }
     }
 
-    /// Columns, rows and stride, where the frame is of this size.
+    /// Returns columns, rows and stride if the frame has this size.
     fn layout(&self, size: [u32; 2]) -> Option<(usize, usize, usize)> {
         let header = self.header;
         let fits = [header.width, header.height] == size;
@@ -52,14 +53,17 @@ mod tests {
             ..Default::default()
         };
         let mut buffer = GrayImage::default();
-        let mut seen = |header: FrameHeader| {
+        let mut readable = |header: FrameHeader| {
             let frame = View::<FrameHeader> { header: &header, items: &data };
             (frame.rgb([2, 2]).is_some(), frame.gray([2, 2], &mut buffer).is_some())
         };
-        assert_eq!(seen(rgb), (true, true));
-        assert_eq!(seen(FrameHeader { encoding: Encoding::Gray8.code(), stride: 4, ..rgb }), (false, true));
-        assert_eq!(seen(FrameHeader { encoding: 99, ..rgb }), (false, false));
-        assert_eq!(seen(FrameHeader { height: 3, ..rgb }), (false, false));
-        assert_eq!(seen(FrameHeader { stride: 9, ..rgb }), (false, false));
+        assert_eq!(readable(rgb), (true, true));
+        assert_eq!(
+            readable(FrameHeader { encoding: Encoding::Gray8.code(), stride: 4, ..rgb }),
+            (false, true)
+        );
+        assert_eq!(readable(FrameHeader { encoding: 99, ..rgb }), (false, false));
+        assert_eq!(readable(FrameHeader { height: 3, ..rgb }), (false, false));
+        assert_eq!(readable(FrameHeader { stride: 9, ..rgb }), (false, false));
     }
 }

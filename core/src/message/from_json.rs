@@ -1,12 +1,12 @@
-//! Messages from the JSON that tells them.
+//! Conversion of messages from JSON.
 
 use serde_json::Value;
 
 use super::{Axes, Layout, MessageType};
 
 impl MessageType {
-    /// Bytes of the header and of the items that [`MessageType::to_json`] told so; a frame is without its pixels. `None` where a
-    /// field is missing, of the wrong type, or not finite.
+    /// Converts the JSON of [`MessageType::to_json`] back to the bytes of header and items; a frame comes without
+    /// pixels. Returns `None` if a field is missing, has the wrong type, or is not finite.
     #[must_use]
     pub fn from_json(&self, json: &Value) -> Option<(Vec<u8>, Vec<u8>)> {
         let (mut header, mut items) = (Vec::new(), Vec::new());
@@ -25,7 +25,7 @@ impl MessageType {
 fn push(layout: Layout, value: &Value, bytes: &mut Vec<u8>) -> Option<()> {
     match layout {
         Layout::U8 => bytes.push(u8::try_from(value.as_u64()?).ok()?),
-        Layout::U32 => bytes.extend(word(value)?.to_ne_bytes()),
+        Layout::U32 => bytes.extend(axes_or_integer(value)?.to_ne_bytes()),
         Layout::I32 => bytes.extend(i32::try_from(value.as_i64()?).ok()?.to_ne_bytes()),
         Layout::U64 => bytes.extend(value.as_u64()?.to_ne_bytes()),
         Layout::F64 => bytes.extend(value.as_f64()?.to_ne_bytes()),
@@ -44,8 +44,8 @@ fn push(layout: Layout, value: &Value, bytes: &mut Vec<u8>) -> Option<()> {
     Some(())
 }
 
-/// A number, or a set of axes by their names.
-fn word(value: &Value) -> Option<u32> {
+/// Reads an integer, or a set of axes by their names.
+fn axes_or_integer(value: &Value) -> Option<u32> {
     match value {
         Value::String(_) => serde_json::from_value::<Axes>(value.clone()).ok().map(Axes::bits),
         _ => u32::try_from(value.as_u64()?).ok(),
@@ -57,7 +57,7 @@ mod tests {
     use super::*;
     use crate::message::{ALL, Beam, FailureHeader, Proposal, RangeScanHeader, Reason};
 
-    /// Bytes that say something in every field: whole numbers, texts, numbers of all digits.
+    /// Fills every field with a distinct value.
     fn fill(layout: Layout, bytes: &mut Vec<u8>) {
         let n = bytes.len();
         match layout {
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn every_message_comes_back_to_the_byte() {
+    fn every_message_survives_the_round_trip_byte_for_byte() {
         for message in ALL {
             let (mut header, mut items) = (Vec::new(), Vec::new());
             fill(message.header, &mut header);
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn words_come_back() {
+    fn text_survives_the_round_trip() {
         let failure = MessageType::of::<FailureHeader>();
         let header = bytemuck::bytes_of(&FailureHeader::default()).to_vec();
         let json = (failure.to_json)(&header, b"the lens is gone");
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_wrong_is_no_message() {
+    fn missing_or_wrong_fields_are_refused() {
         let scan = MessageType::of::<RangeScanHeader>();
         let header = RangeScanHeader { max_m: 3.0, ..Default::default() };
         let json = (scan.to_json)(bytemuck::bytes_of(&header), bytemuck::bytes_of(&Beam::default()));

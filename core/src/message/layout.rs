@@ -1,90 +1,90 @@
-//! How a message lies in memory, for programs in other languages.
+//! Memory layout of messages, for programs in other languages.
 
 use super::{Axes, Name, Note, Sector, Text, Twist};
 
-/// The type of a field.
+/// Type of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Layout {
-    /// One byte.
+    /// One unsigned byte.
     U8,
-    /// Four bytes, without sign.
+    /// Unsigned 32-bit integer.
     U32,
-    /// Four bytes, with sign.
+    /// Signed 32-bit integer.
     I32,
-    /// Eight bytes, without sign.
+    /// Unsigned 64-bit integer.
     U64,
-    /// A floating-point number of eight bytes.
+    /// 64-bit floating-point number.
     F64,
-    /// UTF-8 of so many bytes, padded with zeros.
+    /// UTF-8 text of this many bytes, padded with zeros.
     Text(usize),
-    /// So many of one type, one after the other.
+    /// Array of this element type and length.
     Array(&'static Layout, usize),
-    /// Fields, one after the other.
+    /// Struct.
     Struct(&'static StructLayout),
 }
 
-/// The fields of a header, of an item, or of a part of either.
+/// Layout of a header, of an item, or of a struct inside either. Its fields have no gaps between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StructLayout {
     /// Name of the type.
     pub name: &'static str,
-    /// What it is, in words.
+    /// Doc comment of the type.
     pub docs: &'static str,
-    /// Bytes.
+    /// Size, bytes.
     pub size: usize,
-    /// Without gaps between them.
+    /// Fields in memory order.
     pub fields: &'static [Field],
 }
 
-/// One field.
+/// Layout of one field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
-    /// Its name.
+    /// Name of the field.
     pub name: &'static str,
-    /// What it means, in words.
+    /// Doc comment of the field.
     pub docs: &'static str,
-    /// From the beginning of the struct, bytes.
+    /// Offset from the beginning of the struct, bytes.
     pub offset: usize,
-    /// Its type.
+    /// Type of the field.
     pub layout: Layout,
 }
 
-/// A type whose layout is known.
-pub trait Laid {
-    /// The layout.
+/// A type with a known memory layout.
+pub trait HasLayout {
+    /// Memory layout of the type.
     const LAYOUT: Layout;
 }
 
-macro_rules! laid {
-    ($($ty:ty = $layout:expr),* $(,)?) => { $(impl Laid for $ty { const LAYOUT: Layout = $layout; })* };
+macro_rules! primitive_layouts {
+    ($($ty:ty = $layout:expr),* $(,)?) => { $(impl HasLayout for $ty { const LAYOUT: Layout = $layout; })* };
 }
 
-laid! {
+primitive_layouts! {
     u8 = Layout::U8,
     u32 = Layout::U32,
     i32 = Layout::I32,
     u64 = Layout::U64,
     f64 = Layout::F64,
-    // A set of axes is a number: a bit an axis.
+    // A set of axes is a bit field.
     Axes = Layout::U32,
 }
 
-impl<const N: usize> Laid for Text<N> {
+impl<const N: usize> HasLayout for Text<N> {
     const LAYOUT: Layout = Layout::Text(N);
 }
 
-impl<T: Laid, const N: usize> Laid for [T; N] {
+impl<T: HasLayout, const N: usize> HasLayout for [T; N] {
     const LAYOUT: Layout = Layout::Array(&T::LAYOUT, N);
 }
 
-/// Tells the layout of a struct from its fields, with their docs.
-macro_rules! lay {
+/// Implements [`HasLayout`] for a struct from its fields and their doc comments.
+macro_rules! struct_layout {
     (
         $(#[doc = $doc:literal])* struct $ty:ident {
             $($(#[doc = $field_doc:literal])* pub $field:ident: $field_ty:ty,)*
         }
     ) => {
-        impl crate::message::Laid for $ty {
+        impl crate::message::HasLayout for $ty {
             const LAYOUT: crate::message::Layout =
                 crate::message::Layout::Struct(&crate::message::StructLayout {
                     name: stringify!($ty),
@@ -94,32 +94,32 @@ macro_rules! lay {
                         name: stringify!($field),
                         docs: concat!($($field_doc, "\n"),*),
                         offset: std::mem::offset_of!($ty, $field),
-                        layout: <$field_ty as crate::message::Laid>::LAYOUT,
+                        layout: <$field_ty as crate::message::HasLayout>::LAYOUT,
                     }),*],
                 });
         }
     };
 }
-pub(crate) use lay;
+pub(crate) use struct_layout;
 
-lay! {
+struct_layout! {
     /// A planar velocity in the robot frame.
     struct Twist {
-        /// Forward, m/s.
+        /// Forward speed, m/s.
         pub linear: f64,
-        /// To the left, m/s.
+        /// Speed to the left, m/s.
         pub lateral: f64,
-        /// Turn rate, rad/s, left positive.
+        /// Turn rate, rad/s, positive to the left.
         pub angular: f64,
     }
 }
 
-lay! {
-    /// A sector of directions of translation, robot frame.
+struct_layout! {
+    /// A sector of directions of translation in the robot frame.
     struct Sector {
-        /// Middle, left positive, radians.
+        /// Direction of the center, rad, positive to the left.
         pub center_rad: f64,
-        /// Half width, radians; pi or more is every direction.
+        /// Half of the opening angle, rad; pi or more covers every direction.
         pub half_width_rad: f64,
     }
 }
@@ -127,7 +127,7 @@ lay! {
 const _: () = assert!(size_of::<Name>() == 32 && size_of::<Note>() == 64);
 
 impl Layout {
-    /// Bytes.
+    /// Size, bytes.
     pub const fn size(&self) -> usize {
         match self {
             Layout::U8 => 1,

@@ -1,10 +1,12 @@
-//! The types that travel over the bus.
+//! The messages: every type that is sent over the bus.
 //!
 //! A message is a fixed header and, for lists, a slice of items behind it. Headers and items are plain old data without
-//! padding: every bit pattern is a valid value, so a hostile or broken sender can put nothing into shared memory that is
-//! undefined to read. What a number *means* is checked by accessors that answer `None` for a value outside the vocabulary.
+//! padding: every bit pattern is a valid value, so a faulty sender cannot put anything into shared memory that is
+//! undefined to read. Codes are checked by accessors that return `None` for an undefined value.
 //!
-//! Type names carry a version; a change of layout is a new version.
+//! Type names are versioned: a change of layout needs a new version. Fields named `reserved` fill gaps and are zero.
+//! Stamps are [`Time`] values; results derived from sensor data have two, `stamp_ns` (the time that the result is valid
+//! for) and `evidence_ns` (the stamp of the oldest sensor data behind it).
 
 mod command;
 mod frame;
@@ -21,21 +23,21 @@ mod view;
 
 pub use crate::geometry::{Axis, Twist};
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
-pub use layout::{Field, Laid, Layout, StructLayout};
-pub use operator::{RetuneHeader, RetuneStep, RetunedHeader, Retuning, Stick};
+pub use layout::{Field, HasLayout, Layout, StructLayout};
+pub use operator::{RetuneHeader, RetuneOutcome, RetuneStep, RetunedHeader, Stick};
 pub use perception::{
     FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle, ObstaclesHeader,
     PathHeader, PathPoint, Pose, PoseStatus,
 };
 pub use plugin::{
-    CallBucket, CallsHeader, FailureHeader, Heartbeat, MemoryHeader, PluginState, Process, ProcessState,
-    ProcessesHeader, RosterHeader, WallPoint, WallsHeader,
+    CallBucket, CallsHeader, FailureHeader, Heartbeat, PluginState, Process, ProcessState, ProcessesHeader,
+    RobotManifestHeader, SavedStateHeader, WallPoint, WallsHeader,
 };
 pub use proposal::{Axes, Kind, Proposal, Reason, Sector};
 pub use registry::{ALL, MessageType};
 pub use sensors::{
-    Beam, Bumper, Clock, Encoding, FrameHeader, Imu, NO_ECHO, Odometry, RangeScanHeader, Truth, Turn,
-    TurnPhase,
+    Beam, Bumper, Clock, Encoding, FrameHeader, Imu, NO_ECHO, Odometry, RangeScanHeader, StepPhase,
+    StepSignal, Truth,
 };
 pub use text::{Name, Note, Text};
 pub use view::{RawMessage, View};
@@ -45,43 +47,43 @@ use serde::Serialize;
 
 use crate::time::Time;
 
-/// How a channel treats a slow reader.
+/// Delivery policy of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Channel {
-    /// The newest value wins; a late reader gets the last one.
+    /// Keeps the newest message only; a new subscriber receives it at once.
     Latest,
-    /// Every value counts; a reader that overflows is told how many it lost.
+    /// Queues messages; a subscriber whose queue overflows counts the lost ones.
     Stream,
 }
 
-/// A type that travels: the header, and the items behind it.
-pub trait Message: Pod + Serialize + Laid + std::fmt::Debug + 'static {
-    /// What the slice behind the header holds; [`u8`] and empty for a message without a list.
-    type Item: Pod + Serialize + Laid + std::fmt::Debug;
+/// A type that is sent over the bus: the header of a message, and the items behind it.
+pub trait Message: Pod + Serialize + HasLayout + std::fmt::Debug + 'static {
+    /// Element of the list behind the header; [`u8`] for a message without a list.
+    type Item: Pod + Serialize + HasLayout + std::fmt::Debug;
     /// Versioned name, such as `yamabico.Odometry.v1`.
     const NAME: &'static str;
-    /// How a channel of it treats a slow reader.
+    /// Delivery policy of its channels.
     const CHANNEL: Channel;
-    /// The capture stamp.
+    /// Returns the time that the message is valid for; for a measurement, the capture time.
     fn stamp(&self) -> Time;
-    /// Counts up by one a message; a reader of a stream counts its losses by the gaps.
+    /// Returns the sequence number, which increases by one with each message; a gap in a stream reveals lost messages.
     fn sequence(&self) -> u64;
-    /// Whether the items are the bytes of a text.
-    const IS_WORDED: bool = false;
-    /// The oldest sensor data in it; the capture stamp for what a sensor measured itself.
+    /// True if the items are the bytes of a UTF-8 text.
+    const IS_TEXT: bool = false;
+    /// Returns the stamp of the oldest sensor data in the message; for a measurement, the capture time.
     fn evidence(&self) -> Time {
         self.stamp()
     }
 }
 
-/// Declares a header: `repr(C)`, plain old data, with its versioned name, its channel and its items.
+/// Declares the header of a message: `repr(C)`, plain old data, with its versioned name, channel and items.
 macro_rules! message {
-    (@words) => { true };
+    (@text) => { true };
     (@sequence $header:ident) => { $header.sequence };
     (@sequence $header:ident $field:ident) => { $header.$field };
     (
         $(#[doc = $doc:literal])*
-        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)? $(counted by $sequence:ident)? $(in $words:ident)?
+        $name:literal $channel:ident [$item:ty] $(evidence $evidence:ident)? $(counted by $sequence:ident)? $(as $text:ident)?
         pub struct $ty:ident { $($body:tt)* }
     ) => {
         $(#[doc = $doc])*
@@ -97,13 +99,13 @@ macro_rules! message {
             }
         }
 
-        crate::message::layout::lay! { $(#[doc = $doc])* struct $ty { $($body)* } }
+        crate::message::layout::struct_layout! { $(#[doc = $doc])* struct $ty { $($body)* } }
 
         impl crate::message::Message for $ty {
             type Item = $item;
             const NAME: &'static str = $name;
             const CHANNEL: crate::message::Channel = crate::message::Channel::$channel;
-            $(const IS_WORDED: bool = crate::message::message!(@$words);)?
+            $(const IS_TEXT: bool = crate::message::message!(@$text);)?
             fn stamp(&self) -> crate::time::Time {
                 crate::time::Time(self.stamp_ns)
             }
@@ -118,7 +120,7 @@ macro_rules! message {
 }
 pub(crate) use message;
 
-/// Declares an element of a list: `repr(C)`, plain old data.
+/// Declares an item of a list: `repr(C)`, plain old data.
 macro_rules! item {
     ($(#[doc = $doc:literal])* pub struct $ty:ident { $($body:tt)* }) => {
         $(#[doc = $doc])*
@@ -126,7 +128,7 @@ macro_rules! item {
         #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, serde::Serialize)]
         pub struct $ty { $($body)* }
 
-        crate::message::layout::lay! { $(#[doc = $doc])* struct $ty { $($body)* } }
+        crate::message::layout::struct_layout! { $(#[doc = $doc])* struct $ty { $($body)* } }
 
         impl Default for $ty {
             fn default() -> Self {
@@ -137,8 +139,8 @@ macro_rules! item {
 }
 pub(crate) use item;
 
-/// Declares the vocabulary of a code that travels as `u32`.
-macro_rules! vocabulary {
+/// Declares an enum that is sent as a `u32` code.
+macro_rules! code_enum {
     ($(#[$meta:meta])* pub enum $ty:ident { $($(#[$vmeta:meta])* $variant:ident = $code:literal $text:literal,)* }) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize)]
@@ -146,20 +148,20 @@ macro_rules! vocabulary {
         pub enum $ty { $($(#[$vmeta])* $variant = $code,)* }
 
         impl $ty {
-            /// Every word of this vocabulary.
+            /// All values.
             pub const ALL: &'static [$ty] = &[$($ty::$variant),*];
 
-            /// The number that travels.
+            /// Code in messages.
             pub const fn code(self) -> u32 {
                 self as u32
             }
 
-            /// The meaning of a number that traveled; `None` where it is not in the vocabulary.
+            /// Returns the value with this code, or `None` if the code is undefined.
             pub const fn from_code(code: u32) -> Option<$ty> {
                 match code { $($code => Some($ty::$variant),)* _ => None }
             }
 
-            /// In words, lower case.
+            /// Name for tables and logs, lower case.
             pub const fn as_str(self) -> &'static str {
                 match self { $($ty::$variant => $text,)* }
             }
@@ -172,4 +174,4 @@ macro_rules! vocabulary {
         }
     };
 }
-pub(crate) use vocabulary;
+pub(crate) use code_enum;

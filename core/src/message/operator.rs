@@ -1,30 +1,30 @@
-//! What an operator asks of behaviors.
+//! Requests of the operator to behaviors, and their responses.
 
-use super::{Name, Note, message, vocabulary};
+use super::{Name, Note, code_enum, message};
 
-vocabulary! {
-    /// How far a change of parameters is.
+code_enum! {
+    /// Step of a two-phase change of parameters.
     pub enum RetuneStep {
-        /// Build what the new parameters make, beside what works.
+        /// Build the behavior with the new parameters while the old one keeps running.
         Prepare = 1 "prepare",
-        /// Let it work.
+        /// Replace the behavior by the prepared one.
         Apply = 2 "apply",
-        /// Forget it.
+        /// Discard the prepared behavior.
         Drop = 3 "drop",
     }
 }
 
 message! {
-    /// The robot asks a behavior to change its parameters. Its items are all of them, TOML.
-    "yamabico.RetuneHeader.v1" Stream [u8] in words
+    /// Request to a behavior to change its parameters. Its items are the complete parameters, TOML.
+    "yamabico.RetuneHeader.v1" Stream [u8] as text
     pub struct RetuneHeader {
-        /// When it was asked.
+        /// Time of the request.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Which change: every step of one has the same number.
+        /// Id of the change, the same in all of its steps.
         pub request: u64,
-        /// Who is to change.
+        /// Name of the behavior.
         pub behavior: Name,
         /// A [`RetuneStep`] code.
         pub step: u32,
@@ -34,39 +34,39 @@ message! {
 }
 
 impl RetuneHeader {
-    /// How far the change is, where the code is known.
+    /// Returns the step, or `None` if the code is undefined.
     pub fn step(&self) -> Option<RetuneStep> {
         RetuneStep::from_code(self.step)
     }
 }
 
-vocabulary! {
-    /// What became of a change of parameters.
-    pub enum Retuning {
-        /// What they make is built and waits.
+code_enum! {
+    /// Outcome of one step of a change of parameters.
+    pub enum RetuneOutcome {
+        /// The prepared behavior is ready.
         Ready = 1 "ready",
-        /// They do not do; the old ones stay.
+        /// The parameters were refused; the old ones stay in force.
         Refused = 2 "refused",
-        /// They are in force.
+        /// The parameters are in force.
         Applied = 3 "applied",
     }
 }
 
 message! {
-    /// What became of a change of parameters. Its items are words.
-    "yamabico.RetunedHeader.v1" Stream [u8] in words
+    /// Response to a change of parameters. Its items are the error text.
+    "yamabico.RetunedHeader.v1" Stream [u8] as text
     pub struct RetunedHeader {
-        /// When it was told.
+        /// Time of the response.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Which change; of the robot's own answer, the stamp of what was asked.
+        /// Id of the change; in the robot's response to the operator, the stamp of the operator's request.
         pub request: u64,
-        /// Who answers; empty where the robot for all of them.
+        /// Name of the responding behavior; empty if the robot responds for all of them.
         pub behavior: Name,
-        /// The key to change, dotted; empty where none is to blame.
+        /// Dotted path of the parameter to change; empty if no parameter is the cause.
         pub key: Note,
-        /// A [`Retuning`] code.
+        /// A [`RetuneOutcome`] code.
         pub outcome: u32,
         /// Zero.
         pub reserved: u32,
@@ -74,25 +74,25 @@ message! {
 }
 
 impl RetunedHeader {
-    /// What became of it, where the code is known.
-    pub fn outcome(&self) -> Option<Retuning> {
-        Retuning::from_code(self.outcome)
+    /// Returns the outcome, or `None` if the code is undefined.
+    pub fn outcome(&self) -> Option<RetuneOutcome> {
+        RetuneOutcome::from_code(self.outcome)
     }
 }
 
 message! {
-    /// Where somebody holds the stick that drives the robot by hand: shares of the largest speeds.
+    /// Position of the operator's joystick, as fractions of the maximum speeds.
     "yamabico.Stick.v1" Latest [u8]
     pub struct Stick {
-        /// When it was held there.
+        /// Time of the reading.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// -1 (backwards) to 1 (forward).
+        /// Forward speed: -1 (backward) to 1 (forward).
         pub forward: f64,
-        /// -1 (to the right) to 1 (to the left).
+        /// Lateral speed: -1 (right) to 1 (left).
         pub left: f64,
-        /// -1 (clockwise) to 1 (counterclockwise).
+        /// Turn rate: -1 (clockwise) to 1 (counterclockwise).
         pub turn: f64,
     }
 }

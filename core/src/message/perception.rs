@@ -1,89 +1,89 @@
-//! What behaviors make of what sensors measured. Each carries two stamps: `stamp_ns`, the instant that its state was
-//! propagated to, and `evidence_ns`, the oldest sensor data in it.
+//! Results that behaviors derive from sensor data, and the goal. `stamp_ns` is the time that a result is valid for,
+//! `evidence_ns` the stamp of the oldest sensor data behind it.
 
-use super::{item, message, vocabulary};
+use super::{code_enum, item, message};
 
 message! {
-    /// Where to go: a pose in the map frame.
+    /// Goal of the run: a pose in the map frame.
     "yamabico.Goal.v1" Latest [u8]
     pub struct Goal {
-        /// When it was given.
+        /// Time at which the goal was set.
         pub stamp_ns: u64,
-        /// Counts up by one a goal.
+        /// Sequence number.
         pub sequence: u64,
-        /// Meters.
+        /// Position along x of the map frame, m.
         pub x: f64,
-        /// Meters.
+        /// Position along y of the map frame, m.
         pub y: f64,
-        /// Radians; NaN where any heading will do.
+        /// Heading, rad; NaN if any heading is accepted.
         pub theta: f64,
-        /// Reached within this distance, meters.
+        /// Distance at which the goal counts as reached, m.
         pub tolerance_m: f64,
     }
 }
 
 message! {
-    /// A planned path and where the robot stands on it; the points follow.
+    /// A planned path and the robot's position on it. Its items are the corners.
     "yamabico.PathHeader.v1" Latest [PathPoint] evidence evidence_ns
     pub struct PathHeader {
-        /// The instant that the errors hold for.
+        /// Time that the errors are valid for.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it.
+        /// Stamp of the oldest sensor data behind it.
         pub evidence_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Robot left of the path, meters.
+        /// Lateral error, m, positive if the robot is left of the path.
         pub lateral_error_m: f64,
-        /// Robot heading less path heading, radians.
+        /// Heading error: robot heading minus path heading, rad.
         pub heading_error_rad: f64,
-        /// Path length behind the robot, meters.
+        /// Path length covered so far, m.
         pub progress_m: f64,
     }
 }
 
 item! {
-    /// A corner of a path, map frame.
+    /// A corner of a path in the map frame.
     pub struct PathPoint {
-        /// Meters.
+        /// Position along x of the map frame, m.
         pub x: f64,
-        /// Meters.
+        /// Position along y of the map frame, m.
         pub y: f64,
     }
 }
 
-vocabulary! {
-    /// How far a pose can be trusted.
+code_enum! {
+    /// Reliability of a pose estimate.
     pub enum PoseStatus {
-        /// Nothing has been matched yet.
+        /// No measurement has been matched yet.
         Unknown = 0 "unknown",
-        /// Matched lately, covariance honest.
+        /// Recently matched; the covariance is reliable.
         Tracking = 1 "tracking",
         /// Dead reckoning since the last match.
         Coasting = 2 "coasting",
-        /// Measurements disagree with the covariance.
+        /// Measurements contradict the covariance.
         Inconsistent = 3 "inconsistent",
-        /// Not to be used.
+        /// Lost: do not use the pose.
         Lost = 4 "lost",
     }
 }
 
 message! {
-    /// Where the robot is on the map.
+    /// Pose estimate in the map frame.
     "yamabico.Pose.v1" Latest [u8] evidence evidence_ns
     pub struct Pose {
-        /// The instant that it holds for.
+        /// Time that it is valid for.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it.
+        /// Stamp of the oldest sensor data behind it.
         pub evidence_ns: u64,
-        /// Counts up by one a pose.
+        /// Sequence number.
         pub sequence: u64,
-        /// Meters.
+        /// Position along x of the map frame, m.
         pub x: f64,
-        /// Meters.
+        /// Position along y of the map frame, m.
         pub y: f64,
-        /// Radians in (-pi, pi].
+        /// Heading, rad in (-pi, pi].
         pub theta: f64,
-        /// Of (x, y, theta), row by row.
+        /// Covariance of (x, y, theta), row-major, in m and rad.
         pub covariance: [f64; 9],
         /// A [`PoseStatus`] code.
         pub status: u32,
@@ -93,21 +93,21 @@ message! {
 }
 
 impl Pose {
-    /// The status, where the code is known.
+    /// Returns the status, or `None` if the code is undefined.
     pub fn status(&self) -> Option<PoseStatus> {
         PoseStatus::from_code(self.status)
     }
 }
 
 message! {
-    /// Things that the map does not explain; the obstacles follow.
+    /// Obstacles that are not on the map. Its items are the obstacles.
     "yamabico.ObstaclesHeader.v1" Latest [Obstacle] evidence evidence_ns
     pub struct ObstaclesHeader {
-        /// The instant that it holds for.
+        /// Time that it is valid for.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it.
+        /// Stamp of the oldest sensor data behind it.
         pub evidence_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
     }
 }
@@ -115,28 +115,28 @@ message! {
 item! {
     /// An obstacle in the robot frame.
     pub struct Obstacle {
-        /// Forward, meters.
+        /// Position forward of the robot, m.
         pub x: f64,
-        /// Left, meters.
+        /// Position left of the robot, m.
         pub y: f64,
-        /// Meters.
+        /// Radius, m.
         pub radius_m: f64,
-        /// Of (x, y), row by row.
+        /// Covariance of (x, y), row-major, m^2.
         pub covariance: [f64; 4],
-        /// 0 to 1.
+        /// Probability that the obstacle exists, 0 to 1.
         pub confidence: f64,
     }
 }
 
 message! {
-    /// How far the floor is free in each direction; the directions follow, from right to left.
+    /// Extent of free floor by direction. Its items are the directions, from right to left.
     "yamabico.FreeSpaceHeader.v1" Latest [FreeDirection] evidence evidence_ns
     pub struct FreeSpaceHeader {
-        /// The instant that it holds for.
+        /// Time that it is valid for.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it.
+        /// Stamp of the oldest sensor data behind it.
         pub evidence_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
     }
 }
@@ -144,55 +144,55 @@ message! {
 item! {
     /// Free floor in one direction, robot frame.
     pub struct FreeDirection {
-        /// Left positive, radians.
+        /// Direction in the robot frame, rad, positive to the left.
         pub azimuth_rad: f64,
-        /// Meters from the robot's center.
+        /// Distance from the robot's center to the end of the free floor, m.
         pub distance_m: f64,
     }
 }
 
 message! {
-    /// Bearings to landmarks; they follow.
+    /// Bearings to landmarks. Its items are the landmarks.
     "yamabico.LandmarksHeader.v1" Latest [Landmark] evidence evidence_ns
     pub struct LandmarksHeader {
-        /// The instant that it holds for.
+        /// Time that it is valid for.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it.
+        /// Stamp of the oldest sensor data behind it.
         pub evidence_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
     }
 }
 
 item! {
-    /// A landmark seen from the robot.
+    /// A landmark observed from the robot.
     pub struct Landmark {
-        /// Number on the map; `u64::MAX` where it is not known.
+        /// Number on the map; `u64::MAX` if unknown.
         pub id: u64,
-        /// Left positive, radians.
+        /// Direction in the robot frame, rad, positive to the left.
         pub azimuth_rad: f64,
-        /// Standard deviation, radians.
+        /// Standard deviation of the direction, rad.
         pub sigma_rad: f64,
-        /// Meters; NaN where only the bearing is known.
+        /// Range, m; NaN if only the bearing is known.
         pub range_m: f64,
     }
 }
 
 message! {
-    /// The intersection ahead.
+    /// The corridor intersection ahead.
     "yamabico.Intersection.v1" Latest [u8] evidence evidence_ns
     pub struct Intersection {
-        /// The instant that it holds for.
+        /// Time that it is valid for.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it.
+        /// Stamp of the oldest sensor data behind it.
         pub evidence_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Of its middle, left positive, radians.
+        /// Direction of its center, rad, positive to the left.
         pub bearing_rad: f64,
-        /// To its nearer end, meters.
+        /// Distance to its near end, m.
         pub distance_m: f64,
-        /// Standard deviation of the distance, meters.
+        /// Standard deviation of the distance, m.
         pub sigma_m: f64,
     }
 }

@@ -1,155 +1,156 @@
-//! What plugins tell of themselves.
+//! Status messages of plugins and of their processes.
 
-use super::{Name, Note, item, message, vocabulary};
+use super::{Name, Note, code_enum, item, message};
 
-vocabulary! {
-    /// How a plugin fares.
+code_enum! {
+    /// State of a plugin.
     pub enum PluginState {
-        /// Coming up.
+        /// Starting.
         Starting = 0 "starting",
-        /// Doing its work.
+        /// Running.
         Running = 1 "running",
-        /// Not asked, since another behavior inhibits it.
+        /// Not called, because another behavior inhibits it.
         Sleeping = 2 "sleeping",
-        /// Switched off.
+        /// Disabled by the operator.
         Disabled = 3 "disabled",
-        /// Out for good.
+        /// Failed permanently.
         Failed = 4 "failed",
-        /// Its sensors have nothing more to measure.
+        /// Its sensors have no more data.
         Ended = 5 "ended",
     }
 }
 
 message! {
-    /// A plugin is alive.
+    /// Heartbeat of a plugin.
     "yamabico.Heartbeat.v1" Stream [u8]
     pub struct Heartbeat {
-        /// When it was sent.
+        /// Time of sending.
         pub stamp_ns: u64,
-        /// Counts up by one a heartbeat.
+        /// Sequence number.
         pub sequence: u64,
-        /// Who is alive.
+        /// Name of the plugin.
         pub plugin: Name,
         /// A [`PluginState`] code.
         pub state: u32,
-        /// Times that it was started again.
+        /// Number of restarts.
         pub restarts: u32,
     }
 }
 
 impl Heartbeat {
-    /// How the plugin fares, where the code is known.
+    /// Returns the state, or `None` if the code is undefined.
     pub fn state(&self) -> Option<PluginState> {
         PluginState::from_code(self.state)
     }
 }
 
 message! {
-    /// A plugin cannot do what it should. Its items are the reason in words, UTF-8.
-    "yamabico.FailureHeader.v1" Stream [u8] in words
+    /// Failure of a plugin. Its items are the error text, UTF-8.
+    "yamabico.FailureHeader.v1" Stream [u8] as text
     pub struct FailureHeader {
-        /// When it failed.
+        /// Time of the failure.
         pub stamp_ns: u64,
-        /// Counts up by one a failure.
+        /// Sequence number.
         pub sequence: u64,
-        /// Who failed.
+        /// Name of the plugin.
         pub plugin: Name,
-        /// The key of its table to change, dotted; empty where none is to blame.
+        /// Dotted path of the parameter to change; empty if no parameter is the cause.
         pub key: Note,
     }
 }
 
 message! {
-    /// How the calls of a behavior went since it was started. Wall-clock figures; the calls by duration follow.
+    /// Statistics of a behavior's calls since its last start, by the wall clock. Its items are a histogram of their
+    /// durations.
     "yamabico.CallsHeader.v1" Latest [CallBucket]
     pub struct CallsHeader {
-        /// When it was told.
+        /// Time of sending.
         pub stamp_ns: u64,
-        /// Counts up by one a report.
+        /// Sequence number.
         pub sequence: u64,
-        /// Whose calls.
+        /// Name of the behavior.
         pub plugin: Name,
-        /// The longest call, ns.
+        /// Maximum duration of a call, ns.
         pub longest_ns: u64,
-        /// Calls that were longer than the budget.
+        /// Number of calls that exceeded the budget.
         pub overruns: u64,
-        /// Calls that proposed nothing.
+        /// Number of calls that abstained.
         pub abstentions: u64,
-        /// Calls that panicked.
+        /// Number of calls that panicked.
         pub panics: u32,
-        /// Times that it had been started again: each start counts anew.
+        /// Number of restarts before these calls.
         pub restarts: u32,
     }
 }
 
 item! {
-    /// Calls of about the same duration.
+    /// One bucket of the histogram of call durations.
     pub struct CallBucket {
-        /// Which bucket of the scale: below 32 so many ns; above, 32 equal steps to each doubling.
+        /// Index on a logarithmic scale: below 32, the duration in ns; above, 32 equal steps per doubling.
         pub index: u32,
-        /// How many calls.
+        /// Number of calls.
         pub calls: u32,
     }
 }
 
 message! {
-    /// What the successor of a behavior must know to go on where that stopped. Its items are JSON.
-    "yamabico.MemoryHeader.v1" Latest [u8] in words
-    pub struct MemoryHeader {
-        /// When it was told.
+    /// Saved state of a behavior, from which a restarted instance continues. Its items are JSON.
+    "yamabico.MemoryHeader.v1" Latest [u8] as text
+    pub struct SavedStateHeader {
+        /// Time of sending.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Whose memory.
+        /// Name of the behavior.
         pub plugin: Name,
     }
 }
 
-vocabulary! {
-    /// What the supervisor does with a plugin's process.
+code_enum! {
+    /// State of a supervised process.
     pub enum ProcessState {
-        /// It has none, and is to be started.
-        Due = 0 "waits to be started",
-        /// It comes up.
-        ComingUp = 1 "coming up",
-        /// It is up.
-        Up = 2 "up",
-        /// It has ended for good.
+        /// Waiting to be started.
+        Waiting = 0 "waiting to start",
+        /// Starting.
+        Starting = 1 "starting",
+        /// Running.
+        Running = 2 "running",
+        /// Ended permanently.
         Ended = 3 "ended",
     }
 }
 
 message! {
-    /// The processes of the plugins that have one, told whenever something changed.
+    /// State of all supervised processes, sent when it changes. Its items are the processes.
     "yamabico.ProcessesHeader.v2" Latest [Process]
     pub struct ProcessesHeader {
-        /// When it was told.
+        /// Time of sending.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
     }
 }
 
 item! {
-    /// The process of one plugin.
+    /// Process of one plugin.
     pub struct Process {
-        /// Whose.
+        /// Name of the plugin.
         pub plugin: Name,
-        /// How its last process ended, in words; empty where none has.
+        /// Explanation how the last process ended; empty if none has.
         pub ended: Note,
-        /// What it last said went wrong, the beginning; empty where nothing did.
-        pub said: Note,
-        /// When the last process ended.
+        /// Beginning of the last failure report; empty if there was none.
+        pub failure: Note,
+        /// Time at which the last process ended.
         pub ended_ns: u64,
-        /// When it said what went wrong.
-        pub said_ns: u64,
-        /// When the next one is started; zero where one runs.
+        /// Time of the last failure report.
+        pub failed_ns: u64,
+        /// Time of the next start; zero while a process is running.
         pub due_ns: u64,
-        /// Its number; zero where there is none.
+        /// Process id; zero if no process is running.
         pub pid: u32,
         /// A [`ProcessState`] code.
         pub state: u32,
-        /// Times that it was started again.
+        /// Number of restarts.
         pub restarts: u32,
         /// Zero.
         pub reserved: u32,
@@ -157,32 +158,32 @@ item! {
 }
 
 impl Process {
-    /// What the supervisor does with it, where the code is known.
+    /// Returns the state, or `None` if the code is undefined.
     pub fn state(&self) -> Option<ProcessState> {
         ProcessState::from_code(self.state)
     }
 }
 
 message! {
-    /// Who works on the robot and what they tell each other, once for those who join it. Its items are JSON.
-    "yamabico.RosterHeader.v1" Latest [u8] in words
-    pub struct RosterHeader {
-        /// When it was told.
+    /// Manifest of the robot for programs that connect to it: plugins, topics and settings. Its items are JSON.
+    "yamabico.RosterHeader.v1" Latest [u8] as text
+    pub struct RobotManifestHeader {
+        /// Time of sending.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
     }
 }
 
 message! {
-    /// Walls that a device knows, for plots: polylines on the floor.
+    /// Walls known to a simulated device, for plots. Its items are the corners of polylines on the floor.
     "yamabico.WallsHeader.v1" Latest [WallPoint]
     pub struct WallsHeader {
-        /// When it was told.
+        /// Time of sending.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Who knows.
+        /// Name of the device.
         pub device: Name,
     }
 }
@@ -190,11 +191,11 @@ message! {
 item! {
     /// A corner of a wall.
     pub struct WallPoint {
-        /// Map frame, meters.
+        /// Position along x of the map frame, m.
         pub x: f64,
-        /// Map frame, meters.
+        /// Position along y of the map frame, m.
         pub y: f64,
-        /// Corners of one line follow each other and share its number.
+        /// Index of the polyline that the corner belongs to; its corners follow each other.
         pub line: u64,
     }
 }

@@ -1,4 +1,4 @@
-//! What a behavior proposes.
+//! The proposal: what one behavior asks the robot to do.
 
 use std::fmt;
 
@@ -6,11 +6,11 @@ use bytemuck::{Pod, Zeroable};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{Name, Note, message, vocabulary};
+use super::{Name, Note, code_enum, message};
 use crate::geometry::{Axis, Twist};
 use crate::time::Time;
 
-/// A set of axes.
+/// A set of motion axes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Pod, Zeroable)]
 pub struct Axes(u32);
@@ -24,52 +24,52 @@ impl Axes {
     pub const LATERAL: Axes = Axes(2);
     /// Turn rate only.
     pub const ANGULAR: Axes = Axes(4);
-    /// What a differential drive has: forward and turn.
+    /// Forward speed and turn rate: the axes of a differential drive.
     pub const PLANAR: Axes = Axes(1 | 4);
-    /// All three.
+    /// All three axes.
     pub const ALL: Axes = Axes(7);
 
-    /// The set that traveled as these bits; `None` where a bit has no axis.
+    /// Decodes a bit mask; `None` if it has an undefined bit.
     pub const fn from_bits(bits: u32) -> Option<Axes> {
         if bits <= 7 { Some(Axes(bits)) } else { None }
     }
 
-    /// A bit an axis, [`Axis::Linear`] lowest.
+    /// Bit mask with [`Axis::Linear`] in the lowest bit.
     pub const fn bits(self) -> u32 {
         self.0
     }
 
-    /// Whether `axis` is in the set.
+    /// Returns true if `axis` is in the set.
     pub const fn contains(self, axis: Axis) -> bool {
         self.0 & (1 << axis as u32) != 0
     }
 
-    /// In either set.
+    /// Returns the axes in either set.
     pub const fn union(self, other: Axes) -> Axes {
         Axes(self.0 | other.0)
     }
 
-    /// In both sets.
+    /// Returns the axes in both sets.
     pub const fn intersection(self, other: Axes) -> Axes {
         Axes(self.0 & other.0)
     }
 
-    /// In this set and not in the other.
+    /// Returns the axes in this set that are not in `other`.
     pub const fn without(self, other: Axes) -> Axes {
         Axes(self.0 & !other.0)
     }
 
-    /// Whether there is no axis in it.
+    /// Returns true if the set is empty.
     pub const fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether every bit has an axis; what traveled may not.
+    /// Returns true if no undefined bit is set; a received set may be invalid.
     pub const fn is_valid(self) -> bool {
         self.0 <= 7
     }
 
-    /// The axes in the set.
+    /// Iterates over the axes in the set.
     pub fn iter(self) -> impl Iterator<Item = Axis> {
         Axis::ALL.into_iter().filter(move |&axis| self.contains(axis))
     }
@@ -104,125 +104,127 @@ impl Serialize for Axes {
 
 impl<'de> Deserialize<'de> for Axes {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Axes, D::Error> {
-        let words = String::deserialize(deserializer)?;
-        let found = (0..8).filter_map(Axes::from_bits).find(|axes| axes.to_string() == words);
-        found.ok_or_else(|| D::Error::custom(format!("`{words}` are no axes")))
+        let text = String::deserialize(deserializer)?;
+        let found = (0..8).filter_map(Axes::from_bits).find(|axes| axes.to_string() == text);
+        found.ok_or_else(|| {
+            D::Error::custom(format!("`{text}` is not a set of axes such as `linear+angular`"))
+        })
     }
 }
 
-vocabulary! {
-    /// What a proposal asks for.
+code_enum! {
+    /// Kind of a proposal.
     pub enum Kind {
-        /// Nothing, and why.
+        /// No motion, with a reason.
         Abstain = 0 "abstain",
-        /// This twist on the axes that it claims.
+        /// Drive with a twist on the claimed axes.
         Drive = 1 "drive",
-        /// No more than these speeds, whoever drives.
+        /// Limit the speed of all behaviors on the named axes.
         Limit = 2 "limit",
-        /// Stop on the axes that it names.
+        /// Stop on the named axes.
         Halt = 3 "halt",
     }
 }
 
-vocabulary! {
-    /// Why a behavior proposes what it does: the common words for what was seen, and for what was not.
+code_enum! {
+    /// Reason of a proposal.
     pub enum Reason {
-        /// None given.
+        /// No reason given.
         None = 0 "no reason given",
-        /// The behavior does what it is for.
+        /// Normal operation.
         Nominal = 1 "nominal",
-        /// Nothing near.
+        /// No obstacle near.
         Clear = 2 "clear",
-        /// Something nearer than a gate.
+        /// An obstacle within the gate distance.
         Echo = 3 "echo",
         /// An input has never arrived.
         NoInput = 4 "no input",
         /// An input is too old.
         StaleInput = 5 "stale input",
-        /// An input has wrong sizes or numbers.
+        /// An input has an invalid size or invalid values.
         MalformedInput = 6 "malformed input",
-        /// A range sensor fell silent.
+        /// A range sensor stopped sending.
         SonarStale = 7 "sonar stale",
-        /// Messages were lost on the way.
+        /// Messages were lost to buffer overflow.
         Overflow = 8 "overflow",
-        /// The behavior panicked and is out until restarted.
+        /// The behavior panicked and is disabled until it is restarted.
         Panicked = 9 "panicked",
         /// Driving on the last good measurement.
         Coasting = 10 "coasting",
-        /// Looking around for what was lost.
+        /// Turning to find a lost target again.
         Searching = 11 "searching",
         /// Too few line segments in view.
         TooFewSegments = 20 "too few segments",
-        /// No vanishing point.
+        /// No vanishing point found.
         NoVanishingPoint = 21 "no vanishing point",
-        /// Lines parallel in the picture.
+        /// All lines are parallel in the image.
         Degenerate = 22 "degenerate",
-        /// Two answers equally good.
+        /// Two solutions are equally good.
         Ambiguous = 23 "ambiguous",
-        /// Heading uncertain beyond use.
+        /// Heading too uncertain to drive by.
         HeadingLost = 24 "heading lost",
-        /// Only the left wall is seen.
+        /// Only the left wall is visible.
         OneWallLeft = 25 "one wall, left",
-        /// Only the right wall is seen.
+        /// Only the right wall is visible.
         OneWallRight = 26 "one wall, right",
-        /// No wall is seen.
+        /// No wall is visible.
         NoWall = 27 "no wall",
         /// The wall lies across the view.
         EdgeOn = 28 "edge on",
-        /// The camera's height is not known.
+        /// The camera's height is unknown.
         NoHeightCalibration = 29 "no height calibration",
-        /// The two views do not differ.
+        /// The two views have no parallax.
         NoParallax = 30 "no parallax",
-        /// A line above the camera.
+        /// A wall line lies above the camera.
         NegativeHeight = 31 "negative height",
-        /// Only one edge of a pair.
+        /// Only one edge of a pair was found.
         OneSided = 32 "one sided",
-        /// A template without contrast.
+        /// The template has no contrast.
         FlatTemplate = 33 "flat template",
-        /// A match too weak.
+        /// The correlation of the best match is too low.
         LowCorrelation = 34 "low correlation",
-        /// The tracked intersection is gone.
+        /// The tracked intersection was lost.
         IntersectionLost = 35 "intersection lost",
         /// Too few matches with the map.
         TooFewMatches = 36 "too few matches",
-        /// A measurement outside its gate.
+        /// The measurement lies outside its gate.
         Gated = 37 "gated",
-        /// A covariance too small for what is measured.
+        /// The covariance is too small for the measured error.
         OverConfident = 38 "over-confident",
         /// Measurements contradict each other.
         Inconsistent = 39 "inconsistent",
         /// The pose is lost.
         Lost = 40 "lost",
-        /// Older than the history kept.
+        /// The measurement is older than the stored history.
         TooOld = 41 "too old",
-        /// Results out of order.
+        /// Results arrived out of order.
         OutOfOrder = 42 "out of order",
-        /// No threshold was learned here.
+        /// No threshold has been learned for this place.
         NoThreshold = 43 "no threshold",
-        /// A threshold that sees too few edges.
+        /// The learned threshold finds too few of the edges.
         LowRecall = 44 "low recall",
-        /// Nothing of the map is in view.
+        /// No part of the map is in view.
         NoModel = 45 "no model",
-        /// Picture and map do not register.
+        /// Image and map do not register.
         MisRegistered = 46 "mis-registered",
-        /// No way through.
+        /// The passage is blocked.
         PassageBlocked = 47 "passage blocked",
-        /// Floor and obstacles look alike.
+        /// Floor and obstacles have similar colors.
         LowContrast = 48 "low contrast",
-        /// The floor looks like an obstacle.
+        /// The floor model classifies the floor as an obstacle.
         FloorModelBroken = 49 "floor model broken",
-        /// A wall nearer than is safe.
+        /// A wall is nearer than is safe.
         WallNear = 50 "wall near",
     }
 }
 
-/// A sector of directions of translation, robot frame.
+/// A sector of directions of translation in the robot frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize)]
 pub struct Sector {
-    /// Middle, left positive, radians.
+    /// Direction of the center, rad, positive to the left.
     pub center_rad: f64,
-    /// Half width, radians; pi or more is every direction.
+    /// Half of the opening angle, rad; pi or more covers every direction.
     pub half_width_rad: f64,
 }
 
@@ -232,45 +234,45 @@ impl Sector {
 }
 
 message! {
-    /// What one behavior proposes at one instant.
+    /// A proposal of one behavior.
     ///
-    /// Made with [`Proposal::drive`], [`Proposal::limit`], [`Proposal::halt`] or [`Proposal::abstain`]. The shell around
-    /// the behavior fills in who proposes, the sequence, the stamp and the priority.
+    /// Create one with [`Proposal::drive`], [`Proposal::limit`], [`Proposal::halt`] or [`Proposal::abstain`]. The host
+    /// fills in name, sequence number, stamps and priority before it publishes the proposal.
     "yamabico.Proposal.v2" Latest [u8] evidence evidence_ns
     pub struct Proposal {
-        /// Who proposes; filled in by the shell.
+        /// Name of the behavior; filled in by the host.
         pub behavior: Name,
-        /// Counts up by one a proposal; filled in by the shell.
+        /// Sequence number; filled in by the host.
         pub sequence: u64,
-        /// The instant of the world's state that it rests on; the shell fills in "now" where it is zero.
+        /// Time that the proposal is valid for; if zero, the host fills in the current time.
         pub stamp_ns: u64,
-        /// Oldest sensor data in it; the shell fills in "now" where it is zero.
+        /// Stamp of the oldest sensor data behind it; if zero, the host fills in the oldest stamp among the inputs.
         pub evidence_ns: u64,
-        /// When the behavior was handed what it rests on; filled in by the shell.
+        /// Time at which the behavior received its inputs; filled in by the host.
         pub received_ns: u64,
-        /// When it was sent; filled in by the shell.
+        /// Time at which the proposal was sent; filled in by the host.
         pub proposed_ns: u64,
-        /// From the task file, higher wins; filled in by the shell.
+        /// Priority from the task file, higher wins; filled in by the host.
         pub priority: i32,
         /// A [`Kind`] code.
         pub kind: u32,
-        /// Claimed by a drive, stopped by a halt, limited by a limit.
+        /// Axes that a drive claims, a halt stops or a limit restricts.
         pub axes: Axes,
-        /// Not zero: having lost one axis it gives up all.
+        /// Nonzero if a drive that loses one of its axes gives up all of them.
         pub coupled: u32,
-        /// What a drive asks for.
+        /// Twist of a drive.
         pub twist: Twist,
-        /// Largest magnitude that a limit allows on each of its axes, m/s, m/s, rad/s.
+        /// Maximum speeds of a limit, as magnitudes: m/s, m/s, rad/s.
         pub limits: Twist,
-        /// Where a limit counts: only while the commanded translation points into it.
+        /// Sector of a limit: it applies only while the commanded translation points into the sector.
         pub sector: Sector,
-        /// 0 to 1, for blending.
+        /// Confidence from 0 to 1, for blending.
         pub confidence: f64,
         /// A [`Reason`] code.
         pub reason: u32,
         /// Zero.
         pub reserved: u32,
-        /// The reason in words with numbers.
+        /// Explanation with numbers.
         pub note: Note,
     }
 }
@@ -288,71 +290,71 @@ impl Proposal {
         }
     }
 
-    /// Drive with `twist` on `axes`.
+    /// Proposes to drive with `twist` on `axes`.
     pub fn drive(axes: Axes, twist: Twist) -> Proposal {
         Proposal { twist, ..Proposal::new(Kind::Drive, axes, Reason::Nominal) }
     }
 
-    /// Allow no more than `limits` on `axes`, in every direction.
+    /// Limits the speeds on `axes` to `limits`, in every direction.
     pub fn limit(axes: Axes, limits: Twist, reason: Reason) -> Proposal {
         Proposal { limits, ..Proposal::new(Kind::Limit, axes, reason) }
     }
 
-    /// Stop on `axes`.
+    /// Stops the robot on `axes`.
     pub fn halt(axes: Axes, reason: Reason) -> Proposal {
         Proposal::new(Kind::Halt, axes, reason)
     }
 
-    /// Propose nothing.
+    /// Proposes no motion.
     pub fn abstain(reason: Reason) -> Proposal {
         Proposal::new(Kind::Abstain, Axes::NONE, reason)
     }
 
-    /// With the stamp of the oldest sensor data that it rests on.
+    /// Sets the stamp of the oldest sensor data behind the proposal.
     pub fn with_evidence(mut self, evidence: Time) -> Proposal {
         self.evidence_ns = evidence.0;
         self
     }
 
-    /// With a confidence from 0 to 1.
+    /// Sets the confidence, 0 to 1.
     pub fn with_confidence(mut self, confidence: f64) -> Proposal {
         self.confidence = confidence;
         self
     }
 
-    /// With another reason.
-    pub fn because(mut self, reason: Reason) -> Proposal {
+    /// Sets the reason.
+    pub fn with_reason(mut self, reason: Reason) -> Proposal {
         self.reason = reason.code();
         self
     }
 
-    /// With words; what does not fit is left out. Formats in place, without allocating.
-    pub fn with_note(mut self, words: fmt::Arguments<'_>) -> Proposal {
+    /// Sets the explanation, truncated to 64 bytes. Formats in place, without allocation.
+    pub fn with_note(mut self, text: fmt::Arguments<'_>) -> Proposal {
         use fmt::Write;
         self.note = Note::default();
-        // Writing to a `Text` cuts and never fails.
-        let _ = self.note.write_fmt(words);
+        // Writing to a `Text` truncates and never fails.
+        let _ = self.note.write_fmt(text);
         self
     }
 
-    /// Keeps each axis that it wins, whatever becomes of the others.
+    /// Makes a drive keep the axes that it wins even if it loses others.
     pub fn uncoupled(mut self) -> Proposal {
         self.coupled = 0;
         self
     }
 
-    /// A limit that counts only for translation into `sector`.
+    /// Makes a limit apply only to translation into `sector`.
     pub fn in_sector(mut self, sector: Sector) -> Proposal {
         self.sector = sector;
         self
     }
 
-    /// What it asks for, where the code is known.
+    /// Returns the kind, or `None` if the code is undefined.
     pub fn kind(&self) -> Option<Kind> {
         Kind::from_code(self.kind)
     }
 
-    /// Why, where the code is known.
+    /// Returns the reason, or `None` if the code is undefined.
     pub fn reason(&self) -> Option<Reason> {
         Reason::from_code(self.reason)
     }

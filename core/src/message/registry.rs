@@ -1,34 +1,36 @@
-//! Every message type by name, for whoever meets messages without knowing their Rust type: recorder, slots, tools.
+//! All message types by name, for code that handles messages without knowing their Rust types: the recorder, the bus
+//! and the command-line tools.
 
 use super::*;
 
-/// What can be known of a message type without naming it in Rust.
+/// Description of a message type at run time.
 #[derive(Clone, Copy)]
 pub struct MessageType {
     /// Versioned name, such as `yamabico.Odometry.v1`.
     pub name: &'static str,
-    /// How a channel of it treats a slow reader.
+    /// Delivery policy of its channels.
     pub channel: Channel,
-    /// Bytes of the header.
+    /// Size of the header, bytes.
     pub header_size: usize,
     /// Alignment of the header, bytes.
     pub header_align: usize,
-    /// Bytes of one item.
+    /// Size of one item, bytes.
     pub item_size: usize,
-    /// The fields of the header.
+    /// Layout of the header.
     pub header: Layout,
-    /// The fields of an item; [`Layout::U8`] for pixels, words, and messages without a list.
+    /// Layout of an item; [`Layout::U8`] for pixels, text, and messages without a list.
     pub item: Layout,
-    /// The stamps (capture, evidence) of a header given as bytes; zero where it has the wrong size.
+    /// Reads the stamps (validity, evidence) from the bytes of a header; zero if their size is wrong.
     pub stamps: fn(header: &[u8]) -> (Time, Time),
-    /// The sequence number of a header given as bytes; zero where it has the wrong size.
+    /// Reads the sequence number from the bytes of a header; zero if their size is wrong.
     pub sequence: fn(header: &[u8]) -> u64,
-    /// Header and items as JSON, a text under `text`; null where the sizes are wrong. A frame's pixels are left out.
+    /// Converts header and items to JSON, without the pixels of a frame; text becomes the field `text`. Null if a size
+    /// is wrong.
     pub to_json: fn(header: &[u8], items: &[u8]) -> serde_json::Value,
 }
 
 impl MessageType {
-    /// That of `M`.
+    /// Description of message type `M`.
     pub const fn of<M: Message>() -> MessageType {
         MessageType {
             name: M::NAME,
@@ -37,25 +39,30 @@ impl MessageType {
             header_align: align_of::<M>(),
             item_size: size_of::<M::Item>(),
             header: M::LAYOUT,
-            item: <M::Item as Laid>::LAYOUT,
+            item: <M::Item as HasLayout>::LAYOUT,
             stamps: stamps::<M>,
             sequence: sequence::<M>,
             to_json: to_json::<M>,
         }
     }
 
-    /// The type of this name; `None` where no such type travels.
+    /// Returns the type with this versioned name, or `None` if it is unknown.
     pub fn find(name: &str) -> Option<&'static MessageType> {
         ALL.iter().find(|message| message.name == name)
     }
 
-    /// Why the type `name` is not found, in words: the version that this program knows instead, where it knows one.
+    /// Returns an error text for the unknown type `name`, with the known version of it if there is one.
     pub fn unknown(name: &str) -> String {
         let family =
             |name: &str| name.rsplit_once(".v").map_or_else(|| name.to_owned(), |(f, _)| f.to_owned());
         match ALL.iter().find(|message| family(message.name) == family(name)) {
-            Some(known) => format!("`{name}` is another version than the `{}` of this program", known.name),
-            None => format!("this program knows no message `{name}`"),
+            Some(known) => format!(
+                "`{name}` is another version of a message that this program knows as `{}`: install matching versions",
+                known.name
+            ),
+            None => {
+                format!("message type `{name}` is unknown: it is not a message of this version of Yamabico")
+            }
         }
     }
 }
@@ -74,7 +81,7 @@ impl std::fmt::Debug for MessageType {
     }
 }
 
-/// Every type that travels.
+/// All message types.
 pub static ALL: &[MessageType] = &[
     MessageType::of::<FrameHeader>(),
     MessageType::of::<RangeScanHeader>(),
@@ -82,7 +89,7 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<Imu>(),
     MessageType::of::<Bumper>(),
     MessageType::of::<Clock>(),
-    MessageType::of::<Turn>(),
+    MessageType::of::<StepSignal>(),
     MessageType::of::<Truth>(),
     MessageType::of::<Goal>(),
     MessageType::of::<PathHeader>(),
@@ -97,10 +104,10 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<Heartbeat>(),
     MessageType::of::<FailureHeader>(),
     MessageType::of::<CallsHeader>(),
-    MessageType::of::<MemoryHeader>(),
+    MessageType::of::<SavedStateHeader>(),
     MessageType::of::<WallsHeader>(),
     MessageType::of::<ProcessesHeader>(),
-    MessageType::of::<RosterHeader>(),
+    MessageType::of::<RobotManifestHeader>(),
     MessageType::of::<Control>(),
     MessageType::of::<RetuneHeader>(),
     MessageType::of::<RetunedHeader>(),
@@ -128,7 +135,7 @@ fn to_json<M: Message>(header: &[u8], items: &[u8]) -> serde_json::Value {
         let items: Vec<M::Item> = items.chunks_exact(size).map(bytemuck::pod_read_unaligned).collect();
         object.insert("items".into(), serde_json::to_value(items).unwrap_or_default());
     }
-    if M::IS_WORDED
+    if M::IS_TEXT
         && let Some(object) = json.as_object_mut()
     {
         let text = String::from_utf8_lossy(items);
@@ -151,7 +158,7 @@ mod tests {
         }
     }
 
-    /// A layout that changes needs a new version in its header's name.
+    /// A changed layout needs a new version in the name of its header.
     #[test]
     fn layouts_belong_to_their_versions() {
         let mut layouts = String::new();
@@ -186,10 +193,13 @@ mod tests {
     }
 
     #[test]
-    fn of_another_version_both_are_named() {
-        let told = MessageType::unknown("yamabico.Odometry.v9");
-        assert!(told.contains("yamabico.Odometry.v9") && told.contains("yamabico.Odometry.v1"), "{told}");
-        assert!(MessageType::unknown("yamabico.Smell.v1").contains("no message"));
+    fn an_unknown_version_is_reported_with_the_known_one() {
+        let problem = MessageType::unknown("yamabico.Odometry.v9");
+        assert!(
+            problem.contains("yamabico.Odometry.v9") && problem.contains("yamabico.Odometry.v1"),
+            "{problem}"
+        );
+        assert!(MessageType::unknown("yamabico.Smell.v1").contains("is unknown"));
     }
 
     #[test]

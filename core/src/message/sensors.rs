@@ -1,20 +1,20 @@
-//! What sensors measure.
+//! Measurements, and the clock of a run.
 
-use super::{Name, Twist, item, message, vocabulary};
+use super::{Name, Twist, code_enum, item, message};
 use crate::geometry::Pose2;
 
-vocabulary! {
-    /// How the bytes of a frame are to be read.
+code_enum! {
+    /// Pixel format of a frame.
     pub enum Encoding {
-        /// One byte a pixel.
+        /// Gray, one byte per pixel.
         Gray8 = 1 "gray8",
-        /// Red, green, blue; three bytes a pixel.
+        /// Red, green, blue; three bytes per pixel.
         Rgb8 = 2 "rgb8",
     }
 }
 
 impl Encoding {
-    /// Bytes that one pixel takes.
+    /// Returns the number of bytes per pixel.
     pub const fn bytes_per_pixel(self) -> u32 {
         match self {
             Encoding::Gray8 => 1,
@@ -24,70 +24,70 @@ impl Encoding {
 }
 
 message! {
-    /// A picture; the pixels follow, row by row, `stride` bytes from one row to the next.
+    /// A camera frame. Its items are the pixels, row by row.
     "yamabico.FrameHeader.v1" Latest [u8]
     pub struct FrameHeader {
         /// Middle of the exposure.
         pub stamp_ns: u64,
-        /// Counts up by one a picture.
+        /// Sequence number.
         pub sequence: u64,
-        /// Pixels in a row.
+        /// Image width, pixels.
         pub width: u32,
-        /// Rows.
+        /// Image height, pixels.
         pub height: u32,
-        /// Bytes from one row to the next.
+        /// Distance between the beginnings of two rows, bytes.
         pub stride: u32,
         /// An [`Encoding`] code.
         pub encoding: u32,
-        /// Exposure time times gain, relative to the camera's nominal one.
+        /// Exposure time times gain, relative to the camera's nominal value.
         pub exposure: f64,
     }
 }
 
 impl FrameHeader {
-    /// Of a gray picture without padding at the ends of its rows.
+    /// Creates the header of a gray frame without padding between its rows.
     #[must_use]
     pub fn gray(width: u32, height: u32, stamp_ns: u64) -> Self {
         let encoding = Encoding::Gray8.code();
         Self { stamp_ns, width, height, stride: width, encoding, ..Self::default() }
     }
 
-    /// The encoding, where the code is known.
+    /// Returns the pixel format, or `None` if the code is undefined.
     pub fn encoding(&self) -> Option<Encoding> {
         Encoding::from_code(self.encoding)
     }
 }
 
 message! {
-    /// Ranges taken together; the beams follow.
+    /// A range scan of sonars or of a laser scanner. Its items are the beams.
     "yamabico.RangeScanHeader.v1" Stream [Beam]
     pub struct RangeScanHeader {
-        /// When the echoes were awaited.
+        /// Time of the measurement.
         pub stamp_ns: u64,
-        /// Counts up by one a scan.
+        /// Sequence number.
         pub sequence: u64,
-        /// Nearest range that the sensor can tell, meters.
+        /// Minimum range of the sensor, m.
         pub min_m: f64,
-        /// Farthest range that the sensor can tell, meters.
+        /// Maximum range of the sensor, m.
         pub max_m: f64,
     }
 }
 
-/// Flag of a [`Beam`]: no echo came back within the range.
+/// Flag of a [`Beam`]: no echo within the maximum range.
 pub const NO_ECHO: u32 = 1;
 
 item! {
-    /// One direction of a range scan.
+    /// One beam of a range scan.
     pub struct Beam {
-        /// Direction of the axis in the robot frame, radians, left positive.
+        /// Direction of the beam's axis in the robot frame, rad, positive to the left.
         pub azimuth_rad: f64,
-        /// Full opening angle, radians.
+        /// Full opening angle, rad.
         pub cone_rad: f64,
-        /// Distance from the sensor, meters; without meaning where [`NO_ECHO`] is set.
+        /// Distance from the sensor, m; undefined if [`NO_ECHO`] is set.
         pub range_m: f64,
-        /// Position of the sensor in the robot frame, forward, meters.
+        /// Forward position of the sensor in the robot frame, m.
         pub x_m: f64,
-        /// Position of the sensor in the robot frame, left, meters.
+        /// Left position of the sensor in the robot frame, m.
         pub y_m: f64,
         /// [`NO_ECHO`] or zero.
         pub flags: u32,
@@ -97,39 +97,39 @@ item! {
 }
 
 impl Beam {
-    /// The range, where an echo came back; NaN is handed on for the reader to refuse.
+    /// Returns the range if there was an echo. A NaN is passed on, to be rejected by the caller.
     pub fn echo_m(&self) -> Option<f64> {
         (self.flags & NO_ECHO == 0).then_some(self.range_m)
     }
 }
 
 message! {
-    /// Where the wheels say the robot is: odom frame, never jumps.
+    /// Wheel odometry: a pose estimate in the odom frame, which drifts but never jumps.
     "yamabico.Odometry.v1" Stream [u8]
     pub struct Odometry {
-        /// When the encoders were read.
+        /// Time at which the encoders were read.
         pub stamp_ns: u64,
-        /// Counts up by one a reading.
+        /// Sequence number.
         pub sequence: u64,
-        /// Forward from the start, meters.
+        /// Position along x of the odom frame, m.
         pub x: f64,
-        /// Left from the start, meters.
+        /// Position along y of the odom frame, m.
         pub y: f64,
-        /// Heading, radians, left positive, in (-pi, pi].
+        /// Heading, rad in (-pi, pi], positive to the left.
         pub theta: f64,
-        /// Speed forward, m/s, robot frame.
+        /// Forward speed, m/s, robot frame.
         pub vx: f64,
         /// Speed to the left, m/s, robot frame.
         pub vy: f64,
-        /// Turn rate, rad/s, left positive.
+        /// Turn rate, rad/s, positive to the left.
         pub omega: f64,
-        /// Of (x, y, theta), row by row.
+        /// Covariance of (x, y, theta), row-major, in m and rad.
         pub covariance: [f64; 9],
     }
 }
 
 impl Odometry {
-    /// A pose (odom frame) and how it moves (robot frame), without covariance.
+    /// Creates a reading from a pose (odom frame) and a twist (robot frame), with zero covariance.
     #[must_use]
     pub fn new(stamp_ns: u64, pose: &Pose2, twist: &Twist) -> Self {
         let Pose2 { x, y, theta } = *pose;
@@ -139,115 +139,116 @@ impl Odometry {
 }
 
 message! {
-    /// Turn rates and accelerations in the robot frame.
+    /// Inertial measurement in the robot frame.
     "yamabico.Imu.v1" Stream [u8]
     pub struct Imu {
-        /// When it was read.
+        /// Time of the measurement.
         pub stamp_ns: u64,
-        /// Counts up by one a reading.
+        /// Sequence number.
         pub sequence: u64,
-        /// About x, y and z, rad/s.
+        /// Angular velocity about x, y and z, rad/s.
         pub angular_velocity: [f64; 3],
-        /// Along x, y and z, m/s^2, gravity included.
+        /// Acceleration along x, y and z, m/s^2, gravity included.
         pub linear_acceleration: [f64; 3],
-        /// About x, radians; NaN where the device tells none.
+        /// Attitude about x, rad; NaN if the device does not measure it.
         pub roll: f64,
-        /// About y, radians, down positive; NaN where the device tells none.
+        /// Attitude about y, rad, positive looks down; NaN if the device does not measure it.
         pub pitch: f64,
     }
 }
 
 message! {
-    /// Which bumpers are pressed.
+    /// State of the bumpers.
     "yamabico.Bumper.v1" Stream [u8]
     pub struct Bumper {
-        /// When they were read.
+        /// Time of the measurement.
         pub stamp_ns: u64,
-        /// Counts up by one a reading.
+        /// Sequence number.
         pub sequence: u64,
-        /// A bit a bumper, lowest first.
+        /// Bit mask of the pressed bumpers, the first one in the lowest bit.
         pub pressed: u64,
     }
 }
 
 message! {
-    /// The time of a run whose clock is not the machine's.
+    /// Clock of a run that is not paced by the machine's clock.
     "yamabico.Clock.v1" Stream [u8] counted by step
     pub struct Clock {
-        /// The instant that began.
+        /// Time at the beginning of the step.
         pub stamp_ns: u64,
-        /// Counts up by one a step.
+        /// Sequence number.
         pub step: u64,
     }
 }
 
-vocabulary! {
-    /// What a turn of a step is for.
-    pub enum TurnPhase {
-        /// Everybody takes in what has arrived.
+code_enum! {
+    /// Phase of a step.
+    pub enum StepPhase {
+        /// Plugins receive their messages.
         Collect = 0 "collect",
-        /// Everybody who has something new proposes.
+        /// Behaviors with new input propose.
         Propose = 1 "propose",
-        /// The step is over: the driver obeys what was commanded, and goes on.
+        /// The step is complete: the driver applies the command and begins the next step.
         Done = 2 "done",
     }
 }
 
 message! {
-    /// A turn of a step of a run whose clock is not the machine's: the arbiter calls it, and whoever has taken it says so.
+    /// Synchronization of the steps of a run that is not paced by the machine's clock. The arbiter announces a phase;
+    /// each plugin acknowledges it.
     "yamabico.Turn.v1" Stream [u8]
-    pub struct Turn {
-        /// The instant of the step.
+    pub struct StepSignal {
+        /// Time of the step.
         pub stamp_ns: u64,
-        /// Counts up by one a turn called or taken.
+        /// Sequence number.
         pub sequence: u64,
-        /// That of the [`Clock`].
+        /// Step number of the [`Clock`] message.
         pub step: u64,
-        /// Who has taken it; empty where it is called.
+        /// Name of the plugin that acknowledges; empty in an announcement.
         pub plugin: Name,
-        /// A [`TurnPhase`] code.
+        /// A [`StepPhase`] code.
         pub phase: u32,
         /// Zero.
         pub reserved: u32,
     }
 }
 
-impl Turn {
-    /// What it is for, where the code is known.
-    pub fn phase(&self) -> Option<TurnPhase> {
-        TurnPhase::from_code(self.phase)
+impl StepSignal {
+    /// Returns the phase, or `None` if the code is undefined.
+    pub fn phase(&self) -> Option<StepPhase> {
+        StepPhase::from_code(self.phase)
     }
 }
 
 message! {
-    /// What a simulator knows and no robot can: for judging a run only. No behavior may take it as an input.
+    /// Ground truth of a simulator, to score a run. No behavior may take it as an input.
     "yamabico.Truth.v1" Stream [u8]
     pub struct Truth {
-        /// The instant that it describes.
+        /// Time that it describes.
         pub stamp_ns: u64,
-        /// Counts up by one a message.
+        /// Sequence number.
         pub sequence: u64,
-        /// Map frame, meters.
+        /// Position along x of the map frame, m.
         pub x: f64,
-        /// Map frame, meters.
+        /// Position along y of the map frame, m.
         pub y: f64,
-        /// Map frame, radians in (-pi, pi].
+        /// Heading in the map frame, rad in (-pi, pi].
         pub theta: f64,
-        /// Speed forward, m/s.
+        /// Forward speed, m/s.
         pub vx: f64,
         /// Speed to the left, m/s.
         pub vy: f64,
-        /// Turn rate, rad/s.
+        /// Turn rate, rad/s, positive to the left.
         pub omega: f64,
-        /// Path length since the start, meters.
+        /// Path length since the start, m.
         pub distance_m: f64,
-        /// From the footprint to the nearest thing, meters; negative inside it.
+        /// Distance from the footprint to the nearest obstacle, m; negative when they overlap.
         pub clearance_m: f64,
-        /// From the footprint to the nearest person, meters; infinite without people.
+        /// Distance from the footprint to the nearest person, m; infinite without people.
         pub person_m: f64,
-        /// Times that the robot's own motion touched something.
+        /// Number of contacts caused by the robot's motion.
         pub contacts: u32,
-        /// Times that a person walked into the standing robot.
+        /// Number of times that a person walked into the standing robot.
         pub struck: u32,
     }
 }

@@ -1,4 +1,4 @@
-//! Short text of fixed size.
+//! Fixed-size text.
 
 use std::fmt;
 
@@ -10,13 +10,13 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 pub struct Text<const N: usize>([u8; N]);
 
-/// The name of a behavior, a sensor or another part.
+/// Name of a behavior, sensor or other part.
 pub type Name = Text<32>;
-/// A reason in words.
+/// Short explanation.
 pub type Note = Text<64>;
 
 impl<const N: usize> Text<N> {
-    /// The text, cut at the last whole character that fits.
+    /// Creates a text, truncated at the last whole character that fits.
     pub fn new(text: &str) -> Self {
         let mut end = text.len().min(N);
         while !text.is_char_boundary(end) {
@@ -27,7 +27,7 @@ impl<const N: usize> Text<N> {
         Text(bytes)
     }
 
-    /// The text up to the first zero; what is not UTF-8 is left out from the first wrong byte on.
+    /// Returns the text up to the first zero, truncated at the first byte that is not UTF-8.
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|&b| b == 0).unwrap_or(N);
         let bytes = &self.0[..end];
@@ -37,7 +37,7 @@ impl<const N: usize> Text<N> {
         }
     }
 
-    /// Whether there is no text.
+    /// Returns true if the text is empty.
     pub fn is_empty(&self) -> bool {
         self.as_str().is_empty()
     }
@@ -56,7 +56,7 @@ impl<const N: usize> From<&str> for Text<N> {
 }
 
 impl<const N: usize> fmt::Write for Text<N> {
-    /// Appends; what does not fit is left out.
+    /// Appends text, truncated to the free space.
     fn write_str(&mut self, more: &str) -> fmt::Result {
         let used = self.as_str().len();
         let mut end = more.len().min(N - used);
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hostile_text_is_cut_at_its_first_wrong_byte() {
+    fn invalid_utf8_is_cut_at_its_first_wrong_byte() {
         let text: Text<4> = bytemuck::cast([b'o', b'k', 0xff, b'x']);
         assert_eq!(text.as_str(), "ok");
     }

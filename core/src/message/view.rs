@@ -1,22 +1,22 @@
-//! A message read where it lies.
+//! Zero-copy views of received messages.
 
 use super::Message;
 
-/// A message lent by whoever holds it.
+/// The bytes of a received message.
 #[derive(Clone, Copy, Debug)]
 pub struct RawMessage<'a> {
-    /// The header's bytes, aligned for it.
+    /// Bytes of the header, aligned for its type.
     pub header: &'a [u8],
-    /// The items' bytes, aligned for eight-byte numbers.
+    /// Bytes of the items, aligned to 8 bytes.
     pub items: &'a [u8],
 }
 
-/// A message read in place.
+/// Typed view of a received message, without a copy.
 #[derive(Debug)]
 pub struct View<'a, M: Message> {
-    /// The fixed part.
+    /// Header.
     pub header: &'a M,
-    /// The list behind it.
+    /// Items of the list; the pixels of a frame.
     pub items: &'a [M::Item],
 }
 
@@ -29,7 +29,7 @@ impl<M: Message> Clone for View<'_, M> {
 impl<M: Message> Copy for View<'_, M> {}
 
 impl<'a, M: Message> View<'a, M> {
-    /// The typed view of raw bytes; `None` where sizes or alignment do not fit.
+    /// Views raw bytes as a message of type `M`. Returns `None` if their size or alignment is wrong.
     pub fn of(raw: RawMessage<'a>) -> Option<View<'a, M>> {
         let header = bytemuck::try_from_bytes(raw.header).ok()?;
         let items = bytemuck::try_cast_slice(raw.items).ok()?;

@@ -1,64 +1,69 @@
-//! Counts what code asks of the heap.
+//! Counts heap allocations, to test that code does not allocate.
 //!
-//! ```ignore
+//! ```standalone_crate
+//! use yamabico_core::testing::{CountingAllocator, allocations};
+//!
 //! #[global_allocator]
 //! static HEAP: CountingAllocator = CountingAllocator;
 //!
-//! let (proposal, asked) = allocations(|| bench.propose());
-//! assert_eq!(asked.calls, 0);
+//! fn main() {
+//!     let (sum, counted) = allocations(|| vec![1, 2, 3].iter().sum::<i32>());
+//!     assert_eq!((sum, counted.calls, counted.bytes_kept), (6, 1, 0));
+//! }
 //! ```
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, which counts for each thread. A test makes it its `#[global_allocator]`.
+/// The system allocator with per-thread counters. A test makes it its `#[global_allocator]`.
 pub struct CountingAllocator;
 
-/// What one thread asked of the heap.
+/// Heap allocations of one thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Allocations {
-    /// How often memory was asked for, or to be made larger or smaller.
+    /// Number of allocations and reallocations.
     pub calls: u64,
-    /// Bytes taken and not given back; negative where more was given back.
+    /// Bytes allocated and not freed; negative if more were freed.
     pub bytes_kept: i64,
 }
 
 thread_local! {
-    static ASKED: Cell<Allocations> = const { Cell::new(Allocations { calls: 0, bytes_kept: 0 }) };
+    static COUNTED: Cell<Allocations> = const { Cell::new(Allocations { calls: 0, bytes_kept: 0 }) };
 }
 
-/// Runs `work` and counts what this thread asks of the heap meanwhile.
+/// Runs `work` and returns its result and its heap allocations on this thread.
 ///
 /// # Panics
-/// [`CountingAllocator`] is not the test's allocator: nothing would ever be counted.
+/// [`CountingAllocator`] is not the global allocator of the test.
 pub fn allocations<R>(work: impl FnOnce() -> R) -> (R, Allocations) {
-    let before = ASKED.get();
+    let before = COUNTED.get();
     drop(std::hint::black_box(Box::new(0_u8)));
-    let start = ASKED.get();
+    let start = COUNTED.get();
     assert_ne!(before, start, "make `CountingAllocator` the `#[global_allocator]` of this test");
     let result = work();
-    let end = ASKED.get();
-    let asked = Allocations { calls: end.calls - start.calls, bytes_kept: end.bytes_kept - start.bytes_kept };
-    (result, asked)
+    let end = COUNTED.get();
+    let allocations =
+        Allocations { calls: end.calls - start.calls, bytes_kept: end.bytes_kept - start.bytes_kept };
+    (result, allocations)
 }
 
-/// Runs what belongs to the bench and not to the code that it tests.
+/// Runs code of the test bench without counting its allocations.
 pub(super) fn uncounted<R>(work: impl FnOnce() -> R) -> R {
-    let before = ASKED.get();
+    let before = COUNTED.get();
     let result = work();
-    ASKED.set(before);
+    COUNTED.set(before);
     result
 }
 
 fn count(calls: u64, bytes: i64) {
-    // A thread that ends frees its memory when its counters are gone.
-    let _ = ASKED.try_with(|asked| {
-        let Allocations { calls: before, bytes_kept } = asked.get();
-        asked.set(Allocations { calls: before + calls, bytes_kept: bytes_kept + bytes });
+    // A thread that ends frees memory after its thread-locals are destroyed.
+    let _ = COUNTED.try_with(|counted| {
+        let Allocations { calls: before, bytes_kept } = counted.get();
+        counted.set(Allocations { calls: before + calls, bytes_kept: bytes_kept + bytes });
     });
 }
 
-#[allow(unsafe_code, reason = "hands every call on to the system's allocator")]
+#[allow(unsafe_code, reason = "forwards every call to the system allocator")]
 unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(1, layout.size() as i64);

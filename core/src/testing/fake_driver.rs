@@ -1,22 +1,22 @@
-//! A driver made of closures.
+//! A driver whose behavior is given by closures.
 
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::behavior::BuildError;
+use crate::behavior::ParameterError;
 use crate::driver::{Device, DeviceSpec, Driver, DriverInfo, PartSpec, SensorDescription};
 use crate::message::{Message, MessageType};
 use crate::parameters::schema_of;
 use crate::sensor::{SensorInfo, SensorKind};
 
-/// How a [`FakeDriver`] describes a sensor.
-type Describe = dyn Fn(&PartSpec) -> Result<SensorDescription, BuildError> + Send + Sync;
-/// How a [`FakeDriver`] opens a device.
-type Open = dyn Fn(DeviceSpec) -> Result<Device, BuildError> + Send + Sync;
-/// How a [`FakeDriver`] checks a sensor.
-type Check = dyn Fn(&PartSpec, &Path) -> Result<(), BuildError> + Send + Sync;
+/// Closure that describes a sensor.
+type Describe = dyn Fn(&PartSpec) -> Result<SensorDescription, ParameterError> + Send + Sync;
+/// Closure that opens a device.
+type Open = dyn Fn(DeviceSpec) -> Result<Device, ParameterError> + Send + Sync;
+/// Closure that checks a sensor.
+type Check = dyn Fn(&PartSpec, &Path) -> Result<(), ParameterError> + Send + Sync;
 
-/// A driver whose devices are made by a closure, for tests of whatever runs devices.
+/// A driver whose devices are made by a closure, to test code that runs devices.
 pub struct FakeDriver {
     info: DriverInfo,
     describe: Box<Describe>,
@@ -25,10 +25,10 @@ pub struct FakeDriver {
 }
 
 impl FakeDriver {
-    /// A driver that opens devices by `open`, without parameters, sensors or drives.
+    /// Creates a driver that opens devices with `open`, without parameters, sensors or drives.
     pub fn new(
         name: &str,
-        open: impl Fn(DeviceSpec) -> Result<Device, BuildError> + Send + Sync + 'static,
+        open: impl Fn(DeviceSpec) -> Result<Device, ParameterError> + Send + Sync + 'static,
     ) -> FakeDriver {
         let info = DriverInfo {
             name: name.to_owned(),
@@ -38,8 +38,8 @@ impl FakeDriver {
             sensors: Vec::new(),
             drives: Vec::new(),
         };
-        let describe = |sensor: &PartSpec| -> Result<SensorDescription, BuildError> {
-            Err(BuildError::new("kind", format!("sensor `{}` is not described", sensor.name)))
+        let describe = |sensor: &PartSpec| -> Result<SensorDescription, ParameterError> {
+            Err(ParameterError::new("kind", format!("sensor `{}` is not described", sensor.name)))
         };
         FakeDriver {
             info,
@@ -49,34 +49,34 @@ impl FakeDriver {
         }
     }
 
-    /// Changes the description.
+    /// Modifies the driver's description.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut DriverInfo)) -> FakeDriver {
         change(&mut self.info);
         self
     }
 
-    /// Describes its sensors by `describe`.
+    /// Sets the closure that describes a sensor.
     #[must_use]
     pub fn describing(
         mut self,
-        describe: impl Fn(&PartSpec) -> Result<SensorDescription, BuildError> + Send + Sync + 'static,
+        describe: impl Fn(&PartSpec) -> Result<SensorDescription, ParameterError> + Send + Sync + 'static,
     ) -> FakeDriver {
         self.describe = Box::new(describe);
         self
     }
 
-    /// Checks its sensors by `check`.
+    /// Sets the closure that checks a sensor.
     #[must_use]
     pub fn checking(
         mut self,
-        check: impl Fn(&PartSpec, &Path) -> Result<(), BuildError> + Send + Sync + 'static,
+        check: impl Fn(&PartSpec, &Path) -> Result<(), ParameterError> + Send + Sync + 'static,
     ) -> FakeDriver {
         self.check = Box::new(check);
         self
     }
 
-    /// The driver, to be named among the plugins.
+    /// Returns the driver as a shared plugin.
     #[must_use]
     pub fn shared(self) -> Arc<dyn Driver> {
         Arc::new(self)
@@ -88,25 +88,26 @@ impl Driver for FakeDriver {
         &self.info
     }
 
-    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, BuildError> {
+    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, ParameterError> {
         (self.describe)(sensor)
     }
 
-    fn check_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<(), BuildError> {
+    fn check_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<(), ParameterError> {
         (self.check)(sensor, folder)
     }
 
-    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError> {
+    fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {
         (self.open)(spec)
     }
 }
 
-/// The parameters of a plugin that has none.
+/// Parameters of a plugin without parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoParameters {}
 
-/// A sensor of messages `M` every `period_s` seconds, without latency, whose lists are at most `max_item_bytes` long.
+/// Describes a sensor that publishes an `M` every `period_s` seconds without latency, with at most `max_item_bytes` of
+/// items.
 #[must_use]
 pub fn plain_sensor<M: Message>(name: &str, period_s: f64, max_item_bytes: usize) -> SensorDescription {
     let message = MessageType::of::<M>().name;

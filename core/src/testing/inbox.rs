@@ -1,4 +1,4 @@
-//! Messages of one slot, kept until the behavior has seen them.
+//! Message queue of one slot.
 
 use std::collections::VecDeque;
 
@@ -6,11 +6,11 @@ use crate::behavior::SlotSource;
 use crate::message::Channel;
 use crate::message::RawMessage;
 
-/// How many messages of a stream an inbox keeps at hand.
+/// Queue length of a slot fed by a stream.
 pub const DEPTH: usize = 64;
 
-/// The newest messages of a slot, as many as the bus keeps: one or [`DEPTH`]. Reuses its memory: a full inbox takes messages of the same size without
-/// allocating.
+/// The newest messages of a slot, as many as the bus would keep: one of a latest-value channel, [`DEPTH`] of a stream.
+/// A full queue accepts messages of the same size without allocating.
 pub struct Inbox {
     name: String,
     depth: usize,
@@ -20,7 +20,7 @@ pub struct Inbox {
 }
 
 impl Inbox {
-    /// An empty inbox of the slot `name`.
+    /// Creates an empty queue for the slot `name`.
     pub fn new(name: impl Into<String>, channel: Channel) -> Inbox {
         let depth = match channel {
             Channel::Latest => 1,
@@ -29,7 +29,8 @@ impl Inbox {
         Inbox { name: name.into(), depth, kept: VecDeque::with_capacity(depth), fresh: 0, lost: 0 }
     }
 
-    /// Takes a message; the oldest one makes room, and counts as lost where it was not yet seen and a newer one does not stand for it.
+    /// Adds a message and drops the oldest one if the queue is full. A dropped message of a stream that was not read
+    /// yet counts as lost.
     pub fn push(&mut self, header: &[u8], items: &[u8]) {
         let mut entry =
             if self.kept.len() < self.depth { None } else { self.kept.pop_front() }.unwrap_or_default();
@@ -42,13 +43,13 @@ impl Inbox {
         }
     }
 
-    /// Tells that `count` messages were lost on the way here.
+    /// Counts `count` messages as lost on the way to the slot.
     pub fn lose(&mut self, count: u64) {
         self.lost += count;
     }
 
-    /// Marks everything at hand as seen; it stays at hand.
-    pub fn seen(&mut self) {
+    /// Marks all messages as read; they stay in the queue.
+    pub fn mark_read(&mut self) {
         self.fresh = 0;
         self.lost = 0;
     }
@@ -76,7 +77,7 @@ impl SlotSource for Inbox {
     }
 }
 
-/// A copy of a message, kept in eight-byte words so that its bytes are aligned for any header and item.
+/// A copy of a message in 8-byte words, so that its bytes are aligned for any header and item.
 #[derive(Clone, Debug, Default)]
 pub struct Stored {
     header: Vec<u64>,
@@ -86,13 +87,13 @@ pub struct Stored {
 }
 
 impl Stored {
-    /// Becomes a copy of this message.
+    /// Copies a message.
     pub fn set(&mut self, header: &[u8], items: &[u8]) {
         self.header_len = copy_into(&mut self.header, header);
         self.items_len = copy_into(&mut self.items, items);
     }
 
-    /// The message, lent.
+    /// Returns the message.
     pub fn raw(&self) -> RawMessage<'_> {
         RawMessage {
             header: &bytemuck::cast_slice(&self.header)[..self.header_len],
@@ -112,14 +113,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_inbox_tells_what_it_lost() {
+    fn a_full_inbox_counts_lost_messages() {
         let mut inbox = Inbox::new("sonar", Channel::Stream);
         for i in 0..DEPTH as u64 + 3 {
             inbox.push(&i.to_ne_bytes(), &[]);
         }
         assert_eq!((inbox.len(), inbox.fresh(), inbox.lost()), (DEPTH, DEPTH, 3));
         assert_eq!(inbox.get(0).unwrap().header, 3_u64.to_ne_bytes());
-        inbox.seen();
+        inbox.mark_read();
         assert_eq!((inbox.len(), inbox.fresh(), inbox.lost()), (DEPTH, 0, 0));
         inbox.push(&[9], &[1, 2, 3]);
         assert_eq!((inbox.fresh(), inbox.lost()), (1, 0));

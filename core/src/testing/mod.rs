@@ -1,10 +1,35 @@
-//! Runs one behavior with no bus, robot, clock or file.
+//! Tests of a behavior without bus, robot, clock or files.
 //!
-//! ```ignore
-//! let mut bench = Bench::<SonarHalt>::new("gate_m = 0.5", Setup::default())?;
-//! bench.at(1.0).feed(&SONAR, &scan, &beams);
-//! let proposal = bench.propose();
-//! assert_eq!(proposal.kind(), Some(Kind::Halt));
+//! A [`Bench`] feeds messages to one behavior and returns its proposals. A sensor is tested by polling it with a
+//! [`Published`] as the sink of its outputs; code that runs devices is tested with a [`FakeDriver`].
+//!
+//! ```
+//! # use yamabico_core::behavior::{Behavior, ParameterError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+//! # use yamabico_core::message::{Axes, Beam, Kind, Proposal, RangeScanHeader, Reason};
+//! # use yamabico_core::testing::{Bench, NoParameters};
+//! # const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead");
+//! # struct SonarHalt;
+//! # impl Plugin for SonarHalt {
+//! #     type Config = NoParameters;
+//! #     const NAME: &'static str = "sonar-halt";
+//! #     const SUMMARY: &'static str = "Halts before obstacles.";
+//! #     const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
+//! #     const CLAIMS: Axes = Axes::NONE;
+//! #     fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
+//! #         Ok(SonarHalt)
+//! #     }
+//! # }
+//! # impl Behavior for SonarHalt {
+//! #     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+//! #         let near = inputs.fresh(&SONAR).any(|scan| scan.items.iter().any(|beam| beam.range_m < 0.5));
+//! #         if near { Proposal::halt(Axes::ALL, Reason::Echo) } else { Proposal::abstain(Reason::Clear) }
+//! #     }
+//! # }
+//! let mut bench = Bench::<SonarHalt>::new("", Setup::default())?;
+//! let beam = Beam { range_m: 0.3, ..Beam::default() };
+//! bench.at(1.0).feed(&SONAR, &RangeScanHeader::default(), &[beam]);
+//! assert_eq!(bench.propose().kind(), Some(Kind::Halt));
+//! # Ok::<(), ParameterError>(())
 //! ```
 
 mod allocations;
@@ -16,7 +41,7 @@ pub use allocations::{Allocations, CountingAllocator, allocations};
 pub use fake_driver::{FakeDriver, NoParameters, plain_sensor};
 pub use published::Published;
 
-use crate::behavior::{BuildError, InputSource, Inputs, Outputs, Plugin, Setup, Slot, SlotSource};
+use crate::behavior::{InputSource, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotSource};
 use crate::camera::{Calibration, Distortion, Intrinsics, Mount};
 use crate::message::{FrameHeader, Message, Proposal};
 use crate::sensor::{SensorInfo, SensorKind};
@@ -24,7 +49,8 @@ use crate::time::Time;
 use inbox::Inbox;
 use yamabico_parameters::FileKind;
 
-/// A robot with a measured camera without distortion in the slot `camera`: ten pictures a second, 40 ms old on arrival.
+/// Creates the setup of a behavior whose slot `camera` holds a calibrated camera without distortion: 10 Hz, 40 ms
+/// latency.
 #[must_use]
 pub fn camera_setup(intrinsics: Intrinsics, mount: Mount) -> Setup {
     let kind = SensorKind::Camera {
@@ -38,9 +64,9 @@ pub fn camera_setup(intrinsics: Intrinsics, mount: Mount) -> Setup {
     Setup { sensors: vec![("camera".into(), sensor)], ..Setup::default() }
 }
 
-/// One behavior and what it is fed.
+/// A test bench for one behavior.
 pub struct Bench<B: Plugin> {
-    /// The behavior itself, to look into.
+    /// The behavior under test.
     pub behavior: B,
     now: Time,
     slots: Slots,
@@ -48,27 +74,29 @@ pub struct Bench<B: Plugin> {
 }
 
 impl<B: Plugin> Bench<B> {
-    /// The behavior built from TOML text, as in its table of a task file without the keys that every behavior has.
+    /// Builds the behavior from its parameters as TOML text, without the keys common to all behaviors.
     ///
     /// # Errors
-    /// Text that is not TOML, whatever the behavior itself refuses, and what a task file's check would refuse: unknown
-    /// keys, wrong types, values out of range.
-    pub fn new(toml: &str, setup: Setup) -> Result<Bench<B>, BuildError> {
-        let config = toml::from_str(toml).map_err(|error| BuildError::new("", error.to_string()))?;
-        let behavior = B::new(config, &setup)?;
-        let table = FileKind {
+    /// The text is not TOML, or a parameter would be refused in a task file: unknown keys, wrong types, values out of
+    /// range, or an error of [`Plugin::new`].
+    pub fn new(toml: &str, setup: Setup) -> Result<Bench<B>, ParameterError> {
+        let kind = FileKind {
             key: B::NAME,
             what: "the behavior",
             schema: || schemars::schema_for!(B::Config),
             rules: |_| Vec::new(),
         };
-        table.read(B::NAME, toml).map_err(|problems| BuildError::new("", problems.to_string()))?;
+        let table = kind.read(B::NAME, toml).map_err(|problems| {
+            let key = problems.problems.first().map(|problem| first_key(toml, problem.span.start));
+            ParameterError::new(key.unwrap_or_default(), problems.to_string())
+        })?;
+        let behavior = B::new(yamabico_parameters::read(&table)?, &setup)?;
         let slots = B::INPUTS.iter().map(|slot| Inbox::new(&*slot.name, slot.message.channel)).collect();
         let published = Published::declared(B::OUTPUTS);
         Ok(Bench { behavior, now: Time::ZERO, slots: Slots(slots), published })
     }
 
-    /// Sets the time of the next calls, seconds.
+    /// Sets the time of the next calls, s.
     pub fn at(&mut self, seconds: f64) -> &mut Self {
         self.now = Time::from_secs_f64(seconds);
         self
@@ -84,7 +112,7 @@ impl<B: Plugin> Bench<B> {
         self
     }
 
-    /// Tells that `count` messages of a slot were lost by overflow.
+    /// Counts `count` messages of a slot as lost to buffer overflow.
     ///
     /// # Panics
     /// The behavior has no such slot.
@@ -93,22 +121,27 @@ impl<B: Plugin> Bench<B> {
         self
     }
 
-    /// One call of the behavior; what was fed is fresh in this call only.
+    /// Calls the behavior once. Messages fed since the last call are fresh in this call only.
     pub fn propose(&mut self) -> Proposal {
         self.published.clear();
         let proposal = self
             .behavior
             .propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
         for queue in &mut self.slots.0 {
-            queue.seen();
+            queue.mark_read();
         }
         proposal
     }
 
-    /// What the last call published on the output `name`: header and items.
+    /// Returns header and items of the messages that the last call published on output `name`.
     pub fn published<M: Message>(&self, name: &str) -> Vec<(M, Vec<M::Item>)> {
         self.published.of(name)
     }
+}
+
+/// Returns the dotted key at byte `at` of a TOML text.
+fn first_key(toml: &str, at: usize) -> String {
+    yamabico_parameters::parse(toml, 0, &mut Vec::new()).map_or(String::new(), |table| table.path_at(at))
 }
 
 struct Slots(Vec<Inbox>);
@@ -118,7 +151,7 @@ impl Slots {
         let known: Vec<_> = self.0.iter().map(|queue| queue.name().to_owned()).collect();
         match self.0.iter_mut().find(|queue| queue.name() == name) {
             Some(queue) => queue,
-            None => panic!("no slot `{name}` among {known:?}"),
+            None => panic!("slot `{name}` does not exist; the slots are {known:?}"),
         }
     }
 }
@@ -136,9 +169,9 @@ mod tests {
     use crate::message::{Axes, Beam, Odometry, Pose, RangeScanHeader, Reason, Twist};
 
     const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges");
-    const POSE: Slot<Pose> = Slot::optional("pose", "where the robot is");
+    const POSE: Slot<Pose> = Slot::optional("pose", "pose of the robot");
 
-    /// Drives at the nearest range of all fresh scans, and publishes where it thinks it is.
+    /// Drives at a speed equal to the nearest range, and publishes it as odometry.
     struct Nearest;
 
     #[derive(serde::Deserialize, schemars::JsonSchema)]
@@ -158,12 +191,13 @@ mod tests {
     impl Plugin for Nearest {
         type Config = OneKey;
         const NAME: &'static str = "nearest";
-        const SUMMARY: &'static str = "Drives at the nearest range.";
+        const SUMMARY: &'static str = "Drives at a speed equal to the nearest range.";
         const INPUTS: &'static [SlotInfo] = &[SONAR.info(), POSE.info()];
-        const OUTPUTS: &'static [SlotInfo] = &[Slot::<Odometry>::required("odometry", "where it is").info()];
+        const OUTPUTS: &'static [SlotInfo] =
+            &[Slot::<Odometry>::required("odometry", "wheel odometry").info()];
         const CLAIMS: Axes = Axes::LINEAR;
 
-        fn new(config: OneKey, _: &Setup) -> Result<Self, BuildError> {
+        fn new(config: OneKey, _: &Setup) -> Result<Self, ParameterError> {
             let _ = config.min_m;
             Ok(Nearest)
         }
@@ -189,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_fed_is_fresh_once_and_what_is_published_can_be_read() {
+    fn messages_are_fresh_once_and_published_ones_can_be_read() {
         let mut bench = Bench::<Nearest>::new("", Setup::default()).unwrap();
         let beam = |range_m| Beam { range_m, ..Default::default() };
         bench.at(1.5).feed(&SONAR, &RangeScanHeader::default(), &[beam(2.0), beam(0.7)]);
@@ -201,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_newest_value_replaces_the_one_before() {
+    fn a_latest_value_replaces_the_one_before() {
         let mut bench = Bench::<Nearest>::new("", Setup::default()).unwrap();
         for _ in 0..3 {
             bench.feed(&POSE, &Pose::default(), &[]);
@@ -212,9 +246,9 @@ mod tests {
     }
 
     #[test]
-    fn what_a_check_would_refuse_is_refused() {
+    fn invalid_parameters_are_refused() {
         let refused = |toml: &str| Bench::<Nearest>::new(toml, Setup::default()).err().unwrap().problem;
-        assert!(refused("lest_m = 0.5").contains("did you mean `min_m`?"));
+        assert!(refused("mim_m = 0.5").contains("did you mean `min_m`?"));
         assert!(refused("min_m = 3").contains("must be at most 1 m"));
     }
 }

@@ -1,4 +1,4 @@
-//! What a behavior or a sensor publishes, kept to be looked at.
+//! Messages published during a test.
 
 use crate::behavior::{OutputSink, PublishError, SlotInfo};
 use crate::message::{Message, MessageType};
@@ -7,7 +7,8 @@ use crate::message::{RawMessage, View};
 use super::allocations::uncounted;
 use super::inbox::Stored;
 
-/// Keeps whatever is published: the outputs of a behavior on the bench, or of a sensor that a test polls.
+/// An output sink that stores all messages: of a behavior on the [`Bench`](super::Bench), or of a sensor polled by a
+/// test.
 #[derive(Debug, Default)]
 pub struct Published {
     declared: Option<&'static [SlotInfo]>,
@@ -15,13 +16,13 @@ pub struct Published {
 }
 
 impl Published {
-    /// Refuses what is not among `declared`, as the bus does.
+    /// Creates a sink that accepts the outputs in `declared` only, as the bus does.
     #[must_use]
     pub fn declared(declared: &'static [SlotInfo]) -> Published {
         Published { declared: Some(declared), kept: Vec::new() }
     }
 
-    /// Header and items of every message of type `M` on `output`, in the order of publication.
+    /// Returns header and items of every message of type `M` on `output`, in order of publication.
     #[must_use]
     pub fn of<M: Message>(&self, output: &str) -> Vec<(M, Vec<M::Item>)> {
         let views = self.iter().filter(|&(name, message, _)| name == output && message.name == M::NAME);
@@ -30,12 +31,12 @@ impl Published {
             .collect()
     }
 
-    /// Output, type and bytes of every message, in the order of publication.
+    /// Iterates over output, type and bytes of every message, in order of publication.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &MessageType, RawMessage<'_>)> {
         self.kept.iter().map(|(name, message, stored)| (name.as_str(), message, stored.raw()))
     }
 
-    /// Forgets everything.
+    /// Removes all messages.
     pub fn clear(&mut self) {
         uncounted(|| self.kept.clear());
     }

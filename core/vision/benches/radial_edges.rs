@@ -1,6 +1,6 @@
-//! Speed of the radial edges of a mirror picture, 512x480, on one core.
+//! Speed of radial edge detection in a mirror image of 512x480 pixels, on one core.
 //!
-//! `cargo bench -p yamabico-core --bench radial_edges`. With `YAMABICO_FRAMES` set to a folder, the picture and the true
+//! `cargo bench -p yamabico-vision --bench radial_edges`. With `YAMABICO_FRAMES` set to a folder, the frame and the true
 //! azimuths are written there for the peer of `tests/peers`.
 
 use std::f64::consts::TAU;
@@ -26,7 +26,7 @@ fn ring(image: &MirrorImage) -> (GrayImage, Vec<f64>) {
     let mut edges: Vec<f64> = (0..WALLS).map(|_| random.random_range(0.0..TAU)).collect();
     edges.sort_by(f64::total_cmp);
     let shades: Vec<f64> = (0..=WALLS).map(|_| random.random_range(60.0..220.0)).collect();
-    let mut picture = GrayImage::new(SIZE.0, SIZE.1);
+    let mut frame = GrayImage::new(SIZE.0, SIZE.1);
     let rim = image.rim_radius_px();
     let shade = |u: f64, v: f64| {
         let pixel = [u, v].into();
@@ -40,21 +40,21 @@ fn ring(image: &MirrorImage) -> (GrayImage, Vec<f64>) {
             _ => shades[edges.partition_point(|edge| *edge < turn)],
         }
     };
-    for (i, out) in picture.pixels_mut().iter_mut().enumerate() {
+    for (i, out) in frame.pixels_mut().iter_mut().enumerate() {
         let (u, v) = ((i % SIZE.0) as f64, (i / SIZE.0) as f64);
         let shift = |k: usize| (k as f64 - 1.0) / 3.0;
         let sum: f64 = (0..9).map(|k| shade(u + shift(k % 3), v + shift(k / 3))).sum();
         let noise: f64 = (0..4).map(|_| random.random_range(-1.0..1.0)).sum::<f64>() * 3.0 / 1.155;
         *out = (sum / 9.0 + noise).clamp(0.0, 255.0) as u8;
     }
-    (picture, edges)
+    (frame, edges)
 }
 
-fn save(picture: &GrayImage, edges: &[f64]) -> std::io::Result<()> {
+fn save(frame: &GrayImage, edges: &[f64]) -> std::io::Result<()> {
     let Some(folder) = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from) else { return Ok(()) };
     std::fs::create_dir_all(&folder)?;
     let path = folder.join("ring_512x480.png");
-    image::save_buffer(path, picture.pixels(), SIZE.0 as u32, SIZE.1 as u32, image::ColorType::L8)
+    image::save_buffer(path, frame.pixels(), SIZE.0 as u32, SIZE.1 as u32, image::ColorType::L8)
         .map_err(std::io::Error::other)?;
     let lines: Vec<String> = edges.iter().map(f64::to_string).collect();
     std::fs::write(folder.join("ring_512x480.txt"), lines.join("\n"))
@@ -62,11 +62,11 @@ fn save(picture: &GrayImage, edges: &[f64]) -> std::io::Result<()> {
 
 fn radial(criterion: &mut Criterion) {
     let Ok(image) = MirrorImage::centered(512, 480).with_ring(20.0, 240.0) else { return };
-    let (picture, truth) = ring(&image);
-    if let Err(error) = save(&picture, &truth) {
-        println!("the picture was not written: {error}");
+    let (frame, truth) = ring(&image);
+    if let Err(error) = save(&frame, &truth) {
+        println!("could not write the image: {error}");
     }
-    let Ok(view) = picture.view() else { return };
+    let Ok(view) = frame.view() else { return };
     let mut detector = RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default());
     let Ok(found) = detector.find(view) else { return };
     let off = |truth: f64| {

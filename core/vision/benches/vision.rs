@@ -1,6 +1,6 @@
 //! Speed of the vision modules on one core.
 //!
-//! `cargo bench -p yamabico-core --bench vision`. The York Urban figure is the median over the pictures of the best of
+//! `cargo bench -p yamabico-vision --bench vision`. The York Urban figure is the median over the images of the best of
 //! 15 runs each; it needs the folder `york_urban` in `YAMABICO_DATA` (default ../shared/data beside the workspace).
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -14,7 +14,7 @@ use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
 use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
 
-/// A corridor of flat shades with door frames, joints and noise; the axis meets at 52 % of the width, 46 % of the height.
+/// Renders a corridor of flat shades with door frames, joints and noise; the vanishing point is at 52 % of the width and 46 % of the height.
 fn corridor(width: usize, height: usize) -> GrayImage {
     let (vp_u, vp_v) = (0.52 * width as f64, 0.46 * height as f64);
     let mut noise = 1_u32;
@@ -22,7 +22,7 @@ fn corridor(width: usize, height: usize) -> GrayImage {
     for (i, pixel) in image.pixels_mut().iter_mut().enumerate() {
         let u = ((i % width) as f64 - vp_u) / width as f64;
         let v = ((i / width) as f64 - vp_v) / width as f64;
-        // Distance ahead on the wall or on the floor, and the height on the wall.
+        // Distance ahead on the wall or the floor, and height on the wall.
         let depth = 0.12 / u.abs().max(1.3 * v.abs()).max(0.01);
         let is_wall = u.abs() > 1.3 * v.abs();
         let height_on_wall = v / u.abs().max(1e-3);
@@ -59,7 +59,7 @@ impl Chain {
         }
     }
 
-    /// Number of segments, and whether a point was found.
+    /// Number of segments, and true if a vanishing point was found.
     fn look(&mut self, image: ImageView, camera: &Intrinsics) -> (usize, bool) {
         match self.detector.detect(image) {
             Ok(segments) => (segments.len(), self.finder.find(segments, camera, None).is_ok()),
@@ -105,16 +105,16 @@ fn frames(criterion: &mut Criterion) {
 }
 
 fn york_urban(criterion: &mut Criterion) {
-    let pictures = photographs();
-    if pictures.is_empty() {
-        println!("York Urban pictures are missing: skipped (set YAMABICO_DATA)");
+    let images = photographs();
+    if images.is_empty() {
+        println!("skipped: the York Urban images are missing (set YAMABICO_DATA)");
         return;
     }
     let camera = Intrinsics { fx: 674.918, fy: 674.918, cx: 307.551, cy: 251.454, width: 640, height: 480 };
     let mut chain = Chain::new();
     let (mut times_us, mut counts) = (Vec::new(), Vec::new());
-    for picture in &pictures {
-        let Ok(view) = picture.view() else { continue };
+    for image in &images {
+        let Ok(view) = image.view() else { continue };
         let mut best = f64::INFINITY;
         for _ in 0..15 {
             let start = Instant::now();
@@ -125,32 +125,30 @@ fn york_urban(criterion: &mut Criterion) {
         times_us.push(best);
     }
     println!(
-        "York Urban, {} pictures: frame to vanishing point median {:.0} us, largest {:.0} us; segments median {:.0}",
+        "York Urban, {} images: frame to vanishing point median {:.0} us, largest {:.0} us; segments median {:.0}",
         times_us.len(),
         middle(&mut times_us),
         times_us.last().copied().unwrap_or(f64::NAN),
         middle(&mut counts)
     );
-    criterion.bench_function("frame to vanishing point, York Urban, all pictures", |b| {
+    criterion.bench_function("frame to vanishing point, York Urban, all images", |b| {
         let mut next = 0;
         b.iter(|| {
-            next = (next + 1) % pictures.len();
-            pictures[next].view().map(|view| chain.look(view, &camera))
+            next = (next + 1) % images.len();
+            images[next].view().map(|view| chain.look(view, &camera))
         });
     });
 }
 
-/// Sorts and returns the middle one.
+/// Sorts the values and returns the median.
 fn middle(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 fn photographs() -> Vec<GrayImage> {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
-    let data =
-        std::env::var_os("YAMABICO_DATA").map_or(root.join("../shared/data"), |folder| root.join(folder));
-    let mut files: Vec<_> = std::fs::read_dir(data.join("york_urban/images"))
+    let Some(folder) = yamabico_testkit::data::data_set("york_urban") else { return Vec::new() };
+    let mut files: Vec<_> = std::fs::read_dir(folder.join("images"))
         .into_iter()
         .flatten()
         .filter_map(|entry| entry.ok().map(|entry| entry.path()))

@@ -1,8 +1,8 @@
-//! How much edge a mirror camera sees in each direction: a histogram over azimuth, and the vertical edges in it.
+//! Histogram of edge length over azimuth in a mirror image, and its vertical edges.
 //!
-//! Yagi, Nishizawa & Yachida (1995), section II: vertical edges are radial in the picture, so that their points are
-//! counted over azimuth. Differs from \[1\]: dark to bright and bright to dark are counted apart, bins are a quarter of a
-//! degree, and the azimuth of an edge is the weighted mean of its points, finer than a bin.
+//! Yagi, Nishizawa & Yachida (1995), section II: vertical edges are radial in the image, so their points accumulate at
+//! one azimuth. Differs from \[1\]: the two signs of brightness change are counted separately, bins are a quarter of a
+//! degree wide, and the azimuth of an edge is the weighted mean of its points, more accurate than a bin.
 
 use std::f64::consts::TAU;
 
@@ -10,20 +10,20 @@ use serde::{Deserialize, Serialize};
 
 use yamabico_geometry::wrap_angle;
 
-/// How the picture changes across an edge, on the way of growing azimuth (to the left).
+/// Sign of the brightness change across an edge, in the direction of increasing azimuth (to the left).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum EdgeSign {
-    /// Darker to brighter.
+    /// From darker to brighter.
     Brighter,
-    /// Brighter to darker.
+    /// From brighter to darker.
     Darker,
 }
 
 impl EdgeSign {
-    /// Both of them.
+    /// Both signs.
     pub const ALL: [Self; 2] = [Self::Brighter, Self::Darker];
 
-    /// 1 for growing brightness, else -1.
+    /// 1 for increasing brightness, else -1.
     #[must_use]
     pub fn value(self) -> i8 {
         match self {
@@ -33,45 +33,44 @@ impl EdgeSign {
     }
 }
 
-/// One point of a radial edge.
+/// Point of a radial edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgePoint {
-    /// Azimuth, radians.
+    /// Azimuth, rad.
     pub azimuth_rad: f64,
-    /// How the picture changes across the edge.
+    /// Sign of the brightness change.
     pub sign: EdgeSign,
-    /// How much of the edge's length it stands for, pixels, > 0.
+    /// Share of the edge's length, pixels, > 0.
     pub length_px: f64,
-    /// How much it counts in the mean azimuth, > 0: the square of its distance from the center, pixels, where all
-    /// points are equally sharp.
+    /// Weight in the mean azimuth, > 0: the squared distance from the center, px^2, if all points are equally accurate.
     pub weight: f64,
 }
 
-/// One vertical edge of the surroundings.
+/// Vertical edge of the environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AzimuthEdge {
-    /// Azimuth, radians in [-pi, pi).
+    /// Azimuth, rad in [-pi, pi).
     pub azimuth_rad: f64,
-    /// How the picture changes across it.
+    /// Sign of the brightness change.
     pub sign: EdgeSign,
-    /// Its length in the picture, pixels.
+    /// Length in the image, pixels.
     pub length_px: f64,
     /// Sum of the weights of its points.
     pub weight: f64,
-    /// Neighboring bins that it fills.
+    /// Number of adjacent bins that it fills.
     pub bins: usize,
 }
 
 impl AzimuthEdge {
-    /// Standard deviation of the azimuth, radians, where weights are squared distances from the center (pixels) and
-    /// points are `point_sigma_px` sharp, three neighboring ones telling as much as one; not below `min_rad`.
+    /// Standard deviation of the azimuth, rad, if weights are squared distances from the center (px^2), points have the
+    /// standard deviation `point_sigma_px`, and three adjacent points are as informative as one; at least `min_rad`.
     #[must_use]
     pub fn sigma_rad(&self, point_sigma_px: f64, min_rad: f64) -> f64 {
         (point_sigma_px * (3.0 / self.weight.max(f64::MIN_POSITIVE)).sqrt()).max(min_rad)
     }
 
-    /// Nearest distance of the edge from the center, pixels, where weights are squared distances from the center and the
-    /// edge has no gaps. `None` where weight and length do not belong to such an edge.
+    /// Minimum distance of the edge from the center, pixels, if weights are squared distances from the center and the
+    /// edge has no gaps. `None` if weight and length are inconsistent with that.
     #[must_use]
     pub fn inner_radius_px(&self) -> Option<f64> {
         let length = self.length_px;
@@ -81,15 +80,15 @@ impl AzimuthEdge {
     }
 }
 
-/// What counts as one edge.
+/// Parameters for extracting edges from the histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProfileRule {
-    /// Bins of a turn, at least 8.
+    /// Number of bins per turn, at least 8.
     pub bins: usize,
-    /// Shortest edge, pixels.
+    /// Minimum edge length, pixels.
     pub min_length_px: f64,
-    /// Runs of filled bins wider than this (radians) are cut at their deepest valley, if there is one of less than half of
-    /// the peaks on both of its sides.
+    /// Width above which a run of filled bins is split, rad: at its deepest valley, if that is below half of the peaks
+    /// on both sides.
     pub widest_rad: f64,
 }
 
@@ -99,7 +98,7 @@ impl Default for ProfileRule {
     }
 }
 
-/// The histogram, and the edges that it holds.
+/// Azimuth histogram and its edges.
 #[derive(Clone, Debug)]
 pub struct AzimuthProfile {
     rule: ProfileRule,
@@ -112,12 +111,12 @@ pub struct AzimuthProfile {
 struct Bin {
     length_px: f64,
     weight: f64,
-    /// Weighted sum of the azimuths, from the bin's middle.
+    /// Weighted sum of the azimuths relative to the bin's center.
     moment: f64,
 }
 
 impl AzimuthProfile {
-    /// An empty profile.
+    /// Creates an empty profile.
     #[must_use]
     pub fn new(rule: ProfileRule) -> Self {
         let bins = rule.bins.max(8);
@@ -130,7 +129,7 @@ impl AzimuthProfile {
         }
     }
 
-    /// Empties it.
+    /// Clears the histogram and the edges.
     pub fn clear(&mut self) {
         for bins in &mut self.bins {
             bins.fill(Bin::default());
@@ -138,7 +137,7 @@ impl AzimuthProfile {
         self.edges.clear();
     }
 
-    /// Counts a point; one without a finite azimuth is left out.
+    /// Adds a point; ignores one with an azimuth that is not finite.
     #[inline]
     pub fn add(&mut self, point: &EdgePoint) {
         if !point.azimuth_rad.is_finite() {
@@ -146,26 +145,26 @@ impl AzimuthProfile {
         }
         let turn = point.azimuth_rad.rem_euclid(TAU);
         let index = ((turn / self.width_rad) as usize).min(self.rule.bins - 1);
-        let offset = turn - self.middle(index);
+        let offset = turn - self.center(index);
         let bin = &mut self.bins[usize::from(point.sign == EdgeSign::Darker)][index];
         bin.length_px += point.length_px;
         bin.weight += point.weight;
         bin.moment += point.weight * offset;
     }
 
-    /// Counts a point whose azimuth lies in [0, 2 pi].
+    /// Adds a point with an azimuth in [0, 2 pi].
     #[inline]
-    pub(crate) fn add_in_turn(&mut self, turn: f32, sign: usize, length_px: f32, weight: f32) {
+    pub(crate) fn add_wrapped(&mut self, turn: f32, sign: usize, length_px: f32, weight: f32) {
         let turn = f64::from(turn);
         let index = ((turn / self.width_rad) as usize).min(self.rule.bins - 1);
-        let middle = self.middle(index);
+        let middle = self.center(index);
         let bin = &mut self.bins[sign & 1][index];
         bin.length_px += f64::from(length_px);
         bin.weight += f64::from(weight);
         bin.moment += f64::from(weight) * (turn - middle);
     }
 
-    /// Finds the edges, by growing azimuth.
+    /// Extracts the edges, in order of azimuth.
     pub fn find(&mut self) -> &[AzimuthEdge] {
         self.edges.clear();
         let runs = Runs { rule: &self.rule, width_rad: self.width_rad };
@@ -176,18 +175,18 @@ impl AzimuthProfile {
         &self.edges
     }
 
-    /// The edges found last, by growing azimuth.
+    /// Edges of the last extraction, in order of azimuth.
     #[must_use]
     pub fn edges(&self) -> &[AzimuthEdge] {
         &self.edges
     }
 
-    fn middle(&self, bin: usize) -> f64 {
+    fn center(&self, bin: usize) -> f64 {
         (bin as f64 + 0.5) * self.width_rad
     }
 }
 
-/// Runs of filled bins around the turn.
+/// Extraction of runs of filled bins around the turn.
 struct Runs<'a> {
     rule: &'a ProfileRule,
     width_rad: f64,
@@ -197,7 +196,7 @@ impl Runs<'_> {
     fn find(&self, bins: &[Bin], sign: EdgeSign, edges: &mut Vec<AzimuthEdge>) {
         let count = bins.len();
         let is_filled = |index: usize| bins[index % count].length_px > 0.0;
-        // Beginning behind an empty bin, no run is cut where the turn closes.
+        // Starting after an empty bin, no run is cut at the wrap-around.
         let Some(gap) = (0..count).find(|&index| !is_filled(index)) else {
             return self.cut(bins, 0..count, sign, edges);
         };
@@ -210,7 +209,7 @@ impl Runs<'_> {
         }
     }
 
-    /// Cuts a wide run at its valleys and writes down the parts.
+    /// Splits a wide run at its valleys and appends the parts.
     fn cut(&self, bins: &[Bin], run: std::ops::Range<usize>, sign: EdgeSign, edges: &mut Vec<AzimuthEdge>) {
         let mut start = run.start;
         while start < run.end {
@@ -220,12 +219,18 @@ impl Runs<'_> {
             } else {
                 run.end
             };
-            self.take(bins, start..end, sign, edges);
+            self.push_edge(bins, start..end, sign, edges);
             start = end;
         }
     }
 
-    fn take(&self, bins: &[Bin], run: std::ops::Range<usize>, sign: EdgeSign, edges: &mut Vec<AzimuthEdge>) {
+    fn push_edge(
+        &self,
+        bins: &[Bin],
+        run: std::ops::Range<usize>,
+        sign: EdgeSign,
+        edges: &mut Vec<AzimuthEdge>,
+    ) {
         let (mut length_px, mut weight, mut moment) = (0.0, 0.0, 0.0);
         for index in run.clone() {
             let bin = &bins[index % bins.len()];
@@ -246,8 +251,8 @@ impl Runs<'_> {
     }
 }
 
-/// The bin, within a run, of the first valley that lies below half of the highest bins before it and up to the next valley
-/// behind it; the run is to be cut before this bin.
+/// First valley within a run: a bin below half of the highest bin before it, and below half of the next bin that rises
+/// again. The run is to be split before it.
 fn first_valley(bins: &[Bin], run: std::ops::Range<usize>) -> Option<usize> {
     let length = |index: usize| bins[index % bins.len()].length_px;
     let (mut peak, mut lowest, mut valley) = (0.0_f64, f64::INFINITY, run.start);
@@ -305,7 +310,7 @@ mod tests {
         assert_eq!((edges[0].bins, edges[1].bins), (4, 5));
         assert!((edges[0].azimuth_rad - 101.5 * width).abs() < width);
         assert!((edges[1].azimuth_rad - 107.5 * width).abs() < width);
-        // Narrow runs stay whole whatever their shape.
+        // Narrow runs stay whole regardless of their shape.
         profile.clear();
         for (i, length) in [30.0, 2.0, 30.0].into_iter().enumerate() {
             profile.add(&point((100.5 + i as f64) * width, EdgeSign::Brighter, length));
@@ -314,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn texture_all_around_and_no_number_do_no_harm() {
+    fn dense_texture_and_nan_are_handled() {
         let mut profile = AzimuthProfile::new(ProfileRule { bins: 16, ..ProfileRule::default() });
         for i in 0..160 {
             profile.add(&point(f64::from(i) * TAU / 160.0, EdgeSign::Brighter, 1.0));
@@ -326,7 +331,7 @@ mod tests {
     }
 
     proptest! {
-        /// Turning everything by whole bins turns the edges, and nothing else.
+        /// Rotating all points by whole bins rotates the edges and changes nothing else.
         #[test]
         fn edges_turn_with_the_points(
             points in prop::collection::vec((0.0..TAU, 1.0..30.0), 1..40), turn in 0_usize..1440,
@@ -339,7 +344,7 @@ mod tests {
                 }
                 profile.find().to_vec()
             };
-            // A point that rounding puts over the border of a bin proves nothing.
+            // Excludes points that rounding may move to another bin.
             prop_assume!(points.iter().all(|(a, _)| {
                 let share = (a / TAU * 1440.0).fract();
                 (1e-6..1.0 - 1e-6).contains(&share)

@@ -1,17 +1,17 @@
-//! A picture of one bit a pixel: edges, masks and what they have in common, 64 pixels at a time.
+//! Binary images (masks) with one bit per pixel, processed 64 pixels at a time.
 
 use nalgebra::Vector2;
 
 use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
-/// What is farther from the picture is not drawn, pixels.
+/// Maximum coordinate of a shape that is drawn, pixels.
 const FARTHEST_PX: f64 = 1e5;
 
-/// A mask of `width` x `height` pixels. Filling it again allocates only when it must grow.
+/// Mask of `width` x `height` pixels. Reuse allocates only to grow.
 ///
-/// Rows are 64-bit words, lowest bit leftmost. An empty word stands before the first row and behind every row, so that
-/// whole pictures can be shifted sideways without bits running into the neighboring row.
+/// Rows are 64-bit words, leftmost pixel in the lowest bit. An empty word before the first row and after every row lets
+/// whole images be shifted sideways without bits crossing into the adjacent row.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BitImage {
     width: usize,
@@ -20,7 +20,7 @@ pub struct BitImage {
 }
 
 impl BitImage {
-    /// An empty mask.
+    /// Creates an empty mask.
     #[must_use]
     pub fn new(width: usize, height: usize) -> Self {
         let mut image = Self::default();
@@ -28,32 +28,32 @@ impl BitImage {
         image
     }
 
-    /// Gives the mask this size and empties it.
+    /// Resizes and clears the mask.
     pub fn clear(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         self.words.clear();
         self.words.resize(1 + self.stride() * height, 0);
     }
 
-    /// Columns.
+    /// Width, px.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Height, px.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Whether the pixel in column `u` and row `v` is set; outside, none is.
+    /// Returns true if the pixel in column `u` and row `v` is set; false outside the image.
     #[must_use]
     pub fn get(&self, u: usize, v: usize) -> bool {
         u < self.width && v < self.height && self.words[self.word_index(u, v)] >> (u % 64) & 1 == 1
     }
 
-    /// Sets the pixel in column `u` and row `v`; outside, nothing happens.
+    /// Sets the pixel in column `u` and row `v`; ignores pixels outside the image.
     pub fn set(&mut self, u: usize, v: usize) {
         if u < self.width && v < self.height {
             let index = self.word_index(u, v);
@@ -61,9 +61,9 @@ impl BitImage {
         }
     }
 
-    /// Sets a line between two pixels: one pixel a row where it is steep, one a column where it is flat. What lies outside
-    /// is left out; a line with an end that is not finite or absurdly far away is not drawn.
-    pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>) {
+    /// Draws a line between two pixels: one pixel per row if it is steep, else one per column, clipped to the image.
+    /// Ignores a line with a non-finite endpoint, or one more than 1e5 px away.
+    pub fn draw_line(&mut self, from: Vector2<f64>, to: Vector2<f64>) {
         if !from.iter().chain(to.iter()).all(|x| x.abs() < FARTHEST_PX) {
             return;
         }
@@ -80,7 +80,7 @@ impl BitImage {
         let (low, high) = (from[1 - main].min(to[1 - main]), from[1 - main].max(to[1 - main]));
         for i in first..=last as usize {
             let across = (from[1 - main] + slope * (i as f64 - from[main])).max(low).min(high);
-            // The nearest pixel, without a call to the rounding of the library.
+            // Rounds without a library call.
             if across > -0.5 {
                 let nearest = (across + 0.5) as usize;
                 let (u, v) = if is_steep { (nearest, i) } else { (i, nearest) };
@@ -89,9 +89,9 @@ impl BitImage {
         }
     }
 
-    /// Sets the pixels that a convex quadrilateral, its corners in order around it, covers or comes within half a row of. One
-    /// with a corner that is not finite or absurdly far away is not drawn.
-    pub fn quad(&mut self, corners: [Vector2<f64>; 4]) {
+    /// Fills a convex quadrilateral, with corners in order, including pixels within half a row of it. Ignores one with
+    /// a non-finite corner, or one more than 1e5 px away.
+    pub fn fill_quad(&mut self, corners: [Vector2<f64>; 4]) {
         if !corners.iter().flatten().all(|x| x.abs() < FARTHEST_PX) {
             return;
         }
@@ -134,14 +134,14 @@ impl BitImage {
         }
     }
 
-    /// Sets the pixels of `image` that are at least `least`, and no others.
-    pub fn threshold(&mut self, image: ImageView, least: u8) {
+    /// Sets exactly the pixels of `image` of at least `min_level`, and resizes the mask to its size.
+    pub fn threshold(&mut self, image: ImageView, min_level: u8) {
         self.clear(image.width(), image.height());
-        vectorize::run(Threshold { image, least, out: self });
+        vectorize::run(Threshold { image, min_level, out: self });
     }
 
-    /// Unsets what is set in `other`, a mask of the same size; one of another size changes nothing.
-    pub fn remove(&mut self, other: &BitImage) {
+    /// Clears the pixels that are set in `other`; no effect if the sizes differ.
+    pub fn subtract(&mut self, other: &BitImage) {
         if (self.width, self.height) == (other.width, other.height) {
             for (word, other) in self.words.iter_mut().zip(&other.words) {
                 *word &= !other;
@@ -149,14 +149,14 @@ impl BitImage {
         }
     }
 
-    /// Takes size and pixels of another mask.
+    /// Copies size and pixels of another mask.
     pub fn copy_from(&mut self, other: &BitImage) {
         (self.width, self.height) = (other.width, other.height);
         self.words.clone_from(&other.words);
     }
 
-    /// Unsets what is not set in `other`, a mask of the same size; one of another size changes nothing.
-    pub fn keep(&mut self, other: &BitImage) {
+    /// Clears the pixels that are not set in `other`; no effect if the sizes differ.
+    pub fn intersect(&mut self, other: &BitImage) {
         if (self.width, self.height) == (other.width, other.height) {
             for (word, other) in self.words.iter_mut().zip(&other.words) {
                 *word &= other;
@@ -164,63 +164,73 @@ impl BitImage {
         }
     }
 
-    /// Empties the rows above row `v`.
+    /// Clears the rows above row `v`.
     pub fn clear_above(&mut self, v: usize) {
         let end = (1 + v.min(self.height) * self.stride()).min(self.words.len());
         self.words[..end].fill(0);
     }
 
-    /// The set pixels.
+    /// Number of set pixels.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.words.iter().map(|word| word.count_ones()).sum()
     }
 
-    /// Writes to `out` the pixels that are part of a nearly upright line: of five rows one after the other, each of which has
-    /// a pixel in the same column or beside it. Lines that lean by more than 30 degrees, and what is shorter, fall out.
-    pub fn upright(&self, spare: &mut BitImage, out: &mut BitImage) {
+    /// Writes to `out` the pixels that are part of a nearly vertical line: of five consecutive rows, each with a pixel
+    /// in the same or an adjacent column. Removes shorter lines and lines inclined by more than 30 degrees.
+    pub fn vertical_lines(&self, spare: &mut BitImage, out: &mut BitImage) {
         spare.clear(self.width, self.height);
         out.clear(self.width, self.height);
         vectorize::run(Upright { image: self, spare, out });
     }
 
-    /// The words of row `v`.
+    /// Words of row `v`.
+    #[inline]
     #[must_use]
     pub fn row(&self, v: usize) -> &[u64] {
         let start = 1 + v * self.stride();
         &self.words[start..start + self.stride() - 1]
     }
 
-    /// Columns and rows of the set pixels, row by row.
+    /// Column and row of each set pixel, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = (usize, usize)> {
         (0..self.height).flat_map(move |v| {
             (0..self.width).filter(move |&u| self.row(v)[u / 64] >> (u % 64) & 1 == 1).map(move |u| (u, v))
         })
     }
 
-    /// Words from one row to the next: those of a row and the empty one behind it.
-    pub(crate) fn stride(&self) -> usize {
+    /// Number of words from one row to the next: those of a row and the empty one after it.
+    #[inline]
+    #[must_use]
+    pub fn stride(&self) -> usize {
         self.width.div_ceil(64) + 1
     }
 
-    /// The empty word and then the rows, each with an empty word behind it.
-    pub(crate) fn words(&self) -> &[u64] {
+    /// All words: an empty word, then the rows, each followed by an empty word.
+    #[inline]
+    #[must_use]
+    pub fn words(&self) -> &[u64] {
         &self.words
     }
 
-    /// The same, to be written: the empty words must stay empty.
-    pub(crate) fn words_mut(&mut self) -> &mut [u64] {
+    /// Like [`BitImage::words`], but mutable. The padding words must stay empty.
+    #[inline]
+    pub fn words_mut(&mut self) -> &mut [u64] {
         &mut self.words
     }
 
-    pub(crate) fn row_mut(&mut self, v: usize) -> &mut [u64] {
+    /// Like [`BitImage::row`], but mutable. Bits beyond the width must stay unset.
+    #[inline]
+    pub fn row_mut(&mut self, v: usize) -> &mut [u64] {
         let stride = self.stride();
         let start = 1 + v * stride;
         &mut self.words[start..start + stride - 1]
     }
 
-    /// Where in [`BitImage::words`] a pixel's bit is.
-    pub(crate) fn word_index(&self, u: usize, v: usize) -> usize {
+    /// Index in [`BitImage::words`] of the word of a pixel.
+    #[inline]
+    #[must_use]
+    pub fn word_index(&self, u: usize, v: usize) -> usize {
         1 + v * self.stride() + u / 64
     }
 }
@@ -242,7 +252,7 @@ impl Kernel for Upright<'_> {
         if self.image.height < 5 {
             return;
         }
-        // Columns with a pixel in or beside them; then those in five rows, kept at the first one; then all five.
+        // Dilate by one column; then keep the first row of runs of five; then restore the whole runs.
         let (before, here, after) = (&words[..len - 2], &words[1..len - 1], &words[2..]);
         let wide = &mut self.spare.words[1..len - 1];
         for i in 0..wide.len() {
@@ -255,7 +265,7 @@ impl Kernel for Upright<'_> {
         for i in 0..rows {
             run[i] = a[i] & b[i] & c[i] & d[i] & e[i];
         }
-        // An upright run counts for the pixels beside it as well.
+        // Runs include the adjacent pixels on either side.
         let run = &self.out.words[..];
         let wide = &mut self.spare.words[1..len - 1];
         for i in 0..wide.len() {
@@ -278,7 +288,7 @@ impl Kernel for Upright<'_> {
 
 struct Threshold<'a> {
     image: ImageView<'a>,
-    least: u8,
+    min_level: u8,
     out: &'a mut BitImage,
 }
 
@@ -293,7 +303,7 @@ impl Kernel for Threshold<'_> {
             for (word, levels) in self.out.row_mut(v).iter_mut().zip(row.chunks(64)) {
                 flags[levels.len()..].fill(0);
                 for (flag, &level) in flags.iter_mut().zip(levels) {
-                    *flag = u8::from(level >= self.least);
+                    *flag = u8::from(level >= self.min_level);
                 }
                 *word = pack(&flags);
             }
@@ -301,10 +311,10 @@ impl Kernel for Threshold<'_> {
     }
 }
 
-/// 64 flags, each 0 or 1, as the bits of a word, the first one lowest.
+/// Packs 64 flags, each 0 or 1, into a word, the first flag in the lowest bit.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-pub(crate) fn pack(flags: &[u8; 64]) -> u64 {
+pub fn pack(flags: &[u8; 64]) -> u64 {
     use std::arch::x86_64::{_mm_loadu_si128, _mm_movemask_epi8, _mm_slli_epi16};
     let mut word = 0;
     for (i, sixteen) in flags.as_chunks::<16>().0.iter().enumerate() {
@@ -320,13 +330,13 @@ pub(crate) fn pack(flags: &[u8; 64]) -> u64 {
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) use pack_by_products as pack;
+pub use pack_by_products as pack;
 
-/// The same on any processor.
+/// Like `pack`, but portable.
 #[cfg(any(test, not(target_arch = "x86_64")))]
 #[inline(always)]
-pub(crate) fn pack_by_products(flags: &[u8; 64]) -> u64 {
-    // The product brings the lowest bit of byte i to bit 56 + i, and no two of its terms meet.
+pub fn pack_by_products(flags: &[u8; 64]) -> u64 {
+    // The product moves the lowest bit of byte i to bit 56 + i without collisions.
     const GATHER: u64 = 0x0102_0408_1020_4080;
     let mut word = 0;
     for (i, &eight) in flags.as_chunks::<8>().0.iter().enumerate() {
@@ -365,11 +375,11 @@ mod tests {
     fn only_upright_lines_of_five_rows_are_kept() {
         let (mut mask, mut spare, mut out) =
             (BitImage::new(200, 40), BitImage::default(), BitImage::default());
-        mask.line(Vector2::new(63.0, 5.0), Vector2::new(65.0, 25.0));
-        mask.line(Vector2::new(150.0, 10.0), Vector2::new(150.0, 13.0));
-        mask.line(Vector2::new(80.0, 0.0), Vector2::new(119.0, 39.0));
-        mask.line(Vector2::new(0.0, 39.0), Vector2::new(199.0, 39.0));
-        mask.upright(&mut spare, &mut out);
+        mask.draw_line(Vector2::new(63.0, 5.0), Vector2::new(65.0, 25.0));
+        mask.draw_line(Vector2::new(150.0, 10.0), Vector2::new(150.0, 13.0));
+        mask.draw_line(Vector2::new(80.0, 0.0), Vector2::new(119.0, 39.0));
+        mask.draw_line(Vector2::new(0.0, 39.0), Vector2::new(199.0, 39.0));
+        mask.vertical_lines(&mut spare, &mut out);
         let rows: Vec<usize> = out.pixels().map(|(_, v)| v).collect();
         assert_eq!((rows.first(), rows.last(), rows.len()), (Some(&5), Some(&25), 21));
         assert!(out.pixels().all(|(u, _)| (63..=65).contains(&u)));
@@ -385,34 +395,34 @@ mod tests {
             let (mut lines, mut quad) = (BitImage::new(150, 50), BitImage::new(150, 50));
             for i in -90..=90 {
                 let share = f64::from(i) / 90.0;
-                lines.line(a + near * share, b + far * share);
+                lines.draw_line(a + near * share, b + far * share);
             }
-            quad.quad([a - near, a + near, b + far, b - far]);
+            quad.fill_quad([a - near, a + near, b + far, b - far]);
             let covered = lines.count();
             assert!(covered > 100 && quad.count() < covered + covered / 3, "{covered} {}", quad.count());
-            lines.remove(&quad);
+            lines.subtract(&quad);
             assert_eq!(lines.count(), 0);
         }
         let mut column = BitImage::new(130, 20);
-        column.quad([[62.0, 5.0], [66.0, 5.0], [66.0, 8.0], [62.0, 8.0]].map(Vector2::from));
+        column.fill_quad([[62.0, 5.0], [66.0, 5.0], [66.0, 8.0], [62.0, 8.0]].map(Vector2::from));
         assert_eq!((column.count(), column.get(62, 5), column.get(66, 8)), (20, true, true));
-        column.quad([[f64::NAN, 5.0], [66.0, 5.0], [66.0, 8.0], [62.0, 8.0]].map(Vector2::from));
-        column.quad([[-9.0, 5.0], [-2.0, 5.0], [-2.0, 8.0], [-9.0, 8.0]].map(Vector2::from));
-        column.quad([[131.0, -5.0], [140.0, -5.0], [140.0, 40.0], [131.0, 40.0]].map(Vector2::from));
+        column.fill_quad([[f64::NAN, 5.0], [66.0, 5.0], [66.0, 8.0], [62.0, 8.0]].map(Vector2::from));
+        column.fill_quad([[-9.0, 5.0], [-2.0, 5.0], [-2.0, 8.0], [-9.0, 8.0]].map(Vector2::from));
+        column.fill_quad([[131.0, -5.0], [140.0, -5.0], [140.0, 40.0], [131.0, 40.0]].map(Vector2::from));
         assert_eq!(column.count(), 20);
     }
 
     #[test]
     fn a_steep_line_has_a_pixel_in_each_of_its_rows() {
         let mut mask = BitImage::new(100, 50);
-        mask.line(Vector2::new(70.0, 40.0), Vector2::new(66.0, 10.0));
+        mask.draw_line(Vector2::new(70.0, 40.0), Vector2::new(66.0, 10.0));
         assert_eq!(mask.count(), 31);
         assert!(mask.get(70, 40) && mask.get(66, 10) && mask.get(68, 25));
         mask.clear(100, 50);
-        mask.line(Vector2::new(-20.0, 3.0), Vector2::new(200.0, 3.0));
+        mask.draw_line(Vector2::new(-20.0, 3.0), Vector2::new(200.0, 3.0));
         assert_eq!(mask.count(), 100);
-        mask.line(Vector2::new(f64::NAN, 3.0), Vector2::new(2.0, 30.0));
-        mask.line(Vector2::new(5.0, -30.0), Vector2::new(5.0, -1.0));
+        mask.draw_line(Vector2::new(f64::NAN, 3.0), Vector2::new(2.0, 30.0));
+        mask.draw_line(Vector2::new(5.0, -30.0), Vector2::new(5.0, -1.0));
         assert_eq!(mask.count(), 100);
     }
 }

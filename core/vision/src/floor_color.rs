@@ -1,6 +1,6 @@
-//! Which colors are floor: a box of thresholds, or a table of 32 x 32 x 32 classes.
+//! Colors that count as floor: a box of thresholds, or a table of 32 x 32 x 32 color classes.
 //!
-//! Sekimori, Usui, Masutani & Miyazaki tell the floor by its color alone.
+//! Sekimori, Usui, Masutani & Miyazaki recognize the floor by its color alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,35 +8,35 @@ use super::bit_image::{BitImage, pack};
 use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::RgbView;
 
-/// Classes of one channel in a table.
+/// Number of classes per channel of a table.
 const CLASSES: usize = 32;
 
 /// Red, green, blue.
 pub type Color = [u8; 3];
 
-/// Colors between two thresholds in each channel.
+/// Color range: lower and upper threshold per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColorBox {
-    /// Smallest red, green and blue, 0 to 255.
+    /// Lower thresholds of red, green and blue.
     #[schemars(inner(range(min = 0, max = 255)))]
     pub least: Color,
-    /// Largest red, green and blue, 0 to 255.
+    /// Upper thresholds of red, green and blue.
     #[schemars(inner(range(min = 0, max = 255)))]
     pub most: Color,
 }
 
 impl ColorBox {
-    /// Whether the color lies between the thresholds, both included.
+    /// Returns true if the color lies within the thresholds, inclusive.
     #[inline(always)]
     #[must_use]
     pub fn contains(&self, color: Color) -> bool {
-        // Not short-circuited, so that it vectorizes.
+        // No short-circuit evaluation, so that it vectorizes.
         let within = |i: usize| (color[i] >= self.least[i]) & (color[i] <= self.most[i]);
         within(0) & within(1) & within(2)
     }
 
-    /// The box with thresholds so many levels farther apart on either side.
+    /// Returns the box widened by `levels` on either side of each channel.
     #[must_use]
     pub fn widened(&self, levels: u8) -> Self {
         Self {
@@ -45,7 +45,7 @@ impl ColorBox {
         }
     }
 
-    /// The box with each threshold moved towards that of another box, by no more than so many levels.
+    /// Returns the box with each threshold moved toward that of another box, by at most `levels`.
     #[must_use]
     pub fn towards(&self, other: &ColorBox, levels: u8) -> Self {
         let step = |from: u8, to: u8| to.clamp(from.saturating_sub(levels), from.saturating_add(levels));
@@ -55,7 +55,7 @@ impl ColorBox {
         }
     }
 
-    /// The largest distance between the two thresholds of a channel, levels.
+    /// Maximum width of a channel, gray levels.
     #[must_use]
     pub fn spread(&self) -> u8 {
         let spread = |i: usize| self.most[i].saturating_sub(self.least[i]);
@@ -63,10 +63,10 @@ impl ColorBox {
     }
 }
 
-/// A class, floor or not, for each of 32 x 32 x 32 colors.
+/// Classification of 32 x 32 x 32 colors as floor or other.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ColorTable {
-    /// By red and green; a bit for each class of blue.
+    /// One word per class of red and green, with one bit per class of blue.
     words: Box<[u32; CLASSES * CLASSES]>,
 }
 
@@ -83,7 +83,7 @@ impl std::fmt::Debug for ColorTable {
 }
 
 impl ColorTable {
-    /// Whether the color's class is floor.
+    /// Returns true if the color's class is floor.
     #[inline(always)]
     #[must_use]
     pub fn contains(&self, [red, green, blue]: Color) -> bool {
@@ -91,12 +91,12 @@ impl ColorTable {
         self.words[index] >> (blue >> 3) & 1 == 1
     }
 
-    /// Makes the color's class floor.
+    /// Marks the color's class as floor.
     pub fn insert(&mut self, [red, green, blue]: Color) {
         self.words[(usize::from(red) >> 3) << 5 | usize::from(green) >> 3] |= 1 << (blue >> 3);
     }
 
-    /// Makes every class floor that the box touches.
+    /// Marks every class that overlaps the box as floor.
     pub fn insert_box(&mut self, colors: &ColorBox) {
         let classes = |i: usize| colors.least[i] >> 3..=colors.most[i] >> 3;
         for red in classes(0) {
@@ -106,20 +106,21 @@ impl ColorTable {
         }
     }
 
-    /// Classes that are floor.
+    /// Number of classes that are floor.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.words.iter().map(|word| word.count_ones()).sum()
     }
 
-    /// 32 lines of hexadecimal digits, a line a class of red, eight digits a class of green, lowest bit for no blue.
+    /// Serializes the table as 32 lines of hexadecimal digits: one line per class of red, eight digits per class of
+    /// green, lowest bit for the lowest blue.
     #[must_use]
     pub fn to_lines(&self) -> Vec<String> {
         let line = |words: &[u32]| words.iter().map(|word| format!("{word:08x}")).collect();
         self.words.chunks_exact(CLASSES).map(line).collect()
     }
 
-    /// The table that [`ColorTable::to_lines`] wrote; `None` for anything else.
+    /// Parses the output of [`ColorTable::to_lines`]; `None` for any other text.
     #[must_use]
     pub fn from_lines<S: AsRef<str>>(lines: &[S]) -> Option<Self> {
         let mut table = Self::default();
@@ -140,17 +141,17 @@ impl ColorTable {
     }
 }
 
-/// The colors of a floor.
+/// Color model of a floor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FloorColors {
-    /// Thresholds: fast, and enough where one lamp lights one floor.
+    /// Thresholds: fast, and sufficient for one floor under uniform light.
     Box(ColorBox),
-    /// A class for each color.
+    /// Table of color classes.
     Table(ColorTable),
 }
 
 impl FloorColors {
-    /// Whether a color is floor.
+    /// Returns true if the color is floor.
     #[must_use]
     pub fn contains(&self, color: Color) -> bool {
         match self {
@@ -159,22 +160,22 @@ impl FloorColors {
         }
     }
 
-    /// Sets the pixels of `mask` whose color is floor, and no others. Only the `columns` of each row are looked at; the rest
-    /// stays unset. A row without an entry is left out.
-    pub fn mark(&self, picture: RgbView, columns: &[std::ops::Range<u32>], mask: &mut BitImage) {
-        mask.clear(picture.width(), picture.height());
+    /// Sets the pixels of `mask` whose color is floor. Only the `columns` of each row are examined; all other pixels,
+    /// and rows without an entry, stay unset.
+    pub fn mark(&self, image: RgbView, columns: &[std::ops::Range<u32>], mask: &mut BitImage) {
+        mask.clear(image.width(), image.height());
         match self {
             FloorColors::Box(colors) => {
-                vectorize::run(Mark { picture, columns, mask, classes: Thresholds::new(colors) });
+                vectorize::run(Mark { image, columns, mask, classes: Thresholds::new(colors) });
             }
-            FloorColors::Table(table) => vectorize::run(Mark { picture, columns, mask, classes: table }),
+            FloorColors::Table(table) => vectorize::run(Mark { image, columns, mask, classes: table }),
         }
     }
 }
 
-/// Tells the floor 64 pixels at a time.
+/// Classifier of 64 pixels at a time.
 trait Classes {
-    /// A bit for each pixel, the first one lowest.
+    /// Returns one bit per pixel, the first pixel in the lowest bit.
     fn word(&self, colors: &[Color; 64]) -> u64;
 }
 
@@ -189,10 +190,11 @@ impl Classes for &ColorTable {
     }
 }
 
-/// A box, channel after channel for 64 pixels: all channels are compared alike, and their bits brought together afterwards.
+/// Box with its thresholds repeated for 64 interleaved pixels: all channels are compared alike, then the three bits of
+/// each pixel are combined.
 struct Thresholds {
     least: [u8; 192],
-    /// Largest less smallest; for an empty channel nothing fits, as the box is then empty altogether.
+    /// Upper minus lower threshold. Meaningless for an empty channel: the box is then empty.
     span: [u8; 192],
     is_empty: bool,
 }
@@ -218,7 +220,7 @@ impl Classes for Thresholds {
             *flag = u8::from(byte.wrapping_sub(least) <= span);
         }
         let [a, b, c] = [0, 1, 2].map(|i| pack(flags.as_chunks::<64>().0.get(i).unwrap_or(&[0; 64])));
-        // A pixel's three bits come together at the place of its first.
+        // Combines the three bits of a pixel at the position of its first.
         let first = a & (a >> 1 | b << 63) & (a >> 2 | b << 62);
         let second = b & (b >> 1 | c << 63) & (b >> 2 | c << 62);
         let third = c & c >> 1 & c >> 2;
@@ -226,7 +228,7 @@ impl Classes for Thresholds {
     }
 }
 
-/// Every third bit, beginning with the lowest, side by side.
+/// Gathers every third bit, starting with the lowest.
 #[inline(always)]
 fn every_third(mut bits: u64) -> u64 {
     bits &= 0x9249_2492_4924_9249;
@@ -238,7 +240,7 @@ fn every_third(mut bits: u64) -> u64 {
 }
 
 struct Mark<'a, C> {
-    picture: RgbView<'a>,
+    image: RgbView<'a>,
     columns: &'a [std::ops::Range<u32>],
     mask: &'a mut BitImage,
     classes: C,
@@ -249,14 +251,14 @@ impl<C: Classes> Kernel for Mark<'_, C> {
 
     #[inline(always)]
     fn run(self) {
-        for (v, columns) in self.columns.iter().enumerate().take(self.picture.height()) {
-            let end = (columns.end as usize).min(self.picture.width());
-            // Whole words are looked at, and cut to the columns afterwards.
+        for (v, columns) in self.columns.iter().enumerate().take(self.image.height()) {
+            let end = (columns.end as usize).min(self.image.width());
+            // Processes whole words, then clips them to the columns.
             let first = columns.start as usize / 64;
             if columns.start as usize >= end {
                 continue;
             }
-            let pixels = &self.picture.row(v)[64 * first..];
+            let pixels = &self.image.row(v)[64 * first..];
             let words = &mut self.mask.row_mut(v)[first..end.div_ceil(64)];
             let (whole, rest) = pixels.as_chunks::<64>();
             for (word, colors) in words.iter_mut().zip(whole) {
@@ -284,19 +286,19 @@ mod tests {
     #[test]
     fn a_table_of_a_box_marks_what_the_box_marks() {
         let data: Vec<u8> = (0..3 * 150 * 7_usize).map(|i| (i * i * 31 + i * 7) as u8).collect();
-        let picture = RgbView::new(&data, 150, 7, 450).unwrap();
+        let image = RgbView::new(&data, 150, 7, 450).unwrap();
         let mut table = ColorTable::default();
         table.insert_box(&GREEN);
         assert_eq!(table.count(), 8 * 22 * 10);
         let columns = [0..150, 3..149, 64..128, 63..65, 10..10, 140..900];
         let (mut by_box, mut by_table) = (BitImage::default(), BitImage::default());
-        FloorColors::Box(GREEN).mark(picture, &columns, &mut by_box);
-        FloorColors::Table(table).mark(picture, &columns, &mut by_table);
+        FloorColors::Box(GREEN).mark(image, &columns, &mut by_box);
+        FloorColors::Table(table).mark(image, &columns, &mut by_table);
         let mut count = 0;
         for v in 0..7 {
             for u in 0..150 {
                 let is_asked = columns.get(v).is_some_and(|columns| columns.contains(&(u as u32)));
-                let is_floor = is_asked && GREEN.contains(picture.pixel(u, v));
+                let is_floor = is_asked && GREEN.contains(image.pixel(u, v));
                 assert_eq!((by_box.get(u, v), by_table.get(u, v)), (is_floor, is_floor), "{u}, {v}");
                 count += u32::from(is_floor);
             }
@@ -307,10 +309,10 @@ mod tests {
     #[test]
     fn an_empty_box_has_no_color() {
         let data: Vec<u8> = (0..3 * 64).map(|i| i as u8).collect();
-        let picture = RgbView::new(&data, 64, 1, 192).unwrap();
+        let image = RgbView::new(&data, 64, 1, 192).unwrap();
         let mut mask = BitImage::default();
         let empty = ColorBox { least: [0, 9, 0], most: [255, 8, 255] };
-        FloorColors::Box(empty).mark(picture, std::slice::from_ref(&(0..64)), &mut mask);
+        FloorColors::Box(empty).mark(image, std::slice::from_ref(&(0..64)), &mut mask);
         assert_eq!(mask.count(), 0);
         assert_eq!(every_third(1 | 1 << 3 | 1 << 30 | 1 << 63), 1 | 2 | 1 << 10 | 1 << 21);
     }
@@ -324,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn a_table_survives_being_written() {
+    fn a_table_survives_serialization() {
         let mut table = ColorTable::default();
         table.insert([255, 0, 255]);
         table.insert([8, 130, 40]);

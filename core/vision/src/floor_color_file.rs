@@ -1,32 +1,32 @@
-//! The colors of a floor in a file, as `yamabico learn floor` writes them.
+//! File format of floor colors, as written by `yamabico learn floor`.
 
 use std::path::Path;
 
 use crate::floor_color::{ColorBox, ColorTable, FloorColors};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
-use yamabico_parameters::{BuildError, FileKind};
+use yamabico_parameters::{FileKind, ParameterError};
 
-/// Files of floor colors, as the behavior names them.
+/// File kind of floor colors.
 pub const FLOOR_COLORS_FILE: FileKind = FileKind {
     key: "floor_colors",
     what: "a file of floor colors",
     schema: || schema_for!(ColorFile),
     rules: |table| match table.clone().try_into::<ColorFile>() {
         Ok(file) => file.colors().err().into_iter().collect(),
-        Err(error) => vec![BuildError::new("", error.message())],
+        Err(error) => vec![ParameterError::new("", error.message())],
     },
 };
 
-/// What stands in a file: thresholds or a table, not both.
+/// Content of a floor color file: either thresholds or a table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ColorFile {
-    /// Smallest and largest red, green and blue.
+    /// Lower and upper thresholds of red, green and blue.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thresholds: Option<ColorBox>,
-    /// A class for each of 32 x 32 x 32 colors: 32 lines of 256 hexadecimal digits, a line a class of red, eight digits a class of
-    /// green, lowest bit for no blue.
+    /// Table of 32 x 32 x 32 color classes: 32 lines of 256 hexadecimal digits, one line per class of red, eight digits
+    /// per class of green, lowest bit for the lowest blue.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 32, max = 32))]
     pub table: Option<Vec<String>>,
@@ -42,32 +42,36 @@ impl From<&FloorColors> for ColorFile {
 }
 
 impl ColorFile {
-    /// The colors.
+    /// Converts the content to a color model.
     ///
     /// # Errors
-    /// Neither thresholds nor a table, both, thresholds in the wrong order, or lines that are no table.
-    pub fn colors(&self) -> Result<FloorColors, BuildError> {
+    /// Neither or both of thresholds and table, a lower threshold above its upper one, or lines that are not a table.
+    pub fn colors(&self) -> Result<FloorColors, ParameterError> {
         match (&self.thresholds, &self.table) {
             (Some(thresholds), None) if (0..3).all(|i| thresholds.least[i] <= thresholds.most[i]) => {
                 Ok(FloorColors::Box(*thresholds))
             }
-            (Some(_), None) => {
-                Err(BuildError::new("thresholds", "has a `least` above its `most`: no color is floor"))
-            }
+            (Some(_), None) => Err(ParameterError::new(
+                "thresholds",
+                "has a `least` above its `most`, so that no color is floor: swap them",
+            )),
             (None, Some(lines)) => {
                 let table = ColorTable::from_lines(lines).ok_or_else(|| {
-                    BuildError::new("table", "needs 32 lines of 256 hexadecimal digits: learn it again")
+                    ParameterError::new(
+                        "table",
+                        "must be 32 lines of 256 hexadecimal digits: run `yamabico learn floor` again",
+                    )
                 })?;
                 Ok(FloorColors::Table(table))
             }
-            _ => Err(BuildError::new("", "either `thresholds` or a `table` is needed")),
+            _ => Err(ParameterError::new("", "must have either `thresholds` or a `table`")),
         }
     }
 
-    /// Reads and checks a file.
+    /// Reads and validates a file.
     ///
     /// # Errors
-    /// A file that cannot be read, or everything that is wrong in it, in words.
+    /// Message about a file that cannot be read, or about all invalid content.
     pub fn read(path: &Path) -> Result<FloorColors, String> {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
@@ -82,17 +86,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_say_what_is_wrong_with_them() {
+    fn invalid_files_are_rejected() {
         let problem = |text: &str| FLOOR_COLORS_FILE.read("floor.toml", text).err().map(|p| p.to_string());
         assert_eq!(problem("thresholds = { least = [0, 80, 0], most = [90, 255, 90] }"), None);
-        let told = |text: &str, word: &str| {
-            let told = problem(text).expect("a problem");
-            assert!(told.contains(word), "{told}");
+        let reports = |text: &str, expected: &str| {
+            let message = problem(text).expect("a problem");
+            assert!(message.contains(expected), "{message}");
         };
-        told("", "either");
-        told("thresholds = { least = [0, 80, 0], most = [90, 70, 90] }", "above");
-        told("thresholds = { least = [0, 80, 0], most = [90, 256, 90] }", "255");
-        told(&format!("table = [{}]", "'00',".repeat(32)), "256 hexadecimal");
-        told("tabel = []", "table");
+        reports("", "either");
+        reports("thresholds = { least = [0, 80, 0], most = [90, 70, 90] }", "above");
+        reports("thresholds = { least = [0, 80, 0], most = [90, 256, 90] }", "255");
+        reports(&format!("table = [{}]", "'00',".repeat(32)), "256 hexadecimal");
+        reports("tabel = []", "table");
     }
 }

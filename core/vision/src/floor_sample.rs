@@ -1,8 +1,8 @@
-//! What colors a patch of floor has.
+//! Color statistics of a patch of floor.
 
 use super::floor_color::{Color, ColorBox};
 
-/// Histograms of the three channels.
+/// Histograms of the three color channels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FloorSample {
     channels: [[u32; 256]; 3],
@@ -16,7 +16,7 @@ impl Default for FloorSample {
 }
 
 impl FloorSample {
-    /// Forgets every color.
+    /// Removes all pixels.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
@@ -29,7 +29,7 @@ impl FloorSample {
         self.count += 1;
     }
 
-    /// Adds everything of another sample.
+    /// Adds the pixels of another sample.
     pub fn merge(&mut self, sample: &FloorSample) {
         for (mine, theirs) in self.channels.iter_mut().flatten().zip(sample.channels.iter().flatten()) {
             *mine += theirs;
@@ -37,15 +37,16 @@ impl FloorSample {
         self.count += sample.count;
     }
 
-    /// Pixels.
+    /// Number of pixels.
     #[must_use]
     pub fn count(&self) -> u32 {
         self.count
     }
 
-    /// In each channel the levels that this share (0 to 0.5) of the pixels is below, and above; `None` without a pixel.
+    /// Quantile range per channel: the levels that exclude this share (0 to 0.5) of the pixels at either end. `None`
+    /// for an empty sample.
     #[must_use]
-    pub fn middle(&self, share: f64) -> Option<ColorBox> {
+    pub fn quantile_range(&self, share: f64) -> Option<ColorBox> {
         let skipped = (share.clamp(0.0, 0.5) * f64::from(self.count)) as u32;
         let mut colors = ColorBox { least: [0; 3], most: [0; 3] };
         for (i, channel) in self.channels.iter().enumerate() {
@@ -56,7 +57,7 @@ impl FloorSample {
     }
 }
 
-/// The first level that comes after so many pixels.
+/// First level after `skipped` pixels.
 fn first_level<'a>(mut levels: impl Iterator<Item = (usize, &'a u32)>, skipped: u32) -> Option<u8> {
     let mut sum = 0;
     let found = levels.find(|(_, count)| {
@@ -73,10 +74,10 @@ mod tests {
     #[test]
     fn outliers_are_left_out() {
         let mut sample = FloorSample::default();
-        assert_eq!(sample.middle(0.1), None);
+        assert_eq!(sample.quantile_range(0.1), None);
         (0..100).for_each(|i| sample.add([i, 40, 255 - i]));
-        assert_eq!(sample.middle(0.0), Some(ColorBox { least: [0, 40, 156], most: [99, 40, 255] }));
-        assert_eq!(sample.middle(0.1), Some(ColorBox { least: [10, 40, 166], most: [89, 40, 245] }));
+        assert_eq!(sample.quantile_range(0.0), Some(ColorBox { least: [0, 40, 156], most: [99, 40, 255] }));
+        assert_eq!(sample.quantile_range(0.1), Some(ColorBox { least: [10, 40, 166], most: [89, 40, 245] }));
         sample.clear();
         assert_eq!(sample.count(), 0);
     }

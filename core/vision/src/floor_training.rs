@@ -1,26 +1,26 @@
-//! Learns the floor's colors from pictures in which people marked it.
+//! Training of floor colors from labeled images.
 
 use super::floor_color::{Color, ColorBox, ColorTable, FloorColors};
 use super::floor_sample::FloorSample;
 
 const CLASSES: usize = 32;
-/// A class counts as much as this many of its neighbors.
+/// Weight of a class relative to each of its neighbors in smoothing.
 const OWN_WEIGHT: u32 = 4;
-/// Thresholds leave out this share of the floor's pixels at either end of each channel ...
+/// Share of the floor pixels that thresholds exclude at either end of each channel.
 const OUTLIERS: f64 = 0.01;
-/// ... and reach so many levels farther.
+/// Margin added to either side of the thresholds, gray levels.
 const TOLERANCE: u8 = 8;
 
-/// What people say of a pixel.
+/// Label of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Label {
-    /// The robot may drive there.
+    /// Floor: the robot may drive there.
     Floor,
-    /// It is something else.
+    /// Anything else.
     Other,
 }
 
-/// How many marked pixels have each color.
+/// Number of labeled pixels per color class.
 #[derive(Clone, Debug)]
 pub struct FloorTraining {
     floor: Vec<u32>,
@@ -35,17 +35,17 @@ impl Default for FloorTraining {
     }
 }
 
-/// How well colors tell floor from the rest of marked pictures.
+/// Accuracy of a color model on labeled images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Judged {
-    /// Share of the floor that is told, 0 to 1.
+pub struct ColorAccuracy {
+    /// Share of floor pixels classified as floor, 0 to 1.
     pub recall: f64,
-    /// Share of the rest that is taken for floor, 0 to 1.
+    /// Share of other pixels classified as floor, 0 to 1.
     pub false_alarms: f64,
 }
 
 impl FloorTraining {
-    /// Adds a marked pixel.
+    /// Adds a labeled pixel.
     pub fn add(&mut self, color: Color, label: Label) {
         let class = class(color.map(|level| usize::from(level >> 3)));
         match label {
@@ -57,7 +57,7 @@ impl FloorTraining {
         }
     }
 
-    /// Adds everything of another training.
+    /// Adds the pixels of another training set.
     pub fn merge(&mut self, training: &FloorTraining) {
         for (mine, theirs) in [(&mut self.floor, &training.floor), (&mut self.other, &training.other)] {
             mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| *mine += theirs);
@@ -65,15 +65,15 @@ impl FloorTraining {
         self.sample.merge(&training.sample);
     }
 
-    /// Pixels marked as floor, and as something else.
+    /// Number of pixels labeled floor, and other.
     #[must_use]
     pub fn counts(&self) -> (u64, u64) {
         let sum = |counts: &[u32]| counts.iter().map(|&count| u64::from(count)).sum();
         (sum(&self.floor), sum(&self.other))
     }
 
-    /// A table: floor is each class that is more frequent, with its neighbors, in the floor than in the rest, relative to how
-    /// much there is of either.
+    /// Builds a table: a class is floor if, smoothed over its neighbors, it is relatively more frequent among floor
+    /// pixels than among others.
     #[must_use]
     pub fn table(&self) -> FloorColors {
         let (floor_total, other_total) = self.counts();
@@ -92,31 +92,31 @@ impl FloorTraining {
         FloorColors::Table(table)
     }
 
-    /// Thresholds around the floor's colors; `None` without a pixel of floor.
+    /// Computes thresholds around the floor colors; `None` without floor pixels.
     #[must_use]
     pub fn thresholds(&self) -> Option<FloorColors> {
-        let seen: ColorBox = self.sample.middle(OUTLIERS)?;
+        let seen: ColorBox = self.sample.quantile_range(OUTLIERS)?;
         Some(FloorColors::Box(seen.widened(TOLERANCE)))
     }
 
-    /// How well colors tell these pixels, each class taken at its middle.
+    /// Evaluates a color model on these pixels, with each class represented by its middle.
     #[must_use]
-    pub fn judge(&self, colors: &FloorColors) -> Judged {
-        let mut told = [0_u64; 2];
+    pub fn evaluate(&self, colors: &FloorColors) -> ColorAccuracy {
+        let mut recognized = [0_u64; 2];
         for red in 0..CLASSES {
             for green in 0..CLASSES {
                 for blue in 0..CLASSES {
                     if colors.contains([red, green, blue].map(|class| (class << 3) as u8 + 4)) {
                         let class = class([red, green, blue]);
-                        told[0] += u64::from(self.floor[class]);
-                        told[1] += u64::from(self.other[class]);
+                        recognized[0] += u64::from(self.floor[class]);
+                        recognized[1] += u64::from(self.other[class]);
                     }
                 }
             }
         }
         let (floor, other) = self.counts();
         let share = |part: u64, whole: u64| part as f64 / whole.max(1) as f64;
-        Judged { recall: share(told[0], floor), false_alarms: share(told[1], other) }
+        ColorAccuracy { recall: share(recognized[0], floor), false_alarms: share(recognized[1], other) }
     }
 }
 
@@ -124,7 +124,7 @@ fn class([red, green, blue]: [usize; 3]) -> usize {
     (red * CLASSES + green) * CLASSES + blue
 }
 
-/// The count of a class and its neighbors.
+/// Weighted count of a class and its neighbors.
 fn smoothed(counts: &[u32], at: [usize; 3]) -> u64 {
     let near = |i: usize| at[i].saturating_sub(1)..=(at[i] + 1).min(CLASSES - 1);
     let mut sum = u64::from((OWN_WEIGHT - 1) * counts[class(at)]);
@@ -153,24 +153,24 @@ mod tests {
     }
 
     #[test]
-    fn floor_is_what_is_more_frequent_in_the_floor() {
+    fn frequent_floor_colors_are_floor() {
         let training = training();
         assert_eq!(training.counts(), (200, 400));
         let (table, thresholds) = (training.table(), training.thresholds().unwrap());
         for colors in [&table, &thresholds] {
-            assert_eq!(training.judge(colors), Judged { recall: 1.0, false_alarms: 0.0 });
+            assert_eq!(training.evaluate(colors), ColorAccuracy { recall: 1.0, false_alarms: 0.0 });
             assert!(colors.contains([50, 150, 60]) && !colors.contains([150, 40, 40]));
             assert!(!colors.contains([0, 0, 0]) && !colors.contains([250, 20, 250]));
         }
     }
 
     #[test]
-    fn trainings_add_up_and_nothing_gives_nothing() {
+    fn training_sets_merge_and_an_empty_one_is_allowed() {
         let mut both = training();
         both.merge(&training());
         assert_eq!((both.counts(), both.table()), ((400, 800), training().table()));
         let nothing = FloorTraining::default();
         assert_eq!(nothing.thresholds(), None);
-        assert_eq!(nothing.judge(&nothing.table()), Judged::default());
+        assert_eq!(nothing.evaluate(&nothing.table()), ColorAccuracy::default());
     }
 }

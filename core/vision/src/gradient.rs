@@ -1,14 +1,14 @@
-//! Scharr gradient, bare or of the image smoothed by a 5x5 binomial, in one pass over the rows.
+//! Scharr gradient, with or without 5x5 binomial smoothing, in one pass over the rows.
 
 use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
-/// What a unit step (one gray level between two columns) gives in [`Gradient::gx`] of [`Scharr::gradient`].
+/// Value of [`Gradient::gx`] for a step of one gray level between two columns, from [`Scharr::gradient`].
 pub const SCHARR_UNIT: i32 = 16;
 /// Fixed-point scale of the smoothed image: quarters of a gray level.
 pub const SMOOTH_UNIT: i32 = 4;
 
-/// Gradient of an image: two planes without gaps between the rows.
+/// Gradient of an image as two contiguous planes.
 #[derive(Clone, Debug, Default)]
 pub struct Gradient {
     width: usize,
@@ -17,25 +17,20 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// Columns.
+    /// Width, px.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Derivative along u, row by row. Unit: 1/16 gray level (bare), 1/64 (smoothed), for a step between two pixels.
+    /// Derivative along u, row by row, in 1/16 gray level (unsmoothed) or 1/64 gray level (smoothed) of a step between
+    /// two pixels.
     pub fn gx(&self) -> &[i16] {
         &self.gx
     }
 
-    /// Derivative along v, row by row; unit as [`Gradient::gx`].
+    /// Derivative along v, row by row; unit as in [`Gradient::gx`].
     pub fn gy(&self) -> &[i16] {
         &self.gy
-    }
-
-    /// Squared magnitude of pixel `index` (row by row), in the square of the unit of [`Gradient::gx`].
-    pub fn squared_magnitude(&self, index: usize) -> i32 {
-        let (x, y) = (i32::from(self.gx[index]), i32::from(self.gy[index]));
-        x * x + y * y
     }
 
     fn resize(&mut self, width: usize, height: usize) {
@@ -45,19 +40,19 @@ impl Gradient {
     }
 }
 
-/// Scharr operator (3 10 3) with its row buffers; the border is replicated.
+/// Scharr operator (3 10 3) with its row buffers. The border is replicated.
 #[derive(Clone, Debug, Default)]
 pub struct Scharr {
     rows: GradientRows,
 }
 
 impl Scharr {
-    /// Gradient of the image as it is.
+    /// Computes the gradient of the unsmoothed image.
     pub fn gradient(&mut self, image: ImageView, out: &mut Gradient) {
         self.run(image, Smoothing::None, out);
     }
 
-    /// Gradient of the image after a 5x5 binomial (1 4 6 4 1)/16.
+    /// Computes the gradient after 5x5 binomial smoothing (1 4 6 4 1)/16.
     pub fn smoothed_gradient(&mut self, image: ImageView, out: &mut Gradient) {
         self.run(image, Smoothing::Binomial5, out);
     }
@@ -88,7 +83,7 @@ impl Kernel for WholeImage<'_> {
     }
 }
 
-/// Whether the image is smoothed before the derivative.
+/// Smoothing before differentiation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Smoothing {
     #[default]
@@ -96,11 +91,11 @@ pub(crate) enum Smoothing {
     Binomial5,
 }
 
-/// The gradient one row after the other, from a ring of three (smoothed) rows.
+/// Row-by-row gradient, from a ring buffer of three (smoothed) rows.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GradientRows {
     smoothing: Smoothing,
-    /// Row v of the image, smoothed, in slot v % 3; one replicated pixel on either side.
+    /// Row v of the (smoothed) image in slot v % 3, with one replicated pixel on either side.
     ring: [Vec<i16>; 3],
     /// Column sums, with room for two replicated pixels on either side.
     across: Vec<i16>,
@@ -108,7 +103,7 @@ pub(crate) struct GradientRows {
 }
 
 impl GradientRows {
-    /// Makes ready for an image of this width; rows must then be asked for from 0 upwards.
+    /// Prepares for an image of this width.
     pub(crate) fn start(&mut self, width: usize, smoothing: Smoothing) {
         self.smoothing = smoothing;
         for row in &mut self.ring {
@@ -118,7 +113,7 @@ impl GradientRows {
         self.along.resize(width + 4, 0);
     }
 
-    /// Writes the gradient of row `v`; call it for v = 0, 1, 2, ... in this order.
+    /// Writes the gradient of row `v`. Must be called for v = 0, 1, 2, ... in this order.
     #[inline(always)]
     pub(crate) fn row(&mut self, image: ImageView, v: usize, gx: &mut [i16], gy: &mut [i16]) {
         let last = image.height() - 1;
@@ -151,7 +146,7 @@ impl GradientRows {
     }
 }
 
-/// Binomial of five rows and five columns, in quarters of a gray level.
+/// 5x5 binomial of five rows, in quarters of a gray level.
 #[inline(always)]
 fn smooth_row(rows: [&[u8]; 5], sums: &mut [i16], out: &mut [i16]) {
     let width = out.len();
@@ -175,7 +170,7 @@ fn smooth_row(rows: [&[u8]; 5], sums: &mut [i16], out: &mut [i16]) {
     }
 }
 
-/// Scharr of the middle one of three rows, each with one replicated pixel on either side.
+/// Scharr gradient of the middle of three rows, each with one replicated pixel on either side.
 #[inline(always)]
 fn scharr_row(rows: [&Vec<i16>; 3], across: &mut [i16], along: &mut [i16], gx: &mut [i16], gy: &mut [i16]) {
     let width = gx.len();
@@ -201,7 +196,7 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// Definition of the smoothing: 5x5 sum, then rounded to quarters; rows first as the fast path truncates nothing there.
+    /// Smoothing by definition: 5x5 sum, then rounding to quarters; the fast path does not truncate before that.
     fn smoothed(image: ImageView, u: isize, v: isize) -> i32 {
         let weight = [1, 4, 6, 4, 1];
         let (u, v) = (u.clamp(0, image.width() as isize - 1), v.clamp(0, image.height() as isize - 1));
@@ -264,6 +259,5 @@ mod tests {
         let mut out = Gradient::default();
         Scharr::default().gradient(image, &mut out);
         assert_eq!(i32::from(out.gx()[1]), SCHARR_UNIT);
-        assert_eq!(out.squared_magnitude(2), SCHARR_UNIT * SCHARR_UNIT);
     }
 }

@@ -1,4 +1,4 @@
-//! 3x3 median of an 8-bit image.
+//! 3x3 median filter for 8-bit images.
 
 use super::vectorize::{self, Kernel};
 use yamabico_geometry::image::{GrayImage, ImageView};
@@ -6,15 +6,15 @@ use yamabico_geometry::image::{GrayImage, ImageView};
 /// 3x3 median filter with its row buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Median3 {
-    /// Smallest, middle and largest of each column of three, with one replicated column on either side.
+    /// Minimum, median and maximum of each column of three, with one replicated column on either side.
     low: Vec<u8>,
     middle: Vec<u8>,
     high: Vec<u8>,
 }
 
 impl Median3 {
-    /// Writes the median of each pixel and its eight neighbors to `out`, which takes the size of `image`; the border is
-    /// replicated. Allocates only when an image is wider or larger than every one before.
+    /// Writes the median of each pixel and its eight neighbors to `out`, and resizes it to the size of `image`. The
+    /// border is replicated. Allocates only for an image wider or larger than any before.
     pub fn filter(&mut self, image: ImageView, out: &mut GrayImage) {
         let width = image.width();
         out.resize(width, image.height());
@@ -69,7 +69,8 @@ fn sort_columns(above: &[u8], here: &[u8], below: &[u8], low: &mut [u8], middle:
     }
 }
 
-/// The median of nine is the median of: the largest of the lows, the middle of the middles, the smallest of the highs.
+/// The median of nine is the median of three: the maximum of the minima, the median of the medians, the minimum of the
+/// maxima.
 #[inline(always)]
 fn median_of_sorted(low: &[u8], middle: &[u8], high: &[u8], out: &mut [u8]) {
     let width = out.len();

@@ -1,33 +1,32 @@
-//! Closing and opening of masks by squares, 64 pixels at a time.
+//! Morphological opening and closing of masks by squares, 64 pixels at a time.
 //!
-//! Beyond the border a mask is empty for a dilation and full for an erosion, so that neither shrinks nor grows what
-//! touches the border.
+//! Outside the image a mask is empty for dilation and full for erosion, so that the border has no effect.
 
 use super::bit_image::BitImage;
 use super::vectorize::{self, Kernel};
 
-/// Workspace of the operations; allocates only for a larger mask than any before.
+/// Workspace for morphological operations. Allocates only for a mask larger than any before.
 #[derive(Clone, Debug, Default)]
 pub struct Morphology {
     spare: BitImage,
-    /// Which bits of a row are pixels; the empty word behind the row has none.
+    /// Bits of a row that are pixels; none in the padding word after the row.
     inside: Vec<u64>,
 }
 
 impl Morphology {
-    /// Dilates `n` times by 3 x 3 and then erodes as often: fills what is up to 2 n pixels wide.
+    /// Closing: dilates `n` times by 3 x 3, then erodes `n` times. Fills gaps up to 2 n pixels wide.
     pub fn close(&mut self, mask: &mut BitImage, n: u32) {
         self.dilate(mask, n);
         self.erode(mask, n);
     }
 
-    /// Erodes `n` times by 3 x 3 and then dilates as often: removes what is up to 2 n pixels wide.
+    /// Opening: erodes `n` times by 3 x 3, then dilates `n` times. Removes structures up to 2 n pixels wide.
     pub fn open(&mut self, mask: &mut BitImage, n: u32) {
         self.erode(mask, n);
         self.dilate(mask, n);
     }
 
-    /// Sets every pixel that has a set one beside it, `n` times.
+    /// Sets every pixel with a set neighbor, `n` times.
     pub fn dilate(&mut self, mask: &mut BitImage, n: u32) {
         self.prepare(mask);
         for _ in 0..n {
@@ -35,7 +34,7 @@ impl Morphology {
         }
     }
 
-    /// Unsets every pixel that has an unset one beside it, `n` times.
+    /// Clears every pixel with an unset neighbor, `n` times.
     pub fn erode(&mut self, mask: &mut BitImage, n: u32) {
         self.prepare(mask);
         if n > 0 {
@@ -79,7 +78,7 @@ impl Kernel for Dilate<'_> {
         if len == 0 {
             return;
         }
-        // Beside, then above and below. Behind the last row stands its empty word.
+        // Horizontal pass, then vertical pass. The last row is followed by its padding word.
         let words = self.mask.words();
         let (before, here, after) = (&words[..len - 1], &words[1..len], &words[2..=len]);
         let wide = &mut self.spare.words_mut()[1..len];
@@ -122,7 +121,7 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// Pixel by pixel, from the definition.
+    /// Reference implementation, pixel by pixel.
     fn reference(mask: &BitImage, is_wanted: bool) -> BitImage {
         let mut out = BitImage::new(mask.width(), mask.height());
         for v in 0..mask.height() {

@@ -1,12 +1,11 @@
-//! Total least squares line through edge points, from sums that can be merged without the points.
+//! Total least squares line fit from moments, which can be merged without the points.
 
 use nalgebra::Vector2;
 
-/// Smallest root-mean-square distance, in px, that a fit claims: quantization keeps real edges from being better.
+/// Lower bound of a fit's root mean square distance, px: quantization limits the accuracy of real edges.
 pub const RMS_FLOOR_PX: f64 = 0.1;
 
-/// Sums over edge points about an origin near them: count, first and second moments. They add up, so that two segments
-/// merge without their points.
+/// Count, mean and central second moments of edge points. Additive: two segments can be merged without their points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     /// Number of points.
@@ -22,7 +21,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// The sums over `points`, px; all zero for none.
+    /// Computes the moments of `points`, px; all zero without points.
     pub fn of(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Self {
         let mut sum = Vector2::zeros();
         let mut count = 0.0;
@@ -44,7 +43,7 @@ impl Moments {
         moments
     }
 
-    /// The sums over the points of both.
+    /// Returns the moments of the union of both point sets.
     pub fn merged(&self, other: &Self) -> Self {
         let count = self.count + other.count;
         if count == 0.0 {
@@ -61,8 +60,8 @@ impl Moments {
         }
     }
 
-    /// The line of least squared perpendicular distances: phi = atan2(2 Suv, Suu - Svv) / 2. `None` when fewer than two
-    /// points, or points without extent, give it no direction.
+    /// Fits the line with the minimum sum of squared perpendicular distances: angle atan2(2 Suv, Suu - Svv) / 2. `None`
+    /// for fewer than two points, or for points without a dominant direction.
     pub fn line(&self) -> Option<FittedLine> {
         let anisotropy = (self.uu - self.vv).hypot(2.0 * self.uv);
         let total = self.uu + self.vv;
@@ -87,41 +86,41 @@ impl Moments {
     }
 }
 
-/// An endless line with the statistics of its fit.
+/// Infinite line with the statistics of its fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedLine {
     /// Mean of the points, px.
     pub centroid: Vector2<f64>,
-    /// Direction angle in (-pi/2, pi/2], from u towards v, rad.
+    /// Direction angle from u toward v, rad in (-pi/2, pi/2].
     pub angle: f64,
     /// Unit direction (cos, sin) of the angle.
     pub direction: Vector2<f64>,
     /// Unit normal (-sin, cos) of the angle.
     pub normal: Vector2<f64>,
-    /// Signed distance of the origin: normal . p = rho on the line, px.
+    /// Signed distance from the origin, px: normal . p = rho on the line.
     pub rho: f64,
-    /// Root-mean-square distance of the points, px.
+    /// Root mean square distance of the points, px.
     pub rms: f64,
-    /// Standard deviation across the line at the centroid, px.
+    /// Standard deviation perpendicular to the line at the centroid, px.
     pub sigma_mid: f64,
     /// Standard deviation of the angle, rad.
     pub sigma_angle: f64,
 }
 
 impl FittedLine {
-    /// The statistics of `count` points with these sums of squares across and along the line, px^2.
+    /// Sets the statistics from the sums of squares across and along the line, px^2.
     fn with_residuals(self, across: f64, count: f64, along: f64) -> Self {
         let rms = (across / count).sqrt();
         let noise = rms.max(RMS_FLOOR_PX);
         Self { rms, sigma_mid: noise / count.sqrt(), sigma_angle: noise / along.sqrt(), ..self }
     }
 
-    /// Position of `point`'s foot along the line, px from the centroid.
+    /// Position of the projection of `point` along the line, px from the centroid.
     pub fn position_of(&self, point: Vector2<f64>) -> f64 {
         self.direction.dot(&(point - self.centroid))
     }
 
-    /// The point of the line `position` px from the centroid.
+    /// Point on the line at `position`, px from the centroid.
     pub fn point_at(&self, position: f64) -> Vector2<f64> {
         self.centroid + self.direction * position
     }
@@ -132,18 +131,18 @@ impl FittedLine {
     }
 }
 
-/// A fitted line that ends at the outermost feet of its points.
+/// Fitted line that ends at the outermost projections of its points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedSegment {
-    /// The line.
+    /// Infinite line.
     pub line: FittedLine,
-    /// End with the smallest position along the line, px.
+    /// Endpoint with the smallest position along the line, px.
     pub p0: Vector2<f64>,
-    /// End with the largest position along the line, px.
+    /// Endpoint with the largest position along the line, px.
     pub p1: Vector2<f64>,
 }
 
-/// Fits a segment to `points` (px). `None` when they give no direction.
+/// Fits a segment to `points` (px). `None` if they have no dominant direction.
 pub fn fit_segment(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Option<FittedSegment> {
     let moments = Moments::of(points.clone());
     let line = moments.line()?;
@@ -153,7 +152,7 @@ pub fn fit_segment(points: impl Iterator<Item = Vector2<f64>> + Clone) -> Option
         let t = line.position_of(p);
         first = first.min(t);
         last = last.max(t);
-        // From the points themselves: the difference of large moments would leave 1e-9 px of a perfect line.
+        // Computed from the points: the difference of large moments would leave an error of 1e-9 px for a perfect line.
         across += line.normal.dot(&(p - line.centroid)).powi(2);
         along += t * t;
     }

@@ -1,21 +1,16 @@
-//! Edges are found, followed and mapped without asking for memory once all has been seen.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Detecting, tracking and mapping edges does not allocate after the first turn.
 
 use nalgebra::{Point2, Vector2};
-use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
+use yamabico_core::testing::{Allocations, allocations};
 use yamabico_geometry::Pose2;
 use yamabico_geometry::camera::MirrorImage;
 use yamabico_geometry::image::GrayImage;
 use yamabico_vision::azimuth_map::{
-    AdjacencyTable, Inflation, LocusRule, LocusTracker, ObstacleClusters, SeenEdge, VisibilityGraph, inflate,
-    star_polygon,
+    AdjacencyTable, Inflation, LocusRule, LocusTracker, ObservedEdge, ObstacleClusters, VisibilityGraph,
+    inflate, star_polygon,
 };
 use yamabico_vision::azimuth_profile::ProfileRule;
 use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
-
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
 
 fn picture(image: &MirrorImage, turn: f64) -> GrayImage {
     let mut picture = GrayImage::new(image.width as usize, image.height as usize);
@@ -29,9 +24,9 @@ fn picture(image: &MirrorImage, turn: f64) -> GrayImage {
 }
 
 #[test]
-fn pictures_after_the_first_ones_do_not_allocate() {
+fn frames_after_the_first_do_not_allocate() {
     let image = MirrorImage::centered(256, 240).with_ring(0.0, 118.0).unwrap();
-    // A robot that turns to and fro: edges come, go, and come again.
+    // The robot turns back and forth: edges appear, disappear, and reappear.
     let turns: Vec<f64> =
         (0..24).map(|i| 0.02 * f64::from(i)).chain((0..24).rev().map(|i| 0.02 * f64::from(i))).collect();
     let pictures: Vec<_> = turns.iter().map(|turn| picture(&image, -turn)).collect();
@@ -42,15 +37,15 @@ fn pictures_after_the_first_ones_do_not_allocate() {
     let mut around = |picture: &GrayImage, turn: f64| {
         let found = edges.find(picture.view().unwrap()).unwrap();
         seen.clear();
-        seen.extend(found.iter().map(|edge| SeenEdge {
+        seen.extend(found.iter().map(|edge| ObservedEdge {
             azimuth_rad: edge.azimuth_rad,
             sign: edge.sign,
             length_px: edge.length_px,
         }));
-        tracker.take(&seen, &Pose2::new(0.0, 0.0, -turn));
+        tracker.update(&seen, &Pose2::new(0.0, 0.0, -turn));
         let loci = tracker.loci();
-        let places = tracker.locus_of_seen().iter().zip(&seen);
-        table.take(
+        let places = tracker.locus_of_observed().iter().zip(&seen);
+        table.update(
             places.filter_map(|(place, edge)| place.map(|place| (loci[place].number, edge.azimuth_rad))),
         );
         loci.len()

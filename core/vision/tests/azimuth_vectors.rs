@@ -1,33 +1,21 @@
-//! Known answers of azimuths: the profile, its matching, triangulation, the map and the way around obstacles.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Known answers of azimuths: profile, matching, triangulation, map, and paths around obstacles.
 
 mod vectors {
     use nalgebra::{Matrix2, Point2};
     use serde_json::Value;
-    use std::path::PathBuf;
     use yamabico_geometry::{Pose2, wrap_angle};
+    use yamabico_testkit::vectors::omni;
     use yamabico_vision::azimuth_map::{
-        AdjacencyTable, CyclicMatcher, ExpectedEdge, Inflation, LocatedEdge, MatchingRule, ObstacleClusters,
-        PathError, RangeReading, ReadingClass, RelinkRule, SeenEdge, Sighting, SurfaceCheck,
+        AdjacencyTable, CyclicMatcher, Inflation, LocatedEdge, MatchingRule, ObservedEdge, ObstacleClusters,
+        PathError, PredictedEdge, RangeReading, ReadingClass, RelinkRule, Sighting, SurfaceCheck,
         SurfaceCheckRule, SurfaceState, TriangulationError, VisibilityGraph, inflate, least_squares_crossing,
         most_likely_crossing, parallax_rad, relink, star_polygon, table_polygon,
     };
     use yamabico_vision::azimuth_profile::{AzimuthProfile, EdgePoint, EdgeSign, ProfileRule};
     use yamabico_vision::polygon::{PolygonMoments, convex_hull, sides, signed_area};
 
-    fn read(name: &str) -> Value {
-        let folder = std::env::var_os("YAMABICO_VECTORS").map_or_else(
-            || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/vectors")),
-            PathBuf::from,
-        );
-        let path = folder.join("omni").join(name).with_extension("json");
-        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        serde_json::from_str(&text).unwrap()
-    }
-
     fn for_each_case(name: &str, mut check: impl FnMut(&Value, &str)) {
-        let file = read(name);
+        let file = omni(name);
         let cases = file["cases"].as_array().unwrap();
         assert!(!cases.is_empty(), "{name} has no case");
         for case in cases {
@@ -47,7 +35,7 @@ mod vectors {
         if number(value) > 0.0 { EdgeSign::Brighter } else { EdgeSign::Darker }
     }
 
-    /// Fails where `actual` is farther from `expected` than the tolerance, relative to numbers above 1.
+    /// Asserts that `actual` equals `expected` within the tolerance, relative above 1.
     fn close(actual: f64, expected: &Value, tolerance: f64, what: &str) {
         let expected = number(expected);
         let error = (actual - expected).abs();
@@ -129,7 +117,7 @@ mod vectors {
         for_each_case("sek_moments", |case, id| {
             let polygon = points(&case["polygon"]);
             let moments = PolygonMoments::of(&polygon).unwrap();
-            // Sums over large coordinates cancel: what is left is as good as the largest of them.
+            // Sums over large coordinates cancel: the accuracy is relative to the largest of them.
             let size = polygon.iter().map(|corner| corner.coords.amax()).fold(0.0, f64::max);
             for (actual, key, scale) in [
                 (moments.area, "m00", moments.area),
@@ -159,7 +147,7 @@ mod vectors {
         for_each_case("copis_locus", |case, id| {
             let expected: Vec<_> = list(&case["tracks"])
                 .iter()
-                .map(|track| ExpectedEdge {
+                .map(|track| PredictedEdge {
                     azimuth_rad: number(&track[0]),
                     length_px: number(&track[1]),
                     sign: (number(&track[2]) != 0.0).then(|| sign(&track[2])),
@@ -168,7 +156,7 @@ mod vectors {
                 .collect();
             let seen: Vec<_> = list(&case["detections"])
                 .iter()
-                .map(|edge| SeenEdge {
+                .map(|edge| ObservedEdge {
                     azimuth_rad: number(&edge[0]),
                     length_px: number(&edge[1]),
                     sign: sign(&edge[2]),
@@ -237,7 +225,7 @@ mod vectors {
                     range_m: reading[3].as_f64(),
                     sigma_m: number(&reading[4]),
                 };
-                let (class, distance) = check.take(&reading);
+                let (class, distance) = check.update(&reading);
                 let name = match class {
                     ReadingClass::Untestable => "untestable",
                     ReadingClass::At => "at",
@@ -268,7 +256,7 @@ mod vectors {
         for_each_case("copis_freespace", |case, id| {
             let mut table = AdjacencyTable::default();
             for frame in list(&case["frames"]) {
-                table.take(list(frame).iter().map(|edge| (number(&edge[0]) as u32, number(&edge[1]))));
+                table.update(list(frame).iter().map(|edge| (number(&edge[0]) as u32, number(&edge[1]))));
             }
             let rows: Vec<_> = table.rows().iter().map(|row| i64::from(*row)).collect();
             assert_eq!(rows, indices(&case["row_order"]), "{id}");

@@ -1,25 +1,12 @@
-//! The known answers on maps.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Known answers of map projection and visibility.
 
 mod vectors {
-    use std::path::PathBuf;
-
     use nalgebra::{Point2, Point3};
     use serde_json::Value;
     use yamabico_geometry::Pose2;
     use yamabico_geometry::camera::{Intrinsics, Mount};
+    use yamabico_testkit::vectors::perspective;
     use yamabico_vision::map::{Edge, EdgeKind, MapView, Wall};
-
-    fn read(name: &str) -> Value {
-        let folder = std::env::var_os("YAMABICO_VECTORS").map_or_else(
-            || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/vectors")),
-            PathBuf::from,
-        );
-        let path = folder.join("perspective").join(name);
-        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        serde_json::from_str(&text).unwrap()
-    }
 
     fn number(value: &Value) -> f64 {
         value.as_f64().unwrap()
@@ -31,7 +18,7 @@ mod vectors {
 
     #[test]
     fn expectation_map() {
-        let file = read("expectation_map.json");
+        let file = perspective("expectation_map");
         let edges: Vec<Edge> = file["wireframe"]
             .as_array()
             .unwrap()
@@ -82,7 +69,7 @@ mod vectors {
                 }
                 assert_eq!(edge.kind == EdgeKind::Vertical, expect["vertical"].as_bool().unwrap());
                 if let Some(is_visible) = expect["vertical_visible"].as_bool() {
-                    assert_eq!(view.sees(edge.from.xy(), &walls), is_visible, "{id}, edge {index}");
+                    assert_eq!(view.is_visible(edge.from.xy(), &walls), is_visible, "{id}, edge {index}");
                 }
                 segments += 1;
             }

@@ -1,19 +1,10 @@
 //! Known answers of closing and opening: sek_morphology.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 mod vectors {
     use serde_json::Value;
+    use yamabico_testkit::vectors::omni;
     use yamabico_vision::bit_image::BitImage;
     use yamabico_vision::morphology::Morphology;
-
-    fn load(name: &str) -> Value {
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-        let folder = std::env::var("YAMABICO_VECTORS").unwrap_or_else(|_| "tests/vectors".into());
-        let path = std::path::Path::new(root).join(folder).join("omni").join(format!("{name}.json"));
-        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-    }
 
     fn mask(lines: &Value) -> BitImage {
         let lines: Vec<&str> = lines.as_array().unwrap().iter().map(|line| line.as_str().unwrap()).collect();
@@ -26,7 +17,7 @@ mod vectors {
 
     #[test]
     fn sek_morphology() {
-        let file = load("sek_morphology");
+        let file = omni("sek_morphology");
         let cases = file["cases"].as_array().unwrap();
         assert!(!cases.is_empty());
         // One workspace for all sizes.

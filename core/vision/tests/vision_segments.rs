@@ -1,4 +1,4 @@
-//! The segment detector on drawn pictures: what it finds, what it refuses, and how it behaves in bad light.
+//! Segment detector on synthetic images: detection, rejection, and adaptation to low light.
 
 use yamabico_geometry::image::{GrayImage, ImageView};
 use yamabico_vision::segments::{Polarity, Segment, SegmentConfig, SegmentDetector, SegmentError};
@@ -6,8 +6,8 @@ use yamabico_vision::segments::{Polarity, Segment, SegmentConfig, SegmentDetecto
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
 
-/// A picture from the gray level at every pixel.
-fn picture(level: impl Fn(f64, f64) -> f64) -> GrayImage {
+/// Renders an image from the gray level of each pixel.
+fn render(level: impl Fn(f64, f64) -> f64) -> GrayImage {
     let mut image = GrayImage::new(WIDTH, HEIGHT);
     for (i, pixel) in image.pixels_mut().iter_mut().enumerate() {
         *pixel = level((i % WIDTH) as f64, (i / WIDTH) as f64).round() as u8;
@@ -31,7 +31,7 @@ fn is_horizontal(segment: &Segment) -> bool {
 
 #[test]
 fn a_box_has_four_sides_that_are_brighter_inside() {
-    let image = picture(|u, v| 60.0 + 120.0 * inside(u, v, 80.3, 60.7, 240.2, 180.4));
+    let image = render(|u, v| 60.0 + 120.0 * inside(u, v, 80.3, 60.7, 240.2, 180.4));
     let mut detector = detector();
     let segments = detector.detect(image.view().unwrap()).unwrap();
     assert_eq!(segments.len(), 4);
@@ -54,7 +54,7 @@ fn a_box_has_four_sides_that_are_brighter_inside() {
 #[test]
 fn a_short_gap_is_bridged_and_a_wide_one_is_not() {
     let with_gap = |gap: f64| {
-        picture(move |u, v| {
+        render(move |u, v| {
             let edge = inside(u, v, 40.0, 120.4, 280.0, 300.0);
             100.0 + 80.0 * edge * (1.0 - inside(u, v, 150.0, 100.0, 150.0 + gap, 300.0))
         })
@@ -72,7 +72,7 @@ fn a_short_gap_is_bridged_and_a_wide_one_is_not() {
 fn the_borders_of_glare_are_not_edges_of_the_scene() {
     // A thin mark in a saturated streak, and a box elsewhere.
     let scene = |mark: f64| {
-        picture(move |u, v| {
+        render(move |u, v| {
             let streak = 150.0 * inside(u, v, 30.0, 20.0, 290.0, 60.0);
             let line = mark * inside(u, v, 40.0, 39.6, 280.0, 40.4);
             (105.0 + streak - line - 60.0 * inside(u, v, 100.0, 120.0, 200.0, 200.0)).clamp(0.0, 255.0)
@@ -87,13 +87,13 @@ fn the_borders_of_glare_are_not_edges_of_the_scene() {
 }
 
 #[test]
-fn a_dark_picture_lowers_the_thresholds_until_it_is_seen() {
-    let dim = picture(|u, v| 20.0 + 8.0 * inside(u, v, 80.3, 60.7, 240.2, 180.4));
+fn a_dark_image_lowers_the_thresholds_until_it_is_detected() {
+    let dim = render(|u, v| 20.0 + 8.0 * inside(u, v, 80.3, 60.7, 240.2, 180.4));
     let mut detector = detector();
     let mut failed = 0;
     while detector.detect(dim.view().unwrap()).is_err() {
         failed += 1;
-        assert!(failed < 12, "never seen");
+        assert!(failed < 12, "never detected");
     }
     assert!(failed > 0 && detector.is_degraded());
     assert_eq!(detector.segments().len(), 4);
@@ -103,7 +103,7 @@ fn a_dark_picture_lowers_the_thresholds_until_it_is_seen() {
 }
 
 #[test]
-fn pictures_without_edges_are_refused_by_name() {
+fn images_without_edges_are_rejected() {
     let mut detector = detector();
     for (width, height) in [(1, 1), (2, 2), (3, 40), (40, 3), (WIDTH, HEIGHT)] {
         let data = vec![77; width * height];
@@ -118,7 +118,7 @@ fn pictures_without_edges_are_refused_by_name() {
 #[test]
 fn only_the_longest_are_kept() {
     let stripes =
-        picture(|u, v| if ((v / 6.0) as usize).is_multiple_of(2) && u < 40.0 + v { 200.0 } else { 50.0 });
+        render(|u, v| if ((v / 6.0) as usize).is_multiple_of(2) && u < 40.0 + v { 200.0 } else { 50.0 });
     let config = SegmentConfig { max_segments: 7, ..SegmentConfig::default() };
     let all = detector().detect(stripes.view().unwrap()).unwrap().len();
     let mut detector = SegmentDetector::new(config);

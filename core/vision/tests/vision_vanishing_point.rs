@@ -1,6 +1,4 @@
-//! The search for the vanishing point on made-up segments: in view, far outside, predicted, and every failure.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Vanishing point search on synthetic segments: in view, far outside, predicted, and every error.
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_geometry::camera::Intrinsics;
@@ -21,14 +19,14 @@ fn between(from: [f64; 2], to: [f64; 2]) -> Segment {
     Segment::between(Vector2::from(from), Vector2::from(to), 0.5).unwrap()
 }
 
-/// Segments on rays from `vp`, from 80 to 200 px away, at these angles (degrees).
+/// Returns segments on rays from `vp`, 80 px to 200 px away, at these angles (degrees).
 fn star(vp: [f64; 2], degrees: &[f64]) -> Vec<Segment> {
     let at =
         |angle: f64, r: f64| [vp[0] + r * angle.to_radians().cos(), vp[1] + r * angle.to_radians().sin()];
     degrees.iter().map(|&angle| between(at(angle, 80.0), at(angle, 200.0))).collect()
 }
 
-/// The image of the line from `start` along `direction`, 0 to `reach` meters, in the optical frame.
+/// Returns the image of the line from `start` along `direction`, 0 m to `reach` m, in the optical frame.
 fn image_of(start: [f64; 3], direction: [f64; 3], reach: f64) -> Segment {
     let camera = camera();
     let at = |t: f64| {
@@ -44,7 +42,7 @@ fn finds_the_meeting_point_among_clutter() {
     let mut segments = star(vp, &[25.0, 40.0, 140.0, 155.0, 205.0, 330.0]);
     let clutter = [[40.0, 60.0, 90.0, 110.0], [600.0, 90.0, 560.0, 170.0], [100.0, 400.0, 180.0, 440.0]];
     segments.extend(clutter.map(|[a, b, c, d]| between([a, b], [c, d])));
-    // Verticals do not vote, whatever they point at.
+    // Vertical segments do not vote.
     segments.extend((0..5).map(|i| between([100.0 * f64::from(i), 50.0], [100.0 * f64::from(i), 300.0])));
     let mut finder = finder();
     let found = finder.find(&segments, &camera(), None).unwrap();
@@ -66,7 +64,7 @@ fn an_edge_that_straddles_the_point_does_not_count() {
 
 #[test]
 fn a_wall_ahead_gives_the_axis_as_a_direction() {
-    // The camera looks 80 degrees to the left of the axis: the axis points right and a little ahead.
+    // The camera points 80 degrees to the left of the axis, which points right and slightly ahead.
     let axis = Vector3::new(80_f64.to_radians().sin(), 0.0, 80_f64.to_radians().cos());
     let rows = [-1.0, -0.6, -0.3, 0.4, 0.8, 1.1];
     let segments: Vec<_> = rows.map(|y| image_of([-1.0, y, 2.0], axis.into(), 2.0)).into();
@@ -76,7 +74,7 @@ fn a_wall_ahead_gives_the_axis_as_a_direction() {
     assert!(found.direction.angle(&axis) < 0.01, "{}", found.direction);
     assert_eq!(found.inliers.len(), rows.len());
     assert!(found.pixel.x.is_finite() && found.covariance.iter().all(|c| c.is_finite()));
-    // The other end of the axis, when that is the one that is followed.
+    // A prediction may select the opposite direction.
     let back = Prediction { direction: -axis, sigma_rad: 0.1 };
     assert!(finder.find(&segments, &camera(), Some(back)).unwrap().direction.angle(&-axis) < 0.01);
 }

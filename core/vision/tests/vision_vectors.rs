@@ -1,21 +1,18 @@
-//! Known answers of the vision modules: segment_fit, segment_image, median3, isodata and vp_vote_refine.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Known answers of the vision modules: segment_fit, segment_image, median3 and vp_vote_refine.
 
 mod vectors {
+    use crate::vote_density::{VoteKernel, vote_density, vote_peak};
     use nalgebra::Vector2;
     use serde_json::Value;
     use std::f64::consts::PI;
-    use std::path::PathBuf;
     use yamabico_geometry::camera::Intrinsics;
     use yamabico_geometry::image::{GrayImage, ImageView};
-    use yamabico_vision::isodata::{IsodataError, threshold_of_histogram, threshold_of_pixels};
+    use yamabico_testkit::vectors::perspective;
     use yamabico_vision::median::Median3;
     use yamabico_vision::segment_fit::fit_segment;
     use yamabico_vision::segments::{Segment, SegmentConfig, SegmentDetector};
     use yamabico_vision::vanishing_point::{
-        Belief, RefineRule, VanishingPointConfig, VanishingPointError, VanishingPointFinder, VotingLine,
-        belief_at, belief_peak, refine,
+        RefineRule, VanishingPointConfig, VanishingPointError, VanishingPointFinder, VotingLine, refine,
     };
 
     #[test]
@@ -36,7 +33,7 @@ mod vectors {
                 "{}: angle",
                 case.id
             );
-            // Near the vertical the direction may point either way; everything signed turns with it.
+            // Near the vertical the direction is ambiguous; all signed values follow it.
             let is_turned = (line.angle - expected).abs() > 1.0;
             let (p0, p1) = if is_turned { (fit.p1, fit.p0) } else { (fit.p0, fit.p1) };
             let sign = if is_turned { -1.0 } else { 1.0 };
@@ -61,12 +58,12 @@ mod vectors {
             }
             let mut detector = SegmentDetector::new(SegmentConfig::default());
             let image = ImageView::new(&data, width, height, width).unwrap();
-            // One edge alone is too few for a vanishing point, but it is there to be looked at.
+            // A single edge is rejected, but remains available.
             let found =
                 detector.detect(image).map(<[Segment]>::len).unwrap_or_else(|_| detector.segments().len());
-            let least = case.expect["segments_min"].as_u64().unwrap() as usize;
-            let most = case.expect["segments_max"].as_u64().unwrap() as usize;
-            assert!((least..=most).contains(&found), "{}: {found} segments", case.id);
+            let min = case.expect["segments_min"].as_u64().unwrap() as usize;
+            let max = case.expect["segments_max"].as_u64().unwrap() as usize;
+            assert!((min..=max).contains(&found), "{}: {found} segments", case.id);
             let strongest = detector
                 .segments()
                 .iter()
@@ -84,8 +81,8 @@ mod vectors {
     #[test]
     fn median3() {
         for_each_case("median3", |case| {
-            let (data, width, height) = picture(&case.input["image"]);
-            let (expected, ..) = picture(&case.expect["image"]);
+            let (data, width, height) = image_of(&case.input["image"]);
+            let (expected, ..) = image_of(&case.expect["image"]);
             let mut out = GrayImage::default();
             Median3::default().filter(ImageView::new(&data, width, height, width).unwrap(), &mut out);
             assert_eq!(out.pixels(), expected, "{}", case.id);
@@ -93,35 +90,10 @@ mod vectors {
     }
 
     #[test]
-    fn isodata() {
-        for_each_case("isodata", |case| {
-            let (mut histogram, mut pixels) = ([0; 256], Vec::new());
-            for bin in case.input["histogram"].as_array().unwrap() {
-                let (value, count) = (bin["value"].as_u64().unwrap() as u8, bin["count"].as_u64().unwrap());
-                histogram[value as usize] += count;
-                pixels.extend((0..count).map(|_| value));
-            }
-            for found in [threshold_of_histogram(&histogram), threshold_of_pixels(&pixels)] {
-                match (case.expect["status"].as_str().unwrap(), found) {
-                    ("ok", Ok(found)) => {
-                        case.check("threshold", &[found.level]);
-                        case.check("iterations", &[f64::from(found.rounds)]);
-                        case.check("n_dark", &[found.dark.count as f64]);
-                        case.check("mu_dark", &[found.dark.mean()]);
-                        case.check("mu_bright", &[found.bright.mean()]);
-                    }
-                    ("low_contrast", Err(IsodataError::LowContrast { mean })) => case.check("mean", &[mean]),
-                    (expected, found) => panic!("{}: {expected}, not {found:?}", case.id),
-                }
-            }
-        });
-    }
-
-    #[test]
     fn vp_vote_refine() {
-        let params = file("vp_vote_refine")["params"].clone();
+        let params = perspective("vp_vote_refine")["params"].clone();
         let param = |key: &str| params[key].as_f64().unwrap();
-        let belief = Belief {
+        let kernel = VoteKernel {
             sigma_times_length_px2: param("c_sigma_px2"),
             sigma_min_px: param("sigma_min"),
             sigma_max_px: param("sigma_max"),
@@ -149,13 +121,13 @@ mod vectors {
                     VotingLine::new(i, &segment)
                 })
                 .collect();
-            check_belief(case, &lines, &belief);
+            check_votes(case, &lines, &kernel);
             check_refined(case, &lines, &rule);
             check_found(case, &rule);
         });
     }
 
-    /// The search, which knows no start, ends at the same point, within its standard deviation where there are outliers.
+    /// The full search ends at the same point as the refinement; with outliers, within its standard deviation.
     fn check_found(case: &Case, rule: &RefineRule) {
         let refined = &case.expect["refined"];
         let is_searched = refined["inliers"].as_array().is_some_and(|inliers| inliers.len() >= 3);
@@ -192,12 +164,12 @@ mod vectors {
         assert!(apart_px <= limit_px, "{}: {apart_px} px from the reference, sigma {sigma_px} px", case.id);
     }
 
-    fn check_belief(case: &Case, lines: &[VotingLine], belief: &Belief) {
+    fn check_votes(case: &Case, lines: &[VotingLine], kernel: &VoteKernel) {
         if case.input["window"].is_null() {
             return;
         }
         let [u0, u1, v0, v1] = numbers(&case.input["window"])[..] else { panic!("{}: window", case.id) };
-        let (peak, value) = belief_peak(lines, u0 as i32..=u1 as i32, v0 as i32..=v1 as i32, belief).unwrap();
+        let (peak, value) = vote_peak(lines, u0 as i32..=u1 as i32, v0 as i32..=v1 as i32, kernel).unwrap();
         assert_eq!(
             vec![f64::from(peak.x), f64::from(peak.y)],
             numbers(&case.expect["belief_peak"]),
@@ -207,7 +179,7 @@ mod vectors {
         case.check("belief_peak_value", &[value]);
         for probe in case.expect["belief_probe"].as_array().into_iter().flatten() {
             let at = numbers(&probe["at"]);
-            let value = belief_at(lines, Vector2::new(at[0], at[1]), belief);
+            let value = vote_density(lines, Vector2::new(at[0], at[1]), kernel);
             case.close("belief_probe", value, probe["value"].as_f64().unwrap());
         }
     }
@@ -269,7 +241,7 @@ mod vectors {
     }
 
     fn for_each_case(name: &str, check: impl Fn(&Case)) {
-        let file = file(name);
+        let file = perspective(name);
         let cases = file["cases"].as_array().unwrap();
         assert!(!cases.is_empty(), "{name} has no cases");
         for case in cases {
@@ -281,15 +253,6 @@ mod vectors {
                 file_tolerance: file["tolerance"].as_f64().unwrap(),
             });
         }
-    }
-
-    fn file(name: &str) -> Value {
-        let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
-        let folder =
-            std::env::var_os("YAMABICO_VECTORS").map_or(root.join("tests/vectors"), |f| root.join(f));
-        let path = folder.join("perspective").join(format!("{name}.json"));
-        let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
-        serde_json::from_str(&text).unwrap()
     }
 
     /// A number, or a list of numbers.
@@ -304,7 +267,7 @@ mod vectors {
         value.as_array().unwrap().iter().map(|p| Vector2::from_column_slice(&numbers(p))).collect()
     }
 
-    fn picture(value: &Value) -> (Vec<u8>, usize, usize) {
+    fn image_of(value: &Value) -> (Vec<u8>, usize, usize) {
         let rows: Vec<Vec<f64>> = value.as_array().unwrap().iter().map(numbers).collect();
         let (width, height) = (rows[0].len(), rows.len());
         (rows.into_iter().flatten().map(|x| x as u8).collect(), width, height)

@@ -1,63 +1,56 @@
-//! The keys of an image sequence in a robot file.
+//! Parameters of an image sequence in a robot file.
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::BuildError;
+use serde_inline_default::serde_inline_default;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, IntrinsicsConfig, MountConfig};
 use yamabico_core::message::{FrameHeader, Message};
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
-/// A device without keys of its own.
+/// Empty parameters, of a device or drive without any.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoKeys {}
 
-/// Pictures from files in the place of a camera.
+/// Parameters of an image sequence: frames from files instead of a camera.
+#[serde_inline_default]
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImageSequenceConfig {
-    /// A folder (its .png, .jpg and .jpeg files), a pattern such as `drive/*.png`, or one file; relative to the robot
-    /// file, or to the working directory on the command line. The order is that of the names.
+    /// Folder (its .png, .jpg and .jpeg files), pattern such as `drive/*.png`, or single file; relative to the robot
+    /// file, or to the working directory on the command line. Files are read in the order of their names.
     #[schemars(extend("format" = "path"))]
     pub files: String,
-    /// Pictures a second, 0.1 to 1000, default 10.
-    #[serde(default = "default_rate_hz")]
+    /// Frame rate.
+    #[serde_inline_default(10.0)]
     #[schemars(range(min = 0.1, max = 1000.0))]
     pub rate_hz: f64,
-    /// Time from the middle of the exposure to the picture's arrival, ms, 0 to 1000, default 0.
+    /// Delay from the middle of the exposure to the delivery of a frame.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub latency_ms: f64,
-    /// At the end begin again with the first picture, default false: the sequence ends.
+    /// If set, the sequence restarts at its end; otherwise the sensor ends.
     #[serde(default)]
     pub repeat: bool,
-    /// Size and focal length; a picture of another size is refused.
+    /// Image size, focal length and principal point; files of another size are refused.
     pub intrinsics: IntrinsicsConfig,
-    /// Whether intrinsics and mount were measured, default guessed: then behaviors trust directions roughly and
-    /// distances not at all.
-    #[serde(default = "default_calibration")]
+    /// Accuracy of intrinsics and mount. If guessed, behaviors treat directions as approximate and do not use
+    /// distances.
+    #[serde_inline_default(Calibration::Guessed)]
     pub calibration: Calibration,
-    /// Where the camera sat on the robot.
+    /// Pose on the robot.
     pub mount: MountConfig,
 }
 
 impl ImageSequenceConfig {
-    /// What behaviors are told of the sensor `name`.
+    /// Returns the description of the sensor.
     ///
     /// # Errors
-    /// Numbers that describe no camera or no rate.
-    pub fn info(&self, name: &str) -> Result<SensorInfo, BuildError> {
-        if !(0.1..=1000.0).contains(&self.rate_hz) {
-            return Err(BuildError::new("rate_hz", format!("{} is not within 0.1 to 1000", self.rate_hz)));
-        }
-        if !(0.0..=1000.0).contains(&self.latency_ms) {
-            return Err(BuildError::new(
-                "latency_ms",
-                format!("{} is not within 0 to 1000", self.latency_ms),
-            ));
-        }
+    /// Invalid intrinsics.
+    pub fn info(&self, name: &str) -> Result<SensorInfo, ParameterError> {
         if !self.intrinsics.intrinsics().is_valid() {
-            return Err(BuildError::new("intrinsics", "width, height and focal lengths must be above 0"));
+            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
         }
         Ok(SensorInfo {
             name: name.to_owned(),
@@ -73,18 +66,10 @@ impl ImageSequenceConfig {
         })
     }
 
-    /// Bytes of one picture: a gray level a pixel.
+    /// Returns the size of one image, bytes: one gray level per pixel.
     pub fn bytes(&self) -> usize {
         self.intrinsics.width as usize * self.intrinsics.height as usize
     }
-}
-
-fn default_rate_hz() -> f64 {
-    10.0
-}
-
-fn default_calibration() -> Calibration {
-    Calibration::Guessed
 }
 
 #[cfg(test)]
@@ -96,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn little_needs_to_be_said() {
+    fn defaults_are_complete() {
         let config =
             config("files = \"drive\"\nintrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }")
                 .unwrap();
@@ -108,23 +93,17 @@ mod tests {
     }
 
     #[test]
-    fn wrong_keys_and_numbers_are_refused() {
+    fn wrong_keys_and_cameras_are_refused() {
         let size = "intrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }";
         assert!(config(size).unwrap_err().message().contains("files"));
         assert!(config(&format!("files = \"a\"\nrate = 3\n{size}")).unwrap_err().message().contains("rate"));
-        for (key, line) in
-            [("rate_hz", "rate_hz = 0"), ("latency_ms", "latency_ms = -1"), ("rate_hz", "rate_hz = nan")]
-        {
-            let config = config(&format!("files = \"a\"\n{line}\n{size}")).unwrap();
-            assert_eq!(config.info("front").unwrap_err().key, key);
-        }
         let flat =
             "files = \"a\"\nintrinsics = { width = 960, height = 540, fx = -1.0 }\nmount = { z_m = 0.3 }";
         assert_eq!(config(flat).unwrap().info("front").unwrap_err().key, "intrinsics");
     }
 
     #[test]
-    fn the_schema_tells_units_and_ranges() {
+    fn the_schema_has_ranges_and_descriptions() {
         let schema = schemars::schema_for!(ImageSequenceConfig).to_value();
         let rate = &schema["properties"]["rate_hz"];
         assert_eq!(

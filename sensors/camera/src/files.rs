@@ -1,4 +1,4 @@
-//! Which files make a sequence, and whether each can be one of its pictures.
+//! Files of a sequence, and their validation.
 
 use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
@@ -7,66 +7,69 @@ use image::{ImageError, ImageFormat, ImageReader};
 
 use crate::config::ImageSequenceConfig;
 
-/// A sequence that cannot be shown.
+/// Error from opening or reading an image sequence.
 #[derive(Debug, thiserror::Error)]
 pub enum SequenceError {
-    /// Neither a folder nor a file of that name.
-    #[error("there is no folder or file {}; give a folder, a pattern such as `drive/*.png`, or a file", .0.display())]
+    /// No folder or file has this path.
+    #[error("{} does not exist: set `files` to a folder, a pattern such as `drive/*.png`, or a file", .0.display())]
     Missing(PathBuf),
-    /// The folder has no picture.
-    #[error("the folder {} has no .png, .jpg or .jpeg file; put some there or name another", .0.display())]
+    /// The folder contains no image.
+    #[error("the folder {} contains no .png, .jpg or .jpeg file: add images or name another folder", .0.display())]
     EmptyFolder(PathBuf),
-    /// The pattern fits no file.
-    #[error("no file fits the pattern {}; change it or the folder", .0.display())]
+    /// The pattern matches no file.
+    #[error("no file matches the pattern {}: correct the pattern or the folder", .0.display())]
     NoMatch(PathBuf),
-    /// The pattern is not one.
-    #[error("{} is not a pattern: {reason}", path.display())]
+    /// The pattern is invalid.
+    #[error("{} is not a valid pattern: {reason}", path.display())]
     BadPattern {
-        /// The pattern.
+        /// Path with the pattern.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the error.
         reason: String,
     },
     /// A file or folder cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Unreadable {
-        /// Which.
+        /// File or folder.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// A file is neither PNG nor JPEG.
-    #[error("{} is neither a PNG nor a JPEG file; convert it or take it out", .0.display())]
+    #[error("{} is neither a PNG nor a JPEG file: convert or remove it", .0.display())]
     NotAnImage(PathBuf),
-    /// A file breaks off.
-    #[error("{} is cut short: the picture is not complete; copy it again or take it out", .0.display())]
+    /// A file is truncated.
+    #[error("{} is truncated: copy it again or remove it", .0.display())]
     Truncated(PathBuf),
-    /// A file that cannot be decoded.
-    #[error("{} cannot be decoded: {reason}; save it again or take it out", path.display())]
-    Broken {
-        /// Which.
+    /// A file cannot be decoded.
+    #[error("{} cannot be decoded: {reason}; save it again or remove it", path.display())]
+    Corrupt {
+        /// File.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Description of the error.
         reason: String,
     },
-    /// A picture has another size than the camera.
-    #[error("{} is {actual_width}x{actual_height}, but `intrinsics` says {width}x{height}; change one of them", path.display())]
+    /// An image has another size than the camera.
+    #[error(
+        "{} has {actual_width}x{actual_height} pixels, but `intrinsics` has {width}x{height}: correct one of them",
+        path.display()
+    )]
     WrongSize {
-        /// Which.
+        /// File.
         path: PathBuf,
-        /// Its width.
+        /// Width of the image, pixels.
         actual_width: u32,
-        /// Its height.
+        /// Height of the image, pixels.
         actual_height: u32,
-        /// The camera's width.
+        /// Width in the intrinsics, pixels.
         width: u32,
-        /// The camera's height.
+        /// Height in the intrinsics, pixels.
         height: u32,
     },
 }
 
 impl SequenceError {
-    /// Why `path` could not be decoded.
+    /// Returns the error for a file that could not be decoded.
     pub(crate) fn decoding(path: &Path, error: ImageError) -> SequenceError {
         let path = path.to_owned();
         match error {
@@ -75,23 +78,23 @@ impl SequenceError {
             }
             ImageError::IoError(source) => SequenceError::Unreadable { path, source },
             ImageError::Unsupported(_) => SequenceError::NotAnImage(path),
-            other => SequenceError::Broken { path, reason: other.to_string() },
+            other => SequenceError::Corrupt { path, reason: other.to_string() },
         }
     }
 }
 
-/// The files that `files` names, sorted by name; `folder` is where relative paths start. Never empty.
+/// Returns the files of a folder, pattern or path, sorted by name, at least one. Relative paths start at `folder`.
 ///
 /// # Errors
-/// Nothing of that name, an empty folder, a pattern without a match, an unreadable folder.
+/// A missing path, an empty or unreadable folder, an invalid pattern or one without a match.
 fn list(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let path: PathBuf = folder.join(files).components().collect();
     let mut found = if path.is_dir() {
-        pictures_in(&path)?
+        images_in(&path)?
     } else if path.is_file() {
         return Ok(vec![path]);
     } else if files.contains(['*', '?', '[']) {
-        matches_of(files, folder)?
+        match_pattern(files, folder)?
     } else {
         return Err(SequenceError::Missing(path));
     };
@@ -99,7 +102,7 @@ fn list(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     Ok(found)
 }
 
-fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+fn images_in(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let unreadable = |source| SequenceError::Unreadable { path: folder.to_owned(), source };
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
@@ -112,8 +115,8 @@ fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     if found.is_empty() { Err(SequenceError::EmptyFolder(folder.to_owned())) } else { Ok(found) }
 }
 
-/// Only what the robot file says is a pattern; the folder that it lies in is taken as it is.
-fn matches_of(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
+/// Returns the files that match a pattern. Special characters in the path of `folder` are not part of the pattern.
+fn match_pattern(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let path = folder.join(files);
     let folder = glob::Pattern::escape(&folder.to_string_lossy());
     let pattern = Path::new(&folder).join(files);
@@ -126,10 +129,10 @@ fn matches_of(files: &str, folder: &Path) -> Result<Vec<PathBuf>, SequenceError>
     if found.is_empty() { Err(SequenceError::NoMatch(path)) } else { Ok(found) }
 }
 
-/// Finds the pictures of a sequence and looks at each; `folder` is where relative paths start. Never empty.
+/// Finds the files of a sequence, at least one, and validates each. Relative paths start at `folder`.
 ///
 /// # Errors
-/// As [`list`] and [`inspect`].
+/// The errors of [`list`] and [`inspect`].
 pub(crate) fn find(config: &ImageSequenceConfig, folder: &Path) -> Result<Vec<PathBuf>, SequenceError> {
     let files = list(&config.files, folder)?;
     for file in &files {
@@ -138,10 +141,10 @@ pub(crate) fn find(config: &ImageSequenceConfig, folder: &Path) -> Result<Vec<Pa
     Ok(files)
 }
 
-/// Tells a picture's kind and size and whether it is all there, without decoding it.
+/// Checks format, size and completeness of a file without decoding it.
 ///
 /// # Errors
-/// Unreadable, not an image, cut short, or not `width` x `height`.
+/// A file that is unreadable, not an image, truncated, or not of this size.
 fn inspect(path: &Path, width: u32, height: u32) -> Result<(), SequenceError> {
     let unreadable = |source| SequenceError::Unreadable { path: path.to_owned(), source };
     let bytes = std::fs::read(path).map_err(unreadable)?;
@@ -153,7 +156,8 @@ fn inspect(path: &Path, width: u32, height: u32) -> Result<(), SequenceError> {
     if is_complete(format, &bytes) { Ok(()) } else { Err(SequenceError::Truncated(path.to_owned())) }
 }
 
-/// Whether a picture's data come to their end: the decoder of JPEG fills what is missing with gray and says nothing.
+/// Returns true if the data of an image are complete. The JPEG decoder does not report truncated data: it fills the rest with
+/// gray.
 pub(crate) fn is_complete(format: ImageFormat, bytes: &[u8]) -> bool {
     match format {
         ImageFormat::Jpeg => jpeg_is_complete(bytes),
@@ -162,37 +166,39 @@ pub(crate) fn is_complete(format: ImageFormat, bytes: &[u8]) -> bool {
     }
 }
 
-/// Whether the chunks go on to the last one.
+/// Returns true if the last chunk exists.
 fn png_is_complete(bytes: &[u8]) -> bool {
     let mut at = 8;
     while let Some(&[a, b, c, d, ref kind @ ..]) = bytes.get(at..at + 8) {
         if kind == b"IEND" {
             return true;
         }
-        // Length, kind and checksum are four bytes each.
+        // Length, type and checksum have four bytes each.
         at = at.saturating_add(12).saturating_add(u32::from_be_bytes([a, b, c, d]) as usize);
     }
     false
 }
 
-/// Whether the picture's data come to their end marker.
+/// Returns true if the image data end with the end marker.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     const START_OF_SCAN: u8 = 0xda;
     const END_OF_IMAGE: [u8; 2] = [0xff, 0xd9];
     let mut at = 2;
     while let Some(&[0xff, marker, high, low]) = bytes.get(at..at + 4) {
         if marker == START_OF_SCAN {
-            // Within a scan 0xff is followed by zero or a restart marker: the end marker cannot occur by chance.
+            // Within a scan, 0xff is followed by zero or a restart marker, so the data cannot contain the end marker.
             return bytes[at..].windows(2).any(|pair| pair == END_OF_IMAGE);
         }
-        // Padding before a marker is one byte of 0xff; a segment tells its length.
+        // Padding before a marker is one byte of 0xff; a segment starts with its length.
         at += if marker == 0xff { 1 } else { 2 + usize::from(u16::from_be_bytes([high, low])) };
     }
     false
 }
 
+/// Checks the size of an image, pixels.
+///
 /// # Errors
-/// `WrongSize`.
+/// [`SequenceError::WrongSize`].
 pub(crate) fn check_size(
     path: &Path,
     actual: (u32, u32),

@@ -1,8 +1,21 @@
-//! Cameras: image sequences from files.
+//! Cameras as devices. The driver `camera` publishes image sequences from files.
+//!
+//! ```
+//! use yamabico_camera::ImageSequenceConfig;
+//!
+//! let text = r#"
+//!     files = "drive/*.png"
+//!     intrinsics = { width = 960, height = 540, fov_deg = 75.0 }
+//!     mount = { z_m = 0.3 }
+//! "#;
+//! let config: ImageSequenceConfig = toml::from_str(text)?;
+//! assert_eq!((config.rate_hz, config.bytes()), (10.0, 960 * 540));
+//! # Ok::<(), toml::de::Error>(())
+//! ```
 
 mod config;
+mod file_image;
 mod files;
-mod luma;
 mod sequence;
 
 pub use config::{ImageSequenceConfig, NoKeys};
@@ -12,7 +25,7 @@ pub use sequence::ImageSequence;
 use std::path::Path;
 use std::sync::Arc;
 
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::drive::Drive;
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
@@ -22,22 +35,19 @@ use yamabico_core::parameters::{read, schema_of};
 use yamabico_core::sensor::{DeviceError, Sensor};
 use yamabico_core::time::Time;
 
-/// The driver `camera`, with sensors of the kind `image-sequence`.
+/// Returns the driver `camera`, with sensors of the kind `image-sequence`.
 #[must_use]
 pub fn driver() -> Arc<dyn Driver> {
     let sensor = SensorOffer::new::<FrameHeader, ImageSequenceConfig>(
         "image-sequence",
-        "PNG or JPEG files in the order of their names, as a camera would take them.",
+        "Frames from PNG or JPEG files in the order of their names.",
     );
-    let drive = DriveOffer::new::<NoKeys>(
-        "none",
-        "Takes commands and moves nothing, for pictures without a robot.",
-        Axes::PLANAR,
-    );
+    let drive =
+        DriveOffer::new::<NoKeys>("none", "Ignores all commands, for images without a robot.", Axes::PLANAR);
     Arc::new(CameraDriver {
         info: DriverInfo {
             name: "camera".into(),
-            summary: "Cameras, and pictures from files in the place of one.".into(),
+            summary: "Cameras, and image files instead of a camera.".into(),
             parameters: schema_of::<NoKeys>(),
             files: Vec::new(),
             sensors: vec![sensor],
@@ -55,35 +65,38 @@ impl Driver for CameraDriver {
         &self.info
     }
 
-    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, BuildError> {
+    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, ParameterError> {
         let config: ImageSequenceConfig = read(&sensor.table)?;
         Ok(SensorDescription { info: config.info(&sensor.name)?, max_item_bytes: config.bytes() })
     }
 
-    fn check_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<(), BuildError> {
-        let refused = |error: SequenceError| BuildError::new("files", error.to_string());
+    fn check_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<(), ParameterError> {
+        let refused = |error: SequenceError| ParameterError::new("files", error.to_string());
         files::find(&read(&sensor.table)?, folder).map_err(refused).map(drop)
     }
 
-    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError> {
+    fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {
         read::<NoKeys>(&spec.table)?;
-        let open_sensor = |part: &PartSpec| -> Result<(String, Box<dyn Sensor>), BuildError> {
+        let open_sensor = |part: &PartSpec| -> Result<(String, Box<dyn Sensor>), ParameterError> {
             if part.kind != "image-sequence" {
-                return Err(BuildError::new("kind", format!("a camera has no sensor `{}`", part.kind)));
+                return Err(ParameterError::new(
+                    "kind",
+                    format!("must be `image-sequence`, but is `{}`", part.kind),
+                ));
             }
             let config: ImageSequenceConfig = read(&part.table)?;
             config.info(&part.name)?;
             let sequence = ImageSequence::open(&part.name, config, &spec.folder)
-                .map_err(|error| BuildError::new("files", format!("sensor `{}`: {error}", part.name)))?;
+                .map_err(|error| ParameterError::new("files", format!("sensor `{}`: {error}", part.name)))?;
             Ok((part.name.clone(), Box::new(sequence)))
         };
         let sensors = spec.sensors.iter().map(open_sensor).collect::<Result<_, _>>()?;
         let drive = spec.drive.map(|_| Box::new(NoDrive) as Box<dyn Drive>);
-        Ok(Device { sensors, drive, judge: None, walls: Vec::new() })
+        Ok(Device { sensors, drive, ground_truth: None, walls: Vec::new() })
     }
 }
 
-/// Moves nothing.
+/// Drive that ignores all commands.
 struct NoDrive;
 
 impl Drive for NoDrive {

@@ -1,4 +1,4 @@
-//! A sensor that shows pictures from files.
+//! Sensor that publishes images from files.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -9,24 +9,25 @@ use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
 use crate::config::ImageSequenceConfig;
+use crate::file_image::FileImage;
 use crate::files::{self, SequenceError};
-use crate::luma::Picture;
 
-/// Publishes one picture a period, beginning with the first poll. Where a poll comes late, pictures that a newer one has
-/// replaced are passed over; their numbers are missing from the sequence.
+/// Sensor that publishes one image file per period, from the first poll on. A late poll skips images that a newer one has
+/// already replaced; their sequence numbers are missing.
 pub struct ImageSequence {
     name: String,
     config: ImageSequenceConfig,
     files: Vec<PathBuf>,
+    /// Time of the first poll.
     begin: Option<Time>,
     next: u64,
 }
 
 impl ImageSequence {
-    /// Finds the files and looks whether each is there, whole and of the right size; relative paths start at `folder`.
+    /// Finds the files, and checks that each is readable, complete and of the right size. Relative paths start at `folder`.
     ///
     /// # Errors
-    /// See [`SequenceError`]; what is wrong inside the data of a picture shows when it is its turn.
+    /// [`SequenceError`]. Errors inside the image data are reported only when the image is published.
     pub fn open(
         name: &str,
         config: ImageSequenceConfig,
@@ -36,7 +37,7 @@ impl ImageSequence {
         Ok(ImageSequence { name: name.to_owned(), config, files, begin: None, next: 0 })
     }
 
-    /// The files in the order in which they are shown.
+    /// Returns the files in the order in which they are published.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
@@ -55,12 +56,12 @@ impl ImageSequence {
         self.stamp(begin, number) + Duration::from_secs_f64(1e-3 * self.config.latency_ms)
     }
 
-    fn show(&self, number: u64, stamp: Time, outputs: &mut Outputs<'_>) -> Result<(), DeviceError> {
+    fn publish(&self, number: u64, stamp: Time, outputs: &mut Outputs<'_>) -> Result<(), DeviceError> {
         let Some(file) = self.file(number) else { return Ok(()) };
         let (width, height) = (self.config.intrinsics.width, self.config.intrinsics.height);
         let failed = |error: SequenceError| DeviceError::failed(&self.name, error);
-        let picture = Picture::read(file).map_err(failed)?;
-        files::check_size(file, picture.size(), width, height).map_err(failed)?;
+        let image = FileImage::read(file).map_err(failed)?;
+        files::check_size(file, image.size(), width, height).map_err(failed)?;
         let header = FrameHeader {
             stamp_ns: stamp.0,
             sequence: number,
@@ -71,7 +72,7 @@ impl ImageSequence {
             exposure: 1.0,
         };
         let pixels = self.config.bytes();
-        outputs.publish_in_place(&self.name, &header, pixels, |out| picture.write_luma(out))?;
+        outputs.publish_in_place(&self.name, &header, pixels, |out| image.write_luma(out))?;
         Ok(())
     }
 }
@@ -85,11 +86,11 @@ impl Sensor for ImageSequence {
         while self.file(self.next + 1).is_some() && self.arrival(begin, self.next + 1) <= now {
             self.next += 1;
         }
-        // The last picture stays for its whole period before the sequence ends.
+        // The sequence ends one period after the last image.
         if self.file(self.next).is_none() {
             return Ok(Due::Ended);
         }
-        self.show(self.next, self.stamp(begin, self.next), outputs)?;
+        self.publish(self.next, self.stamp(begin, self.next), outputs)?;
         self.next += 1;
         Ok(Due::At(self.arrival(begin, self.next)))
     }

@@ -1,11 +1,11 @@
-//! Files in, frames out; and what is wrong with a file is told with its name.
+//! Image sequences: files become frames, and errors name the file.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use std::path::{Path, PathBuf};
 
 use yamabico_camera::driver;
-use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::behavior::{Outputs, ParameterError};
 use yamabico_core::driver::{Device, DeviceSpec, PartSpec};
 use yamabico_core::message::{Encoding, FrameHeader};
 use yamabico_core::sensor::{DeviceError, Due, Robot, Sensor};
@@ -15,7 +15,7 @@ use yamabico_core::time::Time;
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;
 
-/// A folder that goes with the test.
+/// Temporary folder, deleted at the end of a test.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -25,14 +25,14 @@ impl Folder {
         Folder(path)
     }
 
-    /// A gray picture whose every pixel is `level`.
+    /// Writes a uniform gray image.
     fn gray(&self, name: &str, level: u8) -> PathBuf {
         let path = self.0.join(name);
         image::GrayImage::from_pixel(WIDTH, HEIGHT, image::Luma([level])).save(&path).unwrap();
         path
     }
 
-    /// A picture with much in it, so that half of its file is not the whole picture.
+    /// Writes an image of noise: half of its file does not contain the whole image.
     fn noise(&self, name: &str) -> PathBuf {
         let path = self.0.join(name);
         let level = |x: u32, y: u32| {
@@ -53,7 +53,7 @@ impl Drop for Folder {
     }
 }
 
-fn open(folder: &Path, keys: &str) -> Result<Device, BuildError> {
+fn open(folder: &Path, keys: &str) -> Result<Device, ParameterError> {
     let part = PartSpec {
         name: "front".into(),
         kind: "image-sequence".into(),
@@ -99,13 +99,13 @@ fn refusal(folder: &Path, keys: &str) -> String {
     }
 }
 
-/// Polls whenever the sensor wants it until it ends or `most` frames came.
-fn watch(sensor: &mut dyn Sensor, most: usize) -> Result<Vec<(FrameHeader, Vec<u8>)>, DeviceError> {
+/// Polls when due, until the sequence ends or `max` frames were published.
+fn watch(sensor: &mut dyn Sensor, max: usize) -> Result<Vec<(FrameHeader, Vec<u8>)>, DeviceError> {
     let (mut published, mut now) = (Published::default(), Time::from_secs_f64(5.0));
-    while published.iter().count() < most {
+    while published.iter().count() < max {
         match sensor.poll(now, &mut Outputs::new(&mut published))? {
             Due::At(next) => {
-                assert!(next > now, "time goes on");
+                assert!(next > now, "time must advance");
                 now = next;
             }
             Due::Ended => break,
@@ -115,17 +115,17 @@ fn watch(sensor: &mut dyn Sensor, most: usize) -> Result<Vec<(FrameHeader, Vec<u
 }
 
 #[test]
-fn files_are_shown_by_name_at_the_rate_and_then_it_ends() {
+fn files_are_published_by_name_at_the_rate_until_the_end() {
     let folder = Folder::new("order");
     for (name, level) in [("b.png", 20), ("a.jpg", 10), ("c.PNG", 30)] {
         folder.gray(name, level);
     }
-    std::fs::write(folder.0.join("README.md"), "not a picture").unwrap();
+    std::fs::write(folder.0.join("README.md"), "not an image").unwrap();
     let mut sensor = sensor(&folder.0, "files = \".\"\nrate_hz = 4.0\nlatency_ms = 100");
     let frames = watch(&mut *sensor, usize::MAX).unwrap();
-    let told: Vec<_> =
+    let received: Vec<_> =
         frames.iter().map(|(header, pixels)| (header.stamp_ns, header.sequence, pixels[0])).collect();
-    assert_eq!(told, [(5_000_000_000, 0, 10), (5_250_000_000, 1, 20), (5_500_000_000, 2, 30)]);
+    assert_eq!(received, [(5_000_000_000, 0, 10), (5_250_000_000, 1, 20), (5_500_000_000, 2, 30)]);
     let (header, pixels) = &frames[1];
     assert_eq!((header.width, header.height, header.stride), (WIDTH, HEIGHT, WIDTH));
     assert_eq!(header.encoding(), Some(Encoding::Gray8));
@@ -133,7 +133,7 @@ fn files_are_shown_by_name_at_the_rate_and_then_it_ends() {
 }
 
 #[test]
-fn a_pattern_chooses_and_a_repeated_sequence_begins_again() {
+fn a_pattern_selects_files_and_a_repeated_sequence_restarts() {
     let folder = Folder::new("pattern [1]");
     for (name, level) in [("left_1.png", 1), ("left_2.png", 2), ("right_1.png", 3)] {
         folder.gray(name, level);
@@ -146,7 +146,7 @@ fn a_pattern_chooses_and_a_repeated_sequence_begins_again() {
 }
 
 #[test]
-fn a_late_poll_gets_the_newest_picture_only() {
+fn a_late_poll_publishes_only_the_newest_frame() {
     let folder = Folder::new("late");
     (1..=9).for_each(|i| drop(folder.gray(&format!("{i}.png"), i)));
     let mut sensor = sensor(&folder.0, "files = \".\"");
@@ -156,11 +156,11 @@ fn a_late_poll_gets_the_newest_picture_only() {
     assert_eq!(poll(0), Due::At(Time(100_000_000)));
     assert_eq!(poll(50), Due::At(Time(100_000_000)));
     assert_eq!(poll(450), Due::At(Time(500_000_000)));
-    assert_eq!(poll(2000), Due::At(Time(900_000_000)), "the last picture is shown however late");
+    assert_eq!(poll(2000), Due::At(Time(900_000_000)), "the last frame is never skipped");
     assert_eq!(poll(2001), Due::Ended);
     let frames = published.of::<FrameHeader>("front");
-    let told: Vec<_> = frames.iter().map(|(header, pixels)| (header.sequence, pixels[0])).collect();
-    assert_eq!(told, [(0, 1), (4, 5), (8, 9)]);
+    let received: Vec<_> = frames.iter().map(|(header, pixels)| (header.sequence, pixels[0])).collect();
+    assert_eq!(received, [(0, 1), (4, 5), (8, 9)]);
 }
 
 #[test]
@@ -175,38 +175,38 @@ fn color_becomes_luma() {
 }
 
 #[test]
-fn what_is_not_there_is_refused() {
+fn missing_files_are_refused() {
     let folder = Folder::new("missing");
     let missing = refusal(&folder.0, "files = \"not-there\"");
-    assert!(missing.contains("there is no folder or file") && missing.contains("not-there"), "{missing}");
+    assert!(missing.contains("does not exist") && missing.contains("not-there"), "{missing}");
     let empty = refusal(&folder.0, "files = \".\"");
-    assert!(empty.contains("has no .png, .jpg or .jpeg file"), "{empty}");
+    assert!(empty.contains("contains no .png, .jpg or .jpeg file"), "{empty}");
     let unmatched = refusal(&folder.0, "files = \"*.png\"");
-    assert!(unmatched.contains("no file fits the pattern"), "{unmatched}");
+    assert!(unmatched.contains("no file matches the pattern"), "{unmatched}");
     let pattern = refusal(&folder.0, "files = \"a[.png\"");
-    assert!(pattern.contains("is not a pattern"), "{pattern}");
+    assert!(pattern.contains("is not a valid pattern"), "{pattern}");
 }
 
 #[test]
-fn what_is_no_picture_is_refused_by_name() {
+fn invalid_images_are_refused_by_name() {
     let folder = Folder::new("broken");
     folder.gray("a.png", 1);
     let bad = folder.0.join("b.png");
-    let refused = |bytes: &[u8], words: &str| {
+    let refused = |bytes: &[u8], text: &str| {
         std::fs::write(&bad, bytes).unwrap();
         let refusal = refusal(&folder.0, "files = \".\"");
         assert!(
-            refusal.contains(words) && refusal.contains("b.png") && refusal.contains("front"),
+            refusal.contains(text) && refusal.contains("b.png") && refusal.contains("front"),
             "{refusal}"
         );
     };
-    refused(b"This is no picture.", "is neither a PNG nor a JPEG file");
+    refused(b"This is not an image.", "is neither a PNG nor a JPEG file");
     refused(b"", "is neither a PNG nor a JPEG file");
-    refused(&std::fs::read(folder.0.join("a.png")).unwrap()[..20], "is cut short");
+    refused(&std::fs::read(folder.0.join("a.png")).unwrap()[..20], "is truncated");
     refused(b"GIF89a\x20\x00\x18\x00\x00\x00\x00", "is neither a PNG nor a JPEG file");
     image::GrayImage::new(WIDTH + 1, HEIGHT).save(&bad).unwrap();
     let wrong = refusal(&folder.0, "files = \".\"");
-    assert!(wrong.contains("b.png is 33x24, but `intrinsics` says 32x24"), "{wrong}");
+    assert!(wrong.contains("b.png has 33x24 pixels, but `intrinsics` has 32x24"), "{wrong}");
     std::fs::remove_file(&bad).unwrap();
     std::fs::create_dir(&bad).unwrap();
     let folder_like_a_file = refusal(&folder.0, "files = \".\"");
@@ -217,7 +217,7 @@ fn what_is_no_picture_is_refused_by_name() {
 }
 
 #[test]
-fn a_file_that_breaks_off_or_changes_during_the_run_fails_the_device() {
+fn a_file_that_is_truncated_or_changed_during_the_run_fails_the_device() {
     for name in ["b.png", "b.jpg"] {
         let folder = Folder::new(&format!("cut-{name}"));
         folder.gray("a.png", 1);
@@ -230,23 +230,23 @@ fn a_file_that_breaks_off_or_changes_during_the_run_fails_the_device() {
             std::fs::write(&path, &whole[..whole.len() - whole.len() / share]).unwrap();
             let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();
             assert!(
-                error.contains("`front` failed") && error.contains(name) && error.contains("cut short"),
+                error.contains("`front` failed") && error.contains(name) && error.contains("truncated"),
                 "{error}"
             );
             let refused = refusal(&folder.0, "files = \".\"");
-            assert!(refused.contains(name) && refused.contains("cut short"), "{refused}");
+            assert!(refused.contains(name) && refused.contains("truncated"), "{refused}");
             std::fs::write(&path, &whole).unwrap();
         }
         let mut opened = sensor(&folder.0, "files = \".\"");
         image::GrayImage::new(WIDTH, HEIGHT + 5).save(&path).unwrap();
         let error = watch(&mut *opened, usize::MAX).unwrap_err().to_string();
-        assert!(error.contains("is 32x29"), "{error}");
+        assert!(error.contains("has 32x29 pixels"), "{error}");
         std::fs::remove_file(&path).unwrap();
     }
 }
 
 #[test]
-fn a_file_that_vanishes_is_named() {
+fn a_file_deleted_during_the_run_is_named() {
     let folder = Folder::new("vanish");
     let path = folder.gray("a.png", 1);
     let mut opened = sensor(&folder.0, "files = \".\"");
@@ -255,16 +255,11 @@ fn a_file_that_vanishes_is_named() {
     assert!(error.contains("cannot read") && error.contains("a.png"), "{error}");
 }
 
-/// The photographs of a drive down a corridor, where they are at hand: `YAMABICO_DATA`, else `../shared/data`.
+/// Plays the photographs of a drive down a corridor, if the data set exists.
 #[test]
-fn photographs_of_a_corridor_are_shown() {
-    let data = std::env::var_os("YAMABICO_DATA").map(PathBuf::from);
-    let data = data.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"));
-    let folder = data.join("corridor_drive/images");
-    if !folder.is_dir() {
-        println!("skipped: there is no {}", folder.display());
-        return;
-    }
+fn photographs_of_a_corridor_are_published() {
+    let Some(folder) = yamabico_testkit::data::data_set("corridor_drive") else { return };
+    let folder = folder.join("images");
     let table = "files = \".\"\nintrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }";
     let part = PartSpec {
         name: "front".into(),
@@ -275,13 +270,13 @@ fn photographs_of_a_corridor_are_shown() {
     let begin = std::time::Instant::now();
     let frames = watch(&mut *device.sensors[0].1, usize::MAX).unwrap();
     println!(
-        "{} pictures, {:.2} ms each",
+        "{} frames, {:.2} ms each",
         frames.len(),
         1e3 * begin.elapsed().as_secs_f64() / frames.len() as f64
     );
     assert_eq!(frames.len(), std::fs::read_dir(&folder).unwrap().count());
     for (header, pixels) in &frames {
         let mean = pixels.iter().map(|&level| f64::from(level)).sum::<f64>() / pixels.len() as f64;
-        assert!((40.0..220.0).contains(&mean), "picture {} has a mean of {mean}", header.sequence);
+        assert!((40.0..220.0).contains(&mean), "frame {} has a mean of {mean}", header.sequence);
     }
 }

@@ -1,4 +1,4 @@
-//! Pictures a second, noise included: of a pinhole at the two usual sizes, and of mirror cameras.
+//! Rendering rate in frames per second, including noise: a pinhole camera with two image sizes, and mirror cameras.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use yamabico_core::camera::{

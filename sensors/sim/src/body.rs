@@ -1,64 +1,65 @@
-//! A body that moves as its drive can: limited accelerations, exact arcs, and a brake of its own.
+//! Motion model of the robot's body: limited accelerations, exact arcs, and a watchdog that brakes.
 
 use yamabico_core::geometry::{Pose2, Twist};
 
-/// What the drive can do, each for the linear, lateral and angular axis.
+/// Limits of the drive, each for the linear, lateral and angular axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyLimits {
-    /// Largest speed: m/s, m/s, rad/s; 0 for an axis that the drive does not have.
+    /// Maximum speed: m/s, m/s, rad/s; 0 for an axis that the drive does not have.
     pub speed: [f64; 3],
-    /// Largest change of speed, per second squared.
+    /// Maximum acceleration and deceleration: m/s^2, m/s^2, rad/s^2.
     pub acceleration: [f64; 3],
-    /// Deceleration of an emergency and of the watchdog, per second squared.
+    /// Deceleration in an emergency and by the watchdog: m/s^2, m/s^2, rad/s^2.
     pub emergency: [f64; 3],
-    /// The body brakes by itself when no command has come for this long, seconds.
+    /// Time without a command after which the body brakes, s.
     pub watchdog_s: f64,
 }
 
 /// A moving body.
 #[derive(Clone, Copy, Debug)]
 pub struct Body {
-    /// Where it is, world.
+    /// Pose in the world frame.
     pub pose: Pose2,
-    /// How it moves, body frame.
+    /// Twist in the body frame.
     pub twist: Twist,
     limits: BodyLimits,
-    wanted: [f64; 3],
-    emergency: bool,
+    target: [f64; 3],
+    is_emergency: bool,
     since_command_s: f64,
 }
 
 impl Body {
-    /// A body that stands at `pose`.
+    /// Returns a body at rest at `pose`.
     #[must_use]
     pub fn new(pose: Pose2, limits: BodyLimits) -> Self {
         let since_command_s = f64::INFINITY;
-        Self { pose, twist: Twist::ZERO, limits, wanted: [0.0; 3], emergency: false, since_command_s }
+        Self { pose, twist: Twist::ZERO, limits, target: [0.0; 3], is_emergency: false, since_command_s }
     }
 
-    /// Takes a command; one that is not finite brakes as an emergency.
+    /// Applies a command; one that is not finite is an emergency stop.
     pub fn command(&mut self, twist: &Twist, urgency: Urgency) {
         self.since_command_s = 0.0;
-        let wanted = [twist.linear, twist.lateral, twist.angular];
-        let sound = twist.is_finite();
-        self.emergency = urgency == Urgency::Emergency || !sound;
-        self.wanted = if sound { wanted } else { [0.0; 3] };
-        for (w, top) in self.wanted.iter_mut().zip(self.limits.speed) {
-            *w = w.clamp(-top, top);
+        let target = [twist.linear, twist.lateral, twist.angular];
+        let is_finite = twist.is_finite();
+        self.is_emergency = urgency == Urgency::Emergency || !is_finite;
+        self.target = if is_finite { target } else { [0.0; 3] };
+        for (speed, max) in self.target.iter_mut().zip(self.limits.speed) {
+            *speed = speed.clamp(-max, max);
         }
     }
 
-    /// Where it would be and how it would move after `dt` seconds.
+    /// Returns the body after `dt` seconds.
     #[must_use]
     pub fn stepped(&self, dt: f64) -> Self {
         let mut next = *self;
         next.since_command_s += dt;
-        let silent = next.since_command_s > self.limits.watchdog_s;
-        let wanted = if silent { [0.0; 3] } else { self.wanted };
-        let rate = if silent || self.emergency { self.limits.emergency } else { self.limits.acceleration };
+        let timed_out = next.since_command_s > self.limits.watchdog_s;
+        let target = if timed_out { [0.0; 3] } else { self.target };
+        let hard = timed_out || self.is_emergency;
+        let rate = if hard { self.limits.emergency } else { self.limits.acceleration };
         let now = [self.twist.linear, self.twist.lateral, self.twist.angular];
         let [linear, lateral, angular] =
-            [0, 1, 2].map(|i| now[i] + (wanted[i] - now[i]).clamp(-rate[i] * dt, rate[i] * dt));
+            [0, 1, 2].map(|i| now[i] + (target[i] - now[i]).clamp(-rate[i] * dt, rate[i] * dt));
         next.twist = Twist::new(linear, lateral, angular);
         let mean = Twist::new((now[0] + linear) / 2.0, (now[1] + lateral) / 2.0, (now[2] + angular) / 2.0);
         next.pose = self.pose.integrate(&mean, dt);
@@ -66,12 +67,12 @@ impl Body {
     }
 }
 
-/// How hard a command may brake.
+/// Deceleration with which a command is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Urgency {
-    /// As in normal driving.
+    /// [`BodyLimits::acceleration`].
     Normal,
-    /// As hard as the body can.
+    /// [`BodyLimits::emergency`].
     Emergency,
 }
 
@@ -97,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn it_speeds_up_no_faster_than_it_can_and_has_no_missing_axis() {
+    fn acceleration_and_missing_axes_are_limited() {
         let mut b = body();
         b.command(&Twist::new(5.0, 1.0, 0.0), Urgency::Normal);
         let after = run(b, 0.1);
@@ -107,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stops_by_itself_when_commands_stop_and_on_nonsense() {
+    fn it_stops_without_commands_and_on_nan() {
         let mut b = body();
         b.twist = Twist::new(0.4, 0.0, 0.0);
         b.command(&Twist::new(0.4, 0.0, 0.0), Urgency::Normal);
@@ -121,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turning_body_runs_on_a_circle() {
+    fn a_turning_body_moves_on_a_circle() {
         let mut b = body();
         b.twist = Twist::new(0.5, 0.0, 1.0);
         let mut top = f64::MIN;

@@ -1,13 +1,13 @@
-//! The simulator as a device: the same seams and messages as any other.
+//! Driver of the simulator.
 
 mod camera;
-mod judge;
+mod frames;
+mod ground_truth;
 mod mirror_camera;
 mod motors;
-mod pictures;
+mod odometry;
 mod sonars;
 mod sway;
-mod wheels;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -15,7 +15,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use rand::RngExt;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::BuildError;
+use serde_inline_default::serde_inline_default;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
 };
@@ -33,22 +34,22 @@ use crate::sonar::SonarConfig;
 use crate::world::{WORLD_FILE, World};
 
 pub use camera::CameraConfig;
+pub use frames::PixelFormat;
 pub use mirror_camera::MirrorCameraConfig;
 pub use motors::MotorConfig;
-pub use pictures::PixelFormat;
 pub use sway::SwayConfig;
 
-/// The driver `sim`, with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
+/// Returns the driver `sim`, with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
 #[must_use]
 pub fn driver() -> Arc<dyn Driver> {
     let sensors = vec![
         SensorOffer::new::<FrameHeader, CameraConfig>(
             "camera",
-            "Pictures of a pinhole camera, rendered at the exposure and delivered after the latency.",
+            "Frames of a pinhole camera, rendered at the exposure and delivered after the latency.",
         ),
         SensorOffer::new::<FrameHeader, MirrorCameraConfig>(
             "mirror-camera",
-            "Pictures of a camera that looks all around through a conic, hyperboloidal or measured mirror.",
+            "Frames of an omnidirectional camera with a conic, hyperboloidal or measured mirror.",
         ),
         SensorOffer::new::<RangeScanHeader, SonarConfig>(
             "sonar",
@@ -89,7 +90,7 @@ impl Driver for SimDriver {
         &self.info
     }
 
-    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, BuildError> {
+    fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, ParameterError> {
         let (name, table) = (sensor.name.as_str(), &sensor.table);
         let (info, max_item_bytes) = match sensor.kind.as_str() {
             "camera" => {
@@ -113,74 +114,76 @@ impl Driver for SimDriver {
         Ok(SensorDescription { info, max_item_bytes })
     }
 
-    fn open(&self, spec: DeviceSpec) -> Result<Device, BuildError> {
+    fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {
         open(spec)
     }
 }
 
-fn no_sensor(kind: &str) -> BuildError {
-    BuildError::new("kind", format!("the simulator has no sensor `{kind}`"))
+fn no_sensor(kind: &str) -> ParameterError {
+    ParameterError::new("kind", format!("the simulator has no sensor `{kind}`"))
 }
 
-/// The simulated device's own keys.
+/// Parameters of the simulated device.
+#[serde_inline_default]
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimConfig {
-    /// The world file, relative to the robot file.
+    /// Path of the world file, relative to the robot file.
     #[schemars(extend("format" = "file"))]
     pub world: String,
-    /// Whether boxes and people are there, or the building alone.
+    /// Presence of boxes and people in the building.
     #[serde(default)]
     pub clutter: Clutter,
-    /// Where the robot starts.
+    /// Initial pose of the robot.
     #[serde(default)]
     pub start: Start,
-    /// Height of the robot: things higher up are not run into. Meters, 0.05 to 3.
-    #[serde(default = "body_height")]
+    /// Height of the robot; it passes under higher objects.
+    #[serde_inline_default(1.0)]
     #[schemars(range(min = 0.05, max = 3.0))]
     pub body_height_m: f64,
-    /// How often the truth is published, ms, 5 to 1000.
-    #[serde(default = "truth_period")]
+    /// Period of the ground truth.
+    #[serde_inline_default(20.0)]
     #[schemars(range(min = 5.0, max = 1000.0))]
     pub truth_period_ms: f64,
 }
 
-/// What stands and walks in the building.
+/// Presence of boxes and people in the building.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clutter {
-    /// Every box and person of the world file.
+    /// All boxes and people of the world file.
     #[default]
     AsWritten,
-    /// Neither boxes nor people: for learning what the empty building looks like.
+    /// No boxes and no people, for learning the appearance of the empty building.
     None,
 }
 
-/// A start pose that the seed moves a little.
+/// Initial pose, with a random offset drawn from the seed.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Start {
-    /// Along the world's x axis, meters.
+    /// Position along the world's x axis.
     #[schemars(range(min = -1000.0, max = 1000.0))]
     pub x_m: f64,
-    /// Along the world's y axis, meters.
+    /// Position along the world's y axis.
     #[schemars(range(min = -1000.0, max = 1000.0))]
     pub y_m: f64,
-    /// Degrees, + to the left.
+    /// Heading, positive to the left.
     #[schemars(range(min = -180.0, max = 180.0))]
     pub heading_deg: f64,
-    /// The seed moves the start sideways by up to this much either way, meters, 0 to 5.
+    /// Maximum sideways offset drawn from the seed.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub jitter_m: f64,
-    /// The seed turns the start by up to this much either way, degrees, 0 to 180.
+    /// Maximum rotation drawn from the seed.
     #[schemars(range(min = 0.0, max = 180.0))]
     pub jitter_deg: f64,
 }
 
-fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
+fn open(spec: DeviceSpec) -> Result<Device, ParameterError> {
     let config: SimConfig = read(&spec.table)?;
     let path = spec.folder.join(&config.world);
-    let refused = |e: &dyn std::fmt::Display| BuildError::new("world", format!("{}: {e}", path.display()));
+    let refused =
+        |e: &dyn std::fmt::Display| ParameterError::new("world", format!("{}: {e}", path.display()));
     let text = std::fs::read_to_string(&path).map_err(|e| refused(&e))?;
     let mut world = World::from_toml(&text).map_err(|e| refused(&e))?;
     if config.clutter == Clutter::None {
@@ -203,13 +206,15 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     for part in &spec.sensors {
         let (name, sim, seed) = (part.name.as_str(), Arc::clone(&simulation), spec.seed);
         let sensor: Box<dyn Sensor> = match part.kind.as_str() {
-            "camera" => Box::new(camera::camera(name, read(&part.table)?, sim, seed)),
-            "mirror-camera" => Box::new(mirror_camera::all_around(name, &read(&part.table)?, sim, seed)?),
+            "camera" => Box::new(camera::camera_sensor(name, read(&part.table)?, sim, seed)),
+            "mirror-camera" => {
+                Box::new(mirror_camera::mirror_camera_sensor(name, &read(&part.table)?, sim, seed)?)
+            }
             "sonar" => Box::new(sonars::Sonars::new(name, read(&part.table)?, sim, seed)),
             "encoders" => {
                 let mut config: EncoderConfig = read(&part.table)?;
                 config.wheels.get_or_insert(if axes[1] { Wheels::Three } else { Wheels::Two });
-                Box::new(wheels::WheelEncoders::new(name, config, sim, seed))
+                Box::new(odometry::WheelEncoders::new(name, config, sim, seed))
             }
             other => return Err(no_sensor(other)),
         };
@@ -218,7 +223,7 @@ fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     Ok(Device {
         sensors,
         drive: spec.drive.is_some().then(|| Box::new(motors::Motors::new(Arc::clone(&simulation))) as _),
-        judge: Some(Box::new(judge::Judge::new(config.truth_period_ms, simulation))),
+        ground_truth: Some(Box::new(ground_truth::GroundTruth::new(config.truth_period_ms, simulation))),
         walls,
     })
 }
@@ -249,26 +254,26 @@ fn locked<'a>(
     simulation.lock().map_err(|_| DeviceError::failed(name, "another part of the simulator panicked"))
 }
 
-/// Measurements at a steady rate from the run's beginning, each handed over after a latency.
+/// Schedule of a sensor: measurements at a constant rate from the start of the run, each delivered after a latency.
 #[derive(Clone, Copy, Debug)]
-struct Beat {
+struct Schedule {
     period_ns: u64,
     latency_ns: u64,
     next: u64,
 }
 
-impl Beat {
+impl Schedule {
     fn new(period_ms: f64, latency_ms: f64) -> Self {
         let ns = |ms: f64| Time::from_secs_f64(ms * 1e-3).0;
         Self { period_ns: ns(period_ms).max(1), latency_ns: ns(latency_ms), next: 0 }
     }
 
-    /// When the next measurement is handed over.
+    /// Returns the delivery time of the next measurement.
     fn next(&self, origin: Time) -> Time {
         Time(origin.0 + self.next * self.period_ns + self.latency_ns)
     }
 
-    /// Takes the oldest measurement that is due: its number and instant.
+    /// Returns the sequence number and capture time of the oldest measurement that is due, and advances past it.
     fn oldest(&mut self, origin: Time, now: Time) -> Option<(u64, Time)> {
         if self.next(origin) > now {
             return None;
@@ -278,17 +283,10 @@ impl Beat {
         Some((number, Time(origin.0 + number * self.period_ns)))
     }
 
-    /// Takes the newest measurement that is due and drops the others.
+    /// Returns the sequence number and capture time of the newest measurement that is due, and advances past all.
     fn newest(&mut self, origin: Time, now: Time) -> Option<(u64, Time)> {
         let behind = now.0.checked_sub(self.next(origin).0)?;
         self.next += behind / self.period_ns;
         self.oldest(origin, now)
     }
-}
-
-fn body_height() -> f64 {
-    1.0
-}
-fn truth_period() -> f64 {
-    20.0
 }

@@ -1,4 +1,4 @@
-//! Wheel encoders and the dead reckoning on them.
+//! Wheel encoders and their dead reckoning.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use rand::RngExt;
@@ -6,44 +6,53 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use smart_default::SmartDefault;
 use yamabico_core::geometry::{Pose2, Twist};
 
-/// Wheels, how well they are read, and how uncertain the result is said to be.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+/// Parameters of wheel encoders.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct EncoderConfig {
-    /// Time from one reading to the next, ms, 1 to 1000.
+    /// Period of the readings.
+    #[default(20.0)]
     #[schemars(range(min = 1.0, max = 1000.0))]
     pub period_ms: f64,
-    /// Time from a reading to its arrival, ms, 0 to 1000.
+    /// Delay from a reading to its delivery.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub latency_ms: f64,
-    /// How the wheels stand; without it, three where the drive moves sideways, else two.
+    /// Arrangement of the wheels. Without it: three for a drive that moves sideways, else two.
     pub wheels: Option<Wheels>,
-    /// Distance of the two wheels, or twice the distance of each of three from the center, meters, 0.05 to 2.
+    /// Distance between two wheels, or twice the distance of three wheels from the center.
+    #[default(0.36)]
     #[schemars(range(min = 0.05, max = 2.0))]
     pub track_m: f64,
-    /// Encoder steps in a meter of a wheel's travel, 10 to 1000000.
+    /// Encoder ticks per meter of a wheel's travel.
+    #[default(5000.0)]
     #[schemars(range(min = 10.0, max = 1e6))]
     pub ticks_per_m: f64,
-    /// Largest error of each wheel's radius, relative; the seed draws one for each wheel. 0 to 0.2.
+    /// Maximum relative error of a wheel's radius; the seed draws one per wheel.
+    #[default(0.005)]
     #[schemars(range(min = 0.0, max = 0.2))]
     pub scale_error: f64,
-    /// Standard deviation of a wheel's slip after a meter, meters; grows with the root of the travel. 0 to 0.2.
+    /// Standard deviation of a wheel's slip after one meter; grows with the square root of the travel.
+    #[default(0.005)]
     #[schemars(range(min = 0.0, max = 0.2))]
     pub slip_m: f64,
-    /// Variance of the way that a meter adds, meters squared.
+    /// Variance of the distance per distance driven, m²/m.
+    #[default(1e-4)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ss: f64,
-    /// Variance of the heading that a radian of turning adds, rad squared.
+    /// Variance of the heading per angle turned, rad²/rad.
+    #[default(1e-3)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_tt: f64,
-    /// Variance of the heading that a meter adds, rad squared.
+    /// Variance of the heading per distance driven, rad²/m.
+    #[default(2e-4)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub k_ts: f64,
 }
 
-/// How the wheels stand.
+/// Arrangement of the wheels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wheels {
@@ -54,33 +63,16 @@ pub enum Wheels {
     Three,
 }
 
-impl Default for EncoderConfig {
-    fn default() -> Self {
-        Self {
-            period_ms: 20.0,
-            latency_ms: 0.0,
-            wheels: None,
-            track_m: 0.36,
-            ticks_per_m: 5000.0,
-            scale_error: 0.005,
-            slip_m: 0.005,
-            k_ss: 1e-4,
-            k_tt: 1e-3,
-            k_ts: 2e-4,
-        }
-    }
-}
-
-/// Dead reckoning from the wheels.
+/// Dead reckoning from wheel encoders.
 ///
-/// Odometry's noise model: midpoint motion, M = diag(k_ss |ds|, k_tt |dtheta| + k_ts |ds|).
+/// Noise model: midpoint motion, M = diag(k_ss |ds|, k_tt |dtheta| + k_ts |ds|).
 #[derive(Clone, Debug)]
 pub struct Odometer {
-    /// Where it says the robot is, odometry frame.
+    /// Pose estimate in the odometry frame.
     pub pose: Pose2,
-    /// How fast it says that the robot moved during the last reading, body frame.
+    /// Mean twist during the last reading, body frame.
     pub twist: Twist,
-    /// Of (x, y, theta).
+    /// Covariance of the pose (x, y, theta): m^2, rad^2.
     pub covariance: Matrix3<f64>,
     config: EncoderConfig,
     rng: Pcg64,
@@ -90,7 +82,7 @@ pub struct Odometer {
 }
 
 impl Odometer {
-    /// An odometer at the origin; `rng` gives the wheels' errors.
+    /// Returns an odometer at the origin, with wheel errors from `rng`.
     #[must_use]
     pub fn new(config: EncoderConfig, mut rng: Pcg64) -> Self {
         let scale = std::array::from_fn(|_| 1.0 + config.scale_error * rng.random_range(-1.0..=1.0));
@@ -106,8 +98,8 @@ impl Odometer {
         }
     }
 
-    /// Takes the true motion `before_from_now` of the last `dt` seconds (> 0).
-    pub fn read(&mut self, before_from_now: &Pose2, dt: f64) {
+    /// Measures the true motion `before_from_now` of the last `dt` seconds (> 0) and integrates it.
+    pub fn integrate(&mut self, before_from_now: &Pose2, dt: f64) {
         let arc = Twist::logarithm(before_from_now, dt);
         let motion = Vector3::new(arc.linear * dt, arc.lateral * dt, arc.angular * dt);
         let wheels = self.wheel_from_motion() * motion;
@@ -127,16 +119,17 @@ impl Odometer {
     }
 
     fn propagate(&mut self, d: Vector3<f64>) {
-        let way = d.x.hypot(d.y);
+        let distance = d.x.hypot(d.y);
         let (sin, cos) = (self.pose.theta + d.z / 2.0 + d.y.atan2(d.x)).sin_cos();
-        let f = Matrix3::new(1.0, 0.0, -way * sin, 0.0, 1.0, way * cos, 0.0, 0.0, 1.0);
-        let g = SMatrix::<f64, 3, 2>::new(cos, -way / 2.0 * sin, sin, way / 2.0 * cos, 0.0, 1.0);
+        let f = Matrix3::new(1.0, 0.0, -distance * sin, 0.0, 1.0, distance * cos, 0.0, 0.0, 1.0);
+        let g = SMatrix::<f64, 3, 2>::new(cos, -distance / 2.0 * sin, sin, distance / 2.0 * cos, 0.0, 1.0);
         let k = &self.config;
-        let m = SMatrix::<f64, 2, 2>::new(k.k_ss * way, 0.0, 0.0, k.k_tt * d.z.abs() + k.k_ts * way);
+        let heading = k.k_tt * d.z.abs() + k.k_ts * distance;
+        let m = SMatrix::<f64, 2, 2>::new(k.k_ss * distance, 0.0, 0.0, heading);
         self.covariance = f * self.covariance * f.transpose() + g * m * g.transpose();
     }
 
-    /// Travel of each wheel for a motion (forward, left, turn); with two wheels the third is unused.
+    /// Returns the matrix from a motion (forward, left, turn) to the travel of each wheel; two wheels leave the third row 0.
     fn wheel_from_motion(&self) -> Matrix3<f64> {
         let b = self.config.track_m / 2.0;
         match self.config.wheels.unwrap_or_default() {
@@ -183,7 +176,7 @@ mod tests {
         for (wheels, lateral) in [(Wheels::Two, 0.0), (Wheels::Three, 0.2)] {
             let mut odometer = perfect(wheels);
             let twist = Twist::new(0.4, lateral, 0.3);
-            (0..200).for_each(|_| odometer.read(&twist.exponential(0.02), 0.02));
+            (0..200).for_each(|_| odometer.integrate(&twist.exponential(0.02), 0.02));
             let truth = twist.exponential(4.0);
             assert!(odometer.pose.distance(&truth) < 1e-3, "{:?} {truth:?}", odometer.pose);
             assert!((odometer.pose.theta - truth.theta).abs() < 1e-3);
@@ -196,23 +189,23 @@ mod tests {
             EncoderConfig { scale_error: 0.0, slip_m: 0.0, ticks_per_m: 100.0, ..EncoderConfig::default() };
         let mut odometer = Odometer::new(config, stream(1, "wheels"));
         let twist = Twist::new(0.123, 0.0, 0.0);
-        (0..1000).for_each(|_| odometer.read(&twist.exponential(0.02), 0.02));
+        (0..1000).for_each(|_| odometer.integrate(&twist.exponential(0.02), 0.02));
         assert!((odometer.pose.x - 2.46).abs() <= 0.01 + 1e-9, "{}", odometer.pose.x);
         assert!((odometer.pose.x * 100.0 - (odometer.pose.x * 100.0).round()).abs() < 1e-6);
     }
 
     #[test]
-    fn errors_stay_within_what_the_covariance_says() {
+    fn errors_agree_with_the_covariance() {
         let mut inside = 0;
         for seed in 0..200 {
             let config = EncoderConfig { scale_error: 0.0, ..EncoderConfig::default() };
             let mut odometer = Odometer::new(config, stream(seed, "wheels"));
             let twist = Twist::new(0.4, 0.0, 0.0);
-            (0..500).for_each(|_| odometer.read(&twist.exponential(0.02), 0.02));
+            (0..500).for_each(|_| odometer.integrate(&twist.exponential(0.02), 0.02));
             let sigma = odometer.covariance[(0, 0)].sqrt();
             assert!(
                 (0.0199..0.025).contains(&sigma),
-                "4 m of k_ss = 1e-4, and a little of the heading's: {sigma}"
+                "4 m of k_ss = 1e-4, and a small contribution of the heading: {sigma}"
             );
             inside += usize::from((odometer.pose.x - 4.0).abs() < 2.0 * sigma);
         }

@@ -1,8 +1,22 @@
-//! A simulated world: cameras, sonars, wheel encoders and a drive.
+//! Simulated world: cameras, sonars, wheel encoders and a drive.
 //!
-//! [`World`] is what a world file says, [`Scene`] the same built and lit, with its people at one instant, and
-//! [`Renderer`] takes pictures of it. [`Simulation`](simulation::Simulation) moves a [`Body`](body::Body) among solids
-//! and people, and [`driver`] offers all of it as a device like any other.
+//! A [`World`] is the content of a world file, a [`Scene`] the same world with its surfaces, its light and its people at one
+//! time, and [`Renderer`] and [`MirrorRenderer`] render images of it. A [`Simulation`](simulation::Simulation) moves a
+//! [`Body`](body::Body) among solids and people. [`driver`] returns the device driver `sim` for robot files.
+//!
+//! ```
+//! use yamabico_core::camera::{Intrinsics, Mount};
+//! use yamabico_core::geometry::Pose2;
+//! use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
+//!
+//! let scene = Scene::new(&World::corridor(10.0, 2.0), 1)?;
+//! let intrinsics = Intrinsics::from_horizontal_fov(64, 48, 1.0);
+//! let view = CameraView { intrinsics, mount: Mount::level(0.6), robot: Pose2::IDENTITY };
+//! let mut image = vec![0; 64 * 48];
+//! Renderer::new(Photometry::default(), random::stream(1, "camera")).render(&scene, &view, &mut image)?;
+//! assert!(image.iter().any(|&gray| gray > 100));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod body;
 pub mod clearance;

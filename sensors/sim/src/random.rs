@@ -1,4 +1,4 @@
-//! Seeded random numbers: one independent stream for each named user of a seed.
+//! Seeded random numbers: an independent stream for every name.
 
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -6,7 +6,7 @@ use rand_pcg::Pcg64;
 /// A stream of random numbers.
 pub type Stream = Pcg64;
 
-/// The stream of `name` for `seed`: the same on every machine, and untouched by other names.
+/// Returns the stream of `name` for `seed`: the same on every machine, and independent of other names.
 #[must_use]
 pub fn stream(seed: u64, name: &str) -> Stream {
     // FNV-1a over the name, then SplitMix64 to spread neighboring seeds over the whole state.

@@ -1,4 +1,4 @@
-//! Pictures of a scene: polygons with exact edges along each line, and a ray caster for everything else.
+//! Rendering of a scene: a polygon rasterizer with exact edges along scan lines, and a ray caster for comparison.
 
 mod cast;
 mod meridian;
@@ -17,71 +17,71 @@ use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 
 use crate::Scene;
-use photometry::Film;
-use project::Eye;
+use photometry::ImageSensor;
+use project::PosedPinhole;
 use raster::Raster;
 
 pub use cast::RayBundle;
 pub use mirror::{MirrorRenderer, MirrorView};
 pub use photometry::Photometry;
 
-/// A pinhole camera on a robot.
+/// View of a pinhole camera on a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraView {
-    /// Focal lengths, principal point and size of the picture.
+    /// Focal lengths, principal point and image size.
     pub intrinsics: Intrinsics,
-    /// Where the camera is on the robot.
+    /// Pose of the camera on the robot.
     pub mount: Mount,
-    /// Where the robot is in the world.
+    /// Pose of the robot in the world frame.
     pub robot: Pose2,
 }
 
-/// Takes pictures with one camera; keeps its buffers and its noise from picture to picture.
+/// Renderer of one pinhole camera; reuses its buffers and continues its noise from frame to frame.
 pub struct Renderer {
-    film: Film,
+    sensor: ImageSensor,
     gray: Raster<1>,
     color: Raster<3>,
 }
 
-/// The picture cannot be taken.
+/// Error from rendering an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RenderError {
-    /// The buffer does not have the size that the camera's picture needs.
-    #[error("the picture needs {needed} bytes, the buffer has {given}")]
+    /// The buffer has not the size of the image.
+    #[error("the buffer must hold {needed} bytes, but holds {given} bytes")]
     BufferSize {
-        /// Width times height times channels.
+        /// Width times height times channels, bytes.
         needed: usize,
-        /// The buffer's length.
+        /// Size of the buffer, bytes.
         given: usize,
     },
-    /// Intrinsics, mount or pose are not usable numbers.
-    #[error("the camera's intrinsics, mount or pose are not usable")]
+    /// Intrinsics, mount or pose are invalid.
+    #[error("the intrinsics, the mount or the pose of the camera are invalid or not finite")]
     View,
 }
 
 impl Renderer {
-    /// A camera with this lens and sensor, whose noise comes from `rng` (see [`crate::random::stream`]).
+    /// Returns a renderer with this photometry, and noise from `rng`, see [`crate::random::stream`].
     #[must_use]
     pub fn new(photometry: Photometry, rng: Pcg64) -> Self {
-        Self { film: Film::new(photometry, rng), gray: Raster::default(), color: Raster::default() }
+        Self { sensor: ImageSensor::new(photometry, rng), gray: Raster::default(), color: Raster::default() }
     }
 
-    /// Draws the view as gray levels, row by row, width x height bytes.
+    /// Renders the view in gray levels, width x height bytes.
     ///
     /// # Errors
-    /// [`RenderError`] when the buffer or the view do not fit.
+    /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn render(&mut self, scene: &Scene, view: &CameraView, image: &mut [u8]) -> Result<(), RenderError> {
         view.check(image.len(), 1)?;
-        self.gray.draw(scene, &Eye::new(view), |y, row, k| {
-            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 1));
+        self.gray.draw(scene, &PosedPinhole::new(view), |y, row, k| {
+            self.sensor.digitize([k.width, k.height], y, row, line(image, y, k.width, 1));
         });
         Ok(())
     }
 
-    /// Draws the view in color, three bytes (red, green, blue) a pixel.
+    /// Renders the view in color, three bytes (red, green, blue) per pixel.
     ///
     /// # Errors
-    /// [`RenderError`] when the buffer or the view do not fit.
+    /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn render_rgb(
         &mut self,
         scene: &Scene,
@@ -89,16 +89,16 @@ impl Renderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         view.check(image.len(), 3)?;
-        self.color.draw(scene, &Eye::new(view), |y, row, k| {
-            self.film.develop([k.width, k.height], y, row, line(image, y, k.width, 3));
+        self.color.draw(scene, &PosedPinhole::new(view), |y, row, k| {
+            self.sensor.digitize([k.width, k.height], y, row, line(image, y, k.width, 3));
         });
         Ok(())
     }
 
-    /// Draws the view as gray levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
+    /// Renders the view in gray levels by casting `per_side` x `per_side` rays per pixel: slow, for comparison.
     ///
     /// # Errors
-    /// [`RenderError`] when the buffer or the view do not fit.
+    /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn cast(
         &mut self,
         scene: &Scene,
@@ -107,14 +107,14 @@ impl Renderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         view.check(image.len(), 1)?;
-        let eye = Eye::new(view);
+        let posed = PosedPinhole::new(view);
         let k = &view.intrinsics;
         let mut row = vec![[0.0; 1]; k.width as usize];
         for y in 0..k.height as usize {
             for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = cast::pixel(scene, &eye, x, y, per_side);
+                *pixel = cast::pixel(scene, &posed, x, y, per_side);
             }
-            self.film.develop([k.width, k.height], y, &row, line(image, y, k.width, 1));
+            self.sensor.digitize([k.width, k.height], y, &row, line(image, y, k.width, 1));
         }
         Ok(())
     }

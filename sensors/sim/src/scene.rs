@@ -1,4 +1,4 @@
-//! A world made ready to be seen, heard and touched.
+//! Scene: the surfaces, solids, light and people of a world, for rendering, ray casting and collisions.
 
 pub(crate) mod build;
 mod figure;
@@ -21,9 +21,9 @@ pub use figure::PERSON_RADIUS_M;
 pub(crate) use light::glam;
 pub use surface::{LightGrid, Material, Solid, Surface};
 pub(crate) use texture::Speckle;
-pub use walker::{Place, Walker};
+pub use walker::{PersonPose, Walker};
 
-/// The building, its light, and its people at one instant.
+/// Building with its light, and people at one time.
 #[derive(Clone)]
 pub struct Scene {
     surfaces: Vec<Surface>,
@@ -34,28 +34,30 @@ pub struct Scene {
     building_mesh: TriMesh,
     people_mesh: Option<TriMesh>,
     walkers: Vec<Walker>,
-    places: Vec<Place>,
+    people: Vec<PersonPose>,
+    /// Number of surfaces of the building; those of people follow.
     fixed_surfaces: usize,
+    /// Number of light values of the building; those of people follow.
     fixed_light: usize,
     time_s: f64,
 }
 
-/// Why a scene could not be built.
+/// Error from building a scene.
 #[derive(Debug, Error)]
 pub enum SceneError {
-    /// The world has values out of range.
+    /// Values of the world are out of range.
     #[error(transparent)]
     World(#[from] Problems),
-    /// The world's surfaces do not make a mesh.
-    #[error("the world has no usable surfaces: {0}")]
+    /// The surfaces of the world do not form a mesh.
+    #[error("the surfaces of the world form no valid mesh: {0}")]
     Mesh(String),
 }
 
 impl Scene {
-    /// Builds the world for the run of `seed` (which moves only what the world lets it: boxes and the people's start), at time 0.
+    /// Builds the scene at time 0. The seed draws the jitter of boxes and of the people's start that the world allows.
     ///
     /// # Errors
-    /// [`SceneError`] for a world with values out of range.
+    /// [`SceneError`] if values of the world are out of range.
     pub fn new(world: &World, seed: u64) -> Result<Self, SceneError> {
         world.check()?;
         let mut building = Building::new(world, seed);
@@ -78,17 +80,17 @@ impl Scene {
             building_mesh,
             people_mesh: None,
             walkers,
-            places: Vec::new(),
+            people: Vec::new(),
             time_s: f64::NAN,
         };
         scene.set_time(0.0)?;
         Ok(scene)
     }
 
-    /// Moves the people to where they are `time_s` seconds after the start of the run.
+    /// Moves the people to their poses `time_s` seconds after the start of the run.
     ///
     /// # Errors
-    /// [`SceneError::Mesh`] when a person's figure is degenerate.
+    /// [`SceneError::Mesh`] if the surfaces of a person are degenerate.
     pub fn set_time(&mut self, time_s: f64) -> Result<(), SceneError> {
         if self.time_s == time_s {
             return Ok(());
@@ -96,12 +98,12 @@ impl Scene {
         self.time_s = time_s;
         self.surfaces.truncate(self.fixed_surfaces);
         self.light.truncate(self.fixed_light);
-        self.places.clear();
+        self.people.clear();
         let mut facets: Vec<Facet> = Vec::new();
         for walker in &self.walkers {
-            let place = walker.at(time_s);
-            figure::facets(&walker.person, &place, &mut facets);
-            self.places.push(place);
+            let pose = walker.at(time_s);
+            figure::facets(&walker.person, &pose, &mut facets);
+            self.people.push(pose);
         }
         for Facet { mut surface, outward } in facets {
             surface.light = LightGrid { first: self.light.len(), count: [2, 2] };
@@ -117,19 +119,19 @@ impl Scene {
         Ok(())
     }
 
-    /// The instant that the people are shown at, seconds.
+    /// Returns the time for which the people are shown, s after the start of the run.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         self.time_s
     }
 
-    /// All surfaces, the building's first.
+    /// Returns all surfaces: those of the building, then those of people.
     #[must_use]
     pub fn surfaces(&self) -> &[Surface] {
         &self.surfaces
     }
 
-    /// Where walls, doors and boxes meet the floor: two points each, x and y in meters.
+    /// Returns the lines where walls, doors and boxes meet the floor: two points each, x and y in the world frame, m.
     #[must_use]
     pub fn floor_plan(&self) -> Vec<Vec<[f64; 2]>> {
         let foot = |surface: &Surface| -> Option<Vec<[f64; 2]>> {
@@ -139,27 +141,27 @@ impl Scene {
         self.surfaces.iter().filter_map(foot).collect()
     }
 
-    /// What can be run into, people apart.
+    /// Returns the obstacles other than people.
     #[must_use]
     pub fn solids(&self) -> &[Solid] {
         &self.solids
     }
 
-    /// The people's ways.
+    /// Returns the walks of the people.
     #[must_use]
     pub fn walkers(&self) -> &[Walker] {
         &self.walkers
     }
 
-    /// Lets the people look where they go, from `from_s` to `to_s`: a body of `radius_m` is at `center`.
+    /// Lets people wait for a robot of this radius at `center` (m) from `from_s` to `to_s`, see [`Walker::give_way`].
     pub fn give_way(&mut self, center: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
         self.walkers.iter_mut().for_each(|walker| walker.give_way(center, radius_m, from_s, to_s));
     }
 
-    /// Where the people are.
+    /// Returns the current poses of the people.
     #[must_use]
-    pub fn places(&self) -> &[Place] {
-        &self.places
+    pub fn people(&self) -> &[PersonPose] {
+        &self.people
     }
 
     pub(crate) fn light(&self) -> &[f32] {
@@ -170,12 +172,12 @@ impl Scene {
         &self.speckle
     }
 
-    /// The building without people.
+    /// Returns the mesh of the building, without people.
     pub(crate) fn building(&self) -> &TriMesh {
         &self.building_mesh
     }
 
-    /// Meshes with two triangles a surface, and the index of their first surface.
+    /// Returns the meshes, with two triangles per surface, and the index of their first surface.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = (&TriMesh, usize)> {
         std::iter::once((&self.building_mesh, 0))
             .chain(self.people_mesh.iter().map(|m| (m, self.fixed_surfaces)))

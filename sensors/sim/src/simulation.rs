@@ -1,4 +1,4 @@
-//! The world in motion: the body, the people, and who touched whom.
+//! Motion of the robot's body and of people, and their collisions.
 
 use std::collections::VecDeque;
 
@@ -7,24 +7,24 @@ use yamabico_core::time::Time;
 
 use crate::body::{Body, Urgency};
 use crate::clearance;
-use crate::scene::{Place, Scene};
+use crate::scene::{PersonPose, Scene};
 
-/// Longest step of the integration.
-const STEP_NS: u64 = 5_000_000;
-/// States are kept this long, so that sensors can ask for the recent past.
-const MEMORY_NS: u64 = 16_000_000_000;
-/// Slower than this, the robot stands.
+/// Maximum integration step, ns.
+const MAX_STEP_NS: u64 = 5_000_000;
+/// Duration for which past states are kept for sensors with a latency, ns.
+const HISTORY_NS: u64 = 16_000_000_000;
+/// Speed up to which the robot counts as standing, m/s.
 const STANDING_MPS: f64 = 0.01;
-/// A touch has ended when the gap is wider than this.
+/// Clearance above which a contact has ended, m.
 const RELEASE_M: f64 = 0.01;
 
-/// A body among solids and people, from the first instant that anybody asked for.
+/// Simulation of a body among solids and people. Time starts at the first call of [`Simulation::advance`].
 pub struct Simulation {
-    /// The world as it looks; its people stand where the last picture needed them.
+    /// Scene to render; its people stand where they were at the time of the last frame.
     pub scene: Scene,
-    /// Radius of the footprint, meters.
+    /// Radius of the footprint, m.
     pub radius_m: f64,
-    /// Things higher up than this are not run into, meters.
+    /// Height of the robot, m: it passes under higher solids.
     pub height_m: f64,
     body: Body,
     origin: Option<Time>,
@@ -36,25 +36,25 @@ pub struct Simulation {
     struck_standing: bool,
 }
 
-/// The body at one instant.
+/// State of the body at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
-    /// When.
+    /// Time of the state.
     pub at: Time,
-    /// Where it is, world.
+    /// Pose in the world frame.
     pub pose: Pose2,
-    /// How it moves, body frame.
+    /// Twist in the body frame.
     pub twist: Twist,
-    /// Path length since the start, meters.
+    /// Distance driven since the start, m.
     pub distance_m: f64,
-    /// Times that its own motion touched something.
+    /// Number of contacts caused by the robot's own motion.
     pub contacts: u32,
-    /// Times that a person walked into it while it stood.
+    /// Number of times that a person walked into the standing robot.
     pub struck: u32,
 }
 
 impl Simulation {
-    /// A body in a scene.
+    /// Returns the simulation of a body with this radius and height (m) in a scene.
     #[must_use]
     pub fn new(scene: Scene, body: Body, radius_m: f64, height_m: f64) -> Self {
         Self {
@@ -72,41 +72,41 @@ impl Simulation {
         }
     }
 
-    /// The instant that the run began at: the first that [`Simulation::advance`] was called for.
+    /// Returns the start time of the run: the time of the first call of [`Simulation::advance`].
     #[must_use]
     pub fn origin(&self) -> Time {
         self.origin.unwrap_or_default()
     }
 
-    /// Seconds since the run began.
+    /// Returns the time since the start of the run, s.
     #[must_use]
     pub fn seconds(&self, at: Time) -> f64 {
         at.seconds_after(self.origin())
     }
 
-    /// Moves everything on to `now`; does nothing when that has passed.
+    /// Advances the simulation to `now`; does nothing if it is already there or later.
     pub fn advance(&mut self, now: Time) {
         if self.origin.is_none() {
             self.origin = Some(now);
             self.past.push_back(self.moment(now, 0.0));
         }
         while let Some(last) = self.past.back().copied().filter(|m| m.at < now) {
-            let at = Time((last.at.0 + STEP_NS).min(now.0));
+            let at = Time((last.at.0 + MAX_STEP_NS).min(now.0));
             self.step(&last, at);
         }
-        let oldest = now.0.saturating_sub(MEMORY_NS);
+        let oldest = now.0.saturating_sub(HISTORY_NS);
         while self.past.get(1).is_some_and(|m| m.at.0 <= oldest) {
             self.past.pop_front();
         }
     }
 
-    /// Moves on to `now` and takes a command there.
+    /// Advances the simulation to `now` and applies a command.
     pub fn command(&mut self, twist: &Twist, urgency: Urgency, now: Time) {
         self.advance(now);
         self.body.command(twist, urgency);
     }
 
-    /// The body at an instant of the last sixteen seconds; the nearest known one otherwise.
+    /// Returns the state of the body at a time within the last 16 s; otherwise the nearest kept state.
     #[must_use]
     pub fn at(&self, at: Time) -> Moment {
         let after = self.past.partition_point(|m| m.at <= at);
@@ -123,7 +123,7 @@ impl Simulation {
         }
     }
 
-    /// Distances in meters from the footprint to the nearest thing (people included) and to the nearest person.
+    /// Returns the distances (m) from the footprint to the nearest solid or person, and to the nearest person.
     #[must_use]
     pub fn clearance(&self, moment: &Moment) -> (f64, f64) {
         let solid = self.to_solids(&moment.pose);
@@ -131,8 +131,8 @@ impl Simulation {
         (solid.min(person), person)
     }
 
-    /// Where the people are at an instant.
-    pub fn people(&self, at: Time) -> impl Iterator<Item = Place> {
+    /// Returns the poses of the people at a time.
+    pub fn people(&self, at: Time) -> impl Iterator<Item = PersonPose> {
         let seconds = self.seconds(at);
         self.scene.walkers().iter().map(move |w| w.at(seconds))
     }
@@ -164,7 +164,7 @@ impl Simulation {
             self.struck_standing = !moving;
             if moving { self.contacts += 1 } else { self.struck += 1 }
         }
-        // Whoever struck the standing robot is touched by its own motion as soon as it sets off into them.
+        // After a person struck the standing robot, driving into that person counts as a contact.
         if self.struck_standing && into_person && next.twist.speed() > last.twist.speed() {
             self.struck_standing = false;
             self.contacts += 1;

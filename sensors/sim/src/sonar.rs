@@ -1,4 +1,4 @@
-//! Sonars: cones of rays, of which the nearest that sends an echo back counts.
+//! Sonar model: a cone of rays, of which the nearest echo counts.
 
 use nalgebra::Vector3;
 use parry3d::math::{Pose, Vector};
@@ -9,99 +9,93 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use smart_default::SmartDefault;
 use yamabico_core::geometry::Pose2;
 
-use crate::scene::{Place, Scene, glam};
+use crate::scene::{PersonPose, Scene, glam};
 
-/// Radius in meters of what a person echoes with.
+/// Radius of the capsule that reflects sound for a person, m.
 const PERSON_ECHO_M: f64 = 0.18;
 
-/// A row of sonars and how good they are.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+/// Parameters of a row of sonars.
+#[derive(Clone, Debug, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct SonarConfig {
-    /// Time from one scan to the next, ms, 5 to 1000.
+    /// Period of the scans.
+    #[default(50.0)]
     #[schemars(range(min = 5.0, max = 1000.0))]
     pub period_ms: f64,
-    /// Time from a scan to its arrival, ms, 0 to 1000.
+    /// Delay from a scan to its delivery.
+    #[default(10.0)]
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub latency_ms: f64,
-    /// Directions of the sonars in the robot frame, degrees, + to the left, -180 to 180.
+    /// Directions of the sonars in the robot frame, positive to the left.
+    #[default(_code = "vec![20.0, 0.0, -20.0]")]
     pub azimuths_deg: Vec<f64>,
-    /// Full opening angle of each, degrees, 1 to 90.
+    /// Full opening angle of each cone.
+    #[default(25.0)]
     #[schemars(range(min = 1.0, max = 90.0))]
     pub cone_deg: f64,
-    /// Position in the robot frame, forward, meters.
+    /// Position forward of the robot's center.
+    #[default(0.2)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub x_m: f64,
-    /// Position in the robot frame, left, meters.
+    /// Position left of the robot's center.
     #[schemars(range(min = -5.0, max = 5.0))]
     pub y_m: f64,
-    /// Height above the floor, meters, 0.02 to 3.
+    /// Height above the floor.
+    #[default(0.3)]
     #[schemars(range(min = 0.02, max = 3.0))]
     pub z_m: f64,
-    /// Nearest range, meters, 0 to 1.
+    /// Minimum range; nearer echoes are reported at this range.
+    #[default(0.03)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub min_m: f64,
-    /// Range gate: what is farther is not reported, meters, 0.1 to 20.
+    /// Maximum range; farther echoes are not reported.
+    #[default(2.0)]
     #[schemars(range(min = 0.1, max = 20.0))]
     pub max_m: f64,
-    /// Rays across the cone, 1 to 31; about three quarters of their square are cast.
+    /// Number of rays across the cone; about three quarters of its square are cast.
+    #[default(7)]
     #[schemars(range(min = 1, max = 31))]
     pub rays: u32,
-    /// A smooth surface sends no echo back when it is met more obliquely than this, degrees, 0 to 90.
+    /// Maximum angle of incidence at which a smooth surface returns an echo.
+    #[default(25.0)]
     #[schemars(range(min = 0.0, max = 90.0))]
     pub specular_deg: f64,
-    /// Share of the readings that are lost, 0 to 1.
+    /// Fraction of readings that are lost.
+    #[default(0.02)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub dropout: f64,
-    /// Standard deviation of the range, meters, 0 to 0.2.
+    /// Standard deviation of the range.
+    #[default(0.005)]
     #[schemars(range(min = 0.0, max = 0.2))]
     pub noise_m: f64,
 }
 
-impl Default for SonarConfig {
-    fn default() -> Self {
-        Self {
-            period_ms: 50.0,
-            latency_ms: 10.0,
-            azimuths_deg: vec![20.0, 0.0, -20.0],
-            cone_deg: 25.0,
-            x_m: 0.2,
-            y_m: 0.0,
-            z_m: 0.3,
-            min_m: 0.03,
-            max_m: 2.0,
-            rays: 7,
-            specular_deg: 25.0,
-            dropout: 0.02,
-            noise_m: 0.005,
-        }
-    }
-}
-
-/// The range in meters that the sonar at `azimuth_rad` reads from `robot`, or none: too far, lost, or mirrored away.
-pub fn reading(
+/// Returns the range that the sonar at `azimuth_rad` measures for this robot pose, m; `None` if there is no echo: out of
+/// range, lost, or reflected away.
+pub fn measure_range(
     config: &SonarConfig,
     azimuth_rad: f64,
     scene: &Scene,
-    people: &[Place],
+    people: &[PersonPose],
     robot: &Pose2,
     rng: &mut Pcg64,
 ) -> Option<f64> {
-    // Both numbers are drawn at every reading, so that what is seen does not move the stream.
+    // Every reading draws both numbers, so that the random stream does not depend on the scene.
     let lost = rng.random::<f64>() < config.dropout;
     let noise: f64 = rng.sample(StandardNormal);
     let range = nearest_echo(config, azimuth_rad, scene, people, robot)? + config.noise_m * noise;
     (!lost && range <= config.max_m).then_some(range.max(config.min_m))
 }
 
-/// The nearest echo in the cone without noise, meters.
+/// Returns the range of the nearest echo in the cone without noise, m.
 fn nearest_echo(
     config: &SonarConfig,
     azimuth_rad: f64,
     scene: &Scene,
-    people: &[Place],
+    people: &[PersonPose],
     robot: &Pose2,
 ) -> Option<f64> {
     let at = robot.transform_point(nalgebra::Point2::new(config.x_m, config.y_m));
@@ -125,10 +119,10 @@ fn nearest_echo(
     nearest
 }
 
-/// The distance of what the ray meets first, if that is within `reach` and sends sound back.
+/// Returns the distance of the first hit of a ray (m), if it is within `reach` and reflects sound back.
 fn echo(
     scene: &Scene,
-    people: &[Place],
+    people: &[PersonPose],
     origin: Vector3<f64>,
     direction: Vector3<f64>,
     reach: f64,
@@ -140,11 +134,11 @@ fn echo(
     let person = people
         .iter()
         .zip(scene.walkers())
-        .filter_map(|(place, walker)| {
+        .filter_map(|(pose, walker)| {
             let r = PERSON_ECHO_M as f32;
             let top = walker.person.height_m as f32 - r;
             let body = Capsule::new(Vector::new(0.0, 0.0, r), Vector::new(0.0, 0.0, top), r);
-            let pose = Pose::translation(place.at[0] as f32, place.at[1] as f32, 0.0);
+            let pose = Pose::translation(pose.at[0] as f32, pose.at[1] as f32, 0.0);
             body.cast_ray(&pose, &ray, reach as f32, false).map(f64::from)
         })
         .min_by(f64::total_cmp);

@@ -1,6 +1,6 @@
-//! What a world file says: walls, doors, boxes, lamps and people, before anything is built from it.
+//! World files: walls, doors, boxes, lamps and people.
 //!
-//! World frame: x forward along the hallway, y left, z up, floor at z = 0. Meters, seconds; degrees only here.
+//! World frame: x forward along the hallway, y left, z up, floor at z = 0.
 
 mod check;
 mod corridor;
@@ -9,6 +9,8 @@ mod wire_frame;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_inline_default::serde_inline_default;
+use smart_default::SmartDefault;
 use yamabico_core::parameters::Problems;
 
 pub use check::WORLD_FILE;
@@ -17,25 +19,36 @@ pub use corridor::{Branch, Corridor, CorridorDoor, Side};
 /// Linear RGB reflectance, each 0 (black) to 1 (white).
 pub type Color = [f32; 3];
 
-/// Everything that stands, hangs or walks in a world.
+/// Reflectance of a plain wall.
+pub(crate) const WALL_COLOR: Color = [0.72, 0.71, 0.66];
+/// Length, width and height of a standard box, m.
+const BOX_SIZE: [f64; 3] = [0.24, 0.24, 0.35];
+/// Reflectance of a white box.
+pub(crate) const BOX_COLOR: Color = [0.85, 0.85, 0.83];
+/// Size of a standard ceiling lamp along x and y, m.
+const LAMP_SIZE: [f64; 2] = [1.2, 0.3];
+/// Radiance of a standard ceiling lamp relative to a white surface under it.
+const LAMP_BRIGHTNESS: f32 = 12.0;
+
+/// Content of a world file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct World {
-    /// Name for people; may be empty.
+    /// Display name; may be empty.
     pub name: String,
-    /// Seed of the surfaces' speckle. Any integer; the seed of a run does not change the building.
+    /// Seed of the surfaces' texture; independent of the seed of a run.
     pub texture_seed: u64,
-    /// A straight hallway along +x, expanded into walls, doors, lamps and a window.
+    /// Straight hallway along +x, expanded into walls, doors, lamps and a window.
     pub corridor: Option<Corridor>,
-    /// Further walls, anywhere.
+    /// Additional walls.
     #[serde(rename = "wall")]
     #[schemars(length(max = 1000))]
     pub walls: Vec<Wall>,
-    /// Boxes on the floor or above it.
+    /// Boxes on or above the floor.
     #[serde(rename = "box")]
     #[schemars(length(max = 1000))]
     pub boxes: Vec<BoxItem>,
-    /// Lit ceiling panels besides those of the hallway.
+    /// Ceiling lamps in addition to those of the hallway.
     #[serde(rename = "lamp")]
     #[schemars(length(max = 1000))]
     pub lamps: Vec<Lamp>,
@@ -43,266 +56,291 @@ pub struct World {
     #[serde(rename = "person")]
     #[schemars(length(max = 1000))]
     pub people: Vec<Person>,
-    /// The floor.
+    /// Floor.
     pub floor: Floor,
-    /// The ceiling.
+    /// Ceiling.
     pub ceiling: Ceiling,
-    /// Light that comes from everywhere, relative to the light under a lamp, 0 to 1.
+    /// Ambient light relative to the light under a lamp.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub ambient: Option<f32>,
 }
 
-/// A straight wall. Its line is the face on its LEFT (seen from `from_m` to `to_m`); its thickness lies to the right.
+/// Straight wall. Its line is the face on its left, seen from `from_m` to `to_m`; its thickness extends to the right.
+#[serde_inline_default]
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
-    /// Start of the face, x and y in meters, each -1000 to 1000.
+    /// Start of the face, x and y.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub from_m: [f64; 2],
-    /// End of the face, x and y in meters, each -1000 to 1000; at most 500 m away.
+    /// End of the face, x and y; at most 500 m from the start.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub to_m: [f64; 2],
-    /// Height in meters, 0.05 to 10.
-    #[serde(default = "wall_height")]
+    /// Height.
+    #[serde_inline_default(2.6)]
     #[schemars(range(min = 0.05, max = 10.0))]
     pub height_m: f64,
-    /// Thickness in meters, 0.01 to 1.
-    #[serde(default = "wall_thickness")]
+    /// Thickness.
+    #[serde_inline_default(0.12)]
     #[schemars(range(min = 0.01, max = 1.0))]
     pub thickness_m: f64,
     /// Reflectance.
-    #[serde(default = "wall_color")]
+    #[serde_inline_default(WALL_COLOR)]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
-    /// The strip along the bottom of its left face; none when absent.
+    /// Baseboard of its left face; without it, none.
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
-    /// Doors in it.
+    /// Doors in the wall.
     #[serde(default, rename = "door")]
     #[schemars(length(max = 1000))]
     pub doors: Vec<Door>,
-    /// Windows in it.
+    /// Windows in the wall.
     #[serde(default, rename = "window")]
     #[schemars(length(max = 1000))]
     pub windows: Vec<Window>,
 }
 
-/// A strip along the bottom of a wall.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+/// Strip along the bottom of a wall.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Baseboard {
-    /// Height in meters, 0.02 to 0.5.
+    /// Height.
+    #[default(0.10)]
     #[schemars(range(min = 0.02, max = 0.5))]
     pub height_m: f64,
-    /// How far it stands out of the wall, meters, 0.002 to 0.05.
+    /// Protrusion from the wall.
+    #[default(0.012)]
     #[schemars(range(min = 0.002, max = 0.05))]
     pub depth_m: f64,
     /// Reflectance.
+    #[default([0.10, 0.09, 0.085])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
 }
 
-/// A door with its frame.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+/// Door with its frame.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Door {
-    /// Center of the opening, meters from the wall's start, 0 to 500.
+    /// Center of the opening, from the start of the wall.
     #[schemars(range(min = 0.0, max = 500.0))]
     pub at_m: f64,
-    /// Width of the opening in meters, 0.4 to 3.
+    /// Width of the opening.
+    #[default(0.9)]
     #[schemars(range(min = 0.4, max = 3.0))]
     pub width_m: f64,
-    /// Height of the opening in meters, 1.5 to the wall's height.
+    /// Height of the opening; at most the wall's height.
+    #[default(2.05)]
     #[schemars(range(min = 1.5, max = 10.0))]
     pub height_m: f64,
-    /// How far the leaf is open, degrees, 0 (closed) to 120. It opens away from the hallway, into a room built for it.
+    /// Opening angle of the leaf; 0 is closed. An open door leads away from the hallway into a room built for it.
     #[schemars(range(min = 0.0, max = 120.0))]
     pub open_deg: f64,
-    /// Depth in meters of the room behind an open door, 0.5 to 10.
+    /// Depth of the room behind an open door.
+    #[default(2.5)]
     #[schemars(range(min = 0.5, max = 10.0))]
     pub room_depth_m: f64,
     /// Reflectance of the leaf.
+    #[default([0.36, 0.22, 0.12])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
     /// Reflectance of the frame.
+    #[default([0.26, 0.27, 0.28])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub frame_color: Color,
 }
 
-/// A bright opening.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+/// Bright opening in a wall.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Window {
-    /// Center, meters from the wall's start, 0 to 500; the wall's middle when absent.
+    /// Center, from the start of the wall; without it, the middle of the wall.
     #[schemars(range(min = 0.0, max = 500.0))]
     pub at_m: Option<f64>,
-    /// Width in meters, 0.2 to 20.
+    /// Width.
+    #[default(1.2)]
     #[schemars(range(min = 0.2, max = 20.0))]
     pub width_m: f64,
-    /// Height of its lower edge above the floor, meters, 0 to 10.
+    /// Height of the lower edge above the floor.
+    #[default(0.9)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub sill_m: f64,
-    /// Height of the opening, meters, 0.2 to the wall's height above the sill.
+    /// Height of the opening; at most the wall's height above the sill.
+    #[default(1.3)]
     #[schemars(range(min = 0.2, max = 10.0))]
     pub height_m: f64,
-    /// Radiance relative to a white surface under a lamp, 0 to 20.
+    /// Radiance relative to a white surface under a lamp.
+    #[default(2.5)]
     #[schemars(range(min = 0.0, max = 20.0))]
     pub brightness: f32,
     /// Reflectance of the frame and its cross bars.
+    #[default([0.5, 0.5, 0.5])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub frame_color: Color,
 }
 
-/// A box of cardboard or wood.
+/// Box of cardboard or wood.
+#[serde_inline_default]
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BoxItem {
-    /// Center of its base, x and y in meters, each -1000 to 1000.
+    /// Center of the base, x and y.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Height of its base above the floor, meters, 0 to 10.
+    /// Height of the base above the floor.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub base_m: f64,
-    /// Turn about the vertical axis, degrees, + to the left, -360 to 360.
+    /// Rotation about the vertical axis, positive to the left.
     #[serde(default)]
     #[schemars(range(min = -360.0, max = 360.0))]
     pub yaw_deg: f64,
-    /// Length, width and height in meters, each 0.01 to 10.
-    #[serde(default = "box_size")]
+    /// Length, width and height.
+    #[serde_inline_default(BOX_SIZE)]
     #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub size_m: [f64; 3],
-    /// Reflectance; `[0.85, 0.85, 0.83]` is white, `[0.30, 0.19, 0.10]` brown.
-    #[serde(default = "box_color")]
+    /// Reflectance; `[0.85, 0.85, 0.83]` is white, `[0.30, 0.19, 0.10]` is brown.
+    #[serde_inline_default(BOX_COLOR)]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
-    /// The seed picks one of these reflectances instead of `color`; none when absent.
+    /// Reflectances from which the seed draws one that replaces `color`; without it, none.
     #[serde(default)]
     #[schemars(length(max = 100), inner(inner(range(min = 0.0, max = 1.0))))]
     pub colors: Vec<Color>,
-    /// The seed moves the box by up to this much either way, along x and y in meters, each 0 to 100.
+    /// Maximum displacement along x and y drawn from the seed.
     #[serde(default)]
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub jitter_m: [f64; 2],
-    /// The seed turns the box by up to this much either way, degrees, 0 to 180.
+    /// Maximum rotation drawn from the seed.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 180.0))]
     pub jitter_deg: f64,
 }
 
-/// A lit ceiling panel.
+/// Ceiling lamp.
+#[serde_inline_default]
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Center, x and y in meters, each -1000 to 1000.
+    /// Center, x and y.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Extent along x and y, meters, each 0.01 to 10.
-    #[serde(default = "lamp_size")]
+    /// Size along x and y.
+    #[serde_inline_default(LAMP_SIZE)]
     #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub size_m: [f64; 2],
-    /// Radiance relative to a white surface under a lamp, 0 (dark) to 50.
-    #[serde(default = "lamp_brightness")]
+    /// Radiance relative to a white surface under a standard lamp; 0 is dark.
+    #[serde_inline_default(LAMP_BRIGHTNESS)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub brightness: f32,
 }
 
-/// Somebody who stands or walks.
+/// Standing or walking person.
+#[serde_inline_default]
 #[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Person {
-    /// Corners of the walk, x and y in meters, each -1000 to 1000; one corner means that they stand.
+    /// Corners of the walk, x and y; a person with one corner stands.
     #[schemars(length(min = 1, max = 1000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub path_m: Vec<[f64; 2]>,
-    /// Pause in seconds at each corner, in order, each 0 to 3600; missing ones are 0.
+    /// Pause at each corner, in order; missing values are 0.
     #[serde(default)]
     #[schemars(inner(range(min = 0.0, max = 3600.0)))]
     pub pause_s: Vec<f64>,
-    /// When they set off, seconds after the start of the run, 0 to 86400.
+    /// Start of the walk, from the start of the run.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 86_400.0))]
     pub start_s: f64,
-    /// The seed moves the start by up to this much either way, seconds, 0 to 60.
+    /// Maximum shift of the start drawn from the seed.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 60.0))]
     pub jitter_s: f64,
-    /// Walking speed in m/s, 0.01 to 3.
-    #[serde(default = "walking_speed")]
+    /// Walking speed.
+    #[serde_inline_default(0.8)]
     #[schemars(range(min = 0.01, max = 3.0))]
     pub speed_mps: f64,
-    /// They wait, for up to 30 s, while a robot is in their way and nearer than this, meters, 0 to 10; at 0 they walk on whatever is
-    /// there.
+    /// Distance below which the person waits, for up to 30 s, for a robot in the way; 0 disables waiting.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub gives_way_m: f64,
-    /// Height in meters, 0.5 to 2.2.
-    #[serde(default = "person_height")]
+    /// Height.
+    #[serde_inline_default(1.75)]
     #[schemars(range(min = 0.5, max = 2.2))]
     pub height_m: f64,
     /// Reflectance of the shirt.
-    #[serde(default = "shirt_color")]
+    #[serde_inline_default([0.25, 0.32, 0.55])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub shirt: Color,
     /// Reflectance of the trousers.
-    #[serde(default = "trousers_color")]
+    #[serde_inline_default([0.07, 0.08, 0.11])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub trousers: Color,
 }
 
-/// The floor's surface.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+/// Surface of the floor.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Floor {
     /// Reflectance.
+    #[default([0.42, 0.39, 0.34])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
-    /// Contrast of the speckle (standard deviation relative to the mean), 0 to 0.5.
+    /// Contrast of the speckle: standard deviation relative to the mean.
+    #[default(0.10)]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub speckle: f32,
-    /// Size of the finest speckle in meters, 0.002 to 0.1.
+    /// Size of the finest speckle.
+    #[default(0.006)]
     #[schemars(range(min = 0.002, max = 0.1))]
     pub grain_m: f32,
-    /// How much it mirrors, 0 (matt) to 1 (polished).
+    /// Specular reflection; 0 is matte, 1 is a mirror.
+    #[default(0.5)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gloss: f32,
-    /// Distance of the joints along x and y, meters, each 0.05 to 100; 0 means none.
+    /// Spacing of the joints along x and y; 0 means none, else at least 0.05.
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub joint_spacing_m: [f32; 2],
-    /// Width of the joints in meters, 0 to 0.05.
+    /// Width of the joints.
+    #[default(0.004)]
     #[schemars(range(min = 0.0, max = 0.05))]
     pub joint_width_m: f32,
-    /// Brightness of the joints relative to the floor, 0 (black) to 1 (invisible).
+    /// Brightness of the joints relative to the floor; 1 is invisible.
+    #[default(0.6)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub joint_tone: f32,
 }
 
-/// The ceiling's surface.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+/// Surface of the ceiling.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ceiling {
-    /// Height in meters, 2 to 10.
+    /// Height.
+    #[default(2.6)]
     #[schemars(range(min = 2.0, max = 10.0))]
     pub height_m: f64,
     /// Reflectance.
+    #[default([0.80, 0.80, 0.78])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
-    /// Distance of the joints along x and y, meters, each 0.05 to 100; 0 means none.
+    /// Spacing of the joints along x and y; 0 means none, else at least 0.05.
+    #[default([0.6, 0.6])]
     #[schemars(inner(range(min = 0.0, max = 100.0)))]
     pub joint_spacing_m: [f32; 2],
 }
 
 impl World {
-    /// Reads and checks a world file's text.
+    /// Parses and checks the text of a world file.
     ///
     /// # Errors
-    /// Everything that is wrong in it, with its place.
+    /// All syntax errors and invalid values, with their positions in the text.
     pub fn from_toml(text: &str) -> Result<Self, Problems> {
         WORLD_FILE.read("the world", text).map(|table| table.try_into().unwrap_or_default())
     }
 
-    /// An empty straight hallway along +x from x = -2 m: lamps, baseboards and an end window, no doors.
+    /// Returns a straight hallway along +x from x = -2 m, with lamps, baseboards and an end window, without doors.
     ///
-    /// `length_m` and `width_m` are meters between the faces of the walls.
+    /// `length_m` and `width_m` are measured between the faces of the walls.
     #[must_use]
     pub fn corridor(length_m: f64, width_m: f64) -> Self {
         Self { corridor: Some(Corridor { length_m, width_m, ..Corridor::default() }), ..Self::default() }
@@ -315,98 +353,11 @@ impl Default for BoxItem {
             at_m: [0.0; 2],
             base_m: 0.0,
             yaw_deg: 0.0,
-            size_m: box_size(),
-            color: box_color(),
+            size_m: BOX_SIZE,
+            color: BOX_COLOR,
             colors: Vec::new(),
             jitter_m: [0.0; 2],
             jitter_deg: 0.0,
         }
     }
-}
-
-impl Default for Baseboard {
-    fn default() -> Self {
-        Self { height_m: 0.10, depth_m: 0.012, color: [0.10, 0.09, 0.085] }
-    }
-}
-
-impl Default for Door {
-    fn default() -> Self {
-        Self {
-            at_m: 0.0,
-            width_m: 0.9,
-            height_m: 2.05,
-            open_deg: 0.0,
-            room_depth_m: 2.5,
-            color: [0.36, 0.22, 0.12],
-            frame_color: [0.26, 0.27, 0.28],
-        }
-    }
-}
-
-impl Default for Window {
-    fn default() -> Self {
-        Self {
-            at_m: None,
-            width_m: 1.2,
-            sill_m: 0.9,
-            height_m: 1.3,
-            brightness: 2.5,
-            frame_color: [0.5, 0.5, 0.5],
-        }
-    }
-}
-
-impl Default for Floor {
-    fn default() -> Self {
-        Self {
-            color: [0.42, 0.39, 0.34],
-            speckle: 0.10,
-            grain_m: 0.006,
-            gloss: 0.5,
-            joint_spacing_m: [0.0, 0.0],
-            joint_width_m: 0.004,
-            joint_tone: 0.6,
-        }
-    }
-}
-
-impl Default for Ceiling {
-    fn default() -> Self {
-        Self { height_m: 2.6, color: [0.80, 0.80, 0.78], joint_spacing_m: [0.6, 0.6] }
-    }
-}
-
-fn wall_height() -> f64 {
-    2.6
-}
-fn wall_thickness() -> f64 {
-    0.12
-}
-pub(crate) fn wall_color() -> Color {
-    [0.72, 0.71, 0.66]
-}
-fn box_size() -> [f64; 3] {
-    [0.24, 0.24, 0.35]
-}
-fn box_color() -> Color {
-    [0.85, 0.85, 0.83]
-}
-fn lamp_size() -> [f64; 2] {
-    [1.2, 0.3]
-}
-fn lamp_brightness() -> f32 {
-    12.0
-}
-fn walking_speed() -> f64 {
-    0.8
-}
-fn person_height() -> f64 {
-    1.75
-}
-fn shirt_color() -> Color {
-    [0.25, 0.32, 0.55]
-}
-fn trousers_color() -> Color {
-    [0.07, 0.08, 0.11]
 }

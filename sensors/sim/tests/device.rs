@@ -1,6 +1,4 @@
-//! The simulator through its seams: opened like any device, polled and driven.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Simulator as a device: opened, polled and driven.
 
 use std::path::Path;
 use std::path::PathBuf;
@@ -66,24 +64,25 @@ fn open_spec(spec: DeviceSpec) -> Device {
     device
 }
 
-/// Drives at `speed` m/s for `seconds`, then keeps silent for as long as `silent`.
+/// Drives at `speed` (m/s) for `seconds`, then sends no commands for `silent` seconds.
 fn run(device: &mut Device, speed: f64, seconds: f64, silent: f64) -> Published {
     let ahead = |now: f64| (now < seconds).then(|| Twist { linear: speed, ..Twist::default() });
     run_by(device, ahead, seconds + silent)
 }
 
-/// Drives as `told` says of every instant.
-fn run_by(device: &mut Device, told: impl Fn(f64) -> Option<Twist>, seconds: f64) -> Published {
+/// Drives with the command that `command_at` returns for every time (s).
+fn run_by(device: &mut Device, command_at: impl Fn(f64) -> Option<Twist>, seconds: f64) -> Published {
     let mut tape = Published::default();
     let ticks = (seconds / TICK_S).round() as u64;
     for tick in 0..=ticks {
         let now = Time::from_secs_f64(tick as f64 * TICK_S);
-        let judge = device.judge.as_mut().unwrap();
-        for sensor in device.sensors.iter_mut().map(|s| &mut s.1).chain([judge]) {
+        let ground_truth = device.ground_truth.as_mut().unwrap();
+        for sensor in device.sensors.iter_mut().map(|s| &mut s.1).chain([ground_truth]) {
             let due = sensor.poll(now, &mut Outputs::new(&mut tape)).unwrap();
             assert!(matches!(due, Due::At(at) if at > now));
         }
-        let command = told(now.as_secs_f64()).map(|twist| Command { twist, ..bytemuck::Zeroable::zeroed() });
+        let command =
+            command_at(now.as_secs_f64()).map(|twist| Command { twist, ..bytemuck::Zeroable::zeroed() });
         device.drive.as_mut().unwrap().apply(command.as_ref(), now).unwrap();
     }
     tape
@@ -104,7 +103,7 @@ fn one_seed_gives_one_run_to_the_byte() {
 }
 
 #[test]
-fn pictures_show_the_exposure_and_arrive_after_the_latency() {
+fn frames_show_the_time_of_exposure_and_arrive_after_the_latency() {
     let tape = run(&mut open(EMPTY, 1), 0.3, 1.0, 0.0);
     let frames = headers::<FrameHeader>(&tape, "eye");
     assert_eq!(frames.len(), 10, "every 100 ms from 0 on, none within the latency of the end");
@@ -114,7 +113,7 @@ fn pictures_show_the_exposure_and_arrive_after_the_latency() {
 }
 
 #[test]
-fn pictures_show_where_the_robot_was_and_not_where_it_is_when_they_arrive() {
+fn frames_show_the_pose_at_exposure_not_at_delivery() {
     let pixels = |latency_ms| {
         let mut device = open_with(EMPTY, 1, "differential", latency_ms);
         run(&mut device, 0.5, 2.0, 0.0).of::<FrameHeader>("eye")
@@ -123,13 +122,13 @@ fn pictures_show_where_the_robot_was_and_not_where_it_is_when_they_arrive() {
     assert_eq!((at_once.len(), late.len()), (21, 17));
     for ((soon, seen), (header, seen_late)) in at_once.iter().zip(&late) {
         assert_eq!(soon.stamp_ns, header.stamp_ns);
-        assert!(seen == seen_late, "the picture of {} ns differs", header.stamp_ns);
+        assert!(seen == seen_late, "the image of {} ns differs", header.stamp_ns);
     }
     assert!(at_once[10].1 != at_once[14].1, "0.2 m farther on it looks otherwise");
 }
 
 #[test]
-fn a_mirror_camera_tells_its_mirror_and_hands_over_pictures_of_it() {
+fn a_mirror_camera_publishes_its_model_and_its_frames() {
     let table = "picture = { width = 64, height = 60, blind_radius_px = 3, rim_radius_px = 30 }\n\
         mirror = { kind = 'hyperboloidal', focal_px = 65, eccentricity = 1.45, foci_m = 0.08 }\n\
         mount = { z_m = 0.5 }\nencoding = 'rgb8'\nphotometry = { noise_sigma = 0.0 }";
@@ -165,7 +164,7 @@ fn a_mirror_camera_tells_its_mirror_and_hands_over_pictures_of_it() {
 }
 
 #[test]
-fn it_drives_as_told_and_stops_when_commands_stop() {
+fn it_follows_commands_and_stops_without_them() {
     let tape = run(&mut open(EMPTY, 1), 0.3, 4.0, 1.0);
     let truth = headers::<Truth>(&tape, "truth");
     let end = truth.last().unwrap();
@@ -179,7 +178,7 @@ fn it_drives_as_told_and_stops_when_commands_stop() {
 }
 
 #[test]
-fn a_box_is_heard_then_run_into_once() {
+fn a_box_returns_echoes_and_is_one_contact() {
     let world = format!("{EMPTY}\n[[box]]\nat_m = [1.5, 0]\nsize_m = [0.3, 0.8, 0.5]");
     let tape = run(&mut open(&world, 1), 0.3, 5.0, 0.0);
     let (_, beams) = &tape.of::<RangeScanHeader>("ears")[0];
@@ -203,7 +202,7 @@ fn without_clutter_the_building_is_empty() {
 }
 
 #[test]
-fn a_person_who_walks_into_the_standing_robot_is_counted_apart() {
+fn a_person_who_walks_into_the_standing_robot_is_counted_separately() {
     let world = format!("{EMPTY}\n[[person]]\npath_m = [[3, 0], [-1, 0]]\nspeed_mps = 1");
     let standing = *headers::<Truth>(&run(&mut open(&world, 1), 0.0, 4.0, 0.0), "truth").last().unwrap();
     assert_eq!((standing.contacts, standing.struck), (0, 1));
@@ -212,7 +211,7 @@ fn a_person_who_walks_into_the_standing_robot_is_counted_apart() {
 }
 
 #[test]
-fn driving_on_into_somebody_who_struck_the_robot_is_a_contact() {
+fn driving_into_a_person_who_struck_the_robot_is_a_contact() {
     let world = format!("{EMPTY}\n[[person]]\npath_m = [[3, 0], [0.3, 0]]\nspeed_mps = 1");
     let waits = |now: f64| Some(Twist { linear: if now < 4.0 { 0.0 } else { 0.3 }, ..Twist::default() });
     let tape = run_by(&mut open(&world, 1), waits, 6.0);
@@ -224,7 +223,7 @@ fn driving_on_into_somebody_who_struck_the_robot_is_a_contact() {
 }
 
 #[test]
-fn a_holonomic_drive_moves_sideways_and_its_wheels_tell() {
+fn a_holonomic_drive_moves_sideways_and_its_odometry_agrees() {
     let sideways = |_: f64| Some(Twist { lateral: 0.2, ..Twist::default() });
     let tape = run_by(&mut open_with(EMPTY, 1, "holonomic", 50), sideways, 2.0);
     let truth = headers::<Truth>(&tape, "truth");

@@ -1,19 +1,18 @@
-//! Somebody in the hallway: a robot that keeps to the center line and stops for echoes must meet them and hit nobody.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Person in the hallway: a robot on the center line that stops for sonar echoes meets the person without contact.
 
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::time::Time;
 use yamabico_sim::body::{Body, BodyLimits, Urgency};
 use yamabico_sim::random::stream;
 use yamabico_sim::simulation::Simulation;
-use yamabico_sim::sonar::{SonarConfig, reading};
+use yamabico_sim::sonar::{SonarConfig, measure_range};
 use yamabico_sim::{Scene, World};
 
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
 const GATE_M: f64 = 0.5;
 
-/// Halts, nearest that a person came, seconds to the goal, contacts, times struck.
+/// Returns the number of halts, the minimum distance of a person (m), the time to the goal (s), and the numbers of contacts
+/// and of strikes by a person.
 fn drive(scene: &Scene, seed: u64, speed: f64, delay_s: f64) -> (u32, f64, f64, u32, u32) {
     let limits = BodyLimits {
         speed: [0.6, 0.0, 1.2],
@@ -38,7 +37,9 @@ fn drive(scene: &Scene, seed: u64, speed: f64, delay_s: f64) -> (u32, f64, f64, 
             let echoes: Vec<_> = sonar
                 .azimuths_deg
                 .iter()
-                .filter_map(|a| reading(&sonar, a.to_radians(), &sim.scene, &people, &moment.pose, &mut rng))
+                .filter_map(|a| {
+                    measure_range(&sonar, a.to_radians(), &sim.scene, &people, &moment.pose, &mut rng)
+                })
                 .collect();
             let close = echoes.iter().any(|r| *r < GATE_M);
             clean = if close { 0 } else { clean + 1 };
@@ -53,7 +54,7 @@ fn drive(scene: &Scene, seed: u64, speed: f64, delay_s: f64) -> (u32, f64, f64, 
 }
 
 #[test]
-fn who_crosses_makes_a_robot_halt_and_is_not_touched() {
+fn the_robot_halts_for_a_crossing_person_without_contact() {
     let mut world = World::from_toml(HALLWAY).unwrap();
     world.boxes.clear();
     for seed in 1..=20 {

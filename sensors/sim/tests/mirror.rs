@@ -1,8 +1,6 @@
-//! Pictures of mirror cameras: exact edges, agreement with single rays, and golden pictures of the hallway.
+//! Images of mirror cameras: exact edges, agreement with single rays, and golden images of the hallway.
 //!
-//! `YAMABICO_BLESS=1 cargo test -p yamabico-sim --test mirror` writes the golden pictures anew: look at them then.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! `YAMABICO_BLESS=1 cargo test -p yamabico-sim --test integration mirror` rewrites the golden images: inspect them.
 
 use std::path::PathBuf;
 
@@ -17,7 +15,7 @@ use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random}
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
 const PLAIN: Photometry = Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0 };
 
-/// One of each, for a picture of this size, with the height of its lens or viewpoint in meters.
+/// Returns a camera of each kind, for images of this size, with the height of its lens or viewpoint (m).
 fn cameras(width: u32, height: u32) -> [(&'static str, f64, MirrorCamera); 3] {
     let rim_px = 0.5 * f64::from(height);
     let scale = rim_px / 240.0;
@@ -38,7 +36,7 @@ fn renderer(camera: &MirrorCamera, photometry: Photometry) -> MirrorRenderer {
     MirrorRenderer::new(camera.clone(), photometry, random::stream(1, "test"))
 }
 
-fn picture(scene: &Scene, camera: &MirrorCamera, view: &MirrorView) -> Vec<u8> {
+fn render_image(scene: &Scene, camera: &MirrorCamera, view: &MirrorView) -> Vec<u8> {
     let mut pixels = vec![0; (camera.image().width * camera.image().height) as usize];
     renderer(camera, PLAIN).render(scene, view, &mut pixels).unwrap();
     pixels
@@ -50,9 +48,9 @@ fn pixel_of(camera: &MirrorCamera, view: &MirrorView, point: Point3<f64>) -> Vec
     camera.pixel_from_point(&point_in_mirror).unwrap()
 }
 
-/// The left edge of the lit pane in an otherwise black hallway, row by row, against its projection.
+/// Compares the left edge of a bright pane in an otherwise black hallway with its projection, row by row.
 #[test]
-fn upright_edges_are_where_they_should_be_to_hundredths_of_a_pixel() {
+fn upright_edges_are_exact_to_hundredths_of_a_pixel() {
     let mut world = World::corridor(12.0, 2.0);
     world.ambient = Some(0.0);
     world.floor.gloss = 0.0;
@@ -79,7 +77,7 @@ fn upright_edges_are_where_they_should_be_to_hundredths_of_a_pixel() {
                 let (mut z, foot) = (0.36, pixel_of(&camera, &view, edge(low)));
                 let top = pixel_of(&camera, &view, edge(z));
                 for y in top.y.ceil() as usize + 1..foot.y.floor() as usize {
-                    // Where the edge crosses this row: the picture of a tilted mirror bends it.
+                    // The edge is curved in the image of a tilted mirror.
                     let (mut below, mut above) = (low, 0.36);
                     for _ in 0..40 {
                         z = 0.5 * (below + above);
@@ -113,7 +111,7 @@ fn upright_edges_are_where_they_should_be_to_hundredths_of_a_pixel() {
 fn rings_and_rays_agree() {
     let mut world = World::from_toml(HALLWAY).unwrap();
     world.boxes.clear();
-    // The mirror image is blurred in the one and sharp in the other.
+    // Only the rasterizer blurs reflections.
     for (gloss, mean_limit, far_limit) in [(0.0, 1.2, 0.02), (0.5, 3.0, 0.06)] {
         world.floor = Floor { gloss, speckle: 0.0, joint_spacing_m: [0.5, 0.5], ..world.floor };
         let mut scene = Scene::new(&world, 3).unwrap();
@@ -121,10 +119,10 @@ fn rings_and_rays_agree() {
         for (name, height_m, camera) in cameras(128, 120) {
             let mount = Mount { roll: 0.03, tilt: -0.02, ..Mount::level(height_m) };
             let view = MirrorView { mount, robot: Pose2::new(2.5, 0.2, 0.4) };
-            let drawn = picture(&scene, &camera, &view);
+            let drawn = render_image(&scene, &camera, &view);
             let mut cast = vec![0; drawn.len()];
             renderer(&camera, PLAIN).cast(&scene, &view, 4, &mut cast).unwrap();
-            // The rim's own pixels are whole in the one and shared in the other.
+            // Only the ray caster antialiases the rim.
             let inner = |i: usize| {
                 let pixel = Vector2::new((i % 128) as f64, (i / 128) as f64);
                 let radius_px = camera.image().mirror_from_pixel(pixel).norm();
@@ -142,11 +140,11 @@ fn rings_and_rays_agree() {
 }
 
 #[test]
-fn color_pictures_have_the_luminance_of_gray_ones() {
+fn color_images_have_the_luminance_of_gray_images() {
     let scene = Scene::new(&World::from_toml(HALLWAY).unwrap(), 1).unwrap();
     for (name, height_m, camera) in cameras(128, 120) {
         let view = MirrorView { mount: Mount::level(height_m), robot: Pose2::new(1.0, 0.0, 0.3) };
-        let gray = picture(&scene, &camera, &view);
+        let gray = render_image(&scene, &camera, &view);
         let mut rgb = vec![0; 3 * gray.len()];
         renderer(&camera, PLAIN).render_rgb(&scene, &view, &mut rgb).unwrap();
         let light = |v: u8| (f64::from(v) / 255.0).powi(2);
@@ -159,11 +157,11 @@ fn color_pictures_have_the_luminance_of_gray_ones() {
 }
 
 #[test]
-fn the_picture_is_black_beside_the_ring_and_a_wrong_buffer_is_refused() {
+fn the_image_is_black_outside_the_ring_and_a_wrong_buffer_is_refused() {
     let scene = Scene::new(&World::corridor(12.0, 2.0), 1).unwrap();
     for (name, height_m, camera) in cameras(128, 120) {
         let view = MirrorView { mount: Mount::level(height_m), robot: Pose2::IDENTITY };
-        let pixels = picture(&scene, &camera, &view);
+        let pixels = render_image(&scene, &camera, &view);
         for (i, gray) in pixels.iter().enumerate() {
             let pixel = Vector2::new((i % 128) as f64, (i / 128) as f64);
             let radius_px = camera.image().mirror_from_pixel(pixel).norm();
@@ -176,35 +174,35 @@ fn the_picture_is_black_beside_the_ring_and_a_wrong_buffer_is_refused() {
     }
 }
 
-/// A turned robot sees what a turned camera sees, and a picture that was not flipped is the mirror image of one that was.
+/// Rotating the robot and rotating the camera give the same image; flipping the image mirrors it.
 #[test]
-fn turns_and_flips_are_where_they_belong() {
+fn rotations_and_flips_have_the_right_sense() {
     let scene = Scene::new(&World::from_toml(HALLWAY).unwrap(), 1).unwrap();
     let (_, height_m, camera) = cameras(121, 121)[1].clone();
     let view = |pan: f64, theta: f64| MirrorView {
         mount: Mount { pan, ..Mount::level(height_m) },
         robot: Pose2::new(2.0, 0.1, theta),
     };
-    let plain = picture(&scene, &camera, &view(0.0, 0.5));
-    let panned = picture(&scene, &camera, &view(0.5, 0.0));
+    let plain = render_image(&scene, &camera, &view(0.0, 0.5));
+    let panned = render_image(&scene, &camera, &view(0.5, 0.0));
     assert!(plain.iter().zip(&panned).all(|(a, b)| a.abs_diff(*b) <= 1));
     let unflipped = nalgebra::Matrix2::new(0.0, -1.0, 1.0, 0.0);
     let image = camera.image().with_orientation(unflipped).unwrap();
     let flipped = MirrorCamera::new(image, camera.mirror().clone()).unwrap();
-    let turned = picture(&scene, &flipped, &view(0.0, 0.5));
+    let turned = render_image(&scene, &flipped, &view(0.0, 0.5));
     let mirrored = (0..121 * 121).map(|i| turned[i / 121 * 121 + 120 - i % 121]);
     assert!(plain.iter().zip(mirrored).all(|(a, b)| a.abs_diff(b) <= 1));
 }
 
 #[test]
-fn the_hallway_looks_as_it_did() {
+fn the_hallway_matches_the_golden_images() {
     let boxes = "[[box]]\nat_m = [3.6, 0.4]\ncolor = [0.85, 0.85, 0.83]\n\
                  [[box]]\nat_m = [2.2, -0.5]\ncolor = [0.30, 0.19, 0.10]";
     let mut scene = Scene::new(&World::from_toml(&format!("{HALLWAY}\n{boxes}")).unwrap(), 1).unwrap();
     scene.set_time(10.0).unwrap();
     for (name, height_m, camera) in cameras(170, 160) {
         let view = MirrorView { mount: Mount::level(height_m), robot: Pose2::new(2.9, 0.1, 0.2) };
-        let pixels = picture(&scene, &camera, &view);
+        let pixels = render_image(&scene, &camera, &view);
         let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/mirror-{name}.png"));
         if std::env::var_os("YAMABICO_BLESS").is_some() {
             image::save_buffer(&path, &pixels, 170, 160, image::ExtendedColorType::L8).unwrap();

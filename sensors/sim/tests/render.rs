@@ -1,8 +1,6 @@
-//! Pictures: exact edges, agreement of polygons and rays, and golden pictures of the hallway.
+//! Images of pinhole cameras: exact edges, agreement of polygons and rays, and golden images of the hallway.
 //!
-//! `YAMABICO_BLESS=1 cargo test -p yamabico-sim --test render` writes the golden pictures anew: look at them then.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! `YAMABICO_BLESS=1 cargo test -p yamabico-sim --test integration render` rewrites the golden images: inspect them.
 
 use std::path::PathBuf;
 
@@ -19,7 +17,7 @@ fn view(width: u32, height: u32, mount: Mount, robot: Pose2) -> CameraView {
     CameraView { intrinsics: Intrinsics::from_horizontal_fov(width, height, 1.05), mount, robot }
 }
 
-fn picture(scene: &Scene, view: &CameraView, photometry: Photometry) -> Vec<u8> {
+fn render_image(scene: &Scene, view: &CameraView, photometry: Photometry) -> Vec<u8> {
     let mut pixels = vec![0; (view.intrinsics.width * view.intrinsics.height) as usize];
     Renderer::new(photometry, random::stream(1, "test")).render(scene, view, &mut pixels).unwrap();
     pixels
@@ -31,9 +29,9 @@ fn pixel_of(view: &CameraView, point: Point3<f64>) -> Vector2<f64> {
     view.intrinsics.pixel_from_normalized(Vector2::new(p.x / p.z, p.y / p.z))
 }
 
-/// The left edge of the lit pane in an otherwise black hallway, row by row, against its projection.
+/// Compares the left edge of a bright pane in an otherwise black hallway with its projection, row by row.
 #[test]
-fn edges_are_where_they_should_be_to_a_few_hundredths_of_a_pixel() {
+fn edges_are_exact_to_a_few_hundredths_of_a_pixel() {
     let mut world = World::corridor(12.0, 2.0);
     world.ambient = Some(0.0);
     world.floor.gloss = 0.0;
@@ -49,7 +47,7 @@ fn edges_are_where_they_should_be_to_a_few_hundredths_of_a_pixel() {
         let t = f64::from(i);
         let mount = Mount { z: 1.5, roll: 0.1 * (0.7 * t).sin(), ..Mount::default() };
         let view = view(320, 240, mount, Pose2::new(5.0 + 0.03 * t, 0.2 * t.sin(), 0.06 * t.cos()));
-        let pixels = picture(&scene, &view, PLAIN);
+        let pixels = render_image(&scene, &view, PLAIN);
         let (low, high) = (pixel_of(&view, edge(1.1)), pixel_of(&view, edge(2.0)));
         for y in high.y.ceil() as usize + 1..low.y.floor() as usize {
             let expected = high.x + (low.x - high.x) * (y as f64 - high.y) / (low.y - high.y);
@@ -74,16 +72,16 @@ fn edges_are_where_they_should_be_to_a_few_hundredths_of_a_pixel() {
 #[test]
 fn polygons_and_rays_agree() {
     let mut world = World::from_toml(HALLWAY).unwrap();
-    // The mirror image is blurred in the one and sharp in the other.
+    // Only the rasterizer blurs reflections.
     for (gloss, mean_limit, far_limit) in [(0.0, 0.8, 0.005), (0.5, 3.0, 0.05)] {
-        // Polygons blur the speckle as far as a pixel is long, rays less: a plain floor.
+        // A plain floor: the rasterizer averages the speckle over a larger area than the ray caster.
         world.floor = Floor { gloss, speckle: 0.0, joint_spacing_m: [0.5, 0.5], ..world.floor };
         let mut scene = Scene::new(&world, 3).unwrap();
         for (seconds, robot) in [(10.0, Pose2::new(2.5, 0.2, 0.1)), (23.0, Pose2::new(7.5, -0.3, -0.3))] {
             scene.set_time(seconds).unwrap();
             let mount = Mount { roll: 0.05, ..Mount::tilted(0.6, 0.1) };
             let view = view(96, 72, mount, robot);
-            let drawn = picture(&scene, &view, PLAIN);
+            let drawn = render_image(&scene, &view, PLAIN);
             let mut cast = vec![0; drawn.len()];
             let mut renderer = Renderer::new(PLAIN, random::stream(1, "test"));
             renderer.cast(&scene, &view, 8, &mut cast).unwrap();
@@ -99,10 +97,10 @@ fn polygons_and_rays_agree() {
 }
 
 #[test]
-fn color_pictures_have_the_luminance_of_gray_ones() {
+fn color_images_have_the_luminance_of_gray_images() {
     let scene = Scene::new(&World::from_toml(HALLWAY).unwrap(), 1).unwrap();
     let view = view(96, 72, Mount::tilted(0.6, 0.1), Pose2::new(1.0, 0.0, 0.3));
-    let gray = picture(&scene, &view, PLAIN);
+    let gray = render_image(&scene, &view, PLAIN);
     let mut rgb = vec![0; 3 * gray.len()];
     Renderer::new(PLAIN, random::stream(1, "test")).render_rgb(&scene, &view, &mut rgb).unwrap();
     let light = |v: u8| (f64::from(v) / 255.0).powi(2);
@@ -115,11 +113,11 @@ fn color_pictures_have_the_luminance_of_gray_ones() {
 }
 
 #[test]
-fn noise_has_the_asked_deviation_and_a_wrong_buffer_is_refused() {
+fn noise_has_the_configured_deviation_and_a_wrong_buffer_is_refused() {
     let scene = Scene::new(&World::corridor(12.0, 2.0), 1).unwrap();
     let view = view(160, 120, Mount::tilted(0.6, 0.1), Pose2::IDENTITY);
-    let clean = picture(&scene, &view, PLAIN);
-    let noisy = picture(&scene, &view, Photometry { noise_sigma: 4.0, ..PLAIN });
+    let clean = render_image(&scene, &view, PLAIN);
+    let noisy = render_image(&scene, &view, Photometry { noise_sigma: 4.0, ..PLAIN });
     let within: Vec<f64> = clean
         .iter()
         .zip(&noisy)
@@ -136,7 +134,7 @@ fn noise_has_the_asked_deviation_and_a_wrong_buffer_is_refused() {
 }
 
 #[test]
-fn the_hallway_looks_as_it_did() {
+fn the_hallway_matches_the_golden_images() {
     let mut scene = Scene::new(&World::from_toml(HALLWAY).unwrap(), 1).unwrap();
     let views = [
         ("start", 0.0, Pose2::new(0.0, 0.0, 0.0)),
@@ -147,22 +145,22 @@ fn the_hallway_looks_as_it_did() {
     for (name, seconds, robot) in views {
         scene.set_time(seconds).unwrap();
         let view = view(160, 120, Mount::tilted(0.6, 0.09), robot);
-        agrees_with_golden(name, &picture(&scene, &view, PLAIN));
+        agrees_with_golden(name, &render_image(&scene, &view, PLAIN));
     }
 }
 
 #[test]
-fn a_white_and_a_brown_box_stand_out_each_in_its_way() {
+fn white_and_brown_boxes_differ_from_the_floor() {
     let boxes = "[[box]]\nat_m = [2.2, 0.4]\ncolor = [0.85, 0.85, 0.83]\n\
                  [[box]]\nat_m = [2.2, -0.4]\ncolor = [0.30, 0.19, 0.10]";
     let scene = Scene::new(&World::from_toml(&format!("{HALLWAY}\n{boxes}")).unwrap(), 1).unwrap();
     let view = view(160, 120, Mount::tilted(0.6, 0.25), Pose2::IDENTITY);
-    let pixels = picture(&scene, &view, PLAIN);
+    let pixels = render_image(&scene, &view, PLAIN);
     let gray_at = |point: Point3<f64>| {
         let pixel = pixel_of(&view, point);
         f64::from(pixels[pixel.y.round() as usize * 160 + pixel.x.round() as usize])
     };
-    // The faces towards the robot, and the floor before them, beside the mirror image of the lamps.
+    // The faces toward the robot, and the floor in front of them, beside the reflection of the lamps.
     let (white, brown) = (gray_at(Point3::new(2.08, 0.4, 0.2)), gray_at(Point3::new(2.08, -0.4, 0.2)));
     let floor = gray_at(Point3::new(1.8, 0.4, 0.0));
     let top = gray_at(Point3::new(2.2, 0.4, 0.35));
@@ -173,7 +171,7 @@ fn a_white_and_a_brown_box_stand_out_each_in_its_way() {
     agrees_with_golden("boxes", &pixels);
 }
 
-/// Compares with a kept picture of 160 x 120 pixels.
+/// Compares with a golden image of 160 x 120 pixels.
 fn agrees_with_golden(name: &str, pixels: &[u8]) {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
     if std::env::var_os("YAMABICO_BLESS").is_some() {

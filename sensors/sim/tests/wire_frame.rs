@@ -1,26 +1,22 @@
-//! The map of the hallway is that of its world.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-use std::path::PathBuf;
+//! Wire-frame map of a world.
 
 use nalgebra::Point2;
 use yamabico_sim::World;
+use yamabico_testkit::config;
 use yamabico_vision::map::{EdgeKind, WireFrame};
-
-fn config(name: &str) -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs")).join(name)
-}
 
 fn hallway() -> World {
     World::from_toml(&std::fs::read_to_string(config("worlds/hallway.toml")).unwrap()).unwrap()
 }
 
 #[test]
-fn the_map_file_is_what_the_world_gives() {
+fn the_map_file_equals_the_map_of_the_world() {
     let map = WireFrame::read(&config("maps/hallway.toml")).unwrap();
     let from_world = WireFrame::from_toml(&hallway().wire_frame().to_toml()).unwrap();
-    assert_eq!(map, from_world, "write it again with the example wire_frame_map");
+    assert_eq!(
+        map, from_world,
+        "write it again: cargo run --release -p yamabico-evaluations -- render map configs/worlds/hallway.toml configs/maps/hallway.toml"
+    );
     assert!(map.edges().iter().filter(|edge| edge.kind == EdgeKind::Vertical).count() > 40);
 }
 

@@ -1,13 +1,11 @@
-//! What a world file may say: whatever passes the check can be built and shown, and the rest is refused with its key.
-
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! World files: any world that passes the check can be built and rendered; others are refused with their key.
 
 use proptest::prelude::*;
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 
-/// One of everything.
+/// World file with one of every part.
 const ALL: &str = r#"
 texture_seed = 1
 ambient = 0.4
@@ -80,7 +78,7 @@ color = [0.8, 0.8, 0.8]
 joint_spacing_m = [0.6, 0.6]
 "#;
 
-/// The smallest and largest numbers that keys may have, and such as no key may have.
+/// Minimum and maximum values of the keys, and invalid values.
 const NUMBERS: [f64; 22] = [
     0.0,
     1e-6,
@@ -119,8 +117,8 @@ fn all() -> toml::Value {
     toml::Value::Table(ALL.parse().unwrap())
 }
 
-/// Builds and shows a world; false where it is refused.
-fn is_shown(value: &toml::Value) -> bool {
+/// Builds and renders a world; returns false if it is refused.
+fn is_rendered(value: &toml::Value) -> bool {
     let Ok(world) = World::from_toml(&toml::to_string(value).unwrap()) else { return false };
     let mut scene = Scene::new(&world, 1).unwrap();
     scene.set_time(1.0).unwrap();
@@ -136,8 +134,8 @@ fn is_shown(value: &toml::Value) -> bool {
 }
 
 #[test]
-fn the_world_with_everything_is_shown() {
-    assert!(is_shown(&all()));
+fn the_world_with_all_parts_is_rendered() {
+    assert!(is_rendered(&all()));
     assert!(World::corridor(12.0, 2.0).check().is_ok());
     assert!((0..20).all(|seed| World::random_corridor(u64::MAX - seed, 2.0).check().is_ok()));
 }
@@ -157,20 +155,20 @@ fn every_number_has_a_range() {
 }
 
 #[test]
-fn what_would_panic_or_never_end_is_refused_at_its_key() {
-    for (text, key, words) in [
+fn values_that_would_panic_or_never_end_are_refused_by_key() {
+    for (text, key, problem) in [
         ("[floor]\njoint_spacing_m = [1e-6, 0]", "joint_spacing_m", "at least 0.05 m"),
         ("[ceiling]\njoint_spacing_m = [nan, 0]", "joint_spacing_m", "finite"),
         ("[corridor]\nlamp_spacing_m = 1e-6", "lamp_spacing_m", "at least 0.5 m"),
         ("[corridor]\nlamp_size_m = [nan, 1]", "lamp_size_m", "finite"),
         ("[corridor.window]\nat_m = nan", "at_m", "finite"),
-        ("[corridor.window]\nat_m = 1.9", "at_m", "outside its wall"),
-        ("[corridor.window]\nheight_m = 2", "height_m", "2.9 m high in a wall of 2.6 m"),
+        ("[corridor.window]\nat_m = 1.9", "at_m", "inside the wall"),
+        ("[corridor.window]\nheight_m = 2", "height_m", "it ends at 2.9 m, the wall at 2.6 m"),
         ("[corridor]\ncolor = [2, 0, 0]", "color", "too large"),
         ("[floor]\njoint_width_m = 1", "joint_width_m", "too large"),
         ("[[box]]\nat_m = [1e300, 0]", "at_m", "too large"),
         ("[[person]]\npath_m = [[0, 0]]\npause_s = [1, 2]", "pause_s", "more pauses"),
-        ("[[wall]]\nfrom_m = [1, 1]\nto_m = [1, 1]", "to_m", "0 m away"),
+        ("[[wall]]\nfrom_m = [1, 1]\nto_m = [1, 1]", "to_m", "but is 0 m"),
         (
             "[[corridor.branch]]\nside = \"left\"\nat_m = 3\nwidth_m = 2\ndepth_m = 2\n\
              [[corridor.branch]]\nside = \"left\"\nat_m = 4\nwidth_m = 2\ndepth_m = 2",
@@ -179,7 +177,7 @@ fn what_would_panic_or_never_end_is_refused_at_its_key() {
         ),
     ] {
         let refused = World::from_toml(text).expect_err(text).to_string();
-        assert!(refused.contains(&format!("`{key}`")) && refused.contains(words), "{text}\n{refused}");
+        assert!(refused.contains(&format!("`{key}`")) && refused.contains(problem), "{text}\n{refused}");
     }
 }
 
@@ -187,7 +185,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn what_passes_the_check_is_shown(
+    fn any_checked_world_is_rendered(
         changes in prop::collection::vec((any::<prop::sample::Index>(), prop::sample::select(&NUMBERS[..])), 1..4),
     ) {
         let mut world = all();
@@ -196,6 +194,6 @@ proptest! {
             let i = which.index(numbers.len());
             *numbers[i] = toml::Value::Float(number);
         }
-        is_shown(&world);
+        is_rendered(&world);
     }
 }

@@ -1,12 +1,11 @@
-//! `yamabico check`: everything that is wrong with a task, without opening a device.
-
-use std::process::ExitCode;
+//! `yamabico check`: every error in a task, without opening a device.
 
 use serde::Serialize;
 
-use super::TaskArguments;
-use crate::output::{BAD_CONFIGURATION, DONE, Print, exit};
+use crate::output::{CommandResult, DONE, Print};
+use crate::task_arguments::TaskArguments;
 
+/// A task without errors, and what running it opens and starts.
 #[derive(Serialize)]
 struct Checked<'a> {
     task: &'a str,
@@ -17,12 +16,13 @@ struct Checked<'a> {
     starts: Vec<String>,
 }
 
-/// Loads the task and tells what it would open.
-pub fn check(arguments: &TaskArguments, print: Print) -> ExitCode {
-    let Some(task) = arguments.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
+/// Loads the task and prints a summary of it.
+pub fn check(arguments: &TaskArguments, print: Print) -> CommandResult {
+    let task = arguments.load()?;
     let devices = task.robot.devices.iter();
-    let programs = task.robot.devices.iter().map(|device| (&device.name, &device.exec));
-    let programs = programs.chain(task.behaviors.iter().map(|behavior| (&behavior.name, &behavior.exec)));
+    let programs = task.robot.devices.iter().map(|device| (&device.name, &device.settings.exec));
+    let programs =
+        programs.chain(task.behaviors.iter().map(|behavior| (&behavior.name, &behavior.settings.host.exec)));
     let programs = programs.filter(|(_, exec)| !exec.is_empty());
     let checked = Checked {
         task: &task.name,
@@ -33,15 +33,17 @@ pub fn check(arguments: &TaskArguments, print: Print) -> ExitCode {
         starts: programs.map(|(name, exec)| format!("{name} ({})", exec.join(" "))).collect(),
     };
     print.show(&checked, |checked| {
+        let list = |items: &[String]| if items.is_empty() { "none".to_owned() } else { items.join(", ") };
         format!(
-            "{} is right: robot {} with {}; {} in the order of priority; opens {}; starts {}",
+            "{} has no errors\n  robot                   {}\n  sensors                 {}\n  \
+             behaviors by priority   {}\n  devices to open         {}\n  programs to start       {}",
             arguments.file.display(),
             checked.robot,
             checked.sensors.join(", "),
             checked.behaviors.join(", "),
-            checked.opens.join(", "),
-            if checked.starts.is_empty() { "no other program".to_owned() } else { checked.starts.join(", ") },
+            list(&checked.opens),
+            list(&checked.starts),
         )
     });
-    exit(DONE)
+    Ok(DONE)
 }

@@ -1,32 +1,32 @@
 //! `yamabico describe`: inputs, outputs and every parameter of a plugin.
 
-use std::process::ExitCode;
+use std::path::PathBuf;
 
 use clap::Args;
 use yamabico::plugins::plugins;
 use yamabico_host::config::{self, Description, Parameter, Port};
 
-use crate::output::{BAD_CONFIGURATION, DONE, Print, exit, table};
+use crate::output::{CommandResult, DONE, Failure, Print, table};
 
-/// What `describe` is told.
+/// Arguments of `describe`.
 #[derive(Args)]
 pub struct Arguments {
-    /// A name of `yamabico list`, such as `wall-follower` or `sim/camera`.
+    /// Name in `yamabico list`, for example `wall-follower` or `sim/camera`.
     name: String,
+    /// Task file with a behavior NAME that is an external program.
+    #[arg(long, value_name = "FILE")]
+    task: Option<PathBuf>,
 }
 
 /// Describes one plugin.
-pub fn describe(arguments: &Arguments, print: Print) -> ExitCode {
-    match config::describe(&arguments.name, &plugins()) {
-        Ok(description) => {
-            print.show(&description, text);
-            exit(DONE)
-        }
-        Err(problem) => {
-            eprintln!("error: {problem}");
-            exit(BAD_CONFIGURATION)
-        }
-    }
+pub fn describe(arguments: &Arguments, print: Print) -> CommandResult {
+    let description = match &arguments.task {
+        Some(task) => config::describe_in_task(&arguments.name, task, &plugins()),
+        None => config::describe(&arguments.name, &plugins()),
+    };
+    let description = description.map_err(Failure::usage)?;
+    print.show(&description, text);
+    Ok(DONE)
 }
 
 fn text(description: &Description) -> String {
@@ -41,23 +41,23 @@ fn text(description: &Description) -> String {
     text
 }
 
-fn ports(what: &str, ports: &[Port]) -> String {
+fn ports(kind: &str, ports: &[Port]) -> String {
     if ports.is_empty() {
         return String::new();
     }
-    let mut table = table(&[what, "message", "needed", "for"], 0..0);
+    let mut table = table(&[kind, "message", "required", "meaning"], 0..0);
     for port in ports {
-        let needed = if port.required { "yes" } else { "no" };
-        table.add_row([port.name.as_str(), port.message, needed, port.summary.as_str()]);
+        let required = if port.required { "yes" } else { "no" };
+        table.add_row([port.name.as_str(), port.message, required, port.summary.as_str()]);
     }
     format!("{table}\n")
 }
 
-fn parameters(what: &str, parameters: &[Parameter]) -> String {
+fn parameters(kind: &str, parameters: &[Parameter]) -> String {
     if parameters.is_empty() {
         return String::new();
     }
-    let mut table = table(&[what, "takes", "unit", "range", "default", "meaning"], 0..0);
+    let mut table = table(&[kind, "type", "unit", "range", "default", "meaning"], 0..0);
     table.set_content_arrangement(comfy_table::ContentArrangement::Dynamic);
     for parameter in parameters {
         let default = match (&parameter.default, parameter.required) {

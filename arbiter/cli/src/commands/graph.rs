@@ -1,37 +1,35 @@
-//! `yamabico graph`: a task as a picture.
-
-use std::process::ExitCode;
+//! `yamabico graph`: a task as a diagram.
 
 use clap::{Args, ValueEnum};
 use yamabico_host::config;
 
-use super::TaskArguments;
-use crate::output::{BAD_CONFIGURATION, DONE, Print, exit};
+use crate::output::{CommandResult, DONE, Print};
+use crate::task_arguments::TaskArguments;
 
-/// What `graph` is told.
+/// Arguments of `graph`.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
     task: TaskArguments,
-    /// In which language.
+    /// Language of the diagram.
     #[arg(long, value_enum, default_value_t = Language::Mermaid)]
     format: Language,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Language {
-    /// For Markdown.
+    /// Mermaid, for Markdown.
     Mermaid,
-    /// For Graphviz.
+    /// DOT, for Graphviz.
     Dot,
 }
 
 /// Draws the task.
-pub fn graph(arguments: &Arguments, print: Print) -> ExitCode {
-    let Some(task) = arguments.task.load_or_tell(print) else { return exit(BAD_CONFIGURATION) };
+pub fn graph(arguments: &Arguments, print: Print) -> CommandResult {
+    let task = arguments.task.load()?;
     print.show(&config::graph(&task), |graph| match arguments.format {
         Language::Mermaid => graph.mermaid(),
         Language::Dot => graph.dot(),
     });
-    exit(DONE)
+    Ok(DONE)
 }

@@ -1,89 +1,99 @@
-//! The commands.
+//! The commands: one variant and one file each.
 
-pub mod check;
-pub mod describe;
-pub mod goto;
-pub mod graph;
-pub mod learn;
-mod learn_floor;
-mod learn_map;
-mod learn_plot;
-pub mod list;
-mod map_plot;
-pub mod new;
-pub mod plugin;
-pub mod run;
+mod check;
+mod describe;
+mod estop;
+mod goto;
+mod graph;
+mod learn;
+mod list;
+mod new;
+mod plugin;
+mod ps;
+mod run;
 mod run_table;
-pub mod schema;
-mod verify_surfaces;
-mod whereabouts;
+mod schema;
+mod set;
+mod switch;
+mod teleop;
+mod topic;
+mod why;
 
-use std::path::PathBuf;
+use clap::Subcommand;
 
-use clap::{Args, Subcommand};
-use yamabico_host::config::{Overrides, Task, load};
-use yamabico_parameters::Problems;
+use crate::output::{CommandResult, Print};
+use crate::task_arguments::TaskArguments;
 
-use crate::output::Print;
-use yamabico::plugins::plugins;
-
-/// What to do.
+/// The subcommand and its arguments.
 #[derive(Subcommand)]
 pub enum Command {
-    /// Run a task until its goal is reached, its time is over or its sensors have ended.
+    /// Run a task until its goal is reached, its time is up or its sensors end.
     Run(run::Arguments),
-    /// Send a running robot to a goal and wait until it is there.
-    Goto(goto::Arguments),
-    /// Learn what a building or its floor looks like.
-    #[command(subcommand)]
-    Learn(learn::Learn),
-    /// Tell everything that is wrong with a task, without opening a device.
+    /// Check a task and list every error in it, without opening a device.
     Check(TaskArguments),
+    /// Draw a task: sensors, behaviors, wires and drive.
+    Graph(graph::Arguments),
     /// List behaviors and drivers.
     List,
-    /// Describe a behavior, a driver, a sensor or a drive: its inputs, outputs and parameters.
+    /// Describe a behavior, driver, sensor or drive: its inputs, outputs and parameters.
     Describe(describe::Arguments),
-    /// Print the JSON Schemas of task, robot and world files, for editors.
-    Schema,
-    /// Draw a task: sensors, behaviors, wires, drive.
-    Graph(graph::Arguments),
-    /// Write a crate to begin a plugin with.
+    /// Print the JSON Schemas of configuration files, for editors.
+    Schema(schema::Arguments),
+    /// Create a behavior of your own, with a test and a task that runs it.
     #[command(subcommand)]
     New(new::New),
-    /// Be a plugin of a running robot.
+    /// Learn thresholds, a map or floor colors.
+    #[command(subcommand)]
+    Learn(learn::Learn),
+    /// Explain what a running robot does, and why.
+    Why(why::Arguments),
+    /// List the plugins of a running robot and their state.
+    Ps(ps::Arguments),
+    /// List, print and measure the topics of a running robot.
+    #[command(subcommand)]
+    Topic(topic::Topic),
+    /// Send a running robot to a goal and wait until it arrives.
+    Goto(goto::Arguments),
+    /// Change parameters of running behaviors: all of them, or none if one is refused.
+    Set(set::Arguments),
+    /// Enable a behavior of a running robot.
+    Enable(switch::Arguments),
+    /// Disable a behavior of a running robot: its proposals are ignored.
+    Disable(switch::Arguments),
+    /// Drive a running robot with the keyboard or a joystick.
+    Teleop(teleop::Arguments),
+    /// Stop a running robot at once; it stays stopped until `reset`.
+    Estop(estop::Arguments),
+    /// Release the emergency stop of a running robot.
+    Reset(estop::Arguments),
+    /// Run one plugin of a running robot; started by its supervisor.
     #[command(hide = true)]
     Plugin(plugin::Arguments),
 }
 
-/// A task and what is changed in it.
-#[derive(Args)]
-pub struct TaskArguments {
-    /// The task file.
-    pub file: PathBuf,
-    /// Use this robot file instead of the one that the task names.
-    #[arg(long, value_name = "FILE")]
-    pub robot: Option<PathBuf>,
-    /// Change a key: `behaviors.wall-follower.speed_mps=0.2`, or `robot.sensors.front.intrinsics.fov_deg=70` in the robot file.
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-}
-
-impl TaskArguments {
-    /// What `--robot` and `--set` say.
-    pub fn overrides(&self) -> Overrides {
-        Overrides { robot: self.robot.clone(), set: self.set.clone() }
-    }
-
-    /// The checked task.
-    ///
-    /// # Errors
-    /// Everything that is wrong with it.
-    pub fn load(&self) -> Result<Task, Problems> {
-        load(&self.file, &self.overrides(), &plugins())
-    }
-
-    /// The checked task; where there is none, what is wrong is printed.
-    pub fn load_or_tell(&self, print: Print) -> Option<Task> {
-        self.load().map_err(|problems| print.problems(&problems)).ok()
+impl Command {
+    /// Runs the command.
+    pub fn run(self, print: Print) -> CommandResult {
+        match self {
+            Command::Run(arguments) => run::run(&arguments, print),
+            Command::Check(arguments) => check::check(&arguments, print),
+            Command::Graph(arguments) => graph::graph(&arguments, print),
+            Command::List => list::list(print),
+            Command::Describe(arguments) => describe::describe(&arguments, print),
+            Command::Schema(arguments) => schema::schema(&arguments),
+            Command::New(new) => new::new(&new, print),
+            Command::Learn(learn) => learn::learn(&learn, print),
+            Command::Why(arguments) => why::why(&arguments, print),
+            Command::Ps(arguments) => ps::ps(&arguments, print),
+            Command::Topic(topic) => topic::topic(&topic, print),
+            Command::Goto(arguments) => goto::goto(&arguments, print),
+            Command::Set(arguments) => set::set(&arguments, print),
+            Command::Enable(arguments) => switch::enable(&arguments, print),
+            Command::Disable(arguments) => switch::disable(&arguments, print),
+            Command::Teleop(arguments) => teleop::teleop(&arguments),
+            Command::Estop(arguments) => estop::estop(&arguments, print),
+            Command::Reset(arguments) => estop::reset(&arguments, print),
+            Command::Plugin(arguments) => plugin::plugin(&arguments),
+        }
     }
 }

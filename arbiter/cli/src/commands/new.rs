@@ -1,50 +1,53 @@
-//! `yamabico new`: a crate to begin a plugin with.
+//! `yamabico new`: a behavior to start from.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use serde::Serialize;
 
-use crate::output::{BAD_CONFIGURATION, DONE, Print, exit, fail};
+use crate::output::{CommandResult, DONE, Failure, Print};
 
-/// What is begun.
+/// Maximum length of a name.
+const MAX_NAME: usize = 32;
+
+/// The kind of thing to create.
 #[derive(Subcommand)]
 pub enum New {
-    /// A behavior in a program of its own, in Rust or in Python, with a test, and a task that runs it.
+    /// Create a behavior as a program of its own, in Rust or Python, with a test and a task that runs it.
     Behavior(Arguments),
 }
 
-/// What `new behavior` is told.
+/// Arguments of `new behavior`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Its name, kebab-case; also that of the folder.
+    /// Name of the behavior and of its folder: lowercase letters, digits and `-`.
     name: String,
-    /// In Python, instead of a crate in Rust.
+    /// Writes it in Python instead of Rust.
     #[arg(long)]
     python: bool,
-    /// The folder of Yamabico's sources; without it, looked for from here upwards.
+    /// Folder of Yamabico's sources; by default the working directory or one above it, else the folder that this program was
+    /// built from.
     #[arg(long, value_name = "DIR")]
     repository: Option<PathBuf>,
 }
 
-/// What was begun.
+/// A created folder.
 #[derive(Serialize)]
-struct Begun {
+struct Created {
     folder: PathBuf,
     files: Vec<&'static str>,
-    /// What runs it, in that folder.
+    /// Commands that test, build and run it, in that folder.
     run: String,
 }
 
-/// What a behavior begins with.
+/// The files of a new behavior.
 struct Template {
-    /// Names and texts.
+    /// Names and contents.
     files: &'static [(&'static str, &'static str)],
-    /// How its task names the program.
+    /// Value of `exec` in the task.
     exec: &'static str,
-    /// What tests it and makes it ready to run.
-    ready: &'static [&'static str],
+    /// Commands that test and build it.
+    build: &'static [&'static str],
 }
 
 const TASK: (&str, &str) = ("task.toml", include_str!("../../templates/behavior/task.toml"));
@@ -57,7 +60,7 @@ const RUST: Template = Template {
         (".gitignore", "/target\n/out\n"),
     ],
     exec: "\"target/debug/@name@\"",
-    ready: &["cargo test", "cargo build"],
+    build: &["cargo test", "cargo build"],
 };
 
 const PYTHON: Template = Template {
@@ -68,7 +71,7 @@ const PYTHON: Template = Template {
         (".gitignore", "/venv\n/out\n__pycache__\n"),
     ],
     exec: "\"venv/bin/python\", \"./behavior.py\"",
-    ready: &[
+    build: &[
         "python3 -m venv venv",
         "venv/bin/pip install @repository@/core/python",
         "venv/bin/python -m unittest",
@@ -76,47 +79,38 @@ const PYTHON: Template = Template {
 };
 
 /// Writes the folder.
-pub fn new(what: &New, print: Print) -> ExitCode {
-    let New::Behavior(arguments) = what;
-    match begin_behavior(arguments) {
-        Ok(begun) => {
-            print.show(&begun, |begun| {
-                format!(
-                    "{folder} begins: cd {folder} && {run}",
-                    folder = begun.folder.display(),
-                    run = begun.run
-                )
-            });
-            exit(DONE)
-        }
-        Err(problem) => fail(&problem, BAD_CONFIGURATION),
-    }
+pub fn new(new: &New, print: Print) -> CommandResult {
+    let New::Behavior(arguments) = new;
+    let created = create_behavior(arguments).map_err(Failure::usage)?;
+    print.show(&created, |created| {
+        let files = created.files.iter().map(|file| format!("  {file}\n"));
+        format!(
+            "created {folder} with\n{files}test, build and run it:\n  cd {folder} && {run}",
+            folder = created.folder.display(),
+            files = files.collect::<String>(),
+            run = created.run
+        )
+    });
+    Ok(DONE)
 }
 
-fn begin_behavior(arguments: &Arguments) -> Result<Begun, String> {
+fn create_behavior(arguments: &Arguments) -> Result<Created, String> {
+    let repository = find_repository(arguments.repository.as_deref())?;
     let name = arguments.name.as_str();
-    let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-    if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(fits) || name.len() > 32 {
+    let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+    let starts_with_letter = name.starts_with(|c: char| c.is_ascii_lowercase());
+    if !starts_with_letter || !name.chars().all(is_allowed) || name.len() > MAX_NAME {
         return Err(format!(
-            "`{name}` cannot be a name: 1 to 32 small letters, digits and `-`, a letter first"
+            "`{name}` is not a valid name: use 1 to {MAX_NAME} lowercase letters, digits and `-`, beginning with a letter"
         ));
     }
-    let repository = match &arguments.repository {
-        Some(folder) => is_repository(folder).then(|| folder.clone()),
-        None => std::env::current_dir()
-            .ok()
-            .and_then(|here| here.ancestors().find(|folder| is_repository(folder)).map(Path::to_path_buf)),
-    };
-    let repository = repository.and_then(|folder| folder.canonicalize().ok());
-    let repository =
-        repository.ok_or("Yamabico's sources are not here: name their folder with --repository DIR")?;
     let folder = PathBuf::from(name);
     if folder.exists() {
-        return Err(format!("{name} exists already: choose another name or another folder"));
+        return Err(format!("{name} already exists here: choose another name, or change to another folder"));
     }
     let failed = |path: &Path, error| format!("cannot write {}: {error}", path.display());
     let template = if arguments.python { PYTHON } else { RUST };
-    let run = [template.ready, &["yamabico run task.toml --live"]].concat().join(" && ");
+    let run = [template.build, &["yamabico run task.toml --live"]].concat().join(" && ");
     let fill = |text: &str| {
         let text = text.replace("@run@", &run).replace("@exec@", template.exec);
         text.replace("@name@", name).replace("@repository@", &repository.to_string_lossy())
@@ -127,12 +121,31 @@ fn begin_behavior(arguments: &Arguments) -> Result<Begun, String> {
         parent.and_then(|()| std::fs::write(&path, fill(text))).map_err(|error| failed(&path, error))?;
     }
     if !arguments.python {
-        // The versions that Yamabico is tested with.
+        // Pins the versions that Yamabico is tested with.
         let lock = folder.join("Cargo.lock");
         std::fs::copy(repository.join("Cargo.lock"), &lock).map_err(|error| failed(&lock, error))?;
     }
     let run = fill(&run);
-    Ok(Begun { folder, files: template.files.iter().map(|(file, _)| *file).collect(), run })
+    Ok(Created { folder, files: template.files.iter().map(|(file, _)| *file).collect(), run })
+}
+
+/// Finds the folder of Yamabico's sources, which the new behavior depends on.
+fn find_repository(given: Option<&Path>) -> Result<PathBuf, String> {
+    let here = std::env::current_dir().unwrap_or_default();
+    let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let found = match given {
+        Some(folder) => Some(folder).filter(|folder| is_repository(folder)),
+        None => here.ancestors().chain([built_from.as_path()]).find(|folder| is_repository(folder)),
+    };
+    found.and_then(|folder| folder.canonicalize().ok()).ok_or_else(|| match given {
+        Some(folder) => format!(
+            "{} does not contain Yamabico's sources (--repository): give the folder of a clone of the repository",
+            folder.display()
+        ),
+        None => "Yamabico's sources, which the new behavior depends on, were not found: clone the repository and give its \
+                 folder with --repository DIR"
+            .to_owned(),
+    })
 }
 
 fn is_repository(folder: &Path) -> bool {

@@ -1,64 +1,63 @@
-//! `yamabico plugin`: a plugin in a process of its own, started by the supervisor of a running robot.
+//! `yamabico plugin`: one plugin in its own process, started by the supervisor of a running robot.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
-use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 use yamabico::plugins::plugins;
 use yamabico_host::Scheduling;
-use yamabico_host::process::{Guardian, OnDeath, serve};
+use yamabico_host::process::{OnParentDeath, ParentProcess, serve};
 
-use crate::output::{DEVICE_FAILED, fail};
+use crate::output::{CommandResult, Failure};
 
-/// What `plugin` is told; the rest is on standard input.
+/// Arguments of `plugin`; the launch configuration is read from standard input.
 #[derive(Args)]
 pub struct Arguments {
-    /// Its name in the task or robot file: for whoever lists processes.
+    /// Name in the task or robot file, for process listings.
     name: String,
-    /// The process that it does not outlive.
+    /// Process id of the supervisor.
     #[arg(long, value_name = "PID")]
     guardian: u32,
-    /// What the guardian's death is for it.
+    /// Reaction to the death of the supervisor.
     #[arg(long, value_enum)]
     on_death: Death,
-    /// What is asked of the system's scheduler.
+    /// Settings of the system's scheduler.
     #[arg(long, value_name = "fifo=N,nice=N,processors=N", default_value = "")]
     scheduling: Scheduling,
-    /// The program that it becomes, and its arguments; without one, a plugin of this program.
+    /// External program to become, with its arguments; by default a plugin of this program.
     #[arg(last = true)]
     exec: Vec<OsString>,
 }
 
-/// What the guardian's death is for a plugin.
+/// Reaction to the death of the supervisor.
 #[derive(Clone, Copy, ValueEnum)]
 enum Death {
-    /// Its own at once.
+    /// Die at once.
     Die,
-    /// It brakes first.
+    /// Brake first.
     Brake,
 }
 
 /// Becomes the plugin.
-pub fn plugin(arguments: &Arguments) -> ExitCode {
+pub fn plugin(arguments: &Arguments) -> CommandResult {
     let on_death = match arguments.on_death {
-        Death::Die => OnDeath::Die,
-        Death::Brake => OnDeath::Brake,
+        Death::Die => OnParentDeath::Die,
+        Death::Brake => OnParentDeath::Brake,
     };
-    match (Guardian { pid: arguments.guardian, on_death }).follow() {
+    match (ParentProcess { pid: arguments.guardian, on_death }).follow() {
         Ok(true) => {}
-        Ok(false) => return fail("the supervisor is gone", DEVICE_FAILED),
-        Err(error) => return fail(&format!("cannot follow the supervisor: {error}"), DEVICE_FAILED),
+        Ok(false) => return Err(Failure::device("the supervisor has ended")),
+        Err(error) => return Err(Failure::device(format!("cannot follow the supervisor: {error}"))),
     }
     for refused in arguments.scheduling.apply() {
         tracing::warn!("`{}` runs on although {refused}", arguments.name);
     }
     match arguments.exec.split_first() {
-        None => serve(&plugins()),
+        None => Ok(serve(&plugins())),
         Some((program, rest)) => {
-            // Returns only where it fails.
+            // Returns only if it fails.
             let error = std::process::Command::new(program).args(rest).exec();
-            fail(&format!("cannot start {}: {error}", program.display()), DEVICE_FAILED)
+            Err(Failure::device(format!("cannot start {}: {error}", program.display())))
         }
     }
 }

@@ -1,15 +1,15 @@
-//! The table at the end of a run.
+//! The tables at the end of a run.
 
 use std::fmt::Write;
 
-use yamabico_runtime::execution::End;
+use yamabico_runtime::execution::RunEnd;
 use yamabico_runtime::report::{LatencyFigures, RunSummary, Spread};
-use yamabico_runtime::run::Ran;
+use yamabico_runtime::run::RunResult;
 
 use crate::output::table;
 
-/// The table of `ran`, for people.
-pub fn run_table(ran: &Ran) -> String {
+/// The tables of a run, for people.
+pub fn run_table(ran: &RunResult) -> String {
     let mut text = figures(ran);
     if !ran.summary.halts.is_empty() {
         text += &halts(ran);
@@ -17,18 +17,18 @@ pub fn run_table(ran: &Ran) -> String {
     text += &behaviors(&ran.summary);
     text += &latencies(&ran.summary);
     text += &topics(&ran.summary);
-    text += &left(ran);
+    text += &files(ran);
     text
 }
 
-fn figures(ran: &Ran) -> String {
+fn figures(ran: &RunResult) -> String {
     let summary = &ran.summary;
     let end = match ran.end {
-        End::Arrived => "arrived",
-        End::SensorsEnded => "all sensors ended",
-        End::TimeOver if ran.is_done() => "time over",
-        End::TimeOver => "time over, not arrived",
-        End::Interrupted => "interrupted",
+        RunEnd::Arrived => "arrived",
+        RunEnd::SensorsEnded => "all sensors ended",
+        RunEnd::TimeOver if ran.is_done() => "time over",
+        RunEnd::TimeOver => "time over, not arrived",
+        RunEnd::Interrupted => "interrupted",
     };
     let meters = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.3} m"));
     let count = |value: Option<u32>| value.map_or("-".into(), |value| value.to_string());
@@ -38,30 +38,30 @@ fn figures(ran: &Ran) -> String {
     table.add_row(["distance", &format!("{:.2} m", summary.distance_m)]);
     table.add_row(["time", &format!("{:.1} s", summary.time_s)]);
     table.add_row(["contacts", &count(summary.contacts)]);
-    table.add_row(["people who walked into it", &count(summary.struck)]);
-    table.add_row(["smallest clearance", &meters(summary.smallest_clearance_m)]);
-    table.add_row(["nearest person while standing", &meters(summary.smallest_person_standing_m)]);
+    table.add_row(["people who walked into the robot", &count(summary.struck)]);
+    table.add_row(["minimum clearance", &meters(summary.smallest_clearance_m)]);
+    table.add_row(["nearest person while stopped", &meters(summary.smallest_person_standing_m)]);
     table.add_row(["nearest person while moving", &meters(summary.smallest_person_moving_m)]);
-    table.add_row(["RMS offset", &meters(summary.rms_offset_m)]);
+    table.add_row(["RMS lateral offset", &meters(summary.rms_offset_m)]);
     table.add_row(["halts", &format!("{} ({halted:.1} s)", summary.halts.len())]);
-    table.add_row(["faster than real time", &format!("{:.1} x", summary.real_time_factor)]);
+    table.add_row(["speed of the run", &format!("{:.1} x real time", summary.real_time_factor)]);
     if is_live(summary) {
         table.add_row([
-            "arbiter woke late: p50, p99, most",
+            "lateness of arbiter ticks: p50, p99, max",
             &format!("{} ms", spread(&summary.tick_lateness)),
         ]);
-        table.add_row(["started again", &restarts(summary)]);
+        table.add_row(["restarts", &restarts(summary)]);
     }
     for (name, latency) in &summary.behaviors {
         if let Some(LatencyFigures { budget_ms: Some(budget_ms), late_commands, .. }) = latency.latency {
-            let late = format!("{late_commands} on data older than {budget_ms:.0} ms");
+            let late = format!("{late_commands} based on data older than {budget_ms:.0} ms");
             table.add_row([&format!("late commands of {name}"), &late]);
         }
     }
     format!("{table}\n")
 }
 
-/// In lockstep there are no ticks to be late at.
+/// Returns true for a live run: lockstep has no ticks that could be late.
 fn is_live(summary: &RunSummary) -> bool {
     summary.tick_lateness.count > 0
 }
@@ -71,26 +71,26 @@ fn spread(spread: &Spread) -> String {
 }
 
 fn restarts(summary: &RunSummary) -> String {
-    let again = summary.restarts.iter().filter(|(_, restarts)| **restarts > 0);
-    let again: Vec<String> = again.map(|(name, restarts)| format!("{name} {restarts} x")).collect();
-    if again.is_empty() { "none".to_owned() } else { again.join(", ") }
+    let restarted = summary.restarts.iter().filter(|(_, restarts)| **restarts > 0);
+    let restarted: Vec<String> = restarted.map(|(name, restarts)| format!("{name} {restarts} x")).collect();
+    if restarted.is_empty() { "none".to_owned() } else { restarted.join(", ") }
 }
 
-/// Where the time goes from a measurement to the command: only live, since computing takes no time in lockstep.
+/// The latencies from measurement to command; empty in lockstep, where computing takes no time.
 fn latencies(summary: &RunSummary) -> String {
     if !is_live(summary) {
         return String::new();
     }
     let head =
-        ["p50, p99, most; ms", "to received", "to proposed", "to heard", "to commanded", "since captured"];
+        ["p50, p99, max; ms", "to behavior", "to proposal", "to arbiter", "to command", "since capture"];
     let mut table = table(&head, 1..6);
     for (name, behavior) in &summary.behaviors {
         let Some(latency) = &behavior.latency else { continue };
         let stages = [
             latency.captured_to_received,
             latency.received_to_proposed,
-            latency.proposed_to_heard,
-            latency.heard_to_commanded,
+            latency.proposed_to_accepted,
+            latency.accepted_to_commanded,
             latency.captured_to_commanded,
         ];
         table.add_row(std::iter::once(name.clone()).chain(stages.iter().map(spread)));
@@ -98,13 +98,13 @@ fn latencies(summary: &RunSummary) -> String {
     format!("{table}\n")
 }
 
-fn halts(ran: &Ran) -> String {
-    let mut table = table(&["halt by", "at", "for", "nearest person"], 1..4);
+fn halts(ran: &RunResult) -> String {
+    let mut table = table(&["halted by", "at", "duration", "nearest person"], 1..4);
     for halt in &ran.summary.halts {
         let end_s = halt.begin_s + halt.duration_s;
-        let met =
+        let encounters =
             ran.summary.encounters.iter().filter(|met| met.begin_s <= end_s && met.end_s >= halt.begin_s);
-        let nearest = met.flat_map(|met| &met.stood_at_m).copied().reduce(f64::min);
+        let nearest = encounters.flat_map(|met| &met.stood_at_m).copied().reduce(f64::min);
         let nearest = nearest.map_or("-".into(), |m| format!("{m:.2} m"));
         table.add_row([
             halt.by.clone(),
@@ -125,15 +125,15 @@ fn behaviors(summary: &RunSummary) -> String {
         "p99",
         "overruns",
         "panics",
-        "abstained",
-        "mostly because",
+        "abstentions",
+        "most frequent reason",
     ];
     let mut table = table(&head, 1..8);
     let (behaviors, control_s) = (&summary.behaviors, &summary.control_s);
     let seconds = |name: &str| format!("{:.1} s", control_s.get(name).copied().unwrap_or(0.0));
     for (name, behavior) in behaviors {
         let timing = &behavior.timing;
-        let because =
+        let reason =
             behavior.reasons.iter().max_by_key(|(_, count)| **count).map_or("", |(reason, _)| reason);
         table.add_row([
             name.clone(),
@@ -144,7 +144,7 @@ fn behaviors(summary: &RunSummary) -> String {
             timing.overruns.to_string(),
             timing.panics.to_string(),
             behavior.abstentions.to_string(),
-            because.to_owned(),
+            reason.to_owned(),
         ]);
     }
     for name in control_s.keys().filter(|name| !behaviors.contains_key(*name)) {
@@ -161,18 +161,17 @@ fn topics(summary: &RunSummary) -> String {
     format!("{table}\n")
 }
 
-fn left(ran: &Ran) -> String {
+fn files(ran: &RunResult) -> String {
     let mut text = format!("digest {}\n", ran.summary.digest);
     if let Some(trajectory) = &ran.trajectory {
         // Writing to a `String` cannot fail.
-        let _ = writeln!(text, "picture {}", trajectory.display());
+        let _ = writeln!(text, "trajectory {}", trajectory.display());
     }
     if let Some(recording) = &ran.recording {
         let megabytes = recording.bytes as f64 / 1e6;
-        // Writing to a `String` cannot fail.
         let _ = writeln!(text, "recording {} ({megabytes:.1} MB)", recording.path.display());
         if recording.missing > 0 {
-            let _ = writeln!(text, "{} messages or pictures are missing in it", recording.missing);
+            let _ = writeln!(text, "{} messages or frames are missing in the recording", recording.missing);
         }
         if let Some(problem) = &recording.problem {
             let _ = writeln!(text, "{problem}");
@@ -184,14 +183,14 @@ fn left(ran: &Ran) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_runtime::report::{BehaviorSummary, Ending, ReferenceLine, SummaryTap};
+    use yamabico_runtime::report::{BehaviorSummary, ReferenceLine, RunFacts, SummaryTap};
 
     fn summary() -> RunSummary {
         RunSummary {
-            control_s: [("wall", 2.5), ("nobody", 0.5)].map(|(name, s)| (name.into(), s)).into(),
+            control_s: [("wall", 2.5), ("no behavior", 0.5)].map(|(name, s)| (name.into(), s)).into(),
             behaviors: [("wall".into(), BehaviorSummary::default())].into(),
             topics: [("truth".into(), 41)].into(),
-            ..SummaryTap::new(ReferenceLine::default()).finish(Ending::default())
+            ..SummaryTap::new(ReferenceLine::default()).finish(RunFacts::default())
         }
     }
 
@@ -202,18 +201,18 @@ mod tests {
             let row = table.lines().find(|line| line.contains(name)).unwrap();
             row.split('┆').nth(1).unwrap().trim().trim_end_matches(['│', ' ']).to_owned()
         };
-        assert_eq!((seconds_of("wall"), seconds_of("nobody")), ("2.5 s".into(), "0.5 s".into()));
+        assert_eq!((seconds_of("wall"), seconds_of("no behavior")), ("2.5 s".into(), "0.5 s".into()));
     }
 
     #[test]
-    fn panics_are_told() {
+    fn panics_are_in_the_table() {
         let mut summary = summary();
         summary.behaviors.values_mut().for_each(|behavior| behavior.timing.panics = 73);
         assert!(behaviors(&summary).contains("73"));
     }
 
     #[test]
-    fn stages_are_told_of_a_live_run_only() {
+    fn latencies_are_in_the_tables_of_a_live_run_only() {
         let mut summary = summary();
         let spread = Spread { count: 9, p50_ms: 1.25, p99_ms: 2.5, max_ms: 3.0 };
         let latency = LatencyFigures { captured_to_commanded: spread, ..LatencyFigures::default() };
@@ -226,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn topics_are_told_with_their_messages() {
+    fn topics_are_listed_with_their_number_of_messages() {
         let table = topics(&summary());
         assert!(table.lines().any(|line| line.contains("truth") && line.contains("41")), "{table}");
     }

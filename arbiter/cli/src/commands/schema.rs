@@ -1,14 +1,57 @@
-//! `yamabico schema`: the JSON Schemas of task, robot and world files.
+//! `yamabico schema`: the JSON Schemas of configuration files.
 
-use std::process::ExitCode;
+use std::path::{Path, PathBuf};
 
+use clap::Args;
+use serde_json::{Map, Value};
 use yamabico::plugins::plugins;
 use yamabico_host::config;
 
-use crate::output::{DONE, Print, exit};
+use crate::output::{CommandResult, DONE, Failure, Print};
 
-/// Prints the schema.
-pub fn schema() -> ExitCode {
-    Print::Json.show(&config::schema(&plugins()), |_| String::new());
-    exit(DONE)
+/// Arguments of `schema`.
+#[derive(Args)]
+pub struct Arguments {
+    /// Kind of file: task, robot, world, map, ...; without it, all kinds in one object.
+    kind: Option<String>,
+    /// Folder to which all schemas are written, one file KIND.json per kind.
+    #[arg(long, value_name = "DIR", conflicts_with = "kind")]
+    out: Option<PathBuf>,
+}
+
+/// Prints or writes the schemas.
+pub fn schema(arguments: &Arguments) -> CommandResult {
+    let all = config::schema(&plugins());
+    let none = Map::new();
+    let kinds = all.as_object().unwrap_or(&none);
+    if let Some(folder) = &arguments.out {
+        return write(kinds, folder);
+    }
+    match &arguments.kind {
+        None => Print::Json.show(&all, |_| String::new()),
+        Some(kind) => match kinds.get(kind) {
+            Some(schema) => Print::Json.show(schema, |_| String::new()),
+            None => {
+                let names: Vec<&str> = kinds.keys().map(String::as_str).collect();
+                return Err(Failure::usage(format!(
+                    "there is no kind of file `{kind}`; available: {}",
+                    names.join(", ")
+                )));
+            }
+        },
+    }
+    Ok(DONE)
+}
+
+fn write(kinds: &Map<String, Value>, folder: &Path) -> CommandResult {
+    let failed = |path: &Path, error: &dyn std::fmt::Display| {
+        Failure::usage(format!("{} could not be written: {error}", path.display()))
+    };
+    std::fs::create_dir_all(folder).map_err(|error| failed(folder, &error))?;
+    for (kind, schema) in kinds {
+        let path = folder.join(format!("{kind}.json"));
+        std::fs::write(&path, format!("{schema:#}\n")).map_err(|error| failed(&path, &error))?;
+    }
+    println!("{} schemas written to {}", kinds.len(), folder.display());
+    Ok(DONE)
 }

@@ -1,56 +1,55 @@
-//! Drives ahead, the slower the nearer something is.
+//! Drives ahead and slows down in front of obstacles.
 
 use std::process::ExitCode;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::{Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo};
+use smart_default::SmartDefault;
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{Axes, NO_ECHO, Proposal, RangeScanHeader, Reason, Twist};
 
-/// What is ahead.
+/// The input: wired to a sensor of the robot by `inputs = { sonar = "..." }` in the task file.
 const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
 
-/// The keys of its table in a task file; unit, range and default of each are told to `check` and `describe`.
-#[derive(Debug, Deserialize, JsonSchema)]
+/// The parameters: keys of `[behaviors.NAME]` in the task file. `yamabico check` refuses values out of range, `yamabico describe`
+/// and editors show these texts.
+#[derive(Debug, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 struct Config {
-    /// Speed where nothing is near, m/s, 0.02 to 2, default 0.3.
+    /// Speed while the path ahead is clear.
+    #[default(0.3)]
     #[schemars(range(min = 0.02, max = 2.0))]
     speed_mps: f64,
-    /// It stands before anything nearer than this, m, 0.1 to 5, default 0.6.
+    /// Distance from an obstacle at which the robot stops.
+    #[default(0.6)]
     #[schemars(range(min = 0.1, max = 5.0))]
     stop_m: f64,
 }
 
-impl Default for Config {
-    fn default() -> Self {
-        Config { speed_mps: 0.3, stop_m: 0.6 }
-    }
-}
-
-/// The behavior: what it keeps from one call to the next.
-struct Creeper {
+/// The behavior: its parameters, and whatever it keeps between two calls.
+struct MyBehavior {
     config: Config,
 }
 
-impl Plugin for Creeper {
+impl Plugin for MyBehavior {
     type Config = Config;
     const NAME: &'static str = env!("CARGO_PKG_NAME");
-    const SUMMARY: &'static str = "Drives ahead, the slower the nearer something is.";
+    const SUMMARY: &'static str = "Drives ahead and slows down in front of obstacles.";
     const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
-    fn new(config: Config, _: &Setup) -> Result<Self, BuildError> {
-        Ok(Creeper { config })
+    fn new(config: Config, _: &Setup) -> Result<Self, ParameterError> {
+        Ok(MyBehavior { config })
     }
 }
 
-impl Behavior for Creeper {
+impl Behavior for MyBehavior {
+    /// Called on every new scan. Without an input it abstains, and the next behavior by priority drives.
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let Some(scan) = inputs.latest(&SONAR) else { return Proposal::abstain(Reason::NoInput) };
         let echoes = scan.items.iter().filter(|beam| beam.flags & NO_ECHO == 0).map(|beam| beam.range_m);
         let nearest_m = echoes.fold(scan.header.max_m, f64::min);
-        // Full speed from twice the distance at which it stands; what is no number stands.
+        // Full speed from twice the stopping distance on. A value that is not finite stops the robot.
         let share = (nearest_m / self.config.stop_m - 1.0).clamp(0.0, 1.0);
         let speed = if share.is_finite() { share * self.config.speed_mps } else { 0.0 };
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, 0.0))
@@ -58,7 +57,7 @@ impl Behavior for Creeper {
 }
 
 fn main() -> ExitCode {
-    yamabico_host::process::main::<Creeper>()
+    yamabico_host::process::main::<MyBehavior>()
 }
 
 #[cfg(test)]
@@ -67,24 +66,26 @@ mod tests {
     use yamabico_core::message::{Beam, Kind};
     use yamabico_core::testing::Bench;
 
-    fn speed_before(range_m: f64) -> f64 {
-        let mut bench = Bench::<Creeper>::new("speed_mps = 0.4", Setup::default()).expect("a valid table");
+    /// The proposed speed, m/s, with an echo at `range_m`.
+    fn speed_at(range_m: f64) -> f64 {
+        let mut bench =
+            Bench::<MyBehavior>::new("speed_mps = 0.4", Setup::default()).expect("valid parameters");
         let scan = RangeScanHeader { stamp_ns: 1, max_m: 3.0, ..Default::default() };
         bench.at(0.1).feed(&SONAR, &scan, &[Beam { range_m, ..Default::default() }]);
         bench.propose().twist.linear
     }
 
     #[test]
-    fn it_slows_down_and_stands_before_what_is_near() {
-        assert_eq!(speed_before(2.0), 0.4);
-        assert!((speed_before(0.9) - 0.2).abs() < 1e-9);
-        assert_eq!(speed_before(0.5), 0.0);
-        assert_eq!(speed_before(f64::NAN), 0.4, "no range is none that is near");
+    fn it_slows_down_and_stops_in_front_of_an_obstacle() {
+        assert_eq!(speed_at(2.0), 0.4);
+        assert!((speed_at(0.9) - 0.2).abs() < 1e-9);
+        assert_eq!(speed_at(0.5), 0.0);
+        assert_eq!(speed_at(f64::NAN), 0.4, "a range that is not a number is ignored");
     }
 
     #[test]
-    fn without_a_sonar_it_says_so() {
-        let mut bench = Bench::<Creeper>::new("", Setup::default()).expect("a valid table");
+    fn without_a_sonar_it_abstains() {
+        let mut bench = Bench::<MyBehavior>::new("", Setup::default()).expect("valid parameters");
         assert_eq!(bench.propose().kind(), Some(Kind::Abstain));
     }
 }

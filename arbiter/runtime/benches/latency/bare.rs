@@ -1,4 +1,4 @@
-//! The same hops over iceoryx2 alone, as one would write them without this project.
+//! The same hops over iceoryx2 alone, without this project.
 
 use std::time::{Duration, Instant};
 
@@ -12,20 +12,20 @@ use yamabico_core::time::Time;
 
 use super::{FRAME, PERIOD};
 
-/// A stamp, and as many bytes as a message of ours has beside it.
+/// Stamp of a frame, in front of as many bytes as the message of this project has.
 type Stamp = u64;
 
-/// Hops in the order in which a frame comes along: name, bytes.
+/// Hops in the order of a frame: name, bytes.
 const HOPS: [(&str, usize); 3] = [
     ("frame", FRAME + size_of::<FrameHeader>()),
     ("proposal", size_of::<Proposal>()),
     ("command", size_of::<Command>()),
 ];
 
-/// How long one waits for a frame to come back.
+/// Time after which a frame counts as lost.
 const LOST: Duration = Duration::from_secs(2);
 
-/// Where the bare services keep their files; cleared with it.
+/// Folder of the bare services' files; removed when dropped.
 pub struct Root(std::path::PathBuf);
 
 impl Root {
@@ -50,13 +50,13 @@ impl Drop for Root {
     }
 }
 
-/// The sending end of a hop.
+/// Sending end of a hop.
 struct Sender(Publisher<ipc::Service, [u8], Stamp>, Notifier<ipc::Service>, usize);
 
-/// The receiving end of a hop.
+/// Receiving end of a hop.
 struct Receiver(Subscriber<ipc::Service, [u8], Stamp>, Listener<ipc::Service>);
 
-/// The process that sends frames and waits for commands.
+/// Process that sends frames and waits for commands.
 pub struct Chain {
     node: Node<ipc::Service>,
 }
@@ -67,10 +67,10 @@ impl Chain {
         Chain { node: node(root.path()) }
     }
 
-    /// Latencies of so many frames, nanoseconds; of those that come back.
+    /// Latencies of `frames` frames that are not lost, ns.
     pub fn measure(self, frames: usize) -> Vec<u64> {
         let (sender, receiver) = (Sender::open(&self.node, 0), Receiver::open(&self.node, 2));
-        // The robot's first frame waits for its processes; half a period later than its frames as near as it may be.
+        // The robot's first frame waits for its processes; half a period of distance keeps the two apart.
         std::thread::sleep(Duration::from_millis(500) + PERIOD / 2);
         let mut latencies = Vec::with_capacity(frames);
         let mut next = Instant::now();
@@ -91,7 +91,7 @@ impl Chain {
     }
 }
 
-/// The process of a relay: receives on its hop and sends on the next.
+/// Process of a relay: receives on its hop and sends on the next.
 pub fn relay(role: &str, root: &str) {
     let hop = if role == "behavior" { 0 } else { 1 };
     let node = node(root);
@@ -119,7 +119,7 @@ impl Sender {
     fn send(&self, stamp: Stamp) {
         let mut sample = self.0.loan_slice_uninit(self.2).unwrap();
         *sample.user_header_mut() = stamp;
-        #[allow(unsafe_code, reason = "every byte is written before the sample is said to be whole")]
+        #[allow(unsafe_code, reason = "every byte is written before the sample is marked as initialized")]
         let sample = unsafe {
             std::ptr::write_bytes(sample.payload_mut().as_mut_ptr().cast::<u8>(), 1, self.2);
             sample.assume_init()
@@ -137,7 +137,7 @@ impl Receiver {
         Receiver(subscriber.unwrap(), listener.unwrap())
     }
 
-    /// Sleeps until the hop rings; the newest stamp, where one came.
+    /// Waits for a notification of the hop; returns the newest stamp, if there is one.
     fn wait(&self) -> Option<Stamp> {
         self.1.timed_wait(|_| {}, Duration::from_millis(100)).unwrap();
         self.0.receive().unwrap().map(|sample| *sample.user_header())

@@ -1,10 +1,10 @@
 //! Frame published to command received, across three processes: a live robot whose behavior does nothing, against bare
 //! iceoryx2 with events over the same hops in the same run.
 //!
-//!     cargo bench -p yamabico-arbiter --bench latency -- [FRAMES]
+//!     cargo bench -p yamabico-runtime --bench latency -- [FRAMES]
 //!
-//! Device, behavior and arbiter are a process each; a 640x480 frame is written in place every 20 ms. The bare ones do
-//! nothing but receive, send and ring, with messages of the same sizes, half a period later. Prints p50 and p99 in
+//! Device, behavior and arbiter are a process each; a 640x480 frame is written in place every 20 ms. The bare ones only
+//! receive, send and notify, with messages of the same sizes, half a period later. Prints p50 and p99 in
 //! microseconds and the ratio of ours to bare; the bar is 1.5.
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark")]
@@ -16,16 +16,16 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use yamabico_host::process::{Guardian, OnDeath, serve};
+use yamabico_host::process::{OnParentDeath, ParentProcess, serve};
 use yamabico_runtime::record::{Pace, Tee};
 use yamabico_runtime::run::{Options, run};
 use yamabico_runtime::supervisor::Program;
 
-/// From one frame to the next.
+/// Period of the frames.
 pub const PERIOD: Duration = Duration::from_millis(20);
-/// Bytes of a frame.
+/// Size of a frame, bytes.
 pub const FRAME: usize = 640 * 480;
-/// The first frames find caches and connections cold.
+/// Number of first frames that do not count: their caches and connections are cold.
 const COLD: usize = 25;
 const BAR: f64 = 1.5;
 
@@ -38,14 +38,14 @@ fn main() {
     }
 }
 
-/// A plugin of the live robot, as the supervisor starts it.
+/// Runs a plugin of the live robot, as the supervisor starts it.
 fn plugin(arguments: &[String]) {
     let after = |key: &str| {
         let at = arguments.iter().position(|argument| argument == key).unwrap();
         arguments[at + 1].as_str()
     };
-    let on_death = if after("--on-death") == "die" { OnDeath::Die } else { OnDeath::Brake };
-    if (Guardian { pid: after("--guardian").parse().unwrap(), on_death }).follow().unwrap() {
+    let on_death = if after("--on-death") == "die" { OnParentDeath::Die } else { OnParentDeath::Brake };
+    if (ParentProcess { pid: after("--guardian").parse().unwrap(), on_death }).follow().unwrap() {
         serve(&robot::plugins());
     }
 }
@@ -75,14 +75,14 @@ fn measure(frames: usize) {
 fn report(ours: Vec<u64>, bare: Vec<u64>) {
     let frames = ours.len() - COLD;
     println!("frame published to command received over three processes, {frames} frames, microseconds");
-    println!("{:>14} {:>9} {:>9} {:>9} {:>9}", "", "p50", "p90", "p99", "most");
+    println!("{:>14} {:>9} {:>9} {:>9} {:>9}", "", "p50", "p90", "p99", "max");
     let [ours, bare] = [("yamabico", ours), ("bare iceoryx2", bare)].map(|(name, mut latencies)| {
         let kept = &mut latencies[COLD..];
         kept.sort_unstable();
         let at = |share: f64| kept[((kept.len() - 1) as f64 * share) as usize] as f64 / 1e3;
         let shares = [0.5, 0.9, 0.99, 1.0].map(at);
-        let [p50, p90, p99, most] = shares;
-        println!("{name:>14} {p50:>9.1} {p90:>9.1} {p99:>9.1} {most:>9.1}");
+        let [p50, p90, p99, max] = shares;
+        println!("{name:>14} {p50:>9.1} {p90:>9.1} {p99:>9.1} {max:>9.1}");
         shares
     });
     let (p50, p99) = (ours[0] / bare[0], ours[2] / bare[2]);
@@ -90,7 +90,7 @@ fn report(ours: Vec<u64>, bare: Vec<u64>) {
     println!("ratio: p50 {p50:.2}, p99 {p99:.2}; bar {BAR}: {held}");
 }
 
-/// A process of the bare chain, ended with the measurement.
+/// Process of the bare chain; killed when dropped.
 struct Relay(Child);
 
 impl Relay {
@@ -102,7 +102,7 @@ impl Relay {
 
 impl Drop for Relay {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // Fails if it has ended by itself.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }

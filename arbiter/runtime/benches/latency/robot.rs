@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use yamabico_core::behavior::{
-    Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, factory,
+    Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo, factory,
 };
 use yamabico_core::drive::Drive;
 use yamabico_core::driver::{Device, DeviceSpec, DriveOffer, SensorOffer};
@@ -20,7 +20,7 @@ use yamabico_host::config::{Overrides, Task, load};
 
 use super::{FRAME, PERIOD};
 
-/// All that this robot is made of.
+/// Plugins of the robot.
 pub fn plugins() -> Plugins {
     let camera = SensorOffer::new::<FrameHeader, NoParameters>("camera", "Frames.");
     let clock = DriveOffer::new::<NoParameters>("clock", "Obeys.", Axes::PLANAR);
@@ -37,13 +37,13 @@ pub fn plugins() -> Plugins {
 struct Keys {
     /// Frames to measure.
     frames: usize,
-    /// Where the latencies go.
+    /// File of the latencies.
     file: String,
 }
 
-const CAMERA: Slot<FrameHeader> = Slot::required("camera", "what it is woken by");
+const CAMERA: Slot<FrameHeader> = Slot::required("camera", "Frames that wake it.");
 
-/// Proposes to stand, whatever it sees.
+/// Proposes a standstill, whatever it receives.
 struct Idler;
 
 impl Plugin for Idler {
@@ -53,7 +53,7 @@ impl Plugin for Idler {
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Idler)
     }
 }
@@ -64,18 +64,18 @@ impl Behavior for Idler {
     }
 }
 
-/// The stamps of frames that have not come back yet.
+/// Stamp of the frame that has not come back yet.
 type Sent = Arc<Mutex<Option<u64>>>;
 
-fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
-    let keys: Keys = spec.table.try_into().map_err(|error| BuildError::new("", format!("{error}")))?;
+fn open(spec: DeviceSpec) -> Result<Device, ParameterError> {
+    let keys: Keys = spec.table.try_into().map_err(|error| ParameterError::new("", format!("{error}")))?;
     let sent = Sent::default();
     let camera = Camera { sent: Arc::clone(&sent), sequence: 0 };
     let watch = Watch { sent, latencies: Vec::with_capacity(keys.frames), keys };
     Ok(Device {
         sensors: vec![("camera".into(), Box::new(camera) as Box<dyn Sensor>)],
         drive: Some(Box::new(watch)),
-        judge: None,
+        ground_truth: None,
         walls: Vec::new(),
     })
 }
@@ -120,7 +120,7 @@ impl Drive for Watch {
         self.latencies.push(Time::monotonic_now().0 - command.evidence_ns);
         if self.latencies.len() == self.keys.frames {
             let lines: Vec<String> = self.latencies.iter().map(u64::to_string).collect();
-            // Whole at once for whoever waits for it.
+            // Renamed into place, so that the file appears with all of its content.
             let part = format!("{}.part", self.keys.file);
             std::fs::write(&part, lines.join("\n")).unwrap();
             std::fs::rename(part, &self.keys.file).unwrap();
@@ -129,12 +129,12 @@ impl Drive for Watch {
     }
 }
 
-/// Where the device leaves its figures.
+/// File of the latencies.
 pub fn figures(folder: &Path) -> PathBuf {
     folder.join("latencies")
 }
 
-/// The latencies that the device left, nanoseconds.
+/// Reads the latencies, ns.
 pub fn read(path: &Path) -> Vec<u64> {
     std::fs::read_to_string(path).unwrap().lines().map(|line| line.parse().unwrap()).collect()
 }

@@ -1,5 +1,5 @@
-//! Real time: the arbiter on a thread of its own, behaviors and devices each in a process or on a thread, woken by the
-//! messages that they wait for.
+//! Live runs: the arbiter on a thread of its own, each behavior and device in a process or on a thread, woken by the messages
+//! that it waits for.
 //!
 //! Stamps are the machine's monotonic clock. The arrival of a proposal triggers a decision and a command at once; the tick
 //! is the keep-alive.
@@ -11,95 +11,96 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::message::MessageType;
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::{Time, TimeSource};
-use yamabico_host::bus::{Bus, BusError, RawSubscriber, Waiter};
+use yamabico_host::bus::{Bus, BusError, RawSubscriber, WaitSet};
 use yamabico_host::config::{Clock, Run};
-use yamabico_host::{Durations, Scheduling, SeatError, behave, behave_in_turn, operate, panicked};
+use yamabico_host::{
+    DurationHistogram, HostError, Scheduling, follow_steps, panic_text, run_behavior, run_device,
+};
 
-use super::apart::Apart;
-use super::arbiter_seat::ArbiterSeat;
-use super::course::{End, Progress, REST, ended};
-use super::fared::Fared;
-use super::lockstep::Supply;
-use super::paced::{DriversTime, Pacer};
+use super::arbiter_host::ArbiterHost;
+use super::driver_clock::{DriverTime, StepCoordinator};
+use super::goal_monitor::GoalMonitor;
+use super::hosts::{ArbiterThread, BehaviorThread, DeviceThread, Hosts};
+use super::lockstep::SensorSupply;
+use super::parameter_server::ParameterServer;
 use super::plan::Plan;
-use super::referee::Referee;
-use super::retuning::RetuningDesk;
-use super::roll::{Failure, Roll};
-use super::roster::{Herald, MayPart, Roster};
-use super::seats::Seats;
+use super::plugin_stats::{PluginFailure, PluginStats};
+use super::robot_manifest::{ManifestPublisher, ProcessPolicy, RobotManifest};
+use super::run_end::{Progress, RunEnd, STOPPING_TIMEOUT, ended};
+use super::run_stats::RunStats;
+use super::separate_processes::SeparateProcesses;
 use crate::record::{Tap, Tee};
 use crate::supervisor::{Program, Supervisor};
 
-/// A robot that is told to rest is believed to stand from then on.
+/// Time for which a robot must be at a standstill after it was commanded to stop.
 const SETTLING: Duration = Duration::from_millis(50);
-/// How often the recorder looks.
-const RECORDER_NAP: Duration = Duration::from_millis(2);
-/// Processes that have not opened everything by then never will.
-const OPENING: Duration = Duration::from_secs(20);
-/// A thread that has not ended by then hangs, and is left behind.
-const FAREWELL: Duration = Duration::from_secs(1);
-/// Decisions that the arbiter makes at once from one tick to the next; whoever rings more often makes it wait between them.
+/// Period of the recorder.
+const RECORDER_PERIOD: Duration = Duration::from_millis(2);
+/// Time within which every process opens its parts.
+const OPENING_TIMEOUT: Duration = Duration::from_secs(20);
+/// Time within which every thread ends; a thread that does not is hung and abandoned.
+const ENDING_TIMEOUT: Duration = Duration::from_secs(1);
+/// Decisions that the arbiter makes without a pause between two ticks.
 const BURST: u32 = 64;
-/// From one decision to the next once the burst is used up: somebody floods.
-const CALM: Duration = Duration::from_millis(1);
+/// Pause after each decision once the burst is used up, so that a flood of proposals cannot occupy a processor.
+const FLOOD_PAUSE: Duration = Duration::from_millis(1);
 
 /// A live run.
 pub struct Live {
-    seats: Option<Seats>,
+    hosts: Option<Hosts>,
     supervisor: Option<Supervisor>,
     clock: Clock,
     taps: Vec<(String, MessageType, RawSubscriber)>,
-    herald: Herald,
-    retuning: RetuningDesk,
-    roll: Roll,
-    orders: Arc<Orders>,
+    manifest: ManifestPublisher,
+    parameter_server: ParameterServer,
+    plugins: PluginStats,
+    flags: Arc<RunFlags>,
     report: Sender<Report>,
     reports: Receiver<Report>,
-    working: usize,
+    running_threads: usize,
     measuring: usize,
     devices: Vec<String>,
     failure: Option<DeviceError>,
-    arbitrated: Fared,
-    // What threads have left behind: it goes when all that they said has been heard.
+    arbiter_stats: RunStats,
+    // Dropped only after everything that the threads published has been received.
     left: Vec<Box<dyn Any + Send>>,
     began: Time,
-    // Ports go before the bus that they are on.
+    // Dropped last: ports must go before their bus.
     _bus: Bus,
 }
 
-/// What the threads are told.
+/// Flags for the threads.
 #[derive(Default)]
-struct Orders {
-    /// Bring the robot to rest.
-    rest: AtomicBool,
+struct RunFlags {
+    /// Bring the robot to a standstill.
+    stop: AtomicBool,
     /// End.
     end: AtomicBool,
-    /// The time, where the clock is a driver's.
-    time: DriversTime,
+    /// Time of a clock that a driver owns.
+    time: DriverTime,
 }
 
-/// What the threads tell.
+/// Reports of the threads.
 enum Report {
-    /// Something failed; its thread goes on as well as it can.
+    /// A failure; the thread continues as well as it can.
     Failed(DeviceError),
-    /// How the arbiter fared.
-    Arbitrated(Box<Fared>),
-    /// The thread has ended and leaves this.
+    /// Statistics of the arbiter.
+    ArbiterStats(Box<RunStats>),
+    /// The thread has ended and leaves this behind.
     Done(Box<dyn Any + Send>),
 }
 
 impl Live {
-    /// Opens everything in shared memory under the robot's name. Plugins that are to run in processes of their own become
-    /// processes of `program`; without one, every plugin gets a thread. Nothing is asked, measured or moved before
-    /// [`Live::run`].
+    /// Opens everything in shared memory under the robot's name. Plugins with processes of their own become processes of
+    /// `program`; without it, every plugin gets a thread. No plugin is called before [`Live::run`].
     ///
     /// # Errors
-    /// A robot of this name runs already; devices or behaviors that do not open.
-    pub fn open(plan: Plan, robot: &str, program: Option<Program>) -> Result<Live, SeatError> {
+    /// A robot of this name is running already, or a device or behavior does not open.
+    pub fn open(plan: Plan, robot: &str, program: Option<Program>) -> Result<Live, HostError> {
         let mut plan = plan.live();
         let bus = Bus::ipc(robot)?;
         plan.create_topics(&bus)?;
@@ -109,39 +110,40 @@ impl Live {
             .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
         let taps = taps.collect::<Result<Vec<_>, BusError>>()?;
         let devices: Vec<String> = plan.devices.iter().map(|device| device.spec.name.clone()).collect();
-        let may_part = if program.is_some() { MayPart::Yes } else { MayPart::No };
-        let herald = Herald::start(&bus, &Roster::of(&plan, robot, may_part))?;
-        let retuning = RetuningDesk::open(&plan, &bus)?;
-        let arbiter = Seats::arbiter(&plan, &bus)?;
+        let policy = if program.is_some() { ProcessPolicy::Separate } else { ProcessPolicy::Threads };
+        let manifest = ManifestPublisher::start(&bus, &RobotManifest::new(&plan, robot, policy))?;
+        let parameter_server = ParameterServer::open(&plan, &bus)?;
+        let arbiter = ArbiterThread::open(&plan, &bus)?;
         let clock = plan.clock;
-        let pacer = match clock {
+        let coordinator = match clock {
             Clock::Machine => None,
-            Clock::Driver => Some(Pacer::open(&plan, &bus)?),
+            Clock::Driver => Some(StepCoordinator::open(&plan, &bus)?),
         };
-        let apart = if program.is_some() { plan.take_apart() } else { Apart::default() };
-        let measuring = apart.devices.iter().filter(|device| !device.sensors.is_empty()).count();
-        let wards = apart.wards(&bus)?;
-        let seats = Seats::open(arbiter, pacer, plan, &bus)?;
-        let here = seats.devices.iter().filter(|(_, device, ..)| device.measures()).count();
-        let names: Vec<String> = wards.iter().map(|ward| ward.charge.name.clone()).collect();
-        let supervisor = program.filter(|_| !wards.is_empty());
-        let supervisor = supervisor.map(|program| Supervisor::start(&bus, wards, program)).transpose()?;
+        let separate =
+            if program.is_some() { plan.split_off_processes() } else { SeparateProcesses::default() };
+        let measuring = separate.devices.iter().filter(|device| !device.sensors.is_empty()).count();
+        let processes = separate.plans(&bus)?;
+        let hosts = Hosts::open(arbiter, coordinator, plan, &bus)?;
+        let here = hosts.devices.iter().filter(|device| device.host.has_sensors()).count();
+        let names: Vec<String> = processes.iter().map(|process| process.launch.name.clone()).collect();
+        let supervisor = program.filter(|_| !processes.is_empty());
+        let supervisor = supervisor.map(|program| Supervisor::start(&bus, processes, program)).transpose()?;
         let (report, reports) = channel();
         let mut live = Live {
             taps,
-            herald,
-            retuning,
-            roll: Roll::default(),
-            orders: Arc::default(),
+            manifest,
+            parameter_server,
+            plugins: PluginStats::default(),
+            flags: Arc::default(),
             report,
             reports,
-            working: 0,
+            running_threads: 0,
             measuring: measuring + here,
             devices,
             failure: None,
-            arbitrated: Fared::default(),
+            arbiter_stats: RunStats::default(),
             left: Vec::new(),
-            seats: Some(seats),
+            hosts: Some(hosts),
             clock,
             supervisor,
             began: Time::monotonic_now(),
@@ -151,63 +153,65 @@ impl Live {
         Ok(live)
     }
 
-    /// Waits until each of these processes has opened everything.
-    fn wait_for(&mut self, names: &[String]) -> Result<(), SeatError> {
+    /// Waits until each of these processes has opened its parts.
+    fn wait_for(&mut self, names: &[String]) -> Result<(), HostError> {
         let begun = Instant::now();
         loop {
             self.show(&mut Tee::default(), Time::monotonic_now());
-            if let Some(failure) = self.roll.failures().first() {
+            if let Some(failure) = self.plugins.failures().first() {
                 return Err(self.refusal(failure));
             }
-            let Some(missing) = names.iter().find(|name| !self.roll.is_up(name)) else { return Ok(()) };
-            if begun.elapsed() > OPENING {
-                let reason = format!("it gave no sign of life for {} s", OPENING.as_secs());
-                return Err(SeatError::Process { name: missing.clone(), reason });
+            let Some(missing) = names.iter().find(|name| !self.plugins.is_up(name)) else { return Ok(()) };
+            if begun.elapsed() > OPENING_TIMEOUT {
+                let reason = format!("it sent no heartbeat within {} s", OPENING_TIMEOUT.as_secs());
+                return Err(HostError::Process { name: missing.clone(), reason });
             }
-            std::thread::sleep(RECORDER_NAP);
+            std::thread::sleep(RECORDER_PERIOD);
         }
     }
 
-    fn refusal(&self, failure: &Failure) -> SeatError {
-        let reason = BuildError::new(&failure.key, &failure.words);
+    fn refusal(&self, failure: &PluginFailure) -> HostError {
+        let reason = ParameterError::new(&failure.key, &failure.problem);
         match self.devices.contains(&failure.plugin) {
-            true => SeatError::Device { device: failure.plugin.clone(), reason },
-            false => SeatError::Process { name: failure.plugin.clone(), reason: reason.to_string() },
+            true => HostError::Device { device: failure.plugin.clone(), reason },
+            false => HostError::Process { name: failure.plugin.clone(), reason: reason.to_string() },
         }
     }
 
     /// Starts every thread, the arbiter's first.
     fn start(&mut self) -> Result<(), DeviceError> {
-        let Some(Seats { arbiter, pacer, behaviors, devices }) = self.seats.take() else {
-            return Err(DeviceError::failed("live run", "it has been run before; open another one"));
+        let Some(Hosts { arbiter, coordinator, behaviors, devices }) = self.hosts.take() else {
+            return Err(DeviceError::failed("live run", "it can be run only once; open another one"));
         };
         self.began = self.now();
-        let (arbiter, waiter, period, scheduling) = arbiter;
-        self.start_thread("arbiter", scheduling, move |orders, report| {
-            match pacer {
-                None => arbitrate(arbiter, waiter, period, orders, report),
-                Some(pacer) => arbitrate_by_steps(arbiter, pacer, period, orders, report),
+        let ArbiterThread { host, wait_set, period, scheduling } = arbiter;
+        self.start_thread("arbiter", scheduling, move |flags, report| {
+            match coordinator {
+                None => arbitrate(host, wait_set, period, flags, report),
+                Some(coordinator) => arbitrate_steps(host, coordinator, period, flags, report),
             }
             Box::new(())
         })?;
         if let Some(supervisor) = &self.supervisor {
             supervisor.begin();
         }
-        for (mut seat, mut waiter, mut pulse, scheduling, mut turns) in behaviors {
-            let name = seat.name().to_owned();
-            self.start_thread(&name, scheduling, move |orders, _| {
-                let is_over = || orders.is_over();
-                match &mut turns {
-                    None => behave(&mut seat, &mut waiter, &mut pulse, &is_over),
-                    Some(turns) => behave_in_turn(&mut seat, turns, &mut pulse, &is_over),
+        for behavior in behaviors {
+            let BehaviorThread { mut host, mut wait_set, mut reporter, scheduling, mut follower } = behavior;
+            let name = host.name().to_owned();
+            self.start_thread(&name, scheduling, move |flags, _| {
+                let is_over = || flags.is_over();
+                match &mut follower {
+                    None => run_behavior(&mut host, &mut wait_set, &mut reporter, &is_over),
+                    Some(follower) => follow_steps(&mut host, follower, &mut reporter, &is_over),
                 }
-                Box::new((seat, pulse))
+                Box::new((host, reporter))
             })?;
         }
-        for (name, mut seat, mut waiter, mut pulse, scheduling) in devices {
-            self.start_thread(&name, scheduling, move |orders, _| {
-                operate(&mut seat, &mut waiter, &mut pulse, &|| orders.is_over());
-                Box::new((seat, pulse))
+        for device in devices {
+            let DeviceThread { name, mut host, mut wait_set, mut reporter, scheduling } = device;
+            self.start_thread(&name, scheduling, move |flags, _| {
+                run_device(&mut host, &mut wait_set, &mut reporter, &|| flags.is_over());
+                Box::new((host, reporter))
             })?;
         }
         Ok(())
@@ -217,92 +221,95 @@ impl Live {
         &mut self,
         name: &str,
         scheduling: Scheduling,
-        work: impl FnOnce(&Orders, &dyn Fn(Report)) -> Box<dyn Any + Send> + Send + 'static,
+        work: impl FnOnce(&RunFlags, &dyn Fn(Report)) -> Box<dyn Any + Send> + Send + 'static,
     ) -> Result<(), DeviceError> {
-        let (orders, report, who) = (Arc::clone(&self.orders), self.report.clone(), name.to_owned());
+        let (flags, report, who) = (Arc::clone(&self.flags), self.report.clone(), name.to_owned());
         let body = move || {
             for refused in scheduling.apply() {
-                tracing::warn!("`{who}` runs on although {refused}");
+                tracing::warn!("`{who}` runs although {refused}");
             }
-            // Nobody listens any more only when the run has ended.
-            let tell = |told| drop(report.send(told));
-            match catch_unwind(AssertUnwindSafe(|| work(&orders, &tell))) {
-                Ok(left) => tell(Report::Done(left)),
+            // Sending fails only after the end of the run.
+            let send = |message| drop(report.send(message));
+            match catch_unwind(AssertUnwindSafe(|| work(&flags, &send))) {
+                Ok(left) => send(Report::Done(left)),
                 Err(panic) => {
-                    tell(Report::Failed(DeviceError::failed(who, panicked(&*panic))));
-                    tell(Report::Done(Box::new(())));
+                    send(Report::Failed(DeviceError::failed(who, panic_text(&*panic))));
+                    send(Report::Done(Box::new(())));
                 }
             }
         };
         let started = std::thread::Builder::new().name(name.to_owned()).spawn(body);
-        started.map_err(|error| DeviceError::failed(name, format!("its thread does not start: {error}")))?;
-        self.working += 1;
+        started.map_err(|error| DeviceError::failed(name, format!("could not start its thread: {error}")))?;
+        self.running_threads += 1;
         Ok(())
     }
 
-    /// Walls that the devices have told of, for plots.
+    /// Walls reported by the devices, for plots.
     pub fn walls(&self) -> Vec<Vec<[f64; 2]>> {
-        self.roll.walls()
+        self.plugins.walls()
     }
 
-    /// Starts, and goes on until the goal is reached, the time is over, the sensors have ended, something fails or `interrupt`
-    /// is set; then until the robot stands.
+    /// Starts the run and continues until the goal is reached, the time is over, the sensors have ended, a device fails or
+    /// `interrupt` is set; then until the robot stands. `tap` receives every message, `progress` is called every 2 ms.
     ///
     /// # Errors
-    /// A device failed, a thread did not start, or one panicked.
+    /// A device failed, or a thread did not start or panicked.
     pub fn run(
         &mut self,
         run: &Run,
         interrupt: &AtomicBool,
         tap: &mut dyn Tap,
         progress: &mut dyn FnMut(Progress),
-    ) -> Result<End, DeviceError> {
+    ) -> Result<RunEnd, DeviceError> {
         self.failure = self.start().err();
-        let mut referee = Referee::new(run.goal);
-        let mut told: Option<(End, Time)> = None;
+        let mut monitor = GoalMonitor::new(run.goal);
+        let mut decided: Option<(RunEnd, Time)> = None;
         loop {
             let now = self.now();
-            self.show(&mut Tee(vec![&mut referee, tap]), now);
-            if let Err(error) = self.retuning.step(self.supervisor.as_ref(), now) {
-                tracing::error!("parameters cannot be changed: {error}");
+            self.show(&mut Tee(vec![&mut monitor, tap]), now);
+            if let Err(error) = self.parameter_server.step(self.supervisor.as_ref(), now) {
+                tracing::error!("updating parameters failed: {error}");
             }
             let elapsed = now.since(self.began);
-            progress(Progress { elapsed, to_go_m: referee.to_go_m() });
+            progress(Progress { elapsed, to_go_m: monitor.to_go_m() });
             while let Ok(report) = self.reports.try_recv() {
                 self.note(report);
             }
-            let supply = Supply::of(self.measuring, self.roll.ended());
-            let failed = self.has_failed().then_some(End::Interrupted);
-            told = told.or_else(|| {
-                Some((failed.or_else(|| ended(run, &referee, elapsed, supply, interrupt))?, now))
+            let supply = SensorSupply::of(self.measuring, self.plugins.ended());
+            let failed = self.has_failed().then_some(RunEnd::Interrupted);
+            decided = decided.or_else(|| {
+                Some((failed.or_else(|| ended(run, &monitor, elapsed, supply, interrupt))?, now))
             });
-            if let Some((end, since)) = told {
-                self.orders.rest.store(true, Ordering::Relaxed);
+            if let Some((end, since)) = decided {
+                self.flags.stop.store(true, Ordering::Relaxed);
                 let waited = now.since(since);
-                if (referee.stands() && waited > SETTLING) || waited > REST || self.working == 0 {
-                    self.dismiss(tap);
+                if (monitor.stands() && waited > SETTLING)
+                    || waited > STOPPING_TIMEOUT
+                    || self.running_threads == 0
+                {
+                    self.end_everything(tap);
                     return self.failure.take().map_or(Ok(end), Err);
                 }
             }
-            std::thread::sleep(RECORDER_NAP);
+            std::thread::sleep(RECORDER_PERIOD);
         }
     }
 
-    /// Messages that the taps have lost.
+    /// Number of messages that the taps lost to buffer overflow.
     pub fn lost(&self) -> u64 {
         self.taps.iter().map(|(.., subscriber)| subscriber.lost()).sum()
     }
 
-    /// How the parts of the run fared, as far as they told.
-    pub fn finish(mut self) -> Fared {
-        let arbitrated = std::mem::take(&mut self.arbitrated);
-        Fared { behaviors: self.roll.records(), restarts: self.roll.restarts(), ..arbitrated }
+    /// Statistics of the run, as far as they were reported.
+    pub fn finish(mut self) -> RunStats {
+        let arbiter_stats = std::mem::take(&mut self.arbiter_stats);
+        RunStats { behaviors: self.plugins.records(), restarts: self.plugins.restarts(), ..arbiter_stats }
     }
 
-    /// Shows `tap` what has been published since the last call, in the order of publication as far as stamps tell it.
+    /// Passes `tap` what has been published since the last call, sorted by topic.
     fn show(&mut self, tap: &mut dyn Tap, now: Time) {
-        self.herald.welcome();
-        let mut taps = Tee(vec![&mut self.roll, tap]);
+        self.manifest.serve_new_subscribers();
+        let mut taps = Tee(vec![&mut self.plugins, tap]);
         for (topic, message, subscriber) in &self.taps {
             while let Ok(Some(sample)) = subscriber.receive() {
                 let at = (message.stamps)(sample.header()).0.max(self.began).min(now);
@@ -311,59 +318,61 @@ impl Live {
         }
     }
 
-    /// Whether a thread or a device has failed; of several failures the first is kept.
+    /// Returns true if a thread or a device has failed; stores the first failure.
     fn has_failed(&mut self) -> bool {
         if self.failure.is_none() {
-            // Of a behavior that cannot begin again its silence tells; without a device there is no robot.
+            // A behavior that fails to restart is silent, which the arbiter handles; without a device there is no robot.
             let mut of_devices =
-                self.roll.failures().iter().filter(|failure| self.devices.contains(&failure.plugin));
-            self.failure = of_devices.next().map(|failure| DeviceError::Told(failure.words.clone()));
+                self.plugins.failures().iter().filter(|failure| self.devices.contains(&failure.plugin));
+            self.failure = of_devices.next().map(|failure| DeviceError::Reported(failure.problem.clone()));
         }
         self.failure.is_some()
     }
 
-    /// Takes down what a thread tells; of several failures the first.
+    /// Takes in the report of a thread; of several failures the first is kept.
     fn note(&mut self, report: Report) {
         match report {
             Report::Failed(error) => drop(self.failure.get_or_insert(error)),
-            Report::Arbitrated(fared) => self.arbitrated = *fared,
+            Report::ArbiterStats(fared) => self.arbiter_stats = *fared,
             Report::Done(left) => {
-                self.working -= 1;
+                self.running_threads -= 1;
                 self.left.push(left);
             }
         }
     }
 
-    /// Ends every process and every thread, and shows `tap` what they said last. A thread that hangs is left behind.
-    fn dismiss(&mut self, tap: &mut dyn Tap) {
-        self.orders.end.store(true, Ordering::Relaxed);
+    /// Ends every process and every thread, and passes `tap` their last messages. A hung thread is abandoned.
+    fn end_everything(&mut self, tap: &mut dyn Tap) {
+        self.flags.end.store(true, Ordering::Relaxed);
         if let Some(supervisor) = &self.supervisor {
-            supervisor.dismiss();
+            supervisor.end();
         }
-        // By naps, for a machine that stands still in between is no thread that hangs.
-        let mut patience = FAREWELL;
-        while self.working > 0 || self.supervisor.as_ref().is_some_and(|supervisor| !supervisor.is_done()) {
+        // Counted in periods: a machine that stands still in between does not make a thread hung.
+        let mut time_left = ENDING_TIMEOUT;
+        while self.running_threads > 0
+            || self.supervisor.as_ref().is_some_and(|supervisor| !supervisor.is_done())
+        {
             let now = self.now();
             self.show(tap, now);
-            match self.reports.recv_timeout(RECORDER_NAP) {
+            match self.reports.recv_timeout(RECORDER_PERIOD) {
                 Ok(report) => self.note(report),
-                Err(_) if self.working > 0 && patience.is_zero() => {
-                    tracing::warn!("{} threads hang and are left behind", self.working);
-                    self.working = 0;
+                Err(_) if self.running_threads > 0 && time_left.is_zero() => {
+                    tracing::warn!("{} threads did not end in time and are abandoned", self.running_threads);
+                    self.running_threads = 0;
                 }
-                Err(_) => patience = patience.saturating_sub(RECORDER_NAP),
+                Err(_) => time_left = time_left.saturating_sub(RECORDER_PERIOD),
             }
         }
         let now = self.now();
         self.show(tap, now);
     }
 
-    /// The time of the run; where the clock is a driver's, that of its newest step.
+    /// Time of the run: the newest step of a driver's clock, or the machine's clock.
     fn now(&mut self) -> Time {
         match self.clock {
             Clock::Machine => Time::monotonic_now(),
             Clock::Driver => {
-                let (first, now) = self.orders.time.read();
+                let (first, now) = self.flags.time.read();
                 self.began = first;
                 now
             }
@@ -372,55 +381,55 @@ impl Live {
 }
 
 impl Drop for Live {
-    /// No process and no thread outlives the run, however it ends.
+    /// Ends every process and every thread, however the run ends.
     fn drop(&mut self) {
-        self.dismiss(&mut Tee::default());
+        self.end_everything(&mut Tee::default());
     }
 }
 
-impl Orders {
+impl RunFlags {
     fn is_over(&self) -> bool {
         self.end.load(Ordering::Relaxed)
     }
 }
 
-/// Decides at every step of the driver's clock, until the end.
-fn arbitrate_by_steps(
-    mut seat: ArbiterSeat,
-    pacer: Pacer,
+/// Decides at every step of the driver's clock, until the end of the run.
+fn arbitrate_steps(
+    mut host: ArbiterHost,
+    coordinator: StepCoordinator,
     period: Duration,
-    orders: &Orders,
+    flags: &RunFlags,
     report: &dyn Fn(Report),
 ) {
-    let rests = || orders.rest.load(Ordering::Relaxed);
-    let tell = |error| report(Report::Failed(error));
-    pacer.arbitrate(&mut seat, period, &orders.time, &|| orders.is_over(), &rests, &tell);
-    report(Report::Arbitrated(Box::new(Fared { latencies: seat.latencies(), ..Fared::default() })));
+    let stops = || flags.stop.load(Ordering::Relaxed);
+    let fail = |error| report(Report::Failed(error));
+    coordinator.arbitrate(&mut host, period, &flags.time, &|| flags.is_over(), &stops, &fail);
+    report(Report::ArbiterStats(Box::new(RunStats { latencies: host.latencies(), ..RunStats::default() })));
 }
 
-/// Decides when a proposal arrives and at every tick, until the end, whatever fails and whoever floods; the last decisions
-/// bring the robot to rest.
+/// Decides when a proposal arrives and at every tick, until the end of the run; the last decisions bring the robot to a
+/// standstill. Neither failures nor a flood of proposals end it.
 fn arbitrate(
-    mut seat: ArbiterSeat,
-    mut waiter: Waiter,
+    mut host: ArbiterHost,
+    mut wait_set: WaitSet,
     period: Duration,
-    orders: &Orders,
+    flags: &RunFlags,
     report: &dyn Fn(Report),
 ) {
     let mut tick = Time::monotonic_now();
-    let mut lateness = Durations::default();
+    let mut lateness = DurationHistogram::default();
     let mut decided = 0;
-    seat.keep_time_by(TimeSource::Machine);
-    while !orders.is_over() {
-        if orders.rest.load(Ordering::Relaxed) {
-            seat.shut_down();
+    host.keep_time_by(TimeSource::Machine);
+    while !flags.is_over() {
+        if flags.stop.load(Ordering::Relaxed) {
+            host.shut_down();
         }
         let now = Time::monotonic_now();
         if tick <= now {
             lateness.add(now.since(tick));
             decided = 0;
         }
-        if let Err(error) = seat.step(now) {
+        if let Err(error) = host.step(now) {
             report(Report::Failed(DeviceError::failed("arbiter", error)));
         }
         while tick <= now {
@@ -428,14 +437,14 @@ fn arbitrate(
         }
         decided += 1;
         if decided > BURST {
-            std::thread::sleep(CALM.min(tick.since(Time::monotonic_now())));
+            std::thread::sleep(FLOOD_PAUSE.min(tick.since(Time::monotonic_now())));
         }
         let left = tick.since(Time::monotonic_now());
-        if let Err(error) = waiter.wait(left) {
-            tracing::error!("proposals wake nobody: {error}");
+        if let Err(error) = wait_set.wait(left) {
+            tracing::error!("waiting for proposals failed: {error}");
             std::thread::sleep(left);
         }
     }
-    let latencies = seat.latencies();
-    report(Report::Arbitrated(Box::new(Fared { latencies, lateness, ..Fared::default() })));
+    let latencies = host.latencies();
+    report(Report::ArbiterStats(Box::new(RunStats { latencies, lateness, ..RunStats::default() })));
 }

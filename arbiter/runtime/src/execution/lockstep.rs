@@ -1,4 +1,5 @@
-//! Simulated or replayed time: everybody acts once a step, in a fixed order, and the same run gives the same bytes.
+//! Lockstep: simulated or recorded time. Every part acts once in a step, in a fixed order, so that the same run gives the same
+//! bytes.
 
 use std::time::Duration;
 
@@ -7,37 +8,37 @@ use yamabico_core::sensor::{DeviceError, Due};
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, RawSubscriber};
 
-use super::arbiter_seat::ArbiterSeat;
-use super::crew::Crew;
-use super::fared::Fared;
+use super::arbiter_host::ArbiterHost;
 use super::plan::Plan;
+use super::run_stats::RunStats;
+use super::worker_pool::WorkerPool;
 use crate::record::Tap;
-use yamabico_host::{BehaviorSeat, DeviceSeat, SeatError};
+use yamabico_host::{BehaviorHost, DeviceHost, HostError};
 
 /// A run in lockstep.
 pub struct Lockstep {
-    // Ports go before the bus that they are on.
-    devices: Vec<DeviceSeat>,
-    crew: Crew,
-    arbiter: ArbiterSeat,
+    // Declared in this order: ports must be dropped before their bus.
+    devices: Vec<DeviceHost>,
+    workers: WorkerPool,
+    arbiter: ArbiterHost,
     taps: Vec<(String, MessageType, RawSubscriber)>,
     now: Time,
     step: Duration,
 }
 
-/// Whether the sensors of a run have anything left.
+/// State of the sensors of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Supply {
-    /// Some sensor will measure again.
-    Lasting,
+pub enum SensorSupply {
+    /// At least one sensor will measure again.
+    Active,
     /// Every sensor has ended.
     Ended,
 }
 
-impl Supply {
-    /// Of so many devices that measure, of which so many have ended. A robot without sensors has nothing that could end.
-    pub(super) fn of(measuring: usize, ended: usize) -> Supply {
-        if measuring > 0 && ended >= measuring { Supply::Ended } else { Supply::Lasting }
+impl SensorSupply {
+    /// State of `measuring` devices with sensors, of which `ended` have ended. A robot without sensors never ends.
+    pub(super) fn of(measuring: usize, ended: usize) -> SensorSupply {
+        if measuring > 0 && ended >= measuring { SensorSupply::Ended } else { SensorSupply::Active }
     }
 }
 
@@ -45,8 +46,8 @@ impl Lockstep {
     /// Opens everything on a bus within this process; the first step is at time zero.
     ///
     /// # Errors
-    /// Devices or behaviors that do not open.
-    pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, SeatError> {
+    /// A device or behavior does not open.
+    pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, HostError> {
         let bus = Bus::local("lockstep")?;
         plan.create_topics(&bus)?;
         let taps = plan
@@ -54,13 +55,13 @@ impl Lockstep {
             .iter()
             .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
         let taps = taps.collect::<Result<_, BusError>>()?;
-        let arbiter = ArbiterSeat::open(&plan, &bus)?;
-        let seats = plan.behaviors.into_iter().map(|behavior| BehaviorSeat::open(behavior, &bus));
-        let crew = Crew::new(seats.collect::<Result<_, _>>()?, threads)?;
-        let devices = plan.devices.into_iter().map(|device| DeviceSeat::open(device, &bus));
+        let arbiter = ArbiterHost::open(&plan, &bus)?;
+        let behaviors = plan.behaviors.into_iter().map(|behavior| BehaviorHost::open(behavior, &bus));
+        let workers = WorkerPool::new(behaviors.collect::<Result<_, _>>()?, threads)?;
+        let devices = plan.devices.into_iter().map(|device| DeviceHost::open(device, &bus));
         Ok(Lockstep {
             devices: devices.collect::<Result<_, _>>()?,
-            crew,
+            workers,
             arbiter,
             taps,
             now: Time::ZERO,
@@ -68,36 +69,36 @@ impl Lockstep {
         })
     }
 
-    /// The time of the next step.
+    /// Time of the next step.
     pub fn now(&self) -> Time {
         self.now
     }
 
-    /// Walls that the devices know, for plots.
+    /// Walls reported by the devices, for plots.
     pub fn walls(&self) -> Vec<Vec<[f64; 2]>> {
         self.devices.iter().flat_map(|device| device.walls().to_vec()).collect()
     }
 
     /// The arbiter.
-    pub fn arbiter(&mut self) -> &mut ArbiterSeat {
+    pub(super) fn arbiter(&mut self) -> &mut ArbiterHost {
         &mut self.arbiter
     }
 
-    /// Sensors that are due publish, behaviors propose, the arbiter decides, the drive obeys, and `tap` is shown all of it.
-    /// Then time advances. What fails keeps nobody else from their turn.
+    /// Makes one step: sensors that are due publish, behaviors propose, the arbiter decides, the drive applies the command,
+    /// and `tap` receives every message. Then time advances. A failure does not keep the other parts from their turn.
     ///
     /// # Errors
-    /// A device failed, or the bus did; of several failures the first.
-    pub fn step(&mut self, tap: &mut dyn Tap) -> Result<Supply, DeviceError> {
+    /// A device or the bus failed; the first of several failures.
+    pub fn step(&mut self, tap: &mut dyn Tap) -> Result<SensorSupply, DeviceError> {
         let mut outcome = Ok(());
         let (mut measuring, mut ended) = (0, 0);
         for device in &mut self.devices {
             let polled = device.poll(self.now);
-            measuring += usize::from(device.measures());
-            ended += usize::from(polled == Ok(Due::Ended) && device.measures());
+            measuring += usize::from(device.has_sensors());
+            ended += usize::from(polled == Ok(Due::Ended) && device.has_sensors());
             outcome = outcome.and(polled.map(drop));
         }
-        outcome = outcome.and(self.crew.collect()).and(self.crew.propose(self.now));
+        outcome = outcome.and(self.workers.collect()).and(self.workers.propose(self.now));
         outcome = outcome.and(self.arbiter.step(self.now).map_err(bus_failed));
         for device in &mut self.devices {
             outcome = outcome.and(device.drive(self.now));
@@ -114,18 +115,18 @@ impl Lockstep {
             });
         }
         self.now = self.now + self.step;
-        outcome.map(|()| Supply::of(measuring, ended))
+        outcome.map(|()| SensorSupply::of(measuring, ended))
     }
 
-    /// Messages that the taps have lost.
+    /// Number of messages that the taps lost to buffer overflow.
     pub fn lost(&self) -> u64 {
         self.taps.iter().map(|(.., subscriber)| subscriber.lost()).sum()
     }
 
-    /// Ends the run; how its parts fared.
-    pub fn finish(self) -> Fared {
+    /// Ends the run and returns its statistics.
+    pub fn finish(self) -> RunStats {
         let latencies = self.arbiter.latencies();
-        Fared { behaviors: self.crew.finish(), latencies, ..Fared::default() }
+        RunStats { behaviors: self.workers.finish(), latencies, ..RunStats::default() }
     }
 }
 

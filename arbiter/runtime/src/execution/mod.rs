@@ -1,26 +1,28 @@
-//! Who runs when: in lockstep with simulated time, or live.
+//! Execution of a run: in lockstep with simulated or recorded time, or live.
+//!
+//! [`Plan`] turns a checked task into topics, devices, behaviors and a policy. [`Lockstep`] or [`Live`] opens the plan and runs
+//! it; [`crate::run`] does all of that with recording and summary.
 
-mod apart;
-mod arbiter_seat;
-mod course;
-mod crew;
-mod fared;
+mod arbiter_host;
+mod driver_clock;
+mod goal_monitor;
+mod hosts;
 mod live;
 mod lockstep;
-mod paced;
+mod parameter_server;
 mod plan;
-mod referee;
-mod retuning;
-mod roll;
-mod roster;
-mod seats;
+mod plugin_stats;
+mod robot_manifest;
+mod run_end;
+mod run_stats;
+mod separate_processes;
+mod worker_pool;
 
-pub use arbiter_seat::ArbiterSeat;
-pub use course::{End, Progress, run_lockstep};
-pub use fared::Fared;
 pub use live::Live;
-pub use lockstep::{Lockstep, Supply};
+pub use lockstep::{Lockstep, SensorSupply};
 pub use plan::{Plan, Topic};
-pub use referee::Referee;
-pub use roster::{Duties, Enrolled, Posted, Roster};
-pub use yamabico_host::{BehaviorPlan, BehaviorRecord, DevicePlan, Durations, SeatError, topics};
+pub use robot_manifest::{BehaviorEntry, PluginEntry, RobotManifest, TopicEntry};
+pub(crate) use run_end::run_lockstep;
+pub use run_end::{Progress, RunEnd};
+pub use run_stats::RunStats;
+pub use yamabico_host::{BehaviorPlan, CallStats, DevicePlan, DurationHistogram, HostError, topics};

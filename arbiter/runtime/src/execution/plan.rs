@@ -1,70 +1,72 @@
-//! From a checked task to everything that is opened for a run.
+//! Plan of a run: a checked task turned into everything that is opened.
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use yamabico_core::behavior::MAX_MEMORY_BYTES;
+use yamabico_core::behavior::MAX_SAVED_STATE_BYTES;
 use yamabico_core::behavior::SlotInfo;
 use yamabico_core::message::{
     self, CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal,
-    Heartbeat, MemoryHeader, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RetuneHeader,
-    RetunedHeader, RosterHeader, Stick, Truth, Turn, Verdict, WallPoint, WallsHeader,
+    Heartbeat, Message, MessageType, Name, Process, ProcessesHeader, Proposal, RetuneHeader, RetunedHeader,
+    RobotManifestHeader, SavedStateHeader, StepSignal, Stick, Truth, Verdict, WallPoint, WallsHeader,
 };
-use yamabico_host::bus::{Bell, Bus, BusError, STREAM_DEPTH, Spec};
+use yamabico_host::bus::{Bus, BusError, Notification, STREAM_DEPTH, TopicSpec};
 use yamabico_host::config::{self, Clock, InputSource, Task};
 use yamabico_host::{
-    BehaviorPlan, DevicePlan, Durations, Hosting, MAX_CORNERS, MAX_PARAMETERS, MAX_WORDS, Scheduling, topics,
+    BehaviorPlan, BehaviorSettings, DevicePlan, DurationHistogram, MAX_FAILURE_TEXT_BYTES,
+    MAX_PARAMETER_BYTES, MAX_WALL_POINTS, Scheduling, topics,
 };
 
-use super::roster::MAX_ROSTER;
+use super::robot_manifest::MAX_MANIFEST_BYTES;
 use yamabico_arbiter::kinematics::Kinematics;
-use yamabico_arbiter::policy::{BehaviorPolicy, Contest, CriticalSensor, Lateness, Policy, Wire};
+use yamabico_arbiter::policy::{BehaviorPolicy, CriticalSensor, LatencyPolicy, Policy, TieRule, Wire};
 
-/// Items that an output of a behavior may carry in one message.
+/// Maximum number of items in one message of a behavior's output.
 const MAX_OUTPUT_ITEMS: usize = 1024;
-/// Messages of a stream, and pictures, that the recorder may fall behind.
+/// Messages of a stream that the recorder may lag behind.
 const STREAM_TAP_DEPTH: usize = 1024;
+/// Frames that the recorder may lag behind.
 const FRAME_TAP_DEPTH: usize = 8;
-/// Readers that a topic has room for beside its behaviors: arbiter, drive, recorder, tools, and the dead.
+/// Subscribers of a topic besides behaviors: arbiter, drive, recorder, tools, and dead processes.
 const SPARE_READERS: usize = 12;
 
-/// A channel of the run.
+/// A topic of the run.
 #[derive(Clone, Debug)]
 pub struct Topic {
-    /// What it is called.
+    /// Name.
     pub name: String,
-    /// What it carries.
+    /// Message type.
     pub message: MessageType,
-    /// Its limits.
-    pub spec: Spec,
+    /// Limits of its service.
+    pub spec: TopicSpec,
 }
 
 /// Everything that is opened for a run, in the order in which it acts.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Every channel: sensors, truth, behaviors by priority, decision, command, goal, control.
+    /// Topics: sensors, truth, behaviors by priority, decision, command, goal, control.
     pub topics: Vec<Topic>,
-    /// The devices.
+    /// Devices.
     pub devices: Vec<DevicePlan>,
-    /// The behaviors, highest priority first, then by name.
+    /// Behaviors, highest priority first, then by name.
     pub behaviors: Vec<BehaviorPlan>,
-    /// How proposals become a command; behaviors in the same order.
+    /// Arbitration policy; behaviors in the same order.
     pub policy: Policy,
-    /// Live: what is asked of the system's scheduler for the arbiter.
+    /// Scheduling of the arbiter in a live run.
     pub scheduling: Scheduling,
-    /// Whose clock counts live.
+    /// Owner of the clock in a live run.
     pub clock: Clock,
-    /// One step of a clock that is a driver's, unless it knows better.
+    /// Duration of one step of a driver's clock, unless the driver sets it.
     pub step: Duration,
 }
 
 impl Plan {
-    /// The plan of `task` with the run's `seed`.
+    /// Plan of `task` for a run with this random `seed`.
     pub fn new(task: &Task, seed: u64) -> Plan {
         Plan {
             topics: topics(task),
             devices: devices(task, seed),
-            behaviors: task.behaviors.iter().map(|behavior| behavior_plan(task, behavior)).collect(),
+            behaviors: task.behaviors.iter().map(behavior_plan).collect(),
             policy: policy(task),
             scheduling: task.arbiter.scheduling,
             clock: task.robot.clock,
@@ -72,61 +74,65 @@ impl Plan {
         }
     }
 
-    /// Makes the plan that of a live run: whoever publishes wakes those who wait, and plugins tell how they fare.
+    /// Turns the plan into that of a live run: publishers notify subscribers, and plugins report on themselves.
     #[must_use]
     pub fn live(mut self) -> Plan {
         for topic in &mut self.topics {
-            topic.spec.bell = Bell::Rings;
+            topic.spec.notification = Notification::On;
         }
-        // The dead keep their places until they are cleaned up.
+        // Twice the live ones: the ports of dead processes stay until they are cleaned up.
         let publishers = 2 * (self.behaviors.len() + self.devices.len());
-        let spec =
-            |list_bytes| Spec { publishers, subscribers: SPARE_READERS, list_bytes, ..Spec::default() };
-        let buckets = Durations::default().max_buckets() * size_of::<CallBucket>();
-        let corners = MAX_CORNERS * size_of::<WallPoint>();
-        let told = [
+        let spec = |list_bytes| TopicSpec {
+            publishers,
+            subscribers: SPARE_READERS,
+            list_bytes,
+            ..TopicSpec::default()
+        };
+        let buckets = DurationHistogram::default().max_buckets() * size_of::<CallBucket>();
+        let corners = MAX_WALL_POINTS * size_of::<WallPoint>();
+        let reports = [
             (topics::HEARTBEATS, MessageType::of::<Heartbeat>(), 0),
             (topics::CALLS, MessageType::of::<CallsHeader>(), buckets),
-            (topics::MEMORIES, MessageType::of::<MemoryHeader>(), MAX_MEMORY_BYTES),
-            (topics::FAILURES, MessageType::of::<FailureHeader>(), MAX_WORDS),
+            (topics::SAVED_STATES, MessageType::of::<SavedStateHeader>(), MAX_SAVED_STATE_BYTES),
+            (topics::FAILURES, MessageType::of::<FailureHeader>(), MAX_FAILURE_TEXT_BYTES),
             (topics::WALLS, MessageType::of::<WallsHeader>(), corners),
             (topics::PROCESSES, MessageType::of::<ProcessesHeader>(), publishers * size_of::<Process>()),
-            (topics::ROSTER, MessageType::of::<RosterHeader>(), MAX_ROSTER),
-            (topics::RETUNE, MessageType::of::<RetuneHeader>(), MAX_PARAMETERS),
-            (topics::RETUNED, MessageType::of::<RetunedHeader>(), MAX_WORDS),
+            (topics::MANIFEST, MessageType::of::<RobotManifestHeader>(), MAX_MANIFEST_BYTES),
+            (topics::RETUNE, MessageType::of::<RetuneHeader>(), MAX_PARAMETER_BYTES),
+            (topics::RETUNED, MessageType::of::<RetunedHeader>(), MAX_FAILURE_TEXT_BYTES),
         ];
-        self.topics.extend(told.map(|(name, message, list_bytes)| Topic {
+        self.topics.extend(reports.map(|(name, message, list_bytes)| Topic {
             name: name.to_owned(),
             message,
             spec: spec(list_bytes),
         }));
         if self.clock == Clock::Driver {
             let readers = self.behaviors.len() * 2 + SPARE_READERS;
-            let turn = MessageType::of::<Turn>();
-            let paced = [
+            let turn = MessageType::of::<StepSignal>();
+            let step_topics = [
                 (topics::CLOCK, MessageType::of::<message::Clock>(), 2, SPARE_READERS),
-                (topics::TURNS, turn, 1, readers),
-                (topics::TAKEN, turn, publishers, SPARE_READERS),
+                (topics::STEP_ANNOUNCEMENTS, turn, 1, readers),
+                (topics::STEP_ACKNOWLEDGMENTS, turn, publishers, SPARE_READERS),
             ];
-            self.topics.extend(paced.map(|(name, message, publishers, subscribers)| Topic {
+            self.topics.extend(step_topics.map(|(name, message, publishers, subscribers)| Topic {
                 name: name.to_owned(),
                 message,
-                spec: Spec {
+                spec: TopicSpec {
                     publishers,
                     subscribers,
                     depth: STREAM_TAP_DEPTH,
-                    bell: Bell::Rings,
-                    ..Spec::default()
+                    notification: Notification::On,
+                    ..TopicSpec::default()
                 },
             }));
         }
         self
     }
 
-    /// Creates every channel.
+    /// Creates every topic.
     ///
     /// # Errors
-    /// The transport failed.
+    /// The bus fails.
     pub fn create_topics(&self, bus: &Bus) -> Result<(), BusError> {
         self.topics.iter().try_for_each(|topic| bus.create_raw(&topic.name, &topic.message, &topic.spec))
     }
@@ -139,7 +145,13 @@ fn topics(task: &Task) -> Vec<Topic> {
         Topic {
             name,
             message,
-            spec: Spec { publishers, subscribers: readers, list_bytes, depth, bell: Bell::Silent },
+            spec: TopicSpec {
+                publishers,
+                subscribers: readers,
+                list_bytes,
+                depth,
+                notification: Notification::Off,
+            },
         }
     };
     let mut all = Vec::new();
@@ -164,8 +176,8 @@ fn topics(task: &Task) -> Vec<Topic> {
     all.push(topic(topics::COMMAND.into(), MessageType::of::<Command>(), 1, 0));
     all.push(topic(topics::GOAL.into(), MessageType::of::<Goal>(), 1, 0));
     all.push(topic(topics::STICK.into(), MessageType::of::<Stick>(), 4, 0));
-    let control = topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, MAX_PARAMETERS);
-    all.push(Topic { spec: Spec { depth: STREAM_DEPTH, ..control.spec }, ..control });
+    let control = topic(topics::CONTROL.into(), MessageType::of::<Control>(), 8, MAX_PARAMETER_BYTES);
+    all.push(Topic { spec: TopicSpec { depth: STREAM_DEPTH, ..control.spec }, ..control });
     all
 }
 
@@ -177,22 +189,17 @@ fn devices(task: &Task, seed: u64) -> Vec<DevicePlan> {
         typed.collect()
     };
     let specs = task.robot.specs(seed).into_iter();
-    let hosting = |device: &config::DeviceFile| Hosting {
-        isolation: device.isolation,
-        patience: device.patience,
-        scheduling: device.scheduling,
-    };
-    let hostings = task.robot.devices.iter().map(hosting);
-    let plans = specs.zip(hostings).zip(task.robot.devices.iter().map(|device| device.exec.clone()));
-    plans
-        .map(|(((driver, spec), hosting), exec)| {
+    let settings = task.robot.devices.iter().map(|device| device.settings.clone());
+    specs
+        .zip(settings)
+        .map(|((driver, spec), settings)| {
             let sensors = of_device(&spec.name);
-            DevicePlan { driver, sensors, spec, hosting, exec }
+            DevicePlan { driver, sensors, spec, settings }
         })
         .collect()
 }
 
-fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
+fn behavior_plan(behavior: &config::BehaviorFile) -> BehaviorPlan {
     let slot_type = |slot: &str| {
         behavior.factory.info().inputs.iter().find(|info| info.name == slot).map(|info| info.message)
     };
@@ -203,45 +210,39 @@ fn behavior_plan(task: &Task, behavior: &config::BehaviorFile) -> BehaviorPlan {
         InputSource::Operator => topics::GOAL.to_owned(),
     };
     let inputs = behavior.inputs.iter();
-    let period = behavior.period.or_else(|| behavior.critical.then_some(behavior.deadline / 3));
     BehaviorPlan {
         factory: Arc::clone(&behavior.factory),
         table: behavior.table.clone(),
         setup: behavior.setup.clone(),
-        priority: behavior.priority,
         inputs: inputs
             .filter_map(|input| {
                 let message = slot_type(&input.slot)?;
                 Some((input.slot.clone(), topic(&input.source, &message), message))
             })
             .collect(),
-        // Without any input it would never be asked: it is asked every tick.
-        period: period.or_else(|| behavior.inputs.is_empty().then_some(task.arbiter.period)),
-        budget: behavior.budget,
-        sleeps: behavior.sleeps,
-        hosting: Hosting {
-            isolation: behavior.isolation,
-            patience: behavior.patience,
-            scheduling: behavior.scheduling,
-        },
-        exec: behavior.exec.clone(),
+        settings: behavior.settings.clone(),
+    }
+}
+
+/// Arbitration policy of the behavior `name`, from its settings.
+fn behavior_policy(name: &str, settings: &BehaviorSettings) -> BehaviorPolicy {
+    BehaviorPolicy {
+        name: Name::new(name),
+        priority: settings.priority,
+        critical: settings.critical,
+        enabled: settings.enabled,
+        deadline: settings.host.deadline.proposal_timeout(),
+        max_age: settings.max_age,
+        max_evidence_age: settings.max_evidence_age,
+        latency_budget: settings.latency_budget,
+        sleeps: settings.sleeps_while_inhibited,
+        hold: settings.hold,
+        dwell: settings.dwell,
     }
 }
 
 fn policy(task: &Task) -> Policy {
-    let behaviors = task.behaviors.iter().map(|behavior| BehaviorPolicy {
-        name: Name::new(&behavior.name),
-        priority: behavior.priority,
-        critical: behavior.critical,
-        enabled: behavior.enabled,
-        deadline: behavior.deadline,
-        max_age: behavior.max_age,
-        max_evidence_age: behavior.max_evidence_age,
-        latency_budget: behavior.latency_budget,
-        sleeps: behavior.sleeps,
-        hold: behavior.hold,
-        dwell: behavior.dwell,
-    });
+    let behaviors = task.behaviors.iter().map(|behavior| behavior_policy(&behavior.name, &behavior.settings));
     let index = |name: &str| task.behaviors.iter().position(|behavior| behavior.name == name);
     let wire = |make: fn(usize, usize, Duration) -> Wire| {
         move |wire: &config::Wire| Some(make(index(&wire.by)?, index(&wire.what)?, wire.hold))
@@ -255,11 +256,11 @@ fn policy(task: &Task) -> Policy {
         sensors: critical
             .map(|sensor| CriticalSensor { name: Name::new(&sensor.part.name), max_age: sensor.max_age })
             .collect(),
-        contest: match task.arbiter.policy {
-            config::Policy::Strict => Contest::Strict,
-            config::Policy::Blend => Contest::Blend,
+        ties: match task.arbiter.policy {
+            config::Policy::Strict => TieRule::Strict,
+            config::Policy::Blend => TieRule::Blend,
         },
-        lateness: if task.arbiter.latency_slows { Lateness::Slows } else { Lateness::Counts },
+        latency_policy: if task.arbiter.latency_slows { LatencyPolicy::Slow } else { LatencyPolicy::Count },
         rate_hz: 1.0 / task.arbiter.period.as_secs_f64(),
         ..Policy::new(
             robot.robot.limits,

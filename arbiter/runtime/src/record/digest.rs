@@ -1,4 +1,4 @@
-//! One number for a whole run.
+//! Digest of a run: one number that equal runs share.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,9 +9,9 @@ use yamabico_core::time::Time;
 
 use super::Tap;
 
-/// SHA-256 over the topic, type name, header and items of all messages in order, and how many there were on each topic.
+/// SHA-256 over the topic, type name, header and items of all messages in order, and the number of messages on each topic.
 ///
-/// Each part is preceded by its length (eight bytes, little endian), so that no two different runs give the same bytes.
+/// Each part is preceded by its length (eight bytes, little endian), so that different runs hash different bytes.
 #[derive(Clone, Debug, Default)]
 pub struct Digest {
     hash: Sha256,
@@ -19,12 +19,12 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// Of a run without messages.
+    /// Digest of a run without messages.
     pub fn new() -> Digest {
         Digest::default()
     }
 
-    /// The digest so far: 64 hexadecimal digits.
+    /// Digest so far: 64 hexadecimal digits.
     pub fn hex(&self) -> String {
         let mut hex = String::with_capacity(64);
         for byte in self.hash.clone().finalize() {
@@ -34,7 +34,7 @@ impl Digest {
         hex
     }
 
-    /// Messages seen on each topic.
+    /// Number of messages on each topic.
     pub fn counts(&self) -> &BTreeMap<String, u64> {
         &self.counts
     }

@@ -1,65 +1,65 @@
-//! Why a recording failed.
+//! Failures of a recording.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A recording that could not be begun, or that broke off.
+/// Failure to start or to continue a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The folder of the file is not there.
-    #[error("cannot record to {}: there is no folder {}; create it or choose another file", path.display(), folder.display())]
+    /// The folder of the file is missing.
+    #[error("cannot record to {}: the folder {} does not exist; create it or choose another file", path.display(), folder.display())]
     FolderMissing {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// The folder that is missing.
+        /// Missing folder.
         folder: PathBuf,
     },
-    /// The path names a folder.
+    /// The path is a folder.
     #[error("cannot record to {}: it is a folder; give the name of a file in it, such as {}", path.display(), path.join("run.mcap").display())]
     IsAFolder {
-        /// The folder.
+        /// Folder.
         path: PathBuf,
     },
-    /// The file may not be written.
+    /// The file is not writable.
     #[error("cannot record to {}: {source}; make it writable or choose another file", path.display())]
     NotWritable {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What the system said.
+        /// Cause.
         source: io::Error,
     },
     /// The disk, or the quota, is full.
-    #[error("the recording {} broke off after {written} bytes: {source}; free some space or record elsewhere", path.display())]
+    #[error("the recording {} failed after {written} bytes: {source}; free some space or record elsewhere", path.display())]
     Full {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// Bytes that were written.
+        /// Number of bytes written.
         written: u64,
-        /// What the system said.
+        /// Cause.
         source: io::Error,
     },
-    /// Writing failed in another way.
-    #[error("the recording {} broke off after {written} bytes: {source}; record to another disk", path.display())]
+    /// Writing failed for another reason.
+    #[error("the recording {} failed after {written} bytes: {source}; record to another disk", path.display())]
     Io {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// Bytes that were written.
+        /// Number of bytes written.
         written: u64,
-        /// What the system said.
+        /// Cause.
         source: io::Error,
     },
-    /// The thread that writes ended before its time.
-    #[error("the recording {} broke off: its writer failed ({reason}); please report this", path.display())]
+    /// The writer's thread failed.
+    #[error("the recording {} failed: its writer panicked ({reason}); report this as a bug", path.display())]
     Writer {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What it said.
+        /// Cause.
         reason: String,
     },
 }
 
 impl RecordError {
-    /// Why `path` could not be created.
+    /// Failure to create `path`.
     pub(super) fn opening(path: &Path, source: io::Error) -> RecordError {
         let path = path.to_owned();
         match source.kind() {
@@ -73,7 +73,7 @@ impl RecordError {
         }
     }
 
-    /// Why writing to `path` broke off after `written` bytes.
+    /// Failure to write to `path` after `written` bytes.
     pub(super) fn writing(path: &Path, written: u64, source: io::Error) -> RecordError {
         let path = path.to_owned();
         if is_full(source.kind()) {
@@ -93,18 +93,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_failure_has_its_name_and_its_remedy() {
+    fn each_failure_has_a_cause_and_a_remedy() {
         let path = Path::new("out/run.mcap");
         let cases = [
-            (io::ErrorKind::NotFound, "no folder out; create it"),
+            (io::ErrorKind::NotFound, "the folder out does not exist; create it"),
             (io::ErrorKind::IsADirectory, "such as out/run.mcap/run.mcap"),
             (io::ErrorKind::PermissionDenied, "make it writable"),
             (io::ErrorKind::ReadOnlyFilesystem, "make it writable"),
             (io::ErrorKind::StorageFull, "free some space"),
         ];
-        for (kind, words) in cases {
+        for (kind, text) in cases {
             let error = RecordError::opening(path, kind.into()).to_string();
-            assert!(error.contains(words) && error.contains("out/run.mcap"), "{error}");
+            assert!(error.contains(text) && error.contains("out/run.mcap"), "{error}");
         }
         let error = RecordError::writing(path, 7, io::ErrorKind::QuotaExceeded.into()).to_string();
         assert!(error.contains("after 7 bytes") && error.contains("free some space"), "{error}");

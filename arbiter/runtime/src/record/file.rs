@@ -1,4 +1,4 @@
-//! A file that fails once.
+//! Output file that reports only its first failure.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::RecordError;
 
-/// A buffered file that keeps its first failure and from then on swallows what it is given.
+/// A buffered file that stores its first failure and then discards everything that is written to it.
 ///
-/// So whoever writes to it meets no second failure, and no half-known position.
+/// So its writer meets no second failure, and no undefined position.
 pub(super) struct OutputFile {
     file: BufWriter<File>,
     path: PathBuf,
@@ -18,34 +18,34 @@ pub(super) struct OutputFile {
     failure: Failure,
 }
 
-/// The first failure of an [`OutputFile`], seen from elsewhere.
+/// First failure of an [`OutputFile`], shared between threads.
 #[derive(Clone, Default)]
-pub(super) struct Failure(Arc<Mutex<State>>);
+pub(super) struct Failure(Arc<Mutex<FailureState>>);
 
 #[derive(Default)]
-struct State {
+struct FailureState {
     failed: bool,
     error: Option<RecordError>,
     bytes: u64,
 }
 
 impl Failure {
-    /// Whether the file has failed.
+    /// Returns true if the file has failed.
     pub fn has_happened(&self) -> bool {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).failed
     }
 
-    /// What happened, for the first who asks.
+    /// Takes the failure out, once.
     pub fn take(&self) -> Option<RecordError> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).error.take()
     }
 
-    /// Bytes of the file; those before the failure where there was one.
+    /// Size of the file, bytes; up to the failure if there was one.
     pub fn bytes(&self) -> u64 {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).bytes
     }
 
-    /// A file that has failed grows no more.
+    /// Records the size of the file; a file that has failed grows no more.
     fn grown_to(&self, bytes: u64) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if !state.failed {
@@ -62,7 +62,7 @@ impl Failure {
 }
 
 impl OutputFile {
-    /// Creates the file or empties it.
+    /// Creates the file, or truncates it.
     pub fn create(path: &Path) -> Result<OutputFile, RecordError> {
         let file = File::create(path).map_err(|error| RecordError::opening(path, error))?;
         Ok(OutputFile {
@@ -74,12 +74,12 @@ impl OutputFile {
         })
     }
 
-    /// Where to ask for its failure.
+    /// Handle to the failure.
     pub fn failure(&self) -> Failure {
         self.failure.clone()
     }
 
-    fn fails(&self, error: io::Error) {
+    fn fail(&self, error: io::Error) {
         self.failure.set(RecordError::writing(&self.path, self.length, error));
     }
 }
@@ -89,7 +89,7 @@ impl Write for OutputFile {
         if !self.failure.has_happened()
             && let Err(error) = self.file.write_all(bytes)
         {
-            self.fails(error);
+            self.fail(error);
         }
         self.position += bytes.len() as u64;
         self.length = self.length.max(self.position);
@@ -101,7 +101,7 @@ impl Write for OutputFile {
         if !self.failure.has_happened()
             && let Err(error) = self.file.flush()
         {
-            self.fails(error);
+            self.fail(error);
         }
         Ok(())
     }
@@ -119,7 +119,7 @@ impl Seek for OutputFile {
             if !self.failure.has_happened()
                 && let Err(error) = self.file.seek(SeekFrom::Start(target))
             {
-                self.fails(error);
+                self.fail(error);
             }
             self.position = target;
         }
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_one_failure_and_everything_after_it_is_swallowed() {
+    fn a_full_disk_is_one_failure_and_later_writes_are_discarded() {
         let mut file = OutputFile::create(Path::new("/dev/full")).unwrap();
         let failure = file.failure();
         file.write_all(&[1; 1 << 20]).unwrap();
@@ -144,6 +144,6 @@ mod tests {
         assert_eq!(file.stream_position().unwrap(), 12);
         assert_eq!(file.seek(SeekFrom::End(0)).unwrap(), 1 << 20);
         assert!(failure.take().is_none() && failure.has_happened());
-        assert!(failure.bytes() < 1 << 20, "what was swallowed is not in the file");
+        assert!(failure.bytes() < 1 << 20, "discarded bytes are not in the file");
     }
 }

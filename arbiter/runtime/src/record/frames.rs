@@ -4,14 +4,14 @@ use foxglove::messages::{FrameTransform, Pose, PoseInFrame, Quaternion, Timestam
 use nalgebra::Isometry3;
 use yamabico_core::geometry::Pose2;
 
-/// The building.
+/// Frame of the building.
 pub(super) const MAP: &str = "map";
-/// Where the wheels say that the robot started.
+/// Frame of the odometry: the start of the robot.
 pub(super) const ODOM: &str = "odom";
-/// The robot.
+/// Frame of the robot.
 pub(super) const BASE: &str = "base";
 
-/// An instant of the run.
+/// Converts a stamp.
 pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
     let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
     Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
@@ -21,18 +21,18 @@ pub(super) fn vector(x: f64, y: f64, z: f64) -> Vector3 {
     Vector3 { x, y, z }
 }
 
-/// A turn about the vertical.
+/// Rotation about the vertical axis.
 pub(super) fn yaw(theta: f64) -> Quaternion {
     let (sin, cos) = (theta / 2.0).sin_cos();
     Quaternion { x: 0.0, y: 0.0, z: sin, w: cos }
 }
 
-/// A planar pose in space, on the floor.
+/// Pose on the floor.
 pub(super) fn pose(pose: &Pose2) -> Pose {
     Pose { position: Some(vector(pose.x, pose.y, 0.0)), orientation: Some(yaw(pose.theta)) }
 }
 
-/// A planar pose in the frame `frame_id`; `None` where it is not finite.
+/// Pose on the floor in the frame `frame_id`; `None` if it is not finite.
 pub(super) fn pose_in_frame(stamp_ns: u64, frame_id: &str, at: &Pose2) -> Option<PoseInFrame> {
     at.is_finite().then(|| PoseInFrame {
         timestamp: Some(timestamp(stamp_ns)),
@@ -51,7 +51,7 @@ fn transform(stamp_ns: u64, parent: &str, child: &str, parent_from_child: &Pose2
     }
 }
 
-/// Where a camera sits on the robot: its own frame in the robot's.
+/// Mount of a camera: its frame in the robot's frame.
 pub(super) fn mounted(frame_id: &str, body_from_camera: &Isometry3<f64>) -> FrameTransform {
     let (position, turn) = (body_from_camera.translation.vector, body_from_camera.rotation);
     FrameTransform {
@@ -63,19 +63,19 @@ pub(super) fn mounted(frame_id: &str, body_from_camera: &Isometry3<f64>) -> Fram
     }
 }
 
-/// Keeps the chain map, odom, base together from poses that arrive one by one.
+/// Tree of the frames map, odom and base, from poses that arrive one by one.
 ///
-/// As long as nobody tells a pose on the map, the odometry starts where the first truth says; without a truth, at the
-/// map's origin.
+/// Until a behavior publishes a pose on the map, the odometry starts at the first ground truth, or at the map's origin without
+/// one.
 #[derive(Default)]
-pub(super) struct Chain {
+pub(super) struct FrameTree {
     odom_from_base: Option<Pose2>,
     map_from_odom: Option<Pose2>,
     localized: bool,
 }
 
-impl Chain {
-    /// The wheels moved.
+impl FrameTree {
+    /// Takes in odometry; returns the transforms.
     pub fn odometry(&mut self, stamp_ns: u64, odom_from_base: Pose2) -> Vec<FrameTransform> {
         if !odom_from_base.is_finite() {
             return Vec::new();
@@ -85,7 +85,7 @@ impl Chain {
         vec![transform(stamp_ns, MAP, ODOM, &map_from_odom), transform(stamp_ns, ODOM, BASE, &odom_from_base)]
     }
 
-    /// A behavior knows where the robot is.
+    /// Takes in a pose estimate.
     pub fn localized(&mut self, map_from_base: &Pose2) {
         if map_from_base.is_finite() {
             self.localized = true;
@@ -93,7 +93,7 @@ impl Chain {
         }
     }
 
-    /// The judge knows where the robot is.
+    /// Takes in the ground truth.
     pub fn truth(&mut self, map_from_base: &Pose2) {
         let first = !self.localized && self.map_from_odom.is_none_or(|known| known == Pose2::IDENTITY);
         if first && map_from_base.is_finite() {
@@ -117,22 +117,22 @@ mod tests {
     }
 
     #[test]
-    fn odometry_hangs_where_the_first_truth_says_until_a_pose_is_told() {
-        let mut chain = Chain::default();
-        chain.truth(&Pose2::new(2.0, 1.0, 0.0));
-        let moved = chain.odometry(1, Pose2::new(0.5, 0.0, 0.0));
+    fn odometry_starts_at_the_first_truth_until_there_is_a_pose_estimate() {
+        let mut tree = FrameTree::default();
+        tree.truth(&Pose2::new(2.0, 1.0, 0.0));
+        let moved = tree.odometry(1, Pose2::new(0.5, 0.0, 0.0));
         assert_eq!((translation(&moved, 0), translation(&moved, 1)), ((2.0, 1.0), (0.5, 0.0)));
-        chain.truth(&Pose2::new(9.0, 9.0, 0.0));
-        assert_eq!(translation(&chain.odometry(2, Pose2::new(0.5, 0.0, 0.0)), 0), (2.0, 1.0));
-        chain.localized(&Pose2::new(2.6, 1.1, 0.0));
-        let corrected = translation(&chain.odometry(3, Pose2::new(0.5, 0.0, 0.0)), 0);
+        tree.truth(&Pose2::new(9.0, 9.0, 0.0));
+        assert_eq!(translation(&tree.odometry(2, Pose2::new(0.5, 0.0, 0.0)), 0), (2.0, 1.0));
+        tree.localized(&Pose2::new(2.6, 1.1, 0.0));
+        let corrected = translation(&tree.odometry(3, Pose2::new(0.5, 0.0, 0.0)), 0);
         assert!((corrected.0 - 2.1).abs() < 1e-12 && (corrected.1 - 1.1).abs() < 1e-12);
     }
 
     #[test]
-    fn what_is_not_finite_is_left_out() {
+    fn poses_that_are_not_finite_are_left_out() {
         let nowhere = Pose2 { x: f64::NAN, y: 0.0, theta: 0.0 };
-        assert!(Chain::default().odometry(1, nowhere).is_empty());
+        assert!(FrameTree::default().odometry(1, nowhere).is_empty());
         assert!(pose_in_frame(1, MAP, &nowhere).is_none());
     }
 

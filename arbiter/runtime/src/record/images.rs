@@ -1,4 +1,4 @@
-//! Frames as compressed images.
+//! Conversion of frames to compressed images.
 
 use foxglove::bytes::Bytes;
 use foxglove::messages::CompressedImage;
@@ -9,17 +9,17 @@ use yamabico_core::message::{Encoding, FrameHeader};
 
 use super::frames::timestamp;
 
-/// How the pictures of a recording are compressed.
+/// Compression of the images of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageFormat {
-    /// Without loss, so that a replay sees the same bytes.
+    /// Lossless, so that a playback gives the same bytes.
     Png,
-    /// Smaller, with loss; quality from 1 to 100.
+    /// Lossy and smaller; quality from 1 to 100.
     Jpeg(u8),
 }
 
 impl ImageFormat {
-    /// Its name in a `foxglove.CompressedImage`.
+    /// Name in a `foxglove.CompressedImage`.
     fn name(self) -> &'static str {
         match self {
             ImageFormat::Png => "png",
@@ -28,7 +28,7 @@ impl ImageFormat {
     }
 }
 
-/// The frame as an image; `None` where its header and its bytes contradict each other.
+/// Compresses a frame; `None` if its header and its bytes contradict each other.
 pub(super) fn compressed(
     header: &FrameHeader,
     pixels: &[u8],
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn png_keeps_every_pixel_and_leaves_out_the_padding() {
+    fn png_keeps_every_pixel_and_drops_the_padding() {
         let pixels: Vec<u8> = (0..5 * 10).collect();
         let image = compressed(&frame(7, 5, 10), &pixels, ImageFormat::Png, "front").unwrap();
         let back = image::load_from_memory(&image.data).unwrap().into_luma8();
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn jpeg_is_near() {
+    fn jpeg_is_similar() {
         let header = FrameHeader { encoding: Encoding::Rgb8.code(), ..frame(16, 16, 48) };
         let image = compressed(&header, &[100; 768], ImageFormat::Jpeg(85), "front").unwrap();
         let back = image::load_from_memory(&image.data).unwrap().into_rgb8();
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn contradictions_are_no_image() {
+    fn contradictory_frames_are_no_image() {
         let broken =
             [frame(7, 5, 6), frame(0, 5, 7), frame(7, 0, 7), frame(8, 8, 8), frame(u32::MAX, 1, u32::MAX)];
         for header in broken {

@@ -1,4 +1,4 @@
-//! A run as an MCAP file.
+//! Recording of a run as an MCAP file.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,39 +15,39 @@ use super::queue::{Entry, Queue};
 use super::writer::Writer;
 use super::{ImageFormat, RecordError, Tap};
 
-/// Bytes of messages that are compressed together; what a crash can lose.
+/// Size of a compressed chunk, bytes: the maximum that a crash can lose.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// What happens while the writer is slower than the run.
+/// Behavior of a recording while its writer is slower than the run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// The run waits: nothing is lost.
+    /// The run waits: nothing is dropped.
     Lockstep,
-    /// The run never waits: pictures are left out, and in the worst case messages; both are counted.
+    /// The run never waits: images are dropped, and in the worst case messages; both are counted.
     Live,
 }
 
-/// What is to be recorded, and where.
+/// Contents and destination of a recording.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    /// The file; one that is there is replaced.
+    /// File; an existing one is replaced.
     pub path: PathBuf,
-    /// Whether the run may wait for the writer.
+    /// Pace of the run.
     pub pace: Pace,
-    /// How pictures are compressed.
+    /// Compression of images.
     pub images: ImageFormat,
     /// The robot, for its outline.
     pub robot: Robot,
-    /// Sensors by topic, for where they sit.
+    /// Sensors by topic, for their mounts.
     pub sensors: Vec<(String, SensorInfo)>,
     /// Texts to attach, by name: the task file and the robot file.
     pub files: Vec<(String, String)>,
-    /// What is known before the run: overrides, seed, version.
+    /// Facts known before the run: overrides, seed, version.
     pub facts: BTreeMap<String, String>,
 }
 
 impl Recording {
-    /// A lossless recording to `path` at the pace of `pace`, with nothing attached.
+    /// A lossless recording to `path` without attachments.
     pub fn new(path: impl Into<PathBuf>, pace: Pace) -> Recording {
         Recording {
             path: path.into(),
@@ -61,44 +61,44 @@ impl Recording {
     }
 }
 
-/// How a recording ended.
+/// Result of a recording.
 #[derive(Debug)]
-pub struct Recorded {
-    /// The file.
+pub struct RecordingResult {
+    /// File.
     pub path: PathBuf,
-    /// Its size.
+    /// Size of the file.
     pub bytes: u64,
-    /// Messages written on each topic of the bus; where it broke off, a last chunk of them never reached the file.
+    /// Number of messages written on each topic of the bus; if writing failed, the last chunk of them is not in the file.
     pub messages: BTreeMap<String, u64>,
-    /// Pictures left out because the writer was behind; their headers were written.
-    pub pictures_dropped: u64,
-    /// Messages left out because the writer was far behind, or because it had failed.
+    /// Number of images dropped because the writer was behind; their headers were written.
+    pub images_dropped: u64,
+    /// Number of messages dropped because the writer was far behind or had failed.
     pub messages_dropped: u64,
-    /// Why it broke off, where it did.
+    /// Failure that ended the recording early.
     pub error: Option<RecordError>,
 }
 
 /// Writes every message of a run to an MCAP file, on a thread of its own.
 ///
-/// A message `T` is there as JSON under its own topic, and, where Foxglove has a schema for it, once more under
-/// `/T/image`, `/T/scan`, `/T/pose` and `/T/scene`; `/tf` holds the coordinate frames, `/log` what changed, in words.
-/// A failure (a full disk) is logged once; the run goes on, and [`McapRecorder::finish`] tells it.
+/// A message on topic `T` is written as JSON under `T`, and, if Foxglove has a schema for it, again under `/T/image`,
+/// `/T/scan`, `/T/pose` and `/T/scene`; `/tf` holds the coordinate frames, `/log` the changes as text. A failure, such as a
+/// full disk, is logged once; the run goes on, and [`McapRecorder::finish`] reports it.
 pub struct McapRecorder {
     path: PathBuf,
     pace: Pace,
     queue: Queue,
     failure: Failure,
     topics: BTreeMap<String, Arc<str>>,
-    pictures_dropped: u64,
+    images_dropped: u64,
     messages_offered: u64,
     handle: Option<McapWriterHandle<OutputFile>>,
     thread: Option<JoinHandle<BTreeMap<String, u64>>>,
-    // Channels live as long as their context.
+    // Channels live only as long as their context.
     _context: Arc<Context>,
 }
 
 impl McapRecorder {
-    /// Opens the file and starts the thread that writes.
+    /// Opens the file and starts the writer's thread.
     ///
     /// # Errors
     /// The folder is missing, the path is a folder, or the file cannot be written.
@@ -132,7 +132,7 @@ impl McapRecorder {
             queue,
             failure,
             topics: BTreeMap::new(),
-            pictures_dropped: 0,
+            images_dropped: 0,
             messages_offered: 0,
             handle: Some(handle),
             thread: Some(thread),
@@ -140,19 +140,19 @@ impl McapRecorder {
         })
     }
 
-    /// Whether the recording has broken off.
+    /// Returns true if writing has failed.
     pub fn has_failed(&self) -> bool {
         self.failure.has_happened()
     }
 
-    /// Writes what still waits, adds what is known after the run (its digest) and closes the file.
-    pub fn finish(mut self, facts: BTreeMap<String, String>) -> Recorded {
+    /// Writes the remaining messages, adds facts known after the run (its digest) and closes the file.
+    pub fn finish(mut self, facts: BTreeMap<String, String>) -> RecordingResult {
         self.queue.end();
         let mut error = None;
         let messages = match self.thread.take().map(JoinHandle::join) {
             Some(Ok(counts)) => counts,
             Some(Err(panic)) => {
-                error = Some(writer_error(&self.path, panic_words(&*panic)));
+                error = Some(writer_error(&self.path, panic_text(&*panic)));
                 BTreeMap::new()
             }
             None => BTreeMap::new(),
@@ -164,9 +164,9 @@ impl McapRecorder {
                 error.get_or_insert(writer_error(&self.path, reason));
             }
         }
-        Recorded {
+        RecordingResult {
             bytes: self.failure.bytes(),
-            pictures_dropped: self.pictures_dropped,
+            images_dropped: self.images_dropped,
             messages_dropped: self.messages_offered - messages.values().sum::<u64>(),
             messages,
             error: self.failure.take().or(error),
@@ -187,7 +187,7 @@ impl Tap for McapRecorder {
             Pace::Lockstep => self.queue.wait(&entry),
             Pace::Live => {
                 if message.name == FrameHeader::NAME && !self.queue.has_room_for(items.len()) {
-                    self.pictures_dropped += 1;
+                    self.images_dropped += 1;
                     entry.items = &[];
                 }
                 self.queue.offer(&entry)
@@ -197,7 +197,7 @@ impl Tap for McapRecorder {
 }
 
 impl Drop for McapRecorder {
-    /// A recorder that is dropped without [`McapRecorder::finish`] still closes its file.
+    /// Closes the file of a recorder that is dropped without [`McapRecorder::finish`].
     fn drop(&mut self) {
         self.queue.end();
         if let Some(thread) = self.thread.take() {
@@ -206,7 +206,7 @@ impl Drop for McapRecorder {
     }
 }
 
-/// Closes the queue when the writer ends, however it ends, so that nobody waits for it.
+/// Closes the queue when the writer ends, however it ends, so that the run does not wait for it.
 struct Closing<'a>(&'a Queue);
 
 impl Drop for Closing<'_> {
@@ -235,7 +235,7 @@ fn writer_error(path: &Path, reason: impl ToString) -> RecordError {
     RecordError::Writer { path: path.to_owned(), reason: reason.to_string() }
 }
 
-fn panic_words(panic: &(dyn std::any::Any + Send)) -> String {
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a panic without words").to_owned()
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a panic without a message").to_owned()
 }

@@ -1,9 +1,10 @@
-//! What a run leaves behind: every message in order, as a digest and as a recording.
+//! Recording of a run: every message in order, as a digest and as a file.
 //!
-//! A [`Tap`] is shown each message once, in the order of the run. [`Digest`] condenses them to one number that two equal
-//! runs share; [`McapRecorder`] writes them to a file that Foxglove, Lichtblick and the Python package `mcap` open, and [`play`]
-//! shows them again.
+//! A [`Tap`] receives each message once, in the order of the run. [`Digest`] condenses them to one number, equal for equal
+//! runs; [`McapRecorder`] writes them to a file that Foxglove, Lichtblick and the Python package `mcap` open; [`play`] reads the
+//! file and passes its messages to a tap again.
 
+mod code_text;
 mod digest;
 mod error;
 mod file;
@@ -15,26 +16,25 @@ mod queue;
 mod ranges;
 mod scene;
 mod schema;
-mod words;
 mod writer;
 
 pub use digest::Digest;
 pub use error::RecordError;
 pub use images::ImageFormat;
-pub use mcap::{McapRecorder, Pace, Recorded, Recording};
-pub use playback::{PlaybackError, Played, play};
+pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
+pub use playback::{PlaybackError, PlaybackResult, play};
 pub use schema::to_json;
 
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
 
-/// Is shown every message of a run, in the order of the run.
+/// Receives every message of a run, in the order of the run.
 pub trait Tap {
-    /// One message on `topic`, published at `time`: the bytes of its header and of the items behind it.
+    /// Receives a message on `topic`, published at `time`: the bytes of its header and of the items after it.
     fn message(&mut self, topic: &str, message: &MessageType, time: Time, header: &[u8], items: &[u8]);
 }
 
-/// Shows every message to each of several taps.
+/// Passes every message to each of several taps.
 #[derive(Default)]
 pub struct Tee<'a>(pub Vec<&'a mut dyn Tap>);
 

@@ -1,4 +1,4 @@
-//! Recordings played back: every message once more, in order, to the byte.
+//! Playback of recordings: every message again, in order and byte for byte.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -16,48 +16,48 @@ use super::Tap;
 use super::schema::{self, Bytes};
 use super::writer::under;
 
-/// Why a recording cannot be played back.
+/// Failure of a playback.
 #[derive(Debug, thiserror::Error)]
 pub enum PlaybackError {
-    /// It cannot be opened.
+    /// The file cannot be opened.
     #[error("cannot play back {}: {source}", path.display())]
     NotReadable {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What the system said.
+        /// Cause.
         source: std::io::Error,
     },
-    /// It is none.
-    #[error("cannot play back {}: it is no MCAP recording ({reason})", path.display())]
+    /// The file is not a recording.
+    #[error("cannot play back {}: not an MCAP recording ({reason})", path.display())]
     NoRecording {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause.
         reason: String,
     },
 }
 
-/// What was played back.
+/// Result of a playback.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Played {
-    /// Messages that the tap was shown.
+pub struct PlaybackResult {
+    /// Number of messages passed to the tap.
     pub messages: u64,
-    /// What was left out, and why, in words.
+    /// Messages that were left out, and why.
     pub left_out: BTreeSet<String>,
-    /// Why the recording ends before its end, where its writer was stopped or the disk was full.
+    /// Cause why the recording ends early, such as a killed writer or a full disk.
     pub broken_off: Option<String>,
 }
 
-/// Shows every message of a recording to `tap`. Pictures that were compressed without loss come back to the byte, but for what
-/// stood between the ends of their rows; pictures that the recorder left out are left out here.
+/// Passes every message of a recording to `tap`. Losslessly compressed images come back byte for byte, except for the padding
+/// between rows; images that the recorder dropped are left out.
 ///
 /// # Errors
-/// [`PlaybackError`]; a recording that breaks off is played up to there.
-pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<Played, PlaybackError> {
+/// The file cannot be read or is no recording. A recording that ends early is played up to its end.
+pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> {
     let file =
         File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
     let messages = MessageReader::new(BufReader::new(file));
-    let mut player = Player { tap, frame: None, played: Played::default() };
+    let mut player = Player { tap, frame: None, played: PlaybackResult::default() };
     let mut has_begun = false;
     for message in messages {
         match message {
@@ -73,15 +73,15 @@ pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<Played, PlaybackError> {
         }
         has_begun = true;
     }
-    player.miss_picture();
+    player.miss_image();
     Ok(player.played)
 }
 
 struct Player<'a> {
     tap: &'a mut dyn Tap,
-    /// A frame whose picture follows.
+    /// Frame whose image follows.
     frame: Option<Frame>,
-    played: Played,
+    played: PlaybackResult,
 }
 
 struct Frame {
@@ -94,14 +94,14 @@ impl Player<'_> {
     fn take(&mut self, message: &mcap::Message<'_>) {
         let topic = &message.channel.topic;
         if self.frame.as_ref().is_some_and(|frame| under(&frame.topic, "image") == *topic) {
-            return self.take_picture(&message.data);
+            return self.take_image(&message.data);
         }
         let Some(schema) =
             message.channel.schema.as_ref().filter(|schema| schema.name.starts_with("yamabico."))
         else {
             return;
         };
-        self.miss_picture();
+        self.miss_image();
         let Some(kind) = MessageType::find(&schema.name) else {
             self.played.left_out.insert(format!("{topic}: {}", MessageType::unknown(&schema.name)));
             return;
@@ -109,7 +109,7 @@ impl Player<'_> {
         let time = Time(message.log_time);
         let json = serde_json::from_slice::<Value>(&message.data).ok();
         let Some(Bytes { header, items }) = json.and_then(|json| schema::from_json(kind, &json)) else {
-            self.played.left_out.insert(format!("{topic}: a message that is no {}", kind.name));
+            self.played.left_out.insert(format!("{topic}: a message that is not a {}", kind.name));
             return;
         };
         match bytemuck::try_pod_read_unaligned(&header) {
@@ -120,21 +120,21 @@ impl Player<'_> {
         }
     }
 
-    fn take_picture(&mut self, data: &[u8]) {
+    fn take_image(&mut self, data: &[u8]) {
         let Some(Frame { topic, time, header }) = self.frame.take() else { return };
         match CompressedImage::decode(data).ok().and_then(|image| pixels(&header, &image.data)) {
             Some(pixels) => {
                 let kind = MessageType::of::<FrameHeader>();
                 self.show(&topic, &kind, time, bytemuck::bytes_of(&header), &pixels);
             }
-            None => drop(self.played.left_out.insert(format!("{topic}: a picture that cannot be read"))),
+            None => drop(self.played.left_out.insert(format!("{topic}: an image that cannot be decoded"))),
         }
     }
 
-    /// The frame that was told has no picture.
-    fn miss_picture(&mut self) {
+    /// Notes that the pending frame has no image.
+    fn miss_image(&mut self) {
         if let Some(frame) = self.frame.take() {
-            self.played.left_out.insert(format!("{}: a picture that was not recorded", frame.topic));
+            self.played.left_out.insert(format!("{}: an image that was not recorded", frame.topic));
         }
     }
 
@@ -144,7 +144,7 @@ impl Player<'_> {
     }
 }
 
-/// The rows of a compressed picture, as far apart as the header says.
+/// Decompresses the rows of an image, with the stride of the header.
 fn pixels(header: &FrameHeader, data: &[u8]) -> Option<Vec<u8>> {
     let image = image::load_from_memory(data).ok()?;
     if (image.width(), image.height()) != (header.width, header.height) {

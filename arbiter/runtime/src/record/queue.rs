@@ -1,4 +1,4 @@
-//! The bounded queue between a run and the thread that writes its recording.
+//! Bounded queue between a run and the writer of its recording.
 
 use std::ops::Range;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -6,16 +6,16 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
 
-/// Bytes of messages that may wait for the writer.
+/// Maximum size of the waiting messages, bytes.
 const MAX_BYTES: usize = 64 << 20;
-/// Messages that may wait for the writer.
+/// Maximum number of waiting messages.
 const MAX_MESSAGES: usize = 16_384;
-/// What a waiting message takes besides its bytes.
+/// Memory of a waiting message besides its bytes, bytes.
 const OVERHEAD: usize = 128;
-/// Memory of a batch that is kept for later ones; what a burst took beyond it is given back.
+/// Memory that an empty batch keeps, bytes; what a burst took above it is freed.
 const KEPT_BYTES: usize = 2 << 20;
 
-/// A message that waits to be written.
+/// A message to be written.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry<'a> {
     pub topic: &'a Arc<str>,
@@ -25,7 +25,7 @@ pub(super) struct Entry<'a> {
     pub items: &'a [u8],
 }
 
-/// Messages in the order of their arrival, their bytes behind one another.
+/// Messages in the order of arrival, with their bytes in one buffer.
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     slots: Vec<Slot>,
@@ -42,7 +42,7 @@ struct Slot {
 }
 
 impl Batch {
-    /// The messages.
+    /// Messages of the batch.
     pub fn entries(&self) -> impl Iterator<Item = Entry<'_>> {
         self.slots.iter().map(|slot| Entry {
             topic: &slot.topic,
@@ -53,12 +53,12 @@ impl Batch {
         })
     }
 
-    /// What it takes of the memory that messages may wait in.
+    /// Share of [`MAX_BYTES`] that it occupies.
     fn size(&self) -> usize {
         self.bytes.len() + OVERHEAD * self.slots.len()
     }
 
-    /// A batch that is empty takes a message of any size.
+    /// Returns true if it can take another message; an empty batch takes a message of any size.
     fn has_room(&self) -> bool {
         self.slots.len() < MAX_MESSAGES && self.size() < MAX_BYTES
     }
@@ -90,37 +90,37 @@ pub(super) struct Queue(Arc<Shared>);
 
 #[derive(Default)]
 struct Shared {
-    state: Mutex<State>,
+    state: Mutex<QueueState>,
     filled: Condvar,
     drained: Condvar,
 }
 
 #[derive(Default)]
-struct State {
+struct QueueState {
     waiting: Batch,
     ended: bool,
     closed: bool,
 }
 
 impl Queue {
-    /// Whether `more` bytes would be taken now, with a share of the room left over for what is small.
+    /// Returns true if `more` bytes have room now, leaving half of the queue to small messages.
     pub fn has_room_for(&self, more: usize) -> bool {
         self.lock().waiting.size() + more <= MAX_BYTES / 2
     }
 
-    /// Adds a message where there is room and a writer; whether it was taken.
+    /// Adds a message if there is room and a writer; returns true if it was added.
     pub fn offer(&self, entry: &Entry) -> bool {
         self.push(self.lock(), entry)
     }
 
-    /// Adds a message and waits for room, for as long as there is a writer; whether it was taken.
+    /// Adds a message and waits for room as long as there is a writer; returns true if it was added.
     pub fn wait(&self, entry: &Entry) -> bool {
-        let is_full = |state: &mut State| !state.closed && !state.waiting.has_room();
+        let is_full = |state: &mut QueueState| !state.closed && !state.waiting.has_room();
         let state = self.0.drained.wait_while(self.lock(), is_full).unwrap_or_else(PoisonError::into_inner);
         self.push(state, entry)
     }
 
-    fn push(&self, mut state: MutexGuard<'_, State>, entry: &Entry) -> bool {
+    fn push(&self, mut state: MutexGuard<'_, QueueState>, entry: &Entry) -> bool {
         let is_taken = !state.closed && state.waiting.has_room();
         if is_taken {
             state.waiting.push(entry);
@@ -130,13 +130,13 @@ impl Queue {
         is_taken
     }
 
-    /// Nothing will be added any more.
+    /// Reports that no message will be added any more.
     pub fn end(&self) {
         self.lock().ended = true;
         self.0.filled.notify_one();
     }
 
-    /// Nobody will take anything any more; waiting ends.
+    /// Reports that no message will be taken any more; every wait ends.
     pub fn close(&self) {
         let mut state = self.lock();
         state.closed = true;
@@ -145,10 +145,10 @@ impl Queue {
         self.0.drained.notify_all();
     }
 
-    /// Swaps everything that waits for `written`, whose memory is used again; `false` at the end.
+    /// Swaps the waiting messages for `written`, whose memory is reused; returns false at the end.
     pub fn take(&self, written: &mut Batch) -> bool {
         written.clear();
-        let is_idle = |state: &mut State| state.waiting.slots.is_empty() && !state.ended;
+        let is_idle = |state: &mut QueueState| state.waiting.slots.is_empty() && !state.ended;
         let mut state =
             self.0.filled.wait_while(self.lock(), is_idle).unwrap_or_else(PoisonError::into_inner);
         std::mem::swap(&mut state.waiting, written);
@@ -157,7 +157,7 @@ impl Queue {
         !written.slots.is_empty()
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, QueueState> {
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn gives_back_what_a_burst_took() {
+    fn frees_the_memory_of_a_burst() {
         let queue = Queue::default();
         let mut taken = Batch::default();
         for _ in 0..4 {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn is_bounded_and_a_gone_writer_blocks_nobody() {
+    fn is_bounded_and_a_missing_writer_blocks_nothing() {
         let queue = Queue::default();
         assert!(queue.has_room_for(MAX_BYTES / 2));
         assert!(offer(&queue, "a", MAX_BYTES));

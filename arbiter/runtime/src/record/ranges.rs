@@ -1,20 +1,19 @@
-//! Range scans as `foxglove.LaserScan`, whose rays leave one point at equal angles.
+//! Conversion of range scans to `foxglove.LaserScan`, whose rays leave one point at equal angles.
 
 use foxglove::messages::{LaserScan, Pose};
 use yamabico_core::message::{Beam, RangeScanHeader};
 
 use super::frames::{BASE, timestamp, vector, yaw};
 
-/// Rays of a scan that stands for sonar cones lie at most this far apart, radians.
+/// Maximum angle between rays that represent a sonar cone, rad.
 const RAY_STEP_RAD: f64 = 2.5 * std::f64::consts::PI / 180.0;
-/// More rays than this are no scan.
+/// Maximum number of rays of a scan.
 const MAX_RAYS: f64 = 4096.0;
 
-/// The scan in the robot frame; `None` without a beam whose direction is finite.
+/// Converts a scan, in the robot frame; `None` without a beam whose direction is finite.
 ///
-/// A narrow beam is one ray. A cone is a fan of rays with the cone's range; where cones overlap, the nearest echo counts.
-/// A direction without echo, or between the cones, has an infinite range. The rays leave the mean position of the
-/// sensors.
+/// A narrow beam is one ray. A cone is a fan of rays with the cone's range; in overlapping cones the nearest echo counts. A
+/// direction without an echo, or between the cones, has an infinite range. The rays leave the mean position of the sensors.
 pub(super) fn laser_scan(header: &RangeScanHeader, beams: &[Beam]) -> Option<LaserScan> {
     let known = || beams.iter().filter(|beam| beam.azimuth_rad.is_finite() && beam.cone_rad.is_finite());
     let count = known().count();

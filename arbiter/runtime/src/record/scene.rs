@@ -1,4 +1,4 @@
-//! What a person wants to see around the robot: its outline, what the sonars hear, what is proposed and where it truly is.
+//! Drawings around the robot: its outline, sonar cones, proposals, commands and ground truth.
 
 use foxglove::messages::line_primitive::Type as LineType;
 use foxglove::messages::scene_entity_deletion::Type as Deletion;
@@ -11,12 +11,12 @@ use yamabico_core::message::{Beam, Command, Kind, Proposal, RangeScanHeader, Rea
 
 use super::frames::{BASE, MAP, pose, timestamp};
 
-/// How far ahead a proposed motion is drawn, seconds.
+/// Time for which a proposed motion is drawn ahead, s.
 const PREVIEW_S: f64 = 2.0;
-/// Corners of a drawn circle or arc.
+/// Number of corners of a drawn circle or arc.
 const CORNERS: usize = 24;
-/// A speed slower than this is no arrow, m/s.
-const SLOWEST_MPS: f64 = 0.01;
+/// Minimum speed that is drawn as an arrow, m/s.
+const MIN_ARROW_MPS: f64 = 0.01;
 
 const BLACK: Color = Color { r: 0.1, g: 0.1, b: 0.1, a: 1.0 };
 const GRAY: Color = Color { r: 0.6, g: 0.6, b: 0.6, a: 0.5 };
@@ -25,7 +25,7 @@ const ORANGE: Color = Color { r: 0.95, g: 0.55, b: 0.1, a: 1.0 };
 const GREEN: Color = Color { r: 0.1, g: 0.6, b: 0.3, a: 1.0 };
 const BLUE: Color = Color { r: 0.15, g: 0.35, b: 0.8, a: 1.0 };
 
-/// The circle that holds the whole robot, and where its front is.
+/// Outline of the robot: the circle around its footprint, with a mark at the front.
 pub(super) fn footprint(radius_m: f64) -> SceneUpdate {
     let mut entity = entity(0, BASE, "footprint");
     entity.lines = vec![
@@ -35,7 +35,7 @@ pub(super) fn footprint(radius_m: f64) -> SceneUpdate {
     shown(entity)
 }
 
-/// The cones of a scan, as far as they are free; red with an echo, gray to the farthest range without.
+/// Free part of each sonar cone: red up to an echo, gray up to the maximum range without one.
 pub(super) fn cones(topic: &str, header: &RangeScanHeader, beams: &[Beam]) -> SceneUpdate {
     let mut entity = entity(header.stamp_ns, BASE, topic);
     entity.lines = beams.iter().filter_map(|beam| cone(header, beam)).collect();
@@ -60,21 +60,21 @@ fn cone(header: &RangeScanHeader, beam: &Beam) -> Option<LinePrimitive> {
     Some(line(corners, LineType::LineLoop, 0.01, color))
 }
 
-/// A drive as the path that it would take, a halt or a limit as words; an abstention takes the author's drawing away.
+/// Draws a drive as the path it leads to, a halt or a limit as text; an abstention removes the author's drawing.
 pub(super) fn proposal(topic: &str, proposal: &Proposal) -> SceneUpdate {
     let mut entity = entity(proposal.stamp_ns, BASE, topic);
     let author = proposal.behavior.as_str();
     let reason = proposal.reason().map_or("unknown reason", Reason::as_str);
     match proposal.kind() {
         Some(Kind::Drive) if proposal.twist.is_finite() => motion(&mut entity, &proposal.twist, BLUE, 0.02),
-        Some(Kind::Limit) => entity.texts.push(words(format!("{author} limits: {reason}"), ORANGE)),
-        Some(Kind::Halt) => entity.texts.push(words(format!("{author} halts: {reason}"), RED)),
-        _ => return gone(proposal.stamp_ns, topic),
+        Some(Kind::Limit) => entity.texts.push(label(format!("{author} limits: {reason}"), ORANGE)),
+        Some(Kind::Halt) => entity.texts.push(label(format!("{author} halts: {reason}"), RED)),
+        _ => return removed(proposal.stamp_ns, topic),
     }
     shown(entity)
 }
 
-/// What the motors get, as the path that it takes.
+/// Draws a command as the path it leads to.
 pub(super) fn command(topic: &str, command: &Command) -> SceneUpdate {
     let mut entity = entity(command.stamp_ns, BASE, topic);
     let color = if command.emergency == 0 { GREEN } else { RED };
@@ -84,7 +84,7 @@ pub(super) fn command(topic: &str, command: &Command) -> SceneUpdate {
     shown(entity)
 }
 
-/// Where the robot truly is, and how far the nearest person.
+/// Draws the true position of the robot, and the distance of the nearest person.
 pub(super) fn truth(topic: &str, truth: &Truth, radius_m: f64) -> Option<SceneUpdate> {
     let at = Pose2::new(truth.x, truth.y, truth.theta);
     if !at.is_finite() {
@@ -95,7 +95,7 @@ pub(super) fn truth(topic: &str, truth: &Truth, radius_m: f64) -> Option<SceneUp
     outline.pose = Some(pose(&at));
     entity.lines.push(outline);
     if truth.person_m.is_finite() {
-        let mut text = words(format!("person {:.2} m", truth.person_m), GREEN);
+        let mut text = label(format!("person {:.2} m", truth.person_m), GREEN);
         text.pose = Some(pose(&at));
         entity.texts.push(text);
     }
@@ -109,7 +109,7 @@ fn motion(entity: &mut SceneEntity, twist: &Twist, color: Color, thickness: f64)
         point(pose.x, pose.y)
     });
     entity.lines.push(line(path.collect(), LineType::LineStrip, thickness, color));
-    if twist.speed() >= SLOWEST_MPS {
+    if twist.speed() >= MIN_ARROW_MPS {
         let mut tip = at(1.0);
         tip.theta += twist.lateral.atan2(twist.linear);
         entity.arrows.push(ArrowPrimitive {
@@ -143,7 +143,7 @@ fn line(points: Vec<Point3>, kind: LineType, thickness: f64, color: Color) -> Li
     }
 }
 
-fn words(text: String, color: Color) -> TextPrimitive {
+fn label(text: String, color: Color) -> TextPrimitive {
     let above = Pose2::new(0.0, 0.4, 0.0);
     TextPrimitive {
         pose: Some(pose(&above)),
@@ -169,7 +169,7 @@ fn shown(entity: SceneEntity) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities: vec![entity] }
 }
 
-fn gone(stamp_ns: u64, id: &str) -> SceneUpdate {
+fn removed(stamp_ns: u64, id: &str) -> SceneUpdate {
     let deletion = SceneEntityDeletion {
         timestamp: Some(timestamp(stamp_ns)),
         r#type: Deletion::MatchingId as i32,
@@ -184,19 +184,19 @@ mod tests {
     use yamabico_core::message::{Axes, NO_ECHO};
 
     #[test]
-    fn a_cone_ends_at_its_echo_and_a_silent_one_at_the_farthest_range() {
+    fn a_cone_ends_at_its_echo_or_at_the_maximum_range() {
         let header = RangeScanHeader { max_m: 3.0, ..Default::default() };
-        let heard = Beam { range_m: 0.4, cone_rad: 0.4, x_m: 0.2, ..Beam::default() };
-        let silent = Beam { flags: NO_ECHO, ..heard };
-        let hostile = Beam { range_m: f64::NAN, ..heard };
-        let lines = &cones("sonar", &header, &[heard, silent, hostile]).entities[0].lines;
+        let echo = Beam { range_m: 0.4, cone_rad: 0.4, x_m: 0.2, ..Beam::default() };
+        let silent = Beam { flags: NO_ECHO, ..echo };
+        let hostile = Beam { range_m: f64::NAN, ..echo };
+        let lines = &cones("sonar", &header, &[echo, silent, hostile]).entities[0].lines;
         assert_eq!(lines.len(), 2);
         let farthest = |line: &LinePrimitive| line.points.iter().map(|point| point.x).fold(0.0, f64::max);
         assert!((farthest(&lines[0]) - 0.6).abs() < 1e-12 && (farthest(&lines[1]) - 3.2).abs() < 1e-12);
     }
 
     #[test]
-    fn a_left_turn_is_drawn_to_the_left_and_an_abstention_is_taken_away() {
+    fn a_left_turn_is_drawn_to_the_left_and_an_abstention_removes_the_drawing() {
         let drive = Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.5));
         let scene = proposal("wall-follower", &drive);
         assert!(scene.entities[0].lines[0].points.last().unwrap().y > 0.1);

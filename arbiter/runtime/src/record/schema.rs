@@ -1,15 +1,16 @@
-//! JSON of a message as it is recorded, and its JSON Schema.
+//! JSON form of a recorded message, and its JSON Schema.
 
 use serde_json::{Value, json};
 use yamabico_core::message::MessageType;
 
-use super::words;
+use super::code_text;
 
 const HEADER_BYTES: &str = "header_hex";
 const ITEM_BYTES: &str = "items_hex";
 
-/// The message as JSON: the header's fields, its items under `items`, and each code once more in words under `..._text`.
-/// Numbers have full precision. JSON has no word for one that is not finite: it is null, and the bytes of header and items
+/// Converts a message to JSON: the header's fields, its items under `items`, and the text of each code under `..._text`.
+///
+/// Numbers have full precision. JSON cannot express a number that is not finite: it is null, and the bytes of header and items
 /// follow in hexadecimal under `header_hex` and `items_hex`, so that nothing is lost. Pixels are left out.
 pub fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
     let mut value = (message.to_json)(header, items);
@@ -19,17 +20,17 @@ pub fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
         object.insert(HEADER_BYTES.into(), hexadecimal(header).into());
         object.insert(ITEM_BYTES.into(), hexadecimal(items).into());
     }
-    words::explain(message, &mut value);
+    code_text::add_texts(message, &mut value);
     value
 }
 
-/// Header and items as bytes.
+/// Bytes of header and items.
 pub(super) struct Bytes {
     pub header: Vec<u8>,
     pub items: Vec<u8>,
 }
 
-/// The message that [`to_json`] told so; `None` where it is none.
+/// Converts the JSON of [`to_json`] back to a message; `None` if it does not fit.
 pub(super) fn from_json(message: &MessageType, json: &Value) -> Option<Bytes> {
     let raw = |name: &str| json.get(name)?.as_str().and_then(bytes);
     let (header, items) = match raw(HEADER_BYTES) {
@@ -60,13 +61,12 @@ fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().flat_map(|byte| [digit(byte >> 4), digit(byte & 15)]).collect()
 }
 
-/// The JSON Schema of [`to_json`]'s values, read off a message of zeros: a message has always the same fields.
+/// JSON Schema of [`to_json`]'s values, derived from a message of zeros: a message always has the same fields.
 pub(super) fn of(message: &MessageType) -> Value {
     let example = to_json(message, &vec![0; message.header_size], &vec![0; message.item_size]);
     let mut schema = describe(&example);
     schema["title"] = json!(message.name);
-    schema["$comment"] =
-        json!("Where a number is not finite it is null, and the bytes follow in hexadecimal.");
+    schema["$comment"] = json!("A number that is not finite is null, and the bytes follow in hexadecimal.");
     for name in [HEADER_BYTES, ITEM_BYTES] {
         schema["properties"][name] = json!({ "type": "string" });
     }
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_json_cannot_say_is_there_as_bytes() {
+    fn numbers_that_json_cannot_express_are_there_as_bytes() {
         let truth = Truth { stamp_ns: 0x01a2, person_m: f64::INFINITY, ..Truth::default() };
         let message = MessageType::of::<Truth>();
         let value = to_json(&message, bytemuck::bytes_of(&truth), &[]);
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_and_words_are_described() {
+    fn lists_and_texts_are_described() {
         let scan = of(&MessageType::of::<RangeScanHeader>());
         assert_eq!(scan["properties"]["items"]["items"]["properties"]["range_m"]["type"], "number");
         assert_eq!(scan["properties"]["stamp_ns"]["type"], "integer");

@@ -1,4 +1,4 @@
-//! The thread that turns messages into the records of an MCAP file.
+//! Writer thread: turns messages into the records of an MCAP file.
 
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
@@ -14,27 +14,27 @@ use yamabico_core::message::{
 use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_core::time::Time;
 
-use super::frames::{self, Chain, MAP, ODOM};
+use super::code_text::ChangeLog;
+use super::frames::{self, FrameTree, MAP, ODOM};
 use super::images::{ImageFormat, compressed};
 use super::queue::{Batch, Entry, Queue};
-use super::words::Journal;
 use super::{ranges, scene, schema};
 
 /// Channel of the coordinate frames.
 const TRANSFORMS: &str = "/tf";
-/// Channel of what changed, in words.
+/// Channel of changes as text.
 const LOG: &str = "/log";
 
-/// Turns messages into records and hands them to the channels of a context.
+/// Turns messages into records and passes them to the channels of a context.
 pub(super) struct Writer {
     context: Arc<Context>,
     format: ImageFormat,
     radius_m: f64,
     channels: HashMap<String, Arc<RawChannel>>,
     buffer: Vec<u8>,
-    chain: Chain,
+    frame_tree: FrameTree,
     odometry_topic: Option<Arc<str>>,
-    journal: Journal,
+    change_log: ChangeLog,
     counts: BTreeMap<String, u64>,
 }
 
@@ -46,14 +46,14 @@ impl Writer {
             radius_m: robot.radius_m,
             channels: HashMap::new(),
             buffer: Vec::new(),
-            chain: Chain::default(),
+            frame_tree: FrameTree::default(),
             odometry_topic: None,
-            journal: Journal::default(),
+            change_log: ChangeLog::default(),
             counts: BTreeMap::new(),
         }
     }
 
-    /// Writes what does not change: the robot's outline, and where its cameras sit.
+    /// Writes the constant records: the robot's outline and the mounts of its cameras.
     pub fn begin(&mut self, sensors: &[(String, SensorInfo)]) {
         self.standard("/robot/scene", Time::ZERO, &scene::footprint(self.radius_m));
         for (topic, sensor) in sensors {
@@ -63,14 +63,14 @@ impl Writer {
         }
     }
 
-    /// Writes everything that comes through the queue until it ends or `broken` says so; returns the messages written on
+    /// Writes everything from the queue until it ends or `has_failed` returns true; returns the number of messages written on
     /// each topic.
-    pub fn run(mut self, queue: &Queue, broken: impl Fn() -> bool) -> BTreeMap<String, u64> {
+    pub fn run(mut self, queue: &Queue, has_failed: impl Fn() -> bool) -> BTreeMap<String, u64> {
         let mut batch = Batch::default();
         while queue.take(&mut batch) {
             for entry in batch.entries() {
                 self.write(&entry);
-                if broken() {
+                if has_failed() {
                     return self.counts;
                 }
             }
@@ -78,7 +78,7 @@ impl Writer {
         self.counts
     }
 
-    /// One message: once as JSON under its own topic, and in the standard schemas under `/topic/...`.
+    /// Writes one message: as JSON under its own topic, and in the standard schemas under `/topic/...`.
     fn write(&mut self, entry: &Entry) {
         let (topic, time) = (&**entry.topic, entry.time);
         self.json(entry);
@@ -101,13 +101,13 @@ impl Writer {
             Pose::NAME => {
                 let Some(pose) = header::<Pose>(entry) else { return };
                 let at = Pose2::new(pose.x, pose.y, pose.theta);
-                self.chain.localized(&at);
+                self.frame_tree.localized(&at);
                 self.pose(topic, time, pose.stamp_ns, MAP, &at);
             }
             Truth::NAME => {
                 let Some(truth) = header::<Truth>(entry) else { return };
                 let at = Pose2::new(truth.x, truth.y, truth.theta);
-                self.chain.truth(&at);
+                self.frame_tree.truth(&at);
                 self.pose(topic, time, truth.stamp_ns, MAP, &at);
                 if let Some(scene) = scene::truth(topic, &truth, self.radius_m) {
                     self.standard(&under(topic, "scene"), time, &scene);
@@ -116,7 +116,7 @@ impl Writer {
             Proposal::NAME => {
                 let Some(proposal) = header::<Proposal>(entry) else { return };
                 self.standard(&under(topic, "scene"), time, &scene::proposal(topic, &proposal));
-                let line = self.journal.proposal(topic, &proposal);
+                let line = self.change_log.proposal(topic, &proposal);
                 self.log(time, line);
             }
             Command::NAME => {
@@ -125,30 +125,30 @@ impl Writer {
             }
             DecisionHeader::NAME => {
                 let Some(decision) = header::<DecisionHeader>(entry) else { return };
-                let line = self.journal.decision(topic, &decision);
+                let line = self.change_log.decision(topic, &decision);
                 self.log(time, line);
             }
             Heartbeat::NAME => {
                 let Some(heartbeat) = header::<Heartbeat>(entry) else { return };
-                let line = self.journal.heartbeat(topic, &heartbeat);
+                let line = self.change_log.heartbeat(topic, &heartbeat);
                 self.log(time, line);
             }
             Control::NAME => {
                 let Some(control) = header::<Control>(entry) else { return };
-                let line = self.journal.control(&control);
+                let line = self.change_log.control(&control);
                 self.log(time, Some(line));
             }
             _ => {}
         }
     }
 
-    /// The odometry topic that came first carries the robot's frame.
+    /// Writes odometry; the first odometry topic also moves the robot's frame.
     fn odometry(&mut self, entry: &Entry) {
         let Some(odometry) = header::<Odometry>(entry) else { return };
         let at = Pose2::new(odometry.x, odometry.y, odometry.theta);
         self.pose(entry.topic, entry.time, odometry.stamp_ns, ODOM, &at);
         if *self.odometry_topic.get_or_insert_with(|| entry.topic.clone()) == *entry.topic {
-            for transform in self.chain.odometry(odometry.stamp_ns, at) {
+            for transform in self.frame_tree.odometry(odometry.stamp_ns, at) {
                 self.standard(TRANSFORMS, entry.time, &transform);
             }
         }
@@ -206,7 +206,7 @@ fn json_channel(message: &MessageType) -> (String, Option<Schema>) {
     ("json".to_owned(), Some(Schema::new(message.name, "jsonschema", schema)))
 }
 
-/// The channel for a standard form of what is on `topic`.
+/// Channel of a standard form of the messages on `topic`.
 pub(super) fn under(topic: &str, form: &str) -> String {
     format!("/{}/{form}", topic.trim_start_matches('/'))
 }

@@ -1,4 +1,4 @@
-//! Who is in control, and when the robot is halted.
+//! Behavior in control, and halts.
 
 use std::collections::BTreeMap;
 
@@ -6,26 +6,26 @@ use serde::Serialize;
 use yamabico_core::message::{Axis, DecisionHeader, Kind, Mode, Outcome, Reason, Verdict};
 use yamabico_core::time::Time;
 
-/// In control while no behavior is.
-const NOBODY: &str = "nobody";
-/// In control from the start of the run until no part stops the robot for want of its first reading.
+/// Entry for times without a behavior in control.
+const NO_BEHAVIOR: &str = "no behavior";
+/// Entry for the time at the start of a run in which critical parts wait for their first readings.
 const FIRST_READINGS: &str = "wait for first readings";
 
-/// A time during which the arbiter kept the robot from moving forward, once the first readings were there.
+/// A time during which the arbiter kept the robot from moving forward, after the first readings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Halt {
-    /// When it began, seconds of the run.
+    /// Begin, s of the run.
     pub begin_s: f64,
-    /// How long it lasted, seconds; up to the run's end where it was never released.
+    /// Duration, s; until the end of the run if it was not released.
     pub duration_s: f64,
-    /// Who halted; the mode in words where no behavior did.
+    /// Behavior that halted the robot, or the mode and the silent part.
     pub by: String,
 }
 
-/// Follows the decisions of a run.
+/// Follows the decisions of a run: control times and halts.
 #[derive(Clone, Debug, Default)]
 pub struct ControlLog {
-    /// Whether the first readings are there.
+    /// Set once the first readings have arrived.
     ready: bool,
     current: Option<(Time, String)>,
     halted_since: Option<(Time, String)>,
@@ -34,7 +34,7 @@ pub struct ControlLog {
 }
 
 impl ControlLog {
-    /// The next decision.
+    /// Takes in the next decision.
     pub fn decision(&mut self, header: &DecisionHeader, verdicts: &[Verdict]) {
         let now = Time(header.stamp_ns);
         self.ready |= !lacks_first_readings(header, verdicts);
@@ -65,17 +65,17 @@ impl ControlLog {
         }
     }
 
-    /// Who is in control now; `None` before the first decision.
+    /// Behavior in control; `None` before the first decision.
     pub fn owner(&self) -> Option<&str> {
         self.current.as_ref().map(|(_, owner)| owner.as_str())
     }
 
-    /// Whether the robot is halted now.
+    /// Returns true if the robot is halted.
     pub fn is_halted(&self) -> bool {
         self.halted_since.is_some()
     }
 
-    /// Halts so far; one that lasts ends at the last decision.
+    /// Halts so far; a halt in progress ends at the last decision.
     pub fn halts(&self) -> Vec<Halt> {
         let mut log = self.clone();
         if let Some((last, _)) = self.current {
@@ -84,7 +84,7 @@ impl ControlLog {
         log.halts
     }
 
-    /// Seconds that each behavior was in control; what was in control while no behavior was goes by its own name.
+    /// Time for which each behavior was in control, s; times without a behavior have entries of their own.
     pub fn time_s(&self) -> &BTreeMap<String, f64> {
         &self.time_s
     }
@@ -100,9 +100,13 @@ impl ControlLog {
     }
 }
 
-/// Who keeps the robot from moving forward.
+/// Finds what keeps the robot from moving forward.
 fn halter(header: &DecisionHeader, verdicts: &[Verdict]) -> Option<String> {
     match header.mode() {
+        // The note names the silent part: "sonar-halt is silent".
+        Some(Mode::CriticalSilent) if !header.note.is_empty() => Some(header.note.as_str().to_owned()),
+        // The note names the silent part.
+        Some(Mode::CriticalSilent) if !header.note.is_empty() => Some(header.note.as_str().to_owned()),
         Some(mode @ (Mode::CriticalSilent | Mode::EmergencyStop)) => Some(mode.as_str().to_owned()),
         Some(Mode::Halted) if header.halted.contains(Axis::Linear) => {
             let author = halting(verdicts);
@@ -112,7 +116,7 @@ fn halter(header: &DecisionHeader, verdicts: &[Verdict]) -> Option<String> {
     }
 }
 
-/// The verdict on who halts driving forward, be it by a halt that is only held.
+/// Verdict on the behavior that halts forward motion, including a held halt.
 fn halting(verdicts: &[Verdict]) -> Option<&Verdict> {
     verdicts.iter().find(|verdict| {
         let halts = match verdict.outcome() {
@@ -124,7 +128,7 @@ fn halting(verdicts: &[Verdict]) -> Option<&Verdict> {
     })
 }
 
-/// Whether, at the start of a run, the robot stands since some part waits for its first reading, or did a moment ago.
+/// Returns true if, at the start of a run, the robot stands because a part waits for its first reading, or waited a moment ago.
 fn lacks_first_readings(header: &DecisionHeader, verdicts: &[Verdict]) -> bool {
     let waits = |verdict: &Verdict| {
         verdict.outcome() == Some(Outcome::Held) || verdict.reason == Reason::NoInput.code()
@@ -136,7 +140,7 @@ fn lacks_first_readings(header: &DecisionHeader, verdicts: &[Verdict]) -> bool {
     }
 }
 
-/// Everybody who drives, joined by `+`.
+/// Behaviors that drive, joined by `+`.
 fn driver(verdicts: &[Verdict]) -> String {
     let mut owner = String::new();
     for verdict in verdicts {
@@ -147,7 +151,7 @@ fn driver(verdicts: &[Verdict]) -> String {
             owner.push_str(verdict.behavior.as_str());
         }
     }
-    if owner.is_empty() { NOBODY.to_owned() } else { owner }
+    if owner.is_empty() { NO_BEHAVIOR.to_owned() } else { owner }
 }
 
 #[cfg(test)]
@@ -182,7 +186,7 @@ mod tests {
         log.decision(&decision(4.75, Mode::EmergencyStop, Axes::ALL), &[]);
         log.decision(&decision(5.0, Mode::EmergencyStop, Axes::ALL), &[]);
         let time = |owner: &str| log.time_s()[owner];
-        assert_eq!((time("wall"), time("sonar"), time("nobody")), (2.5, 1.0, 0.25));
+        assert_eq!((time("wall"), time("sonar"), time("no behavior")), (2.5, 1.0, 0.25));
         let halts = log.halts();
         assert_eq!(halts[0], Halt { begin_s: 3.0, duration_s: 1.0, by: "sonar".into() });
         assert_eq!((halts.len(), halts[1].by.as_str(), halts[1].duration_s), (2, "emergency stop", 0.25));
@@ -225,6 +229,15 @@ mod tests {
         assert_eq!((halts.len(), halts[0].begin_s, halts[0].duration_s), (1, 1.0, 3.0));
         assert_eq!((log.time_s()[FIRST_READINGS], log.time_s()["sonar"]), (0.75, 1.0));
         assert_eq!(log.time_s().values().sum::<f64>(), 4.0);
+    }
+
+    #[test]
+    fn a_halt_for_a_silent_part_names_the_part() {
+        let mut log = ControlLog::default();
+        log.decision(&decision(0.0, Mode::Idle, Axes::NONE), &[]);
+        let note = yamabico_core::message::Note::new("sonar-halt is silent");
+        log.decision(&DecisionHeader { note, ..decision(1.0, Mode::CriticalSilent, Axes::ALL) }, &[]);
+        assert_eq!(log.halts()[0].by, "sonar-halt is silent");
     }
 
     #[test]

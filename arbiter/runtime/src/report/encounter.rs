@@ -1,4 +1,4 @@
-//! Meetings with people, as the judge sees them.
+//! Encounters with people, from the ground truth.
 
 use serde::Serialize;
 use yamabico_core::message::Truth;
@@ -6,44 +6,44 @@ use yamabico_core::time::Time;
 
 use super::STANDING_MPS;
 
-/// Nearer than this a person is met, meters from the footprint.
-const MEETING_M: f64 = 1.0;
-/// Farther than this the meeting is over, meters.
-const PARTING_M: f64 = 1.2;
+/// Distance below which an encounter begins, m from the footprint.
+const BEGIN_M: f64 = 1.0;
+/// Distance above which an encounter ends, m from the footprint.
+const END_M: f64 = 1.2;
 
-/// One meeting with people.
+/// One encounter with people.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Encounter {
-    /// When somebody came near, seconds of the run.
+    /// Begin, s of the run.
     pub begin_s: f64,
-    /// When nobody was near any more; the run's end where it did not come to that.
+    /// End, s of the run.
     pub end_s: f64,
-    /// Where the robot was when the person was nearest, map frame, meters.
+    /// Position of the robot at the smallest distance, map frame, m.
     pub x: f64,
-    /// Where the robot was when the person was nearest, map frame, meters.
+    /// Position of the robot at the smallest distance, map frame, m.
     pub y: f64,
-    /// Smallest distance from the footprint, meters.
+    /// Smallest distance from the footprint, m.
     pub nearest_m: f64,
-    /// Smallest distance while the robot moved by itself, meters; `None` where it stood all the time.
+    /// Smallest distance while the robot moved, m; `None` if it stood all the time.
     pub nearest_moving_m: Option<f64>,
-    /// Distance at each moment when it came to stand, meters; empty where it never stood.
+    /// Distance each time that it came to a standstill, m; empty if it never did.
     pub stood_at_m: Vec<f64>,
 }
 
-/// Follows the truth of a run.
+/// Detects encounters in the ground truth of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Encounters {
     current: Option<Encounter>,
-    /// Whether the robot stood at the last truth of the current meeting.
+    /// Set if the robot stood at the last truth of the current encounter.
     stands: bool,
     past: Vec<Encounter>,
 }
 
 impl Encounters {
-    /// The next truth.
+    /// Takes in the next ground truth.
     pub fn truth(&mut self, truth: &Truth) {
         let (now_s, person_m) = (Time(truth.stamp_ns).as_secs_f64(), truth.person_m);
-        if self.current.is_none() && person_m < MEETING_M {
+        if self.current.is_none() && person_m < BEGIN_M {
             self.stands = false;
             self.current = Some(Encounter {
                 begin_s: now_s,
@@ -57,7 +57,7 @@ impl Encounters {
         }
         let Some(mut current) = self.current.take() else { return };
         current.end_s = now_s;
-        if person_m > PARTING_M {
+        if person_m > END_M {
             self.past.push(current);
             return;
         }
@@ -74,13 +74,13 @@ impl Encounters {
         self.current = Some(current);
     }
 
-    /// Meetings so far, with the one that lasts.
+    /// Encounters so far, including one that has not ended.
     pub fn list(&self) -> Vec<Encounter> {
         self.past.iter().chain(&self.current).cloned().collect()
     }
 }
 
-/// Whether the robot stands.
+/// Returns true if the robot stands.
 pub(super) fn is_standing(truth: &Truth) -> bool {
     truth.vx.hypot(truth.vy) < STANDING_MPS
 }
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_met_without_people() {
+    fn without_people_there_is_no_encounter() {
         let mut encounters = Encounters::default();
         for person_m in [f64::INFINITY, f64::NAN] {
             encounters.truth(&Truth { person_m, ..Truth::default() });

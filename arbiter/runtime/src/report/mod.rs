@@ -1,7 +1,7 @@
-//! What a run was like: a table of numbers and a picture of the way.
+//! Report on a run: its summary and the plot of its trajectory.
 //!
-//! Both are built from the messages of the run alone, by [`Tap`](crate::record::Tap)s; wall-clock figures are handed in
-//! beside them and never enter the digest.
+//! Both are built from the messages of the run alone, by [`Tap`](crate::record::Tap)s; wall-clock figures are added
+//! separately and never enter the digest.
 
 mod control;
 mod encounter;
@@ -10,12 +10,15 @@ mod summary;
 mod trace;
 mod trajectory;
 
-pub use control::{ControlLog, Halt};
-pub use encounter::{Encounter, Encounters};
-pub use latency::{Latency, LatencyFigures, Spread};
-pub use summary::{BehaviorSummary, Ending, ReferenceLine, RunSummary, SummaryTap, Timing};
-pub use trace::{HaltMark, Trace, TracePoint, Way};
-pub use trajectory::{Corner, PictureError, draw_trajectory, write_trajectory};
+use control::ControlLog;
+pub use control::Halt;
+pub use encounter::Encounter;
+use encounter::Encounters;
+pub(crate) use latency::Latency;
+pub use latency::{LatencyFigures, Spread};
+pub use summary::{BehaviorSummary, ReferenceLine, RunFacts, RunSummary, SummaryTap, Timing};
+pub use trace::{HaltMark, Trace, TracePoint, Track};
+pub use trajectory::{Corner, PlotError, write_trajectory};
 
-/// A robot slower than this stands, m/s.
-pub const STANDING_MPS: f64 = 0.01;
+/// Speed below which the robot stands, m/s.
+const STANDING_MPS: f64 = 0.01;

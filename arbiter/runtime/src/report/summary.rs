@@ -1,4 +1,4 @@
-//! The numbers of a run.
+//! Summary of a run.
 
 use std::collections::BTreeMap;
 
@@ -14,126 +14,126 @@ use super::encounter::is_standing;
 use super::{ControlLog, Encounter, Encounters, Halt, LatencyFigures, Spread};
 use crate::record::{Digest, Tap};
 
-/// The line that a robot should keep to: through a point of the map, in a direction.
+/// Line that a robot should follow: a point on it and a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ReferenceLine {
-    /// A point on it, map frame, meters.
+    /// X of a point on it, map frame, m.
     pub x: f64,
-    /// A point on it, map frame, meters.
+    /// Y of a point on it, map frame, m.
     pub y: f64,
-    /// Its direction, map frame, radians.
+    /// Direction, map frame, rad.
     pub theta: f64,
 }
 
 impl Default for ReferenceLine {
-    /// The map's x axis.
+    /// X axis of the map.
     fn default() -> Self {
         ReferenceLine { x: 0.0, y: 0.0, theta: 0.0 }
     }
 }
 
 impl ReferenceLine {
-    /// How far a point of the map lies left of the line, meters.
+    /// Signed distance of a point from the line, m, positive on the left.
     pub fn offset_m(&self, x: f64, y: f64) -> f64 {
         let (sin, cos) = self.theta.sin_cos();
         (y - self.y) * cos - (x - self.x) * sin
     }
 }
 
-/// What cannot be read off the messages of a run.
+/// Facts of a run that its messages do not contain.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ending {
-    /// Whether the robot reached its goal.
+pub struct RunFacts {
+    /// Set if the robot reached its goal.
     pub arrived: bool,
-    /// Wall-clock time that the run took, seconds.
+    /// Wall-clock duration of the run, s.
     pub wall_s: f64,
     /// Wall-clock figures of each behavior, by name.
     pub timings: BTreeMap<String, Timing>,
-    /// The stages of each behavior's proposals, by name.
+    /// Latencies of each behavior's proposals, by name.
     pub latencies: BTreeMap<String, LatencyFigures>,
-    /// Live: how late the arbiter woke at its ticks.
+    /// Delay with which the arbiter woke at its ticks in a live run.
     pub tick_lateness: Spread,
-    /// Live: how often each plugin was started again, by name.
+    /// Number of restarts of each plugin in a live run, by name.
     pub restarts: BTreeMap<String, u32>,
 }
 
 /// Wall-clock figures of one behavior.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Timing {
-    /// Calls of `propose`.
+    /// Number of calls of `propose`.
     pub calls: u64,
-    /// Half of the calls took at most this, microseconds.
+    /// Median duration of a call, us.
     pub p50_us: f64,
-    /// 99 of 100 calls took at most this, microseconds.
+    /// 99th percentile of the durations, us.
     pub p99_us: f64,
-    /// Calls that took longer than the budget.
+    /// Number of calls that exceeded the budget.
     pub overruns: u64,
-    /// Calls that panicked.
+    /// Number of calls that panicked.
     pub panics: u32,
 }
 
-/// One behavior's part in a run.
+/// Summary of one behavior in a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BehaviorSummary {
     /// Wall-clock figures.
     #[serde(flatten)]
     pub timing: Timing,
-    /// Proposals that were heard.
+    /// Number of proposals.
     pub proposals: u64,
-    /// Proposals that were abstentions.
+    /// Number of abstentions among them.
     pub abstentions: u64,
-    /// Abstentions by reason.
+    /// Number of abstentions by reason.
     pub reasons: BTreeMap<&'static str, u64>,
-    /// How long the stages of its proposals took, where one was heard.
+    /// Latencies of its proposals, if the arbiter received one.
     pub latency: Option<LatencyFigures>,
 }
 
-/// The numbers of a run. What only a simulator knows is `None` without one.
+/// Summary of a run. Figures that need a simulator's ground truth are `None` without one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunSummary {
-    /// Whether the robot reached its goal.
+    /// Set if the robot reached its goal.
     pub arrived: bool,
-    /// Path length, meters: the truth's, or else the odometry's.
+    /// Path length by ground truth or else by odometry, m.
     pub distance_m: f64,
-    /// Time of the first message on the run's clock, seconds.
+    /// Time of the first message on the clock of the run, s.
     pub began_s: f64,
-    /// From the first message to the last, seconds of the run.
+    /// Time from the first message to the last, s.
     pub time_s: f64,
-    /// Times that the robot's own motion touched something.
+    /// Number of contacts caused by the robot's motion.
     pub contacts: Option<u32>,
-    /// Times that a person walked into the standing robot.
+    /// Number of times that a person walked into the standing robot.
     pub struck: Option<u32>,
-    /// From the footprint to the nearest thing, meters.
+    /// Smallest distance from the footprint to an object, m.
     pub smallest_clearance_m: Option<f64>,
-    /// From the footprint to the nearest person while the robot stood, meters; `None` where that never happened.
+    /// Smallest distance from the footprint to a person while the robot stood, m; `None` if there was none.
     pub smallest_person_standing_m: Option<f64>,
-    /// From the footprint to the nearest person while the robot moved, meters; `None` where that never happened.
+    /// Smallest distance from the footprint to a person while the robot moved, m; `None` if there was none.
     pub smallest_person_moving_m: Option<f64>,
-    /// Root mean square of the distance from the reference line over the path, meters; standing has no weight.
+    /// Root mean square of the distance from the reference line, weighted by path length, m.
     pub rms_offset_m: Option<f64>,
-    /// Meetings with people.
+    /// Encounters with people.
     pub encounters: Vec<Encounter>,
-    /// Times that the arbiter kept the robot from moving forward, once the first readings were there.
+    /// Halts after the first readings.
     pub halts: Vec<Halt>,
-    /// Seconds that each behavior was in control; what was in control while no behavior was goes by its own name.
+    /// Time for which each behavior was in control, s; times without a behavior have entries of their own.
     pub control_s: BTreeMap<String, f64>,
-    /// Each behavior's part.
+    /// Summary of each behavior, by name.
     pub behaviors: BTreeMap<String, BehaviorSummary>,
-    /// Live: how late the arbiter woke at its ticks.
+    /// Delay with which the arbiter woke at its ticks in a live run.
     pub tick_lateness: Spread,
-    /// Live: how often each plugin was started again, by name.
+    /// Number of restarts of each plugin in a live run, by name.
     pub restarts: BTreeMap<String, u32>,
-    /// Messages on each topic.
+    /// Number of messages on each topic.
     pub topics: BTreeMap<String, u64>,
     /// SHA-256 over all messages in order.
     pub digest: String,
-    /// Wall-clock time that the run took, seconds.
+    /// Wall-clock duration of the run, s.
     pub wall_s: f64,
-    /// Seconds of the run in one second of the wall clock.
+    /// Ratio of the duration of the run to its wall-clock duration.
     pub real_time_factor: f64,
 }
 
-/// Gathers a [`RunSummary`] message by message.
+/// Builds a [`RunSummary`] from the messages of a run.
 #[derive(Clone, Debug)]
 pub struct SummaryTap {
     line: ReferenceLine,
@@ -160,7 +160,7 @@ struct Mean {
 }
 
 impl SummaryTap {
-    /// A run that should keep to `line`.
+    /// A summary of a run that should follow `line`.
     pub fn new(line: ReferenceLine) -> SummaryTap {
         SummaryTap {
             line,
@@ -186,12 +186,12 @@ impl SummaryTap {
         &self.digest
     }
 
-    /// The numbers of the run that ended so.
-    pub fn finish(mut self, ending: Ending) -> RunSummary {
-        for (name, timing) in ending.timings {
+    /// Summary of the run, with the facts that its messages do not contain.
+    pub fn finish(mut self, facts: RunFacts) -> RunSummary {
+        for (name, timing) in facts.timings {
             self.behaviors.entry(name).or_default().timing = timing;
         }
-        for (name, latency) in ending.latencies {
+        for (name, latency) in facts.latencies {
             if latency.captured_to_commanded.count > 0 {
                 self.behaviors.entry(name).or_default().latency = Some(latency);
             }
@@ -199,7 +199,7 @@ impl SummaryTap {
         let time_s = self.first.map_or(0.0, |first| self.last.since(first).as_secs_f64());
         let finite = |value: f64| value.is_finite().then_some(value);
         RunSummary {
-            arrived: ending.arrived,
+            arrived: facts.arrived,
             distance_m: self.truth.map_or(self.odometry_m, |truth| truth.distance_m),
             began_s: self.first.unwrap_or_default().as_secs_f64(),
             time_s,
@@ -213,12 +213,12 @@ impl SummaryTap {
             halts: self.control.halts(),
             control_s: self.control.time_s().clone(),
             behaviors: self.behaviors,
-            tick_lateness: ending.tick_lateness,
-            restarts: ending.restarts,
+            tick_lateness: facts.tick_lateness,
+            restarts: facts.restarts,
             topics: self.digest.counts().clone(),
             digest: self.digest.hex(),
-            wall_s: ending.wall_s,
-            real_time_factor: if ending.wall_s > 0.0 { time_s / ending.wall_s } else { 0.0 },
+            wall_s: facts.wall_s,
+            real_time_factor: if facts.wall_s > 0.0 { time_s / facts.wall_s } else { 0.0 },
         }
     }
 
@@ -336,7 +336,7 @@ mod tests {
             send(&mut tap, "truth", 0.25 * f64::from(step), &standing, &[]);
         }
         let timings = BTreeMap::from([("wall".to_owned(), Timing { calls: 5, ..Timing::default() })]);
-        let summary = tap.finish(Ending { arrived: true, wall_s: 5.0, timings, ..Ending::default() });
+        let summary = tap.finish(RunFacts { arrived: true, wall_s: 5.0, timings, ..RunFacts::default() });
         assert_eq!((summary.distance_m, summary.time_s, summary.real_time_factor), (10.0, 50.0, 10.0));
         let rms = ((0.03_f64.powi(2) + 0.04_f64.powi(2)) / 2.0).sqrt();
         assert!((summary.rms_offset_m.unwrap() - rms).abs() < 1e-12, "standing has no weight");
@@ -349,12 +349,12 @@ mod tests {
     }
 
     #[test]
-    fn without_a_judge_the_odometry_tells_the_distance() {
+    fn without_ground_truth_the_distance_comes_from_odometry() {
         let mut tap = SummaryTap::new(ReferenceLine::default());
         for (x, y) in [(0.0, 0.0), (3.0, 4.0), (f64::NAN, 0.0), (3.0, 5.0)] {
             send(&mut tap, "odometry", 0.0, &Odometry { x, y, ..Odometry::default() }, &[]);
         }
-        let summary = tap.finish(Ending::default());
+        let summary = tap.finish(RunFacts::default());
         assert_eq!((summary.distance_m, summary.contacts, summary.rms_offset_m), (6.0, None, None));
         assert!(serde_json::to_string(&summary).unwrap().contains("\"rms_offset_m\":null"));
     }
@@ -379,7 +379,7 @@ mod tests {
             let decision = DecisionHeader { stamp_ns, mode: mode.code(), halted, ..Default::default() };
             send(&mut tap, "decision", seconds, &decision, &[verdict]);
         }
-        let summary = tap.finish(Ending::default());
+        let summary = tap.finish(RunFacts::default());
         let wall = &summary.behaviors["wall"];
         assert_eq!((wall.proposals, wall.abstentions, wall.reasons["no wall"]), (4, 3, 3));
         assert_eq!((summary.halts.len(), summary.halts[0].duration_s), (1, 1.0));
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn the_line_may_point_anywhere() {
+    fn the_line_may_have_any_direction() {
         let line = ReferenceLine { x: 1.0, y: 1.0, theta: std::f64::consts::FRAC_PI_2 };
         assert!((line.offset_m(0.5, 7.0) - 0.5).abs() < 1e-12, "left of a line that points to the left");
     }
@@ -396,6 +396,6 @@ mod tests {
     fn a_message_of_the_wrong_size_changes_nothing_but_the_digest() {
         let mut tap = SummaryTap::new(ReferenceLine::default());
         tap.message("truth", &MessageType::of::<Truth>(), Time::ZERO, &[1, 2, 3], &[]);
-        assert_eq!(tap.finish(Ending::default()).topics["truth"], 1);
+        assert_eq!(tap.finish(RunFacts::default()).topics["truth"], 1);
     }
 }

@@ -1,4 +1,4 @@
-//! Where a run went, and who was in control there.
+//! Trace of a run: its path, and the behavior in control along it.
 
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{DecisionHeader, Message, MessageType, Odometry, Truth, Verdict};
@@ -7,35 +7,35 @@ use yamabico_core::time::Time;
 use super::{ControlLog, Encounter, Encounters, Halt};
 use crate::record::Tap;
 
-/// Points of a way are at least this far apart, meters.
+/// Minimum distance between the points of a track, m.
 const SPACING_M: f64 = 0.01;
-/// More points than this are thinned to half.
+/// Number of points above which a track is thinned to half.
 const MAX_POINTS: usize = 50_000;
 
-/// A point of a way.
+/// A point of a track.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TracePoint {
-    /// Where, meters.
+    /// Pose of the robot.
     pub pose: Pose2,
-    /// Who was in control: index into [`Trace::owners`]; `None` before the first decision.
+    /// Behavior in control: index into [`Trace::owners`]; `None` before the first decision.
     pub owner: Option<usize>,
 }
 
-/// Points of a way, a few centimeters apart.
+/// Path of the robot as points a few centimeters apart.
 #[derive(Clone, Debug)]
-pub struct Way {
+pub struct Track {
     points: Vec<TracePoint>,
     spacing_m: f64,
 }
 
-impl Default for Way {
+impl Default for Track {
     fn default() -> Self {
-        Way { points: Vec::new(), spacing_m: SPACING_M }
+        Track { points: Vec::new(), spacing_m: SPACING_M }
     }
 }
 
-impl Way {
-    /// The points in the order of the run.
+impl Track {
+    /// Points in the order of the run.
     pub fn points(&self) -> &[TracePoint] {
         &self.points
     }
@@ -62,20 +62,20 @@ impl Way {
     }
 }
 
-/// A halt and the place of it.
+/// A halt and its place.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HaltMark {
-    /// The halt.
+    /// Halt.
     pub halt: Halt,
-    /// Where the robot was when it began, meters: map frame with a truth, else the odometry's.
+    /// Pose of the robot at the begin of the halt: map frame with a truth, else odometry frame.
     pub pose: Pose2,
 }
 
-/// Gathers the ways of a run message by message.
+/// Collects the tracks, halts and encounters of a run from its messages.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    truth: Way,
-    odometry: Way,
+    truth: Track,
+    odometry: Track,
     start: Option<(Pose2, Pose2)>,
     control: ControlLog,
     encounters: Encounters,
@@ -85,19 +85,19 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Where the robot truly went, map frame; empty without a simulator.
+    /// True track, map frame; empty without a simulator.
     pub fn truth(&self) -> &[TracePoint] {
         self.truth.points()
     }
 
-    /// Where the wheels say that it went, laid onto the truth at the start; in the odometry's frame without one.
+    /// Track by odometry, moved onto the truth at the start; in the odometry frame without a truth.
     pub fn odometry(&self) -> Vec<TracePoint> {
         let map_from_odom = self.start.map_or(Pose2::IDENTITY, |(truth, odom)| truth * odom.inverse());
-        let laid = |point: &TracePoint| TracePoint { pose: map_from_odom * point.pose, ..*point };
-        self.odometry.points().iter().map(laid).collect()
+        let moved = |point: &TracePoint| TracePoint { pose: map_from_odom * point.pose, ..*point };
+        self.odometry.points().iter().map(moved).collect()
     }
 
-    /// Who was ever in control, in the order of appearance.
+    /// Behaviors that were in control, in the order of appearance.
     pub fn owners(&self) -> &[String] {
         &self.owners
     }
@@ -108,7 +108,7 @@ impl Trace {
         halts.zip(&self.halts).map(|(halt, &pose)| HaltMark { halt, pose }).collect()
     }
 
-    /// Meetings with people.
+    /// Encounters with people.
     pub fn encounters(&self) -> Vec<Encounter> {
         self.encounters.list()
     }
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn ways_owners_and_halts_are_kept() {
+    fn tracks_owners_and_halts_are_kept() {
         let mut trace = Trace::default();
         let verdict =
             Verdict { behavior: Name::new("wall"), outcome: Outcome::Won.code(), ..Default::default() };
@@ -200,13 +200,13 @@ mod tests {
     }
 
     #[test]
-    fn a_long_way_is_thinned_and_standing_adds_nothing() {
-        let mut way = Way::default();
+    fn a_long_track_is_thinned_and_standing_adds_nothing() {
+        let mut track = Track::default();
         for step in 0..200_000 {
-            way.push(Pose2::new(0.05 * f64::from(step), 0.0, 0.0), None);
-            way.push(Pose2::new(0.05 * f64::from(step), 0.0, 0.0), None);
+            track.push(Pose2::new(0.05 * f64::from(step), 0.0, 0.0), None);
+            track.push(Pose2::new(0.05 * f64::from(step), 0.0, 0.0), None);
         }
-        assert!(way.points().len() <= MAX_POINTS && way.points().len() > MAX_POINTS / 4);
-        assert!((way.points()[way.points().len() - 1].pose.x - 10_000.0).abs() < 10.0);
+        assert!(track.points().len() <= MAX_POINTS && track.points().len() > MAX_POINTS / 4);
+        assert!((track.points()[track.points().len() - 1].pose.x - 10_000.0).abs() < 10.0);
     }
 }

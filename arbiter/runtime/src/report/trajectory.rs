@@ -1,4 +1,4 @@
-//! The picture of a run: walls, the way, who was in control where, halts and people.
+//! Plot of a run: walls, the track in the colors of the behaviors in control, halts and people.
 
 use std::path::{Path, PathBuf};
 
@@ -8,31 +8,31 @@ use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::Trace;
 use super::trace::TracePoint;
-use yamabico_drawing::lettering::{ADVANCE, ASCENT, pixels, width};
+use yamabico_drawing::font::{ADVANCE, ASCENT, pixels, width};
 
-/// A corner of a wall, map frame, meters.
+/// Corner of a wall, map frame, m.
 pub type Corner = [f64; 2];
-/// A pixel.
+/// Pixel coordinates.
 type Pixel = (i32, i32);
 type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
-/// Everything is drawn so much larger and then made smaller, so that slanted lines are smooth. All sizes below are those
-/// of the large drawing.
+/// Factor by which everything is drawn larger and then reduced, to smooth slanted lines. All sizes below are those of the
+/// large drawing.
 const OVERSAMPLING: i32 = 2;
-/// The map is at most so wide, pixels.
-const WIDEST_PX: f64 = 2400.0;
-/// The map is at most so high, pixels.
-const HIGHEST_PX: f64 = 1800.0;
-/// A meter is never more than this, pixels.
-const LARGEST_SCALE: f64 = 300.0;
-/// Corners of a drawn way are at least so far apart, pixels.
+/// Maximum width of the map, px.
+const MAX_WIDTH_PX: f64 = 2400.0;
+/// Maximum height of the map, px.
+const MAX_HEIGHT_PX: f64 = 1800.0;
+/// Maximum scale, px per m.
+const MAX_SCALE: f64 = 300.0;
+/// Minimum distance between the corners of a drawn track, px.
 const STRIDE_PX: i32 = 8;
-/// What is not a number of the map lies so far outside of it at most.
-const OUTSIDE_PX: f64 = 8000.0;
+/// Maximum distance outside of the map at which a point is drawn, px.
+const MAX_OUTSIDE_PX: f64 = 8000.0;
 const MARGIN_PX: i32 = 112;
-/// Around everything that is drawn, meters.
-const AROUND_M: f64 = 0.3;
-/// Letters are enlarged so much.
+/// Margin around everything that is drawn, m.
+const MARGIN_M: f64 = 0.3;
+/// Enlargement of letters.
 const LETTER_SCALE: i32 = 4;
 const LINE_PX: i32 = 52;
 
@@ -42,7 +42,7 @@ const WALL: RGBColor = RGBColor(90, 90, 90);
 const WHEELS: RGBColor = RGBColor(170, 170, 170);
 const HALT: RGBColor = RGBColor(200, 30, 30);
 const PERSON: RGBColor = RGBColor(235, 130, 20);
-/// Those in control, in the order of appearance.
+/// Colors of the behaviors in control, in the order of appearance.
 const OWNERS: [RGBColor; 6] = [
     RGBColor(30, 90, 200),
     RGBColor(150, 60, 170),
@@ -52,40 +52,40 @@ const OWNERS: [RGBColor; 6] = [
     RGBColor(120, 80, 40),
 ];
 
-/// A picture that could not be made.
+/// Failure to draw or write a plot.
 #[derive(Debug, thiserror::Error)]
-pub enum PictureError {
-    /// It could not be drawn.
+pub enum PlotError {
+    /// Drawing failed.
     #[error("cannot draw the trajectory: {0}")]
     Drawing(String),
-    /// It could not be written.
+    /// Writing failed.
     #[error("cannot write {}: {reason}; make the folder writable or choose another", path.display())]
     Writing {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What the system said.
+        /// Cause.
         reason: String,
     },
 }
 
-/// Draws the run and writes it to a PNG file.
+/// Draws a run and writes the plot to a PNG file.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_trajectory(path: &Path, trace: &Trace, walls: &[Vec<Corner>]) -> Result<(), PictureError> {
-    let picture = draw_trajectory(trace, walls)?;
+pub fn write_trajectory(path: &Path, trace: &Trace, walls: &[Vec<Corner>]) -> Result<(), PlotError> {
+    let plot = draw_trajectory(trace, walls)?;
     let failed =
-        |error: image::ImageError| PictureError::Writing { path: path.to_owned(), reason: error.to_string() };
-    picture.save_with_format(path, image::ImageFormat::Png).map_err(failed)
+        |error: image::ImageError| PlotError::Writing { path: path.to_owned(), reason: error.to_string() };
+    plot.save_with_format(path, image::ImageFormat::Png).map_err(failed)
 }
 
-/// Draws the run among `walls` (polylines): the truth in the color of who was in control, the odometry in gray (in
-/// color where there is no truth), halts as red squares with their duration, people as orange rings with the smallest
-/// distance. Axes in meters; a grid of whole meters.
+/// Draws a run between `walls` (polylines): the true track in the colors of the behaviors in control, the odometry in gray (in
+/// these colors if there is no truth), halts as red squares with their duration, people as orange rings with the smallest
+/// distance. Axes in m.
 ///
 /// # Errors
-/// Never, but for failures of the drawing library.
-pub fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::RgbImage, PictureError> {
+/// The drawing library fails.
+fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::RgbImage, PlotError> {
     let odometry = trace.odometry();
     let map = Map::around(trace, &odometry, walls);
     let legend = legend(trace);
@@ -93,14 +93,14 @@ pub fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::Rg
         (map.width_px() as u32, (map.height_px() + legend_rows(&legend, map.width_px()) * LINE_PX) as u32);
     let mut bytes = vec![255; size.0 as usize * size.1 as usize * 3];
     draw(&mut bytes, size, trace, &odometry, walls, &map, &legend)
-        .map_err(|error| PictureError::Drawing(error.to_string()))?;
+        .map_err(|error| PlotError::Drawing(error.to_string()))?;
     let large = image::RgbImage::from_raw(size.0, size.1, bytes)
-        .ok_or_else(|| PictureError::Drawing("the picture has no size".to_owned()))?;
+        .ok_or_else(|| PlotError::Drawing("the plot has no size".to_owned()))?;
     let (width, height) = (size.0 / OVERSAMPLING as u32, size.1 / OVERSAMPLING as u32);
     Ok(image::imageops::thumbnail(&large, width, height))
 }
 
-/// From meters to pixels.
+/// Conversion from meters to pixels.
 struct Map {
     left_m: f64,
     right_m: f64,
@@ -111,8 +111,8 @@ struct Map {
 
 impl Map {
     fn around(trace: &Trace, odometry: &[TracePoint], walls: &[Vec<Corner>]) -> Map {
-        let ways = trace.truth().iter().chain(odometry).map(|point| [point.pose.x, point.pose.y]);
-        let corners = walls.iter().flatten().copied().chain(ways);
+        let tracks = trace.truth().iter().chain(odometry).map(|point| [point.pose.x, point.pose.y]);
+        let corners = walls.iter().flatten().copied().chain(tracks);
         let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
         for [x, y] in corners.filter(|corner| corner.iter().all(|value| value.is_finite())) {
             bounds = [bounds[0].min(x), bounds[1].max(x), bounds[2].min(y), bounds[3].max(y)];
@@ -120,9 +120,10 @@ impl Map {
         if bounds[0] > bounds[1] {
             bounds = [-1.0, 1.0, -1.0, 1.0];
         }
-        let [left_m, right_m] = [bounds[0] - AROUND_M, bounds[1] + AROUND_M];
-        let [bottom_m, top_m] = [bounds[2] - AROUND_M, bounds[3] + AROUND_M];
-        let scale = (WIDEST_PX / (right_m - left_m)).min(HIGHEST_PX / (top_m - bottom_m)).min(LARGEST_SCALE);
+        let [left_m, right_m] = [bounds[0] - MARGIN_M, bounds[1] + MARGIN_M];
+        let [bottom_m, top_m] = [bounds[2] - MARGIN_M, bounds[3] + MARGIN_M];
+        let scale =
+            (MAX_WIDTH_PX / (right_m - left_m)).min(MAX_HEIGHT_PX / (top_m - bottom_m)).min(MAX_SCALE);
         Map { left_m, right_m, bottom_m, top_m, scale }
     }
 
@@ -135,39 +136,39 @@ impl Map {
     }
 
     fn pixel(&self, x: f64, y: f64) -> Pixel {
-        let right = ((x - self.left_m) * self.scale).clamp(-OUTSIDE_PX, OUTSIDE_PX);
-        let down = ((self.top_m - y) * self.scale).clamp(-OUTSIDE_PX, OUTSIDE_PX);
+        let right = ((x - self.left_m) * self.scale).clamp(-MAX_OUTSIDE_PX, MAX_OUTSIDE_PX);
+        let down = ((self.top_m - y) * self.scale).clamp(-MAX_OUTSIDE_PX, MAX_OUTSIDE_PX);
         (MARGIN_PX + right.round() as i32, MARGIN_PX + down.round() as i32)
     }
 }
 
 struct Legend {
-    words: String,
+    text: String,
     color: RGBColor,
 }
 
 fn legend(trace: &Trace) -> Vec<Legend> {
     let owner =
-        |(index, name): (usize, &String)| Legend { words: name.clone(), color: owner_color(Some(index)) };
+        |(index, name): (usize, &String)| Legend { text: name.clone(), color: owner_color(Some(index)) };
     let mut legend: Vec<_> = trace.owners().iter().enumerate().map(owner).collect();
     if !trace.truth().is_empty() {
-        legend.push(Legend { words: "odometry".into(), color: WHEELS });
+        legend.push(Legend { text: "odometry".into(), color: WHEELS });
     }
-    legend.push(Legend { words: "halt (s)".into(), color: HALT });
+    legend.push(Legend { text: "halt (s)".into(), color: HALT });
     if !trace.encounters().is_empty() {
-        legend.push(Legend { words: "person (m)".into(), color: PERSON });
+        legend.push(Legend { text: "person (m)".into(), color: PERSON });
     }
     legend
 }
 
 fn legend_width(entry: &Legend) -> i32 {
-    LETTER_SCALE * width(&entry.words) + 120
+    LETTER_SCALE * width(&entry.text) + 120
 }
 
-fn legend_rows(legend: &[Legend], most: i32) -> i32 {
+fn legend_rows(legend: &[Legend], max_width: i32) -> i32 {
     let (mut rows, mut x) = (1, MARGIN_PX);
     for entry in legend {
-        if x + legend_width(entry) > most && x > MARGIN_PX {
+        if x + legend_width(entry) > max_width && x > MARGIN_PX {
             (rows, x) = (rows + 1, MARGIN_PX);
         }
         x += legend_width(entry);
@@ -197,22 +198,22 @@ fn draw(
         draw_line(&area, corners, WALL.stroke_width(7))?;
     }
     if trace.truth().is_empty() {
-        draw_way(&area, map, odometry, 6)?;
+        draw_track(&area, map, odometry, 6)?;
     } else {
         draw_line(&area, path(map, odometry), WHEELS.stroke_width(4))?;
-        draw_way(&area, map, trace.truth(), 6)?;
+        draw_track(&area, map, trace.truth(), 6)?;
     }
-    for meeting in trace.encounters() {
-        let center = map.pixel(meeting.x, meeting.y);
+    for encounter in trace.encounters() {
+        let center = map.pixel(encounter.x, encounter.y);
         area.draw(&Circle::new(center, 26, PERSON.stroke_width(6)))?;
-        let words = format!("{:.2}", meeting.nearest_m);
-        draw_text(&area, &words, (center.0 - text_width(&words) / 2, center.1 + 40), PERSON)?;
+        let text = format!("{:.2}", encounter.nearest_m);
+        draw_text(&area, &text, (center.0 - text_width(&text) / 2, center.1 + 40), PERSON)?;
     }
     for mark in trace.halts() {
         let (x, y) = map.pixel(mark.pose.x, mark.pose.y);
         area.draw(&Rectangle::new([(x - 10, y - 10), (x + 10, y + 10)], HALT.filled()))?;
-        let words = format!("{:.1}", mark.halt.duration_s);
-        draw_text(&area, &words, (x - text_width(&words) / 2, y - 70), HALT)?;
+        let text = format!("{:.1}", mark.halt.duration_s);
+        draw_text(&area, &text, (x - text_width(&text) / 2, y - 70), HALT)?;
     }
     draw_legend(&area, map, legend)?;
     area.present()?;
@@ -230,14 +231,14 @@ fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
     for x in ticks(map.left_m, map.right_m) {
         let at = map.pixel(x, 0.0).0;
         draw_line(area, vec![(at, top), (at, bottom)], GRID.stroke_width(2))?;
-        let words = format!("{x}");
-        draw_text(area, &words, (at - text_width(&words) / 2, bottom + 16), INK)?;
+        let text = format!("{x}");
+        draw_text(area, &text, (at - text_width(&text) / 2, bottom + 16), INK)?;
     }
     for y in ticks(map.bottom_m, map.top_m) {
         let at = map.pixel(0.0, y).1;
         draw_line(area, vec![(left, at), (right, at)], GRID.stroke_width(2))?;
-        let words = format!("{y}");
-        draw_text(area, &words, (left - text_width(&words) - 14, at - ASCENT * LETTER_SCALE / 2), INK)?;
+        let text = format!("{y}");
+        draw_text(area, &text, (left - text_width(&text) - 14, at - ASCENT * LETTER_SCALE / 2), INK)?;
     }
     let frame = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
     draw_line(area, frame, INK.stroke_width(2))?;
@@ -245,8 +246,8 @@ fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
     draw_text(area, "y (m)", (16, top - 52), INK)
 }
 
-/// A way, piece by piece in the color of who was in control.
-fn draw_way(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -> DrawResult {
+/// Draws a track, each piece in the color of the behavior in control.
+fn draw_track(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -> DrawResult {
     let mut begin = 0;
     for end in 1..=points.len() {
         if end == points.len() || points[end].owner != points[begin].owner {
@@ -258,7 +259,7 @@ fn draw_way(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -
     Ok(())
 }
 
-/// The pixels of a way, without those that are too close together to show a direction.
+/// Pixels of a track, without those that are too close together to show a direction.
 fn path(map: &Map, points: &[TracePoint]) -> Vec<Pixel> {
     let mut path: Vec<Pixel> = Vec::new();
     for (i, point) in points.iter().enumerate() {
@@ -278,7 +279,7 @@ fn draw_legend(area: &Area<'_>, map: &Map, legend: &[Legend]) -> DrawResult {
             (x, y) = (MARGIN_PX, y + LINE_PX);
         }
         area.draw(&Rectangle::new([(x, y), (x + 40, y + 28)], entry.color.filled()))?;
-        draw_text(area, &entry.words, (x + 56, y), INK)?;
+        draw_text(area, &entry.text, (x + 56, y), INK)?;
         x += legend_width(entry);
     }
     Ok(())
@@ -347,33 +348,33 @@ mod tests {
         (trace, walls)
     }
 
-    fn count(picture: &image::RgbImage, color: RGBColor) -> usize {
-        picture.pixels().filter(|pixel| pixel.0 == [color.0, color.1, color.2]).count()
+    fn count(plot: &image::RgbImage, color: RGBColor) -> usize {
+        plot.pixels().filter(|pixel| pixel.0 == [color.0, color.1, color.2]).count()
     }
 
     #[test]
-    fn way_walls_halts_and_people_are_there() {
+    fn track_walls_halts_and_people_are_drawn() {
         let (trace, walls) = hallway();
-        let picture = draw_trajectory(&trace, &walls).unwrap();
+        let plot = draw_trajectory(&trace, &walls).unwrap();
         if let Some(folder) = std::env::var_os("YAMABICO_PICTURES") {
-            picture.save(Path::new(&folder).join("trajectory.png")).unwrap();
+            plot.save(Path::new(&folder).join("trajectory.png")).unwrap();
         }
-        // About a hundred pixels a meter, three wide: so much of the way is in each owner's color.
-        for (color, least) in
+        // About 100 px per m, three wide.
+        for (color, min) in
             [(OWNERS[0], 1500), (OWNERS[2], 500), (WALL, 4000), (WHEELS, 500), (HALT, 80), (PERSON, 80)]
         {
-            assert!(count(&picture, color) >= least, "{color:?}: {}", count(&picture, color));
+            assert!(count(&plot, color) >= min, "{color:?}: {}", count(&plot, color));
         }
         let map = Map::around(&trace, &[], &walls);
         let halt = map.pixel(trace.halts()[0].pose.x, trace.halts()[0].pose.y);
         assert_eq!(
-            picture.get_pixel((halt.0 / OVERSAMPLING) as u32, (halt.1 / OVERSAMPLING) as u32).0,
+            plot.get_pixel((halt.0 / OVERSAMPLING) as u32, (halt.1 / OVERSAMPLING) as u32).0,
             [HALT.0, HALT.1, HALT.2]
         );
     }
 
     #[test]
-    fn left_is_up_and_an_empty_run_is_a_picture_too() {
+    fn left_is_up_and_an_empty_run_is_drawn_too() {
         let (_, walls) = hallway();
         let map = Map::around(&Trace::default(), &[], &walls);
         assert!(
@@ -385,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_is_told() {
+    fn a_missing_folder_is_an_error() {
         let error = write_trajectory(Path::new("/nowhere/at/all.png"), &Trace::default(), &[]).unwrap_err();
         assert!(error.to_string().contains("cannot write /nowhere/at/all.png"), "{error}");
     }

@@ -1,92 +1,92 @@
-//! Cleaning up after dead processes, on a thread of its own, because it may block.
+//! Clean-up after dead processes, on a thread of its own, because it may block.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use yamabico_core::time::Time;
-use yamabico_host::SeatError;
-use yamabico_host::bus::{Bus, CleanedUp};
+use yamabico_host::HostError;
+use yamabico_host::bus::{Bus, CleanUpReport};
 
-/// What the transport forgets of the dead can be told from what it is still at work with only after a second.
-const SECOND_LOOK: Duration = Duration::from_millis(1500);
+/// Delay of a second clean-up: after a second, remains that the transport has lost track of can be told from files in use.
+const SECOND_CLEAN_UP: Duration = Duration::from_millis(1500);
 
-/// Programs of operators that were killed leave their places behind, and nobody says so.
-const ROUND: Duration = Duration::from_secs(10);
+/// Period of clean-ups without a known death: killed client programs leave ports behind that the supervisor does not see.
+const PERIOD: Duration = Duration::from_secs(10);
 
-/// A clean-up that was asked for.
+/// Number of a requested clean-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Ticket(u64);
+pub(super) struct CleanUpTicket(u64);
 
-/// Asks for clean-ups and hears of them.
+/// Requests clean-ups and receives their completion.
 pub(super) struct CleanUp {
-    asked: Ticket,
-    done: Ticket,
-    requests: Sender<Ticket>,
-    answers: Receiver<Ticket>,
-    again_at: Option<Time>,
-    round_at: Time,
+    requested: CleanUpTicket,
+    done: CleanUpTicket,
+    requests: Sender<CleanUpTicket>,
+    answers: Receiver<CleanUpTicket>,
+    second_at: Option<Time>,
+    next_at: Time,
 }
 
 impl CleanUp {
     /// Starts the thread on the supervisor's bus.
-    pub fn start(bus: &Bus) -> Result<CleanUp, SeatError> {
+    pub fn start(bus: &Bus) -> Result<CleanUp, HostError> {
         let mut cleaner = bus.cleaner()?;
-        let (requests, inbox) = channel::<Ticket>();
+        let (requests, inbox) = channel::<CleanUpTicket>();
         let (answer, answers) = channel();
-        let work = move || {
+        let body = move || {
             while let Ok(first) = inbox.recv() {
-                // One round does for everybody who died before it began.
+                // One clean-up serves every request made before it begins.
                 let newest = inbox.try_iter().last().unwrap_or(first);
                 let begun = Instant::now();
-                let CleanedUp { nodes, failed, forgotten } = cleaner.clean();
-                tracing::debug!(nodes, failed, forgotten, took = ?begun.elapsed(), "cleaned up");
+                let CleanUpReport { nodes, failed, overlooked } = cleaner.clean();
+                tracing::debug!(nodes, failed, overlooked, took = ?begun.elapsed(), "cleaned up");
                 if answer.send(newest).is_err() {
                     break;
                 }
             }
         };
-        let started = std::thread::Builder::new().name("clean-up".into()).spawn(work);
-        started.map_err(|source| SeatError::Thread { name: "clean-up".into(), source })?;
+        let started = std::thread::Builder::new().name("clean-up".into()).spawn(body);
+        started.map_err(|source| HostError::Thread { name: "clean-up".into(), source })?;
         Ok(CleanUp {
-            asked: Ticket(0),
-            done: Ticket(0),
+            requested: CleanUpTicket(0),
+            done: CleanUpTicket(0),
             requests,
             answers,
-            again_at: None,
-            round_at: Time::ZERO,
+            second_at: None,
+            next_at: Time::ZERO,
         })
     }
 
-    /// Asks for a clean-up after a process that has died and been waited for.
-    pub fn request(&mut self, now: Time) -> Ticket {
-        self.again_at = Some(now + SECOND_LOOK);
-        self.ask()
+    /// Requests a clean-up after a process that has died and been waited for.
+    pub fn request(&mut self, now: Time) -> CleanUpTicket {
+        self.second_at = Some(now + SECOND_CLEAN_UP);
+        self.send()
     }
 
-    /// Whether that clean-up has been done.
-    pub fn is_done(&self, ticket: Ticket) -> bool {
+    /// Returns true if that clean-up is done.
+    pub fn is_done(&self, ticket: CleanUpTicket) -> bool {
         self.done >= ticket
     }
 
-    /// Hears of what has been done.
+    /// Receives completed clean-ups, and requests those that are due.
     pub fn step(&mut self, now: Time) {
         if let Some(newest) = self.answers.try_iter().last() {
             self.done = newest;
         }
-        if self.again_at.is_some_and(|at| at <= now) {
-            self.again_at = None;
-            self.ask();
+        if self.second_at.is_some_and(|at| at <= now) {
+            self.second_at = None;
+            self.send();
         }
-        if self.round_at <= now {
-            self.round_at = now + ROUND;
-            self.ask();
+        if self.next_at <= now {
+            self.next_at = now + PERIOD;
+            self.send();
         }
     }
 
-    fn ask(&mut self) -> Ticket {
-        self.asked = Ticket(self.asked.0 + 1);
-        // A thread that has panicked answers no more: whoever waits does so with a limit.
-        let _ = self.requests.send(self.asked);
-        self.asked
+    fn send(&mut self) -> CleanUpTicket {
+        self.requested = CleanUpTicket(self.requested.0 + 1);
+        // Fails only if the thread has panicked; every wait for a clean-up has a timeout.
+        let _ = self.requests.send(self.requested);
+        self.requested
     }
 }

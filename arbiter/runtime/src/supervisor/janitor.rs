@@ -1,43 +1,45 @@
-//! A thread that unlinks what killed processes left unfinished, so that nobody waits for it for ever.
+//! Thread that unlinks the shared memory that killed processes left unfinished, so that no process waits for it forever.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use yamabico_host::SeatError;
+use yamabico_host::HostError;
 use yamabico_host::bus::Bus;
 
-/// How often it looks.
-const ROUND: Duration = Duration::from_millis(50);
+/// Period of the thread.
+const PERIOD: Duration = Duration::from_millis(50);
 
-/// The janitor's thread; ends with this.
+/// The janitor's thread; dropping this ends it.
 pub(super) struct JanitorThread {
-    over: Arc<AtomicBool>,
+    is_over: Arc<AtomicBool>,
 }
 
 impl JanitorThread {
-    /// Starts on the supervisor's bus.
-    pub fn start(bus: &Bus) -> Result<JanitorThread, SeatError> {
+    /// Starts the thread on the supervisor's bus.
+    pub fn start(bus: &Bus) -> Result<JanitorThread, HostError> {
         let janitor = bus.janitor()?;
-        let over = Arc::new(AtomicBool::new(false));
-        let is_over = Arc::clone(&over);
-        let rounds = move || {
-            while !is_over.load(Ordering::Relaxed) {
+        let is_over = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&is_over);
+        let body = move || {
+            while !flag.load(Ordering::Relaxed) {
                 let unlinked = janitor.unlink_unfinished();
                 if unlinked > 0 {
-                    tracing::info!("unlinked {unlinked} segments that killed processes left unfinished");
+                    tracing::info!(
+                        "unlinked {unlinked} shared-memory segments that killed processes left unfinished"
+                    );
                 }
-                std::thread::sleep(ROUND);
+                std::thread::sleep(PERIOD);
             }
         };
-        let started = std::thread::Builder::new().name("janitor".into()).spawn(rounds);
-        started.map_err(|source| SeatError::Thread { name: "janitor".into(), source })?;
-        Ok(JanitorThread { over })
+        let started = std::thread::Builder::new().name("janitor".into()).spawn(body);
+        started.map_err(|source| HostError::Thread { name: "janitor".into(), source })?;
+        Ok(JanitorThread { is_over })
     }
 }
 
 impl Drop for JanitorThread {
     fn drop(&mut self) {
-        self.over.store(true, Ordering::Relaxed);
+        self.is_over.store(true, Ordering::Relaxed);
     }
 }

@@ -1,94 +1,96 @@
-//! Plugins in processes of their own: started, watched, buried, and started again.
+//! Supervisor of the plugins' processes: starts, watches and restarts them.
 //!
-//! One thread does it all and never more than a few milliseconds of anything at a time; cleaning up after the dead, which
-//! may block, has a thread of its own that nobody waits for longer than half a second. Neither knows the arbiter.
+//! One thread does it, never for more than a few milliseconds at a time. The clean-up after a dead process may block, so it has
+//! a thread of its own; a new process waits for it for at most half a second. The supervisor is independent of the arbiter.
 
 mod back_off;
-mod bulletin;
 mod clean_up;
-mod health;
 mod janitor;
+mod liveness;
+mod process_reporter;
 mod program;
 mod spawn;
-mod ward;
+mod supervised_process;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use yamabico_core::message::{FailureHeader, Heartbeat, MemoryHeader, Name};
+use yamabico_core::message::{FailureHeader, Heartbeat, Name, SavedStateHeader};
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Subscriber};
-use yamabico_host::{SeatError, topics};
+use yamabico_host::{HostError, topics};
 
-use bulletin::Bulletin;
 use clean_up::CleanUp;
 use janitor::JanitorThread;
+use process_reporter::ProcessReporter;
 pub use program::Program;
-pub use ward::WardPlan;
-use ward::{Phase, Ward};
+pub use supervised_process::ProcessPlan;
+use supervised_process::{RunPhase, SupervisedProcess};
 
-/// How often the supervisor looks: how late it notices a death.
-const LOOK: Duration = Duration::from_millis(2);
-/// Plugins that have not ended so long after they were told to are killed.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// Period of the supervisor: the delay with which it notices a death.
+const PERIOD: Duration = Duration::from_millis(2);
+/// Time within which plugins end on request; after that they are killed.
+const ENDING_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// The supervisor of a running robot's processes. They end with it.
+/// Supervisor of a running robot's processes. They end with it.
 pub struct Supervisor {
-    orders: Arc<Orders>,
+    requests: Arc<Requests>,
     thread: Option<JoinHandle<()>>,
 }
 
+/// Requests to the supervisor's thread.
 #[derive(Default)]
-struct Orders {
+struct Requests {
     /// Plugins that start from now on begin at once.
     begun: AtomicBool,
     /// End every process.
     end: AtomicBool,
-    /// Parameters that behaviors get when they are started again.
-    retunes: Mutex<Vec<(String, toml::Table)>>,
+    /// Parameters that behaviors get when they restart.
+    parameters: Mutex<Vec<(String, toml::Table)>>,
 }
 
 impl Supervisor {
-    /// Starts a process of `program` for each ward, on the supervisor's `bus`, whose topics exist.
+    /// Starts a process of `program` for each plan. `bus` is the robot's, with its topics created.
     ///
     /// # Errors
-    /// Its threads do not start, or the bus refuses.
-    pub fn start(bus: &Bus, wards: Vec<WardPlan>, program: Program) -> Result<Supervisor, SeatError> {
-        let orders = Arc::new(Orders::default());
-        let watch = Watch {
+    /// A thread does not start, or the bus fails.
+    pub fn start(bus: &Bus, plans: Vec<ProcessPlan>, program: Program) -> Result<Supervisor, HostError> {
+        let requests = Arc::new(Requests::default());
+        let supervision = Supervision {
             heartbeats: bus.subscriber(topics::HEARTBEATS)?,
-            memories: bus.subscriber(topics::MEMORIES)?,
+            saved_states: bus.subscriber(topics::SAVED_STATES)?,
             failures: bus.subscriber(topics::FAILURES)?,
-            bulletin: Bulletin::open(bus)?,
+            reporter: ProcessReporter::open(bus)?,
             clean_up: CleanUp::start(bus)?,
             _janitor: JanitorThread::start(bus)?,
-            wards: wards.into_iter().map(Ward::new).collect(),
+            processes: plans.into_iter().map(SupervisedProcess::new).collect(),
             program,
-            orders: Arc::clone(&orders),
+            requests: Arc::clone(&requests),
         };
-        let thread = std::thread::Builder::new().name("supervisor".into()).spawn(move || watch.run());
-        let thread = thread.map_err(|source| SeatError::Thread { name: "supervisor".into(), source })?;
-        Ok(Supervisor { orders, thread: Some(thread) })
+        let thread = std::thread::Builder::new().name("supervisor".into()).spawn(move || supervision.run());
+        let thread = thread.map_err(|source| HostError::Thread { name: "supervisor".into(), source })?;
+        Ok(Supervisor { requests, thread: Some(thread) })
     }
 
-    /// Tells that the run has begun: plugins that start from now on begin at once.
+    /// Reports the begin of the run: plugins that start from now on begin at once.
     pub fn begin(&self) {
-        self.orders.begun.store(true, Ordering::Relaxed);
+        self.requests.begun.store(true, Ordering::Relaxed);
     }
 
-    /// Lets the behavior `name` have these parameters when it is started again.
-    pub fn retune(&self, name: &str, table: toml::Table) {
-        self.orders.retunes.lock().unwrap_or_else(PoisonError::into_inner).push((name.to_owned(), table));
+    /// Sets the parameters that the behavior `name` gets when it restarts.
+    pub fn set_parameters(&self, name: &str, table: toml::Table) {
+        let mut parameters = self.requests.parameters.lock().unwrap_or_else(PoisonError::into_inner);
+        parameters.push((name.to_owned(), table));
     }
 
-    /// Tells every process to end.
-    pub fn dismiss(&self) {
-        self.orders.end.store(true, Ordering::Relaxed);
+    /// Asks every process to end.
+    pub fn end(&self) {
+        self.requests.end.store(true, Ordering::Relaxed);
     }
 
-    /// Whether every process has ended; those that hang are killed after a second.
+    /// Returns true if every process has ended; a second after [`Supervisor::end`], the remaining ones are killed.
     pub fn is_done(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -97,92 +99,96 @@ impl Supervisor {
 impl Drop for Supervisor {
     /// Waits until every process has ended.
     fn drop(&mut self) {
-        self.dismiss();
+        self.end();
         if let Some(Err(_)) = self.thread.take().map(JoinHandle::join) {
             tracing::error!("the supervisor panicked; its processes died with it");
         }
     }
 }
 
-/// What the supervisor's thread has.
-struct Watch {
+/// State of the supervisor's thread.
+struct Supervision {
     heartbeats: Subscriber<Heartbeat>,
-    memories: Subscriber<MemoryHeader>,
+    saved_states: Subscriber<SavedStateHeader>,
     failures: Subscriber<FailureHeader>,
-    bulletin: Bulletin,
-    wards: Vec<Ward>,
+    reporter: ProcessReporter,
+    processes: Vec<SupervisedProcess>,
     clean_up: CleanUp,
     program: Program,
-    orders: Arc<Orders>,
+    requests: Arc<Requests>,
     _janitor: JanitorThread,
 }
 
-impl Watch {
+impl Supervision {
     fn run(mut self) {
-        let mut looked = Time::monotonic_now();
-        while !self.orders.end.load(Ordering::Relaxed) {
+        let mut last = Time::monotonic_now();
+        while !self.requests.end.load(Ordering::Relaxed) {
             let now = Time::monotonic_now();
-            // What the supervisor did not get to see is not held against anybody.
-            let late = now.since(looked).saturating_sub(2 * LOOK);
-            looked = now;
-            if let Err(error) = self.listen(now) {
-                tracing::error!("signs of life are not heard: {error}");
+            // Time that the supervisor itself missed does not make a process hung.
+            let missed = now.since(last).saturating_sub(2 * PERIOD);
+            last = now;
+            if let Err(error) = self.receive(now) {
+                tracing::error!("receiving heartbeats failed: {error}");
             }
             self.clean_up.step(now);
-            self.retune();
-            let phase = match self.orders.begun.load(Ordering::Relaxed) {
-                true => Phase::Begun,
-                false => Phase::Opening,
+            self.pass_parameters();
+            let phase = match self.requests.begun.load(Ordering::Relaxed) {
+                true => RunPhase::Running,
+                false => RunPhase::Opening,
             };
-            for ward in &mut self.wards {
-                ward.excuse(late);
-                ward.step(now, phase, &self.program, &mut self.clean_up);
+            for process in &mut self.processes {
+                process.excuse(missed);
+                process.step(now, phase, &self.program, &mut self.clean_up);
             }
-            if let Err(error) = self.bulletin.tell(self.wards.iter().map(Ward::process), now) {
-                tracing::error!("nobody is told of processes: {error}");
+            let reports = self.processes.iter().map(SupervisedProcess::report);
+            if let Err(error) = self.reporter.report(reports, now) {
+                tracing::error!("could not publish the state of processes: {error}");
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(PERIOD);
         }
         self.end();
     }
 
-    fn retune(&mut self) {
-        for (name, table) in self.orders.retunes.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
-            if let Some(ward) = self.wards.iter_mut().find(|ward| ward.name() == name) {
-                ward.retune(table);
+    fn pass_parameters(&mut self) {
+        let mut parameters = self.requests.parameters.lock().unwrap_or_else(PoisonError::into_inner);
+        for (name, table) in parameters.drain(..) {
+            if let Some(process) = self.processes.iter_mut().find(|process| process.name() == name) {
+                process.set_parameters(table);
             }
         }
     }
 
-    fn listen(&mut self, now: Time) -> Result<(), BusError> {
+    fn receive(&mut self, now: Time) -> Result<(), BusError> {
         while let Some(beat) = self.heartbeats.receive()? {
-            if let Some(ward) = find(&mut self.wards, &beat.header().plugin) {
-                ward.hear(beat.header(), now);
+            if let Some(process) = find(&mut self.processes, &beat.header().plugin) {
+                process.beat(beat.header(), now);
             }
         }
-        while let Some(memory) = self.memories.receive()? {
-            if let Some(ward) = find(&mut self.wards, &memory.header().plugin) {
-                ward.keep(memory.items());
+        while let Some(state) = self.saved_states.receive()? {
+            if let Some(process) = find(&mut self.processes, &state.header().plugin) {
+                process.save_state(state.items());
             }
         }
         while let Some(failure) = self.failures.receive()? {
-            if let Some(ward) = find(&mut self.wards, &failure.header().plugin) {
-                ward.hear_failure(failure.items(), now);
+            if let Some(process) = find(&mut self.processes, &failure.header().plugin) {
+                process.set_failure(failure.items(), now);
             }
         }
         Ok(())
     }
 
     fn end(mut self) {
-        self.wards.iter_mut().for_each(Ward::ask_to_end);
-        let told = Time::monotonic_now();
-        while self.wards.iter_mut().any(Ward::is_up) && Time::monotonic_now().since(told) < FAREWELL {
-            std::thread::sleep(LOOK);
+        self.processes.iter_mut().for_each(SupervisedProcess::ask_to_end);
+        let asked = Time::monotonic_now();
+        while self.processes.iter_mut().any(SupervisedProcess::is_running)
+            && Time::monotonic_now().since(asked) < ENDING_TIMEOUT
+        {
+            std::thread::sleep(PERIOD);
         }
-        self.wards.iter_mut().for_each(Ward::kill);
+        self.processes.iter_mut().for_each(SupervisedProcess::kill);
     }
 }
 
-fn find<'a>(wards: &'a mut [Ward], name: &Name) -> Option<&'a mut Ward> {
-    wards.iter_mut().find(|ward| ward.name() == name.as_str())
+fn find<'a>(processes: &'a mut [SupervisedProcess], name: &Name) -> Option<&'a mut SupervisedProcess> {
+    processes.iter_mut().find(|process| process.name() == name.as_str())
 }

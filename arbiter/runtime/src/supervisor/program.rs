@@ -1,20 +1,20 @@
-//! The program that plugins' processes run.
+//! Program that the processes of plugins run.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// A program that becomes a plugin: it is started with its arguments, then the plugin's name, `--guardian` and
-/// `--on-death`, and serves what standard input charges it with.
+/// A program that becomes a plugin. It is started with its arguments, the plugin's name, `--guardian` and `--on-death`, and
+/// reads its launch configuration from standard input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Program {
-    /// The executable.
+    /// Executable.
     pub path: PathBuf,
-    /// Its first arguments.
+    /// First arguments.
     pub arguments: Vec<OsString>,
 }
 
 impl Program {
-    /// This very program, even where its file has been replaced since it was started, with the argument `plugin`.
+    /// The running program itself, even if its file has been replaced since its start, with the argument `plugin`.
     pub fn this() -> Program {
         Program { path: "/proc/self/exe".into(), arguments: vec!["plugin".into()] }
     }

@@ -1,32 +1,32 @@
-//! Starting a process.
+//! Start of a plugin's process.
 
 use std::io::Write;
 use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, Stdio};
 
-use yamabico_host::bus::keep_files_from_children;
-use yamabico_host::process::{Charge, OnDeath};
+use yamabico_host::bus::close_files_in_children;
+use yamabico_host::process::{LaunchConfig, OnParentDeath};
 
 use super::program::Program;
-use super::ward::WardPlan;
+use super::supervised_process::ProcessPlan;
 
-/// Longest charge, bytes: what a pipe holds.
-const MAX_CHARGE: usize = 60_000;
+/// Maximum size of a launch configuration, bytes: less than a pipe holds.
+const MAX_LAUNCH_BYTES: usize = 60_000;
 
-/// Starts `program` as the plugin that `plan` names, in a process group of its own, so that Ctrl-C reaches the supervisor alone.
+/// Starts `program` as the plugin of `plan`, in a process group of its own, so that Ctrl-C reaches the supervisor alone.
 ///
-/// It waits for what [`tell`] tells it. The kernel ties the child's life to the calling thread, not to its process.
-pub(super) fn spawn(program: &Program, plan: &WardPlan) -> std::io::Result<Child> {
-    keep_files_from_children();
-    let on_death = match plan.on_death {
-        OnDeath::Die => "die",
-        OnDeath::Brake => "brake",
+/// The process waits for [`send_launch_config`]. The kernel ties its life to the calling thread, not to the calling process.
+pub(super) fn spawn(program: &Program, plan: &ProcessPlan) -> std::io::Result<Child> {
+    close_files_in_children();
+    let on_death = match plan.on_parent_death {
+        OnParentDeath::Die => "die",
+        OnParentDeath::Brake => "brake",
     };
     Command::new(&program.path)
         .arg0("yamabico")
         .args(&program.arguments)
-        .arg(&plan.charge.name)
+        .arg(&plan.launch.name)
         .args(["--guardian", &std::process::id().to_string(), "--on-death", on_death])
         .arg(format!("--scheduling={}", plan.scheduling))
         .arg("--")
@@ -37,12 +37,14 @@ pub(super) fn spawn(program: &Program, plan: &WardPlan) -> std::io::Result<Child
         .spawn()
 }
 
-/// Tells a process what it is. Nobody waits for its reader: the pipe is empty and holds more than that.
-pub(super) fn tell(child: &mut Child, charge: &Charge) -> std::io::Result<()> {
-    let text = toml::to_string(charge).map_err(std::io::Error::other)?;
-    if text.len() > MAX_CHARGE {
-        let problem =
-            format!("its parameters take {} bytes, more than {MAX_CHARGE}: put them into a file", text.len());
+/// Writes the launch configuration to a process. It never blocks: the pipe is empty and holds the largest configuration.
+pub(super) fn send_launch_config(child: &mut Child, launch: &LaunchConfig) -> std::io::Result<()> {
+    let text = toml::to_string(launch).map_err(std::io::Error::other)?;
+    if text.len() > MAX_LAUNCH_BYTES {
+        let problem = format!(
+            "its parameters take {} bytes, the maximum is {MAX_LAUNCH_BYTES}: put them into a file",
+            text.len()
+        );
         return Err(std::io::Error::other(problem));
     }
     let mut pipe = child.stdin.take().ok_or(std::io::ErrorKind::BrokenPipe)?;

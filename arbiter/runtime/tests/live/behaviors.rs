@@ -1,18 +1,18 @@
-//! Behaviors that stand in for real ones: one that drives, and some that fail.
+//! Test doubles for behaviors: one that drives, and some that fail.
 
 use std::time::Duration;
 
 use yamabico_core::behavior::{
-    Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, factory,
+    Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo, factory,
 };
 use yamabico_core::message::{Axes, Odometry, Proposal, Twist};
 use yamabico_core::plugins::Plugins;
 use yamabico_core::testing::NoParameters;
 
 use super::devices::{DRIVES, SENSORS, open};
-use super::stand_ins::stand_in;
+use crate::stand_ins::stand_in;
 
-/// Drives straight on, whatever happens.
+/// Drives straight ahead, whatever happens.
 pub struct Runner;
 
 impl Plugin for Runner {
@@ -22,7 +22,7 @@ impl Plugin for Runner {
     const INPUTS: &'static [SlotInfo] = &[];
     const CLAIMS: Axes = Axes::LINEAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Runner)
     }
 }
@@ -43,68 +43,68 @@ impl Plugin for Broken {
     const INPUTS: &'static [SlotInfo] = &[];
     const CLAIMS: Axes = Axes::LINEAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Broken)
     }
 }
 
 impl Behavior for Broken {
     fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
-        panic!("as every time")
+        panic!("a test panic")
     }
 }
 
-/// Proposes what is no number.
-pub struct Raving;
+/// Proposes speeds that are not finite.
+pub struct NotFinite;
 
-impl Plugin for Raving {
+impl Plugin for NotFinite {
     type Config = NoParameters;
-    const NAME: &'static str = "raving";
-    const SUMMARY: &'static str = "Proposes what is no number.";
+    const NAME: &'static str = "not-finite";
+    const SUMMARY: &'static str = "Proposes speeds that are not finite.";
     const INPUTS: &'static [SlotInfo] = &[];
     const CLAIMS: Axes = Axes::PLANAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
-        Ok(Raving)
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
+        Ok(NotFinite)
     }
 }
 
-impl Behavior for Raving {
+impl Behavior for NotFinite {
     fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         Proposal::drive(Axes::PLANAR, Twist::planar(f64::NAN, f64::INFINITY))
     }
 }
 
-/// Drives straight on, and takes its time.
-pub struct Sleepy;
+/// Drives straight ahead after a slow computation.
+pub struct Slow;
 
-/// How long it takes for each proposal.
-pub const SLEEPS: Duration = Duration::from_millis(8);
+/// Computing time of a proposal.
+pub const COMPUTING_TIME: Duration = Duration::from_millis(8);
 
-impl Plugin for Sleepy {
+impl Plugin for Slow {
     type Config = NoParameters;
-    const NAME: &'static str = "sleepy";
-    const SUMMARY: &'static str = "Takes its time.";
+    const NAME: &'static str = "slow";
+    const SUMMARY: &'static str = "Computes slowly.";
     const INPUTS: &'static [SlotInfo] = &[WHEELS_SLOT.info()];
     const CLAIMS: Axes = Axes::LINEAR;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
-        Ok(Sleepy)
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
+        Ok(Slow)
     }
 }
 
 pub const WHEELS_SLOT: Slot<Odometry> = Slot::required("wheels", "Odometry.");
 
-impl Behavior for Sleepy {
+impl Behavior for Slow {
     fn propose(&mut self, _: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
-        std::thread::sleep(SLEEPS);
+        std::thread::sleep(COMPUTING_TIME);
         Proposal::drive(Axes::LINEAR, Twist::planar(0.2, 0.0))
     }
 }
 
 pub fn plugins() -> Plugins {
     Plugins {
-        behaviors: vec![factory::<Runner>(), factory::<Broken>(), factory::<Raving>(), factory::<Sleepy>()],
+        behaviors: vec![factory::<Runner>(), factory::<Broken>(), factory::<NotFinite>(), factory::<Slow>()],
         drivers: vec![stand_in(&SENSORS, &DRIVES, open).shared()],
     }
 }

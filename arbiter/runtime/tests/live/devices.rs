@@ -1,27 +1,27 @@
-//! Devices that stand in for real ones: wheels that measure, a motor that notes what it is given.
+//! Test doubles for devices: wheels that measure, and a motor that records its commands.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::behavior::{Outputs, ParameterError};
 use yamabico_core::drive::Drive;
 use yamabico_core::driver::{Device, DeviceSpec};
 use yamabico_core::message::{Command, Odometry};
 use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
-use super::stand_ins::PERIOD;
+use crate::stand_ins::PERIOD;
 
-/// Polls or commands until what is to fail does so, 0.3 s; a sensor not before the body moves.
+/// Number of polls or commands before a failure, 0.3 s; a sensor fails only once the body moves.
 pub const LIFE: u64 = 15;
 
-/// More messages at once than a recorder can fall behind, which are 1024.
+/// Number of messages in a burst: more than the 1024 that a recorder buffers.
 pub const FLOOD: u64 = 1100;
 
-/// Speeds that each robot's drive was given, m/s.
+/// Speeds commanded to each robot's drive, m/s.
 pub static GIVEN: Mutex<BTreeMap<String, Vec<f64>>> = Mutex::new(BTreeMap::new());
 
-/// Odometry of a body that moves as it is told; some kinds come to an end.
+/// Odometry of a body that moves as commanded; some kinds fail or end.
 pub struct Wheels {
     name: String,
     kind: String,
@@ -43,7 +43,7 @@ impl Sensor for Wheels {
             "ending" if self.polls > LIFE => return Ok(Due::Ended),
             _ => {}
         }
-        let vx = if self.kind == "raving" { f64::NAN } else { speed };
+        let vx = if self.kind == "not-finite" { f64::NAN } else { speed };
         let messages = if self.kind == "flooding" && self.polls == 2 { FLOOD } else { 1 };
         for _ in 0..messages {
             self.sequence += 1;
@@ -73,9 +73,9 @@ impl Drive for Motor {
     }
 }
 
-pub fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
+pub fn open(spec: DeviceSpec) -> Result<Device, ParameterError> {
     if spec.sensors.iter().any(|sensor| sensor.kind == "unplugged") {
-        return Err(BuildError::new("", "nothing is plugged in"));
+        return Err(ParameterError::new("", "nothing is plugged in"));
     }
     let speed = Arc::new(Mutex::new(0.0));
     let sensors = spec.sensors.iter().map(|sensor| {
@@ -87,9 +87,9 @@ pub fn open(spec: DeviceSpec) -> Result<Device, BuildError> {
     let motor = |drive: yamabico_core::driver::PartSpec| {
         Box::new(Motor { robot: spec.robot.name.clone(), kind: drive.kind, speed, commands: 0 }) as _
     };
-    Ok(Device { sensors, drive: spec.drive.map(motor), judge: None, walls: Vec::new() })
+    Ok(Device { sensors, drive: spec.drive.map(motor), ground_truth: None, walls: Vec::new() })
 }
 
 pub const SENSORS: [&str; 7] =
-    ["lasting", "failing", "panicking", "ending", "unplugged", "raving", "flooding"];
+    ["lasting", "failing", "panicking", "ending", "unplugged", "not-finite", "flooding"];
 pub const DRIVES: [&str; 2] = ["motor", "panicking"];

@@ -1,20 +1,20 @@
-//! Devices that stand in for real ones.
+//! Test doubles for devices.
 
 use std::time::Duration;
 
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::driver::{Device, DeviceSpec, DriveOffer, SensorOffer};
 use yamabico_core::message::{Axes, Odometry};
 use yamabico_core::testing::{FakeDriver, NoParameters, plain_sensor};
 
-/// From one reading to the next.
+/// Period of the sensors.
 pub const PERIOD: Duration = Duration::from_millis(20);
 
-/// The driver `stand-in`, with sensors of odometry every [`PERIOD`] and planar drives of these kinds.
+/// Driver `stand-in`, with odometry sensors of these kinds every [`PERIOD`] and planar drives of these kinds.
 pub fn stand_in(
     sensors: &[&str],
     drives: &[&str],
-    open: fn(DeviceSpec) -> Result<Device, BuildError>,
+    open: fn(DeviceSpec) -> Result<Device, ParameterError>,
 ) -> FakeDriver {
     let sensor = |kind: &&str| SensorOffer::new::<Odometry, NoParameters>(kind, "Odometry.");
     let drive = |kind: &&str| DriveOffer::new::<NoParameters>(kind, "Obeys.", Axes::PLANAR);

@@ -1,22 +1,22 @@
-//! From what was asked of an axis to what its motor gets.
+//! Explains one axis, from the proposed to the commanded speed.
 
 use yamabico_core::message::{Axis, DecisionHeader, Mode, Twist};
 
-use super::AxisWords;
+use super::AxisExplanation;
 
-/// Speeds nearer than this are one to a reader, m/s or rad/s.
+/// Speeds closer than this print alike, m/s or rad/s.
 const SAME: f64 = 0.005;
 
-pub(super) fn in_words(header: &DecisionHeader, axis: Axis) -> AxisWords {
+pub(super) fn explain_axis(header: &DecisionHeader, axis: Axis) -> AxisExplanation {
     let of = |twist: &Twist| twist.get(axis);
     let (wanted, feasible) = (of(&header.wanted), of(&header.feasible));
     let (allowed, commanded) = (of(&header.allowed), of(&header.commanded));
     let mut why = vec![match header.source[axis as usize] {
-        source if source.is_empty() => "nobody asks for it".to_owned(),
+        source if source.is_empty() => "no behavior drives it".to_owned(),
         source => format!("{source} asks for {}", speed(wanted)),
     }];
     if (wanted - feasible).abs() > SAME {
-        why.push(format!("the robot can do {}", speed(feasible)));
+        why.push(format!("the drive reaches {}", speed(feasible)));
     }
     why.extend(restraint(header, axis, feasible, allowed));
     if (commanded - allowed).abs() > SAME {
@@ -28,16 +28,16 @@ pub(super) fn in_words(header: &DecisionHeader, axis: Axis) -> AxisWords {
         why.push(format!("{how} to {}", speed(allowed)));
     }
     let unit = if axis == Axis::Angular { "rad/s" } else { "m/s" };
-    AxisWords { axis: axis.as_str(), commanded, wanted, unit, why }
+    AxisExplanation { axis: axis.as_str(), commanded, wanted, unit, why }
 }
 
-/// Two digits behind the point; nothing is not negative to a reader.
+/// Formats a speed with two decimals, never as `-0.00`.
 pub(super) fn speed(speed: f64) -> String {
     let text = format!("{speed:.2}");
     if text == "-0.00" { "0.00".to_owned() } else { text }
 }
 
-/// What takes an axis from what the robot can do to what is allowed.
+/// Explains the step from the feasible to the allowed speed.
 fn restraint(header: &DecisionHeader, axis: Axis, feasible: f64, allowed: f64) -> Option<String> {
     let (limiter, limit) = (header.limiter[axis as usize], header.limit.get(axis));
     let halter = header.halter[axis as usize];
@@ -46,9 +46,11 @@ fn restraint(header: &DecisionHeader, axis: Axis, feasible: f64, allowed: f64) -
             (feasible.abs() > SAME).then(|| "the whole robot is stopped".to_owned())
         }
         _ if !halter.is_empty() => Some(format!("{halter} halts it")),
-        _ if !limiter.is_empty() && feasible.abs() > limit => Some(format!("{limiter} allows {limit:.2}")),
+        _ if !limiter.is_empty() && feasible.abs() > limit => {
+            Some(format!("{limiter} limits it to {limit:.2}"))
+        }
         _ if (feasible - allowed).abs() > SAME => {
-            Some(format!("slowed to {allowed:.2} with the other axis of translation"))
+            Some(format!("slowed to {allowed:.2} to keep the direction of translation"))
         }
         _ => None,
     }

@@ -1,4 +1,4 @@
-//! A decision in words.
+//! Explanation of a decision in plain English.
 
 mod axis;
 mod behavior;
@@ -8,101 +8,105 @@ use std::fmt;
 use serde::Serialize;
 use yamabico_core::message::{DecisionHeader, Mode, Process, Proposal, Twist};
 
-use super::told::Told;
+use super::decision_message::DecisionMessage;
 use crate::policy::Policy;
 
-/// What is known besides a decision: it makes the words more exact, and none of it is needed.
+/// Context of a decision: makes its explanation more exact; none of it is required.
 #[derive(Clone, Debug, Default)]
-pub struct Scene {
-    /// The newest proposal of each behavior, as far as it was heard.
+pub struct ExplainContext {
+    /// Newest proposal of each behavior, if one was received.
     pub proposals: Vec<Proposal>,
-    /// The processes of plugins.
+    /// Processes of plugins.
     pub processes: Vec<Process>,
-    /// What each behavior is held to.
-    pub terms: Vec<Terms>,
+    /// Maximum ages and deadline of each behavior.
+    pub terms: Vec<ProposalTerms>,
 }
 
-/// What a behavior is held to.
+/// Maximum ages and deadline of one behavior.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Terms {
-    /// Its name.
+pub struct ProposalTerms {
+    /// Name of the behavior.
     pub behavior: String,
-    /// Oldest stamp that is heard, seconds.
+    /// Maximum age of a proposal's stamp, s.
     pub max_age_s: f64,
-    /// Oldest evidence that is heard, seconds.
+    /// Maximum age of a proposal's evidence, s.
     pub max_evidence_age_s: f64,
-    /// Longest silence, of a critical one, seconds.
+    /// Maximum silence of a critical behavior, s; `None` if it is not critical.
     pub deadline_s: Option<f64>,
 }
 
-/// A decision in words: what the robot does, an entry for each axis that the drive has, and one for each behavior.
+/// An explained decision: what the robot does, an entry for each axis of the drive, and one for each behavior.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explanation {
-    /// What the robot does, and why.
+    /// Mode of the robot and its cause.
     pub what: String,
-    /// The axes.
-    pub axes: Vec<AxisWords>,
-    /// The behaviors, in the order of the task.
-    pub behaviors: Vec<BehaviorWords>,
+    /// Axes of the drive.
+    pub axes: Vec<AxisExplanation>,
+    /// Behaviors in the order of the task.
+    pub behaviors: Vec<BehaviorExplanation>,
 }
 
-/// One axis in words.
+/// Explanation of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct AxisWords {
-    /// Its name.
+pub struct AxisExplanation {
+    /// Name of the axis.
     pub axis: &'static str,
-    /// What the motors get.
+    /// Commanded speed.
     pub commanded: f64,
-    /// What the winner asks for.
+    /// Speed that the winner asks for.
     pub wanted: f64,
-    /// `m/s` or `rad/s`.
+    /// Unit of the speeds: `m/s` or `rad/s`.
     pub unit: &'static str,
-    /// From what was asked to what the motors get, step by step.
+    /// Steps from the proposed to the commanded speed.
     pub why: Vec<String>,
 }
 
-/// One behavior in words.
+/// Explanation of one behavior's verdict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BehaviorWords {
-    /// Its name.
+pub struct BehaviorExplanation {
+    /// Name of the behavior.
     pub behavior: String,
-    /// Its priority.
+    /// Priority.
     pub priority: i32,
-    /// What became of what it says.
+    /// Outcome of its newest proposal.
     pub outcome: &'static str,
-    /// The same in a sentence, with its numbers.
+    /// Outcome as a sentence, with its numbers.
     pub why: String,
-    /// What it says itself; empty where it says nothing.
+    /// Reason or note of the behavior itself; empty if it gives none.
     pub because: String,
-    /// What its process went through; empty where that is nothing new.
+    /// Recent end or restart of its process; empty if there was none.
     pub process: String,
 }
 
-/// Explains a decision.
-pub fn explain(told: &Told, scene: &Scene) -> Explanation {
+/// Explains a decision; `context` makes the explanation more exact.
+pub fn explain(message: &DecisionMessage, context: &ExplainContext) -> Explanation {
     Explanation {
-        what: what(told, scene),
-        axes: told.header.axes.iter().map(|axis| axis::in_words(&told.header, axis)).collect(),
-        behaviors: told.verdicts.iter().map(|verdict| behavior::in_words(told, verdict, scene)).collect(),
+        what: headline(message, context),
+        axes: message.header.axes.iter().map(|axis| axis::explain_axis(&message.header, axis)).collect(),
+        behaviors: message
+            .verdicts
+            .iter()
+            .map(|verdict| behavior::explain_behavior(message, verdict, context))
+            .collect(),
     }
 }
 
-impl Scene {
-    /// The scene of a policy, with what was proposed.
-    pub fn of(policy: &Policy, proposals: &[Option<Proposal>]) -> Scene {
+impl ExplainContext {
+    /// Context of a policy with the newest proposals, without processes.
+    pub fn of(policy: &Policy, proposals: &[Option<Proposal>]) -> ExplainContext {
         let named = policy.behaviors.iter().zip(proposals);
         let proposals = named
             .filter_map(|(behavior, proposal)| Some(Proposal { behavior: behavior.name, ..(*proposal)? }));
-        let terms = policy.behaviors.iter().map(|behavior| Terms {
+        let terms = policy.behaviors.iter().map(|behavior| ProposalTerms {
             behavior: behavior.name.as_str().to_owned(),
             max_age_s: behavior.max_age.as_secs_f64(),
             max_evidence_age_s: behavior.max_evidence_age.as_secs_f64(),
             deadline_s: behavior.critical.then_some(behavior.deadline.as_secs_f64()),
         });
-        Scene { proposals: proposals.collect(), processes: Vec::new(), terms: terms.collect() }
+        ExplainContext { proposals: proposals.collect(), processes: Vec::new(), terms: terms.collect() }
     }
 
-    fn terms(&self, behavior: &str) -> Option<&Terms> {
+    fn terms(&self, behavior: &str) -> Option<&ProposalTerms> {
         self.terms.iter().find(|terms| terms.behavior == behavior)
     }
 }
@@ -110,19 +114,19 @@ impl Scene {
 impl fmt::Display for Explanation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}", self.what)?;
-        for AxisWords { axis, commanded, unit, why, .. } in &self.axes {
+        for AxisExplanation { axis, commanded, unit, why, .. } in &self.axes {
             let commanded = axis::speed(*commanded);
             writeln!(f, "  {axis:<8}{commanded:>6} {unit:<6} {}", why.join("; "))?;
         }
-        let label = |words: &BehaviorWords| format!("{} ({})", words.behavior, words.priority);
-        let widest = self.behaviors.iter().map(|words| label(words).chars().count()).max().unwrap_or(0);
-        for words in &self.behaviors {
-            write!(f, "  {:<widest$}  {}", label(words), words.why)?;
-            if !words.because.is_empty() {
-                write!(f, ": {}", words.because)?;
+        let label = |entry: &BehaviorExplanation| format!("{} ({})", entry.behavior, entry.priority);
+        let widest = self.behaviors.iter().map(|entry| label(entry).chars().count()).max().unwrap_or(0);
+        for entry in &self.behaviors {
+            write!(f, "  {:<widest$}  {}", label(entry), entry.why)?;
+            if !entry.because.is_empty() {
+                write!(f, ": {}", entry.because)?;
             }
-            if !words.process.is_empty() {
-                write!(f, "; {}", words.process)?;
+            if !entry.process.is_empty() {
+                write!(f, "; {}", entry.process)?;
             }
             writeln!(f)?;
         }
@@ -130,28 +134,28 @@ impl fmt::Display for Explanation {
     }
 }
 
-fn what(told: &Told, scene: &Scene) -> String {
-    let DecisionHeader { note, .. } = &told.header;
-    match told.header.mode() {
+fn headline(message: &DecisionMessage, context: &ExplainContext) -> String {
+    let DecisionHeader { note, .. } = &message.header;
+    match message.header.mode() {
         Some(Mode::Driving) if note.is_empty() => "driving".to_owned(),
         Some(Mode::Driving) => format!("driving, {note}"),
-        Some(Mode::Idle) if told.header.commanded != Twist::ZERO => {
-            "coming to rest: nobody wants to drive".to_owned()
+        Some(Mode::Idle) if message.header.commanded != Twist::ZERO => {
+            "slowing to a stop: no behavior drives".to_owned()
         }
-        Some(Mode::Idle) => "standing: nobody wants to drive".to_owned(),
+        Some(Mode::Idle) => "standing: no behavior drives".to_owned(),
         Some(Mode::Halted) => format!("halted: {note}"),
-        Some(Mode::CriticalSilent) => critical(told, scene),
+        Some(Mode::CriticalSilent) => critical(message, context),
         Some(Mode::EmergencyStop) => "emergency stop: latched until `yamabico reset`".to_owned(),
-        Some(Mode::ShuttingDown) => "the run ends: the robot is brought to rest".to_owned(),
-        None => format!("in a state that this program does not know: {note}"),
+        Some(Mode::ShuttingDown) => "stopping: the run ends".to_owned(),
+        None => format!("unknown mode ({note}): build this program and the robot from one version"),
     }
 }
 
-/// Such as `stopped: sonar-halt is silent, without which the robot must not move (at most 0.30 s)`.
-fn critical(told: &Told, scene: &Scene) -> String {
-    let note = told.header.note;
+/// Such as `stopped: sonar-halt is silent for more than 0.30 s, and it is critical`.
+fn critical(message: &DecisionMessage, context: &ExplainContext) -> String {
+    let note = message.header.note;
     let Some(name) = note.as_str().strip_suffix(" is silent") else { return format!("stopped: {note}") };
-    let longest = scene.terms(name).and_then(|terms| terms.deadline_s);
-    let longest = longest.map_or(String::new(), |longest| format!(" (for more than {longest:.2} s)"));
-    format!("stopped: {note}{longest}, and the robot must not move without it")
+    let deadline = context.terms(name).and_then(|terms| terms.deadline_s);
+    let deadline = deadline.map_or(String::new(), |deadline| format!(" for more than {deadline:.2} s"));
+    format!("stopped: {note}{deadline}, and it is critical")
 }

@@ -1,4 +1,4 @@
-//! The direction for a robot that can drive in every direction without turning.
+//! Choice of a direction for a holonomic robot, which drives in every direction without turning.
 
 use std::f64::consts::TAU;
 
@@ -8,89 +8,95 @@ use yamabico_core::geometry::wrap_angle;
 use super::free_distances::FreeDistances;
 use super::limited_motion::LimitedMotion;
 
-/// Deviations from the wished direction that differ by less than this (rad) are equal.
-pub const SAME_DEVIATION_RAD: f64 = 1e-9;
-/// A deviation below this (rad) is to neither side.
+/// Difference below which two deviations from the desired direction are equal, rad.
+const SAME_DEVIATION_RAD: f64 = 1e-9;
+/// Deviation below which a direction is on neither side, rad.
 const STRAIGHT_RAD: f64 = 1e-6;
 
-/// Shares of the speed that are tried one after the other, each in directions that deviate from so much to so much (rad):
-/// slowly on is better than fast back.
-pub const SPEED_LADDER: [(f64, [f64; 2]); 6] =
-    [(1.0, ON), (0.5, ON), (0.25, ON), (1.0, BACK), (0.5, BACK), (0.25, BACK)];
-const ON: [f64; 2] = [0.0, AHEAD_RAD];
-const BACK: [f64; 2] = [AHEAD_RAD, TAU];
-/// Directions that differ by less than this (rad) from the one chosen before are the same one.
+/// Shares of the speed in the order in which they are tried, each with its range of deviations (rad): driving onward
+/// slowly precedes driving backward fast.
+pub const SPEED_LADDER: [(f64, [f64; 2]); 6] = [
+    (1.0, ONWARD_RAD),
+    (0.5, ONWARD_RAD),
+    (0.25, ONWARD_RAD),
+    (1.0, BACKWARD_RAD),
+    (0.5, BACKWARD_RAD),
+    (0.25, BACKWARD_RAD),
+];
+const ONWARD_RAD: [f64; 2] = [0.0, MAX_ONWARD_RAD];
+const BACKWARD_RAD: [f64; 2] = [MAX_ONWARD_RAD, TAU];
+/// Difference below which a direction is the same as the one chosen before, rad.
 const SAME_DIRECTION_RAD: f64 = 0.1;
-/// Up to this deviation (rad) a direction leads on.
-const AHEAD_RAD: f64 = 1.75;
+/// Maximum deviation of a direction that leads onward, rad.
+const MAX_ONWARD_RAD: f64 = 1.75;
 
-/// Whether the velocity that the robot has counts.
+/// Use of the robot's velocity in the choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Velocity {
-    /// It does: the robot comes from its velocity to the new one as its acceleration allows.
+    /// The robot changes its velocity with limited acceleration.
     Considered,
-    /// Every direction is taken at once, as without inertia: for comparison.
+    /// The robot changes its velocity at once; for comparison.
     Ignored,
 }
 
-/// How directions are judged.
+/// Rules for the choice of directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChoiceRules {
-    /// The speed to drive at, m/s.
+    /// Speed, m/s.
     pub speed_mps: f64,
-    /// The largest acceleration in any direction, m/s^2, above 0.
+    /// Maximum acceleration in any direction, m/s^2, above 0.
     pub acceleration_mps2: f64,
-    /// The robot's radius and what is kept beside it, m.
+    /// Minimum clearance around the robot's center: its radius plus the margin, m.
     pub clearance_m: f64,
-    /// Time between two looks at a way, s.
+    /// Time step at which trajectories are checked, s.
     pub step_s: f64,
-    /// Time until the next choice takes effect, s: so long after, the robot must still be able to stop.
+    /// Time until the next choice takes effect, after which the robot must still be able to stop, s.
     pub reaction_s: f64,
-    /// Whether the velocity that the robot has counts.
+    /// Use of the robot's velocity.
     pub velocity: Velocity,
-    /// Going around on the other side than last time must save so much deviation (rad, at least 0).
+    /// Minimum deviation that passing on the other side than before must save, rad, at least 0.
     pub side_change_rad: f64,
-    /// A direction nearer to the wished one than the one chosen before must keep so much more clear (m, at least 0), so that what
-    /// is seen a little differently every time does not turn the robot to and fro.
+    /// Additional clearance required of a direction nearer to the desired one than the previous choice, m, at least 0.
+    /// Prevents oscillation due to noise.
     pub nearer_m: f64,
-    /// Least and largest deviation (rad) from the wished direction.
+    /// Range of the deviation from the desired direction: minimum, and exclusive maximum, rad.
     pub deviation_rad: [f64; 2],
 }
 
-/// What was chosen before; by default, nothing.
+/// Result of the previous choice; by default there was none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Before {
-    /// -1, 0 or 1: on which side of the wished direction; left is 1.
+pub struct PreviousChoice {
+    /// Side of the desired direction: 1 left, -1 right, 0 neither.
     pub side: i8,
-    /// The direction, radians, frame of the free distances.
+    /// Direction in the frame of the free distances, rad.
     pub direction_rad: Option<f64>,
 }
 
-/// Where the robot is, in the frame of the free distances, and how it moves.
+/// State of the robot from which directions are judged, in the frame of the free distances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Start {
-    /// Place of its center, m.
+    /// Position of the robot's center, m.
     pub position_m: Vector2<f64>,
-    /// Its velocity, m/s.
+    /// Velocity, m/s.
     pub velocity_mps: Vector2<f64>,
 }
 
-/// A direction that is taken.
+/// Direction that was chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
-    /// The velocity to drive at, m/s.
+    /// Velocity, m/s.
     pub velocity_mps: Vector2<f64>,
-    /// Its direction, radians.
+    /// Direction of the velocity, rad.
     pub direction_rad: f64,
-    /// The sector whose middle it is; `None` for the wished direction itself.
+    /// Sector with this direction in its middle; `None` for the desired direction itself.
     pub sector: Option<usize>,
-    /// Directions that were tried before.
+    /// Number of directions that precede it in the order of preference.
     pub rank: usize,
-    /// -1, 0 or 1: on which side of the wished direction it lies; left is 1.
+    /// Side of the desired direction on which it lies: 1 left, -1 right, 0 neither.
     pub side: i8,
 }
 
-/// One direction that may be tried.
+/// Direction that may be chosen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub(super) direction_rad: f64,
@@ -99,7 +105,7 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Whether it deviates by at least the one and less than the other.
+    /// Returns true if the deviation is at least `min_rad` and below `max_rad`.
     pub(super) fn is_within(&self, [min_rad, max_rad]: [f64; 2]) -> bool {
         (min_rad..max_rad).contains(&self.deviation_rad.abs())
     }
@@ -113,49 +119,49 @@ impl Candidate {
     }
 }
 
-impl Before {
-    /// What a candidate must keep clear beyond the rules, m.
-    fn nearer_m(&self, candidate: &Candidate, goal_rad: f64, rules: &ChoiceRules) -> f64 {
-        let Some(before_rad) = self.direction_rad else { return 0.0 };
-        let is_same = wrap_angle(candidate.direction_rad - before_rad).abs() < SAME_DIRECTION_RAD;
-        let is_nearer = candidate.deviation_rad.abs() < wrap_angle(goal_rad - before_rad).abs();
+impl PreviousChoice {
+    /// Returns the additional clearance required of a candidate, m.
+    fn additional_clearance_m(&self, candidate: &Candidate, goal_rad: f64, rules: &ChoiceRules) -> f64 {
+        let Some(previous_rad) = self.direction_rad else { return 0.0 };
+        let is_same = wrap_angle(candidate.direction_rad - previous_rad).abs() < SAME_DIRECTION_RAD;
+        let is_nearer = candidate.deviation_rad.abs() < wrap_angle(goal_rad - previous_rad).abs();
         if is_nearer && !is_same { rules.nearer_m } else { 0.0 }
     }
 }
 
-/// Chooses directions; allocates only for more sectors than ever before.
+/// Chooser of directions. Allocates only if there are more sectors than in any choice before.
 #[derive(Clone, Debug, Default)]
 pub struct Chooser {
     candidates: Vec<Candidate>,
 }
 
 impl Chooser {
-    /// The direction nearest to `goal_rad` in which the robot keeps clear of everything hidden, and could still stop after
-    /// its reaction time. Of two directions equally near that on the side chosen before wins, or else the left one. `None` where
-    /// there is no such direction.
+    /// Chooses the direction nearest to `goal_rad` in which the robot keeps its clearance and can still stop after its
+    /// reaction time. Of two equally near directions it prefers the side of the previous choice, otherwise left. `None`
+    /// if there is no such direction.
     pub fn choose(
         &mut self,
         free: &FreeDistances,
         start: &Start,
         goal_rad: f64,
-        before: &Before,
+        previous: &PreviousChoice,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
-        // Every way begins here.
+        // Every trajectory begins here.
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
-        let order = self.order(free, goal_rad, before.side, rules.side_change_rad);
+        let order = self.order(free, goal_rad, previous.side, rules.side_change_rad);
         let mut tried =
             order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
         tried.find_map(|(rank, candidate)| {
             let direction_rad = candidate.direction_rad;
             let velocity_mps = Vector2::new(direction_rad.cos(), direction_rad.sin()) * rules.speed_mps;
-            let ways = Ways::new(start, velocity_mps, rules);
-            let clearance_m = rules.clearance_m + before.nearer_m(candidate, goal_rad, rules);
+            let paths = Trajectories::new(start, velocity_mps, rules);
+            let clearance_m = rules.clearance_m + previous.additional_clearance_m(candidate, goal_rad, rules);
             let rules = ChoiceRules { clearance_m, ..*rules };
-            let is_clear = keeps_clear(free, &ways.drive, start.position_m, ways.drive_s, &rules)
-                && keeps_clear(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), &rules);
+            let is_clear = keeps_clear(free, &paths.drive, start.position_m, paths.drive_s, &rules)
+                && keeps_clear(free, &paths.stop, paths.stop_from, paths.stop.ramp_s(), &rules);
             is_clear.then(|| Choice {
                 velocity_mps,
                 direction_rad,
@@ -166,22 +172,24 @@ impl Chooser {
         })
     }
 
-    /// The same, at half and at a quarter of the speed where the whole is too fast, and only then back ([`SPEED_LADDER`]).
+    /// Chooses a direction like [`Chooser::choose`], but tries lower speeds and then directions backward in the order
+    /// of [`SPEED_LADDER`].
     pub fn choose_speed(
         &mut self,
         free: &FreeDistances,
         start: &Start,
         goal_rad: f64,
-        before: &Before,
+        previous: &PreviousChoice,
         rules: &ChoiceRules,
     ) -> Option<Choice> {
         SPEED_LADDER.iter().find_map(|&(share, deviation_rad)| {
             let rules = ChoiceRules { speed_mps: share * rules.speed_mps, deviation_rad, ..*rules };
-            self.choose(free, start, goal_rad, before, &rules)
+            self.choose(free, start, goal_rad, previous, &rules)
         })
     }
 
-    /// The wished direction and the middles of all sectors, nearest first; those on the other side than last time later.
+    /// Returns the desired direction and the middles of all sectors in the order of preference: by deviation, which
+    /// `side_change_rad` increases on the other side than `last_side`.
     pub(super) fn order(
         &mut self,
         free: &FreeDistances,
@@ -209,15 +217,15 @@ impl Chooser {
     }
 }
 
-/// What is looked at for one direction.
-struct Ways {
+/// Trajectories that are checked for one direction: driving on, and stopping after the reaction time.
+struct Trajectories {
     drive: LimitedMotion,
     drive_s: f64,
     stop: LimitedMotion,
     stop_from: Vector2<f64>,
 }
 
-impl Ways {
+impl Trajectories {
     fn new(start: &Start, to_mps: Vector2<f64>, rules: &ChoiceRules) -> Self {
         let from_mps = match rules.velocity {
             Velocity::Considered => start.velocity_mps,
@@ -227,7 +235,7 @@ impl Ways {
         let drive = LimitedMotion::new(from_mps, to_mps, acceleration);
         Self {
             drive,
-            // Straight on after the ramp for as long as braking takes, which is the way that braking takes.
+            // After the ramp, straight on over the braking distance.
             drive_s: drive.ramp_s() + rules.speed_mps / (2.0 * acceleration),
             stop: LimitedMotion::new(drive.velocity_mps(rules.reaction_s), Vector2::zeros(), acceleration),
             stop_from: start.position_m + drive.position_m(rules.reaction_s),
@@ -235,8 +243,8 @@ impl Ways {
     }
 }
 
-/// Whether a motion that begins at `from` keeps its distance for `duration_s`: looked at every step and at its end. Steps
-/// that cannot come near enough are left out, which changes no answer.
+/// Returns true if a motion that begins at `from` keeps its clearance for `duration_s`, checked at each step and at the
+/// end. Steps that cannot be too near are skipped, which does not change the result.
 fn keeps_clear(
     free: &FreeDistances,
     motion: &LimitedMotion,
@@ -244,8 +252,8 @@ fn keeps_clear(
     duration_s: f64,
     rules: &ChoiceRules,
 ) -> bool {
-    let step_m = motion.fastest_mps() * rules.step_s;
-    // Most ways that fail do so at their end.
+    let step_m = motion.max_speed_mps() * rules.step_s;
+    // Most trajectories that are not clear fail at their end.
     if free.clearance_m(from + motion.position_m(duration_s)) < rules.clearance_m {
         return false;
     }
@@ -263,8 +271,8 @@ fn keeps_clear(
     }
 }
 
-/// The smallest clearance (m) of all the steps that are looked at when the robot changes from one velocity to another and
-/// would stop after its reaction time: the plain reference of what [`Chooser::choose`] decides by.
+/// Returns the minimum clearance (m) of the trajectories to a velocity, including the stop after the reaction time: the
+/// reference for the faster check in [`Chooser::choose`].
 #[must_use]
 pub fn min_clearance_m(
     free: &FreeDistances,
@@ -272,19 +280,19 @@ pub fn min_clearance_m(
     to_mps: Vector2<f64>,
     rules: &ChoiceRules,
 ) -> f64 {
-    let ways = Ways::new(start, to_mps, rules);
-    let drive = min_on_way_m(free, &ways.drive, start.position_m, ways.drive_s, rules.step_s);
-    drive.min(min_on_way_m(free, &ways.stop, ways.stop_from, ways.stop.ramp_s(), rules.step_s))
+    let paths = Trajectories::new(start, to_mps, rules);
+    let drive = min_on_path_m(free, &paths.drive, start.position_m, paths.drive_s, rules.step_s);
+    drive.min(min_on_path_m(free, &paths.stop, paths.stop_from, paths.stop.ramp_s(), rules.step_s))
 }
 
-/// The smallest clearance (m) of all the steps of a stop.
+/// Returns the minimum clearance (m) of an immediate stop.
 #[must_use]
 pub fn stop_clearance_m(free: &FreeDistances, start: &Start, rules: &ChoiceRules) -> f64 {
     let stop = LimitedMotion::new(start.velocity_mps, Vector2::zeros(), rules.acceleration_mps2);
-    min_on_way_m(free, &stop, start.position_m, stop.ramp_s(), rules.step_s)
+    min_on_path_m(free, &stop, start.position_m, stop.ramp_s(), rules.step_s)
 }
 
-fn min_on_way_m(
+fn min_on_path_m(
     free: &FreeDistances,
     motion: &LimitedMotion,
     from: Vector2<f64>,
@@ -321,9 +329,8 @@ mod tests {
         (distances, Start { velocity_mps: velocity, ..Start::default() }, random.random_range(-PI..PI))
     }
 
-    /// The quick check decides as the plain one does, for the direction taken and for all that were passed over.
     #[test]
-    fn leaving_steps_out_changes_no_choice() {
+    fn skipped_steps_change_no_choice() {
         let mut random = Pcg64::seed_from_u64(3);
         let (mut chooser, mut taken) = (Chooser::default(), 0);
         for _ in 0..300 {
@@ -334,7 +341,7 @@ mod tests {
                 let to = Vector2::new(candidate.direction_rad.cos(), candidate.direction_rad.sin()) * 0.4;
                 min_clearance_m(&free, &start, to, &RULES) >= RULES.clearance_m
             });
-            let choice = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
+            let choice = chooser.choose(&free, &start, goal, &PreviousChoice::default(), &RULES);
             assert_eq!(choice.map(|choice| choice.rank), expected);
             taken += usize::from(expected.is_some());
         }
@@ -342,19 +349,30 @@ mod tests {
     }
 
     #[test]
-    fn the_mirror_image_is_answered_by_the_mirror_image() {
+    fn a_mirrored_scene_gives_the_mirrored_choice() {
         let mut random = Pcg64::seed_from_u64(4);
         let mut chooser = Chooser::default();
         for _ in 0..200 {
             let (distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances.iter().copied());
-            let here = chooser.choose(&free, &start, goal, &Before { side: 1, ..Before::default() }, &RULES);
+            let here = chooser.choose(
+                &free,
+                &start,
+                goal,
+                &PreviousChoice { side: 1, ..PreviousChoice::default() },
+                &RULES,
+            );
             free.set(distances.iter().rev().copied());
             let mirrored =
                 Start { velocity_mps: start.velocity_mps.component_mul(&Vector2::new(1.0, -1.0)), ..start };
-            let there =
-                chooser.choose(&free, &mirrored, -goal, &Before { side: -1, ..Before::default() }, &RULES);
+            let there = chooser.choose(
+                &free,
+                &mirrored,
+                -goal,
+                &PreviousChoice { side: -1, ..PreviousChoice::default() },
+                &RULES,
+            );
             let (Some(here), Some(there)) = (here, there) else {
                 assert_eq!(here.is_some(), there.is_some());
                 continue;
@@ -365,17 +383,17 @@ mod tests {
     }
 
     #[test]
-    fn another_obstacle_never_brings_the_choice_nearer_to_the_wish() {
+    fn another_obstacle_never_brings_the_choice_nearer_to_the_goal() {
         let mut random = Pcg64::seed_from_u64(5);
         let mut chooser = Chooser::default();
         for _ in 0..200 {
             let (mut distances, start, goal) = random_case(&mut random);
             let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
             free.set(distances.iter().copied());
-            let before = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
+            let before = chooser.choose(&free, &start, goal, &PreviousChoice::default(), &RULES);
             distances[random.random_range(0..32)] *= 0.5;
             free.set(distances);
-            let after = chooser.choose(&free, &start, goal, &Before::default(), &RULES);
+            let after = chooser.choose(&free, &start, goal, &PreviousChoice::default(), &RULES);
             match (before, after) {
                 (Some(before), Some(after)) => assert!(after.rank >= before.rank),
                 (before, after) => assert!(before.is_some() || after.is_none()),
@@ -392,7 +410,13 @@ mod tests {
         let mut side = |last: i8, side_change_rad: f64| {
             let rules = ChoiceRules { side_change_rad, ..RULES };
             chooser
-                .choose(&free, &Start::default(), 0.0, &Before { side: last, ..Before::default() }, &rules)
+                .choose(
+                    &free,
+                    &Start::default(),
+                    0.0,
+                    &PreviousChoice { side: last, ..PreviousChoice::default() },
+                    &rules,
+                )
                 .map(|choice| choice.side)
         };
         assert_eq!([side(0, 0.5), side(1, 0.0), side(-1, 0.0)], [Some(-1); 3]);
@@ -400,36 +424,36 @@ mod tests {
     }
 
     #[test]
-    fn slowly_on_comes_before_fast_back() {
+    fn driving_onward_slowly_precedes_driving_backward_fast() {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         free.set((0..32).map(|j| if (11..21).contains(&j) { 1.2 } else { 0.3 }));
         let mut chooser = Chooser::default();
-        let fast = chooser.choose(&free, &Start::default(), 0.0, &Before::default(), &RULES);
+        let fast = chooser.choose(&free, &Start::default(), 0.0, &PreviousChoice::default(), &RULES);
         assert!(fast.is_some_and(|choice| choice.velocity_mps.x < -0.35), "{fast:?}");
-        let slow = chooser.choose_speed(&free, &Start::default(), 0.0, &Before::default(), &RULES);
+        let slow = chooser.choose_speed(&free, &Start::default(), 0.0, &PreviousChoice::default(), &RULES);
         assert!(slow.is_some_and(|choice| choice.velocity_mps.x > 0.0), "{slow:?}");
     }
 
     #[test]
-    fn a_closed_ring_is_driven_in_slowly() {
+    fn in_a_closed_ring_the_robot_drives_slowly() {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         free.set([0.3; 32]);
         let mut chooser = Chooser::default();
-        assert_eq!(chooser.choose(&free, &Start::default(), 0.5, &Before::default(), &RULES), None);
-        let slow = chooser.choose_speed(&free, &Start::default(), 0.5, &Before::default(), &RULES);
+        assert_eq!(chooser.choose(&free, &Start::default(), 0.5, &PreviousChoice::default(), &RULES), None);
+        let slow = chooser.choose_speed(&free, &Start::default(), 0.5, &PreviousChoice::default(), &RULES);
         assert_eq!(slow.map(|slow| slow.velocity_mps.norm()), Some(0.2));
     }
 
     #[test]
-    fn a_direction_nearer_to_the_wish_must_be_clearer_than_the_one_that_is_kept() {
+    fn a_direction_nearer_to_the_goal_needs_additional_clearance() {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
-        // Ahead something is just far enough away: 16 mm until the robot reacts, 267 mm to stop and 100 mm to keep.
+        // An obstacle ahead is just far enough: 16 mm of reaction, 267 mm of braking, 100 mm of clearance.
         free.set((0..32).map(|j| if (1..31).contains(&j) { 1.2 } else { 0.39 }));
         let mut chooser = Chooser::default();
         let mut direction = |before: Option<f64>, nearer_m: f64| {
             let rules = ChoiceRules { nearer_m, ..RULES };
             let start = Start { velocity_mps: Vector2::new(0.4, 0.0), ..Start::default() };
-            let before = Before { direction_rad: before, ..Before::default() };
+            let before = PreviousChoice { direction_rad: before, ..PreviousChoice::default() };
             chooser.choose(&free, &start, 0.0, &before, &rules).map(|choice| choice.direction_rad)
         };
         assert_eq!(

@@ -1,4 +1,4 @@
-//! How far the floor is free in each direction, and what that leaves between the robot and everything hidden.
+//! Free distance of the floor in each direction, and the clearance between the robot and occluded floor.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -6,16 +6,16 @@ use nalgebra::Vector2;
 use yamabico_core::geometry::wrap_angle;
 use yamabico_core::message::FreeDirection;
 
-/// Edges are looked at so many at a time.
-const LANES: usize = 4;
+/// Number of edges processed at a time.
+const EDGE_LANES: usize = 4;
 
-/// Sectors around a viewpoint: in each the floor is free up to a distance, and everything behind it is hidden up to the
-/// farthest distance that is looked at. Directions that are free so far hide nothing, and neither do those outside the
-/// view of a camera that does not look all around.
+/// Sectors around a viewpoint. In each sector the floor is free up to a distance; behind it, up to the maximum
+/// distance, it is occluded. Sectors that are free up to the maximum distance, and directions outside all sectors,
+/// occlude nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FreeDistances {
     viewpoint: Vector2<f64>,
-    /// From right to left, radians; one more than sectors.
+    /// Azimuths of the borders from right to left, rad; one more than sectors.
     borders: Vec<f64>,
     /// Unit vectors of the borders.
     outward: Vec<Vector2<f64>>,
@@ -25,17 +25,18 @@ pub struct FreeDistances {
     edges: Edges,
 }
 
-/// Radial edges of what is hidden, from `near` to the farthest distance, component by component.
+/// Radial edges of occluded floor, from `near` to the maximum distance, as one array per component.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Edges {
-    x: Vec<[f64; LANES]>,
-    y: Vec<[f64; LANES]>,
-    near: Vec<[f64; LANES]>,
+    x: Vec<[f64; EDGE_LANES]>,
+    y: Vec<[f64; EDGE_LANES]>,
+    near: Vec<[f64; EDGE_LANES]>,
     len: usize,
 }
 
 impl FreeDistances {
-    /// Equal sectors all around a viewpoint (robot frame, m), the first one just to the left of ahead. Everything is free.
+    /// Creates equal sectors all around a viewpoint (robot frame, m); the first begins straight ahead and extends to
+    /// the left. All sectors are free.
     #[must_use]
     pub fn all_around(viewpoint: Vector2<f64>, sectors: usize, farthest_m: f64) -> Self {
         let sectors = sectors.max(3);
@@ -43,7 +44,8 @@ impl FreeDistances {
         Self::new(viewpoint, borders, true, farthest_m)
     }
 
-    /// Sectors between these azimuths (robot frame, radians, growing, less than a full turn in all).
+    /// Creates sectors between azimuths (robot frame, rad, increasing, spanning less than a full turn). All sectors are
+    /// free.
     #[must_use]
     pub fn between(viewpoint: Vector2<f64>, borders: Vec<f64>, farthest_m: f64) -> Self {
         Self::new(viewpoint, borders, false, farthest_m)
@@ -52,7 +54,7 @@ impl FreeDistances {
     fn new(viewpoint: Vector2<f64>, borders: Vec<f64>, is_round: bool, farthest_m: f64) -> Self {
         let outward = borders.iter().map(|azimuth| Vector2::new(azimuth.cos(), azimuth.sin())).collect();
         let sectors = borders.len().saturating_sub(1);
-        let groups = borders.len().div_ceil(LANES);
+        let groups = borders.len().div_ceil(EDGE_LANES);
         let empty = || Vec::with_capacity(groups);
         Self {
             viewpoint,
@@ -65,69 +67,70 @@ impl FreeDistances {
         }
     }
 
-    /// Takes the free distance (m) of each sector, from right to left; what is farther than the farthest is free. Sectors
-    /// without a number are taken for hidden altogether.
+    /// Sets the free distance (m) of each sector, from right to left. Sectors with at least the maximum distance are
+    /// free; sectors without a distance are occluded entirely.
     pub fn set(&mut self, free_m: impl IntoIterator<Item = f64>) {
-        let mut given = free_m.into_iter();
+        let mut distances = free_m.into_iter();
         for free in &mut self.free_m {
-            *free = given.next().map_or(0.0, |free| free.max(0.0));
+            *free = distances.next().map_or(0.0, |free| free.max(0.0));
         }
         self.edges.clear();
         let sectors = self.free_m.len();
-        let hidden_from = |sector: usize| match self.free_m.get(sector) {
+        let occluded_from = |sector: usize| match self.free_m.get(sector) {
             Some(&free) if free < self.farthest_m => free,
             _ => f64::INFINITY,
         };
         for border in 0..sectors + usize::from(!self.is_round) {
             let right = match border {
-                0 if self.is_round => hidden_from(sectors - 1),
+                0 if self.is_round => occluded_from(sectors - 1),
                 0 => f64::INFINITY,
-                _ => hidden_from(border - 1),
+                _ => occluded_from(border - 1),
             };
-            let near = right.min(hidden_from(border));
+            let near = right.min(occluded_from(border));
             if near.is_finite() {
                 self.edges.push(self.outward[border], near);
             }
         }
     }
 
-    /// Sectors.
+    /// Returns the number of sectors.
     #[must_use]
     pub fn len(&self) -> usize {
         self.free_m.len()
     }
 
-    /// Whether there is no sector.
+    /// Returns true if there is no sector.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.free_m.is_empty()
     }
 
-    /// The free distances from the viewpoint, m, from right to left.
+    /// Returns the free distances from the viewpoint, m, from right to left.
     #[must_use]
     pub fn free_m(&self) -> &[f64] {
         &self.free_m
     }
 
-    /// The farthest distance that is looked at, m.
+    /// Returns the maximum distance, m.
     #[must_use]
     pub fn farthest_m(&self) -> f64 {
         self.farthest_m
     }
 
-    /// Azimuths of the right and the left border of a sector, radians.
+    /// Returns the azimuths of the right and the left border of a sector, rad.
     #[must_use]
     pub fn borders(&self, sector: usize) -> (f64, f64) {
         (self.borders[sector], self.borders[sector + 1])
     }
 
-    /// Azimuth of the middle of a sector, radians.
+    /// Returns the azimuth of the middle of a sector, rad.
     #[must_use]
     pub fn middle(&self, sector: usize) -> f64 {
         0.5 * (self.borders[sector] + self.borders[sector + 1])
     }
 
-    /// The end of free floor in each sector, seen from the robot's center, from right (behind, all around) to left.
+    /// Returns the end of free floor in each sector relative to the robot's center, from right to left; sectors all
+    /// around begin behind the robot.
     pub fn ends(&self) -> impl Iterator<Item = FreeDirection> {
         let first = if self.is_round { self.len().div_ceil(2) } else { 0 };
         (first..self.len()).chain(0..first).map(|sector| {
@@ -139,7 +142,8 @@ impl FreeDistances {
         })
     }
 
-    /// Distance (m) from a point (robot frame) to the nearest thing hidden, 0 in it; infinite where nothing is hidden.
+    /// Returns the distance (m) from a point (robot frame) to the nearest occluded floor: 0 inside it, infinite if
+    /// there is none.
     #[must_use]
     pub fn clearance_m(&self, point: Vector2<f64>) -> f64 {
         let p = point - self.viewpoint;
@@ -177,12 +181,12 @@ impl Edges {
     }
 
     fn push(&mut self, outward: Vector2<f64>, near_m: f64) {
-        let lane = self.len % LANES;
+        let lane = self.len % EDGE_LANES;
         if lane == 0 {
-            // An empty place repeats the first edge of its group.
-            self.x.push([outward.x; LANES]);
-            self.y.push([outward.y; LANES]);
-            self.near.push([near_m; LANES]);
+            // Unused lanes repeat the first edge of their group.
+            self.x.push([outward.x; EDGE_LANES]);
+            self.y.push([outward.y; EDGE_LANES]);
+            self.near.push([near_m; EDGE_LANES]);
         } else if let (Some(x), Some(y), Some(near)) =
             (self.x.last_mut(), self.y.last_mut(), self.near.last_mut())
         {
@@ -191,21 +195,21 @@ impl Edges {
         self.len += 1;
     }
 
-    /// The square of the distance to the nearest edge; infinite where there is none.
+    /// Returns the square of the distance to the nearest edge; infinite without edges.
     #[inline]
     fn square_distance(&self, p: Vector2<f64>, far_m: f64) -> f64 {
-        let mut least = [f64::INFINITY; LANES];
+        let mut min = [f64::INFINITY; EDGE_LANES];
         for ((x, y), near) in self.x.iter().zip(&self.y).zip(&self.near) {
-            for i in 0..LANES {
+            for i in 0..EDGE_LANES {
                 let along = p.x * x[i] + p.y * y[i];
                 let along = if along > near[i] { along } else { near[i] };
                 let along = if along < far_m { along } else { far_m };
                 let (dx, dy) = (p.x - along * x[i], p.y - along * y[i]);
                 let square = dx * dx + dy * dy;
-                least[i] = if square < least[i] { square } else { least[i] };
+                min[i] = if square < min[i] { square } else { min[i] };
             }
         }
-        least.into_iter().fold(f64::INFINITY, f64::min)
+        min.into_iter().fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -216,11 +220,11 @@ mod tests {
     use rand_pcg::Pcg64;
     use std::f64::consts::PI;
 
-    /// Sector by sector, as the thing is defined.
+    /// Reference implementation of the clearance by its definition, sector by sector.
     fn plain(free: &FreeDistances, point: Vector2<f64>) -> f64 {
         let p = point - free.viewpoint;
         let (r, phi) = (p.norm(), p.y.atan2(p.x));
-        let mut least = f64::INFINITY;
+        let mut min_m = f64::INFINITY;
         for sector in 0..free.len() {
             let near = free.free_m()[sector];
             if near >= free.farthest_m() {
@@ -228,16 +232,16 @@ mod tests {
             }
             let (right, left) = free.borders(sector);
             if wrap_angle(phi - free.middle(sector)).abs() <= 0.5 * (left - right) {
-                least = least.min((near - r).max(r - free.farthest_m()).max(0.0));
+                min_m = min_m.min((near - r).max(r - free.farthest_m()).max(0.0));
             } else {
                 for border in [right, left] {
                     let outward = Vector2::new(border.cos(), border.sin());
                     let along = p.dot(&outward).clamp(near, free.farthest_m());
-                    least = least.min((p - outward * along).norm());
+                    min_m = min_m.min((p - outward * along).norm());
                 }
             }
         }
-        least
+        min_m
     }
 
     #[test]
@@ -262,11 +266,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_free_or_not_looked_at_hides_nothing() {
+    fn free_sectors_and_directions_outside_the_view_occlude_nothing() {
         let mut free = FreeDistances::all_around(Vector2::zeros(), 8, 1.0);
         assert_eq!(free.clearance_m(Vector2::new(0.3, 0.2)), f64::INFINITY);
         free.set([1.0; 7]);
-        assert_eq!(free.free_m()[7], 0.0, "a missing number is no free floor");
+        assert_eq!(free.free_m()[7], 0.0, "a sector without a distance is not free");
         let mut ahead = FreeDistances::between(Vector2::zeros(), vec![-0.5, 0.0, 0.5], 1.0);
         ahead.set([0.5, 0.5]);
         assert!((ahead.clearance_m(Vector2::new(-1.0, 0.0)) - 1.5_f64.hypot(0.0)).abs() < 0.1);
@@ -278,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_are_told_from_the_robots_center() {
+    fn ends_are_relative_to_the_robots_center() {
         let mut free = FreeDistances::all_around(Vector2::new(0.1, 0.0), 4, 1.0);
         free.set([0.2, 0.4, 0.6, 0.8]);
         let ends: Vec<_> = free.ends().collect();

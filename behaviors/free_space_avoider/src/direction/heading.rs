@@ -1,4 +1,4 @@
-//! The direction for a robot that drives ahead and turns: which heading to turn to, and how it would get there.
+//! Choice of a heading for a robot with a linear and an angular axis, by simulated trajectories.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,62 +8,63 @@ use yamabico_core::geometry::{Twist, wrap_angle};
 use super::choice::{Candidate, Chooser, SPEED_LADDER};
 use super::free_distances::FreeDistances;
 
-/// Below this turn rate (rad/s) a step is straight.
+/// Turn rate below which a step is straight, rad/s.
 const STRAIGHT_RADPS: f64 = 1e-9;
-/// Turns up to this (rad) are worked out by series.
+/// Maximum turn that is computed by power series, rad.
 const SMALL_TURN_RAD: f64 = 0.13;
-/// Coefficients of the even powers in sin(x) / x and in cos(x), from the second on: what is left out is below 1e-15.
+/// Coefficients of the even powers in sin(x) / x and in cos(x), from the second one; the truncation error is below
+/// 1e-15.
 const SIN: [f64; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
 const COS: [f64; 4] = [-1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0];
 
-/// How a robot that drives ahead and turns comes to a heading, and how headings are judged.
+/// Rules for the simulation and the choice of headings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingRules {
-    /// Speed on the wished heading, m/s.
+    /// Speed on the desired heading, m/s.
     pub speed_mps: f64,
-    /// Largest acceleration along, m/s^2, above 0.
+    /// Maximum linear acceleration, m/s^2, above 0.
     pub acceleration_mps2: f64,
-    /// Largest turn rate, rad/s.
+    /// Maximum turn rate, rad/s.
     pub turn_radps: f64,
-    /// Largest change of the turn rate, rad/s^2, above 0.
+    /// Maximum angular acceleration, rad/s^2, above 0.
     pub turn_acceleration_radps2: f64,
-    /// Turn rate for each radian of missing heading, 1/s.
+    /// Turn rate per heading error, 1/s.
     pub gain_per_s: f64,
-    /// Time of a step, s.
+    /// Time step of the simulation, s.
     pub step_s: f64,
-    /// Time that the robot drives before it brakes to a stand, s.
+    /// Time after which the simulated robot brakes to a stop, s.
     pub horizon_s: f64,
-    /// The robot's radius and what is kept beside it, m.
+    /// Minimum clearance around the robot's center: its radius plus the margin, m.
     pub clearance_m: f64,
-    /// Going around on the other side than last time must save so much deviation (rad, at least 0).
+    /// Minimum deviation that passing on the other side than before must save, rad, at least 0.
     pub side_change_rad: f64,
-    /// Least and largest deviation (rad) from the wished heading.
+    /// Range of the deviation from the desired heading: minimum, and exclusive maximum, rad.
     pub deviation_rad: [f64; 2],
 }
 
-/// A heading that is taken.
+/// Heading that was chosen, with the twist toward it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drive {
-    /// Speed ahead and turn rate to drive with until the next choice.
+pub struct HeadingChoice {
+    /// Twist until the next choice, on the linear and angular axes.
     pub twist: Twist,
-    /// The heading, radians, frame of the free distances.
+    /// Heading in the frame of the free distances, rad.
     pub heading_rad: f64,
-    /// The sector whose middle it is; `None` for the wished heading itself.
+    /// Sector with this heading in its middle; `None` for the desired heading itself.
     pub sector: Option<usize>,
-    /// Headings that were tried before.
+    /// Number of headings that precede it in the order of preference.
     pub rank: usize,
-    /// -1, 0 or 1: on which side of the wished heading it lies; left is 1.
+    /// Side of the desired heading on which it lies: 1 left, -1 right, 0 neither.
     pub side: i8,
 }
 
-/// The state of a robot that turns to a heading, step by step; its frame is that of the start.
+/// State of a simulated robot that turns to a heading, in the frame of the free distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rollout {
-    /// Place, m.
+    /// Position, m.
     pub position_m: Vector2<f64>,
     /// Heading, rad, not wrapped.
     pub theta_rad: f64,
-    /// Speed ahead, m/s.
+    /// Forward speed, m/s.
     pub speed_mps: f64,
     /// Turn rate, rad/s.
     pub turn_radps: f64,
@@ -71,31 +72,31 @@ pub struct Rollout {
 }
 
 impl Rollout {
-    /// A robot at a place and a heading, driving at a speed and turning at a rate.
+    /// Creates the state from position, heading, forward speed and turn rate.
     #[must_use]
     pub fn new(position_m: Vector2<f64>, theta_rad: f64, speed_mps: f64, turn_radps: f64) -> Self {
         Self { position_m, theta_rad, speed_mps, turn_radps, sin_cos: theta_rad.sin_cos() }
     }
 
-    /// What the robot is asked for on its way to a heading: it turns in proportion to what is missing, and drives the
-    /// slower the more is missing.
+    /// Returns the commanded twist toward a heading: the turn rate is proportional to the heading error, and the speed
+    /// decreases with it.
     #[must_use]
-    pub fn wished(&self, heading_rad: f64, rules: &HeadingRules) -> Twist {
-        let missing = self.missing_rad(heading_rad);
-        wished(missing, missing.cos(), rules)
+    pub fn command(&self, heading_rad: f64, rules: &HeadingRules) -> Twist {
+        let error_rad = self.error_rad(heading_rad);
+        command(error_rad, error_rad.cos(), rules)
     }
 
-    /// What is missing to a heading, -pi to pi rad; one exactly behind is turned to on the right.
-    fn missing_rad(&self, heading_rad: f64) -> f64 {
+    /// Returns the heading error, -pi to pi rad. A heading exactly behind is -pi: the robot turns right.
+    fn error_rad(&self, heading_rad: f64) -> f64 {
         -wrap_angle(self.theta_rad - heading_rad)
     }
 
-    /// One step on the way to what is asked for.
-    pub fn step(&mut self, wished: &Twist, rules: &HeadingRules) {
+    /// Simulates one time step with a commanded twist.
+    pub fn step(&mut self, command: &Twist, rules: &HeadingRules) {
         let dt = rules.step_s;
-        let (max_turn, most) = (rules.turn_acceleration_radps2 * dt, rules.acceleration_mps2 * dt);
-        self.turn_radps += (wished.angular - self.turn_radps).clamp(-max_turn, max_turn);
-        self.speed_mps += (wished.linear - self.speed_mps).clamp(-most, most);
+        let (max_turn, max_speed) = (rules.turn_acceleration_radps2 * dt, rules.acceleration_mps2 * dt);
+        self.turn_radps += (command.angular - self.turn_radps).clamp(-max_turn, max_turn);
+        self.speed_mps += (command.linear - self.speed_mps).clamp(-max_speed, max_speed);
         let (sin, cos) = self.sin_cos;
         let turn = self.turn_radps * dt;
         self.sin_cos = turned(self.sin_cos, turn);
@@ -108,14 +109,14 @@ impl Rollout {
         self.theta_rad += turn;
     }
 
-    /// Whether the robot stands.
+    /// Returns true if the robot stands still.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.speed_mps == 0.0 && self.turn_radps == 0.0
     }
 }
 
-/// Sine and cosine of an angle that grows by `turn`.
+/// Returns sine and cosine of an angle increased by `turn`.
 fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     let (s, c) = if turn.abs() <= SMALL_TURN_RAD {
         let q = turn * turn;
@@ -128,61 +129,61 @@ fn turned((sin, cos): (f64, f64), turn: f64) -> (f64, f64) {
     (sin * c + cos * s, cos * c - sin * s)
 }
 
-/// A heading on the way to which a robot is, and what is missing to it, kept from step to step.
+/// Heading to turn to, and the heading error, updated step by step.
 #[derive(Clone, Copy, Debug)]
-struct Aim {
+struct TargetHeading {
     sin_cos: (f64, f64),
-    missing_rad: f64,
+    error_rad: f64,
 }
 
-impl Aim {
+impl TargetHeading {
     fn new(state: &Rollout, heading_rad: f64) -> Self {
-        Self { sin_cos: heading_rad.sin_cos(), missing_rad: state.missing_rad(heading_rad) }
+        Self { sin_cos: heading_rad.sin_cos(), error_rad: state.error_rad(heading_rad) }
     }
 
-    fn wished(&self, state: &Rollout, rules: &HeadingRules) -> Twist {
+    fn command(&self, state: &Rollout, rules: &HeadingRules) -> Twist {
         let (sin, cos) = state.sin_cos;
-        wished(self.missing_rad, sin * self.sin_cos.0 + cos * self.sin_cos.1, rules)
+        command(self.error_rad, sin * self.sin_cos.0 + cos * self.sin_cos.1, rules)
     }
 
-    /// Follows a robot that has turned, by less than half a turn.
-    fn follow(&mut self, turn_rad: f64) {
-        let missing = self.missing_rad - turn_rad;
-        self.missing_rad = match missing {
+    /// Updates the error after a turn of the robot, by less than half a turn.
+    fn update(&mut self, turn_rad: f64) {
+        let error_rad = self.error_rad - turn_rad;
+        self.error_rad = match error_rad {
             left if left > PI => left - TAU,
             right if right < -PI => right + TAU,
-            missing => missing,
+            error_rad => error_rad,
         };
     }
 }
 
-/// What is asked for where so much heading is missing (rad, and its cosine).
-fn wished(missing_rad: f64, cos_missing: f64, rules: &HeadingRules) -> Twist {
-    let turn = (rules.gain_per_s * missing_rad).clamp(-rules.turn_radps, rules.turn_radps);
-    Twist::planar(rules.speed_mps * cos_missing.max(0.0), turn)
+/// Returns the commanded twist for a heading error (rad, and its cosine).
+fn command(error_rad: f64, cos_error: f64, rules: &HeadingRules) -> Twist {
+    let turn = (rules.gain_per_s * error_rad).clamp(-rules.turn_radps, rules.turn_radps);
+    Twist::planar(rules.speed_mps * cos_error.max(0.0), turn)
 }
 
-/// Every state on the way from `start` to a heading and to the stand after it, without the start. The robot is asked to
-/// stand after `horizon_s`; the way ends when it does, or after a minute.
+/// Simulates a robot that turns to a heading and brakes after `horizon_s`. Yields each state after `start` until the
+/// robot stands still, up to one minute after the beginning of braking.
 pub fn roll_out(start: Rollout, heading_rad: f64, rules: &HeadingRules) -> impl Iterator<Item = Rollout> {
     let driving = (rules.horizon_s / rules.step_s).round() as u32;
-    let most = driving + (60.0 / rules.step_s).ceil() as u32;
-    let (rules, mut state, mut aim) = (*rules, start, Aim::new(&start, heading_rad));
-    (0..most).map_while(move |step| {
-        let wished = match step {
-            step if step < driving => aim.wished(&state, &rules),
+    let max_steps = driving + (60.0 / rules.step_s).ceil() as u32;
+    let (rules, mut state, mut target) = (*rules, start, TargetHeading::new(&start, heading_rad));
+    (0..max_steps).map_while(move |step| {
+        let command = match step {
+            step if step < driving => target.command(&state, &rules),
             _ if state.is_still() => return None,
             _ => Twist::ZERO,
         };
-        state.step(&wished, &rules);
-        aim.follow(state.turn_radps * rules.step_s);
+        state.step(&command, &rules);
+        target.update(state.turn_radps * rules.step_s);
         Some(state)
     })
 }
 
 impl Chooser {
-    /// The heading nearest to `goal_rad` that the robot comes to, and to a stand after it, clear of everything hidden; ties
-    /// as in [`Chooser::choose`]. `None` where there is no such heading.
+    /// Chooses the heading nearest to `goal_rad` for which the simulated robot keeps its clearance until it stops. Ties
+    /// are resolved as in [`Chooser::choose`]. `None` if there is no such heading.
     pub fn choose_heading(
         &mut self,
         free: &FreeDistances,
@@ -190,14 +191,15 @@ impl Chooser {
         goal_rad: f64,
         last_side: i8,
         rules: &HeadingRules,
-    ) -> Option<Drive> {
+    ) -> Option<HeadingChoice> {
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
         first_heading(self.order(free, goal_rad, last_side, rules.side_change_rad), free, start, rules)
     }
 
-    /// The same, at half and at a quarter of the speed where the whole is too fast, and only then back ([`SPEED_LADDER`]).
+    /// Chooses a heading like [`Chooser::choose_heading`], but tries lower speeds and then headings backward in the
+    /// order of [`SPEED_LADDER`].
     pub fn choose_heading_speed(
         &mut self,
         free: &FreeDistances,
@@ -205,7 +207,7 @@ impl Chooser {
         goal_rad: f64,
         last_side: i8,
         rules: &HeadingRules,
-    ) -> Option<Drive> {
+    ) -> Option<HeadingChoice> {
         if free.clearance_m(start.position_m) < rules.clearance_m {
             return None;
         }
@@ -217,19 +219,19 @@ impl Chooser {
     }
 }
 
-/// The first of the candidates that the robot comes to, clear of everything hidden.
+/// Returns the first candidate for which the simulated robot keeps its clearance.
 fn first_heading(
     order: &[Candidate],
     free: &FreeDistances,
     start: &Rollout,
     rules: &HeadingRules,
-) -> Option<Drive> {
+) -> Option<HeadingChoice> {
     let mut tried =
         order.iter().enumerate().filter(|(_, candidate)| candidate.is_within(rules.deviation_rad));
     tried.find_map(|(rank, candidate)| {
         let heading_rad = candidate.direction_rad;
-        keeps_clear(free, *start, heading_rad, rules).then(|| Drive {
-            twist: start.wished(heading_rad, rules),
+        keeps_clear(free, *start, heading_rad, rules).then(|| HeadingChoice {
+            twist: start.command(heading_rad, rules),
             heading_rad,
             sector: candidate.sector,
             rank,
@@ -238,7 +240,8 @@ fn first_heading(
     })
 }
 
-/// Whether a rollout keeps its distance. States that cannot have come near enough are left out.
+/// Returns true if a rollout keeps its clearance. States that cannot be too near are skipped, which does not change the
+/// result.
 fn keeps_clear(free: &FreeDistances, start: Rollout, heading_rad: f64, rules: &HeadingRules) -> bool {
     let step_m = rules.speed_mps.max(start.speed_mps.abs()) * rules.step_s;
     let mut spare_m = 0.0;
@@ -251,8 +254,8 @@ fn keeps_clear(free: &FreeDistances, start: Rollout, heading_rad: f64, rules: &H
     })
 }
 
-/// The smallest clearance (m) of all states of a rollout and its start: the plain reference of what
-/// [`Chooser::choose_heading`] decides by.
+/// Returns the minimum clearance (m) of a rollout, including its start: the reference for the faster check in
+/// [`Chooser::choose_heading`].
 #[must_use]
 pub fn min_clearance_m(free: &FreeDistances, start: Rollout, heading_rad: f64, rules: &HeadingRules) -> f64 {
     let states = std::iter::once(start).chain(roll_out(start, heading_rad, rules));
@@ -279,7 +282,7 @@ mod tests {
     };
 
     #[test]
-    fn turning_by_series_is_turning() {
+    fn the_power_series_is_accurate() {
         let mut angle: f64 = 0.3;
         let mut sin_cos = angle.sin_cos();
         for step in 0..1000 {
@@ -291,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn leaving_states_out_changes_no_choice() {
+    fn skipped_states_change_no_choice() {
         let mut random = Pcg64::seed_from_u64(8);
         let (mut chooser, mut taken) = (Chooser::default(), 0);
         for _ in 0..200 {
@@ -304,21 +307,21 @@ mod tests {
             let expected = Chooser::default().order(&free, goal, 0, 0.0).iter().position(|candidate| {
                 min_clearance_m(&free, start, candidate.direction_rad, &RULES) >= RULES.clearance_m
             });
-            let drive = chooser.choose_heading(&free, &start, goal, 0, &RULES);
-            assert_eq!(drive.map(|drive| drive.rank), expected);
+            let choice = chooser.choose_heading(&free, &start, goal, 0, &RULES);
+            assert_eq!(choice.map(|choice| choice.rank), expected);
             taken += usize::from(expected.is_some());
         }
         assert!(taken > 20, "{taken}");
     }
 
     #[test]
-    fn a_robot_that_stands_turns_before_it_drives() {
+    fn a_stopped_robot_turns_before_it_drives() {
         let mut chooser = Chooser::default();
         let free = FreeDistances::all_around(Vector2::zeros(), 32, 1.2);
         let still = Rollout::new(Vector2::zeros(), 0.0, 0.0, 0.0);
         let behind = chooser.choose_heading(&free, &still, 2.5, 0, &RULES);
-        assert_eq!(behind.map(|drive| drive.twist), Some(Twist::planar(0.0, 3.0)));
+        assert_eq!(behind.map(|choice| choice.twist), Some(Twist::planar(0.0, 3.0)));
         let ahead = chooser.choose_heading(&free, &still, 0.0, 0, &RULES);
-        assert_eq!(ahead.map(|drive| drive.twist), Some(Twist::planar(0.4, 0.0)));
+        assert_eq!(ahead.map(|choice| choice.twist), Some(Twist::planar(0.4, 0.0)));
     }
 }

@@ -1,8 +1,8 @@
-//! From one velocity to another with a limited acceleration.
+//! Motion from one velocity to another with limited acceleration.
 
 use nalgebra::Vector2;
 
-/// The velocity changes straight from one to another, as fast as the acceleration allows, and then stays.
+/// Motion in which the velocity changes linearly to another one with the maximum acceleration, and then is constant.
 ///
 /// Sekimori, Usui, Masutani & Miyazaki, equation 8, and its integral.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub struct LimitedMotion {
 }
 
 impl LimitedMotion {
-    /// The motion that starts at the origin; the acceleration is above 0.
+    /// Creates the motion from the origin. The acceleration must be above 0.
     #[must_use]
     pub fn new(from_mps: Vector2<f64>, to_mps: Vector2<f64>, acceleration_mps2: f64) -> Self {
         let change = to_mps - from_mps;
@@ -28,19 +28,19 @@ impl LimitedMotion {
         }
     }
 
-    /// Time until the velocity is reached, s.
+    /// Returns the time until the target velocity is reached, s.
     #[must_use]
     pub fn ramp_s(&self) -> f64 {
         self.ramp_s
     }
 
-    /// Velocity after `t` (s, at least 0), m/s.
+    /// Returns the velocity after time `t` (s, at least 0), m/s.
     #[must_use]
     pub fn velocity_mps(&self, t: f64) -> Vector2<f64> {
         if t >= self.ramp_s { self.to_mps } else { self.from_mps + self.acceleration_mps2 * t }
     }
 
-    /// Place after `t` (s, at least 0), m from the start.
+    /// Returns the position after time `t` (s, at least 0) relative to the start, m.
     #[inline]
     #[must_use]
     pub fn position_m(&self, t: f64) -> Vector2<f64> {
@@ -48,9 +48,9 @@ impl LimitedMotion {
         (self.from_mps + self.acceleration_mps2 * (0.5 * ramp)) * ramp + self.to_mps * (t - ramp)
     }
 
-    /// The highest speed on the way, m/s.
+    /// Returns the maximum speed of the motion, m/s.
     #[must_use]
-    pub fn fastest_mps(&self) -> f64 {
+    pub fn max_speed_mps(&self) -> f64 {
         self.from_mps.norm().max(self.to_mps.norm())
     }
 }
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn position_is_the_integral_of_a_velocity_that_changes_slowly_enough() {
+    fn position_is_the_integral_of_a_velocity_with_limited_acceleration() {
         let motion = LimitedMotion::new(Vector2::new(0.4, -0.1), Vector2::new(-0.2, 0.3), 0.5);
         let h = 1e-4;
         for step in 0..300 {

@@ -1,15 +1,15 @@
-//! From free distances all around to the direction to drive in: shared by every way of seeing free floor.
+//! Choice of a driving direction from free distances, independent of the method that detects free floor.
 //!
-//! A robot that drives cannot turn aside at once: each direction is judged by the way that the robot would really take
-//! with its acceleration, and by whether it could still stop soon after. Sekimori, Usui, Masutani & Miyazaki (section 3)
-//! drive with the velocity taken into account; how is ours.
+//! Each direction is judged by the trajectory that the robot can follow from its velocity with limited acceleration,
+//! and by its ability to stop afterwards. Sekimori, Usui, Masutani & Miyazaki (section 3) take the velocity into
+//! account without details. Differs from \[1\]: the trajectories and the search are our own.
 
 pub mod choice;
 pub mod free_distances;
 pub mod heading;
 pub mod limited_motion;
 
-pub use choice::{Before, Choice, ChoiceRules, Chooser, Start, Velocity};
+pub use choice::{Choice, ChoiceRules, Chooser, PreviousChoice, Start, Velocity};
 pub use free_distances::FreeDistances;
-pub use heading::{Drive, HeadingRules, Rollout};
+pub use heading::{HeadingChoice, HeadingRules, Rollout};
 pub use limited_motion::LimitedMotion;

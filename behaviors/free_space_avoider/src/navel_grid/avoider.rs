@@ -1,6 +1,6 @@
-//! The behavior with the navel grid: looks, decides and proposes.
+//! The behavior with method `navel-grid`.
 
-use yamabico_core::behavior::{BuildError, Inputs, Outputs, Setup};
+use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::geometry::{Twist, angle_difference};
 use yamabico_core::image::GrayImage;
@@ -10,41 +10,41 @@ use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
 use super::ground::Swath;
-use super::{Motion, OpenFloor, Outlook, Passage, Sight, Steering, Trouble};
+use super::{GridFailure, Motion, Observation, OpenFloor, Passage, PathObserver, Steering};
 use crate::config::{Config, HeadingRule};
-use crate::direction::Drive;
+use crate::direction::HeadingChoice;
 use crate::stopping::stopping_distance_m;
 use crate::{CAMERA, FREE_SPACE, ODOMETRY, STALE_S};
 
-/// Drives where the cells of one forward camera are free.
+/// Avoider that drives where the cells of a forward camera's image are free.
 #[derive(Clone, Debug)]
 pub struct NavelGridAvoider {
     speed_mps: f64,
     turn_radps: f64,
     intrinsics: Intrinsics,
-    way: Swath,
-    sight: Sight,
+    path: Swath,
+    observer: PathObserver,
     steering: Steering,
     open_floor: Option<OpenFloor>,
-    heading: Option<Drive>,
+    heading: Option<HeadingChoice>,
     odometry: OdometryTrack,
     gray: GrayImage,
-    /// Turned since the last picture, radians.
+    /// Absolute turn since the last frame, rad.
     turned_rad: f64,
-    last_picture: Option<Time>,
-    trouble: Option<Trouble>,
-    malformed: bool,
-    published: u64,
+    last_frame: Option<Time>,
+    failure: Option<GridFailure>,
+    is_malformed: bool,
+    sequence: u64,
 }
 
 impl NavelGridAvoider {
-    /// The behavior for a robot with a forward camera.
+    /// Creates the behavior for a robot with a forward camera.
     ///
     /// # Errors
-    /// Another kind of camera, or one that cannot show the way ahead.
-    pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
+    /// The camera is of another kind or cannot show the path ahead, or the robot cannot choose headings by clearance.
+    pub fn new(config: &Config, setup: &Setup) -> Result<Self, ParameterError> {
         let MountedPinhole { pinhole, mount, period_s, latency_s, .. } = setup.pinhole(&CAMERA)?;
-        let way = Swath {
+        let path = Swath {
             length_m: stopping_distance_m(
                 config.speed_mps,
                 config.margin_m,
@@ -53,18 +53,22 @@ impl NavelGridAvoider {
             ),
             half_width_m: setup.robot.radius_m + config.side_m,
         };
-        let sight = Sight::new(config, &pinhole, &mount, &way)?;
+        let observer = PathObserver::new(config, &pinhole, &mount, &path)?;
         let open_floor = match config.heading {
             HeadingRule::Weights => None,
             HeadingRule::Clearance if setup.sensor(&ODOMETRY).is_none() => {
-                return Err(BuildError::new("inputs.odometry", "headings by clearance need odometry"));
+                return Err(ParameterError::new(
+                    "inputs.odometry",
+                    "is missing: `heading = \"clearance\"` needs odometry",
+                ));
             }
             HeadingRule::Clearance => {
-                let open_floor = OpenFloor::new(config, sight.ground(), &setup.robot);
+                let open_floor = OpenFloor::new(config, observer.ground(), &setup.robot);
                 Some(open_floor.ok_or_else(|| {
-                    BuildError::new(
+                    ParameterError::new(
                         "heading",
-                        "the robot cannot brake and turn, or the camera shows no floor far ahead",
+                        "must be \"weights\" here: the robot's accelerations are not positive, or a column of \
+                         the grid shows no floor",
                     )
                 })?)
             }
@@ -73,32 +77,34 @@ impl NavelGridAvoider {
             speed_mps: config.speed_mps,
             turn_radps: config.turn_radps,
             intrinsics: *pinhole.intrinsics(),
-            way,
-            sight,
+            path,
+            observer,
             steering: Steering::new(config.patience_s),
             open_floor,
             heading: None,
             odometry: OdometryTrack::default(),
             gray: GrayImage::default(),
             turned_rad: 0.0,
-            last_picture: None,
-            trouble: None,
-            malformed: false,
-            published: 0,
+            last_frame: None,
+            failure: None,
+            is_malformed: false,
+            sequence: 0,
         })
     }
 
-    /// Looks at the inputs once and proposes.
+    /// Processes the inputs and returns a proposal.
     pub fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
         self.measure_turn(inputs, now);
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
-            self.look(&frame, now);
+            self.process_frame(&frame, now);
             self.publish(outputs);
         }
-        match self.last_picture {
-            Some(stamp) if self.malformed => Proposal::abstain(Reason::MalformedInput).with_evidence(stamp),
-            None if self.malformed => Proposal::abstain(Reason::MalformedInput),
+        match self.last_frame {
+            Some(stamp) if self.is_malformed => {
+                Proposal::abstain(Reason::MalformedInput).with_evidence(stamp)
+            }
+            None if self.is_malformed => Proposal::abstain(Reason::MalformedInput),
             None => Proposal::abstain(Reason::NoInput),
             Some(stamp) if now.seconds_after(stamp) > STALE_S => {
                 Proposal::abstain(Reason::StaleInput).with_evidence(stamp)
@@ -107,19 +113,19 @@ impl NavelGridAvoider {
         }
     }
 
-    /// What it sees.
+    /// Returns the observer of the path ahead, with the results of the last frame.
     #[must_use]
-    pub fn sight(&self) -> &Sight {
-        &self.sight
+    pub fn observer(&self) -> &PathObserver {
+        &self.observer
     }
 
-    /// The way ahead that must be free: as far as the robot needs to stop, as wide as it is.
+    /// Returns the path ahead that must be free: stopping distance by width of the robot.
     #[must_use]
-    pub fn way(&self) -> Swath {
-        self.way
+    pub fn path(&self) -> Swath {
+        self.path
     }
 
-    /// Adds up the turn between pictures, where odometry tells it.
+    /// Accumulates the turn between frames, if there is odometry.
     fn measure_turn(&mut self, inputs: &Inputs<'_>, now: Time) {
         for odometry in inputs.fresh(&ODOMETRY) {
             let before = self.odometry.newest().map(|reading| reading.pose.theta);
@@ -131,47 +137,46 @@ impl NavelGridAvoider {
         }
     }
 
-    fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
+    fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_picture.is_none_or(|last| stamp > last);
+        let is_newer = self.last_frame.is_none_or(|last| stamp > last);
         let image = frame.gray(self.intrinsics.size(), &mut self.gray);
         let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
-        self.malformed = usable.is_none();
+        self.is_malformed = usable.is_none();
         let Some(image) = usable else { return };
-        let (mut outlook, trouble) = self.sight.see(image);
-        self.trouble = trouble;
+        let (mut observation, failure) = self.observer.observe(image);
+        self.failure = failure;
         if let Some(open_floor) = &mut self.open_floor {
             let twist = self.odometry.newest().map_or(Twist::ZERO, |reading| reading.twist);
-            self.heading = open_floor.choose(self.sight.directions(), &twist);
-            if let (Outlook::Seen(weights, _), None) = (outlook, self.heading) {
-                outlook = Outlook::Seen(weights, Passage::Obstructed);
+            self.heading = open_floor.choose(self.observer.directions(), &twist);
+            if let (Observation::Seen(weights, _), None) = (observation, self.heading) {
+                observation = Observation::Seen(weights, Passage::Obstructed);
             }
         }
-        let turned_rad = match (self.odometry.newest(), self.last_picture) {
+        let turned_rad = match (self.odometry.newest(), self.last_frame) {
             (Some(_), _) => std::mem::take(&mut self.turned_rad),
             (None, Some(last)) => self.turn_radps * stamp.seconds_after(last),
             (None, None) => 0.0,
         };
-        self.last_picture = Some(stamp);
-        self.steering.step(outlook, turned_rad, stamp);
+        self.last_frame = Some(stamp);
+        self.steering.step(observation, turned_rad, stamp);
     }
 
     fn publish(&mut self, outputs: &mut Outputs<'_>) {
-        let Some(stamp) = self.last_picture.filter(|_| !self.malformed && self.trouble.is_none()) else {
+        let Some(stamp) = self.last_frame.filter(|_| !self.is_malformed && self.failure.is_none()) else {
             return;
         };
-        let sequence = self.published;
-        let header = FreeSpaceHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence };
-        // Nobody may listen: the drive does not depend on it.
-        if outputs.publish(FREE_SPACE.name, &header, self.sight.directions()).is_ok() {
-            self.published += 1;
+        let header = FreeSpaceHeader { stamp_ns: stamp.0, evidence_ns: stamp.0, sequence: self.sequence };
+        // The output may have no subscriber; the drive does not depend on it.
+        if outputs.publish(FREE_SPACE.name, &header, self.observer.directions()).is_ok() {
+            self.sequence += 1;
         }
     }
 
     fn proposal(&self) -> Proposal {
         let drive =
             |speed_mps, turn_radps| Proposal::drive(Axes::PLANAR, Twist::planar(speed_mps, turn_radps));
-        let why = self.trouble.map(Trouble::reason);
+        let reason = self.failure.map(GridFailure::reason);
         match self.steering.motion() {
             Motion::Forward { share, turn_radps } => {
                 let speed_mps = share * self.speed_mps;
@@ -180,22 +185,22 @@ impl NavelGridAvoider {
                 drive(twist.linear.min(speed_mps), twist.angular)
                     .with_note(format_args!("free ahead, {:.0} % of the speed", 100.0 * share))
             }
-            // A turn goes on where a halt names only translation.
+            // A halt of the translation alone does not stop the turn.
             Motion::Turn(side) => drive(0.0, side.sign() * self.turn_radps)
                 .uncoupled()
-                .because(why.unwrap_or(Reason::Searching)),
-            Motion::Stop => {
-                drive(0.0, 0.0).because(why.unwrap_or(Reason::PassageBlocked)).with_note(match self.trouble {
+                .with_reason(reason.unwrap_or(Reason::Searching)),
+            Motion::Stop => drive(0.0, 0.0).with_reason(reason.unwrap_or(Reason::PassageBlocked)).with_note(
+                match self.failure {
                     None => format_args!("both sides are blocked"),
-                    Some(Trouble::LowContrast) => format_args!("floor and obstacles look alike"),
-                    Some(Trouble::FloorModelBroken) => format_args!("hardly any floor in view"),
-                    Some(Trouble::NoFloorAhead) => {
+                    Some(GridFailure::LowContrast) => format_args!("floor and obstacles look alike"),
+                    Some(GridFailure::FloorModelBroken) => format_args!("hardly any floor in view"),
+                    Some(GridFailure::NoFloorAhead) => {
                         format_args!("no floor right ahead at the start: is `polarity` right?")
                     }
-                })
-            }
-            Motion::ShutIn => drive(0.0, 0.0)
-                .because(Reason::PassageBlocked)
+                },
+            ),
+            Motion::Enclosed => drive(0.0, 0.0)
+                .with_reason(Reason::PassageBlocked)
                 .with_note(format_args!("a full turn has shown no way forward")),
         }
     }

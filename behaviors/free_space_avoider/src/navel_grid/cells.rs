@@ -1,42 +1,42 @@
-//! The grid of cells: which ones hold an obstacle, and how many are free below it.
+//! Grid of floor and obstacle cells, and the number of free cells in each column.
 
 use std::ops::Range;
 
-/// Columns and rows of a grid, and the side of its square cells.
+/// Size of a grid of square cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridSize {
-    /// Cells across.
+    /// Number of columns.
     pub columns: usize,
-    /// Cells from bottom to top.
+    /// Number of rows.
     pub rows: usize,
-    /// Side of a cell, pixels of the picture that is looked at.
+    /// Side of a cell, pixels of the image scaled to the grid.
     pub cell_px: usize,
 }
 
 impl GridSize {
-    /// 17 x 9 cells of 20 x 20 pixels: the grid of Abdelfatah et al.
+    /// Grid of Abdelfatah et al.: 17 x 9 cells of 20 x 20 pixels.
     pub const PAPER: Self = Self { columns: 17, rows: 9, cell_px: 20 };
 
-    /// Width of the picture that the grid covers, pixels.
+    /// Returns the width of the image that the grid covers, pixels.
     #[must_use]
     pub const fn width_px(&self) -> usize {
         self.columns * self.cell_px
     }
 
-    /// Height of the picture that the grid covers, pixels.
+    /// Returns the height of the image that the grid covers, pixels.
     #[must_use]
     pub const fn height_px(&self) -> usize {
         self.rows * self.cell_px
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     #[must_use]
     pub const fn cells(&self) -> usize {
         self.columns * self.rows
     }
 }
 
-/// Which cells hold an obstacle.
+/// Grid in which each cell is floor or an obstacle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cells {
     size: GridSize,
@@ -45,35 +45,37 @@ pub struct Cells {
 }
 
 impl Cells {
-    /// A grid without obstacles.
+    /// Creates a grid without obstacles.
     #[must_use]
     pub fn new(size: GridSize) -> Self {
         Self { size, is_obstacle: vec![false; size.cells()] }
     }
 
-    /// Columns, rows, side.
+    /// Returns the size of the grid.
     #[must_use]
     pub fn size(&self) -> GridSize {
         self.size
     }
 
-    /// Marks as obstacles the cells where more than a quarter of the pixels are not floor; `other` counts these, row by row
-    /// from the top. Cells beyond the end of `other` stay as they are.
-    pub fn mark(&mut self, other: impl Iterator<Item = u32>) {
+    /// Marks as obstacles the cells in which more than a quarter of the pixels are not floor. `obstacle_px` yields the
+    /// number of such pixels, row by row from the top; cells after its end stay unchanged.
+    pub fn mark(&mut self, obstacle_px: impl Iterator<Item = u32>) {
         let pixels = self.size.cell_px * self.size.cell_px;
-        for (cell, count) in self.is_obstacle.iter_mut().zip(other) {
+        for (cell, count) in self.is_obstacle.iter_mut().zip(obstacle_px) {
             *cell = 4 * count as usize > pixels;
         }
     }
 
-    /// Whether the cell in this column (from the left) and row (from the BOTTOM) holds an obstacle; outside the grid, none.
+    /// Returns true if the cell in this column (from the left) and row (from the bottom) is an obstacle. Cells outside
+    /// the grid are not.
     #[must_use]
     pub fn is_obstacle(&self, column: usize, row: usize) -> bool {
         let GridSize { columns, rows, .. } = self.size;
         column < columns && row < rows && self.is_obstacle[(rows - 1 - row) * columns + column]
     }
 
-    /// Writes the navigation profile to `free`: of each column from the left, the free cells below its lowest obstacle.
+    /// Writes the navigation profile to `free`: for each column from the left, the number of free cells below its
+    /// lowest obstacle.
     pub fn profile(&self, free: &mut Vec<u32>) {
         free.clear();
         free.extend((0..self.size.columns).map(|column| {
@@ -82,8 +84,8 @@ impl Cells {
         }));
     }
 
-    /// Share of the cells that hold an obstacle, 0 to 1, among the lowest ones: so many of each column, from the left. Zero
-    /// among none.
+    /// Returns the share of obstacles, 0 to 1, among the lowest cells: `among` is the number of cells of each column
+    /// from the left. 0 if it selects no cell.
     #[must_use]
     pub fn obstacle_share(&self, among: &[u32]) -> f64 {
         let (mut cells, mut obstacles) = (0, 0);
@@ -95,8 +97,8 @@ impl Cells {
         obstacles as f64 / cells.max(1) as f64
     }
 
-    /// Whether the foreground, the middle of the lowest rows, is free: 3 x 2 cells of 17 x 9, as large a part of other grids.
-    /// The robot stands before them, so at the start they must be floor.
+    /// Returns true if the foreground is free: 3 x 2 cells in the middle of the lowest rows of 17 x 9 cells, and the
+    /// same part of other grids. It lies directly in front of the robot, so that at the start it must be floor.
     #[must_use]
     pub fn is_foreground_free(&self) -> bool {
         let (mut across, up) = foreground(self.size.columns, self.size.rows);
@@ -104,7 +106,8 @@ impl Cells {
     }
 }
 
-/// Columns (from the left) and rows (from the bottom) of the foreground: 3 x 2 cells of 17 x 9, as large a part of others.
+/// Returns the columns (from the left) and rows (from the bottom) of the foreground: 3 x 2 cells of 17 x 9, and the
+/// same part of other grids.
 pub(super) fn foreground(columns: usize, rows: usize) -> (Range<usize>, Range<usize>) {
     let half = (3 * columns).div_ceil(2 * 17);
     let begin = (columns / 2).saturating_sub(half - columns % 2);
@@ -134,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn the_profile_counts_from_the_bottom_and_fills_upwards() {
+    fn the_profile_counts_free_cells_from_the_bottom() {
         let mut free = vec![99; 7];
         cells(&["0400", "0040", "0440", "0004"]).profile(&mut free);
         assert_eq!(free, [4, 1, 1, 0]);
@@ -146,8 +149,8 @@ mod tests {
             [(7, 0, true), (9, 1, true), (8, 0, true), (6, 0, false), (10, 1, false), (8, 2, false)]
         {
             let mut cells = Cells::new(GridSize::PAPER);
-            let place = (8 - row) * 17 + column;
-            cells.mark((0..=place).map(|i| if i == place { 400 } else { 0 }));
+            let index = (8 - row) * 17 + column;
+            cells.mark((0..=index).map(|i| if i == index { 400 } else { 0 }));
             assert_eq!(cells.is_foreground_free(), !is_in, "column {column}, row {row}");
         }
         let mut fine = Cells::new(GridSize { columns: 34, rows: 18, cell_px: 1 });

@@ -1,23 +1,23 @@
-//! What one picture alone says: forward, turn or stop.
+//! Decision from one image: forward, turn, or stop.
 
 use super::weights::Weights;
 
-/// From this weight ahead on there is no way forward.
+/// Weight ahead from which on the path forward is blocked.
 pub const AHEAD_LIMIT: f64 = 40.0;
-/// From this weight on a side is blocked.
+/// Weight of a side from which on that side is blocked.
 pub const SIDE_LIMIT: f64 = 80.0;
 
-/// A side to turn to.
+/// Direction of a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Counterclockwise, seen from above.
+    /// Counterclockwise from above.
     Left,
-    /// Clockwise.
+    /// Clockwise from above.
     Right,
 }
 
 impl Side {
-    /// +1 for left, -1 for right: the sign of the turn rate.
+    /// Returns the sign of the turn rate: +1 for left, -1 for right.
     #[must_use]
     pub const fn sign(self) -> f64 {
         match self {
@@ -27,29 +27,30 @@ impl Side {
     }
 }
 
-/// Whether the robot's own width fits as far as it needs to stop.
+/// State of the path ahead: the robot's width over its stopping distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passage {
-    /// With room to spare.
+    /// Free with additional clearance.
     Open,
-    /// Just so.
+    /// Free without additional clearance.
     Narrow,
-    /// Something stands there.
+    /// Contains an obstacle.
     Obstructed,
 }
 
-/// The four answers.
+/// One of the four decisions of the method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
-    /// Drive on.
+    /// Drive forward.
     Forward,
-    /// Turn where it stands.
+    /// Turn in place.
     Turn(Side),
-    /// Blocked on both sides.
+    /// Stop: both sides are blocked.
     Stop,
 }
 
-/// The side away from the heavier weight; equal weights: `previous`, or left where there was none.
+/// Returns the side away from the obstacles with the higher weight. For equal weights it is `previous`, or left without
+/// it.
 #[must_use]
 pub fn freer_side(weights: &Weights, previous: Option<Side>) -> Side {
     match weights.right.total_cmp(&weights.left) {
@@ -59,10 +60,10 @@ pub fn freer_side(weights: &Weights, previous: Option<Side>) -> Side {
     }
 }
 
-/// The decision on one picture.
+/// Decides from the weights of one image.
 ///
-/// Differs from \[1\]: forward below the limit ahead and not above it, a turn away from the heavier side and not into it, and
-/// never forward into what stands within the stopping distance.
+/// Differs from \[1\]: forward below the limit ahead instead of above it, a turn away from the obstacles instead of
+/// toward them, and never forward with an obstacle within the stopping distance.
 #[must_use]
 pub fn decide(weights: &Weights, passage: Passage, previous: Option<Side>) -> Decision {
     if weights.ahead < AHEAD_LIMIT && passage != Passage::Obstructed {
@@ -74,7 +75,7 @@ pub fn decide(weights: &Weights, passage: Passage, previous: Option<Side>) -> De
     }
 }
 
-/// Whether both sides are blocked.
+/// Returns true if both sides are blocked.
 #[must_use]
 pub fn is_blocked(weights: &Weights) -> bool {
     weights.right.min(weights.left) >= SIDE_LIMIT

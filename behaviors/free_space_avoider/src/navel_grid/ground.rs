@@ -1,4 +1,4 @@
-//! The grid on the floor: where each cell lies in front of the robot.
+//! Projection of the grid onto the floor in front of the robot.
 
 use nalgebra::{Point2, Vector2, Vector3};
 use yamabico_core::camera::{Mount, Pinhole};
@@ -6,23 +6,25 @@ use yamabico_core::message::FreeDirection;
 
 use super::cells::GridSize;
 
-/// Floor that is seen free to the horizon is told to reach so far, meters.
-pub const FARTHEST_M: f64 = 20.0;
+/// Distance reported for floor that is free up to the horizon, m.
+const FARTHEST_M: f64 = 20.0;
 
-/// An obstacle may reach this far (cells) out of the cells that are marked: a cell is free with a quarter of it taken.
+/// Maximum length by which an obstacle extends from marked cells into free ones, cells: a free cell may be covered by a
+/// quarter.
 const OVERHANG: f64 = 0.25;
 
-/// The camera's grid, cell by cell on the floor plane; body frame, meters.
+/// Grid of a camera, projected onto the floor plane; body frame, m.
 #[derive(Clone, Debug)]
 pub struct GroundGrid {
     size: GridSize,
-    /// Row by row from the BOTTOM, left to right; `None` where a cell shows no floor.
+    /// Row by row from the bottom, left to right; `None` for a cell that shows no floor.
     floor: Vec<Option<CellFloor>>,
-    /// Ends of free columns: of each column from the left, of each number of free cells from 0 to all.
+    /// Ends of free floor: for each column from the left, one for each number of free cells from 0 to all.
     ends: Vec<FreeDirection>,
 }
 
-/// The floor that an obstacle in a cell may stand on: its nearest line, a quarter of a cell larger than the cell.
+/// Near edge of the floor on which an obstacle in a cell may stand; on each side a quarter of a cell larger than the
+/// cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct CellFloor {
     near_m: f64,
@@ -30,17 +32,17 @@ struct CellFloor {
     right_m: f64,
 }
 
-/// A part of the floor straight ahead of the robot's center.
+/// Rectangle of floor straight ahead of the robot's center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Swath {
-    /// From the robot's center to its far end, meters.
+    /// Length from the robot's center, m.
     pub length_m: f64,
-    /// To either side of the robot's axis, meters.
+    /// Half of the width, m.
     pub half_width_m: f64,
 }
 
 impl Swath {
-    /// This one, longer by `length_m` and wider by `side_m` on either side.
+    /// Returns a swath that is longer by `length_m` and wider by `side_m` on either side.
     #[must_use]
     pub fn enlarged(&self, length_m: f64, side_m: f64) -> Self {
         Self { length_m: self.length_m + length_m, half_width_m: self.half_width_m + side_m }
@@ -48,23 +50,26 @@ impl Swath {
 }
 
 impl GroundGrid {
-    /// The grid laid over the whole picture of this camera.
+    /// Projects a grid over the whole image of a camera.
     #[must_use]
     pub fn new(size: GridSize, camera: &Pinhole, mount: &Mount) -> Self {
-        let eye = Eye { camera, mount, size };
-        let places = |row| (0..size.columns).map(move |column| (column, row));
+        let projection = FloorProjection { camera, mount, size };
+        let row_cells = |row| (0..size.columns).map(move |column| (column, row));
         Self {
             size,
-            floor: (0..size.rows).flat_map(places).map(|(column, row)| eye.floor(column, row)).collect(),
+            floor: (0..size.rows)
+                .flat_map(row_cells)
+                .map(|(column, row)| projection.floor(column, row))
+                .collect(),
             ends: (0..size.columns)
                 .flat_map(|column| (0..=size.rows).map(move |free| (column, free)))
-                .map(|(column, free)| eye.end(column, free))
+                .map(|(column, free)| projection.end(column, free))
                 .collect(),
         }
     }
 
-    /// Of each column from the left, how many cells from the bottom it takes to cover what of the swath is in view: an
-    /// obstacle in a higher cell stands outside.
+    /// Returns the number of cells from the bottom that cover the visible part of the swath, for each column from the
+    /// left. An obstacle in a higher cell stands outside the swath.
     #[must_use]
     pub fn cells_of(&self, swath: &Swath) -> Vec<u32> {
         let covers = |column: usize, row: usize| {
@@ -82,17 +87,18 @@ impl GroundGrid {
             .collect()
     }
 
-    /// How far ahead the lowest line of the picture's middle shows the floor, meters from the robot's center; `None` where
-    /// it shows none.
+    /// Returns the distance ahead at which the bottom of the image's middle column shows the floor, m from the robot's
+    /// center. `None` if it shows no floor.
     #[must_use]
     pub fn nearest_m(&self) -> Option<f64> {
         let floor = self.floor.get(self.size.columns / 2)?.as_ref()?;
         floor.near_m.is_finite().then_some(floor.near_m)
     }
 
-    /// The end of the free floor of a column with so many free cells from the bottom: the near edge of the first that is
-    /// not, less the quarter that an obstacle across the column may reach out of it; a narrower one may reach out farther.
-    /// Direction and distance from the robot's center.
+    /// Returns the end of free floor of a column with `free` free cells from the bottom, as direction and distance from
+    /// the robot's center: the near edge of the first cell that is not free, less the quarter of a cell by which an
+    /// obstacle across the column may extend from it. A narrower obstacle may extend further. `None` for a column
+    /// outside the grid.
     #[must_use]
     pub fn end(&self, column: usize, free: u32) -> Option<FreeDirection> {
         let free = (free as usize).min(self.size.rows);
@@ -100,14 +106,15 @@ impl GroundGrid {
     }
 }
 
-struct Eye<'a> {
+struct FloorProjection<'a> {
     camera: &'a Pinhole,
     mount: &'a Mount,
     size: GridSize,
 }
 
-impl Eye<'_> {
-    /// The direction (body frame) through a point of the picture: cells from its left and from its bottom edge.
+impl FloorProjection<'_> {
+    /// Returns the direction (body frame) through a point of the image, in cells from its left and from its bottom
+    /// edge.
     fn ray(&self, from_left: f64, from_bottom: f64) -> Option<Vector3<f64>> {
         let k = self.camera.intrinsics();
         let u = f64::from(k.width) * from_left / self.size.columns as f64 - 0.5;
@@ -116,7 +123,7 @@ impl Eye<'_> {
         Some(self.mount.rotation_body_from_camera() * ray)
     }
 
-    /// The floor at a point of the picture; `None` at and above the horizon.
+    /// Returns the floor point at a point of the image; `None` at and above the horizon.
     fn point(&self, from_left: f64, from_bottom: f64) -> Option<Point2<f64>> {
         let ray = self.ray(from_left, from_bottom)?;
         if ray.z >= 0.0 || self.mount.z <= 0.0 {
@@ -131,7 +138,7 @@ impl Eye<'_> {
         let (column, bottom) = (column as f64, row as f64 - OVERHANG);
         let left = self.point(column - OVERHANG, bottom)?;
         let right = self.point(column + 1.0 + OVERHANG, bottom)?;
-        // A cell whose own lower edge shows no floor shows none at all.
+        // If the lower edge of a cell shows no floor, the whole cell shows none.
         self.point(column + 0.5, row as f64)?;
         Some(CellFloor {
             near_m: left.x.min(right.x),
@@ -143,7 +150,7 @@ impl Eye<'_> {
     fn end(&self, column: usize, free: usize) -> FreeDirection {
         let column = column as f64;
         let bottom = free as f64 - OVERHANG;
-        let along = [column, column + 0.5, column + 1.0].map(|place| self.point(place, bottom));
+        let along = [column, column + 0.5, column + 1.0].map(|from_left| self.point(from_left, bottom));
         let distance_m = along
             .iter()
             .map(|point| point.map_or(FARTHEST_M, |point| point.coords.norm()))
@@ -167,9 +174,10 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_those_of_the_ground_plane() {
+    fn distances_lie_on_the_ground_plane() {
         let grid = grid(28.0);
-        // The lower edge of the third row from below lies (139.5 - 89.5) px under the middle, a quarter of a cell is 5 px.
+        // The lower edge of the third row from the bottom lies (139.5 - 89.5) px below the center; a quarter of a cell
+        // is 5 px.
         let angle = 28_f64.to_radians() + (55.0_f64 / 170.0).atan();
         let end = grid.end(8, 2).unwrap();
         assert!((end.distance_m - 0.6 / angle.tan()).abs() < 1e-9 && end.azimuth_rad.abs() < 1e-9);
@@ -180,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_swath_is_a_trapezium_in_the_picture() {
+    fn a_swath_is_a_trapezoid_in_the_image() {
         let grid = grid(28.0);
         let swath = Swath { length_m: 1.6, half_width_m: 0.5 };
         let cells = grid.cells_of(&swath);

@@ -1,26 +1,30 @@
-//! The navel grid: floor or obstacle, cell by cell, in the picture of one forward camera.
+//! Method `navel-grid`: a grid of floor and obstacle cells in the image of one forward camera.
 //!
-//! Abdelfatah et al.: median, iterative threshold, a grid of cells that are obstacles where enough pixels are dark; free
-//! cells from the bottom of each column; three weighted sums of what intrudes into the way ahead; four decisions.
-//! Differs from \[1\]: the printed rules would drive into obstacles and turn on free floor; inequalities, turn direction and
-//! the incomplete set of weights are put right. Which cells the way covers follows from the camera's place above the floor.
+//! Abdelfatah et al.: median filter, iterative threshold, a grid in which cells with enough dark pixels are obstacles,
+//! the number of free cells from the bottom of each column, three weighted sums of the obstacles in the path ahead, and
+//! four decisions. Differs from \[1\]: inequalities, turn direction and the incomplete set of weights are corrected,
+//! since the printed rules drive into obstacles and turn on free floor; the cells that the path covers follow from the
+//! camera's mount.
 
+pub mod area_average;
 pub mod avoider;
+pub mod cell_detector;
 pub mod cells;
+pub mod dark_cells;
 pub mod decision;
 pub mod ground;
-pub mod look;
+pub mod isodata;
 pub mod open_floor;
-pub mod sight;
+pub mod path_observer;
 pub mod steering;
 pub mod weights;
 
 pub use avoider::NavelGridAvoider;
+pub use cell_detector::{CellDetector, Polarity};
 pub use cells::Cells;
 pub use decision::{Decision, Passage, Side, decide};
 pub use ground::GroundGrid;
-pub use look::{Look, Polarity};
 pub use open_floor::OpenFloor;
-pub use sight::{Sight, Trouble};
-pub use steering::{Motion, Outlook, Steering};
-pub use weights::{Sets, Weights};
+pub use path_observer::{GridFailure, PathObserver};
+pub use steering::{Motion, Observation, Steering};
+pub use weights::{WeightSets, Weights};

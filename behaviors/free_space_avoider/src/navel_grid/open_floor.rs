@@ -1,4 +1,4 @@
-//! The free floor ahead as the choice of a heading takes it: free distances by direction, from the ends of the columns.
+//! Choice of a heading within the view of the forward camera, from the ends of free floor of the grid's columns.
 
 use nalgebra::Vector2;
 use yamabico_core::geometry::Twist;
@@ -7,18 +7,18 @@ use yamabico_core::sensor::Robot;
 
 use super::ground::GroundGrid;
 use crate::config::Config;
-use crate::direction::{Chooser, Drive, FreeDistances, HeadingRules, Rollout};
+use crate::direction::{Chooser, FreeDistances, HeadingChoice, HeadingRules, Rollout};
 
-/// Turn rate for each radian of missing heading, 1/s.
-const GAIN_PER_S: f64 = 2.0;
-/// Time of a step of a way that is judged, s.
-const STEP_S: f64 = 0.04;
-/// Time that the robot looks ahead before it would brake, s.
-const HORIZON_S: f64 = 1.5;
-/// Going around on the other side than last time must save so much deviation, rad.
-const SIDE_CHANGE_RAD: f64 = 0.3;
+/// Turn rate per heading error for a forward camera, 1/s.
+const FORWARD_GAIN_PER_S: f64 = 2.0;
+/// Time step of a simulated trajectory, s.
+const ROLLOUT_STEP_S: f64 = 0.04;
+/// Time after which a simulated robot brakes, s; short, since a forward camera shows little to the sides.
+const FORWARD_HORIZON_S: f64 = 1.5;
+/// Minimum deviation that a change of sides must save, rad.
+const FORWARD_SIDE_CHANGE_RAD: f64 = 0.3;
 
-/// Chooses headings within the view of the forward camera.
+/// Chooser of headings within the view of the forward camera.
 #[derive(Clone, Debug)]
 pub struct OpenFloor {
     distances: FreeDistances,
@@ -29,7 +29,8 @@ pub struct OpenFloor {
 }
 
 impl OpenFloor {
-    /// The floor that this grid shows to this robot; `None` where a column shows none, or where the robot cannot brake or turn.
+    /// Creates the chooser for a grid and a robot. `None` if a column shows no floor, or if the robot cannot brake or
+    /// turn.
     #[must_use]
     pub fn new(config: &Config, ground: &GroundGrid, robot: &Robot) -> Option<Self> {
         let ends: Option<Vec<FreeDirection>> =
@@ -42,7 +43,7 @@ impl OpenFloor {
         let mut borders = vec![first[0].azimuth_rad - half_rad(first)];
         borders.extend(ends.windows(2).map(|pair| pair[0].azimuth_rad + half_rad(pair)));
         borders.push(last[1].azimuth_rad + half_rad(last));
-        // Beyond the nearest of the far ends not every column tells anything.
+        // Distance up to which every column shows the floor.
         let farthest_m = ends.iter().map(|end| end.distance_m).fold(f64::INFINITY, f64::min);
         let limits = &robot.limits;
         let [along, turning] = [0, 2].map(|axis| limits.acceleration[axis].min(limits.deceleration[axis]));
@@ -56,26 +57,26 @@ impl OpenFloor {
                 acceleration_mps2: along,
                 turn_radps: config.turn_radps.min(limits.speed[2]),
                 turn_acceleration_radps2: turning,
-                gain_per_s: GAIN_PER_S,
-                step_s: STEP_S,
-                horizon_s: HORIZON_S,
+                gain_per_s: FORWARD_GAIN_PER_S,
+                step_s: ROLLOUT_STEP_S,
+                horizon_s: FORWARD_HORIZON_S,
                 clearance_m: robot.radius_m + config.side_m,
-                side_change_rad: SIDE_CHANGE_RAD,
+                side_change_rad: FORWARD_SIDE_CHANGE_RAD,
                 deviation_rad: [0.0, std::f64::consts::TAU],
             },
             side: 0,
         })
     }
 
-    /// The heading nearest to straight on for a robot that drives with this twist, with the ends of free floor as they were
-    /// seen from right to left; `None` where there is none.
-    pub fn choose(&mut self, ends: &[FreeDirection], twist: &Twist) -> Option<Drive> {
+    /// Chooses the clear heading nearest to straight ahead for a robot that drives with this twist. `ends` are the ends
+    /// of free floor, from right to left. `None` if no heading is clear.
+    pub fn choose(&mut self, ends: &[FreeDirection], twist: &Twist) -> Option<HeadingChoice> {
         if ends.len() != self.near_m.len() {
             return None;
         }
         self.near_m.fill(f64::INFINITY);
         for (column, end) in ends.iter().enumerate() {
-            // An obstacle counts in its column and in the sector that its near edge lies in.
+            // An obstacle counts in its column and in the sector that contains its near edge.
             let sector = (0..self.near_m.len()).find(|&sector| {
                 let (right, left) = self.distances.borders(sector);
                 (right..left).contains(&end.azimuth_rad)
@@ -86,9 +87,9 @@ impl OpenFloor {
         }
         self.distances.set(self.near_m.iter().copied());
         let start = Rollout::new(Vector2::zeros(), 0.0, twist.linear, twist.angular);
-        let drive =
+        let choice =
             self.chooser.choose_heading_speed(&self.distances, &start, 0.0, self.side, &self.rules)?;
-        self.side = drive.side;
-        Some(drive)
+        self.side = choice.side;
+        Some(choice)
     }
 }

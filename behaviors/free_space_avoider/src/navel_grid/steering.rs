@@ -1,111 +1,119 @@
-//! From decision to decision: no dithering, and no turning for ever.
+//! Hysteresis between decisions: prevents oscillation and endless turns.
 //!
-//! Differs from \[1\], which decides on each picture alone.
+//! Differs from \[1\], which decides from each image alone.
 
 use yamabico_core::time::Time;
 
 use super::decision::{AHEAD_LIMIT, Passage, Side, freer_side, is_blocked};
 use super::weights::Weights;
 
-/// A turn ends only below this weight ahead.
-pub const RELEASE_LIMIT: f64 = 30.0;
-/// A turn is reversed earlier than this (s) after it began ...
-pub const REVERSAL_S: f64 = 2.0;
-/// ... only where the weights of the sides differ by more than this.
-pub const REVERSAL_WEIGHT: f64 = 20.0;
-/// After so many reversals the robot keeps on turning to the same side until it finds a way forward: between the two walls of
-/// a corner it would turn to and fro for ever.
-pub const MAX_REVERSALS: u32 = 1;
-/// Sides that differ by more than this let the robot veer while it drives.
+/// Weight ahead below which a turn ends.
+const RELEASE_LIMIT: f64 = 30.0;
+/// Time after which a turn may be reversed for any difference of the sides, s.
+const REVERSAL_S: f64 = 2.0;
+/// Difference of the side weights above which a turn is reversed at once.
+const REVERSAL_WEIGHT: f64 = 20.0;
+/// Maximum number of reversals until the robot drives forward; prevents oscillation in corners.
+const MAX_REVERSALS: u32 = 1;
+/// Difference of the side weights above which the robot veers while it drives.
 const VEER_WEIGHT: f64 = 20.0;
-/// Turn rate of a veer, rad/s for each unit of weight.
+/// Turn rate of a veer per unit of weight, rad/s.
 const VEER_RADPS: f64 = 0.01;
-/// Largest turn rate of a veer, rad/s.
+/// Maximum turn rate of a veer, rad/s.
 const MAX_VEER_RADPS: f64 = 0.2;
-/// Least share of the cruising speed.
+/// Minimum share of the cruising speed.
 const MIN_SHARE: f64 = 0.3;
-/// More than a full turn without a way forward: the robot is shut in.
+/// Total turn without a free path forward after which the robot is enclosed, rad.
 const FULL_TURN_RAD: f64 = std::f64::consts::TAU;
 
-/// What the robot does until the next picture.
+/// Motion of the robot until the next frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Drives.
+    /// Driving forward.
     Forward {
         /// Share of the cruising speed, 0.3 to 1.
         share: f64,
-        /// Turn rate, rad/s, left positive.
+        /// Turn rate, rad/s, positive to the left.
         turn_radps: f64,
     },
-    /// Turns where it stands.
+    /// Turning in place.
     Turn(Side),
-    /// Stands: both sides are blocked.
+    /// Stopped: both sides are blocked.
     Stop,
-    /// Stands: a full turn has shown no way forward.
-    ShutIn,
+    /// Stopped: a full turn has shown no free path.
+    Enclosed,
 }
 
-/// What a picture says of the way ahead.
+/// Observation of the path ahead in one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outlook {
-    /// What intrudes, and whether the robot's own width is free.
+pub enum Observation {
+    /// Weights of the obstacles, and state of the path.
     Seen(Weights, Passage),
-    /// The picture tells nothing: too little contrast, or hardly any floor.
+    /// No information: too little contrast, or hardly any floor.
     Unclear,
 }
 
-/// The state between pictures.
+/// State of the steering between frames.
 #[derive(Clone, Debug)]
 pub struct Steering {
-    patience_s: f64,
+    blocked_timeout_s: f64,
     motion: Motion,
-    /// The last turn and when it began.
+    /// Side and start of the last turn.
     turn: Option<(Side, Time)>,
-    /// Turns reversed since the robot last drove.
+    /// Number of reversals since the robot last drove forward.
     reversals: u32,
-    /// Turned since then, or since the last reversal, radians.
+    /// Angle turned since the robot last drove forward or reversed its turn, rad.
     turned_rad: f64,
-    /// Standing since.
-    stopped: Option<Time>,
+    /// Time at which the robot stopped since both sides were blocked.
+    stopped_at: Option<Time>,
 }
 
 impl Steering {
-    /// A robot that stands. Blocked on both sides, it looks around after `patience_s`.
+    /// Creates the steering of a stopped robot. Blocked on both sides, the robot looks around after
+    /// `blocked_timeout_s`.
     #[must_use]
-    pub fn new(patience_s: f64) -> Self {
-        Self { patience_s, motion: Motion::Stop, turn: None, reversals: 0, turned_rad: 0.0, stopped: None }
+    pub fn new(blocked_timeout_s: f64) -> Self {
+        Self {
+            blocked_timeout_s,
+            motion: Motion::Stop,
+            turn: None,
+            reversals: 0,
+            turned_rad: 0.0,
+            stopped_at: None,
+        }
     }
 
-    /// What the robot does.
+    /// Returns the current motion.
     #[must_use]
     pub fn motion(&self) -> Motion {
         self.motion
     }
 
-    /// Takes what a picture at `at` says, the robot having turned by `turned_rad` (no sign) since the picture before.
-    pub fn step(&mut self, outlook: Outlook, turned_rad: f64, at: Time) -> Motion {
+    /// Updates the motion with an observation at time `at`; `turned_rad` is the absolute turn since the observation
+    /// before.
+    pub fn step(&mut self, observation: Observation, turned_rad: f64, at: Time) -> Motion {
         if let Motion::Turn(_) = self.motion {
             self.turned_rad += turned_rad;
         }
-        self.motion = match outlook {
-            Outlook::Seen(weights, passage) if self.goes_forward(&weights, passage) => {
+        self.motion = match observation {
+            Observation::Seen(weights, passage) if self.goes_forward(&weights, passage) => {
                 self.turned_rad = 0.0;
                 self.reversals = 0;
-                self.stopped = None;
+                self.stopped_at = None;
                 forward(&weights)
             }
-            _ if self.motion == Motion::ShutIn || self.turned_rad > FULL_TURN_RAD => Motion::ShutIn,
-            Outlook::Seen(weights, _) => self.turn_or_stop(&weights, at),
-            // Turning where it stands needs no floor ahead, and may show some.
-            Outlook::Unclear if matches!(self.motion, Motion::Turn(_)) => self.motion,
-            Outlook::Unclear => Motion::Stop,
+            _ if self.motion == Motion::Enclosed || self.turned_rad > FULL_TURN_RAD => Motion::Enclosed,
+            Observation::Seen(weights, _) => self.turn_or_stop(&weights, at),
+            // A turn in place needs no free floor ahead and may reveal some.
+            Observation::Unclear if matches!(self.motion, Motion::Turn(_)) => self.motion,
+            Observation::Unclear => Motion::Stop,
         };
         self.motion
     }
 
     fn goes_forward(&self, weights: &Weights, passage: Passage) -> bool {
         match self.motion {
-            Motion::Turn(_) | Motion::ShutIn => weights.ahead < RELEASE_LIMIT && passage == Passage::Open,
+            Motion::Turn(_) | Motion::Enclosed => weights.ahead < RELEASE_LIMIT && passage == Passage::Open,
             Motion::Forward { .. } | Motion::Stop => {
                 weights.ahead < AHEAD_LIMIT && passage != Passage::Obstructed
             }
@@ -114,19 +122,19 @@ impl Steering {
 
     fn turn_or_stop(&mut self, weights: &Weights, at: Time) -> Motion {
         if !matches!(self.motion, Motion::Turn(_)) && is_blocked(weights) {
-            let stopped = *self.stopped.get_or_insert(at);
-            if at.seconds_after(stopped) < self.patience_s {
+            let stopped_at = *self.stopped_at.get_or_insert(at);
+            if at.seconds_after(stopped_at) < self.blocked_timeout_s {
                 return Motion::Stop;
             }
         }
-        self.stopped = None;
-        let wanted = freer_side(weights, self.turn.map(|(side, _)| side));
+        self.stopped_at = None;
+        let freer = freer_side(weights, self.turn.map(|(side, _)| side));
         let side = match self.turn {
-            Some((side, since)) if side != wanted && !self.may_reverse(weights, since, at) => side,
-            _ => wanted,
+            Some((side, since)) if side != freer && !self.may_reverse(weights, since, at) => side,
+            _ => freer,
         };
-        let goes_on = matches!(self.motion, Motion::Turn(last) if last == side);
-        if !goes_on {
+        let continues = matches!(self.motion, Motion::Turn(last) if last == side);
+        if !continues {
             if matches!(self.motion, Motion::Turn(_)) {
                 self.reversals += 1;
                 self.turned_rad = 0.0;
@@ -142,10 +150,10 @@ impl Steering {
     }
 }
 
-/// Slower the more intrudes ahead, and away from the heavier side.
+/// Returns the forward motion: the higher the weight ahead the slower, and away from the side with more obstacles.
 fn forward(weights: &Weights) -> Motion {
-    let lean = weights.left - weights.right;
-    let veer = if lean.abs() > VEER_WEIGHT { VEER_RADPS * lean } else { 0.0 };
+    let difference = weights.left - weights.right;
+    let veer = if difference.abs() > VEER_WEIGHT { VEER_RADPS * difference } else { 0.0 };
     Motion::Forward {
         share: (1.0 - weights.ahead / AHEAD_LIMIT).clamp(MIN_SHARE, 1.0),
         turn_radps: veer.clamp(-MAX_VEER_RADPS, MAX_VEER_RADPS),
@@ -156,9 +164,9 @@ fn forward(weights: &Weights) -> Motion {
 mod tests {
     use super::*;
 
-    fn seen(right: f64, left: f64, ahead: f64) -> Outlook {
+    fn seen(right: f64, left: f64, ahead: f64) -> Observation {
         let passage = if ahead < AHEAD_LIMIT { Passage::Open } else { Passage::Obstructed };
-        Outlook::Seen(Weights { right, left, ahead }, passage)
+        Observation::Seen(Weights { right, left, ahead }, passage)
     }
 
     fn at(seconds: f64) -> Time {
@@ -180,11 +188,11 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_ends_below_the_lower_limit_and_with_room_to_spare() {
+    fn a_turn_ends_below_the_lower_limit_and_with_additional_clearance() {
         let mut steering = Steering::new(3.0);
         assert_eq!(steering.step(seen(50.0, 20.0, 60.0), 0.0, at(0.0)), Motion::Turn(Side::Right));
         assert_eq!(steering.step(seen(30.0, 20.0, 35.0), 0.0, at(0.1)), Motion::Turn(Side::Right));
-        let narrow = Outlook::Seen(Weights { right: 9.0, left: 2.0, ahead: 10.0 }, Passage::Narrow);
+        let narrow = Observation::Seen(Weights { right: 9.0, left: 2.0, ahead: 10.0 }, Passage::Narrow);
         assert_eq!(steering.step(narrow, 0.0, at(0.2)), Motion::Turn(Side::Right));
         assert!(matches!(steering.step(seen(9.0, 2.0, 29.0), 0.0, at(0.3)), Motion::Forward { .. }));
         assert!(matches!(steering.step(narrow, 0.0, at(0.4)), Motion::Forward { .. }));
@@ -203,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_does_not_make_it_dither() {
+    fn the_robot_does_not_oscillate_in_a_corner() {
         let mut steering = Steering::new(3.0);
         let mut turns = Vec::new();
         for i in 0..30 {
@@ -227,24 +235,24 @@ mod tests {
     }
 
     #[test]
-    fn a_full_turn_without_a_way_forward_ends_it() {
+    fn a_full_turn_without_a_free_path_ends_the_turn() {
         let mut steering = Steering::new(3.0);
         steering.step(seen(50.0, 20.0, 60.0), 0.0, at(0.0));
         for i in 1..=7 {
-            let unclear = if i % 2 == 0 { Outlook::Unclear } else { seen(50.0, 20.0, 60.0) };
+            let unclear = if i % 2 == 0 { Observation::Unclear } else { seen(50.0, 20.0, 60.0) };
             let motion = steering.step(unclear, 0.9, at(f64::from(i)));
-            assert_eq!(motion == Motion::ShutIn, 0.9 * f64::from(i) > FULL_TURN_RAD, "{i}: {motion:?}");
+            assert_eq!(motion == Motion::Enclosed, 0.9 * f64::from(i) > FULL_TURN_RAD, "{i}: {motion:?}");
         }
-        assert_eq!(steering.step(seen(50.0, 20.0, 60.0), 0.0, at(9.0)), Motion::ShutIn);
+        assert_eq!(steering.step(seen(50.0, 20.0, 60.0), 0.0, at(9.0)), Motion::Enclosed);
         assert!(matches!(steering.step(seen(0.0, 0.0, 5.0), 0.0, at(9.1)), Motion::Forward { .. }));
     }
 
     #[test]
-    fn an_unclear_picture_stops_it_and_moves_nothing() {
+    fn an_unclear_image_stops_the_robot_and_starts_no_turn() {
         let mut steering = Steering::new(3.0);
         steering.step(seen(0.0, 0.0, 0.0), 0.0, at(0.0));
         for i in 0..100 {
-            assert_eq!(steering.step(Outlook::Unclear, 0.0, at(0.1 * f64::from(i))), Motion::Stop);
+            assert_eq!(steering.step(Observation::Unclear, 0.0, at(0.1 * f64::from(i))), Motion::Stop);
         }
     }
 }

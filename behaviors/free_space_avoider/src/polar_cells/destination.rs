@@ -1,4 +1,4 @@
-//! Where the robot is to go, seen from where it is.
+//! Goal of the robot, relative to its current pose.
 
 use nalgebra::Point2;
 use yamabico_core::geometry::{Pose2, wrap_angle};
@@ -6,19 +6,19 @@ use yamabico_core::message::{Goal, Pose, PoseStatus};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::time::Time;
 
-/// What there is to do.
+/// Current objective of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Wish {
-    /// Drive this way.
-    Towards {
-        /// Direction in the robot frame, radians.
+pub enum Objective {
+    /// Drive in a direction.
+    Toward {
+        /// Direction in the robot frame, rad.
         direction_rad: f64,
-        /// Distance that is left, m; infinite without a goal.
+        /// Remaining distance, m; infinite without a goal.
         distance_m: f64,
     },
     /// The goal is reached.
     Arrived,
-    /// The robot is lost, and the goal with it.
+    /// The pose on the map is unknown, and with it the direction of the goal.
     Lost,
 }
 
@@ -29,21 +29,22 @@ pub struct Destination {
     tolerance_m: f64,
     has_arrived: bool,
     goal_sequence: Option<u64>,
-    /// The robot on the map at the instant of its stamp, and how far that can be trusted.
+    /// Pose of the robot on the map, with its time and status.
     pose: Option<(Time, Pose2, PoseStatus)>,
-    /// Without a goal, the direction that the robot looked in at the start, odometry frame.
+    /// Heading at the start, odometry frame: the direction to drive in without a goal.
     heading_rad: Option<f64>,
 }
 
 impl Destination {
-    /// A goal (m), or none, and how near is there.
+    /// Creates a destination with an optional goal (m) and the distance at which it is reached.
     #[must_use]
     pub fn new(goal_m: Option<[f64; 2]>, tolerance_m: f64) -> Self {
         let goal = goal_m.map(Point2::from);
         Self { goal, tolerance_m, has_arrived: false, goal_sequence: None, pose: None, heading_rad: None }
     }
 
-    /// Takes a new goal; one that is no place is ignored.
+    /// Updates the goal. Ignores a goal with the same sequence number, without a finite position, or without a
+    /// tolerance.
     pub fn take_goal(&mut self, goal: &Goal) {
         let is_new = self.goal_sequence.is_none_or(|last| last != goal.sequence);
         if is_new && goal.x.is_finite() && goal.y.is_finite() && goal.tolerance_m > 0.0 {
@@ -54,35 +55,35 @@ impl Destination {
         }
     }
 
-    /// Takes where the robot is on the map.
+    /// Updates the pose of the robot on the map. A pose that is not finite counts as lost.
     pub fn take_pose(&mut self, pose: &Pose) {
         let robot = Pose2::new(pose.x, pose.y, pose.theta);
         let status = pose.status().filter(|_| robot.is_finite()).unwrap_or(PoseStatus::Lost);
         self.pose = Some((Time(pose.stamp_ns), robot, status));
     }
 
-    /// What there is to do, with the robot at `robot_in_odometry` now.
-    pub fn wish(&mut self, odometry: &OdometryTrack, robot_in_odometry: &Pose2) -> Wish {
+    /// Returns the objective for the robot's current pose in the odometry frame.
+    pub fn objective(&mut self, odometry: &OdometryTrack, robot_in_odometry: &Pose2) -> Objective {
         let heading_rad = *self.heading_rad.get_or_insert(robot_in_odometry.theta);
         let Some(goal) = self.goal else {
             let direction_rad = wrap_angle(heading_rad - robot_in_odometry.theta);
-            return Wish::Towards { direction_rad, distance_m: f64::INFINITY };
+            return Objective::Toward { direction_rad, distance_m: f64::INFINITY };
         };
         let robot = match self.pose {
             None => *robot_in_odometry,
-            Some((.., PoseStatus::Lost | PoseStatus::Unknown)) => return Wish::Lost,
+            Some((.., PoseStatus::Lost | PoseStatus::Unknown)) => return Objective::Lost,
             Some((stamp, pose, _)) => match odometry.pose_at(stamp) {
                 Some(then) => pose * then.relative(robot_in_odometry),
-                None => return Wish::Lost,
+                None => return Objective::Lost,
             },
         };
         let to_goal = robot.inverse().transform_point(goal);
         let distance_m = to_goal.coords.norm();
         self.has_arrived |= distance_m <= self.tolerance_m;
         if self.has_arrived {
-            return Wish::Arrived;
+            return Objective::Arrived;
         }
-        Wish::Towards { direction_rad: to_goal.y.atan2(to_goal.x), distance_m }
+        Objective::Toward { direction_rad: to_goal.y.atan2(to_goal.x), distance_m }
     }
 }
 
@@ -91,39 +92,39 @@ mod tests {
     use super::*;
     use yamabico_core::message::Odometry;
 
-    fn towards(wish: Wish) -> (f64, f64) {
-        match wish {
-            Wish::Towards { direction_rad, distance_m } => (direction_rad, distance_m),
+    fn toward(objective: Objective) -> (f64, f64) {
+        match objective {
+            Objective::Toward { direction_rad, distance_m } => (direction_rad, distance_m),
             other => panic!("{other:?}"),
         }
     }
 
     #[test]
-    fn goals_are_in_the_frame_of_the_pose_where_there_is_one() {
+    fn goals_are_in_the_map_frame_if_there_is_a_pose() {
         let mut odometry = OdometryTrack::default();
         let here = Pose2::new(1.0, 0.0, 0.5);
         let reading = Odometry { x: here.x, theta: here.theta, stamp_ns: 1, ..Odometry::default() };
         assert!(odometry.push(&reading, Time(1)));
         let mut destination = Destination::new(None, 0.1);
-        assert_eq!(towards(destination.wish(&odometry, &here)), (0.0, f64::INFINITY));
+        assert_eq!(toward(destination.objective(&odometry, &here)), (0.0, f64::INFINITY));
         let turned = Pose2::new(1.0, 0.0, 1.5);
-        assert!((towards(destination.wish(&odometry, &turned)).0 + 1.0).abs() < 1e-12);
+        assert!((toward(destination.objective(&odometry, &turned)).0 + 1.0).abs() < 1e-12);
 
         let goal = Goal { x: 1.0, y: 2.0, theta: f64::NAN, tolerance_m: 0.2, sequence: 4, ..Goal::default() };
         destination.take_goal(&goal);
-        let (direction, distance) = towards(destination.wish(&odometry, &here));
+        let (direction, distance) = toward(destination.objective(&odometry, &here));
         assert!((direction - (std::f64::consts::FRAC_PI_2 - 0.5)).abs() < 1e-12 && distance == 2.0);
         let tracking = PoseStatus::Tracking.code();
         let pose = Pose { x: 1.0, y: 1.9, stamp_ns: 1, status: tracking, ..Pose::default() };
         destination.take_pose(&Pose { status: PoseStatus::Lost.code(), ..pose });
-        assert_eq!(destination.wish(&odometry, &here), Wish::Lost);
+        assert_eq!(destination.objective(&odometry, &here), Objective::Lost);
         destination.take_pose(&pose);
-        assert_eq!(destination.wish(&odometry, &here), Wish::Arrived);
+        assert_eq!(destination.objective(&odometry, &here), Objective::Arrived);
         destination.take_goal(&goal);
-        assert_eq!(destination.wish(&odometry, &here), Wish::Arrived, "the same goal again");
+        assert_eq!(destination.objective(&odometry, &here), Objective::Arrived, "the same goal again");
         destination.take_goal(&Goal { x: 5.0, sequence: 5, ..goal });
-        assert!(towards(destination.wish(&odometry, &here)).1 > 3.9);
+        assert!(toward(destination.objective(&odometry, &here)).1 > 3.9);
         destination.take_goal(&Goal { x: f64::NAN, sequence: 6, ..goal });
-        assert!(towards(destination.wish(&odometry, &here)).1 > 3.9);
+        assert!(toward(destination.objective(&odometry, &here)).1 > 3.9);
     }
 }

@@ -2,45 +2,46 @@ use nalgebra::{Point2, RowVector3, Vector2};
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_vision::azimuth_profile::EdgeSign;
 
-/// A vertical edge of the map.
+/// Vertical edge of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeLandmark {
-    /// On the map, meters.
+    /// Position in the map frame, m.
     pub position: Point2<f64>,
-    /// How the picture changes across it; `None` where that is not known.
+    /// Sign of the brightness step across the edge; `None` if unknown.
     pub sign: Option<EdgeSign>,
-    /// Standard deviation of the position along either axis, meters.
+    /// Standard deviation of the position along each axis, m.
     pub sigma_m: f64,
 }
 
-/// A vertical edge in the picture.
+/// Vertical edge observed in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeenBearing {
-    /// Azimuth in the sensor's frame, radians; the sensor's x points as the robot's.
+    /// Azimuth in the sensor frame, rad; its x axis is parallel to the robot's.
     pub azimuth_rad: f64,
-    /// How the picture changes across it; `None` where that is not known.
+    /// Sign of the brightness step across the edge; `None` if unknown.
     pub sign: Option<EdgeSign>,
-    /// Standard deviation of the azimuth, radians, > 0.
+    /// Standard deviation of the azimuth, > 0, rad.
     pub sigma_rad: f64,
 }
 
-/// Where the axis of the sensor stands on the robot, meters.
+/// Position of the sensor's axis in the robot frame, m.
 pub type LeverArm = Vector2<f64>;
 
-/// The azimuth at which an edge of the map should be seen.
+/// Predicted azimuth of a map edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingPrediction {
-    /// Radians, in the sensor's frame.
+    /// Azimuth in the sensor frame, rad.
     pub azimuth_rad: f64,
-    /// Its derivatives by the robot's x, y and heading.
+    /// Derivatives of the azimuth with respect to the robot's x, y and heading.
     pub jacobian: RowVector3<f64>,
-    /// What the landmark's own uncertainty makes of it, rad squared.
+    /// Variance of the azimuth due to the landmark's uncertainty, rad².
     pub landmark_variance: f64,
-    /// Distance from the sensor, meters.
+    /// Distance from the sensor, m.
     pub distance_m: f64,
 }
 
-/// Predicts an edge of the map from a pose (map from robot). At the sensor itself the derivatives are not finite.
+/// Predicts the azimuth of a map edge from a pose of the robot in the map frame. The derivatives are not finite at zero
+/// distance.
 #[inline]
 #[must_use]
 pub fn predict(landmark: &EdgeLandmark, map_from_robot: &Pose2, lever: LeverArm) -> BearingPrediction {
@@ -48,7 +49,7 @@ pub fn predict(landmark: &EdgeLandmark, map_from_robot: &Pose2, lever: LeverArm)
     predict_from(landmark, map_from_robot, [sin, cos], lever)
 }
 
-/// The same with the sine and the cosine of the heading at hand.
+/// Like [`predict`], but with the sine and cosine of the heading given.
 #[inline]
 pub(super) fn predict_from(
     landmark: &EdgeLandmark,
@@ -69,7 +70,7 @@ pub(super) fn predict_from(
     }
 }
 
-/// Whether the two may be the same edge.
+/// Returns true unless the signs of the two edges are known and differ.
 #[inline]
 #[must_use]
 pub fn may_match(landmark: Option<EdgeSign>, seen: Option<EdgeSign>) -> bool {
@@ -85,7 +86,7 @@ mod tests {
     use yamabico_core::geometry::angle_difference;
 
     #[test]
-    fn derivatives_are_those_of_differences() {
+    fn derivatives_match_finite_differences() {
         let landmark = EdgeLandmark { position: Point2::new(2.0, -1.0), sign: None, sigma_m: 0.02 };
         let lever = LeverArm::new(0.12, -0.07);
         let pose = Pose2::new(0.4, 0.3, 0.9);

@@ -1,5 +1,5 @@
-/// The value that a chi-square variable with `freedom` > 0 degrees of freedom stays below with this probability, 0 to 1
-/// (exclusive); NaN for another.
+/// Returns the quantile of the chi-squared distribution with `freedom` > 0 degrees of freedom at a probability between
+/// 0 and 1 (exclusive); NaN otherwise.
 #[must_use]
 pub fn quantile(probability: f64, freedom: u32) -> f64 {
     if !(probability > 0.0 && probability < 1.0) || freedom == 0 {
@@ -19,8 +19,8 @@ pub fn quantile(probability: f64, freedom: u32) -> f64 {
     0.5 * (low + high)
 }
 
-/// The probability of staying below `x`: the regularized lower incomplete gamma function of half the arguments, as a series
-/// whose terms are all positive.
+/// Returns the cumulative distribution at `x`: the regularized lower incomplete gamma function of half the arguments,
+/// as a series of positive terms.
 fn cumulative(x: f64, freedom: u32) -> f64 {
     if x <= 0.0 {
         return 0.0;
@@ -35,7 +35,7 @@ fn cumulative(x: f64, freedom: u32) -> f64 {
     (a * half.ln() - half + sum.ln() - log_gamma_after(freedom)).exp().min(1.0)
 }
 
-/// Logarithm of the gamma function of freedom/2 + 1.
+/// Returns the logarithm of the gamma function of freedom/2 + 1.
 fn log_gamma_after(freedom: u32) -> f64 {
     let (mut at, mut log) =
         if freedom.is_multiple_of(2) { (1.0, 0.0) } else { (0.5, 0.5 * std::f64::consts::PI.ln()) };
@@ -61,7 +61,7 @@ mod tests {
             assert!((quantile(0.99, freedom) - value).abs() < 1e-9, "{freedom}");
         }
         assert!((quantile(0.999, 3) - 16.266_236_196_238_13).abs() < 1e-9);
-        // Far from the origin it is nearly normal (Wilson and Hilferty).
+        // Wilson-Hilferty approximation for many degrees of freedom.
         let ninth = 2.0 / (9.0 * 200.0);
         let normal = 200.0 * (1.0_f64 - ninth + 2.326_347_874 * f64::sqrt(ninth)).powi(3);
         assert!((quantile(0.99, 200) / normal - 1.0).abs() < 1e-3);

@@ -1,9 +1,9 @@
-use yamabico_core::behavior::{BuildError, Setup};
+use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_core::sensor::MountedMirror;
-use yamabico_vision::azimuth_map::{EdgeMap, SeenEdge};
+use yamabico_vision::azimuth_map::{EdgeMap, ObservedEdge};
 use yamabico_vision::azimuth_profile::{AzimuthEdge, ProfileRule};
 use yamabico_vision::map::{Wall, WireFrame};
 use yamabico_vision::radial_edges::{RadialEdgeRule, RadialEdges};
@@ -14,23 +14,23 @@ use super::solver::{BearingPair, most_likely_pose};
 use crate::CAMERA;
 use crate::belief::Belief;
 use crate::config::Config;
-use crate::fix::{Fix, PoseFinder, Trust};
+use crate::fix::{Fix, NoiseFactors, PoseFinder};
 use crate::obstacles::{Foot, UnknownEdge, UnknownEdges};
 
-/// How sharp a point of an edge is seen, pixels.
+/// Standard deviation of a point of an edge, px.
 const POINT_SIGMA_PX: f64 = 0.3;
-/// How well the lower end of an edge is seen, pixels.
+/// Standard deviation of the lower end of an edge, px.
 const FOOT_SIGMA_PX: f64 = 4.0;
-/// An edge that ends this near to where edges are looked for goes on, pixels.
+/// Distance from the inner radius of the detector below which the lower end of an edge counts as hidden, px.
 const HIDDEN_FOOT_PX: f64 = 6.0;
-/// Fewer edges than this do not fix a pose.
+/// Minimum number of pairs of a fix.
 const MIN_PAIRS: usize = 3;
-/// A search needs so many, and this share of the edges that should be in view.
-const MIN_FOUND: (usize, f64) = (4, 0.5);
-/// Least standard deviations of a robot that was found again: meters, radians.
-const FOUND_SIGMA: [f64; 2] = [0.02, 0.01];
+/// Minimum number of pairs of a search, and minimum fraction of the edges that should be in view.
+const MIN_SEARCH_PAIRS: (usize, f64) = (4, 0.5);
+/// Minimum standard deviations of position (m) and heading (rad) after a search.
+const AZIMUTH_SEARCH_SIGMA: [f64; 2] = [0.02, 0.01];
 
-/// Finds the robot by the azimuths of vertical edges.
+/// Pose finder that matches the azimuths of vertical edges in the image of a mirror camera.
 #[derive(Clone, Debug)]
 pub struct AzimuthFinder {
     walls: WireFrame,
@@ -44,23 +44,23 @@ pub struct AzimuthFinder {
     localizer: AzimuthLocalizer,
     rule: AzimuthRule,
     seen: Vec<SeenBearing>,
-    /// Where the camera stood at the last fix, with its sway.
+    /// Pose of the camera in the map frame at the last fix, including its sway.
     camera: Option<Pose2>,
     unknown: UnknownEdges,
-    unmatched: Vec<SeenEdge>,
+    unmatched: Vec<ObservedEdge>,
     feet: Vec<Option<Foot>>,
     pairs: Vec<BearingPair>,
 }
 
 impl AzimuthFinder {
-    /// One for the configuration's map and the robot's mirror camera.
+    /// Creates a finder for the configured map and the robot's mirror camera.
     ///
     /// # Errors
-    /// Another kind of camera, no map, or one that cannot be read.
-    pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
+    /// The camera is of another kind, or the map is missing or invalid.
+    pub fn new(config: &Config, setup: &Setup) -> Result<Self, ParameterError> {
         let mirror = setup.mirror_camera(&CAMERA)?;
         let map = EdgeMap::read(&config.file("edge_map", config.edge_map.as_ref(), setup)?)
-            .map_err(|error| BuildError::new("edge_map", error.to_string()))?;
+            .map_err(|error| ParameterError::new("edge_map", error.to_string()))?;
         let walls: Vec<_> = map.walls().collect();
         let landmarks = map.edges.iter().map(|edge| {
             let edge = edge.located();
@@ -94,26 +94,20 @@ impl AzimuthFinder {
         })
     }
 
-    /// The edges of the last picture.
+    /// Returns the edges of the last image.
     #[must_use]
     pub fn seen(&self) -> &[AzimuthEdge] {
         self.edges.profile().edges()
     }
 
-    /// What pairs them with the map's.
+    /// Returns the localizer that pairs observed edges with map edges.
     #[must_use]
     pub fn localizer(&self) -> &AzimuthLocalizer {
         &self.localizer
     }
 
-    /// What is known of edges that the map does not explain.
-    #[must_use]
-    pub fn unknown(&self) -> &UnknownEdges {
-        &self.unknown
-    }
-
-    /// The edges of the last picture as measurements of this variance's factor.
-    fn see(&mut self, scale: f64) {
+    /// Converts the edges of the last image to measurements, with this factor on their variance.
+    fn prepare_bearings(&mut self, scale: f64) {
         let sigma = |edge: &AzimuthEdge| edge.sigma_rad(POINT_SIGMA_PX, self.sigma_rad) * scale.sqrt();
         self.seen.clear();
         self.seen.extend(self.edges.profile().edges().iter().map(|edge| SeenBearing {
@@ -123,16 +117,16 @@ impl AzimuthFinder {
         }));
     }
 
-    /// The pose with the pairs of the localizer's last call, where they tell so many times less.
-    fn repeated(&mut self, swayed: &Belief, fix: &AzimuthFix, repetition: f64) -> Option<Belief> {
-        if repetition <= 1.0 {
+    /// Repeats the last fix with the variance of its pairs multiplied by `correlation`.
+    fn with_correlation(&mut self, swayed: &Belief, fix: &AzimuthFix, correlation: f64) -> Option<Belief> {
+        if correlation <= 1.0 {
             return Some(fix.belief);
         }
         self.pairs.clear();
         self.pairs.extend_from_slice(self.localizer.pairs());
         for pair in &mut self.pairs {
-            pair.seen.sigma_rad *= repetition.sqrt();
-            pair.landmark.sigma_m *= repetition.sqrt();
+            pair.seen.sigma_rad *= correlation.sqrt();
+            pair.landmark.sigma_m *= correlation.sqrt();
         }
         let guess = &fix.belief.pose;
         let found =
@@ -146,62 +140,63 @@ impl PoseFinder for AzimuthFinder {
         &self.walls
     }
 
-    fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
+    fn observe(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.camera = None;
-        let picture =
+        let image =
             frame.gray(self.mirror.camera.image().size(), &mut self.gray).ok_or(Reason::MalformedInput)?;
-        let found = self.edges.find(picture).map_err(|_| Reason::MalformedInput)?;
+        let found = self.edges.find(image).map_err(|_| Reason::MalformedInput)?;
         if found.is_empty() { Err(Reason::TooFewSegments) } else { Ok(()) }
     }
 
-    fn fix(&mut self, prior: &Belief, trust: Trust) -> Fix {
-        self.see(trust.scale);
-        let still = prior.carried(&self.robot_from_camera);
-        let swayed = still.swayed(self.sway_rad);
+    fn fix(&mut self, prior: &Belief, noise: NoiseFactors) -> Fix {
+        self.prepare_bearings(noise.scale);
+        let still = prior.of_mounted(&self.robot_from_camera);
+        let swayed = still.with_sway(self.sway_rad);
         let located = self.localizer.locate(&swayed, &self.seen);
         let expected = self.localizer.visible();
-        let told = |reason, lines| Fix { expected, uprights: [expected, lines], ..Fix::none(prior, reason) };
+        let without_update =
+            |reason, lines| Fix { expected, uprights: [expected, lines], ..Fix::none(prior, reason) };
         let fix = match located {
             Ok(fix) => fix,
-            Err(problem) => return told(reason(&problem), 0),
+            Err(problem) => return without_update(reason(&problem), 0),
         };
-        let Some(after) = self.repeated(&swayed, &fix, trust.repetition) else {
-            return told(Reason::Degenerate, 0);
+        let Some(after) = self.with_correlation(&swayed, &fix, noise.correlation) else {
+            return without_update(Reason::Degenerate, 0);
         };
         self.camera = Some(after.pose);
-        let camera = still.without_sway(&swayed, &after);
+        let camera = still.corrected_without_sway(&swayed, &after);
         let is_enough = fix.pairs >= MIN_PAIRS;
         Fix {
-            posterior: camera.carried(&self.robot_from_camera.inverse()),
+            posterior: camera.of_mounted(&self.robot_from_camera.inverse()),
             verdict: if is_enough { Ok(()) } else { Err(Reason::TooFewMatches) },
             lines: fix.pairs,
-            surprise: fix.chi_squared,
-            ..told(Reason::None, fix.pairs)
+            nis: fix.chi_squared,
+            ..without_update(Reason::None, fix.pairs)
         }
     }
 
-    fn search(&mut self, prior: &Belief, trust: Trust) -> Option<Belief> {
-        self.see(trust.scale);
-        let wide = prior.carried(&self.robot_from_camera).swayed(self.sway_rad);
+    fn search(&mut self, prior: &Belief, noise: NoiseFactors) -> Option<Belief> {
+        self.prepare_bearings(noise.scale);
+        let wide = prior.of_mounted(&self.robot_from_camera).with_sway(self.sway_rad);
         let fix = self.localizer.search(&wide, &self.seen).ok()?;
-        let (pairs, share) = MIN_FOUND;
-        let is_found = fix.pairs >= pairs && fix.pairs as f64 >= share * self.localizer.visible() as f64;
+        let (pairs, fraction) = MIN_SEARCH_PAIRS;
+        let is_found = fix.pairs >= pairs && fix.pairs as f64 >= fraction * self.localizer.visible() as f64;
         is_found.then(|| {
-            let mut found = fix.belief.swayed(self.sway_rad).carried(&self.robot_from_camera.inverse());
-            let [place, heading] = FOUND_SIGMA;
-            found.floor([place * place, place * place, heading * heading]);
+            let mut found = fix.belief.with_sway(self.sway_rad).of_mounted(&self.robot_from_camera.inverse());
+            let [position, heading] = AZIMUTH_SEARCH_SIGMA;
+            found.raise_variances([position * position, position * position, heading * heading]);
             found
         })
     }
 
-    fn follow_unknown(&mut self) {
+    fn track_unknown(&mut self) {
         let Some(camera) = self.camera else { return };
         self.unmatched.clear();
         self.feet.clear();
-        let of_map = self.localizer.edge_of_seen();
-        for (edge, known) in self.edges.profile().edges().iter().zip(of_map) {
+        let map_edges = self.localizer.edge_of_seen();
+        for (edge, known) in self.edges.profile().edges().iter().zip(map_edges) {
             if known.is_none() {
-                self.unmatched.push(SeenEdge {
+                self.unmatched.push(ObservedEdge {
                     azimuth_rad: wrap_angle(edge.azimuth_rad),
                     sign: edge.sign,
                     length_px: edge.length_px,
@@ -209,7 +204,7 @@ impl PoseFinder for AzimuthFinder {
                 self.feet.push(foot(&self.mirror, self.inner_radius_px, edge));
             }
         }
-        self.unknown.take(&self.unmatched, &self.feet, &camera);
+        self.unknown.track(&self.unmatched, &self.feet, &camera);
     }
 
     fn unknown_edges(&self) -> &[UnknownEdge] {
@@ -217,7 +212,7 @@ impl PoseFinder for AzimuthFinder {
     }
 }
 
-/// Where an edge meets the floor; `None` where its lower end is not in the picture.
+/// Returns the foot of an edge on the floor; `None` if its lower end is not in view.
 fn foot(mirror: &MountedMirror, min_radius_px: f64, edge: &AzimuthEdge) -> Option<Foot> {
     let radius_px = edge.inner_radius_px().filter(|radius| *radius > min_radius_px + HIDDEN_FOOT_PX)?;
     let distance_m = mirror.camera.floor_radius_m(radius_px, mirror.mount.z)?;

@@ -5,15 +5,15 @@ use super::bearing::{EdgeLandmark, LeverArm, SeenBearing, may_match, predict_fro
 use super::chi_square::quantile;
 use crate::belief::Belief;
 
-/// What may be paired.
+/// Limits of the pairing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointRule {
-    /// Share of the right pairs that the gates let pass, 0 to 1.
+    /// Probability that the gates accept a correct set of pairs, 0 to 1.
     pub probability: f64,
-    /// Largest squared Mahalanobis distance of a pair under the pose that the pairs before it tell. Without a bound one
-    /// wrong pair hides among many right ones.
+    /// Maximum squared Mahalanobis distance of a pair given the pairs before it. Without this limit, one wrong pair can
+    /// hide among many correct ones.
     pub conditional_gate: f64,
-    /// Most steps of the search; the best set found until then counts.
+    /// Maximum number of nodes of the search tree; after that the best set so far is returned.
     pub max_nodes: u32,
 }
 
@@ -23,37 +23,37 @@ impl Default for JointRule {
     }
 }
 
-/// What was paired.
+/// Result of the pairing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pairing {
-    /// How many pairs.
+    /// Number of pairs.
     pub pairs: usize,
-    /// Their joint squared Mahalanobis distance, one degree of freedom a pair.
+    /// Joint squared Mahalanobis distance, one degree of freedom per pair.
     pub distance_squared: f64,
-    /// Whether all sets were looked at that could be better.
+    /// True if the search finished within [`JointRule::max_nodes`].
     pub is_complete: bool,
 }
 
-/// Pairs edges seen with edges of the map: the largest set that is jointly compatible with the belief, of several such the
-/// one with the smallest distance (Neira & Tardos, 2001). Where the search is cut short, the best set until then counts. Keeps its
+/// Joint compatibility branch and bound (Neira & Tardos, 2001): finds the largest set of pairs of observed edges and
+/// map edges that is jointly compatible with the belief, and among these the set with the smallest distance. Reuses its
 /// buffers.
 ///
-/// Each edge seen is a scalar measurement of the same pose, so that the joint distance grows pair by pair by the innovation of
-/// a Kalman filter: a step of the search costs the same however deep it is.
+/// Each observed edge is a scalar measurement of the same pose, so the joint distance grows by the normalized
+/// innovation of a Kalman filter per pair, and the cost of a node does not depend on its depth.
 #[derive(Clone, Debug)]
 pub struct JointCompatibility {
     rule: JointRule,
     gates: Vec<f64>,
-    candidates: Vec<Candidate>,
-    /// Candidates of each edge seen, as a range.
+    candidates: Vec<BearingCandidate>,
+    /// Range of the candidates of each observed edge.
     ranges: Vec<[usize; 2]>,
-    /// In which order edges are paired: fewest candidates first, or as they came.
+    /// Order in which observed edges are paired: fewest candidates first, or unsorted without a conditional gate.
     order: Vec<usize>,
     is_used: Vec<bool>,
     chosen: Vec<Option<usize>>,
     best: Vec<Option<usize>>,
     best_shift: Vector3<f64>,
-    frames: Vec<Frame>,
+    nodes: Vec<Node>,
     predictions: Vec<Prediction>,
 }
 
@@ -66,29 +66,30 @@ struct Prediction {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Candidate {
+struct BearingCandidate {
     landmark: usize,
     innovation: f64,
     jacobian: RowVector3<f64>,
-    /// Of the azimuth seen and of the landmark.
+    /// Variance of the observed azimuth and the landmark together, rad².
     noise: f64,
-    /// Under the pose that the pairs chosen before tell.
+    /// Squared Mahalanobis distance given the pairs chosen before.
     distance_squared: f64,
 }
 
-/// The pose after the pairs chosen so far, as a shift of the belief.
+/// Node of the search tree: the belief after the pairs chosen so far.
 #[derive(Clone, Copy, Debug)]
-struct Frame {
+struct Node {
+    /// Shift of the prior pose.
     shift: Vector3<f64>,
     covariance: Matrix3<f64>,
     pairs: usize,
     distance_squared: f64,
-    /// The next candidate to be tried.
+    /// Next candidate to try.
     next: usize,
 }
 
 impl JointCompatibility {
-    /// For at most so many edges seen.
+    /// Creates a pairing for at most `max_seen` observed edges.
     #[must_use]
     pub fn new(rule: JointRule, max_seen: u32) -> Self {
         let gates = (0..=max_seen).map(|n| if n == 0 { 0.0 } else { quantile(rule.probability, n) });
@@ -102,13 +103,13 @@ impl JointCompatibility {
             chosen: Vec::new(),
             best: Vec::new(),
             best_shift: Vector3::zeros(),
-            frames: Vec::new(),
+            nodes: Vec::new(),
             predictions: Vec::new(),
         }
     }
 
-    /// Pairs, and tells how well; [`JointCompatibility::landmark_of_seen`] tells what. Edges seen beyond the number that was
-    /// allowed for are left alone, as are all where the belief is no number.
+    /// Pairs observed edges with landmarks; [`JointCompatibility::landmark_of_seen`] returns the pairs. Edges in excess
+    /// of the maximum stay unpaired, as do all edges if the belief is invalid.
     pub fn pair(
         &mut self,
         belief: &Belief,
@@ -119,7 +120,7 @@ impl JointCompatibility {
         self.best.clear();
         self.best.resize(seen.len(), None);
         self.best_shift = Vector3::zeros();
-        if !belief.is_sound() {
+        if !belief.is_valid() {
             return Pairing { pairs: 0, distance_squared: 0.0, is_complete: true };
         }
         let count = seen.len().min(self.gates.len() - 1);
@@ -127,20 +128,20 @@ impl JointCompatibility {
         self.search(belief, landmarks.len())
     }
 
-    /// The number of the landmark of each edge seen, or `None`.
+    /// Returns the index of the landmark of each observed edge, or `None`.
     #[must_use]
     pub fn landmark_of_seen(&self) -> &[Option<usize>] {
         &self.best
     }
 
-    /// The belief's pose as the pairs correct it, to first order: where to begin with the most likely one.
+    /// Returns the pose corrected by the pairs to first order: the initial guess of the optimization.
     #[must_use]
     pub fn corrected(&self, pose: &Pose2) -> Pose2 {
         let by = self.best_shift;
         Pose2 { x: pose.x + by.x, y: pose.y + by.y, theta: wrap_angle(pose.theta + by.z) }
     }
 
-    /// The numbers of the landmarks that each edge seen may be on its own, in no order.
+    /// Returns the indices of the individually compatible landmarks of an observed edge, unsorted.
     pub fn candidates_of(&self, seen: usize) -> impl Iterator<Item = usize> {
         let [start, end] = self.ranges.get(seen).copied().unwrap_or([0, 0]);
         self.candidates[start..end].iter().map(|candidate| candidate.landmark)
@@ -170,7 +171,7 @@ impl JointCompatibility {
                 let squared = innovation * innovation;
                 let variance = prediction.variance + own;
                 if squared <= gate * variance && may_match(landmarks[number].sign, edge.sign) {
-                    self.candidates.push(Candidate {
+                    self.candidates.push(BearingCandidate {
                         landmark: number,
                         innovation,
                         jacobian: prediction.jacobian,
@@ -185,7 +186,7 @@ impl JointCompatibility {
         self.order.extend((0..seen.len()).filter(|edge| self.ranges[*edge][0] < self.ranges[*edge][1]));
         if self.rule.conditional_gate.is_finite() {
             let ranges = &self.ranges;
-            // What is beyond doubt first: it narrows down the rest.
+            // Unambiguous edges first: they narrow the gates of the others.
             self.order.sort_by_key(|edge| ranges[*edge][1] - ranges[*edge][0]);
         }
     }
@@ -196,8 +197,8 @@ impl JointCompatibility {
         self.is_used.resize(landmarks, false);
         self.chosen.clear();
         self.chosen.resize(depth, None);
-        self.frames.clear();
-        self.frames.push(Frame {
+        self.nodes.clear();
+        self.nodes.push(Node {
             shift: Vector3::zeros(),
             covariance: belief.covariance,
             pairs: 0,
@@ -205,29 +206,29 @@ impl JointCompatibility {
             next: 0,
         });
         let mut best = Pairing { pairs: 0, distance_squared: f64::INFINITY, is_complete: true };
-        let mut nodes = 0;
-        while let Some(place) = self.frames.len().checked_sub(1) {
-            if nodes >= self.rule.max_nodes {
+        let mut visited = 0;
+        while let Some(level) = self.nodes.len().checked_sub(1) {
+            if visited >= self.rule.max_nodes {
                 best.is_complete = false;
                 break;
             }
-            nodes += 1;
-            self.release(place);
-            let frame = self.frames[place];
-            if place == depth {
-                if is_better(&frame, frame.pairs, &best) {
-                    (best.pairs, best.distance_squared) = (frame.pairs, frame.distance_squared);
-                    self.best_shift = frame.shift;
+            visited += 1;
+            self.release(level);
+            let node = self.nodes[level];
+            if level == depth {
+                if is_better(&node, node.pairs, &best) {
+                    (best.pairs, best.distance_squared) = (node.pairs, node.distance_squared);
+                    self.best_shift = node.shift;
                     self.keep_best();
                 }
-                self.frames.pop();
+                self.nodes.pop();
                 continue;
             }
-            if !is_better(&frame, frame.pairs + depth - place, &best) {
-                self.frames.pop();
+            if !is_better(&node, node.pairs + depth - level, &best) {
+                self.nodes.pop();
                 continue;
             }
-            self.advance(place);
+            self.advance(level);
         }
         if best.pairs == 0 {
             best.distance_squared = 0.0;
@@ -235,48 +236,48 @@ impl JointCompatibility {
         best
     }
 
-    /// Takes back the pair that this place tried before.
-    fn release(&mut self, place: usize) {
-        if let Some(choice) = self.chosen.get_mut(place).and_then(Option::take) {
+    /// Undoes the pair tried before at this level.
+    fn release(&mut self, level: usize) {
+        if let Some(choice) = self.chosen.get_mut(level).and_then(Option::take) {
             self.is_used[self.candidates[choice].landmark] = false;
         }
     }
 
-    /// Tries the next candidate of this place, and at last none.
-    fn advance(&mut self, place: usize) {
-        let [start, end] = self.ranges[self.order[place]];
-        let frame = self.frames[place];
-        if frame.next == 0 {
-            // The nearest one first: a good set found early cuts short the search for better ones.
+    /// Tries the next candidate at this level, and no pair as the last option.
+    fn advance(&mut self, level: usize) {
+        let [start, end] = self.ranges[self.order[level]];
+        let node = self.nodes[level];
+        if node.next == 0 {
+            // Nearest candidate first: a good set found early prunes the rest of the tree.
             let candidates = &mut self.candidates[start..end];
             for candidate in &mut *candidates {
-                candidate.distance_squared = frame.distance_squared_of(candidate);
+                candidate.distance_squared = node.distance_squared_of(candidate);
             }
             candidates.sort_unstable_by(|a, b| {
                 a.distance_squared.total_cmp(&b.distance_squared).then(a.landmark.cmp(&b.landmark))
             });
         }
-        let most = self.gates[frame.pairs + 1] - frame.distance_squared;
-        for index in start + frame.next..end {
+        let remaining = self.gates[node.pairs + 1] - node.distance_squared;
+        for index in start + node.next..end {
             let candidate = &self.candidates[index];
-            let is_compatible = candidate.distance_squared <= most.min(self.rule.conditional_gate);
+            let is_compatible = candidate.distance_squared <= remaining.min(self.rule.conditional_gate);
             if !is_compatible {
                 break;
             }
             if !self.is_used[candidate.landmark] {
                 self.is_used[candidate.landmark] = true;
-                self.chosen[place] = Some(index);
-                self.frames[place].next = index + 1 - start;
-                self.frames.push(frame.with(candidate));
+                self.chosen[level] = Some(index);
+                self.nodes[level].next = index + 1 - start;
+                self.nodes.push(node.with(candidate));
                 return;
             }
         }
         let count = end - start;
-        if frame.next <= count {
-            self.frames[place].next = count + 1;
-            self.frames.push(Frame { next: 0, ..frame });
+        if node.next <= count {
+            self.nodes[level].next = count + 1;
+            self.nodes.push(Node { next: 0, ..node });
         } else {
-            self.frames.pop();
+            self.nodes.pop();
         }
     }
 
@@ -288,31 +289,31 @@ impl JointCompatibility {
     }
 }
 
-/// Whether a set that could reach so many pairs would beat the best one.
-fn is_better(frame: &Frame, reach: usize, best: &Pairing) -> bool {
-    reach > best.pairs || reach == best.pairs && frame.distance_squared < best.distance_squared
+/// Returns true if a node that can reach at most `max_pairs` pairs may beat the best set.
+fn is_better(node: &Node, max_pairs: usize, best: &Pairing) -> bool {
+    max_pairs > best.pairs || max_pairs == best.pairs && node.distance_squared < best.distance_squared
 }
 
-impl Frame {
-    /// Squared distance of one more pair under the pose so far.
+impl Node {
+    /// Returns the squared Mahalanobis distance of a candidate given the pairs so far.
     #[inline]
-    fn distance_squared_of(&self, candidate: &Candidate) -> f64 {
+    fn distance_squared_of(&self, candidate: &BearingCandidate) -> f64 {
         let h = &candidate.jacobian;
         let innovation = candidate.innovation - (h * self.shift).x;
         innovation * innovation / ((h * self.covariance * h.transpose()).x + candidate.noise)
     }
 
-    /// With one more pair.
+    /// Returns the node with one more pair.
     #[inline]
-    fn with(&self, candidate: &Candidate) -> Self {
+    fn with(&self, candidate: &BearingCandidate) -> Self {
         let h = &candidate.jacobian;
-        let spread = self.covariance * h.transpose();
+        let cross = self.covariance * h.transpose();
         let innovation = candidate.innovation - (h * self.shift).x;
-        let variance = (h * spread).x + candidate.noise;
-        let gain = spread / variance;
+        let variance = (h * cross).x + candidate.noise;
+        let gain = cross / variance;
         Self {
             shift: self.shift + gain * innovation,
-            covariance: self.covariance - gain * spread.transpose(),
+            covariance: self.covariance - gain * cross.transpose(),
             pairs: self.pairs + 1,
             distance_squared: self.distance_squared + innovation * innovation / variance,
             next: 0,
@@ -327,12 +328,12 @@ mod tests {
     use nalgebra::Point2;
 
     fn seen_from(landmarks: &[EdgeLandmark], pose: &Pose2) -> Vec<SeenBearing> {
-        let see = |edge: &EdgeLandmark| SeenBearing {
+        let bearing = |edge: &EdgeLandmark| SeenBearing {
             azimuth_rad: predict(edge, pose, LeverArm::zeros()).azimuth_rad,
             sign: None,
             sigma_rad: 0.01,
         };
-        landmarks.iter().map(see).collect()
+        landmarks.iter().map(bearing).collect()
     }
 
     fn landmarks() -> Vec<EdgeLandmark> {
@@ -342,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn no_landmark_is_paired_twice_and_the_set_passes_its_gate() {
+    fn landmarks_are_paired_once_and_the_set_passes_its_gate() {
         let map = landmarks();
         let belief = Belief::new(Pose2::new(0.04, -0.03, 0.05), 0.08, 0.1);
         let mut seen = seen_from(&map, &Pose2::IDENTITY);
@@ -362,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn one_edge_goes_to_the_nearest() {
+    fn a_single_edge_is_paired_with_the_nearest_landmark() {
         let map = landmarks();
         let belief = Belief::new(Pose2::IDENTITY, 0.1, 0.2);
         let seen = seen_from(&map[1..2], &Pose2::new(0.0, 0.0, 0.05));
@@ -379,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn a_search_that_is_cut_short_says_so() {
+    fn a_truncated_search_is_reported() {
         let map = landmarks();
         let belief = Belief::new(Pose2::IDENTITY, 0.3, 0.3);
         let seen = seen_from(&map, &Pose2::IDENTITY);

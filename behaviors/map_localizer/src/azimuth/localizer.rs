@@ -9,25 +9,25 @@ use super::joint_compatibility::{JointCompatibility, JointRule};
 use super::solver::{BearingPair, SolverRule, most_likely_pose};
 use crate::belief::Belief;
 
-/// A wall that hides what is behind it: its two ends on the map, meters.
+/// Ends of a wall that occludes edges, map frame, m.
 pub type Obstruction = [Point2<f64>; 2];
 
-/// How the pose is found.
+/// Limits of the localization.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AzimuthRule {
-    /// How edges are paired.
+    /// Limits of the pairing.
     pub joint: JointRule,
-    /// How the most likely pose is sought.
+    /// Limits of the optimization.
     pub solver: SolverRule,
-    /// Share of right poses that the test of the residuals lets pass, 0 to 1.
+    /// Probability that the chi-squared test accepts a correct pose, 0 to 1.
     pub probability: f64,
-    /// Largest correction of the position, meters.
+    /// Maximum correction of the position, m.
     pub max_correction_m: f64,
-    /// Farthest edges of the map that are looked for, meters.
-    pub farthest_m: f64,
-    /// An edge is not hidden by what ends this near to it, meters.
-    pub hiding_margin_m: f64,
-    /// Most edges of a picture.
+    /// Maximum distance of a map edge that is expected in view, m.
+    pub max_range_m: f64,
+    /// Distance from an edge below which a wall does not occlude it, m.
+    pub occlusion_margin_m: f64,
+    /// Maximum number of edges of an image.
     pub max_seen: u32,
 }
 
@@ -38,61 +38,61 @@ impl Default for AzimuthRule {
             solver: SolverRule::default(),
             probability: 0.999,
             max_correction_m: 0.5,
-            farthest_m: 15.0,
-            hiding_margin_m: 0.05,
+            max_range_m: 15.0,
+            occlusion_margin_m: 0.05,
             max_seen: 128,
         }
     }
 }
 
-/// A pose found from azimuths.
+/// Pose found from azimuths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AzimuthFix {
-    /// The pose and its covariance.
+    /// Pose and its covariance.
     pub belief: Belief,
-    /// How many edges were paired. Below three the prediction does the rest.
+    /// Number of paired edges. With fewer than three the prediction determines the rest.
     pub pairs: usize,
-    /// Sum of the squared residuals over their variances, that of the prediction among them; one degree of freedom a pair.
+    /// Sum of the squared normalized residuals including the prediction's; one degree of freedom per pair.
     pub chi_squared: f64,
-    /// Longest over shortest axis of the position's covariance, squared; 100 and more where the edges fix one direction only.
+    /// Ratio of the eigenvalues of the position's covariance; 100 or more if the edges determine one direction only.
     pub condition: f64,
 }
 
-/// Why there is no pose. The prediction stays what it was.
+/// Reason why there is no pose.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum AzimuthProblem {
-    /// The picture shows no edges.
-    #[error("no edges are seen")]
+    /// The image contains no edges.
+    #[error("the image contains no edges")]
     NoEdges,
-    /// The prediction is no number.
-    #[error("the prediction is not usable")]
+    /// The prediction is not finite or has a negative variance.
+    #[error("the predicted pose is invalid")]
     BadPrediction,
-    /// None of the edges seen is one of the map.
-    #[error("none of {seen} edges seen is on the map")]
+    /// No observed edge matches the map.
+    #[error("none of {seen} observed edges matches the map")]
     AllUnknown {
-        /// Edges seen.
+        /// Number of observed edges.
         seen: usize,
     },
-    /// Robot and edges leave the pose open.
-    #[error("the edges do not fix the pose")]
+    /// The edges do not determine the pose.
+    #[error("the edges do not determine the pose")]
     Singular,
-    /// The residuals are too large for the pose to be right.
-    #[error("residuals do not fit: chi-square {chi_squared:.1} with {pairs} edges")]
+    /// The residuals fail the chi-squared test.
+    #[error("the residuals are too large: chi-squared {chi_squared:.1} with {pairs} edges")]
     Inconsistent {
-        /// Sum of the squared residuals over their variances.
+        /// Sum of the squared normalized residuals.
         chi_squared: f64,
-        /// Edges paired.
+        /// Number of paired edges.
         pairs: usize,
     },
-    /// The pose lies farther from the prediction than it may.
-    #[error("the pose lies {distance_m:.2} m from the prediction")]
+    /// The correction of the position is too large.
+    #[error("the pose is {distance_m:.2} m away from the prediction")]
     Jump {
-        /// Meters.
+        /// Distance from the prediction, m.
         distance_m: f64,
     },
 }
 
-/// Finds the pose from the azimuths of edges of a map. Keeps its buffers.
+/// Localizer by the azimuths of map edges. Reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct AzimuthLocalizer {
     rule: AzimuthRule,
@@ -102,24 +102,25 @@ pub struct AzimuthLocalizer {
     joint: JointCompatibility,
     gates: Vec<f64>,
     visible: Vec<EdgeLandmark>,
-    /// Number on the map of each visible edge.
-    numbers: Vec<usize>,
+    /// Index in the map of each visible edge.
+    indices: Vec<usize>,
     pairs: Vec<BearingPair>,
     edge_of_seen: Vec<Option<usize>>,
 }
 
-/// Poses that are tried around the prediction where the robot is lost.
+/// Number of hypotheses around the prediction in a search.
 const SAMPLES: u32 = 200;
 
 impl AzimuthLocalizer {
-    /// With a map, the walls that hide parts of it, and where the sensor's axis stands on the robot.
+    /// Creates a localizer for a map, the walls that occlude parts of it, and the position of the sensor's axis on the
+    /// robot.
     #[must_use]
     pub fn new(map: Vec<EdgeLandmark>, walls: Vec<Obstruction>, lever: LeverArm, rule: AzimuthRule) -> Self {
         Self {
             joint: JointCompatibility::new(rule.joint, rule.max_seen),
             gates: (0..=rule.max_seen).map(|n| quantile(rule.probability, n)).collect(),
             visible: Vec::with_capacity(map.len()),
-            numbers: Vec::with_capacity(map.len()),
+            indices: Vec::with_capacity(map.len()),
             pairs: Vec::with_capacity(rule.max_seen as usize),
             edge_of_seen: Vec::with_capacity(rule.max_seen as usize),
             rule,
@@ -129,34 +130,28 @@ impl AzimuthLocalizer {
         }
     }
 
-    /// The edges of the map.
-    #[must_use]
-    pub fn map(&self) -> &[EdgeLandmark] {
-        &self.map
-    }
-
-    /// How many edges of the map the last call expected in view.
+    /// Returns the number of map edges expected in view by the last call of [`AzimuthLocalizer::locate`].
     #[must_use]
     pub fn visible(&self) -> usize {
         self.visible.len()
     }
 
-    /// The edge of the map that each edge seen is, or `None`: of the last call.
+    /// Returns the map edge of each observed edge, or `None`, from the last call of [`AzimuthLocalizer::locate`].
     #[must_use]
     pub fn edge_of_seen(&self) -> &[Option<usize>] {
         &self.edge_of_seen
     }
 
-    /// The pairs of the last call.
+    /// Returns the pairs of the last call of [`AzimuthLocalizer::locate`].
     #[must_use]
     pub fn pairs(&self) -> &[BearingPair] {
         &self.pairs
     }
 
-    /// The pose, from what odometry predicts and what the picture shows.
+    /// Finds the pose from the pose predicted by odometry and the edges observed in an image.
     ///
     /// # Errors
-    /// [`AzimuthProblem`] says why there is none.
+    /// The edges do not determine the pose, or contradict the map or the prediction.
     pub fn locate(&mut self, predicted: &Belief, seen: &[SeenBearing]) -> Result<AzimuthFix, AzimuthProblem> {
         self.pairs.clear();
         self.edge_of_seen.clear();
@@ -164,15 +159,15 @@ impl AzimuthLocalizer {
         if seen.is_empty() {
             return Err(AzimuthProblem::NoEdges);
         }
-        if !predicted.is_sound() {
+        if !predicted.is_valid() {
             return Err(AzimuthProblem::BadPrediction);
         }
-        self.look_from(&predicted.pose);
+        self.find_visible(&predicted.pose);
         self.joint.pair(predicted, self.lever, &self.visible, seen);
-        for (number, (place, seen)) in self.joint.landmark_of_seen().iter().zip(seen).enumerate() {
-            if let Some(place) = *place {
-                self.edge_of_seen[number] = Some(self.numbers[place]);
-                self.pairs.push(BearingPair { landmark: self.visible[place], seen: *seen });
+        for (i, (landmark, seen)) in self.joint.landmark_of_seen().iter().zip(seen).enumerate() {
+            if let Some(landmark) = *landmark {
+                self.edge_of_seen[i] = Some(self.indices[landmark]);
+                self.pairs.push(BearingPair { landmark: self.visible[landmark], seen: *seen });
             }
         }
         if self.pairs.is_empty() {
@@ -181,7 +176,7 @@ impl AzimuthLocalizer {
         let guess = self.joint.corrected(&predicted.pose);
         let found = most_likely_pose(&self.pairs, &guess, Some(predicted), &self.rule.solver, self.lever)
             .map_err(|_| AzimuthProblem::Singular)?;
-        let (pairs, chi_squared) = (self.pairs.len(), found.chi_squared + found.from_prior);
+        let (pairs, chi_squared) = (self.pairs.len(), found.chi_squared + found.prior_distance_squared);
         let is_consistent = chi_squared <= self.gates[pairs.min(self.gates.len() - 1)];
         if !is_consistent {
             return Err(AzimuthProblem::Inconsistent { chi_squared, pairs });
@@ -194,17 +189,18 @@ impl AzimuthLocalizer {
         Ok(AzimuthFix { belief: found.belief, pairs, chi_squared, condition: condition(&found.belief) })
     }
 
-    /// The pose where the prediction is not to be trusted: the best of many tries within three standard deviations of it, by the
-    /// number of pairs and then the residuals. It takes as long as 200 calls of [`AzimuthLocalizer::locate`].
+    /// Searches for the pose if the prediction is unreliable: evaluates hypotheses within three standard deviations of
+    /// it and selects the one with the most pairs, then the smallest residuals. Takes as long as 200 calls of
+    /// [`AzimuthLocalizer::locate`].
     ///
     /// # Errors
-    /// [`AzimuthProblem`] of the prediction itself, where no try found a pose with three pairs.
+    /// No hypothesis has three pairs; the error is that of the prediction itself.
     pub fn search(&mut self, wide: &Belief, seen: &[SeenBearing]) -> Result<AzimuthFix, AzimuthProblem> {
         let mut best = self.locate(wide, seen);
         let deviations = Vector3::from_fn(|i, _| wide.covariance[(i, i)].max(0.0).sqrt());
-        // Tries overlap: each covers what lies between them.
-        let share = 3.0 / f64::from(SAMPLES).cbrt();
-        let narrow = wide.covariance * (share * share);
+        // Adjacent hypotheses overlap.
+        let factor = 3.0 / f64::from(SAMPLES).cbrt();
+        let narrow = wide.covariance * (factor * factor);
         for sample in 1..=SAMPLES {
             let at = [2, 3, 5].map(|base| 6.0 * halton(sample, base) - 3.0);
             let pose = Pose2 {
@@ -217,29 +213,29 @@ impl AzimuthLocalizer {
                 best = found;
             }
         }
-        // What belongs to the best one is told again.
+        // Repeated so that the buffers contain the best one.
         match best {
             Ok(fix) if fix.pairs >= 3 => self.locate(&Belief { covariance: narrow, ..fix.belief }, seen),
             _ => self.locate(wide, seen),
         }
     }
 
-    /// The edges that walls do not hide.
-    fn look_from(&mut self, pose: &Pose2) {
+    /// Collects the map edges in range that no wall occludes.
+    fn find_visible(&mut self, pose: &Pose2) {
         self.visible.clear();
-        self.numbers.clear();
+        self.indices.clear();
         let sensor = pose.transform_point(Point2::from(self.lever));
-        for (number, edge) in self.map.iter().enumerate() {
+        for (index, edge) in self.map.iter().enumerate() {
             let away = edge.position - sensor;
             let distance = away.norm();
-            if !(distance > 0.0 && distance <= self.rule.farthest_m) {
+            if !(distance > 0.0 && distance <= self.rule.max_range_m) {
                 continue;
             }
-            let short = (1.0 - self.rule.hiding_margin_m / distance).max(0.0);
+            let short = (1.0 - self.rule.occlusion_margin_m / distance).max(0.0);
             let ray = [sensor, sensor + away * short];
             if !self.walls.iter().any(|wall| segments_cross(ray, *wall)) {
                 self.visible.push(*edge);
-                self.numbers.push(number);
+                self.indices.push(index);
             }
         }
     }
@@ -259,12 +255,12 @@ fn condition(belief: &Belief) -> f64 {
     (middle + half) / (middle - half).max(f64::MIN_POSITIVE)
 }
 
-/// The number `index` of van der Corput's sequence, in (0, 1).
+/// Returns element `index` of the van der Corput sequence in this base, in (0, 1).
 fn halton(mut index: u32, base: u32) -> f64 {
-    let (mut share, mut value) = (1.0, 0.0);
+    let (mut digit_value, mut value) = (1.0, 0.0);
     while index > 0 {
-        share /= f64::from(base);
-        value += share * f64::from(index % base);
+        digit_value /= f64::from(base);
+        value += digit_value * f64::from(index % base);
         index /= base;
     }
     value
@@ -298,13 +294,13 @@ mod tests {
         .collect()
     }
 
-    fn look(edges: &[EdgeLandmark], pose: &Pose2) -> Vec<SeenBearing> {
-        let see = |edge: &EdgeLandmark| SeenBearing {
+    fn observe(edges: &[EdgeLandmark], pose: &Pose2) -> Vec<SeenBearing> {
+        let bearing = |edge: &EdgeLandmark| SeenBearing {
             azimuth_rad: predict(edge, pose, LeverArm::zeros()).azimuth_rad,
             sign: edge.sign,
             sigma_rad: 0.005,
         };
-        edges.iter().map(see).collect()
+        edges.iter().map(bearing).collect()
     }
 
     fn localizer(walls: Vec<Obstruction>) -> AzimuthLocalizer {
@@ -314,7 +310,7 @@ mod tests {
     #[test]
     fn the_pose_is_found_among_unknown_edges() {
         let truth = Pose2::new(1.6, 2.2, 0.4);
-        let mut seen = look(&map(), &truth);
+        let mut seen = observe(&map(), &truth);
         let unknown = [0.3, -0.9, 2.9].map(|azimuth_rad| SeenBearing { azimuth_rad, ..seen[0] });
         seen.extend(unknown);
         let predicted = Belief::new(Pose2::new(1.63, 2.17, 0.42), 0.05, 0.03);
@@ -326,30 +322,30 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_hides_what_is_behind_it() {
+    fn a_wall_occludes_the_edges_behind_it() {
         let truth = Pose2::new(1.6, 2.2, 0.4);
-        // The corner at (4, 4) stands behind it, and the one at (3, 3) is its own end.
+        // The corner at (4, 4) is behind the wall, the one at (3, 3) is its end.
         let wall = [Point2::new(3.0, 3.0), Point2::new(2.8, 3.6)];
         let mut localizer = localizer(vec![wall]);
-        localizer.look_from(&truth);
-        assert!(!localizer.numbers.contains(&2) && localizer.numbers.contains(&8));
+        localizer.find_visible(&truth);
+        assert!(!localizer.indices.contains(&2) && localizer.indices.contains(&8));
     }
 
     #[test]
-    fn every_problem_has_its_name() {
+    fn each_problem_is_reported() {
         let truth = Pose2::new(1.6, 2.2, 0.4);
         let predicted = Belief::new(truth, 0.05, 0.03);
         let mut localizer = localizer(Vec::new());
         assert_eq!(localizer.locate(&predicted, &[]), Err(AzimuthProblem::NoEdges));
         let broken = Belief::new(Pose2 { x: f64::NAN, ..truth }, 0.05, 0.03);
-        let seen = look(&map(), &truth);
+        let seen = observe(&map(), &truth);
         assert_eq!(localizer.locate(&broken, &seen), Err(AzimuthProblem::BadPrediction));
         let unknown = SeenBearing { azimuth_rad: 0.2, ..seen[0] };
         let tight = Belief::new(truth, 0.01, 0.005);
         assert_eq!(localizer.locate(&tight, &[unknown]), Err(AzimuthProblem::AllUnknown { seen: 1 }));
         let no_number = SeenBearing { azimuth_rad: f64::NAN, ..seen[0] };
         assert_eq!(localizer.locate(&tight, &[no_number]), Err(AzimuthProblem::AllUnknown { seen: 1 }));
-        // Two edges do not fix a pose, but correct it.
+        // Two edges do not determine a pose, but correct it.
         let fix = localizer.locate(&predicted, &seen[..2]).unwrap();
         assert!(fix.pairs == 2 && fix.belief.sigma_xy_m() > 0.02);
     }
@@ -357,7 +353,7 @@ mod tests {
     #[test]
     fn a_lost_robot_is_found_again() {
         let truth = Pose2::new(2.4, 1.1, -0.8);
-        let seen = look(&map(), &truth);
+        let seen = observe(&map(), &truth);
         let lost = Belief::new(Pose2::new(1.9, 1.6, -0.4), 0.35, 0.3);
         let mut localizer = localizer(Vec::new());
         let fix = localizer.search(&lost, &seen).unwrap();

@@ -1,8 +1,8 @@
-//! The robot's pose from the azimuths of vertical edges.
+//! Localization by the azimuths of vertical edges in the images of a mirror camera.
 //!
-//! Yagi, Nishizawa & Yachida (1995), section VI. Differs from \[1\]: edges seen and edges of the map are paired by joint
-//! compatibility, and the pose is the most likely one under the azimuths and the odometry together. The paper's search over
-//! the heading is kept as [`PanSearch`] to compare with.
+//! Yagi, Nishizawa & Yachida (1995) \[1\], section VI. Differs from \[1\]: observed edges and map edges are paired by
+//! joint compatibility, and the pose is the maximum-likelihood estimate from azimuths and odometry. The search over the
+//! heading of \[1\] is available as [`PanSearch`] for comparison.
 
 mod bearing;
 mod chi_square;

@@ -4,16 +4,16 @@ use yamabico_core::geometry::{Pose2, wrap_angle};
 
 use super::solver::BearingPair;
 
-/// The paper's way to the pose: for each of several headings the position by least squares of perpendicular distances, and
-/// of all the heading with the least sum of squares.
+/// Search over the heading: finds the position by least squares of the perpendicular distances for each of several
+/// headings, and selects the heading with the smallest sum of squares.
 ///
-/// Yagi et al. (1995), equations 7 and 8. Differs from \[1\]: a parabola over the costs refines the heading, and a least
-/// cost at the end of the range widens it once.
+/// Yagi et al. (1995) \[1\], equations 7 and 8. Differs from \[1\]: a parabola through the costs refines the heading,
+/// and a minimum at the end of the range doubles the range once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PanSearch {
-    /// Headings on either side of the predicted one.
+    /// Number of headings on each side of the predicted one.
     pub steps: i32,
-    /// Between two of them, radians.
+    /// Spacing of the headings, rad.
     pub step_rad: f64,
 }
 
@@ -23,38 +23,38 @@ impl Default for PanSearch {
     }
 }
 
-/// A pose found by the search.
+/// Pose found by a [`PanSearch`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PanFix {
-    /// The number of the best heading, from the predicted one.
+    /// Offset of the best heading from the predicted one, in steps.
     pub step: i32,
-    /// The best of the headings, and the position for it.
+    /// Best heading of the grid, with its position.
     pub coarse: Pose2,
-    /// Its sum of squared distances, square meters.
+    /// Sum of squared distances of the coarse pose, m².
     pub cost: f64,
-    /// The heading refined, and the position for it.
+    /// Refined heading, with its position.
     pub pose: Pose2,
 }
 
-/// Why there is no pose.
+/// Reason why a [`PanSearch`] found no pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum PanError {
-    /// Two pairs fit at every heading.
-    #[error("three edges at least are needed")]
+    /// Fewer than three pairs, which fit at any heading.
+    #[error("at least three edges are required")]
     TooFew,
     /// All edges lie in one direction.
-    #[error("the edges do not fix the position")]
+    #[error("the edges do not determine the position")]
     Singular,
-    /// The best heading is the farthest one, in twice the range too.
-    #[error("the heading is outside of the range that was searched")]
+    /// The best heading is at the end of the range, even of the doubled one.
+    #[error("the heading is outside of the search range")]
     AtEnd,
 }
 
 impl PanSearch {
-    /// Searches around a predicted heading (radians).
+    /// Searches around a predicted heading (rad).
     ///
     /// # Errors
-    /// [`PanError`].
+    /// The pairs do not determine the pose, or the heading is outside of the search range.
     pub fn find(&self, pairs: &[BearingPair], heading_rad: f64) -> Result<PanFix, PanError> {
         if pairs.len() < 3 {
             return Err(PanError::TooFew);
@@ -81,8 +81,8 @@ impl PanSearch {
         }
         let middle = f64::from(step);
         let (before, after) = (at(middle - 1.0)?.1, at(middle + 1.0)?.1);
-        let bend = before - 2.0 * cost + after;
-        let offset = if bend > 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+        let curvature = before - 2.0 * cost + after;
+        let offset = if curvature > 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
         let pose = |step: f64| -> Result<Pose2, PanError> {
             let (position, _) = at(step)?;
             let theta = wrap_angle(heading_rad + step * self.step_rad);
@@ -92,7 +92,7 @@ impl PanSearch {
     }
 }
 
-/// The position for a heading, and its sum of squared perpendicular distances.
+/// Returns the position for a heading and its sum of squared perpendicular distances.
 fn position(pairs: &[BearingPair], heading_rad: f64) -> Option<(Point2<f64>, f64)> {
     let normal = |pair: &BearingPair| {
         let (sin, cos) = (heading_rad + pair.seen.azimuth_rad).sin_cos();

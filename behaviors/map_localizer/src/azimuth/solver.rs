@@ -5,91 +5,91 @@ use yamabico_core::geometry::{Pose2, angle_difference, wrap_angle};
 use super::bearing::{EdgeLandmark, LeverArm, SeenBearing, predict_from};
 use crate::belief::{Belief, Update, difference};
 
-/// An edge seen and the edge of the map that it is.
+/// Pair of an observed edge and its map edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingPair {
-    /// Of the map.
+    /// Map edge.
     pub landmark: EdgeLandmark,
-    /// Of the picture.
+    /// Observed edge.
     pub seen: SeenBearing,
 }
 
-/// How much a pair counts that lies far off.
+/// Loss function of the residuals. Its parameter is in standard deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Loss {
-    /// As much as any other.
+    /// Least squares: all residuals have the same weight.
     #[default]
     Squares,
-    /// Less beyond so many standard deviations (1.345 as a rule); a gross error still pulls.
+    /// Huber: lower weights above this residual (usually 1.345); outliers keep some influence.
     Huber(f64),
-    /// Nothing beyond so many standard deviations (4.685 as a rule). Until the pose nearly stands still it is Huber's, so that
-    /// a first guess that lies far off is not kept for want of anything near.
+    /// Tukey: zero weight above this residual (usually 4.685). Huber is used until the pose has nearly converged, so
+    /// that a poor initial guess does not exclude all pairs.
     Tukey(f64),
 }
 
-/// How the most likely pose is sought.
+/// Loss and termination of the optimization.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverRule {
-    /// What becomes of pairs that lie far off.
+    /// Loss function of the residuals.
     pub loss: Loss,
-    /// A step shorter than this (meters and radians) is the last.
-    pub settled: f64,
-    /// Steps after which a pose that still moves is given up.
+    /// Step (m and rad) below which the pose has converged.
+    pub tolerance: f64,
+    /// Maximum number of iterations.
     pub max_iterations: u32,
 }
 
 impl SolverRule {
-    /// Until nothing moves any more: for comparisons.
+    /// Iterates to numerical convergence, for comparisons.
     #[must_use]
     pub fn exact(loss: Loss) -> Self {
-        Self { loss, settled: 1e-11, max_iterations: 200 }
+        Self { loss, tolerance: 1e-11, max_iterations: 200 }
     }
 }
 
 impl Default for SolverRule {
-    /// To the hundredth of a millimeter, far below what azimuths tell.
+    /// Uses the Tukey loss and a tolerance of 0.01 mm, far below the accuracy of the azimuths.
     fn default() -> Self {
-        Self { loss: Loss::Tukey(4.685), settled: 1e-5, max_iterations: 50 }
+        Self { loss: Loss::Tukey(4.685), tolerance: 1e-5, max_iterations: 50 }
     }
 }
 
-/// The most likely pose.
+/// Maximum-likelihood pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// The pose and its covariance.
+    /// Pose and its covariance.
     pub belief: Belief,
-    /// Sum of the squared residuals of the azimuths over their variances.
+    /// Sum of the squared normalized residuals of the azimuths.
     pub chi_squared: f64,
-    /// Squared Mahalanobis distance from the prior; 0 without one.
-    pub from_prior: f64,
-    /// Steps until it stood still.
+    /// Squared Mahalanobis distance from the prior; 0 without a prior.
+    pub prior_distance_squared: f64,
+    /// Number of iterations.
     pub iterations: u32,
 }
 
-/// Why there is none.
+/// Reason why the optimization found no pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SolverError {
-    /// Fewer than three pairs, and no prior.
-    #[error("three edges at least are needed where nothing is known of the pose")]
+    /// Fewer than three pairs without a prior.
+    #[error("at least three edges are required without a prior pose")]
     TooFew,
-    /// The edges leave the pose open: robot and edges on one circle, or the prior is no covariance.
-    #[error("the edges do not fix the pose")]
+    /// The edges do not determine the pose (robot and edges on one circle), or the covariance of the prior is singular.
+    #[error("the edges do not determine the pose")]
     Singular,
-    /// The steps did not come to an end.
-    #[error("the pose did not settle")]
-    Unsettled,
+    /// The optimization did not converge.
+    #[error("the pose did not converge")]
+    NotConverged,
 }
 
-/// Beyond so many standard deviations a residual counts less.
+/// Parameter of the Huber loss that precedes the Tukey loss, in standard deviations.
 const HUBER: f64 = 1.345;
-/// A step shorter than this (m and rad) leads to where the pairs that lie far off can be told.
-const NEARLY_SETTLED: f64 = 2e-3;
+/// Step (m and rad) below which the Huber loss is replaced by the Tukey loss.
+const SWITCH_TOLERANCE: f64 = 2e-3;
 
-/// The pose that makes the azimuths, and the prior if there is one, most likely: Gauss-Newton from `guess`, which for squares
-/// from the prior is the iterated extended Kalman filter.
+/// Finds the maximum-likelihood pose given the azimuths and an optional prior, by Gauss-Newton iteration from `guess`.
+/// With least squares and the prior as the guess, it equals the iterated extended Kalman filter.
 ///
 /// # Errors
-/// [`SolverError`].
+/// The pairs and the prior do not determine the pose, or the iteration does not converge.
 pub fn most_likely_pose(
     pairs: &[BearingPair],
     guess: &Pose2,
@@ -113,31 +113,31 @@ pub fn most_likely_pose(
         other => other,
     };
     for iteration in 1..=rule.max_iterations {
-        let (information, pull, chi_squared) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
+        let (information, rhs, chi_squared) = normal_equations(pairs, &pose, known.as_ref(), loss, lever);
         let covariance = inverse_of(&information).ok_or(SolverError::Singular)?;
-        let step: Vector3<f64> = covariance * pull;
+        let step: Vector3<f64> = covariance * rhs;
         if !step.iter().all(|x| x.is_finite()) {
             return Err(SolverError::Singular);
         }
         pose = Pose2 { x: pose.x + step.x, y: pose.y + step.y, theta: wrap_angle(pose.theta + step.z) };
         if loss != rule.loss {
-            if step.amax() < NEARLY_SETTLED {
+            if step.amax() < SWITCH_TOLERANCE {
                 loss = rule.loss;
             }
-        } else if step.amax() < rule.settled {
-            let from_prior = known.as_ref().map_or(0.0, |(prior, information)| {
+        } else if step.amax() < rule.tolerance {
+            let prior_distance_squared = known.as_ref().map_or(0.0, |(prior, information)| {
                 let off = difference(prior, &pose);
                 off.dot(&(information * off))
             });
             let belief = Belief { pose, covariance };
-            return Ok(Solution { belief, chi_squared, from_prior, iterations: iteration });
+            return Ok(Solution { belief, chi_squared, prior_distance_squared, iterations: iteration });
         }
     }
-    Err(SolverError::Unsettled)
+    Err(SolverError::NotConverged)
 }
 
-/// Applies the pairs to the belief one after the other, each within the gate (squared Mahalanobis distance), and tells how many
-/// were: the extended Kalman filter. Where the prediction is far off, [`most_likely_pose`] is better.
+/// Updates the belief with the pairs in sequence by an extended Kalman filter and returns the number of pairs within
+/// the gate (squared Mahalanobis distance). [`most_likely_pose`] is more accurate if the prior is far off.
 pub fn filter(belief: &mut Belief, pairs: &[BearingPair], gate: f64, lever: LeverArm) -> usize {
     let is_applied = |pair: &&BearingPair| {
         let (sin, cos) = belief.pose.theta.sin_cos();
@@ -156,11 +156,11 @@ fn normal_equations(
     loss: Loss,
     lever: LeverArm,
 ) -> (Matrix3<f64>, Vector3<f64>, f64) {
-    let (mut information, mut pull, mut chi_squared) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
-    if let Some((known, of_prior)) = prior {
+    let (mut information, mut rhs, mut chi_squared) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+    if let Some((known, prior_information)) = prior {
         let off = difference(known, pose);
-        information += of_prior;
-        pull += of_prior * off;
+        information += prior_information;
+        rhs += prior_information * off;
     }
     let (sin, cos) = pose.theta.sin_cos();
     for pair in pairs {
@@ -170,21 +170,21 @@ fn normal_equations(
         let weight = loss.weight(residual.abs() / variance.sqrt()) / variance;
         let h = &found.jacobian;
         information += h.transpose() * (weight * h);
-        pull += h.transpose() * (weight * residual);
+        rhs += h.transpose() * (weight * residual);
         chi_squared += weight * residual * residual;
     }
-    (information, pull, chi_squared)
+    (information, rhs, chi_squared)
 }
 
 impl Loss {
-    /// The weight of a residual of so many standard deviations, 0 to 1.
+    /// Returns the weight of a residual given in standard deviations, 0 to 1.
     #[must_use]
     pub fn weight(self, deviations: f64) -> f64 {
         match self {
             Self::Squares => 1.0,
-            Self::Huber(knee) if deviations <= knee => 1.0,
-            Self::Huber(knee) => knee / deviations,
-            Self::Tukey(end) if deviations < end => (1.0 - (deviations / end).powi(2)).powi(2),
+            Self::Huber(limit) if deviations <= limit => 1.0,
+            Self::Huber(limit) => limit / deviations,
+            Self::Tukey(limit) if deviations < limit => (1.0 - (deviations / limit).powi(2)).powi(2),
             Self::Tukey(_) => 0.0,
         }
     }
@@ -220,10 +220,10 @@ mod tests {
     }
 
     #[test]
-    fn the_covariance_is_that_of_the_errors() {
+    fn the_covariance_matches_the_errors() {
         let mut normal = noise();
         let lever = LeverArm::new(0.1, 0.02);
-        let (mut nees, mut of_filter) = (0.0, 0.0);
+        let (mut nees, mut filter_nees) = (0.0, 0.0);
         const TRIALS: usize = 1000;
         for trial in 0..TRIALS {
             let truth = Pose2::new(1.0 + 0.002 * trial as f64, 2.0, 0.006 * trial as f64 - 3.0);
@@ -241,14 +241,14 @@ mod tests {
             nees += found.belief.distance_squared(&truth) / TRIALS as f64;
             let mut belief = known;
             assert_eq!(filter(&mut belief, &pairs, f64::INFINITY, lever), pairs.len());
-            of_filter += belief.distance_squared(&truth) / TRIALS as f64;
+            filter_nees += belief.distance_squared(&truth) / TRIALS as f64;
         }
         assert!((nees - 3.0).abs() < 0.3, "{nees}");
-        assert!((of_filter - 3.0).abs() < 0.3, "{of_filter}");
+        assert!((filter_nees - 3.0).abs() < 0.3, "{filter_nees}");
     }
 
     #[test]
-    fn a_gross_error_does_not_move_the_pose() {
+    fn an_outlier_does_not_move_the_pose() {
         let truth = Pose2::new(1.7, 1.4, 0.3);
         let mut pairs = pairs(&truth, LeverArm::zeros(), || 0.0);
         pairs[2].seen.azimuth_rad += 0.3;
@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fix_the_pose_says_so() {
+    fn an_undetermined_pose_is_an_error() {
         let truth = Pose2::new(1.7, 1.4, 0.3);
         let pairs = pairs(&truth, LeverArm::zeros(), || 0.0);
         let solve = |pairs: &[BearingPair]| {

@@ -2,7 +2,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::ops::Range;
 
 use nalgebra::Vector2;
-use yamabico_core::behavior::{BuildError, Setup};
+use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::camera::{MirrorCamera, MirrorImage};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{FrameHeader, Reason, View};
@@ -19,24 +19,25 @@ use super::plan_file::FloorPlanFile;
 use crate::CAMERA;
 use crate::belief::{Belief, Update};
 use crate::config::Config;
-use crate::fix::{Fix, PoseFinder, Trust};
+use crate::fix::{Fix, NoiseFactors, PoseFinder};
 
-/// Corners whose place on the floor changes by more than this with a pixel tell nothing, meters.
-const MAX_SLOPE_M: f64 = 0.7;
-/// Corners this near to the rim of the mirror are those of the rim, pixels.
+/// Maximum change of a corner's distance on the floor per pixel, m/px.
+const MAX_SLOPE_M_PER_PX: f64 = 0.7;
+/// Distance from the mirror's rim within which corners are ignored, px.
 const RIM_PX: f64 = 2.0;
-/// Specks in the floor up to twice so many pixels wide are closed, as lines are.
-const CLOSED_PX: u32 = 1;
-/// Specks beside the floor up to twice so many pixels wide are none.
-const SPECK_PX: u32 = 1;
-/// A mirror that leans by more is not upright, rad.
-const UPRIGHT_RAD: f64 = 0.002;
-/// Least standard deviations of a robot that was found again: meters, radians.
-const FOUND_SIGMA: [f64; 2] = [0.02, 0.01];
-/// Squared distance of a measured pose from the belief that is allowed, three degrees of freedom.
-const GATE: f64 = 16.27;
+/// Radius of the closing that fills lines and holes in the floor mask, px.
+const CLOSING_PX: u32 = 1;
+/// Radius of the opening that removes specks outside of the floor, px.
+const OPENING_PX: u32 = 1;
+/// Maximum tilt and roll of the mirror, rad.
+const MAX_LEAN_RAD: f64 = 0.002;
+/// Minimum standard deviations of position (m) and heading (rad) after a search.
+const OUTLINE_SEARCH_SIGMA: [f64; 2] = [0.02, 0.01];
+/// Gate on the squared Mahalanobis distance of a measured pose from the belief: 99.9 % quantile, three degrees of
+/// freedom.
+const POSE_GATE: f64 = 16.27;
 
-/// Finds the robot by the outline of the floor around it.
+/// Pose finder that matches the outline of the floor in the image of a mirror camera.
 #[derive(Clone, Debug)]
 pub struct FloorFinder {
     walls: WireFrame,
@@ -52,22 +53,27 @@ pub struct FloorFinder {
 }
 
 impl FloorFinder {
-    /// One for the configuration's floor and the robot's mirror camera.
+    /// Creates a finder for the configured floor and the robot's mirror camera.
     ///
     /// # Errors
-    /// Another kind of camera, one that leans or does not see the floor, no plan or no colors, or files that cannot be read.
-    pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
+    /// The camera is of another kind, is not upright or does not see the floor; or the plan or the colors are missing
+    /// or invalid.
+    pub fn new(config: &Config, setup: &Setup) -> Result<Self, ParameterError> {
         let mirror = setup.mirror_camera(&CAMERA)?;
-        let refused = |problem: &str| BuildError::new("inputs.camera", problem);
-        if mirror.mount.tilt.hypot(mirror.mount.roll) > UPRIGHT_RAD {
-            return Err(refused("floor-outline needs a mirror that stands upright: no tilt and no roll"));
+        let refused = |problem: &str| ParameterError::new("inputs.camera", problem);
+        if mirror.mount.tilt.hypot(mirror.mount.roll) > MAX_LEAN_RAD {
+            return Err(refused(
+                "method floor-outline requires an upright mirror camera, without tilt and roll",
+            ));
         }
         let path = config.file("floor_plan", config.floor_plan.as_ref(), setup)?;
-        let file = FloorPlanFile::read(&path).map_err(|problem| BuildError::new("floor_plan", problem))?;
+        let file =
+            FloorPlanFile::read(&path).map_err(|problem| ParameterError::new("floor_plan", problem))?;
         let path = config.file("floor_colors", config.floor_colors.as_ref(), setup)?;
-        let colors = ColorFile::read(&path).map_err(|problem| BuildError::new("floor_colors", problem))?;
+        let colors =
+            ColorFile::read(&path).map_err(|problem| ParameterError::new("floor_colors", problem))?;
         let max_radius_px = max_radius_px(&mirror.camera, mirror.mount.z)
-            .ok_or_else(|| refused("floor-outline needs a mirror that shows the floor"))?;
+            .ok_or_else(|| refused("method floor-outline requires a mirror camera that sees the floor"))?;
         let rule = FloorRule::new(OutlineRule { height_m: mirror.mount.z, max_radius_px });
         let walls = sides(&file.corners()).map(|[from, to]| Wall { from, to }).collect();
         let image = mirror.camera.image();
@@ -85,19 +91,14 @@ impl FloorFinder {
         })
     }
 
-    /// The floor in the last picture.
-    #[must_use]
-    pub fn mask(&self) -> &BitImage {
-        &self.mask
-    }
-
-    /// What fits its outline to the plan.
+    /// Returns the localizer that fits the outline to the plan.
     #[must_use]
     pub fn localizer(&self) -> &FloorLocalizer {
         &self.localizer
     }
 
-    /// The pose of the last picture alone, in which the belief before it only chose between two; `None` where there was none.
+    /// Returns the fix from the last image alone, in which the prior only selects between two solutions; `None` without
+    /// one.
     #[must_use]
     pub fn last(&self) -> Option<&FloorFix> {
         self.last.as_ref()
@@ -109,66 +110,66 @@ impl PoseFinder for FloorFinder {
         &self.walls
     }
 
-    fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
+    fn observe(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         self.last = None;
-        let picture = frame.rgb(self.size).ok_or(Reason::MalformedInput)?;
-        self.colors.mark(picture, &self.columns, &mut self.mask);
-        self.morphology.close(&mut self.mask, CLOSED_PX);
-        // Specks beyond the floor would widen its hull; what is left keeps its corners.
+        let image = frame.rgb(self.size).ok_or(Reason::MalformedInput)?;
+        self.colors.mark(image, &self.columns, &mut self.mask);
+        self.morphology.close(&mut self.mask, CLOSING_PX);
+        // Specks outside of the floor would widen its hull. The larger dilation preserves the floor's corners.
         self.body.copy_from(&self.mask);
-        self.morphology.erode(&mut self.body, SPECK_PX);
-        self.morphology.dilate(&mut self.body, 2 * SPECK_PX);
-        self.mask.keep(&self.body);
+        self.morphology.erode(&mut self.body, OPENING_PX);
+        self.morphology.dilate(&mut self.body, 2 * OPENING_PX);
+        self.mask.intersect(&self.body);
         Ok(())
     }
 
-    fn fix(&mut self, prior: &Belief, trust: Trust) -> Fix {
-        let predicted = prior.carried(&self.robot_from_camera);
+    fn fix(&mut self, prior: &Belief, noise: NoiseFactors) -> Fix {
+        let predicted = prior.of_mounted(&self.robot_from_camera);
         let fix = match self.localizer.locate(&self.mask, Some(&predicted)) {
             Ok(fix) => fix,
             Err(problem) => return Fix::none(prior, reason(&problem)),
         };
         self.last = Some(fix);
-        let mut told = Fix { expected: fix.corners, ..Fix::none(prior, Reason::Ambiguous) };
-        if fix.solution != FloorSolution::Sure {
-            return told;
+        let mut result = Fix { expected: fix.corners, ..Fix::none(prior, Reason::Ambiguous) };
+        if fix.solution != FloorSolution::Unique {
+            return result;
         }
         let scaled = |factor: f64| Belief { covariance: fix.belief.covariance * factor, ..fix.belief };
-        let mut once = predicted;
-        let Update::Applied(distance) = once.update_pose(&scaled(trust.scale), GATE) else {
-            told.verdict = Err(Reason::Gated);
-            return told;
+        let mut gated = predicted;
+        let Update::Applied(distance) = gated.update_pose(&scaled(noise.scale), POSE_GATE) else {
+            result.verdict = Err(Reason::Gated);
+            return result;
         };
         let mut after = predicted;
-        after.update_pose(&scaled(trust.scale * trust.repetition), f64::INFINITY);
-        told.posterior = after.carried(&self.robot_from_camera.inverse());
-        told.verdict = Ok(());
-        told.lines = fix.corners;
-        told.surprise = fix.corners as f64 * distance / 3.0;
-        told
+        after.update_pose(&scaled(noise.scale * noise.correlation), f64::INFINITY);
+        result.posterior = after.of_mounted(&self.robot_from_camera.inverse());
+        result.verdict = Ok(());
+        result.lines = fix.corners;
+        result.nis = fix.corners as f64 * distance / 3.0;
+        result
     }
 
-    fn search(&mut self, prior: &Belief, _: Trust) -> Option<Belief> {
+    fn search(&mut self, prior: &Belief, _: NoiseFactors) -> Option<Belief> {
         let fix = self.localizer.locate(&self.mask, None).ok()?;
-        let heading = prior.carried(&self.robot_from_camera).pose.theta;
+        let heading = prior.of_mounted(&self.robot_from_camera).pose.theta;
         let off = angle_difference(fix.belief.pose.theta, heading).abs();
         let pose = match fix.solution {
-            FloorSolution::Sure => fix.belief.pose,
-            // Far from both headings, none is the likelier one.
-            FloorSolution::Either { .. } if (off - FRAC_PI_2).abs() < FRAC_PI_4 => return None,
-            FloorSolution::Either { .. } if off < FRAC_PI_2 => fix.belief.pose,
-            FloorSolution::Either { other } => other,
+            FloorSolution::Unique => fix.belief.pose,
+            // Far from both headings, the prior does not select one.
+            FloorSolution::Ambiguous { .. } if (off - FRAC_PI_2).abs() < FRAC_PI_4 => return None,
+            FloorSolution::Ambiguous { .. } if off < FRAC_PI_2 => fix.belief.pose,
+            FloorSolution::Ambiguous { other } => other,
         };
-        let mut found = Belief { pose, ..fix.belief }.carried(&self.robot_from_camera.inverse());
-        let [place, heading] = FOUND_SIGMA;
-        found.floor([place * place, place * place, heading * heading]);
+        let mut found = Belief { pose, ..fix.belief }.of_mounted(&self.robot_from_camera.inverse());
+        let [position, heading] = OUTLINE_SEARCH_SIGMA;
+        found.raise_variances([position * position, position * position, heading * heading]);
         Some(found)
     }
 }
 
 fn reason(problem: &FloorProblem) -> Reason {
     match problem {
-        FloorProblem::WrongSize => Reason::MalformedInput,
+        FloorProblem::ImageSizeError => Reason::MalformedInput,
         FloorProblem::TooFewCorners { .. } => Reason::TooFewSegments,
         FloorProblem::Singular => Reason::Degenerate,
         FloorProblem::Residual { .. } => Reason::MisRegistered,
@@ -178,7 +179,7 @@ fn reason(problem: &FloorProblem) -> Reason {
     }
 }
 
-/// The columns of each row that lie within the mirror's rim.
+/// Returns the range of columns within the mirror's rim for each row.
 fn columns(image: &MirrorImage) -> Vec<Range<u32>> {
     let is_inside = |u: u32, v: u32| {
         image.mirror_from_pixel(Vector2::new(f64::from(u), f64::from(v))).norm() < image.rim_radius_px()
@@ -191,14 +192,15 @@ fn columns(image: &MirrorImage) -> Vec<Range<u32>> {
     (0..image.height).map(row).collect()
 }
 
-/// The largest radius (pixels) at which the mirror, so high above the floor (m), still tells where the floor ends; `None` where
-/// it shows no floor.
+/// Returns the maximum radius in the image (px) at which the floor is seen precisely enough by a mirror at this height
+/// (m);
+/// `None` if it does not see the floor.
 fn max_radius_px(camera: &MirrorCamera, height_m: f64) -> Option<f64> {
     let rim = camera.image().rim_radius_px() - RIM_PX;
     let steps = (2.0 * rim) as u32;
     let radii = (1..=steps).rev().map(|step| 0.5 * f64::from(step));
-    let tells = |radius: &f64| {
-        camera.floor_slope_m_per_px(*radius, height_m).is_some_and(|slope| slope <= MAX_SLOPE_M)
+    let is_precise = |radius: &f64| {
+        camera.floor_slope_m_per_px(*radius, height_m).is_some_and(|slope| slope <= MAX_SLOPE_M_PER_PX)
     };
-    radii.into_iter().find(tells)
+    radii.into_iter().find(is_precise)
 }

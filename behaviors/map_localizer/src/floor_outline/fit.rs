@@ -7,33 +7,33 @@ use super::floor_plan::FloorPlan;
 use super::normal_equations::{LineMeasurement, NormalEquations};
 use super::outline::{FloorOutline, OutlineRule, OutlineVertex};
 
-/// What becomes of corners that lie far off.
+/// Robust weighting of the residuals of corners.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Robust {
-    /// They count as much as any other.
+    /// Equal weights.
     #[default]
     None,
-    /// They count less beyond so many pixels.
+    /// Huber weights above this residual, px.
     Huber(f64),
-    /// They do not count beyond so many pixels.
+    /// Zero weight above this residual, px.
     Drop(f64),
 }
 
-/// How the outline is fitted to the plan.
+/// Parameters of the fit of an outline to a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitRule {
-    /// A shift below this (meters) and a turn below `min_turn_rad` are the last.
+    /// Translation per iteration below which the fit has converged, m.
     pub min_shift_m: f64,
-    /// See `min_shift_m`.
+    /// Rotation per iteration below which the fit has converged, rad.
     pub min_turn_rad: f64,
-    /// A step of the common shift below this is the last, pixels.
+    /// Change of the common shift per iteration below which the fit has converged, px.
     pub min_shift_px: f64,
-    /// Most steps.
+    /// Maximum number of iterations.
     pub max_iterations: u32,
-    /// What becomes of corners that lie far off.
+    /// Robust weighting of the residuals.
     pub robust: Robust,
-    /// Standard deviation of a common shift of all corners in the picture, outwards, pixels, which is then estimated as well;
-    /// infinite for one of which nothing is known; `None` for no shift.
+    /// Standard deviation of a common outward shift of all corners in the image, px, which is estimated with the pose;
+    /// infinite without prior knowledge; `None` for a fit without a shift.
     pub shift_sigma_px: Option<f64>,
 }
 
@@ -50,131 +50,133 @@ impl Default for FitRule {
     }
 }
 
-/// Where the fit begins and where it is: the center of the plan in the robot's frame, and the direction of its x axis there.
+/// Placement of the plan in the robot frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Start {
-    /// Meters, robot's frame.
+pub struct PlanPlacement {
+    /// Center of the plan in the robot frame, m.
     pub center: Point2<f64>,
-    /// Radians, robot's frame.
+    /// Direction of the plan's x axis in the robot frame, rad.
     pub axis_rad: f64,
 }
 
-/// An outline that was fitted.
+/// Result of fitting an outline to a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
-    /// The center of the plan and the direction of its x axis, robot's frame.
-    pub place: Start,
-    /// The first correction (a, b, zeta), m and rad.
+    /// Fitted placement of the plan.
+    pub placement: PlanPlacement,
+    /// First correction (a, b, zeta), m and rad.
     pub first_step: Vector3<f64>,
-    /// Steps until it stood still.
+    /// Number of iterations.
     pub iterations: u32,
-    /// Whether it stood still. If not, it is the best of the places it went through.
-    pub is_settled: bool,
-    /// Root of the mean weighted square of the residuals, pixels.
+    /// True if the fit converged; otherwise the placement is the best of all iterations.
+    pub is_converged: bool,
+    /// Root mean square of the residuals, px.
     pub rms_px: f64,
-    /// The common shift of the corners, pixels outwards; 0 if it is not estimated.
+    /// Common outward shift of the corners, px; 0 if not estimated.
     pub shift_px: f64,
     /// Inverse of the matrix of (a, b, zeta).
     pub inverse: Matrix3<f64>,
-    /// Condition of the equations, meters.
+    /// Condition number of the equations, for points in meters.
     pub condition: f64,
 }
 
-/// Fits outlines to a plan. Keeps its buffers.
+/// Fitter of outlines to a plan. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct OutlineFitter {
     corners: Vec<Point2<f64>>,
-    work: Vec<Assigned>,
+    assignments: Vec<Assignment>,
 }
 
-/// The line of a corner, and how far the corner may move without coming nearer to another.
+/// Assignment of a corner to a line of the plan.
 #[derive(Clone, Copy, Debug, Default)]
-struct Assigned {
+struct Assignment {
     line: usize,
+    /// Difference between the distances to the second nearest and the nearest line, less twice the motion since, m; the
+    /// assignment is valid while positive.
     slack_m: f64,
 }
 
 impl OutlineFitter {
-    /// Where the moments of the outline put the plan's center and axis; the axis may be the other way round. `None` for an outline
-    /// without area.
-    pub fn start(&mut self, outline: &FloorOutline) -> Option<Start> {
+    /// Returns the placement of the plan from the moments of the outline, ambiguous by half a turn; `None` for an
+    /// outline without area.
+    pub fn initial_placement(&mut self, outline: &FloorOutline) -> Option<PlanPlacement> {
         let moments = self.moments(outline)?;
-        Some(Start { center: moments.center(), axis_rad: moments.long_axis_rad() })
+        Some(PlanPlacement { center: moments.center(), axis_rad: moments.long_axis_rad() })
     }
 
-    /// Area of the outline on the floor, square meters.
+    /// Returns the area of the outline on the floor, m².
     pub fn area_m2(&mut self, outline: &FloorOutline) -> f64 {
         self.moments(outline).map_or(0.0, |moments| moments.area)
     }
 
-    /// The line of the plan that each corner was put on.
+    /// Returns the line of the plan that each corner is assigned to.
     pub fn lines(&self) -> impl Iterator<Item = usize> {
-        self.work.iter().map(|assigned| assigned.line)
+        self.assignments.iter().map(|assignment| assignment.line)
     }
 
-    /// Fits; `None` where the corners leave the place open.
+    /// Fits the outline to the plan; `None` if the corners do not determine the placement.
     ///
-    /// With a common shift the corners of `outline` are left where the shift puts them.
+    /// If a common shift is estimated, the corners of `outline` are left shifted.
     pub fn fit(
         &mut self,
         outline: &mut FloorOutline,
         plan: &FloorPlan,
-        start: Start,
+        start: PlanPlacement,
         rule: &FitRule,
         camera: (&MirrorCamera, &OutlineRule),
     ) -> Option<Fit> {
-        let mut place = start;
+        let mut placement = start;
         let mut shift_px = 0.0;
         let mut first_step = None;
         let mut best: Option<Fit> = None;
-        self.work.clear();
-        self.work.resize(outline.vertices().len(), Assigned::default());
+        self.assignments.clear();
+        self.assignments.resize(outline.vertices().len(), Assignment::default());
         for iteration in 1..=rule.max_iterations.max(1) {
-            let (equations, cost) = self.equations(outline.vertices(), plan, &place, rule, shift_px);
+            let (equations, cost) = self.equations(outline.vertices(), plan, &placement, rule, shift_px);
             let (step, shift_step, inverse) = solve(&equations, rule)?;
             let first = *first_step.get_or_insert(step);
             let here = Fit {
-                place,
+                placement,
                 first_step: first,
                 iterations: iteration,
-                is_settled: false,
+                is_converged: false,
                 rms_px: (cost / outline.vertices().len().max(1) as f64).sqrt(),
                 shift_px,
                 inverse,
                 condition: f64::INFINITY,
             };
-            // Rounding alone makes no place better than a later one.
+            // The tolerance keeps rounding errors from preferring an earlier iteration.
             if best.is_none_or(|best| here.rms_px <= best.rms_px * (1.0 + 1e-9)) {
                 best = Some(here);
             }
-            place = moved(&place, &step);
-            let most = self.max_move(outline.vertices(), &place, &step);
-            for assigned in &mut self.work {
-                assigned.slack_m -= 2.0 * most;
+            placement = moved(&placement, &step);
+            let max_motion = self.max_motion_m(outline.vertices(), &placement, &step);
+            for assignment in &mut self.assignments {
+                assignment.slack_m -= 2.0 * max_motion;
             }
             if rule.shift_sigma_px.is_some() {
                 shift_px += shift_step;
                 outline.project_shifted(camera.0, camera.1, shift_px);
-                self.work.fill(Assigned::default());
+                self.assignments.fill(Assignment::default());
             }
-            let is_settled = step.x.abs() <= rule.min_shift_m
+            let is_converged = step.x.abs() <= rule.min_shift_m
                 && step.y.abs() <= rule.min_shift_m
                 && step.z.abs() <= rule.min_turn_rad
                 && shift_step.abs() <= rule.min_shift_px;
-            if is_settled {
-                let (equations, cost) = self.equations(outline.vertices(), plan, &place, rule, shift_px);
+            if is_converged {
+                let (equations, cost) = self.equations(outline.vertices(), plan, &placement, rule, shift_px);
                 let rms_px = (cost / outline.vertices().len().max(1) as f64).sqrt();
                 let condition = equations.condition(1.0);
-                return Some(Fit { place, is_settled, rms_px, shift_px, condition, ..here });
+                return Some(Fit { placement, is_converged, rms_px, shift_px, condition, ..here });
             }
         }
-        // It goes round in circles: the best place of the circle counts.
+        // Without convergence (such as in a cycle) the best iteration counts.
         let mut best = best?;
         if rule.shift_sigma_px.is_some() {
             outline.project_shifted(camera.0, camera.1, best.shift_px);
         }
-        self.work.fill(Assigned::default());
-        let (equations, _) = self.equations(outline.vertices(), plan, &best.place, rule, best.shift_px);
+        self.assignments.fill(Assignment::default());
+        let (equations, _) = self.equations(outline.vertices(), plan, &best.placement, rule, best.shift_px);
         best.condition = equations.condition(1.0);
         Some(best)
     }
@@ -185,25 +187,25 @@ impl OutlineFitter {
         PolygonMoments::of(&self.corners)
     }
 
-    /// The equations at a place, and the weighted sum of squares.
+    /// Returns the normal equations at a placement and the sum of squared residuals, px².
     fn equations(
         &mut self,
         vertices: &[OutlineVertex],
         plan: &FloorPlan,
-        place: &Start,
+        placement: &PlanPlacement,
         rule: &FitRule,
         shift_px: f64,
     ) -> (NormalEquations, f64) {
         let mut equations = NormalEquations::default();
         let mut cost = 0.0;
-        let (sin, cos) = place.axis_rad.sin_cos();
+        let (sin, cos) = placement.axis_rad.sin_cos();
         let turn = |v: Vector2<f64>| Vector2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x);
-        for (vertex, assigned) in vertices.iter().zip(&mut self.work) {
-            let point = turn(vertex.point_in_robot - place.center);
-            if assigned.slack_m <= 0.0 {
-                *assigned = assign(plan, point);
+        for (vertex, assignment) in vertices.iter().zip(&mut self.assignments) {
+            let point = turn(vertex.point_in_robot - placement.center);
+            if assignment.slack_m <= 0.0 {
+                *assignment = assign(plan, point);
             }
-            let line = &plan.lines[assigned.line];
+            let line = &plan.lines[assignment.line];
             let off_px = (line.normal.dot(&point) - line.offset_m) / vertex.slope_m_per_px;
             let shift_slope = match rule.shift_sigma_px {
                 Some(_) => -vertex.slope_m_per_px * line.normal.dot(&turn(vertex.outward)),
@@ -225,11 +227,16 @@ impl OutlineFitter {
         (equations, cost)
     }
 
-    /// How far a step moves any corner at most.
-    fn max_move(&self, vertices: &[OutlineVertex], place: &Start, step: &Vector3<f64>) -> f64 {
+    /// Returns an upper bound of the motion of a corner by a step, m.
+    fn max_motion_m(
+        &self,
+        vertices: &[OutlineVertex],
+        placement: &PlanPlacement,
+        step: &Vector3<f64>,
+    ) -> f64 {
         let farthest = vertices
             .iter()
-            .map(|vertex| (vertex.point_in_robot - place.center).norm_squared())
+            .map(|vertex| (vertex.point_in_robot - placement.center).norm_squared())
             .fold(0.0, f64::max)
             .sqrt();
         step.x.hypot(step.y) + step.z.abs() * (farthest + step.x.hypot(step.y))
@@ -240,23 +247,23 @@ impl Robust {
     fn weight(self, off_px: f64) -> f64 {
         match self {
             Self::None => 1.0,
-            Self::Huber(knee) if off_px > knee => knee / off_px,
-            Self::Drop(end) if off_px > end => 0.0,
+            Self::Huber(limit) if off_px > limit => limit / off_px,
+            Self::Drop(limit) if off_px > limit => 0.0,
             Self::Huber(_) | Self::Drop(_) => 1.0,
         }
     }
 }
 
-/// The nearest line by the distance from its segments, and by how much it is nearer than any other.
-fn assign(plan: &FloorPlan, point: Vector2<f64>) -> Assigned {
+/// Assigns a point to the line with the nearest segment.
+fn assign(plan: &FloorPlan, point: Vector2<f64>) -> Assignment {
     let (mut best, mut line, mut second) = (f64::INFINITY, 0, f64::INFINITY);
     for segment in &plan.segments {
         let away = point - segment.from.coords;
-        let share = away.dot(&segment.along) / segment.squared_m2;
-        // Beyond a common end two segments are equally far, to the last bit: the first one counts.
-        let off = match share {
-            _ if share >= 1.0 => point - segment.to.coords,
-            _ if share > 0.0 => away - segment.along * share,
+        let fraction = away.dot(&segment.along) / segment.squared_m2;
+        // Past a common end, the distances to both segments are bitwise equal and the first segment is chosen.
+        let off = match fraction {
+            _ if fraction >= 1.0 => point - segment.to.coords,
+            _ if fraction > 0.0 => away - segment.along * fraction,
             _ => away,
         };
         let squared = off.norm_squared();
@@ -269,10 +276,10 @@ fn assign(plan: &FloorPlan, point: Vector2<f64>) -> Assigned {
             second = second.min(squared);
         }
     }
-    Assigned { line, slack_m: second.sqrt() - best.sqrt() }
+    Assignment { line, slack_m: second.sqrt() - best.sqrt() }
 }
 
-/// The correction of the place, of the shift, and the inverse of the matrix of the place.
+/// Returns the corrections of the placement and of the shift, and the inverse of the placement's matrix.
 fn solve(equations: &NormalEquations, rule: &FitRule) -> Option<(Vector3<f64>, f64, Matrix3<f64>)> {
     match rule.shift_sigma_px {
         None => equations.solve_pose(1.0).map(|(step, inverse)| (step, 0.0, inverse)),
@@ -282,14 +289,14 @@ fn solve(equations: &NormalEquations, rule: &FitRule) -> Option<(Vector3<f64>, f
     }
 }
 
-/// Sekimori et al. (2001), equations 16 to 18, corrected: the shift belongs to the frame that is turned already.
-fn moved(place: &Start, step: &Vector3<f64>) -> Start {
-    let axis_rad = place.axis_rad + step.z;
+/// Applies a correction. Sekimori et al. (2001), equations 16 to 18, corrected: the shift is in the rotated frame.
+fn moved(placement: &PlanPlacement, step: &Vector3<f64>) -> PlanPlacement {
+    let axis_rad = placement.axis_rad + step.z;
     let (sin, cos) = axis_rad.sin_cos();
-    Start {
+    PlanPlacement {
         center: Point2::new(
-            place.center.x - step.x * cos + step.y * sin,
-            place.center.y - step.x * sin - step.y * cos,
+            placement.center.x - step.x * cos + step.y * sin,
+            placement.center.y - step.x * sin - step.y * cos,
         ),
         axis_rad: wrap_angle(axis_rad),
     }

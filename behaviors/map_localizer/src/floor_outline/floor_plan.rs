@@ -3,22 +3,22 @@ use thiserror::Error;
 use yamabico_core::geometry::Pose2;
 use yamabico_vision::polygon::{PolygonMoments, convex_hull};
 
-/// A straight part of the floor's outline.
+/// Straight part of the floor's outline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlineSegment {
-    /// Its ends, meters; the floor is on the left of the way from the first to the second.
+    /// Ends, m; the floor is on the left when going from the first to the second.
     pub ends: [Point2<f64>; 2],
 }
 
-/// A line of the plan: all points p with `normal` . p = `offset_m`.
+/// Line of the plan: all points p with `normal` . p = `offset_m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PlanLine {
-    /// Of unit length, away from the floor.
+    /// Unit normal away from the floor.
     pub normal: Vector2<f64>,
     pub offset_m: f64,
 }
 
-/// A segment and the number of its line.
+/// Segment of the plan with the index of its line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PlanSegment {
     pub from: Point2<f64>,
@@ -28,7 +28,7 @@ pub(super) struct PlanSegment {
     pub line: usize,
 }
 
-/// The outline of a floor, in the frame of its own axes: the origin is the center of its hull and x runs along it.
+/// Outline of a floor in the plan frame: the origin is the centroid of its convex hull, and x is the hull's long axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FloorPlan {
     pub(super) lines: Vec<PlanLine>,
@@ -38,31 +38,32 @@ pub struct FloorPlan {
     is_symmetric: bool,
 }
 
-/// What is no plan.
+/// Reason why segments do not form a floor plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FloorPlanError {
-    /// Fewer than three segments, or a number that is none.
-    #[error("an outline needs three segments at least, with finite ends and of some length")]
+    /// Fewer than three segments, or one with zero length or an end that is not finite.
+    #[error("an outline must have at least three segments with finite ends and a length above zero")]
     Segments,
-    /// The segments enclose nothing.
-    #[error("the outline encloses no floor")]
+    /// The convex hull of the segments has no area.
+    #[error("the outline encloses no area")]
     NoArea,
 }
 
-/// Differences below this are those of rounding, meters.
-const SAME_M: f64 = 1e-9;
+/// Tolerance of lengths and offsets for rounding errors, m.
+const ROUNDING_M: f64 = 1e-9;
 
 impl FloorPlan {
-    /// A plan of straight segments, map frame. Gaps are allowed: what is not listed is no measurement.
+    /// Creates a plan from straight segments in the map frame. Gaps between segments are permitted and are not used for
+    /// localization.
     ///
     /// # Errors
-    /// [`FloorPlanError`].
+    /// Fewer than three valid segments, or no area.
     pub fn new(outline: &[OutlineSegment]) -> Result<Self, FloorPlanError> {
-        let is_good = |segment: &OutlineSegment| {
+        let is_valid = |segment: &OutlineSegment| {
             let [a, b] = segment.ends;
-            (b - a).norm() > SAME_M && (b - a).norm().is_finite()
+            (b - a).norm() > ROUNDING_M && (b - a).norm().is_finite()
         };
-        if outline.len() < 3 || !outline.iter().all(is_good) {
+        if outline.len() < 3 || !outline.iter().all(is_valid) {
             return Err(FloorPlanError::Segments);
         }
         let mut ends: Vec<_> = outline.iter().flat_map(|segment| segment.ends).collect();
@@ -84,25 +85,25 @@ impl FloorPlan {
         for segment in outline {
             plan.add(segment.ends.map(|end| plan_from_map.transform_point(end)));
         }
-        plan.is_symmetric = plan.looks_the_same_turned();
+        plan.is_symmetric = plan.has_half_turn_symmetry();
         Ok(plan)
     }
 
-    /// The plan of a floor whose corners are these, counterclockwise.
+    /// Creates a plan from the corners of a floor, counterclockwise.
     ///
     /// # Errors
-    /// [`FloorPlanError`].
+    /// Fewer than three valid sides, or no area.
     pub fn from_polygon(corners: &[Point2<f64>]) -> Result<Self, FloorPlanError> {
         let segments: Vec<_> =
             yamabico_vision::polygon::sides(corners).map(|ends| OutlineSegment { ends }).collect();
         Self::new(&segments)
     }
 
-    /// A football field with its goals: half its length, half of it from the back of one goal to that of the other, half its
-    /// width, and half the width of a goal, meters. The sides of the goals are no part of the outline.
+    /// Creates a football field with its goals from half its length, half its length including the goals, half its
+    /// width, and half the width of a goal, m. The sides of the goals are not part of the outline.
     ///
     /// # Errors
-    /// [`FloorPlanError`].
+    /// A dimension is not finite, or the field has no area.
     pub fn football_field(
         half_length_m: f64,
         half_with_goals_m: f64,
@@ -125,31 +126,31 @@ impl FloorPlan {
         Self::new(&segments)
     }
 
-    /// How many lines it has; segments in one line count once.
+    /// Returns the number of lines; collinear segments count once.
     #[must_use]
     pub fn lines(&self) -> usize {
         self.lines.len()
     }
 
-    /// The outward normal (of unit length) and the offset (meters) of a line in the plan's own frame.
+    /// Returns the outward unit normal and the offset (m) of a line in the plan frame.
     #[must_use]
-    pub fn line(&self, number: usize) -> Option<(Vector2<f64>, f64)> {
-        self.lines.get(number).map(|line| (line.normal, line.offset_m))
+    pub fn line(&self, index: usize) -> Option<(Vector2<f64>, f64)> {
+        self.lines.get(index).map(|line| (line.normal, line.offset_m))
     }
 
-    /// The plan's own frame on the map.
+    /// Returns the pose of the plan frame in the map frame.
     #[must_use]
     pub fn map_from_plan(&self) -> Pose2 {
         self.map_from_plan
     }
 
-    /// Area of the hull, square meters.
+    /// Returns the area of the convex hull, m².
     #[must_use]
     pub fn hull_area_m2(&self) -> f64 {
         self.hull_area_m2
     }
 
-    /// Whether half a turn brings the plan onto itself, so that every picture has two solutions.
+    /// Returns true if the plan is symmetric under half a turn, so that each image has two solutions.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {
         self.is_symmetric
@@ -160,14 +161,14 @@ impl FloorPlan {
         let normal = Vector2::new(along.y, -along.x).normalize();
         let line = PlanLine { normal, offset_m: normal.dot(&from.coords) };
         let known = self.lines.iter().position(|known| is_same(known, &line));
-        let number = known.unwrap_or(self.lines.len());
+        let index = known.unwrap_or(self.lines.len());
         if known.is_none() {
             self.lines.push(line);
         }
-        self.segments.push(PlanSegment { from, to, along, squared_m2: along.norm_squared(), line: number });
+        self.segments.push(PlanSegment { from, to, along, squared_m2: along.norm_squared(), line: index });
     }
 
-    fn looks_the_same_turned(&self) -> bool {
+    fn has_half_turn_symmetry(&self) -> bool {
         let turn = Rotation2::new(std::f64::consts::PI);
         self.segments.iter().all(|segment| {
             let (from, to) = (turn * segment.from, turn * segment.to);
@@ -180,7 +181,7 @@ impl FloorPlan {
 }
 
 fn is_same(a: &PlanLine, b: &PlanLine) -> bool {
-    (a.normal - b.normal).norm() < 1e-9 && (a.offset_m - b.offset_m).abs() < SAME_M
+    (a.normal - b.normal).norm() < 1e-9 && (a.offset_m - b.offset_m).abs() < ROUNDING_M
 }
 
 #[cfg(test)]
@@ -198,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_is_not_symmetric() {
+    fn an_l_shaped_floor_is_not_symmetric() {
         let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)];
         let plan = FloorPlan::from_polygon(&corners.map(|(x, y)| Point2::new(x, y))).unwrap();
         assert!(!plan.is_symmetric());

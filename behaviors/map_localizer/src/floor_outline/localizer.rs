@@ -4,38 +4,38 @@ use yamabico_core::camera::MirrorCamera;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_vision::bit_image::BitImage;
 
-use super::fit::{Fit, FitRule, OutlineFitter, Start};
+use super::fit::{Fit, FitRule, OutlineFitter, PlanPlacement};
 use super::floor_plan::FloorPlan;
 use super::outline::{FloorOutline, OutlineRule};
 use crate::belief::Belief;
 
-/// How the pose is found, and when it is believed.
+/// Parameters and acceptance limits of the localization.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorRule {
-    /// Which corners count.
+    /// Selection of the corners.
     pub outline: OutlineRule,
-    /// How they are fitted.
+    /// Parameters of the fit.
     pub fit: FitRule,
-    /// Fewest corners.
+    /// Minimum number of corners.
     pub min_corners: usize,
-    /// Largest condition of the equations.
+    /// Maximum condition number of the equations.
     pub max_condition: f64,
-    /// Largest root mean square of the residuals, pixels.
+    /// Maximum root mean square of the residuals, px.
     pub max_rms_px: f64,
-    /// Smallest and largest area of the outline, as shares of the plan's hull.
-    pub area_shares: [f64; 2],
-    /// Widest gap between the directions of neighboring corners, radians.
-    pub widest_gap_rad: f64,
-    /// Largest squared Mahalanobis distance from the prediction, three degrees of freedom.
+    /// Range of the outline's area as a fraction of the plan's hull.
+    pub area_range: [f64; 2],
+    /// Maximum angle between the directions of adjacent corners, rad.
+    pub max_gap_rad: f64,
+    /// Maximum squared Mahalanobis distance from the prediction, three degrees of freedom.
     pub jump_gate: f64,
-    /// Least residual that the covariance is made for, pixels.
+    /// Minimum standard deviation of a corner for the covariance, px.
     pub min_sigma_px: f64,
-    /// Headings this near to a quarter turn from the prediction's (radians) leave open which solution is meant.
-    pub undecided_rad: f64,
+    /// Distance of the heading error from a quarter turn below which two symmetric solutions are ambiguous, rad.
+    pub ambiguous_rad: f64,
 }
 
 impl FloorRule {
-    /// The rule for a mirror at a height (meters) whose picture tells something up to a radius (pixels).
+    /// Creates the default rule for this selection of corners.
     #[must_use]
     pub fn new(outline: OutlineRule) -> Self {
         Self {
@@ -44,86 +44,86 @@ impl FloorRule {
             min_corners: 6,
             max_condition: 1e6,
             max_rms_px: 1.5,
-            area_shares: [0.5, 1.15],
-            widest_gap_rad: 150_f64.to_radians(),
+            area_range: [0.5, 1.15],
+            max_gap_rad: 150_f64.to_radians(),
             jump_gate: 16.266_236_196_238_13,
             min_sigma_px: 0.2,
-            undecided_rad: 10_f64.to_radians(),
+            ambiguous_rad: 10_f64.to_radians(),
         }
     }
 }
 
-/// Which of the solutions is meant.
+/// Uniqueness of the solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FloorSolution {
-    /// The plan has one only, or the prediction tells.
-    Sure,
-    /// Half a turn about the center of the plan brings the other one, which fits as well: another landmark must tell.
-    Either {
-        /// Map from robot.
+    /// The plan has a single solution, or the prediction selects one.
+    Unique,
+    /// The plan is symmetric under half a turn, and the prediction does not select a solution.
+    Ambiguous {
+        /// Other pose of the robot in the map frame, which fits equally well.
         other: Pose2,
     },
 }
 
-/// A pose found from the outline of the floor.
+/// Pose found from the outline of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorFix {
-    /// The pose and its covariance.
+    /// Pose and its covariance.
     pub belief: Belief,
-    /// Whether there is another.
+    /// Uniqueness of the pose.
     pub solution: FloorSolution,
-    /// Root mean square of the residuals, pixels.
+    /// Root mean square of the residuals, px.
     pub rms_px: f64,
-    /// Common shift of the outline in the picture, pixels outwards.
+    /// Common outward shift of the outline in the image, px.
     pub shift_px: f64,
-    /// Corners that counted.
+    /// Number of corners used.
     pub corners: usize,
-    /// Steps of the fit.
+    /// Number of iterations of the fit.
     pub iterations: u32,
 }
 
-/// Why there is no pose.
+/// Reason why there is no pose.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum FloorProblem {
-    /// The mask is not of the camera's size.
-    #[error("the mask is not of the size of the camera's picture")]
-    WrongSize,
-    /// Too little floor is seen.
-    #[error("the outline has {corners} corners only")]
+    /// The mask does not have the size of the camera's image.
+    #[error("the size of the mask differs from the size of the camera's image")]
+    ImageSizeError,
+    /// Too little of the floor is visible.
+    #[error("the outline has too few corners: {corners}")]
     TooFewCorners {
-        /// Corners.
+        /// Number of corners.
         corners: usize,
     },
-    /// The corners leave the place open.
-    #[error("the corners do not fix the place")]
+    /// The corners do not determine the pose.
+    #[error("the corners do not determine the pose")]
     Singular,
-    /// The residuals are too large: another floor, a tilted robot, or something in the way.
-    #[error("the outline does not fit the plan: {rms_px:.2} px")]
+    /// The residuals are too large: another floor, a tilted robot or an obstacle.
+    #[error("the outline does not fit the plan: root mean square {rms_px:.2} px")]
     Residual {
-        /// Root mean square, pixels.
+        /// Root mean square of the residuals, px.
         rms_px: f64,
     },
-    /// The outline encloses too little or too much.
-    #[error("the outline is {share:.2} of the plan")]
+    /// The area of the outline is too small or too large.
+    #[error("the area of the outline is {fraction:.2} times that of the plan")]
     Area {
-        /// As a share of the plan's hull.
-        share: f64,
+        /// Area as a fraction of the plan's hull.
+        fraction: f64,
     },
-    /// A large part of the outline is hidden.
-    #[error("no corner within {gap_rad:.2} rad")]
+    /// A large part of the outline is occluded.
+    #[error("no corner is visible within an angle of {gap_rad:.2} rad")]
     Gap {
-        /// The widest gap between the directions of two corners, radians.
+        /// Maximum angle between the directions of adjacent corners, rad.
         gap_rad: f64,
     },
-    /// Too far from the prediction.
-    #[error("the pose jumps: squared distance {distance_squared:.1}")]
+    /// The pose is too far from the prediction.
+    #[error("the squared Mahalanobis distance from the prediction is too large: {distance_squared:.1}")]
     Jump {
         /// Squared Mahalanobis distance.
         distance_squared: f64,
     },
 }
 
-/// Finds the pose from the outline of the floor. Keeps its buffers.
+/// Localizer by the outline of the floor. Reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct FloorLocalizer {
     plan: FloorPlan,
@@ -135,7 +135,7 @@ pub struct FloorLocalizer {
 }
 
 impl FloorLocalizer {
-    /// For a plan, seen by an upright mirror camera whose axis passes through the robot's origin.
+    /// Creates a localizer for a plan and an upright mirror camera with its axis at the origin of the robot frame.
     #[must_use]
     pub fn new(plan: FloorPlan, camera: MirrorCamera, rule: FloorRule) -> Self {
         Self {
@@ -148,33 +148,34 @@ impl FloorLocalizer {
         }
     }
 
-    /// The plan.
+    /// Returns the floor plan.
     #[must_use]
     pub fn plan(&self) -> &FloorPlan {
         &self.plan
     }
 
-    /// The outline seen last.
+    /// Returns the outline of the last image.
     #[must_use]
     pub fn outline(&self) -> &FloorOutline {
         &self.outline
     }
 
-    /// The pose from a mask of the floor. With a prediction the fit begins there, and where that fails at the moments.
+    /// Finds the pose from a mask of the floor. The fit starts at the prediction, if given; if that fails, at the
+    /// moments.
     ///
     /// # Errors
-    /// [`FloorProblem`] says why there is none.
+    /// The outline does not determine the pose, does not fit the plan or contradicts the prediction.
     pub fn locate(&mut self, mask: &BitImage, predicted: Option<&Belief>) -> Result<FloorFix, FloorProblem> {
         self.outline
             .take_mask(mask, &self.camera, &self.rule.outline)
-            .map_err(|_| FloorProblem::WrongSize)?;
+            .map_err(|_| FloorProblem::ImageSizeError)?;
         self.locate_outline(predicted)
     }
 
-    /// The same from a hull in the mirror plane, pixels.
+    /// Like [`FloorLocalizer::locate`], but from a hull in the mirror plane, px.
     ///
     /// # Errors
-    /// [`FloorProblem`].
+    /// The outline does not determine the pose, does not fit the plan or contradicts the prediction.
     pub fn locate_hull(
         &mut self,
         hull: &[Point2<f64>],
@@ -189,40 +190,44 @@ impl FloorLocalizer {
         if corners < self.rule.min_corners {
             return Err(FloorProblem::TooFewCorners { corners });
         }
-        let share = self.fitter.area_m2(&self.outline) / self.plan.hull_area_m2();
-        let [least, most] = self.rule.area_shares;
-        if !(least..=most).contains(&share) {
-            return Err(FloorProblem::Area { share });
+        let fraction = self.fitter.area_m2(&self.outline) / self.plan.hull_area_m2();
+        let [min, max] = self.rule.area_range;
+        if !(min..=max).contains(&fraction) {
+            return Err(FloorProblem::Area { fraction });
         }
-        let gap_rad = self.widest_gap_rad();
-        let is_covered = gap_rad <= self.rule.widest_gap_rad;
+        let gap_rad = self.max_gap_rad();
+        let is_covered = gap_rad <= self.rule.max_gap_rad;
         if !is_covered {
             return Err(FloorProblem::Gap { gap_rad });
         }
         if let Some(belief) = predicted {
-            let start = self.start_at(&belief.pose);
-            if let Ok(found) = self.settle(start, predicted) {
+            let start = self.placement_at(&belief.pose);
+            if let Ok(found) = self.fit_and_check(start, predicted) {
                 return Ok(found);
             }
-            // The fit may have moved the corners.
+            // Undoes a shift of the corners by the fit.
             self.outline.project_shifted(&self.camera, &self.rule.outline, 0.0);
         }
-        let start = self.fitter.start(&self.outline).ok_or(FloorProblem::Singular)?;
+        let start = self.fitter.initial_placement(&self.outline).ok_or(FloorProblem::Singular)?;
         if self.plan.is_symmetric() {
-            return self.settle(start, predicted);
+            return self.fit_and_check(start, predicted);
         }
-        let turned = Start { axis_rad: start.axis_rad + std::f64::consts::PI, ..start };
-        let one = self.settle(start, predicted);
+        let turned = PlanPlacement { axis_rad: start.axis_rad + std::f64::consts::PI, ..start };
+        let one = self.fit_and_check(start, predicted);
         self.outline.project_shifted(&self.camera, &self.rule.outline, 0.0);
-        match (one, self.settle(turned, predicted)) {
+        match (one, self.fit_and_check(turned, predicted)) {
             (Ok(a), Ok(b)) => Ok(if b.rms_px < a.rms_px { b } else { a }),
             (Ok(found), Err(_)) | (Err(_), Ok(found)) => Ok(found),
             (Err(problem), Err(_)) => Err(problem),
         }
     }
 
-    /// Fits from a start, and judges.
-    fn settle(&mut self, start: Start, predicted: Option<&Belief>) -> Result<FloorFix, FloorProblem> {
+    /// Fits from an initial placement and checks the result.
+    fn fit_and_check(
+        &mut self,
+        start: PlanPlacement,
+        predicted: Option<&Belief>,
+    ) -> Result<FloorFix, FloorProblem> {
         let camera = (&self.camera, &self.rule.outline);
         let fit = self
             .fitter
@@ -249,15 +254,16 @@ impl FloorLocalizer {
         Ok(FloorFix { belief, solution, rms_px, shift_px, corners, iterations })
     }
 
-    fn start_at(&self, map_from_robot: &Pose2) -> Start {
+    fn placement_at(&self, map_from_robot: &Pose2) -> PlanPlacement {
         let robot_from_plan = map_from_robot.inverse().compose(&self.plan.map_from_plan());
-        Start { center: robot_from_plan.position(), axis_rad: robot_from_plan.theta }
+        PlanPlacement { center: robot_from_plan.position(), axis_rad: robot_from_plan.theta }
     }
 
-    /// Both solutions, of which only the first is one where the plan is not symmetric. Sekimori et al. (2001), equations 19 to 21,
-    /// corrected.
+    /// Returns both solutions; the second one is valid for a symmetric plan only. Sekimori et al. (2001), equations 19
+    /// to 21, corrected.
     fn poses(&self, fit: &Fit) -> [Pose2; 2] {
-        let robot_from_plan = Pose2::new(fit.place.center.x, fit.place.center.y, fit.place.axis_rad);
+        let robot_from_plan =
+            Pose2::new(fit.placement.center.x, fit.placement.center.y, fit.placement.axis_rad);
         let half_turn = Pose2::new(0.0, 0.0, std::f64::consts::PI);
         let map_from_plan = self.plan.map_from_plan();
         let pose = robot_from_plan.inverse();
@@ -266,38 +272,39 @@ impl FloorLocalizer {
 
     fn choose(&self, [one, other]: [Pose2; 2], predicted: Option<&Belief>) -> (Pose2, FloorSolution) {
         if !self.plan.is_symmetric() {
-            return (one, FloorSolution::Sure);
+            return (one, FloorSolution::Unique);
         }
-        let Some(predicted) = predicted else { return (one, FloorSolution::Either { other }) };
+        let Some(predicted) = predicted else { return (one, FloorSolution::Ambiguous { other }) };
         let off = angle_difference(one.theta, predicted.pose.theta).abs();
         let quarter = std::f64::consts::FRAC_PI_2;
         let (pose, other) = if off < quarter { (one, other) } else { (other, one) };
-        if (off - quarter).abs() < self.rule.undecided_rad {
-            (pose, FloorSolution::Either { other })
+        if (off - quarter).abs() < self.rule.ambiguous_rad {
+            (pose, FloorSolution::Ambiguous { other })
         } else {
-            (pose, FloorSolution::Sure)
+            (pose, FloorSolution::Unique)
         }
     }
 
-    /// That of the fit, turned into that of the pose.
+    /// Returns the covariance of the pose from that of the fit.
     fn covariance(&self, fit: &Fit, pose: &Pose2) -> Matrix3<f64> {
         let sigma = fit.rms_px.max(self.rule.min_sigma_px);
         let plan = self.plan.map_from_plan();
-        // The pose in the frame of the plan; the second solution has the same covariance there.
+        // Pose in the plan frame, where both solutions have the same covariance.
         let at = plan.inverse().compose(pose);
-        let sign = if angle_difference(-fit.place.axis_rad, at.theta).abs() < std::f64::consts::FRAC_PI_2 {
+        let sign = if angle_difference(-fit.placement.axis_rad, at.theta).abs() < std::f64::consts::FRAC_PI_2
+        {
             1.0
         } else {
             -1.0
         };
-        let of_fit = Matrix3::new(sign, 0.0, at.y, 0.0, sign, -at.x, 0.0, 0.0, -1.0);
+        let pose_from_fit = Matrix3::new(sign, 0.0, at.y, 0.0, sign, -at.x, 0.0, 0.0, -1.0);
         let (sin, cos) = plan.theta.sin_cos();
         let turn = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
-        let jacobian = turn * of_fit;
+        let jacobian = turn * pose_from_fit;
         jacobian * (fit.inverse * (sigma * sigma)) * jacobian.transpose()
     }
 
-    fn widest_gap_rad(&mut self) -> f64 {
+    fn max_gap_rad(&mut self) -> f64 {
         self.directions.clear();
         self.directions
             .extend(self.outline.vertices().iter().map(|vertex| vertex.outward.y.atan2(vertex.outward.x)));
@@ -336,7 +343,7 @@ mod tests {
         FloorLocalizer::new(plan, camera(), FloorRule::new(OUTLINE))
     }
 
-    /// The hull of a floor in the mirror plane, as it is seen without noise.
+    /// Returns the hull of a floor in the mirror plane without noise.
     fn hull(floor: &[Point2<f64>], robot: &Pose2) -> Vec<Point2<f64>> {
         let camera = camera();
         let robot_from_map = robot.inverse();
@@ -361,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pose_is_found_from_far_off() {
+    fn the_pose_is_found_from_a_poor_prediction() {
         let truth = Pose2::new(0.4, 0.15, 0.6);
         let seen = hull(&field(), &truth);
         let mut localizer = localizer();
@@ -371,27 +378,27 @@ mod tests {
             let pose = Pose2::new(truth.x + x, truth.y + y, truth.theta + f64::to_radians(turn));
             let fix = localizer.locate_hull(&seen, Some(&Belief::new(pose, 0.15, 0.26))).unwrap();
             assert!(near(&fix.belief.pose, &truth), "{:?}", fix.belief.pose);
-            assert_eq!(fix.solution, FloorSolution::Sure);
+            assert_eq!(fix.solution, FloorSolution::Unique);
         }
     }
 
     #[test]
-    fn without_a_prediction_there_are_two_that_mirror_each_other() {
+    fn without_a_prediction_there_are_two_symmetric_solutions() {
         let truth = Pose2::new(0.4, 0.15, 0.6);
         let fix = localizer().locate_hull(&hull(&field(), &truth), None).unwrap();
-        let FloorSolution::Either { other } = fix.solution else { panic!("{fix:?}") };
+        let FloorSolution::Ambiguous { other } = fix.solution else { panic!("{fix:?}") };
         let pose = fix.belief.pose;
         assert!((pose.x + other.x).abs() < 1e-12 && (pose.y + other.y).abs() < 1e-12);
         assert!((angle_difference(pose.theta, other.theta).abs() - std::f64::consts::PI).abs() < 1e-12);
         assert!(near(&pose, &truth) || near(&other, &truth));
-        // A quarter of a turn from both, the prediction decides nothing.
+        // A quarter turn from both, the prediction selects neither.
         let aside = Belief::new(Pose2::new(0.4, 0.15, 0.6 + 1.55), 1.0, 1.0);
         let fix = localizer().locate_hull(&hull(&field(), &truth), Some(&aside)).unwrap();
-        assert!(matches!(fix.solution, FloorSolution::Either { .. }));
+        assert!(matches!(fix.solution, FloorSolution::Ambiguous { .. }));
     }
 
     #[test]
-    fn turning_the_camera_turns_the_heading_alone() {
+    fn rotating_the_robot_changes_the_heading_only() {
         let (one, two) = (Pose2::new(-0.5, 0.2, 0.3), Pose2::new(-0.5, 0.2, 1.1));
         let mut localizer = localizer();
         let found = [one, two].map(|robot| {
@@ -405,19 +412,19 @@ mod tests {
     }
 
     #[test]
-    fn an_angle_has_one_solution() {
+    fn an_l_shaped_floor_has_one_solution() {
         let floor = [(0.0, 0.0), (2.4, 0.0), (2.4, 0.9), (1.0, 0.9), (1.0, 1.8), (0.0, 1.8)]
             .map(|(x, y)| Point2::new(x, y));
         let plan = FloorPlan::from_polygon(&floor).unwrap();
         let mut localizer = FloorLocalizer::new(plan, camera(), FloorRule::new(OUTLINE));
         let truth = Pose2::new(0.6, 0.7, 2.5);
         let fix = localizer.locate_hull(&hull(&floor, &truth), None).unwrap();
-        assert_eq!(fix.solution, FloorSolution::Sure);
+        assert_eq!(fix.solution, FloorSolution::Unique);
         assert!(near(&fix.belief.pose, &truth), "{:?}", fix.belief.pose);
     }
 
     #[test]
-    fn another_floor_and_a_hidden_one_are_refused() {
+    fn another_floor_and_an_occluded_one_are_rejected() {
         let truth = Pose2::new(0.4, 0.15, 0.6);
         let seen = hull(&field(), &truth);
         let mut localizer = localizer();
@@ -436,7 +443,7 @@ mod tests {
         let problem = localizer.locate_hull(&seen, Some(&known)).unwrap_err();
         assert!(matches!(problem, FloorProblem::Jump { .. }), "{problem}");
         let mask = BitImage::new(100, 100);
-        assert_eq!(localizer.locate(&mask, None), Err(FloorProblem::WrongSize));
+        assert_eq!(localizer.locate(&mask, None), Err(FloorProblem::ImageSizeError));
         let empty = BitImage::new(256, 220);
         assert_eq!(localizer.locate(&empty, None), Err(FloorProblem::TooFewCorners { corners: 0 }));
     }

@@ -1,9 +1,10 @@
-//! The robot's pose from the outline of the floor.
+//! Localization by the outline of the floor in the images of a mirror camera.
 //!
-//! Sekimori, Usui, Masutani & Miyazaki (2001), section IV: the hull of the floor in the picture of a mirror camera, its moments for
-//! a first guess, and a linear fit of the outline's corners to the lines of the plan. Differs from \[1\]: equations 16 to 19 are
-//! corrected (the shift belongs to the turned frame, and the heading is less the angle of the axis), corners go to the nearest
-//! segment, and a common shift of all corners in the picture may be estimated with the pose.
+//! Sekimori, Usui, Masutani & Miyazaki (2001) \[1\], section IV: the convex hull of the floor in the image, its moments
+//! as an initial guess, and a linear fit of the hull's corners to the lines of a floor plan. Differs from \[1\]:
+//! equations 16 to 19 are corrected (the shift is in the rotated frame, and the heading is minus the angle of the
+//! axis), corners are assigned to the nearest segment, and a common radial shift of all corners in the image can be
+//! estimated with the pose.
 
 mod finder;
 mod fit;
@@ -14,7 +15,7 @@ mod outline;
 mod plan_file;
 
 pub use finder::FloorFinder;
-pub use fit::{Fit, FitRule, OutlineFitter, Robust, Start};
+pub use fit::{Fit, FitRule, OutlineFitter, PlanPlacement, Robust};
 pub use floor_plan::{FloorPlan, FloorPlanError, OutlineSegment};
 pub use localizer::{FloorFix, FloorLocalizer, FloorProblem, FloorRule, FloorSolution};
 pub use normal_equations::{LineMeasurement, NormalEquations};

@@ -4,42 +4,42 @@ use yamabico_core::camera::MirrorCamera;
 use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::polygon::hull_of_sorted;
 
-/// A corner of the floor's hull.
+/// Corner of the floor's hull.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlineVertex {
-    /// On the floor, robot's frame, meters.
+    /// Position on the floor in the robot frame, m.
     pub point_in_robot: Point2<f64>,
-    /// Away from the mirror's axis, of unit length.
+    /// Unit vector away from the mirror's axis.
     pub outward: Vector2<f64>,
-    /// How its distance grows with its radius in the picture, meters per pixel.
+    /// Derivative of the distance on the floor with respect to the radius in the image, m/px.
     pub slope_m_per_px: f64,
-    /// Its distance from the center of the picture, pixels of the mirror plane.
+    /// Distance from the center of the image in the mirror plane, px.
     pub radius_px: f64,
 }
 
 impl OutlineVertex {
-    /// One over the square of [`OutlineVertex::slope_m_per_px`]: weighted residuals are pixels, nearly.
+    /// Returns the weight that converts squared residuals on the floor (m²) approximately to the image (px²).
     #[must_use]
     pub fn weight(&self) -> f64 {
         1.0 / (self.slope_m_per_px * self.slope_m_per_px)
     }
 }
 
-/// Which corners count.
+/// Selection of the corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OutlineRule {
-    /// Height of the mirror frame's origin above the floor, meters.
+    /// Height of the mirror frame's origin above the floor, m.
     pub height_m: f64,
-    /// Corners farther from the center of the picture tell too little, pixels.
+    /// Maximum distance of a corner from the center of the image, px; farther ones are too imprecise.
     pub max_radius_px: f64,
 }
 
-/// The picture has no outline that can be used.
+/// The mask does not have the size of the camera's image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("the mask is not of the size of the camera's picture")]
+#[error("the size of the mask differs from the size of the camera's image")]
 pub struct OutlineError;
 
-/// The hull of the floor in a picture, and its corners on the floor. Keeps its buffers.
+/// Convex hull of the floor in an image, and its corners on the floor. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct FloorOutline {
     extremes: Vec<Point2<f64>>,
@@ -48,11 +48,11 @@ pub struct FloorOutline {
 }
 
 impl FloorOutline {
-    /// Takes the hull of the set pixels of a mask. Sekimori et al. (2001), section IV: the first and the last floor pixel of
-    /// each row are enough.
+    /// Computes the hull of the set pixels of a mask. Sekimori et al. (2001), section IV: the first and last floor
+    /// pixel of each row are sufficient.
     ///
     /// # Errors
-    /// [`OutlineError`].
+    /// The mask does not have the size of the camera's image.
     pub fn take_mask(
         &mut self,
         mask: &BitImage,
@@ -66,7 +66,7 @@ impl FloorOutline {
             return Err(OutlineError);
         }
         self.extremes.clear();
-        // Rows as x, columns as y: so the points are in order as they come.
+        // Rows as x, columns as y: the points are created in sorted order.
         for v in 0..mask.height() {
             if let Some((first, last)) = extent(mask.row(v)) {
                 self.extremes.push(Point2::new(v as f64, first as f64));
@@ -83,26 +83,26 @@ impl FloorOutline {
         Ok(())
     }
 
-    /// Takes a hull in the mirror plane, pixels.
+    /// Sets the hull, given in the mirror plane, px.
     pub fn take_hull(&mut self, hull: &[Point2<f64>], camera: &MirrorCamera, rule: &OutlineRule) {
         self.hull.clear();
         self.hull.extend_from_slice(hull);
         self.project(camera, rule);
     }
 
-    /// The corners of the hull in the mirror plane, pixels; those on the border of the picture are left out.
+    /// Returns the corners of the hull in the mirror plane, px, except those on the border of the image.
     #[must_use]
     pub fn hull(&self) -> &[Point2<f64>] {
         &self.hull
     }
 
-    /// The corners of the hull on the floor, in order.
+    /// Returns the corners of the hull on the floor, in order.
     #[must_use]
     pub fn vertices(&self) -> &[OutlineVertex] {
         &self.vertices
     }
 
-    /// Projects the hull's corners anew, as if each were seen `inward_px` nearer to the center.
+    /// Projects the corners to the floor again, with their radius in the image reduced by `inward_px`.
     pub fn project_shifted(&mut self, camera: &MirrorCamera, rule: &OutlineRule, inward_px: f64) {
         for vertex in &mut self.vertices {
             if let Some(moved) = vertex_at(vertex.outward, vertex.radius_px, inward_px, camera, rule) {
@@ -140,7 +140,7 @@ fn vertex_at(
     })
 }
 
-/// The first and the last set bit of a row.
+/// Returns the first and last set bit of a row.
 fn extent(row: &[u64]) -> Option<(usize, usize)> {
     let first = row.iter().position(|word| *word != 0)?;
     let last = row.iter().rposition(|word| *word != 0)?;
@@ -154,7 +154,7 @@ mod tests {
     use super::extent;
 
     #[test]
-    fn extents_cross_words() {
+    fn extents_may_span_several_words() {
         assert_eq!(extent(&[0, 0]), None);
         assert_eq!(extent(&[1 << 63, 0b110]), Some((63, 66)));
         assert_eq!(extent(&[0, 0b1000]), Some((67, 67)));

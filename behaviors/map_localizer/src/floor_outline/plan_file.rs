@@ -3,34 +3,34 @@ use std::path::Path;
 use nalgebra::Point2;
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::parameters::FileKind;
 use yamabico_vision::polygon::{is_simple, signed_area};
 
 use super::floor_plan::FloorPlan;
 
-/// Files of floor plans, as the behavior names them.
+/// File kind of floor plans.
 pub const FLOOR_PLAN_FILE: FileKind = FileKind {
     key: "floor_plan",
     what: "a plan of a floor",
     schema: || schema_for!(FloorPlanFile),
     rules: |table| match table.clone().try_into::<FloorPlanFile>() {
         Ok(file) => file.plan().err().into_iter().collect(),
-        Err(error) => vec![BuildError::new("", error.message())],
+        Err(error) => vec![ParameterError::new("", error.message())],
     },
 };
 
-/// What stands in a file: the corners of the floor.
+/// Content of a floor plan file: the corners of the floor.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FloorPlanFile {
-    /// Corners of the floor, x and y on the map, meters, each -1000 to 1000, one after the other all around.
+    /// Corners of the floor, x and y in the map frame, in order around the floor.
     #[schemars(length(min = 3, max = 500), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub corners_m: Vec<[f64; 2]>,
 }
 
 impl FloorPlanFile {
-    /// The corners, counterclockwise.
+    /// Returns the corners, counterclockwise.
     #[must_use]
     pub fn corners(&self) -> Vec<Point2<f64>> {
         let mut corners: Vec<_> = self.corners_m.iter().map(|&corner| Point2::from(corner)).collect();
@@ -40,22 +40,23 @@ impl FloorPlanFile {
         corners
     }
 
-    /// The plan.
+    /// Creates the floor plan.
     ///
     /// # Errors
-    /// Sides that cross each other, or no floor between them.
-    pub fn plan(&self) -> Result<FloorPlan, BuildError> {
+    /// Sides cross each other, or the corners enclose no area.
+    pub fn plan(&self) -> Result<FloorPlan, ParameterError> {
         let corners = self.corners();
         if !is_simple(&corners) {
-            return Err(BuildError::new("corners_m", "sides cross each other: list the corners all around"));
+            let problem = "sides cross each other: list the corners in order around the floor";
+            return Err(ParameterError::new("corners_m", problem));
         }
-        FloorPlan::from_polygon(&corners).map_err(|error| BuildError::new("corners_m", error.to_string()))
+        FloorPlan::from_polygon(&corners).map_err(|error| ParameterError::new("corners_m", error.to_string()))
     }
 
     /// Reads and checks a file.
     ///
     /// # Errors
-    /// A file that cannot be read, or everything that is wrong in it, in words.
+    /// The file cannot be read, or its content is invalid; the text lists all problems.
     pub fn read(path: &Path) -> Result<Self, String> {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;

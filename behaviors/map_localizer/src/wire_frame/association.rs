@@ -1,35 +1,35 @@
-//! Which line of the picture belongs to which edge of the map: one to one, and nothing that is ambiguous.
+//! One-to-one association of image lines with map edges, without ambiguous pairs.
 
-/// A line of the picture that may be an edge of the map.
+/// Possible pair of a map edge and an image line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
-    /// Number of the edge.
+    /// Index of the edge.
     pub edge: usize,
-    /// Number of the line.
+    /// Index of the line.
     pub line: usize,
     /// Squared Mahalanobis distance, two degrees of freedom.
     pub distance_squared: f64,
 }
 
-/// What may be paired.
+/// Limits of the association.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AssociationRule {
-    /// Largest squared distance.
+    /// Maximum squared Mahalanobis distance.
     pub gate: f64,
-    /// An edge (or line) whose two best candidates differ by less is not paired at all.
+    /// Difference of the squared distances of an edge's (or line's) two best candidates below which it stays unpaired.
     pub ambiguity: f64,
 }
 
-/// 99 % of the chi-square distribution with two degrees of freedom.
-pub const GATE: f64 = 9.210_340_371_976_184;
+/// 99 % quantile of the chi-squared distribution with two degrees of freedom.
+pub const GATE_99: f64 = 9.210_340_371_976_184;
 
 impl Default for AssociationRule {
     fn default() -> Self {
-        Self { gate: GATE, ambiguity: 2.0 }
+        Self { gate: GATE_99, ambiguity: 2.0 }
     }
 }
 
-/// Pairs edges and lines; keeps its buffers.
+/// Association of edges and lines. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Association {
     best_of_edge: Vec<Best>,
@@ -38,7 +38,7 @@ pub struct Association {
     pairs: Vec<Candidate>,
 }
 
-/// The two smallest squared distances.
+/// Two smallest squared distances.
 #[derive(Clone, Copy, Debug)]
 struct Best {
     first: f64,
@@ -57,17 +57,17 @@ impl Best {
         }
     }
 
-    fn is_ambiguous(&self, least: f64) -> bool {
-        self.second.is_finite() && self.second - self.first < least
+    fn is_ambiguous(&self, min_difference: f64) -> bool {
+        self.second.is_finite() && self.second - self.first < min_difference
     }
 }
 
 impl Association {
-    /// The pairs among the candidates, by ascending distance (then edge, then line): greedy, one to one, within the gate,
-    /// without edges and lines that are ambiguous.
+    /// Selects pairs among the candidates within the gate greedily by ascending distance (then edge, then line), one to
+    /// one, except ambiguous edges and lines.
     pub fn pair(&mut self, candidates: &[Candidate], rule: &AssociationRule) -> &[Candidate] {
         let within = || candidates.iter().filter(|candidate| candidate.distance_squared <= rule.gate);
-        let count = |number: fn(&Candidate) -> usize| within().map(number).max().map_or(0, |most| most + 1);
+        let count = |number: fn(&Candidate) -> usize| within().map(number).max().map_or(0, |max| max + 1);
         self.best_of_edge.clear();
         self.best_of_edge.resize(count(|candidate| candidate.edge), Best::NONE);
         self.best_of_line.clear();
@@ -97,17 +97,17 @@ impl Association {
         &self.pairs
     }
 
-    /// The edges that were ambiguous, ascending.
+    /// Returns the ambiguous edges, ascending.
     pub fn ambiguous_edges(&self, rule: &AssociationRule) -> impl Iterator<Item = usize> {
         ambiguous(&self.best_of_edge, rule.ambiguity)
     }
 
-    /// The lines that were ambiguous, ascending.
+    /// Returns the ambiguous lines, ascending.
     pub fn ambiguous_lines(&self, rule: &AssociationRule) -> impl Iterator<Item = usize> {
         ambiguous(&self.best_of_line, rule.ambiguity)
     }
 }
 
-fn ambiguous(best: &[Best], least: f64) -> impl Iterator<Item = usize> {
-    best.iter().enumerate().filter(move |(_, best)| best.is_ambiguous(least)).map(|(number, _)| number)
+fn ambiguous(best: &[Best], min_difference: f64) -> impl Iterator<Item = usize> {
+    best.iter().enumerate().filter(move |(_, best)| best.is_ambiguous(min_difference)).map(|(index, _)| index)
 }

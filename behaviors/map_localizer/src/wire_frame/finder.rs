@@ -1,4 +1,4 @@
-use yamabico_core::behavior::{BuildError, Setup};
+use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_core::sensor::MountedPinhole;
@@ -10,9 +10,9 @@ use super::relocalize::Relocalizer;
 use crate::CAMERA;
 use crate::belief::Belief;
 use crate::config::Config;
-use crate::fix::{Fix, PoseFinder, Trust};
+use crate::fix::{Fix, NoiseFactors, PoseFinder};
 
-/// Finds the robot by the edges of a wire-frame map.
+/// Pose finder that matches the edges of a wire-frame map with the segments of an image.
 #[derive(Clone, Debug)]
 pub struct WireFrameFinder {
     fixer: Fixer,
@@ -23,14 +23,14 @@ pub struct WireFrameFinder {
 }
 
 impl WireFrameFinder {
-    /// One for the configuration's map and the robot's pinhole camera.
+    /// Creates a finder for the configured map and the robot's pinhole camera.
     ///
     /// # Errors
-    /// Another kind of camera, no map, or one that cannot be read.
-    pub fn new(config: &Config, setup: &Setup) -> Result<Self, BuildError> {
+    /// The camera is of another kind, or the map is missing or invalid.
+    pub fn new(config: &Config, setup: &Setup) -> Result<Self, ParameterError> {
         let MountedPinhole { pinhole, mount, .. } = setup.pinhole(&CAMERA)?;
         let map = WireFrame::read(&config.file("map", config.map.as_ref(), setup)?)
-            .map_err(|error| BuildError::new("map", error.to_string()))?;
+            .map_err(|error| ParameterError::new("map", error.to_string()))?;
         Ok(Self {
             relocalizer: Relocalizer::new(&map, &mount),
             fixer: Fixer::new(map, pinhole, mount),
@@ -40,18 +40,18 @@ impl WireFrameFinder {
         })
     }
 
-    /// The expected edges, the segments and their pairs at the last picture.
+    /// Returns the expected edges, the segments and their pairs of the last image.
     #[must_use]
     pub fn fixer(&self) -> &Fixer {
         &self.fixer
     }
 
-    fn noise(&self, trust: Trust) -> LineNoise {
+    fn line_noise(&self, noise: NoiseFactors) -> LineNoise {
         LineNoise {
             sigma_px: self.sigma_px,
             map_sigma_m: self.map_sigma_m,
-            scale: trust.scale,
-            repetition: trust.repetition,
+            scale: noise.scale,
+            correlation: noise.correlation,
         }
     }
 }
@@ -61,17 +61,17 @@ impl PoseFinder for WireFrameFinder {
         self.fixer.map()
     }
 
-    fn take(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
+    fn observe(&mut self, frame: &View<'_, FrameHeader>) -> Result<(), Reason> {
         let image = frame.gray(self.fixer.pinhole().intrinsics().size(), &mut self.gray);
-        self.fixer.take(image.ok_or(Reason::MalformedInput)?)
+        self.fixer.observe(image.ok_or(Reason::MalformedInput)?)
     }
 
-    fn fix(&mut self, prior: &Belief, trust: Trust) -> Fix {
-        self.fixer.fix(prior, &self.noise(trust))
+    fn fix(&mut self, prior: &Belief, noise: NoiseFactors) -> Fix {
+        self.fixer.fix(prior, &self.line_noise(noise))
     }
 
-    fn search(&mut self, prior: &Belief, trust: Trust) -> Option<Belief> {
-        let noise = self.noise(trust);
+    fn search(&mut self, prior: &Belief, noise: NoiseFactors) -> Option<Belief> {
+        let noise = self.line_noise(noise);
         self.relocalizer.find(&mut self.fixer, prior, &noise)
     }
 }

@@ -1,4 +1,4 @@
-//! One picture against the map: the belief before it becomes the belief after it.
+//! Update of a belief by one image: matches the segments with the map and applies the pairs.
 
 use nalgebra::Vector2;
 use yamabico_core::camera::{Distortion, Mount, Pinhole};
@@ -8,33 +8,34 @@ use yamabico_core::message::Reason;
 use yamabico_vision::map::{EdgeKind, ExpectationMap, ExpectationRules, ExpectedEdge, WireFrame};
 use yamabico_vision::segments::{Segment, SegmentConfig, SegmentDetector};
 
-use super::association::GATE;
+use super::association::GATE_99;
 use super::matching::{Gates, LineNoise, Match, Matcher, Scene};
 use super::projected_line::LineCamera;
 use crate::belief::{Belief, Update, gate_distance};
 use crate::fix::Fix;
 
-/// A picture whose fix moves the image by more (pixels) is matched once more.
+/// Displacement of the expected edges by a fix above which the image is matched again, px.
 const REMATCH_PX: f64 = 5.0;
-/// Uprights whose columns differ by less (pixels) count as one.
+/// Difference of the columns of two vertical edges below which they count as one, px.
 const SAME_COLUMN_PX: f64 = 8.0;
-/// With a smaller share of the expected edges it is not known whether the matches are right.
-pub const MIN_SHARE: f64 = 0.35;
-/// Where this share of the expected edges is matched, no other match is looked for.
-const WELL_SEEN: f64 = 0.75;
-/// Otherwise the robot's heading is looked from so many standard deviations to either side.
-const ASIDE_SIGMAS: f64 = 1.5;
-/// With a prior wider than this the match is looked for from places this far apart (m, rad) ...
+/// Minimum matched fraction of the expected edges; with less, the match is ambiguous.
+const MIN_MATCHED: f64 = 0.35;
+/// Matched fraction of the expected edges above which no alternative match is tried.
+const WELL_MATCHED: f64 = 0.75;
+/// Offset of the heading of the alternative matches, in standard deviations.
+const ALTERNATIVE_SIGMAS: f64 = 1.5;
+/// Standard deviation across the heading above which several start positions are tried, and their spacing, m.
 const START_STEP_M: f64 = 0.07;
+/// Standard deviation of the heading above which several start headings are tried, and their spacing, rad.
 const START_STEP_RAD: f64 = 0.0175;
-/// ... each with these standard deviations.
+/// Standard deviations of each start pose, m and rad.
 const START_SIGMAS: (f64, f64) = (0.1, 0.012);
-/// At most so many steps to either side; what lies farther away makes them longer.
-const START_STEPS: i32 = 6;
-/// Least number of lines of a fix.
+/// Maximum number of steps to each side; a wider range makes the steps longer.
+const MAX_START_STEPS: i32 = 6;
+/// Minimum number of lines of a fix.
 const MIN_LINES: usize = 3;
 
-/// Looks for the map in pictures; keeps its buffers.
+/// Matcher of images with a wire-frame map that updates a belief. Reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct Fixer {
     map: WireFrame,
@@ -50,7 +51,7 @@ pub struct Fixer {
 }
 
 impl Fixer {
-    /// One for this map and camera.
+    /// Creates a fixer for this map and camera.
     #[must_use]
     pub fn new(map: WireFrame, pinhole: Pinhole, mount: Mount) -> Self {
         let rules = ExpectationRules::for_width(pinhole.intrinsics().width);
@@ -68,47 +69,47 @@ impl Fixer {
         }
     }
 
-    /// The map.
+    /// Returns the map.
     #[must_use]
     pub fn map(&self) -> &WireFrame {
         &self.map
     }
 
-    /// The camera's lens and image.
+    /// Returns the camera model.
     #[must_use]
     pub fn pinhole(&self) -> &Pinhole {
         &self.pinhole
     }
 
-    /// Where the camera sits.
+    /// Returns the pose of the camera on the robot.
     #[must_use]
     pub fn mount(&self) -> &Mount {
         &self.mount
     }
 
-    /// What should have been in view in the last picture, from the last pose that it was computed for.
+    /// Returns the edges expected in view from the last evaluated pose.
     #[must_use]
     pub fn expected(&self) -> &[ExpectedEdge] {
         self.expectation.expected()
     }
 
-    /// The segments of the last picture, undistorted.
+    /// Returns the segments of the last image, undistorted.
     #[must_use]
     pub fn segments(&self) -> &[Segment] {
         &self.segments
     }
 
-    /// The pairs of expected edges and segments that moved the belief at the last picture.
+    /// Returns the pairs of expected edges and segments that updated the belief in the last call of [`Fixer::fix`].
     #[must_use]
     pub fn used(&self) -> &[Match] {
         &self.used
     }
 
-    /// Takes a picture's segments.
+    /// Extracts the segments of an image.
     ///
     /// # Errors
-    /// `TooFewSegments`: it is blank, dark or blurred.
-    pub fn take(&mut self, image: ImageView<'_>) -> Result<(), Reason> {
+    /// `TooFewSegments`: the image is blank, dark or blurred.
+    pub fn observe(&mut self, image: ImageView<'_>) -> Result<(), Reason> {
         self.segments.clear();
         self.used.clear();
         let found = self.detector.detect(image).map_err(|_| Reason::TooFewSegments)?;
@@ -121,33 +122,34 @@ impl Fixer {
         Ok(())
     }
 
-    /// What the segments taken last make of a belief.
+    /// Updates a belief with the segments of the last image.
     pub fn fix(&mut self, prior: &Belief, noise: &LineNoise) -> Fix {
         let sigma_across_m = across_sigma_m(prior);
         let is_wide = prior.sigma_theta_rad() > START_STEP_RAD || sigma_across_m > START_STEP_M;
         let mut fix = self.fix_from(prior, prior, noise);
         if is_wide {
-            let aside = within(1.5 * sigma_across_m, START_STEP_M);
+            let offsets = within(1.5 * sigma_across_m, START_STEP_M);
             let turns = within(2.0 * prior.sigma_theta_rad(), START_STEP_RAD);
             fix = self.best_start(prior, noise, fix, START_SIGMAS, &|i| {
-                let (column, row) = (i % aside.len(), i / aside.len());
-                (row < turns.len()).then(|| (aside.at(column), turns.at(row)))
+                let (column, row) = (i % offsets.len(), i / offsets.len());
+                (row < turns.len()).then(|| (offsets.at(column), turns.at(row)))
             });
-        } else if (fix.lines as f64) < WELL_SEEN * fix.expected as f64 {
-            let turn = ASIDE_SIGMAS * prior.sigma_theta_rad();
+        } else if (fix.lines as f64) < WELL_MATCHED * fix.expected as f64 {
+            let turn = ALTERNATIVE_SIGMAS * prior.sigma_theta_rad();
             let sigmas = (0.5 * prior.sigma_xy_m(), 0.5 * prior.sigma_theta_rad());
             fix =
                 self.best_start(prior, noise, fix, sigmas, &|i| [(0.0, turn), (0.0, -turn)].get(i).copied());
         }
         if fix.verdict.is_ok() && self.image_shift(&fix.posterior.pose) > REMATCH_PX {
-            // The new pose only tells which line is which edge: the measurements act on the prior, once.
+            // The new pose serves for association only: the measurements are applied once, to the prior.
             fix = self.fix_from(prior, &fix.posterior, noise);
         }
         fix
     }
 
-    /// Matches from other poses than the prior's too, and keeps what matches most: `start` gives by how much they lie to the
-    /// left (m) and are turned (rad), `sigmas` how wide is looked from each (m, rad).
+    /// Matches from several start poses and keeps the best match. `start` returns the offset of the start pose with
+    /// this index from the prior, to the left (m) and in heading (rad); `sigmas` are the standard deviations of each
+    /// (m, rad).
     fn best_start(
         &mut self,
         prior: &Belief,
@@ -167,16 +169,16 @@ impl Fixer {
                 sigmas.1.min(prior.sigma_theta_rad()).max(1e-4),
             );
             let fix = self.fix_from(prior, &about, noise);
-            let score = |fix: &Fix| fix.lines as f64 - fix.surprise;
+            let score = |fix: &Fix| fix.lines as f64 - fix.nis;
             if score(&fix) > score(&best.0) {
                 best = (fix, about);
             }
         }
-        // Leaves behind what belongs to the best.
+        // Repeated so that the buffers contain the best match.
         self.fix_from(prior, &best.1, noise)
     }
 
-    /// Matches as seen from `about`, and applies what was matched to `prior`.
+    /// Matches from the pose of `about` and applies the pairs to `prior`.
     fn fix_from(&mut self, prior: &Belief, about: &Belief, noise: &LineNoise) -> Fix {
         self.used.clear();
         self.expectation.compute(&self.map, &self.pinhole, &self.mount, &about.pose);
@@ -204,17 +206,17 @@ impl Fixer {
             let segment = &scene.segments[pair.segment];
             let view = scene.camera.at(&fix.posterior.pose);
             let Some(line) = scene.edge(expected).and_then(|edge| view.project(edge)) else { continue };
-            let of_picture = noise.of(scene.focal_px, expected.depth_m);
+            let gate_noise = noise.covariance(scene.focal_px, expected.depth_m);
             let residual = line.residual([segment.p0, segment.p1]);
-            let distance = gate_distance(&residual, &fix.posterior.covariance, &of_picture);
-            if distance > GATE {
+            let distance = gate_distance(&residual, &fix.posterior.covariance, &gate_noise);
+            if distance > GATE_99 {
                 continue;
             }
-            let of_news = of_picture * noise.repetition;
-            if let Update::Applied(_) = fix.posterior.update(&residual, &of_news, f64::INFINITY) {
+            let update_noise = gate_noise * noise.correlation;
+            if let Update::Applied(_) = fix.posterior.update(&residual, &update_noise, f64::INFINITY) {
                 self.used.push(Match { distance_squared: distance, ..*pair });
                 fix.lines += 1;
-                fix.surprise += 0.5 * distance;
+                fix.nis += 0.5 * distance;
                 fix.uprights[1] += usize::from(expected.kind == EdgeKind::Vertical);
             }
         }
@@ -222,9 +224,9 @@ impl Fixer {
         fix
     }
 
-    /// Whether the lines in use make a fix: three, of two directions or in two columns.
+    /// Returns `Ok` if the matched lines fix the pose: at least three, in two directions or two columns.
     fn verdict(&self, lines: usize) -> Result<(), Reason> {
-        let near = self.matcher.edges_with_segments_near();
+        let near = self.matcher.edges_with_candidates();
         if lines == 0 && near >= MIN_LINES {
             return Err(Reason::Gated);
         }
@@ -232,8 +234,8 @@ impl Fixer {
             return Err(Reason::TooFewMatches);
         }
         let expected = self.expectation.expected();
-        if (lines as f64) < MIN_SHARE * expected.len() as f64 {
-            // A few lines agree on something by chance.
+        if (lines as f64) < MIN_MATCHED * expected.len() as f64 {
+            // A few lines may agree on a wrong pose by chance.
             return Err(Reason::Ambiguous);
         }
         let kinds = || self.used.iter().map(|pair| &expected[pair.expected]);
@@ -245,12 +247,12 @@ impl Fixer {
         if (has_upright && has_level) || right - left > SAME_COLUMN_PX {
             Ok(())
         } else {
-            // Lines of one direction leave the way along them open.
+            // Lines in one direction do not determine the position along them.
             Err(Reason::Degenerate)
         }
     }
 
-    /// How far (pixels) the expected edges' middles lie from their lines as seen from another pose, at most.
+    /// Returns the maximum distance of the expected edges' midpoints from their lines seen from another pose, px.
     fn image_shift(&self, to: &Pose2) -> f64 {
         let view = self.camera.at(to);
         let shift = |expected: &ExpectedEdge| {
@@ -261,7 +263,7 @@ impl Fixer {
     }
 }
 
-/// Standard deviation of the place across the robot's heading, meters.
+/// Returns the standard deviation of the position across the robot's heading, m.
 fn across_sigma_m(belief: &Belief) -> f64 {
     let (sin, cos) = belief.pose.theta.sin_cos();
     let across = Vector2::new(-sin, cos);
@@ -269,30 +271,30 @@ fn across_sigma_m(belief: &Belief) -> f64 {
     across.dot(&(covariance * across)).max(0.0).sqrt()
 }
 
-/// Steps to both sides of zero.
+/// Equidistant values on both sides of zero.
 #[derive(Clone, Copy)]
 struct Steps {
-    to_either_side: i32,
+    per_side: i32,
     step: f64,
 }
 
-/// Steps of this length, or longer, that reach as far.
+/// Returns values within ±`reach`, spaced by `step` or more.
 fn within(reach: f64, step: f64) -> Steps {
-    let step = step.max(reach / f64::from(START_STEPS));
-    Steps { to_either_side: ((reach / step) as i32).min(START_STEPS), step }
+    let step = step.max(reach / f64::from(MAX_START_STEPS));
+    Steps { per_side: ((reach / step) as i32).min(MAX_START_STEPS), step }
 }
 
 impl Steps {
     fn len(self) -> usize {
-        2 * self.to_either_side.unsigned_abs() as usize + 1
+        2 * self.per_side.unsigned_abs() as usize + 1
     }
 
     fn at(self, i: usize) -> f64 {
-        f64::from(i as i32 - self.to_either_side) * self.step
+        f64::from(i as i32 - self.per_side) * self.step
     }
 }
 
-/// The segment as a camera without distortion would see it; `None` where the lens model ends.
+/// Returns the segment without lens distortion; `None` outside the valid range of the lens model.
 fn undistorted(segment: &Segment, pinhole: &Pinhole) -> Option<Segment> {
     let ends: [Vector2<f64>; 2] =
         [pinhole.undistort_pixel(segment.p0)?, pinhole.undistort_pixel(segment.p1)?];

@@ -1,26 +1,26 @@
-//! Which segments of a picture may be which edges of the map: near in the picture and in Hough's space.
+//! Matching of image segments with expected edges that are close in the image and in Hough space.
 
 use nalgebra::{Matrix2, Matrix3, Vector2};
 use yamabico_vision::map::{Edge, ExpectedEdge, WireFrame};
 use yamabico_vision::segments::Segment;
 
 use super::association::{Association, AssociationRule, Candidate};
-use super::consensus::{Witness, agree};
+use super::consensus::{WeightedResidual, find_consensus};
 use super::projected_line::{LineCamera, ProjectedLine};
 use crate::belief::{Belief, gate_distance};
 
-/// How near a segment must be to an edge's image.
+/// Gates for a segment to be a candidate of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gates {
-    /// Difference of direction that is always allowed, rad, and the most that doubt of the pose adds up to.
+    /// Lower and upper bound of the gate on the difference in direction, rad.
     pub angle_rad: [f64; 2],
-    /// Distance of the segment's middle from the line that is always allowed, pixels, and the most.
+    /// Lower and upper bound of the gate on the distance of the segment's midpoint from the line, px.
     pub offset_px: [f64; 2],
-    /// Least share of the segment that lies along the edge.
+    /// Minimum fraction of the segment that overlaps the edge.
     pub overlap: f64,
-    /// In standard deviations, where that is more than what is always allowed.
+    /// Width of the gates between their bounds, in standard deviations.
     pub sigmas: f64,
-    /// The pairing.
+    /// Limits of the association.
     pub association: AssociationRule,
 }
 
@@ -36,67 +36,68 @@ impl Default for Gates {
     }
 }
 
-/// How uncertain a segment's ends are, as measurements of an edge.
+/// Noise model of the ends of a segment, measured as distances from an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LineNoise {
-    /// Of an end across the line, pixels.
+    /// Standard deviation of an end across the line, px.
     pub sigma_px: f64,
-    /// Of the edge's place on the map, meters.
+    /// Standard deviation of the edge on the map, m.
     pub map_sigma_m: f64,
-    /// Factor on the variance, from how well earlier measurements agreed.
+    /// Factor on the variance in gates and updates, adapted to the consistency of earlier measurements.
     pub scale: f64,
-    /// Factor on the variance where a measurement moves the belief, >= 1: pictures from nearly one place err alike.
-    pub repetition: f64,
+    /// Additional factor on the variance in updates only, >= 1: errors of images taken close to each other are
+    /// correlated.
+    pub correlation: f64,
 }
 
 impl LineNoise {
-    /// The covariance of both ends' distances for an edge at this depth (m), pixels squared.
+    /// Returns the covariance of the distances of both ends from an edge at this depth (m), px².
     #[must_use]
-    pub fn of(&self, focal_px: f64, depth_m: f64) -> Matrix2<f64> {
-        let of_map = focal_px * self.map_sigma_m / depth_m;
-        let variance = self.scale * (self.sigma_px.powi(2) + of_map.powi(2));
+    pub fn covariance(&self, focal_px: f64, depth_m: f64) -> Matrix2<f64> {
+        let map_sigma_px = focal_px * self.map_sigma_m / depth_m;
+        let variance = self.scale * (self.sigma_px.powi(2) + map_sigma_px.powi(2));
         Matrix2::new(variance, 0.0, 0.0, variance)
     }
 }
 
-/// A segment that belongs to an expected edge.
+/// Pair of an expected edge and a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
-    /// Number among the expected edges.
+    /// Index of the expected edge.
     pub expected: usize,
-    /// Number among the segments.
+    /// Index of the segment.
     pub segment: usize,
     /// Squared Mahalanobis distance at the prior.
     pub distance_squared: f64,
 }
 
-/// Matches; keeps its buffers.
+/// Matcher of segments with expected edges. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Matcher {
     candidates: Vec<Candidate>,
-    witnesses: Vec<Witness>,
+    measurements: Vec<WeightedResidual>,
     association: Association,
     matches: Vec<Match>,
-    near: usize,
+    edges_with_candidates: usize,
 }
 
-/// What is matched.
+/// Input of the matcher: map, image and camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene<'a> {
-    /// The map.
+    /// Map.
     pub map: &'a WireFrame,
-    /// What of it should be in view.
+    /// Edges of the map that are expected in view.
     pub expected: &'a [ExpectedEdge],
-    /// What is seen, undistorted.
+    /// Segments of the image, undistorted.
     pub segments: &'a [Segment],
-    /// The camera.
+    /// Camera on the robot.
     pub camera: &'a LineCamera,
-    /// Focal length, pixels.
+    /// Focal length, px.
     pub focal_px: f64,
 }
 
 impl Scene<'_> {
-    /// The edge behind an expected one.
+    /// Returns the map edge of an expected edge.
     #[must_use]
     pub fn edge(&self, expected: &ExpectedEdge) -> Option<&Edge> {
         self.map.edges().get(expected.edge)
@@ -106,16 +107,16 @@ impl Scene<'_> {
 impl Matcher {
     /// Pairs expected edges and segments one to one, by ascending distance.
     ///
-    /// Differs from the plain nearest neighbors of the prior: distances are those from the pose that most of the candidates
-    /// agree on, so that a wrong pair does not draw the others after it.
+    /// Differs from nearest neighbors at the prior: distances are evaluated at the consensus of the candidates, so that
+    /// a wrong pair does not attract the others.
     pub fn pair(&mut self, scene: &Scene<'_>, belief: &Belief, noise: &LineNoise, gates: &Gates) -> &[Match] {
         self.gather(scene, belief, noise, gates);
-        if let Some(agreement) = agree(&belief.covariance, &self.witnesses) {
-            for (candidate, witness) in self.candidates.iter_mut().zip(&self.witnesses) {
-                let mut residual = witness.residual;
-                residual.distance_px += residual.jacobian * agreement.shift;
-                let noise = Matrix2::from_diagonal_element(witness.variance);
-                candidate.distance_squared = gate_distance(&residual, &agreement.covariance, &noise);
+        if let Some(consensus) = find_consensus(&belief.covariance, &self.measurements) {
+            for (candidate, measurement) in self.candidates.iter_mut().zip(&self.measurements) {
+                let mut residual = measurement.residual;
+                residual.distance_px += residual.jacobian * consensus.shift;
+                let noise = Matrix2::from_diagonal_element(measurement.variance);
+                candidate.distance_squared = gate_distance(&residual, &consensus.covariance, &noise);
             }
         }
         let pairs = self.association.pair(&self.candidates, &gates.association);
@@ -128,19 +129,19 @@ impl Matcher {
         &self.matches
     }
 
-    /// Every segment in the strip of an edge is a candidate.
+    /// Collects all segments within the gates of each edge as candidates.
     fn gather(&mut self, scene: &Scene<'_>, belief: &Belief, noise: &LineNoise, gates: &Gates) {
         self.candidates.clear();
-        self.witnesses.clear();
-        self.near = 0;
+        self.measurements.clear();
+        self.edges_with_candidates = 0;
         let view = scene.camera.at(&belief.pose);
         for (number, expected) in scene.expected.iter().enumerate() {
             let Some(line) = scene.edge(expected).and_then(|edge| view.project(edge)) else { continue };
-            let noise = noise.of(scene.focal_px, expected.depth_m);
+            let noise = noise.covariance(scene.focal_px, expected.depth_m);
             let begin = self.candidates.len();
             let strip = Strip::new(expected, &line, &belief.covariance, gates);
             for (segment_number, segment) in scene.segments.iter().enumerate() {
-                if !strip.holds(segment, &belief.covariance, gates) {
+                if !strip.contains(segment, &belief.covariance, gates) {
                     continue;
                 }
                 self.candidates.push(Candidate {
@@ -149,35 +150,35 @@ impl Matcher {
                     distance_squared: f64::INFINITY,
                 });
             }
-            self.near += usize::from(self.candidates.len() > begin);
+            self.edges_with_candidates += usize::from(self.candidates.len() > begin);
             keep_longest_of_each_line(&mut self.candidates, begin, scene.segments);
-            self.witnesses.extend(self.candidates[begin..].iter().map(|candidate| {
+            self.measurements.extend(self.candidates[begin..].iter().map(|candidate| {
                 let segment = &scene.segments[candidate.line];
-                Witness { residual: line.residual([segment.p0, segment.p1]), variance: noise.m11 }
+                WeightedResidual { residual: line.residual([segment.p0, segment.p1]), variance: noise.m11 }
             }));
         }
     }
 
-    /// The last pairs.
+    /// Returns the pairs of the last call of [`Matcher::pair`].
     #[must_use]
     pub fn matches(&self) -> &[Match] {
         &self.matches
     }
 
-    /// Edges that had a segment near them in the last call, within the gate or not.
+    /// Returns the number of edges that had at least one candidate in the last call of [`Matcher::pair`].
     #[must_use]
-    pub fn edges_with_segments_near(&self) -> usize {
-        self.near
+    pub fn edges_with_candidates(&self) -> usize {
+        self.edges_with_candidates
     }
 }
 
-/// The neighborhood of an expected edge in the picture.
+/// Neighborhood of an expected edge in the image.
 struct Strip<'a> {
     line: &'a ProjectedLine,
     direction: Vector2<f64>,
     from: Vector2<f64>,
     length: f64,
-    largest_sine: f64,
+    max_sine: f64,
     overlap: f64,
 }
 
@@ -190,7 +191,7 @@ impl<'a> Strip<'a> {
     ) -> Self {
         let slope = line.alpha_jacobian();
         let sigma_angle = slope.dot(&(covariance * slope)).max(0.0).sqrt();
-        let [least, most] = gates.angle_rad;
+        let [min, max] = gates.angle_rad;
         let run = expected.to - expected.from;
         let length = run.norm();
         Self {
@@ -198,29 +199,29 @@ impl<'a> Strip<'a> {
             direction: run / length,
             from: expected.from,
             length,
-            largest_sine: (gates.sigmas * sigma_angle).max(least).min(most).sin(),
+            max_sine: (gates.sigmas * sigma_angle).max(min).min(max).sin(),
             overlap: gates.overlap,
         }
     }
 
-    fn holds(&self, segment: &Segment, covariance: &Matrix3<f64>, gates: &Gates) -> bool {
-        if self.line.normal().perp(&segment.normal).abs() > self.largest_sine {
+    fn contains(&self, segment: &Segment, covariance: &Matrix3<f64>, gates: &Gates) -> bool {
+        if self.line.normal().perp(&segment.normal).abs() > self.max_sine {
             return false;
         }
         let middle = segment.midpoint();
         let coefficients = &self.line.coefficients;
         let offset_px = (coefficients.dot(&middle.push(1.0))).abs();
-        let [least, most] = gates.offset_px;
-        if offset_px > most {
+        let [min, max] = gates.offset_px;
+        if offset_px > max {
             return false;
         }
-        let place = |p: Vector2<f64>| self.direction.dot(&(p - self.from));
-        let (s0, s1) = (place(segment.p0), place(segment.p1));
+        let along = |p: Vector2<f64>| self.direction.dot(&(p - self.from));
+        let (s0, s1) = (along(segment.p0), along(segment.p1));
         let overlap = s0.max(s1).min(self.length) - s0.min(s1).max(0.0);
         if overlap < self.overlap * segment.length {
             return false;
         }
-        if offset_px <= least {
+        if offset_px <= min {
             return true;
         }
         let (_, slope) = self.line.distance(middle);
@@ -228,12 +229,12 @@ impl<'a> Strip<'a> {
     }
 }
 
-/// Of the candidates of one edge from `begin` on, keeps the longest of those that lie on one image line: pieces of one line
-/// are no rivals.
+/// Keeps the longest of the collinear candidates of one edge, from `begin` on: fragments of one line do not make each
+/// other ambiguous.
 fn keep_longest_of_each_line(candidates: &mut Vec<Candidate>, begin: usize, segments: &[Segment]) {
     const SAME_LINE_PX: f64 = 1.5;
     const SAME_DIRECTION: f64 = 0.035;
-    let is_piece = |short: &Segment, long: &Segment| {
+    let is_fragment = |short: &Segment, long: &Segment| {
         short.normal.perp(&long.normal).abs() < SAME_DIRECTION
             && long.distance(short.midpoint()).abs() < SAME_LINE_PX
     };
@@ -244,7 +245,7 @@ fn keep_longest_of_each_line(candidates: &mut Vec<Candidate>, begin: usize, segm
     for i in begin..candidates.len() {
         let candidate = candidates[i];
         let segment = &segments[candidate.line];
-        if !candidates[begin..kept].iter().any(|other| is_piece(segment, &segments[other.line])) {
+        if !candidates[begin..kept].iter().any(|other| is_fragment(segment, &segments[other.line])) {
             candidates[kept] = candidate;
             kept += 1;
         }

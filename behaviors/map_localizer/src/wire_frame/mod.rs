@@ -1,8 +1,8 @@
-//! The robot's pose from the edges of a wire-frame map, seen by a pinhole camera.
+//! Localization by the edges of a wire-frame map in the images of a pinhole camera.
 //!
-//! Ohya, Kosaka & Kak (1998), sections 3.1 and 3.2: edges that should be in view are matched with the segments of the picture,
-//! and each pair moves the pose. Differs from \[1\]: pairs are chosen together, and the picture is matched once more where
-//! the pose moved far.
+//! Ohya, Kosaka & Kak (1998) \[1\], sections 3.1 and 3.2: edges expected in view are matched with the segments of the
+//! image, and each pair updates the pose. Differs from \[1\]: pairs are chosen jointly, and the image is matched a
+//! second time after a large correction.
 
 pub mod association;
 pub mod consensus;

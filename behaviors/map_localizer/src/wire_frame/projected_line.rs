@@ -1,38 +1,42 @@
-//! The image of an edge of the map, and how it moves with the robot.
+//! Projection of a map edge to an image line, with derivatives with respect to the robot's pose.
 //!
-//! The image line of an edge is the cross product of its ends in the optical frame: that holds without clipping, also for
-//! ends behind the camera.
+//! The image line is the cross product of the edge's ends in the optical frame, which is valid without clipping, also
+//! for ends behind the camera.
 
 use nalgebra::{Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_vision::map::Edge;
 
-/// A line whose plane passes this near to the optical center, relative to the edge's distance, has no image.
-const SMALLEST_NORM: f64 = 1e-12;
-/// Nearer (m) along the optical axis an upright edge has no column.
-const NEAREST_M: f64 = 0.1;
+/// Minimum norm of a line's normal relative to the distances of the ends; a smaller one has no image.
+const MIN_NORM: f64 = 1e-12;
+/// Minimum depth of a vertical edge along the optical axis, m.
+const MIN_DEPTH_M: f64 = 0.1;
 
-/// The camera on the robot, ready for projecting: both map the body frame to homogeneous pixels (px m, px m, m).
+/// Projection from the body frame to homogeneous pixels (px m, px m, m).
 #[derive(Clone, Copy, Debug)]
 pub struct LineCamera {
+    /// Projection of directions.
     pixel_from_body: Matrix3<f64>,
+    /// Projection of the camera's position.
     mount: Vector3<f64>,
 }
 
-/// The camera at one pose of the robot, likewise from the map.
+/// Projection from the map frame to homogeneous pixels, for one pose of the robot.
 #[derive(Clone, Copy, Debug)]
 pub struct LineView {
-    /// Of directions.
+    /// Projection of directions.
     pixel_from_map: Matrix3<f64>,
+    /// Projection of the camera's position relative to the robot.
     mount: Vector3<f64>,
+    /// Robot in the map frame, m.
     position: Vector3<f64>,
 }
 
-/// An image line with its derivatives.
+/// Image line with its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectedLine {
-    /// (cos alpha, sin alpha, -rho): the signed distance of a pixel (u, v) is its product with (u, v, 1).
+    /// (cos alpha, sin alpha, -rho): the dot product with (u, v, 1) is the signed distance of a pixel (u, v).
     pub coefficients: Vector3<f64>,
     /// Derivatives of the coefficients (rows) with respect to the robot's x, y and theta (columns).
     pub jacobian: Matrix3<f64>,
@@ -41,27 +45,27 @@ pub struct ProjectedLine {
 /// Signed distances of two image points from a projected line, and their derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// Pixels.
+    /// Signed distances, px.
     pub distance_px: Vector2<f64>,
-    /// With respect to the robot's x, y (px/m) and theta (px/rad).
+    /// Derivatives with respect to the robot's x, y (px/m) and theta (px/rad).
     pub jacobian: Matrix2x3<f64>,
 }
 
-/// A line by its distance from pixel (0, 0) and the direction of its normal.
+/// Line in Hough space: distance from pixel (0, 0) and direction of the normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoughLine {
-    /// Pixels, never negative.
+    /// Distance from pixel (0, 0), >= 0, px.
     pub rho: f64,
-    /// Radians.
+    /// Direction of the normal, rad.
     pub alpha: f64,
     /// Derivatives of rho with respect to the robot's x, y and theta.
     pub rho_jacobian: Vector3<f64>,
-    /// Derivatives of alpha.
+    /// Derivatives of alpha with respect to the robot's x, y and theta.
     pub alpha_jacobian: Vector3<f64>,
 }
 
 impl LineCamera {
-    /// A camera without distortion, where it sits on the robot.
+    /// Creates the projection of a distortion-free camera with this mount on the robot.
     #[must_use]
     pub fn new(intrinsics: &Intrinsics, mount: &Mount) -> Self {
         let Intrinsics { fx, fy, cx, cy, .. } = *intrinsics;
@@ -70,7 +74,7 @@ impl LineCamera {
         Self { pixel_from_body, mount: pixel_from_body * mount.position_in_body() }
     }
 
-    /// It, with the robot at this pose.
+    /// Returns the projection for this pose of the robot.
     #[must_use]
     #[inline]
     pub fn at(&self, map_from_robot: &Pose2) -> LineView {
@@ -87,7 +91,7 @@ impl LineCamera {
 }
 
 impl LineView {
-    /// The edge's image line; `None` where the edge points at the optical center.
+    /// Returns the edge's image line; `None` if the edge's line passes through the optical center.
     #[must_use]
     #[inline]
     pub fn project(&self, edge: &Edge) -> Option<ProjectedLine> {
@@ -95,17 +99,17 @@ impl LineView {
         let (to, b) = self.in_pixels(&edge.to);
         let line = a.cross(&b);
         let norm = line.xy().norm();
-        if norm.is_nan() || norm <= SMALLEST_NORM * (1.0 + a.norm() * b.norm()) {
+        if norm.is_nan() || norm <= MIN_NORM * (1.0 + a.norm() * b.norm()) {
             return None;
         }
-        // The robot's step moves both ends the other way, its turn moves each about the robot.
+        // A translation of the robot moves both ends the opposite way, a rotation turns both around the robot.
         let (x_axis, y_axis) = (self.pixel_from_map.column(0), self.pixel_from_map.column(1));
         let run = a - b;
         let turned = |v: Vector3<f64>| x_axis * v.y - y_axis * v.x;
         let turn = turned(from).cross(&b) + a.cross(&turned(to));
         let per_norm = norm.recip();
         let coefficients = line * per_norm;
-        // What only makes the normal longer does not move the line.
+        // A change of the normal's length does not move the line.
         let of_unit = |change: Vector3<f64>| {
             let change = change * per_norm;
             change - coefficients * coefficients.xy().dot(&change.xy())
@@ -114,7 +118,7 @@ impl LineView {
         Some(ProjectedLine { coefficients, jacobian: Matrix3::from_columns(&columns) })
     }
 
-    /// A point of the map relative to the robot in map directions, and as a homogeneous pixel.
+    /// Returns a map point relative to the robot in map axes, and its homogeneous pixel.
     #[inline]
     fn in_pixels(&self, point: &Point3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_robot = point.coords - self.position;
@@ -123,14 +127,14 @@ impl LineView {
 }
 
 impl ProjectedLine {
-    /// The unit normal (cos alpha, sin alpha).
+    /// Returns the unit normal (cos alpha, sin alpha).
     #[must_use]
     #[inline]
     pub fn normal(&self) -> Vector2<f64> {
         self.coefficients.xy()
     }
 
-    /// Signed distance of a pixel, and its derivatives with respect to the robot's x, y, theta.
+    /// Returns the signed distance of a pixel and its derivatives with respect to the robot's x, y and theta.
     #[must_use]
     #[inline]
     pub fn distance(&self, pixel: Vector2<f64>) -> (f64, Vector3<f64>) {
@@ -138,7 +142,7 @@ impl ProjectedLine {
         (self.coefficients.dot(&pixel), self.jacobian.tr_mul(&pixel))
     }
 
-    /// Both ends of what was seen against the line.
+    /// Returns the residual of both ends of a segment.
     #[must_use]
     #[inline]
     pub fn residual(&self, ends: [Vector2<f64>; 2]) -> Residual {
@@ -149,7 +153,7 @@ impl ProjectedLine {
         }
     }
 
-    /// Derivatives of the normal's direction alpha, rad.
+    /// Returns the derivatives of the normal's direction alpha with respect to the robot's x, y and theta.
     #[must_use]
     #[inline]
     pub fn alpha_jacobian(&self) -> Vector3<f64> {
@@ -157,7 +161,7 @@ impl ProjectedLine {
         (self.jacobian.row(1) * n.x - self.jacobian.row(0) * n.y).transpose()
     }
 
-    /// The line in Hough's space, with rho >= 0.
+    /// Returns the line in Hough space, with rho >= 0.
     #[must_use]
     pub fn hough(&self) -> HoughLine {
         let sign = if self.coefficients.z > 0.0 { -1.0 } else { 1.0 };
@@ -171,8 +175,8 @@ impl ProjectedLine {
     }
 }
 
-/// The column (px) in which a level camera without roll sees an upright edge at (x, y) = `edge`, and its derivatives with
-/// respect to the robot's x, y and theta. `None` nearer than 0.1 m in front of it.
+/// Returns the image column (px) of a vertical edge at (x, y) = `edge` in a level camera without roll, and its
+/// derivatives with respect to the robot's x, y and theta; `None` if the depth is 0.1 m or less.
 #[must_use]
 pub fn vertical_edge_column(
     edge: Vector2<f64>,
@@ -185,7 +189,7 @@ pub fn vertical_edge_column(
     let (sin, cos) = (map_from_robot.theta + mount.pan).sin_cos();
     let d = edge - camera;
     let (ahead, left) = (cos * d.x + sin * d.y, -sin * d.x + cos * d.y);
-    if ahead.is_nan() || ahead <= NEAREST_M {
+    if ahead.is_nan() || ahead <= MIN_DEPTH_M {
         return None;
     }
     let scale = intrinsics.fx / (ahead * ahead);
@@ -232,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn derivatives_are_those_of_small_steps() {
+    fn derivatives_match_finite_differences() {
         let mut random = rand_pcg::Pcg64::seed_from_u64(2);
         const STEP: f64 = 1e-6;
         for _ in 0..200 {
@@ -267,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn an_upright_edge_behind_has_no_column() {
+    fn a_vertical_edge_behind_the_camera_has_no_column() {
         let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 1.0);
         let column = |x: f64| {
             vertical_edge_column(Vector2::new(x, 0.3), &Pose2::IDENTITY, &intrinsics, &Mount::level(0.6))

@@ -1,5 +1,5 @@
-//! Finding a robot again whose pose is not known within a door or two: the heading from the vanishing point, the place across
-//! from long level lines, the place along from upright edges.
+//! Relocalization after the pose was lost: the heading from the vanishing point, the position across the corridor from
+//! horizontal edges, the position along it from vertical edges.
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::Mount;
@@ -12,83 +12,89 @@ use super::fixer::Fixer;
 use super::matching::LineNoise;
 use crate::belief::Belief;
 
-/// Distance of the places that are tried, meters.
+/// Spacing of the hypotheses, m.
 const STEP_M: f64 = 0.15;
-/// Farthest places to either side of the prior that are tried, meters: at least, at most.
+/// Lower and upper bound of the search range to each side of the prior, m.
 const REACH_M: [f64; 2] = [2.0, 10.0];
-/// Standard deviation of a place that is tried, meters.
-const TRIED_SIGMA_M: f64 = 0.1;
-/// Least share of the upright edges' length in view that must be seen.
-const MIN_SHARE: f64 = 0.5;
-/// Least number of upright edges that must be seen.
-const MIN_UPRIGHTS: usize = 3;
-/// Another place, farther away than this (m), must not be nearly as good ...
-const RIVAL_M: f64 = 0.6;
-/// ... by this share.
-const RIVAL_SHARE: f64 = 0.8;
-/// Least standard deviations of a robot that was found again: meters, radians.
-const FOUND_SIGMA: [f64; 2] = [0.05, 0.01];
-/// No heading is trusted better than this, rad.
+/// Standard deviation of the position of a hypothesis, m.
+const HYPOTHESIS_SIGMA_M: f64 = 0.1;
+/// Minimum matched fraction of the total length of the vertical edges expected in view.
+const MIN_MATCHED_LENGTH: f64 = 0.5;
+/// Minimum number of matched vertical edges.
+const MIN_MATCHED_UPRIGHTS: usize = 3;
+/// Distance from the best hypothesis above which another one is a competitor, m.
+const COMPETITOR_M: f64 = 0.6;
+/// Fraction of the best score at which a competitor makes the result ambiguous.
+const COMPETITOR_SCORE: f64 = 0.8;
+/// Minimum standard deviations of position (m) and heading (rad) after a relocalization.
+const RELOCALIZED_SIGMA: [f64; 2] = [0.05, 0.01];
+/// Standard deviation of the heading from the vanishing point, rad.
 const HEADING_SIGMA_RAD: f64 = 0.01;
 
-/// Looks for the robot along the map's main direction; keeps its buffers.
+/// Search for the robot along the main direction of the map. Reuses its buffers.
 #[derive(Clone, Debug)]
 pub struct Relocalizer {
     finder: VanishingPointFinder,
     axis_rad: f64,
-    tried: Vec<(f64, f64)>,
+    /// Offset (m) and score of each hypothesis of the last search.
+    hypotheses: Vec<(f64, f64)>,
 }
 
 impl Relocalizer {
-    /// One for this map and mount.
+    /// Creates a search for this map and camera mount.
     #[must_use]
     pub fn new(map: &WireFrame, mount: &Mount) -> Self {
         let down = mount.rotation_body_from_camera().transpose() * Vector3::new(0.0, 0.0, -1.0);
         let config = VanishingPointConfig { down_in_camera: down, ..VanishingPointConfig::default() };
-        Self { finder: VanishingPointFinder::new(config), axis_rad: main_direction(map), tried: Vec::new() }
+        Self {
+            finder: VanishingPointFinder::new(config),
+            axis_rad: main_direction(map),
+            hypotheses: Vec::new(),
+        }
     }
 
-    /// The robot in the picture that `fixer` took last, within the reach of the prior; `None` where it is found nowhere, or in
-    /// two places.
+    /// Searches for the robot around the prior with the last image of `fixer`; `None` if there is no solution or more
+    /// than one.
     pub fn find(&mut self, fixer: &mut Fixer, prior: &Belief, noise: &LineNoise) -> Option<Belief> {
         let heading = self.heading(fixer, prior)?;
         let along = Vector2::new(self.axis_rad.cos(), self.axis_rad.sin());
         let across = Vector2::new(-along.y, along.x);
-        let place = |along_m: f64, across_m: f64| {
+        let pose = |along_m: f64, across_m: f64| {
             let shift = along * along_m + across * across_m;
             Pose2::new(prior.pose.x + shift.x, prior.pose.y + shift.y, heading)
         };
         let reach = (3.0 * prior.sigma_xy_m()).clamp(REACH_M[0], REACH_M[1]);
-        let across_m = self.best(reach.min(REACH_M[0]), |aside| {
-            let belief = tried(place(0.0, aside));
+        let across_m = self.best(reach.min(REACH_M[0]), |across| {
+            let belief = hypothesis(pose(0.0, across));
             fixer.fix(&belief, noise);
-            seen_px(fixer, EdgeKind::Horizontal).0
+            matched_px(fixer, EdgeKind::Horizontal).0
         })?;
-        let score_along = |fixer: &mut Fixer, ahead: f64| {
-            let fix = fixer.fix(&tried(place(ahead, across_m)), noise);
-            let (seen, expected) = seen_px(fixer, EdgeKind::Vertical);
-            // A place where little could be seen is no better for having seen all of it.
-            let share = seen / expected.max(1.0);
-            if fix.uprights[1] >= MIN_UPRIGHTS { share * seen.sqrt() } else { 0.0 }
+        let score_along = |fixer: &mut Fixer, along: f64| {
+            let fix = fixer.fix(&hypothesis(pose(along, across_m)), noise);
+            let (matched, expected) = matched_px(fixer, EdgeKind::Vertical);
+            // Weighted by the matched length: a full match of a short expected length is weak evidence.
+            let fraction = matched / expected.max(1.0);
+            if fix.uprights[1] >= MIN_MATCHED_UPRIGHTS { fraction * matched.sqrt() } else { 0.0 }
         };
-        let along_m = self.best(reach, |ahead| score_along(fixer, ahead))?;
+        let along_m = self.best(reach, |along| score_along(fixer, along))?;
         let best = score_along(fixer, along_m);
-        let is_rivalled = self
-            .tried
-            .iter()
-            .any(|&(other_m, score)| (other_m - along_m).abs() > RIVAL_M && score > RIVAL_SHARE * best);
-        let fix = fixer.fix(&tried(place(along_m, across_m)), noise);
-        let (seen, expected) = seen_px(fixer, EdgeKind::Vertical);
-        let is_found = best > 0.0 && !is_rivalled && seen >= MIN_SHARE * expected && fix.verdict.is_ok();
+        let is_ambiguous = self.hypotheses.iter().any(|&(other_m, score)| {
+            (other_m - along_m).abs() > COMPETITOR_M && score > COMPETITOR_SCORE * best
+        });
+        let fix = fixer.fix(&hypothesis(pose(along_m, across_m)), noise);
+        let (matched, expected) = matched_px(fixer, EdgeKind::Vertical);
+        let is_found =
+            best > 0.0 && !is_ambiguous && matched >= MIN_MATCHED_LENGTH * expected && fix.verdict.is_ok();
         is_found.then(|| {
             let mut found = fix.posterior;
-            let [place, heading] = FOUND_SIGMA;
-            found.floor([place * place, place * place, heading * heading]);
+            let [position, heading] = RELOCALIZED_SIGMA;
+            found.raise_variances([position * position, position * position, heading * heading]);
             found
         })
     }
 
-    /// The robot's heading on the map by the vanishing point, of the two that it allows the one nearer to the prior.
+    /// Returns the robot's heading in the map frame from the vanishing point, the closer to the prior of the two
+    /// possible ones.
     fn heading(&mut self, fixer: &Fixer, prior: &Belief) -> Option<f64> {
         let found = self.finder.find(fixer.segments(), fixer.pinhole().intrinsics(), None).ok()?;
         let from_axis = RobotHeading::from_axis(found.direction, fixer.mount()).heading;
@@ -100,48 +106,49 @@ impl Relocalizer {
         Some(belief.pose.theta)
     }
 
-    /// The place within +-`reach` (m) that scores best, above zero; all that were tried are kept.
+    /// Returns the offset within ±`reach` (m) with the highest positive score, and stores all hypotheses.
     fn best(&mut self, reach: f64, mut score: impl FnMut(f64) -> f64) -> Option<f64> {
         let steps = (reach / STEP_M).ceil() as i32;
-        self.tried.clear();
+        self.hypotheses.clear();
         for step in -steps..=steps {
-            let place = f64::from(step) * STEP_M;
-            self.tried.push((place, score(place)));
+            let offset = f64::from(step) * STEP_M;
+            self.hypotheses.push((offset, score(offset)));
         }
-        let best = self.tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let best = self.hypotheses.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         (best.1 > 0.0).then_some(best.0)
     }
 }
 
-/// A place to try: near enough for the gates, wide enough to reach the next one.
-fn tried(pose: Pose2) -> Belief {
-    Belief::new(pose, TRIED_SIGMA_M, 2.0 * HEADING_SIGMA_RAD)
+/// Returns a hypothesis: narrow enough for the gates, wide enough to reach the next one.
+fn hypothesis(pose: Pose2) -> Belief {
+    Belief::new(pose, HYPOTHESIS_SIGMA_M, 2.0 * HEADING_SIGMA_RAD)
 }
 
-/// Length (pixels) of the edges of a kind that were matched, and of those that should have been in view.
-fn seen_px(fixer: &Fixer, kind: EdgeKind) -> (f64, f64) {
+/// Returns the total length of the matched edges of a kind and of the expected ones, px.
+fn matched_px(fixer: &Fixer, kind: EdgeKind) -> (f64, f64) {
     let expected = fixer.expected();
-    let of_kind = |number: usize| {
-        let edge = &expected[number];
+    let length_px = |index: usize| {
+        let edge = &expected[index];
         if edge.kind == kind { edge.length_px() } else { 0.0 }
     };
-    let seen = fixer.used().iter().map(|pair| of_kind(pair.expected)).sum();
-    (seen, (0..expected.len()).map(of_kind).sum())
+    let matched = fixer.used().iter().map(|pair| length_px(pair.expected)).sum();
+    (matched, (0..expected.len()).map(length_px).sum())
 }
 
-/// The direction (rad, in (-pi/2, pi/2]) that most of the map's level edges run in, by length, to a degree; their mean within it.
+/// Returns the most frequent direction of the horizontal edges weighted by length, rad, in (-pi/2, pi/2]: the mean
+/// direction within the strongest bin of 1 degree.
 fn main_direction(map: &WireFrame) -> f64 {
     let mut lengths = [0.0; 180];
-    let level = || map.edges().iter().filter(|edge| edge.kind == EdgeKind::Horizontal);
+    let horizontal = || map.edges().iter().filter(|edge| edge.kind == EdgeKind::Horizontal);
     let degree =
         |run: Vector2<f64>| (run.y.atan2(run.x).to_degrees().round() as i32).rem_euclid(180) as usize;
-    for edge in level() {
+    for edge in horizontal() {
         let run = (edge.to - edge.from).xy();
         lengths[degree(run)] += run.norm();
     }
     let best = (0..180).max_by(|&a, &b| lengths[a].total_cmp(&lengths[b])).unwrap_or(0);
     let mut sum = Vector2::zeros();
-    for edge in level() {
+    for edge in horizontal() {
         let run = (edge.to - edge.from).xy();
         if degree(run) == best {
             sum += if run.dot(&sum) < 0.0 { -run } else { run };
@@ -162,7 +169,7 @@ mod tests {
     use yamabico_vision::map::Edge;
 
     #[test]
-    fn the_main_direction_is_that_of_the_longest_edges() {
+    fn the_longest_edges_determine_the_main_direction() {
         let (sin, cos) = 0.3_f64.sin_cos();
         let along =
             |length: f64| Edge::between(Point3::origin(), Point3::new(length * cos, length * sin, 0.0));

@@ -1,4 +1,4 @@
-//! A robot in the rendered hallway, with the avoider alone: it is told where it is, what it sees and what it hears.
+//! Test bench of the avoider: a robot in the rendered hallway, with generated pose, frames and sonar scans.
 
 use yamabico_core::behavior::Setup;
 use yamabico_core::camera::{Intrinsics, Mount};
@@ -14,15 +14,15 @@ use yamabico_sim::world::BoxItem;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_stationary_obstacle_avoider::{CAMERA, ODOMETRY, PATH, POSE, SONAR, StationaryObstacleAvoider};
 
-/// The avoider's table, with the map and the thresholds of the hallway.
+/// Parameters of the avoider, with the map and the thresholds of the hallway.
 pub const TABLE: &str = "map = \"maps/hallway.toml\"\nthresholds = \"maps/hallway-thresholds.toml\"";
 
-/// The camera of the robot of the hallway.
+/// Camera and mount of the robot in hallway.toml.
 pub fn camera() -> (Intrinsics, Mount) {
     (Intrinsics::from_horizontal_fov(256, 240, 60_f64.to_radians()), Mount::tilted(0.6, 6_f64.to_radians()))
 }
 
-/// The robot.
+/// Setup of the robot with a camera.
 pub fn setup(intrinsics: Intrinsics) -> Setup {
     Setup {
         robot: Robot { radius_m: 0.2, ..Robot::default() },
@@ -31,8 +31,8 @@ pub fn setup(intrinsics: Intrinsics) -> Setup {
     }
 }
 
-/// A picture of the empty hallway, or with a white box in it.
-pub fn picture(robot: Pose2, at_m: Option<[f64; 2]>) -> Vec<u8> {
+/// Renders the hallway, empty or with a white box at `at_m` (m, map frame).
+pub fn render(robot: Pose2, at_m: Option<[f64; 2]>) -> Vec<u8> {
     let text = include_str!("../../../../configs/worlds/hallway.toml");
     let mut world = World::from_toml(text).expect("a world");
     world.people.clear();
@@ -46,9 +46,9 @@ pub fn picture(robot: Pose2, at_m: Option<[f64; 2]>) -> Vec<u8> {
     pixels
 }
 
-/// What the robot is told in one tick.
+/// Inputs of one tick.
 #[derive(Clone, Debug)]
-pub struct Told {
+pub struct Situation {
     pub seconds: f64,
     pub robot: Pose2,
     pub status: PoseStatus,
@@ -56,31 +56,35 @@ pub struct Told {
     pub exposure: f64,
 }
 
-impl Default for Told {
+impl Default for Situation {
     fn default() -> Self {
         let robot = Pose2::new(3.0, 0.0, 0.0);
         Self { seconds: 0.0, robot, status: PoseStatus::Tracking, range_m: None, exposure: 1.0 }
     }
 }
 
-/// Feeds everything at once, the picture was taken now; then asks.
+/// Feeds all inputs with the current time as stamp, and returns the proposal.
 #[allow(dead_code, reason = "each test uses its part")]
-pub fn tick(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: Option<&[u8]>) -> Proposal {
-    feed(bench, told, pixels);
+pub fn tick(
+    bench: &mut Bench<StationaryObstacleAvoider>,
+    situation: &Situation,
+    pixels: Option<&[u8]>,
+) -> Proposal {
+    feed(bench, situation, pixels);
     bench.propose()
 }
 
-/// Feeds everything at once: the picture was taken now.
-pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: Option<&[u8]>) {
-    let stamp_ns = Time::from_secs_f64(told.seconds).0;
-    bench.at(told.seconds);
-    let robot = told.robot;
+/// Feeds all inputs with the current time as stamp.
+pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, situation: &Situation, pixels: Option<&[u8]>) {
+    let stamp_ns = Time::from_secs_f64(situation.seconds).0;
+    bench.at(situation.seconds);
+    let robot = situation.robot;
     bench.feed(&ODOMETRY, &Odometry::new(stamp_ns, &robot, &Twist::ZERO), &[]);
     if let Some(pixels) = pixels {
-        let header = FrameHeader { exposure: told.exposure, ..FrameHeader::gray(256, 240, stamp_ns) };
+        let header = FrameHeader { exposure: situation.exposure, ..FrameHeader::gray(256, 240, stamp_ns) };
         bench.feed(&CAMERA, &header, pixels);
     }
-    hear(bench, stamp_ns, told.range_m);
+    feed_sonar(bench, stamp_ns, situation.range_m);
     let mut covariance = [0.0; 9];
     (covariance[0], covariance[4], covariance[8]) = (1e-4, 1e-4, 1e-6);
     let pose = Pose {
@@ -90,7 +94,7 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: O
         y: robot.y,
         theta: robot.theta,
         covariance,
-        status: told.status.code(),
+        status: situation.status.code(),
         ..Pose::default()
     };
     bench.feed(&POSE, &pose, &[]);
@@ -105,8 +109,8 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, told: &Told, pixels: O
     bench.feed(&PATH, &path, &[PathPoint { x: 0.0, y: 0.0 }, PathPoint { x: 12.5, y: 0.0 }]);
 }
 
-/// A scan of three beams.
-pub fn hear(bench: &mut Bench<StationaryObstacleAvoider>, stamp_ns: u64, range_m: Option<f64>) {
+/// Feeds a sonar scan of three beams.
+pub fn feed_sonar(bench: &mut Bench<StationaryObstacleAvoider>, stamp_ns: u64, range_m: Option<f64>) {
     let beam = |azimuth_rad: f64| Beam {
         azimuth_rad,
         cone_rad: 0.43,

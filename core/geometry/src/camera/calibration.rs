@@ -1,13 +1,13 @@
-//! How well the numbers of a camera are known.
+//! Accuracy class of a camera's parameters.
 
 use serde::{Deserialize, Serialize};
 
-/// How well the numbers of a camera are known.
+/// Accuracy class of a camera's parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Calibration {
-    /// Intrinsics and mount were measured: angles and distances can be trusted.
+    /// Intrinsics and mount were measured: angles and distances are reliable.
     Measured,
-    /// They were guessed: directions are only roughly right, distances mean nothing.
+    /// They were guessed: directions are approximate, distances meaningless.
     Guessed,
 }

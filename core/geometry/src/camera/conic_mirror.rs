@@ -1,4 +1,4 @@
-//! The conic mirror above a camera that looks straight up: every azimuth has a viewpoint of its own.
+//! The conic mirror above a camera that looks straight up; each azimuth has its own viewpoint.
 
 use nalgebra::Vector2;
 use schemars::JsonSchema;
@@ -6,18 +6,18 @@ use serde::{Deserialize, Serialize};
 
 use super::mirror_camera::{Meridian, MirrorError};
 
-/// A cone whose tip points down at the lens, coaxial with the camera.
+/// A cone coaxial with the camera, with its tip pointing down at the lens.
 ///
-/// Its rays do not meet in one point. In the half-plane of each azimuth they meet in the mirror image of the lens, which
-/// lies beyond the axis; turned through all azimuths it is a horizontal circle of viewpoints.
+/// Its rays do not meet in one point. Those in the half-plane of one azimuth meet in the mirror image of the lens,
+/// which lies on the other side of the axis; the viewpoints of all azimuths form a horizontal circle.
 ///
-/// Yagi, Nishizawa & Yachida (1995), section II. Differs from it: the camera looks up and the tip points down, and
-/// the viewpoints are exact.
+/// Yagi, Nishizawa & Yachida (1995), section II. Differs from it: the camera looks up and the tip points down, and the
+/// viewpoints are exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ConicMirror {
-    /// Full angle of the cone at its tip, radians, in (pi/2, pi).
+    /// Full angle of the cone at its tip, rad, in (pi/2, pi).
     vertex_angle: f64,
-    /// From the lens center up to the tip, meters.
+    /// Height of the tip above the lens center, m.
     lens_to_vertex_m: f64,
     /// Focal length, pixels of the mirror plane.
     focal_px: f64,
@@ -26,7 +26,8 @@ pub struct ConicMirror {
 }
 
 impl ConicMirror {
-    /// A cone of this full vertex angle (rad, in (pi/2, pi)), this far above the lens, seen with this focal length.
+    /// Creates a cone from its full vertex angle (rad, in (pi/2, pi)), the height of its tip above the lens (m) and the
+    /// camera's focal length (pixels).
     ///
     /// # Errors
     /// [`MirrorError::Shape`] outside these ranges.
@@ -35,23 +36,17 @@ impl ConicMirror {
         let usable =
             sin > 0.0 && cos < 0.0 && [lens_to_vertex_m, focal_px].iter().all(|v| *v > 0.0 && v.is_finite());
         usable.then_some(Self { vertex_angle: vertex_angle_rad, lens_to_vertex_m, focal_px, sin, cos }).ok_or(
-            MirrorError::Shape("the vertex angle lies between 90 and 180 degrees, lengths are above 0"),
+            MirrorError::Shape("the vertex angle must lie between 90 and 180 degrees, and lengths above 0"),
         )
     }
 
-    /// Full angle at the tip, radians: also the view angle from straight up that the center of the image shows.
-    #[must_use]
-    pub fn vertex_angle(&self) -> f64 {
-        self.vertex_angle
-    }
-
-    /// Distance from the axis (pixels) at which the horizon is seen.
+    /// Returns the image radius of the horizon, pixels.
     #[must_use]
     pub fn horizon_px(&self) -> f64 {
         self.focal_px * -self.cos / self.sin
     }
 
-    /// Where the ray of an image radius leaves the mirror: distance from the axis and height above the lens, meters.
+    /// Returns the reflection point of an image radius: distance from the axis and height above the lens, m.
     #[must_use]
     pub fn reflection_point(&self, radius_px: f64) -> Vector2<f64> {
         let eta = radius_px.atan2(self.focal_px);
@@ -66,7 +61,7 @@ impl Meridian for ConicMirror {
     }
 
     fn direction(&self, radius_px: f64) -> Option<Vector2<f64>> {
-        // The lens sees the mirror at eta from straight up; the world lies at vertex angle - eta.
+        // A ray that leaves the lens at eta from straight up is reflected to vertex angle - eta.
         let hypotenuse = radius_px.hypot(self.focal_px);
         let (cos, sin) = (self.focal_px / hypotenuse, radius_px / hypotenuse);
         let inside = radius_px >= 0.0 && radius_px.atan2(self.focal_px) < 0.5 * self.vertex_angle;
@@ -88,13 +83,13 @@ impl Meridian for ConicMirror {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConicMirrorConfig {
-    /// Full angle of the cone at its tip, degrees, 91 to 179.
+    /// Full angle of the cone at its tip.
     #[schemars(range(min = 91.0, max = 179.0))]
     pub vertex_angle_deg: f64,
-    /// From the lens center up to the tip, m, 0.001 to 5.
+    /// Height of the tip above the lens center.
     #[schemars(range(min = 0.001, max = 5.0))]
     pub lens_to_vertex_m: f64,
-    /// Focal length, pixels, 1 to 100000.
+    /// Focal length.
     #[schemars(range(min = 1.0, max = 1e5))]
     pub focal_px: f64,
 }
@@ -103,7 +98,7 @@ impl ConicMirrorConfig {
     /// The checked mirror.
     ///
     /// # Errors
-    /// As [`ConicMirror::new`].
+    /// Same as [`ConicMirror::new`].
     pub fn mirror(&self) -> Result<ConicMirror, MirrorError> {
         ConicMirror::new(self.vertex_angle_deg.to_radians(), self.lens_to_vertex_m, self.focal_px)
     }
@@ -128,15 +123,15 @@ mod tests {
     }
 
     #[test]
-    fn shapes_that_are_no_cone_above_a_camera_are_refused() {
+    fn invalid_cones_are_refused() {
         for (angle, l, f) in [(1.5, 0.1, 500.0), (3.2, 0.1, 500.0), (2.0, 0.0, 500.0), (2.0, 0.1, f64::NAN)] {
             assert!(matches!(ConicMirror::new(angle, l, f), Err(MirrorError::Shape(_))), "{angle} {l} {f}");
         }
     }
 
     proptest! {
-        /// The normal of the cone halves the angle between the ways to the lens and to the world, and the ray comes from the
-        /// viewpoint.
+        /// The normal of the cone bisects the angle between the directions to the lens and to the world, and the ray
+        /// passes through the viewpoint.
         #[test]
         fn the_law_of_reflection_holds(radius_px in 0.0..400.0, angle in 1.7..2.6, l in 0.02..0.5) {
             let mirror = ConicMirror::new(angle, l, 576.0).unwrap();

@@ -1,4 +1,4 @@
-//! The hyperboloidal mirror above a camera that looks straight up: all rays meet in the mirror's focus.
+//! The hyperboloidal mirror above a camera that looks straight up; all rays meet in the mirror's focus.
 
 use nalgebra::Vector2;
 use schemars::JsonSchema;
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::mirror_camera::{Meridian, MirrorError};
 
-/// A sheet of a hyperboloid, coaxial with the camera, whose lens sits in the other focus.
+/// One sheet of a hyperboloid, coaxial with the camera, whose lens lies in the other focus.
 ///
 /// Sekimori, Usui, Masutani & Miyazaki give the floor radius f(R) of an image radius R; this is the same mirror in
-/// three dimensions, so that walls are seen as well.
+/// three dimensions, which covers walls as well.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HyperboloidalMirror {
     focal_px: f64,
@@ -22,23 +22,23 @@ pub struct HyperboloidalMirror {
 }
 
 impl HyperboloidalMirror {
-    /// A mirror seen with this focal length (pixels), of this eccentricity (the distance of the foci over that of the
-    /// vertices, above 1), whose foci are this far apart (meters).
+    /// Creates a mirror from the camera's focal length (pixels), the eccentricity (distance of the foci over distance
+    /// of the vertices, above 1) and the distance of the foci (m).
     ///
     /// # Errors
     /// [`MirrorError::Shape`] outside these ranges.
     pub fn new(focal_px: f64, eccentricity: f64, foci_m: f64) -> Result<Self, MirrorError> {
         let usable = focal_px > 0.0 && eccentricity > 1.0 && foci_m >= 0.0;
         if !(usable && [focal_px, eccentricity, foci_m].iter().all(|value| value.is_finite())) {
-            return Err(MirrorError::Shape("the eccentricity is above 1, lengths are above 0"));
+            return Err(MirrorError::Shape("the eccentricity must be above 1, and lengths above 0"));
         }
         let square = eccentricity * eccentricity;
         let (below, above, twice) = (square - 1.0, square + 1.0, 2.0 * eccentricity);
         Ok(Self { focal_px, eccentricity, foci_m, below, above, twice })
     }
 
-    /// The mirror that a measured floor formula `r = R / (a - b sqrt(c + R^2))` (r in meters, R in pixels) belongs to,
-    /// with the lens `lens_height_m` above the floor.
+    /// Creates the mirror with a measured floor formula `r = R / (a - b sqrt(c + R^2))` (r in meters, R in pixels) and
+    /// a lens `lens_height_m` above the floor.
     ///
     /// # Errors
     /// [`MirrorError::FloorFormula`] unless a^2 > b^2 c, all are above 0, and the focus lies above the lens.
@@ -58,21 +58,10 @@ impl HyperboloidalMirror {
         Self::new(focal_px, eccentricity, focus_height_m - lens_height_m)
     }
 
-    /// Distance from the axis (pixels) at which the horizon is seen.
+    /// Returns the image radius of the horizon, pixels.
     #[must_use]
     pub fn horizon_px(&self) -> f64 {
         self.focal_px * self.below / self.twice
-    }
-
-    /// The formula for the floor below an upright mirror whose lens is `lens_height_m` above it.
-    #[must_use]
-    pub fn floor_formula(&self, lens_height_m: f64) -> FloorFormula {
-        let scale = 1.0 / (self.below * (lens_height_m + self.foci_m));
-        FloorFormula {
-            a: self.focal_px * self.above * scale,
-            b: self.twice * scale,
-            c: self.focal_px * self.focal_px,
-        }
     }
 }
 
@@ -86,7 +75,7 @@ impl Meridian for HyperboloidalMirror {
             return None;
         }
         let slant = radius_px.hypot(self.focal_px);
-        // The drop is (k^2 + 1) F - 2 k sqrt(F^2 + R^2), multiplied out so that nothing cancels at the horizon.
+        // The downward component is (k^2 + 1) F - 2 k sqrt(F^2 + R^2), expanded to avoid cancellation at the horizon.
         let horizon = self.below * self.focal_px;
         let drop = (horizon - self.twice * radius_px) * (horizon + self.twice * radius_px)
             / (self.above * self.focal_px + self.twice * slant);
@@ -107,28 +96,29 @@ impl Meridian for HyperboloidalMirror {
     }
 }
 
-/// The floor radius of an image radius, `r = R / (a - b sqrt(c + R^2))`, and its closed inverse.
+/// The floor radius of an image radius, `r = R / (a - b sqrt(c + R^2))`, and its closed-form inverse.
 ///
 /// Sekimori, Usui, Masutani & Miyazaki, section 2, and its inverse by squaring.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FloorFormula {
-    /// Pixels per meter.
+    /// Coefficient a, pixels per meter.
     pub a: f64,
-    /// One per meter.
+    /// Coefficient b, 1/m.
     pub b: f64,
-    /// Square pixels.
+    /// Coefficient c, square pixels.
     pub c: f64,
 }
 
 impl FloorFormula {
-    /// Floor radius r in meters of an image radius in pixels; `None` at and beyond the horizon.
+    /// Returns the floor radius (m) of an image radius (pixels), or `None` at or above the horizon.
     #[must_use]
     pub fn floor_radius_m(&self, radius_px: f64) -> Option<f64> {
         (radius_px >= 0.0 && radius_px < self.horizon_px())
             .then(|| radius_px / (self.a - self.b * (self.c + radius_px * radius_px).sqrt()))
     }
 
-    /// dr/dR, meters per pixel: what one pixel of radial error does on the floor; `None` at and beyond the horizon.
+    /// Returns dr/dR, m per pixel: the floor error caused by a radial error of one pixel. `None` at or above the
+    /// horizon.
     #[must_use]
     pub fn slope_m_per_px(&self, radius_px: f64) -> Option<f64> {
         let slant = (self.c + radius_px * radius_px).sqrt();
@@ -137,14 +127,14 @@ impl FloorFormula {
             .then(|| (self.a - self.b * self.c / slant) / (denominator * denominator))
     }
 
-    /// Image radius in pixels of a floor radius in meters (at least 0).
+    /// Returns the image radius (pixels) of a floor radius (m, at least 0).
     #[must_use]
     pub fn radius_px(&self, floor_radius_m: f64) -> f64 {
         let d = self.discriminant();
         floor_radius_m * d / (self.a + self.b * (self.c + d * floor_radius_m * floor_radius_m).sqrt())
     }
 
-    /// Distance from the axis (pixels) at which the horizon is seen.
+    /// Returns the image radius of the horizon, pixels.
     #[must_use]
     pub fn horizon_px(&self) -> f64 {
         self.discriminant().sqrt() / self.b
@@ -159,13 +149,14 @@ impl FloorFormula {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HyperboloidalMirrorConfig {
-    /// Focal length, pixels, 1 to 100000.
+    /// Focal length.
     #[schemars(range(min = 1.0, max = 1e5))]
     pub focal_px: f64,
-    /// Distance of the foci over that of the vertices, 1.001 to 10: the horizon is seen at focal_px (k - 1/k) / 2.
+    /// Eccentricity k: distance of the foci divided by the distance of the vertices. The horizon appears at the radius
+    /// focal_px (k - 1/k) / 2.
     #[schemars(range(min = 1.001, max = 10.0))]
     pub eccentricity: f64,
-    /// From the lens center up to the mirror's focus, from which it seems to look, m, 0 to 5.
+    /// Height of the mirror's focus, the viewpoint, above the lens center.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub foci_m: f64,
 }
@@ -174,7 +165,7 @@ impl HyperboloidalMirrorConfig {
     /// The checked mirror.
     ///
     /// # Errors
-    /// As [`HyperboloidalMirror::new`].
+    /// Same as [`HyperboloidalMirror::new`].
     pub fn mirror(&self) -> Result<HyperboloidalMirror, MirrorError> {
         HyperboloidalMirror::new(self.focal_px, self.eccentricity, self.foci_m)
     }
@@ -197,12 +188,10 @@ mod tests {
         assert!((mirror.foci_m + 0.165 - 0.205_083_716_678_843_8).abs() < 1e-12);
         assert!((mirror.eccentricity - 1.265_184_851_497_194_8).abs() < 1e-12);
         assert!((mirror.horizon_px() - 113.800_296_468_541_84).abs() < 1e-9);
-        let back = mirror.floor_formula(0.165);
-        assert!((back.a - MEASURED.a).abs() < 1e-8 && (back.b - MEASURED.b).abs() < 1e-11);
     }
 
     #[test]
-    fn what_is_no_hyperboloid_is_refused() {
+    fn invalid_hyperboloids_are_refused() {
         assert!(HyperboloidalMirror::new(500.0, 1.0, 0.04).is_err());
         assert!(HyperboloidalMirror::new(500.0, f64::NAN, 0.04).is_err());
         let flat = FloorFormula { a: 9.8, ..MEASURED };
@@ -211,13 +200,13 @@ mod tests {
     }
 
     proptest! {
-        /// The path from focus to mirror to lens is as much longer than the straight one for every ray: a hyperbola.
+        /// For every ray, the distances from lens and focus to the mirror differ by the same length: a hyperbola.
         #[test]
         fn rays_are_reflected_by_a_hyperboloid(radius_px in 0.5..300.0) {
             let mirror = sekimori();
             let out = mirror.direction(radius_px).unwrap();
             let to_mirror = Vector2::new(radius_px, mirror.focal_px).normalize();
-            // Where the ray of the lens meets the line through the focus.
+            // Intersection of the ray of the lens with the line through the focus.
             let along = -mirror.viewpoint().perp(&out) / out.perp(&to_mirror);
             let hit = to_mirror * along;
             let difference = hit.norm() - (hit - mirror.viewpoint()).norm();
@@ -227,14 +216,13 @@ mod tests {
         #[test]
         fn formula_and_mirror_agree(radius_px in 0.0..113.7) {
             let mirror = sekimori();
-            let formula = mirror.floor_formula(0.165);
             let direction = mirror.direction(radius_px).unwrap();
-            let r = formula.floor_radius_m(radius_px).unwrap();
+            let r = MEASURED.floor_radius_m(radius_px).unwrap();
             let height = 0.165 + mirror.foci_m;
             prop_assert!((r - height * direction.x / -direction.y).abs() < 1e-9 * (1.0 + r * r));
-            prop_assert!((formula.radius_px(r) - radius_px).abs() < 1e-9);
+            prop_assert!((MEASURED.radius_px(r) - radius_px).abs() < 1e-9);
             let slope = mirror.nadir_slope(radius_px) * (height + r * r / height);
-            prop_assert!((formula.slope_m_per_px(radius_px).unwrap() - slope).abs() < 1e-9 * slope.max(1.0) * (1.0 + r));
+            prop_assert!((MEASURED.slope_m_per_px(radius_px).unwrap() - slope).abs() < 1e-9 * slope.max(1.0) * (1.0 + r));
         }
     }
 }

@@ -1,7 +1,7 @@
-//! A camera that looks all around through a mirror.
+//! An omnidirectional camera: a camera that looks up at a mirror.
 //!
-//! The mirror's frame is the body's at zero angles of the mount: x ahead, y left, z up along the mirror's axis. Its
-//! origin is the lens center below a conic or hyperboloidal mirror, and the viewpoint of a radial model.
+//! At zero angles of the mount, the mirror's frame is the body frame: x forward, y left, z up along the mirror's axis.
+//! Its origin is the lens center below a conic or hyperboloidal mirror, and the viewpoint of a radial model.
 
 use nalgebra::{Point3, Vector2, Vector3};
 use schemars::JsonSchema;
@@ -13,30 +13,33 @@ use super::hyperboloidal_mirror::{HyperboloidalMirror, HyperboloidalMirrorConfig
 use super::mirror_image::{MirrorImage, MirrorImageConfig};
 use super::radial_model::{RadialModel, RadialModelConfig};
 
-/// A mirror that is round about its axis: what it shows in the half-plane of one azimuth, whose coordinates are the
-/// distance from the axis and the height above the origin, meters.
+/// A mirror of revolution, described in the half-plane of one azimuth by coordinates (distance from the axis, height
+/// above the origin), m.
 pub trait Meridian {
-    /// Where all rays of the half-plane seem to come from; a negative distance lies beyond the axis.
+    /// Returns the viewpoint, in which all rays of the half-plane meet; a negative distance lies on the other side of
+    /// the axis.
     fn viewpoint(&self) -> Vector2<f64>;
 
-    /// The way (outwards, up) of unit length that an image radius (pixels) sees; `None` where the mirror shows nothing.
+    /// Returns the unit direction (outward, up) of an image radius (pixels), or `None` if the mirror shows nothing
+    /// there.
     fn direction(&self, radius_px: f64) -> Option<Vector2<f64>>;
 
-    /// The image radius (pixels) of a way (outwards, up) of any length; `None` where the mirror shows no such way.
+    /// Returns the image radius (pixels) of a direction (outward, up) of any length, or `None` if the mirror does not
+    /// show it.
     fn radius_px(&self, direction: Vector2<f64>) -> Option<f64>;
 
-    /// How fast the way turns upwards with the image radius, radians per pixel.
+    /// Returns the derivative of the angle from straight down by the image radius, rad per pixel.
     fn nadir_slope(&self, radius_px: f64) -> f64;
 }
 
-/// The mirrors that are known.
+/// Mirror models.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Mirror {
-    /// A cone: a circle of viewpoints.
+    /// A cone, with a circle of viewpoints.
     Conic(ConicMirror),
-    /// A hyperboloid: one viewpoint.
+    /// A hyperboloid, with one viewpoint.
     Hyperboloidal(HyperboloidalMirror),
-    /// A measured relation of image radius and direction: one viewpoint.
+    /// A measured relation of image radius and direction, with one viewpoint.
     Radial(RadialModel),
 }
 
@@ -71,44 +74,48 @@ impl Meridian for Mirror {
 /// A ray in the mirror's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorRay {
-    /// Where it leaves the mirror, or the one viewpoint, meters.
+    /// Point at which the ray leaves the mirror, or the viewpoint of a central camera, m.
     pub origin: Point3<f64>,
-    /// Its direction, of unit length.
+    /// Unit direction.
     pub direction: Vector3<f64>,
 }
 
-/// A mirror and the image of it.
+/// An omnidirectional camera: a mirror and its image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MirrorCamera {
     image: MirrorImage,
     mirror: Mirror,
 }
 
-/// Why a point has no pixel.
+/// Reason why a point cannot be projected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Unseen {
-    /// The mirror reflects nothing from there into the lens.
+pub enum MirrorProjectionError {
+    /// The mirror does not reflect this direction into the lens.
     #[error("the mirror does not show this direction")]
     OutOfView,
-    /// Camera or robot are in the way.
-    #[error("the point is seen in the blind center of the mirror")]
+    /// Camera or robot hide the point.
+    #[error("the point lies in the blind center of the mirror")]
     BlindCenter,
-    /// The mirror is not large enough.
-    #[error("the point would be seen beyond the rim of the mirror")]
+    /// The mirror is too small.
+    #[error("the point lies outside the rim of the mirror")]
     BeyondRim,
 }
 
-/// What does not describe a mirror camera.
+/// Invalid parameter of a mirror camera.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum MirrorError {
-    /// The axis is nowhere.
-    #[error("the mirror's center is not a finite pixel")]
+    /// The mirror's center is not finite.
+    #[error("the mirror's center must be finite")]
     Center,
-    /// The matrix from image to mirror cannot be inverted, or hardly.
-    #[error("the matrix mirror_from_image has no useful inverse: turn or flip, determinant near 1 or -1")]
+    /// The matrix from image to mirror cannot be inverted reliably.
+    #[error(
+        "the matrix `mirror_from_image` cannot be inverted: use a rotation or a reflection, with a determinant near 1 or -1"
+    )]
     Orientation,
     /// The ring has no width.
-    #[error("a ring from {blind_radius_px} to {rim_radius_px} px shows nothing: 0 <= blind center < rim")]
+    #[error(
+        "a ring from {blind_radius_px} to {rim_radius_px} px is invalid: 0 <= blind_radius_px < rim_radius_px must hold"
+    )]
     Ring {
         /// Radius of the blind center, pixels.
         blind_radius_px: f64,
@@ -116,29 +123,33 @@ pub enum MirrorError {
         rim_radius_px: f64,
     },
     /// A length or an angle is impossible.
-    #[error("no such mirror: {0}")]
+    #[error("the mirror is invalid: {0}")]
     Shape(&'static str),
-    /// a^2 > b^2 c does not hold, or the focus would lie below the lens.
-    #[error("the floor formula belongs to no hyperboloid above this lens: a^2 > b^2 c, all above 0")]
-    FloorFormula,
-    /// A measured profile does not grow.
+    /// The floor formula does not satisfy a^2 > b^2 c, or its focus would lie below the lens.
     #[error(
-        "at {radius_px:.1} px the profile does not grow or leaves 0 to 180 degrees; blind center and rim bound where it must hold"
+        "the floor formula does not describe a hyperboloid above this lens: a^2 > b^2 c must hold, and a, b and c must be above 0"
+    )]
+    FloorFormula,
+    /// A measured profile is not monotonic.
+    #[error(
+        "at {radius_px:.1} px the profile does not grow with the radius or leaves 0 to 180 degrees: correct the coefficients, or narrow the ring by `blind_radius_px` and `rim_radius_px`"
     )]
     Profile {
-        /// The first such image radius, pixels.
+        /// First invalid image radius, pixels.
         radius_px: f64,
     },
-    /// The mirror cannot show what lies between blind center and rim.
-    #[error("the mirror shows nothing at {radius_px:.1} px, which lies within its rim")]
+    /// The mirror shows nothing at the blind center's edge or at the rim.
+    #[error(
+        "the mirror shows nothing at {radius_px:.1} px: narrow the ring by `blind_radius_px` and `rim_radius_px`"
+    )]
     Rim {
-        /// The image radius, pixels.
+        /// Image radius, pixels.
         radius_px: f64,
     },
 }
 
 impl MirrorError {
-    /// The table of a sensor that has to change: `picture` or `mirror`.
+    /// Returns the table of the sensor to change: `picture` or `mirror`.
     #[must_use]
     pub fn key(&self) -> &'static str {
         match self {
@@ -149,10 +160,10 @@ impl MirrorError {
 }
 
 impl MirrorCamera {
-    /// A mirror seen in an image.
+    /// Creates a camera.
     ///
     /// # Errors
-    /// [`MirrorError::Rim`] where the mirror shows nothing at its blind center or its rim.
+    /// [`MirrorError::Rim`] if the mirror shows nothing at the edge of its blind center or at its rim.
     pub fn new(image: MirrorImage, mirror: Mirror) -> Result<Self, MirrorError> {
         for radius_px in [image.blind_radius_px(), image.rim_radius_px()] {
             if mirror.direction(radius_px).is_none() {
@@ -162,19 +173,20 @@ impl MirrorCamera {
         Ok(Self { image, mirror })
     }
 
-    /// Where in the image the mirror is seen.
+    /// Returns the geometry of the mirror's image.
     #[must_use]
     pub fn image(&self) -> &MirrorImage {
         &self.image
     }
 
-    /// The mirror.
+    /// Returns the mirror.
     #[must_use]
     pub fn mirror(&self) -> &Mirror {
         &self.mirror
     }
 
-    /// The ray through a pixel, mirror's frame; `None` outside the ring, and at the very center, which has no azimuth.
+    /// Returns the ray through a pixel in the mirror's frame, or `None` outside the ring and at the very center, where
+    /// the azimuth is undefined.
     #[must_use]
     pub fn ray_from_pixel(&self, pixel: Vector2<f64>) -> Option<MirrorRay> {
         let point = self.image.mirror_from_pixel(pixel);
@@ -192,59 +204,74 @@ impl MirrorCamera {
         Some(MirrorRay { origin: in_space(origin).into(), direction: in_space(direction) })
     }
 
-    /// The azimuth seen at a pixel, rad in (-pi, pi], to the left of ahead, about the mirror's axis; `None` outside the ring
-    /// and at the very center.
+    /// Returns the azimuth at a pixel about the mirror's axis, rad in (-pi, pi], positive to the left of forward;
+    /// `None` outside the ring and at the very center.
     #[must_use]
     pub fn azimuth_from_pixel(&self, pixel: Vector2<f64>) -> Option<f64> {
         let radius_px = self.image.mirror_from_pixel(pixel).norm();
         self.image.is_in_ring(radius_px).then(|| self.image.azimuth_from_pixel(pixel)).flatten()
     }
 
-    /// The pixel of a point in the mirror's frame, meters; it may lie outside the image, but not outside the ring. A
-    /// point on the axis is at azimuth 0.
+    /// Projects a point in the mirror's frame (m) to its pixel, which may lie outside the image but not outside the
+    /// ring. A point on the axis has azimuth 0.
     ///
     /// # Errors
-    /// [`Unseen`] says why there is none.
-    pub fn pixel_from_point(&self, point_in_mirror: &Point3<f64>) -> Result<Vector2<f64>, Unseen> {
+    /// [`MirrorProjectionError`] if the camera does not show the point.
+    pub fn pixel_from_point(
+        &self,
+        point_in_mirror: &Point3<f64>,
+    ) -> Result<Vector2<f64>, MirrorProjectionError> {
         let distance = point_in_mirror.x.hypot(point_in_mirror.y);
         let radius_px = self.radius_px(distance, point_in_mirror.z)?;
         let share = if distance > 0.0 { point_in_mirror.xy().coords / distance } else { Vector2::x() };
         Ok(self.image.pixel_from_mirror(share * radius_px))
     }
 
-    /// The image radius (pixels) of a point at a distance from the axis and a height above the frame's origin, meters.
+    /// Returns the image radius (pixels) of a point at a distance from the axis and a height above the frame's origin,
+    /// m.
     ///
     /// # Errors
-    /// [`Unseen`] says why there is none.
-    pub fn radius_px(&self, distance_m: f64, height_m: f64) -> Result<f64, Unseen> {
-        let way = Vector2::new(distance_m, height_m) - self.mirror.viewpoint();
-        let radius_px = self.mirror.radius_px(way).filter(|r| r.is_finite()).ok_or(Unseen::OutOfView)?;
+    /// [`MirrorProjectionError`] if the camera does not show the point.
+    pub fn radius_px(&self, distance_m: f64, height_m: f64) -> Result<f64, MirrorProjectionError> {
+        let direction = Vector2::new(distance_m, height_m) - self.mirror.viewpoint();
+        let radius_px = self
+            .mirror
+            .radius_px(direction)
+            .filter(|r| r.is_finite())
+            .ok_or(MirrorProjectionError::OutOfView)?;
         if radius_px < self.image.blind_radius_px() {
-            return Err(Unseen::BlindCenter);
+            return Err(MirrorProjectionError::BlindCenter);
         }
-        // Rounding alone does not put the rim beyond itself.
+        // Tolerate rounding errors at the rim.
         if radius_px > self.image.rim_radius_px() * (1.0 + 1e-12) {
-            return Err(Unseen::BeyondRim);
+            return Err(MirrorProjectionError::BeyondRim);
         }
         Ok(radius_px)
     }
 
-    /// Distance from the axis, meters, at which an image radius (pixels) sees the floor, under an upright mirror whose
-    /// frame's origin is `height_m` above it; `None` outside the ring and from the horizon upwards.
+    /// Returns the distance from the axis (m) at which an image radius (pixels) shows the floor, for an upright mirror
+    /// with its frame's origin `height_m` above the floor; `None` outside the ring and from the horizon upward.
     #[must_use]
     pub fn floor_radius_m(&self, radius_px: f64, height_m: f64) -> Option<f64> {
-        let way =
-            self.mirror.direction(radius_px).filter(|way| way.y < 0.0 && self.image.is_in_ring(radius_px))?;
+        let direction = self
+            .mirror
+            .direction(radius_px)
+            .filter(|direction| direction.y < 0.0 && self.image.is_in_ring(radius_px))?;
         let viewpoint = self.mirror.viewpoint();
-        Some(viewpoint.x + way.x * (height_m + viewpoint.y) / -way.y)
+        Some(viewpoint.x + direction.x * (height_m + viewpoint.y) / -direction.y)
     }
 
-    /// How that distance grows with the image radius, meters per pixel.
+    /// Returns the derivative of [`MirrorCamera::floor_radius_m`] by the image radius, m per pixel.
     #[must_use]
     pub fn floor_slope_m_per_px(&self, radius_px: f64, height_m: f64) -> Option<f64> {
-        let way =
-            self.mirror.direction(radius_px).filter(|way| way.y < 0.0 && self.image.is_in_ring(radius_px))?;
-        Some((height_m + self.mirror.viewpoint().y) * self.mirror.nadir_slope(radius_px) / (way.y * way.y))
+        let direction = self
+            .mirror
+            .direction(radius_px)
+            .filter(|direction| direction.y < 0.0 && self.image.is_in_ring(radius_px))?;
+        Some(
+            (height_m + self.mirror.viewpoint().y) * self.mirror.nadir_slope(radius_px)
+                / (direction.y * direction.y),
+        )
     }
 }
 
@@ -260,7 +287,7 @@ pub enum MirrorConfig {
     Radial(RadialModelConfig),
 }
 
-/// The checked camera of the tables `picture` and `mirror` of a sensor.
+/// Creates a camera from the tables `picture` and `mirror` of a sensor.
 ///
 /// # Errors
 /// [`MirrorError`], with the [key](MirrorError::key) of the table to change.
@@ -347,19 +374,28 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_seen_says_why() {
+    fn points_that_are_not_shown_are_refused() {
         let cone = camera(CONFIGS[0]).unwrap();
-        assert_eq!(cone.pixel_from_point(&Point3::new(0.3, 0.0, -0.3)), Err(Unseen::OutOfView));
-        assert_eq!(cone.pixel_from_point(&Point3::new(0.97, 0.3, -0.3)), Err(Unseen::BlindCenter));
-        assert_eq!(cone.pixel_from_point(&Point3::new(3.0, 1.0, 1.0)), Err(Unseen::BeyondRim));
-        assert_eq!(cone.pixel_from_point(&Point3::new(f64::NAN, 1.0, 1.0)), Err(Unseen::OutOfView));
+        assert_eq!(
+            cone.pixel_from_point(&Point3::new(0.3, 0.0, -0.3)),
+            Err(MirrorProjectionError::OutOfView)
+        );
+        assert_eq!(
+            cone.pixel_from_point(&Point3::new(0.97, 0.3, -0.3)),
+            Err(MirrorProjectionError::BlindCenter)
+        );
+        assert_eq!(cone.pixel_from_point(&Point3::new(3.0, 1.0, 1.0)), Err(MirrorProjectionError::BeyondRim));
+        assert_eq!(
+            cone.pixel_from_point(&Point3::new(f64::NAN, 1.0, 1.0)),
+            Err(MirrorProjectionError::OutOfView)
+        );
         assert_eq!(cone.ray_from_pixel(cone.image().center()), None);
         assert_eq!(cone.ray_from_pixel(Vector2::new(0.0, 0.0)), None);
         assert_eq!(cone.azimuth_from_pixel(Vector2::new(255.5, 230.0)), None);
     }
 
     proptest! {
-        /// Points along the ray of a pixel are seen in that pixel.
+        /// Points along the ray of a pixel project to that pixel.
         #[test]
         fn pixel_ray_pixel(share in 0.0..1.0, azimuth in -3.2..3.2, reach in 0.05..30.0, which in 0_usize..3) {
             let camera = camera(CONFIGS[which]).unwrap();
@@ -375,7 +411,7 @@ mod tests {
             prop_assert!(turn.sin().abs() < 1e-9 && turn.cos() > 0.0);
         }
 
-        /// Everything on a vertical line is seen at one azimuth.
+        /// A vertical line has one azimuth.
         #[test]
         fn vertical_lines_are_radial(x in -4.0..4.0, y in -4.0..4.0, z in -0.3..0.1, which in 0_usize..3) {
             let camera = camera(CONFIGS[which]).unwrap();

@@ -1,18 +1,19 @@
-//! The picture of a mirror: a ring in the image, in which the direction from the center tells the azimuth.
+//! The image of a mirror: a ring in which the direction from the center is the azimuth.
 
 use nalgebra::{Matrix2, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_inline_default::serde_inline_default;
 
 use super::mirror_camera::MirrorError;
 
-/// Image up is ahead of the robot, image left is its left: a picture as a bird sees it.
-pub const BIRDS_EYE: [[f64; 2]; 2] = [[0.0, -1.0], [-1.0, 0.0]];
+/// Orientation with the robot's forward direction up in the image, and its left on the left.
+const BIRDS_EYE: [[f64; 2]; 2] = [[0.0, -1.0], [-1.0, 0.0]];
 
-/// Where in the image the mirror is seen, and how it is turned there.
+/// Position, orientation and size of the mirror in the image.
 ///
-/// The mirror plane has its origin at the image of the mirror's axis; its x points ahead of the robot and its y to the
-/// left, in pixels, so that the angle of a point in it is the azimuth of what is seen there.
+/// The mirror plane has its origin at the image of the mirror's axis; x points to the robot's front and y to its left,
+/// in pixels, so that the polar angle of a point is its azimuth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "MirrorImageConfig", try_from = "MirrorImageConfig")]
 pub struct MirrorImage {
@@ -28,7 +29,7 @@ pub struct MirrorImage {
 }
 
 impl MirrorImage {
-    /// The image of a mirror as a bird sees it, centered, blind nowhere, with its rim where the image ends.
+    /// Creates a centered image in bird's-eye orientation, without a blind center, with the rim at the image border.
     #[must_use]
     pub fn centered(width: u32, height: u32) -> Self {
         let turn = Matrix2::new(BIRDS_EYE[0][0], BIRDS_EYE[0][1], BIRDS_EYE[1][0], BIRDS_EYE[1][1]);
@@ -43,16 +44,16 @@ impl MirrorImage {
         }
     }
 
-    /// Columns and rows of the image.
+    /// Returns columns and rows of the image.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
 
-    /// The same with its axis at another pixel (u, v).
+    /// Returns this image with the mirror's axis at another pixel (u, v).
     ///
     /// # Errors
-    /// [`MirrorError::Center`] for numbers that are not finite.
+    /// [`MirrorError::Center`] if the pixel is not finite.
     pub fn with_center(self, center: Vector2<f64>) -> Result<Self, MirrorError> {
         if !center.iter().all(|value| value.is_finite()) {
             return Err(MirrorError::Center);
@@ -60,11 +61,11 @@ impl MirrorImage {
         Ok(Self { center, ..self })
     }
 
-    /// The same with another matrix from image to mirror directions: a turned or a flipped picture, or pixels that are
-    /// not square.
+    /// Returns this image with another matrix from image to mirror directions: a rotated or mirrored image, or
+    /// non-square pixels.
     ///
     /// # Errors
-    /// [`MirrorError::Orientation`] for a matrix that has no useful inverse.
+    /// [`MirrorError::Orientation`] if the matrix cannot be inverted.
     pub fn with_orientation(self, mirror_from_image: Matrix2<f64>) -> Result<Self, MirrorError> {
         let determinant = mirror_from_image.determinant().abs();
         match mirror_from_image.try_inverse() {
@@ -75,7 +76,7 @@ impl MirrorImage {
         }
     }
 
-    /// The same with another ring, from the blind center to the rim of the mirror, pixels of the mirror plane.
+    /// Returns this image with another ring from the blind center to the rim, pixels of the mirror plane.
     ///
     /// # Errors
     /// [`MirrorError::Ring`] unless 0 <= blind < rim.
@@ -87,39 +88,40 @@ impl MirrorImage {
         }
     }
 
-    /// The pixel (u, v) of the mirror's axis.
+    /// Returns the pixel (u, v) of the mirror's axis.
     #[must_use]
     pub fn center(&self) -> Vector2<f64> {
         self.center
     }
 
-    /// Nothing is seen nearer to the axis than this, pixels of the mirror plane: camera and robot are in the way.
+    /// Returns the radius of the blind center, in which camera and robot hide the scene, pixels of the mirror plane.
     #[must_use]
     pub fn blind_radius_px(&self) -> f64 {
         self.blind_radius_px
     }
 
-    /// The mirror ends here, pixels of the mirror plane.
+    /// Returns the radius of the mirror's rim, pixels of the mirror plane.
     #[must_use]
     pub fn rim_radius_px(&self) -> f64 {
         self.rim_radius_px
     }
 
-    /// The point of the mirror plane (x ahead, y left, pixels) at a pixel.
+    /// Returns the point of the mirror plane (x forward, y left, pixels) at a pixel.
     #[inline]
     #[must_use]
     pub fn mirror_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         self.mirror_from_image * (pixel - self.center)
     }
 
-    /// The pixel of a point of the mirror plane.
+    /// Returns the pixel of a point of the mirror plane.
     #[inline]
     #[must_use]
     pub fn pixel_from_mirror(&self, point_in_mirror: Vector2<f64>) -> Vector2<f64> {
         self.center + self.image_from_mirror * point_in_mirror
     }
 
-    /// The pixel at a distance from the axis (pixels of the mirror plane) and an azimuth (rad, to the left of ahead).
+    /// Returns the pixel at a radius (pixels of the mirror plane) and an azimuth (rad, positive to the left of
+    /// forward).
     #[inline]
     #[must_use]
     pub fn pixel_from_polar(&self, radius_px: f64, azimuth_rad: f64) -> Vector2<f64> {
@@ -127,35 +129,36 @@ impl MirrorImage {
         self.pixel_from_mirror(Vector2::new(radius_px * cos, radius_px * sin))
     }
 
-    /// The azimuth seen at a pixel, rad in (-pi, pi], to the left of ahead; `None` on the axis, where there is none.
+    /// Returns the azimuth at a pixel, rad in (-pi, pi], positive to the left of forward; `None` on the axis, where it
+    /// is undefined.
     #[must_use]
     pub fn azimuth_from_pixel(&self, pixel: Vector2<f64>) -> Option<f64> {
         let point = self.mirror_from_pixel(pixel);
         (point.norm_squared() > 0.0).then(|| point.y.atan2(point.x))
     }
 
-    /// How a pixel moves, per pixel of the mirror plane, on the way outwards at an azimuth.
+    /// Returns the image direction of increasing radius at an azimuth: pixels per pixel of the mirror plane.
     #[must_use]
     pub fn outward(&self, azimuth_rad: f64) -> Vector2<f64> {
         let (sin, cos) = azimuth_rad.sin_cos();
         self.image_from_mirror * Vector2::new(cos, sin)
     }
 
-    /// How a pixel moves, per pixel of the mirror plane, on the way of growing azimuth.
+    /// Returns the image direction of increasing azimuth at an azimuth: pixels per pixel of the mirror plane.
     #[must_use]
     pub fn around(&self, azimuth_rad: f64) -> Vector2<f64> {
         let (sin, cos) = azimuth_rad.sin_cos();
         self.image_from_mirror * Vector2::new(-sin, cos)
     }
 
-    /// Whether the mirror shows something at this distance from its axis.
+    /// Returns true if a radius lies between blind center and rim.
     #[inline]
     #[must_use]
     pub fn is_in_ring(&self, radius_px: f64) -> bool {
         radius_px >= self.blind_radius_px && radius_px <= self.rim_radius_px
     }
 
-    /// Whether the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
+    /// Returns true if the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
     #[must_use]
     pub fn contains(&self, pixel: Vector2<f64>) -> bool {
         pixel.x >= -0.5
@@ -166,35 +169,35 @@ impl MirrorImage {
 }
 
 /// A [`MirrorImage`] as a robot file writes it.
+#[serde_inline_default]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MirrorImageConfig {
-    /// Image width, pixels, 16 to 8192.
+    /// Image width, pixels.
     #[schemars(range(min = 16, max = 8192))]
     pub width: u32,
-    /// Image height, pixels, 16 to 8192.
+    /// Image height, pixels.
     #[schemars(range(min = 16, max = 8192))]
     pub height: u32,
-    /// Column of the mirror's axis, pixels, -8192 to 16384; default (width - 1)/2.
+    /// Column of the mirror's axis, pixels; without it, (width - 1)/2.
     #[serde(default)]
     #[schemars(range(min = -8192.0, max = 16_384.0))]
     pub cu: Option<f64>,
-    /// Row of the mirror's axis, pixels, -8192 to 16384; default (height - 1)/2.
+    /// Row of the mirror's axis, pixels; without it, (height - 1)/2.
     #[serde(default)]
     #[schemars(range(min = -8192.0, max = 16_384.0))]
     pub cv: Option<f64>,
-    /// Radius around the axis in which camera and robot are seen and nothing else, pixels, 0 to 8192, default 0.
+    /// Radius around the axis that shows only camera and robot.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 8192.0))]
     pub blind_radius_px: f64,
-    /// Radius of the mirror's rim, pixels, 1 to 16384; default half of the image's shorter side.
+    /// Radius of the mirror's rim; without it, half of the image's shorter side.
     #[serde(default)]
     #[schemars(range(min = 1.0, max = 16_384.0))]
     pub rim_radius_px: Option<f64>,
-    /// Two rows that turn (right, down) in the image into (ahead, left) at the mirror, each -4 to 4; default
-    /// [[0, -1], [-1, 0]]: image up is ahead, image left is left. A camera that looks up at its mirror and whose picture
-    /// was not flipped has [[0, -1], [1, 0]].
-    #[serde(default = "birds_eye")]
+    /// Matrix, as two rows, from (right, down) in the image to (forward, left) at the mirror. By default, up is forward
+    /// and left is left. For a camera that looks up at its mirror, without flipping the image: [[0, -1], [1, 0]].
+    #[serde_inline_default(BIRDS_EYE)]
     #[schemars(inner(inner(range(min = -4.0, max = 4.0))))]
     pub mirror_from_image: [[f64; 2]; 2],
 }
@@ -238,17 +241,13 @@ impl From<MirrorImage> for MirrorImageConfig {
     }
 }
 
-fn birds_eye() -> [[f64; 2]; 2] {
-    BIRDS_EYE
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
 
     #[test]
-    fn up_is_ahead_and_left_is_left() {
+    fn up_is_forward_and_left_is_left() {
         let image = MirrorImage::centered(512, 480);
         assert_eq!(image.mirror_from_pixel(Vector2::new(255.5, 139.5)), Vector2::new(100.0, 0.0));
         assert_eq!(image.azimuth_from_pixel(Vector2::new(155.5, 239.5)), Some(FRAC_PI_2));
@@ -259,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_was_not_flipped_has_left_on_its_right() {
+    fn an_image_that_was_not_flipped_has_left_on_its_right() {
         let config: MirrorImageConfig =
             toml::from_str("width = 64\nheight = 64\nmirror_from_image = [[0, -1], [1, 0]]").unwrap();
         let image = config.image().unwrap();
@@ -270,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_ring_and_no_orientation_is_refused() {
+    fn invalid_rings_and_orientations_are_refused() {
         let image = MirrorImage::centered(64, 48);
         assert!(matches!(image.with_ring(30.0, 24.0), Err(MirrorError::Ring { .. })));
         assert!(image.with_ring(-1.0, 24.0).is_err() && image.with_ring(0.0, f64::NAN).is_err());

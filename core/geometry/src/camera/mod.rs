@@ -1,16 +1,16 @@
-//! Cameras: a ray from a pixel, a pixel from a point.
+//! Camera models: the ray of a pixel, and the pixel of a point.
 //!
-//! The optical frame is x right, y down, z forward. In the image u grows to the right and v downwards; pixel centers
-//! lie on integers, so the center of a W x H image is ((W - 1)/2, (H - 1)/2).
+//! The optical frame of a pinhole camera is x right, y down, z forward. In the image, u grows to the right and v
+//! downward; pixel centers lie on integers, so the center of a W x H image is ((W - 1)/2, (H - 1)/2).
 //!
-//! A camera below a mirror sees all around ([`mirror_camera`]); its frame is that of the body, with z along the mirror's axis.
+//! An omnidirectional camera looks up at a mirror ([`mirror_camera`]); its frame is that of the body, with z along the
+//! mirror's axis.
 
 mod calibration;
 pub mod conic_mirror;
 pub mod hyperboloidal_mirror;
 pub mod mirror_camera;
 pub mod mirror_image;
-pub mod mirror_table;
 pub mod mount;
 pub mod pinhole;
 pub mod radial_model;
@@ -18,9 +18,10 @@ pub mod radial_model;
 pub use calibration::Calibration;
 pub use conic_mirror::ConicMirror;
 pub use hyperboloidal_mirror::{FloorFormula, HyperboloidalMirror};
-pub use mirror_camera::{Meridian, Mirror, MirrorCamera, MirrorConfig, MirrorError, MirrorRay, Unseen};
+pub use mirror_camera::{
+    Meridian, Mirror, MirrorCamera, MirrorConfig, MirrorError, MirrorProjectionError, MirrorRay,
+};
 pub use mirror_image::{MirrorImage, MirrorImageConfig};
-pub use mirror_table::MirrorTable;
 pub use mount::{Mount, MountConfig};
 pub use pinhole::{
     Distortion, Intrinsics, IntrinsicsConfig, NEAR_PLANE_M, Pinhole, ProjectionError, clip_to_near_plane,

@@ -1,40 +1,40 @@
-//! Where a camera sits on the robot, and the transform between its optical frame and the body.
+//! Position and attitude of a camera on the robot.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A camera's position and attitude in the body frame (x forward, y left, z up), radians.
+/// A camera's position and attitude in the body frame (x forward, y left, z up), m and rad.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Mount {
-    /// Ahead of the robot's center, meters.
+    /// Position forward of the robot's center, m.
     pub x: f64,
-    /// Left of the robot's center, meters.
+    /// Position left of the robot's center, m.
     pub y: f64,
-    /// Above the floor, meters.
+    /// Height above the floor, m.
     pub z: f64,
-    /// Turn about the vertical, radians, positive to the left.
+    /// Rotation about the vertical, rad, positive to the left.
     pub pan: f64,
-    /// Turn about the sideways axis, radians, positive looks DOWN (the REP-103 pitch).
+    /// Rotation about the lateral axis, rad, positive looks down (REP-103 pitch).
     pub tilt: f64,
-    /// Turn about the forward axis, radians, positive lowers the right side of the camera.
+    /// Rotation about the forward axis, rad, positive lowers the right side of the camera.
     pub roll: f64,
 }
 
 impl Mount {
-    /// A camera that looks straight ahead from `height_m` above the robot's center.
+    /// Creates the mount of a camera above the robot's center that looks straight ahead.
     #[must_use]
     pub fn level(height_m: f64) -> Self {
         Self { z: height_m, ..Self::default() }
     }
 
-    /// A camera above the robot's center that looks ahead and `tilt_rad` down.
+    /// Creates the mount of a camera above the robot's center that looks ahead and down by `tilt_rad`.
     #[must_use]
     pub fn tilted(height_m: f64, tilt_rad: f64) -> Self {
         Self { z: height_m, tilt: tilt_rad, ..Self::default() }
     }
 
-    /// The rigid transform from the optical frame to the body frame.
+    /// Returns the rigid transform from the optical frame to the body frame.
     #[must_use]
     pub fn body_from_camera(&self) -> Isometry3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotation_body_from_camera());
@@ -44,14 +44,15 @@ impl Mount {
         )
     }
 
-    /// The rotation `Rz(pan) Ry(tilt) Rx(roll) A`, where the columns of A are the camera's right, down and forward in the
-    /// body frame at zero angles.
+    /// Returns the rotation `Rz(pan) Ry(tilt) Rx(roll) A`, where the columns of A are the camera's right, down and
+    /// forward axes in the body frame at zero angles.
     #[must_use]
     pub fn rotation_body_from_camera(&self) -> Matrix3<f64> {
         self.rotation_body_from_mirror() * Matrix3::new(0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0)
     }
 
-    /// The rigid transform from a mirror camera's frame (x ahead, y left, z along the mirror's axis) to the body frame.
+    /// Returns the rigid transform from a mirror camera's frame (x forward, y left, z along the mirror's axis) to the
+    /// body frame.
     #[must_use]
     pub fn body_from_mirror(&self) -> Isometry3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotation_body_from_mirror());
@@ -61,7 +62,7 @@ impl Mount {
         )
     }
 
-    /// The rotation `Rz(pan) Ry(tilt) Rx(roll)`: a mirror camera's axes in the body frame.
+    /// Returns the rotation `Rz(pan) Ry(tilt) Rx(roll)` from a mirror camera's frame to the body frame.
     #[must_use]
     pub fn rotation_body_from_mirror(&self) -> Matrix3<f64> {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.pan)
@@ -70,13 +71,13 @@ impl Mount {
         turn.into_inner()
     }
 
-    /// The optical center in the body frame, meters.
+    /// Returns the optical center in the body frame, m.
     #[must_use]
     pub fn position_in_body(&self) -> Vector3<f64> {
         Vector3::new(self.x, self.y, self.z)
     }
 
-    /// Whether all six numbers are finite.
+    /// Returns true if all six numbers are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         [self.x, self.y, self.z, self.pan, self.tilt, self.roll].iter().all(|value| value.is_finite())
@@ -87,26 +88,26 @@ impl Mount {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MountConfig {
-    /// Ahead of the robot's center, m, -5 to 5, default 0.
+    /// Position forward of the robot's center.
     #[serde(default)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub x_m: f64,
-    /// Left of the robot's center, m, -5 to 5, default 0.
+    /// Position left of the robot's center.
     #[serde(default)]
     #[schemars(range(min = -5.0, max = 5.0))]
     pub y_m: f64,
-    /// Above the floor, m, 0 to 5; distances to walls are measured from it.
+    /// Height above the floor; distances to walls are derived from it.
     #[schemars(range(min = 0.0, max = 5.0))]
     pub z_m: f64,
-    /// Turn about the vertical, degrees, positive to the left, -180 to 180, default 0.
+    /// Rotation about the vertical, positive to the left.
     #[serde(default)]
     #[schemars(range(min = -180.0, max = 180.0))]
     pub pan_deg: f64,
-    /// Downward tilt, degrees, -90 to 90, default 0.
+    /// Downward tilt.
     #[serde(default)]
     #[schemars(range(min = -90.0, max = 90.0))]
     pub tilt_deg: f64,
-    /// Turn about the forward axis, degrees, positive lowers the right side, -180 to 180, default 0.
+    /// Rotation about the forward axis; positive lowers the right side.
     #[serde(default)]
     #[schemars(range(min = -180.0, max = 180.0))]
     pub roll_deg: f64,
@@ -134,7 +135,7 @@ mod tests {
     const RIGHT: Vector3<f64> = Vector3::new(1.0, 0.0, 0.0);
 
     #[test]
-    fn zero_angles_look_ahead() {
+    fn zero_angles_look_forward() {
         let body_from_camera = Mount::level(0.6).body_from_camera();
         assert!((body_from_camera * FORWARD - Vector3::x()).norm() < 1e-15);
         assert!((body_from_camera * RIGHT + Vector3::y()).norm() < 1e-15);
@@ -163,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn the_height_must_be_told() {
+    fn the_height_is_required() {
         assert!(toml::from_str::<MountConfig>("tilt_deg = 6.0").unwrap_err().message().contains("z_m"));
         assert_eq!(toml::from_str::<MountConfig>("z_m = 0.6").unwrap().tilt_deg, 0.0);
     }

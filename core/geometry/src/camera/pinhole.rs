@@ -3,16 +3,17 @@
 use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_inline_default::serde_inline_default;
 use thiserror::Error;
 
-/// Points nearer than this along the optical axis are not projected, meters.
+/// Minimum depth of a projected point along the optical axis, m.
 pub const NEAR_PLANE_M: f64 = 0.1;
 
-/// Largest distortion error (normalized image units) that the inversion leaves.
+/// Maximum residual of the undistortion, normalized image units.
 const UNDISTORTION_TOLERANCE: f64 = 1e-14;
 const UNDISTORTION_STEPS: usize = 60;
 
-/// The linear part of a camera and its image size; pixels, pixel centers on integers.
+/// Intrinsic parameters without distortion, and the image size; pixels, with pixel centers on integers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.
@@ -30,14 +31,14 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// Columns and rows of the image.
+    /// Returns columns and rows of the image.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
 
-    /// Square pixels and a centered principal point, from the horizontal field of view (rad, in (0, pi)) across the whole
-    /// width: `fx = (width/2) / tan(fov/2)`.
+    /// Creates intrinsics with square pixels and a centered principal point from the horizontal field of view (rad, in
+    /// (0, pi)) across the whole width: `fx = (width/2) / tan(fov/2)`.
     #[must_use]
     pub fn from_horizontal_fov(width: u32, height: u32, fov_rad: f64) -> Self {
         let focal = 0.5 * f64::from(width) / (0.5 * fov_rad).tan();
@@ -51,31 +52,31 @@ impl Intrinsics {
         }
     }
 
-    /// The horizontal field of view across the whole width, radians.
+    /// Returns the horizontal field of view across the whole width, rad.
     #[must_use]
     pub fn horizontal_fov(&self) -> f64 {
         2.0 * (0.5 * f64::from(self.width) / self.fx).atan()
     }
 
-    /// The matrix K that takes a point of the plane z = 1 to its (undistorted) pixel.
+    /// Returns the matrix K, which maps a point of the plane z = 1 to its undistorted pixel.
     #[must_use]
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
     }
 
-    /// Normalized coordinates ((u - cx)/fx, (v - cy)/fy) of an undistorted pixel.
+    /// Returns the normalized coordinates ((u - cx)/fx, (v - cy)/fy) of an undistorted pixel.
     #[must_use]
     pub fn normalized_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
         Vector2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy)
     }
 
-    /// The undistorted pixel of normalized coordinates.
+    /// Returns the undistorted pixel of normalized coordinates.
     #[must_use]
     pub fn pixel_from_normalized(&self, normalized: Vector2<f64>) -> Vector2<f64> {
         Vector2::new(self.fx * normalized.x + self.cx, self.fy * normalized.y + self.cy)
     }
 
-    /// Whether the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
+    /// Returns true if the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
     #[must_use]
     pub fn contains(&self, pixel: Vector2<f64>) -> bool {
         pixel.x >= -0.5
@@ -84,7 +85,7 @@ impl Intrinsics {
             && pixel.y < f64::from(self.height) - 0.5
     }
 
-    /// Whether the numbers describe a camera: finite, positive focal lengths, an image with pixels.
+    /// Returns true for finite numbers, positive focal lengths and an image of at least one pixel.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         [self.fx, self.fy, self.cx, self.cy].iter().all(|value| value.is_finite())
@@ -99,19 +100,19 @@ impl Intrinsics {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Distortion {
-    /// Radial coefficient of r^2, no unit, -10 to 10, default 0.
+    /// Radial coefficient of r².
     #[schemars(range(min = -10.0, max = 10.0))]
     pub k1: f64,
-    /// Radial coefficient of r^4, no unit, -10 to 10, default 0.
+    /// Radial coefficient of r⁴.
     #[schemars(range(min = -10.0, max = 10.0))]
     pub k2: f64,
-    /// First tangential coefficient, no unit, -1 to 1, default 0.
+    /// First tangential coefficient.
     #[schemars(range(min = -1.0, max = 1.0))]
     pub p1: f64,
-    /// Second tangential coefficient, no unit, -1 to 1, default 0.
+    /// Second tangential coefficient.
     #[schemars(range(min = -1.0, max = 1.0))]
     pub p2: f64,
-    /// Radial coefficient of r^6, no unit, -10 to 10, default 0.
+    /// Radial coefficient of r⁶.
     #[schemars(range(min = -10.0, max = 10.0))]
     pub k3: f64,
 }
@@ -120,7 +121,7 @@ impl Distortion {
     /// No distortion.
     pub const NONE: Self = Self { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
 
-    /// The distorted normalized coordinates of an ideal point.
+    /// Returns the distorted normalized coordinates of an ideal point.
     #[must_use]
     pub fn distort(&self, ideal: Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (ideal.x, ideal.y);
@@ -132,7 +133,7 @@ impl Distortion {
         )
     }
 
-    /// The Jacobian of [`Distortion::distort`] at an ideal point.
+    /// Returns the Jacobian of [`Distortion::distort`] at an ideal point.
     #[must_use]
     pub fn jacobian(&self, ideal: Vector2<f64>) -> Matrix2<f64> {
         let (x, y) = (ideal.x, ideal.y);
@@ -148,9 +149,9 @@ impl Distortion {
         )
     }
 
-    /// The largest squared ideal radius up to which the radial part grows; infinite without a turning point.
-    #[must_use]
-    pub fn valid_radius_squared(&self) -> f64 {
+    /// Returns the squared ideal radius up to which the radial distortion is monotonic, or infinity if it is
+    /// everywhere.
+    fn valid_radius_squared(&self) -> f64 {
         let derivative = |q: f64| 1.0 + q * (3.0 * self.k1 + q * (5.0 * self.k2 + q * 7.0 * self.k3));
         let (steps, end) = (400, 16.0);
         let first_negative =
@@ -169,7 +170,7 @@ impl Distortion {
     }
 }
 
-/// Why a point has no pixel.
+/// Reason why a point cannot be projected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ProjectionError {
     /// The point lies behind the near plane.
@@ -189,34 +190,35 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// A camera with the given distortion.
+    /// Creates a camera with distortion.
     #[must_use]
     pub fn new(intrinsics: Intrinsics, distortion: Distortion) -> Self {
         Self { intrinsics, distortion, valid_radius_squared: distortion.valid_radius_squared() }
     }
 
-    /// A camera without distortion.
+    /// Creates a camera without distortion.
     #[must_use]
     pub fn ideal(intrinsics: Intrinsics) -> Self {
         Self::new(intrinsics, Distortion::NONE)
     }
 
-    /// The linear part.
+    /// Returns the intrinsics.
     #[must_use]
     pub fn intrinsics(&self) -> &Intrinsics {
         &self.intrinsics
     }
 
-    /// The distortion.
+    /// Returns the distortion.
     #[must_use]
     pub fn distortion(&self) -> &Distortion {
         &self.distortion
     }
 
-    /// The (distorted) pixel of a point in the optical frame; it may lie outside the image.
+    /// Projects a point in the optical frame to its distorted pixel, which may lie outside the image.
     ///
     /// # Errors
-    /// `BehindNearPlane` for z < [`NEAR_PLANE_M`], `OutsideLens` beyond the radius where the distortion folds back.
+    /// [`ProjectionError::BehindNearPlane`] for z < [`NEAR_PLANE_M`], [`ProjectionError::OutsideLens`] outside of the
+    /// radius where the distortion is monotonic.
     pub fn project(&self, point_in_camera: &Point3<f64>) -> Result<Vector2<f64>, ProjectionError> {
         if point_in_camera.z.is_nan() || point_in_camera.z < NEAR_PLANE_M {
             return Err(ProjectionError::BehindNearPlane);
@@ -228,8 +230,8 @@ impl Pinhole {
         Ok(self.intrinsics.pixel_from_normalized(self.distortion.distort(ideal)))
     }
 
-    /// The ideal normalized coordinates of a pixel (z = 1), by Newton's method; `None` where the lens model cannot be
-    /// inverted.
+    /// Returns the ideal normalized coordinates (z = 1) of a distorted pixel, by Newton's method, or `None` if the lens
+    /// model cannot be inverted there.
     #[must_use]
     pub fn normalized_from_pixel(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         let distorted = self.intrinsics.normalized_from_pixel(pixel);
@@ -253,13 +255,14 @@ impl Pinhole {
         (residual < 1e-12 && self.is_invertible_at(ideal)).then_some(ideal)
     }
 
-    /// The unit ray through a pixel, in the optical frame; `None` where the lens model cannot be inverted.
+    /// Returns the unit ray through a pixel in the optical frame, or `None` if the lens model cannot be inverted there.
     #[must_use]
     pub fn ray_from_pixel(&self, pixel: Vector2<f64>) -> Option<Vector3<f64>> {
         self.normalized_from_pixel(pixel).map(|ideal| ideal.push(1.0).normalize())
     }
 
-    /// The pixel where a camera without distortion would have seen the same ray; `None` as for the ray.
+    /// Returns the pixel at which a camera without distortion would observe the same ray, or `None` if the lens model
+    /// cannot be inverted there.
     #[must_use]
     pub fn undistort_pixel(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         self.normalized_from_pixel(pixel).map(|ideal| self.intrinsics.pixel_from_normalized(ideal))
@@ -271,7 +274,7 @@ impl Pinhole {
     }
 }
 
-/// The part of a segment (optical frame) that lies at or beyond the near plane; `None` if nothing does.
+/// Clips a segment in the optical frame to the near plane; `None` if all of it lies behind.
 #[must_use]
 pub fn clip_to_near_plane(start: Point3<f64>, end: Point3<f64>) -> Option<(Point3<f64>, Point3<f64>)> {
     let crossing = |t: f64| {
@@ -290,42 +293,43 @@ pub fn clip_to_near_plane(start: Point3<f64>, end: Point3<f64>) -> Option<(Point
 
 /// A pinhole camera as a robot file writes it: image size, field of view in degrees or focal lengths in pixels, and the
 /// distortion.
+#[serde_inline_default]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct IntrinsicsConfig {
-    /// Image width, pixels, 16 to 8192.
+    /// Image width, pixels.
     #[schemars(range(min = 16, max = 8192))]
     pub width: u32,
-    /// Image height, pixels, 16 to 8192.
+    /// Image height, pixels.
     #[schemars(range(min = 16, max = 8192))]
     pub height: u32,
-    /// Horizontal field of view, degrees, 5 to 170; used for a focal length that is not given, default 60.
-    #[serde(default = "default_fov_deg")]
+    /// Horizontal field of view, which gives a focal length that is not set.
+    #[serde_inline_default(60.0)]
     #[schemars(range(min = 5.0, max = 170.0))]
     pub fov_deg: f64,
-    /// Horizontal focal length, pixels, 1 to 100000; default from `fov_deg`.
+    /// Horizontal focal length, pixels; without it, from `fov_deg`.
     #[serde(default)]
     #[schemars(range(min = 1.0, max = 1e5))]
     pub fx: Option<f64>,
-    /// Vertical focal length, pixels, 1 to 100000; default as `fx`.
+    /// Vertical focal length, pixels; without it, `fx`.
     #[serde(default)]
     #[schemars(range(min = 1.0, max = 1e5))]
     pub fy: Option<f64>,
-    /// Column of the principal point, pixels, -8192 to 16384; default (width - 1)/2.
+    /// Column of the principal point, pixels; without it, (width - 1)/2.
     #[serde(default)]
     #[schemars(range(min = -8192.0, max = 16_384.0))]
     pub cx: Option<f64>,
-    /// Row of the principal point, pixels, -8192 to 16384; default (height - 1)/2.
+    /// Row of the principal point, pixels; without it, (height - 1)/2.
     #[serde(default)]
     #[schemars(range(min = -8192.0, max = 16_384.0))]
     pub cy: Option<f64>,
-    /// Brown-Conrady coefficients, default none.
+    /// Brown-Conrady coefficients.
     #[serde(default)]
     pub distortion: Distortion,
 }
 
 impl IntrinsicsConfig {
-    /// The linear part.
+    /// Returns the intrinsics.
     #[must_use]
     pub fn intrinsics(&self) -> Intrinsics {
         let from_fov = Intrinsics::from_horizontal_fov(self.width, self.height, self.fov_deg.to_radians());
@@ -344,10 +348,6 @@ impl IntrinsicsConfig {
     pub fn pinhole(&self) -> Pinhole {
         Pinhole::new(self.intrinsics(), self.distortion)
     }
-}
-
-fn default_fov_deg() -> f64 {
-    60.0
 }
 
 #[cfg(test)]

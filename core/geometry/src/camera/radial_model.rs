@@ -1,4 +1,4 @@
-//! A camera that sees all around from one viewpoint, known by measurement alone: image radius against direction.
+//! A central omnidirectional camera, calibrated by a measured relation of image radius and direction.
 
 use nalgebra::Vector2;
 use schemars::JsonSchema;
@@ -6,49 +6,49 @@ use serde::{Deserialize, Serialize};
 
 use super::mirror_camera::{Meridian, MirrorError};
 
-/// Image radii between two tests that the angle grows, pixels.
+/// Step between the image radii at which the profile is checked, pixels.
 const CHECK_STEP_PX: f64 = 0.25;
 
-/// A central camera whose image radius R (pixels) tells the angle from straight down by a [`RadialProfile`].
+/// A central camera whose image radius R (pixels) gives the angle from straight down by a [`RadialProfile`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RadialModel {
     profile: RadialProfile,
-    /// The profile is known to grow up to here.
+    /// Radius up to which the profile is monotonic, pixels.
     end_px: f64,
 }
 
-/// How the image radius tells the direction.
+/// Relation of image radius and direction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum RadialProfile {
     /// The floor radius is `a tan(b R)`.
     Tangent {
-        /// a, meters.
+        /// Factor a, m.
         range_m: f64,
-        /// b, radians per pixel.
+        /// Factor b, rad per pixel.
         rad_per_px: f64,
-        /// The viewpoint's height above the floor when this was measured, meters.
+        /// Height of the viewpoint above the floor during calibration, m.
         height_m: f64,
     },
-    /// The floor radius in meters is a polynomial of R; nothing above the horizon is described.
+    /// The floor radius in meters is a polynomial of R. Directions above the horizon are not covered.
     FloorPolynomial {
-        /// Coefficients of R^0, R^1, ..., meters.
+        /// Coefficients of R^0, R^1, ..., m.
         coefficients: Vec<f64>,
-        /// The viewpoint's height above the floor when this was measured, meters.
+        /// Height of the viewpoint above the floor during calibration, m.
         height_m: f64,
     },
-    /// The angle from straight down in radians is a polynomial of R.
+    /// The angle from straight down, rad, is a polynomial of R.
     AnglePolynomial {
-        /// Coefficients of R^0, R^1, ..., radians.
+        /// Coefficients of R^0, R^1, ..., rad.
         coefficients: Vec<f64>,
     },
 }
 
 impl RadialModel {
-    /// A checked model for image radii from the blind center to the rim, pixels.
+    /// Creates a model for image radii from the blind center to the rim, pixels.
     ///
     /// # Errors
-    /// [`MirrorError::Profile`] where the angle does not grow with the radius or leaves 0 to pi, [`MirrorError::Shape`]
-    /// for numbers that describe no camera.
+    /// [`MirrorError::Profile`] if the angle does not grow with the radius or leaves 0 to pi; [`MirrorError::Shape`]
+    /// for coefficients that are not finite or lengths that are not positive.
     pub fn new(
         profile: RadialProfile,
         blind_radius_px: f64,
@@ -66,7 +66,7 @@ impl RadialModel {
             }
         };
         if !usable {
-            return Err(MirrorError::Shape("a profile needs coefficients, and lengths above 0"));
+            return Err(MirrorError::Shape("a profile needs finite coefficients, and lengths above 0"));
         }
         let model = Self { profile, end_px: rim_radius_px };
         let steps = ((rim_radius_px - blind_radius_px) / CHECK_STEP_PX).ceil().max(1.0) as usize;
@@ -80,20 +80,19 @@ impl RadialModel {
         Ok(model)
     }
 
-    /// How the image radius tells the direction.
+    /// Relation of image radius and direction.
     #[must_use]
     pub fn profile(&self) -> &RadialProfile {
         &self.profile
     }
 
-    /// Angle from straight down, radians, of an image radius.
-    #[must_use]
-    pub fn nadir_angle(&self, radius_px: f64) -> f64 {
+    /// Returns the angle from straight down at an image radius, rad.
+    fn nadir_angle(&self, radius_px: f64) -> f64 {
         match &self.profile {
             RadialProfile::Tangent { range_m, rad_per_px, height_m } => {
                 let (sin, cos) = (rad_per_px * radius_px).sin_cos();
                 let angle = (range_m * sin).atan2(height_m * cos);
-                // Half a turn and more is nothing that a mirror shows.
+                // A mirror shows no angle of pi or more.
                 if rad_per_px * radius_px < std::f64::consts::PI { angle } else { f64::NAN }
             }
             RadialProfile::FloorPolynomial { coefficients, height_m } => {
@@ -103,7 +102,7 @@ impl RadialModel {
         }
     }
 
-    /// The radius at which a growing function is 0, within 0 to the rim.
+    /// Finds the root of an increasing function between 0 and the rim.
     fn solve(&self, excess: impl Fn(f64) -> f64, slope: impl Fn(f64) -> f64) -> Option<f64> {
         let (mut low, mut high) = (0.0, self.end_px);
         let tolerance = 1e-12 * self.end_px;
@@ -187,7 +186,7 @@ fn polynomial_slope(coefficients: &[f64], x: f64) -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RadialModelConfig {
-    /// How the image radius R, in pixels, tells the direction.
+    /// Relation between the image radius R, in pixels, and the direction.
     pub profile: RadialProfileConfig,
 }
 
@@ -197,28 +196,28 @@ pub struct RadialModelConfig {
 pub enum RadialProfileConfig {
     /// The floor radius is range_m tan(deg_per_px R).
     Tangent {
-        /// Factor of the tangent, m, 0.001 to 1000.
+        /// Factor of the tangent.
         #[schemars(range(min = 0.001, max = 1000.0))]
         range_m: f64,
-        /// Angle for each pixel, degrees per pixel, 0.001 to 10.
+        /// Angle per pixel.
         #[schemars(range(min = 0.001, max = 10.0))]
         deg_per_px: f64,
-        /// The viewpoint's height above the floor for which this was measured, m, 0.01 to 10.
+        /// Height of the viewpoint above the floor during the measurement.
         #[schemars(range(min = 0.01, max = 10.0))]
         height_m: f64,
     },
     /// The floor radius in meters is a polynomial of R.
     FloorPolynomial {
-        /// Coefficients of R^0, R^1, ..., meters, each -1000000 to 1000000.
+        /// Coefficients of R⁰, R¹, ..., m.
         #[schemars(length(min = 1, max = 16), inner(range(min = -1e6, max = 1e6)))]
         coefficients: Vec<f64>,
-        /// The viewpoint's height above the floor for which this was measured, m, 0.01 to 10.
+        /// Height of the viewpoint above the floor during the measurement.
         #[schemars(range(min = 0.01, max = 10.0))]
         height_m: f64,
     },
     /// The angle from straight down in degrees is a polynomial of R.
     AnglePolynomial {
-        /// Coefficients of R^0, R^1, ..., degrees, each -1000000 to 1000000.
+        /// Coefficients of R⁰, R¹, ..., degrees.
         #[schemars(length(min = 1, max = 16), inner(range(min = -1e6, max = 1e6)))]
         coefficients: Vec<f64>,
     },
@@ -228,7 +227,7 @@ impl RadialModelConfig {
     /// The checked model for image radii from the blind center to the rim, pixels.
     ///
     /// # Errors
-    /// As [`RadialModel::new`].
+    /// Same as [`RadialModel::new`].
     pub fn model(&self, blind_radius_px: f64, rim_radius_px: f64) -> Result<RadialModel, MirrorError> {
         let profile = match self.profile.clone() {
             RadialProfileConfig::Tangent { range_m, deg_per_px, height_m } => {
@@ -268,11 +267,11 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_grow_is_refused_and_told_where() {
+    fn a_profile_that_does_not_grow_is_refused_with_the_radius() {
         let turning =
             RadialProfile::FloorPolynomial { coefficients: vec![0.0, 1e-2, -2.5e-5], height_m: 0.5 };
         let Err(MirrorError::Profile { radius_px }) = RadialModel::new(turning, 0.0, 240.0) else {
-            panic!("taken")
+            panic!("the profile was accepted")
         };
         assert!((radius_px - 200.0).abs() < 0.3);
         let beyond = RadialProfile::Tangent { range_m: 1.0, rad_per_px: 0.02, height_m: 0.5 };

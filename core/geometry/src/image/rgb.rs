@@ -1,8 +1,8 @@
-//! A borrowed color picture.
+//! Borrowed color images.
 
 use super::{ImageError, check_layout};
 
-/// A borrowed picture of at least one pixel, three bytes a pixel: red, green, blue.
+/// A borrowed RGB image of at least one pixel, three bytes per pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RgbView<'a> {
     data: &'a [u8],
@@ -12,28 +12,28 @@ pub struct RgbView<'a> {
 }
 
 impl<'a> RgbView<'a> {
-    /// The picture of `width` x `height` pixels whose rows start `stride` bytes apart in `data`.
+    /// Creates a view of `width` x `height` pixels whose rows begin `stride` bytes apart in `data`.
     ///
     /// # Errors
-    /// [`ImageError`] names which of the numbers does not fit.
+    /// [`ImageError`] if a size is zero or does not match the buffer.
     pub fn new(data: &'a [u8], width: usize, height: usize, stride: usize) -> Result<Self, ImageError> {
         check_layout(data.len(), width, height, stride, 3)?;
         Ok(Self { data, width, height, stride })
     }
 
-    /// Columns, at least 1.
+    /// Image width, pixels, at least 1.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows, at least 1.
+    /// Image height, pixels, at least 1.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Row `v`, exactly `width` pixels; a row beyond the picture is the nearest one (replicated border).
+    /// Returns row `v`; a row below the image is the last one (replicated border).
     #[inline]
     #[must_use]
     pub fn row(&self, v: usize) -> &'a [[u8; 3]] {
@@ -41,7 +41,7 @@ impl<'a> RgbView<'a> {
         self.data[start..start + 3 * self.width].as_chunks::<3>().0
     }
 
-    /// The pixel in column `u` and row `v`; outside, the nearest one (replicated border).
+    /// Returns the pixel in column `u` and row `v`; outside of the image, the nearest one (replicated border).
     #[must_use]
     pub fn pixel(&self, u: usize, v: usize) -> [u8; 3] {
         self.row(v)[u.min(self.width - 1)]

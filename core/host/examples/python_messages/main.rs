@@ -1,6 +1,6 @@
-//! Writes the message classes of the Python package from the Rust types: after every change of a message.
+//! Generates the message classes of the Python package from the Rust types. Run it after every change of a message:
 //!
-//!     cargo run -p yamabico-core --example python_messages
+//!     cargo run -p yamabico-host --example python_messages
 
 mod generate;
 

@@ -1,137 +1,144 @@
-//! What can go wrong on the bus.
+//! Errors of the bus.
 
 use std::path::PathBuf;
 
-/// A bus that refused; every message says what to do about it.
+/// Failure of an operation on the bus. Every message names the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
-    /// The name would not do for folders and segments.
-    #[error("`{name}` cannot name a {what}: {problem}")]
+    /// The name cannot be part of file names.
+    #[error("`{name}` cannot be the name of a {what}: {problem}")]
     BadName {
-        /// What was to be named.
+        /// Kind of thing to be named: `robot` or `topic`.
         what: &'static str,
-        /// The name.
+        /// The rejected name.
         name: String,
-        /// What would be right.
+        /// Rule that the name breaks.
         problem: String,
     },
-    /// There is no folder for what a running robot keeps.
+    /// No folder can hold the files of a running robot.
     #[error(
-        "/dev/shm cannot be written, and neither XDG_RUNTIME_DIR nor HOME is set: set one to an absolute path outside the temporary folder"
+        "/dev/shm is not writable, and neither XDG_RUNTIME_DIR nor HOME is set: set one to an absolute \
+         path outside the temporary folder"
     )]
-    NoPlace,
+    NoFolder,
     /// A folder or file of the robot cannot be used.
     #[error("cannot {doing} {}: {source}", path.display())]
     Files {
-        /// What was tried.
+        /// Failed operation, such as `open`.
         doing: &'static str,
-        /// On what.
+        /// Path of the folder or file.
         path: PathBuf,
-        /// Why it failed.
+        /// Reason given by the operating system.
         source: std::io::Error,
     },
     /// Another process runs a robot of this name.
-    #[error("robot `{robot}` is already running as process {pid}: stop it, or give this one another name")]
+    #[error("robot `{robot}` is already running in process {pid}: stop it, or give this robot another name")]
     AlreadyRunning {
-        /// The robot.
+        /// Name of the robot.
         robot: String,
-        /// Who runs it; zero where it has not written its number yet.
+        /// Process id of its supervisor; zero if it has not written it yet.
         pid: u32,
     },
-    /// A plugin was started without its robot.
+    /// No process runs a robot of this name.
     #[error("robot `{robot}` is not running: start it first")]
     NotRunning {
-        /// The robot.
+        /// Name of the robot.
         robot: String,
     },
-    /// The topic was created before.
-    #[error("topic `{topic}` exists already: create each topic once, with one type")]
+    /// The topic exists already.
+    #[error("topic `{topic}` already exists: create each topic once, with one message type")]
     Exists {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
     },
-    /// Nobody created the topic.
-    #[error("there is no topic `{topic}`: the supervisor creates every topic before a plugin opens it")]
+    /// The topic does not exist.
+    #[error("topic `{topic}` does not exist: the supervisor creates every topic before a plugin opens it")]
     NoSuchTopic {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
     },
-    /// The topic carries another type.
-    #[error("topic `{topic}` carries {carries}, not {asked}: plug it into a slot of its own type")]
+    /// The topic carries another message type.
+    #[error("topic `{topic}` carries {carries}, not {requested}: connect it to a slot of its own type")]
     WrongType {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// What it carries.
+        /// Its message type.
         carries: String,
-        /// What was asked for.
-        asked: &'static str,
+        /// The requested message type.
+        requested: &'static str,
     },
-    /// Every publisher's place is taken; on commands and proposals there is only one.
-    #[error("topic `{topic}` takes at most {most} publisher(s) and has them: stop the other one first")]
+    /// The topic has its maximum number of publishers; one for commands and proposals.
+    #[error("topic `{topic}` already has its maximum of {max} publisher(s): stop another publisher first")]
     TooManyPublishers {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Places that it has.
-        most: usize,
+        /// Maximum number of publishers.
+        max: usize,
     },
-    /// Every subscriber's place is taken.
-    #[error("topic `{topic}` takes at most {most} subscribers and has them: create it with more")]
+    /// The topic has its maximum number of subscribers.
+    #[error("topic `{topic}` already has its maximum of {max} subscribers: create it for more")]
     TooManySubscribers {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Places that it has.
-        most: usize,
+        /// Maximum number of subscribers.
+        max: usize,
     },
     /// The list is longer than the topic was created for.
-    #[error("topic `{topic}` holds lists of at most {most} bytes, not {len}: create it with more")]
+    #[error(
+        "a list on topic `{topic}` must have at most {max} bytes, but has {len}: create the topic for longer lists"
+    )]
     TooLong {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// What fits, bytes.
-        most: usize,
-        /// What was to be sent, bytes.
+        /// Maximum length, bytes.
+        max: usize,
+        /// Length of the refused list, bytes.
         len: usize,
     },
-    /// The bytes are no message of the topic's type.
-    #[error("topic `{topic}` carries {message}: {problem}")]
+    /// The bytes are not a message of the topic's type.
+    #[error("malformed {message} for topic `{topic}`: {problem}")]
     Malformed {
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// What it carries.
+        /// Its message type.
         message: &'static str,
-        /// What does not fit.
+        /// Mismatch of sizes.
         problem: String,
     },
-    /// The subscriber holds as many samples as it may.
-    #[error("a subscriber of `{topic}` may hold {most} samples and does: let some go before receiving more")]
-    HoldsTooMany {
-        /// The topic.
+    /// The subscriber holds its maximum number of samples.
+    #[error(
+        "a subscriber of topic `{topic}` already holds its maximum of {max} samples: drop some before receiving more"
+    )]
+    TooManySamples {
+        /// Name of the topic.
         topic: String,
-        /// Samples that it may hold.
-        most: usize,
+        /// Maximum number of samples held.
+        max: usize,
     },
-    /// The topic was created without a bell, or not at all.
-    #[error("topic `{topic}` does not ring: create it with `Bell::Rings` to wait for it")]
-    Silent {
-        /// The topic.
+    /// The topic does not exist, or was created without notification.
+    #[error("topic `{topic}` does not notify: create it with `Notification::On` to wait for its messages")]
+    NoNotification {
+        /// Name of the topic.
         topic: String,
     },
-    /// A waiter can tell only so many topics apart.
-    #[error("a waiter hears at most {most} topics, not {asked}: use a second one on another thread")]
-    TooManyBells {
-        /// What it can tell apart.
-        most: usize,
-        /// What was asked for.
-        asked: usize,
+    /// A wait set for more topics than it can distinguish.
+    #[error(
+        "a wait set must have at most {max} topics, but has {requested}: use a second one on another thread"
+    )]
+    TooManyTopics {
+        /// Maximum number of topics.
+        max: usize,
+        /// Requested number of topics.
+        requested: usize,
     },
     /// The transport failed.
-    #[error("{doing} `{name}`: the transport says {reason}")]
+    #[error("cannot {doing} `{name}`: iceoryx2 reports {reason}")]
     Transport {
-        /// What was tried.
+        /// Failed operation, such as `publish on`.
         doing: &'static str,
-        /// On what.
+        /// Name of the topic or robot.
         name: String,
-        /// In its own words.
+        /// Reason given by the transport.
         reason: String,
     },
 }

@@ -1,18 +1,17 @@
-//! A subscriber that keeps what it received, for a slot of a plugin.
+//! Messages at hand in one input slot of a plugin.
 
 use std::collections::VecDeque;
 
+use super::node::default_depth;
 use super::sample::Held;
-use super::world::ordinary_depth;
 use super::{BusError, RawSubscriber};
 use yamabico_core::behavior::SlotSource;
 use yamabico_core::message::RawMessage;
 
-/// The messages at hand in one slot: those of the last [`Inbox::refresh`], or the newest one ever where nothing came since.
-///
-/// Nothing is copied: the messages stay where their sender wrote them.
+/// Messages at hand in one slot: those that the last [`Inbox::refresh`] received, or the newest one ever received if
+/// it found none. Nothing is copied: the messages stay where their publisher wrote them.
 pub struct Inbox {
-    // In front of the subscriber: samples go before their port.
+    // Dropped before the subscriber: samples must not outlive their port.
     held: VecDeque<Held>,
     subscriber: RawSubscriber,
     slot: String,
@@ -29,11 +28,11 @@ pub struct Inbox {
 unsafe impl Send for Inbox {}
 
 impl Inbox {
-    /// An inbox of `subscriber` for the slot of this name.
+    /// Makes the inbox of the slot of this name.
     pub fn new(slot: impl Into<String>, subscriber: RawSubscriber) -> Inbox {
-        let most = max_kept(&subscriber);
+        let max = max_kept(&subscriber);
         Inbox {
-            held: VecDeque::with_capacity(most + 1),
+            held: VecDeque::with_capacity(max + 1),
             subscriber,
             slot: slot.into(),
             fresh: 0,
@@ -42,22 +41,22 @@ impl Inbox {
         }
     }
 
-    /// Takes in what has arrived and lets go of what is older; returns how many arrived.
+    /// Receives every waiting message and drops those of the last call. Returns the number of messages received.
     ///
     /// # Errors
-    /// The transport failed; what is at hand stays.
+    /// The transport failed; the messages at hand stay.
     pub fn refresh(&mut self) -> Result<usize, BusError> {
-        let most = max_kept(&self.subscriber);
+        let max = max_kept(&self.subscriber);
         self.fresh = 0;
-        let mut crowded_out = 0;
+        let mut dropped = 0;
         let outcome = loop {
             match self.subscriber.receive_held() {
                 Ok(Some(held)) => {
                     if self.fresh == 0 {
                         self.held.clear();
-                    } else if self.held.len() == most {
+                    } else if self.held.len() == max {
                         self.held.pop_front();
-                        crowded_out += 1;
+                        dropped += 1;
                         self.fresh -= 1;
                     }
                     self.held.push_back(held);
@@ -67,20 +66,20 @@ impl Inbox {
                 Err(e) => break Err(e),
             }
         };
-        if most == 1 {
-            crowded_out = 0;
+        if max == 1 {
+            dropped = 0;
         }
-        self.lost = self.subscriber.lost().saturating_sub(self.lost_before).saturating_add(crowded_out);
+        self.lost = self.subscriber.lost().saturating_sub(self.lost_before).saturating_add(dropped);
         self.lost_before = self.subscriber.lost();
         outcome
     }
 
-    /// The newest message at hand; `None` where nothing has ever arrived.
+    /// Newest message at hand; none before the first one.
     pub fn newest(&self) -> Option<RawMessage<'_>> {
         self.held.back().map(Held::message)
     }
 
-    /// The subscriber behind it.
+    /// Subscriber that the messages come from.
     pub fn subscriber(&self) -> &RawSubscriber {
         &self.subscriber
     }
@@ -109,5 +108,5 @@ impl SlotSource for Inbox {
 }
 
 fn max_kept(subscriber: &RawSubscriber) -> usize {
-    ordinary_depth(subscriber.message().channel)
+    default_depth(subscriber.message().channel)
 }

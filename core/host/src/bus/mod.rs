@@ -1,226 +1,228 @@
-//! The bus: zero-copy channels over iceoryx2, and the only module that names it.
+//! Publish-subscribe bus: zero-copy topics over iceoryx2. No other module names the transport.
 //!
-//! A topic carries one type of message. On the wire every message has one form: an iceoryx2 publish-subscribe service with
-//! the message's header as user header, under its versioned type name, and its items as a slice of bytes aligned to eight.
+//! A topic carries one message type. On the wire every message has the same form: an iceoryx2 publish-subscribe
+//! service with the message's header as user header, under its versioned type name, and its items as a slice of bytes
+//! aligned to eight.
 //!
-//! - [`Bus::local`] lives within the process: lockstep runs, replays and tests. [`Bus::ipc`] is the supervisor of a running
-//!   robot in shared memory, [`Bus::join`] a plugin of it in another process.
-//! - The supervisor creates every topic; everybody else only opens them.
-//! - A [`Bus`] is cheap to clone and can be used by any thread. Ports can be moved to the thread that uses them and are not
-//!   shared: they count without locks. Received samples stay with their port.
-//! - A `Latest` channel keeps the newest value, also for late subscribers: a publisher hands it over when it publishes
-//!   next or is told to [`welcome`](RawPublisher::welcome) them. A `Stream` keeps [`STREAM_DEPTH`] messages; the
-//!   oldest are overwritten, and the gap in the sequence numbers tells how many.
-//! - A publisher's messages go with it: what nobody received before it was dropped is gone.
-//! - iceoryx2's own clean-up switches are off. After dead processes of a running robot the supervisor cleans up, with a
-//!   [`Cleaner`] and a [`Janitor`]; after a dead supervisor, the wipe at the next start.
+//! - [`Bus::local`] is a bus within the process, for lockstep runs, replays and tests. [`Bus::ipc`] is the
+//!   supervisor's bus of a live robot, in shared memory; [`Bus::join`] connects another process to it.
+//! - The supervisor creates every topic; other processes only open them.
+//! - A [`Bus`] is cheap to clone and may be used by any thread. A port may move to another thread, but is used by one
+//!   at a time. A received sample stays with its port.
+//! - A `Latest` topic keeps its newest message for late subscribers; they receive it when the publisher publishes
+//!   again or calls [`RawPublisher::resend_to_new_subscribers`]. A `Stream` buffers [`STREAM_DEPTH`] messages for each
+//!   subscriber. On overflow the oldest are overwritten, and the gap in the sequence numbers gives their number.
+//! - Messages that nothing received before their publisher was dropped are lost.
+//! - iceoryx2's automatic clean-up is switched off. The supervisor cleans up after dead processes with a [`Cleaner`]
+//!   and a [`Janitor`]; the next start of the robot cleans up after a dead supervisor.
+//!
+//! ```
+//! use yamabico_core::message::Odometry;
+//! use yamabico_host::bus::{Bus, TopicSpec};
+//!
+//! let bus = Bus::local("example")?;
+//! bus.create::<Odometry>("sensors/wheels", &TopicSpec::default())?;
+//! let subscriber = bus.subscriber::<Odometry>("sensors/wheels")?;
+//! let publisher = bus.publisher::<Odometry>("sensors/wheels")?;
+//! publisher.publish(&Odometry { sequence: 1, x: 0.5, ..Odometry::default() }, &[])?;
+//! let sample = subscriber.receive()?.expect("one message is waiting");
+//! assert_eq!(sample.header().x, 0.5);
+//! # Ok::<(), yamabico_host::bus::BusError>(())
+//! ```
 
-mod bell;
 mod clean_up;
 mod error;
 mod inbox;
-mod place;
-mod process;
+mod node;
+mod notification;
 mod publisher;
+mod retry;
+mod robot_files;
 mod sample;
+mod service;
 mod subscriber;
-mod world;
+mod system;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use bell::{Bell, Rang, Waiter};
-pub use clean_up::{CleanedUp, Cleaner, Janitor};
+pub use clean_up::{CleanUpReport, Cleaner, Janitor};
 pub use error::BusError;
 pub use inbox::Inbox;
-pub use process::{keep_files_from_children, run_first_come_first_served};
+pub use notification::{MAX_WAIT_TOPICS, Notification, Notified, WaitSet};
 pub use publisher::{Publisher, RawPublisher};
 pub use sample::{RawSample, Sample};
 pub use subscriber::{RawSubscriber, Subscriber};
+pub use system::close_files_in_children;
+pub(crate) use system::set_fifo_priority;
 
-use iceoryx2::prelude::{ipc, local};
-use place::{Lock, Place};
+use node::{AnyNode, Node};
+use retry::Retry;
+use robot_files::{RobotFiles, RobotLock};
+use service::{Either, either};
 use subscriber::Depth;
-use world::{Patience, World};
 use yamabico_core::message::{Message, MessageType};
 
-/// Messages that an ordinary subscriber of a stream can fall behind before it loses some.
+/// Buffer depth of an ordinary subscriber of a stream, messages.
 pub const STREAM_DEPTH: usize = 64;
 
-/// What a topic makes room for. Everything is fixed when the topic is created.
+/// Capacity of a topic. Everything is fixed when the topic is created.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Spec {
-    /// Publishers at once; exactly one on commands and proposals, so that a second one is refused. Elsewhere twice the live
-    /// ones: a dead one keeps its place until it is cleaned up.
+pub struct TopicSpec {
+    /// Maximum number of publishers: one for commands and proposals, so that a second one is refused; elsewhere twice
+    /// the number of live ones, since a dead one keeps its slot until it is cleaned up.
     pub publishers: usize,
-    /// Subscribers at once, taps included; twice the live ones.
+    /// Maximum number of subscribers, taps included: twice the number of live ones.
     pub subscribers: usize,
-    /// The longest list of items, bytes; zero for a message without a list.
+    /// Longest list of items, bytes; zero for a message type without a list.
     pub list_bytes: usize,
-    /// Messages that a tap can fall behind; at least that of an ordinary subscriber.
+    /// Buffer depth of a tap, messages; at least that of an ordinary subscriber.
     pub depth: usize,
-    /// Whether publishing wakes those who wait.
-    pub bell: Bell,
+    /// Notification of the wait sets that listen to the topic.
+    pub notification: Notification,
 }
 
-impl Default for Spec {
-    /// One publisher, eight subscribers, no list, no more depth than an ordinary subscriber has, no bell.
-    fn default() -> Spec {
-        Spec { publishers: 1, subscribers: 8, list_bytes: 0, depth: 1, bell: Bell::Silent }
+impl Default for TopicSpec {
+    /// One publisher, eight subscribers, no list, taps as deep as ordinary subscribers, no notification.
+    fn default() -> TopicSpec {
+        TopicSpec { publishers: 1, subscribers: 8, list_bytes: 0, depth: 1, notification: Notification::Off }
     }
 }
 
-/// A handle of one bus. Clones are handles of the same one, which ends with its last handle and port.
+/// Handle of a bus. Its clones are handles of the same bus, which ends with its last handle and port.
 #[derive(Clone)]
-pub struct Bus(Arc<Inside>);
+pub struct Bus(Arc<Inner>);
 
-struct Inside {
-    // In front of the guard: the wipe comes after the node is gone.
-    kind: Kind,
+struct Inner {
+    // Dropped before the guard: the files are removed after the node is gone.
+    node: AnyNode,
     guard: Option<Guard>,
-    place: Option<Place>,
+    files: Option<RobotFiles>,
     name: String,
 }
 
-enum Kind {
-    Local(World<local::Service>),
-    Ipc(World<ipc::Service>),
-}
-
 impl Bus {
-    /// A bus within this process. Each call makes a new one, also under the same name; nothing is left on disk.
+    /// Makes a bus within this process. Each call makes a new one, even for the same name; nothing is left on disk.
     ///
     /// # Errors
     /// The transport failed.
     pub fn local(name: &str) -> Result<Bus, BusError> {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         let prefix = format!("yb{}_", NEXT.fetch_add(1, Ordering::Relaxed));
-        let world = World::new(name, "/yamabico", &prefix, Patience::None)?;
-        Ok(Bus(Arc::new(Inside { kind: Kind::Local(world), guard: None, place: None, name: name.into() })))
+        let node = Either::Local(Node::new(name, "/yamabico", &prefix, Retry::Never)?);
+        Ok(Bus(Arc::new(Inner { node, guard: None, files: None, name: name.into() })))
     }
 
-    /// The supervisor's bus of the robot of this name, in shared memory. Clears what an earlier run left behind, and keeps
-    /// the name until the last handle and port of it are gone; then nothing is left.
+    /// Makes the supervisor's bus of the robot `robot`, in shared memory. Removes the files of an earlier run, and
+    /// reserves the name until its last handle and port are dropped; then no file is left.
     ///
-    /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `/dev/shm/yamabico-UID`, else in `$HOME/.yamabico`, private to the
-    /// user. Sockets among them limit the length of the path, and so that of the robot's name. A bus takes many file
-    /// descriptors: the process's soft limit is raised to its hard one.
+    /// The files are in `$XDG_RUNTIME_DIR/yamabico`, else in `/dev/shm/yamabico-UID`, else in `$HOME/.yamabico`,
+    /// private to the user. Sockets among them limit the length of the path, and so of the robot's name. A bus needs
+    /// many file descriptors: the process's soft limit is raised to its hard limit.
     ///
     /// # Errors
-    /// [`BusError::AlreadyRunning`] where another process runs a robot of this name; [`BusError::BadName`]; folders that
+    /// [`BusError::AlreadyRunning`] if another process runs a robot of this name; [`BusError::BadName`]; folders that
     /// cannot be used; the transport failed.
     pub fn ipc(robot: &str) -> Result<Bus, BusError> {
-        let place = Place::of(robot)?;
-        place::allow_many_files();
-        let lock = place.lock()?;
-        let guard = Guard { place: place.clone(), lock: Some(lock) };
-        place.wipe()?;
-        let world = World::new(robot, &place.root.to_string_lossy(), &place.prefix, Patience::None)?;
-        place.close_to_others()?;
-        Ok(Bus(Arc::new(Inside {
-            kind: Kind::Ipc(world),
-            guard: Some(guard),
-            place: Some(place),
-            name: robot.into(),
-        })))
+        let files = RobotFiles::of(robot)?;
+        robot_files::raise_file_limit();
+        let lock = files.lock()?;
+        let guard = Guard { files: files.clone(), lock: Some(lock) };
+        files.remove_all()?;
+        let node = Either::Ipc(Node::new(robot, &files.root.to_string_lossy(), &files.prefix, Retry::Never)?);
+        files.make_private()?;
+        Ok(Bus(Arc::new(Inner { node, guard: Some(guard), files: Some(files), name: robot.into() })))
     }
 
-    /// A plugin's bus of the robot of this name, which another process runs. Opens only, and waits half a second at most
-    /// for what is not there yet.
+    /// Joins the bus of the robot `robot`, which another process runs. Topics are opened only, never created; an open
+    /// waits for half a second at most for a topic that does not exist yet.
     ///
     /// # Errors
     /// [`BusError::NotRunning`]; [`BusError::BadName`]; the transport failed.
     pub fn join(robot: &str) -> Result<Bus, BusError> {
-        let place = Place::of(robot)?;
-        place.check_running()?;
-        let world = World::new(robot, &place.root.to_string_lossy(), &place.prefix, Patience::Bounded)?;
-        Ok(Bus(Arc::new(Inside {
-            kind: Kind::Ipc(world),
-            guard: None,
-            place: Some(place),
-            name: robot.into(),
-        })))
+        let files = RobotFiles::of(robot)?;
+        files.check_running()?;
+        let node =
+            Either::Ipc(Node::new(robot, &files.root.to_string_lossy(), &files.prefix, Retry::Bounded)?);
+        Ok(Bus(Arc::new(Inner { node, guard: None, files: Some(files), name: robot.into() })))
     }
 
-    /// Removes what a supervisor that died left of the robot of this name; whether nobody else was about to run it.
+    /// Removes the files that a dead supervisor of the robot `robot` left. Returns false if another process runs it
+    /// again.
     ///
     /// # Errors
     /// [`BusError::BadName`]; files that cannot be removed.
-    pub fn bury(robot: &str) -> Result<bool, BusError> {
-        let place = Place::of(robot)?;
-        let Ok(lock) = place.lock() else { return Ok(false) };
-        let wiped = place.wipe();
+    pub fn remove_stale_files(robot: &str) -> Result<bool, BusError> {
+        let files = RobotFiles::of(robot)?;
+        let Ok(lock) = files.lock() else { return Ok(false) };
+        let removed = files.remove_all();
         lock.release();
-        wiped.map(|()| true)
+        removed.map(|()| true)
     }
 
-    /// The names of this user's running robots, in alphabetical order.
+    /// Returns the names of this user's running robots in alphabetical order.
     pub fn running() -> Vec<String> {
-        Place::running()
+        RobotFiles::running()
     }
 
-    /// The folder and the prefix under which the transport keeps the robot's files: for programs in other languages.
+    /// Returns the folder of the transport's files and the prefix of their names, for programs in other languages.
     ///
     /// # Errors
-    /// [`BusError::NotRunning`] where the bus lives within this process.
+    /// [`BusError::NotRunning`] for a bus within this process.
     pub fn files(&self) -> Result<(PathBuf, String), BusError> {
-        let place = self.0.place.clone().ok_or_else(|| self.not_running())?;
-        Ok((place.root, place.prefix))
+        let files = self.0.files.clone().ok_or_else(|| self.not_running())?;
+        Ok((files.root, files.prefix))
     }
 
-    /// The supervisor's place.
-    fn place(&self) -> Result<Place, BusError> {
-        self.0.guard.as_ref().map(|guard| guard.place.clone()).ok_or_else(|| self.not_running())
+    /// Files of a supervisor's bus.
+    fn supervised_files(&self) -> Result<RobotFiles, BusError> {
+        self.0.guard.as_ref().map(|guard| guard.files.clone()).ok_or_else(|| self.not_running())
     }
 
     fn not_running(&self) -> BusError {
         BusError::NotRunning { robot: self.0.name.clone() }
     }
 
-    /// The name that it was opened with.
+    /// Name that the bus was opened with.
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// Creates the topic for messages of type `M`.
+    /// Creates a topic for messages of type `M`.
     ///
     /// # Errors
     /// [`BusError::Exists`]; [`BusError::BadName`]; the transport failed.
-    pub fn create<M: Message>(&self, topic: &str, spec: &Spec) -> Result<(), BusError> {
+    pub fn create<M: Message>(&self, topic: &str, spec: &TopicSpec) -> Result<(), BusError> {
         self.create_raw(topic, &MessageType::of::<M>(), spec)
     }
 
-    /// Opens the sending end of a topic.
+    /// Opens a publisher of a topic.
     ///
     /// # Errors
-    /// [`BusError::TooManyPublishers`], [`BusError::NoSuchTopic`], [`BusError::WrongType`], or the transport failed.
+    /// [`BusError::TooManyPublishers`]; [`BusError::NoSuchTopic`]; [`BusError::WrongType`]; the transport failed.
     pub fn publisher<M: Message>(&self, topic: &str) -> Result<Publisher<M>, BusError> {
         Ok(Publisher::new(self.publisher_raw(topic, &MessageType::of::<M>())?))
     }
 
-    /// Opens a receiving end of a topic: the newest value of a latest channel, also one sent before,
-    /// once its publisher publishes again or welcomes; the
-    /// [`STREAM_DEPTH`] newest messages of a stream from now on.
+    /// Opens a subscriber of a topic. On a latest channel it receives the newest message, even one sent before (see
+    /// [`RawPublisher::resend_to_new_subscribers`]); on a stream the newest [`STREAM_DEPTH`] messages from now on.
     ///
     /// # Errors
-    /// [`BusError::TooManySubscribers`], [`BusError::NoSuchTopic`], [`BusError::WrongType`], or the transport failed.
+    /// [`BusError::TooManySubscribers`]; [`BusError::NoSuchTopic`]; [`BusError::WrongType`]; the transport failed.
     pub fn subscriber<M: Message>(&self, topic: &str) -> Result<Subscriber<M>, BusError> {
         Ok(Subscriber::new(self.subscriber_raw(topic, &MessageType::of::<M>())?))
     }
 
-    /// As [`Bus::create`], for a type that is known as a [`MessageType`] only.
+    /// Like [`Bus::create`], for a type that is known only as a [`MessageType`].
     ///
     /// # Errors
     /// See [`Bus::create`].
-    pub fn create_raw(&self, topic: &str, message: &MessageType, spec: &Spec) -> Result<(), BusError> {
-        match &self.0.kind {
-            Kind::Local(world) => world.create(topic, message, spec),
-            Kind::Ipc(world) => world.create(topic, message, spec),
-        }
+    pub fn create_raw(&self, topic: &str, message: &MessageType, spec: &TopicSpec) -> Result<(), BusError> {
+        either!(&self.0.node, node => node.create(topic, message, spec))
     }
 
-    /// As [`Bus::publisher`], for a type that is known as a [`MessageType`] only.
+    /// Like [`Bus::publisher`], for a type that is known only as a [`MessageType`].
     ///
     /// # Errors
     /// See [`Bus::publisher`].
@@ -228,28 +230,28 @@ impl Bus {
         RawPublisher::open(self, topic, message)
     }
 
-    /// As [`Bus::subscriber`], for a type that is known as a [`MessageType`] only. An [`Inbox`] makes a slot of it.
+    /// Like [`Bus::subscriber`], for a type that is known only as a [`MessageType`]; for an [`Inbox`].
     ///
     /// # Errors
     /// See [`Bus::subscriber`].
     pub fn subscriber_raw(&self, topic: &str, message: &MessageType) -> Result<RawSubscriber, BusError> {
-        RawSubscriber::open(self, topic, message, Depth::Ordinary)
+        RawSubscriber::open(self, topic, message, Depth::Default)
     }
 
-    /// A waiter for messages on these topics, which were created with [`Bell::Rings`]; at most 64.
+    /// Opens a wait set for at most [`MAX_WAIT_TOPICS`] topics that were created with [`Notification::On`].
     ///
     /// # Errors
-    /// [`BusError::Silent`], [`BusError::TooManyBells`], or the transport failed.
-    pub fn waiter(&self, topics: &[&str]) -> Result<Waiter, BusError> {
-        Waiter::open(self, topics)
+    /// [`BusError::NoNotification`]; [`BusError::TooManyTopics`]; the transport failed.
+    pub fn wait_set(&self, topics: &[&str]) -> Result<WaitSet, BusError> {
+        WaitSet::open(self, topics)
     }
 
-    /// A receiving end as deep as the topic was created for: for a recorder, which wants every message of every channel.
+    /// Opens a subscriber with the depth that the topic was created for, for a recorder that must not lose a message.
     ///
     /// # Errors
     /// See [`Bus::subscriber`].
     pub fn tap(&self, topic: &str, message: &MessageType) -> Result<RawSubscriber, BusError> {
-        RawSubscriber::open(self, topic, message, Depth::Deepest)
+        RawSubscriber::open(self, topic, message, Depth::Maximum)
     }
 }
 
@@ -259,16 +261,16 @@ impl std::fmt::Debug for Bus {
     }
 }
 
-/// Clears the robot's files and gives its name back.
+/// Removes the robot's files and releases its name when dropped.
 struct Guard {
-    place: Place,
-    lock: Option<Lock>,
+    files: RobotFiles,
+    lock: Option<RobotLock>,
 }
 
 impl Drop for Guard {
     fn drop(&mut self) {
-        if let Err(error) = self.place.wipe() {
-            tracing::warn!(%error, "files of the bus stay behind");
+        if let Err(error) = self.files.remove_all() {
+            tracing::warn!(%error, "could not remove files of the bus");
         }
         if let Some(lock) = self.lock.take() {
             lock.release();

@@ -1,20 +1,20 @@
-//! The sending end of a topic.
+//! Publishers of a topic.
 
 use std::marker::PhantomData;
 
 use iceoryx2::port::LoanError;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections as _;
-use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, PortFactory as _, Service, ipc, local};
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, PortFactory as _, Service};
 use iceoryx2::service::marker::CustomHeaderMarker;
 
-use super::bell::{Ringer, ringer};
-use super::world::{Topic, World, list_bytes, rings};
-use super::{Bus, BusError, Kind};
+use super::node::{Node, Topic, has_notification, max_list_bytes};
+use super::notification::Notifier;
+use super::service::{Either, IpcService, LocalService, either};
+use super::{Bus, BusError};
 use yamabico_core::message::{Message, MessageType};
 
-/// Sends messages of type `M` on one topic. Belongs to one thread at a time.
+/// Publishes messages of type `M` on one topic. May move to another thread, but is used by one at a time.
 pub struct Publisher<M: Message> {
     raw: RawPublisher,
     message: PhantomData<fn(M)>,
@@ -25,7 +25,7 @@ impl<M: Message> Publisher<M> {
         Publisher { raw, message: PhantomData }
     }
 
-    /// Sends a header and its items to every subscriber.
+    /// Publishes a message.
     ///
     /// # Errors
     /// [`BusError::TooLong`], or the transport failed.
@@ -33,8 +33,8 @@ impl<M: Message> Publisher<M> {
         self.raw.publish(bytemuck::bytes_of(header), bytemuck::cast_slice(items))
     }
 
-    /// Sends a message whose `len` items are written by `fill` where the subscribers will read them. `fill` must write
-    /// every item: what it leaves out holds what lay there before.
+    /// Publishes a message with `len` items that `fill` writes straight into shared memory. `fill` must write every
+    /// item: one that it leaves out holds data of an earlier message.
     ///
     /// # Errors
     /// [`BusError::TooLong`], or the transport failed.
@@ -50,111 +50,106 @@ impl<M: Message> Publisher<M> {
         })
     }
 
-    /// See [`RawPublisher::welcome`].
+    /// Sends the last value of a latest channel to new subscribers; see [`RawPublisher::resend_to_new_subscribers`].
     ///
     /// # Errors
     /// The transport failed.
-    pub fn welcome(&self) -> Result<(), BusError> {
-        self.raw.welcome()
+    pub fn resend_to_new_subscribers(&self) -> Result<(), BusError> {
+        self.raw.resend_to_new_subscribers()
     }
 }
 
-/// Sends messages of a type that is known as a [`MessageType`] only. Belongs to one thread at a time.
+/// Publishes messages of a type that is known only as a [`MessageType`]. May move to another thread, but is used by
+/// one at a time.
 pub struct RawPublisher {
     port: AnyPublisher,
-    bell: Option<Ringer>,
+    notifier: Option<Notifier>,
     message: MessageType,
     topic: String,
-    most: usize,
-    // Behind the port, so that the world goes last.
+    max_bytes: usize,
+    // Dropped after the port, so that the node goes last.
     _bus: Bus,
 }
 
-enum AnyPublisher {
-    Local(IoxPublisher<local::Service, [u8], CustomHeaderMarker>),
-    Ipc(IoxPublisher<ipc::Service, [u8], CustomHeaderMarker>),
-}
+type Port<S> = IoxPublisher<S, [u8], CustomHeaderMarker>;
+type AnyPublisher = Either<Port<LocalService>, Port<IpcService>>;
 
 #[allow(
     unsafe_code,
     reason = "the port counts references to itself only in the samples that it loans, without a lock; a \
-    loan ends within the call that made it, so that whoever moves the port moves the only reference; not Sync"
+    loan ends within the call that made it, so that the only reference moves with the port; not Sync"
 )]
 unsafe impl Send for RawPublisher {}
 
-/// What one of the two services opens: the port, the longest list, and the bell.
-type Opened<S, N> = (IoxPublisher<S, [u8], CustomHeaderMarker>, usize, Option<N>);
-
-fn open<S: Service>(
-    world: &World<S>,
-    topic: &str,
-    message: &MessageType,
-) -> Result<Opened<S, Notifier<S>>, BusError> {
-    let (port, most, rings) = world.with_topic(topic, message, |factory| {
-        Ok((port(topic, factory)?, list_bytes(factory), rings(factory)))
-    })?;
-    let bell = if rings { Some(ringer(world, topic)?) } else { None };
-    Ok((port, most, bell))
+/// A port with what its topic's creator fixed: the longest list in bytes, and notification.
+struct Opened<P> {
+    port: P,
+    max_bytes: usize,
+    notifies: bool,
 }
 
-fn port<S: Service>(
-    topic: &str,
-    factory: &Topic<S>,
-) -> Result<IoxPublisher<S, [u8], CustomHeaderMarker>, BusError> {
+fn open<S: Service>(node: &Node<S>, topic: &str, message: &MessageType) -> Result<Opened<Port<S>>, BusError> {
+    node.with_topic(topic, message, |factory| {
+        Ok(Opened {
+            port: port(topic, factory)?,
+            max_bytes: max_list_bytes(factory),
+            notifies: has_notification(factory),
+        })
+    })
+}
+
+fn port<S: Service>(topic: &str, factory: &Topic<S>) -> Result<Port<S>, BusError> {
     let port = factory
         .publisher_builder()
-        .initial_max_slice_len(list_bytes(factory).max(1))
+        .initial_max_slice_len(max_list_bytes(factory).max(1))
         .allocation_strategy(AllocationStrategy::Static)
         .max_loaned_samples(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create();
     port.map_err(|e| match e {
-        PublisherCreateError::ExceedsMaxSupportedPublishers => BusError::TooManyPublishers {
-            topic: topic.into(),
-            most: factory.static_config().max_publishers(),
-        },
+        PublisherCreateError::ExceedsMaxSupportedPublishers => {
+            BusError::TooManyPublishers { topic: topic.into(), max: factory.static_config().max_publishers() }
+        }
         e => BusError::transport("publish on", topic, e),
     })
 }
 
+impl<P> Opened<P> {
+    fn wrap<Q>(self, wrap: impl FnOnce(P) -> Q) -> Opened<Q> {
+        Opened { port: wrap(self.port), max_bytes: self.max_bytes, notifies: self.notifies }
+    }
+}
+
 impl RawPublisher {
     pub(super) fn open(bus: &Bus, topic: &str, message: &MessageType) -> Result<RawPublisher, BusError> {
-        let (port, most, bell) = match &bus.0.kind {
-            Kind::Local(world) => {
-                let (port, most, bell) = open(world, topic, message)?;
-                (AnyPublisher::Local(port), most, bell.map(|bell| Ringer::Local(Box::new(bell))))
-            }
-            Kind::Ipc(world) => {
-                let (port, most, bell) = open(world, topic, message)?;
-                (AnyPublisher::Ipc(port), most, bell.map(|bell| Ringer::Ipc(Box::new(bell))))
-            }
+        let opened: Opened<AnyPublisher> = match &bus.0.node {
+            Either::Local(node) => open(node, topic, message)?.wrap(Either::Local),
+            Either::Ipc(node) => open(node, topic, message)?.wrap(Either::Ipc),
         };
-        Ok(RawPublisher { port, bell, message: *message, topic: topic.into(), most, _bus: bus.clone() })
+        Ok(RawPublisher {
+            port: opened.port,
+            notifier: opened.notifies.then(|| Notifier::open(bus, topic)).transpose()?,
+            message: *message,
+            topic: topic.into(),
+            max_bytes: opened.max_bytes,
+            _bus: bus.clone(),
+        })
     }
 
-    /// The topic.
-    pub fn topic(&self) -> &str {
-        &self.topic
-    }
-
-    /// The longest list that the topic holds, bytes.
-    pub fn most_bytes(&self) -> usize {
-        self.most
-    }
-
-    /// Sends a header and its items, both as bytes, to every subscriber.
+    /// Publishes a message given as bytes.
     ///
     /// # Errors
-    /// [`BusError::Malformed`] where the sizes are not the type's, [`BusError::TooLong`], or the transport failed.
+    /// [`BusError::Malformed`] if the sizes are not those of the message type; [`BusError::TooLong`]; the transport
+    /// failed.
     pub fn publish(&self, header: &[u8], items: &[u8]) -> Result<(), BusError> {
         self.publish_in_place(header, items.len(), |bytes| bytes.copy_from_slice(items))
     }
 
-    /// Sends a message whose `len` bytes of items are written by `fill` where the subscribers will read them. `fill` must
-    /// write every byte: what it leaves out holds what lay there before.
+    /// Publishes a message with `len` bytes of items that `fill` writes straight into shared memory. `fill` must write
+    /// every byte: one that it leaves out holds data of an earlier message.
     ///
     /// # Errors
-    /// As [`RawPublisher::publish`].
+    /// Like [`RawPublisher::publish`].
     pub fn publish_in_place(
         &self,
         header: &[u8],
@@ -162,32 +157,26 @@ impl RawPublisher {
         fill: impl FnOnce(&mut [u8]),
     ) -> Result<(), BusError> {
         self.check(header, len)?;
-        match &self.port {
-            AnyPublisher::Local(port) => self.send(port, header, len, fill),
-            AnyPublisher::Ipc(port) => self.send(port, header, len, fill),
-        }?;
-        if let Some(bell) = &self.bell {
-            bell.ring();
+        either!(&self.port, port => self.send(port, header, len, fill))?;
+        if let Some(notifier) = &self.notifier {
+            notifier.notify();
         }
         Ok(())
     }
 
-    /// Hands the last value of a latest channel to subscribers that came since the last message. Cheap where none came: for
-    /// those who publish rarely, at every turn.
+    /// Sends the last value of a latest channel to the subscribers that were opened since the last message. Cheap if
+    /// there are none; a node that publishes rarely calls it in every cycle.
     ///
     /// # Errors
     /// The transport failed.
-    pub fn welcome(&self) -> Result<(), BusError> {
-        match &self.port {
-            AnyPublisher::Local(port) => port.update_connections(),
-            AnyPublisher::Ipc(port) => port.update_connections(),
-        }
-        .map_err(|e| BusError::transport("publish on", &self.topic, e))
+    pub fn resend_to_new_subscribers(&self) -> Result<(), BusError> {
+        let updated = either!(&self.port, port => port.update_connections());
+        updated.map_err(|e| BusError::transport("publish on", &self.topic, e))
     }
 
     fn send<S: Service>(
         &self,
-        port: &IoxPublisher<S, [u8], CustomHeaderMarker>,
+        port: &Port<S>,
         header: &[u8],
         len: usize,
         fill: impl FnOnce(&mut [u8]),
@@ -199,13 +188,13 @@ impl RawPublisher {
         let user_header = std::ptr::from_mut(sample.user_header_mut()).cast::<u8>();
         #[allow(
             unsafe_code,
-            reason = "the service's description gives the header this size; checked against `header`"
+            reason = "the service's static configuration gives the header this size; checked against `header`"
         )]
         unsafe {
             std::ptr::copy_nonoverlapping(header.as_ptr(), user_header, header.len());
         }
         let items = sample.payload_mut();
-        if matches!(self.port, AnyPublisher::Local(_)) {
+        if matches!(self.port, Either::Local(_)) {
             items.fill(std::mem::MaybeUninit::new(0));
         }
         #[allow(
@@ -225,17 +214,17 @@ impl RawPublisher {
         let malformed =
             |problem| BusError::Malformed { topic: self.topic.clone(), message: self.message.name, problem };
         if header.len() != self.message.header_size {
-            let (is, should) = (header.len(), self.message.header_size);
-            return Err(malformed(format!("its header has {should} bytes, not {is}")));
+            let (actual, expected) = (header.len(), self.message.header_size);
+            return Err(malformed(format!("the header must have {expected} bytes, but has {actual}")));
         }
         if !len.is_multiple_of(self.message.item_size) {
             let size = self.message.item_size;
-            return Err(malformed(format!("its items have {size} bytes each, so no list has {len}")));
+            return Err(malformed(format!("{len} bytes are not a whole number of items of {size} bytes")));
         }
-        if len > self.most { Err(self.too_long(len)) } else { Ok(()) }
+        if len > self.max_bytes { Err(self.too_long(len)) } else { Ok(()) }
     }
 
     fn too_long(&self, len: usize) -> BusError {
-        BusError::TooLong { topic: self.topic.clone(), most: self.most, len }
+        BusError::TooLong { topic: self.topic.clone(), max: self.max_bytes, len }
     }
 }

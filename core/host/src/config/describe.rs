@@ -1,92 +1,95 @@
-//! What can be known of a plugin, or of the keys that every file has, for people.
+//! Descriptions of plugins and of the keys common to all files.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::Serialize;
 use serde_json::Value as Json;
 
+use super::exec::{ask, program_of};
+use super::paths::Home;
 use super::tables::{
     ArbiterKeys, BehaviorKeys, FootprintKeys, LimitsKeys, PartKeys, RunKeys, SensorKeys, WireKeys,
 };
-use yamabico_core::behavior::SlotInfo;
+use yamabico_core::behavior::{BehaviorInfo, SlotInfo};
 use yamabico_core::driver::SensorOffer;
 use yamabico_core::plugins::Plugins;
-use yamabico_parameters::{Shape, instead, number, unit_of};
+use yamabico_parameters::{Problems, Shape, Source, instead, number, parse, unit_of};
 
-/// Everything that can be composed.
+/// All plugins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Listing {
-    /// For task files.
+    /// Behaviors, for task files.
     pub behaviors: Vec<Listed>,
-    /// For robot files: drivers, and behind each `driver/kind` its sensors and drives.
+    /// Drivers, each followed by its sensors and drives as `driver/kind`, for robot files.
     pub devices: Vec<Listed>,
 }
 
-/// A plugin in a [`Listing`].
+/// Plugin in a [`Listing`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Listed {
-    /// What [`describe`] takes.
+    /// Name for [`describe`].
     pub name: String,
     /// `behavior`, `driver`, `sensor` or `drive`.
     pub what: &'static str,
-    /// In one sentence.
+    /// Summary, one sentence.
     pub summary: String,
 }
 
-/// What can be known of one plugin.
+/// Description of a plugin.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Description {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// `behavior`, `driver`, `sensor`, `drive` or `table`.
     pub what: &'static str,
-    /// In one sentence.
+    /// Summary, one sentence.
     pub summary: String,
-    /// What it takes.
+    /// Input slots.
     pub inputs: Vec<Port>,
-    /// What it gives besides proposals.
+    /// Outputs besides proposals.
     pub outputs: Vec<Port>,
-    /// The axes that it may claim, or has.
+    /// Axes that a behavior may claim, or that a drive has.
     pub axes: Option<String>,
-    /// Its keys.
+    /// Parameters.
     pub parameters: Vec<Parameter>,
-    /// The keys that all of its sort have.
+    /// Keys common to all plugins of this type.
     pub common: Vec<Parameter>,
 }
 
-/// An input or output.
+/// Input or output.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Port {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// The message that passes.
+    /// Versioned name of the message type.
     pub message: &'static str,
-    /// Whether it must be plugged in.
+    /// True if it must be connected.
     pub required: bool,
-    /// What it is for.
+    /// Purpose.
     pub summary: String,
 }
 
-/// A key and what it takes.
+/// Key and its values.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Parameter {
-    /// The key; dotted inside a table.
+    /// Key; dotted inside a table.
     pub key: String,
-    /// `number`, `integer`, `string`, `boolean`, `array`, `table`, or the choices.
+    /// `number`, `integer`, `string`, `boolean`, `array`, `table`, or the allowed strings.
     pub takes: String,
     /// Unit, from the key's ending.
     pub unit: Option<&'static str>,
-    /// Smallest and largest value, as `0.05 to 10`.
+    /// Minimum and maximum, such as `0.05 to 10`; `each` for the numbers of an array.
     pub range: Option<String>,
-    /// What counts where the key is absent.
+    /// Value of an absent key.
     pub default: Option<Json>,
-    /// Whether it must be there.
+    /// True if the key is required.
     pub required: bool,
-    /// What it is for.
+    /// Purpose.
     pub summary: String,
 }
 
-/// The names of all plugins.
+/// Lists all plugins.
 pub fn list(plugins: &Plugins) -> Listing {
     let listed = |name: String, what, summary: &str| Listed { name, what, summary: summary.to_owned() };
     let behaviors = plugins.behaviors.iter().map(|behavior| behavior.info());
@@ -102,21 +105,14 @@ pub fn list(plugins: &Plugins) -> Listing {
     Listing { behaviors, devices }
 }
 
-/// Everything about one plugin: a behavior, a driver, `driver/kind`, or a table that every file has (`arbiter`, `run`,
+/// Describes a behavior, a driver, a sensor or drive as `driver/kind`, or a table common to all files (`arbiter`, `run`,
 /// `limits`, `footprint`, `inhibit`, `suppress`).
 ///
 /// # Errors
-/// No such name, with the nearest.
+/// The name is unknown; the message suggests a similar one.
 pub fn describe(name: &str, plugins: &Plugins) -> Result<Description, String> {
     if let Some(behavior) = plugins.behavior(name) {
-        let plugin = behavior.info();
-        return Ok(Description {
-            inputs: ports(&plugin.inputs),
-            outputs: ports(&plugin.outputs),
-            axes: Some(plugin.claims.to_string()),
-            common: parameters(&schemars::schema_for!(BehaviorKeys).to_value()),
-            ..plain(name, "behavior", &plugin.summary, &plugin.parameters)
-        });
+        return Ok(describe_behavior(name, behavior.info()));
     }
     if let Some(driver) = plugins.driver(name) {
         return Ok(plain(name, "driver", &driver.info().summary, &driver.info().parameters));
@@ -148,17 +144,71 @@ pub fn describe(name: &str, plugins: &Plugins) -> Result<Description, String> {
     let listing = list(plugins);
     let names = listing.behaviors.iter().chain(&listing.devices).map(|listed| listed.name.as_str());
     let help = instead(name, names.chain(tables.iter().map(|(name, ..)| *name)), "name");
-    Err(format!("there is nothing called `{name}`; {help}"))
+    Err(format!("unknown name `{name}`; {help}"))
+}
+
+/// Describes the behavior `name` of the task file `path`, which may be an external program.
+///
+/// # Errors
+/// The file cannot be read, has no such behavior, or the program of the behavior does not describe itself.
+pub fn describe_in_task(name: &str, path: &Path, plugins: &Plugins) -> Result<Description, String> {
+    let file = path.display().to_string();
+    let text = std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
+    let mut problems = Vec::new();
+    let tree = parse(&text, 0, &mut problems);
+    let home = Home { source: 0, path, parts: &[] };
+    let described = tree.as_ref().and_then(|tree| {
+        let behaviors = tree.table("behaviors")?;
+        let Some(entry) = behaviors.entry(name) else {
+            let names = behaviors.entries.iter().map(|entry| entry.key.as_str());
+            return Some(Err(format!(
+                "{file} has no behavior `{name}`; {}",
+                instead(name, names, "behavior")
+            )));
+        };
+        let table = entry.node.as_table()?;
+        let program = program_of(table, home);
+        if program.is_empty() {
+            let kind = table.entry("type").and_then(|named| named.node.as_text());
+            return Some(describe(kind.unwrap_or(name), plugins));
+        }
+        ask(&program, entry, &mut problems).map(|factory| Ok(describe_behavior(name, factory.info())))
+    });
+    described.unwrap_or_else(|| match problems.is_empty() {
+        true => Err(format!("{file} has no table [behaviors.{name}]")),
+        false => {
+            let sources = vec![Source { name: file, text }];
+            Err(Problems { sources, problems }.to_string())
+        }
+    })
+}
+
+fn describe_behavior(name: &str, info: &BehaviorInfo) -> Description {
+    Description {
+        inputs: ports(&info.inputs),
+        outputs: ports(&info.outputs),
+        axes: Some(info.claims.to_string()),
+        common: parameters(&schemars::schema_for!(BehaviorKeys).to_value()),
+        ..plain(name, "behavior", &info.summary, &info.parameters)
+    }
 }
 
 fn tables() -> [(&'static str, &'static str, Json); 6] {
     [
-        ("run", "When a run ends.", schemars::schema_for!(RunKeys).to_value()),
-        ("arbiter", "How proposals become a command.", schemars::schema_for!(ArbiterKeys).to_value()),
-        ("inhibit", "While one is active, another is not heard.", schemars::schema_for!(WireKeys).to_value()),
-        ("suppress", "Likewise, on the claimed axes only.", schemars::schema_for!(WireKeys).to_value()),
-        ("footprint", "The room that the robot takes.", schemars::schema_for!(FootprintKeys).to_value()),
-        ("limits", "What the drive can do.", schemars::schema_for!(LimitsKeys).to_value()),
+        ("run", "End of the run.", schemars::schema_for!(RunKeys).to_value()),
+        ("arbiter", "Arbitration.", schemars::schema_for!(ArbiterKeys).to_value()),
+        (
+            "inhibit",
+            "While one behavior is active, drive proposals of another are ignored.",
+            schemars::schema_for!(WireKeys).to_value(),
+        ),
+        (
+            "suppress",
+            "Like `inhibit`, but only on the axes that the active behavior claims.",
+            schemars::schema_for!(WireKeys).to_value(),
+        ),
+        ("footprint", "Footprint of the robot.", schemars::schema_for!(FootprintKeys).to_value()),
+        ("limits", "Limits of the drive.", schemars::schema_for!(LimitsKeys).to_value()),
     ]
 }
 
@@ -232,10 +282,16 @@ fn takes(shape: Shape<'_>) -> String {
 }
 
 fn range(shape: Shape<'_>) -> Option<String> {
-    // The bounds of the machine's integers say nothing about the parameter.
+    // The bounds of an integer type are not bounds of the parameter.
     let useful = |bound: f64| bound.abs() < 2e9;
     let low = shape.bound("minimum").or(shape.bound("exclusiveMinimum")).filter(|bound| useful(*bound));
     let high = shape.bound("maximum").or(shape.bound("exclusiveMaximum")).filter(|bound| useful(*bound));
+    if (low, high) == (None, None)
+        && let Some(items) = shape.part.get("items").filter(|items| items.is_object())
+    {
+        let range = range(shape.at(items))?;
+        return Some(if range.starts_with("each") { range } else { format!("each {range}") });
+    }
     match (low, high) {
         (Some(low), Some(high)) => Some(format!("{} to {}", number(low), number(high))),
         (Some(low), None) => Some(format!("from {}", number(low))),
@@ -244,7 +300,7 @@ fn range(shape: Shape<'_>) -> Option<String> {
     }
 }
 
-/// Every kind of sensor with the drivers that offer it.
+/// Returns every kind of sensor with the drivers that offer it.
 pub(crate) fn kinds_of_sensors(plugins: &Plugins) -> BTreeMap<&str, Vec<(&str, &SensorOffer)>> {
     let mut kinds = BTreeMap::<_, Vec<_>>::new();
     for driver in &plugins.drivers {

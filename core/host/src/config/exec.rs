@@ -1,4 +1,4 @@
-//! Behaviors and drivers that are programs of their own: asked what they are before anything is started.
+//! Behaviors and drivers that are external programs, which describe themselves before the run starts.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,10 +8,10 @@ use yamabico_core::driver::Driver;
 use yamabico_parameters::{Entry, Problem, Table, Value};
 
 use super::paths::Home;
-use crate::process::{DESCRIBE, Description, DriverDescription, converse};
+use crate::process::{BehaviorDescription, DESCRIBE, DriverDescription, query};
 
-/// The program and its arguments that `table` names under `exec`, paths made absolute: of the program whatever has a `/` in it,
-/// of the arguments what begins with `./` or `../`. Empty where it names none.
+/// Returns the program and its arguments in `exec` of `table`, or an empty list. Paths are made absolute: a program with a
+/// `/` in it, and arguments that begin with `./` or `../`.
 pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
     let Some(node) = table.entry("exec").map(|entry| &entry.node) else { return Vec::new() };
     let Value::List(items) = &node.value else { return Vec::new() };
@@ -27,24 +27,26 @@ pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
     words.collect()
 }
 
-/// Asks the program of the behavior `entry` what it is.
+/// Gets the description of the behavior `entry` from its program.
 pub(crate) fn ask(
     program: &[String],
     entry: &Entry,
     problems: &mut Vec<Problem>,
 ) -> Option<Arc<dyn BehaviorFactory>> {
-    let told = converse::<Description>(program, DESCRIBE, "").and_then(Description::factory);
-    told.map_err(|problem| problems.push(refused(program, entry, "behavior", problem))).ok()
+    let described =
+        query::<BehaviorDescription>(program, DESCRIBE, "").and_then(BehaviorDescription::factory);
+    described.map_err(|problem| problems.push(refused(program, entry, "behavior", problem))).ok()
 }
 
-/// Asks the program of the device `entry` which driver it is.
+/// Gets the description of the driver of the device `entry` from its program.
 pub(crate) fn ask_driver(
     program: &[String],
     entry: &Entry,
     problems: &mut Vec<Problem>,
 ) -> Option<Arc<dyn Driver>> {
-    let told = converse::<DriverDescription>(program, DESCRIBE, "").and_then(|told| told.driver(program));
-    told.map_err(|problem| problems.push(refused(program, entry, "driver of", problem))).ok()
+    let described =
+        query::<DriverDescription>(program, DESCRIBE, "").and_then(|description| description.driver(program));
+    described.map_err(|problem| problems.push(refused(program, entry, "driver of", problem))).ok()
 }
 
 fn refused(program: &[String], entry: &Entry, what: &str, problem: String) -> Problem {
@@ -53,5 +55,5 @@ fn refused(program: &[String], entry: &Entry, what: &str, problem: String) -> Pr
     let whole = program.join(" ");
     Problem::new(span, format!("`{whole}` cannot be the {what} `{}`", entry.key))
         .label(problem)
-        .help("name a program that is built against this version, such as `yamabico new` begins")
+        .help("name a program that was built with this version, such as one created by `yamabico new`")
 }

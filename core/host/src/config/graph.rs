@@ -1,4 +1,4 @@
-//! Who talks to whom in a task, as text for drawing tools.
+//! Data flow of a task, as text for drawing tools.
 
 use std::fmt::Write;
 
@@ -7,64 +7,64 @@ use serde::Serialize;
 use super::task::{InputSource, OPERATOR, Task};
 use yamabico_core::message::Axes;
 
-/// Sensors, behaviors, arbiter and drive, and what goes between them.
+/// Graph of sensors, behaviors, arbiter and drive.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Graph {
-    /// In the order of the way of the data.
+    /// Nodes in the order of the data flow.
     pub nodes: Vec<GraphNode>,
-    /// What goes between them.
+    /// Edges.
     pub edges: Vec<GraphEdge>,
 }
 
-/// A part of the robot.
+/// Node of a [`Graph`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GraphNode {
-    /// Unique.
+    /// Unique name.
     pub id: String,
-    /// What it is.
+    /// Type of the node.
     pub what: GraphPart,
-    /// Lines to show.
+    /// Label, in lines.
     pub lines: Vec<String>,
 }
 
-/// What a node of a [`Graph`] is.
+/// Type of a node of a [`Graph`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum GraphPart {
-    /// A sensor.
+    /// Sensor.
     Sensor,
-    /// Whoever gives goals.
+    /// Operator, the source of goals and stick messages.
     Operator,
-    /// A behavior.
+    /// Behavior.
     Behavior,
-    /// The arbiter.
+    /// Arbiter.
     Arbiter,
-    /// The drive.
+    /// Drive.
     Drive,
 }
 
-/// Something that goes from one part to another.
+/// Edge of a [`Graph`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GraphEdge {
-    /// A node's id.
+    /// Id of the source node.
     pub from: String,
-    /// A node's id.
+    /// Id of the target node.
     pub to: String,
-    /// What is written on it.
+    /// Label.
     pub label: String,
-    /// What it carries.
+    /// Type of the edge.
     pub what: GraphLine,
 }
 
-/// What an edge of a [`Graph`] carries.
+/// Type of an edge of a [`Graph`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum GraphLine {
     /// Messages.
     Data,
-    /// A wire: it silences.
+    /// Wire that silences a behavior.
     Wire,
 }
 
-/// The graph of a task.
+/// Returns the graph of a task.
 pub fn graph(task: &Task) -> Graph {
     let mut nodes = Vec::new();
     let mut edges = Vec::new();
@@ -85,14 +85,14 @@ pub fn graph(task: &Task) -> Graph {
     }
     for behavior in &task.behaviors {
         let id = format!("behavior/{}", behavior.name);
-        let mut lines = vec![behavior.name.clone(), format!("priority {}", behavior.priority)];
+        let mut lines = vec![behavior.name.clone(), format!("priority {}", behavior.settings.priority)];
         if behavior.name != behavior.factory.info().name {
             lines.insert(1, behavior.factory.info().name.clone());
         }
-        if behavior.critical {
+        if behavior.settings.critical {
             lines.push("critical".to_owned());
         }
-        if !behavior.enabled {
+        if !behavior.settings.enabled {
             lines.push("disabled".to_owned());
         }
         nodes.push(GraphNode { id: id.clone(), what: GraphPart::Behavior, lines });
@@ -142,7 +142,7 @@ pub fn graph(task: &Task) -> Graph {
 }
 
 impl Graph {
-    /// For Mermaid.
+    /// Renders the graph for Mermaid.
     pub fn mermaid(&self) -> String {
         let mut text = String::from("flowchart LR\n");
         for (index, node) in self.nodes.iter().enumerate() {
@@ -166,7 +166,7 @@ impl Graph {
         text
     }
 
-    /// For Graphviz.
+    /// Renders the graph for Graphviz.
     pub fn dot(&self) -> String {
         let mut text = String::from("digraph task {\n    rankdir=LR;\n    node [fontname=\"sans-serif\"];\n");
         for (index, node) in self.nodes.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What is plugged into the slots of a behavior.
+//! Inputs of behaviors.
 
 use super::read_robot::RobotDraft;
 use super::task::{Input, InputSource, OPERATOR};
@@ -7,16 +7,16 @@ use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
 use yamabico_core::message::{Goal, Message, MessageType, Stick, Truth};
 use yamabico_parameters::{Entry, Problem, Span, Table, instead, nearest, quoted};
 
-/// Everything that an input can be plugged into.
+/// All sources of inputs.
 pub(crate) struct Sources<'a> {
-    /// None where the robot file could not be read.
+    /// Robot; `None` if its file could not be read.
     pub robot: Option<&'a RobotDraft>,
-    /// The behaviors of the task by name, with their plugins where those are known.
+    /// Behaviors of the task by name, with their plugins if known.
     pub behaviors: &'a [(String, Option<Arc<dyn BehaviorFactory>>)],
 }
 
 impl Sources<'_> {
-    /// Everything that gives messages of this type.
+    /// Returns all sources of messages of this type.
     fn giving(&self, message: &MessageType) -> Vec<String> {
         let sensors = self.robot.iter().flat_map(|robot| &robot.sensors);
         let sensors = sensors.filter(|sensor| sensor.message.as_ref() == Some(message));
@@ -32,12 +32,19 @@ impl Sources<'_> {
         names
     }
 
+    /// Returns true if the messages of all sensors and behaviors are known; otherwise an error is already reported.
+    fn are_known(&self) -> bool {
+        self.robot.is_some_and(|robot| robot.sensors.iter().all(|sensor| sensor.message.is_some()))
+            && self.behaviors.iter().all(|(_, plugin)| plugin.is_some())
+    }
+
     fn sensor_names(&self) -> Vec<&str> {
         self.robot.iter().flat_map(|robot| &robot.sensors).map(|sensor| sensor.name.as_str()).collect()
     }
 }
 
-/// Checks the `inputs` of the behavior that `entry` describes, and reads the right ones in the order of its slots.
+/// Checks the `inputs` of the behavior described by `entry`, and reads the valid ones in the order of its slots. A required
+/// slot without an entry is connected to the only source of its type.
 pub(crate) fn read_inputs(
     entry: &Entry,
     behavior: &BehaviorInfo,
@@ -73,7 +80,11 @@ pub(crate) fn read_inputs(
                 }
             }
             None if slot.required && !suggested.contains(&&*slot.name) => {
-                problems.push(missing(header, entry, slot, sources));
+                match only_source(&entry.key, slot, sources) {
+                    Some(source) => read.push(Input { slot: slot.name.to_string(), source }),
+                    None if !sources.are_known() => {}
+                    None => problems.push(missing(header, entry, slot, sources)),
+                }
             }
             None => {}
         }
@@ -81,24 +92,51 @@ pub(crate) fn read_inputs(
     read
 }
 
-/// What an operator tells behaviors.
+/// Message types that an operator publishes.
 fn operators() -> [MessageType; 2] {
     [MessageType::of::<Goal>(), MessageType::of::<Stick>()]
 }
 
+/// Returns the only source of the messages that `slot` of the behavior `name` takes.
+fn only_source(name: &str, slot: &SlotInfo, sources: &Sources<'_>) -> Option<InputSource> {
+    let candidates = candidates(name, slot, sources);
+    let [only] = candidates.as_slice() else { return None };
+    if !sources.are_known() {
+        return None;
+    }
+    Some(match only.split_once('.') {
+        Some((behavior, output)) => {
+            InputSource::Output { behavior: behavior.to_owned(), output: output.to_owned() }
+        }
+        None if only == OPERATOR => InputSource::Operator,
+        None => InputSource::Sensor(only.clone()),
+    })
+}
+
+/// Returns the sources that fit `slot` of the behavior `name`, other than its own outputs.
+fn candidates(name: &str, slot: &SlotInfo, sources: &Sources<'_>) -> Vec<String> {
+    let own = format!("{name}.");
+    let mut candidates = sources.giving(&slot.message);
+    candidates.retain(|source| !source.starts_with(&own) && slot.message.name != Truth::NAME);
+    candidates
+}
+
 fn missing(header: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
-    let candidates = sources.giving(&slot.message);
-    let help = match candidates.first() {
-        Some(name) => format!("inputs = {{ {} = \"{name}\" }}", slot.name),
-        None if sources.robot.is_none() => format!("inputs = {{ {} = \"...\" }}", slot.name),
-        None => format!("nothing on this robot or in this task gives {}", slot.message.name),
+    let candidates = candidates(&entry.key, slot, sources);
+    let candidates: Vec<&str> = candidates.iter().map(String::as_str).collect();
+    let help = match candidates.as_slice() {
+        [] => format!("no sensor or behavior publishes {}", slot.message.name),
+        [only] => format!("inputs = {{ {} = \"{only}\" }}", slot.name),
+        [first, ..] => {
+            format!("choose one of {}: inputs = {{ {} = \"{first}\" }}", quoted(&candidates), slot.name)
+        }
     };
-    Problem::new(header, format!("nothing is plugged into the input `{}` of `{}`", slot.name, entry.key))
-        .label(format!("{} is needed: {}", slot.name, slot.summary.trim_end_matches('.')))
+    Problem::new(header, format!("input `{}` of `{}` is not connected", slot.name, entry.key))
+        .label(format!("{} is required: {}", slot.name, slot.summary.trim_end_matches('.')))
         .help(help)
 }
 
-/// The source that `text` names; nothing where it cannot be judged, because what it names is itself wrong.
+/// Returns the source named by `text`, or `None` if the named part is itself invalid.
 fn find_source(
     text: &str,
     span: Span,
@@ -111,7 +149,7 @@ fn find_source(
             let Some((name, plugin)) = sources.behaviors.iter().find(|(name, _)| name == behavior) else {
                 let names = sources.behaviors.iter().map(|(name, _)| name.as_str());
                 return Err(Box::new(
-                    Problem::new(span, format!("there is no behavior `{behavior}` in this task"))
+                    Problem::new(span, format!("this task has no behavior `{behavior}`"))
                         .label("unknown")
                         .help(instead(behavior, names, "behavior")),
                 ));
@@ -137,8 +175,8 @@ fn find_source(
                     (message, InputSource::Sensor(text.to_owned()), Some(sensor.span))
                 }
                 None if text == OPERATOR => {
-                    let asked = operators().into_iter().find(|message| *message == slot.message);
-                    (asked.unwrap_or(MessageType::of::<Goal>()), InputSource::Operator, None)
+                    let expected = operators().into_iter().find(|message| *message == slot.message);
+                    (expected.unwrap_or(MessageType::of::<Goal>()), InputSource::Operator, None)
                 }
                 None => return Err(Box::new(no_sensor(text, span, entry, slot, sources))),
             }
@@ -150,38 +188,38 @@ fn find_source(
     if message != slot.message {
         let right = sources.giving(&slot.message);
         let right: Vec<&str> = right.iter().map(String::as_str).collect();
-        let mut problem = Problem::new(span, format!("`{text}` does not fit into the input `{}`", slot.name))
-            .label(format!("gives {}, but `{}` takes {}", message.name, slot.name, slot.message.name));
+        let mut problem = Problem::new(span, format!("`{text}` does not fit input `{}`", slot.name))
+            .label(format!("publishes {}, but `{}` takes {}", message.name, slot.name, slot.message.name));
         if let Some(place) = place {
-            problem = problem.also(place, format!("`{text}` is described here"));
+            problem = problem.also(place, format!("`{text}` is defined here"));
         }
         return Err(Box::new(match right.as_slice() {
-            [] => problem.help(format!("nothing on this robot or in this task gives {}", slot.message.name)),
-            names => problem.help(format!("what fits: {}", quoted(names))),
+            [] => problem.help(format!("no sensor or behavior publishes {}", slot.message.name)),
+            names => problem.help(format!("available: {}", quoted(names))),
         }));
     }
     Ok(Some(source))
 }
 
 fn truth(text: &str, span: Span) -> Problem {
-    Problem::new(span, format!("`{text}` cannot be an input"))
-        .label("the simulator's truth is for the judge alone")
-        .help("a behavior sees the world through sensors only: take odometry, ranges or pictures")
+    Problem::new(span, format!("`{text}` must not be an input"))
+        .label("the ground truth is for evaluation only")
+        .help("use a sensor: odometry, ranges or frames")
 }
 
 fn no_sensor(text: &str, span: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
     if text == "truth" {
         return truth(text, span);
     }
-    let problem = Problem::new(span, format!("there is no sensor `{text}` on this robot")).label("unknown");
+    let problem = Problem::new(span, format!("this robot has no sensor `{text}`")).label("unknown");
     if let Some((_, plugin)) = sources.behaviors.iter().find(|(name, _)| name == text) {
         let outputs = plugin.iter().flat_map(|plugin| &plugin.info().outputs);
         let outputs: Vec<String> = outputs.map(|output| format!("{text}.{}", output.name)).collect();
         return match outputs.first() {
             Some(output) if text != entry.key => {
-                problem.help(format!("`{text}` is a behavior; plug in one of its outputs: \"{output}\""))
+                problem.help(format!("`{text}` is a behavior; use one of its outputs: \"{output}\""))
             }
-            _ => problem.help(format!("`{text}` is a behavior and has no output to plug in")),
+            _ => problem.help(format!("`{text}` is a behavior without outputs")),
         };
     }
     let names = sources.sensor_names();
@@ -191,7 +229,7 @@ fn no_sensor(text: &str, span: Span, entry: &Entry, slot: &SlotInfo, sources: &S
         return problem.help(format!("did you mean `{name}`?"));
     }
     match (nearest(text, names.iter().copied()), fitting.is_empty()) {
-        (None, false) => problem.help(format!("what fits into `{}`: {}", slot.name, quoted(&fitting))),
+        (None, false) => problem.help(format!("available for `{}`: {}", slot.name, quoted(&fitting))),
 
         _ => problem.help(instead(text, names, "sensor")),
     }

@@ -1,10 +1,10 @@
-//! The keys of a table, read where they are right.
+//! Valid keys of a table as a Rust type.
 
 use serde_json::Value as Json;
 
 use yamabico_parameters::{Entry, Node, Problem, Shape, Span, Table, Value, check_table};
 
-/// Checks `table` against the keys of `T` and reads those that are right.
+/// Checks `table` against the keys of `T`, and reads the valid ones.
 pub(crate) fn read_keys<T>(table: &Table, header: Span, owner: &str, problems: &mut Vec<Problem>) -> T
 where
     T: serde::de::DeserializeOwned + schemars::JsonSchema + Default,
@@ -17,7 +17,7 @@ where
     keys
 }
 
-/// Reads the keys of `T` that have none of the mistakes in `found`.
+/// Reads the keys of `T` without an error in `found`.
 pub(crate) fn right_keys<T>(table: &Table, header: Span, found: &[Problem], problems: &mut Vec<Problem>) -> T
 where
     T: serde::de::DeserializeOwned + Default,
@@ -52,19 +52,19 @@ fn prune_node(node: &Node, found: &[Problem]) -> Node {
     Node { span: node.span, value }
 }
 
-/// The keys of a table that are not among those of the schema `common`, or are in `own` as well.
+/// Returns the keys of a table that are missing from the schema `common` or present in `own`.
 pub(crate) fn own_keys(table: &Table, common: &Json, own: &Json) -> toml::Table {
     let has = |schema: &Json, key: &str| Shape::new(schema).properties().iter().any(|(name, _)| *name == key);
     table.to_toml(|key| has(own, key) || !has(common, key))
 }
 
-/// A name must fit into messages and service names.
+/// Checks that a name fits into messages and service names.
 pub(crate) fn check_name(name: &str, span: Span, problems: &mut Vec<Problem>) {
     let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if name.is_empty() || name.len() > 32 || !name.chars().all(allowed) {
         problems.push(
-            Problem::new(span, format!("`{}` cannot be a name", name.escape_debug()))
-                .label("1 to 32 letters, digits, `-` and `_`")
+            Problem::new(span, format!("`{}` is not a valid name", name.escape_debug()))
+                .label("must have 1 to 32 letters, digits, `-` or `_`")
                 .help("for example front-sonar"),
         );
     }

@@ -1,4 +1,4 @@
-//! What the drive can do, from the keys of `[limits]`.
+//! Limits of the drive, from the keys of `[limits]`.
 
 use super::robot::DriveFile;
 use super::tables::LimitsKeys;
@@ -6,7 +6,7 @@ use yamabico_core::message::{Axes, Axis};
 use yamabico_core::sensor::MotionLimits;
 use yamabico_parameters::{Problem, Table, number};
 
-/// The limits of a drive with `axes`.
+/// Returns the limits of a drive with `axes`.
 pub(crate) fn motion_limits(keys: &LimitsKeys, axes: Axes) -> MotionLimits {
     let lateral = if axes.contains(Axis::Lateral) { keys.max_linear_mps } else { 0.0 };
     let triple =
@@ -32,7 +32,7 @@ pub(crate) fn motion_limits(keys: &LimitsKeys, axes: Axes) -> MotionLimits {
     }
 }
 
-/// A halt must brake at least as hard as normal driving.
+/// Checks that a halt brakes at least as hard as normal driving.
 pub(crate) fn check_braking(keys: &LimitsKeys, tree: &Table, problems: &mut Vec<Problem>) {
     let limits = motion_limits(keys, Axes::ALL);
     for (axis, unit) in [(Axis::Linear, "mps2"), (Axis::Lateral, "mps2"), (Axis::Angular, "radps2")] {
@@ -47,14 +47,21 @@ pub(crate) fn check_braking(keys: &LimitsKeys, tree: &Table, problems: &mut Vec<
         };
         let Some(span) = written("emergency").or(written("deceleration")) else { continue };
         problems.push(
-            Problem::new(span, format!("a halt would brake softer than normal driving ({})", axis.as_str()))
-                .label(format!("{} in a halt, {} in normal driving", number(emergency), number(normal)))
-                .help(format!("make {} at least as large as {}", key("emergency"), key("deceleration"))),
+            Problem::new(
+                span,
+                format!("a halt must brake at least as hard as normal driving ({})", axis.as_str()),
+            )
+            .label(format!("{} in a halt, {} in normal driving", number(emergency), number(normal)))
+            .help(format!(
+                "make {} at least as large as {}",
+                key("emergency"),
+                key("deceleration")
+            )),
         );
     }
 }
 
-/// The wheels must suit the drive, and alone each largest speed must be within their reach.
+/// Checks that the wheels suit the drive and reach the maximum speed of each axis.
 pub(crate) fn check_wheels(
     drive: &DriveFile,
     limits: &MotionLimits,
@@ -77,29 +84,32 @@ pub(crate) fn check_wheels(
         problems.push(
             Problem::new(
                 written(entry.node.as_table(), "count"),
-                format!("a drive of kind `{}` has {right} wheels", drive.part.kind),
+                format!("a drive of kind `{}` must have {right} wheels", drive.part.kind),
             )
-            .label(format!("it moves along {}", drive.axes))
-            .help(format!("write {right}, or leave wheels out")),
+            .label(format!("the drive moves along {}", drive.axes))
+            .help(format!("write {right}, or remove `wheels`")),
         );
     }
     let rim_mps = wheels.max_radps * wheels.radius_m;
-    let most = [rim_mps, rim_mps, rim_mps / wheels.from_center_m];
+    let max = [rim_mps, rim_mps, rim_mps / wheels.from_center_m];
     let keys = ["max_linear_mps", "max_lateral_mps", "max_angular_radps"];
-    for (axis, (key, most)) in Axis::ALL.into_iter().zip(keys.into_iter().zip(most)) {
+    for (axis, (key, max)) in Axis::ALL.into_iter().zip(keys.into_iter().zip(max)) {
         let limit = limits.speed[axis as usize];
-        if drive.axes.contains(axis) && limit > most {
+        if drive.axes.contains(axis) && limit > max {
             problems.push(
-                Problem::new(written(tree.table("limits"), key), "the wheels cannot turn so fast")
-                    .label(format!(
-                        "{} would need {} rad/s of them",
-                        number(limit),
-                        number(limit / most * wheels.max_radps)
-                    ))
-                    .help(format!(
-                        "with these wheels limits.{key} is at most {}",
-                        number((most * 1e3).floor() * 1e-3)
-                    )),
+                Problem::new(
+                    written(tree.table("limits"), key),
+                    format!("the wheels are too slow for `{key}`"),
+                )
+                .label(format!(
+                    "{} requires {} rad/s of the wheels",
+                    number(limit),
+                    number(limit / max * wheels.max_radps)
+                ))
+                .help(format!(
+                    "with these wheels, limits.{key} must be at most {}",
+                    number((max * 1e3).floor() * 1e-3)
+                )),
             );
         }
     }

@@ -1,30 +1,30 @@
-//! From files to a checked task.
+//! Loading of a task from its files.
 
 use std::path::{Path, PathBuf};
 
+use super::checks::{check_goal, check_speeds, check_watchdog, extent_m};
 use super::overrides::{Change, Overrides};
 use super::paths::{Home, tidy, what_is_near};
-use super::places::Places;
 use super::read_robot::{RobotDraft, read_robot};
 use super::read_task::read_task;
+use super::source_map::SourceMap;
 use super::task::Task;
 use yamabico_core::plugins::Plugins;
-use yamabico_parameters::{FileKind, MAX_BYTES, Problem, Problems, Source, Span, Table, parse};
+use yamabico_parameters::{FileKind, MAX_BYTES, Problem, Problems, Source, Span, Table, Value, parse};
 
-/// Reads a task file and its robot file with the changes of `overrides`, and checks everything that can be checked without
-/// opening a device.
+/// Reads a task file and its robot file with the changes of `overrides`, and checks them without opening a device.
 ///
 /// # Errors
-/// Everything that is wrong in both files and the overrides, at once.
+/// All errors in both files and the overrides.
 pub fn load(path: &Path, overrides: &Overrides, plugins: &Plugins) -> Result<Task, Problems> {
     let mut loader = Loader::default();
     let task = loader.load(path, overrides, plugins);
-    let Loader { sources, task_tree, robot_tree, problems } = loader;
+    let Loader { sources, task_tree, robot_tree, problems, .. } = loader;
     let mut problems = Problems { sources, problems };
     problems.sort();
     match task {
         Some(mut task) if problems.is_empty() => {
-            task.places = Places { sources: problems.sources, task: task_tree, robot: robot_tree };
+            task.source_map = SourceMap { sources: problems.sources, task: task_tree, robot: robot_tree };
             Ok(task)
         }
         _ => Err(problems),
@@ -37,6 +37,18 @@ struct Loader {
     task_tree: Table,
     robot_tree: Table,
     problems: Vec<Problem>,
+    /// Folders of the parts that the robot file includes, by source.
+    parts: Vec<(usize, PathBuf)>,
+    /// Maximum absolute coordinate or length in the files that devices and behaviors name, m.
+    extent_m: f64,
+}
+
+/// Role of a file, guessed from its keys.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Task,
+    Robot,
+    Unknown,
 }
 
 impl Loader {
@@ -54,13 +66,27 @@ impl Loader {
             }
         }
         self.task_tree = tree?;
+        if role(&self.task_tree) == Role::Robot {
+            let top = Span { source: task_source, start: 0, end: 0 };
+            self.problems.push(
+                Problem::new(top, "this is a robot file, not a task file")
+                    .label("a task file has a table [behaviors]")
+                    .help("name a task file, and change its robot with --robot FILE"),
+            );
+            return None;
+        }
         for change in for_task {
             change.apply(&mut self.task_tree, &mut self.problems);
         }
         let robot = self.robot_draft(path, task_source, overrides, for_robot, plugins);
-        let home = Home { source: task_source, path };
-        let unfed = self.check_files_of_behaviors(home, plugins);
-        read_task(home, &self.task_tree, robot, &unfed, plugins, &mut self.problems)
+        let home = Home { source: task_source, path, parts: &[] };
+        let mut refused = self.check_files_of_behaviors(home, plugins);
+        if let Some(robot) = &robot {
+            check_watchdog(&self.task_tree, &self.robot_tree, robot, &mut self.problems);
+            refused.extend(check_speeds(&self.task_tree, &self.robot_tree, robot, &mut self.problems));
+        }
+        check_goal(&self.task_tree, self.extent_m, &mut self.problems);
+        read_task(home, &self.task_tree, robot, &refused, plugins, &mut self.problems)
     }
 
     fn robot_draft(
@@ -74,11 +100,24 @@ impl Loader {
         let (path, named_at) = self.robot_path(task_path, task_source, overrides)?;
         let source = self.shelve(path.display().to_string(), String::new());
         self.robot_tree = self.read(&path, source, Some(named_at))?;
+        if role(&self.robot_tree) == Role::Task {
+            let top = Span { source, start: 0, end: 0 };
+            self.problems.push(
+                Problem::new(named_at, format!("{} is a task file, not a robot file", path.display()))
+                    .label("named as the robot here")
+                    .also(top, "a robot file has the tables [devices], [sensors] and [drive]")
+                    .help("name a robot file"),
+            );
+            return None;
+        }
+        self.include_parts(&path, source);
         for change in changes {
             change.apply(&mut self.robot_tree, &mut self.problems);
         }
-        let home = Home { source, path: &path };
-        let draft = read_robot(home, &self.robot_tree, plugins, &mut self.problems);
+        let parts = std::mem::take(&mut self.parts);
+        let home = Home { source, path: &path, parts: &parts };
+        let mut draft = read_robot(home, &self.robot_tree, plugins, &mut self.problems);
+        draft.parts = parts.iter().map(|(source, _)| PathBuf::from(&self.sources[*source].name)).collect();
         let devices = self.robot_tree.table("devices");
         let named = draft.devices.iter().filter_map(|device| {
             let table = devices?.table(&device.name)?;
@@ -89,7 +128,7 @@ impl Loader {
         Some(draft)
     }
 
-    /// Checks the files that the tables of behaviors name; the names of the behaviors that name a wrong one.
+    /// Checks the files named by behaviors; returns the names of the behaviors that name an invalid file.
     fn check_files_of_behaviors(&mut self, home: Home<'_>, plugins: &Plugins) -> Vec<String> {
         let entries = self.task_tree.table("behaviors").map_or(&[][..], |table| table.entries.as_slice());
         let named = entries.iter().filter_map(|entry| {
@@ -110,17 +149,18 @@ impl Loader {
         wrong
     }
 
-    /// Checks files that a table names.
+    /// Checks files named by a table.
     fn check_files(&mut self, files: &[NamedFile]) {
         for &NamedFile { kind, ref path, span } in files {
             let source = self.shelve(path.display().to_string(), String::new());
             if let Some(tree) = self.read(path, source, Some(span)) {
+                self.extent_m = self.extent_m.max(extent_m(&tree));
                 kind.check(&tree, source, &mut self.problems);
             }
         }
     }
 
-    /// The robot file's path, and where it is named.
+    /// Returns the path of the robot file and the span that names it.
     fn robot_path(
         &mut self,
         task_path: &Path,
@@ -142,20 +182,55 @@ impl Loader {
         Some((tidy(&folder.join(named)), node.span))
     }
 
+    /// Merges the files that `include` of the robot file names into its tree.
+    fn include_parts(&mut self, robot_path: &Path, robot_source: usize) {
+        let Some(entry) = self.robot_tree.entry("include") else { return };
+        let Value::List(items) = &entry.node.value else { return };
+        let named: Vec<(String, Span)> =
+            items.iter().filter_map(|item| Some((item.as_text()?.to_owned(), item.span))).collect();
+        for (text, span) in named {
+            let home = Home { source: robot_source, path: robot_path, parts: &[] };
+            let path = home.file(&text, span);
+            let source = self.shelve(path.display().to_string(), String::new());
+            let Some(part) = self.read(&path, source, Some(span)) else { continue };
+            if let Some(nested) = part.entry("include") {
+                self.problems.push(
+                    Problem::new(nested.key_span, "an included file must not include others")
+                        .label("not allowed here")
+                        .also(span, "included here")
+                        .help("include both files in the robot file"),
+                );
+                continue;
+            }
+            self.parts.push((source, path.parent().map(PathBuf::from).unwrap_or_default()));
+            merge_part(&mut self.robot_tree, part, "", &mut self.problems);
+        }
+    }
+
     fn shelve(&mut self, name: String, text: String) -> usize {
         self.sources.push(Source { name, text });
         self.sources.len() - 1
     }
 
-    /// Reads a file into its place among the sources; `named_at` is where its name is written.
+    /// Reads and parses a file into source number `source`; `named_at` is the span that names it.
     fn read(&mut self, path: &Path, source: usize, named_at: Option<Span>) -> Option<Table> {
         let text = match read_text(path) {
             Ok(text) => text,
             Err(wrong) => {
-                let span = named_at.unwrap_or(Span { source, start: 0, end: 0 });
-                let problem = Problem::new(span, format!("{}: {}", path.display(), wrong.what));
-                let label = if named_at.is_some() { "named here" } else { "cannot be read" };
-                self.problems.push(problem.label(label).help(wrong.help));
+                let message = format!("{}: {}", path.display(), wrong.what);
+                let problem = match (wrong.readable, named_at) {
+                    (Some((text, at)), _) => {
+                        self.sources[source].text = text;
+                        let span = Span { source, start: at, end: at + 1 };
+                        let problem = Problem::new(span, message).label("not UTF-8");
+                        named_at.into_iter().fold(problem, |problem, at| problem.also(at, "named here"))
+                    }
+                    (None, Some(span)) => Problem::new(span, message).label("named here"),
+                    (None, None) => {
+                        Problem::new(Span { source, start: 0, end: 0 }, message).label("not readable")
+                    }
+                };
+                self.problems.push(problem.help(wrong.help));
                 return None;
             }
         };
@@ -164,14 +239,14 @@ impl Loader {
     }
 }
 
-/// A TOML file that a key of a table names.
+/// TOML file named by a key of a table.
 struct NamedFile {
     kind: FileKind,
     path: PathBuf,
     span: Span,
 }
 
-/// Those of `kinds` that `table`, written in the file `home`, names and that are there; those that are not have been told.
+/// Returns the existing files of `kinds` that `table` in the file `home` names; missing files are already reported.
 fn named_files(table: &Table, kinds: &[FileKind], home: Home<'_>) -> Vec<NamedFile> {
     let named = kinds.iter().filter_map(|kind| {
         let node = &table.entry(kind.key)?.node;
@@ -181,28 +256,68 @@ fn named_files(table: &Table, kinds: &[FileKind], home: Home<'_>) -> Vec<NamedFi
     named.collect()
 }
 
+/// Returns the role of a file with the keys of `tree`.
+fn role(tree: &Table) -> Role {
+    let has = |keys: &[&str]| keys.iter().any(|key| tree.entry(key).is_some());
+    match (has(&["robot", "behaviors", "run", "arbiter"]), has(&["devices", "sensors", "drive", "footprint"]))
+    {
+        (true, false) => Role::Task,
+        (false, true) => Role::Robot,
+        _ => Role::Unknown,
+    }
+}
+
+/// Adds the entries of `part` to `table`; `path` is the dotted path of `table`. A key in both must be a table in both.
+fn merge_part(table: &mut Table, part: Table, path: &str, problems: &mut Vec<Problem>) {
+    for entry in part.entries {
+        let Some(own) = table.entry_mut(&entry.key) else {
+            table.entries.push(entry);
+            continue;
+        };
+        let key_path = format!("{path}{}", entry.key);
+        match (&mut own.node.value, entry.node.value) {
+            (Value::Table(table), Value::Table(part)) => {
+                merge_part(table, part, &format!("{key_path}."), problems);
+            }
+            _ => problems.push(
+                Problem::new(own.key_span, format!("`{key_path}` is set twice"))
+                    .label("set here")
+                    .also(entry.key_span, "set in the included file")
+                    .help("remove one of them; `--set robot.KEY=VALUE` changes a key for one run"),
+            ),
+        }
+    }
+}
+
 struct Unreadable {
     what: String,
     help: String,
+    /// Text with replacement characters and the position of the first invalid byte, if only the encoding is wrong.
+    readable: Option<(String, usize)>,
 }
 
 fn read_text(path: &Path) -> Result<String, Unreadable> {
-    let wrong = |what: &str, help: &str| Unreadable { what: what.to_owned(), help: help.to_owned() };
+    let wrong =
+        |what: &str, help: &str| Unreadable { what: what.to_owned(), help: help.to_owned(), readable: None };
     let data = std::fs::metadata(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => wrong("there is no such file", &what_is_near(path)),
+        std::io::ErrorKind::NotFound => wrong("the file does not exist", &what_is_near(path)),
         _ => wrong(&error.to_string(), "make it readable for this user"),
     })?;
     if !data.is_file() {
-        return Err(wrong("this is not a file", &what_is_near(&path.join("*"))));
+        return Err(wrong("not a file", &what_is_near(&path.join("*"))));
     }
     if data.len() > MAX_BYTES as u64 {
-        return Err(wrong("the file is larger than 1 MiB", "a configuration is a short TOML text"));
+        return Err(wrong("the file is larger than 1 MiB", "name a configuration file"));
     }
     let bytes =
         std::fs::read(path).map_err(|error| wrong(&error.to_string(), "make it readable for this user"))?;
     String::from_utf8(bytes).map_err(|error| {
         let line =
             error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
-        wrong(&format!("line {line} is not UTF-8 text"), "save the file as UTF-8; is it a TOML file at all?")
+        let at = error.utf8_error().valid_up_to();
+        let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+        let problem =
+            wrong(&format!("line {line} is not UTF-8"), "save the file as UTF-8, or name a TOML file");
+        Unreadable { readable: Some((text, at)), ..problem }
     })
 }

@@ -1,10 +1,11 @@
-//! TOML to a checked configuration; every mistake at once, with a pointer to the place.
+//! TOML to a checked configuration; all errors are reported at once, with their source spans.
 //!
 //! `task file + robot file + overrides -> load -> Task`
 //!
-//! Whatever a plugin takes is checked against its JSON Schema, so that [`describe`], [`schema`] and the diagnostics say
-//! the same. Nothing here opens a device.
+//! Parameters are checked against JSON Schemas, which [`describe()`] and [`schema()`] show as well. Nothing here opens a
+//! device.
 
+mod checks;
 mod describe;
 mod exec;
 mod graph;
@@ -14,23 +15,24 @@ mod limits;
 mod load;
 mod overrides;
 mod paths;
-mod places;
 mod read_robot;
 mod read_task;
 mod retune;
 mod robot;
 mod schema;
+mod source_map;
 mod tables;
 mod task;
 mod wires;
 
-pub use describe::{Description, Listed, Listing, Parameter, Port, describe, list};
+pub use describe::{Description, Listed, Listing, Parameter, Port, describe, describe_in_task, list};
 pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
 pub use overrides::Overrides;
-pub use places::Part;
 pub use retune::{assignments, retune};
 pub use robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
 pub use schema::{robot_schema, schema, task_schema};
+pub use source_map::Part;
+pub(crate) use tables::{ArbiterKeys, BehaviorKeys, DeviceKeys};
 pub use tables::{Clock, Isolation, Policy};
 pub use task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task, Wire};

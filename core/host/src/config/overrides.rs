@@ -7,14 +7,14 @@ use yamabico_parameters::{Entry, Node, Problem, Span, Table, Value, instead, par
 /// Changes to a configuration from the command line.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides {
-    /// Another robot file than the task file's; relative to the working directory.
+    /// Robot file that replaces the task file's; relative to the working directory.
     pub robot: Option<PathBuf>,
-    /// `key=value` each: a dotted key of the task file, or, behind `robot.`, of the robot file. The value is TOML, or a
-    /// bare word for a text.
+    /// Assignments `key=value`: a dotted key of the task file, or of the robot file after `robot.`. The value is TOML, or a
+    /// string without quotes.
     pub set: Vec<String>,
 }
 
-/// One parsed `--set`.
+/// Parsed `--set`.
 #[derive(Debug)]
 pub(crate) struct Change {
     path: Vec<(String, Span)>,
@@ -22,21 +22,21 @@ pub(crate) struct Change {
 }
 
 impl Change {
-    /// Reads `text`, which is source number `source`.
+    /// Parses `text`, source number `source`.
     pub fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<Change> {
         let whole = Span { source, start: 0, end: text.len() };
         let wrong = |span| {
             Problem::new(span, "`--set` takes key=value").help("--set behaviors.sonar-halt.gate_m=0.6")
         };
         let Some((key, value)) = text.split_once('=') else {
-            problems.push(wrong(whole).label("there is no `=`"));
+            problems.push(wrong(whole).label("`=` is missing"));
             return None;
         };
         let key_span = Span { source, start: 0, end: key.len().max(1) };
         let mut ignored = Vec::new();
         let path = parse(&format!("{key} = 0"), source, &mut ignored).and_then(|table| path_of(&table));
         let Some(path) = path.filter(|_| !key.contains('\n')) else {
-            problems.push(wrong(key_span).label("is not a dotted key"));
+            problems.push(wrong(key_span).label("must be a dotted key"));
             return None;
         };
         let value_span =
@@ -52,13 +52,13 @@ impl Change {
         let value = value.trim();
         if value.is_empty() || value.contains('\n') || value.starts_with(['[', '{', '"', '\'']) {
             let first = grammar.into_iter().next();
-            problems.push(first.unwrap_or_else(|| wrong(value_span).label("is not one value")));
+            problems.push(first.unwrap_or_else(|| wrong(value_span).label("must be one value")));
             return None;
         }
         Some(Change { path, node: Node { span: value_span, value: Value::Text(value.to_owned()) } })
     }
 
-    /// The same change inside the robot file, where it is one; else itself.
+    /// Returns `Ok` with the change to the robot file if it is one, else `Err` with itself.
     pub fn split_robot(mut self) -> Result<Change, Change> {
         if self.path.len() > 1 && self.path[0].0 == "robot" {
             self.path.remove(0);
@@ -67,7 +67,7 @@ impl Change {
         Err(self)
     }
 
-    /// Puts the value into `root`.
+    /// Applies the change to `root`.
     pub fn apply(self, root: &mut Table, problems: &mut Vec<Problem>) {
         let Change { path, node } = self;
         let Some(((last, last_span), parents)) = path.split_last() else { return };
@@ -78,12 +78,9 @@ impl Change {
                 if named {
                     let names = table.entries.iter().map(|entry| entry.key.as_str());
                     problems.push(
-                        Problem::new(
-                            *key_span,
-                            format!("there is no `{key}` in `{}` to change", parents[0].0),
-                        )
-                        .label("not in the file")
-                        .help(instead(key, names, "name")),
+                        Problem::new(*key_span, format!("`{}` has no `{key}` to change", parents[0].0))
+                            .label("unknown")
+                            .help(instead(key, names, "name")),
                     );
                     return;
                 }
@@ -96,7 +93,7 @@ impl Change {
                 Value::Table(inner) => table = inner,
                 _ => {
                     problems.push(
-                        Problem::new(*key_span, format!("`{key}` has no keys of its own"))
+                        Problem::new(*key_span, format!("`{key}` is not a table"))
                             .label(format!("is {kind}"))
                             .also(entry.node.span, "set here"),
                     );
@@ -111,7 +108,7 @@ impl Change {
     }
 }
 
-/// The dotted key of a text that sets one.
+/// Returns the dotted key of a table with a single key.
 fn path_of(table: &Table) -> Option<Vec<(String, Span)>> {
     let [entry] = table.entries.as_slice() else { return None };
     let mut path = vec![(entry.key.clone(), entry.key_span)];
@@ -121,7 +118,7 @@ fn path_of(table: &Table) -> Option<Vec<(String, Span)>> {
     Some(path)
 }
 
-/// The value at `path`, where the table holds nothing else.
+/// Returns the value at `path` if the table contains nothing else.
 fn descend(mut table: Table, path: &[(String, Span)]) -> Option<Node> {
     let (last, parents) = path.split_last()?;
     for (key, _) in parents {

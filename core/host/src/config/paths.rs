@@ -1,7 +1,7 @@
-//! Files and folders that a plugin's keys name.
+//! Files and folders named by the parameters of plugins.
 //!
-//! A key whose schema has `"format": "file"` or `"folder"` names one that must be there; `"path"` names anything, such as a
-//! pattern. A path is relative to the file that it is written in, or to the working directory on the command line.
+//! A key whose schema has `"format": "file"` or `"folder"` names an existing one; `"path"` names anything, such as a
+//! pattern. A path is relative to the file that contains it, or to the working directory on the command line.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -9,30 +9,35 @@ use serde_json::Value as Json;
 
 use yamabico_parameters::{Problem, Shape, Span, Table, nearest};
 
-/// The file that a table is written in.
+/// File that contains a table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Home<'a> {
     pub source: usize,
     pub path: &'a Path,
+    /// Folders of included files, by source.
+    pub parts: &'a [(usize, PathBuf)],
 }
 
 impl Home<'_> {
-    /// Its folder.
+    /// Returns the folder of the file.
     pub fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// The file or folder that `text`, written at `span`, names.
+    /// Resolves the path `text` at `span`.
     pub fn file(&self, text: &str, span: Span) -> PathBuf {
-        match span.source == self.source {
-            true => tidy(&self.folder().join(text)),
-            false => PathBuf::from(text),
+        if span.source == self.source {
+            return tidy(&self.folder().join(text));
+        }
+        match self.parts.iter().find(|(source, _)| *source == span.source) {
+            Some((_, folder)) => tidy(&folder.join(text)),
+            None => PathBuf::from(text),
         }
     }
 }
 
-/// Checks that the files and folders that `table` names are there. Writes paths that are not relative to the folder of
-/// `home` into `keys` as absolute ones.
+/// Checks that the files and folders named by `table` exist. Replaces paths that are not relative to the folder of
+/// `home` in `keys` by absolute paths.
 pub(crate) fn resolve_paths(
     table: &Table,
     schema: &Json,
@@ -45,7 +50,7 @@ pub(crate) fn resolve_paths(
         let Some(format @ ("file" | "folder" | "path")) = format else { continue };
         let Some(entry) = table.entry(key) else { continue };
         let Some(text) = entry.node.as_text() else { continue };
-        let on_command_line = entry.node.span.source != home.source;
+        let is_elsewhere = entry.node.span.source != home.source;
         let path = home.file(text, entry.node.span);
         let is_there = match format {
             "file" => path.is_file(),
@@ -54,22 +59,22 @@ pub(crate) fn resolve_paths(
         };
         if !is_there {
             problems.push(
-                Problem::new(entry.node.span, format!("{}: there is no such {format}", path.display()))
+                Problem::new(entry.node.span, format!("{format} {} does not exist", path.display()))
                     .label("named here")
                     .help(what_is_near(&path)),
             );
         }
-        if on_command_line && let Ok(path) = std::path::absolute(&path) {
+        if is_elsewhere && let Ok(path) = std::path::absolute(&path) {
             keys.insert(key.to_owned(), toml::Value::String(path.to_string_lossy().into_owned()));
         }
     }
 }
 
-/// What there is where a file or folder was looked for.
+/// Returns a hint about existing files near a missing one.
 pub(crate) fn what_is_near(path: &Path) -> String {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let Ok(files) = std::fs::read_dir(folder) else {
-        return format!("there is no folder {} either", folder.display());
+        return format!("folder {} does not exist either", folder.display());
     };
     let names = files.filter_map(|file| file.ok()?.file_name().into_string().ok());
     let mut names: Vec<String> = names.filter(|name| !name.starts_with('.')).collect();
@@ -81,12 +86,12 @@ pub(crate) fn what_is_near(path: &Path) -> String {
         None => {
             let more = if names.len() > 8 { ", ..." } else { "" };
             names.truncate(8);
-            format!("in {} there are: {}{more}", folder.display(), names.join(", "))
+            format!("{} contains: {}{more}", folder.display(), names.join(", "))
         }
     }
 }
 
-/// Without `.` and without `x/..`.
+/// Removes `.` and `x/..` from a path.
 pub(crate) fn tidy(path: &Path) -> PathBuf {
     let mut tidy = PathBuf::new();
     for part in path.components() {

@@ -1,4 +1,4 @@
-//! From the tree of a robot file to what is known of the robot.
+//! Reading of a robot file.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,9 +10,11 @@ use super::exec::{ask_driver, program_of};
 use super::keys::{check_name, own_keys, read_keys};
 use super::limits::{check_braking, check_wheels, motion_limits};
 use super::paths::{Home, resolve_paths};
-use super::places::refusal;
 use super::robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
+use super::source_map::refusal;
 use super::tables::{Clock, DeviceKeys, Isolation, PartKeys, RobotKeys, SensorKeys, WheelKeys};
+use crate::settings::milliseconds;
+use crate::{Deadline, HostSettings};
 use yamabico_core::drive::Wheels;
 use yamabico_core::driver::{Driver, PartSpec, SensorDescription};
 use yamabico_core::message::{Axes, MessageType};
@@ -20,9 +22,10 @@ use yamabico_core::plugins::Plugins;
 use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_parameters::{Entry, Problem, Shape, Span, Table, Value, check_table, instead, quoted};
 
-/// What could be read of a robot file; behaviors are checked against it even where a part is wrong.
+/// Valid parts of a robot file. Behaviors are checked against it even if a part is invalid.
 pub(crate) struct RobotDraft {
     pub path: PathBuf,
+    pub parts: Vec<PathBuf>,
     pub robot: Robot,
     pub clock: Clock,
     pub devices: Vec<DeviceFile>,
@@ -30,7 +33,7 @@ pub(crate) struct RobotDraft {
     pub drive: Option<DriveFile>,
 }
 
-/// What could be read of a sensor.
+/// Valid parts of a sensor.
 pub(crate) struct SensorDraft {
     pub name: String,
     pub span: Span,
@@ -40,11 +43,12 @@ pub(crate) struct SensorDraft {
 }
 
 impl RobotDraft {
-    /// The checked file; none where a part is missing.
+    /// Returns the checked file, or `None` if a part is invalid.
     pub fn finish(self) -> Option<RobotFile> {
         let sensors: Option<Vec<SensorFile>> = self.sensors.into_iter().map(|sensor| sensor.file).collect();
         Some(RobotFile {
             path: self.path,
+            parts: self.parts,
             robot: self.robot,
             clock: self.clock,
             devices: self.devices,
@@ -85,16 +89,17 @@ pub(crate) fn read_robot(
         limits: motion_limits(&keys.limits, axes),
         axes,
     };
-    let owns_a_clock = matches!(devices.as_slice(), [(_, device)] if device.as_ref().is_none_or(|device| !device.exec.is_empty()));
+    let owns_a_clock = matches!(devices.as_slice(), [(_, device)] if device.as_ref().is_none_or(|device| !device.settings.exec.is_empty()));
     if let Some(entry) = tree.entry("clock").filter(|_| keys.clock == Clock::Driver && !owns_a_clock) {
         problems.push(
-            Problem::new(entry.node.span, "no driver owns the clock")
-                .label("needs one device, and it a program of its own")
-                .help("name its program with exec = [...], or take `clock` away"),
+            Problem::new(entry.node.span, "no driver provides the clock")
+                .label("requires exactly one device, with an external program")
+                .help("name the program with exec = [...], or remove `clock`"),
         );
     }
     RobotDraft {
         path: home.path.to_owned(),
+        parts: Vec::new(),
         robot,
         clock: keys.clock,
         devices: devices.into_iter().filter_map(|(_, device)| device).collect(),
@@ -122,7 +127,7 @@ fn read_device(
         let drivers: Vec<&str> = plugins.drivers.iter().map(|driver| &*driver.info().name).collect();
         problems.push(
             Problem::new(entry.node.span, "`driver` is missing")
-                .label(format!("{owner} needs it"))
+                .label(format!("required by {owner}"))
                 .help(format!("add driver = one of {}", quoted(&drivers))),
         );
         return None;
@@ -134,7 +139,7 @@ fn read_device(
     let Some(plugin) = plugins.driver(name) else {
         let drivers = plugins.drivers.iter().map(|driver| &*driver.info().name);
         problems.push(
-            Problem::new(driver.node.span, format!("there is no driver `{name}`"))
+            Problem::new(driver.node.span, format!("unknown driver `{name}`"))
                 .label("unknown")
                 .help(instead(name, drivers, "driver")),
         );
@@ -143,7 +148,7 @@ fn read_device(
     Some(device_file(entry, table, Arc::clone(plugin), exec, home, problems))
 }
 
-/// The device whose driver is known.
+/// Reads a device with a known driver.
 fn device_file(
     entry: &Entry,
     table: &Table,
@@ -163,14 +168,16 @@ fn device_file(
         name: entry.key.clone(),
         driver,
         table: keys,
-        isolation: if exec.is_empty() { common.isolation } else { Isolation::Process },
-        scheduling: common.scheduling.scheduling(),
-        patience: Duration::try_from_secs_f64(common.deadline_ms * 1e-3).unwrap_or_default(),
-        exec,
+        settings: HostSettings {
+            isolation: if exec.is_empty() { common.isolation } else { Isolation::Process },
+            deadline: Deadline::new(milliseconds(common.deadline_ms)),
+            scheduling: common.scheduling.scheduling(),
+            exec,
+        },
     }
 }
 
-/// The driver and the kind that a sensor or the drive names.
+/// Returns the driver, the device and the kind that a sensor or the drive names.
 fn device_and_kind<'a>(
     entry: &Entry,
     devices: &'a [(String, Option<DeviceFile>)],
@@ -181,7 +188,7 @@ fn device_and_kind<'a>(
     let name = device.node.as_text()?;
     let Some((_, file)) = devices.iter().find(|(known, _)| known == name) else {
         problems.push(
-            Problem::new(device.node.span, format!("there is no device `{name}`"))
+            Problem::new(device.node.span, format!("this robot has no device `{name}`"))
                 .label("unknown")
                 .help(instead(name, devices.iter().map(|(name, _)| name.as_str()), "device")),
         );
@@ -200,18 +207,18 @@ fn unknown_kind(entry: &Entry, kind: &str, driver: &str, offered: &[&str], what:
     ))
 }
 
-/// What is known of a sensor or the drive before its keys are checked.
+/// Schemas of a sensor or the drive.
 struct PartShape<'a> {
     owner: String,
-    /// The keys that all have.
+    /// Schema of the common keys.
     common: Json,
-    /// Its own keys, where its kind is known.
+    /// Schema of its parameters, if its kind is known.
     own: Option<&'a Json>,
-    /// The kinds to choose from, where its device is known.
+    /// Kinds that its driver offers, if its device is known.
     offered: &'a [&'a str],
 }
 
-/// Checks a sensor or the drive against the keys that all have and, where the kind is known, its own.
+/// Checks a sensor or the drive against the common keys and, if the kind is known, its parameters.
 fn check_part(
     entry: &Entry,
     shape: &PartShape<'_>,
@@ -224,7 +231,7 @@ fn check_part(
     let mut found = Vec::new();
     check_table(table, entry.node.span, &shapes, &shape.owner, &mut found);
     if shape.own.is_none() {
-        // Its own keys cannot be judged while the kind is not known, but those that stand in for a common one can.
+        // Without the kind, only misspelled common keys can be reported.
         let required = Shape::new(&shape.common).required();
         let meant: Vec<String> = required.iter().map(|key| format!("did you mean `{key}`?")).collect();
         found.retain(|problem| {
@@ -282,7 +289,7 @@ fn read_sensor(
             draft.info = Some(info.clone());
             if let Err(error) = driver.check_sensor(&part, home.folder()) {
                 let other = format!("--set robot.sensors.{}.{}=...", entry.key, error.key);
-                problems.push(refusal(entry, &error).help(format!("another one for this run: {other}")));
+                problems.push(refusal(entry, &error).help(format!("to change it for one run: {other}")));
             }
             let (critical, max_age) = criticality(entry, &info, problems);
             let device = device.clone();
@@ -293,7 +300,7 @@ fn read_sensor(
     draft
 }
 
-/// Whether the robot must not move without the sensor, and from what age on.
+/// Returns whether the robot stops without the sensor, and the age above which the sensor counts as dead.
 fn criticality(entry: &Entry, info: &SensorInfo, problems: &mut Vec<Problem>) -> (bool, Duration) {
     let table = entry.node.as_table();
     let value = |key: &str| table.and_then(|table| table.entry(key)).map(|entry| &entry.node);
@@ -303,13 +310,18 @@ fn criticality(entry: &Entry, info: &SensorInfo, problems: &mut Vec<Problem>) ->
         Value::Number(number) => Some((number * 1e-3, node.span)),
         _ => None,
     });
-    let least = info.period_s + info.latency_s;
-    if let Some((_, span)) = written.filter(|(age, _)| *age < least) {
-        let min_ms = yamabico_parameters::number(least * 1e3);
+    let min_s = info.period_s + info.latency_s;
+    if let Some((_, span)) = written.filter(|(age, _)| *age < min_s) {
+        let min_ms = yamabico_parameters::number(min_s * 1e3);
         problems.push(
-            Problem::new(span, format!("`{}` would count as dead between two measurements", entry.key))
-                .label(format!("its period and latency are {min_ms} ms together"))
-                .help("three periods are usual; leave max_age_ms out to get them"),
+            Problem::new(
+                span,
+                format!("`max_age_ms` of `{}` is shorter than the time between two measurements", entry.key),
+            )
+            .label(format!("its period plus latency is {min_ms} ms"))
+            .help(format!(
+                "raise it above {min_ms} ms, or remove it: the default is three periods plus the latency"
+            )),
         );
     }
     let age = written.map_or(3.0 * info.period_s + info.latency_s, |(age, _)| age);
@@ -340,15 +352,15 @@ fn read_drive(
     };
     let table = check_part(entry, &shape, home, problems);
     let (offer, (_, device, _)) = (offer?, named.as_ref()?);
-    // The axes count for the behaviors even where a key is wrong; the file is refused then anyway.
+    // Behaviors are checked against the axes even if a key is invalid.
     let wheels = table.as_ref().and_then(|_| wheels(entry));
     let part = PartSpec { name: "drive".into(), kind: offer.kind.clone(), table: table.unwrap_or_default() };
     Some(DriveFile { device: device.clone(), part, axes: offer.axes, wheels })
 }
 
-/// The wheels of a drive whose keys are right.
+/// Reads the wheels of a drive with valid keys.
 fn wheels(entry: &Entry) -> Option<Wheels> {
     let keys: PartKeys = entry.node.as_table()?.to_toml(|key| key == "wheels").try_into().ok()?;
     let WheelKeys { count, from_center_m, radius_m, max_radps } = keys.wheels?;
-    Some(Wheels { count, from_center_m: from_center_m, radius_m, max_radps })
+    Some(Wheels { count, from_center_m, radius_m, max_radps })
 }

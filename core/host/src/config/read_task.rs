@@ -1,4 +1,4 @@
-//! From the tree of a task file, and what is known of the robot, to a checked task.
+//! Reading of a task file.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -7,23 +7,25 @@ use super::exec::{ask, program_of};
 use super::inputs::{Sources, read_inputs};
 use super::keys::{check_name, own_keys, read_keys, right_keys};
 use super::paths::{Home, resolve_paths};
-use super::places::{Places, refusal};
 use super::read_robot::RobotDraft;
+use super::source_map::{SourceMap, refusal};
 use super::tables::{ArbiterKeys, BehaviorKeys, Isolation, Policy, TaskKeys};
 use super::task::{Arbiter, BehaviorFile, GoalArea, Input, InputSource, Run, Task};
 use super::wires::{Wired, WrittenWire, check_input_cycles, check_wires, read_wires};
-use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, Setup};
+use crate::settings::milliseconds;
+use crate::{BehaviorSettings, Deadline, HostSettings};
+use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, Setup, SlotInfo};
 use yamabico_core::plugins::Plugins;
 use yamabico_core::sensor::SensorInfo;
 use yamabico_parameters::{Entry, Problem, Shape, Span, Table, check_table, instead, number};
 
-/// Reads the tree of the file `home`; `robot` is missing where its file could not be read, and `unfed` are the behaviors
-/// that name a file in which something is wrong.
+/// Reads the tree of the file `home`. `robot` is `None` if its file could not be read; `refused` are the
+/// behaviors with errors that are already reported.
 pub(crate) fn read_task(
     home: Home<'_>,
     tree: &Table,
     robot: Option<RobotDraft>,
-    unfed: &[String],
+    refused: &[String],
     plugins: &Plugins,
     problems: &mut Vec<Problem>,
 ) -> Option<Task> {
@@ -32,8 +34,8 @@ pub(crate) fn read_task(
     let drafts = read_behaviors(tree, home, plugins, problems);
     if let Some(entry) = tree.entry("behaviors").filter(|_| drafts.is_empty()) {
         problems.push(
-            Problem::new(entry.key_span, "there is no behavior in this task")
-                .label("nothing would ever move")
+            Problem::new(entry.key_span, "this task has no behaviors")
+                .label("the robot would never move")
                 .help(instead("", plugins.behaviors.iter().map(|plugin| &*plugin.info().name), "behavior")),
         );
     }
@@ -57,8 +59,18 @@ pub(crate) fn read_task(
         draft.check_rank(&keys.arbiter, problems);
         draft.check_axes(plugin.info(), robot.as_ref(), problems);
         draft.check_ages(&behavior, tree, robot.as_ref(), problems);
-        let is_fed = inputs_are_right && !unfed.contains(&draft.entry.key);
-        let is_right = draft.is_right && is_fed && problems.len() == before;
+        let is_described = |input: &Input| match &input.source {
+            InputSource::Sensor(_) => sensor_of(input, robot.as_ref()).is_some(),
+            InputSource::Output { .. } | InputSource::Operator => true,
+        };
+        let named = draft.table.table("inputs").map_or(0, |inputs| inputs.entries.len());
+        let is_read = |slot: &SlotInfo| behavior.inputs.iter().any(|input| input.slot == slot.name);
+        let is_connected = inputs_are_right
+            && behavior.inputs.iter().all(is_described)
+            && behavior.inputs.len() >= named
+            && plugin.info().inputs.iter().all(|slot| !slot.required || is_read(slot))
+            && !refused.contains(&draft.entry.key);
+        let is_right = draft.is_right && is_connected && problems.len() == before;
         if robot.is_some()
             && is_right
             && draft.exec.is_empty()
@@ -73,12 +85,12 @@ pub(crate) fn read_task(
     let inhibit = read_wires(tree, "inhibit");
     let suppress = read_wires(tree, "suppress");
     let wired: Vec<Wired> = drafts.iter().map(Draft::wired).collect();
-    let duration = keys.run.duration_s.map(|seconds| duration(seconds * 1e3));
+    let duration = keys.run.duration_s.map(|seconds| milliseconds(seconds * 1e3));
     check_wires(&[inhibit.as_slice(), &suppress].concat(), &wired, duration, problems);
-    behaviors.sort_by(|a, b| b.priority.cmp(&a.priority).then_with(|| a.name.cmp(&b.name)));
-    let period = Duration::from_secs_f64(1.0 / keys.arbiter.rate_hz.max(1.0));
-    let step = keys.run.step_ms.map_or(period, self::duration);
-    // As near as a period is written in words.
+    behaviors.sort_by(|a, b| b.settings.priority.cmp(&a.settings.priority).then_with(|| a.name.cmp(&b.name)));
+    let period = arbiter_period(&keys.arbiter);
+    let step = keys.run.step_ms.map_or(period, milliseconds);
+    // Tolerance for a period written in decimals.
     if step > period + Duration::from_micros(1) {
         problems.push(step_too_long(tree, step, period));
     }
@@ -105,14 +117,11 @@ pub(crate) fn read_task(
         behaviors,
         inhibit: plain(inhibit),
         suppress: plain(suppress),
-        places: Places::default(),
+        source_map: SourceMap::default(),
     })
 }
 
-/// A process that is starved of computing time for less than this is not taken for hung, where no deadline is written.
-const MIN_PATIENCE_MS: f64 = 250.0;
-
-/// A behavior's table on the way.
+/// Valid parts of a behavior.
 struct Draft<'a> {
     entry: &'a Entry,
     table: &'a Table,
@@ -154,10 +163,9 @@ fn read_behavior<'a>(
         let names = plugins.behaviors.iter().map(|plugin| &*plugin.info().name);
         let mut help = instead(name, names, "behavior");
         if named.is_none() {
-            help.push_str(" (a table of another name says which behavior it is: type = \"...\")");
+            help.push_str(" (to give the table another name, set type = \"...\")");
         }
-        problems
-            .push(Problem::new(span, format!("there is no behavior `{name}`")).label("unknown").help(help));
+        problems.push(Problem::new(span, format!("unknown behavior `{name}`")).label("unknown").help(help));
     }
     let common = schemars::schema_for!(BehaviorKeys).to_value();
     let own = plugin.as_ref().map(|plugin| plugin.info().parameters.clone());
@@ -166,7 +174,7 @@ fn read_behavior<'a>(
     let mut found = Vec::new();
     check_table(table, entry.node.span, &shapes, &format!("behavior `{}`", entry.key), &mut found);
     if plugin.is_none() {
-        // Its own keys cannot be judged while it is not known what it is.
+        // The parameters of an unknown behavior cannot be checked.
         found.retain(|problem| !problem.message.starts_with("unknown key"));
     }
     let keys = right_keys(table, entry.node.span, &found, problems);
@@ -190,7 +198,7 @@ impl Draft<'_> {
         }
     }
 
-    /// Where `key` is set, else the table's header.
+    /// Returns the span of `key`, or of the table if it is not set.
     fn span(&self, key: &str) -> Span {
         self.table.entry(key).map_or(self.entry.node.span, |entry| entry.node.span)
     }
@@ -214,6 +222,16 @@ impl Draft<'_> {
             None if fastest.is_finite() && fastest > 0.0 => fastest * 1e3,
             None => 1e3 / arbiter.rate_hz.max(1.0),
         };
+        let deadline = match keys.deadline_ms {
+            Some(deadline_ms) => Deadline::new(milliseconds(deadline_ms)),
+            None => Deadline::of_period_ms(own_period_ms),
+        };
+        let period = match keys.period_ms {
+            Some(period_ms) => Some(milliseconds(period_ms)),
+            None if keys.critical => Some(deadline.default_period()),
+            // Nothing else would ever call it.
+            None => inputs.is_empty().then(|| arbiter_period(arbiter)),
+        };
         BehaviorFile {
             name: self.entry.key.clone(),
             factory: Arc::clone(factory),
@@ -225,22 +243,27 @@ impl Draft<'_> {
                 sensors,
             },
             inputs,
-            priority: keys.priority.unwrap_or(0),
-            critical: keys.critical,
-            enabled: keys.enabled,
-            period: keys.period_ms.map(duration),
-            deadline: duration(keys.deadline_ms.unwrap_or(3.0 * own_period_ms)),
-            budget: keys.budget_ms.map(duration),
-            max_age: duration(keys.max_age_ms.unwrap_or(arbiter.max_age_ms)),
-            max_evidence_age: duration(keys.max_evidence_age_ms.unwrap_or(arbiter.max_evidence_age_ms)),
-            latency_budget: keys.latency_budget_ms.or(arbiter.latency_budget_ms).map(duration),
-            hold: duration(keys.hold_ms),
-            dwell: duration(keys.dwell_ms),
-            isolation: if self.exec.is_empty() { keys.isolation } else { Isolation::Process },
-            scheduling: keys.scheduling.scheduling(),
-            sleeps: keys.sleeps_while_inhibited,
-            exec: self.exec.clone(),
-            patience: duration(keys.deadline_ms.unwrap_or((3.0 * own_period_ms).max(MIN_PATIENCE_MS))),
+            settings: BehaviorSettings {
+                priority: keys.priority.unwrap_or(0),
+                critical: keys.critical,
+                enabled: keys.enabled,
+                period,
+                budget: keys.budget_ms.map(milliseconds),
+                max_age: milliseconds(keys.max_age_ms.unwrap_or(arbiter.max_age_ms)),
+                max_evidence_age: milliseconds(
+                    keys.max_evidence_age_ms.unwrap_or(arbiter.max_evidence_age_ms),
+                ),
+                latency_budget: keys.latency_budget_ms.or(arbiter.latency_budget_ms).map(milliseconds),
+                hold: milliseconds(keys.hold_ms),
+                dwell: milliseconds(keys.dwell_ms),
+                sleeps_while_inhibited: keys.sleeps_while_inhibited,
+                host: HostSettings {
+                    isolation: if self.exec.is_empty() { keys.isolation } else { Isolation::Process },
+                    deadline,
+                    scheduling: keys.scheduling.scheduling(),
+                    exec: self.exec.clone(),
+                },
+            },
         }
     }
 
@@ -249,31 +272,31 @@ impl Draft<'_> {
             problems.push(
                 Problem::new(
                     self.span("enabled"),
-                    format!("`{}` is critical and switched off", self.entry.key),
+                    format!("`{}` is critical but not enabled", self.entry.key),
                 )
                 .label("the robot would never move")
-                .also(self.span("critical"), "critical here")
-                .help("take one of the two keys away"),
+                .also(self.span("critical"), "critical")
+                .help("remove one of the two keys"),
             );
         }
     }
 
-    /// Whoever goes before the arbiter could keep it from the processor.
+    /// Checks that the behavior cannot starve the arbiter of computing time.
     fn check_rank(&self, arbiter: &ArbiterKeys, problems: &mut Vec<Problem>) {
-        let (Some(own), most) = (self.keys.scheduling.fifo, arbiter.scheduling.fifo.unwrap_or(0)) else {
+        let (Some(own), arbiters) = (self.keys.scheduling.fifo, arbiter.scheduling.fifo.unwrap_or(0)) else {
             return;
         };
-        if own >= most {
+        if own >= arbiters {
             problems.push(
                 Problem::new(
                     self.span("scheduling"),
-                    format!("`{}` could keep the arbiter from the processor", self.entry.key),
+                    format!("`{}` could starve the arbiter of computing time", self.entry.key),
                 )
-                .label(match most {
-                    0 => "it is real-time, the arbiter is not".to_owned(),
-                    most => format!("its priority is {own}, the arbiter's {most}"),
+                .label(match arbiters {
+                    0 => "the behavior is real-time, the arbiter is not".to_owned(),
+                    arbiters => format!("its real-time priority is {own}, the arbiter's is {arbiters}"),
                 })
-                .help(format!("set scheduling.fifo to more than {own} under [arbiter]")),
+                .help(format!("set scheduling.fifo of [arbiter] to more than {own}")),
             );
         }
     }
@@ -284,15 +307,15 @@ impl Draft<'_> {
             problems.push(
                 Problem::new(self.entry.node.span, format!("`{}` can never win", self.entry.key))
                     .label(format!(
-                        "it drives {} only, and this robot's drive has {}",
+                        "it drives {} only, but this robot's drive has {}",
                         plugin.claims, drive.axes
                     ))
-                    .help("take the behavior away, or take a robot with such a drive"),
+                    .help("remove the behavior, or use a robot with such a drive"),
             );
         }
     }
 
-    /// Largest ages against the periods of the sensors that feed it.
+    /// Checks maximum ages against the periods of the connected sensors.
     fn check_ages(
         &self,
         behavior: &BehaviorFile,
@@ -305,8 +328,8 @@ impl Draft<'_> {
         let fastest = sensors().min_by(|a, b| oldest_s(a).total_cmp(&oldest_s(b)));
         let slowest = sensors().max_by(|a, b| oldest_s(a).total_cmp(&oldest_s(b)));
         let checks = [
-            ("max_age_ms", behavior.max_age, fastest),
-            ("max_evidence_age_ms", behavior.max_evidence_age, slowest),
+            ("max_age_ms", behavior.settings.max_age, fastest),
+            ("max_evidence_age_ms", behavior.settings.max_evidence_age, slowest),
         ];
         for (key, age, sensor) in checks {
             let Some(sensor) = sensor else { continue };
@@ -322,26 +345,30 @@ impl Draft<'_> {
             let age_ms = number(age.as_secs_f64() * 1e3);
             let mut problem = Problem::new(
                 written.unwrap_or(self.entry.node.span),
-                format!("`{}` would be refused as too old most of the time", self.entry.key),
+                format!("most proposals of `{}` would be refused as too old", self.entry.key),
             )
             .label(format!(
-                "{key} is {age_ms} ms, but what `{}` measured gets {oldest_ms} ms old: its period and latency",
+                "{key} is {age_ms} ms, but measurements of `{}` reach an age of {oldest_ms} ms: its period plus latency",
                 sensor.name
             ))
-            .help(format!("set {key} to more than {oldest_ms} ms here, or take a faster sensor"));
+            .help(format!("raise {key} above {oldest_ms} ms, or use a faster sensor"));
             if let Some(place) = place {
-                problem = problem.also(place.span, format!("`{}` is described here", sensor.name));
+                problem = problem.also(place.span, format!("`{}` is defined here", sensor.name));
             }
             problems.push(problem);
         }
-        if let Some(period) = behavior.period.filter(|period| *period > behavior.deadline) {
+        let timeout = behavior.settings.host.deadline.proposal_timeout();
+        if let Some(period) = self.keys.period_ms.map(milliseconds).filter(|period| *period > timeout) {
             problems.push(
                 Problem::new(
                     self.span("deadline_ms"),
-                    format!("`{}` would count as dead between two calls", self.entry.key),
+                    format!(
+                        "`deadline_ms` of `{}` is shorter than the time between two calls",
+                        self.entry.key
+                    ),
                 )
-                .label(format!("is shorter than its period of {} ms", number(period.as_secs_f64() * 1e3)))
-                .help("three periods are usual; leave deadline_ms out to get them"),
+                .label(format!("its period is {} ms", number(period.as_secs_f64() * 1e3)))
+                .help("raise it, or remove it: the default is three periods"),
             );
         }
     }
@@ -352,9 +379,9 @@ fn step_too_long(tree: &Table, step: Duration, period: Duration) -> Problem {
     let (step_ms, period_ms) = (milliseconds(step), milliseconds(period));
     let written = |group: &str, key: &str| Some(tree.table(group)?.entry(key)?.node.span);
     let span = written("run", "step_ms").unwrap_or_default();
-    let problem = Problem::new(span, format!("`step_ms` = {step_ms} ms passes over decisions"))
+    let problem = Problem::new(span, format!("`step_ms` = {step_ms} ms is longer than the arbiter's period"))
         .label(format!("the arbiter decides every {period_ms} ms"))
-        .help(format!("set step_ms to {period_ms} or less, or leave it out: a step is one decision then"));
+        .help(format!("set step_ms to at most {period_ms}, or remove it: the default is one period"));
     match written("arbiter", "rate_hz") {
         Some(rate) => problem.also(rate, format!("every {period_ms} ms")),
         None => problem,
@@ -370,7 +397,7 @@ fn check_priorities(drafts: &[Draft<'_>], policy: Policy, problems: &mut Vec<Pro
     if policy == Policy::Blend {
         return;
     }
-    // Who never drives cannot contest an axis.
+    // A behavior that never drives cannot contest an axis.
     let drives =
         |draft: &&Draft<'_>| draft.plugin.as_ref().is_none_or(|plugin| !plugin.info().claims.is_empty());
     let drafts: Vec<&Draft<'_>> = drafts.iter().filter(drives).collect();
@@ -383,14 +410,15 @@ fn check_priorities(drafts: &[Draft<'_>], policy: Policy, problems: &mut Vec<Pro
                     draft.span("priority"),
                     format!("`{name}` and `{other}` have the same priority"),
                 )
-                .label(format!("{priority} again"))
-                .also(first.span("priority"), format!("`{other}` has it first"))
-                .help("give one of them another priority, or set policy = \"blend\" under [arbiter]"),
+                .label(format!("both have {priority}"))
+                .also(first.span("priority"), format!("`{other}`"))
+                .help("change one of them, or set policy = \"blend\" in [arbiter]"),
             );
         }
     }
 }
 
-fn duration(milliseconds: f64) -> Duration {
-    Duration::try_from_secs_f64(milliseconds * 1e-3).unwrap_or(Duration::ZERO)
+/// Longest time from one command to the next.
+fn arbiter_period(arbiter: &ArbiterKeys) -> Duration {
+    Duration::from_secs_f64(1.0 / arbiter.rate_hz.max(1.0))
 }

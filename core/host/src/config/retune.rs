@@ -1,13 +1,12 @@
-//! Other parameters for a behavior that runs, checked like those of its task file.
+//! Parameter changes of a running behavior, checked like those of its task file.
 
 use yamabico_core::behavior::BehaviorInfo;
 use yamabico_parameters::{Problems, Shape, Source, Span, check_table, parse};
 
-/// The parameters of the behavior `name`, which is a `behavior` and has `table`, with `changes` laid over them; whole tables
-/// of keys are laid over key by key.
+/// Merges `changes` into the parameters `table` of the behavior `name`, key by key, and checks the result.
 ///
 /// # Errors
-/// Everything that is wrong with what comes out, against the behavior's schema.
+/// All violations of the behavior's schema in the result.
 pub fn retune(
     behavior: &BehaviorInfo,
     name: &str,
@@ -15,7 +14,7 @@ pub fn retune(
     changes: &toml::Table,
 ) -> Result<toml::Table, Problems> {
     let mut changed = table.clone();
-    lay_over(&mut changed, changes);
+    merge(&mut changed, changes);
     let text = toml::to_string(&changed).unwrap_or_default();
     let mut problems = Vec::new();
     let schema = &behavior.parameters;
@@ -32,19 +31,19 @@ pub fn retune(
     Err(problems)
 }
 
-fn lay_over(table: &mut toml::Table, changes: &toml::Table) {
+fn merge(table: &mut toml::Table, changes: &toml::Table) {
     for (key, change) in changes {
         match (table.get_mut(key), change) {
-            (Some(toml::Value::Table(table)), toml::Value::Table(changes)) => lay_over(table, changes),
+            (Some(toml::Value::Table(table)), toml::Value::Table(changes)) => merge(table, changes),
             _ => drop(table.insert(key.clone(), change.clone())),
         }
     }
 }
 
-/// What `KEY=VALUE` says, as a table: a dotted key, and a value that is TOML or a bare word for a text.
+/// Converts `KEY=VALUE` to a table: a dotted key, and a value that is TOML or a string without quotes.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// Description of the error.
 pub fn assignment(text: &str) -> Result<toml::Table, String> {
     let Some((key, value)) = text.split_once('=') else {
         return Err(format!("`{text}` has no `=`: write KEY=VALUE, such as wall-follower.speed_mps=0.2"));
@@ -58,7 +57,7 @@ pub fn assignment(text: &str) -> Result<toml::Table, String> {
         return Ok(table);
     }
     if value.is_empty() || value.contains('\n') || value.starts_with(['[', '{', '"', '\'']) {
-        return Err(format!("`{value}` of `{key}` is not one value of TOML"));
+        return Err(format!("`{value}` of `{key}` is not one TOML value"));
     }
     let word = toml::Value::String(value.to_owned());
     toml::from_str::<toml::Table>(&format!("{key} = {word}"))
@@ -67,10 +66,10 @@ pub fn assignment(text: &str) -> Result<toml::Table, String> {
         .ok_or_else(|| format!("`{key}` is not a dotted key, such as wall-follower.speed_mps"))
 }
 
-/// All of `assignments` in one table.
+/// Converts all `assignments` to one table.
 ///
 /// # Errors
-/// What is wrong with one of them, or that two set the same key.
+/// One of them is invalid, or two set the same key.
 pub fn assignments<'a>(assignments: impl IntoIterator<Item = &'a str>) -> Result<toml::Table, String> {
     let mut all = toml::Table::new();
     for text in assignments {
@@ -106,24 +105,24 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_assignment_is_told() {
+    fn invalid_assignments_are_refused() {
         for (text, words) in [
             ("a.b", "no `=`"),
-            ("a.b=", "not one value"),
-            ("a.b=[1", "not one value"),
+            ("a.b=", "not one TOML value"),
+            ("a.b=[1", "not one TOML value"),
             ("a b=1", "not a dotted key"),
-            ("a.b=1\nc=2", "not one value"),
+            ("a.b=1\nc=2", "not one TOML value"),
         ] {
-            let told = assignment(text).unwrap_err();
-            assert!(told.contains(words), "{text}: {told}");
+            let error = assignment(text).unwrap_err();
+            assert!(error.contains(words), "{text}: {error}");
         }
         assert!(assignments(["a.b=1", "a.b=2"]).unwrap_err().contains("`a.b` is set twice"));
     }
 
     #[test]
-    fn changes_are_laid_over_key_by_key() {
+    fn changes_are_merged_key_by_key() {
         let mut table: toml::Table = toml::from_str("a = 1\nt = { x = 1, y = 2 }").unwrap();
-        lay_over(&mut table, &toml::from_str("t = { y = 3 }").unwrap());
+        merge(&mut table, &toml::from_str("t = { y = 3 }").unwrap());
         assert_eq!(table, toml::from_str("a = 1\nt = { x = 1, y = 3 }").unwrap());
     }
 }

@@ -1,89 +1,85 @@
-//! A checked robot file.
+//! Checked robot file.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::tables::{Clock, Isolation};
-use crate::Scheduling;
+use super::tables::Clock;
+use crate::HostSettings;
 use yamabico_core::drive::Wheels;
 use yamabico_core::driver::{DeviceSpec, Driver, PartSpec};
 use yamabico_core::message::Axes;
 use yamabico_core::sensor::{Robot, SensorInfo};
 
-/// What a robot file says: devices, sensors, drive, footprint and limits.
+/// Checked robot file: devices, sensors, drive, footprint and limits.
 #[derive(Clone, Debug)]
 pub struct RobotFile {
-    /// Where it was read from.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Name, footprint, limits and axes, as behaviors see them.
+    /// Paths of the included files.
+    pub parts: Vec<PathBuf>,
+    /// Name, footprint, limits and axes for behaviors.
     pub robot: Robot,
-    /// Whose clock counts while it runs live.
+    /// Source of time while the robot runs live.
     pub clock: Clock,
-    /// Every device, in the order of the file.
+    /// Devices, in the order of the file.
     pub devices: Vec<DeviceFile>,
-    /// Every sensor, in the order of the file.
+    /// Sensors, in the order of the file.
     pub sensors: Vec<SensorFile>,
-    /// The drive.
+    /// Drive.
     pub drive: DriveFile,
 }
 
-/// A device of a robot file.
+/// Device of a robot file.
 #[derive(Clone, Debug)]
 pub struct DeviceFile {
-    /// Its name.
+    /// Name in the robot file.
     pub name: String,
-    /// What opens it.
+    /// Driver that opens it.
     pub driver: Arc<dyn Driver>,
-    /// The driver's own keys, checked against its schema.
+    /// Parameters of the driver, checked against its schema.
     pub table: toml::Table,
-    /// Where it runs while the robot runs live.
-    pub isolation: Isolation,
-    /// A process of it that shows no sign of life for longer hangs.
-    pub patience: Duration,
-    /// What is asked of the system's scheduler for it.
-    pub scheduling: Scheduling,
-    /// The program that it is, and its arguments; empty where it is a part of this one.
-    pub exec: Vec<String>,
+    /// Settings that the framework applies.
+    pub settings: HostSettings,
 }
 
-/// A sensor of a robot file.
+/// Sensor of a robot file.
 #[derive(Clone, Debug)]
 pub struct SensorFile {
-    /// Its device.
+    /// Name of its device.
     pub device: String,
-    /// Name, kind and checked keys.
+    /// Name, kind and checked parameters.
     pub part: PartSpec,
-    /// What behaviors are told about it.
+    /// Description for behaviors.
     pub info: SensorInfo,
-    /// The longest list in one of its messages, bytes.
+    /// Maximum size of the items of one message, bytes.
     pub max_item_bytes: usize,
-    /// Whether the robot must not move without it.
+    /// True if the robot stops without it.
     pub critical: bool,
-    /// Age of its newest measurement from which on it counts as dead: as written, or three periods and its latency.
+    /// Age of its newest measurement above which it counts as dead.
     pub max_age: Duration,
 }
 
-/// The drive of a robot file.
+/// Drive of a robot file.
 #[derive(Clone, Debug)]
 pub struct DriveFile {
-    /// Its device.
+    /// Name of its device.
     pub device: String,
-    /// Name (`drive`), kind and checked keys.
+    /// Name (`drive`), kind and checked parameters.
     pub part: PartSpec,
-    /// The axes that it has.
+    /// Axes of the drive.
     pub axes: Axes,
-    /// Its wheels, where the file tells: two for a drive that goes ahead and turns, three or four for one that goes sideways.
+    /// Wheels, if given: two for a differential drive, three or four for a holonomic one.
     pub wheels: Option<Wheels>,
 }
 
 impl RobotFile {
-    /// The sensor of this name.
+    /// Returns the sensor with this name.
     pub fn sensor(&self, name: &str) -> Option<&SensorFile> {
         self.sensors.iter().find(|sensor| sensor.part.name == name)
     }
 
-    /// Every device with all that belongs to it, ready to open; `seed` is the run's.
+    /// Returns the driver and specification of every device; `seed` is the seed of the run.
     pub fn specs(&self, seed: u64) -> Vec<(Arc<dyn Driver>, DeviceSpec)> {
         let folder = self.path.parent().map(PathBuf::from).unwrap_or_default();
         let spec = |device: &DeviceFile| {

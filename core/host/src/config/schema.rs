@@ -1,4 +1,4 @@
-//! JSON Schemas of task files, robot files and the files that robots name, for editors.
+//! JSON Schemas of configuration files, for editors.
 
 use serde_json::{Map, Value as Json, json};
 
@@ -7,10 +7,12 @@ use yamabico_core::plugins::Plugins;
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
-/// The JSON Schemas of every kind of file, with the keys of every plugin: `{ "task": ..., "robot": ..., "world": ... }`,
-/// the files that tables of devices and behaviors name by the key that names them.
+/// Returns the JSON Schema of every kind of file: `{ "task": ..., "robot": ..., "world": ... }`. Kinds of files named by
+/// parameters have the name of the parameter.
 pub fn schema(plugins: &Plugins) -> Json {
-    let mut kinds = json!({ "task": task_schema(plugins), "robot": robot_schema(plugins) });
+    let robot = robot_schema(plugins);
+    let part = robot_part(robot.clone());
+    let mut kinds = json!({ "task": task_schema(plugins), "robot": robot, "robot_part": part });
     let of_drivers = plugins.drivers.iter().flat_map(|driver| &driver.info().files);
     for file in of_drivers.chain(plugins.behaviors.iter().flat_map(|behavior| &behavior.info().files)) {
         kinds[file.key] = (file.schema)().to_value();
@@ -18,7 +20,7 @@ pub fn schema(plugins: &Plugins) -> Json {
     kinds
 }
 
-/// The JSON Schema of a task file.
+/// Returns the JSON Schema of a task file.
 pub fn task_schema(plugins: &Plugins) -> Json {
     let mut whole = Whole::new(schemars::schema_for!(TaskKeys).to_value(), "A task of Yamabico");
     let common = whole.include("behavior", schemars::schema_for!(BehaviorKeys).to_value());
@@ -42,7 +44,7 @@ pub fn task_schema(plugins: &Plugins) -> Json {
     whole.json
 }
 
-/// The JSON Schema of a robot file.
+/// Returns the JSON Schema of a robot file.
 pub fn robot_schema(plugins: &Plugins) -> Json {
     let mut whole = Whole::new(schemars::schema_for!(RobotKeys).to_value(), "A robot of Yamabico");
     let mut devices = vec![whole.include("device", schemars::schema_for!(DeviceKeys).to_value())];
@@ -79,7 +81,12 @@ pub fn robot_schema(plugins: &Plugins) -> Json {
     let drive = whole.define("drive.any", closed(drives));
     whole.set("sensors", json!({ "type": "object" }));
     whole.set("drive", json!({ "type": "object" }));
-    // The sensors and the drive of a program may have keys of its own.
+    // A robot file may get any table from the files that it includes.
+    if let Some(required) = whole.json.as_object_mut().and_then(|object| object.remove("required")) {
+        let alone = json!({ "not": { "required": ["include"] } });
+        whole.json["allOf"] = json!([{ "if": alone, "then": { "required": required } }]);
+    }
+    // Sensors and the drive of an external program may have unknown keys.
     whole.json["if"] = json!({ "properties": { "devices": { "additionalProperties": { "not": { "required": ["exec"] } } } } });
     whole.json["then"] = json!({
         "properties": { "sensors": { "additionalProperties": sensors }, "drive": drive }
@@ -87,17 +94,29 @@ pub fn robot_schema(plugins: &Plugins) -> Json {
     whole.json
 }
 
-/// Any keys at all, where a program is named: it alone knows its own.
+/// Returns the JSON Schema of a file that robot files include.
+fn robot_part(mut robot: Json) -> Json {
+    robot["title"] = "A part of robots of Yamabico".into();
+    if let Some(object) = robot.as_object_mut() {
+        object.remove("allOf");
+    }
+    if let Some(properties) = robot["properties"].as_object_mut() {
+        properties.remove("include");
+    }
+    robot
+}
+
+/// Allows any key if `exec` names a program, which defines its own keys.
 fn free_with_exec() -> Json {
     json!({ "if": { "required": ["exec"] }, "then": { "additionalProperties": true } })
 }
 
-/// A table with the keys of all `parts` and no others.
+/// Table with the keys of all `parts` and no others.
 fn closed(parts: Vec<Json>) -> Json {
     json!({ "type": "object", "allOf": parts, "unevaluatedProperties": false })
 }
 
-/// `then`, where `key` is `word`.
+/// Applies `then` if `key` is `word`.
 fn when(key: &str, word: &str, then: Json) -> Json {
     json!({ "if": { "properties": { key: { "const": word } }, "required": [key] }, "then": then })
 }
@@ -108,7 +127,7 @@ fn describe_as(schema: &mut Json, summary: &str) {
     }
 }
 
-/// Names the slots under `inputs`.
+/// Adds the slots as keys of `inputs`.
 fn set_inputs(schema: &mut Json, slots: &[yamabico_core::behavior::SlotInfo]) {
     let properties: Map<String, Json> = slots
         .iter()
@@ -117,23 +136,16 @@ fn set_inputs(schema: &mut Json, slots: &[yamabico_core::behavior::SlotInfo]) {
             (slot.name.to_string(), json!({ "type": "string", "description": about }))
         })
         .collect();
-    let required: Vec<&str> = slots.iter().filter(|slot| slot.required).map(|slot| &*slot.name).collect();
-    let inputs = json!({ "type": "object", "properties": properties, "required": required, "additionalProperties": false });
+    let inputs = json!({ "type": "object", "properties": properties, "additionalProperties": false });
     if let Some(object) = schema.as_object_mut() {
         let properties = object.entry("properties").or_insert_with(|| json!({}));
         if let Some(properties) = properties.as_object_mut() {
             properties.insert("inputs".into(), inputs);
         }
-        if !required.is_empty() {
-            let all = object.entry("required").or_insert_with(|| json!([]));
-            if let Some(all) = all.as_array_mut() {
-                all.push("inputs".into());
-            }
-        }
     }
 }
 
-/// A schema that others are put into.
+/// Schema that includes others.
 struct Whole {
     json: Json,
 }
@@ -148,12 +160,12 @@ impl Whole {
         Whole { json }
     }
 
-    /// Puts a schema of its own among the definitions, and returns a reference to it.
+    /// Adds a schema to the definitions, and returns a reference to it.
     fn include(&mut self, name: &str, mut schema: Json) -> Json {
         if let Some(object) = schema.as_object_mut() {
             object.remove("$schema");
             object.remove("title");
-            // Keys that all have and keys of its own stand in one table: neither part may forbid the other's.
+            // Common keys and plugin keys share one table: neither part may forbid the keys of the other.
             object.remove("additionalProperties");
         }
         let inner = schema.as_object_mut().and_then(|object| object.remove("$defs"));
@@ -174,7 +186,7 @@ impl Whole {
         json!({ "$ref": format!("#/$defs/{name}") })
     }
 
-    /// Puts a part that refers to other definitions among them, and returns a reference to it.
+    /// Adds a part that refers to other definitions, and returns a reference to it.
     fn define(&mut self, name: &str, part: Json) -> Json {
         if let Some(definitions) = self.json.get_mut("$defs").and_then(Json::as_object_mut) {
             definitions.insert(name.to_owned(), part);
@@ -192,7 +204,7 @@ impl Whole {
     }
 }
 
-/// Points the references of an included schema to where its definitions now are.
+/// Renames the references of an included schema.
 fn rename_references(schema: &mut Json, name: &str) {
     match schema {
         Json::Object(object) => {

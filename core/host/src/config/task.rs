@@ -1,4 +1,4 @@
-//! A checked task file.
+//! Checked task file.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,141 +7,110 @@ use std::time::Duration;
 use serde::Serialize;
 
 use super::robot::RobotFile;
-use super::tables::{Isolation, Policy};
-use crate::Scheduling;
-use yamabico_core::behavior::{Behavior, BehaviorFactory, BuildError, Setup};
+use super::tables::Policy;
+use crate::{BehaviorSettings, Scheduling};
+use yamabico_core::behavior::{Behavior, BehaviorFactory, ParameterError, Setup};
 
-/// What a task file and its robot file say together. Nothing in it is unchecked.
+/// Checked task file with its robot file.
 #[derive(Clone, Debug)]
 pub struct Task {
-    /// Where it was read from.
+    /// Path of the file.
     pub path: PathBuf,
-    /// The file's name without folder and ending.
+    /// Name of the file without folder and extension.
     pub name: String,
-    /// The robot that it is for.
+    /// Robot.
     pub robot: RobotFile,
-    /// When the run ends.
+    /// End of the run.
     pub run: Run,
-    /// How proposals become a command.
+    /// Arbitration.
     pub arbiter: Arbiter,
-    /// Every behavior, highest priority first, then by name.
+    /// Behaviors, highest priority first, then by name.
     pub behaviors: Vec<BehaviorFile>,
-    /// Wires that silence a behavior altogether.
+    /// Wires that silence a behavior on all axes.
     pub inhibit: Vec<Wire>,
-    /// Wires that silence a behavior on the axes that another claims.
+    /// Wires that silence a behavior on the axes that another one claims.
     pub suppress: Vec<Wire>,
-    pub(crate) places: super::places::Places,
+    pub(crate) source_map: super::source_map::SourceMap,
 }
 
-/// When a run ends.
+/// End of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Run {
-    /// Longest time; none where only goal or sensors end it.
+    /// Maximum duration; `None` if only the goal or the sensors end the run.
     pub duration: Option<Duration>,
-    /// Where to arrive.
+    /// Goal area.
     pub goal: Option<GoalArea>,
     /// Simulated time of one step.
     pub step: Duration,
 }
 
-/// A place to arrive at, in the frame of the map.
+/// Goal area in the map frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GoalArea {
-    /// Along the map's x axis, meters.
+    /// Position along the map's x axis, m.
     pub x_m: f64,
-    /// Along the map's y axis, meters.
+    /// Position along the map's y axis, m.
     pub y_m: f64,
-    /// How near is there, meters.
+    /// Distance at which the goal is reached, m.
     pub tolerance_m: f64,
 }
 
-/// How proposals become a command.
+/// Arbitration.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Arbiter {
-    /// Longest time from one command to the next.
+    /// Maximum time between two commands.
     pub period: Duration,
-    /// Who gets an axis that several claim.
+    /// Winner of an axis that several behaviors claim.
     pub policy: Policy,
-    /// What is asked of the system's scheduler for the arbiter.
+    /// Scheduling of the arbiter by the operating system.
     #[serde(skip)]
     pub scheduling: Scheduling,
-    /// Whether commands that rest on data older than a latency budget slow the robot.
+    /// If set, commands that are based on data older than a latency budget are slowed down.
     pub latency_slows: bool,
 }
 
-/// A behavior of a task file.
+/// Behavior of a task file.
 #[derive(Clone, Debug)]
 pub struct BehaviorFile {
-    /// Its name in the task file.
+    /// Name in the task file.
     pub name: String,
-    /// What builds it.
+    /// Factory that builds it.
     pub factory: Arc<dyn BehaviorFactory>,
-    /// Its own keys, checked against its schema.
+    /// Parameters, checked against their schema.
     pub table: toml::Table,
-    /// What it is told when it is built.
+    /// Description of the robot for its constructor.
     pub setup: Setup,
-    /// What is plugged into its slots, in the order of the plugin's slots; an optional one may be absent.
+    /// Connected inputs, in the order of the plugin's slots.
     pub inputs: Vec<Input>,
-    /// Higher wins.
-    pub priority: i32,
-    /// Whether its silence stops the robot.
-    pub critical: bool,
-    /// Whether it takes part from the start.
-    pub enabled: bool,
-    /// It is asked at least this often; none for new input only.
-    pub period: Option<Duration>,
-    /// Longest silence before it counts as dead: as written, or three of its periods, or of those of its fastest sensor.
-    pub deadline: Duration,
-    /// Computing time that one proposal may take.
-    pub budget: Option<Duration>,
-    /// Largest age of the instant that a proposal describes.
-    pub max_age: Duration,
-    /// Largest age of the oldest sensor data in a proposal.
-    pub max_evidence_age: Duration,
-    /// Age of the oldest sensor data above which a command of it is late.
-    pub latency_budget: Option<Duration>,
-    /// Shortest duration of a halt or limit.
-    pub hold: Duration,
-    /// How long it keeps an axis before a lower priority gets it.
-    pub dwell: Duration,
-    /// Where it runs while the robot runs live.
-    pub isolation: Isolation,
-    /// A process of it that shows no sign of life for longer hangs: the deadline as written, or three periods and at least
-    /// a quarter of a second.
-    pub patience: Duration,
-    /// What is asked of the system's scheduler for it.
-    pub scheduling: Scheduling,
-    /// Whether it is not asked while it is inhibited.
-    pub sleeps: bool,
-    /// The program that it is, and its arguments; empty where it is a part of this one.
-    pub exec: Vec<String>,
+    /// Settings that the framework applies.
+    pub settings: BehaviorSettings,
 }
 
-/// What is plugged into a slot.
+/// Connected input.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Input {
-    /// The slot.
+    /// Name of the slot.
     pub slot: String,
-    /// Where its messages come from.
+    /// Source of its messages.
     pub source: InputSource,
 }
 
-/// What an input is plugged into that goals are to come through.
+/// Source name of the operator's goals and stick messages.
 pub(crate) const OPERATOR: &str = "operator";
 
-/// Where messages come from.
+/// Source of messages.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub enum InputSource {
-    /// A sensor of the robot file.
+    /// Sensor of the robot file.
     Sensor(String),
-    /// An output of another behavior of the task.
+    /// Output of another behavior of the task.
     Output {
-        /// The behavior's name in the task file.
+        /// Name of the behavior in the task file.
         behavior: String,
-        /// Its output.
+        /// Name of the output.
         output: String,
     },
-    /// Whoever sends the running robot to a goal.
+    /// Operator of the running robot.
     Operator,
 }
 
@@ -155,30 +124,30 @@ impl std::fmt::Display for InputSource {
     }
 }
 
-/// One behavior silences another.
+/// Wire: one behavior silences another.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Wire {
-    /// Who silences while it is active.
+    /// Behavior that silences the other while it is active.
     pub by: String,
-    /// Who is silenced.
+    /// Silenced behavior.
     pub what: String,
-    /// How long after that.
+    /// Time for which it stays silenced afterwards.
     pub hold: Duration,
 }
 
 impl Task {
-    /// The behavior of this name.
+    /// Returns the behavior with this name.
     pub fn behavior(&self, name: &str) -> Option<&BehaviorFile> {
         self.behaviors.iter().find(|behavior| behavior.name == name)
     }
 }
 
 impl BehaviorFile {
-    /// A new one of it.
+    /// Builds an instance.
     ///
     /// # Errors
-    /// What it refuses; never where the task was loaded with the same files still in place.
-    pub fn build(&self) -> Result<Box<dyn Behavior>, BuildError> {
+    /// The plugin refuses the parameters; never if the files that they name are unchanged since the task was loaded.
+    pub fn build(&self) -> Result<Box<dyn Behavior>, ParameterError> {
         self.factory.build(&self.table, &self.setup)
     }
 }

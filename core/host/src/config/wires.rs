@@ -1,4 +1,4 @@
-//! Wires between behaviors, and behaviors that can never win.
+//! Checks of wires between behaviors.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use super::task::{InputSource, Wire};
 use yamabico_core::behavior::BehaviorFactory;
 use yamabico_parameters::{Node, Problem, Span, Table, Value, instead};
 
-/// A wire, and where it is written.
+/// Wire with its source spans.
 #[derive(Clone, Debug)]
 pub(crate) struct WrittenWire {
     pub wire: Wire,
@@ -19,7 +19,7 @@ pub(crate) struct WrittenWire {
     hold_span: Span,
 }
 
-/// What the checks of wires know of a behavior.
+/// Properties of a behavior for the checks of wires.
 #[derive(Clone, Debug)]
 pub(crate) struct Wired {
     pub name: String,
@@ -28,7 +28,7 @@ pub(crate) struct Wired {
     pub plugin: Option<Arc<dyn BehaviorFactory>>,
 }
 
-/// Reads `[[inhibit]]` or `[[suppress]]`; wires with mistakes that are already told are left out.
+/// Reads `[[inhibit]]` or `[[suppress]]`, without wires whose errors are already reported.
 pub(crate) fn read_wires(tree: &Table, verb: &'static str) -> Vec<WrittenWire> {
     let Some(Node { value: Value::List(items), .. }) = tree.entry(verb).map(|entry| &entry.node) else {
         return Vec::new();
@@ -61,7 +61,7 @@ pub(crate) fn read_wires(tree: &Table, verb: &'static str) -> Vec<WrittenWire> {
     items.iter().filter_map(read).collect()
 }
 
-/// Checks all wires of a task together; `duration` is the run's, where it has one.
+/// Checks all wires of a task; `duration` is the maximum duration of the run.
 pub(crate) fn check_wires(
     wires: &[WrittenWire],
     behaviors: &[Wired],
@@ -74,7 +74,7 @@ pub(crate) fn check_wires(
         for (name, span) in [(&wire.by, written.by_span), (&wire.what, written.what_span)] {
             if !names().any(|known| known == name) {
                 problems.push(
-                    Problem::new(span, format!("there is no behavior `{name}` in this task"))
+                    Problem::new(span, format!("this task has no behavior `{name}`"))
                         .label("unknown")
                         .help(instead(name, names(), "behavior")),
                 );
@@ -85,10 +85,13 @@ pub(crate) fn check_wires(
         };
         if let Some(first) = wires[..index].iter().find(same) {
             problems.push(
-                Problem::new(written.span, format!("`{}` is wired onto `{}` twice", wire.by, wire.what))
-                    .label("a second time here")
-                    .also(first.span, "first here")
-                    .help("keep the one with the right hold_ms"),
+                Problem::new(
+                    written.span,
+                    format!("the wire from `{}` onto `{}` is defined twice", wire.by, wire.what),
+                )
+                .label("second definition")
+                .also(first.span, "first definition")
+                .help("remove the one with the wrong hold_ms"),
             );
         }
         if let Some(target) = behaviors.iter().find(|behavior| behavior.name == wire.what) {
@@ -104,7 +107,7 @@ pub(crate) fn check_wires(
         problems.push(
             Problem::new(cycle.span, format!("these wires form a cycle: {path}"))
                 .label("closes the cycle")
-                .help("behaviors that silence each other in a ring take turns at random; take one wire away"),
+                .help("behaviors in a cycle silence each other in random order: remove one wire"),
         );
     }
 }
@@ -118,19 +121,19 @@ fn check_target(
     let wire = &written.wire;
     if target.critical {
         problems.push(
-            Problem::new(written.what_span, format!("`{}` is critical and cannot be silenced", wire.what))
+            Problem::new(written.what_span, format!("`{}` is critical and must not be silenced", wire.what))
                 .label(format!("`{}` would {} it", wire.by, written.verb))
                 .also(target.span, "critical = true here")
-                .help("take the wire away, or `critical` if the robot is safe without it"),
+                .help("remove the wire, or remove `critical` if the robot is safe without this behavior"),
         );
         return;
     }
     let Some(plugin) = &target.plugin else { return };
     if plugin.info().claims.is_empty() {
         problems.push(
-            Problem::new(written.what_span, format!("a wire onto `{}` does nothing", wire.what))
-                .label("it never drives, and halts and limits cannot be silenced")
-                .help("take the wire away"),
+            Problem::new(written.what_span, format!("a wire onto `{}` has no effect", wire.what))
+                .label("the behavior never drives, and halts and limits cannot be silenced")
+                .help("remove the wire"),
         );
         return;
     }
@@ -138,17 +141,17 @@ fn check_target(
         problems.push(
             Problem::new(written.hold_span, format!("`{}` can never win again", wire.what))
                 .label(format!(
-                    "once `{}` was active, it is silenced for {} s, and the run takes {} s",
+                    "after `{}` was active, it is silenced for {} s, and the run lasts at most {} s",
                     wire.by,
                     yamabico_parameters::number(wire.hold.as_secs_f64()),
                     yamabico_parameters::number(duration.as_secs_f64()),
                 ))
-                .help("hold_ms is in milliseconds; a second or two is usual"),
+                .help("lower hold_ms; it is in milliseconds, and 1000 to 2000 are typical"),
         );
     }
 }
 
-/// Finds behaviors that wait for each other's outputs in a ring.
+/// Finds cycles of behaviors that wait for each other's outputs.
 pub(crate) fn check_input_cycles(inputs: &[(String, InputSource, Span)], problems: &mut Vec<Problem>) {
     let edge = |(name, source, span): &'_ (String, InputSource, Span)| match source {
         InputSource::Output { behavior, .. } => Some((behavior.clone(), name.clone(), *span)),
@@ -161,7 +164,7 @@ pub(crate) fn check_input_cycles(inputs: &[(String, InputSource, Span)], problem
         problems.push(
             Problem::new(cycle.span, format!("these inputs form a cycle: {path}"))
                 .label("closes the cycle")
-                .help("nobody in the ring would ever get a first message; take one input away"),
+                .help("no behavior in the cycle would receive a first message: remove one input"),
         );
     }
 }
@@ -177,18 +180,18 @@ struct Cycle<'a> {
     span: Span,
 }
 
-/// One cycle for each edge that leads back, each ring told once; the path begins and ends with its first name in the alphabet.
+/// Returns each cycle once; its path begins and ends with the first name in alphabetical order.
 fn cycles<'a>(edges: &[Edge<'a>]) -> Vec<Cycle<'a>> {
-    let mut told = BTreeSet::new();
+    let mut reported = BTreeSet::new();
     let mut found = Vec::new();
     for edge in edges {
         let Some(mut ring) = shortest_path(edges, edge.to, edge.from) else { continue };
-        let least = ring.iter().enumerate().min_by_key(|(_, name)| **name).map_or(0, |(index, _)| index);
-        ring.rotate_left(least);
+        let first = ring.iter().enumerate().min_by_key(|(_, name)| **name).map_or(0, |(index, _)| index);
+        ring.rotate_left(first);
         let last = ring.last().copied().unwrap_or(edge.from);
         let closing = edges.iter().find(|other| other.from == last && other.to == ring[0]);
         let span = closing.map_or(edge.span, |closing| closing.span);
-        if told.insert(ring.clone()) {
+        if reported.insert(ring.clone()) {
             let mut path = ring;
             path.push(path[0]);
             found.push(Cycle { path, span });
@@ -197,7 +200,7 @@ fn cycles<'a>(edges: &[Edge<'a>]) -> Vec<Cycle<'a>> {
     found
 }
 
-/// The names from `start` to `end` along the fewest edges, both included.
+/// Returns the names from `start` to `end`, inclusive, along the fewest edges.
 fn shortest_path<'a>(edges: &[Edge<'a>], start: &'a str, end: &str) -> Option<Vec<&'a str>> {
     let mut paths = std::collections::VecDeque::from([vec![start]]);
     let mut seen = BTreeSet::from([start]);
@@ -220,7 +223,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_ring_is_told_once() {
+    fn each_cycle_is_reported_once() {
         let edge = |from, to| Edge { from, to, span: Span::default() };
         let edges = [edge("b", "c"), edge("c", "a"), edge("a", "b"), edge("a", "d"), edge("e", "e")];
         let found = cycles(&edges);

@@ -1,4 +1,4 @@
-//! What a program tells of the driver that it is, before it runs.
+//! Description of a driver in an external program, printed before it is launched.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,97 +6,98 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
-use super::charge::PROTOCOL;
-use super::converse::converse;
-use super::description::check_protocol;
-use yamabico_core::behavior::BuildError;
+use super::behavior_description::check_protocol;
+use super::launch::PROTOCOL;
+use super::query::query;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
 };
 use yamabico_core::message::{Axes, MessageType};
 use yamabico_core::sensor::SensorInfo;
 
-/// The argument that asks for a [`SensorAnswer`]; the [`SensorQuestion`] is on standard input, as JSON.
+/// Argument that makes a program answer a [`SensorQuestion`] on standard input with a [`SensorAnswer`], both JSON.
 pub const SENSOR: &str = "--sensor";
 
-/// A driver in a program of its own, as JSON on standard output.
+/// Description of a driver, printed as JSON on standard output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriverDescription {
-    /// The protocol that the program speaks.
+    /// Version of the protocol, [`PROTOCOL`].
     pub protocol: u32,
-    /// The driver's name.
+    /// Name of the driver, kebab-case.
     pub name: String,
-    /// What it drives, in one sentence.
+    /// One sentence on the devices that it drives.
     pub summary: String,
-    /// JSON Schema of the device's own table.
+    /// JSON Schema of the device's own keys.
     pub parameters: Json,
-    /// The kinds of sensor that it offers.
+    /// Kinds of sensors that it offers.
     pub sensors: Vec<SensorKindDescription>,
-    /// The kinds of drive that it offers.
+    /// Kinds of drives that it offers.
     pub drives: Vec<DriveKindDescription>,
 }
 
-/// A kind of sensor.
+/// Description of a kind of sensor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorKindDescription {
-    /// Name in robot files.
+    /// Name of the kind in robot files.
     pub kind: String,
-    /// What it measures, in one sentence.
+    /// One sentence on its measurements.
     pub summary: String,
-    /// What it publishes, such as `yamabico.Odometry.v1`.
+    /// Versioned name of its message type, such as `yamabico.Odometry.v1`.
     pub message: String,
     /// JSON Schema of its parameters.
     pub parameters: Json,
 }
 
-/// A kind of drive.
+/// Description of a kind of drive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriveKindDescription {
-    /// Name in robot files.
+    /// Name of the kind in robot files.
     pub kind: String,
-    /// What it moves, in one sentence.
+    /// One sentence on its motion.
     pub summary: String,
-    /// The axes that it has, such as `linear+angular`.
+    /// Axes of motion, such as `linear+angular`.
     pub axes: Axes,
     /// JSON Schema of its parameters.
     pub parameters: Json,
 }
 
-/// What is asked about a sensor whose table has passed the schema.
+/// Question about a sensor whose table is valid under its schema.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorQuestion {
-    /// Its name in the robot file.
+    /// Name of the sensor in the robot file.
     pub name: String,
-    /// Which of the program's kinds.
+    /// Kind of sensor, one that the program offers.
     pub kind: String,
-    /// Its own keys, as far as they are written.
+    /// Its own keys, without defaults.
     pub table: toml::Table,
-    /// Relative paths in it start here.
+    /// Folder that relative paths in the table refer to.
     pub folder: PathBuf,
 }
 
-/// What the program answers, as JSON on standard output.
+/// Answer to a [`SensorQuestion`], printed as JSON on standard output.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SensorAnswer {
-    /// It is right.
+    /// The sensor is valid.
     Sensor {
-        /// What behaviors are told about it.
+        /// Description for behaviors.
         info: SensorInfo,
-        /// The longest list of items in one of its messages, bytes.
-        most_bytes: usize,
+        /// Longest list of items in one of its messages, bytes.
+        #[serde(alias = "most_bytes")]
+        max_item_bytes: usize,
     },
-    /// It cannot be.
+    /// The sensor is invalid.
     Refused {
-        /// The key to change, dotted; empty where none is to blame.
+        /// Key to change, dotted; empty if no key is the cause.
         key: String,
-        /// What is wrong.
+        /// Problem with the key.
         problem: String,
     },
 }
 
 impl DriverDescription {
-    /// That of a driver of this program.
+    /// Describes a driver of this program.
     pub fn of(driver: &DriverInfo) -> DriverDescription {
         let sensor = |offer: &SensorOffer| SensorKindDescription {
             kind: offer.kind.clone(),
@@ -120,10 +121,11 @@ impl DriverDescription {
         }
     }
 
-    /// The driver that `program` described, as one that this program can compose, though not open.
+    /// Makes a driver with which a robot file can be checked; it queries `program` about sensors and cannot open a
+    /// device.
     ///
     /// # Errors
-    /// Another protocol, or messages of other versions than this program's, with both versions named.
+    /// The protocol or a message type has another version; the error names both versions.
     pub fn driver(self, program: &[String]) -> Result<Arc<dyn Driver>, String> {
         check_protocol(self.protocol)?;
         let sensors = self.sensors.into_iter().map(|sensor| {
@@ -148,7 +150,7 @@ impl DriverDescription {
     }
 }
 
-/// A driver in a program of its own.
+/// Driver in an external program.
 struct ExternalDriver {
     info: DriverInfo,
     program: Vec<String>,
@@ -159,38 +161,38 @@ impl Driver for ExternalDriver {
         &self.info
     }
 
-    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, BuildError> {
+    fn describe_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<SensorDescription, ParameterError> {
         let question = SensorQuestion {
             name: sensor.name.clone(),
             kind: sensor.kind.clone(),
             table: sensor.table.clone(),
             folder: folder.to_owned(),
         };
-        let failed = |problem: String| BuildError::new("", format!("its driver cannot be asked: {problem}"));
+        let failed =
+            |problem: String| ParameterError::new("", format!("querying its driver failed: {problem}"));
         let text = serde_json::to_string(&question).map_err(|error| failed(error.to_string()))?;
         let carried = self.info.sensor(&sensor.kind).map_or("", |offer| offer.message.name);
-        match converse(&self.program, SENSOR, &text).map_err(failed)? {
-            SensorAnswer::Sensor { info, .. } if info.message != carried => {
-                Err(failed(format!("it carries `{}`, not `{carried}`", info.message)))
-            }
-            SensorAnswer::Sensor { info, most_bytes } => {
-                Ok(SensorDescription { info, max_item_bytes: most_bytes })
-            }
-            SensorAnswer::Refused { key, problem } => Err(BuildError { key, problem }),
+        match query(&self.program, SENSOR, &text).map_err(failed)? {
+            SensorAnswer::Sensor { info, .. } if info.message != carried => Err(failed(format!(
+                "the sensor publishes `{}`, but its kind publishes `{carried}`",
+                info.message
+            ))),
+            SensorAnswer::Sensor { info, max_item_bytes } => Ok(SensorDescription { info, max_item_bytes }),
+            SensorAnswer::Refused { key, problem } => Err(ParameterError { key, problem }),
         }
     }
 
-    fn open(&self, _: DeviceSpec) -> Result<Device, BuildError> {
-        Err(BuildError::new("exec", "it is a program of its own: run it with --live"))
+    fn open(&self, _: DeviceSpec) -> Result<Device, ParameterError> {
+        Err(ParameterError::new("exec", "an external program runs only in a live run: add --live"))
     }
 }
 
 impl SensorAnswer {
-    /// That of a driver of this program.
+    /// Answers a question about a sensor of `driver`.
     pub fn of(driver: &dyn Driver, question: SensorQuestion) -> SensorAnswer {
         let SensorQuestion { name, kind, table, folder } = question;
-        let answer = || -> Result<SensorDescription, BuildError> {
-            let none = || BuildError::new("kind", format!("there is no sensor `{kind}`"));
+        let answer = || -> Result<SensorDescription, ParameterError> {
+            let none = || ParameterError::new("kind", format!("unknown kind of sensor `{kind}`"));
             driver.info().sensor(&kind).ok_or_else(none)?;
             let sensor = PartSpec { name, kind, table };
             let described = driver.describe_sensor(&sensor, &folder)?;
@@ -198,10 +200,8 @@ impl SensorAnswer {
             Ok(described)
         };
         match answer() {
-            Ok(SensorDescription { info, max_item_bytes }) => {
-                SensorAnswer::Sensor { info, most_bytes: max_item_bytes }
-            }
-            Err(BuildError { key, problem }) => SensorAnswer::Refused { key, problem },
+            Ok(SensorDescription { info, max_item_bytes }) => SensorAnswer::Sensor { info, max_item_bytes },
+            Err(ParameterError { key, problem }) => SensorAnswer::Refused { key, problem },
         }
     }
 }

@@ -1,48 +1,59 @@
-//! A plugin in a process of its own: how it is started, what it is told, what is expected of it.
+//! Protocol between the supervisor and a plugin that runs in a process of its own.
 //!
-//! This is all that a plugin in any language has to follow.
+//! A plugin in any language needs to follow this page only. (Plugins in Rust call [`main`] or [`main_of_driver`];
+//! those in Python, `yamabico.main`.)
 //!
-//! 1. **Start.** The supervisor starts the program with the arguments of the task or robot file. Standard input is one TOML
-//!    document, a [`Charge`]: the bus, the plugin's name, its parameters, its topics with their types. Standard output and
-//!    error go to the supervisor's standard error. With the single argument `--describe` the program prints its
-//!    [`Description`] as JSON instead, and ends.
-//! 2. **Bus.** Every topic exists before the plugin starts and goes on after it. The plugin opens and never creates, tries
-//!    again for half a second, and switches iceoryx2's own clean-up off (`cleanup-dead-nodes-on-creation`,
-//!    `...-on-destruction`, `...-on-open`) and its signal handling. A topic is a publish-subscribe service of bytes
-//!    (`[u8]`, aligned to 8) with the message's header as user header, and an event service of the same name that is
-//!    notified after each message.
-//! 3. **Signs of life.** It publishes a `Heartbeat` on `plugins/heartbeats` at least every `beat_ms`, from the loop that does
-//!    the work: one that is silent for four times as long is killed and started again. The first one, `starting`, says that
-//!    everything is open. What keeps it from opening it tells on `plugins/failures`, and ends with exit code 2.
-//! 4. **Begin.** With `begin = "with-the-first-command"` it waits for a message on `command` before it proposes, measures or
-//!    moves; with `at-once` it does not.
-//! 5. **Work.** A behavior publishes proposals with its name, a sequence, its priority and two stamps (`CLOCK_MONOTONIC`,
-//!    nanoseconds); `received_ns` and `proposed_ns` are zero where it does not tell its stages. With `sleeps_while_inhibited` it
-//!    need not propose while its verdict on `decision` is `inhibited`. A device publishes what it measures and obeys `command`.
-//!    Where `clock` is `driver`, the driver owns the time: for each step it publishes what it measured and then a `Clock` on
-//!    `clock`. The arbiter calls turns on `clock/turns`: `collect`, `propose`, `done`. A behavior takes in what has arrived, or
-//!    proposes, stamped with the turn's `stamp_ns`, and says so on `clock/taken` with the same `Turn` and its name. When the
-//!    step is `done` the driver obeys the newest command and goes on with the next one.
-//!    A behavior that must go on where it stopped publishes its memory on `plugins/memories` when that changes: a `MemoryHeader`
-//!    and JSON of at most 16 kB. Its successor is told the last one in `memory`.
-//! 6. **End.** On SIGTERM it ends within a second. The supervisor's death is SIGKILL for a behavior and SIGHUP for a device,
-//!    which then brakes, and ends.
+//! 1. **Describe.** With the single argument `--describe` the program prints its [`BehaviorDescription`] or
+//!    [`DriverDescription`] as JSON and exits. A driver's program also answers `--sensor`: it reads a
+//!    [`SensorQuestion`] as JSON from standard input and prints a [`SensorAnswer`].
+//! 2. **Launch.** The supervisor starts the program with the arguments of the task or robot file and writes one TOML
+//!    document to its standard input, a [`LaunchConfig`]: the bus, the plugin's name, its parameters, its topics with
+//!    their message types. Standard output and standard error appear on the supervisor's standard error.
+//! 3. **Join the bus.** Every topic exists before the plugin starts and outlives it. The plugin opens topics, never
+//!    creates them, and retries for half a second. It uses the iceoryx2 settings `global.root-path` = `bus_root` and
+//!    `global.prefix` = `bus_prefix`, and disables iceoryx2's signal handling and clean-up
+//!    (`cleanup-dead-nodes-on-creation`, `cleanup-dead-nodes-on-destruction`, `cleanup-dead-nodes-on-open`). A topic
+//!    is a publish-subscribe service of bytes (`[u8]`, aligned to 8) with the message's header as user header, and an
+//!    event service of the same name, which the publisher notifies after each message.
+//! 4. **Report.** The plugin publishes a `Heartbeat` on `plugins/heartbeats` at least every `heartbeat_ms`, from the
+//!    loop that does the work. The first one has the state `starting` and means that everything is open. A plugin
+//!    without a heartbeat for 3.5 times `heartbeat_ms` is killed and restarted (see [`Deadline`](crate::Deadline)). A
+//!    plugin that cannot start publishes the reason on `plugins/failures` and exits with code 2.
+//! 5. **Start.** With `start = "on-first-command"` the plugin waits for a message on `command` before it proposes,
+//!    measures or moves. With `start = "immediately"` it does not wait.
+//! 6. **Run.** All stamps are `CLOCK_MONOTONIC` in nanoseconds.
+//!    - A behavior publishes proposals with its name, a sequence number, its priority and two stamps, `stamp_ns` and
+//!      `evidence_ns`; `received_ns` and `proposed_ns` may be zero. With `sleeps_while_inhibited` it may stop
+//!      proposing while its verdict on `decision` is `inhibited`.
+//!    - A behavior with state to keep across a restart publishes it on `plugins/memories` whenever it changes: a
+//!      `SavedStateHeader` and at most 16 kB of JSON. The next launch configuration contains the last one as
+//!      `saved_state`.
+//!    - A device publishes its measurements and obeys `command`.
+//!    - With `clock = "driver"` the device owns the time. In each step it publishes its measurements and then a
+//!      `Clock` on `clock`. The arbiter then publishes the phases `collect`, `propose` and `done` on `clock/turns`. In
+//!      `collect` a behavior receives its inputs; in `propose` it proposes, stamped with the `stamp_ns` of the phase;
+//!      it acknowledges either on `clock/taken` with the same `StepSignal` and its own name. After `done` the driver
+//!      applies the newest command and begins the next step.
+//! 7. **End.** On SIGTERM the plugin exits within a second. If the supervisor dies, the kernel sends SIGKILL to a
+//!    behavior and SIGHUP to a device, which stops its drive and then exits.
 
-mod charge;
-mod converse;
-mod description;
+mod behavior_description;
 mod driver_description;
-mod process;
+mod launch;
+mod parent;
+mod query;
+mod serve;
 
-pub use charge::{
-    Begin, BehaviorCharge, Charge, ChargeError, DeviceCharge, InputCharge, PROTOCOL, Part, PortCharge,
-};
-pub(crate) use converse::converse;
-pub use description::{DESCRIBE, Description, SlotDescription};
+pub use behavior_description::{BehaviorDescription, DESCRIBE, SlotDescription};
 pub use driver_description::{
     DriveKindDescription, DriverDescription, SENSOR, SensorAnswer, SensorKindDescription, SensorQuestion,
 };
-pub use process::{Guardian, OnDeath, serve};
+pub use launch::{
+    BehaviorLaunch, DeviceLaunch, InputLaunch, LaunchConfig, LaunchError, PROTOCOL, PortLaunch, Role, Start,
+};
+pub use parent::{OnParentDeath, ParentProcess};
+pub(crate) use query::query;
+pub use serve::serve;
 
 use std::io::Read;
 use std::process::ExitCode;
@@ -54,24 +65,24 @@ use yamabico_core::behavior::{Plugin, factory};
 use yamabico_core::driver::Driver;
 use yamabico_core::plugins::Plugins;
 
-/// All that the `main` of a behavior's program has to do: `fn main() -> ExitCode { main::<MyBehavior>() }`.
+/// Main function of a behavior's program: `fn main() -> ExitCode { process::main::<MyBehavior>() }`.
 pub fn main<B: Plugin>() -> ExitCode {
     let behavior = factory::<B>();
     match std::env::args().nth(1) {
-        Some(argument) if argument == DESCRIBE => say(&Description::of(behavior.info())),
+        Some(argument) if argument == DESCRIBE => print(&BehaviorDescription::of(behavior.info())),
         _ => serve(&Plugins { behaviors: vec![behavior], drivers: Vec::new() }),
     }
 }
 
-/// All that the `main` of a driver's program has to do: `fn main() -> ExitCode { main_of_driver(driver()) }`.
+/// Main function of a driver's program: `fn main() -> ExitCode { process::main_of_driver(driver()) }`.
 pub fn main_of_driver(driver: Arc<dyn Driver>) -> ExitCode {
     match std::env::args().nth(1).as_deref() {
-        Some(DESCRIBE) => say(&DriverDescription::of(driver.info())),
+        Some(DESCRIBE) => print(&DriverDescription::of(driver.info())),
         Some(SENSOR) => {
             let mut text = String::new();
             let read = std::io::stdin().read_to_string(&mut text).is_ok();
             match serde_json::from_str(&text) {
-                Ok(question) if read => say(&SensorAnswer::of(driver.as_ref(), question)),
+                Ok(question) if read => print(&SensorAnswer::of(driver.as_ref(), question)),
                 _ => ExitCode::FAILURE,
             }
         }
@@ -79,8 +90,8 @@ pub fn main_of_driver(driver: Arc<dyn Driver>) -> ExitCode {
     }
 }
 
-fn say(what: &impl Serialize) -> ExitCode {
-    match serde_json::to_string_pretty(what) {
+fn print(answer: &impl Serialize) -> ExitCode {
+    match serde_json::to_string_pretty(answer) {
         Ok(text) => {
             println!("{text}");
             ExitCode::SUCCESS

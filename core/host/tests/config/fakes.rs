@@ -6,7 +6,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use yamabico_core::behavior::{
-    Behavior, BuildError, Inputs, Outputs, Plugin, Setup, Slot, SlotInfo, factory,
+    Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo, factory,
 };
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, PartSpec, SensorDescription, SensorOffer,
@@ -52,9 +52,9 @@ pub struct FollowerConfig {
     /// Weights of the last three headings. Newest first.
     #[schemars(length(min = 3, max = 3))]
     weights: Vec<f64>,
-    /// How to look for a lost wall.
+    /// Search for a lost wall.
     search: Option<Search>,
-    /// Pictures in a row without a wall.
+    /// Maximum number of consecutive frames without a wall.
     patience: u32,
 }
 
@@ -79,7 +79,7 @@ enum Side {
     Right,
 }
 
-/// How to look for a lost wall.
+/// Search for a lost wall.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Search {
@@ -106,18 +106,22 @@ impl Plugin for Follower {
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), POSE.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
-    fn new(config: FollowerConfig, setup: &Setup) -> Result<Self, BuildError> {
+    fn new(config: FollowerConfig, setup: &Setup) -> Result<Self, ParameterError> {
         let most = setup.robot.limits.speed[0];
         if config.speed_mps > most {
-            let problem = format!("{} m/s is more than this robot's {most} m/s", config.speed_mps);
-            return Err(BuildError::new("speed_mps", problem));
+            let problem =
+                format!("must be at most this robot's {most} m/s, but is {} m/s: lower it", config.speed_mps);
+            return Err(ParameterError::new("speed_mps", problem));
         }
         if config.search.is_some_and(|search| search.sweep_deg > 90.0 && search.turn_radps > 1.0) {
-            return Err(BuildError::new("search.sweep_deg", "a wide sweep needs a slow turn; at most 90"));
+            return Err(ParameterError::new(
+                "search.sweep_deg",
+                "a wide sweep needs a slow turn; at most 90",
+            ));
         }
         let sum: f64 = config.weights.iter().sum();
         if sum <= 0.0 {
-            return Err(BuildError::new("weights", "the sum must be positive"));
+            return Err(ParameterError::new("weights", "the sum must be positive"));
         }
         let _ = (config.side, config.patience);
         Ok(Follower)
@@ -156,7 +160,7 @@ impl Plugin for Halt {
     const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
     const CLAIMS: Axes = Axes::NONE;
 
-    fn new(config: HaltConfig, _: &Setup) -> Result<Self, BuildError> {
+    fn new(config: HaltConfig, _: &Setup) -> Result<Self, ParameterError> {
         let _ = (config.gate_m, config.clean);
         Ok(Halt)
     }
@@ -177,7 +181,7 @@ impl Plugin for Strafer {
     const INPUTS: &'static [SlotInfo] = &[];
     const CLAIMS: Axes = Axes::LATERAL;
 
-    fn new(_: NoParameters, _: &Setup) -> Result<Self, BuildError> {
+    fn new(_: NoParameters, _: &Setup) -> Result<Self, ParameterError> {
         Ok(Strafer)
     }
 }
@@ -186,7 +190,7 @@ impl Plugin for Strafer {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LocalizerConfig {
-    /// What to match.
+    /// Features to match.
     #[serde(rename = "match")]
     matching: Match,
     /// The file of what is known.
@@ -198,13 +202,13 @@ pub struct LocalizerConfig {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MapFile {
-    /// Of the map.
+    /// Length of the map.
     #[schemars(range(min = 1.0, max = 200.0))]
     #[allow(dead_code, reason = "for the schema")]
     length_m: f64,
 }
 
-/// What to match.
+/// Features to match.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Match {
@@ -216,7 +220,7 @@ enum Match {
     },
     /// Corners.
     Corners {
-        /// How many.
+        /// Number of corners.
         #[schemars(range(min = 1, max = 1000))]
         count: u32,
     },
@@ -248,9 +252,12 @@ impl Plugin for Localizer {
     const OUTPUTS: &'static [SlotInfo] = &[Slot::<Pose>::required("pose", "Where the robot is.").info()];
     const CLAIMS: Axes = Axes::NONE;
 
-    fn new(config: LocalizerConfig, setup: &Setup) -> Result<Self, BuildError> {
+    fn new(config: LocalizerConfig, setup: &Setup) -> Result<Self, ParameterError> {
         if let Some(map) = config.map.filter(|map| !setup.folder.join(map).is_file()) {
-            return Err(BuildError::new("map", format!("there is no {map} in {}", setup.folder.display())));
+            return Err(ParameterError::new(
+                "map",
+                format!("there is no {map} in {}", setup.folder.display()),
+            ));
         }
         match config.matching {
             Match::Edges { contrast } => _ = contrast,
@@ -260,7 +267,7 @@ impl Plugin for Localizer {
     }
 }
 
-/// Of a simulated world.
+/// Parameters of a simulated world.
 #[derive(Debug, Deserialize, JsonSchema)]
 struct SimConfig {
     /// The world file.
@@ -273,7 +280,7 @@ struct SimConfig {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct World {
-    /// Of the hallway.
+    /// Length of the hallway.
     #[schemars(range(min = 1.0, max = 200.0))]
     length_m: f64,
     /// Doors.
@@ -290,7 +297,7 @@ struct Door {
     at_m: f64,
 }
 
-/// Of a camera.
+/// Parameters of a camera.
 #[derive(Debug, Deserialize, JsonSchema)]
 struct CameraConfig {
     /// Pictures a second.
@@ -316,7 +323,7 @@ fn ninety() -> f64 {
     90.0
 }
 
-/// Of any other sensor.
+/// Parameters of any other sensor.
 #[derive(Debug, Deserialize, JsonSchema)]
 struct PeriodConfig {
     /// From one measurement to the next.
@@ -338,7 +345,7 @@ fn sim() -> Arc<dyn Driver> {
             let world: World = read(table).unwrap_or_default();
             let outside = world.doors.iter().enumerate().filter(|(_, door)| door.at_m > world.length_m);
             outside
-                .map(|(i, _)| BuildError::new(format!("door[{i}].at_m"), "lies beyond the far end"))
+                .map(|(i, _)| ParameterError::new(format!("door[{i}].at_m"), "lies beyond the far end"))
                 .collect()
         },
     };
@@ -358,7 +365,7 @@ fn sim() -> Arc<dyn Driver> {
     driver.describing(describe).checking(check_sensor).shared()
 }
 
-fn describe(sensor: &PartSpec) -> Result<SensorDescription, BuildError> {
+fn describe(sensor: &PartSpec) -> Result<SensorDescription, ParameterError> {
     if sensor.kind != "camera" {
         let period_s = read::<PeriodConfig>(&sensor.table)?.period_ms * 1e-3;
         return Ok(plain_sensor::<RangeScanHeader>(&sensor.name, period_s, 4096));
@@ -366,7 +373,7 @@ fn describe(sensor: &PartSpec) -> Result<SensorDescription, BuildError> {
     let config: CameraConfig = read(&sensor.table)?;
     if config.width_px % 2 == 1 {
         let problem = format!("{} is odd; take an even number", config.width_px);
-        return Err(BuildError::new("width_px", problem));
+        return Err(ParameterError::new("width_px", problem));
     }
     let bytes = config.width_px as usize * 480;
     let mut description = plain_sensor::<FrameHeader>(&sensor.name, 1.0 / config.rate_hz, bytes);
@@ -374,18 +381,18 @@ fn describe(sensor: &PartSpec) -> Result<SensorDescription, BuildError> {
     Ok(description)
 }
 
-fn check_sensor(sensor: &PartSpec, folder: &Path) -> Result<(), BuildError> {
+fn check_sensor(sensor: &PartSpec, folder: &Path) -> Result<(), ParameterError> {
     if sensor.kind != "camera" {
         return Ok(());
     }
     match &read::<CameraConfig>(&sensor.table)?.mask {
         Some(mask) if !folder.join(mask).is_file() => {
-            Err(BuildError::new("mask", format!("there is no picture {mask}")))
+            Err(ParameterError::new("mask", format!("there is no image {mask}")))
         }
         _ => Ok(()),
     }
 }
 
-fn unopened(_: DeviceSpec) -> Result<Device, BuildError> {
-    Err(BuildError::new("", "cannot be opened"))
+fn unopened(_: DeviceSpec) -> Result<Device, ParameterError> {
+    Err(ParameterError::new("", "cannot be opened"))
 }

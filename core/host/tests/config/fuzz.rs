@@ -7,12 +7,12 @@ use proptest::prelude::*;
 use yamabico_host::config::{Overrides, load};
 use yamabico_parameters::Style;
 
-use crate::fakes::plugins;
+use super::fakes::plugins;
 
 const TASK: &str = include_str!("../valid/hallway.toml");
 const ROBOT: &str = include_str!("../valid/robots/sim.toml");
 
-/// Loads a task and a robot of these bytes and renders what is said about them.
+/// Loads a task and a robot of these bytes and renders the errors.
 fn load_bytes(task: &[u8], robot: &[u8], set: Vec<String>) -> std::io::Result<()> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     let number = COUNT.fetch_add(1, Ordering::Relaxed);

@@ -6,7 +6,7 @@ use std::time::Duration;
 use yamabico_host::config::{Overrides, Policy, Task, load};
 use yamabico_parameters::Problems;
 
-use crate::fakes::plugins;
+use super::fakes::plugins;
 
 fn with(set: &[&str]) -> Result<Task, Problems> {
     let set = set.iter().map(|&text| text.to_owned()).collect();
@@ -43,14 +43,14 @@ fn a_path_on_the_command_line_starts_at_the_working_directory() {
 }
 
 #[test]
-fn another_robot_is_taken() {
+fn another_robot_replaces_the_one_of_the_task() {
     let overrides = Overrides { robot: Some(PathBuf::from("tests/valid/robots/sim.toml")), set: Vec::new() };
     let task = load(Path::new("tests/broken/robot_file_missing.toml"), &overrides, &plugins());
     assert_eq!(task.unwrap().robot.path, Path::new("tests/valid/robots/sim.toml"));
 }
 
 #[test]
-fn wrong_overrides_are_told_like_wrong_files() {
+fn invalid_overrides_are_reported_like_invalid_files() {
     let problems = with(&[
         "behaviors.sonar-halt.gate_m",
         "behaviors.sonar-halt.gate_m=far",
@@ -73,17 +73,17 @@ fn wrong_overrides_are_told_like_wrong_files() {
 }
 
 #[test]
-fn a_number_with_too_many_digits_is_not_nothing() {
+fn an_integer_out_of_range_is_an_error() {
     let problems = with(&["behaviors.wall-follower.patience=99999999999999999999"]).unwrap_err();
     insta::assert_snapshot!(problems.to_string());
 }
 
 #[test]
-fn every_wrong_override_is_told() {
+fn every_invalid_override_is_reported() {
     let problems = with(&["behaviors.sonar-halt.gate_m", "run.duration_s=1\narbiter.rate_hz=5"]).unwrap_err();
     let columns: Vec<(usize, String)> =
         problems.entries().into_iter().map(|entry| (entry.column, entry.label)).collect();
-    assert_eq!(columns, [(1, "there is no `=`".to_owned()), (16, "is not one value".to_owned())]);
+    assert_eq!(columns, [(1, "`=` is missing".to_owned()), (16, "must be one value".to_owned())]);
 }
 
 /// Keys of every kind of table; what they are set to is a program that leaves a mark.

@@ -1,8 +1,8 @@
-//! What people and editors are told about plugins and tasks.
+//! Descriptions, schemas and graphs of plugins and tasks.
 
 use yamabico_host::config::{describe, graph, list, schema};
 
-use crate::fakes::{check, plugins};
+use super::fakes::{check, plugins};
 
 #[test]
 fn a_plugin_is_described_with_units_ranges_and_defaults() {
@@ -14,7 +14,7 @@ fn a_plugin_is_described_with_units_ranges_and_defaults() {
     );
     assert_eq!(describe("localizer", &plugins()).unwrap().parameters.len(), 6);
     let error = describe("wall-folower", &plugins()).unwrap_err();
-    assert_eq!(error, "there is nothing called `wall-folower`; did you mean `wall-follower`?");
+    assert_eq!(error, "unknown name `wall-folower`; did you mean `wall-follower`?");
 }
 
 #[test]
@@ -29,7 +29,7 @@ fn everything_that_is_listed_can_be_described() {
 }
 
 #[test]
-fn every_reference_of_the_schema_leads_somewhere() {
+fn every_reference_of_the_schema_resolves() {
     let schema = schema(&plugins());
     for file in ["task", "robot"] {
         let whole = &schema[file];

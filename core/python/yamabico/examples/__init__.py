@@ -1,1 +1,1 @@
-"""Plugins to copy from."""
+"""Example plugins."""

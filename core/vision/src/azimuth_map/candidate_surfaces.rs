@@ -5,38 +5,38 @@ use serde::{Deserialize, Serialize};
 use super::adjacency::AdjacencyTable;
 use super::triangulation::Triangulated;
 
-/// What is known of what may stand between two edges.
+/// State of the space between two edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SurfaceState {
     /// Not tested.
     #[default]
     Unknown,
-    /// Something stands there.
+    /// A surface connects the edges.
     Solid,
-    /// A passage.
+    /// Open passage.
     Empty,
-    /// Something stands in front of it.
+    /// An object in front hides it.
     Nearer,
 }
 
-/// A surface that may stand between two neighboring edges.
+/// Potential surface between two adjacent edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// Numbers of the right and of the left edge.
+    /// Numbers of the right and the left edge.
     pub edges: [u32; 2],
-    /// Their positions.
+    /// Positions of the right and the left edge, map frame, m.
     pub ends: [Point2<f64>; 2],
 }
 
-/// What may be a surface.
+/// Criteria for candidate surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceRule {
-    /// In how many pictures its edges were neighbors, at least.
+    /// Minimum number of frames in which the edges were adjacent.
     pub min_frames: u32,
-    /// Largest standard deviation of its edges, meters.
+    /// Maximum standard deviation of an edge's position, m.
     pub max_sigma_m: f64,
-    /// Least width, meters.
+    /// Minimum width, m.
     pub min_width_m: f64,
 }
 
@@ -46,7 +46,7 @@ impl Default for SurfaceRule {
     }
 }
 
-/// Writes to `out` the pairs of edges that nothing was seen between.
+/// Writes to `out` the adjacent pairs of located edges with no other edge observed between them.
 pub fn candidate_surfaces(
     table: &AdjacencyTable,
     located: impl Fn(u32) -> Option<Triangulated>,

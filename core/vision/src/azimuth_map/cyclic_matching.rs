@@ -3,36 +3,36 @@ use std::f64::consts::TAU;
 
 use yamabico_geometry::angle_difference;
 
-/// An edge that is expected in the next picture.
+/// Edge predicted in the next frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExpectedEdge {
-    /// Where, radians.
+pub struct PredictedEdge {
+    /// Azimuth, rad.
     pub azimuth_rad: f64,
-    /// How the picture changes across it; `None` where that is not known.
+    /// Sign of the brightness change; `None` if unknown.
     pub sign: Option<EdgeSign>,
-    /// Length in the picture, pixels, > 0.
+    /// Length in the image, pixels, > 0.
     pub length_px: f64,
-    /// Farthest that it may be from there, radians, > 0.
+    /// Maximum deviation of the observed azimuth, rad, > 0.
     pub gate_rad: f64,
 }
 
-/// An edge that is seen.
+/// Edge observed in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SeenEdge {
-    /// Where, radians.
+pub struct ObservedEdge {
+    /// Azimuth, rad.
     pub azimuth_rad: f64,
-    /// How the picture changes across it.
+    /// Sign of the brightness change.
     pub sign: EdgeSign,
-    /// Length in the picture, pixels, > 0.
+    /// Length in the image, pixels, > 0.
     pub length_px: f64,
 }
 
-/// What a match costs.
+/// Costs of matching predicted and observed edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MatchingRule {
-    /// Cost of every expected and every seen edge that is left alone; a match at its gate costs 1.
+    /// Cost of each unmatched edge, predicted or observed; a match at its gate costs 1.
     pub gap_cost: f64,
-    /// Cost of a length that is e times another.
+    /// Cost of a length ratio of e.
     pub length_cost: f64,
 }
 
@@ -42,10 +42,10 @@ impl Default for MatchingRule {
     }
 }
 
-/// Matches the edges that are expected with those seen so that their order around the robot is the same: the cheapest such
-/// assignment. Keeps its buffers.
+/// Assigns observed to predicted edges at minimum cost, preserving their cyclic order around the robot. Reuses its
+/// buffers.
 ///
-/// Differs from Yagi et al. (1995), section III: correlation and the order of the neighbors are one cost.
+/// Differs from Yagi et al. (1995), section III: one cost combines similarity and the order of neighbors.
 #[derive(Clone, Debug, Default)]
 pub struct CyclicMatcher {
     expected: Vec<usize>,
@@ -64,11 +64,11 @@ enum Step {
 }
 
 impl CyclicMatcher {
-    /// The number of the expected edge of each seen one, or `None`, and what the assignment costs.
+    /// Returns the index of the predicted edge of each observed edge, or `None`, and the total cost.
     pub fn assign(
         &mut self,
-        expected: &[ExpectedEdge],
-        seen: &[SeenEdge],
+        expected: &[PredictedEdge],
+        seen: &[ObservedEdge],
         rule: &MatchingRule,
     ) -> (&[Option<usize>], f64) {
         sort_by_turn(&mut self.expected, expected.len(), |i| expected[i].azimuth_rad);
@@ -91,7 +91,8 @@ impl CyclicMatcher {
         (&self.expected_of_seen, cost)
     }
 
-    /// Cost of the cheapest alignment that begins with the seen edge number `turn`; with its steps, if wanted.
+    /// Minimum cost of an alignment that starts with the observed edge at index `turn`. Records the steps if
+    /// `keeps_steps` is set.
     fn align(&mut self, turn: usize, gap_cost: f64, keeps_steps: bool) -> f64 {
         let (rows, columns) = (self.expected.len(), self.seen.len());
         let [before, here] = &mut self.rows;
@@ -156,11 +157,11 @@ fn sort_by_turn(order: &mut Vec<usize>, count: usize, azimuth_rad: impl Fn(usize
     order.sort_unstable_by(|&a, &b| turn(a).total_cmp(&turn(b)).then(a.cmp(&b)));
 }
 
-/// Infinite where the two cannot be the same edge.
-fn cost(expected: &ExpectedEdge, seen: &SeenEdge, rule: &MatchingRule) -> f64 {
+/// Cost of a match; infinite for different edges.
+fn cost(expected: &PredictedEdge, seen: &ObservedEdge, rule: &MatchingRule) -> f64 {
     let off = angle_difference(seen.azimuth_rad, expected.azimuth_rad);
     let is_other = expected.sign.is_some_and(|sign| sign != seen.sign);
-    // Rounding does not put an edge at the gate beyond it.
+    // Tolerance for rounding: an edge exactly at the gate is inside.
     let is_near = off.abs() <= expected.gate_rad * (1.0 + 1e-9);
     let ratio = (seen.length_px / expected.length_px).ln();
     let cost = (off / expected.gate_rad).powi(2) + rule.length_cost * ratio * ratio;
@@ -171,41 +172,41 @@ fn cost(expected: &ExpectedEdge, seen: &SeenEdge, rule: &MatchingRule) -> f64 {
 mod tests {
     use super::*;
 
-    fn expected(azimuth_rad: f64) -> ExpectedEdge {
-        ExpectedEdge { azimuth_rad, sign: Some(EdgeSign::Brighter), length_px: 50.0, gate_rad: 0.1 }
+    fn expected(azimuth_rad: f64) -> PredictedEdge {
+        PredictedEdge { azimuth_rad, sign: Some(EdgeSign::Brighter), length_px: 50.0, gate_rad: 0.1 }
     }
 
-    fn seen(azimuth_rad: f64) -> SeenEdge {
-        SeenEdge { azimuth_rad, sign: EdgeSign::Brighter, length_px: 50.0 }
+    fn seen(azimuth_rad: f64) -> ObservedEdge {
+        ObservedEdge { azimuth_rad, sign: EdgeSign::Brighter, length_px: 50.0 }
     }
 
     #[test]
-    fn order_is_kept_where_the_nearest_would_cross() {
+    fn order_is_preserved() {
         let mut matcher = CyclicMatcher::default();
         let edges = [expected(1.0), expected(1.05)];
-        // The first one has moved past the old place of the second.
+        // The first edge has moved past the previous position of the second.
         let (assignment, _) = matcher.assign(&edges, &[seen(1.06), seen(1.11)], &MatchingRule::default());
         assert_eq!(assignment, [Some(0), Some(1)]);
     }
 
     #[test]
-    fn matching_goes_on_where_the_turn_closes() {
+    fn matching_wraps_around() {
         let mut matcher = CyclicMatcher::default();
         let edges = [expected(0.02), expected(3.0), expected(-0.05)];
-        let sights = [seen(3.03), seen(-0.01), seen(-0.08)];
-        let (assignment, _) = matcher.assign(&edges, &sights, &MatchingRule::default());
+        let observed = [seen(3.03), seen(-0.01), seen(-0.08)];
+        let (assignment, _) = matcher.assign(&edges, &observed, &MatchingRule::default());
         assert_eq!(assignment, [Some(1), Some(0), Some(2)]);
     }
 
     #[test]
-    fn nothing_and_no_numbers_are_left_alone() {
+    fn empty_and_nan_inputs_are_unmatched() {
         let mut matcher = CyclicMatcher::default();
         let rule = MatchingRule::default();
         assert_eq!(matcher.assign(&[], &[], &rule), (&[][..], 0.0));
         assert_eq!(matcher.assign(&[expected(0.0)], &[], &rule), (&[][..], 0.75));
         assert_eq!(matcher.assign(&[], &[seen(0.0)], &rule).0, [None]);
         assert_eq!(matcher.assign(&[expected(f64::NAN)], &[seen(0.0)], &rule), (&[None][..], 1.5));
-        let darker = SeenEdge { sign: EdgeSign::Darker, ..seen(0.0) };
+        let darker = ObservedEdge { sign: EdgeSign::Darker, ..seen(0.0) };
         assert_eq!(matcher.assign(&[expected(0.0)], &[darker], &rule).0, [None]);
     }
 }

@@ -3,8 +3,8 @@ use nalgebra::Point2;
 use super::adjacency::AdjacencyTable;
 use yamabico_geometry::angle_difference;
 
-/// Writes to `out` the located edges in the order of the table's rows: what is surely free, as long as no side of this polygon
-/// crosses another ([`is_simple`](crate::polygon::is_simple)).
+/// Writes to `out` the located edges in the order of the adjacency table. If this polygon is simple
+/// ([`is_simple`](crate::polygon::is_simple)), its interior is free space.
 ///
 /// Yagi et al. (1995), section IV.
 pub fn table_polygon(
@@ -16,10 +16,10 @@ pub fn table_polygon(
     out.extend(table.rows().iter().filter_map(|&number| position(number)));
 }
 
-/// Writes to `out` the polygon of the edges that are visible from `robot`, by their azimuths about it: what one picture shows to
-/// be free. Where it leaves half of the turn or more without an edge, the robot is a corner. Empty below three edges.
+/// Writes to `out` the free-space polygon of one frame: the edges visible from `robot`, sorted by azimuth. The robot
+/// itself is a corner between two edges that are pi or more apart. Empty for fewer than three edges.
 ///
-/// `edges` are put in order.
+/// Sorts `edges`.
 pub fn star_polygon(robot: Point2<f64>, edges: &mut [Point2<f64>], out: &mut Vec<Point2<f64>>) {
     out.clear();
     let azimuth = |point: &Point2<f64>| (point.y - robot.y).atan2(point.x - robot.x);
@@ -43,7 +43,7 @@ mod tests {
     use crate::polygon::{contains, signed_area};
 
     #[test]
-    fn behind_the_robot_nothing_is_known() {
+    fn space_behind_the_robot_is_unknown() {
         let mut edges = [(2.0, 1.0), (2.0, -1.0), (2.5, 0.0)].map(|(x, y)| Point2::new(x, y));
         let mut polygon = Vec::new();
         star_polygon(Point2::origin(), &mut edges, &mut polygon);
@@ -54,9 +54,9 @@ mod tests {
         assert!(polygon.is_empty());
     }
 
-    /// In a convex room whose corners are all seen, the polygon is the room.
+    /// In a convex room with all corners visible, the polygon is the room.
     #[test]
-    fn a_room_is_itself() {
+    fn a_convex_room_is_recovered() {
         let corners = [(2.0, 2.0), (-2.0, 2.5), (-2.0, -2.0), (2.0, -2.0)].map(|(x, y)| Point2::new(x, y));
         let mut edges = corners;
         let mut polygon = Vec::new();

@@ -1,73 +1,73 @@
 use nalgebra::RowVector2;
 
-use super::cyclic_matching::{MatchingRule, SeenEdge};
+use super::cyclic_matching::{MatchingRule, ObservedEdge};
 use super::relink::{LocatedEdge, RelinkRule};
 use super::triangulation::{Sighting, Triangulated, TriangulationRule, most_likely_crossing, triangulate};
 use crate::azimuth_profile::EdgeSign;
-use yamabico_geometry::{Pose2, angle_difference, wrap_angle};
+use yamabico_geometry::{Pose2, wrap_angle};
 
-/// How sure a locus is.
+/// State of a locus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LocusState {
-    /// Seen in a few pictures only.
+    /// Observed in few frames.
     Tentative,
-    /// Seen in enough pictures.
+    /// Observed in enough frames.
     Confirmed,
-    /// Confirmed, and not seen in the last pictures.
+    /// Confirmed, but not observed in the last frames.
     Occluded,
-    /// Located, and not seen for long: it waits to be seen again as another locus.
+    /// Located, but not observed for long: may be relinked with a new locus.
     Dormant,
 }
 
-/// One edge, followed over many pictures: its azimuths along the robot's way.
+/// Track of one edge over many frames: its azimuths along the robot's path.
 #[derive(Clone, Debug)]
 pub struct Locus {
-    /// Its number; never given twice.
+    /// Number; never reused.
     pub number: u32,
-    /// How the picture changes across it.
+    /// Sign of the brightness change.
     pub sign: EdgeSign,
-    /// Its length in the last picture that showed it, pixels.
+    /// Length in the last image that showed it, pixels.
     pub length_px: f64,
-    /// How sure it is.
+    /// State of the track.
     pub state: LocusState,
-    /// Pictures that showed it.
+    /// Number of frames that showed it.
     pub seen: u32,
-    /// Pictures since that did not.
+    /// Number of frames since it was last observed.
     pub missed: u32,
-    /// Where it is, once its bearings cross well enough.
+    /// Position; `None` until its bearings can be triangulated.
     pub position: Option<Triangulated>,
-    /// Where it was seen from and where, from the oldest to the newest; thinned out once there are many.
+    /// Sightings from the oldest to the newest, decimated if there are many.
     pub sightings: Vec<Sighting>,
-    /// The last azimuth, less what the sensor has turned since.
+    /// Last azimuth, minus the rotation of the sensor since.
     pub(super) azimuth_rad: f64,
-    /// Only every so many pictures' sighting is kept.
+    /// Decimation factor: every `stride`-th sighting is kept.
     stride: u32,
 }
 
-/// How loci are followed.
+/// Parameters of edge tracking.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocusRule {
-    /// Costs of the matching.
+    /// Matching costs.
     pub matching: MatchingRule,
-    /// When a position is believed.
+    /// Criteria for accepting a position.
     pub triangulation: TriangulationRule,
-    /// When a dormant locus is the same as a new one.
+    /// Criteria for relinking a dormant locus with a new one.
     pub relinking: RelinkRule,
-    /// Standard deviation of an azimuth, radians.
+    /// Standard deviation of an azimuth, rad.
     pub sigma_rad: f64,
-    /// Least gate, radians: added to what motion can do to an edge that is not located.
+    /// Minimum gate, rad. For an edge that is not located, added to the largest possible effect of the motion.
     pub min_gate_rad: f64,
-    /// How much the gate widens with each picture that does not show the edge, radians.
+    /// Growth of the gate per frame without the edge, rad.
     pub gate_growth_rad: f64,
-    /// Nearest distance of an edge that is not located, meters.
+    /// Minimum distance assumed for an edge that is not located, m.
     pub nearest_m: f64,
-    /// Pictures that confirm a locus.
+    /// Number of frames that confirm a locus.
     pub confirmed_after: u32,
-    /// Pictures without it after which a locus is dormant (or dropped, where it is not located).
+    /// Number of frames without the edge after which a locus becomes dormant, or is dropped if it is not located.
     pub dormant_after: u32,
-    /// Most sightings kept of a locus, at least 8.
+    /// Maximum number of sightings kept per locus, at least 8.
     pub max_sightings: usize,
-    /// Most loci.
+    /// Maximum number of loci.
     pub max_loci: usize,
 }
 
@@ -92,7 +92,7 @@ impl Default for LocusRule {
 impl Locus {
     pub(super) fn begin(
         number: u32,
-        edge: &SeenEdge,
+        edge: &ObservedEdge,
         sighting: Sighting,
         mut sightings: Vec<Sighting>,
         rule: &LocusRule,
@@ -114,7 +114,7 @@ impl Locus {
         }
     }
 
-    /// The edge as one with a position, if it has one.
+    /// Position, covariance and sign of the edge; `None` if it is not located.
     #[must_use]
     pub fn located(&self) -> Option<LocatedEdge> {
         self.position.map(|found| LocatedEdge {
@@ -142,7 +142,7 @@ impl Locus {
         }
     }
 
-    pub(super) fn extend(&mut self, edge: &SeenEdge, sighting: Sighting, rule: &LocusRule) {
+    pub(super) fn extend(&mut self, edge: &ObservedEdge, sighting: Sighting, rule: &LocusRule) {
         self.length_px = edge.length_px;
         self.azimuth_rad = edge.azimuth_rad;
         self.seen += 1;
@@ -153,9 +153,9 @@ impl Locus {
         }
     }
 
-    /// Every second sighting goes once there are too many; from then on fewer are kept.
-    pub(super) fn keep(&mut self, sighting: Sighting, most: usize) {
-        if self.sightings.len() >= most.max(8) {
+    /// Appends a sighting. Drops every other sighting and doubles the stride if there are too many.
+    pub(super) fn keep(&mut self, sighting: Sighting, max_sightings: usize) {
+        if self.sightings.len() >= max_sightings.max(8) {
             let mut is_kept = false;
             self.sightings.retain(|_| {
                 is_kept = !is_kept;
@@ -166,7 +166,7 @@ impl Locus {
         self.sightings.push(sighting);
     }
 
-    /// A position that is known already only needs to be polished.
+    /// A known position only needs refinement.
     pub(super) fn locate(&mut self, rule: &LocusRule) {
         let found = match &self.position {
             Some(known) => most_likely_crossing(&self.sightings, known.position, rule.sigma_rad)
@@ -176,13 +176,5 @@ impl Locus {
         let freedom = self.sightings.len().saturating_sub(2).max(1) as f64;
         self.position =
             found.ok().filter(|found| found.chi_squared / freedom <= rule.triangulation.max_chi_squared);
-    }
-
-    /// How far the last azimuth lies from that of the position, radians.
-    #[must_use]
-    pub fn misfit_rad(&self) -> Option<f64> {
-        let (found, last) = (self.position.as_ref()?, self.sightings.last()?);
-        let away = found.position - last.sensor.position();
-        Some(angle_difference(last.bearing_rad(), away.y.atan2(away.x)))
     }
 }

@@ -1,10 +1,11 @@
-use super::cyclic_matching::{CyclicMatcher, ExpectedEdge, SeenEdge};
+use super::cyclic_matching::{CyclicMatcher, ObservedEdge, PredictedEdge};
 use super::locus::{Locus, LocusRule, LocusState};
 use super::relink::relink;
 use super::triangulation::Sighting;
 use yamabico_geometry::{Pose2, wrap_angle};
 
-/// Follows all edges around the robot. Keeps its buffers: nothing is allocated once it has followed as many edges for as long.
+/// Tracks all edges around the robot. Reuses its buffers: does not allocate once it has tracked as many edges for as
+/// long.
 ///
 /// Yagi et al. (1995), section III.
 #[derive(Clone, Debug)]
@@ -13,16 +14,16 @@ pub struct LocusTracker {
     loci: Vec<Locus>,
     spare: Vec<Vec<Sighting>>,
     matcher: CyclicMatcher,
-    expected: Vec<ExpectedEdge>,
-    /// Which locus each of the expected edges is.
+    expected: Vec<PredictedEdge>,
+    /// Locus index of each predicted edge.
     followed: Vec<usize>,
-    locus_of_seen: Vec<Option<usize>>,
+    locus_of_observed: Vec<Option<usize>>,
     last: Option<Pose2>,
     next_number: u32,
 }
 
 impl LocusTracker {
-    /// Follows nothing yet.
+    /// Creates a tracker without loci.
     #[must_use]
     pub fn new(rule: LocusRule) -> Self {
         Self {
@@ -32,35 +33,35 @@ impl LocusTracker {
             matcher: CyclicMatcher::default(),
             expected: Vec::new(),
             followed: Vec::new(),
-            locus_of_seen: Vec::new(),
+            locus_of_observed: Vec::new(),
             last: None,
             next_number: 0,
         }
     }
 
-    /// All loci, in no order.
+    /// All loci, unordered.
     #[must_use]
     pub fn loci(&self) -> &[Locus] {
         &self.loci
     }
 
-    /// The locus with a number.
+    /// Locus with this number.
     #[must_use]
     pub fn locus(&self, number: u32) -> Option<&Locus> {
         self.loci.iter().find(|locus| locus.number == number)
     }
 
-    /// The place in [`LocusTracker::loci`] of the locus of each edge of the last picture.
+    /// Index in [`LocusTracker::loci`] of the locus of each edge of the last frame.
     #[must_use]
-    pub fn locus_of_seen(&self) -> &[Option<usize>] {
-        &self.locus_of_seen
+    pub fn locus_of_observed(&self) -> &[Option<usize>] {
+        &self.locus_of_observed
     }
 
-    /// Takes the edges of a picture, azimuths in the sensor's frame, taken where `sensor` (map from sensor) tells. A pose that is
-    /// not finite leaves everything as it is.
-    pub fn take(&mut self, seen: &[SeenEdge], sensor: &Pose2) {
-        self.locus_of_seen.clear();
-        self.locus_of_seen.resize(seen.len(), None);
+    /// Updates the loci with the edges of a frame taken at pose `sensor` (map from sensor). Azimuths are in the sensor
+    /// frame. A pose that is not finite leaves the loci unchanged.
+    pub fn update(&mut self, seen: &[ObservedEdge], sensor: &Pose2) {
+        self.locus_of_observed.clear();
+        self.locus_of_observed.resize(seen.len(), None);
         if !sensor.is_finite() {
             return;
         }
@@ -68,20 +69,20 @@ impl LocusTracker {
         self.last = Some(*sensor);
         self.predict(&step, sensor);
         let (assignment, _) = self.matcher.assign(&self.expected, seen, &self.rule.matching);
-        for (place, expected) in self.locus_of_seen.iter_mut().zip(assignment) {
-            *place = expected.map(|expected| self.followed[expected]);
+        for (index, expected) in self.locus_of_observed.iter_mut().zip(assignment) {
+            *index = expected.map(|expected| self.followed[expected]);
         }
         for locus in &mut self.loci {
             locus.missed += 1;
         }
-        for (edge, place) in seen.iter().zip(&mut self.locus_of_seen) {
+        for (edge, index) in seen.iter().zip(&mut self.locus_of_observed) {
             let sighting = Sighting { sensor: *sensor, azimuth_rad: edge.azimuth_rad };
-            match *place {
-                Some(place) => self.loci[place].extend(edge, sighting, &self.rule),
+            match *index {
+                Some(index) => self.loci[index].extend(edge, sighting, &self.rule),
                 None if self.loci.len() < self.rule.max_loci && edge.azimuth_rad.is_finite() => {
                     let sightings = self.spare.pop().unwrap_or_default();
                     let locus = Locus::begin(self.next_number, edge, sighting, sightings, &self.rule);
-                    *place = Some(self.loci.len());
+                    *index = Some(self.loci.len());
                     self.loci.push(locus);
                     self.next_number += 1;
                 }
@@ -95,14 +96,14 @@ impl LocusTracker {
     fn predict(&mut self, step: &Pose2, sensor: &Pose2) {
         self.expected.clear();
         self.followed.clear();
-        for (place, locus) in self.loci.iter_mut().enumerate() {
+        for (index, locus) in self.loci.iter_mut().enumerate() {
             locus.azimuth_rad = wrap_angle(locus.azimuth_rad - step.theta);
             if locus.state == LocusState::Dormant {
                 continue;
             }
             let (azimuth_rad, gate) = locus.predict(step, sensor, &self.rule);
-            self.followed.push(place);
-            self.expected.push(ExpectedEdge {
+            self.followed.push(index);
+            self.expected.push(PredictedEdge {
                 azimuth_rad,
                 sign: Some(locus.sign),
                 length_px: locus.length_px,
@@ -111,10 +112,10 @@ impl LocusTracker {
         }
     }
 
-    /// Joins loci that have just been located with dormant ones at the same place.
+    /// Joins newly located loci with dormant ones at the same position.
     fn relink(&mut self) {
-        for place in 0..self.loci.len() {
-            let Some(newer) = self.loci[place].located().filter(|_| self.loci[place].missed == 0) else {
+        for index in 0..self.loci.len() {
+            let Some(newer) = self.loci[index].located().filter(|_| self.loci[index].missed == 0) else {
                 continue;
             };
             let twin = self.loci.iter().position(|old| {
@@ -122,12 +123,12 @@ impl LocusTracker {
                 older.is_some_and(|older| relink(&older, &newer, &self.rule.relinking).is_some())
             });
             if let Some(twin) = twin {
-                self.join(twin, place);
+                self.join(twin, index);
             }
         }
     }
 
-    /// The older one lives on with the sightings of both; the newer one is left empty, to be dropped.
+    /// Moves the sightings of the newer locus to the older one. The newer locus is marked to be dropped.
     fn join(&mut self, old: usize, new: usize) {
         let mut sightings = std::mem::take(&mut self.loci[new].sightings);
         let newer = self.loci[new].clone();
@@ -145,8 +146,8 @@ impl LocusTracker {
         older.missed = 0;
         older.state = LocusState::Confirmed;
         older.locate(&self.rule);
-        for place in self.locus_of_seen.iter_mut().filter(|place| **place == Some(new)) {
-            *place = Some(old);
+        for index in self.locus_of_observed.iter_mut().filter(|index| **index == Some(new)) {
+            *index = Some(old);
         }
     }
 
@@ -161,19 +162,19 @@ impl LocusTracker {
                 _ => LocusState::Confirmed,
             };
         }
-        for place in (0..self.loci.len()).rev() {
-            let locus = &self.loci[place];
+        for index in (0..self.loci.len()).rev() {
+            let locus = &self.loci[index];
             let waits = locus.state == LocusState::Dormant && locus.missed < u32::MAX;
             if locus.missed <= rule.dormant_after || waits {
                 continue;
             }
-            let mut sightings = self.loci.swap_remove(place).sightings;
+            let mut sightings = self.loci.swap_remove(index).sightings;
             sightings.clear();
             self.spare.push(sightings);
             let moved = self.loci.len();
-            for seen in &mut self.locus_of_seen {
+            for seen in &mut self.locus_of_observed {
                 if *seen == Some(moved) {
-                    *seen = Some(place);
+                    *seen = Some(index);
                 }
             }
         }
@@ -187,13 +188,13 @@ mod tests {
     use nalgebra::Point2;
     use yamabico_geometry::wrap_angle;
 
-    fn look(edges: &[(Point2<f64>, EdgeSign)], sensor: &Pose2) -> Vec<SeenEdge> {
+    fn look(edges: &[(Point2<f64>, EdgeSign)], sensor: &Pose2) -> Vec<ObservedEdge> {
         edges
             .iter()
             .map(|(edge, sign)| {
                 let away = edge - sensor.position();
                 let azimuth_rad = wrap_angle(away.y.atan2(away.x) - sensor.theta);
-                SeenEdge { azimuth_rad, sign: *sign, length_px: 60.0 }
+                ObservedEdge { azimuth_rad, sign: *sign, length_px: 60.0 }
             })
             .collect()
     }
@@ -206,7 +207,7 @@ mod tests {
             .collect()
     }
 
-    fn way(frame: usize) -> Pose2 {
+    fn path(frame: usize) -> Pose2 {
         Pose2::new(-0.6 + 0.04 * frame as f64, 0.1 * (0.2 * frame as f64).sin(), 0.02 * frame as f64)
     }
 
@@ -215,29 +216,28 @@ mod tests {
         let edges = room();
         let mut tracker = LocusTracker::new(LocusRule::default());
         for frame in 0..30 {
-            tracker.take(&look(&edges, &way(frame)), &way(frame));
+            tracker.update(&look(&edges, &path(frame)), &path(frame));
         }
         assert_eq!(tracker.loci().len(), edges.len());
         for (number, (edge, sign)) in edges.iter().enumerate() {
-            let place = tracker.locus_of_seen()[number].unwrap();
-            let locus = &tracker.loci()[place];
+            let index = tracker.locus_of_observed()[number].unwrap();
+            let locus = &tracker.loci()[index];
             assert_eq!((locus.seen, locus.state, locus.sign), (30, LocusState::Confirmed, *sign));
             assert!((locus.position.unwrap().position - edge).norm() < 1e-6);
-            assert!(locus.misfit_rad().unwrap().abs() < 1e-6);
         }
     }
 
     #[test]
-    fn an_edge_that_was_hidden_is_the_same_again() {
+    fn a_hidden_edge_keeps_its_number() {
         let edges = room();
         let mut tracker = LocusTracker::new(LocusRule::default());
         let mut number = None;
         for frame in 0..60 {
             let is_hidden = (25..38).contains(&frame);
-            let seen = look(&edges[usize::from(is_hidden)..], &way(frame));
-            tracker.take(&seen, &way(frame));
+            let seen = look(&edges[usize::from(is_hidden)..], &path(frame));
+            tracker.update(&seen, &path(frame));
             if frame == 24 {
-                number = tracker.locus_of_seen()[0].map(|place| tracker.loci()[place].number);
+                number = tracker.locus_of_observed()[0].map(|index| tracker.loci()[index].number);
             }
             if frame == 36 {
                 let state = number.and_then(|number| tracker.locus(number)).map(|locus| locus.state);
@@ -245,19 +245,19 @@ mod tests {
             }
         }
         assert!(number.is_some());
-        assert_eq!(tracker.locus_of_seen()[0].map(|place| tracker.loci()[place].number), number);
+        assert_eq!(tracker.locus_of_observed()[0].map(|index| tracker.loci()[index].number), number);
         assert_eq!(tracker.loci().len(), edges.len());
     }
 
     #[test]
-    fn what_was_seen_once_is_dropped_and_no_number_harms() {
+    fn single_observations_are_dropped_and_nan_is_ignored() {
         let mut tracker = LocusTracker::new(LocusRule::default());
-        tracker.take(&look(&room(), &Pose2::IDENTITY), &Pose2::IDENTITY);
-        tracker.take(&[], &Pose2::new(f64::NAN, 0.0, 0.0));
+        tracker.update(&look(&room(), &Pose2::IDENTITY), &Pose2::IDENTITY);
+        tracker.update(&[], &Pose2::new(f64::NAN, 0.0, 0.0));
         assert_eq!(tracker.loci().len(), 7);
-        let broken = SeenEdge { azimuth_rad: f64::NAN, sign: EdgeSign::Darker, length_px: 1.0 };
+        let broken = ObservedEdge { azimuth_rad: f64::NAN, sign: EdgeSign::Darker, length_px: 1.0 };
         for _ in 0..7 {
-            tracker.take(&[broken], &Pose2::IDENTITY);
+            tracker.update(&[broken], &Pose2::IDENTITY);
         }
         assert!(tracker.loci().is_empty());
     }
@@ -269,7 +269,7 @@ mod tests {
         let edges = room();
         for frame in 0..200 {
             let sensor = Pose2::new(-0.6 + 0.006 * f64::from(frame), 0.0, 0.0);
-            tracker.take(&look(&edges, &sensor), &sensor);
+            tracker.update(&look(&edges, &sensor), &sensor);
         }
         assert_eq!(tracker.loci().len(), edges.len());
         assert!(tracker.loci().iter().all(|locus| locus.sightings.len() <= 16 && locus.seen == 200));

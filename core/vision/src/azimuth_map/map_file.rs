@@ -8,20 +8,20 @@ use super::candidate_surfaces::SurfaceState;
 use super::relink::LocatedEdge;
 use crate::azimuth_profile::EdgeSign;
 use crate::map::MapError;
-use yamabico_parameters::{BuildError, FileKind, Problems};
+use yamabico_parameters::{FileKind, ParameterError, Problems};
 
-/// Files with a map of vertical edges, as behaviors name them.
+/// File kind of maps of vertical edges.
 pub const EDGE_MAP_FILE: FileKind = FileKind {
     key: "edge_map",
     what: "a map of vertical edges",
     schema: || schema_for!(EdgeMap),
     rules: |table| match table.clone().try_into::<EdgeMap>() {
         Ok(map) => map.rules(),
-        Err(error) => vec![BuildError::new("", error.message())],
+        Err(error) => vec![ParameterError::new("", error.message())],
     },
 };
 
-/// Vertical edges in plan, what stands between them, and where it is free.
+/// Map of vertical edges, with the surfaces between them and free space.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EdgeMap {
@@ -29,55 +29,55 @@ pub struct EdgeMap {
     #[serde(rename = "edge")]
     #[schemars(length(max = 2000))]
     pub edges: Vec<MapEdge>,
-    /// What may stand between two of them.
+    /// Potential surfaces between pairs of edges.
     #[serde(rename = "surface")]
     #[schemars(length(max = 10_000))]
     pub surfaces: Vec<MapSurface>,
-    /// Corners of what is free for certain, x and y, meters, each -1000 to 1000.
+    /// Corners of the polygon that is known to be free, x and y.
     #[schemars(length(max = 4000), inner(inner(range(min = -1000.0, max = 1000.0))))]
     pub free_m: Vec<[f64; 2]>,
 }
 
-/// A vertical edge.
+/// Vertical edge of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MapEdge {
-    /// Number by which surfaces name it, 0 to 1000000; each once.
+    /// Number by which surfaces refer to the edge, unique.
     #[schemars(range(max = 1_000_000))]
     pub number: u32,
-    /// Where it stands: x, y, meters, each -1000 to 1000.
+    /// Position x, y.
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub at_m: [f64; 2],
-    /// Covariance: of x, of x and y, of y, square meters, each -100 to 100, default none.
+    /// Covariance xx, xy, yy.
     #[serde(default)]
     #[schemars(inner(range(min = -100.0, max = 100.0)))]
     pub covariance_m2: [f64; 3],
-    /// How the picture changes across it to the left, 1 brighter, -1 darker, 0 not known, default 0.
+    /// Sign of the brightness change from right to left: 1 brighter, -1 darker, 0 unknown.
     #[serde(default)]
     #[schemars(range(min = -1, max = 1))]
     pub sign: i8,
-    /// In how many pictures it was seen, default 0.
+    /// Number of frames in which the edge was observed.
     #[serde(default)]
     pub seen: u32,
 }
 
-/// What may stand between two edges.
+/// Potential surface between two edges of a map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MapSurface {
-    /// Number of the edge on its right, seen from the free side, 0 to 1000000.
+    /// Number of the right edge, as seen from the free side.
     #[schemars(range(max = 1_000_000))]
     pub right: u32,
-    /// Number of the edge on its left, 0 to 1000000.
+    /// Number of the left edge, as seen from the free side.
     #[schemars(range(max = 1_000_000))]
     pub left: u32,
-    /// What is known of it, default unknown.
+    /// State of the surface.
     #[serde(default)]
     pub state: SurfaceState,
 }
 
 impl MapEdge {
-    /// The edge of a map file.
+    /// Creates the map entry of a located edge.
     #[must_use]
     pub fn new(number: u32, edge: &LocatedEdge, seen: u32) -> Self {
         let (at, spread) = (edge.position, edge.covariance);
@@ -90,7 +90,7 @@ impl MapEdge {
         }
     }
 
-    /// The edge as one with a position.
+    /// Position, covariance and sign of the edge.
     #[must_use]
     pub fn located(&self) -> LocatedEdge {
         let [xx, xy, yy] = self.covariance_m2;
@@ -103,10 +103,10 @@ impl MapEdge {
 }
 
 impl EdgeMap {
-    /// Reads and checks a file.
+    /// Reads and validates a map file.
     ///
     /// # Errors
-    /// A file that cannot be read, or everything that is wrong in it.
+    /// [`MapError`] if the file cannot be read, or with all invalid content.
     pub fn read(path: &Path) -> Result<Self, MapError> {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path)
@@ -114,15 +114,15 @@ impl EdgeMap {
         Ok(Self::parse(&name, &text)?)
     }
 
-    /// Reads and checks the text of a file.
+    /// Parses and validates the text of a map file.
     ///
     /// # Errors
-    /// Everything that is wrong in it, with its place.
+    /// All invalid content, with its location.
     pub fn from_toml(text: &str) -> Result<Self, Problems> {
         Self::parse("the map", text)
     }
 
-    /// Its text, without a comment: lengths to the tenth of a millimeter.
+    /// Serializes the map as TOML without comments, lengths to 0.1 mm.
     #[must_use]
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;
@@ -154,13 +154,13 @@ impl EdgeMap {
         text.replace("-0.0000", "0.0000").replace("], ]", "]]")
     }
 
-    /// The edge with a number.
+    /// Edge with this number.
     #[must_use]
     pub fn edge(&self, number: u32) -> Option<&MapEdge> {
         self.edges.iter().find(|edge| edge.number == number)
     }
 
-    /// The ends of the surfaces that something stands in, or may: all but passages.
+    /// Endpoints of all surfaces but open passages.
     pub fn walls(&self) -> impl Iterator<Item = [Point2<f64>; 2]> {
         let standing = self.surfaces.iter().filter(|surface| surface.state != SurfaceState::Empty);
         standing.filter_map(|surface| {
@@ -174,32 +174,32 @@ impl EdgeMap {
         Ok(table.try_into().unwrap_or_default())
     }
 
-    fn rules(&self) -> Vec<BuildError> {
+    fn rules(&self) -> Vec<ParameterError> {
         if self.edges.is_empty() {
-            return vec![BuildError::new("edge", "is missing: a map needs at least one edge to see")];
+            return vec![ParameterError::new("edge", "is missing: a map needs at least one edge")];
         }
-        let mut broken = Vec::new();
+        let mut errors = Vec::new();
         let mut numbers = std::collections::HashSet::new();
         for (i, edge) in self.edges.iter().enumerate() {
             if !numbers.insert(edge.number) {
-                let problem = format!("{} names another edge already", edge.number);
-                broken.push(BuildError::new(format!("edge[{i}].number"), problem));
+                let problem = format!("{} is already the number of another edge", edge.number);
+                errors.push(ParameterError::new(format!("edge[{i}].number"), problem));
             }
             let [xx, xy, yy] = edge.covariance_m2;
             if xx < 0.0 || yy < 0.0 || xy * xy > xx * yy * (1.0 + 1e-9) {
-                let problem = "is no covariance: variances of x and y, and between them their covariance";
-                broken.push(BuildError::new(format!("edge[{i}].covariance_m2"), problem));
+                let problem = "is not positive semidefinite: give the variance of x, the covariance, and the variance of y";
+                errors.push(ParameterError::new(format!("edge[{i}].covariance_m2"), problem));
             }
         }
         for (i, surface) in self.surfaces.iter().enumerate() {
             for (key, number) in [("right", surface.right), ("left", surface.left)] {
                 if !numbers.contains(&number) {
-                    let problem = format!("names edge {number}, which the map does not have");
-                    broken.push(BuildError::new(format!("surface[{i}].{key}"), problem));
+                    let problem = format!("refers to edge {number}, which is not in the map");
+                    errors.push(ParameterError::new(format!("surface[{i}].{key}"), problem));
                 }
             }
         }
-        broken
+        errors
     }
 }
 
@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_again() {
+    fn a_map_survives_serialization() {
         let map = map();
         let text = map.to_toml();
         assert_eq!(EdgeMap::from_toml(&text).unwrap(), map, "{text}");
@@ -237,15 +237,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn invalid_maps_are_rejected() {
         let broken = |change: fn(&mut EdgeMap)| {
             let mut map = map();
             change(&mut map);
             EdgeMap::from_toml(&map.to_toml()).unwrap_err().to_string()
         };
-        assert!(broken(|map| map.edges[1].number = 3).contains("names another edge already"));
+        assert!(broken(|map| map.edges[1].number = 3).contains("already the number of another edge"));
         assert!(broken(|map| map.surfaces[0].left = 99).contains("edge 99"));
-        assert!(broken(|map| map.edges[0].covariance_m2 = [1e-4, 1.0, 1e-4]).contains("is no covariance"));
+        assert!(
+            broken(|map| map.edges[0].covariance_m2 = [1e-4, 1.0, 1e-4])
+                .contains("not positive semidefinite")
+        );
         assert!(broken(|map| map.edges.clear()).contains("at least one edge"));
         assert!(broken(|map| map.edges[0].at_m[0] = 5000.0).contains("1000"));
     }

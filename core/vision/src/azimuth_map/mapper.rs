@@ -3,9 +3,9 @@ use thiserror::Error;
 
 use super::adjacency::AdjacencyTable;
 use super::candidate_surfaces::{Surface, SurfaceRule, SurfaceState, candidate_surfaces};
-use super::cyclic_matching::SeenEdge;
+use super::cyclic_matching::ObservedEdge;
 use super::free_space::{star_polygon, table_polygon};
-use super::joint_adjustment::{Adjusted, AdjustmentError, BearingObservation, WayRule, adjust};
+use super::joint_adjustment::{Adjusted, AdjustmentError, AdjustmentRule, BearingObservation, adjust};
 use super::locus::LocusRule;
 use super::locus_tracker::LocusTracker;
 use super::map_file::{EdgeMap, MapEdge, MapSurface};
@@ -15,26 +15,26 @@ use crate::azimuth_profile::{AzimuthEdge, EdgeSign};
 use crate::polygon::is_simple;
 use yamabico_geometry::Pose2;
 
-/// How a map is made.
+/// Parameters of mapping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapperRule {
-    /// How edges are followed.
+    /// Parameters of edge tracking.
     pub loci: LocusRule,
-    /// How places and edges are adjusted together.
-    pub ways: WayRule,
-    /// What may be a surface.
+    /// Noise model of the joint adjustment.
+    pub adjustment: AdjustmentRule,
+    /// Criteria for candidate surfaces.
     pub surfaces: SurfaceRule,
-    /// Which edges are one.
+    /// Criteria for merging duplicate edges.
     pub relinking: RelinkRule,
-    /// How sharp a point of an edge is seen, pixels, and the least standard deviation of an azimuth, radians.
+    /// Standard deviation of an edge point, pixels, and minimum standard deviation of an azimuth, rad.
     pub azimuth_sigma: (f64, f64),
-    /// An edge of the map was seen in more pictures than this.
+    /// Number of frames that must be exceeded for an edge to enter the map.
     pub min_seen: u32,
-    /// An edge whose azimuths miss its place by more, as a root mean square in standard deviations, is none.
+    /// Maximum root mean square azimuth residual of an edge in the map, standard deviations.
     pub max_misfit: f64,
-    /// Pictures nearer to the last one than this are left out: meters, radians.
+    /// Minimum distance between key frames: m, or rad.
     pub key_frame: (f64, f64),
-    /// Most pictures of a map; then every other one is forgotten.
+    /// Maximum number of key frames. Beyond it, every other observation is dropped.
     pub max_frames: usize,
 }
 
@@ -43,7 +43,7 @@ impl Default for MapperRule {
         let degrees = f64::to_radians;
         Self {
             loci: LocusRule { sigma_rad: degrees(1.0), min_gate_rad: degrees(4.0), ..LocusRule::default() },
-            ways: WayRule::default(),
+            adjustment: AdjustmentRule::default(),
             surfaces: SurfaceRule::default(),
             relinking: RelinkRule::default(),
             azimuth_sigma: (0.3, degrees(0.05)),
@@ -55,45 +55,47 @@ impl Default for MapperRule {
     }
 }
 
-/// Why there is no map.
+/// Reason why there is no map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum MapperError {
-    /// No edge was seen in enough pictures from enough places.
-    #[error("no edge could be located: {frames} pictures, {loci} edges followed")]
+    /// No edge was observed in enough frames from enough positions.
+    #[error(
+        "no edge could be located in {frames} frames with {loci} tracked edges: drive a path with more parallax"
+    )]
     NoEdges {
-        /// Pictures that were used.
+        /// Number of key frames.
         frames: usize,
-        /// Edges that were followed.
+        /// Number of tracked edges.
         loci: usize,
     },
-    /// They do not fit together.
+    /// The joint adjustment failed.
     #[error("the edges cannot be adjusted: {0}")]
     Adjustment(#[from] AdjustmentError),
 }
 
-/// Puts a map together from the azimuths of edges along a way.
+/// Builds a map from the azimuths of edges along a path.
 #[derive(Clone, Debug)]
 pub struct Mapper {
     rule: MapperRule,
     tracker: LocusTracker,
     adjacency: AdjacencyTable,
-    places: Vec<Pose2>,
-    seen: Vec<SeenBy>,
-    spare: Vec<SeenEdge>,
+    poses: Vec<Pose2>,
+    seen: Vec<LocusObservation>,
+    spare: Vec<ObservedEdge>,
 }
 
-/// Locus `number` seen from a place.
+/// Observation of locus `number` from a pose.
 #[derive(Clone, Copy, Debug)]
-struct SeenBy {
-    place: usize,
+struct LocusObservation {
+    pose: usize,
     number: u32,
     azimuth_rad: f64,
     sigma_rad: f64,
 }
 
-/// An edge that was located.
+/// Locus with a position.
 #[derive(Clone, Copy, Debug)]
-struct Known {
+struct LocatedLocus {
     number: u32,
     sign: EdgeSign,
     seen: u32,
@@ -101,111 +103,113 @@ struct Known {
 }
 
 impl Mapper {
-    /// An empty map.
+    /// Creates an empty mapper.
     #[must_use]
     pub fn new(rule: MapperRule) -> Self {
         Self {
             tracker: LocusTracker::new(rule.loci),
             rule,
             adjacency: AdjacencyTable::default(),
-            places: Vec::new(),
+            poses: Vec::new(),
             seen: Vec::new(),
             spare: Vec::new(),
         }
     }
 
-    /// Where the camera was by the odometry, a place for each picture that was used.
+    /// Camera poses of the key frames according to odometry.
     #[must_use]
-    pub fn places(&self) -> &[Pose2] {
-        &self.places
+    pub fn poses(&self) -> &[Pose2] {
+        &self.poses
     }
 
-    /// Takes the edges of a picture and where the camera was by the odometry. A picture from nearly where the last one was
-    /// changes nothing; nor does one from nowhere.
-    pub fn take(&mut self, edges: &[AzimuthEdge], camera: &Pose2) {
-        let (way_m, turn_rad) = self.rule.key_frame;
-        let is_new = self.places.last().is_none_or(|last| {
+    /// Adds a frame: its edges and the camera pose according to odometry. Ignores a frame close to the last key frame,
+    /// and a pose that is not finite.
+    pub fn add_frame(&mut self, edges: &[AzimuthEdge], camera: &Pose2) {
+        let (distance_m, turn_rad) = self.rule.key_frame;
+        let is_new = self.poses.last().is_none_or(|last| {
             let moved = last.relative(camera);
-            moved.x.hypot(moved.y) >= way_m || moved.theta.abs() >= turn_rad
+            moved.x.hypot(moved.y) >= distance_m || moved.theta.abs() >= turn_rad
         });
         if !is_new || !camera.is_finite() {
             return;
         }
-        if self.places.len() >= self.rule.max_frames {
+        if self.poses.len() >= self.rule.max_frames {
             self.thin_out();
         }
-        let place = self.places.len();
-        self.places.push(*camera);
+        let pose = self.poses.len();
+        self.poses.push(*camera);
         self.spare.clear();
-        self.spare.extend(edges.iter().map(|edge| SeenEdge {
+        self.spare.extend(edges.iter().map(|edge| ObservedEdge {
             azimuth_rad: edge.azimuth_rad,
             sign: edge.sign,
             length_px: edge.length_px,
         }));
-        self.tracker.take(&self.spare, camera);
+        self.tracker.update(&self.spare, camera);
         let (point_px, min_rad) = self.rule.azimuth_sigma;
         let loci = self.tracker.loci();
-        let matched = edges.iter().zip(self.tracker.locus_of_seen());
+        let matched = edges.iter().zip(self.tracker.locus_of_observed());
         let now = matched.filter_map(|(edge, locus)| {
             let number = loci[(*locus)?].number;
             let sigma_rad = edge.sigma_rad(point_px, min_rad);
-            Some(SeenBy { place, number, azimuth_rad: edge.azimuth_rad, sigma_rad })
+            Some(LocusObservation { pose, number, azimuth_rad: edge.azimuth_rad, sigma_rad })
         });
         let first = self.seen.len();
         self.seen.extend(now);
-        let bearing = |one: &SeenBy| (one.number, one.azimuth_rad + camera.theta);
-        self.adjacency.take(self.seen[first..].iter().map(bearing));
+        let bearing =
+            |observation: &LocusObservation| (observation.number, observation.azimuth_rad + camera.theta);
+        self.adjacency.update(self.seen[first..].iter().map(bearing));
     }
 
-    /// The map: every edge that was located, adjusted together with the way; what may stand between them; and what is free.
+    /// Builds the map: all located edges, jointly adjusted with the path, the surfaces between them, and free space.
     ///
     /// # Errors
     /// [`MapperError`].
     pub fn finish(&self) -> Result<EdgeMap, MapperError> {
-        let mut known: Vec<Known> = self
+        let mut located: Vec<LocatedLocus> = self
             .tracker
             .loci()
             .iter()
             .filter(|locus| locus.seen > self.rule.min_seen)
             .filter_map(|locus| {
                 let position = locus.position?.position;
-                Some(Known { number: locus.number, sign: locus.sign, seen: locus.seen, position })
+                Some(LocatedLocus { number: locus.number, sign: locus.sign, seen: locus.seen, position })
             })
             .collect();
-        let nothing = MapperError::NoEdges { frames: self.places.len(), loci: self.tracker.loci().len() };
-        if known.is_empty() {
-            return Err(nothing);
+        let no_edges = MapperError::NoEdges { frames: self.poses.len(), loci: self.tracker.loci().len() };
+        if located.is_empty() {
+            return Err(no_edges);
         }
-        let adjusted = self.adjusted(&known)?;
-        // Where something near hides something far no edge stands: it wanders, and fits no place.
+        let adjusted = self.adjusted(&located)?;
+        // An occlusion boundary between a near and a far object is not a fixed edge: it moves with the robot and fits
+        // no position.
         let mut misfits = adjusted.misfits.iter();
-        known.retain(|_| misfits.next().is_some_and(|misfit| *misfit <= self.rule.max_misfit));
-        if known.is_empty() {
-            return Err(nothing);
+        located.retain(|_| misfits.next().is_some_and(|misfit| *misfit <= self.rule.max_misfit));
+        if located.is_empty() {
+            return Err(no_edges);
         }
-        let adjusted = self.adjusted(&known)?;
-        let edges = self.merged(&known, &adjusted);
+        let adjusted = self.adjusted(&located)?;
+        let edges = self.merged(&located, &adjusted);
         let surfaces = self.surfaces(&edges);
         let free_m = self.free(&edges).iter().map(|corner| [corner.x, corner.y]).collect();
         Ok(EdgeMap { edges, surfaces, free_m })
     }
 
-    /// These edges and all places, fitted together.
-    fn adjusted(&self, known: &[Known]) -> Result<Adjusted, AdjustmentError> {
-        let positions: Vec<_> = known.iter().map(|edge| edge.position).collect();
-        let observation = |one: &SeenBy| {
-            let edge = known.iter().position(|edge| edge.number == one.number)?;
-            let (azimuth_rad, sigma_rad) = (one.azimuth_rad, one.sigma_rad);
-            Some(BearingObservation { place: one.place, edge, azimuth_rad, sigma_rad })
+    /// Adjusts these edges and all poses jointly.
+    fn adjusted(&self, located: &[LocatedLocus]) -> Result<Adjusted, AdjustmentError> {
+        let positions: Vec<_> = located.iter().map(|edge| edge.position).collect();
+        let observation = |observation: &LocusObservation| {
+            let edge = located.iter().position(|edge| edge.number == observation.number)?;
+            let (azimuth_rad, sigma_rad) = (observation.azimuth_rad, observation.sigma_rad);
+            Some(BearingObservation { pose: observation.pose, edge, azimuth_rad, sigma_rad })
         };
         let seen: Vec<_> = self.seen.iter().filter_map(observation).collect();
-        adjust(&self.places, &positions, &seen, &self.rule.ways)
+        adjust(&self.poses, &positions, &seen, &self.rule.adjustment)
     }
 
-    /// The edges; those that were lost and found again are one.
-    fn merged(&self, known: &[Known], adjusted: &Adjusted) -> Vec<MapEdge> {
+    /// Map edges, with duplicates from lost and recovered tracks merged.
+    fn merged(&self, located: &[LocatedLocus], adjusted: &Adjusted) -> Vec<MapEdge> {
         let mut edges: Vec<(u32, u32, LocatedEdge)> = Vec::new();
-        for ((edge, position), covariance) in known.iter().zip(&adjusted.edges).zip(&adjusted.covariances) {
+        for ((edge, position), covariance) in located.iter().zip(&adjusted.edges).zip(&adjusted.covariances) {
             let here = LocatedEdge { position: *position, covariance: *covariance, sign: Some(edge.sign) };
             let twin = edges
                 .iter_mut()
@@ -248,21 +252,21 @@ impl Mapper {
         table_polygon(&self.adjacency, at, &mut polygon);
         if !is_simple(&polygon) {
             let mut corners: Vec<_> = edges.iter().map(|edge| Point2::from(edge.at_m)).collect();
-            let here = self.places.last().map_or(Point2::origin(), Pose2::position);
+            let here = self.poses.last().map_or(Point2::origin(), Pose2::position);
             star_polygon(here, &mut corners, &mut polygon);
         }
         polygon
     }
 
-    /// Forgets every other place.
+    /// Drops every other key frame.
     fn thin_out(&mut self) {
         let mut number = 0;
-        self.places.retain(|_| {
+        self.poses.retain(|_| {
             number += 1;
             number % 2 == 1
         });
-        self.seen.retain(|one| one.place % 2 == 0);
-        self.seen.iter_mut().for_each(|one| one.place /= 2);
+        self.seen.retain(|observation| observation.pose % 2 == 0);
+        self.seen.iter_mut().for_each(|observation| observation.pose /= 2);
         self.rule.key_frame.0 *= 2.0;
         self.rule.key_frame.1 *= 2.0;
     }

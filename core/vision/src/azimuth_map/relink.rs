@@ -2,23 +2,23 @@ use nalgebra::{Matrix2, Point2};
 
 use crate::azimuth_profile::EdgeSign;
 
-/// An edge with its position.
+/// Edge with its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocatedEdge {
-    /// On the map, meters.
+    /// Position, map frame, m.
     pub position: Point2<f64>,
-    /// Square meters.
+    /// Covariance, m^2.
     pub covariance: Matrix2<f64>,
-    /// How the picture changes across it; `None` where that is not known.
+    /// Sign of the brightness change; `None` if unknown.
     pub sign: Option<EdgeSign>,
 }
 
-/// When two edges are one that was hidden for a while.
+/// Criteria for two edges being the same one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RelinkRule {
-    /// Largest distance, meters.
+    /// Maximum distance, m.
     pub farthest_m: f64,
-    /// Largest squared Mahalanobis distance, two degrees of freedom.
+    /// Maximum squared Mahalanobis distance, two degrees of freedom.
     pub gate: f64,
 }
 
@@ -28,16 +28,16 @@ impl Default for RelinkRule {
     }
 }
 
-/// The squared Mahalanobis distance of two edges; infinite where there is none.
+/// Squared Mahalanobis distance of two edges; infinite if the covariance is singular.
 fn distance_squared(a: &LocatedEdge, b: &LocatedEdge) -> f64 {
     let apart = b.position - a.position;
     let inverse = (a.covariance + b.covariance).try_inverse();
     inverse.map_or(f64::INFINITY, |inverse| apart.dot(&(inverse * apart)))
 }
 
-/// The two as one edge, each weighted by what is known of it; `None` where they are two.
+/// Merges two observations of the same edge, weighted by their information; `None` if they are different edges.
 ///
-/// Where the sightings are at hand, triangulating all of them is better.
+/// If the sightings are available, triangulating all of them is more accurate.
 #[must_use]
 pub fn relink(a: &LocatedEdge, b: &LocatedEdge, rule: &RelinkRule) -> Option<LocatedEdge> {
     let is_same = a.sign == b.sign
@@ -52,10 +52,10 @@ pub fn relink(a: &LocatedEdge, b: &LocatedEdge, rule: &RelinkRule) -> Option<Loc
     Some(LocatedEdge { position, covariance, sign: a.sign })
 }
 
-/// Whether an edge of the map stands within `farthest_m` of `edge` and does not look otherwise: then what was found is the
-/// edge of the map, and nothing unknown.
+/// Returns true if an edge of the map with a compatible sign lies within `farthest_m` of `edge`, so that `edge` is not
+/// an unknown obstacle.
 #[must_use]
-pub fn explains(map: &[LocatedEdge], edge: &LocatedEdge, farthest_m: f64) -> bool {
+pub fn is_explained(map: &[LocatedEdge], edge: &LocatedEdge, farthest_m: f64) -> bool {
     map.iter().any(|known| {
         let may_be = match (known.sign, edge.sign) {
             (Some(known), Some(seen)) => known == seen,

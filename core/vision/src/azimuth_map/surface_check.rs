@@ -3,51 +3,51 @@ use nalgebra::Point2;
 use super::candidate_surfaces::SurfaceState;
 use yamabico_geometry::Pose2;
 
-/// What a range sensor tells.
+/// Measurement of a range sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeReading {
-    /// Map from sensor: the beam runs along its x.
+    /// Pose of the sensor, map from sensor. The beam points along its x axis.
     pub sensor: Pose2,
-    /// Meters; `None` for no echo.
+    /// Range, m; `None` without an echo.
     pub range_m: Option<f64>,
-    /// Standard deviation of the distance to the surface that is expected, meters.
+    /// Standard deviation of the predicted distance to the surface, m.
     pub sigma_m: f64,
 }
 
-/// What a reading says about a surface.
+/// Result of comparing a reading with a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadingClass {
-    /// Nothing: the beam misses it, grazes it, or reaches not so far.
+    /// No information: the beam misses or grazes the surface, or the surface is out of range.
     Untestable,
-    /// An echo from where the surface should be.
+    /// Echo at the distance of the surface.
     At,
-    /// No echo, or one from behind.
+    /// No echo, or an echo from beyond the surface.
     Beyond,
-    /// An echo from before it.
+    /// Echo from in front of the surface.
     Nearer,
 }
 
-/// How readings are judged.
+/// Parameters of the surface check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceCheckRule {
-    /// Least tolerance of the range, meters.
+    /// Minimum range tolerance, m.
     pub min_tolerance_m: f64,
-    /// Tolerance in standard deviations.
+    /// Range tolerance, standard deviations.
     pub tolerance_sigmas: f64,
-    /// Largest angle between beam and normal, radians.
+    /// Maximum angle of incidence, rad.
     pub max_incidence_rad: f64,
-    /// Least distance of the hit from an end of the surface, meters.
+    /// Minimum distance of the hit from an end of the surface, m.
     pub margin_m: f64,
-    /// Readings beyond, one after the other while the robot comes nearer, that make a passage.
+    /// Number of consecutive `Beyond` readings, at decreasing distance, that establish a passage.
     pub min_beyond: u32,
-    /// Readings at (or before) the surface, one after the other, that make it solid (or something before it).
+    /// Number of consecutive `At` (or `Nearer`) readings that establish a surface (or an object in front of it).
     pub min_at: u32,
-    /// Farthest range, meters.
+    /// Maximum range, m.
     pub farthest_m: f64,
-    /// Half the opening angle of the beam, radians: while its footprint reaches an end of the surface but for half of
-    /// `beam_spare_m`, an echo may be that of the end, and does not make the surface solid. Zero for a ray.
+    /// Half the opening angle of the beam, rad; zero for a ray. An echo counts as `At` only if the footprint stays
+    /// clear of both ends of the surface by half of `beam_spare_m`; otherwise it may come from an end.
     pub beam_half_angle_rad: f64,
-    /// Width that the surface must have beyond the beam's where that meets its middle, meters.
+    /// Margin between the beam's footprint and the width of the surface, both sides together, m.
     pub beam_spare_m: f64,
 }
 
@@ -58,7 +58,7 @@ impl Default for SurfaceCheckRule {
 }
 
 impl SurfaceCheckRule {
-    /// The rule for a beam without width.
+    /// Parameters for a beam without width.
     #[must_use]
     pub fn ray() -> Self {
         Self {
@@ -75,34 +75,36 @@ impl SurfaceCheckRule {
     }
 }
 
-/// Finds out with a range sensor whether something stands between two edges. Decides once.
+/// Checks with a range sensor if a surface stands between two edges. The first decision is final.
 ///
-/// Yagi et al. (1995), section V: a passage is where the range stays greater than the distance while the robot comes nearer.
+/// Yagi et al. (1995), section V: a passage is where the range stays larger than the distance to the surface while the
+/// robot approaches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceCheck {
     ends: [Point2<f64>; 2],
     rule: SurfaceCheckRule,
     state: SurfaceState,
-    /// Readings of the same class, one after the other.
+    /// Class and number of consecutive readings.
     run: (Option<ReadingClass>, u32),
     last_distance_m: Option<f64>,
 }
 
 impl SurfaceCheck {
-    /// Nothing is known yet.
+    /// Creates a check in state `Unknown`.
     #[must_use]
     pub fn new(ends: [Point2<f64>; 2], rule: SurfaceCheckRule) -> Self {
         Self { ends, rule, state: SurfaceState::Unknown, run: (None, 0), last_distance_m: None }
     }
 
-    /// What is known.
+    /// Current state.
     #[must_use]
     pub fn state(&self) -> SurfaceState {
         self.state
     }
 
-    /// Takes a reading; its class, and the distance along the beam to where the surface would be, meters, if it is hit.
-    pub fn take(&mut self, reading: &RangeReading) -> (ReadingClass, Option<f64>) {
+    /// Updates the state with a reading. Returns its class and the distance to the surface along the beam, m, if the
+    /// beam hits it.
+    pub fn update(&mut self, reading: &RangeReading) -> (ReadingClass, Option<f64>) {
         let (class, hit) = self.classify(reading);
         let distance_m = hit.map(|hit| hit.distance_m);
         let Some(hit) = hit.filter(|_| class != ReadingClass::Untestable) else {
@@ -112,7 +114,7 @@ impl SurfaceCheck {
         self.last_distance_m = Some(hit.distance_m);
         let counts = match class {
             ReadingClass::Beyond => is_nearing,
-            ReadingClass::At => self.holds_beam(&hit),
+            ReadingClass::At => self.contains_beam(&hit),
             _ => true,
         };
         let before = if self.run.0 == Some(class) { self.run.1 } else { 0 };
@@ -145,8 +147,8 @@ impl SurfaceCheck {
         (class, Some(hit))
     }
 
-    /// Whether the whole beam falls on the surface.
-    fn holds_beam(&self, hit: &Hit) -> bool {
+    /// Returns true if the whole beam falls on the surface.
+    fn contains_beam(&self, hit: &Hit) -> bool {
         let away_m = hit.distance_m * hit.incidence_rad.cos();
         let edge_rad = hit.incidence_rad + self.rule.beam_half_angle_rad;
         let reach_m = away_m * (edge_rad.tan() - hit.incidence_rad.tan());
@@ -161,7 +163,7 @@ struct Hit {
     from_end_m: f64,
 }
 
-/// Where the axis of a sensor meets the segment.
+/// Intersection of the sensor axis with the segment.
 fn hit([a, b]: [Point2<f64>; 2], sensor: &Pose2) -> Option<Hit> {
     let (sin, cos) = sensor.theta.sin_cos();
     let (along, to_a) = (b - a, a - sensor.position());
@@ -191,49 +193,49 @@ mod tests {
     }
 
     #[test]
-    fn readings_that_test_nothing_change_nothing() {
+    fn untestable_readings_are_ignored() {
         let mut check = check();
-        check.take(&reading(0.0, 0.0, None));
-        check.take(&reading(0.1, 0.0, None));
+        check.update(&reading(0.0, 0.0, None));
+        check.update(&reading(0.1, 0.0, None));
         let before = check;
         for theta in [0.4, 1.0, 3.0, f64::NAN] {
-            assert_eq!(check.take(&reading(0.2, theta, None)).0, ReadingClass::Untestable);
+            assert_eq!(check.update(&reading(0.2, theta, None)).0, ReadingClass::Untestable);
         }
         assert_eq!(check, before);
-        check.take(&reading(0.2, 0.0, None));
+        check.update(&reading(0.2, 0.0, None));
         assert_eq!(check.state(), SurfaceState::Empty);
     }
 
     #[test]
-    fn standing_still_before_no_echo_proves_no_passage() {
+    fn a_passage_needs_an_approach() {
         let mut check = check();
         for _ in 0..10 {
-            check.take(&reading(0.5, 0.0, None));
+            check.update(&reading(0.5, 0.0, None));
         }
         assert_eq!(check.state(), SurfaceState::Unknown);
     }
 
     #[test]
-    fn a_wide_beam_hears_the_ends_of_a_narrow_gap() {
+    fn a_wide_beam_may_hit_the_ends_of_a_narrow_gap() {
         let ends = [Point2::new(2.0, -0.3), Point2::new(2.0, 0.3)];
         let mut check = SurfaceCheck::new(ends, SurfaceCheckRule::default());
         for _ in 0..5 {
-            assert_eq!(check.take(&reading(0.0, 0.0, Some(2.0))).0, ReadingClass::At);
+            assert_eq!(check.update(&reading(0.0, 0.0, Some(2.0))).0, ReadingClass::At);
         }
         assert_eq!(check.state(), SurfaceState::Unknown);
         for x in [1.2, 1.3] {
-            check.take(&reading(x, 0.0, Some(2.0 - x)));
+            check.update(&reading(x, 0.0, Some(2.0 - x)));
         }
         assert_eq!(check.state(), SurfaceState::Solid);
     }
 
     #[test]
-    fn a_beam_beside_the_middle_hears_the_end_that_is_nearer() {
+    fn an_off_center_beam_may_hit_the_nearer_end() {
         let ends = [Point2::new(2.0, -0.8), Point2::new(2.0, 0.8)];
         let mut check = SurfaceCheck::new(ends, SurfaceCheckRule::default());
-        // Wide enough in its middle, but the beam meets it 0.2 m from the left end.
+        // Wide enough in its middle, but the beam hits it 0.2 m from the left end.
         for _ in 0..5 {
-            check.take(&RangeReading {
+            check.update(&RangeReading {
                 sensor: Pose2::new(0.0, 0.6, 0.0),
                 range_m: Some(2.0),
                 sigma_m: 0.02,
@@ -241,7 +243,7 @@ mod tests {
         }
         assert_eq!(check.state(), SurfaceState::Unknown);
         for _ in 0..2 {
-            check.take(&reading(0.0, 0.0, Some(2.0)));
+            check.update(&reading(0.0, 0.0, Some(2.0)));
         }
         assert_eq!(check.state(), SurfaceState::Solid);
     }

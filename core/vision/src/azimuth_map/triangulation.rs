@@ -3,17 +3,17 @@ use thiserror::Error;
 
 use yamabico_geometry::{Pose2, angle_difference, wrap_angle};
 
-/// An edge seen from a place.
+/// Azimuth of an edge, measured from a known sensor pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sighting {
-    /// Map from sensor: where the axis of the mirror was, and how it was turned.
+    /// Pose of the mirror axis, map from sensor.
     pub sensor: Pose2,
-    /// Azimuth in the sensor's frame, radians.
+    /// Azimuth in the sensor frame, rad.
     pub azimuth_rad: f64,
 }
 
 impl Sighting {
-    /// The azimuth in the map's frame, radians.
+    /// Azimuth in the map frame, rad.
     #[inline]
     #[must_use]
     pub fn bearing_rad(&self) -> f64 {
@@ -21,37 +21,37 @@ impl Sighting {
     }
 }
 
-/// An edge that is located.
+/// Triangulated position of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangulated {
-    /// On the map.
+    /// Position, map frame, m.
     pub position: Point2<f64>,
-    /// Square meters.
+    /// Covariance, m^2.
     pub covariance: Matrix2<f64>,
-    /// Sum of the squared residuals over their variances.
+    /// Sum of squared residuals over their variances.
     pub chi_squared: f64,
-    /// Largest angle between two of the bearings, radians.
+    /// Maximum angle between two bearings, rad.
     pub parallax_rad: f64,
-    /// How many sightings.
+    /// Number of sightings.
     pub sightings: usize,
 }
 
 impl Triangulated {
-    /// The larger standard deviation, meters.
+    /// Standard deviation along the major axis, m.
     #[must_use]
     pub fn sigma_m(&self) -> f64 {
         largest_eigenvalue(&self.covariance).max(0.0).sqrt()
     }
 }
 
-/// When a position is believed.
+/// Criteria for accepting a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangulationRule {
-    /// Least angle between two bearings, radians.
+    /// Minimum parallax, rad.
     pub min_parallax_rad: f64,
-    /// Largest chi-square of a degree of freedom.
+    /// Maximum chi-squared per degree of freedom.
     pub max_chi_squared: f64,
-    /// Largest distance from the sensor, meters.
+    /// Maximum distance from the sensor, m.
     pub farthest_m: f64,
 }
 
@@ -61,38 +61,39 @@ impl Default for TriangulationRule {
     }
 }
 
-/// Why an edge has no position.
+/// Reason why an edge has no position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum TriangulationError {
     /// Fewer than two sightings.
-    #[error("an edge must be seen from two places at least")]
+    #[error("an edge must be observed from at least two positions")]
     TooFew,
-    /// The bearings do not cross.
+    /// The bearings are parallel.
     #[error("the bearings are parallel")]
     ParallelBearings,
-    /// They cross at too small an angle for the position to be trusted.
+    /// The parallax is too small for a reliable position.
     #[error("the bearings cross at too small an angle")]
     NoParallax,
-    /// They cross behind the sensor.
+    /// The intersection lies behind a sensor.
     #[error("the bearings cross behind the sensor")]
     Behind,
-    /// They do not meet in one point.
+    /// The residuals are too large for one point.
     #[error("the bearings do not meet in one point")]
     Inconsistent,
-    /// It is farther away than edges are seen.
+    /// The intersection is too far away.
     #[error("the bearings cross too far away")]
     TooFar,
 }
 
-/// Least eigenvalue of the mean normal matrix below which bearings are parallel.
+/// Minimum eigenvalue of the mean normal matrix, below which bearings are parallel.
 const PARALLEL: f64 = 1e-6;
 const MAX_ITERATIONS: usize = 50;
 
-/// The point that is nearest to all bearings by the squares of the perpendicular distances: Yagi et al. (1995), equation 6.
+/// Computes the point with the minimum sum of squared perpendicular distances from all bearings: Yagi et al. (1995),
+/// equation 6.
 ///
 /// # Errors
-/// [`TriangulationError::TooFew`], [`TriangulationError::ParallelBearings`], and [`TriangulationError::Behind`] where the
-/// point is behind any of the sensors.
+/// [`TriangulationError::TooFew`], [`TriangulationError::ParallelBearings`], and [`TriangulationError::Behind`] if the
+/// point is behind any sensor.
 pub fn least_squares_crossing(sightings: &[Sighting]) -> Result<Point2<f64>, TriangulationError> {
     if sightings.len() < 2 {
         return Err(TriangulationError::TooFew);
@@ -105,8 +106,8 @@ pub fn least_squares_crossing(sightings: &[Sighting]) -> Result<Point2<f64>, Tri
         n += normal * normal.transpose();
         g += normal * normal.dot(&(sighting.sensor.position() - origin));
     }
-    let least = n.trace() - largest_eigenvalue(&n);
-    let inverse = n.try_inverse().filter(|_| least >= PARALLEL * sightings.len() as f64);
+    let smallest = n.trace() - largest_eigenvalue(&n);
+    let inverse = n.try_inverse().filter(|_| smallest >= PARALLEL * sightings.len() as f64);
     let position = origin + inverse.ok_or(TriangulationError::ParallelBearings)? * g;
     if sightings.iter().all(|sighting| is_ahead(sighting, position)) {
         Ok(position)
@@ -115,13 +116,14 @@ pub fn least_squares_crossing(sightings: &[Sighting]) -> Result<Point2<f64>, Tri
     }
 }
 
-/// The most likely point, for azimuths with the standard deviation `sigma_rad` > 0, from a first guess: Gauss-Newton on the
-/// angles.
+/// Computes the maximum likelihood point for azimuths with standard deviation `sigma_rad` > 0, starting from `guess`:
+/// Gauss-Newton on angles.
 ///
-/// Differs from Yagi et al. (1995): perpendicular distances favor points near the robot.
+/// Differs from Yagi et al. (1995): perpendicular distances are biased toward the robot.
 ///
 /// # Errors
-/// [`TriangulationError::ParallelBearings`] where it does not converge, and [`TriangulationError::Behind`].
+/// [`TriangulationError::ParallelBearings`] without convergence, [`TriangulationError::Behind`] if the point is behind
+/// any sensor.
 pub fn most_likely_crossing(
     sightings: &[Sighting],
     guess: Point2<f64>,
@@ -154,10 +156,10 @@ pub fn most_likely_crossing(
     })
 }
 
-/// The most likely position of an edge, if it is to be believed.
+/// Computes the maximum likelihood position of an edge and validates it against `rule`.
 ///
 /// # Errors
-/// [`TriangulationError`] says why not.
+/// [`TriangulationError`] for a position that fails a criterion.
 pub fn triangulate(
     sightings: &[Sighting],
     sigma_rad: f64,
@@ -180,7 +182,7 @@ pub fn triangulate(
     if sightings.iter().all(is_near) { Ok(found) } else { Err(TriangulationError::TooFar) }
 }
 
-/// The largest angle between two of the bearings, radians in [0, pi].
+/// Maximum angle between two bearings, rad in [0, pi].
 #[must_use]
 pub fn parallax_rad(sightings: &[Sighting]) -> f64 {
     let mut largest = 0.0_f64;
@@ -193,7 +195,7 @@ pub fn parallax_rad(sightings: &[Sighting]) -> f64 {
     largest
 }
 
-/// Information of unit variance, the right-hand side, and the sum of the squared residuals.
+/// Information matrix at unit variance, right-hand side, and sum of squared residuals.
 fn normal_equations(sightings: &[Sighting], position: Point2<f64>) -> (Matrix2<f64>, Vector2<f64>, f64) {
     let mut sums = (Matrix2::zeros(), Vector2::zeros(), 0.0);
     for sighting in sightings {
@@ -247,9 +249,9 @@ mod tests {
             prop_assert!((twice.covariance - found.covariance * 4.0).norm() < 1e-9 * found.covariance.norm());
         }
 
-        /// Moving the map moves the edge.
+        /// The result is independent of the map's origin and orientation.
         #[test]
-        fn the_map_has_no_special_place(
+        fn the_origin_of_the_map_does_not_matter(
             x in -5.0..5.0, y in -5.0..5.0, turn in -3.0..3.0,
             errors in prop::collection::vec(-0.01..0.01, 12..20),
         ) {
@@ -265,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_to_be_believed_says_why() {
+    fn unreliable_positions_are_rejected() {
         let rule = TriangulationRule::default();
         let edge = Point2::new(2.0, 1.0);
         let seen = sightings(edge, &[0.0; 12]);

@@ -3,32 +3,33 @@ use std::f64::consts::TAU;
 
 use crate::polygon::convex_hull;
 
-/// How far around the edges of an obstacle nothing may drive.
+/// Inflation of obstacles by the size of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inflation {
-    /// Radius of the circle about each edge, meters.
+    /// Radius of the circle around each edge, m.
     pub radius_m: f64,
-    /// Sides of the polygon around that circle, at least 3.
+    /// Number of sides of the polygon circumscribed about the circle, at least 3.
     pub sides: u32,
 }
 
 impl Inflation {
-    /// Around a robot of `robot_radius_m` and edges with the standard deviation `sigma_m`, with 5 cm to spare.
+    /// Creates the inflation for a robot of this radius and edges with standard deviation `sigma_m`, with a margin of
+    /// 0.05 m.
     #[must_use]
     pub fn of_robot(robot_radius_m: f64, sigma_m: f64) -> Self {
         Self { radius_m: robot_radius_m + 2.0 * sigma_m + 0.05, sides: 16 }
     }
 }
 
-/// Edges put together to obstacles. Keeps its buffers.
+/// Clusters edges into obstacles. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct ObstacleClusters {
     labels: Vec<usize>,
 }
 
 impl ObstacleClusters {
-    /// The obstacle of each edge, as the number of its first edge. Edges no farther apart than `link_m` belong together,
-    /// unless `are_apart` knows of something between them.
+    /// Labels each edge with the index of the first edge of its obstacle. Edges at most `link_m` apart belong together,
+    /// unless `are_apart` returns true for them.
     pub fn label(
         &mut self,
         edges: &[Point2<f64>],
@@ -41,8 +42,11 @@ impl ObstacleClusters {
             for j in 0..i {
                 let [a, b] = [self.labels[i], self.labels[j]];
                 if a != b && (edges[i] - edges[j]).norm() <= link_m && !are_apart(i, j) {
-                    let (least, most) = (a.min(b), a.max(b));
-                    self.labels.iter_mut().filter(|label| **label == most).for_each(|label| *label = least);
+                    let (kept, replaced) = (a.min(b), a.max(b));
+                    self.labels
+                        .iter_mut()
+                        .filter(|label| **label == replaced)
+                        .for_each(|label| *label = kept);
                 }
             }
         }
@@ -50,8 +54,8 @@ impl ObstacleClusters {
     }
 }
 
-/// Writes to `out` the polygon, counterclockwise, that no center of a robot may enter for an obstacle with these edges: its convex
-/// hull, widened by a polygon around the circle. `corners` is a buffer. Empty for no edges.
+/// Writes to `out` the configuration-space obstacle of these edges, counterclockwise: the convex hull of a polygon
+/// around each edge. The robot's center must stay outside. `corners` is scratch memory. Empty without edges.
 pub fn inflate(
     edges: impl IntoIterator<Item = Point2<f64>>,
     inflation: &Inflation,

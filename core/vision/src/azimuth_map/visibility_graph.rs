@@ -3,25 +3,25 @@ use thiserror::Error;
 
 use crate::polygon::{cross, nearest_on_segment, sides};
 
-/// Why there is no way.
+/// Reason why there is no path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum PathError {
-    /// The start lies in an obstacle: [`VisibilityGraph::way_out`] tells how to leave it.
+    /// The start lies inside an obstacle; [`VisibilityGraph::nearest_exit`] returns the nearest point outside.
     #[error("the start lies in an obstacle")]
     StartInside,
-    /// The goal lies in an obstacle.
+    /// The goal lies inside an obstacle.
     #[error("the goal lies in an obstacle")]
     GoalInside,
-    /// Obstacles close every way.
-    #[error("obstacles close every way to the goal")]
+    /// Obstacles block every path.
+    #[error("obstacles block every path to the goal")]
     Enclosed,
 }
 
-/// What may be touched, meters: paths run along the sides of obstacles.
-const TOUCH_M: f64 = 1e-9;
+/// Penetration of an obstacle that counts as touching, m: paths run along the sides of obstacles.
+const TOUCH_TOLERANCE_M: f64 = 1e-9;
 
-/// The shortest way among convex obstacles: their corners, and the straight lines between these that no obstacle crosses.
-/// Searched with A*; keeps its buffers.
+/// Shortest paths among convex obstacles, along straight lines between their corners. Searched with A*. Reuses its
+/// buffers.
 #[derive(Clone, Debug, Default)]
 pub struct VisibilityGraph {
     nodes: Vec<Node>,
@@ -38,11 +38,11 @@ struct Node {
 }
 
 impl VisibilityGraph {
-    /// The way from `start` to `goal`, both included, and its length, meters. `obstacles` are convex and counterclockwise; those with
-    /// fewer than three corners stop nothing.
+    /// Finds the shortest path from `start` to `goal`, both included. Returns the path and its length, m. `obstacles`
+    /// must be convex and counterclockwise; those with fewer than three corners are ignored.
     ///
     /// # Errors
-    /// [`PathError`] where there is none.
+    /// [`PathError`] if there is no path.
     pub fn shortest<P: AsRef<[Point2<f64>]>>(
         &mut self,
         start: Point2<f64>,
@@ -80,22 +80,22 @@ impl VisibilityGraph {
         Err(PathError::Enclosed)
     }
 
-    /// The nearest point outside of the obstacle that `start` lies in; `start` itself where it lies in none.
+    /// Nearest point outside the obstacles that contain `start`; `start` itself if there are none.
     #[must_use]
-    pub fn way_out<P: AsRef<[Point2<f64>]>>(start: Point2<f64>, obstacles: &[P]) -> Point2<f64> {
+    pub fn nearest_exit<P: AsRef<[Point2<f64>]>>(start: Point2<f64>, obstacles: &[P]) -> Point2<f64> {
         let around = obstacles.iter().map(AsRef::as_ref).filter(|obstacle| is_inside(obstacle, start));
-        let ways = around.flat_map(sides).map(|side| nearest_on_segment(side, start));
+        let exits = around.flat_map(sides).map(|side| nearest_on_segment(side, start));
         let distance = |point: &Point2<f64>| (point - start).norm_squared();
-        ways.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(start)
+        exits.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(start)
     }
 
-    /// Whether the straight way between two places crosses no obstacle; touching one is allowed.
+    /// Returns true if the line crosses no obstacle; touching is allowed.
     #[must_use]
     pub fn is_open<P: AsRef<[Point2<f64>]>>(line: [Point2<f64>; 2], obstacles: &[P]) -> bool {
         !obstacles.iter().any(|obstacle| crosses(obstacle.as_ref(), line))
     }
 
-    /// The node with the shortest way through it, of those that are reached.
+    /// Index of the open node with the smallest path length estimate.
     fn nearest(&self) -> Option<usize> {
         let open = self.nodes.iter().enumerate().filter(|(_, n)| !n.is_done && n.from_start_m.is_finite());
         let through = |n: &Node| n.from_start_m + n.to_goal_m;
@@ -129,12 +129,13 @@ impl VisibilityGraph {
     }
 }
 
-/// Whether a point lies inside a convex polygon by more than a touch.
+/// Returns true if the point lies inside a convex polygon by more than the tolerance.
 fn is_inside(polygon: &[Point2<f64>], point: Point2<f64>) -> bool {
-    polygon.len() >= 3 && sides(polygon).all(|[a, b]| cross(a, b, point) > TOUCH_M * (b - a).norm())
+    polygon.len() >= 3 && sides(polygon).all(|[a, b]| cross(a, b, point) > TOUCH_TOLERANCE_M * (b - a).norm())
 }
 
-/// Whether part of a line lies inside a convex polygon by more than a touch: what is left of it behind each side.
+/// Returns true if part of the line lies inside a convex polygon by more than the tolerance, by clipping it against
+/// each side.
 fn crosses(polygon: &[Point2<f64>], [from, to]: [Point2<f64>; 2]) -> bool {
     if polygon.len() < 3 {
         return false;
@@ -142,7 +143,8 @@ fn crosses(polygon: &[Point2<f64>], [from, to]: [Point2<f64>; 2]) -> bool {
     let (mut first, mut last) = (0.0_f64, 1.0_f64);
     for [a, b] in sides(polygon) {
         let length = (b - a).norm();
-        let (start, end) = (cross(a, b, from) / length - TOUCH_M, cross(a, b, to) / length - TOUCH_M);
+        let (start, end) =
+            (cross(a, b, from) / length - TOUCH_TOLERANCE_M, cross(a, b, to) / length - TOUCH_TOLERANCE_M);
         if start <= 0.0 && end <= 0.0 {
             return false;
         }
@@ -155,7 +157,7 @@ fn crosses(polygon: &[Point2<f64>], [from, to]: [Point2<f64>; 2]) -> bool {
             return false;
         }
     }
-    (last - first) * (to - from).norm() > TOUCH_M
+    (last - first) * (to - from).norm() > TOUCH_TOLERANCE_M
 }
 
 #[cfg(test)]
@@ -169,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_leads_around_the_nearer_side() {
+    fn the_path_takes_the_nearer_side() {
         let mut graph = VisibilityGraph::default();
         let (start, goal) = (Point2::new(0.0, 0.1), Point2::new(4.0, 0.1));
         let (path, length) = graph.shortest(start, goal, &[square(2.0, 0.0, 0.5)]).unwrap();
@@ -179,17 +181,17 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_reached_says_why() {
+    fn unreachable_goals_are_rejected() {
         let mut graph = VisibilityGraph::default();
         let (start, goal) = (Point2::new(0.0, 0.0), Point2::new(4.0, 0.0));
         let around_goal = [square(4.0, 0.0, 0.2)];
         assert_eq!(graph.shortest(start, goal, &around_goal), Err(PathError::GoalInside));
         let around_start = [square(0.0, 0.1, 0.2)];
         assert_eq!(graph.shortest(start, goal, &around_start), Err(PathError::StartInside));
-        let out = VisibilityGraph::way_out(start, &around_start);
+        let out = VisibilityGraph::nearest_exit(start, &around_start);
         assert!((out - Point2::new(0.0, -0.1)).norm() < 1e-12);
         assert!(graph.shortest(out, goal, &around_start).is_ok());
-        // Four walls whose ends lie in each other.
+        // Four walls that overlap at their ends.
         let wall = |x: f64, y: f64, half_x: f64, half_y: f64| {
             [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
                 .map(|(i, j)| Point2::new(x + i * half_x, y + j * half_y))

@@ -1,67 +1,68 @@
-//! Which of the lines along the corridor are the floor lines of its walls.
+//! Selection of the floor lines of the two walls among the lines along a corridor.
 //!
-//! Kweon et al. (1991), section 3.2, take them as given. Here a line must run along the corridor below the horizon, differ in
-//! brightness from one side to the other (a joint between tiles does not), and be long; of two, the inner one is
-//! the floor line and the outer one the upper edge of the skirting.
+//! Kweon et al. (1991), section 3.2, assumes that the floor lines are known. Here a candidate must run along the
+//! corridor below the horizon, be long, and separate two brightness levels (which a joint between tiles does not). Of
+//! two candidates the inner one is taken as the floor line and the outer one as the upper edge of the skirting.
 
 use nalgebra::Vector2;
 use yamabico_geometry::image::ImageView;
 
 use crate::corridor::wall_distance::CorridorView;
 
-/// A straight edge along the corridor.
+/// Straight edge along the corridor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorridorLine {
-    /// One end, undistorted pixels.
+    /// First endpoint, undistorted pixels.
     pub start: Vector2<f64>,
-    /// The other end, undistorted pixels.
+    /// Second endpoint, undistorted pixels.
     pub end: Vector2<f64>,
-    /// The brightness on both sides.
-    pub sides: Sides,
+    /// Gray levels on both sides.
+    pub sides: SideLevels,
 }
 
-/// The brightness to the left and to the right of an edge, seen from start to end with u right and v down.
+/// Gray levels to the left and right of an edge, looking from its start to its end (u right, v down).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sides {
-    /// Gray level at the edge, coming from the left.
+pub struct SideLevels {
+    /// Gray level at the edge, extrapolated from the left side.
     pub left: f64,
-    /// Gray level at the edge, coming from the right.
+    /// Gray level at the edge, extrapolated from the right side.
     pub right: f64,
-    /// Mean difference between the two sides somewhat farther away, gray levels.
+    /// Mean absolute difference between the two sides at twice the sampling offset, gray levels.
     pub farther: f64,
 }
 
-impl Sides {
-    /// Gray levels by which the sides differ, both at the edge and farther away: nothing for a thin line between two halves
-    /// of the same floor.
+impl SideLevels {
+    /// Contrast of the edge, gray levels: the smaller of the differences at the edge and farther away. Zero for a thin
+    /// line on a uniform floor.
     #[must_use]
     pub fn contrast(&self) -> f64 {
         (self.left - self.right).abs().min(self.farther)
     }
 }
 
-/// How lines are judged.
+/// Thresholds and weights for selecting floor lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorLineRule {
-    /// The middle of a line must lie so far below the horizon, radians.
+    /// Minimum angle of a line's midpoint below the horizon, rad.
     pub below_horizon_rad: f64,
-    /// Nearer lines (m) to the left or right of the camera are none of a wall's.
+    /// Minimum lateral distance of a wall from the camera, m.
     pub nearest_m: f64,
-    /// Farther lines (m) are none of this corridor's.
+    /// Maximum lateral distance of a wall from the camera, m.
     pub farthest_m: f64,
-    /// Gray levels by which the two sides must differ.
+    /// Minimum contrast between the two sides, gray levels.
     pub min_contrast: f64,
-    /// Lines count in proportion to their contrast, up to so many gray levels.
+    /// Contrast at which the score saturates, gray levels: below it, the score is proportional to contrast.
     pub full_contrast: f64,
-    /// An inner line with this share of the length outranks an outer one ...
+    /// Length ratio above which an inner line outranks an outer one.
     pub inner_share: f64,
-    /// ... provided that it has this share of its contrast ...
+    /// Contrast ratio that the inner line must also have.
     pub inner_contrast: f64,
-    /// ... and with this share one that is brighter at the wall, as the upper edge of a dark skirting is ...
+    /// Length ratio for an outer line that is brighter on the wall side, as the upper edge of a dark skirting is.
     pub skirting_share: f64,
-    /// ... if its distance is at least this share: a skirting is low, seen from the camera's height.
+    /// Minimum distance ratio of inner to outer line for `skirting_share` to apply: a skirting is low relative to the
+    /// camera height.
     pub skirting_ratio: f64,
-    /// Lines this near (m) to the chosen one are pieces of the same wall's.
+    /// Maximum difference in lateral distance between two pieces of the same floor line, m.
     pub same_wall_m: f64,
 }
 
@@ -82,71 +83,71 @@ impl Default for FloorLineRule {
     }
 }
 
-/// Where a wall is expected, from the camera.
+/// Distance of a wall with its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExpectedWall {
-    /// Signed distance, meters, positive on the left.
+pub struct WallEstimate {
+    /// Signed lateral distance, m, positive to the left.
     pub distance_m: f64,
-    /// Standard deviation, meters.
+    /// Standard deviation, m.
     pub sigma_m: f64,
 }
 
-/// A wall found in one picture, from the camera.
+/// Wall detected in one image, relative to the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SeenWall {
-    /// Signed distance, meters, positive on the left.
+pub struct DetectedWall {
+    /// Signed lateral distance, m, positive to the left.
     pub distance_m: f64,
-    /// The ends of its heaviest piece, the one farther from the horizon first; undistorted pixels.
+    /// Endpoints of the piece with the largest weight, the one farther below the horizon first, undistorted pixels.
     pub ends: [Vector2<f64>; 2],
-    /// Whether the wall's side is the darker one, as it is where a floor meets a dark skirting.
+    /// True if the wall side is darker than the floor side, as with a floor that meets a dark skirting.
     pub is_darker_at_the_wall: bool,
-    /// Total length of its pieces in the picture, pixels.
+    /// Total length of the pieces in the image, pixels.
     pub length_px: f64,
 }
 
-/// A line with its distance.
+/// Line that may be a floor line, with its lateral distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Candidate {
     distance_m: f64,
     length_px: f64,
-    /// Weight of its distance: pixels of length times the squared sine of how far below the horizon it lies.
+    /// Weight of the distance: length in pixels times the squared sine of the angle below the horizon.
     weight: f64,
     ends: [Vector2<f64>; 2],
     contrast: f64,
     is_darker_at_the_wall: bool,
 }
 
-/// Finds the walls; keeps its buffers from picture to picture.
+/// Finds floor lines. Reuses its buffers between frames.
 #[derive(Clone, Debug, Default)]
 pub struct FloorLineFinder {
     candidates: Vec<Candidate>,
 }
 
-/// The walls of one picture.
+/// Walls detected in one image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SeenWalls {
-    /// On the left, distance positive.
-    pub left: Option<SeenWall>,
-    /// On the right, distance negative.
-    pub right: Option<SeenWall>,
+pub struct DetectedWalls {
+    /// Wall on the left; its distance is positive.
+    pub left: Option<DetectedWall>,
+    /// Wall on the right; its distance is negative.
+    pub right: Option<DetectedWall>,
 }
 
 impl FloorLineFinder {
-    /// The walls among `lines`, each of which meets the vanishing point that `view` was made from. An expected wall is
-    /// preferred, not demanded.
+    /// Finds the left and right wall among `lines`, which must pass through the vanishing point of `view`. Lines within
+    /// three standard deviations of an expected wall score higher; other lines are still admitted.
     pub fn find(
         &mut self,
         lines: impl Iterator<Item = CorridorLine>,
         view: &CorridorView,
         rule: &FloorLineRule,
-        expected: [Option<ExpectedWall>; 2],
-    ) -> SeenWalls {
+        expected: [Option<WallEstimate>; 2],
+    ) -> DetectedWalls {
         self.candidates.clear();
         self.candidates.extend(lines.filter_map(|line| candidate(&line, view, rule)));
-        SeenWalls { left: self.best(1.0, expected[0], rule), right: self.best(-1.0, expected[1], rule) }
+        DetectedWalls { left: self.best(1.0, expected[0], rule), right: self.best(-1.0, expected[1], rule) }
     }
 
-    fn best(&self, side: f64, expected: Option<ExpectedWall>, rule: &FloorLineRule) -> Option<SeenWall> {
+    fn best(&self, side: f64, expected: Option<WallEstimate>, rule: &FloorLineRule) -> Option<DetectedWall> {
         let on_side = || self.candidates.iter().filter(|line| line.distance_m * side > 0.0);
         let wall_of = |line: &Candidate| {
             let line = *line;
@@ -161,17 +162,17 @@ impl FloorLineFinder {
             let is_outer = on_side().any(|other| {
                 let is_inside =
                     other.distance_m.abs() < line.distance_m.abs() && !line.is_same_wall(other, rule);
-                is_inside && length(other) >= line.share_to_yield_to(other, rule) * length_px
+                is_inside && length(other) >= line.outranking_share(other, rule) * length_px
             });
             let darker = if line.is_darker_at_the_wall { 1.2 } else { 1.0 };
-            let wanted = if is_expected { 1.5 } else { 1.0 };
+            let expected_factor = if is_expected { 1.5 } else { 1.0 };
             let inner = if is_outer { 0.1 } else { 1.0 };
-            length_px * darker * wanted * inner * strength(line)
+            length_px * darker * expected_factor * inner * strength(line)
         };
         let chosen = on_side().max_by(|a, b| score(a).total_cmp(&score(b)))?;
         let weight: f64 = wall_of(chosen).map(|line| line.weight).sum();
         let lowest = wall_of(chosen).max_by(|a, b| a.weight.total_cmp(&b.weight))?;
-        Some(SeenWall {
+        Some(DetectedWall {
             distance_m: wall_of(chosen).map(|line| line.weight * line.distance_m).sum::<f64>() / weight,
             ends: lowest.ends,
             is_darker_at_the_wall: lowest.is_darker_at_the_wall,
@@ -181,16 +182,16 @@ impl FloorLineFinder {
 }
 
 impl Candidate {
-    /// Whether the other line is a piece of the same wall's.
+    /// Returns true if both lines are pieces of the same floor line.
     fn is_same_wall(&self, other: &Self, rule: &FloorLineRule) -> bool {
         (self.distance_m - other.distance_m).abs() < rule.same_wall_m
             && self.is_darker_at_the_wall == other.is_darker_at_the_wall
     }
 
-    /// Share of this line's length that an inner line needs to outrank it.
-    fn share_to_yield_to(&self, inner: &Self, rule: &FloorLineRule) -> f64 {
+    /// Length ratio that the inner line needs to outrank this line.
+    fn outranking_share(&self, inner: &Self, rule: &FloorLineRule) -> f64 {
         match (inner.is_darker_at_the_wall, self.is_darker_at_the_wall) {
-            // From floor to skirting, then from skirting to wall.
+            // `inner` is the foot of a skirting and `self` its upper edge.
             (true, false) if inner.distance_m / self.distance_m > rule.skirting_ratio => rule.skirting_share,
             (false, true) => f64::INFINITY,
             _ => rule.inner_share,
@@ -198,7 +199,7 @@ impl Candidate {
     }
 }
 
-/// The line as a wall's, or `None` where it cannot be one.
+/// Returns the candidate for a line, or `None` if it cannot be a floor line.
 fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> Option<Candidate> {
     let middle = 0.5 * (line.start + line.end);
     let along = line.end - line.start;
@@ -207,7 +208,7 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
     if length_px < 1.0 || sine_below < rule.below_horizon_rad.sin() {
         return None;
     }
-    let distance_m = view.tied_distance(middle)?;
+    let distance_m = view.lateral_distance(middle)?;
     if !(rule.nearest_m..=rule.farthest_m).contains(&distance_m.abs()) {
         return None;
     }
@@ -215,10 +216,10 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
     if contrast < rule.min_contrast {
         return None;
     }
-    // Seen from start to end in the picture (v down), the left side is at (along.y, -along.x).
+    // With v down, the left side of the direction start to end is at (along.y, -along.x).
     let to_the_left = Vector2::new(along.y, -along.x) / length_px;
-    let beyond = view.tied_distance(middle + to_the_left)?;
-    let wall_is_left = beyond.abs() > distance_m.abs();
+    let left_distance_m = view.lateral_distance(middle + to_the_left)?;
+    let wall_is_left = left_distance_m.abs() > distance_m.abs();
     let (at_the_wall, on_the_floor) =
         if wall_is_left { (line.sides.left, line.sides.right) } else { (line.sides.right, line.sides.left) };
     let starts_lower = depression_sine(view, line.start) > depression_sine(view, line.end);
@@ -232,21 +233,27 @@ fn candidate(line: &CorridorLine, view: &CorridorView, rule: &FloorLineRule) -> 
     })
 }
 
-/// Sine of the angle by which the ray of a pixel dips below the horizon.
+/// Sine of the angle between a pixel's ray and the horizon, positive below it.
 fn depression_sine(view: &CorridorView, pixel: Vector2<f64>) -> f64 {
     let ray = view.corridor_from_camera * view.intrinsics.normalized_from_pixel(pixel).push(1.0);
     -ray.z / ray.norm()
 }
 
-/// The brightness beside the edge from `start` to `end`, pixels of the image as it is, u right, v down. The levels at the
-/// edge are means along it at once and twice `offset_px` from it, extended to the edge, so that a brightness that changes
-/// evenly across it gives the same level twice. Outside the image the border's level.
+/// Samples the gray levels beside the edge from `start` to `end`, in pixels of the distorted image.
+///
+/// Each level at the edge is a mean along the edge, extrapolated linearly from samples at `offset_px` and twice that
+/// distance, so that a uniform brightness ramp has no contrast. Samples outside the image take the value of the border.
 #[must_use]
-pub fn sides(image: ImageView<'_>, start: Vector2<f64>, end: Vector2<f64>, offset_px: f64) -> Sides {
+pub fn side_levels(
+    image: ImageView<'_>,
+    start: Vector2<f64>,
+    end: Vector2<f64>,
+    offset_px: f64,
+) -> SideLevels {
     const SAMPLES: u32 = 24;
     let along = end - start;
     let left = Vector2::new(along.y, -along.x) / along.norm().max(1.0) * offset_px;
-    let mut sum = Sides { left: 0.0, right: 0.0, farther: 0.0 };
+    let mut sum = SideLevels { left: 0.0, right: 0.0, farther: 0.0 };
     for sample in 0..SAMPLES {
         let at = start + along * ((f64::from(sample) + 0.5) / f64::from(SAMPLES));
         let gray = |times: f64| {
@@ -259,7 +266,7 @@ pub fn sides(image: ImageView<'_>, start: Vector2<f64>, end: Vector2<f64>, offse
         sum.farther += (far_left - far_right).abs();
     }
     let samples = f64::from(SAMPLES);
-    Sides { left: sum.left / samples, right: sum.right / samples, farther: sum.farther / samples }
+    SideLevels { left: sum.left / samples, right: sum.right / samples, farther: sum.farther / samples }
 }
 
 #[cfg(test)]
@@ -274,20 +281,20 @@ mod tests {
         CorridorView::new(attitude, 0.0, 0.6, Intrinsics::from_horizontal_fov(640, 480, 1.05))
     }
 
-    /// A line along the corridor at `d` and `height` above the floor, from 2 to `far` meters ahead.
+    /// Returns a line along the corridor at lateral distance `d` and `height` above the floor, 2 m to `far` m ahead.
     fn line(d: f64, height: f64, far: f64, floor_gray: f64, wall_gray: f64) -> CorridorLine {
         let view = view();
         let pixel = |x: f64| {
             let camera = view.corridor_from_camera.transpose() * Vector3::new(x, d, height - 0.6);
             view.intrinsics.pixel_from_normalized(camera.xy() / camera.z)
         };
-        // From near to far the left wall is on the left of its line.
+        // Looking from near to far, the left wall is to the left of its line.
         let (left, right) = if d > 0.0 { (wall_gray, floor_gray) } else { (floor_gray, wall_gray) };
-        let sides = Sides { left, right, farther: (left - right).abs() };
+        let sides = SideLevels { left, right, farther: (left - right).abs() };
         CorridorLine { start: pixel(2.0), end: pixel(far), sides }
     }
 
-    fn find(lines: &[CorridorLine], expected: [Option<ExpectedWall>; 2]) -> SeenWalls {
+    fn find(lines: &[CorridorLine], expected: [Option<WallEstimate>; 2]) -> DetectedWalls {
         let mut finder = FloorLineFinder::default();
         finder.find(lines.iter().copied(), &view(), &FloorLineRule::default(), expected)
     }
@@ -318,7 +325,7 @@ mod tests {
     #[test]
     fn an_expected_wall_is_preferred() {
         let lines = [line(1.0, 0.0, 6.0, 120.0, 40.0), line(1.6, 0.0, 6.0, 120.0, 40.0)];
-        let expected = ExpectedWall { distance_m: 1.58, sigma_m: 0.05 };
+        let expected = WallEstimate { distance_m: 1.58, sigma_m: 0.05 };
         assert!(find(&lines, [None, None]).left.unwrap().distance_m < 1.1);
         let only_outer = [line(1.0, 0.0, 2.6, 120.0, 40.0), line(1.6, 0.0, 6.0, 120.0, 40.0)];
         assert!(find(&only_outer, [Some(expected), None]).left.unwrap().distance_m > 1.5);
@@ -329,7 +336,7 @@ mod tests {
         let beside = |level: &dyn Fn(u8) -> u8, u: f64, v: [f64; 2]| {
             let data: Vec<u8> = (0..30).flat_map(|_| (0..40).map(level)).collect();
             let image = ImageView::new(&data, 40, 30, 40).unwrap();
-            sides(image, Vector2::new(u, v[0]), Vector2::new(u, v[1]), 4.0)
+            side_levels(image, Vector2::new(u, v[0]), Vector2::new(u, v[1]), 4.0)
         };
         let step = |u: u8| if u < 20 { 50 } else { 200 };
         let up = beside(&step, 20.0, [28.0, 2.0]);

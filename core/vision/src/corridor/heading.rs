@@ -1,23 +1,24 @@
-//! Heading and tilt of a camera from the vanishing point of a corridor, exactly, and back.
+//! Conversion between the vanishing point of a corridor and the camera's heading and tilt, without small-angle
+//! approximations.
 //!
-//! Kweon et al. (1991), section 3.1. Differs from \[1\]: their pair of angles belongs to a camera that pans about its own
-//! vertical after tilting; a robot yaws about the world's vertical, which gives the pair here.
+//! Kweon et al. (1991), section 3.1. Differs from \[1\]: their angles are those of a camera that pans about its own
+//! axis after tilting; a robot yaws about the world's vertical axis.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 use yamabico_geometry::camera::{Intrinsics, Mount};
 
-/// Where the camera's axis points, relative to the corridor.
+/// Orientation of the optical axis relative to the corridor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraAttitude {
-    /// Heading of the optical axis from the corridor's axis, radians, positive to the left.
+    /// Heading of the optical axis relative to the corridor axis, rad, positive to the left.
     pub heading: f64,
-    /// Downward tilt of the optical axis, radians.
+    /// Downward tilt of the optical axis, rad.
     pub tilt: f64,
 }
 
 impl CameraAttitude {
-    /// The attitude that sees the corridor's axis at this vanishing point, in normalized coordinates of a camera rolled by
-    /// `roll` (rad). The heading is within +-pi/2.
+    /// Computes the attitude from a vanishing point in normalized image coordinates of a camera with this roll (rad).
+    /// The heading is within ±pi/2.
     #[must_use]
     pub fn from_vanishing_point(normalized: Vector2<f64>, roll: f64) -> Self {
         let level = deroll(normalized, roll);
@@ -25,8 +26,8 @@ impl CameraAttitude {
         Self { heading: (level.x * tilt.cos()).atan(), tilt }
     }
 
-    /// The attitude that sees the corridor's axis in this direction of the optical frame; any heading, also of a camera
-    /// that looks backwards.
+    /// Computes the attitude from the corridor axis as a direction in the optical frame, for any heading, including a
+    /// camera that faces backward.
     #[must_use]
     pub fn from_axis(axis_in_camera: Vector3<f64>, roll: f64) -> Self {
         let level = deroll(axis_in_camera.xy(), roll);
@@ -34,21 +35,21 @@ impl CameraAttitude {
         Self { heading: level.x.atan2(axis_in_camera.z / tilt.cos()), tilt }
     }
 
-    /// The vanishing point of the corridor, normalized coordinates of a camera without roll; beyond +-pi/2 of heading it is
-    /// the point behind the camera.
+    /// Vanishing point of the corridor, normalized image coordinates of a camera without roll. For a heading outside
+    /// ±pi/2 it is the projection of the opposite direction, behind the camera.
     #[must_use]
     pub fn vanishing_point(&self) -> Vector2<f64> {
         Vector2::new(self.heading.tan() / self.tilt.cos(), -self.tilt.tan())
     }
 
-    /// Derivatives of (heading, tilt) with respect to the normalized vanishing point of a camera without roll.
+    /// Derivatives of (heading, tilt) with respect to the normalized vanishing point, for a camera without roll.
     #[must_use]
     pub fn jacobian(&self) -> Matrix2<f64> {
         let ((sin_h, cos_h), (sin_t, cos_t)) = (self.heading.sin_cos(), self.tilt.sin_cos());
         Matrix2::new(cos_t * cos_h * cos_h, sin_h * cos_h * sin_t * cos_t, 0.0, -cos_t * cos_t)
     }
 
-    /// Covariance of (heading, tilt), rad^2, from that of the vanishing point in pixels.
+    /// Covariance of (heading, tilt), rad^2, propagated from the covariance of the vanishing point, px^2.
     #[must_use]
     pub fn covariance(&self, pixel_covariance: &Matrix2<f64>, intrinsics: &Intrinsics) -> Matrix2<f64> {
         let scale = Matrix2::from_diagonal(&Vector2::new(1.0 / intrinsics.fx, 1.0 / intrinsics.fy));
@@ -57,17 +58,18 @@ impl CameraAttitude {
     }
 }
 
-/// The robot's heading from the corridor's axis, seen by a camera whose mount is known.
+/// Heading of the robot relative to the corridor axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotHeading {
-    /// Heading, radians, positive when the robot points to the left of the corridor's axis.
+    /// Heading, rad, positive if the robot points to the left of the corridor axis.
     pub heading: f64,
-    /// Elevation of the axis above the floor plane, radians: zero but for noise and a mount that is off.
+    /// Elevation of the observed axis above the floor plane, rad. Nonzero values are noise or an error of the mount.
     pub elevation: f64,
 }
 
 impl RobotHeading {
-    /// The heading from the corridor's axis as a direction of the optical frame, taken with the side that it comes with.
+    /// Computes the heading from the corridor axis as a direction in the optical frame. The sign of the direction
+    /// matters.
     #[must_use]
     pub fn from_axis(axis_in_camera: Vector3<f64>, mount: &Mount) -> Self {
         let axis = mount.rotation_body_from_camera() * axis_in_camera;
@@ -75,14 +77,8 @@ impl RobotHeading {
     }
 }
 
-/// The direction of a normalized image point in the optical frame, not of unit length.
-#[must_use]
-pub fn axis_from_normalized(normalized: Vector2<f64>) -> Vector3<f64> {
-    normalized.push(1.0)
-}
-
-/// Where the corridor's axis is seen by a camera on a robot with this heading: the homogeneous pixel, whose third
-/// component is negative behind the camera and zero at infinity.
+/// Projects the corridor axis into the camera of a robot with this heading. Returns a homogeneous pixel, whose third
+/// component is negative for a point behind the camera and zero for a point at infinity.
 #[must_use]
 pub fn vanishing_point_homogeneous(
     robot_heading: f64,
@@ -117,13 +113,13 @@ mod tests {
             let normalized = intrinsics.normalized_from_pixel(pixel.xy() / pixel.z);
             let back = CameraAttitude::from_vanishing_point(normalized, roll);
             assert!((back.heading - heading).abs() < 1e-12 && (back.tilt - tilt).abs() < 1e-12);
-            let robot = RobotHeading::from_axis(axis_from_normalized(normalized), &mount);
+            let robot = RobotHeading::from_axis(normalized.push(1.0), &mount);
             assert!((robot.heading - heading).abs() < 1e-12 && robot.elevation.abs() < 1e-12);
         }
     }
 
     #[test]
-    fn a_camera_that_looks_backwards_is_told_apart() {
+    fn a_camera_may_face_backward() {
         let mount = Mount::tilted(0.6, 0.1);
         let axis = mount.rotation_body_from_camera().transpose() * Vector3::new(-0.8, -0.6, 0.0);
         let back = CameraAttitude::from_axis(axis, 0.0);

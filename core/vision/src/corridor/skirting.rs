@@ -1,7 +1,7 @@
-//! The foot of a wall whose line was found at the upper edge of its skirting.
+//! Foot of a wall whose detected line is the upper edge of its skirting.
 //!
-//! Mean brightness along lines that run through the vanishing point, as a function of their distance from the camera: the
-//! average over a whole line shows a step where no single edge can be followed.
+//! A brightness profile is averaged along lines through the vanishing point, as a function of lateral distance:
+//! averaging over a whole line reveals a step that is too faint for edge detection.
 
 use nalgebra::{Vector2, Vector3};
 use yamabico_geometry::camera::Pinhole;
@@ -9,45 +9,46 @@ use yamabico_geometry::image::ImageView;
 
 use crate::corridor::wall_distance::CorridorView;
 
-/// Lines of the profile.
+/// Number of lines in the profile.
 const LINES: usize = 48;
-/// Places along each line.
-const PLACES: u32 = 48;
-/// Lines on either side of a step that are compared: in the first pass, and in the second one with finer lines.
-const REACH: [usize; 2] = [3, 10];
+/// Number of samples along each line.
+const SAMPLES: u32 = 48;
+/// Number of lines compared on either side of a step: coarse pass, then fine pass.
+const STEP_REACH: [usize; 2] = [3, 10];
 
-/// Where to look for the foot.
+/// Search range and threshold for the foot of a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootSearch {
-    /// Signed distance (m) of the line that was found, as if it lay on the floor.
+    /// Signed lateral distance of the detected line, computed as if it lay on the floor, m.
     pub found_m: f64,
-    /// The ends of that line, undistorted pixels.
+    /// Endpoints of the detected line, undistorted pixels.
     pub ends: [Vector2<f64>; 2],
-    /// The foot is at this share of the distance, or farther.
+    /// Start of the search range, as a share of `found_m`.
     pub nearest_share: f64,
-    /// Smallest step to darker, gray levels.
+    /// Minimum step from bright floor to dark skirting, gray levels.
     pub min_contrast: f64,
 }
 
-/// Signed distance (m) of the line where a bright floor meets a darker skirting, between the searched share of the found
-/// distance and the found line itself; `None` where there is no such step.
+/// Finds the line where a bright floor meets a darker skirting, between `nearest_share` of the detected distance and
+/// the detected line. Returns its signed lateral distance, m; `None` if there is no such step.
 #[must_use]
-pub fn foot_of_wall(
+pub fn find_wall_foot(
     image: ImageView<'_>,
     pinhole: &Pinhole,
     view: &CorridorView,
     search: &FootSearch,
 ) -> Option<f64> {
     let step = |range, reach| profile_step(image, pinhole, view, search, range, reach);
-    let (first, contrast) = step([search.nearest_share, 0.99], REACH[0])?;
+    let (first, contrast) = step([search.nearest_share, 0.99], STEP_REACH[0])?;
     if contrast < search.min_contrast {
         return None;
     }
-    let (share, _) = step([first - 0.025, first + 0.025], REACH[1])?;
+    let (share, _) = step([first - 0.025, first + 0.025], STEP_REACH[1])?;
     Some(search.found_m * share)
 }
 
-/// The share of the found distance, within a range, at which brightness falls most, and by how many gray levels.
+/// Finds the steepest fall of brightness within a range of shares of the detected distance. Returns the share and the
+/// step in gray levels.
 fn profile_step(
     image: ImageView<'_>,
     pinhole: &Pinhole,
@@ -60,15 +61,15 @@ fn profile_step(
     let mut profile = [0.0_f64; LINES];
     let camera_from_corridor = view.corridor_from_camera.transpose();
     let across = camera_from_corridor * Vector3::y();
-    for place in 0..PLACES {
-        let part = (f64::from(place) + 0.5) / f64::from(PLACES);
+    for sample in 0..SAMPLES {
+        let part = (f64::from(sample) + 0.5) / f64::from(SAMPLES);
         let on_line = search.ends[0] + (search.ends[1] - search.ends[0]) * part;
         let ahead_m = view.floor_point(on_line)?.x;
         let middle = camera_from_corridor * Vector3::new(ahead_m, 0.0, -view.height_m);
         for (line, sum) in profile.iter_mut().enumerate() {
             let point = middle + across * (search.found_m * share_of(line as f64));
             let pixel = pinhole.project(&point.into()).ok()?;
-            *sum += bilinear(image, pixel) / f64::from(PLACES);
+            *sum += bilinear(image, pixel) / f64::from(SAMPLES);
         }
     }
     let step = |line: usize| {
@@ -82,13 +83,13 @@ fn profile_step(
     Some((share_of(best as f64 + shift), step(best)))
 }
 
-/// Offset of the peak of a parabola through three values, within half a step.
+/// Offset of the vertex of the parabola through three equidistant values, limited to half a step.
 fn peak_shift(before: f64, at: f64, after: f64) -> f64 {
     let bend = before - 2.0 * at + after;
     if bend.abs() < 1e-9 { 0.0 } else { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) }
 }
 
-/// Gray level between pixels; outside the image the border's.
+/// Bilinear interpolation of the gray level; pixels outside the image take the value of the border.
 fn bilinear(image: ImageView<'_>, at: Vector2<f64>) -> f64 {
     let (u, v) = (at.x.max(0.0), at.y.max(0.0));
     let (left, top) = (u.floor(), v.floor());
@@ -105,8 +106,8 @@ mod tests {
     use crate::corridor::heading::CameraAttitude;
     use yamabico_geometry::camera::Intrinsics;
 
-    /// A picture in which everything on the floor plane beyond `foot_m` on the left is dark, and beyond `top_m` bright.
-    fn picture(view: &CorridorView, foot_m: f64, top_m: f64) -> Vec<u8> {
+    /// Returns an image in which the floor plane is dark between `foot_m` and `top_m` on the left, and bright beyond.
+    fn synthetic_image(view: &CorridorView, foot_m: f64, top_m: f64) -> Vec<u8> {
         let level = |u: u32, v: u32| match view.floor_point(Vector2::new(f64::from(u), f64::from(v))) {
             Some(point) if point.y > top_m => 180,
             Some(point) if point.y > foot_m => 60,
@@ -132,8 +133,8 @@ mod tests {
             min_contrast: 8.0,
         };
         let find = |foot_m: f64| {
-            let data = picture(&view, foot_m, 1.2);
-            foot_of_wall(ImageView::new(&data, 640, 480, 640).unwrap(), &pinhole, &view, &search)
+            let data = synthetic_image(&view, foot_m, 1.2);
+            find_wall_foot(ImageView::new(&data, 640, 480, 640).unwrap(), &pinhole, &view, &search)
         };
         for foot_m in [0.9, 1.0, 1.1] {
             let found = find(foot_m).unwrap();

@@ -1,42 +1,42 @@
-//! Distance to a wall from the image of its floor line, exactly, for any heading, tilt and roll.
+//! Distance to a wall from its floor line, exact for any heading, tilt and roll.
 //!
-//! Kweon et al. (1991), section 3.2. Differs from \[1\]: their formula holds for heading and tilt zero; these are exact.
+//! Kweon et al. (1991), section 3.2. Differs from \[1\]: their formula holds for zero heading and tilt.
 
-use nalgebra::{Matrix2, Matrix3, Point2, RowVector4, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
 use thiserror::Error;
 use yamabico_geometry::camera::Intrinsics;
 
 use crate::corridor::heading::CameraAttitude;
 
-/// A line whose plane leans away from the corridor's axis by more than this (rad) is not one of its walls.
-pub const LARGEST_SKEW_RAD: f64 = 0.0349;
-/// Below this part of the plane's normal pointing across, the line is at the horizon.
-const SMALLEST_ACROSS: f64 = 0.02;
+/// Maximum angle between a wall's interpretation plane and the corridor axis, rad.
+pub const MAX_SKEW_RAD: f64 = 0.0349;
+/// Minimum lateral component of the interpretation plane's normal. Below it, the line lies on the horizon.
+const MIN_ACROSS: f64 = 0.02;
 
-/// The camera as the corridor sees it.
+/// Camera orientation and height in the corridor frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorridorView {
-    /// Rotation from the optical frame to the corridor's frame (x along, y left, z up).
+    /// Rotation from the optical frame to the corridor frame (x along, y left, z up).
     pub corridor_from_camera: Matrix3<f64>,
-    /// Height of the optical center above the floor, meters.
+    /// Height of the optical center above the floor, m.
     pub height_m: f64,
-    /// The image geometry, undistorted.
+    /// Intrinsics of the undistorted image.
     pub intrinsics: Intrinsics,
 }
 
-/// Why a line gives no distance.
+/// Reason why a line gives no wall distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum NoDistance {
-    /// The line does not run along the corridor.
+pub enum WallDistanceError {
+    /// The line is not parallel to the corridor.
     #[error("the line does not run along the corridor")]
     Skew,
-    /// The line lies on the horizon, infinitely far away.
+    /// The line lies on the horizon, at infinite distance.
     #[error("the line lies on the horizon")]
     Horizon,
 }
 
 impl CorridorView {
-    /// The view of a camera with this attitude and roll (rad).
+    /// Creates the view of a camera with this attitude and roll (rad).
     #[must_use]
     pub fn new(attitude: CameraAttitude, roll: f64, height_m: f64, intrinsics: Intrinsics) -> Self {
         let mount = yamabico_geometry::camera::Mount {
@@ -48,37 +48,39 @@ impl CorridorView {
         Self { corridor_from_camera: mount.rotation_body_from_camera(), height_m, intrinsics }
     }
 
-    /// Unit normal, in the corridor's frame, of the plane through the optical center and a pixel line (a, b, c) with
-    /// a u + b v + c = 0.
+    /// Unit normal, in the corridor frame, of the interpretation plane of a pixel line (a, b, c) with a u + b v + c =
+    /// 0.
     #[must_use]
     pub fn plane_normal(&self, pixel_line: Vector3<f64>) -> Vector3<f64> {
         self.corridor_from_camera * (self.intrinsics.matrix().transpose() * pixel_line).normalize()
     }
 
-    /// Signed distance (m) from the camera to the wall whose floor line is seen as `pixel_line`; positive on the left.
+    /// Computes the signed distance from the camera to the wall with the floor line `pixel_line`, m, positive to the
+    /// left.
     ///
     /// # Errors
-    /// `Skew` for a line off the corridor's direction by more than [`LARGEST_SKEW_RAD`], `Horizon` for one at infinity.
-    pub fn wall_distance(&self, pixel_line: Vector3<f64>) -> Result<f64, NoDistance> {
+    /// `Skew` if the line deviates from the corridor's direction by more than [`MAX_SKEW_RAD`], `Horizon` if it lies at
+    /// infinity.
+    pub fn wall_distance(&self, pixel_line: Vector3<f64>) -> Result<f64, WallDistanceError> {
         let normal = self.plane_normal(pixel_line);
-        if normal.x.abs() > LARGEST_SKEW_RAD.sin() || normal.x.is_nan() {
-            return Err(NoDistance::Skew);
+        if normal.x.abs() > MAX_SKEW_RAD.sin() || normal.x.is_nan() {
+            return Err(WallDistanceError::Skew);
         }
-        if normal.y.abs() <= SMALLEST_ACROSS {
-            return Err(NoDistance::Horizon);
+        if normal.y.abs() <= MIN_ACROSS {
+            return Err(WallDistanceError::Horizon);
         }
         Ok(self.height_m * normal.z / normal.y)
     }
 
-    /// Signed distance (m) to the line along the corridor through the floor point seen at `pixel`: the floor line tied to
-    /// the vanishing point that the view was made from. `None` for a pixel at or above the horizon.
+    /// Lateral distance of the floor point at `pixel`, m, positive to the left: that of the line through the pixel and
+    /// the vanishing point of this view. `None` for a pixel at or above the horizon.
     #[must_use]
-    pub fn tied_distance(&self, pixel: Vector2<f64>) -> Option<f64> {
+    pub fn lateral_distance(&self, pixel: Vector2<f64>) -> Option<f64> {
         self.floor_point(pixel).map(|point| point.y)
     }
 
-    /// The floor point seen at `pixel`: meters ahead along the corridor and to the left, from the point below the camera.
-    /// `None` for a pixel at or above the horizon.
+    /// Floor point at `pixel`, m: x ahead along the corridor, y to the left, from the point below the camera. `None`
+    /// for a pixel at or above the horizon.
     #[must_use]
     pub fn floor_point(&self, pixel: Vector2<f64>) -> Option<Point2<f64>> {
         let ray = self.corridor_from_camera * self.intrinsics.normalized_from_pixel(pixel).push(1.0);
@@ -86,62 +88,43 @@ impl CorridorView {
     }
 }
 
-/// The pixel line through two pixels, of unit normal: a^2 + b^2 = 1; NaN for twice the same.
+/// Line through two pixels, normalized to a^2 + b^2 = 1. NaN if the pixels coincide.
 #[must_use]
 pub fn line_through(a: Vector2<f64>, b: Vector2<f64>) -> Vector3<f64> {
     let line = a.push(1.0).cross(&b.push(1.0));
     line / line.xy().norm()
 }
 
-/// Inverse slope dx/dy of a pixel line in normalized coordinates: finite also for a line that is vertical in the image.
+/// Inverse slope dx/dy of a pixel line in normalized coordinates, finite for a line that is vertical in the image.
 #[must_use]
 pub fn inverse_slope(pixel_line: Vector3<f64>, intrinsics: &Intrinsics) -> f64 {
     -(pixel_line.y * intrinsics.fy) / (pixel_line.x * intrinsics.fx)
 }
 
-/// Cotangent of the wall's angle: signed distance over camera height, from the inverse slope seen without roll.
+/// Ratio of signed lateral distance to camera height, from the inverse slope for a camera without roll.
 #[must_use]
 pub fn distance_over_height(inverse_slope: f64, attitude: CameraAttitude) -> f64 {
     let CameraAttitude { heading, tilt } = attitude;
     -(inverse_slope * heading.cos() / tilt.cos() + heading.sin() * tilt.tan())
 }
 
-/// Signed distance (m) from the inverse slope; positive on the left; a camera without roll.
+/// Signed lateral distance from the inverse slope, m, positive to the left, for a camera without roll.
 #[must_use]
 pub fn distance_from_slope(inverse_slope: f64, attitude: CameraAttitude, height_m: f64) -> f64 {
     height_m * distance_over_height(inverse_slope, attitude)
 }
 
-/// Width of the corridor (m) from the inverse slopes of its two floor lines; a camera without roll.
+/// Width of the corridor from the inverse slopes of both floor lines, m, for a camera without roll.
 #[must_use]
 pub fn width_from_slopes(left: f64, right: f64, attitude: CameraAttitude, height_m: f64) -> f64 {
     height_m * (right - left) * attitude.heading.cos() / attitude.tilt.cos()
 }
 
-/// Height of the camera (m) from a corridor of known width; infinite for equal slopes.
+/// Standard deviation of [`CorridorView::lateral_distance`] at `far_point`, m, propagated by central differences from
+/// the covariance of the vanishing point (px^2) and the noise of the point perpendicular to its line (px), for a camera
+/// with this roll (rad). `None` if a perturbed pixel is above the horizon.
 #[must_use]
-pub fn height_from_width(left: f64, right: f64, attitude: CameraAttitude, width_m: f64) -> f64 {
-    width_m * attitude.tilt.cos() / ((right - left) * attitude.heading.cos())
-}
-
-/// Derivatives of the distance with respect to (inverse slope, heading, tilt, height), each taken as independent.
-#[must_use]
-pub fn distance_gradient(inverse_slope: f64, attitude: CameraAttitude, height_m: f64) -> RowVector4<f64> {
-    let ((sin_h, cos_h), (sin_t, cos_t)) = (attitude.heading.sin_cos(), attitude.tilt.sin_cos());
-    let (s, h) = (inverse_slope, height_m);
-    RowVector4::new(
-        -h * cos_h / cos_t,
-        h * (s * sin_h / cos_t - cos_h * sin_t / cos_t),
-        -h * (s * cos_h * sin_t + sin_h) / (cos_t * cos_t),
-        distance_over_height(s, attitude),
-    )
-}
-
-/// Standard deviation (m) of [`CorridorView::tied_distance`] through `far_point`, from the covariance of the vanishing
-/// point (px^2) and of the point across its line (px), by central differences; a camera with this roll (rad). `None` where
-/// a difference has no floor point.
-#[must_use]
-pub fn tied_distance_sigma(
+pub fn lateral_distance_sigma(
     vanishing_point: Vector2<f64>,
     covariance: &Matrix2<f64>,
     far_point: Vector2<f64>,
@@ -152,7 +135,7 @@ pub fn tied_distance_sigma(
     const STEP_PX: f64 = 0.25;
     let distance = |vp: Vector2<f64>, point: Vector2<f64>| {
         let attitude = CameraAttitude::from_vanishing_point(view.intrinsics.normalized_from_pixel(vp), roll);
-        CorridorView::new(attitude, roll, view.height_m, view.intrinsics).tied_distance(point)
+        CorridorView::new(attitude, roll, view.height_m, view.intrinsics).lateral_distance(point)
     };
     let slope = |step_vp: Vector2<f64>, step_point: Vector2<f64>| {
         let plus = distance(vanishing_point + step_vp, far_point + step_point)?;
@@ -189,45 +172,22 @@ mod tests {
             let (a, b) = (pixel(&view, Vector3::new(2.0, d, -0.6)), pixel(&view, Vector3::new(6.0, d, -0.6)));
             let line = line_through(a, b);
             assert!((view.wall_distance(line).unwrap() - d).abs() < 1e-12);
-            assert!((view.tied_distance(a).unwrap() - d).abs() < 1e-12);
+            assert!((view.lateral_distance(a).unwrap() - d).abs() < 1e-12);
             let s = inverse_slope(line, &view.intrinsics);
             assert!((distance_from_slope(s, ATTITUDE, 0.6) - d).abs() < 1e-12);
         }
     }
 
     #[test]
-    fn crossing_lines_and_the_horizon_are_named() {
+    fn crossing_lines_and_the_horizon_are_rejected() {
         let view = view(0.03);
         let (a, b) =
             (pixel(&view, Vector3::new(3.0, 0.5, -0.6)), pixel(&view, Vector3::new(3.0, -0.5, -0.6)));
-        assert_eq!(view.wall_distance(line_through(a, b)), Err(NoDistance::Skew));
+        assert_eq!(view.wall_distance(line_through(a, b)), Err(WallDistanceError::Skew));
         let (a, b) = (pixel(&view, Vector3::new(3.0, 0.5, 0.0)), pixel(&view, Vector3::new(3.0, -0.5, 0.0)));
-        assert_eq!(view.wall_distance(line_through(a, b)), Err(NoDistance::Horizon));
+        assert_eq!(view.wall_distance(line_through(a, b)), Err(WallDistanceError::Horizon));
         assert!(view.wall_distance(line_through(a, a)).is_err());
         assert!(view.floor_point(pixel(&view, Vector3::new(3.0, 0.5, 0.4))).is_none());
-    }
-
-    #[test]
-    fn width_calibrates_the_height() {
-        let (left, right) = (-1.4, 2.1);
-        let width = width_from_slopes(left, right, ATTITUDE, 0.6);
-        assert!((height_from_width(left, right, ATTITUDE, width) - 0.6).abs() < 1e-12);
-    }
-
-    #[test]
-    fn gradient_matches_differences() {
-        let (s, h) = (-1.2, 1e-6);
-        let at = |ds: f64, dp: f64, dt: f64, dh: f64| {
-            let attitude = CameraAttitude { heading: ATTITUDE.heading + dp, tilt: ATTITUDE.tilt + dt };
-            distance_from_slope(s + ds, attitude, 0.6 + dh)
-        };
-        let differences = RowVector4::new(
-            at(h, 0.0, 0.0, 0.0) - at(-h, 0.0, 0.0, 0.0),
-            at(0.0, h, 0.0, 0.0) - at(0.0, -h, 0.0, 0.0),
-            at(0.0, 0.0, h, 0.0) - at(0.0, 0.0, -h, 0.0),
-            at(0.0, 0.0, 0.0, h) - at(0.0, 0.0, 0.0, -h),
-        ) / (2.0 * h);
-        assert!((differences - distance_gradient(s, ATTITUDE, 0.6)).norm() < 1e-8);
     }
 
     #[test]
@@ -236,7 +196,7 @@ mod tests {
         let vp = view.intrinsics.pixel_from_normalized(ATTITUDE.vanishing_point());
         let point = pixel(&view, Vector3::new(3.0, 1.0, -0.6));
         let sigma = |vp_px: f64, px: f64| {
-            tied_distance_sigma(vp, &(Matrix2::identity() * vp_px * vp_px), point, px, &view, 0.0).unwrap()
+            lateral_distance_sigma(vp, &(Matrix2::identity() * vp_px * vp_px), point, px, &view, 0.0).unwrap()
         };
         assert!(sigma(1.0, 0.5) > sigma(0.5, 0.5) && sigma(0.5, 1.0) > sigma(0.5, 0.5));
         assert!(sigma(1.0, 0.5) > 0.001 && sigma(1.0, 0.5) < 0.1);

@@ -1,46 +1,47 @@
-//! Which edges of the map a camera should see from a pose.
+//! Prediction of the map edges visible to a camera at a given pose.
 
 use nalgebra::{Point2, Point3, Vector2};
 
-use super::view::{Clipped, MapView};
+use super::view::{ClippedEdge, MapView};
 use super::wire_frame::{Edge, EdgeKind, EdgeRole, Wall, WireFrame};
 use yamabico_geometry::Pose2;
 use yamabico_geometry::camera::{Mount, Pinhole};
 
-/// Edges whose directions differ by less (sine of 3 degrees) are parallel in the picture.
-const PARALLEL: f64 = 0.052;
+/// Sine of the angle below which edges are parallel in the image (3 degrees).
+const PARALLEL_SINE: f64 = 0.052;
 
-/// What is left out although it is in view.
+/// Criteria for omitting edges that are in view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectationRules {
-    /// Shorter parts of edges, pixels.
+    /// Minimum length of an edge in the image, pixels.
     pub min_length_px: f64,
-    /// Edges that are farther away, meters.
+    /// Maximum distance of an edge, m.
     pub farthest_m: f64,
-    /// Both of two parallel edges that are nearer to each other, pixels: the camera cannot tell them apart. Where one is an
-    /// outline and the other a detail, only the detail. 0 keeps all.
+    /// Minimum distance between two parallel edges in the image, pixels. Closer edges are ambiguous and both omitted,
+    /// except that a detail is omitted in favor of an outline. 0 keeps all.
     pub min_gap_px: f64,
-    /// Level edges whose upright plane passes nearer to the camera, meters: their lines say nothing of it. 0 keeps all.
+    /// Minimum distance of a horizontal edge's vertical plane from the camera, m: edges in a plane through the camera
+    /// carry no information. 0 keeps all.
     pub grazing_m: f64,
-    /// Distance of the places of a level edge whose sight lines are looked at, pixels.
+    /// Spacing of the visibility tests along an edge that is not vertical, pixels.
     pub sample_px: f64,
 }
 
 impl Default for ExpectationRules {
-    /// For a picture 640 pixels wide.
+    /// For an image 640 px wide.
     fn default() -> Self {
         Self { min_length_px: 20.0, farthest_m: 15.0, min_gap_px: 4.0, grazing_m: 0.05, sample_px: 8.0 }
     }
 }
 
 impl ExpectationRules {
-    /// For a picture of this width: the least length shrinks with it, to 10 pixels.
+    /// Rules for an image of this width: the minimum length scales with it, down to 10 pixels.
     #[must_use]
     pub fn for_width(width: u32) -> Self {
         Self { min_length_px: (20.0 * f64::from(width) / 640.0).clamp(10.0, 20.0), ..Self::default() }
     }
 
-    /// Everything that is in view: also what is short, far, or close to another edge.
+    /// Rules that keep every edge in view.
     #[must_use]
     pub fn everything() -> Self {
         Self {
@@ -53,34 +54,34 @@ impl ExpectationRules {
     }
 }
 
-/// An edge of the map, or a part of one, in the picture.
+/// Edge of the map, or a visible part of one, projected into the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedEdge {
-    /// Number of the edge in the map.
+    /// Index of the edge in the map.
     pub edge: usize,
-    /// Its direction in space.
+    /// Orientation of the edge in space.
     pub kind: EdgeKind,
-    /// How well it is seen.
+    /// Visual prominence of the edge.
     pub role: EdgeRole,
-    /// One end, ideal (undistorted) pixels, within the picture; the edge's order.
+    /// First endpoint, in the edge's order, undistorted pixels inside the image.
     pub from: Vector2<f64>,
-    /// The other end.
+    /// Second endpoint, undistorted pixels inside the image.
     pub to: Vector2<f64>,
-    /// Distance in plan from the camera to its nearer end, meters.
+    /// Horizontal distance from the camera to the nearer end, m.
     pub range_m: f64,
-    /// Depth of its nearer end along the optical axis, meters.
+    /// Depth of the nearer end along the optical axis, m.
     pub depth_m: f64,
 }
 
 impl ExpectedEdge {
-    /// Distance between its ends, pixels.
+    /// Distance between the endpoints, pixels.
     #[must_use]
     pub fn length_px(&self) -> f64 {
         (self.to - self.from).norm()
     }
 }
 
-/// The edges that a camera should see; keeps its buffers.
+/// Computes the visible edges of a map. Reuses its buffers.
 #[derive(Clone, Debug, Default)]
 pub struct ExpectationMap {
     rules: ExpectationRules,
@@ -90,22 +91,23 @@ pub struct ExpectationMap {
 }
 
 impl ExpectationMap {
-    /// One that leaves out what `rules` say.
+    /// Creates an expectation map that omits edges by `rules`.
     #[must_use]
     pub fn new(rules: ExpectationRules) -> Self {
         Self { rules, ..Self::default() }
     }
 
-    /// What it leaves out.
+    /// Rules for omitting edges.
     #[must_use]
     pub fn rules(&self) -> &ExpectationRules {
         &self.rules
     }
 
-    /// The edges of `map` that a camera sees from `map_from_robot`, in the map's order; an edge that is hidden in the middle
-    /// comes in parts. Empty where nothing is in view. Lens distortion is left out: the pixels are ideal ones.
+    /// Computes the edges of `map` visible to a camera on a robot at `map_from_robot`, in the map's order. An edge that
+    /// is hidden in the middle is split into parts. Ignores lens distortion: pixels are undistorted. Empty if nothing
+    /// is in view or the pose is not finite.
     ///
-    /// An upright edge is seen where the sight line in plan to it is; a level one is looked at every few pixels.
+    /// Visibility is tested in plan: once for a vertical edge, every `sample_px` along others.
     pub fn compute(
         &mut self,
         map: &WireFrame,
@@ -124,7 +126,7 @@ impl ExpectationMap {
         &self.expected
     }
 
-    /// What was computed last.
+    /// Edges of the last call of [`ExpectationMap::compute`].
     #[must_use]
     pub fn expected(&self) -> &[ExpectedEdge] {
         &self.expected
@@ -145,13 +147,13 @@ impl ExpectationMap {
             return;
         }
         if edge.kind == EdgeKind::Vertical {
-            if view.sees(near, walls) {
+            if view.is_visible(near, walls) {
                 self.keep(index, edge, &clipped, [0.0, 1.0], view);
             }
             return;
         }
         self.hiding.clear();
-        self.hiding.extend(walls.iter().filter(|wall| is_in_triangle(wall, camera, near, far)));
+        self.hiding.extend(walls.iter().filter(|wall| may_be_in_triangle(wall, camera, near, far)));
         if self.hiding.is_empty() {
             self.keep(index, edge, &clipped, [0.0, 1.0], view);
         } else {
@@ -163,7 +165,7 @@ impl ExpectationMap {
         &mut self,
         index: usize,
         edge: &Edge,
-        clipped: &Clipped,
+        clipped: &ClippedEdge,
         length_px: f64,
         view: &MapView,
     ) {
@@ -172,7 +174,7 @@ impl ExpectationMap {
         let mut last = 0.0;
         for step in 0..=steps {
             let share = step as f64 / steps as f64;
-            let is_seen = view.sees(view.plan_of(&along(clipped, share)), &self.hiding);
+            let is_seen = view.is_visible(view.plan_of(&interpolate(clipped, share)), &self.hiding);
             match (begin, is_seen) {
                 (None, true) => begin = Some(share),
                 (Some(from), false) => {
@@ -188,13 +190,13 @@ impl ExpectationMap {
         }
     }
 
-    fn keep(&mut self, index: usize, edge: &Edge, clipped: &Clipped, shares: [f64; 2], view: &MapView) {
+    fn keep(&mut self, index: usize, edge: &Edge, clipped: &ClippedEdge, shares: [f64; 2], view: &MapView) {
         let [p, q] = clipped.pixels;
         let [from, to] = shares.map(|share| p + (q - p) * share);
         if (to - from).norm() < self.rules.min_length_px {
             return;
         }
-        let ends = shares.map(|share| along(clipped, share));
+        let ends = shares.map(|share| interpolate(clipped, share));
         let camera = view.plan_position();
         let range_m = ends.map(|end| (view.plan_of(&end) - camera).norm());
         let range_m = range_m[0].min(range_m[1]);
@@ -221,8 +223,8 @@ impl ExpectationMap {
         for (i, a) in self.expected.iter().enumerate() {
             for (j, b) in self.expected.iter().enumerate().skip(i + 1) {
                 if a.edge != b.edge && are_close(a, b, gap_px) {
-                    self.is_close[i] |= !stands_out(a, b);
-                    self.is_close[j] |= !stands_out(b, a);
+                    self.is_close[i] |= !is_distinguishable(a, b);
+                    self.is_close[j] |= !is_distinguishable(b, a);
                 }
             }
         }
@@ -231,19 +233,19 @@ impl ExpectationMap {
     }
 }
 
-/// Whether `a` is seen as if `b` beside it were not there.
-fn stands_out(a: &ExpectedEdge, b: &ExpectedEdge) -> bool {
+/// Returns true if `a` remains distinguishable next to `b`.
+fn is_distinguishable(a: &ExpectedEdge, b: &ExpectedEdge) -> bool {
     a.role == EdgeRole::Outline && b.role == EdgeRole::Detail
 }
 
-/// The point of the optical frame at a share of the way in the picture.
-fn along(clipped: &Clipped, share: f64) -> Point3<f64> {
+/// Point in the optical frame at a share of the distance between both ends in the image.
+fn interpolate(clipped: &ClippedEdge, share: f64) -> Point3<f64> {
     let [a, b] = clipped.points_in_camera;
     a + (b - a) * (share * a.z / (b.z + share * (a.z - b.z)))
 }
 
-/// Whether a part of the wall can lie in the triangle of the camera and the ends of an edge.
-fn is_in_triangle(wall: &Wall, camera: Point2<f64>, near: Point2<f64>, far: Point2<f64>) -> bool {
+/// Returns true if part of the wall may lie inside the triangle of the camera and the ends of an edge.
+fn may_be_in_triangle(wall: &Wall, camera: Point2<f64>, near: Point2<f64>, far: Point2<f64>) -> bool {
     let orientation = (near - camera).perp(&(far - camera)).signum();
     [(camera, near), (near, far), (far, camera)].iter().all(|(start, end)| {
         let side = (end - start) * orientation;
@@ -251,11 +253,11 @@ fn is_in_triangle(wall: &Wall, camera: Point2<f64>, near: Point2<f64>, far: Poin
     })
 }
 
-/// Whether two edges run side by side, over half of the shorter one, nearer than `gap_px` on average.
+/// Returns true if two edges are parallel, overlap by half of the shorter one, and are closer than `gap_px` on average.
 fn are_close(a: &ExpectedEdge, b: &ExpectedEdge, gap_px: f64) -> bool {
     let (run_a, run_b) = (a.to - a.from, b.to - b.from);
     let (length_a, length_b) = (run_a.norm(), run_b.norm());
-    if run_a.perp(&run_b).abs() > PARALLEL * length_a * length_b {
+    if run_a.perp(&run_b).abs() > PARALLEL_SINE * length_a * length_b {
         return false;
     }
     let (long, run, length, short) =
@@ -266,8 +268,8 @@ fn are_close(a: &ExpectedEdge, b: &ExpectedEdge, gap_px: f64) -> bool {
     if 0.5 * (d0 + d1).abs() >= gap_px {
         return false;
     }
-    let place = |p: Vector2<f64>| direction.dot(&(p - long.from));
-    let (s0, s1) = (place(short.from), place(short.to));
+    let position = |p: Vector2<f64>| direction.dot(&(p - long.from));
+    let (s0, s1) = (position(short.from), position(short.to));
     let overlap = s0.max(s1).min(length) - s0.min(s1).max(0.0);
     overlap > 0.5 * (s1 - s0).abs()
 }
@@ -300,7 +302,7 @@ mod tests {
         let walls = vec![wall([3.0, -0.2], [3.0, 0.2])];
         let parts = expected(&WireFrame::new(lines, walls), ExpectationRules::default());
         assert_eq!(parts.iter().map(|part| part.edge).collect::<Vec<_>>(), [0, 0]);
-        // The pillar's edges are seen at f * 0.2/3 to either side of the middle.
+        // The pillar's edges project to f * 0.2/3 on either side of the center.
         let hidden_px = 554.256 * 0.2 / 3.0;
         for part in &parts {
             let inner = (part.from.x - 319.5).abs().min((part.to.x - 319.5).abs());
@@ -341,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_in_view_and_no_pose_give_nothing() {
+    fn an_empty_view_and_an_invalid_pose_are_empty() {
         let map = WireFrame::new(vec![edge([-6.0, 1.0, 0.0], [-6.0, 1.0, 2.0])], Vec::new());
         assert!(expected(&map, ExpectationRules::everything()).is_empty());
         let (camera, mount) = camera();

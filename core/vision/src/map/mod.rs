@@ -1,6 +1,6 @@
-//! What is known of a building before the robot sees it.
+//! A-priori map of a building.
 //!
-//! [`WireFrame`] holds its edges and walls, [`ExpectationMap`] tells which of them a camera should see from a pose.
+//! [`WireFrame`] holds its edges and walls, [`ExpectationMap`] predicts the edges visible from a pose.
 
 pub mod expectation;
 pub mod view;

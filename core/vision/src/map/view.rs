@@ -1,4 +1,4 @@
-//! The map as a camera at a pose has it before it: projection, clipping and sight lines.
+//! Map geometry relative to a camera at a pose: projection, clipping and visibility.
 
 use nalgebra::{Matrix3, Point2, Point3, Vector2, Vector3};
 
@@ -6,12 +6,12 @@ use crate::map::wire_frame::{Edge, Wall};
 use yamabico_geometry::Pose2;
 use yamabico_geometry::camera::{Intrinsics, Mount, clip_to_near_plane};
 
-/// Walls that pass nearer to what is looked at do not hide it, meters.
+/// Distance from a wall within which a point is not hidden by it, m.
 pub const WALL_TOLERANCE_M: f64 = 0.02;
-/// A sight line whose direction differs from a wall's by less (sine) runs along it.
-const PARALLEL: f64 = 1e-9;
+/// Sine of the angle below which a sight line is parallel to a wall.
+const PARALLEL_SINE: f64 = 1e-9;
 
-/// A camera with its place on the map.
+/// Camera at a pose on the map.
 #[derive(Clone, Copy, Debug)]
 pub struct MapView {
     intrinsics: Intrinsics,
@@ -19,17 +19,17 @@ pub struct MapView {
     camera_in_map: Point3<f64>,
 }
 
-/// The part of an edge that lies in the picture.
+/// Part of an edge inside the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clipped {
-    /// Its ends in ideal (undistorted) pixels, in the order of the edge.
+pub struct ClippedEdge {
+    /// Endpoints in undistorted pixels, in the order of the edge.
     pub pixels: [Vector2<f64>; 2],
-    /// Its ends in the optical frame, meters.
+    /// Endpoints in the optical frame, m.
     pub points_in_camera: [Point3<f64>; 2],
 }
 
 impl MapView {
-    /// The view of a camera on a robot at `map_from_robot`.
+    /// Creates the view of a camera on a robot at `map_from_robot`.
     #[must_use]
     pub fn new(intrinsics: &Intrinsics, mount: &Mount, map_from_robot: &Pose2) -> Self {
         let (sin, cos) = map_from_robot.theta.sin_cos();
@@ -43,36 +43,36 @@ impl MapView {
         }
     }
 
-    /// The optical center in plan, meters, map frame.
+    /// Horizontal position of the optical center, map frame, m.
     #[must_use]
     pub fn plan_position(&self) -> Point2<f64> {
         self.camera_in_map.xy()
     }
 
-    /// A point of the map in the optical frame, meters.
+    /// Transforms a point from the map frame to the optical frame, m.
     #[must_use]
     pub fn point_in_camera(&self, point_in_map: &Point3<f64>) -> Point3<f64> {
         Point3::from(self.camera_from_map * (point_in_map - self.camera_in_map))
     }
 
-    /// A point of the optical frame in plan, meters, map frame.
+    /// Transforms a point from the optical frame to its horizontal position in the map frame, m.
     #[must_use]
     pub fn plan_of(&self, point_in_camera: &Point3<f64>) -> Point2<f64> {
         (self.camera_in_map + self.camera_from_map.tr_mul(&point_in_camera.coords)).xy()
     }
 
-    /// The part of an edge beyond the near plane and within [0, width - 1] x [0, height - 1]; `None` where nothing is.
+    /// Clips an edge to the near plane and to the image, [0, width - 1] x [0, height - 1]. `None` if nothing remains.
     #[must_use]
-    pub fn clip(&self, edge: &Edge) -> Option<Clipped> {
+    pub fn clip(&self, edge: &Edge) -> Option<ClippedEdge> {
         let (a, b) = (self.point_in_camera(&edge.from), self.point_in_camera(&edge.to));
         let (a, b) = clip_to_near_plane(a, b)?;
         let pixel = |p: &Point3<f64>| self.intrinsics.pixel_from_normalized(p.xy().coords / p.z);
         let (p, q) = (pixel(&a), pixel(&b));
         let far = [f64::from(self.intrinsics.width) - 1.0, f64::from(self.intrinsics.height) - 1.0];
         let (s0, s1) = clip_to_rectangle(p, q, far)?;
-        // Equal steps in the picture are not equal steps along the edge: one over the depth is linear in the picture.
+        // Perspective interpolation: inverse depth is linear in the image.
         let in_space = |s: f64| a + (b - a) * (s * a.z / (b.z + s * (a.z - b.z)));
-        Some(Clipped {
+        Some(ClippedEdge {
             pixels: [p + (q - p) * s0, p + (q - p) * s1],
             points_in_camera: [
                 if s0 > 0.0 { in_space(s0) } else { a },
@@ -81,28 +81,28 @@ impl MapView {
         })
     }
 
-    /// Whether no wall stands between the camera and a place in plan. Walls within [`WALL_TOLERANCE_M`] of the place and
-    /// walls along the sight line hide nothing.
+    /// Returns true if no wall lies between the camera and a point in plan. Walls within [`WALL_TOLERANCE_M`] of the
+    /// point and walls parallel to the sight line do not hide it.
     #[must_use]
-    pub fn sees(&self, place: Point2<f64>, walls: &[Wall]) -> bool {
+    pub fn is_visible(&self, point: Point2<f64>, walls: &[Wall]) -> bool {
         let camera = self.plan_position();
-        !walls.iter().any(|wall| is_hidden(camera, place, wall))
+        !walls.iter().any(|wall| is_hidden(camera, point, wall))
     }
 }
 
-/// Whether the wall hides `place` from `camera`.
-fn is_hidden(camera: Point2<f64>, place: Point2<f64>, wall: &Wall) -> bool {
-    let (sight, run) = (place - camera, wall.to - wall.from);
+/// Returns true if the wall hides `point` from `camera`.
+fn is_hidden(camera: Point2<f64>, point: Point2<f64>, wall: &Wall) -> bool {
+    let (sight, run) = (point - camera, wall.to - wall.from);
     let cross = sight.perp(&run);
-    if cross.abs() <= PARALLEL * sight.norm() * run.norm() {
+    if cross.abs() <= PARALLEL_SINE * sight.norm() * run.norm() {
         return false;
     }
     let between = wall.from - camera;
     let (t, s) = (between.perp(&run) / cross, between.perp(&sight) / cross);
-    t > 0.0 && t < 1.0 && (0.0..=1.0).contains(&s) && wall.distance(place) > WALL_TOLERANCE_M
+    t > 0.0 && t < 1.0 && (0.0..=1.0).contains(&s) && wall.distance(point) > WALL_TOLERANCE_M
 }
 
-/// The share of the way from `p` to `q` that lies within [0, far]: where it begins and ends (Liang and Barsky).
+/// Clips the segment from `p` to `q` to [0, far] and returns the start and end parameters (Liang and Barsky).
 fn clip_to_rectangle(p: Vector2<f64>, q: Vector2<f64>, far: [f64; 2]) -> Option<(f64, f64)> {
     let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_hides_what_is_behind_it_only() {
+    fn a_wall_hides_only_points_behind_it() {
         let wall = Wall { from: Point2::new(3.0, -1.0), to: Point2::new(3.0, 1.0) };
         let camera = Point2::new(0.0, 0.0);
         assert!(is_hidden(camera, Point2::new(4.0, 0.0), &wall));
@@ -159,7 +159,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_clipped_is_the_projection(
+        fn clipped_ends_match_the_projection(
             x in 1.0..9.0, y in -2.0..2.0, z in 0.0..2.5, dx in -6.0..6.0, dy in -2.0..2.0, dz in -2.0..2.0,
         ) {
             let (view, _) = view(Pose2::new(0.5, 0.2, -0.1));

@@ -1,4 +1,4 @@
-//! A building as the edges that a camera can see and the walls that hide them.
+//! Wire frame of a building: edges that a camera can see and walls that hide them.
 
 use std::path::Path;
 
@@ -7,103 +7,103 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use yamabico_parameters::{BuildError, FileKind, Problems};
+use yamabico_parameters::{FileKind, ParameterError, Problems};
 
-/// Map files, as behaviors name them: the ranges are in the schema, the rules tell what makes no building.
+/// File kind of wire-frame maps. The schema holds the ranges, `rules` the checks between entries.
 pub const WIRE_FRAME_FILE: FileKind = FileKind {
     key: "map",
     what: "a map file",
     schema: || schema_for!(MapFile),
     rules: |table| match table.clone().try_into::<MapFile>() {
         Ok(file) => file.rules(),
-        Err(error) => vec![BuildError::new("", error.message())],
+        Err(error) => vec![ParameterError::new("", error.message())],
     },
 };
 
-/// Larger than this (m) is no building, but millimeters.
-const LARGEST_M: f64 = 1000.0;
-/// Smaller than this (m) is no building either.
-const SMALLEST_M: f64 = 0.1;
-/// Shorter edges and walls (m) have no direction.
-const SHORTEST_M: f64 = 0.001;
-/// An edge is upright or level where its ends differ by no more (m) in plan or in height.
-const LEVEL_M: f64 = 0.001;
+/// Maximum extent of a building, m. A larger one is probably in millimeters.
+const MAX_EXTENT_M: f64 = 1000.0;
+/// Minimum extent of a building, m. A smaller one is probably in kilometers.
+const MIN_EXTENT_M: f64 = 0.1;
+/// Minimum length of an edge or wall, m.
+const MIN_LENGTH_M: f64 = 0.001;
+/// Maximum offset between the ends of a vertical edge in plan, or of a horizontal edge in height, m.
+const ALIGNMENT_TOLERANCE_M: f64 = 0.001;
 
-/// A building: edges in space and walls in plan, both in the map frame.
+/// Building map: edges in space and walls in plan, map frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WireFrame {
     edges: Vec<Edge>,
     walls: Vec<Wall>,
 }
 
-/// A straight edge.
+/// Straight edge in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// One end, meters, map frame.
+    /// First endpoint, map frame, m.
     pub from: Point3<f64>,
-    /// The other end.
+    /// Second endpoint, map frame, m.
     pub to: Point3<f64>,
-    /// Its direction in space.
+    /// Orientation of the edge in space.
     pub kind: EdgeKind,
-    /// How well it is seen.
+    /// Visual prominence of the edge.
     pub role: EdgeRole,
 }
 
-/// How well an edge is seen.
+/// Visual prominence of an edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum EdgeRole {
-    /// It stands out, also from afar.
+    /// Prominent at any distance.
     #[default]
     Outline,
-    /// It runs beside an outline, such as the inner edges of a door frame, and from afar cannot be told from it.
+    /// Next to an outline, such as the inner edges of a door frame, and indistinguishable from it at a distance.
     Detail,
 }
 
-/// Which way an edge runs.
+/// Orientation of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EdgeKind {
-    /// Upright.
+    /// Vertical.
     Vertical,
-    /// Level.
+    /// Horizontal.
     Horizontal,
-    /// Neither.
+    /// Any other orientation.
     Other,
 }
 
-/// A wall in plan, from floor to ceiling: nothing is seen through it, and nobody walks through it.
+/// Wall in plan, from floor to ceiling, opaque and impassable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// One end, meters, map frame.
+    /// First endpoint, map frame, m.
     pub from: Point2<f64>,
-    /// The other end.
+    /// Second endpoint, map frame, m.
     pub to: Point2<f64>,
 }
 
-/// Why there is no map.
+/// Reason why there is no map.
 #[derive(Debug, Error)]
 pub enum MapError {
     /// The file cannot be read.
     #[error("{path}: {reason}")]
     Unreadable {
-        /// The file.
+        /// Path of the file.
         path: String,
-        /// What the system says.
+        /// Error of the operating system.
         reason: String,
     },
-    /// Something in it is wrong; every mistake with its line.
+    /// The file is invalid; all problems with their line.
     #[error("{0}")]
-    Wrong(#[from] Problems),
+    Invalid(#[from] Problems),
 }
 
 impl Edge {
-    /// The outline between two points, map frame, meters.
+    /// Creates an outline between two points, map frame, m.
     #[must_use]
     pub fn between(from: Point3<f64>, to: Point3<f64>) -> Self {
         let run = to - from;
-        let kind = if run.xy().norm() <= LEVEL_M {
+        let kind = if run.xy().norm() <= ALIGNMENT_TOLERANCE_M {
             EdgeKind::Vertical
-        } else if run.z.abs() <= LEVEL_M {
+        } else if run.z.abs() <= ALIGNMENT_TOLERANCE_M {
             EdgeKind::Horizontal
         } else {
             EdgeKind::Other
@@ -111,13 +111,13 @@ impl Edge {
         Self { from, to, kind, role: EdgeRole::Outline }
     }
 
-    /// The same edge as a detail beside an outline.
+    /// Returns the same edge as a detail.
     #[must_use]
     pub fn detail(self) -> Self {
         Self { role: EdgeRole::Detail, ..self }
     }
 
-    /// Distance between its ends, meters.
+    /// Distance between the endpoints, m.
     #[must_use]
     pub fn length(&self) -> f64 {
         (self.to - self.from).norm()
@@ -125,20 +125,19 @@ impl Edge {
 }
 
 impl Wall {
-    /// Whether the straight way from `start` to `end` crosses it (touching counts).
-    #[must_use]
-    pub fn is_crossed_by(&self, start: Point2<f64>, end: Point2<f64>) -> bool {
-        let (way, wall) = (end - start, self.to - self.from);
-        let cross = way.perp(&wall);
-        if cross.abs() <= f64::EPSILON * way.norm() * wall.norm() {
+    /// Returns true if the straight line from `start` to `end` crosses or touches the wall.
+    fn is_crossed_by(&self, start: Point2<f64>, end: Point2<f64>) -> bool {
+        let (line, wall) = (end - start, self.to - self.from);
+        let cross = line.perp(&wall);
+        if cross.abs() <= f64::EPSILON * line.norm() * wall.norm() {
             return false;
         }
         let between = self.from - start;
-        let (t, s) = (between.perp(&wall) / cross, between.perp(&way) / cross);
+        let (t, s) = (between.perp(&wall) / cross, between.perp(&line) / cross);
         (0.0..=1.0).contains(&t) && (0.0..=1.0).contains(&s)
     }
 
-    /// Distance of a point from it, meters, never negative.
+    /// Distance of a point from the wall, m, never negative.
     #[must_use]
     pub fn distance(&self, point: Point2<f64>) -> f64 {
         let wall = self.to - self.from;
@@ -148,16 +147,16 @@ impl Wall {
 }
 
 impl WireFrame {
-    /// A map of these edges and walls, which are taken as they are; [`WireFrame::from_toml`] is the way that checks.
+    /// Creates a map without validation; [`WireFrame::from_toml`] validates.
     #[must_use]
     pub fn new(edges: Vec<Edge>, walls: Vec<Wall>) -> Self {
         Self { edges, walls }
     }
 
-    /// Reads and checks a map file.
+    /// Reads and validates a map file.
     ///
     /// # Errors
-    /// A file that cannot be read, or everything that is wrong in it.
+    /// [`MapError`] if the file cannot be read, or with all invalid content.
     pub fn read(path: &Path) -> Result<Self, MapError> {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path)
@@ -165,15 +164,15 @@ impl WireFrame {
         Ok(Self::parse(&name, &text)?)
     }
 
-    /// Reads and checks a map file's text.
+    /// Parses and validates the text of a map file.
     ///
     /// # Errors
-    /// Everything that is wrong in it, with its place.
+    /// All invalid content, with its location.
     pub fn from_toml(text: &str) -> Result<Self, Problems> {
         Self::parse("the map", text)
     }
 
-    /// Its text as a map file, numbers to the millimeter, without a comment.
+    /// Serializes the map as TOML without comments, lengths to 1 mm.
     #[must_use]
     pub fn to_toml(&self) -> String {
         use std::fmt::Write;
@@ -196,25 +195,25 @@ impl WireFrame {
         text.replace("-0.000", "0.000")
     }
 
-    /// The edges.
+    /// Edges of the building.
     #[must_use]
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
 
-    /// The walls.
+    /// Walls of the building.
     #[must_use]
     pub fn walls(&self) -> &[Wall] {
         &self.walls
     }
 
-    /// Whether the straight way from `start` to `end` crosses no wall.
+    /// Returns true if the straight line from `start` to `end` crosses no wall.
     #[must_use]
     pub fn is_open(&self, start: Point2<f64>, end: Point2<f64>) -> bool {
         !self.walls.iter().any(|wall| wall.is_crossed_by(start, end))
     }
 
-    /// Distance from a point to the nearest wall, meters; infinite without walls.
+    /// Distance from a point to the nearest wall, m; infinite without walls.
     #[must_use]
     pub fn clearance(&self, point: Point2<f64>) -> f64 {
         self.walls.iter().map(|wall| wall.distance(point)).fold(f64::INFINITY, f64::min)
@@ -239,88 +238,97 @@ impl WireFrame {
     }
 }
 
-/// What a map file says: meters, map frame, x forward, y left, z up from the floor.
+/// Content of a map file. Lengths in m, map frame, x forward, y left, z up from the floor.
 #[derive(Clone, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 struct MapFile {
-    /// Name for people; may be empty.
+    /// Display name; may be empty.
     name: String,
     /// Edges that a camera can see.
     #[serde(rename = "edge")]
     #[schemars(length(max = 20_000))]
     edges: Vec<EdgeEntry>,
-    /// Walls in plan, which hide what is behind them.
+    /// Walls in plan, which hide edges behind them.
     #[serde(rename = "wall")]
     #[schemars(length(max = 20_000))]
     walls: Vec<WallEntry>,
 }
 
-/// A straight edge.
+/// Straight edge in space.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct EdgeEntry {
-    /// One end: x, y, z, meters, each -1000000 to 1000000.
+    /// First endpoint x, y, z.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     from_m: [f64; 3],
-    /// The other end: x, y, z, meters, each -1000000 to 1000000.
+    /// Second endpoint x, y, z.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     to_m: [f64; 3],
-    /// How well it is seen, default outline.
+    /// Visual prominence.
     #[serde(default)]
     role: EdgeRole,
 }
 
-/// A wall.
+/// Wall in plan.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct WallEntry {
-    /// One end: x, y, meters, each -1000000 to 1000000.
+    /// First endpoint x, y.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     from_m: [f64; 2],
-    /// The other end: x, y, meters, each -1000000 to 1000000.
+    /// Second endpoint x, y.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     to_m: [f64; 2],
 }
 
 impl MapFile {
-    fn rules(&self) -> Vec<BuildError> {
+    fn rules(&self) -> Vec<ParameterError> {
         if self.edges.is_empty() {
-            return vec![BuildError::new("edge", "is missing: a map needs at least one edge to see")];
+            return vec![ParameterError::new("edge", "is missing: a map needs at least one edge")];
         }
-        let mut broken = Vec::new();
+        let mut errors = Vec::new();
         let extent = self.extent();
-        if extent > LARGEST_M {
-            broken.push(BuildError::new(
+        if extent > MAX_EXTENT_M {
+            errors.push(ParameterError::new(
                 "edge",
-                format!("extends over {extent:.0} m, and a building over at most {LARGEST_M} m: are these millimeters?"),
+                format!("extends over {extent:.0} m, but a building at most over {MAX_EXTENT_M} m: are these millimeters?"),
             ));
-        } else if extent < SMALLEST_M {
-            broken.push(BuildError::new(
+        } else if extent < MIN_EXTENT_M {
+            errors.push(ParameterError::new(
                 "edge",
                 format!(
-                    "extends over {extent} m only, and a building over more than {SMALLEST_M} m: are these kilometers?"
+                    "extends over {extent} m, but a building at least over {MIN_EXTENT_M} m: are these kilometers?"
                 ),
             ));
         }
         let mut seen = std::collections::HashMap::new();
         for (i, edge) in self.edges.iter().enumerate() {
             let (from, to) = (Point3::from(edge.from_m), Point3::from(edge.to_m));
-            if (to - from).norm() < SHORTEST_M {
-                broken.push(BuildError::new(format!("edge[{i}].to_m"), "is where the edge begins"));
+            if (to - from).norm() < MIN_LENGTH_M {
+                errors.push(ParameterError::new(
+                    format!("edge[{i}].to_m"),
+                    "equals `from_m`: an edge needs two distinct ends",
+                ));
             }
             if let Some(other) = seen.insert(ends_in_millimeters(&edge.from_m, &edge.to_m), i) {
-                broken.push(BuildError::new(format!("edge[{i}]"), format!("is the same as edge[{other}]")));
+                errors.push(ParameterError::new(
+                    format!("edge[{i}]"),
+                    format!("duplicates edge[{other}]: remove one of them"),
+                ));
             }
         }
         for (i, wall) in self.walls.iter().enumerate() {
-            if (Vector2::from(wall.to_m) - Vector2::from(wall.from_m)).norm() < SHORTEST_M {
-                broken.push(BuildError::new(format!("wall[{i}].to_m"), "is where the wall begins"));
+            if (Vector2::from(wall.to_m) - Vector2::from(wall.from_m)).norm() < MIN_LENGTH_M {
+                errors.push(ParameterError::new(
+                    format!("wall[{i}].to_m"),
+                    "equals `from_m`: a wall needs two distinct ends",
+                ));
             }
         }
-        broken
+        errors
     }
 
-    /// The largest extent along an axis, meters.
+    /// Maximum extent along an axis, m.
     fn extent(&self) -> f64 {
         let points = self.edges.iter().flat_map(|edge| [edge.from_m, edge.to_m]);
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
@@ -334,7 +342,7 @@ impl MapFile {
     }
 }
 
-/// Both ends in whole millimeters, the smaller one first.
+/// Both endpoints in whole millimeters, sorted.
 fn ends_in_millimeters(from: &[f64; 3], to: &[f64; 3]) -> [[i64; 3]; 2] {
     let whole = |point: &[f64; 3]| point.map(|meters| (meters * 1000.0).round() as i64);
     let mut ends = [whole(from), whole(to)];
@@ -358,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_know_their_direction() {
+    fn edges_are_classified_by_orientation() {
         let map = WireFrame::from_toml(DOOR).unwrap();
         let kinds: Vec<EdgeKind> = map.edges().iter().map(|edge| edge.kind).collect();
         assert_eq!(kinds, [EdgeKind::Vertical, EdgeKind::Horizontal, EdgeKind::Other]);
@@ -366,13 +374,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_again() {
+    fn a_map_survives_serialization() {
         let map = WireFrame::from_toml(DOOR).unwrap();
         assert_eq!(WireFrame::from_toml(&map.to_toml()).unwrap(), map);
     }
 
     #[test]
-    fn wrong_units_are_told() {
+    fn wrong_units_are_reported() {
         let millimeters = "edge = [{ from_m = [0, 0, 0], to_m = [18000, 0, 0] }]";
         assert!(refusal(millimeters).contains("millimeters"));
         let kilometers = "edge = [{ from_m = [0, 0, 0], to_m = [0.018, 0, 0] }]";
@@ -380,27 +388,27 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_refused_with_its_place() {
+    fn invalid_maps_are_rejected() {
         assert!(refusal("name = \"empty\"").contains("at least one edge"));
         assert!(refusal("edge = []").contains("at least one edge"));
         let point =
             "edge = [{ from_m = [0, 0, 0], to_m = [1, 0, 0] }, { from_m = [2, 0, 0], to_m = [2, 0, 0] }]";
-        assert!(refusal(point).contains("where the edge begins"));
+        assert!(refusal(point).contains("an edge needs two distinct ends"));
         let twice =
             "edge = [{ from_m = [0, 0, 0], to_m = [1, 0, 0] }, { from_m = [1, 0, 0], to_m = [0, 0, 0] }]";
-        assert!(refusal(twice).contains("the same as edge[0]"));
+        assert!(refusal(twice).contains("duplicates edge[0]"));
         for number in ["nan", "inf", "1e300"] {
             let text = format!("edge = [{{ from_m = [0, 0, 0], to_m = [{number}, 0, 0] }}]");
             assert!(WireFrame::from_toml(&text).is_err(), "{number}");
         }
         assert!(refusal("edge = [{ form_m = [0, 0, 0], to_m = [1, 0, 0] }]").contains("from_m"));
         let wall = format!("{DOOR}\n").replace("to_m = [6, 1] }", "to_m = [0, 1] }");
-        assert!(refusal(&wall).contains("where the wall begins"));
+        assert!(refusal(&wall).contains("a wall needs two distinct ends"));
         assert!(matches!(WireFrame::read(Path::new("no/such.toml")), Err(MapError::Unreadable { .. })));
     }
 
     #[test]
-    fn walls_stop_ways() {
+    fn walls_block_lines() {
         let map = WireFrame::from_toml(DOOR).unwrap();
         let point = Point2::new;
         assert!(!map.is_open(point(3.0, 0.0), point(3.0, 2.0)));

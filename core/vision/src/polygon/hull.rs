@@ -2,27 +2,27 @@ use nalgebra::Point2;
 
 use super::cross;
 
-/// Writes the convex hull to `out`, counterclockwise from the smallest point by x and then y, without points between the
-/// corners; fewer than three where all points lie on a line. Sorts `points`, which must be finite.
+/// Computes the convex hull: counterclockwise from the smallest point by x and then y, without collinear points. Fewer
+/// than three corners if all points are collinear. Sorts `points`, which must be finite.
 pub fn convex_hull(points: &mut [Point2<f64>], out: &mut Vec<Point2<f64>>) {
     points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
     hull_of_sorted(points, out);
 }
 
-/// The same for points that are in order of x and then y.
+/// Like [`convex_hull`], but for points already sorted by x and then y.
 pub fn hull_of_sorted(points: &[Point2<f64>], out: &mut Vec<Point2<f64>>) {
     out.clear();
     chain(points.iter(), 0, out);
     if out.len() < 2 {
         return;
     }
-    // The last point begins the way back, and the first one ends it.
+    // The last point starts the upper chain, and the first one ends it.
     let below = out.len() - 1;
     chain(points.iter().rev().skip(1), below, out);
     out.pop();
 }
 
-/// Adds points so that the corners behind `start` turn left only.
+/// Appends points so that the chain from index `start` turns left only.
 fn chain<'a>(points: impl Iterator<Item = &'a Point2<f64>>, start: usize, out: &mut Vec<Point2<f64>>) {
     for &point in points {
         if out.last() == Some(&point) {

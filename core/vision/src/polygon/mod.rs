@@ -1,4 +1,4 @@
-//! Polygons in the plane: hulls, areas and moments, and what is inside.
+//! Plane polygons: convex hull, area and moments, point containment.
 
 mod hull;
 mod moments;
@@ -8,26 +8,26 @@ pub use moments::PolygonMoments;
 
 use nalgebra::Point2;
 
-/// Twice the area of a triangle, positive where it runs counterclockwise.
+/// Twice the signed area of a triangle, positive if it is counterclockwise.
 #[inline]
 #[must_use]
 pub fn cross(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
     (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
 }
 
-/// The area, positive for an counterclockwise polygon; zero below three corners.
+/// Signed area, positive for a counterclockwise polygon; zero for fewer than three corners.
 #[must_use]
 pub fn signed_area(polygon: &[Point2<f64>]) -> f64 {
     let Some(&first) = polygon.first() else { return 0.0 };
     0.5 * polygon.windows(2).map(|pair| cross(first, pair[0], pair[1])).sum::<f64>()
 }
 
-/// The sides, the last one from the last corner to the first.
+/// Iterates over the sides; the last one runs from the last corner to the first.
 pub fn sides(polygon: &[Point2<f64>]) -> impl Iterator<Item = [Point2<f64>; 2]> {
     (0..polygon.len()).map(|i| [polygon[i], polygon[(i + 1) % polygon.len()]])
 }
 
-/// Whether a point lies inside, by the parity of the sides to its right; points on a side may count either way.
+/// Returns true if the point lies inside, by the parity of crossed sides. Undefined for points on a side.
 #[must_use]
 pub fn contains(polygon: &[Point2<f64>], point: Point2<f64>) -> bool {
     sides(polygon).fold(false, |inside, [a, b]| {
@@ -37,13 +37,13 @@ pub fn contains(polygon: &[Point2<f64>], point: Point2<f64>) -> bool {
     })
 }
 
-/// Whether two segments cross each other between their ends.
+/// Returns true if two segments cross between their endpoints.
 #[must_use]
 pub fn segments_cross([a, b]: [Point2<f64>; 2], [c, d]: [Point2<f64>; 2]) -> bool {
     cross(a, b, c) * cross(a, b, d) < 0.0 && cross(c, d, a) * cross(c, d, b) < 0.0
 }
 
-/// Whether no side crosses another.
+/// Returns true if no two sides cross.
 #[must_use]
 pub fn is_simple(polygon: &[Point2<f64>]) -> bool {
     let count = polygon.len();
@@ -51,7 +51,7 @@ pub fn is_simple(polygon: &[Point2<f64>]) -> bool {
     (0..count).all(|i| (i + 1..count).all(|j| !segments_cross(side(i), side(j))))
 }
 
-/// The point of a segment that is nearest to `point`.
+/// Closest point of a segment to `point`.
 #[must_use]
 pub fn nearest_on_segment([a, b]: [Point2<f64>; 2], point: Point2<f64>) -> Point2<f64> {
     let along = b - a;

@@ -1,6 +1,6 @@
 use nalgebra::Point2;
 
-/// Area moments of a polygon, of either direction.
+/// Area moments of a polygon, independent of its orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PolygonMoments {
     /// Area, > 0.
@@ -16,16 +16,16 @@ pub struct PolygonMoments {
     /// Integral of x y.
     pub m11: f64,
     center: Point2<f64>,
-    /// About the center: of x squared, y squared and x y.
+    /// Central moments of x squared, y squared and x y.
     central: [f64; 3],
 }
 
 impl PolygonMoments {
-    /// The moments; `None` below three corners, and for an area that is zero or no number.
+    /// Computes the moments; `None` for fewer than three corners, and for an area that is zero or not finite.
     #[must_use]
     pub fn of(polygon: &[Point2<f64>]) -> Option<Self> {
         let [first, _, _, ..] = *polygon else { return None };
-        // About the first corner, so that nothing is lost far from the origin.
+        // Relative to the first corner, to preserve precision far from the origin.
         let mut sums = [0.0; 6];
         let mut a = polygon[polygon.len() - 1] - first;
         for corner in polygon {
@@ -61,20 +61,20 @@ impl PolygonMoments {
         })
     }
 
-    /// The center of gravity.
+    /// Centroid.
     #[must_use]
     pub fn center(&self) -> Point2<f64> {
         self.center
     }
 
-    /// The direction of the axis about which the second moment is smallest, radians in (-pi/2, pi/2]; 0 for a round shape.
+    /// Direction of the major axis, rad in (-pi/2, pi/2]; 0 for a rotationally symmetric shape.
     #[must_use]
     pub fn long_axis_rad(&self) -> f64 {
         let [xx, yy, xy] = self.central;
         0.5 * (2.0 * xy).atan2(xx - yy)
     }
 
-    /// The smallest and the largest second moment about an axis through the center.
+    /// Minimum and maximum second moment about an axis through the centroid.
     #[must_use]
     pub fn principal(&self) -> [f64; 2] {
         let [xx, yy, xy] = self.central;
@@ -82,11 +82,11 @@ impl PolygonMoments {
         [middle - half, middle + half]
     }
 
-    /// Whether the long axis is one: the second moments differ by more than a share of 1e-9.
+    /// Returns true if the major axis is defined: the principal moments differ by more than a relative 1e-9.
     #[must_use]
     pub fn has_axis(&self) -> bool {
-        let [least, most] = self.principal();
-        most - least > 1e-9 * most
+        let [smallest, largest] = self.principal();
+        largest - smallest > 1e-9 * largest
     }
 }
 
@@ -97,7 +97,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Moving and turning a polygon moves and turns its center and its axis, and changes no principal moment.
+        /// Moving and rotating a polygon moves and rotates its center and axis, and preserves the principal moments.
         #[test]
         fn moments_move_with_the_polygon(
             x in -100.0..100.0, y in -100.0..100.0, turn in -3.0..3.0, tip in 0.2..3.0, is_reversed in prop::bool::ANY,

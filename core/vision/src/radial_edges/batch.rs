@@ -6,14 +6,14 @@ use nalgebra::{Matrix2, Vector2};
 pub(super) struct Geometry {
     pub(super) center: Vector2<f32>,
     pub(super) mirror_from_image: Matrix2<f32>,
-    /// How a pixel moves on the way of growing azimuth, times its distance from the center.
+    /// Displacement of a pixel with increasing azimuth, times its distance from the center.
     pub(super) around: Matrix2<f32>,
     pub(super) min_slope: f32,
     pub(super) max_oblique: f32,
     pub(super) squared_radii: [f32; 2],
 }
 
-/// Points yet to be judged.
+/// Number of points that are classified at a time.
 pub(super) const BATCH: usize = 256;
 
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ impl Batch {
     }
 
     #[inline(always)]
-    pub(super) fn judge(&mut self, count: usize, geometry: &Geometry) {
+    pub(super) fn classify(&mut self, count: usize, geometry: &Geometry) {
         let [x, y] = self.position.each_ref().map(|values| &values[..count]);
         let [gx, gy] = self.slope.each_ref().map(|values| &values[..count]);
         let (turn, length) = (&mut self.turn[..count], &mut self.length[..count]);
@@ -67,10 +67,10 @@ impl Batch {
             let squared = ahead * ahead + left * left;
             let across = gx[i] * (a.m11 * x[i] + a.m12 * y[i]) + gy[i] * (a.m21 * x[i] + a.m22 * y[i]);
             let along = gx[i] * x[i] + gy[i] * y[i];
-            let least = geometry.min_slope * geometry.min_slope * squared;
+            let min_across = geometry.min_slope * geometry.min_slope * squared;
             let is_edge = (squared >= nearest)
                 & (squared <= farthest)
-                & (across * across >= least)
+                & (across * across >= min_across)
                 & (along.abs() <= geometry.max_oblique * across.abs());
             let longest = x[i].abs().max(y[i].abs());
             let size = (x[i] * x[i] + y[i] * y[i]).sqrt();
@@ -82,7 +82,7 @@ impl Batch {
     }
 }
 
-/// The direction of a vector, radians in [0, 2 pi], within 3e-6, by a polynomial over an eighth of the turn.
+/// Azimuth of a vector, rad in [0, 2 pi], within 3e-6, by a polynomial over an eighth of a turn.
 #[inline(always)]
 fn turn_of(x: f32, y: f32) -> f32 {
     let (a, b) = (x.abs(), y.abs());
@@ -104,7 +104,7 @@ mod tests {
     use yamabico_geometry::wrap_angle;
 
     #[test]
-    fn the_polynomial_is_the_angle() {
+    fn the_polynomial_matches_the_angle() {
         for i in 0..10_000 {
             let angle = f64::from(i) * 6.283e-4;
             let (sin, cos) = angle.sin_cos();

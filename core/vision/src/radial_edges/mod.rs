@@ -1,7 +1,7 @@
-//! Radial edges of a mirror camera's picture: vertical edges of the surroundings, each at one azimuth.
+//! Radial edges in the image of a mirror camera: vertical edges of the environment, each at one azimuth.
 //!
-//! Yagi, Nishizawa & Yachida (1995), section II. Differs from \[1\]: points are thinned across the edge and placed
-//! between the pixels, and those far from the center, whose azimuth is sharper, count for more.
+//! Yagi, Nishizawa & Yachida (1995), section II. Differs from \[1\]: points are thinned across the edge with sub-pixel
+//! accuracy, and weighted by the square of their distance from the center, where azimuths are more accurate.
 
 mod batch;
 mod rows;
@@ -17,23 +17,23 @@ use yamabico_geometry::image::ImageView;
 
 use batch::Geometry;
 use rows::{Row, rows};
-use scan::{Whole, Work};
+use scan::{Scan, Work};
 
-/// What is a point of a radial edge.
+/// Criteria for points of a radial edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadialEdgeRule {
-    /// Least slope across the edge, sums of the Sobel operator (an ideal step of g gray levels gives 4 g), 1 to 1020.
+    /// Minimum gradient across the edge, Sobel units (an ideal step of g gray levels gives 4 g), 1 to 1020.
     pub min_slope: f64,
-    /// Largest angle between the slope and the way of growing azimuth, radians, 0 to pi/4.
+    /// Maximum angle between the gradient and the direction of increasing azimuth, rad, 0 to pi/4.
     pub max_oblique_rad: f64,
-    /// Nearest to the center, pixels.
+    /// Minimum distance from the center, pixels.
     pub inner_radius_px: f64,
-    /// Farthest from the center, pixels.
+    /// Maximum distance from the center, pixels.
     pub outer_radius_px: f64,
 }
 
 impl RadialEdgeRule {
-    /// The rule for the ring of a mirror: a pixel of rim and 30 pixels about the center tell nothing.
+    /// Criteria for the ring of a mirror image, excluding its rim and 30 pixels around the center.
     #[must_use]
     pub fn within(image: &MirrorImage) -> Self {
         Self {
@@ -45,17 +45,17 @@ impl RadialEdgeRule {
     }
 }
 
-/// The picture is not of the size that the camera's description tells.
+/// Error for an image whose size differs from the camera model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("a picture of {width} x {height} pixels is not that of the mirror camera")]
-pub struct WrongSize {
-    /// Columns of the picture.
+#[error("an image of {width} x {height} pixels does not match the mirror camera")]
+pub struct ImageSizeError {
+    /// Width of the image, px.
     pub width: usize,
-    /// Rows of the picture.
+    /// Height of the image, px.
     pub height: usize,
 }
 
-/// The detector, with its buffers.
+/// Radial edge detector with its buffers.
 #[derive(Clone, Debug)]
 pub struct RadialEdges {
     size: [usize; 2],
@@ -67,14 +67,14 @@ pub struct RadialEdges {
 }
 
 impl RadialEdges {
-    /// A detector for the picture of a mirror.
+    /// Creates a detector for the images of this mirror.
     #[must_use]
     pub fn new(image: &MirrorImage, rule: &RadialEdgeRule, profile: ProfileRule) -> Self {
         let unit = |p: Vector2<f64>| image.mirror_from_pixel(image.center() + p);
         let mirror_from_image = Matrix2::from_columns(&[unit(Vector2::x()), unit(Vector2::y())]);
         let turned = Matrix2::new(0.0, -1.0, 1.0, 0.0) * mirror_from_image;
         let image_from_mirror = Matrix2::from_columns(&[image.outward(0.0), image.around(0.0)]);
-        // A slope that passes the test of the angle has at least this share along the axis across the edge.
+        // A gradient that passes the angle test has at least this share along the axis nearest to it.
         let oblique = rule.max_oblique_rad.tan().clamp(0.0, 1.0);
         let stretch = image_from_mirror.singular_values().max();
         let share = (1.0 - oblique) * std::f64::consts::FRAC_1_SQRT_2 / stretch;
@@ -97,20 +97,20 @@ impl RadialEdges {
         }
     }
 
-    /// Finds the edges of a picture, by growing azimuth.
+    /// Detects the edges of an image, in order of azimuth in [-pi, pi).
     ///
     /// # Errors
-    /// [`WrongSize`], with no edges left from the picture before.
-    pub fn find(&mut self, picture: ImageView) -> Result<&[AzimuthEdge], WrongSize> {
+    /// [`ImageSizeError`]; the edges of the previous image are cleared.
+    pub fn find(&mut self, image: ImageView) -> Result<&[AzimuthEdge], ImageSizeError> {
         self.profile.clear();
-        let [width, height] = [picture.width(), picture.height()];
+        let [width, height] = [image.width(), image.height()];
         if [width, height] != self.size {
-            return Err(WrongSize { width, height });
+            return Err(ImageSizeError { width, height });
         }
-        vectorize::run(Whole {
-            picture,
+        vectorize::run(Scan {
+            image,
             geometry: &self.geometry,
-            least: self.min_along_axis,
+            min_slope: self.min_along_axis,
             rows: &self.rows,
             work: &mut self.work,
             profile: &mut self.profile,
@@ -118,7 +118,7 @@ impl RadialEdges {
         Ok(self.profile.find())
     }
 
-    /// The profile of the picture seen last.
+    /// Azimuth profile of the last image.
     #[must_use]
     pub fn profile(&self) -> &AzimuthProfile {
         &self.profile
@@ -133,8 +133,8 @@ mod tests {
     use yamabico_geometry::image::GrayImage;
     use yamabico_geometry::wrap_angle;
 
-    /// A ring of flat shades between some azimuths, as a camera with square pixels sees it.
-    fn picture(image: &MirrorImage, borders: &[(f64, u8)]) -> GrayImage {
+    /// Renders a ring of flat shades between these azimuths, as seen by a camera with square pixels.
+    fn render(image: &MirrorImage, borders: &[(f64, u8)]) -> GrayImage {
         let mut picture = GrayImage::new(image.width as usize, image.height as usize);
         let width = picture.width();
         const FINE: usize = 6;
@@ -171,11 +171,11 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_found_where_they_are_whatever_the_orientation() {
+    fn edges_are_found_for_every_orientation() {
         let borders: Vec<(f64, u8)> =
             (0..12).map(|i| (0.1 + 0.52 * f64::from(i), if i % 2 == 0 { 180 } else { 90 })).collect();
         for image in cameras() {
-            let picture = picture(&image, &borders);
+            let picture = render(&image, &borders);
             let rule = RadialEdgeRule::within(&image);
             let mut edges = RadialEdges::new(&image, &rule, ProfileRule::default());
             let found = edges.find(picture.view().unwrap()).unwrap();
@@ -192,7 +192,7 @@ mod tests {
                 assert!(error < 0.03_f64.to_radians(), "{azimuth}: {} degrees", error.to_degrees());
                 let sign = if *shade == 180 { EdgeSign::Brighter } else { EdgeSign::Darker };
                 assert_eq!(edge.sign, sign);
-                // From 30 to 116 pixels, but for the ends.
+                // From 30 to 116 pixels, without the ends.
                 assert!((80.0..90.0).contains(&edge.length_px), "{} px", edge.length_px);
                 assert!(edge.sigma_rad(0.3, 0.0) < 0.06_f64.to_radians());
             }
@@ -203,15 +203,15 @@ mod tests {
     fn the_two_instruction_sets_agree() {
         let image = cameras()[1];
         let borders: Vec<(f64, u8)> = (0..40).map(|i| (0.15 * f64::from(i), (i * 37 % 200) as u8)).collect();
-        let picture = picture(&image, &borders);
+        let picture = render(&image, &borders);
         let view = picture.view().unwrap();
         let mut edges = RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default());
         let fast = edges.find(view).unwrap().to_vec();
         edges.profile.clear();
-        Whole {
-            picture: view,
+        Scan {
+            image: view,
             geometry: &edges.geometry,
-            least: edges.min_along_axis,
+            min_slope: edges.min_along_axis,
             rows: &edges.rows,
             work: &mut edges.work,
             profile: &mut edges.profile,
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn rings_and_plain_pictures_have_no_radial_edges() {
+    fn rings_and_uniform_images_have_no_radial_edges() {
         let image = cameras()[0];
         let mut edges = RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default());
         let mut plain = GrayImage::new(256, 240);
@@ -237,11 +237,11 @@ mod tests {
     }
 
     #[test]
-    fn another_size_is_refused_and_tiny_pictures_are_borne() {
+    fn wrong_sizes_are_rejected_and_tiny_images_are_accepted() {
         let image = cameras()[0];
         let mut edges = RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default());
         let small = GrayImage::new(100, 100);
-        assert_eq!(edges.find(small.view().unwrap()), Err(WrongSize { width: 100, height: 100 }));
+        assert_eq!(edges.find(small.view().unwrap()), Err(ImageSizeError { width: 100, height: 100 }));
         for size in [1, 2, 3, 4, 5, 8] {
             let image = MirrorImage::centered(size, size);
             let mut edges = RadialEdges::new(&image, &RadialEdgeRule::within(&image), ProfileRule::default());

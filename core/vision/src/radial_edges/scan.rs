@@ -27,57 +27,57 @@ impl Work {
     }
 }
 
-pub(super) struct Whole<'a> {
-    pub(super) picture: ImageView<'a>,
+pub(super) struct Scan<'a> {
+    pub(super) image: ImageView<'a>,
     pub(super) geometry: &'a Geometry,
-    pub(super) least: i16,
+    pub(super) min_slope: i16,
     pub(super) rows: &'a [Row],
     pub(super) work: &'a mut Work,
     pub(super) profile: &'a mut AzimuthProfile,
 }
 
-impl Kernel for Whole<'_> {
+impl Kernel for Scan<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(mut self) {
         for v in 1..self.rows.len().saturating_sub(1) {
-            // Row v - 1 is judged as soon as the derivatives of row v are there.
+            // Row v - 1 can be processed once the derivatives of row v are available.
             for columns in self.rows[v].slopes {
                 self.slopes(v, columns);
             }
-            let Row { upright, level, .. } = self.rows[v - 1];
-            self.upright(v - 1, upright);
-            for columns in level {
-                self.level(v - 1, columns);
+            let Row { vertical, horizontal, .. } = self.rows[v - 1];
+            self.vertical(v - 1, vertical);
+            for columns in horizontal {
+                self.horizontal(v - 1, columns);
             }
         }
-        self.judge();
+        self.classify();
     }
 }
 
-impl Whole<'_> {
-    /// Derivative along v of some columns of a row.
+impl Scan<'_> {
+    /// Computes the derivative along v of a range of columns.
     #[inline(always)]
     fn slopes(&mut self, v: usize, [start, end]: Columns) {
         if start >= end {
             return;
         }
         let wide = end - start + 2;
-        let row = |v: usize| &self.picture.row(v)[start - 1..][..wide];
+        let row = |v: usize| &self.image.row(v)[start - 1..][..wide];
         let sums = &mut self.work.sums[..wide];
         row_differences(row(v - 1), row(v + 1), sums);
         smooth(sums, &mut self.work.ring[v % 3][start..end]);
     }
 
-    /// Points of edges that are nearer to upright.
+    /// Adds points of edges nearer to vertical.
     #[inline(always)]
-    fn upright(&mut self, v: usize, [start, end]: Columns) {
+    fn vertical(&mut self, v: usize, [start, end]: Columns) {
         if start >= end {
             return;
         }
         let wide = end - start + 4;
-        let row = |v: usize| &self.picture.row(v)[start - 2..][..wide];
+        let row = |v: usize| &self.image.row(v)[start - 2..][..wide];
         let sums = &mut self.work.sums[..wide];
         column_sums(row(v - 1), row(v), row(v + 1), sums);
         let slope = &mut self.work.slope[..wide - 2];
@@ -85,25 +85,25 @@ impl Whole<'_> {
         let count = end - start;
         let (left, here, right) = (&slope[..count], &slope[1..][..count], &slope[2..][..count]);
         let flags = &mut self.work.flags[..count.next_multiple_of(32)];
-        flag(left, here, right, self.least, flags);
+        flag(left, here, right, self.min_slope, flags);
         for i in 0..flags.len() / 32 {
             each_flag(&self.work.flags[32 * i..][..32], |j| {
                 let i = 32 * i + j;
                 let near = [i, i + 1, i + 2].map(|i| self.work.slope[i]);
                 let u = start + i;
-                let other = along_v(self.picture, u, v);
+                let other = along_v(self.image, u, v);
                 let at = [u as f32 + between(near), v as f32];
                 self.work.batch.push(at, [near[1], other], self.geometry);
             });
             if self.work.batch.count + 32 > BATCH {
-                self.judge();
+                self.classify();
             }
         }
     }
 
-    /// Points of edges that are nearer to level.
+    /// Adds points of edges nearer to horizontal.
     #[inline(always)]
-    fn level(&mut self, v: usize, [start, end]: Columns) {
+    fn horizontal(&mut self, v: usize, [start, end]: Columns) {
         if start >= end {
             return;
         }
@@ -111,30 +111,30 @@ impl Whole<'_> {
         let row = |v: usize| &self.work.ring[v % 3][start..end];
         let (above, here, below) = (row(v + 2), row(v), row(v + 1));
         let flags = &mut self.work.flags[..count.next_multiple_of(32)];
-        flag(above, here, below, self.least, flags);
+        flag(above, here, below, self.min_slope, flags);
         for i in 0..flags.len() / 32 {
             each_flag(&self.work.flags[32 * i..][..32], |j| {
                 let u = start + 32 * i + j;
                 let near = [v + 2, v, v + 1].map(|v| self.work.ring[v % 3][u]);
-                let other = along_u(self.picture, u, v);
+                let other = along_u(self.image, u, v);
                 let at = [u as f32, v as f32 + between(near)];
                 self.work.batch.push(at, [other, near[1]], self.geometry);
             });
             if self.work.batch.count + 32 > BATCH {
-                self.judge();
+                self.classify();
             }
         }
     }
 
-    /// Judges the points of the batch and counts those that belong to a radial edge.
+    /// Classifies the points of the batch and adds those of radial edges to the profile.
     #[inline(always)]
-    fn judge(&mut self) {
+    fn classify(&mut self) {
         let (batch, geometry) = (&mut self.work.batch, self.geometry);
         let count = batch.count.next_multiple_of(8).min(BATCH);
-        batch.judge(count, geometry);
+        batch.classify(count, geometry);
         for i in 0..batch.count {
             if batch.length[i] > 0.0 {
-                self.profile.add_in_turn(
+                self.profile.add_wrapped(
                     batch.turn[i],
                     usize::from(batch.sign[i]),
                     batch.length[i],
@@ -146,7 +146,7 @@ impl Whole<'_> {
     }
 }
 
-/// Three rows, weighted 1 2 1.
+/// Sums three rows with weights 1 2 1.
 #[inline(always)]
 fn column_sums(above: &[u8], here: &[u8], below: &[u8], out: &mut [i16]) {
     let count = out.len();
@@ -174,7 +174,7 @@ fn row_differences(above: &[u8], below: &[u8], out: &mut [i16]) {
     }
 }
 
-/// Three neighbors, weighted 1 2 1; `values` has one more on either side.
+/// Smooths by 1 2 1; `values` has one more element on either side.
 #[inline(always)]
 fn smooth(values: &[i16], out: &mut [i16]) {
     let count = out.len();
@@ -184,17 +184,17 @@ fn smooth(values: &[i16], out: &mut [i16]) {
     }
 }
 
-/// Sets the flag of each value that is large enough and, but for its sign, greater than the one before and no less than the
-/// one behind; clears the flags beyond.
+/// Flags each value whose magnitude is at least `min_slope`, greater than the one before and not less than the one
+/// after; clears the remaining flags.
 #[inline(always)]
-fn flag(before: &[i16], here: &[i16], behind: &[i16], least: i16, flags: &mut [u8]) {
+fn flag(before: &[i16], here: &[i16], behind: &[i16], min_slope: i16, flags: &mut [u8]) {
     let count = here.len();
     let (before, behind) = (&before[..count], &behind[..count]);
-    let (flags, beyond) = flags.split_at_mut(count);
-    beyond.fill(0);
+    let (flags, padding) = flags.split_at_mut(count);
+    padding.fill(0);
     for i in 0..count {
         let (l, c, r) = (before[i].abs(), here[i].abs(), behind[i].abs());
-        flags[i] = u8::from(c > l) & u8::from(c >= r) & u8::from(c >= least);
+        flags[i] = u8::from(c > l) & u8::from(c >= r) & u8::from(c >= min_slope);
     }
 }
 
@@ -212,7 +212,7 @@ fn each_flag(flags: &[u8], mut take: impl FnMut(usize)) {
     }
 }
 
-/// Where between the neighbors the extremum of the middle one lies, pixels from it, -0.5 to 0.5: that of a parabola.
+/// Sub-pixel offset of the extremum from the middle value, px, -0.5 to 0.5: the vertex of a parabola.
 #[inline(always)]
 fn between(slopes: [i16; 3]) -> f32 {
     let [l, c, r] = slopes.map(|slope| f32::from(slope.abs()));
@@ -220,17 +220,17 @@ fn between(slopes: [i16; 3]) -> f32 {
 }
 
 #[inline(always)]
-fn along_u(picture: ImageView, u: usize, v: usize) -> i16 {
+fn along_u(image: ImageView, u: usize, v: usize) -> i16 {
     let at = |v: usize| {
-        let row = &picture.row(v)[u - 1..=u + 1];
+        let row = &image.row(v)[u - 1..=u + 1];
         i16::from(row[2]) - i16::from(row[0])
     };
     at(v - 1) + 2 * at(v) + at(v + 1)
 }
 
 #[inline(always)]
-fn along_v(picture: ImageView, u: usize, v: usize) -> i16 {
-    let (above, below) = (&picture.row(v - 1)[u - 1..=u + 1], &picture.row(v + 1)[u - 1..=u + 1]);
+fn along_v(image: ImageView, u: usize, v: usize) -> i16 {
+    let (above, below) = (&image.row(v - 1)[u - 1..=u + 1], &image.row(v + 1)[u - 1..=u + 1]);
     let at = |i: usize| i16::from(below[i]) - i16::from(above[i]);
     at(0) + 2 * at(1) + at(2)
 }

@@ -1,28 +1,28 @@
-//! Follows edge pixels into chains that run along an edge with the brighter side on one hand.
+//! Edge following: links edge pixels into chains of consistent gradient direction.
 
 use super::edges::{EDGE, EdgeMap, EdgePoint, SECTOR, SECTORS, STRONG};
 
-/// The chains of one image, one after the other, with the buffers that follow them.
+/// Chains of edge points of one image, with the buffers for following them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chains {
-    /// Points of all chains, in the order along each.
+    /// Points of all chains, chain by chain, in order along each.
     pub points: Vec<EdgePoint>,
-    /// Index behind the last point of each chain.
+    /// End index of each chain in `points`.
     pub ends: Vec<u32>,
-    /// Pixels of the chain in hand, from its seed onwards, and from its seed backwards.
+    /// Pixels of the current chain, from its seed forward and backward.
     ahead: Vec<u32>,
     behind: Vec<u32>,
 }
 
-/// Steps to the three neighbors that may continue a chain, best first, for each sector of the gradient.
+/// Index offsets of the three neighbors that may continue a chain, best first, for each gradient sector.
 type Steps = [[isize; 3]; SECTORS];
 
 impl Chains {
-    /// Follows every edge with at least one strong pixel, as far as neighbors differ by at most one sector (22.5 to 45
-    /// degrees), and keeps the chains of at least `min_points`. Uses up the marks of `edges`.
+    /// Follows every edge that has a strong pixel, as long as neighbors differ by at most one sector (22.5 to 45
+    /// degrees), and keeps chains of at least `min_points`. Clears the marks of `edges`.
     ///
-    /// Edges are entered only where they cross every so manieth row or column: all that are long enough do so twice, and
-    /// most specks never. Differs from a full hysteresis: an edge must be strong at such a place.
+    /// Seeds are searched only in every `min_points / 2`-th row and column: any edge that is long enough crosses one,
+    /// and most specks do not. Differs from full hysteresis: the edge must be strong at such a crossing.
     pub(super) fn follow(&mut self, edges: &mut EdgeMap, min_points: usize) {
         self.points.clear();
         self.ends.clear();
@@ -59,17 +59,17 @@ impl Chains {
     }
 }
 
-/// Walks from `seed` (not noted) and notes each pixel; `turn` is 0 for forwards and half the sectors for backwards. The
-/// marks of the pixels it leaves or enters are cleared.
+/// Walks from `seed`, excluded, and appends each pixel to `out`; `turn` is 0 for forward and half the number of sectors
+/// for backward. Clears the marks of visited pixels.
 #[inline(always)]
 fn walk(seed: usize, mark: u8, turn: u8, marks: &mut [u8], steps: &Steps, out: &mut Vec<u32>) {
     marks[seed] = 0;
     let (mut here, mut sector) = (seed, mark & SECTOR);
     loop {
-        let ways = &steps[usize::from((sector + turn) & SECTOR)];
-        // Selections instead of branches: which neighbor goes on cannot be predicted.
+        let offsets = &steps[usize::from((sector + turn) & SECTOR)];
+        // Selections instead of branches: the branch would be unpredictable.
         let (mut there, mut mark) = (0, 0);
-        for step in [ways[2], ways[1], ways[0]] {
+        for step in [offsets[2], offsets[1], offsets[0]] {
             let candidate = here.wrapping_add_signed(step);
             let found = marks.get(candidate).copied().unwrap_or(0);
             (there, mark) = if agrees(found, sector) { (candidate, found) } else { (there, mark) };
@@ -83,20 +83,19 @@ fn walk(seed: usize, mark: u8, turn: u8, marks: &mut [u8], steps: &Steps, out: &
     }
 }
 
-/// Whether a mark is an edge in the same sector or one up or down (0, 1 or 2 after the shift by one).
+/// Returns true if the mark is an edge in the same or an adjacent sector (0, 1 or 2 after the shift by one).
 #[inline(always)]
 fn agrees(mark: u8, sector: u8) -> bool {
     (mark & EDGE != 0) & ((mark.wrapping_sub(sector).wrapping_add(1) & SECTOR) <= 2)
 }
 
-/// The edge runs a quarter turn after its gradient; ahead are the neighbor nearest to that direction, then the second
-/// nearest, then the third.
+/// Offsets along the edge, which runs a quarter turn after its gradient: nearest direction first.
 fn steps(width: isize) -> Steps {
     std::array::from_fn(|sector| {
-        // Middle of the sector plus a quarter turn, in 1/8 turns: eight neighbors stand at multiples of it.
-        let course = (sector as f64 + 0.5) / 2.0 + 2.0;
-        let nearest = course.round();
-        let second = if course > nearest { nearest + 1.0 } else { nearest - 1.0 };
+        // Middle of the sector plus a quarter turn, in 1/8 turns.
+        let eighths = (sector as f64 + 0.5) / 2.0 + 2.0;
+        let nearest = eighths.round();
+        let second = if eighths > nearest { nearest + 1.0 } else { nearest - 1.0 };
         let third = 2.0 * nearest - second;
         [nearest, second, third].map(|eighth| match (eighth as isize).rem_euclid(8) {
             0 => 1,

@@ -1,4 +1,4 @@
-//! The detector: configuration, failures and the order of the steps.
+//! Segment detector: configuration, errors and processing steps.
 
 use super::chains::Chains;
 use super::edges::{EdgeMap, UNITS_PER_LEVEL};
@@ -9,31 +9,34 @@ use super::{Polarity, Segment};
 use thiserror::Error;
 use yamabico_geometry::image::ImageView;
 
-/// What counts as a segment. Thresholds are gray levels: a step of g levels between two pixels has gradient g before, and
-/// 0.63 g after the 5x5 smoothing that comes first.
+/// Parameters of the segment detector.
+///
+/// Thresholds are gray levels: a step of g levels between two adjacent pixels has the gradient g before, and 0.63 g
+/// after the 5x5 smoothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentConfig {
-    /// An edge is followed while its (smoothed) gradient is at least this, gray levels.
+    /// Minimum smoothed gradient along an edge, gray levels (lower hysteresis threshold).
     pub low_threshold: f64,
-    /// An edge needs at least one point of this (smoothed) gradient, gray levels.
+    /// Minimum smoothed gradient of at least one point of an edge, gray levels (upper hysteresis threshold).
     pub high_threshold: f64,
-    /// Both thresholds fall by a quarter for each frame without enough segments, until the low one is here, gray levels.
+    /// Lower bound of `low_threshold` in low light, gray levels. Each frame without enough segments lowers both
+    /// thresholds by a quarter.
     pub lowest_threshold: f64,
-    /// Shortest segment in an image 640 px wide, px; scales with the width, but not below `shortest_px`.
+    /// Minimum segment length at an image width of 640 px, px. Scales with the width, down to `shortest_px`.
     pub min_length_at_640_px: f64,
-    /// Shortest segment in any image, px.
+    /// Minimum segment length at any image width, px.
     pub shortest_px: f64,
-    /// A chain is cut where it leaves its chord by more, px.
+    /// Distance from the chord at which a chain is split, px.
     pub split_px: f64,
-    /// Segments are merged when their directions differ by less, rad.
+    /// Maximum angle between two segments to be merged, rad.
     pub merge_angle: f64,
-    /// ... and the ends of the shorter lie nearer to the longer one's line, px.
+    /// Maximum distance of the shorter segment's endpoints from the line of the longer one, px.
     pub merge_distance_px: f64,
-    /// ... and the gap is shorter, px, or shorter than `merge_gap_share` of the longer one.
+    /// Maximum gap between two segments to be merged, px; `merge_gap_share` may allow more.
     pub merge_gap_px: f64,
-    /// Gap that is allowed as a share of the longer segment.
+    /// Maximum gap between two segments to be merged, as a share of the longer one.
     pub merge_gap_share: f64,
-    /// So many of the longest segments are kept.
+    /// Maximum number of segments; the longest are kept.
     pub max_segments: usize,
 }
 
@@ -56,35 +59,35 @@ impl Default for SegmentConfig {
 }
 
 impl SegmentConfig {
-    /// Shortest segment that is kept in an image of this width, px.
+    /// Minimum segment length in an image of this width, px.
     #[must_use]
     pub fn min_length_px(&self, width: usize) -> f64 {
         (self.min_length_at_640_px * width as f64 / 640.0).max(self.shortest_px)
     }
 }
 
-/// Why an image gave no segments.
+/// Reason why an image has no segments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SegmentError {
-    /// Fewer than two segments: the picture is blank, dark or blurred.
-    #[error("only {found} edge segments in the image")]
+    /// Fewer than two segments: the image is blank, dark or blurred.
+    #[error("the image has only {found} edge segments")]
     TooFewSegments {
-        /// How many there were.
+        /// Number of segments.
         found: usize,
     },
-    /// The image is wider than columns are counted (65,535 px).
-    #[error("an image {width} px wide is not supported")]
+    /// The image is wider than 65,535 px.
+    #[error("the image is {width} px wide, but at most 65535 px are supported")]
     TooWide {
-        /// Its width, px.
+        /// Image width, px.
         width: usize,
     },
 }
 
-/// Finds segments; keeps its buffers and, in bad light, its lowered thresholds from frame to frame.
+/// Detects segments. Keeps its buffers, and thresholds lowered in low light, between frames.
 #[derive(Clone, Debug)]
 pub struct SegmentDetector {
     config: SegmentConfig,
-    /// Share of the configured thresholds that is in use.
+    /// Factor currently applied to the configured thresholds.
     sensitivity: f64,
     edges: EdgeMap,
     chains: Chains,
@@ -93,13 +96,13 @@ pub struct SegmentDetector {
     segments: Vec<Segment>,
 }
 
-/// Thresholds rise again when a frame has so many segments.
-const PLENTY: usize = 20;
-/// A frame without segments lowers the thresholds by this factor.
+/// Number of segments above which lowered thresholds rise again.
+const RECOVERY_SEGMENTS: usize = 20;
+/// Factor applied to the thresholds after a frame without segments.
 const RELAXATION: f64 = 0.75;
 
 impl SegmentDetector {
-    /// A detector with empty buffers.
+    /// Creates a detector with empty buffers.
     #[must_use]
     pub fn new(config: SegmentConfig) -> Self {
         Self {
@@ -113,27 +116,28 @@ impl SegmentDetector {
         }
     }
 
-    /// The configuration.
+    /// Configuration of the detector.
     #[must_use]
     pub fn config(&self) -> &SegmentConfig {
         &self.config
     }
 
-    /// Whether frames without segments have lowered the thresholds: what is found is of less quality.
+    /// Returns true if frames without segments have lowered the thresholds, so that segments are less reliable.
     #[must_use]
     pub fn is_degraded(&self) -> bool {
         self.sensitivity < 1.0
     }
 
-    /// Goes back to the configured thresholds.
+    /// Restores the configured thresholds.
     pub fn reset(&mut self) {
         self.sensitivity = 1.0;
     }
 
-    /// The longest segments of `image`, longest first, at most `max_segments`.
+    /// Detects the longest segments of `image`, at most `max_segments`, longest first.
     ///
     /// # Errors
-    /// [`SegmentError::TooFewSegments`] below two; the thresholds are lower for the next frame.
+    /// [`SegmentError::TooFewSegments`] for fewer than two segments; the thresholds are then lowered for the next
+    /// frame. [`SegmentError::TooWide`] for an image wider than 65,535 px.
     pub fn detect(&mut self, image: ImageView) -> Result<&[Segment], SegmentError> {
         if image.width() > usize::from(u16::MAX) {
             return Err(SegmentError::TooWide { width: image.width() });
@@ -149,7 +153,7 @@ impl SegmentDetector {
         }
     }
 
-    /// The segments of the last image, longest first: also the single one of an image with too few.
+    /// Segments of the last image, longest first, including a single one that `detect` rejected as too few.
     #[must_use]
     pub fn segments(&self) -> &[Segment] {
         &self.segments
@@ -193,7 +197,7 @@ impl SegmentDetector {
         let lowest = (self.config.lowest_threshold / self.config.low_threshold).min(1.0);
         if self.segments.len() < 2 {
             self.sensitivity = (self.sensitivity * RELAXATION).max(lowest);
-        } else if self.segments.len() >= PLENTY {
+        } else if self.segments.len() >= RECOVERY_SEGMENTS {
             self.sensitivity = (self.sensitivity / RELAXATION).min(1.0);
         }
     }

@@ -1,24 +1,24 @@
-//! Edge points: local maxima of the gradient, each with the sector of its gradient's direction.
+//! Edge points: local maxima of the gradient magnitude, each with the sector of its gradient direction.
 
 use crate::gradient::{GradientRows, SCHARR_UNIT, SMOOTH_UNIT, Smoothing};
 use crate::vectorize::{self, Kernel};
 use yamabico_geometry::image::ImageView;
 
-/// Gradient units for one gray level of a step between two pixels.
+/// Gradient units for a step of one gray level between two adjacent pixels.
 pub(super) const UNITS_PER_LEVEL: f32 = (SCHARR_UNIT * SMOOTH_UNIT) as f32;
-/// Sectors of the gradient's direction, 22.5 degrees each, from +u towards +v.
+/// Number of sectors of the gradient direction: 22.5 degrees each, from +u toward +v.
 pub(super) const SECTORS: usize = 16;
 
-/// Set in the mark of every edge pixel.
+/// Flag of every edge pixel in its mark.
 pub(super) const EDGE: u8 = 0x10;
-/// Set in the mark of an edge pixel that reaches the high threshold.
+/// Flag of an edge pixel that reaches the high threshold.
 pub(super) const STRONG: u8 = 0x20;
-/// The bits of a mark that hold its sector.
+/// Bits of a mark that hold its sector.
 pub(super) const SECTOR: u8 = 0x0f;
-/// tan(22.5 degrees) in 1/65536.
+/// tan(22.5 degrees) in units of 1/65536.
 const TAN_SECTOR: u32 = 27_146;
 
-/// An edge point with its sub-pixel place.
+/// Edge point with sub-pixel position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct EdgePoint {
     /// Column, px.
@@ -27,32 +27,32 @@ pub(super) struct EdgePoint {
     pub v: f32,
     /// Gradient along u, in [`UNITS_PER_LEVEL`].
     pub gx: f32,
-    /// Gradient along v.
+    /// Gradient along v, in [`UNITS_PER_LEVEL`].
     pub gy: f32,
 }
 
-/// The edge pixels of one image, with its gradient.
+/// Edge pixels of one image, with its gradient.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EdgeMap {
     width: usize,
     per_width: f64,
-    /// One mark a pixel, row by row, 0 where there is no edge; the outermost pixels never are.
+    /// One mark per pixel, row by row; 0 where there is no edge. Border pixels are never edges.
     pub marks: Vec<u8>,
-    /// The gradient (along u, along v) of every pixel.
+    /// Gradient (along u, along v) of every pixel.
     gradient: Vec<[i16; 2]>,
-    /// The gradient of the row in hand and of the two before it, in slot v % 3.
+    /// Gradient of the current row and of the two rows before it, in slot v % 3.
     gx: [Vec<i16>; 3],
     gy: [Vec<i16>; 3],
     rows: GradientRows,
 }
 
 impl EdgeMap {
-    /// Marks the pixels of `image` whose (smoothed) gradient is the largest along the axis nearest to its direction, and
-    /// at least `low` (in [`UNITS_PER_LEVEL`]); those of at least `high` as strong.
+    /// Marks the pixels of `image` whose smoothed gradient is a local maximum along the axis nearest to its direction
+    /// and at least `low` (in [`UNITS_PER_LEVEL`]); those of at least `high` are marked as strong.
     ///
-    /// Two axes leave one point a row (or column) of a straight edge. Differs from the usual four directions: the
-    /// diagonals sample an edge 1.4 times more coarsely and give two spacings along one edge. The magnitude
-    /// is max + 3/8 min of the two derivatives, within 7 % of the root of squares.
+    /// Two axes leave one point per row (or column) of a straight edge. Differs from the usual four directions:
+    /// diagonals would sample an edge 1.4 times more coarsely and mix two spacings along one edge. The magnitude is max
+    /// + 3/8 min of the two derivatives, within 7 % of the Euclidean norm.
     pub(super) fn find(&mut self, image: ImageView, low: f32, high: f32) {
         let count = image.width() * image.height();
         self.width = image.width();
@@ -67,7 +67,7 @@ impl EdgeMap {
         vectorize::run(Find { image, low: low as i16, high: high as i16, map: self });
     }
 
-    /// Columns of the image.
+    /// Image width, px.
     pub(super) fn width(&self) -> usize {
         self.width
     }
@@ -78,8 +78,8 @@ impl EdgeMap {
         (i32::from(gx), i32::from(gy))
     }
 
-    /// The sub-pixel place of edge pixel `index` (row by row; not an outermost pixel): the top of the parabola through the
-    /// derivative along its own gradient at the pixel and its two neighbors on the axis nearest to that.
+    /// Sub-pixel position of edge pixel `index` (row by row, not a border pixel): the vertex of the parabola through
+    /// the directional derivative at the pixel and its two neighbors along the nearest axis.
     #[inline(always)]
     pub(super) fn point(&self, index: usize) -> EdgePoint {
         let (gx, gy) = self.gradient_at(index);
@@ -91,7 +91,8 @@ impl EdgeMap {
         let after = (gx * after_x + gy * after_y) as f32;
         let curvature = (2.0 * (gx * gx + gy * gy) as f32 - before - after).max(1.0);
         let offset = (0.5 * (after - before) / curvature).clamp(-0.5, 0.5);
-        // An exact division (the half keeps it off the integers) without the divider's latency.
+        // Division by a reciprocal: the half keeps the quotient off the integers, so the result is exact, without the
+        // divider's latency.
         let row = ((index as f64 + 0.5) * self.per_width) as usize;
         let column = index - row * self.width;
         let (du, dv) = if is_steep { (offset, 0.0) } else { (0.0, offset) };
@@ -133,7 +134,7 @@ impl Kernel for Find<'_> {
     }
 }
 
-/// A row's derivative along u, and the derivatives along v of the row above, the row and the row below.
+/// Derivative along u of one row, and derivatives along v of the row above, the row itself and the row below.
 struct Rows<'a> {
     gx: &'a [i16],
     gy: [&'a [i16]; 3],
@@ -148,14 +149,14 @@ fn mark_maxima(rows: &Rows, low: i16, high: i16, marks: &mut [u8]) {
     for u in 0..inner {
         let (gx, gy) = (here[u], middle[u]);
         let (x, y) = (gx.abs(), gy.abs());
-        let (most, least) = (x.max(y), x.min(y));
-        let magnitude = most + (least >> 2) + (least >> 3);
+        let (larger, smaller) = (x.max(y), x.min(y));
+        let magnitude = larger + (smaller >> 2) + (smaller >> 3);
         let is_steep = x >= y;
         let across = (x > left[u].abs()) & (x >= right[u].abs());
         let upright = (y > up[u].abs()) & (y >= down[u].abs());
         let is_edge = ((is_steep & across) | (!is_steep & upright)) & (magnitude >= low);
-        let is_oblique = least > ((most as u32 * TAN_SECTOR) >> 16) as i16;
-        // The sector within the first quadrant, then mirrored into the quadrant of the gradient.
+        let is_oblique = smaller > ((larger as u32 * TAN_SECTOR) >> 16) as i16;
+        // Sector within the first quadrant, mirrored below into the quadrant of the gradient.
         let first = if is_steep { is_oblique as i16 } else { 3 - is_oblique as i16 };
         let sector = first ^ ((gx >> 15) & 7) ^ ((gy >> 15) & 15);
         let strong = if magnitude >= high { i16::from(STRONG) } else { 0 };
@@ -169,7 +170,7 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    /// An anti-aliased half plane: bright where u cos a + v sin a > rho.
+    /// Returns an anti-aliased half plane, bright where u cos a + v sin a > rho.
     fn half_plane(width: usize, height: usize, angle: f64, rho: f64) -> Vec<u8> {
         let (sin, cos) = angle.sin_cos();
         let level = |u: usize, v: usize| {

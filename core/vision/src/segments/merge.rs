@@ -1,28 +1,28 @@
-//! Joins pieces that lie on one line.
+//! Merging of collinear pieces.
 
 use super::split::Piece;
 use std::f64::consts::PI;
 
-/// When two pieces are one.
+/// Conditions for merging two pieces.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MergeRule {
-    /// Largest angle between them, rad.
+    /// Maximum angle between the pieces, rad.
     pub angle: f64,
-    /// Largest distance of the shorter one's ends from the longer one's line, px.
+    /// Maximum distance of the shorter piece's endpoints from the line of the longer one, px.
     pub distance: f64,
-    /// Largest gap, px, or ...
+    /// Maximum gap, px; `gap_share` may allow more.
     pub gap: f64,
-    /// ... largest gap as a share of the longer one.
+    /// Maximum gap as a share of the longer piece.
     pub gap_share: f64,
 }
 
-/// Joins collinear pieces of one polarity; `pieces` is left sorted by angle.
+/// Merges collinear pieces of equal polarity. Leaves `pieces` sorted by angle.
 pub(super) fn merge_collinear(pieces: &mut Vec<Piece>, rule: MergeRule) {
     pieces.sort_unstable_by(|a, b| a.line.angle.total_cmp(&b.line.angle));
     let count = pieces.len();
     let mut i = 0;
     while i < count {
-        // Directions are modulo pi: behind the last comes the first again.
+        // Directions are modulo pi: the first piece follows the last.
         let mut step = 1;
         while step < count {
             let j = (i + step) % count;
@@ -31,7 +31,7 @@ pub(super) fn merge_collinear(pieces: &mut Vec<Piece>, rule: MergeRule) {
                 break;
             }
             if let Some(joined) = joined(&pieces[i], &pieces[j], rule) {
-                // The new angle lies between the two, so the order is kept well enough for one pass.
+                // The merged angle lies between both, so the order stays good enough for one pass.
                 pieces[i] = joined;
                 pieces[j].moments.count = 0.0;
                 pieces[j].from = 0.0;
@@ -53,8 +53,8 @@ fn joined(a: &Piece, b: &Piece, rule: MergeRule) -> Option<Piece> {
     if ends.iter().any(|&end| long.line.distance_of(end).abs() > rule.distance) {
         return None;
     }
-    let places = ends.map(|end| long.line.position_of(end));
-    let (from, to) = (places[0].min(places[1]), places[0].max(places[1]));
+    let positions = ends.map(|end| long.line.position_of(end));
+    let (from, to) = (positions[0].min(positions[1]), positions[0].max(positions[1]));
     let gap = (from - long.to).max(long.from - to);
     if gap > rule.gap.max(rule.gap_share * long.length()) || gap < -0.5 * short.length() {
         return None;
@@ -62,12 +62,12 @@ fn joined(a: &Piece, b: &Piece, rule: MergeRule) -> Option<Piece> {
     let moments = long.moments.merged(&short.moments);
     let line = moments.line()?;
     let all = [ends[0], ends[1], long.line.point_at(long.from), long.line.point_at(long.to)];
-    let places = all.map(|end| line.position_of(end));
+    let positions = all.map(|end| line.position_of(end));
     Some(Piece {
         moments,
         line,
-        from: places.into_iter().fold(f64::INFINITY, f64::min),
-        to: places.into_iter().fold(f64::NEG_INFINITY, f64::max),
+        from: positions.into_iter().fold(f64::INFINITY, f64::min),
+        to: positions.into_iter().fold(f64::NEG_INFINITY, f64::max),
         gradient: a.gradient + b.gradient,
     })
 }

@@ -1,7 +1,7 @@
 //! Straight edge segments of a gray image.
 //!
-//! Smoothing and Scharr gradient, non-maximum suppression with a sub-pixel offset, linking into chains that keep their
-//! gradient direction, recursive split, total least squares, merging of collinear pieces.
+//! Processing steps: smoothing and Scharr gradient, non-maximum suppression with sub-pixel offset, linking into chains
+//! of consistent gradient direction, recursive splitting, total least squares fit, merging of collinear pieces.
 
 mod chains;
 mod detector;
@@ -14,7 +14,7 @@ pub use detector::{SegmentConfig, SegmentDetector, SegmentError};
 
 use nalgebra::Vector2;
 
-/// On which side of a segment the image is brighter.
+/// Brighter side of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarity {
     /// Brighter where normal . p > rho.
@@ -23,32 +23,32 @@ pub enum Polarity {
     DarkerAlongNormal,
 }
 
-/// A straight edge; pixels, u to the right, v downwards, pixel centers on integers.
+/// Straight edge segment in pixels, u to the right, v down, pixel centers at integers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
-    /// One end.
+    /// First endpoint.
     pub p0: Vector2<f64>,
-    /// The other end.
+    /// Second endpoint.
     pub p1: Vector2<f64>,
     /// Unit normal of the line normal . p = rho.
     pub normal: Vector2<f64>,
-    /// Signed distance of the origin from the line, px.
+    /// Signed distance of the line from the origin, px.
     pub rho: f64,
-    /// Distance between the ends, px.
+    /// Distance between the endpoints, px.
     pub length: f64,
-    /// Standard deviation across the line at its middle, px.
+    /// Standard deviation perpendicular to the line at its middle, px.
     pub sigma_mid: f64,
     /// Standard deviation of the direction, rad.
     pub sigma_angle: f64,
-    /// Mean gradient across the edge, gray levels for a step between two pixels; never negative.
+    /// Mean gradient across the edge, in gray levels of a step between two adjacent pixels; never negative.
     pub mean_gradient: f64,
-    /// The brighter side.
+    /// Brighter side.
     pub polarity: Polarity,
 }
 
 impl Segment {
-    /// The segment between two points that each carry independent noise of `sigma_end_px`. Gradient zero; `None` when the
-    /// ends coincide or are not finite.
+    /// Creates the segment between two points with independent noise of `sigma_end_px` and zero gradient. `None` if the
+    /// endpoints coincide or are not finite.
     #[must_use]
     pub fn between(p0: Vector2<f64>, p1: Vector2<f64>, sigma_end_px: f64) -> Option<Self> {
         let along = p1 - p0;
@@ -70,7 +70,7 @@ impl Segment {
         })
     }
 
-    /// The point halfway between the ends, px.
+    /// Midpoint, px.
     #[must_use]
     pub fn midpoint(&self) -> Vector2<f64> {
         0.5 * (self.p0 + self.p1)
@@ -82,7 +82,7 @@ impl Segment {
         (self.p1 - self.p0) / self.length
     }
 
-    /// Signed distance of `point` from the endless line, px, positive along the normal.
+    /// Signed distance of `point` from the infinite line, px, positive along the normal.
     #[must_use]
     pub fn distance(&self, point: Vector2<f64>) -> f64 {
         self.normal.dot(&point) - self.rho

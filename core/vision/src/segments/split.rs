@@ -1,15 +1,15 @@
-//! Cuts chains into straight pieces and fits each.
+//! Splitting of chains into straight pieces, with a line fit for each.
 
 use super::edges::EdgePoint;
 use crate::segment_fit::{FittedLine, Moments};
 use nalgebra::Vector2;
 
-/// A straight piece of an edge: its sums, and where it ends.
+/// Straight piece of an edge: moments, fitted line and extent.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub moments: Moments,
     pub line: FittedLine,
-    /// Ends as positions along the line, px from its centroid.
+    /// Endpoints as positions along the line, px from its centroid.
     pub from: f64,
     pub to: f64,
     /// Sum of the gradients of the points.
@@ -22,8 +22,8 @@ impl Piece {
     }
 }
 
-/// Cuts one chain where it leaves its chord by more than `tolerance` px and appends the pieces of at least
-/// `min_length` px to `pieces`. `stack` is scratch.
+/// Splits a chain where it deviates from its chord by more than `tolerance` px, and appends the pieces of at least
+/// `min_length` px to `pieces`. `stack` is scratch memory.
 pub(super) fn split_chain(
     chain: &[EdgePoint],
     tolerance: f32,
@@ -50,8 +50,8 @@ pub(super) fn split_chain(
     }
 }
 
-/// The point farthest from the line between the first and the last, when it is farther than `tolerance`. For a ring,
-/// whose ends meet, the point farthest from them.
+/// Finds the point farthest from the chord, if farther than `tolerance`. For a closed chain, whose endpoints meet, the
+/// point farthest from them.
 fn farthest_from_chord(part: &[EdgePoint], tolerance: f32) -> Option<usize> {
     let (first, last) = (part[0], part[part.len() - 1]);
     let (du, dv) = (last.u - first.u, last.v - first.v);

@@ -1,4 +1,4 @@
-//! The search: configuration, candidates and the choice between them.
+//! Vanishing point search: configuration, candidates and selection.
 
 use super::interpretation_plane::direction_on_horizon;
 use super::lines::{Prefilter, VotingLine};
@@ -9,36 +9,38 @@ use crate::segments::Segment;
 use nalgebra::{Matrix2, Vector2, Vector3};
 use yamabico_geometry::camera::Intrinsics;
 
-/// How the corridor's vanishing point is looked for. Pixels are those of an image 640 px wide, and scale with it.
+/// Parameters of the vanishing point search. Lengths in pixels are for an image 640 px wide and scale with the width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VanishingPointConfig {
-    /// Unit vector of gravity in the camera's optical frame; (0, 1, 0) for a level camera.
+    /// Unit vector of gravity in the optical frame; (0, 1, 0) for a level camera.
     pub down_in_camera: Vector3<f64>,
-    /// Standard deviation of how well that is known, rad: the corridor's axis is horizontal.
+    /// Standard deviation of the direction of gravity, rad. The corridor axis is horizontal, so its vanishing point
+    /// lies on the horizon.
     pub horizon_sigma_rad: f64,
-    /// Segments nearer to the vertical do not vote, rad.
+    /// Minimum angle of a voting segment from the vertical, rad.
     pub vertical_rad: f64,
-    /// Segments nearer to the horizontal do not vote, rad, unless they point at the prediction.
+    /// Minimum angle of a voting segment from the horizontal, rad. Segments that point at the prediction vote
+    /// regardless.
     pub horizontal_rad: f64,
-    /// Shorter segments do not vote, px.
+    /// Minimum length of a voting segment, px.
     pub min_length_px: f64,
-    /// So many of the longest segments vote.
+    /// Maximum number of voting segments; the longest vote.
     pub max_voters: usize,
-    /// So many peaks of the votes are refined.
+    /// Number of vote peaks that are refined.
     pub candidates: usize,
-    /// The refinement.
+    /// Parameters of the least squares refinement.
     pub refine: RefineRule,
-    /// Fewest lines without a prediction.
+    /// Minimum number of inliers without a prediction.
     pub min_inliers: usize,
-    /// Smallest angle between two of the lines, rad.
+    /// Minimum angle between the two most divergent inliers, rad.
     pub min_spread_rad: f64,
-    /// Largest root of the covariance's trace, px.
+    /// Maximum root of the covariance's trace, px.
     pub max_sigma_px: f64,
-    /// A second point at least this good, as a share of the best one, makes the choice ambiguous.
+    /// Score ratio of the second best to the best point above which the result is ambiguous.
     pub ambiguity_ratio: f64,
-    /// Largest standard deviation of the heading of a point far outside, rad.
+    /// Maximum standard deviation of the heading of a point far outside the image, rad.
     pub max_far_sigma_rad: f64,
-    /// Gate of the interpretation planes for points far outside, rad.
+    /// Inlier gate of the interpretation planes for points far outside the image, rad.
     pub plane_gate_rad: f64,
 }
 
@@ -63,7 +65,7 @@ impl Default for VanishingPointConfig {
     }
 }
 
-/// Finds vanishing points; keeps its buffers from frame to frame.
+/// Finds vanishing points. Reuses its buffers between frames.
 #[derive(Clone, Debug)]
 pub struct VanishingPointFinder {
     config: VanishingPointConfig,
@@ -84,7 +86,7 @@ struct Candidate {
 }
 
 impl VanishingPointFinder {
-    /// A finder with empty buffers.
+    /// Creates a finder with empty buffers.
     #[must_use]
     pub fn new(config: VanishingPointConfig) -> Self {
         Self {
@@ -99,16 +101,16 @@ impl VanishingPointFinder {
         }
     }
 
-    /// The configuration.
+    /// Configuration of the finder.
     #[must_use]
     pub fn config(&self) -> &VanishingPointConfig {
         &self.config
     }
 
-    /// The vanishing point of the corridor's axis. `segments` are undistorted pixels, longest first.
+    /// Finds the vanishing point of the corridor axis. `segments` are in undistorted pixels, longest first.
     ///
     /// # Errors
-    /// [`VanishingPointError`]; nothing seen is [`VanishingPointError::NoVanishingPoint`].
+    /// [`VanishingPointError`], with [`VanishingPointError::NoVanishingPoint`] if the lines do not meet.
     pub fn find(
         &mut self,
         segments: &[Segment],
@@ -124,7 +126,7 @@ impl VanishingPointFinder {
             predicted: ahead.map(|p| pixel(p.direction, camera)),
             keep_px: 10.0 * scale,
             min_length_px: self.config.min_length_px * scale,
-            most: self.config.max_voters,
+            max_lines: self.config.max_voters,
         };
         prefilter.select(segments, camera, &mut self.lines);
         match self.best_candidate(camera, prediction, scale) {
@@ -178,7 +180,7 @@ impl VanishingPointFinder {
         Ok(best)
     }
 
-    /// Refines one peak and checks it; its inliers are left in `self.inliers`.
+    /// Refines and validates one peak. Leaves the segment indices of its inliers in `self.inliers`.
     fn candidate(
         &mut self,
         peak: Vector2<f64>,
@@ -225,7 +227,7 @@ impl VanishingPointFinder {
         }
     }
 
-    /// The direction along the horizon when the lines do not meet in or near the picture.
+    /// Finds the direction along the horizon if the lines do not meet in or near the image.
     fn far_outside(
         &mut self,
         segments: &[Segment],
@@ -264,7 +266,7 @@ fn angle_between(a: Vector3<f64>, b: Vector3<f64>) -> f64 {
     a.cross(&b).norm().atan2(a.dot(&b))
 }
 
-/// Largest angle between two of the lines, rad, at most a quarter turn.
+/// Maximum angle between two of the lines, rad, at most pi/2.
 fn spread(lines: &[VotingLine], members: &[usize]) -> f64 {
     let mut sine = 0.0_f64;
     for (n, &i) in members.iter().enumerate() {

@@ -1,32 +1,32 @@
-//! Vanishing points far outside the picture, as directions.
+//! Vanishing points far outside the image, as directions.
 
 use super::lines::{VotingLine, image_of_down};
 use crate::segments::Segment;
 use nalgebra::{Matrix3, Vector3};
 use yamabico_geometry::camera::Intrinsics;
 
-/// Histogram bins over half a turn of heading.
+/// Number of histogram bins over half a turn of heading.
 const BINS: usize = 180;
 
-/// A direction that many interpretation planes hold.
+/// Direction that lies in many interpretation planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct PlaneDirection {
-    /// Unit direction in the optical frame; its sign is arbitrary.
+    /// Unit direction in the optical frame; the sign is arbitrary.
     pub direction: Vector3<f64>,
-    /// Variance of its angle along the horizon and up from it, rad^2.
+    /// Variances of the angle along the horizon and perpendicular to it, rad^2.
     pub variance: [f64; 2],
-    /// Summed length of the inliers, px.
+    /// Total length of the inliers, px.
     pub score: f64,
-    /// Largest angle between two of the planes, rad.
+    /// Maximum angle between two of the planes, rad.
     pub spread_rad: f64,
 }
 
-/// The direction along the horizon that the longest lines agree on; `planes` is scratch, `inliers` takes the indices of the
-/// segments. `None` when fewer than two agree.
+/// Finds the horizontal direction that most segment length supports. `planes` is scratch memory, `inliers` receives the
+/// indices of the segments. `None` if fewer than two segments agree.
 ///
-/// Each line spans a plane with the camera; a direction along the line lies in it. Votes go to where the planes meet
-/// the horizontal plane through the camera; then the smallest eigenvector of the weighted sum of N N^T, over the planes
-/// within `gate_rad`, is the direction that lies best in all.
+/// Each line spans an interpretation plane with the optical center, which contains the line's direction. Votes go to
+/// the intersections of the planes with the horizontal plane through the camera. The eigenvector of the smallest
+/// eigenvalue of the weighted scatter matrix of the normals within `gate_rad` is the refined direction.
 pub(super) fn direction_on_horizon(
     segments: &[Segment],
     camera: &Intrinsics,
@@ -59,7 +59,7 @@ pub(super) fn direction_on_horizon(
     measure(planes, direction, down, gate_rad).filter(|_| inliers.len() >= 2)
 }
 
-/// Unit normal of the plane through the camera and the segment.
+/// Unit normal of the interpretation plane of the segment.
 fn plane_normal(segment: &Segment, camera: &Intrinsics) -> Vector3<f64> {
     Vector3::new(
         camera.fx * segment.normal.x,
@@ -69,19 +69,19 @@ fn plane_normal(segment: &Segment, camera: &Intrinsics) -> Vector3<f64> {
     .normalize()
 }
 
-/// Two axes of the horizontal plane: forwards-most and to the right of it.
+/// Orthogonal axes of the horizontal plane: closest to forward, and to the right of it.
 fn horizontal_axes(down: Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let forward = (Vector3::z() - down * down.z).try_normalize(1e-6).unwrap_or_else(Vector3::x);
     (forward, down.cross(&forward))
 }
 
-/// The horizontal direction with the most length of lines whose planes hold it.
+/// Horizontal direction contained in the interpretation planes with the largest total segment length.
 fn heading_peak(planes: &[(VotingLine, Vector3<f64>)], down: Vector3<f64>) -> Option<Vector3<f64>> {
     let (forward, right) = horizontal_axes(down);
     let mut bins = [0.0_f64; BINS];
     for (line, normal) in planes {
         let meet = normal.cross(&down);
-        // A plane close to horizontal meets it anywhere.
+        // Weight by the sine: a nearly horizontal plane has no well-defined intersection.
         let sine = meet.norm();
         let heading = meet.dot(&right).atan2(meet.dot(&forward)).rem_euclid(std::f64::consts::PI);
         let bin = (heading / std::f64::consts::PI * BINS as f64) as usize % BINS;
@@ -110,7 +110,7 @@ fn measure(
     let (mut information, mut chi2, mut score, mut count) = ([0.0; 2], 0.0, 0.0, 0.0);
     let mut spread = 0.0_f64;
     for (line, normal) in inliers() {
-        // Noise of half a pixel at both ends, as an angle at one radian from the segment.
+        // Noise of half a pixel at both endpoints, as an angle.
         let sigma = 0.7 / line.length;
         for (information, axis) in information.iter_mut().zip([sideways, upwards]) {
             *information += (normal.dot(&axis) / sigma).powi(2);

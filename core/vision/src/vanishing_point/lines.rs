@@ -1,34 +1,34 @@
-//! The segments that may run along the corridor.
+//! Selection of the segments that may run along the corridor.
 
 use crate::segments::Segment;
 use nalgebra::{Vector2, Vector3};
 
 use yamabico_geometry::camera::Intrinsics;
 
-/// A segment as it votes.
+/// Segment as an infinite line that votes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VotingLine {
     /// Unit normal of the line normal . p = rho.
     pub normal: Vector2<f64>,
-    /// Signed distance of the origin, px.
+    /// Signed distance of the line from the origin, px.
     pub rho: f64,
-    /// Halfway between the ends, px.
+    /// Midpoint of the segment, px.
     pub midpoint: Vector2<f64>,
-    /// Distance between the ends, px.
+    /// Length of the segment, px.
     pub length: f64,
     /// Index of the segment.
     pub segment: usize,
 }
 
 impl VotingLine {
-    /// Segment number `segment` as a voter.
+    /// Creates the voting line of the segment with index `segment`.
     #[must_use]
     pub fn new(segment: usize, from: &Segment) -> Self {
         Self { normal: from.normal, rho: from.rho, midpoint: from.midpoint(), length: from.length, segment }
     }
 
-    /// Whether `point`'s foot lies between the ends. The image of a straight edge never crosses its own vanishing point,
-    /// so such a line does not lead to `point`.
+    /// Returns true if `point` projects between the endpoints. The image of a straight edge never contains its own
+    /// vanishing point, so such a line does not lead to `point`.
     pub(super) fn straddles(&self, point: Vector2<f64>) -> bool {
         let from_middle = point - self.midpoint;
         let along = self.normal.x * from_middle.y - self.normal.y * from_middle.x;
@@ -36,29 +36,29 @@ impl VotingLine {
     }
 }
 
-/// Which segments are left out.
+/// Criteria for excluding segments from the vote.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Prefilter {
     /// Unit vector of gravity in the optical frame.
     pub down: Vector3<f64>,
-    /// Segments nearer to the image of the vertical are left out, rad.
+    /// Minimum angle from the image of the vertical, rad.
     pub vertical_rad: f64,
-    /// Segments nearer to the horizontal are left out, rad, ...
+    /// Minimum angle from the horizontal, rad.
     pub horizontal_rad: f64,
-    /// ... unless their line passes this pixel within `keep_px`.
+    /// Predicted vanishing point: near-horizontal segments are admitted if their line passes within `keep_px` of it.
     pub predicted: Option<Vector2<f64>>,
     pub keep_px: f64,
-    /// Shorter segments are left out, px.
+    /// Minimum length, px.
     pub min_length_px: f64,
-    pub most: usize,
+    pub max_lines: usize,
 }
 
 impl Prefilter {
-    /// Fills `lines` with the voters among `segments`, in their order, at most `most`.
+    /// Fills `lines` with the admitted segments, in their order, at max_lines `max_lines`.
     pub(super) fn select(&self, segments: &[Segment], camera: &Intrinsics, lines: &mut Vec<VotingLine>) {
         lines.clear();
         let voters = segments.iter().enumerate().filter(|(_, segment)| self.admits(segment, camera));
-        lines.extend(voters.map(|(index, segment)| VotingLine::new(index, segment)).take(self.most));
+        lines.extend(voters.map(|(index, segment)| VotingLine::new(index, segment)).take(self.max_lines));
     }
 
     fn admits(&self, segment: &Segment, camera: &Intrinsics) -> bool {
@@ -75,9 +75,9 @@ impl Prefilter {
     }
 }
 
-/// Unit direction, in the picture, of a plumb line through `point`.
+/// Unit direction, in the image, of a vertical line through `point`.
 pub(super) fn image_of_down(down: Vector3<f64>, point: Vector2<f64>, camera: &Intrinsics) -> Vector2<f64> {
-    // The plumb line's vanishing point is K down; homogeneous, so that it may be at infinity.
+    // The vanishing point of the vertical is K down; homogeneous, as it may be at infinity.
     let towards = Vector2::new(
         camera.fx * down.x + (camera.cx - point.x) * down.z,
         camera.fy * down.y + (camera.cy - point.y) * down.z,

@@ -1,25 +1,25 @@
-//! Sub-pixel place of a vanishing point: weighted least squares over the lines that meet there.
+//! Sub-pixel refinement of a vanishing point: weighted least squares over the lines that meet there.
 
 use super::VanishingPointError;
 use super::lines::VotingLine;
 use nalgebra::{Matrix2, Vector2};
 
-/// Who takes part, and when it is done.
+/// Noise model, inlier gates and convergence of the refinement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefineRule {
-    /// Standard deviation of a segment's end across it, px.
+    /// Standard deviation of a segment's endpoint perpendicular to the segment, px.
     pub sigma_end_px: f64,
-    /// Standard deviation that no length removes, px: bent edges and what is left of the lens's distortion.
+    /// Noise floor independent of length, px: curved edges and residual lens distortion.
     pub sigma_floor_px: f64,
-    /// A line takes part when it passes within three standard deviations, but at least this far, px.
+    /// Minimum inlier gate, px. A line is an inlier within three standard deviations, or within this distance.
     pub gate_min_px: f64,
-    /// The same in the first round, when the start is coarse, px.
+    /// Minimum inlier gate in the first iteration, when the start is coarse, px.
     pub first_gate_px: f64,
-    /// Lines are too parallel when the eigenvalues of the normal matrix have a smaller ratio.
+    /// Minimum ratio of the eigenvalues of the normal matrix. Below it, the lines are too parallel.
     pub min_eigen_ratio: f64,
-    /// Done when a step is shorter, px, and the same lines take part.
+    /// Step length below which the iteration has converged, px, if the inliers no longer change.
     pub step_px: f64,
-    /// Most rounds.
+    /// Maximum number of iterations.
     pub max_rounds: usize,
 }
 
@@ -38,7 +38,7 @@ impl Default for RefineRule {
 }
 
 impl RefineRule {
-    /// The rule for an image `scale` times as wide; the noise of a segment's ends is a matter of pixels and stays.
+    /// Scales the rule to an image `scale` times as wide. The noise of endpoints is constant in pixels.
     #[must_use]
     pub fn scaled(&self, scale: f64) -> Self {
         Self {
@@ -49,20 +49,21 @@ impl RefineRule {
     }
 }
 
-/// A refined vanishing point.
+/// Refined vanishing point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refined {
-    /// Place, px.
+    /// Position, px.
     pub pixel: Vector2<f64>,
-    /// Covariance, px^2; inflated when the lines disagree more than their noise explains.
+    /// Covariance, px^2, inflated if the residuals exceed the noise model.
     pub covariance: Matrix2<f64>,
     /// Weighted sum of squared distances.
     pub chi2: f64,
-    /// Smaller over larger eigenvalue of the normal matrix: 1 for lines from all sides, 0 for parallel ones.
+    /// Ratio of the smaller to the larger eigenvalue of the normal matrix: 1 for lines from all directions, 0 for
+    /// parallel ones.
     pub eigen_ratio: f64,
 }
 
-/// Weighted sums of the normal equations.
+/// Sums of the weighted normal equations.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     a: Matrix2<f64>,
@@ -70,15 +71,16 @@ struct Sums {
     count: usize,
 }
 
-/// Moves `start` to where the lines near it meet, and leaves the indices (into `lines`) of those that took part in
+/// Moves `start` to the point where the lines near it meet. Writes the indices (into `lines`) of the inliers to
 /// `inliers`.
 ///
-/// A line whose segment of length L ends a distance D away counts with the variance sigma^2 (1/2 + 2 D^2/L^2) that
-/// independent noise of its ends gives. Differs from Kweon et al. (1991): their standard deviation c/L is the limit for
-/// far points with D frozen.
+/// A line whose segment of length L has its midpoint at distance D has the variance sigma^2 (1/2 + 2 D^2/L^2), from
+/// independent noise of both endpoints. Differs from Kweon et al. (1991): their standard deviation c/L is the limit for
+/// distant points with constant D.
 ///
 /// # Errors
-/// [`VanishingPointError::TooFewSegments`] below two lines, [`VanishingPointError::Degenerate`] when they are parallel.
+/// [`VanishingPointError::TooFewSegments`] for fewer than two lines, [`VanishingPointError::Degenerate`] if they are
+/// parallel.
 pub fn refine(
     lines: &[VotingLine],
     start: Vector2<f64>,
@@ -104,7 +106,7 @@ pub fn refine(
             largest = (sums.count, next);
         }
     }
-    // The set goes back and forth: the larger one holds.
+    // The set of inliers alternates: the larger set is used.
     finish(lines, largest.1, rule, inliers)
 }
 
@@ -117,7 +119,7 @@ fn takes_part(distance: f64, variance: f64, gate: f64) -> bool {
     distance.abs() <= gate || distance * distance <= 9.0 * variance
 }
 
-/// The sums, and a fingerprint of the set of lines in them.
+/// Normal equations, and a hash of the set of inliers.
 fn normal_equations(lines: &[VotingLine], pixel: Vector2<f64>, rule: &RefineRule, gate: f64) -> (Sums, u64) {
     let mut sums = Sums::default();
     let mut members = 1;
@@ -135,7 +137,7 @@ fn normal_equations(lines: &[VotingLine], pixel: Vector2<f64>, rule: &RefineRule
     (sums, members)
 }
 
-/// The point of least squares and the ratio of the eigenvalues.
+/// Least squares solution and the eigenvalue ratio of the normal matrix.
 fn solve(sums: &Sums, rule: &RefineRule) -> Result<(Vector2<f64>, f64), VanishingPointError> {
     if sums.count < 2 {
         return Err(VanishingPointError::TooFewSegments { found: sums.count });

@@ -1,21 +1,21 @@
-//! The coarse search: crossings of pairs of lines vote on a grid of directions.
+//! Coarse search: intersections of pairs of lines vote on a grid.
 
 use super::lines::VotingLine;
 use crate::vectorize::{self, Kernel};
 use nalgebra::Vector2;
 use yamabico_geometry::camera::Intrinsics;
 
-/// Cells in a row of the grid.
+/// Number of columns of the grid.
 const COLUMNS: usize = 160;
-/// Rows of the grid.
+/// Number of rows of the grid.
 const ROWS: usize = 90;
-/// Pairs that cross at a smaller angle do not vote: sine of it.
+/// Sine of the minimum angle between two lines whose intersection votes.
 const MIN_CROSSING_SINE: f32 = 0.05;
 
-/// Votes over twice the picture's width and one and a half times its height, 160 x 90 cells.
+/// Vote grid over twice the width and 1.5 times the height of the image, 160 x 90 cells.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Votes {
-    /// One cell more, last, takes the votes that fall outside.
+    /// Votes, with one more cell at the end for intersections outside the grid.
     cells: Vec<f32>,
     smooth: Vec<f32>,
     voters: Voters,
@@ -23,19 +23,19 @@ pub(super) struct Votes {
     vote_of: Vec<f32>,
 }
 
-/// The lines as columns of numbers.
+/// Voting lines as structure of arrays.
 #[derive(Clone, Debug, Default)]
 struct Voters {
     normal_u: Vec<f32>,
     normal_v: Vec<f32>,
     rho: Vec<f32>,
-    /// Place of the midpoint along the line.
+    /// Position of the midpoint along the line.
     middle: Vec<f32>,
     half_length: Vec<f32>,
     weight: Vec<f32>,
 }
 
-/// Where cell (0, 0) begins and how large a cell is, px.
+/// Position of cell (0, 0) and size of a cell, px.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
     origin: Vector2<f32>,
@@ -43,10 +43,10 @@ struct Grid {
 }
 
 impl Votes {
-    /// Lets all pairs of `lines` vote.
+    /// Accumulates the votes of all pairs of `lines`.
     ///
-    /// Differs from Kweon et al. (1991), where each edge votes along its whole line: the sum over pairs at a cell is half
-    /// the square of the sum over edges, so it has the same peak, more sharply, in a fifth of the time.
+    /// Differs from Kweon et al. (1991), where each edge votes along its whole line: the sum over pairs at a cell is
+    /// half the square of the sum over edges, so it has the same, sharper peak in a fifth of the time.
     pub(super) fn cast(&mut self, lines: &[VotingLine], camera: &Intrinsics) {
         self.cells.clear();
         self.cells.resize(COLUMNS * ROWS + 1, 0.0);
@@ -78,7 +78,7 @@ impl Votes {
             let cells = &self.smooth[row * COLUMNS..][..COLUMNS];
             let Some(column) = cells.iter().position(|&votes| votes == best && votes > 0.0) else { break };
             peaks.push(self.center_of_mass((column, row), &grid));
-            // What is near a peak is none: negative from now on.
+            // Suppresses the neighborhood of the peak by making it negative.
             let columns = column.saturating_sub(radius)..(column + radius + 1).min(COLUMNS);
             let rows = row.saturating_sub(radius)..(row + radius + 1).min(ROWS);
             for (row, best) in rows.clone().zip(&mut row_best[rows]) {
@@ -101,7 +101,7 @@ impl Votes {
         best.into_iter().fold(0.0, f32::max)
     }
 
-    /// Mean place of the votes in the 3x3 cells about `cell`, px.
+    /// Centroid of the votes in the 3x3 cells around `cell`, px.
     fn center_of_mass(&self, cell: (usize, usize), grid: &Grid) -> Vector2<f64> {
         let mut sum = Vector2::zeros();
         let mut total = 0.0;
@@ -115,7 +115,7 @@ impl Votes {
         (grid.origin + (sum / total).component_mul(&grid.cell)).map(f64::from)
     }
 
-    /// Adds up each cell and its eight neighbors with the weights of (1 2 1) both ways.
+    /// Smooths the grid by (1 2 1) in both directions.
     fn blur(&mut self) {
         self.smooth.resize(COLUMNS * ROWS, 0.0);
         for row in 0..ROWS {
@@ -130,12 +130,12 @@ impl Votes {
     }
 }
 
-/// One number of a line.
-type Number = fn(&VotingLine) -> f64;
+/// Accessor of one property of a line.
+type Property = fn(&VotingLine) -> f64;
 
 impl Voters {
     fn fill(&mut self, lines: &[VotingLine]) {
-        let columns: [(&mut Vec<f32>, Number); 6] = [
+        let columns: [(&mut Vec<f32>, Property); 6] = [
             (&mut self.normal_u, |l| l.normal.x),
             (&mut self.normal_v, |l| l.normal.y),
             (&mut self.rho, |l| l.rho),
@@ -183,7 +183,7 @@ impl Kernel for Cast<'_> {
     }
 }
 
-/// Cell and vote of the crossings of line `i` with all lines before it.
+/// Computes cell and weight of the intersections of line `i` with all lines before it.
 #[inline(always)]
 fn cross(voters: &Voters, i: usize, grid: &Grid, cell_of: &mut [u32], vote_of: &mut [f32]) {
     let (normal_u, normal_v, rho) = (&voters.normal_u[..i], &voters.normal_v[..i], &voters.rho[..i]);
@@ -199,9 +199,9 @@ fn cross(voters: &Voters, i: usize, grid: &Grid, cell_of: &mut [u32], vote_of: &
         let inverse = 1.0 / sine;
         let u = (irho * normal_v[j] - iv * rho[j]) * inverse;
         let v = (iu * rho[j] - irho * normal_u[j]) * inverse;
-        // A straight edge never reaches its own vanishing point.
-        let beyond_i = (iu * v - iv * u - imiddle).abs() >= ihalf;
-        let beyond_j = (normal_u[j] * v - normal_v[j] * u - middle[j]).abs() >= half[j];
+        // A straight edge never contains its own vanishing point.
+        let outside_i = (iu * v - iv * u - imiddle).abs() >= ihalf;
+        let outside_j = (normal_u[j] * v - normal_v[j] * u - middle[j]).abs() >= half[j];
         let column = ((u - grid.origin.x) * per_u).floor();
         let row = ((v - grid.origin.y) * per_v).floor();
         let inside = (column >= 0.0)
@@ -209,8 +209,8 @@ fn cross(voters: &Voters, i: usize, grid: &Grid, cell_of: &mut [u32], vote_of: &
             & (row >= 0.0)
             & (row < ROWS as f32)
             & (sine.abs() > MIN_CROSSING_SINE)
-            & beyond_i
-            & beyond_j;
+            & outside_i
+            & outside_j;
         let cell = if inside { row * COLUMNS as f32 + column } else { outside };
         cell_of[j] = cell as u32;
         vote_of[j] = iweight.min(weight[j]) * sine.abs();

@@ -1,39 +1,41 @@
-//! The simulated camera as a sensor.
+//! Pinhole camera, as a sensor.
 
 use std::sync::{Arc, Mutex};
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::BuildError;
+use serde_inline_default::serde_inline_default;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, Distortion, IntrinsicsConfig, MountConfig};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::FrameHeader;
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
-use super::Beat;
-use super::pictures::{self, Painter, Pictures, PixelFormat, latency_ms, period_ms};
+use super::Schedule;
+use super::frames::{self, FrameSensor, ImageRenderer, PixelFormat};
 use crate::Scene;
 use crate::render::{CameraView, Photometry, RenderError, Renderer};
 use crate::simulation::Simulation;
 
-/// A pinhole camera.
+/// Parameters of a pinhole camera.
+#[serde_inline_default]
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraConfig {
-    /// Time from one picture to the next, ms, 5 to 10000.
-    #[serde(default = "period_ms")]
+    /// Period of the frames.
+    #[serde_inline_default(100.0)]
     #[schemars(range(min = 5.0, max = 10000.0))]
     pub period_ms: f64,
-    /// Time from the exposure to the picture's arrival, ms, 0 to 15000: the robot moves on meanwhile.
-    #[serde(default = "latency_ms")]
+    /// Delay from the exposure to the delivery of a frame; the robot moves on in the meantime.
+    #[serde_inline_default(30.0)]
     #[schemars(range(min = 0.0, max = 15000.0))]
     pub latency_ms: f64,
-    /// What a pixel holds.
+    /// Pixel format.
     #[serde(default)]
     pub encoding: PixelFormat,
-    /// Size and focal length; a distortion is refused.
+    /// Image size, focal length and principal point; distortion is not supported.
     pub intrinsics: IntrinsicsConfig,
-    /// Where it sits on the robot.
+    /// Pose on the robot.
     pub mount: MountConfig,
     /// Exposure, vignetting and noise.
     #[serde(default)]
@@ -41,19 +43,19 @@ pub struct CameraConfig {
 }
 
 impl CameraConfig {
-    /// What behaviors are told.
+    /// Returns the description of the sensor.
     ///
     /// # Errors
-    /// A lens with distortion, which is not drawn.
-    pub fn info(&self, name: &str) -> Result<SensorInfo, BuildError> {
+    /// A distorted lens, which the simulator does not support, or invalid intrinsics.
+    pub fn info(&self, name: &str) -> Result<SensorInfo, ParameterError> {
         if self.intrinsics.distortion != Distortion::NONE {
-            return Err(BuildError::new(
+            return Err(ParameterError::new(
                 "intrinsics.distortion",
-                "the simulator draws no distortion: leave it out",
+                "is not supported by the simulator: remove it",
             ));
         }
         if !self.intrinsics.intrinsics().is_valid() {
-            return Err(BuildError::new("intrinsics", "width, height and focal lengths must be above 0"));
+            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
         }
         let kind = SensorKind::Camera {
             intrinsics: self.intrinsics.intrinsics(),
@@ -64,10 +66,10 @@ impl CameraConfig {
         Ok(super::info::<FrameHeader>(name, self.period_ms, self.latency_ms, kind))
     }
 
-    /// Bytes of one picture.
+    /// Returns the size of one image, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        pictures::bytes(&self.header())
+        frames::frame_bytes(&self.header())
     }
 
     fn header(&self) -> FrameHeader {
@@ -75,32 +77,32 @@ impl CameraConfig {
     }
 }
 
-/// The lens, and where it looks.
-pub struct Lens {
+/// Renderer of a pinhole camera.
+pub struct PinholeRenderer {
     config: CameraConfig,
     renderer: Renderer,
 }
 
-/// The camera called `name`; `seed` gives its noise.
-pub fn camera(
+/// Returns the camera sensor `name`, with noise from `seed`.
+pub fn camera_sensor(
     name: &str,
     config: CameraConfig,
     simulation: Arc<Mutex<Simulation>>,
     seed: u64,
-) -> Pictures<Lens> {
+) -> FrameSensor<PinholeRenderer> {
     let renderer = Renderer::new(config.photometry, crate::random::stream(seed, name));
-    Pictures {
+    FrameSensor {
         name: name.to_owned(),
         simulation,
-        painter: Lens { config, renderer },
+        renderer: PinholeRenderer { config, renderer },
         format: config.encoding,
         header: config.header(),
-        beat: Beat::new(config.period_ms, config.latency_ms),
+        schedule: Schedule::new(config.period_ms, config.latency_ms),
     }
 }
 
-impl Painter for Lens {
-    fn paint(
+impl ImageRenderer for PinholeRenderer {
+    fn render(
         &mut self,
         scene: &Scene,
         robot: Pose2,

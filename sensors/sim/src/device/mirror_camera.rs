@@ -1,58 +1,60 @@
-//! The simulated mirror camera as a sensor.
+//! Omnidirectional mirror camera, as a sensor.
 
 use std::sync::{Arc, Mutex};
 
 use schemars::JsonSchema;
 use serde::Deserialize;
-use yamabico_core::behavior::BuildError;
+use serde_inline_default::serde_inline_default;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::mirror_camera::mirror_camera;
 use yamabico_core::camera::{Calibration, MirrorCamera, MirrorConfig, MirrorImageConfig, Mount, MountConfig};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::FrameHeader;
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
-use super::Beat;
-use super::pictures::{self, Painter, Pictures, PixelFormat, latency_ms, period_ms};
+use super::Schedule;
+use super::frames::{self, FrameSensor, ImageRenderer, PixelFormat};
 use super::sway::{Sway, SwayConfig};
 use crate::Scene;
 use crate::render::{MirrorRenderer, MirrorView, Photometry, RenderError};
 use crate::simulation::Simulation;
 
-/// A camera that looks all around through a mirror.
+/// Parameters of an omnidirectional camera with a mirror.
+#[serde_inline_default]
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MirrorCameraConfig {
-    /// Time from one picture to the next, ms, 5 to 10000.
-    #[serde(default = "period_ms")]
+    /// Period of the frames.
+    #[serde_inline_default(100.0)]
     #[schemars(range(min = 5.0, max = 10000.0))]
     pub period_ms: f64,
-    /// Time from the exposure to the picture's arrival, ms, 0 to 15000: the robot moves on meanwhile.
-    #[serde(default = "latency_ms")]
+    /// Delay from the exposure to the delivery of a frame; the robot moves on in the meantime.
+    #[serde_inline_default(30.0)]
     #[schemars(range(min = 0.0, max = 15000.0))]
     pub latency_ms: f64,
-    /// What a pixel holds.
+    /// Pixel format.
     #[serde(default)]
     pub encoding: PixelFormat,
-    /// The image: its size, and where and how the mirror is seen in it.
+    /// Image: its size, and the location and orientation of the mirror in it.
     pub picture: MirrorImageConfig,
-    /// The mirror.
+    /// Shape of the mirror.
     pub mirror: MirrorConfig,
-    /// Where it sits on the robot: the lens, or the viewpoint of a radial model. Upright at zero angles.
+    /// Pose on the robot of the lens, or of the viewpoint of a radial model; upright if the angles are zero.
     pub mount: MountConfig,
     /// Exposure, vignetting and noise.
     #[serde(default)]
     pub photometry: Photometry,
-    /// How the camera sways on the robot, which nobody is told; without it, not at all.
+    /// Sway of the camera on the robot, which is not published; without it, none.
     #[serde(default)]
     pub sway: SwayConfig,
 }
 
 impl MirrorCameraConfig {
-    /// What behaviors are told.
+    /// Returns the description of the sensor.
     ///
     /// # Errors
-    /// A mirror, or an image of it, that cannot be.
-    pub fn info(&self, name: &str) -> Result<SensorInfo, BuildError> {
+    /// Invalid parameters of the mirror or of its image.
+    pub fn info(&self, name: &str) -> Result<SensorInfo, ParameterError> {
         let kind = SensorKind::MirrorCamera {
             camera: Box::new(self.camera()?),
             mount: self.mount.into(),
@@ -61,56 +63,56 @@ impl MirrorCameraConfig {
         Ok(super::info::<FrameHeader>(name, self.period_ms, self.latency_ms, kind))
     }
 
-    /// Bytes of one picture.
+    /// Returns the size of one image, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        pictures::bytes(&self.header())
+        frames::frame_bytes(&self.header())
     }
 
     fn header(&self) -> FrameHeader {
         self.encoding.header([self.picture.width, self.picture.height], &self.photometry)
     }
 
-    fn camera(&self) -> Result<MirrorCamera, BuildError> {
-        mirror_camera(&self.picture, &self.mirror).map_err(|e| BuildError::new(e.key(), e.to_string()))
+    fn camera(&self) -> Result<MirrorCamera, ParameterError> {
+        mirror_camera(&self.picture, &self.mirror).map_err(|e| ParameterError::new(e.key(), e.to_string()))
     }
 }
 
-/// The mirror, and where it is.
-pub struct AllAround {
+/// Renderer of a mirror camera that sways.
+pub struct MirrorImageRenderer {
     mount: Mount,
     renderer: MirrorRenderer,
     sway: Sway,
 }
 
-/// The camera called `name`; `seed` gives its noise and its sway.
+/// Returns the camera sensor `name`, with noise and sway from `seed`.
 ///
 /// # Errors
-/// A mirror, or an image of it, that cannot be.
-pub fn all_around(
+/// Invalid parameters of the mirror or of its image.
+pub fn mirror_camera_sensor(
     name: &str,
     config: &MirrorCameraConfig,
     simulation: Arc<Mutex<Simulation>>,
     seed: u64,
-) -> Result<Pictures<AllAround>, BuildError> {
+) -> Result<FrameSensor<MirrorImageRenderer>, ParameterError> {
     let noise = crate::random::stream(seed, name);
-    let painter = AllAround {
+    let renderer = MirrorImageRenderer {
         mount: config.mount.into(),
         renderer: MirrorRenderer::new(config.camera()?, config.photometry, noise),
         sway: Sway::new(config.sway, crate::random::stream(seed, &format!("{name} sway"))),
     };
-    Ok(Pictures {
+    Ok(FrameSensor {
         name: name.to_owned(),
         simulation,
-        painter,
+        renderer,
         format: config.encoding,
         header: config.header(),
-        beat: Beat::new(config.period_ms, config.latency_ms),
+        schedule: Schedule::new(config.period_ms, config.latency_ms),
     })
 }
 
-impl Painter for AllAround {
-    fn paint(
+impl ImageRenderer for MirrorImageRenderer {
+    fn render(
         &mut self,
         scene: &Scene,
         robot: Pose2,

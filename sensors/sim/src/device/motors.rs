@@ -1,9 +1,10 @@
-//! The simulated drive.
+//! Simulated drive.
 
 use std::sync::{Arc, Mutex};
 
 use schemars::JsonSchema;
 use serde::Deserialize;
+use smart_default::SmartDefault;
 use yamabico_core::drive::Drive;
 use yamabico_core::message::Command;
 use yamabico_core::sensor::{DeviceError, MotionLimits};
@@ -13,35 +14,33 @@ use super::locked;
 use crate::body::{BodyLimits, Urgency};
 use crate::simulation::Simulation;
 
-/// What the motors can do beyond the robot's limits, which the arbiter keeps.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+/// Limits of the motors, in addition to the robot's limits, which the arbiter keeps.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotorConfig {
-    /// The body brakes by itself when no command has come for this long, ms, 20 to 5000.
+    /// Time without a command after which the drive brakes by itself.
+    #[default(200.0)]
     #[schemars(range(min = 20.0, max = 5000.0))]
     pub watchdog_ms: f64,
-    /// Largest acceleration and deceleration that the motors can give, m/s^2, 0.1 to 20.
+    /// Maximum acceleration and deceleration of the motors.
+    #[default(2.5)]
     #[schemars(range(min = 0.1, max = 20.0))]
     pub acceleration_mps2: f64,
-    /// Largest acceleration of a turn that the motors can give, rad/s^2, 0.1 to 100.
+    /// Maximum angular acceleration of the motors.
+    #[default(10.0)]
     #[schemars(range(min = 0.1, max = 100.0))]
     pub angular_acceleration_radps2: f64,
 }
 
-impl Default for MotorConfig {
-    fn default() -> Self {
-        Self { watchdog_ms: 200.0, acceleration_mps2: 2.5, angular_acceleration_radps2: 10.0 }
-    }
-}
-
 impl MotorConfig {
-    /// The body that these motors give a robot with these limits; `axes` tells which axes the wheels have.
+    /// Returns the limits of a body with these motors and the robot's limits. `axes`: true for every axis that the wheels
+    /// can move along (linear, lateral, angular).
     #[must_use]
     pub fn body_limits(&self, robot: &MotionLimits, axes: [bool; 3]) -> BodyLimits {
-        let top = [0, 1, 2].map(|i| if axes[i] { robot.speed[i] } else { 0.0 });
+        let speed = [0, 1, 2].map(|i| if axes[i] { robot.speed[i] } else { 0.0 });
         let motors = [self.acceleration_mps2, self.acceleration_mps2, self.angular_acceleration_radps2];
         BodyLimits {
-            speed: top,
+            speed,
             acceleration: motors,
             emergency: [0, 1, 2].map(|i| robot.emergency[i].min(motors[i])),
             watchdog_s: self.watchdog_ms * 1e-3,
@@ -49,13 +48,13 @@ impl MotorConfig {
     }
 }
 
-/// Moves the simulation's body.
+/// Drive that moves the simulated body.
 pub struct Motors {
     simulation: Arc<Mutex<Simulation>>,
 }
 
 impl Motors {
-    /// The motors of this simulation.
+    /// Returns the drive of this simulation.
     #[must_use]
     pub fn new(simulation: Arc<Mutex<Simulation>>) -> Self {
         Self { simulation }
@@ -66,10 +65,9 @@ impl Drive for Motors {
     fn apply(&mut self, command: Option<&Command>, now: Time) -> Result<(), DeviceError> {
         let simulation = &mut *locked(&self.simulation, "drive")?;
         match command {
-            Some(c) => {
-                let urgency = if c.emergency == 0 { Urgency::Normal } else { Urgency::Emergency };
-
-                simulation.command(&c.twist, urgency, now);
+            Some(command) => {
+                let urgency = if command.emergency == 0 { Urgency::Normal } else { Urgency::Emergency };
+                simulation.command(&command.twist, urgency, now);
             }
             None => simulation.advance(now),
         }

@@ -1,51 +1,62 @@
-//! The simulated sonars as a sensor.
+//! Ring of sonars, as a sensor.
 
 use std::sync::{Arc, Mutex};
 
 use rand_pcg::Pcg64;
-use yamabico_core::behavior::{BuildError, Outputs};
+use yamabico_core::behavior::{Outputs, ParameterError};
 use yamabico_core::message::{Beam, NO_ECHO, RangeScanHeader};
 use yamabico_core::sensor::{DeviceError, Due, Sensor, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
 
-use super::{Beat, locked};
-use crate::scene::Place;
+use super::{Schedule, locked};
+use crate::scene::PersonPose;
 use crate::simulation::Simulation;
-use crate::sonar::{SonarConfig, reading};
+use crate::sonar::{SonarConfig, measure_range};
 
-/// What behaviors are told of the sonars.
+/// Returns the description of the sensor.
 ///
 /// # Errors
-/// A range gate nearer than the nearest range, or directions that are no angles.
-pub fn info(config: &SonarConfig, name: &str) -> Result<SensorInfo, BuildError> {
+/// A maximum range that is not above the minimum range, or invalid azimuths.
+pub fn info(config: &SonarConfig, name: &str) -> Result<SensorInfo, ParameterError> {
     if config.max_m <= config.min_m {
-        return Err(BuildError::new("max_m", "must be above min_m"));
+        return Err(ParameterError::new("max_m", "must be above min_m"));
     }
     if config.azimuths_deg.is_empty() || config.azimuths_deg.iter().any(|a| !(-180.0..=180.0).contains(a)) {
-        return Err(BuildError::new("azimuths_deg", "needs at least one direction, each from -180 to 180"));
+        return Err(ParameterError::new(
+            "azimuths_deg",
+            "needs at least one azimuth; each must be -180 to 180 degrees",
+        ));
     }
     let kind = SensorKind::Range { min_m: config.min_m, max_m: config.max_m };
     Ok(super::info::<RangeScanHeader>(name, config.period_ms, config.latency_ms, kind))
 }
 
-/// Publishes scans of the simulation.
+/// Sensor that publishes sonar scans.
 pub struct Sonars {
     name: String,
     config: SonarConfig,
     simulation: Arc<Mutex<Simulation>>,
     rng: Pcg64,
-    beat: Beat,
+    schedule: Schedule,
     beams: Vec<Beam>,
-    people: Vec<Place>,
+    people: Vec<PersonPose>,
 }
 
 impl Sonars {
-    /// The sonars called `name`; `seed` gives their noise.
+    /// Returns the sensor `name`, with noise from `seed`.
     #[must_use]
     pub fn new(name: &str, config: SonarConfig, simulation: Arc<Mutex<Simulation>>, seed: u64) -> Self {
-        let beat = Beat::new(config.period_ms, config.latency_ms);
+        let schedule = Schedule::new(config.period_ms, config.latency_ms);
         let rng = crate::random::stream(seed, name);
-        Self { name: name.to_owned(), config, simulation, rng, beat, beams: Vec::new(), people: Vec::new() }
+        Self {
+            name: name.to_owned(),
+            config,
+            simulation,
+            rng,
+            schedule,
+            beams: Vec::new(),
+            people: Vec::new(),
+        }
     }
 }
 
@@ -53,14 +64,14 @@ impl Sensor for Sonars {
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
         let simulation = &mut *locked(&self.simulation, &self.name)?;
         simulation.advance(now);
-        while let Some((sequence, stamp)) = self.beat.oldest(simulation.origin(), now) {
+        while let Some((sequence, stamp)) = self.schedule.oldest(simulation.origin(), now) {
             let moment = simulation.at(stamp);
             self.people.clear();
             self.people.extend(simulation.people(stamp));
             self.beams.clear();
             for azimuth_deg in &self.config.azimuths_deg {
                 let azimuth_rad = azimuth_deg.to_radians();
-                let echo = reading(
+                let echo = measure_range(
                     &self.config,
                     azimuth_rad,
                     &simulation.scene,
@@ -82,6 +93,6 @@ impl Sensor for Sonars {
             let header = RangeScanHeader { stamp_ns: stamp.0, sequence, min_m, max_m };
             outputs.publish(&self.name, &header, &self.beams)?;
         }
-        Ok(Due::At(self.beat.next(simulation.origin())))
+        Ok(Due::At(self.schedule.next(simulation.origin())))
     }
 }

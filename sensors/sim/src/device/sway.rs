@@ -1,49 +1,45 @@
-//! The sway of a camera on a mast: no odometry tells it.
+//! Sway of a camera on its mast, which odometry does not measure.
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::Deserialize;
+use smart_default::SmartDefault;
 use yamabico_core::camera::Mount;
 
-/// How much a camera sways from picture to picture.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+/// Sway of a camera from frame to frame.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct SwayConfig {
-    /// Standard deviation of the turn about the vertical, degrees, 0 to 20, default 0.
+    /// Standard deviation of the rotation about the vertical.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub pan_deg: f64,
-    /// Standard deviation of the tilt forwards and, apart from it, sideways, degrees, 0 to 20, default 0.
+    /// Standard deviation of the forward tilt and of the sideways tilt.
     #[schemars(range(min = 0.0, max = 20.0))]
     pub tilt_deg: f64,
-    /// Share of the sway that is still there at the next picture, 0 to 0.999, default 0.6.
+    /// Autocorrelation of the sway between consecutive frames.
+    #[default(0.6)]
     #[schemars(range(min = 0.0, max = 0.999))]
     pub memory: f64,
 }
 
-impl Default for SwayConfig {
-    fn default() -> Self {
-        Self { pan_deg: 0.0, tilt_deg: 0.0, memory: 0.6 }
-    }
-}
-
-/// First-order autoregressive pan, tilt and roll of steady deviation.
+/// Stationary first-order autoregressive process of pan, tilt and roll.
 pub struct Sway {
     config: SwayConfig,
     rng: Pcg64,
-    /// In standard deviations; `None` before the first picture.
+    /// Pan, tilt and roll, in standard deviations; `None` before the first frame.
     state: Option<[f64; 3]>,
     next: u64,
 }
 
 impl Sway {
-    /// A sway whose course comes from `rng`.
+    /// Returns a sway drawn from `rng`.
     #[must_use]
     pub fn new(config: SwayConfig, rng: Pcg64) -> Self {
         Self { config, rng, state: None, next: 0 }
     }
 
-    /// Where the camera is at picture number `sequence`, which grows; pictures that nobody saw sway as well.
+    /// Returns the mount in frame number `sequence`. Numbers must increase; skipped frames advance the sway too.
     pub fn mount(&mut self, still: Mount, sequence: u64) -> Mount {
         while self.next <= sequence {
             self.next += 1;
@@ -74,7 +70,7 @@ mod tests {
     use crate::random::stream;
 
     #[test]
-    fn it_has_the_asked_deviation_and_memory() {
+    fn it_has_the_configured_deviation_and_autocorrelation() {
         let config = SwayConfig { pan_deg: 1.0, tilt_deg: 0.3, memory: 0.6 };
         let mut sway = Sway::new(config, stream(1, "sway"));
         let mounts: Vec<Mount> = (0..20_000).map(|i| sway.mount(Mount::level(0.3), i)).collect();
@@ -90,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_are_left_out_do_not_change_the_others() {
+    fn skipped_frames_do_not_change_the_others() {
         let config = SwayConfig { pan_deg: 1.0, ..SwayConfig::default() };
         let [mut all, mut some] = [0, 1].map(|_| Sway::new(config, stream(7, "sway")));
         let every: Vec<Mount> = (0..10).map(|i| all.mount(Mount::level(0.3), i)).collect();

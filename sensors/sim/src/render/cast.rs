@@ -1,36 +1,34 @@
-//! Radiance along single rays: for cameras that are no pinholes, and to check the polygons.
+//! Ray caster: radiance along single rays, to verify the rasterizers.
 
 use nalgebra::Vector3;
 use parry3d::query::{Ray, RayCullingMode};
 
-use super::project::Eye;
-use super::shade::{BLOCK, Shader, Spots};
+use super::project::PosedPinhole;
+use super::shade::{BACKGROUND_RADIANCE, BLOCK, Shader, SurfacePoints};
 use crate::Scene;
 use crate::scene::glam;
 
-/// Beyond this nothing is seen, meters.
-const HORIZON_M: f32 = 300.0;
-/// Radiance where there is nothing.
-const DARKNESS: f32 = 0.02;
+/// Maximum length of a ray, in lengths of its direction.
+const MAX_REACH: f32 = 300.0;
 
-/// A ray and its neighbors one pixel to the right and one down, which tell how large a pixel is where it ends.
+/// Ray with its neighbors one pixel to the right and one down, which give the size of a pixel on the surface.
 #[derive(Clone, Copy, Debug)]
 pub struct RayBundle {
-    /// Where it starts, world, meters.
+    /// Origin in the world frame, m.
     pub origin: Vector3<f64>,
-    /// Its direction and its neighbors' directions, world; any length.
+    /// Directions of the ray and of its neighbors in the world frame; any length.
     pub directions: [Vector3<f64>; 3],
 }
 
 impl RayBundle {
-    /// What is seen along the ray: radiance in one (luminance) or three channels.
+    /// Returns the radiance along the ray in one (luminance) or three channels.
     #[must_use]
     pub fn radiance<const C: usize>(&self, scene: &Scene) -> [f32; C] {
         self.follow(scene, true)
     }
 
     fn follow<const C: usize>(&self, scene: &Scene, may_mirror: bool) -> [f32; C] {
-        let Some((index, distance)) = self.hit(scene) else { return [DARKNESS; C] };
+        let Some((index, distance)) = self.hit(scene) else { return [BACKGROUND_RADIANCE; C] };
         let shader: Shader<'_, C> = Shader::new(scene, index);
         if shader.emission > 0.0 {
             return [shader.emission; C];
@@ -39,17 +37,19 @@ impl RayBundle {
         let normal = surface.normal();
         let height = normal.dot(&(surface.origin - self.origin));
         let [here, right, below] = self.directions.map(|d| {
-            let way = normal.dot(&d);
-            // A neighbor that misses the plane ends where its own ray does.
-            let reach = if way.abs() > 1e-9 && height / way > 0.0 { height / way } else { distance };
+            let approach = normal.dot(&d);
+            // A neighbor that misses the plane gets the length of the ray.
+            let hits = approach.abs() > 1e-9 && height / approach > 0.0;
+            let reach = if hits { height / approach } else { distance };
             let p = self.origin + d * reach - surface.origin;
             surface.axes.map(|a| a.dot(&p))
         });
         let spread = |k: usize| (right[k] - here[k]).abs() + (below[k] - here[k]).abs();
         let all = |value: f64| [value as f32; BLOCK];
-        let spots = Spots { u: all(here[0]), v: all(here[1]), du: all(spread(0)), dv: all(spread(1)) };
-        let shine = shader.shine(&spots, 1)[0];
-        let mut seen = shader.albedo.map(|a| a * shine);
+        let points =
+            SurfacePoints { u: all(here[0]), v: all(here[1]), du: all(spread(0)), dv: all(spread(1)) };
+        let irradiance = shader.irradiance(&points, 1)[0];
+        let mut seen = shader.albedo.map(|a| a * irradiance);
         if may_mirror && shader.gloss > 0.0 {
             let cosine = -normal.dot(&self.directions[0].normalize());
             let share = shader.reflection(cosine as f32);
@@ -61,12 +61,12 @@ impl RayBundle {
         seen
     }
 
-    /// Surface met first, and how many times the direction's length away.
+    /// Returns the first surface that the ray hits, and its distance in lengths of the direction.
     fn hit(&self, scene: &Scene) -> Option<(usize, f64)> {
         let ray = Ray::new(glam(self.origin), glam(self.directions[0]));
         let mut nearest: Option<(usize, f32)> = None;
         for (mesh, first) in scene.meshes() {
-            let reach = nearest.map_or(HORIZON_M, |n| n.1);
+            let reach = nearest.map_or(MAX_REACH, |n| n.1);
             let hit = mesh.cast_local_ray_with_culling(&ray, reach, RayCullingMode::IgnoreBackfaces);
             if let Some(hit) = hit {
                 nearest = Some((first + hit.subshape as usize / 2, hit.time_of_impact));
@@ -84,15 +84,21 @@ impl RayBundle {
     }
 }
 
-/// Mean radiance of a pinhole's pixel over `per_side` x `per_side` rays.
-pub fn pixel<const C: usize>(scene: &Scene, eye: &Eye, x: usize, y: usize, per_side: usize) -> [f32; C] {
+/// Returns the mean radiance of a pixel of a pinhole camera over `per_side` x `per_side` rays.
+pub fn pixel<const C: usize>(
+    scene: &Scene,
+    posed: &PosedPinhole,
+    x: usize,
+    y: usize,
+    per_side: usize,
+) -> [f32; C] {
     let mut sum = [0.0; C];
     let step = 1.0 / per_side as f64;
     for i in 0..per_side * per_side {
         let px = x as f64 + ((i % per_side) as f64 + 0.5) * step;
         let py = y as f64 + ((i / per_side) as f64 + 0.5) * step;
-        let directions = [(0.0, 0.0), (step, 0.0), (0.0, step)].map(|(a, b)| eye.direction(px + a, py + b));
-        let seen = RayBundle { origin: eye.at, directions }.radiance::<C>(scene);
+        let directions = [(0.0, 0.0), (step, 0.0), (0.0, step)].map(|(a, b)| posed.direction(px + a, py + b));
+        let seen = RayBundle { origin: posed.at, directions }.radiance::<C>(scene);
         (0..C).for_each(|c| sum[c] += seen[c]);
     }
     sum.map(|s| s / (per_side * per_side) as f32)

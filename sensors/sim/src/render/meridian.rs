@@ -1,80 +1,85 @@
-//! From surfaces in the world to what the half-plane of one azimuth of a mirror camera cuts out of them.
+//! Intersections of surfaces with the half-planes of a mirror camera, one half-plane per azimuth.
 
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::project::Side;
+use super::project::Pass;
 use super::spans::Outline;
 use crate::scene::Surface;
 
-/// Nothing nearer to the mirror's axis than this is drawn, meters.
-const NEAR_M: f64 = 0.03;
-/// Edges that turn less than this around the axis, radians, are cut finely: they run nearly along a row.
+/// Minimum distance from the axis of the mirror at which surfaces are rendered, m.
+const MIN_AXIS_DISTANCE_M: f64 = 0.03;
+/// Angle around the axis (rad) below which an edge is nearly radial: it is sampled finely, since it runs almost along a row.
 const NEARLY_RADIAL_RAD: f64 = 0.06;
-/// Edges that turn less than this run along a row, radians.
+/// Angle around the axis (rad) below which an edge is radial: it runs along a row.
 const RADIAL_RAD: f64 = 1e-6;
-/// Sectors of the circle that know their surfaces.
+/// Number of sectors of the circle with a list of surfaces each.
 const SECTORS: usize = 360;
 
-/// Where a mirror camera is in the world.
+/// Pose of a mirror camera in the world.
 #[derive(Clone, Copy, Debug)]
-pub struct MirrorEye {
-    /// Origin of the mirror's frame, world, meters.
+pub struct PosedMirror {
+    /// Origin of the mirror frame in the world frame, m.
     pub at: Vector3<f64>,
-    /// Turns world vectors into the mirror's frame (z along its axis).
+    /// Rotation from the world frame to the mirror frame (z along its axis).
     pub mirror_from_world: Matrix3<f64>,
-    /// In every half-plane: distance from the axis (negative: beyond it) and height where the rays meet.
+    /// Point where the rays of a half-plane meet: distance from the axis (negative: on the other side) and height, m.
     pub viewpoint: Vector2<f64>,
 }
 
-/// The direction of a half-plane from the mirror's axis outwards.
+/// Azimuth of a half-plane, outward from the axis of the mirror.
 #[derive(Clone, Copy, Debug)]
 pub struct Azimuth {
     pub sin: f64,
     pub cos: f64,
 }
 
-/// A vector as a half-plane sees it: outwards, up, and out of the plane towards growing azimuth.
+/// Components of a vector relative to a half-plane.
 #[derive(Clone, Copy, Debug)]
 pub struct InPlane {
+    /// Outward from the axis.
     pub out: f64,
+    /// Along the axis.
     pub up: f64,
+    /// Normal to the half-plane, toward increasing azimuth.
     pub aside: f64,
 }
 
-/// A surface in the mirror's frame.
+/// Surface in the mirror frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Facet {
     /// Index of the surface.
     pub surface: usize,
-    /// Unit vector away from its seen side.
+    /// Unit normal on the visible side.
     pub normal: Vector3<f64>,
-    /// Unit vectors along its u and v.
+    /// Unit vectors along u and v.
     pub axes: [Vector3<f64>; 2],
-    /// Origin of u and v.
+    /// Origin of u and v, m.
     pub origin: Vector3<f64>,
     corners: [Vector3<f64>; 4],
-    /// First azimuth and extent, radians; the whole circle where the axis meets the surface.
+    /// First azimuth and extent, rad; the whole circle if the axis intersects the surface.
     sector: [f64; 2],
     nearest: f64,
 }
 
-/// What a half-plane cuts out of a facet, seen from its viewpoint: x is the tangent of the elevation.
+/// Intersection of a half-plane with a facet, as seen from the viewpoint: x is the tangent of the elevation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slice {
     span: Option<(f64, f64)>,
     inverse_depth: (f64, f64),
 }
 
-/// The facets that can be seen at all, the nearest first, and where around the axis they are.
+/// Facets that may be visible, indexed by azimuth.
 #[derive(Default)]
-pub struct Surroundings {
+pub struct VisibleFacets {
+    /// Facets, nearest first.
     pub facets: Vec<Facet>,
+    /// Indices of the facets in each sector.
     sectors: Vec<Vec<u16>>,
-    /// Azimuths of the facets' corners, 0 to 2 pi, growing.
+    /// Azimuths of the corners of the facets, 0 to 2 pi, ascending.
     pub corners: Vec<f64>,
-    /// First azimuth (0 to 2 pi) and extent of edges that are nearly radial, radians.
+    /// First azimuth (0 to 2 pi) and extent of the nearly radial edges, rad.
     pub oblique: Vec<[f64; 2]>,
 }
 
@@ -90,12 +95,12 @@ impl Azimuth {
     }
 }
 
-impl Surroundings {
-    /// Finds what is there.
-    pub fn look(&mut self, eye: &MirrorEye, surfaces: &[Surface], side: Side) {
+impl VisibleFacets {
+    /// Finds the facets that may be visible.
+    pub fn update(&mut self, posed: &PosedMirror, surfaces: &[Surface], pass: Pass) {
         self.facets.clear();
-        let facets = surfaces.iter().enumerate().map(|(i, s)| Facet::new(i, s, eye, side));
-        self.facets.extend(facets.filter(|facet| facet.may_face(eye.viewpoint)));
+        let facets = surfaces.iter().enumerate().map(|(i, s)| Facet::new(i, s, posed, pass));
+        self.facets.extend(facets.filter(|facet| facet.may_face(posed.viewpoint)));
         self.facets.sort_by(|a, b| a.nearest.total_cmp(&b.nearest).then(a.surface.cmp(&b.surface)));
         self.facets.truncate(usize::from(super::spans::NOTHING) - 1);
 
@@ -124,12 +129,12 @@ impl Surroundings {
         self.corners.sort_by(f64::total_cmp);
     }
 
-    /// Nothing is there.
+    /// Removes all facets.
     pub fn clear(&mut self) {
         self.facets.clear();
     }
 
-    /// Indices of the facets around an azimuth.
+    /// Returns the indices of the facets in the sector of an azimuth.
     pub fn around(&self, azimuth_rad: f64) -> &[u16] {
         let share = azimuth_rad.rem_euclid(TAU) / TAU;
         &self.sectors[((share * SECTORS as f64) as usize).min(SECTORS - 1)]
@@ -137,37 +142,38 @@ impl Surroundings {
 }
 
 impl Facet {
-    fn new(index: usize, s: &Surface, eye: &MirrorEye, side: Side) -> Self {
-        let sign = if side == Side::Mirrored { -1.0 } else { 1.0 };
+    fn new(index: usize, s: &Surface, posed: &PosedMirror, pass: Pass) -> Self {
+        let sign = if pass == Pass::Mirrored { -1.0 } else { 1.0 };
         let flip = |p: Vector3<f64>| Vector3::new(p.x, p.y, sign * p.z);
-        let turn = |p: Vector3<f64>| eye.mirror_from_world * flip(p);
-        let place = |p: Vector3<f64>| eye.mirror_from_world * (flip(p) - eye.at);
-        let corners = s.corners.map(place);
+        let turn = |p: Vector3<f64>| posed.mirror_from_world * flip(p);
+        let transform = |p: Vector3<f64>| posed.mirror_from_world * (flip(p) - posed.at);
+        let corners = s.corners.map(transform);
         let nearest = corners.iter().map(Vector3::norm_squared).fold(f64::MAX, f64::min);
         Self {
             surface: index,
             normal: turn(s.normal()),
             axes: s.axes.map(turn),
-            origin: place(s.origin),
+            origin: transform(s.origin),
             sector: sector(&corners),
             corners,
             nearest,
         }
     }
 
-    /// Whether any viewpoint of the circle is before it.
+    /// Returns true if any viewpoint on the circle is in front of the facet.
     fn may_face(&self, viewpoint: Vector2<f64>) -> bool {
         let reach = viewpoint.x.abs() * self.normal.xy().norm();
         self.normal.dot(&self.origin) - self.normal.z * viewpoint.y - reach < -1e-9
     }
 
-    /// How far the facet's plane is behind the viewpoint of a half-plane, meters; negative before the seen side.
+    /// Returns the signed distance from the viewpoint of a half-plane to the plane of the facet, m; negative if the viewpoint
+    /// is on the visible side.
     #[inline]
     pub fn height(&self, normal: InPlane, viewpoint: Vector2<f64>) -> f64 {
         self.normal.dot(&self.origin) - normal.out * viewpoint.x - normal.up * viewpoint.y
     }
 
-    /// What the half-plane of an azimuth cuts out.
+    /// Returns the intersection with the half-plane of an azimuth.
     #[inline]
     pub fn slice(&self, azimuth: Azimuth, viewpoint: Vector2<f64>) -> Slice {
         let sides = self.corners.map(|c| azimuth.cos * c.y - azimuth.sin * c.x);
@@ -188,7 +194,7 @@ impl Facet {
         if near.0 > far.0 {
             std::mem::swap(&mut near, &mut far);
         }
-        if count < 2 || far.0 <= NEAR_M {
+        if count < 2 || far.0 <= MIN_AXIS_DISTANCE_M {
             return Slice::default();
         }
         let normal = azimuth.split(&self.normal);
@@ -196,9 +202,9 @@ impl Facet {
         if height > -1e-9 {
             return Slice::default();
         }
-        if near.0 < NEAR_M {
-            let share = (NEAR_M - near.0) / (far.0 - near.0);
-            near = (NEAR_M, near.1 + share * (far.1 - near.1));
+        if near.0 < MIN_AXIS_DISTANCE_M {
+            let share = (MIN_AXIS_DISTANCE_M - near.0) / (far.0 - near.0);
+            near = (MIN_AXIS_DISTANCE_M, near.1 + share * (far.1 - near.1));
         }
         let tangent = |p: (f64, f64)| (p.1 - viewpoint.y) / (p.0 - viewpoint.x);
         let (a, b) = (tangent(near), tangent(far));
@@ -218,13 +224,13 @@ impl Outline for Slice {
     }
 }
 
-/// First azimuth (rad) and extent of a convex outline around the axis.
+/// Returns the first azimuth and the extent of a convex outline around the axis, rad.
 fn sector(corners: &[Vector3<f64>; 4]) -> [f64; 2] {
     let turns = [0, 1, 2, 3].map(|i| {
         let (a, b) = (corners[i].xy(), corners[(i + 1) % 4].xy());
         a.perp(&b).atan2(a.dot(&b))
     });
-    // All the way round means that the axis goes through it.
+    // A full turn means that the axis intersects the outline.
     if turns.iter().sum::<f64>().abs() > PI {
         return [0.0, TAU];
     }
@@ -244,45 +250,45 @@ mod tests {
     use super::*;
     use crate::scene::Material;
 
-    fn eye() -> MirrorEye {
-        MirrorEye {
+    fn mirror() -> PosedMirror {
+        PosedMirror {
             at: Vector3::new(0.0, 0.0, 0.5),
             mirror_from_world: Matrix3::identity(),
             viewpoint: Vector2::new(-0.1, 0.15),
         }
     }
 
-    /// A wall 2 m ahead, 1 m wide and 1 m high, which faces back.
+    /// Returns a wall 2 m ahead, 1 m wide and 1 m high, that faces the mirror.
     fn wall() -> Surface {
         let (origin, u, v) = (Vector3::new(2.0, 0.5, 0.0), -Vector3::y(), Vector3::z());
-        Surface::rectangle(origin, u, v, Material::matt([0.5; 3]))
+        Surface::rectangle(origin, u, v, Material::matte([0.5; 3]))
     }
 
     #[test]
-    fn a_wall_is_cut_where_it_stands_and_seen_from_beyond_the_axis() {
-        let mut around = Surroundings::default();
-        around.look(&eye(), &[wall()], Side::Direct);
+    fn a_wall_is_intersected_at_its_position_from_a_viewpoint_behind_the_axis() {
+        let mut around = VisibleFacets::default();
+        around.update(&mirror(), &[wall()], Pass::Direct);
         assert_eq!((around.facets.len(), around.around(0.1), around.around(1.0)), (1, &[0_u16][..], &[][..]));
-        let slice = around.facets[0].slice(Azimuth::new(0.0), eye().viewpoint);
+        let slice = around.facets[0].slice(Azimuth::new(0.0), mirror().viewpoint);
         let (low, high) = slice.span.unwrap();
         assert!((low + 0.65 / 2.1).abs() < 1e-12 && (high - 0.35 / 2.1).abs() < 1e-12);
         let (slope, offset) = slice.inverse_depth;
         assert!(slope.abs() < 1e-12 && (offset - 1.0 / 2.1).abs() < 1e-12);
-        assert!(around.facets[0].slice(Azimuth::new(3.1), eye().viewpoint).span.is_none());
+        assert!(around.facets[0].slice(Azimuth::new(3.1), mirror().viewpoint).span.is_none());
     }
 
     #[test]
-    fn the_floor_below_the_mirror_is_seen_all_around() {
+    fn the_floor_below_the_mirror_is_visible_at_every_azimuth() {
         let origin = Vector3::new(-3.0, -3.0, 0.0);
         let floor =
-            Surface::rectangle(origin, Vector3::x() * 6.0, Vector3::y() * 6.0, Material::matt([0.5; 3]));
-        let mut around = Surroundings::default();
-        around.look(&eye(), &[floor], Side::Direct);
+            Surface::rectangle(origin, Vector3::x() * 6.0, Vector3::y() * 6.0, Material::matte([0.5; 3]));
+        let mut around = VisibleFacets::default();
+        around.update(&mirror(), &[floor], Pass::Direct);
         for azimuth in [0.0, 1.0, 3.0, 5.0, 6.25] {
             assert_eq!(around.around(azimuth), &[0]);
-            assert!(around.facets[0].slice(Azimuth::new(azimuth), eye().viewpoint).span.is_some());
+            assert!(around.facets[0].slice(Azimuth::new(azimuth), mirror().viewpoint).span.is_some());
         }
-        around.look(&eye(), &[floor], Side::Mirrored);
-        assert!(around.facets.is_empty(), "the floor's back is not seen");
+        around.update(&mirror(), &[floor], Pass::Mirrored);
+        assert!(around.facets.is_empty(), "the back of the floor is not visible");
     }
 }

@@ -1,7 +1,7 @@
-//! Pictures of a camera that looks all around through a mirror.
+//! Renderer of omnidirectional cameras with a mirror.
 //!
-//! The mirror's ring is drawn unrolled ([`super::ring`]), finer inside than the picture needs, and the picture taken from
-//! it by a table of places: the same light, texture, people and mirror images as a pinhole sees.
+//! The ring of the mirror is rendered unrolled, see [`super::ring`], with more samples than the image has near its center. A
+//! lookup table resamples it to the image. Light, texture, people and reflections are the same as for a pinhole camera.
 
 use std::f64::consts::TAU;
 
@@ -11,34 +11,34 @@ use yamabico_core::camera::{Meridian, MirrorCamera, Mount};
 use yamabico_core::geometry::Pose2;
 
 use super::cast::RayBundle;
-use super::meridian::MirrorEye;
-use super::photometry::Film;
-use super::ring::{Ring, RingPainter};
+use super::meridian::PosedMirror;
+use super::photometry::ImageSensor;
+use super::ring::{Ring, RingRenderer};
 use super::{Photometry, RenderError, line};
 use crate::Scene;
 
 /// Width of a row at the outer end of a ring, pixels.
 const ROW_PX: f64 = 1.0;
-/// Rings end here, and the innermost goes to the center.
-const SMALLEST_RING_PX: f64 = 16.0;
-/// Radiance of what is not mirror.
+/// Minimum inner radius of a ring, pixels; the innermost ring extends to the center.
+const MIN_RING_PX: f64 = 16.0;
+/// Radiance outside the mirror.
 const BLACK: f32 = 0.0;
 
-/// Where a mirror camera is.
+/// View of a mirror camera on a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorView {
-    /// Where the camera is on the robot.
+    /// Pose of the camera on the robot.
     pub mount: Mount,
-    /// Where the robot is in the world.
+    /// Pose of the robot in the world frame.
     pub robot: Pose2,
 }
 
-/// Takes pictures with one mirror camera; keeps its tables, its buffers and its noise from picture to picture.
+/// Renderer of one mirror camera; reuses its tables and buffers, and continues its noise from frame to frame.
 pub struct MirrorRenderer {
     camera: MirrorCamera,
-    film: Film,
+    sensor: ImageSensor,
     rings: Vec<Ring>,
-    /// Where each pixel finds its light; pixels outside the ring find none.
+    /// Position of each pixel in the unrolled rings.
     taps: Vec<Tap>,
     gray: Layer<1>,
     color: Layer<3>,
@@ -46,21 +46,21 @@ pub struct MirrorRenderer {
 
 #[derive(Default)]
 struct Layer<const C: usize> {
-    painter: RingPainter<C>,
+    renderer: RingRenderer<C>,
     rings: Vec<[f32; C]>,
     row: Vec<[f32; C]>,
 }
 
-/// What a pixel covers of the unrolled rings: three rows and two columns, and how much of each counts.
+/// Area of a pixel in the unrolled rings: three rows and two columns with their weights.
 #[derive(Clone, Copy, Debug)]
 struct Tap {
-    /// Index of the left one in the first row; [`Tap::NONE`] outside.
+    /// Index of the left column in the first row; [`Tap::NONE`] outside the mirror.
     first: u32,
-    /// From row to row.
+    /// Distance between rows.
     stride: u32,
-    /// Shares of the rows.
+    /// Weights of the rows.
     rows: [f32; 3],
-    /// Share of the second column.
+    /// Weight of the second column.
     right: f32,
 }
 
@@ -69,43 +69,43 @@ impl Tap {
     const OUTSIDE: Self = Self { first: Self::NONE, stride: 0, rows: [0.0; 3], right: 0.0 };
 }
 
-/// Rows that follow a ring's last and repeat its first, so that no pixel's rows are apart.
+/// Number of rows after the last row of a ring that repeat its first, so that the rows of every pixel are contiguous.
 const REPEATED: usize = 2;
 
 impl MirrorRenderer {
-    /// A camera with this photometry, whose noise comes from `rng` (see [`crate::random::stream`]).
+    /// Returns a renderer of this camera, with noise from `rng`, see [`crate::random::stream`].
     #[must_use]
     pub fn new(camera: MirrorCamera, photometry: Photometry, rng: Pcg64) -> Self {
         let rings = rings(&camera);
         let taps = taps(&camera, &rings);
-        let film = Film::new(photometry, rng);
-        Self { camera, film, rings, taps, gray: Layer::default(), color: Layer::default() }
+        let sensor = ImageSensor::new(photometry, rng);
+        Self { camera, sensor, rings, taps, gray: Layer::default(), color: Layer::default() }
     }
 
-    /// The camera.
+    /// Returns the camera model.
     #[must_use]
     pub fn camera(&self) -> &MirrorCamera {
         &self.camera
     }
 
-    /// Draws the view as gray levels, row by row, width x height bytes; black outside the ring.
+    /// Renders the view in gray levels, width x height bytes; black outside the mirror.
     ///
     /// # Errors
-    /// [`RenderError`] when the buffer or the view do not fit.
+    /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn render(&mut self, scene: &Scene, view: &MirrorView, image: &mut [u8]) -> Result<(), RenderError> {
         self.check(view, image.len(), 1)?;
-        let eye = self.eye(view);
+        let posed = self.posed(view);
         let size = self.size();
-        self.gray.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
-            self.film.develop(size, y, row, line(image, y, size[0], 1));
+        self.gray.draw(scene, &posed, &self.rings, &self.taps, size, |y, row| {
+            self.sensor.digitize(size, y, row, line(image, y, size[0], 1));
         });
         Ok(())
     }
 
-    /// Draws the view in color, three bytes (red, green, blue) a pixel; black outside the ring.
+    /// Renders the view in color, three bytes (red, green, blue) per pixel; black outside the mirror.
     ///
     /// # Errors
-    /// [`RenderError`] when the buffer or the view do not fit.
+    /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn render_rgb(
         &mut self,
         scene: &Scene,
@@ -113,18 +113,18 @@ impl MirrorRenderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         self.check(view, image.len(), 3)?;
-        let eye = self.eye(view);
+        let posed = self.posed(view);
         let size = self.size();
-        self.color.draw(scene, &eye, &self.rings, &self.taps, size, |y, row| {
-            self.film.develop(size, y, row, line(image, y, size[0], 3));
+        self.color.draw(scene, &posed, &self.rings, &self.taps, size, |y, row| {
+            self.sensor.digitize(size, y, row, line(image, y, size[0], 3));
         });
         Ok(())
     }
 
-    /// Draws the view as gray levels by casting `per_side` x `per_side` rays a pixel: slow, for comparison.
+    /// Renders the view in gray levels by casting `per_side` x `per_side` rays per pixel: slow, for comparison.
     ///
     /// # Errors
-    /// [`RenderError`] when the buffer or the view do not fit.
+    /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn cast(
         &mut self,
         scene: &Scene,
@@ -133,21 +133,27 @@ impl MirrorRenderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         self.check(view, image.len(), 1)?;
-        let eye = self.eye(view);
+        let posed = self.posed(view);
         let size = self.size();
         let mut row = vec![[BLACK; 1]; size[0] as usize];
         for y in 0..size[1] as usize {
             for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = self.cast_pixel(scene, &eye, Vector2::new(x as f64, y as f64), per_side);
+                *pixel = self.cast_pixel(scene, &posed, Vector2::new(x as f64, y as f64), per_side);
             }
-            self.film.develop(size, y, &row, line(image, y, size[0], 1));
+            self.sensor.digitize(size, y, &row, line(image, y, size[0], 1));
         }
         Ok(())
     }
 
-    fn cast_pixel(&self, scene: &Scene, eye: &MirrorEye, pixel: Vector2<f64>, per_side: usize) -> [f32; 1] {
+    fn cast_pixel(
+        &self,
+        scene: &Scene,
+        posed: &PosedMirror,
+        pixel: Vector2<f64>,
+        per_side: usize,
+    ) -> [f32; 1] {
         let step = 1.0 / per_side as f64;
-        let world_from_mirror = eye.mirror_from_world.transpose();
+        let world_from_mirror = posed.mirror_from_world.transpose();
         let mut sum = 0.0;
         for i in 0..per_side * per_side {
             let part = |i: usize| (i as f64 + 0.5) * step - 0.5;
@@ -161,7 +167,7 @@ impl MirrorRenderer {
                 world_from_mirror * neighbor.map_or(ray.direction, |ray| ray.direction)
             };
             let directions = [Vector2::zeros(), Vector2::x(), Vector2::y()].map(beside);
-            let origin = eye.at + world_from_mirror * ray.origin.coords;
+            let origin = posed.at + world_from_mirror * ray.origin.coords;
             sum += RayBundle { origin, directions }.radiance::<1>(scene)[0];
         }
         [sum / (per_side * per_side) as f32]
@@ -179,12 +185,12 @@ impl MirrorRenderer {
         if given == needed { Ok(()) } else { Err(RenderError::BufferSize { needed, given }) }
     }
 
-    fn eye(&self, view: &MirrorView) -> MirrorEye {
+    fn posed(&self, view: &MirrorView) -> PosedMirror {
         let (sin, cos) = view.robot.theta.sin_cos();
         let world_from_body = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
         let world_from_mirror = world_from_body * view.mount.rotation_body_from_mirror();
         let on_floor = Vector3::new(view.robot.x, view.robot.y, 0.0);
-        MirrorEye {
+        PosedMirror {
             at: on_floor + world_from_body * view.mount.position_in_body(),
             mirror_from_world: world_from_mirror.transpose(),
             viewpoint: self.camera.mirror().viewpoint(),
@@ -196,18 +202,18 @@ impl<const C: usize> Layer<C> {
     fn draw(
         &mut self,
         scene: &Scene,
-        eye: &MirrorEye,
+        posed: &PosedMirror,
         rings: &[Ring],
         taps: &[Tap],
         size: [u32; 2],
         mut take: impl FnMut(usize, &[[f32; C]]),
     ) {
         self.rings.resize(rings.iter().map(stored).sum(), [0.0; C]);
-        self.painter.look(scene, eye);
+        self.renderer.update(scene, posed);
         let mut rest = self.rings.as_mut_slice();
         for ring in rings {
             let (pixels, others) = rest.split_at_mut(stored(ring));
-            self.painter.draw(scene, eye.viewpoint, ring, pixels);
+            self.renderer.draw(scene, posed.viewpoint, ring, pixels);
             pixels.copy_within(..REPEATED * ring.grid.width, ring.grid.rows * ring.grid.width);
             rest = others;
         }
@@ -237,7 +243,7 @@ fn stored(ring: &Ring) -> usize {
     (ring.grid.rows + REPEATED) * ring.grid.width
 }
 
-/// Rings from the rim inwards, each half as wide as the one around it and with half as many rows.
+/// Returns the rings from the rim inward, each with half the radius and half the rows of the one around it.
 fn rings(camera: &MirrorCamera) -> Vec<Ring> {
     let image = camera.image();
     let (blind_px, rim_px) = (image.blind_radius_px().floor(), image.rim_radius_px());
@@ -245,8 +251,8 @@ fn rings(camera: &MirrorCamera) -> Vec<Ring> {
     let mut outer_px = rim_px.ceil();
     loop {
         let half = (0.5 * outer_px).floor();
-        let inner_px = if half < blind_px.max(SMALLEST_RING_PX) { blind_px } else { half };
-        // One column more on either side, for the neighbors of the ring's own.
+        let inner_px = if half < blind_px.max(MIN_RING_PX) { blind_px } else { half };
+        // One additional column on either side, for interpolation.
         let (first_px, end_px) = ((inner_px - 1.0).max(0.0), outer_px + 1.0);
         let rows = (TAU * outer_px / ROW_PX).ceil() as usize;
         rings.push(Ring::new(camera.mirror(), rows, first_px, (end_px - first_px) as usize, rim_px));
@@ -270,12 +276,12 @@ fn taps(camera: &MirrorCamera, rings: &[Ring]) -> Vec<Tap> {
         if !image.is_in_ring(radius_px) {
             return Tap::OUTSIDE;
         }
-        // The innermost ring that has the pixel with its neighbors.
+        // The innermost ring that contains the pixel and its neighbors.
         let inside = |ring: &Ring| ring.grid.first_px + ring.grid.width as f64 - 1.0 >= radius_px;
         let index = rings.iter().rposition(inside).unwrap_or(0);
         let grid = &rings[index].grid;
         let column = (radius_px - grid.first_px - 0.5).clamp(0.0, grid.width as f64 - 1.001);
-        // A pixel is one pixel wide, which is one to two rows: shares of the rows between its two sides.
+        // A pixel covers one to two rows: the weights are the covered fractions of the rows.
         let turn = point.y.atan2(point.x).rem_euclid(TAU) / TAU;
         let width = (grid.rows as f64 / (TAU * radius_px.max(0.5))).clamp(1.0, 2.0);
         let low = turn * grid.rows as f64 - 0.5 * width;

@@ -1,54 +1,58 @@
-//! From radiance to gray levels: vignetting, exposure, the camera's curve and noise.
+//! Image sensor: vignetting, exposure, response curve and noise, from radiance to gray levels.
 
 use rand::Rng;
 use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use smart_default::SmartDefault;
 
-/// What the lens and the sensor make of the light.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+/// Properties of the lens and the image sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Photometry {
-    /// Gain; 1 shows a white wall under the usual lamps at about gray level 200. 0.05 to 20.
+    /// Gain; at 1, a white wall under standard lamps has a gray level of about 200.
+    #[default(1.0)]
     #[schemars(range(min = 0.05, max = 20.0))]
     pub exposure: f32,
-    /// Share of the light that is missing in the picture's corners, 0 to 0.9.
+    /// Fraction of the light missing in the corners of the image.
+    #[default(0.25)]
     #[schemars(range(min = 0.0, max = 0.9))]
     pub vignetting: f32,
-    /// Standard deviation of the noise, gray levels, 0 to 50.
+    /// Standard deviation of the noise, gray levels.
+    #[default(2.0)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub noise_sigma: f32,
 }
 
-impl Default for Photometry {
-    fn default() -> Self {
-        Self { exposure: 1.0, vignetting: 0.25, noise_sigma: 2.0 }
-    }
-}
-
-/// Radiance that gives gray level 255 at exposure 1.
+/// Radiance with gray level 255 at exposure 1.
 const WHITE_LEVEL: f32 = 1.25;
-/// Entries of the noise table; a power of two.
+/// Number of entries of the noise table; a power of two.
 const NOISE_STEPS: usize = 4096;
 
-/// A camera's curve and its noise.
-pub struct Film {
-    /// What the lens and the sensor do.
+/// Image sensor with its noise.
+pub struct ImageSensor {
+    /// Properties of the lens and the sensor.
     pub photometry: Photometry,
     rng: Pcg64,
     /// Quantiles of the standard normal distribution.
     normal: Vec<f32>,
 }
 
-impl Film {
-    /// A film whose noise comes from `rng`.
+impl ImageSensor {
+    /// Returns a sensor with noise from `rng`.
     #[must_use]
     pub fn new(photometry: Photometry, rng: Pcg64) -> Self {
         Self { photometry, rng, normal: normal_quantiles(NOISE_STEPS) }
     }
 
-    /// Writes row `y` of a picture of this width and height: `row` holds radiance, `pixels` gets gray levels, channels side by side.
-    pub fn develop<const C: usize>(&mut self, size: [u32; 2], y: usize, row: &[[f32; C]], pixels: &mut [u8]) {
+    /// Converts the radiance of row `y` of an image of this size (width, height) to gray levels, with interleaved channels.
+    pub fn digitize<const C: usize>(
+        &mut self,
+        size: [u32; 2],
+        y: usize,
+        row: &[[f32; C]],
+        pixels: &mut [u8],
+    ) {
         let [width, height] = size.map(f64::from);
         let corner = 0.25 * (width * width + height * height);
         let fall = f64::from(self.photometry.vignetting) / corner;
@@ -57,20 +61,20 @@ impl Film {
         let gain = self.photometry.exposure / WHITE_LEVEL;
         let (fall, center, dy2) = (fall as f32, center as f32, (dy * dy) as f32);
         if self.photometry.noise_sigma > 0.0 {
-            self.develop_noisy(row, gain, fall, center, dy2, pixels);
+            self.digitize_noisy(row, gain, fall, center, dy2, pixels);
             return;
         }
         for (x, (radiance, out)) in row.iter().zip(pixels.chunks_exact_mut(C)).enumerate() {
             let dx = x as f32 - center;
             let gain = gain * (1.0 - fall * (dx * dx + dy2));
             for c in 0..C {
-                // A square root stands in for the usual gamma of 1/2.2.
+                // The square root approximates the usual gamma of 1/2.2.
                 out[c] = ((radiance[c] * gain).min(1.0).sqrt() * 255.0 + 0.5) as u8;
             }
         }
     }
 
-    fn develop_noisy<const C: usize>(
+    fn digitize_noisy<const C: usize>(
         &mut self,
         row: &[[f32; C]],
         gain: f32,
@@ -96,15 +100,15 @@ impl Film {
     }
 }
 
-/// The standard normal distribution's quantiles at (i + 1/2) / `count`.
+/// Returns the quantiles of the standard normal distribution at (i + 1/2) / `count`.
 fn normal_quantiles(count: usize) -> Vec<f32> {
     let step = 5e-4;
     let mut quantiles = vec![0.0; count];
     let mut share = 0.5;
     let mut z = 0.0_f64;
     for i in count / 2..count {
-        let wanted = (i as f64 + 0.5) / count as f64;
-        while share < wanted && z < 6.0 {
+        let target = (i as f64 + 0.5) / count as f64;
+        while share < target && z < 6.0 {
             share += step * (-(z + 0.5 * step).powi(2) / 2.0).exp() / std::f64::consts::TAU.sqrt();
             z += step;
         }

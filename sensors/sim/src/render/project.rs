@@ -1,4 +1,4 @@
-//! From surfaces in the world to convex polygons in the picture.
+//! Projection of surfaces to convex polygons in the image of a pinhole camera.
 
 use nalgebra::{Matrix3, Vector3};
 use yamabico_core::camera::Intrinsics;
@@ -7,44 +7,46 @@ use super::CameraView;
 use super::spans::Outline;
 use crate::scene::Surface;
 
-/// Nothing nearer than this is drawn, meters along the optical axis.
-const NEAR_M: f64 = 0.03;
+/// Minimum depth at which surfaces are rendered, m along the optical axis.
+const MIN_DEPTH_M: f64 = 0.03;
 
-/// Position and orientation of a camera in the world.
+/// Pinhole camera with its pose in the world.
 #[derive(Clone, Copy, Debug)]
-pub struct Eye {
-    /// Optical center, world, meters.
+pub struct PosedPinhole {
+    /// Optical center in the world frame, m.
     pub at: Vector3<f64>,
-    /// Turns world vectors into the optical frame (x right, y down, z forward).
+    /// Rotation from the world frame to the optical frame (x right, y down, z forward).
     pub camera_from_world: Matrix3<f64>,
     /// Focal lengths and principal point; pixel (0, 0) covers [0, 1) x [0, 1) in the coordinates used here.
     pub intrinsics: Intrinsics,
 }
 
-/// Which world is drawn.
+/// Rendering pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// The world itself.
+pub enum Pass {
+    /// The world.
     Direct,
-    /// Its mirror image below the floor.
+    /// The mirror image of the world below the floor.
     Mirrored,
 }
 
-/// A function that is linear over the picture: `x * c[0] + y * c[1] + c[2]`.
+/// Linear function of the image coordinates: `x * c[0] + y * c[1] + c[2]`.
 pub type Linear = [f64; 3];
 
-/// A visible surface's outline in the picture with its depth and surface coordinates.
+/// Outline of a visible surface in the image, with its depth and surface coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct Polygon {
     /// Index of the surface.
     pub surface: usize,
-    /// 1 / depth, and u / depth and v / depth, over the picture.
+    /// 1 / depth, 1/m.
     pub inverse_depth: Linear,
+    /// Surface coordinate u / depth.
     pub u: Linear,
+    /// Surface coordinate v / depth.
     pub v: Linear,
-    /// Upper and lower end in the picture.
+    /// Upper and lower end in the image.
     pub y: [f64; 2],
-    /// Greatest 1 / depth of its corners.
+    /// Maximum 1 / depth of the corners, 1/m.
     pub nearest: f64,
     edges: [Edge; 5],
     edge_count: usize,
@@ -57,8 +59,8 @@ struct Edge {
     slope: f64,
 }
 
-impl Eye {
-    /// The eye of a view.
+impl PosedPinhole {
+    /// Returns the camera of a view.
     #[must_use]
     pub fn new(view: &CameraView) -> Self {
         let (sin, cos) = view.robot.theta.sin_cos();
@@ -69,7 +71,7 @@ impl Eye {
         Self { at, camera_from_world: world_from_camera.transpose(), intrinsics: view.intrinsics }
     }
 
-    /// The same eye with a picture `factor` times smaller each way.
+    /// Returns the same camera with an image smaller by `factor` in width and height.
     #[must_use]
     pub fn shrunk(&self, factor: u32) -> Self {
         let k = &self.intrinsics;
@@ -85,7 +87,8 @@ impl Eye {
         Self { intrinsics, ..*self }
     }
 
-    /// Direction in the world, with depth 1, of the picture point (x, y); pixel centers are at half numbers here.
+    /// Returns the direction of the image point (x, y) in the world frame, with depth 1. Pixel centers have half-integer
+    /// coordinates.
     #[must_use]
     pub fn direction(&self, x: f64, y: f64) -> Vector3<f64> {
         let k = &self.intrinsics;
@@ -93,22 +96,22 @@ impl Eye {
             * Vector3::new((x - 0.5 - k.cx) / k.fx, (y - 0.5 - k.cy) / k.fy, 1.0)
     }
 
-    /// `g . direction` over the picture, for `g` in the optical frame.
+    /// Returns `g . direction` as a function of the image coordinates, for `g` in the optical frame.
     fn linear(&self, g: Vector3<f64>) -> Linear {
         let k = &self.intrinsics;
         let (x, y) = (g.x / k.fx, g.y / k.fy);
         [x, y, g.z - x * (k.cx + 0.5) - y * (k.cy + 0.5)]
     }
 
-    /// Outlines of what faces the eye and reaches into the picture, the nearest first.
-    pub fn project(&self, surfaces: &[Surface], side: Side, out: &mut Vec<Polygon>) {
+    /// Finds the outlines of the surfaces that face the camera and reach into the image, nearest first.
+    pub fn project(&self, surfaces: &[Surface], pass: Pass, out: &mut Vec<Polygon>) {
         out.clear();
-        out.extend(surfaces.iter().enumerate().filter_map(|(i, s)| self.polygon(i, s, side)));
+        out.extend(surfaces.iter().enumerate().filter_map(|(i, s)| self.polygon(i, s, pass)));
         out.sort_by(|a, b| b.nearest.total_cmp(&a.nearest).then(a.surface.cmp(&b.surface)));
     }
 
-    fn polygon(&self, index: usize, s: &Surface, side: Side) -> Option<Polygon> {
-        let sign = if side == Side::Mirrored { -1.0 } else { 1.0 };
+    fn polygon(&self, index: usize, s: &Surface, pass: Pass) -> Option<Polygon> {
+        let sign = if pass == Pass::Mirrored { -1.0 } else { 1.0 };
         let flip = |p: Vector3<f64>| Vector3::new(p.x, p.y, sign * p.z);
         let turn = |p: Vector3<f64>| self.camera_from_world * flip(p);
         let origin = self.camera_from_world * (flip(s.origin) - self.at);
@@ -124,12 +127,12 @@ impl Eye {
         let points = s.corners.map(|c| self.camera_from_world * (flip(c) - self.at));
         for i in 0..4 {
             let (p, q) = (points[i], points[(i + 1) % 4]);
-            if p.z >= NEAR_M {
+            if p.z >= MIN_DEPTH_M {
                 corners[count] = p;
                 count += 1;
             }
-            if (p.z >= NEAR_M) != (q.z >= NEAR_M) {
-                corners[count] = p + (q - p) * ((NEAR_M - p.z) / (q.z - p.z));
+            if (p.z >= MIN_DEPTH_M) != (q.z >= MIN_DEPTH_M) {
+                corners[count] = p + (q - p) * ((MIN_DEPTH_M - p.z) / (q.z - p.z));
                 count += 1;
             }
         }

@@ -1,21 +1,19 @@
-//! Draws polygons row by row.
+//! Rasterizer of polygons, row by row.
 
 use yamabico_core::camera::Intrinsics;
 
-use super::project::{Eye, Linear, Polygon, Side};
+use super::project::{Linear, Pass, Polygon, PosedPinhole};
 use super::resolve::{Piece, Row};
-use super::shade::{BLOCK, Shader, Spots};
+use super::shade::{BACKGROUND_RADIANCE, BLOCK, Shader, SurfacePoints};
 use super::spans::{Line, NOTHING};
 use crate::Scene;
 
-/// Lines in each row.
+/// Number of scan lines per row.
 const LINES: usize = 4;
-/// How much smaller the picture of the mirrored world is, each way.
+/// Factor by which the image of the reflected world is smaller, in width and height.
 pub const MIRROR_SHRINK: u32 = 4;
-/// Radiance where there is nothing.
-const DARKNESS: f32 = 0.02;
 
-/// Draws pictures with `C` channels; keeps its buffers.
+/// Rasterizer of images with `C` channels; reuses its buffers.
 #[derive(Default)]
 pub struct Raster<const C: usize> {
     polygons: Vec<Polygon>,
@@ -26,7 +24,7 @@ pub struct Raster<const C: usize> {
     mirror: Reflection<C>,
 }
 
-/// A small blurred picture of the world as the floor mirrors it.
+/// Small blurred image of the world reflected by the floor.
 #[derive(Default)]
 pub struct Reflection<const C: usize> {
     width: usize,
@@ -36,35 +34,40 @@ pub struct Reflection<const C: usize> {
 }
 
 impl<const C: usize> Raster<C> {
-    /// Draws the scene and hands over each row's radiance, from top to bottom.
-    pub fn draw(&mut self, scene: &Scene, eye: &Eye, mut take: impl FnMut(usize, &[[f32; C]], &Intrinsics)) {
+    /// Rasterizes the scene, and calls `take` with the radiance of every row, from top to bottom.
+    pub fn draw(
+        &mut self,
+        scene: &Scene,
+        posed: &PosedPinhole,
+        mut take: impl FnMut(usize, &[[f32; C]], &Intrinsics),
+    ) {
         let mirrors = scene.surfaces().iter().any(|s| s.material.gloss > 0.0);
         self.mirror.width = 0;
-        if mirrors && eye.at.z > 0.0 {
-            let small = eye.shrunk(MIRROR_SHRINK);
+        if mirrors && posed.at.z > 0.0 {
+            let small = posed.shrunk(MIRROR_SHRINK);
             let mut mirror = std::mem::take(&mut self.mirror);
             mirror.width = small.intrinsics.width as usize;
             mirror.height = small.intrinsics.height as usize;
             mirror.pixels.clear();
-            self.pass(scene, &small, Side::Mirrored, |_, row, _| mirror.pixels.extend_from_slice(row));
+            self.pass(scene, &small, Pass::Mirrored, |_, row, _| mirror.pixels.extend_from_slice(row));
             mirror.blur();
             self.mirror = mirror;
         }
-        self.pass(scene, eye, Side::Direct, &mut take);
+        self.pass(scene, posed, Pass::Direct, &mut take);
     }
 
     fn pass(
         &mut self,
         scene: &Scene,
-        eye: &Eye,
-        side: Side,
+        posed: &PosedPinhole,
+        pass: Pass,
         mut take: impl FnMut(usize, &[[f32; C]], &Intrinsics),
     ) {
-        eye.project(scene.surfaces(), side, &mut self.polygons);
+        posed.project(scene.surfaces(), pass, &mut self.polygons);
         self.polygons.truncate(usize::from(NOTHING) - 1);
         let shaders: Vec<Shader<'_, C>> =
             self.polygons.iter().map(|p| Shader::new(scene, p.surface)).collect();
-        let (width, height) = (eye.intrinsics.width as usize, eye.intrinsics.height as usize);
+        let (width, height) = (posed.intrinsics.width as usize, posed.intrinsics.height as usize);
         self.pixels.clear();
         self.pixels.resize(width, [0.0; C]);
         for y in 0..height {
@@ -84,20 +87,20 @@ impl<const C: usize> Raster<C> {
                 Piece::Run { start, end, polygon } => {
                     let out = &mut pixels[start..end];
                     if polygon == NOTHING {
-                        out.fill([DARKNESS; C]);
+                        out.fill([BACKGROUND_RADIANCE; C]);
                     } else {
                         let p = usize::from(polygon);
                         let from = [start as f32 + 0.5, y as f32 + 0.5];
-                        paint(&polygons[p], &shaders[p], mirror, eye, from, out);
+                        shade(&polygons[p], &shaders[p], mirror, posed, from, out);
                     }
                 }
                 Piece::Edge { x, parts } => {
                     let mut sum = [0.0; C];
                     for part in parts {
-                        let mut one = [[DARKNESS; C]];
+                        let mut one = [[BACKGROUND_RADIANCE; C]];
                         if part.polygon != NOTHING {
                             let p = usize::from(part.polygon);
-                            paint(&polygons[p], &shaders[p], mirror, eye, [part.x, part.y], &mut one);
+                            shade(&polygons[p], &shaders[p], mirror, posed, [part.x, part.y], &mut one);
                         }
                         for c in 0..C {
                             sum[c] += part.share * one[0][c];
@@ -106,17 +109,17 @@ impl<const C: usize> Raster<C> {
                     pixels[x] = sum;
                 }
             });
-            take(y, &self.pixels, &eye.intrinsics);
+            take(y, &self.pixels, &posed.intrinsics);
         }
     }
 }
 
-/// Radiance of a polygon at the points `from`, one pixel to the right, and so on.
-fn paint<const C: usize>(
+/// Computes the radiance of a polygon at the image points `from`, one pixel to the right, and so on.
+fn shade<const C: usize>(
     polygon: &Polygon,
     shader: &Shader<'_, C>,
     mirror: &Reflection<C>,
-    eye: &Eye,
+    posed: &PosedPinhole,
     from: [f32; 2],
     out: &mut [[f32; C]],
 ) {
@@ -129,34 +132,34 @@ fn paint<const C: usize>(
     let (w0, wx, wy) = row(&polygon.inverse_depth);
     let (u0, ux, uy) = row(&polygon.u);
     let (v0, vx, vy) = row(&polygon.v);
-    let k = &eye.intrinsics;
+    let k = &posed.intrinsics;
     let ray_y = ((y - 0.5 - k.cy) / k.fy) as f32;
     let (center, per_pixel) = ((k.cx + 0.5) as f32, (1.0 / k.fx) as f32);
     let glossy = shader.gloss > 0.0 && mirror.width > 0;
     for (block, pixels) in out.chunks_mut(BLOCK).enumerate() {
         let start = from[0] + (block * BLOCK) as f32;
-        let mut spots = Spots::default();
+        let mut points = SurfacePoints::default();
         let mut depth = [0.0; BLOCK];
         for (i, depth) in depth.iter_mut().enumerate() {
             let x = start + i as f32;
             let z = 1.0 / (w0 + wx * x).max(1e-6);
             let (u, v) = ((u0 + ux * x) * z, (v0 + vx * x) * z);
             *depth = z;
-            spots.u[i] = u;
-            spots.v[i] = v;
-            spots.du[i] = ((ux - u * wx).abs() + (uy - u * wy).abs()) * z;
-            spots.dv[i] = ((vx - v * wx).abs() + (vy - v * wy).abs()) * z;
+            points.u[i] = u;
+            points.v[i] = v;
+            points.du[i] = ((ux - u * wx).abs() + (uy - u * wy).abs()) * z;
+            points.dv[i] = ((vx - v * wx).abs() + (vy - v * wy).abs()) * z;
         }
-        let shine = shader.shine(&spots, pixels.len());
-        for (pixel, shine) in pixels.iter_mut().zip(shine) {
-            *pixel = shader.albedo.map(|a| a * shine);
+        let irradiance = shader.irradiance(&points, pixels.len());
+        for (pixel, irradiance) in pixels.iter_mut().zip(irradiance) {
+            *pixel = shader.albedo.map(|a| a * irradiance);
         }
         if glossy {
             for (i, pixel) in pixels.iter_mut().enumerate() {
                 let x = start + i as f32;
                 let ray_x = (x - center) * per_pixel;
                 let length = depth[i] * (1.0 + ray_x * ray_x + ray_y * ray_y).sqrt();
-                let share = shader.reflection(eye.at.z as f32 / length);
+                let share = shader.reflection(posed.at.z as f32 / length);
                 let seen = mirror.at(x, from[1]);
                 for (p, s) in pixel.iter_mut().zip(seen) {
                     *p += share * (s - *p);
@@ -167,18 +170,18 @@ fn paint<const C: usize>(
 }
 
 impl<const C: usize> Reflection<C> {
-    /// Forgets everything: nothing is mirrored.
+    /// Removes the reflection.
     pub fn clear(&mut self) {
         self.width = 0;
         self.pixels.clear();
     }
 
-    /// Whether nothing is mirrored.
+    /// Returns true if there is no reflection.
     pub fn is_empty(&self) -> bool {
         self.width == 0
     }
 
-    /// Begins a picture that [`Reflection::push`] fills row by row.
+    /// Starts an image of this size, to be filled by [`Reflection::push`].
     pub fn begin(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         self.pixels.clear();
@@ -189,10 +192,10 @@ impl<const C: usize> Reflection<C> {
         self.pixels.extend_from_slice(row);
     }
 
-    /// Box blur, three pixels wide and five high: a floor is never flat.
+    /// Applies a box blur of 3 x 5 pixels (width x height), since no floor is perfectly flat.
     pub fn blur(&mut self) {
         let (w, h) = (self.width, self.height);
-        // What is far brighter than white would not leave its color visible anywhere near.
+        // Clipped, since far brighter pixels would saturate their neighborhood.
         self.pixels.iter_mut().flatten().for_each(|p| *p = p.min(4.0));
         for (step, length, reach) in [(1, w, 1_usize), (w, h, 2)] {
             self.spare.clear();
@@ -211,15 +214,15 @@ impl<const C: usize> Reflection<C> {
         }
     }
 
-    /// Bilinear, at a point of the full picture.
+    /// Interpolates bilinearly at a point of the full-size image.
     pub fn at(&self, x: f32, y: f32) -> [f32; C] {
-        let place = |t: f32, n: usize| {
+        let cell = |t: f32, n: usize| {
             let t = (t / MIRROR_SHRINK as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             let i = (t as usize).min(n.saturating_sub(2));
             (i, (i + 1).min(n - 1), t - i as f32)
         };
-        let (x0, x1, fx) = place(x, self.width);
-        let (y0, y1, fy) = place(y, self.height);
+        let (x0, x1, fx) = cell(x, self.width);
+        let (y0, y1, fy) = cell(y, self.height);
         let (top, bottom) = (y0 * self.width, y1 * self.width);
         std::array::from_fn(|c| {
             let a = self.pixels[top + x0][c] + (self.pixels[top + x1][c] - self.pixels[top + x0][c]) * fx;

@@ -1,44 +1,44 @@
-//! One picture row from the lines that cross it: pixels that show one polygon, and pixels on an edge.
+//! Resolves the scan lines of an image row into pixels with one polygon and edge pixels.
 
 use super::spans::{Line, NOTHING};
 
-/// Polygons that are told apart in one edge pixel; more are counted to the first.
+/// Maximum number of polygons in an edge pixel; further ones are added to the first.
 const SLOTS: usize = 6;
-/// Marks a pixel that a line sees an edge in.
+/// Marks a pixel in which a scan line crosses an edge.
 const MIXED: u16 = u16::MAX - 1;
 
-/// A polygon's part of an edge pixel.
+/// Part of an edge pixel that shows one polygon.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Part {
     pub polygon: u16,
-    /// Share of the pixel, 0 to 1.
+    /// Fraction of the pixel, 0 to 1.
     pub share: f32,
-    /// Center of that share in the picture.
+    /// Center of that part in the image.
     pub x: f32,
     pub y: f32,
 }
 
-/// What one row shows.
+/// One image row.
 #[derive(Default)]
 pub struct Row {
     width: usize,
-    /// Height in the picture and share of the row of each line.
+    /// Image coordinate y of each scan line, and its fraction of the row.
     lines: Vec<(f64, f32)>,
     whole: Vec<u16>,
     parts: Vec<[Part; SLOTS]>,
     counts: Vec<u8>,
 }
 
-/// A piece of a row.
+/// Piece of a row.
 pub enum Piece<'a> {
-    /// Pixels `start..end` show this polygon alone.
+    /// Pixels `start..end` that show one polygon.
     Run { start: usize, end: usize, polygon: u16 },
-    /// Pixel `x` shows several.
+    /// Pixel `x`, which shows several polygons.
     Edge { x: usize, parts: &'a [Part] },
 }
 
 impl Row {
-    /// Forgets everything, for a picture `width` wide.
+    /// Clears the row, for images of this width.
     pub fn clear(&mut self, width: usize) {
         self.width = width;
         self.lines.clear();
@@ -47,7 +47,7 @@ impl Row {
         self.counts.resize(width, 0);
     }
 
-    /// Takes over the row's next line: its height `y` in the picture, and its share of the row.
+    /// Adds the next scan line, at image coordinate `y`, with its fraction of the row.
     pub fn add(&mut self, y: f64, share: f32, line: &Line) {
         let base = self.lines.len() * self.width;
         self.lines.push((y, share));
@@ -73,7 +73,7 @@ impl Row {
         }
     }
 
-    /// Hands out the row from left to right.
+    /// Calls `draw` with the pieces of the row, from left to right.
     pub fn pieces(&mut self, mut draw: impl FnMut(Piece<'_>)) {
         let (w, lines) = (self.width, self.lines.len());
         let mut x = 0;

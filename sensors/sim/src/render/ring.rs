@@ -1,8 +1,7 @@
-//! A ring of a mirror's picture, unrolled: a row an azimuth, a column an image radius.
+//! Rasterizer of an unrolled ring of a mirror image: a row per azimuth, a column per image radius.
 //!
-//! Along a row, which polygon is seen where is exact to the crossing of two edges, as in the rows of a pinhole's
-//! picture: the rays of a half-plane meet in one point, whatever the mirror. Rows are cut where a corner of a surface
-//! begins or ends, so that upright edges are exact as well.
+//! Along a row, visibility is exact to the crossing of two edges, as in the rows of a pinhole image, since the rays of a
+//! half-plane meet in one point for any mirror. Rows are split at the corners of surfaces, so that upright edges are exact too.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -10,52 +9,50 @@ use std::ops::Range;
 use nalgebra::Vector2;
 use yamabico_core::camera::{Meridian, Mirror};
 
-use super::meridian::{Azimuth, InPlane, MirrorEye, Slice, Surroundings};
-use super::project::Side;
+use super::meridian::{Azimuth, InPlane, PosedMirror, Slice, VisibleFacets};
+use super::project::Pass;
 use super::raster::{MIRROR_SHRINK, Reflection};
 use super::resolve::{Piece, Row};
-use super::shade::{BLOCK, Shader, Spots};
+use super::shade::{BACKGROUND_RADIANCE, BLOCK, Shader, SurfacePoints};
 use super::spans::{Line, NOTHING};
 use crate::Scene;
 
-/// Radiance where there is nothing.
-const DARKNESS: f32 = 0.02;
-/// A part of a row is at most this wide, in rows: usually, and where an edge runs nearly along the row.
+/// Maximum width of a scan line in rows: in general, and with a nearly radial edge.
 const FINE: [f64; 2] = [0.55, 0.125];
-/// The same for what is blurred anyway.
+/// The same for reflections, which are blurred.
 const COARSE: [f64; 2] = [1.0, 1.0];
-/// Corners nearer than this to each other share a line, in rows.
-const NARROWEST_LINE: f64 = 0.02;
-/// Steepest way that is drawn, tangent of the elevation.
-const STEEPEST: f64 = 1e3;
-/// Small rows that the mirror image is drawn beyond either end, so that it can be blurred across them.
+/// Minimum width of a scan line, rows; nearer corners share a line.
+const MIN_LINE_ROWS: f64 = 0.02;
+/// Maximum tangent of the elevation.
+const MAX_TANGENT: f64 = 1e3;
+/// Number of rows by which the reflection is rendered past either end of the circle, so that the blur is continuous.
 const OVERLAP: usize = 4;
 
-/// The sampling of a ring.
+/// Sampling of a ring.
 #[derive(Clone, Debug)]
 pub struct Grid {
-    /// Rows around the circle; the first begins at azimuth 0.
+    /// Number of rows around the circle; the first starts at azimuth 0.
     pub rows: usize,
-    /// Image radius at which the first column begins, pixels.
+    /// Image radius at the start of the first column, pixels.
     pub first_px: f64,
     /// Width of a column, pixels.
     pub column_px: f64,
     /// Number of columns.
     pub width: usize,
     columns: Columns,
-    /// Tangents of the elevation at the inner and the outer end.
+    /// Tangents of the elevation at the inner and outer end.
     ends: [f64; 2],
     mirror: Mirror,
 }
 
-/// What the columns' middles see, in their half-plane; as many more columns follow as are shaded together.
+/// Directions of the column centers in their half-plane, followed by [`BLOCK`] additional columns.
 #[derive(Clone, Debug, Default)]
 struct Columns {
     out: Vec<f32>,
     up: Vec<f32>,
-    /// Radians to the next image pixel outwards.
+    /// Angle to the next image pixel outward, rad.
     turn: Vec<f32>,
-    /// Radians to the next image pixel around.
+    /// Angle to the next image pixel around the axis, rad.
     around: Vec<f32>,
 }
 
@@ -71,20 +68,20 @@ fn part(list: &[f32], from: usize) -> &[f32; BLOCK] {
     list[from..].first_chunk().unwrap_or(&[0.0; BLOCK])
 }
 
-/// Draws rings; keeps its buffers.
+/// Renderer of rings; reuses its buffers.
 #[derive(Default)]
-pub struct RingPainter<const C: usize> {
-    direct: Surroundings,
-    mirrored: Surroundings,
+pub struct RingRenderer<const C: usize> {
+    direct: VisibleFacets,
+    mirrored: VisibleFacets,
     reflection: Reflection<C>,
-    brush: Brush<C>,
+    rasterizer: RowRasterizer<C>,
 }
 
 #[derive(Default)]
-struct Brush<const C: usize> {
+struct RowRasterizer<const C: usize> {
     slices: Vec<Slice>,
     cuts: Vec<f64>,
-    /// Rows with edges that are nearly radial.
+    /// True for rows with nearly radial edges.
     fine: Vec<bool>,
     line: Line,
     row: Row,
@@ -92,7 +89,7 @@ struct Brush<const C: usize> {
 }
 
 impl Grid {
-    /// A sampling with `rows` rows of `count` columns.
+    /// Returns a sampling with `rows` rows of `count` columns.
     #[must_use]
     pub fn new(
         mirror: &Mirror,
@@ -103,31 +100,31 @@ impl Grid {
         rim_px: f64,
     ) -> Self {
         let mut columns = Columns::default();
-        let way = |radius_px: f64| {
+        let direction = |radius_px: f64| {
             let radius_px = radius_px.clamp(1e-3, rim_px);
             (radius_px, mirror.direction(radius_px).unwrap_or(Vector2::new(0.0, -1.0)))
         };
         for i in 0..count + BLOCK {
-            let (radius_px, direction) = way(first_px + (i as f64 + 0.5) * column_px);
-            columns.out.push(direction.x as f32);
-            columns.up.push(direction.y as f32);
+            let (radius_px, ray) = direction(first_px + (i as f64 + 0.5) * column_px);
+            columns.out.push(ray.x as f32);
+            columns.up.push(ray.y as f32);
             columns.turn.push((column_px * mirror.nadir_slope(radius_px)) as f32);
             columns.around.push((column_px / radius_px) as f32);
         }
         let ends = [first_px, first_px + count as f64 * column_px].map(|radius_px| {
-            let (_, direction) = way(radius_px);
-            (direction.y / direction.x.max(1e-9)).clamp(-STEEPEST, STEEPEST)
+            let (_, ray) = direction(radius_px);
+            (ray.y / ray.x.max(1e-9)).clamp(-MAX_TANGENT, MAX_TANGENT)
         });
         Self { rows, first_px, column_px, width: count, columns, ends, mirror: mirror.clone() }
     }
 
-    /// The same ring with rows and columns `factor` times as wide.
+    /// Returns the same ring with rows and columns wider by `factor`.
     fn coarse(&self, factor: usize, rim_px: f64) -> Self {
         let (rows, count) = (self.rows.div_ceil(factor), self.width.div_ceil(factor));
         Self::new(&self.mirror, rows, self.first_px, self.column_px * factor as f64, count, rim_px)
     }
 
-    /// The column coordinate of a way's tangent; the first column covers 0 to 1.
+    /// Returns the column coordinate of a tangent of the elevation; the first column covers 0 to 1.
     #[inline]
     fn column(&self, tangent: f64) -> f64 {
         let width = self.width as f64;
@@ -136,16 +133,16 @@ impl Grid {
     }
 }
 
-/// A ring and the coarser sampling of its mirror image on the floor.
+/// Ring with the coarser sampling of the reflection on the floor.
 #[derive(Clone, Debug)]
 pub struct Ring {
-    /// How it is sampled.
+    /// Sampling of the ring.
     pub grid: Grid,
     coarse: Grid,
 }
 
 impl Ring {
-    /// A ring with its own rows; their number is made a multiple of what the mirror image needs.
+    /// Returns a ring with at least `rows` rows, rounded up to a multiple of [`MIRROR_SHRINK`].
     #[must_use]
     pub fn new(mirror: &Mirror, rows: usize, first_px: f64, count: usize, rim_px: f64) -> Self {
         let step = MIRROR_SHRINK as usize;
@@ -154,56 +151,56 @@ impl Ring {
     }
 }
 
-impl<const C: usize> RingPainter<C> {
-    /// Looks around, for the rings that are drawn next.
-    pub fn look(&mut self, scene: &Scene, eye: &MirrorEye) {
+impl<const C: usize> RingRenderer<C> {
+    /// Finds the visible facets for the rings that are rendered next.
+    pub fn update(&mut self, scene: &Scene, posed: &PosedMirror) {
         let surfaces = scene.surfaces();
-        self.direct.look(eye, surfaces, Side::Direct);
+        self.direct.update(posed, surfaces, Pass::Direct);
         self.mirrored.clear();
-        if eye.at.z > 0.0 && surfaces.iter().any(|s| s.material.gloss > 0.0) {
-            self.mirrored.look(eye, surfaces, Side::Mirrored);
+        if posed.at.z > 0.0 && surfaces.iter().any(|s| s.material.gloss > 0.0) {
+            self.mirrored.update(posed, surfaces, Pass::Mirrored);
         }
     }
 
-    /// Draws a ring's radiance into `out`, rows x columns, from azimuth 0 on.
+    /// Computes the radiance of a ring, rows x columns, from azimuth 0 on.
     pub fn draw(&mut self, scene: &Scene, viewpoint: Vector2<f64>, ring: &Ring, out: &mut [[f32; C]]) {
-        let Self { direct, mirrored, reflection, brush } = self;
+        let Self { direct, mirrored, reflection, rasterizer } = self;
         reflection.clear();
         if !mirrored.facets.is_empty() {
             let (nothing, coarse) = (Reflection::default(), &ring.coarse);
-            let (rows, beyond) = (coarse.rows as i64, OVERLAP as i64);
+            let (rows, overlap) = (coarse.rows as i64, OVERLAP as i64);
             reflection.begin(coarse.width, coarse.rows + 2 * OVERLAP);
             let seen =
-                Seen { scene, surroundings: mirrored, reflection: &nothing, viewpoint, line_rows: COARSE };
-            brush.pass(&seen, coarse, -beyond..rows + beyond, |_, row| reflection.push(row));
+                RingScene { scene, visible: mirrored, reflection: &nothing, viewpoint, line_rows: COARSE };
+            rasterizer.pass(&seen, coarse, -overlap..rows + overlap, |_, row| reflection.push(row));
             reflection.blur();
         }
         let (rows, width) = (ring.grid.rows as i64, ring.grid.width);
-        let seen = Seen { scene, surroundings: direct, reflection, viewpoint, line_rows: FINE };
-        brush.pass(&seen, &ring.grid, 0..rows, |i, row| out[i * width..][..width].copy_from_slice(row));
+        let seen = RingScene { scene, visible: direct, reflection, viewpoint, line_rows: FINE };
+        rasterizer.pass(&seen, &ring.grid, 0..rows, |i, row| out[i * width..][..width].copy_from_slice(row));
     }
 }
 
-impl<const C: usize> Brush<C> {
+impl<const C: usize> RowRasterizer<C> {
     fn pass(
         &mut self,
-        seen: &Seen<'_, C>,
+        seen: &RingScene<'_, C>,
         grid: &Grid,
         rows: Range<i64>,
         mut take: impl FnMut(usize, &[[f32; C]]),
     ) {
-        let Seen { surroundings, reflection, viewpoint, line_rows, .. } = *seen;
+        let RingScene { visible, reflection, viewpoint, line_rows, .. } = *seen;
         let Self { slices, cuts, fine, line, row, pixels } = self;
         let shaders: Vec<Shader<'_, C>> =
-            surroundings.facets.iter().map(|f| Shader::new(seen.scene, f.surface)).collect();
+            visible.facets.iter().map(|f| Shader::new(seen.scene, f.surface)).collect();
         slices.clear();
-        slices.resize(surroundings.facets.len(), Slice::default());
+        slices.resize(visible.facets.len(), Slice::default());
         pixels.clear();
-        pixels.resize(grid.width, [DARKNESS; C]);
+        pixels.resize(grid.width, [BACKGROUND_RADIANCE; C]);
         let step = TAU / grid.rows as f64;
         fine.clear();
         fine.resize(grid.rows, false);
-        for [start, extent] in &surroundings.oblique {
+        for [start, extent] in &visible.oblique {
             let rows = (start / step) as usize..=((start + extent) / step) as usize;
             rows.for_each(|row| fine[row % grid.rows] = true);
         }
@@ -211,14 +208,14 @@ impl<const C: usize> Brush<C> {
             row.clear(grid.width);
             let at = number.rem_euclid(grid.rows as i64);
             let widest = line_rows[usize::from(fine[at as usize])];
-            cut(at as f64, step, &surroundings.corners, widest, cuts);
+            cut(at as f64, step, &visible.corners, widest, cuts);
             for ends in cuts.windows(2) {
                 let middle = 0.5 * (ends[0] + ends[1]);
                 let azimuth = Azimuth::new(middle * step);
-                let candidates = surroundings.around(middle * step);
+                let candidates = visible.around(middle * step);
                 for &c in candidates {
                     let c = usize::from(c);
-                    slices[c] = surroundings.facets[c].slice(azimuth, viewpoint);
+                    slices[c] = visible.facets[c].slice(azimuth, viewpoint);
                 }
                 line.scan(slices, candidates, 0.0, grid.ends);
                 let last = line.stretches.len() - 1;
@@ -233,25 +230,25 @@ impl<const C: usize> Brush<C> {
             }
             let look = |polygon: u16, azimuth_rows: f64| {
                 let p = usize::from(polygon);
-                View::new(surroundings, &shaders[p], p, Azimuth::new(azimuth_rows * step), viewpoint)
+                View::new(visible, &shaders[p], p, Azimuth::new(azimuth_rows * step), viewpoint)
             };
             row.pieces(|piece| match piece {
                 Piece::Run { start, end, polygon } => {
                     let out = &mut pixels[start..end];
                     if polygon == NOTHING {
-                        out.fill([DARKNESS; C]);
+                        out.fill([BACKGROUND_RADIANCE; C]);
                     } else {
                         let place = [start as f32, index as f32 + 0.5];
-                        look(polygon, at as f64 + 0.5).paint(&grid.columns, start, reflection, place, out);
+                        look(polygon, at as f64 + 0.5).shade(&grid.columns, start, reflection, place, out);
                     }
                 }
                 Piece::Edge { x, parts } => {
                     let mut sum = [0.0; C];
                     for part in parts {
-                        let mut one = [[DARKNESS; C]];
+                        let mut one = [[BACKGROUND_RADIANCE; C]];
                         if part.polygon != NOTHING {
                             let place = [x as f32, index as f32 + 0.5];
-                            look(part.polygon, f64::from(part.y)).paint(
+                            look(part.polygon, f64::from(part.y)).shade(
                                 &grid.columns,
                                 x,
                                 reflection,
@@ -269,27 +266,27 @@ impl<const C: usize> Brush<C> {
     }
 }
 
-/// What a pass draws.
+/// Input of a rendering pass.
 #[derive(Clone, Copy)]
-struct Seen<'a, const C: usize> {
+struct RingScene<'a, const C: usize> {
     scene: &'a Scene,
-    surroundings: &'a Surroundings,
-    /// What the floor mirrors.
+    visible: &'a VisibleFacets,
+    /// Reflection on the floor.
     reflection: &'a Reflection<C>,
     viewpoint: Vector2<f64>,
     /// [`FINE`] or [`COARSE`].
     line_rows: [f64; 2],
 }
 
-/// Cuts row number `at` (`step` radians each) at the corners in it and into parts of at most `widest` rows.
+/// Splits row number `at` (`step` radians each) at the corners in it, into parts of at most `widest` rows.
 fn cut(at: f64, step: f64, corners: &[f64], widest: f64, cuts: &mut Vec<f64>) {
     cuts.clear();
     cuts.push(at);
     let first = corners.partition_point(|c| *c <= at * step);
-    let inside = corners[first..].iter().map(|c| c / step).take_while(|c| *c < at + 1.0 - NARROWEST_LINE);
+    let inside = corners[first..].iter().map(|c| c / step).take_while(|c| *c < at + 1.0 - MIN_LINE_ROWS);
     for end in inside.chain([at + 1.0]) {
         let start = cuts[cuts.len() - 1];
-        if end - start < NARROWEST_LINE {
+        if end - start < MIN_LINE_ROWS {
             continue;
         }
         let parts = ((end - start) / widest).ceil();
@@ -297,27 +294,27 @@ fn cut(at: f64, step: f64, corners: &[f64], widest: f64, cuts: &mut Vec<f64>) {
     }
 }
 
-/// One facet as one half-plane sees it.
+/// One facet in one half-plane.
 struct View<'a, const C: usize> {
     shader: &'a Shader<'a, C>,
-    /// Of the plane behind the viewpoint.
+    /// Signed distance from the viewpoint to the plane, m; negative on the visible side.
     height: f32,
     viewpoint_out: f32,
     normal: [f32; 3],
     axes: [[f32; 3]; 2],
-    /// Surface coordinates of the viewpoint's foot.
+    /// Surface coordinates of the projection of the viewpoint onto the plane.
     foot: [f32; 2],
 }
 
 impl<'a, const C: usize> View<'a, C> {
     fn new(
-        surroundings: &Surroundings,
+        visible: &VisibleFacets,
         shader: &'a Shader<'a, C>,
         facet: usize,
         azimuth: Azimuth,
         viewpoint: Vector2<f64>,
     ) -> Self {
-        let facet = &surroundings.facets[facet];
+        let facet = &visible.facets[facet];
         let single = |p: InPlane| [p.out as f32, p.up as f32, p.aside as f32];
         let normal = azimuth.split(&facet.normal);
         let axes = facet.axes.map(|axis| azimuth.split(&axis));
@@ -335,8 +332,8 @@ impl<'a, const C: usize> View<'a, C> {
         }
     }
 
-    /// Radiance in the columns from `first` on; `place` is where that is in the whole ring, for what the floor mirrors.
-    fn paint(
+    /// Computes the radiance in the columns from `first` on; `place` is the column and row in the ring, for the reflection.
+    fn shade(
         &self,
         columns: &Columns,
         first: usize,
@@ -354,18 +351,18 @@ impl<'a, const C: usize> View<'a, C> {
         for (block, pixels) in out.chunks_mut(BLOCK).enumerate() {
             let from = first + block * BLOCK;
             let count = pixels.len();
-            let mut spots = Spots::default();
+            let mut points = SurfacePoints::default();
             let mut cosine = [1.0; BLOCK];
             let [outs, ups, turns, arounds] = columns.block(from);
             for (i, cosine) in cosine.iter_mut().enumerate() {
                 let (along, up, turn, around) = (outs[i], ups[i], turns[i], arounds[i]);
-                let way = (n[0] * along + n[1] * up).min(-1e-6);
-                let reach = (self.height / way).clamp(0.0, 1e3);
-                *cosine = -way;
-                // How the ray turns to the next column, and how its end moves to the next pixel around.
-                let tilt = (n[1] * along - n[0] * up) / way;
+                let approach = (n[0] * along + n[1] * up).min(-1e-6);
+                let reach = (self.height / approach).clamp(0.0, 1e3);
+                *cosine = -approach;
+                // Derivatives of the hit point toward the next column, and toward the next pixel around the axis.
+                let tilt = (n[1] * along - n[0] * up) / approach;
                 let (sway, aside) = (reach * turn, (self.viewpoint_out + reach * along) * around);
-                let lean = n[2] / way;
+                let lean = n[2] / approach;
                 let at = |axis: &[f32; 3]| {
                     let here = axis[0] * along + axis[1] * up;
                     let radial = sway * (axis[1] * along - axis[0] * up - here * tilt);
@@ -373,14 +370,14 @@ impl<'a, const C: usize> View<'a, C> {
                     (here, radial.abs() + tangential.abs())
                 };
                 let ((u, du), (v, dv)) = (at(a), at(b));
-                spots.u[i] = self.foot[0] + reach * u;
-                spots.v[i] = self.foot[1] + reach * v;
-                spots.du[i] = du;
-                spots.dv[i] = dv;
+                points.u[i] = self.foot[0] + reach * u;
+                points.v[i] = self.foot[1] + reach * v;
+                points.du[i] = du;
+                points.dv[i] = dv;
             }
-            let shine = shader.shine(&spots, count);
-            for (pixel, shine) in pixels.iter_mut().zip(shine) {
-                *pixel = shader.albedo.map(|albedo| albedo * shine);
+            let irradiance = shader.irradiance(&points, count);
+            for (pixel, irradiance) in pixels.iter_mut().zip(irradiance) {
+                *pixel = shader.albedo.map(|albedo| albedo * irradiance);
             }
             if glossy {
                 for (i, pixel) in pixels.iter_mut().enumerate() {
@@ -401,7 +398,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_cut_at_corners_and_nowhere_too_fine() {
+    fn rows_are_split_at_corners_with_a_minimum_width() {
         let mut cuts = Vec::new();
         cut(4.0, 0.1, &[0.1, 0.43, 0.4301, 0.46, 0.52], 0.55, &mut cuts);
         let expected = [4.0, 4.3, 4.6, 5.0];

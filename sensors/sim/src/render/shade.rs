@@ -1,25 +1,29 @@
-//! How bright a surface point looks.
+//! Shading: radiance of points on a surface.
 
 use crate::scene::{PERSON_RADIUS_M, Scene, Surface};
 
-/// Reflectance of a smooth floor seen from straight above.
+/// Radiance where no surface is visible.
+pub const BACKGROUND_RADIANCE: f32 = 0.02;
+/// Number of points that are shaded together.
+pub const BLOCK: usize = 8;
+/// Reflectance of a smooth floor at normal incidence.
 const NORMAL_REFLECTANCE: f32 = 0.04;
-/// Radius of the soft shadow at a person's feet, meters.
+/// Radius of the soft shadow at the feet of a person, m.
 const SHADOW_RADIUS_M: f64 = 2.2 * PERSON_RADIUS_M;
-/// Speckle averaged over this many texels is no longer seen.
+/// Number of texels per pixel from which on the speckle is not visible.
 const FADED: f32 = 64.0;
-/// Share of the light that is missing right between somebody's feet.
+/// Fraction of the light that is missing at the center of the shadow.
 const SHADOW_DEPTH: f32 = 0.55;
 
-/// The looks of one surface, ready to be asked for many points.
+/// Shader of one surface.
 pub struct Shader<'a, const C: usize> {
     scene: &'a Scene,
     surface: &'a Surface,
-    /// Reflectance in the picture's channels.
+    /// Reflectance per channel.
     pub albedo: [f32; C],
-    /// Own radiance.
+    /// Emitted radiance.
     pub emission: f32,
-    /// Fresnel's reflection is scaled by this; 0 away from the floor.
+    /// Fraction of the Fresnel reflection; 0 for other surfaces than the floor.
     pub gloss: f32,
     light: &'a [f32],
     light_scale: [f32; 2],
@@ -27,12 +31,9 @@ pub struct Shader<'a, const C: usize> {
     is_floor: bool,
 }
 
-/// Points that are shaded together.
-pub const BLOCK: usize = 8;
-
-/// Points on a surface and the size of a pixel at each, meters along u and v. All of them have numbers, used or not.
+/// Surface coordinates of points (u, v), and size of a pixel at each (du, dv), m. Unused entries are finite.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Spots {
+pub struct SurfacePoints {
     pub u: [f32; BLOCK],
     pub v: [f32; BLOCK],
     pub du: [f32; BLOCK],
@@ -40,7 +41,7 @@ pub struct Spots {
 }
 
 impl<'a, const C: usize> Shader<'a, C> {
-    /// The looks of surface number `index`.
+    /// Returns the shader of surface number `index`.
     #[must_use]
     pub fn new(scene: &'a Scene, index: usize) -> Self {
         let surface = &scene.surfaces()[index];
@@ -61,40 +62,40 @@ impl<'a, const C: usize> Shader<'a, C> {
         }
     }
 
-    /// Light times texture at the first `count` spots: what the reflectance is multiplied with.
+    /// Returns light times texture at the first `count` points, the factor of the reflectance.
     #[inline(always)]
     #[must_use]
-    pub fn shine(&self, spots: &Spots, count: usize) -> [f32; BLOCK] {
+    pub fn irradiance(&self, points: &SurfacePoints, count: usize) -> [f32; BLOCK] {
         let m = &self.surface.material;
-        let u = spots.u.map(|u| u.max(0.0));
-        let v = spots.v.map(|v| v.max(0.0));
-        let mut shine = self.incident(&u, &v, count);
+        let u = points.u.map(|u| u.max(0.0));
+        let v = points.v.map(|v| v.max(0.0));
+        let mut irradiance = self.incident(&u, &v, count);
         if m.speckle > 0.0 {
             let texels = m.grain_m.recip();
             let middle = count / 2;
-            let footprint = spots.du[middle].max(spots.dv[middle]) * texels;
+            let footprint = points.du[middle].max(points.dv[middle]) * texels;
             if footprint < FADED {
                 let level = self.scene.speckle().level(footprint);
                 for i in 0..count {
-                    shine[i] *= 1.0 + m.speckle * level.at(u[i] * texels, v[i] * texels);
+                    irradiance[i] *= 1.0 + m.speckle * level.at(u[i] * texels, v[i] * texels);
                 }
             }
         }
         let [pu, pv] = m.joint_spacing_m;
         if pu > 0.0 || pv > 0.0 {
             for i in 0..count {
-                let along = joint_share(u[i], spots.du[i], pu, m.joint_width_m);
-                let across = joint_share(v[i], spots.dv[i], pv, m.joint_width_m);
-                shine[i] *= 1.0 - (1.0 - m.joint_tone) * (1.0 - (1.0 - along) * (1.0 - across));
+                let along = joint_share(u[i], points.du[i], pu, m.joint_width_m);
+                let across = joint_share(v[i], points.dv[i], pv, m.joint_width_m);
+                irradiance[i] *= 1.0 - (1.0 - m.joint_tone) * (1.0 - (1.0 - along) * (1.0 - across));
             }
         }
         if self.is_floor {
-            self.shadow(&u, &v, &mut shine);
+            self.shadow(&u, &v, &mut irradiance);
         }
-        shine
+        irradiance
     }
 
-    /// Fresnel's reflection (Schlick's form) for a ray that meets the surface at this cosine of incidence.
+    /// Returns the Fresnel reflection (Schlick's approximation) at this cosine of the angle of incidence.
     #[inline]
     #[must_use]
     pub fn reflection(&self, cos_incidence: f32) -> f32 {
@@ -121,22 +122,24 @@ impl<'a, const C: usize> Shader<'a, C> {
         incident
     }
 
-    /// Darkens what lies at somebody's feet.
-    fn shadow(&self, u: &[f32; BLOCK], v: &[f32; BLOCK], shine: &mut [f32; BLOCK]) {
-        for place in self.scene.places() {
-            let foot =
-                [(place.at[0] - self.surface.origin.x) as f32, (place.at[1] - self.surface.origin.y) as f32];
+    /// Darkens the floor at the feet of people.
+    fn shadow(&self, u: &[f32; BLOCK], v: &[f32; BLOCK], irradiance: &mut [f32; BLOCK]) {
+        for person in self.scene.people() {
+            let foot = [
+                (person.at[0] - self.surface.origin.x) as f32,
+                (person.at[1] - self.surface.origin.y) as f32,
+            ];
             for i in 0..BLOCK {
                 let (du, dv) = (u[i] - foot[0], v[i] - foot[1]);
                 let q = (du * du + dv * dv) * (1.0 / (SHADOW_RADIUS_M * SHADOW_RADIUS_M)) as f32;
                 let near = (1.0 - q).max(0.0);
-                shine[i] *= 1.0 - SHADOW_DEPTH * near * near;
+                irradiance[i] *= 1.0 - SHADOW_DEPTH * near * near;
             }
         }
     }
 }
 
-/// A color in one (luminance) or three channels.
+/// Returns a color in one (luminance) or three channels.
 #[must_use]
 pub fn channels<const C: usize>(color: [f32; 3]) -> [f32; C] {
     if C == 1 {
@@ -146,8 +149,8 @@ pub fn channels<const C: usize>(color: [f32; 3]) -> [f32; C] {
     }
 }
 
-/// The share of [at - size / 2, at + size / 2] that lies on joints `width` wide, which start at every multiple of
-/// `spacing`.
+/// Returns the fraction of [at - size / 2, at + size / 2] that lies on joints of this width, which start at every multiple
+/// of `spacing`.
 #[inline]
 fn joint_share(at: f32, size: f32, spacing: f32, width: f32) -> f32 {
     if spacing <= 0.0 {
@@ -159,7 +162,7 @@ fn joint_share(at: f32, size: f32, spacing: f32, width: f32) -> f32 {
         let whole = turns as i32 as f32;
         whole * width + ((turns - whole) * spacing).min(width)
     };
-    // Shifted so that both ends are positive.
+    // Both ends must be positive.
     let low = at - 0.5 * size + 8.0 * spacing;
     (joints_up_to(low + size) - joints_up_to(low)) / size
 }

@@ -1,33 +1,34 @@
-//! Which polygon is seen where along one horizontal line: exact to the crossing of two edges or two planes.
+//! Visible polygons along a scan line, exact to the crossing of two edges or two planes.
 
-/// Nothing is seen here.
+/// Index that stands for no polygon.
 pub const NOTHING: u16 = u16::MAX;
 
-/// What a line across the picture may meet.
+/// Outline of a polygon that a scan line may cross.
 pub trait Outline {
-    /// Where the line `y` enters and leaves it.
+    /// Returns the interval of the scan line `y` inside the outline.
     fn span(&self, y: f64) -> Option<(f64, f64)>;
 
-    /// Slope and offset of 1 / depth along the line `y`.
+    /// Returns slope and offset of 1 / depth along the scan line `y`.
     fn inverse_depth(&self, y: f64) -> (f64, f64);
 }
 
-/// A stretch of the line that shows one polygon, up to the start of the next.
+/// Part of a scan line that shows one polygon, up to the start of the next.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
     pub start: f64,
     pub polygon: u16,
 }
 
-/// What is seen along one line, from left to right; ends with a stretch of [`NOTHING`] at the line's end.
+/// Scan line.
 #[derive(Default)]
 pub struct Line {
+    /// Visible polygons from left to right; the last stretch is [`NOTHING`] at the end of the line.
     pub stretches: Vec<Stretch>,
     pieces: Vec<Stretch>,
 }
 
 impl Line {
-    /// Sees what lies on the line `y` between its two ends; `candidates` index `outlines`.
+    /// Finds the visible polygons on the scan line `y` between its two ends; `candidates` are indices of `outlines`.
     pub fn scan<O: Outline>(&mut self, outlines: &[O], candidates: &[u16], y: f64, ends: [f64; 2]) {
         self.stretches.clear();
         self.stretches.extend(ends.map(|start| Stretch { start, polygon: NOTHING }));
@@ -93,7 +94,7 @@ impl Line {
     }
 }
 
-/// Appends a stretch; one that starts where the last one does replaces it, and equal neighbors become one.
+/// Appends a stretch. It replaces a last stretch with the same start, and is merged with one of the same polygon.
 #[inline]
 fn push(pieces: &mut Vec<Stretch>, start: f64, polygon: u16) {
     if let Some(last) = pieces.last_mut() {

@@ -1,4 +1,4 @@
-//! From a world's description to solids and surfaces.
+//! Builds the surfaces, solids and emitters of a world.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -6,7 +6,7 @@ use super::light::Emitter;
 use super::surface::{Material, Solid, Surface};
 use crate::world::{Ceiling, Color, Corridor, Door, Floor, Lamp, Wall, Window, World};
 
-/// What the building consists of.
+/// Parts of the building.
 #[derive(Default)]
 pub struct Building {
     pub surfaces: Vec<Surface>,
@@ -14,7 +14,7 @@ pub struct Building {
     pub emitters: Vec<Emitter>,
 }
 
-/// An upright box: `corner` at the bottom, `along` and `across` its horizontal edges (`across` to the left of `along`).
+/// Upright box: bottom corner, and horizontal edges `along` and `across` (to the left of `along`).
 struct Slab {
     corner: Vector2<f64>,
     along: Vector2<f64>,
@@ -22,15 +22,15 @@ struct Slab {
     z: [f64; 2],
 }
 
-/// How far a door's frame reaches over the wall beside the opening, meters ...
+/// Width by which a door frame overlaps the wall beside the opening, m.
 pub(crate) const FRAME_WIDTH_M: f64 = 0.06;
-/// ... into the opening ...
+/// Width by which a door frame reaches into the opening, m.
 pub(crate) const REBATE_M: f64 = 0.03;
-/// ... and out of the wall.
+/// Depth by which a door frame protrudes from the wall, m.
 pub(crate) const FRAME_DEPTH_M: f64 = 0.02;
-/// Thickness of a door's leaf, meters.
+/// Thickness of a door leaf, m.
 pub(crate) const LEAF_M: f64 = 0.04;
-/// Width of the bars around a window's panes, meters.
+/// Width of the bars around a window pane, m.
 pub(crate) const WINDOW_BAR_M: f64 = 0.05;
 
 impl Building {
@@ -45,7 +45,7 @@ impl Building {
             let across = Vector2::new(-sin, cos) * item.size_m[1];
             let corner = Vector2::from(item.at_m) - (along + across) / 2.0;
             let z = [item.base_m, item.base_m + item.size_m[2]];
-            let material = Material { speckle: 0.03, grain_m: 0.004, ..Material::matt(item.color) };
+            let material = Material { speckle: 0.03, grain_m: 0.004, ..Material::matte(item.color) };
             b.slab(&Slab { corner, along, across, z }, material);
         }
         let lamps: Vec<Lamp> =
@@ -109,7 +109,7 @@ impl Building {
                         across: left * board.depth_m,
                         z: [0.0, board.height_m],
                     };
-                    self.faces(&strip, Material::matt(board.color));
+                    self.faces(&strip, Material::matte(board.color));
                 }
                 start = b;
             }
@@ -122,13 +122,13 @@ impl Building {
         }
     }
 
-    /// `at` is the middle of the opening on the wall's left face.
+    /// Adds a door; `at` is the middle of the opening on the left face of the wall.
     fn door(&mut self, d: &Door, at: Vector2<f64>, along: Vector2<f64>, thickness: f64) {
         let left = Vector2::new(-along.y, along.x);
         let half = d.width_m / 2.0;
         let deep = thickness + 2.0 * FRAME_DEPTH_M;
         let back = at - left * (thickness + FRAME_DEPTH_M);
-        let frame = Material::matt(d.frame_color);
+        let frame = Material::matte(d.frame_color);
         let bar = |a: f64, b: f64, z: [f64; 2]| Slab {
             corner: back + along * a,
             along: along * (b - a),
@@ -150,7 +150,7 @@ impl Building {
         let (sin, cos) = (-d.open_deg.to_radians()).sin_cos();
         let turned = Vector2::new(cos * along.x - sin * along.y, sin * along.x + cos * along.y);
         let out = Vector2::new(-turned.y, turned.x);
-        let leaf = Material { speckle: 0.05, grain_m: 0.02, ..Material::matt(d.color) };
+        let leaf = Material { speckle: 0.05, grain_m: 0.02, ..Material::matte(d.color) };
         let width = d.width_m - 2.0 * REBATE_M;
         let corner = hinge - out * LEAF_M;
         self.slab(
@@ -163,14 +163,14 @@ impl Building {
             across: out * 0.045,
             z: [1.02, 1.045],
         };
-        self.faces(&handle, Material::matt([0.6, 0.6, 0.6]));
+        self.faces(&handle, Material::matte([0.6, 0.6, 0.6]));
 
         if d.open_deg > 0.0 {
             self.room(d, at - left * thickness, along, thickness);
         }
     }
 
-    /// Three walls behind an open door; `at` is the middle of the opening on the wall's far face.
+    /// Adds three walls behind an open door; `at` is the middle of the opening on the far face of the wall.
     fn room(&mut self, d: &Door, at: Vector2<f64>, along: Vector2<f64>, thickness: f64) {
         let left = Vector2::new(-along.y, along.x);
         let half = d.width_m / 2.0 + 0.5;
@@ -185,16 +185,16 @@ impl Building {
         }
     }
 
-    /// `at` is the middle of the opening on the wall's left face.
+    /// Adds a window; `at` is the middle of the opening on the left face of the wall.
     fn window(&mut self, g: &Window, at: Vector2<f64>, along: Vector2<f64>, thickness: f64) {
         let left = Vector2::new(-along.y, along.x);
         let half = g.width_m / 2.0;
         let z = [g.sill_m, g.sill_m + g.height_m];
-        let frame = Material::matt(g.frame_color);
+        let frame = Material::matte(g.frame_color);
         let pane = at - left * (thickness * 0.8);
         let origin = lift(pane + along * half, g.sill_m);
         let up = Vector3::new(0.0, 0.0, g.height_m);
-        let glass = Material::lit(g.brightness);
+        let glass = Material::luminous(g.brightness);
         self.surfaces.push(Surface::rectangle(origin, lift(-along * g.width_m, 0.0), up, glass));
         let bar = |a: f64, b: f64, z: [f64; 2]| Slab {
             corner: pane + along * a + left * 0.002,
@@ -228,10 +228,10 @@ impl Building {
             across: Vector2::new(0.0, sy + 0.04),
             z: [z, ceiling_m],
         };
-        self.faces(&frame, Material::matt([0.75; 3]));
+        self.faces(&frame, Material::matte([0.75; 3]));
         let origin = Vector3::new(l.at_m[0] - sx / 2.0, l.at_m[1] + sy / 2.0, z - 0.003);
         let (u, v) = (Vector3::new(sx, 0.0, 0.0), Vector3::new(0.0, -sy, 0.0));
-        self.surfaces.push(Surface::rectangle(origin, u, v, Material::lit(l.brightness)));
+        self.surfaces.push(Surface::rectangle(origin, u, v, Material::luminous(l.brightness)));
         let long = if sx >= sy { Vector3::new(sx / 4.0, 0.0, 0.0) } else { Vector3::new(0.0, sy / 4.0, 0.0) };
         for sign in [-1.0, 1.0] {
             self.emitters.push(Emitter {
@@ -254,7 +254,7 @@ impl Building {
             joint_spacing_m: floor.joint_spacing_m,
             joint_width_m: floor.joint_width_m,
             joint_tone: floor.joint_tone,
-            ..Material::matt(floor.color)
+            ..Material::matte(floor.color)
         };
         let origin = Vector3::new(low[0], low[1], 0.0);
         let (u, v) = (Vector3::new(size[0], 0.0, 0.0), Vector3::new(0.0, size[1], 0.0));
@@ -265,20 +265,20 @@ impl Building {
             joint_spacing_m: ceiling.joint_spacing_m,
             joint_width_m: 0.012,
             joint_tone: 0.75,
-            ..Material::matt(ceiling.color)
+            ..Material::matte(ceiling.color)
         };
         let origin = Vector3::new(low[0], high[1], ceiling.height_m);
         self.surfaces.push(Surface::rectangle(origin, u, -v, ceiling_material));
     }
 
-    /// A slab that things can run into.
+    /// Adds a box that is an obstacle.
     fn slab(&mut self, s: &Slab, material: Material) {
         let p = [s.corner, s.corner + s.along, s.corner + s.along + s.across, s.corner + s.across];
         self.solids.push(Solid { base: p.map(|q| [q.x, q.y]), z: s.z });
         self.faces(s, material);
     }
 
-    /// Its sides, its top, and its bottom where that is above the floor.
+    /// Adds the sides and the top of a box, and its bottom if that is above the floor.
     fn faces(&mut self, s: &Slab, material: Material) {
         let up = Vector3::new(0.0, 0.0, s.z[1] - s.z[0]);
         let p = [s.corner, s.corner + s.along, s.corner + s.along + s.across, s.corner + s.across];
@@ -295,7 +295,7 @@ impl Building {
 }
 
 fn wall_material(color: Color) -> Material {
-    Material { speckle: 0.012, grain_m: 0.02, ..Material::matt(color) }
+    Material { speckle: 0.012, grain_m: 0.02, ..Material::matte(color) }
 }
 
 fn lift(p: Vector2<f64>, z: f64) -> Vector3<f64> {

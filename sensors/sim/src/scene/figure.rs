@@ -1,34 +1,34 @@
-//! A person's body as stacks of rings around upright axes.
+//! Surfaces of a person: frustums around upright axes.
 
 use nalgebra::Vector3;
 
 use super::surface::{LightGrid, Material, Surface};
-use super::walker::Place;
+use super::walker::PersonPose;
 use crate::world::{Color, Person};
 
-/// Radius in meters of the circle that a person occupies on the floor.
+/// Radius of the circle that a person occupies on the floor, m.
 pub const PERSON_RADIUS_M: f64 = 0.22;
 
 const SKIN: Color = [0.55, 0.36, 0.26];
 const HAIR: Color = [0.05, 0.035, 0.025];
 const SHOES: Color = [0.03, 0.03, 0.03];
 
-/// A facet and the outward directions along its left and right edge, so that light varies smoothly around the body.
+/// Facet with the normals at its left and right edge, so that light varies smoothly around the body.
 pub struct Facet {
-    /// The facet; u runs around the body, v upwards.
+    /// Surface; u runs around the body, v upward.
     pub surface: Surface,
-    /// Unit outward directions at u = 0 and at u = size.
+    /// Unit normals at u = 0 and at u = size.
     pub outward: [Vector3<f64>; 2],
 }
 
-/// Appends the facets of `person` standing at `place`.
-pub fn facets(person: &Person, place: &Place, out: &mut Vec<Facet>) {
+/// Appends the facets of `person` at `pose`.
+pub fn facets(person: &Person, pose: &PersonPose, out: &mut Vec<Facet>) {
     let h = person.height_m;
-    let (sin, cos) = place.heading.sin_cos();
+    let (sin, cos) = pose.heading.sin_cos();
     let spot = |ahead: f64, left: f64| {
-        Vector3::new(place.at[0] + cos * ahead - sin * left, place.at[1] + sin * ahead + cos * left, 0.0)
+        Vector3::new(pose.at[0] + cos * ahead - sin * left, pose.at[1] + sin * ahead + cos * left, 0.0)
     };
-    for (side, ahead) in [(1.0, place.stride), (-1.0, -place.stride)] {
+    for (side, ahead) in [(1.0, pose.stride), (-1.0, -pose.stride)] {
         let foot = spot(ahead + 0.03, side * 0.09);
         let hip = spot(0.0, side * 0.085);
         limb(foot, foot, [0.0, 0.045 * h], [0.065, 0.06], 8, SHOES, out);
@@ -50,7 +50,7 @@ pub fn facets(person: &Person, place: &Place, out: &mut Vec<Facet>) {
     }
 }
 
-/// A frustum with `sides` facets between the rings around `bottom` and `top`, at heights `z` and with radii `radius`.
+/// Appends a frustum with `sides` facets between circles around `bottom` and `top`, at heights `z`, with radii `radius` (m).
 fn limb(
     bottom: Vector3<f64>,
     top: Vector3<f64>,
@@ -60,7 +60,7 @@ fn limb(
     color: Color,
     out: &mut Vec<Facet>,
 ) {
-    let material = Material::matt(color);
+    let material = Material::matte(color);
     let around = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / sides as f64;
         Vector3::new(angle.cos(), angle.sin(), 0.0)

@@ -1,20 +1,20 @@
-//! Seeded speckle: a tile of noise with mean 0 and standard deviation 1, with coarser levels for what is far away.
+//! Speckle texture: a periodic tile of seeded noise with mean 0 and standard deviation 1, and its mipmap.
 
 use rand::RngExt;
 
 use crate::random::stream;
 
-/// Texels along each side of the finest level.
+/// Number of texels along a side of the finest level.
 const SIDE: usize = 256;
 
-/// A periodic noise picture in halved resolutions.
+/// Periodic noise in a pyramid of resolutions.
 #[derive(Clone, Debug)]
 pub struct Speckle {
     levels: Vec<Vec<f32>>,
 }
 
 impl Speckle {
-    /// The speckle of a texture seed.
+    /// Returns the speckle of this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         let mut rng = stream(seed, "speckle");
@@ -46,14 +46,14 @@ impl Speckle {
         Self { levels }
     }
 
-    /// Its value at (u, v) in texels, averaged over about `footprint` texels. Coordinates must not be negative.
+    /// Returns the value at (u, v) in texels, averaged over about `footprint` texels. Coordinates must not be negative.
     #[cfg(test)]
     fn at(&self, u: f32, v: f32, footprint: f32) -> f32 {
         let level = self.level(footprint);
         level.at(u, v)
     }
 
-    /// The resolution at which `footprint` texels are one.
+    /// Returns the level in which `footprint` texels of the finest level are one.
     #[inline(always)]
     #[must_use]
     pub fn level(&self, footprint: f32) -> Level<'_> {
@@ -64,7 +64,7 @@ impl Speckle {
     }
 }
 
-/// One resolution of a [`Speckle`].
+/// One level of a [`Speckle`].
 #[derive(Clone, Copy)]
 pub struct Level<'a> {
     texels: &'a [f32],
@@ -74,16 +74,16 @@ pub struct Level<'a> {
 }
 
 impl Level<'_> {
-    /// Its value at (u, v), in texels of the finest level. Coordinates must not be negative.
+    /// Returns the value at (u, v), in texels of the finest level. Coordinates must not be negative.
     #[inline(always)]
     #[must_use]
     pub fn at(&self, u: f32, v: f32) -> f32 {
-        let place = |t: f32| (t * self.shrink + self.shift).max(0.0);
-        sample(self.texels, self.side, place(u), place(v))
+        let coordinate = |t: f32| (t * self.shrink + self.shift).max(0.0);
+        sample(self.texels, self.side, coordinate(u), coordinate(v))
     }
 }
 
-/// Bilinear, periodic; `side` is a power of two, and the coordinates are below 2^31.
+/// Interpolates bilinearly in a periodic grid. `side` must be a power of two, coordinates below 2^31.
 #[inline(always)]
 fn sample(grid: &[f32], side: usize, x: f32, y: f32) -> f32 {
     // A cast to a signed number is one instruction, to an unsigned one several.

@@ -1,4 +1,4 @@
-//! Where a person is at a given time.
+//! Walk of a person: position and posture over time.
 
 use rand::RngExt;
 
@@ -6,30 +6,30 @@ use super::PERSON_RADIUS_M;
 use crate::random::stream;
 use crate::world::Person;
 
-/// A person's way, with the seed's jitter applied, and how long they have waited on it for somebody to pass.
+/// Walk of a person along a path, with the jitter of the seed and the waits for the robot.
 #[derive(Clone, Debug)]
 pub struct Walker {
-    /// The person as described.
+    /// Description of the person in the world file.
     pub person: Person,
     legs: Vec<Leg>,
     rest: [f64; 2],
     heading: f64,
-    /// Begin and end, seconds after the start of the run.
+    /// Start and end of every wait, seconds after the start of the run.
     waits: Vec<[f64; 2]>,
-    /// They have waited long enough for what is in the way.
-    is_out_of_patience: bool,
+    /// True if the person has waited for the maximum time, until the path is clear again.
+    has_timed_out: bool,
 }
 
-/// Where somebody stands, which way they face and how their legs are.
+/// Pose and posture of a person.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// Position x and y, meters.
+pub struct PersonPose {
+    /// Position x and y in the world frame, m.
     pub at: [f64; 2],
-    /// Direction of the face, radians.
+    /// Direction that the person faces, rad.
     pub heading: f64,
-    /// Velocity x and y, m/s.
+    /// Velocity x and y in the world frame, m/s.
     pub velocity: [f64; 2],
-    /// How far the left foot is ahead of the body, meters (the right foot is as far behind).
+    /// Distance of the left foot ahead of the body, m; the right foot is as far behind.
     pub stride: f64,
 }
 
@@ -42,17 +42,17 @@ struct Leg {
     heading: f64,
 }
 
-/// Length of a double step, meters.
+/// Length of a double step, m.
 const GAIT_M: f64 = 1.3;
-/// Who gives way does so to what would come nearer than this to their side, meters.
-const ELBOW_ROOM_M: f64 = 0.1;
-/// They wait for so long at most, and then squeeze past, seconds.
-const PATIENCE_S: f64 = 30.0;
-/// Largest distance of a foot ahead of the body, meters.
-const STRIDE_M: f64 = 0.26;
+/// Lateral clearance below which a person gives way, m.
+const LATERAL_CLEARANCE_M: f64 = 0.1;
+/// Maximum time for which a person waits, s.
+const MAX_WAIT_S: f64 = 30.0;
+/// Maximum distance of a foot ahead of the body, m.
+const MAX_STRIDE_M: f64 = 0.26;
 
 impl Walker {
-    /// The walk of person number `index` in the run of `seed`.
+    /// Returns the walk of person number `index` in the run of `seed`.
     #[must_use]
     pub fn new(person: &Person, index: usize, seed: u64) -> Self {
         let mut rng = stream(seed, &format!("person {index}"));
@@ -70,24 +70,24 @@ impl Walker {
         }
         let heading = legs.first().map_or(0.0, |l| l.heading);
         let rest = person.path_m.first().copied().unwrap_or_default();
-        Self { person: person.clone(), legs, rest, heading, waits: Vec::new(), is_out_of_patience: false }
+        Self { person: person.clone(), legs, rest, heading, waits: Vec::new(), has_timed_out: false }
     }
 
-    /// Position and posture at `time_s` after the start of the run.
+    /// Returns the pose and posture `time_s` seconds after the start of the run.
     #[must_use]
-    pub fn at(&self, time_s: f64) -> Place {
-        let place = self.without_waits(time_s - self.waited_s(time_s));
+    pub fn at(&self, time_s: f64) -> PersonPose {
+        let pose = self.without_waits(time_s - self.waited_s(time_s));
         let waits = self.waits.iter().any(|[begin, end]| (*begin..*end).contains(&time_s));
-        if waits { Place { velocity: [0.0; 2], ..place } } else { place }
+        if waits { PersonPose { velocity: [0.0; 2], ..pose } } else { pose }
     }
 
-    /// Waits from `from_s` to `to_s`, seconds after the start of the run, where a body of `radius_m` at `center` is in the way.
-    /// Only who gives way does, and not for ever.
+    /// Waits from `from_s` to `to_s` (s after the start of the run) if the person gives way, a robot of this radius at `center`
+    /// (m) is in the path, and the person has not yet waited for the maximum time, 30 s.
     pub fn give_way(&mut self, center: [f64; 2], radius_m: f64, from_s: f64, to_s: f64) {
         if self.person.gives_way_m <= 0.0 {
             return;
         }
-        let Place { at, velocity: [vx, vy], .. } = self.without_waits(from_s - self.waited_s(from_s));
+        let PersonPose { at, velocity: [vx, vy], .. } = self.without_waits(from_s - self.waited_s(from_s));
         let speed = vx.hypot(vy);
         if speed <= 0.0 {
             return;
@@ -96,43 +96,43 @@ impl Walker {
         let (ahead, aside) = ((dx * vx + dy * vy) / speed, (dx * vy - dy * vx).abs() / speed);
         let touch = PERSON_RADIUS_M + radius_m;
         let gap = dx.hypot(dy) - touch;
-        if ahead <= 0.0 || aside > touch + ELBOW_ROOM_M || gap > self.person.gives_way_m {
-            self.is_out_of_patience = false;
+        if ahead <= 0.0 || aside > touch + LATERAL_CLEARANCE_M || gap > self.person.gives_way_m {
+            self.has_timed_out = false;
             return;
         }
-        if self.is_out_of_patience {
+        if self.has_timed_out {
             return;
         }
         match self.waits.last_mut().filter(|last| last[1] >= from_s) {
             Some(last) => {
                 last[1] = to_s;
-                self.is_out_of_patience = to_s - last[0] >= PATIENCE_S;
+                self.has_timed_out = to_s - last[0] >= MAX_WAIT_S;
             }
             None => self.waits.push([from_s, to_s]),
         }
     }
 
-    /// How much of the time before `time_s` they have waited, seconds.
+    /// Returns the total waiting time before `time_s`, s.
     fn waited_s(&self, time_s: f64) -> f64 {
         let waits = self.waits.iter().map(|[begin, end]| time_s.min(*end) - begin);
         waits.filter(|waited| *waited > 0.0).sum()
     }
 
-    fn without_waits(&self, time_s: f64) -> Place {
-        let mut place = Place { at: self.rest, heading: self.heading, velocity: [0.0; 2], stride: 0.0 };
+    fn without_waits(&self, time_s: f64) -> PersonPose {
+        let mut pose = PersonPose { at: self.rest, heading: self.heading, velocity: [0.0; 2], stride: 0.0 };
         for leg in self.legs.iter().take_while(|l| l.begins_s <= time_s) {
             let span = (leg.ends_s - leg.begins_s).max(1e-9);
             let share = ((time_s - leg.begins_s) / span).min(1.0);
-            place.heading = leg.heading;
-            place.at = [0, 1].map(|k| leg.from[k] + (leg.to[k] - leg.from[k]) * share);
+            pose.heading = leg.heading;
+            pose.at = [0, 1].map(|k| leg.from[k] + (leg.to[k] - leg.from[k]) * share);
             let walking = share < 1.0;
-            place.velocity = [0, 1].map(|k| if walking { (leg.to[k] - leg.from[k]) / span } else { 0.0 });
+            pose.velocity = [0, 1].map(|k| if walking { (leg.to[k] - leg.from[k]) / span } else { 0.0 });
             let gone = (time_s - leg.begins_s).min(span) * self.person.speed_mps;
             let left = span * self.person.speed_mps - gone;
             let ease = (gone.min(left) / 0.3).min(1.0);
-            place.stride = STRIDE_M * ease * (std::f64::consts::TAU * gone / GAIT_M).sin();
+            pose.stride = MAX_STRIDE_M * ease * (std::f64::consts::TAU * gone / GAIT_M).sin();
         }
-        place
+        pose
     }
 }
 
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn who_gives_way_waits_for_what_is_in_the_way_and_goes_on() {
+    fn a_person_waits_for_a_robot_in_the_path_and_walks_on() {
         let text = "[[person]]\npath_m = [[0, 0], [4, 0]]\nspeed_mps = 1\ngives_way_m = 0.5";
         let person = World::from_toml(text).unwrap().people.remove(0);
         let walk = |person: &Person, center: [f64; 2], until_s: f64| {
@@ -178,23 +178,23 @@ mod tests {
             }
             walker
         };
-        // Stands half a meter before it, for as long as it is there.
+        // The person stops half a meter from the robot, until it leaves.
         let touch = PERSON_RADIUS_M + 0.2;
         let waited = walk(&person, [2.005, 0.0], 4.0);
         let stop = 2.005 - touch - 0.5;
-        let place = waited.at(3.0);
-        assert!((place.at[0] - stop).abs() < 0.02 && place.velocity == [0.0; 2], "{place:?}");
-        // The past stays as it was, and the walk goes on where it was.
+        let pose = waited.at(3.0);
+        assert!((pose.at[0] - stop).abs() < 0.02 && pose.velocity == [0.0; 2], "{pose:?}");
+        // The past does not change, and the walk continues from there.
         assert!((waited.at(1.0).at[0] - 1.0).abs() < 1e-9 && waited.at(1.0).velocity == [1.0, 0.0]);
         assert!((waited.at(5.0).at[0] - stop - 1.0).abs() < 0.03, "{:?}", waited.at(5.0));
-        // Who has waited for long goes on all the same.
-        let squeezed = walk(&person, [2.005, 0.0], 50.0);
-        let at = squeezed.at(stop + PATIENCE_S + 1.0);
+        // After the maximum wait, the person walks on.
+        let timed_out = walk(&person, [2.005, 0.0], 50.0);
+        let at = timed_out.at(stop + MAX_WAIT_S + 1.0);
         assert!((at.at[0] - stop - 1.0).abs() < 0.03, "{at:?}");
-        // What is beside the way or behind, and who walks on whatever is there.
+        // A robot beside the path or behind; and a person who does not give way.
         assert_eq!(walk(&person, [2.0, touch + 0.2], 10.0).at(3.0).at, [3.0, 0.0]);
         assert_eq!(walk(&person, [-0.5, 0.0], 10.0).at(3.0).at, [3.0, 0.0]);
-        let blind = Person { gives_way_m: 0.0, ..person };
-        assert_eq!(walk(&blind, [2.0, 0.0], 10.0).at(3.0).at, [3.0, 0.0]);
+        let unyielding = Person { gives_way_m: 0.0, ..person };
+        assert_eq!(walk(&unyielding, [2.0, 0.0], 10.0).at(3.0).at, [3.0, 0.0]);
     }
 }

@@ -1,88 +1,91 @@
-//! What a world must not say, beyond the range of each key.
+//! Checks of a world that involve several keys; the range of each key is in the schema.
 
 use schemars::schema_for;
-use yamabico_core::behavior::BuildError;
+use yamabico_core::behavior::ParameterError;
 use yamabico_core::parameters::{FileKind, Problems};
 
 use super::{Corridor, Door, Side, Wall, Window, World};
 
-/// World files, as robot files name them: every range is in the schema, the rules tell what keys must not say together.
+/// File kind of world files.
 pub const WORLD_FILE: FileKind = FileKind {
     key: "world",
     what: "a world file",
     schema: || schema_for!(World),
     rules: |table| match table.clone().try_into::<World>() {
         Ok(world) => world.rules(),
-        Err(error) => vec![BuildError::new("", error.message())],
+        Err(error) => vec![ParameterError::new("", error.message())],
     },
 };
 
-/// Least distance of an opening from the next one and from the hallway's ends, meters.
-const PILLAR_M: f64 = 0.1;
-/// Least distance of joints, meters.
-const JOINTS_M: f32 = 0.05;
-/// Least distance of lamps, meters.
-const LAMPS_M: f64 = 0.5;
+/// Minimum distance of an opening from other openings and from the ends of the hallway, m.
+const MIN_PILLAR_M: f64 = 0.1;
+/// Minimum spacing of joints, m.
+const MIN_JOINT_SPACING_M: f32 = 0.05;
+/// Minimum spacing of lamps, m.
+const MIN_LAMP_SPACING_M: f64 = 0.5;
 
 impl World {
-    /// Checks every value.
+    /// Checks all values.
     ///
     /// # Errors
-    /// All values out of range, each at its key in the TOML text of this world.
+    /// All invalid values, each with its key and its position in the TOML text of this world.
     pub fn check(&self) -> Result<(), Problems> {
-        // TOML has no whole numbers above 2^63, and every seed is as good as another.
+        // TOML has no integers above 2^63, and every seed is valid.
         let world = World { texture_seed: 0, ..self.clone() };
         let text = toml::to_string(&world).unwrap_or_else(|error| error.to_string());
         WORLD_FILE.read("the world", &text).map(drop)
     }
 
-    fn rules(&self) -> Vec<BuildError> {
-        let mut broken = Broken::default();
+    fn rules(&self) -> Vec<ParameterError> {
+        let mut violations = Violations::default();
         if let Some(corridor) = &self.corridor {
-            broken.corridor(corridor);
+            violations.corridor(corridor);
         }
         for (i, wall) in self.walls.iter().enumerate() {
-            broken.wall(&format!("wall[{i}]"), wall);
+            violations.wall(&format!("wall[{i}]"), wall);
         }
         for (i, person) in self.people.iter().enumerate() {
             if person.pause_s.len() > person.path_m.len() {
-                broken.say(format!("person[{i}].pause_s"), "has more pauses than the path has corners");
+                violations.push(
+                    format!("person[{i}].pause_s"),
+                    "must not have more pauses than `path_m` has corners",
+                );
             }
         }
-        broken.joints("floor", self.floor.joint_spacing_m);
-        broken.joints("ceiling", self.ceiling.joint_spacing_m);
-        broken.0
+        violations.joints("floor", self.floor.joint_spacing_m);
+        violations.joints("ceiling", self.ceiling.joint_spacing_m);
+        violations.0
     }
 }
 
 #[derive(Default)]
-struct Broken(Vec<BuildError>);
+struct Violations(Vec<ParameterError>);
 
-impl Broken {
-    fn say(&mut self, key: String, what: impl Into<String>) {
-        self.0.push(BuildError::new(key, what));
+impl Violations {
+    fn push(&mut self, key: String, what: impl Into<String>) {
+        self.0.push(ParameterError::new(key, what));
     }
 
     fn joints(&mut self, owner: &str, spacing_m: [f32; 2]) {
-        if spacing_m.iter().any(|&m| m > 0.0 && m < JOINTS_M) {
-            self.say(
+        if spacing_m.iter().any(|&m| m > 0.0 && m < MIN_JOINT_SPACING_M) {
+            self.push(
                 format!("{owner}.joint_spacing_m"),
-                format!("must be 0 (no joints) or at least {JOINTS_M} m"),
+                format!("must be 0 (no joints) or at least {MIN_JOINT_SPACING_M} m"),
             );
         }
     }
 
     fn corridor(&mut self, k: &Corridor) {
-        if k.lamp_spacing_m > 0.0 && k.lamp_spacing_m < LAMPS_M {
-            self.say(
+        if k.lamp_spacing_m > 0.0 && k.lamp_spacing_m < MIN_LAMP_SPACING_M {
+            self.push(
                 "corridor.lamp_spacing_m".into(),
-                format!("must be 0 (no lamps) or at least {LAMPS_M} m"),
+                format!("must be 0 (no lamps) or at least {MIN_LAMP_SPACING_M} m"),
             );
         }
         if let Some(window) = &k.window {
             self.window("corridor.window", window, [0.0, k.width_m], k.height_m);
         }
-        let along = [k.start_x_m + PILLAR_M, k.end_x_m() - PILLAR_M];
+        let along = [k.start_x_m + MIN_PILLAR_M, k.end_x_m() - MIN_PILLAR_M];
         let mut taken: Vec<(Side, [f64; 2], &str)> = Vec::new();
         for (i, b) in k.branches.iter().enumerate() {
             let key = format!("corridor.branch[{i}].at_m");
@@ -100,7 +103,10 @@ impl Broken {
     fn wall(&mut self, key: &str, w: &Wall) {
         let length = (w.to_m[0] - w.from_m[0]).hypot(w.to_m[1] - w.from_m[1]);
         if !(0.01..=500.0).contains(&length) {
-            self.say(format!("{key}.to_m"), format!("is {length} m away from the start; 0.01 to 500 can be"));
+            self.push(
+                format!("{key}.to_m"),
+                format!("must be 0.01 to 500 m from `from_m`, but is {length} m"),
+            );
             return;
         }
         let mut taken: Vec<(Side, [f64; 2], &str)> = Vec::new();
@@ -138,30 +144,27 @@ impl Broken {
     }
 
     fn overlap(&mut self, key: String, span: [f64; 2], side: Side, taken: &[(Side, [f64; 2], &str)]) {
-        let meets = |other: &[f64; 2]| span[0] < other[1] + PILLAR_M && other[0] < span[1] + PILLAR_M;
+        let meets = |other: &[f64; 2]| span[0] < other[1] + MIN_PILLAR_M && other[0] < span[1] + MIN_PILLAR_M;
         if let Some((.., what)) = taken.iter().find(|(on, other, _)| *on == side && meets(other)) {
-            self.say(key, format!("is nearer than {PILLAR_M} m to {what}"));
+            self.push(key, format!("must leave at least {MIN_PILLAR_M} m to {what}"));
         }
     }
 
     fn inside(&mut self, key: String, span: [f64; 2], along: [f64; 2]) {
         if span[0] < along[0] || span[1] > along[1] {
             let [low, high] = along.map(|m| (m * 100.0).round() / 100.0);
-            self.say(
-                key,
-                format!("puts the opening outside its wall, which has room from {low} to {high} m"),
-            );
+            self.push(key, format!("must keep the opening inside the wall, from {low} m to {high} m"));
         }
     }
 
     fn height(&mut self, key: String, top_m: f64, wall_height_m: f64) {
         if top_m > wall_height_m {
-            self.say(key, format!("makes an opening {top_m} m high in a wall of {wall_height_m} m"));
+            self.push(key, format!("must keep the opening inside the wall: it ends at {top_m} m, the wall at {wall_height_m} m"));
         }
     }
 }
 
-/// From where to where something `width` wide lies around its middle.
+/// Returns the interval of this width around its middle.
 fn around(middle: f64, width: f64) -> [f64; 2] {
     [middle - width / 2.0, middle + width / 2.0]
 }

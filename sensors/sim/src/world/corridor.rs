@@ -1,36 +1,46 @@
-//! A straight hallway in a few keys, expanded into walls and lamps.
+//! Straight hallway with doors and side corridors, expanded into walls and lamps.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_inline_default::serde_inline_default;
+use smart_default::SmartDefault;
 
 use super::{Baseboard, Color, Door, Lamp, Wall, Window};
 
-/// A straight hallway along +x, its center line on y = 0.
-#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+/// Straight hallway along +x.
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
 pub struct Corridor {
-    /// World x of its near end, meters, -1000 to 1000.
+    /// World x of the near end.
+    #[default(-2.0)]
     #[schemars(range(min = -1000.0, max = 1000.0))]
     pub start_x_m: f64,
-    /// Length in meters, 1 to 200.
+    /// Length.
+    #[default(18.0)]
     #[schemars(range(min = 1.0, max = 200.0))]
     pub length_m: f64,
-    /// Width between the walls' faces in meters, 0.8 to 20.
+    /// Width between the faces of the walls.
+    #[default(2.0)]
     #[schemars(range(min = 0.8, max = 20.0))]
     pub width_m: f64,
-    /// Height of the walls in meters, 1 to 10; the ceiling has its own.
+    /// Height of the walls; the ceiling has its own.
+    #[default(2.6)]
     #[schemars(range(min = 1.0, max = 10.0))]
     pub height_m: f64,
-    /// Thickness of the walls in meters, 0.05 to 0.5.
+    /// Thickness of the walls.
+    #[default(0.12)]
     #[schemars(range(min = 0.05, max = 0.5))]
     pub thickness_m: f64,
     /// Reflectance of the side walls.
+    #[default(super::WALL_COLOR)]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
     /// Reflectance of the end walls.
+    #[default([0.66, 0.66, 0.62])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub end_color: Color,
-    /// The strip along the bottom of all walls; none when absent.
+    /// Baseboard of all walls; without it, none.
+    #[default(Some(Baseboard::default()))]
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
     /// Doors in the side walls.
@@ -41,84 +51,89 @@ pub struct Corridor {
     #[serde(rename = "branch")]
     #[schemars(length(max = 1000))]
     pub branches: Vec<Branch>,
-    /// The window in the far end; none when absent.
+    /// Window in the far end; without it, none.
+    #[default(Some(Window::default()))]
     #[serde(default)]
     pub window: Option<Window>,
-    /// Distance of the ceiling lamps, meters, 0.5 to 50; 0 means no lamps.
+    /// Spacing of the ceiling lamps; 0 means no lamps, else at least 0.5.
+    #[default(2.4)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub lamp_spacing_m: f64,
-    /// Extent of a lamp along x and y, meters, each 0.01 to 10.
+    /// Size of a lamp along x and y.
+    #[default(super::LAMP_SIZE)]
     #[schemars(inner(range(min = 0.01, max = 10.0)))]
     pub lamp_size_m: [f64; 2],
-    /// Radiance of the lamps relative to a white surface under them, 0 to 50.
+    /// Radiance of the lamps relative to a white surface under them.
+    #[default(super::LAMP_BRIGHTNESS)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub lamp_brightness: f32,
 }
 
-/// Which wall.
+/// Side of the hallway.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// The wall at + y.
+    /// Side at positive y.
     Left,
-    /// The wall at - y.
+    /// Side at negative y.
     Right,
 }
 
-/// A door of the hallway: a [`Door`] whose `at_m` is a world x, and the side that it is on.
+/// Door of the hallway: like [`Door`], but `at_m` is a world x.
+#[serde_inline_default]
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CorridorDoor {
-    /// The wall that it is in.
+    /// Side wall with the door.
     pub side: Side,
-    /// World x of its center, meters.
+    /// World x of the center.
     #[schemars(range(min = -1000.0, max = 1200.0))]
     pub at_m: f64,
-    /// Width of the opening in meters, 0.4 to 3.
-    #[serde(default = "door_width")]
+    /// Width of the opening.
+    #[serde_inline_default(Door::default().width_m)]
     #[schemars(range(min = 0.4, max = 3.0))]
     pub width_m: f64,
-    /// Height of the opening in meters, 1.5 to the walls' height.
-    #[serde(default = "door_height")]
+    /// Height of the opening; at most the wall's height.
+    #[serde_inline_default(Door::default().height_m)]
     #[schemars(range(min = 1.5, max = 10.0))]
     pub height_m: f64,
-    /// How far the leaf is open, degrees, 0 (closed) to 120.
+    /// Opening angle of the leaf; 0 is closed.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 120.0))]
     pub open_deg: f64,
-    /// Depth in meters of the room behind it when open, 0.5 to 10.
-    #[serde(default = "room_depth")]
+    /// Depth of the room behind an open door.
+    #[serde_inline_default(Door::default().room_depth_m)]
     #[schemars(range(min = 0.5, max = 10.0))]
     pub room_depth_m: f64,
     /// Reflectance of the leaf.
-    #[serde(default = "door_color")]
+    #[serde_inline_default(Door::default().color)]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
     /// Reflectance of the frame.
-    #[serde(default = "frame_color")]
+    #[serde_inline_default(Door::default().frame_color)]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub frame_color: Color,
 }
 
-/// A side corridor at a right angle.
+/// Side corridor at a right angle.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Branch {
-    /// The side that it leaves to.
+    /// Side to which it leaves.
     pub side: Side,
-    /// World x of its center line, meters.
+    /// World x of the centerline.
     #[schemars(range(min = -1000.0, max = 1200.0))]
     pub at_m: f64,
-    /// Width in meters, 0.5 to 20.
+    /// Width.
     #[schemars(range(min = 0.5, max = 20.0))]
     pub width_m: f64,
-    /// Length in meters, 0.5 to 50.
+    /// Length.
     #[schemars(range(min = 0.5, max = 50.0))]
     pub depth_m: f64,
 }
 
 impl CorridorDoor {
-    /// A closed door of the usual size.
+    /// Returns a closed door of the default size.
     #[must_use]
     pub fn closed(side: Side, at_m: f64) -> Self {
         let d = Door::default();
@@ -134,42 +149,21 @@ impl CorridorDoor {
         }
     }
 
-    /// An open door of the usual size.
+    /// Returns an open door of the default size.
     #[must_use]
     pub fn open(side: Side, at_m: f64) -> Self {
         Self { open_deg: 85.0, ..Self::closed(side, at_m) }
     }
 }
 
-impl Default for Corridor {
-    fn default() -> Self {
-        Self {
-            start_x_m: -2.0,
-            length_m: 18.0,
-            width_m: 2.0,
-            height_m: 2.6,
-            thickness_m: 0.12,
-            color: super::wall_color(),
-            end_color: [0.66, 0.66, 0.62],
-            baseboard: Some(Baseboard::default()),
-            doors: Vec::new(),
-            branches: Vec::new(),
-            window: Some(Window::default()),
-            lamp_spacing_m: 2.4,
-            lamp_size_m: super::lamp_size(),
-            lamp_brightness: super::lamp_brightness(),
-        }
-    }
-}
-
 impl Corridor {
-    /// World x of its far end, meters.
+    /// Returns the world x of the far end, m.
     #[must_use]
     pub fn end_x_m(&self) -> f64 {
         self.start_x_m + self.length_m
     }
 
-    /// Its walls, counter-clockwise around the free space, so that the free space is on their left.
+    /// Returns the walls, counter-clockwise around the free space, which is on their left.
     pub(crate) fn walls(&self) -> Vec<Wall> {
         let (x0, x1, half) = (self.start_x_m, self.end_x_m(), self.width_m / 2.0);
         let mut walls = Vec::new();
@@ -184,7 +178,7 @@ impl Corridor {
         walls
     }
 
-    /// Its ceiling lamps, those of the side corridors included.
+    /// Returns the ceiling lamps, including those of the side corridors.
     pub(crate) fn lamps(&self) -> Vec<Lamp> {
         if self.lamp_spacing_m <= 0.0 {
             return Vec::new();
@@ -261,28 +255,12 @@ impl Corridor {
     }
 }
 
-fn door_width() -> f64 {
-    Door::default().width_m
-}
-fn door_height() -> f64 {
-    Door::default().height_m
-}
-fn room_depth() -> f64 {
-    Door::default().room_depth_m
-}
-fn door_color() -> Color {
-    Door::default().color
-}
-fn frame_color() -> Color {
-    Door::default().frame_color
-}
-
 #[cfg(test)]
 mod tests {
     use crate::World;
 
     #[test]
-    fn a_corridor_has_a_window_and_baseboards_only_where_they_are_written() {
+    fn a_corridor_has_a_window_and_baseboards_only_if_configured() {
         let corridor = |text: &str| World::from_toml(text).unwrap().corridor.unwrap();
         let bare = corridor("[corridor]\nlength_m = 10");
         assert!(bare.window.is_none() && bare.baseboard.is_none());

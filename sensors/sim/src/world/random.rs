@@ -1,4 +1,4 @@
-//! What a seed decides: where boxes stand, and whole hallways for sweeps.
+//! Random placement of boxes, and random hallways for sweeps.
 
 use rand::RngExt;
 
@@ -6,11 +6,11 @@ use super::{BoxItem, Corridor, CorridorDoor, Floor, Side, World};
 use crate::random::stream;
 
 impl BoxItem {
-    /// Box number `index` as the run of `seed` has it: moved, turned and painted within what the world lets the seed do.
+    /// Returns box number `index` in the run of `seed`, with its jitter and its color drawn.
     #[must_use]
     pub fn placed(&self, index: usize, seed: u64) -> Self {
         let mut rng = stream(seed, &format!("box {index}"));
-        let mut within = |most: f64| rng.random_range(-1.0..=1.0) * most;
+        let mut within = |max: f64| rng.random_range(-1.0..=1.0) * max;
         let [x_m, y_m] = self.jitter_m.map(&mut within);
         let yaw_deg = self.yaw_deg + within(self.jitter_deg);
         let color = match self.colors.len() {
@@ -22,7 +22,7 @@ impl BoxItem {
 }
 
 impl World {
-    /// A hallway `width_m` wide with random doors (open and closed), boxes along the walls, window, baseboards, floor
+    /// Returns a hallway of this width with random doors (open and closed), boxes along the walls, window, baseboards, floor
     /// joints and colors. The same seed gives the same hallway.
     #[must_use]
     pub fn random_corridor(seed: u64, width_m: f64) -> Self {
@@ -61,7 +61,7 @@ impl World {
                     side * (width_m / 2.0 - rng.random_range(0.2..0.35)),
                 ],
                 yaw_deg: rng.random_range(-45.0..45.0),
-                color: if white { super::box_color() } else { [0.30, 0.19, 0.10] },
+                color: if white { super::BOX_COLOR } else { [0.30, 0.19, 0.10] },
                 ..BoxItem::default()
             });
         }
@@ -90,18 +90,18 @@ mod tests {
         let colors = vec![[0.9; 3], [0.2; 3]];
         let loose =
             BoxItem { jitter_m: [1.0, 0.3], jitter_deg: 45.0, colors: colors.clone(), ..still.clone() };
-        let places: Vec<_> = (0..64).map(|seed| loose.placed(0, seed)).collect();
-        for (seed, placed) in places.iter().enumerate() {
+        let boxes: Vec<_> = (0..64).map(|seed| loose.placed(0, seed)).collect();
+        for (seed, placed) in boxes.iter().enumerate() {
             assert!((placed.at_m[0] - 3.0).abs() <= 1.0 && (placed.at_m[1] - 0.2).abs() <= 0.3);
             assert!((placed.yaw_deg - 10.0).abs() <= 45.0);
             assert_eq!(placed.at_m, loose.placed(0, seed as u64).at_m);
         }
         let spread = |index: usize| {
-            let at = places.iter().map(|placed| placed.at_m[index]);
+            let at = boxes.iter().map(|placed| placed.at_m[index]);
             at.clone().fold(f64::MIN, f64::max) - at.fold(f64::MAX, f64::min)
         };
-        assert!(spread(0) > 1.5 && spread(1) > 0.45, "the seed uses its room");
-        assert!(colors.iter().all(|color| places.iter().any(|placed| placed.color == *color)));
-        assert_ne!(loose.placed(0, 1).at_m, loose.placed(1, 1).at_m, "each box has a place of its own");
+        assert!(spread(0) > 1.5 && spread(1) > 0.45, "the seeds cover the jitter");
+        assert!(colors.iter().all(|color| boxes.iter().any(|placed| placed.color == *color)));
+        assert_ne!(loose.placed(0, 1).at_m, loose.placed(1, 1).at_m, "every box has its own jitter");
     }
 }

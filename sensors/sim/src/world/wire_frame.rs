@@ -1,4 +1,4 @@
-//! A world's walls, doors and windows as a wire-frame map.
+//! Wire-frame map of the walls, doors and windows of a world.
 
 use std::collections::HashSet;
 
@@ -9,8 +9,8 @@ use super::{Corridor, Door, Wall, Window, World};
 use crate::scene::build::{FRAME_DEPTH_M, FRAME_WIDTH_M, LEAF_M, REBATE_M, WINDOW_BAR_M};
 
 impl World {
-    /// What a map of the building shows: corners, skirtings, ceiling lines, doors and windows; neither lamps nor what
-    /// stands about. World frame, meters.
+    /// Returns a map of the building in the world frame: corners, baseboards, ceiling lines, doors and windows, without lamps and
+    /// boxes.
     #[must_use]
     pub fn wire_frame(&self) -> WireFrame {
         let mut draft = Draft::default();
@@ -27,7 +27,7 @@ struct Draft {
     drawn: HashSet<[[i64; 3]; 2]>,
 }
 
-/// A wall's own frame: places along it, and to its left.
+/// Coordinate system of a wall: along it, and to its left.
 #[derive(Clone, Copy)]
 struct Face {
     from: Vector2<f64>,
@@ -75,7 +75,7 @@ impl Draft {
         }
     }
 
-    /// The skirting, or where there is none the line between wall and floor.
+    /// Adds the baseboard, or without one the line between wall and floor.
     fn foot(&mut self, wall: &Wall, face: &Face, from: f64, to: f64) {
         if to - from < 1e-3 {
             return;
@@ -97,7 +97,7 @@ impl Draft {
         let leaf_left_m = -0.6 * thickness_m;
         let at = |offset: f64, left_m: f64, z: f64| face.point(door.at_m + offset, left_m, z);
         for side in [-1.0, 1.0] {
-            // The frame stands out of the wall: its edge on the wall and its own edge are nearly one.
+            // The edge of the frame and its edge on the wall nearly coincide.
             let outline_left_m = 0.5 * FRAME_DEPTH_M;
             self.edge(at(side * outer, outline_left_m, 0.0), at(side * outer, outline_left_m, head_m));
             self.detail(at(side * inner, FRAME_DEPTH_M, 0.0), at(side * inner, FRAME_DEPTH_M, lintel_m));
@@ -116,7 +116,7 @@ impl Draft {
         self.room(door, face, thickness_m);
     }
 
-    /// An open door's leaf.
+    /// Adds the leaf of an open door.
     fn leaf(&mut self, door: &Door, face: &Face, hinge: Point2<f64>, top_m: f64) {
         let (sin, cos) = (-door.open_deg.to_radians()).sin_cos();
         let turned = face.along * cos + face.left * sin;
@@ -130,7 +130,7 @@ impl Draft {
         self.hide(back, hinge - out * LEAF_M);
     }
 
-    /// The room behind an open door: nothing in it is drawn, but its walls end the view.
+    /// Adds the walls of the room behind an open door, which occlude; its edges are not part of the map.
     fn room(&mut self, door: &Door, face: &Face, thickness_m: f64) {
         let half = 0.5 * door.width_m + 0.5;
         let (near, far) = (-thickness_m, -thickness_m - door.room_depth_m);
@@ -141,7 +141,7 @@ impl Draft {
         }
     }
 
-    /// The bright pane within its frame, and the frame.
+    /// Adds the pane of a window and its frame.
     fn window(&mut self, window: &Window, face: &Face, wall_m: f64) {
         let at_m = window.at_m.unwrap_or(0.5 * wall_m);
         let left_m = 0.017;
@@ -166,7 +166,7 @@ impl Draft {
         self.draw(Edge::between(from, to).detail());
     }
 
-    /// Draws an edge once: walls share their corners.
+    /// Adds an edge unless it exists, since walls share their corners.
     fn draw(&mut self, edge: Edge) {
         let whole = |p: Point3<f64>| [p.x, p.y, p.z].map(|meters| (meters * 1000.0).round() as i64);
         let mut ends = [whole(edge.from), whole(edge.to)];

@@ -1,0 +1,57 @@
+//! `yamabico learn`: thresholds, maps and floor colors of a building.
+
+mod floor;
+mod map;
+mod thresholds;
+
+use clap::Subcommand;
+use yamabico::plugins::plugins;
+use yamabico_host::config::Task;
+use yamabico_learning::{LearningError, TaskSource};
+use yamabico_runtime::execution::Progress;
+
+use crate::output::{CommandResult, Failure, Print};
+use crate::progress::RunProgress;
+use crate::task_arguments::TaskArguments;
+
+/// The kind of thing to learn.
+#[derive(Subcommand)]
+pub enum Learn {
+    /// Learn the thresholds of the stationary-obstacle-avoider, from a drive through the empty building.
+    Thresholds(thresholds::Arguments),
+    /// Learn a map of vertical edges for the map-localizer, from a drive with a mirror camera.
+    Map(map::Arguments),
+    /// Learn the colors of a floor for the free-space-avoider, from marked images.
+    Floor(floor::Arguments),
+}
+
+/// Learns, and prints what was learned.
+pub fn learn(learn: &Learn, print: Print) -> CommandResult {
+    match learn {
+        Learn::Thresholds(arguments) => thresholds::learn(arguments, print),
+        Learn::Map(arguments) => map::learn(arguments, print),
+        Learn::Floor(arguments) => floor::learn(arguments, print),
+    }
+}
+
+impl From<LearningError> for Failure {
+    fn from(error: LearningError) -> Failure {
+        match error {
+            LearningError::Configuration(problems) => Failure::Configuration(problems),
+            error if error.is_of_a_device() => Failure::device(error),
+            error => Failure::usage(error),
+        }
+    }
+}
+
+fn source(task: &TaskArguments, seed: u64) -> TaskSource {
+    TaskSource { file: task.file.clone(), overrides: task.overrides(), plugins: plugins(), seed }
+}
+
+/// Returns a function that shows the progress of each drive.
+fn show_progress(print: Print) -> impl FnMut(&Task, Progress) {
+    let mut bar: Option<RunProgress> = None;
+    move |task, progress| {
+        bar.get_or_insert_with(|| RunProgress::new(task, "learning in ", print)).show(task, progress);
+    }
+}

@@ -1,0 +1,69 @@
+//! `yamabico learn thresholds`: the table that it writes, and the tasks that it refuses.
+
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+use yamabico_testkit::config;
+
+use crate::program::{TestFolder, assert_exit, yamabico};
+
+/// A drive of one meter through the empty hallway.
+const SHORT: [&str; 6] = [
+    "--set",
+    "robot.devices.sim.clutter=\"none\"",
+    "--set",
+    "run.goal.x_m=1.5",
+    "--set",
+    "run.duration_s=20",
+];
+
+fn learn(task: &Path, folder: &TestFolder, arguments: &[&str]) -> Output {
+    let mut command = yamabico();
+    command.args(["learn", "thresholds"]).arg(task).arg("--out").arg(folder.file("learned.toml"));
+    command.args(arguments).output().unwrap()
+}
+
+#[test]
+fn a_short_drive_through_the_empty_hallway_teaches_thresholds() {
+    let folder = TestFolder::new("thresholds");
+    let output =
+        learn(&config("hallway.toml"), &folder, &[&["--json", "--every", "0.5"], &SHORT[..]].concat());
+    assert_exit(&output, 0, &[]);
+    let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let learned = ThresholdTable::read(&folder.file("learned.toml")).unwrap();
+    assert_eq!(json["places"].as_array().unwrap().len(), learned.places.len());
+    assert_eq!((learned.width, learned.height, learned.regions), (256, 240, 5));
+    assert!((2..=5).contains(&learned.places.len()), "{} places in 1.2 m", learned.places.len());
+    for place in &learned.places {
+        assert!((0.0..=2.0).contains(&place.x_m) && place.y_m.abs() < 0.3, "{place:?}");
+        assert!(place.t0 >= 5 && place.recall >= 0.5, "{place:?}");
+    }
+    let plot = image::open(json["plot"].as_str().unwrap()).unwrap();
+    assert!(plot.width() > 400);
+}
+
+#[test]
+fn thresholds_of_another_camera_or_missing_ones_are_learned_again() {
+    let folder = TestFolder::new("thresholds-again");
+    let larger = ["--set", "robot.sensors.front.intrinsics={ width = 320, height = 240, fov_deg = 60 }"];
+    let missing = ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"no-such-table.toml\""];
+    for (set, width) in [(larger, 320), (missing, 256)] {
+        let checked = yamabico().arg("check").arg(config("hallway.toml")).args(set).output().unwrap();
+        assert_exit(&checked, 2, &["thresholds"]);
+        let output = learn(&config("hallway.toml"), &folder, &[&set[..], &SHORT[..]].concat());
+        assert_exit(&output, 0, &["places learned"]);
+        assert_eq!(ThresholdTable::read(&folder.file("learned.toml")).unwrap().width, width);
+    }
+}
+
+#[test]
+fn unsuitable_tasks_and_arguments_are_refused() {
+    let folder = TestFolder::new("thresholds-refused");
+    assert_exit(&learn(&config("no-such-task.toml"), &folder, &[]), 2, &["no-such-task.toml"]);
+    assert_exit(&learn(&config("office.toml"), &folder, &[]), 2, &["add a map-localizer"]);
+    let output = learn(&config("hallway.toml"), &folder, &["--every", "0"]);
+    assert_exit(&output, 2, &["distance between places", "0.05 to 10 m"]);
+    assert!(!folder.file("learned.toml").exists());
+}

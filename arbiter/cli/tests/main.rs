@@ -1,0 +1,17 @@
+//! The integration tests of this crate, one module for each subject.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+mod chaos;
+mod documents;
+mod goto;
+mod learn_floor;
+mod learn_map;
+mod learn_thresholds;
+mod live_control;
+mod parameter_tables;
+mod program;
+mod python;
+mod run;
+mod scheduling;
+mod third_party;

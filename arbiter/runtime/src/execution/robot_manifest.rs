@@ -1,0 +1,166 @@
+//! Manifest of a live robot: its plugins and topics, for clients.
+
+use serde::{Deserialize, Serialize};
+use yamabico_core::message::RobotManifestHeader;
+use yamabico_core::time::Time;
+use yamabico_host::bus::{Bus, BusError, Publisher};
+use yamabico_host::config::Isolation;
+use yamabico_host::{HostSettings, topics};
+
+use super::plan::Plan;
+
+/// Maximum size of a manifest, bytes of JSON.
+pub(super) const MAX_MANIFEST_BYTES: usize = 128 * 1024;
+
+/// Plugins and topics of a live robot.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RobotManifest {
+    /// Name of the robot.
+    pub robot: String,
+    /// Process of arbiter, supervisor and recorder.
+    pub pid: u32,
+    /// Devices, then behaviors, the highest priority first.
+    pub plugins: Vec<PluginEntry>,
+    /// Topics.
+    pub topics: Vec<TopicEntry>,
+}
+
+/// A plugin of a manifest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PluginEntry {
+    /// Name in the task or robot file.
+    pub name: String,
+    /// Type of the behavior or driver.
+    pub plugin: String,
+    /// Set if it has a process of its own.
+    pub own_process: bool,
+    /// External program and its arguments; empty for a plugin that is built in.
+    pub exec: Vec<String>,
+    /// Time without a heartbeat after which it counts as hung, s.
+    pub hang_timeout_s: f64,
+    /// Arbitration settings of a behavior; `None` for a device.
+    pub behavior: Option<BehaviorEntry>,
+}
+
+/// Arbitration settings of a behavior of a manifest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BehaviorEntry {
+    /// Priority; the higher one wins.
+    pub priority: i32,
+    /// Maximum age of a proposal's stamp, s.
+    pub max_age_s: f64,
+    /// Maximum age of a proposal's evidence, s.
+    pub max_evidence_age_s: f64,
+    /// Maximum silence of a critical behavior, s; `None` if it is not critical.
+    pub deadline_s: Option<f64>,
+}
+
+/// A topic of a manifest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TopicEntry {
+    /// Name.
+    pub name: String,
+    /// Message type, such as `yamabico.Odometry.v1`.
+    pub message: String,
+    /// Publisher: the name of a plugin, or a group such as `operators`.
+    pub publisher: String,
+}
+
+/// Placement of plugins whose settings ask for a process of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ProcessPolicy {
+    /// In a process of their own.
+    Separate,
+    /// On a thread of the robot's process.
+    Threads,
+}
+
+impl RobotManifest {
+    /// Manifest of `plan` for the robot of this name.
+    pub(super) fn new(plan: &Plan, robot: &str, policy: ProcessPolicy) -> RobotManifest {
+        let own_process =
+            |host: &HostSettings| policy == ProcessPolicy::Separate && host.isolation == Isolation::Process;
+        let devices = plan.devices.iter().map(|device| PluginEntry {
+            name: device.spec.name.clone(),
+            plugin: device.driver.info().name.clone(),
+            own_process: own_process(&device.settings),
+            exec: Vec::new(),
+            hang_timeout_s: device.settings.deadline.hang_timeout().as_secs_f64(),
+            behavior: None,
+        });
+        let behaviors = plan.behaviors.iter().map(|behavior| PluginEntry {
+            name: behavior.setup.name.clone(),
+            plugin: behavior.factory.info().name.clone(),
+            own_process: own_process(&behavior.settings.host),
+            exec: behavior.settings.host.exec.clone(),
+            hang_timeout_s: behavior.settings.host.deadline.hang_timeout().as_secs_f64(),
+            behavior: behavior_entry(plan, &behavior.setup.name),
+        });
+        let topics = plan.topics.iter().map(|topic| TopicEntry {
+            name: topic.name.clone(),
+            message: topic.message.name.to_owned(),
+            publisher: publisher(plan, &topic.name),
+        });
+        RobotManifest {
+            robot: robot.to_owned(),
+            pid: std::process::id(),
+            plugins: devices.chain(behaviors).collect(),
+            topics: topics.collect(),
+        }
+    }
+}
+
+fn behavior_entry(plan: &Plan, behavior: &str) -> Option<BehaviorEntry> {
+    let policy = &plan.policy.behaviors[plan.policy.find(behavior)?];
+    Some(BehaviorEntry {
+        priority: policy.priority,
+        max_age_s: policy.max_age.as_secs_f64(),
+        max_evidence_age_s: policy.max_evidence_age.as_secs_f64(),
+        deadline_s: policy.critical.then_some(policy.deadline.as_secs_f64()),
+    })
+}
+
+fn publisher(plan: &Plan, topic: &str) -> String {
+    let device = || {
+        plan.devices
+            .iter()
+            .find(|device| device.sensors.iter().any(|(sensor, _)| topics::sensor(sensor) == topic))
+    };
+    let behavior = || {
+        let publishes = |name: &&String| topic.starts_with(&topics::output(name, ""));
+        plan.behaviors.iter().map(|behavior| &behavior.setup.name).find(publishes)
+    };
+    match topic {
+        topics::COMMAND | topics::DECISION | topics::GOAL => "arbiter".to_owned(),
+        topics::CONTROL | topics::STICK => "operators".to_owned(),
+        topics::PROCESSES | topics::MANIFEST | topics::RETUNE => "robot".to_owned(),
+        topics::RETUNED | topics::CALLS | topics::SAVED_STATES => "behaviors".to_owned(),
+        topics::TRUTH | topics::WALLS => "simulators".to_owned(),
+        topics::HEARTBEATS | topics::FAILURES => "plugins".to_owned(),
+        _ => match device() {
+            Some(device) => device.spec.name.clone(),
+            None => behavior().map_or_else(String::new, Clone::clone),
+        },
+    }
+}
+
+/// Publishes the manifest to every client that joins.
+pub(super) struct ManifestPublisher(Publisher<RobotManifestHeader>);
+
+impl ManifestPublisher {
+    /// Publishes `manifest` for the first time.
+    pub fn start(bus: &Bus, manifest: &RobotManifest) -> Result<ManifestPublisher, BusError> {
+        let publisher = bus.publisher(topics::MANIFEST)?;
+        let text = serde_json::to_string(manifest).unwrap_or_default();
+        let header = RobotManifestHeader { stamp_ns: Time::monotonic_now().0, sequence: 1 };
+        publisher.publish(&header, text.as_bytes())?;
+        Ok(ManifestPublisher(publisher))
+    }
+
+    /// Resends the manifest to new subscribers. If that fails, their client reports it.
+    pub fn serve_new_subscribers(&self) {
+        if let Err(error) = self.0.resend_to_new_subscribers() {
+            tracing::debug!("could not resend the manifest to new subscribers: {error}");
+        }
+    }
+}

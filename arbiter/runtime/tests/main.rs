@@ -1,0 +1,10 @@
+//! Integration tests, one module for each subject.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod client;
+mod hostile;
+mod live;
+mod lockstep;
+mod recording;
+mod stand_ins;

@@ -1,0 +1,17 @@
+//! Integration tests of this crate, one module per subject.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod allocations;
+mod inputs;
+mod mirror_inputs;
+mod omni_vectors;
+mod pose_allocations;
+mod rendered_azimuths;
+mod rig;
+mod vectors;
+
+use yamabico_core::testing::CountingAllocator;
+
+#[global_allocator]
+static HEAP: CountingAllocator = CountingAllocator;

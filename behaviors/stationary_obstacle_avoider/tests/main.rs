@@ -1,0 +1,11 @@
+//! The integration tests of this crate, one module a subject.
+
+mod allocations;
+mod inputs;
+mod rig;
+mod vectors;
+
+use yamabico_core::testing::CountingAllocator;
+
+#[global_allocator]
+static HEAP: CountingAllocator = CountingAllocator;

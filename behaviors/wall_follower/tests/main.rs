@@ -1,0 +1,12 @@
+//! The integration tests of this crate, one module a subject.
+
+mod allocations;
+mod hallway;
+mod inputs;
+mod rig;
+mod vectors;
+
+use yamabico_core::testing::CountingAllocator;
+
+#[global_allocator]
+static HEAP: CountingAllocator = CountingAllocator;

@@ -1,0 +1,101 @@
+//! Camera sensor: publishes the images of any renderer.
+
+use std::sync::{Arc, Mutex};
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use yamabico_core::behavior::Outputs;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Encoding, FrameHeader};
+use yamabico_core::sensor::{DeviceError, Due, Sensor};
+use yamabico_core::time::Time;
+
+use super::{Schedule, locked};
+use crate::Scene;
+use crate::render::{Photometry, RenderError};
+use crate::simulation::Simulation;
+
+/// Pixel format of a simulated camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PixelFormat {
+    /// A gray level.
+    #[default]
+    Gray8,
+    /// Red, green and blue.
+    Rgb8,
+}
+
+impl PixelFormat {
+    fn encoding(self) -> Encoding {
+        match self {
+            Self::Gray8 => Encoding::Gray8,
+            Self::Rgb8 => Encoding::Rgb8,
+        }
+    }
+
+    /// Returns the header of an image of this size (px), without stamp and sequence number.
+    pub fn header(self, [width, height]: [u32; 2], photometry: &Photometry) -> FrameHeader {
+        let encoding = self.encoding();
+        FrameHeader {
+            width,
+            height,
+            stride: width * encoding.bytes_per_pixel(),
+            encoding: encoding as u32,
+            exposure: f64::from(photometry.exposure),
+            ..FrameHeader::default()
+        }
+    }
+}
+
+/// Returns the size of an image with this header, bytes.
+pub fn frame_bytes(header: &FrameHeader) -> usize {
+    header.stride as usize * header.height as usize
+}
+
+/// Renderer of a camera's images.
+pub trait ImageRenderer: Send {
+    /// Renders frame number `sequence` for this robot pose.
+    fn render(
+        &mut self,
+        scene: &Scene,
+        robot: Pose2,
+        sequence: u64,
+        format: PixelFormat,
+        pixels: &mut [u8],
+    ) -> Result<(), RenderError>;
+}
+
+/// Camera sensor that delivers every frame after its latency.
+pub struct FrameSensor<P> {
+    pub(super) name: String,
+    pub(super) simulation: Arc<Mutex<Simulation>>,
+    pub(super) renderer: P,
+    pub(super) format: PixelFormat,
+    /// Header without stamp and sequence number.
+    pub(super) header: FrameHeader,
+    pub(super) schedule: Schedule,
+}
+
+impl<P: ImageRenderer> Sensor for FrameSensor<P> {
+    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
+        let simulation = &mut *locked(&self.simulation, &self.name)?;
+        simulation.advance(now);
+        // Frames that a newer one has already replaced are not rendered.
+        let Some((sequence, stamp)) = self.schedule.newest(simulation.origin(), now) else {
+            return Ok(Due::At(self.schedule.next(simulation.origin())));
+        };
+        let failed = |e: &dyn std::fmt::Display| DeviceError::failed(&self.name, e);
+        let seconds = simulation.seconds(stamp);
+        let robot = simulation.at(stamp).pose;
+        simulation.scene.set_time(seconds).map_err(|e| failed(&e))?;
+        let header = FrameHeader { stamp_ns: stamp.0, sequence, ..self.header };
+        let (renderer, scene, format) = (&mut self.renderer, &simulation.scene, self.format);
+        let mut drawn: Result<(), RenderError> = Ok(());
+        outputs.publish_in_place(&self.name, &header, frame_bytes(&header), |pixels: &mut [u8]| {
+            drawn = renderer.render(scene, robot, sequence, format, pixels);
+        })?;
+        drawn.map_err(|e| failed(&e))?;
+        Ok(Due::At(self.schedule.next(simulation.origin())))
+    }
+}

@@ -1,0 +1,12 @@
+//! Integration tests, one module per subject.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod device;
+mod hallway;
+mod mirror;
+mod passages;
+mod render;
+mod sonar;
+mod wire_frame;
+mod world;

@@ -1,0 +1,19 @@
+//! The claims that Yamabico makes, one module for each claim.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod corner;
+mod corridor;
+mod dependencies;
+mod faults;
+mod field;
+mod field_crossing;
+mod hallway;
+mod intersection;
+mod language;
+mod localization;
+mod obstacle;
+mod office;
+mod photos;
+mod room;
+mod support;
