@@ -92,7 +92,7 @@ fn only_the_bus_names_iceoryx2() {
 const STARTERS: [&str; 3] = [
     "arbiter/cli/src/commands/plugin.rs",
     "arbiter/runtime/src/supervisor/spawn.rs",
-    "core/host/src/process/converse.rs",
+    "core/host/src/process/query.rs",
 ];
 
 #[test]

@@ -29,7 +29,7 @@ const BRITISH: [&str; 22] = [
 ];
 
 /// Words that contain one of these but are no British spelling, and names in files of known answers.
-const ALLOWED: [&str; 9] = [
+const ALLOWED: &[&str] = &[
     "perimetre",
     "optimistic",
     "normalised_vp",
@@ -53,7 +53,7 @@ fn the_spelling_is_american() {
     for (path, line, text) in lines(&["rs", "md", "toml", "py"]) {
         let mut lower = text.to_lowercase();
         for allowed in ALLOWED {
-            lower = lower.replace(allowed, "");
+            lower = lower.replace(*allowed, "");
         }
         if let Some(word) = BRITISH.iter().find(|word| lower.contains(**word)) {
             found.push(format!("{}:{line}: {word}", path.display()));

@@ -67,7 +67,7 @@ pub enum FreeSpaceAvoider {
 impl Plugin for FreeSpaceAvoider {
     type Config = Config;
     const NAME: &'static str = "free-space-avoider";
-    const SUMMARY: &'static str = "Drives where the floor is free, without a map, from single images.";
+    const SUMMARY: &'static str = "Drives toward free floor, without a map, by one image at a time.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
     const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE];

@@ -1,6 +1,6 @@
-//! Speed of following both edges through rendered pictures, and of looking for them, on one core.
+//! Time of tracking both edges through rendered images, and of detecting them, on one core.
 //!
-//! `cargo bench -p yamabico-intersection-tracker`. With `YAMABICO_FRAMES=DIR` (a full path) the pictures are kept there, the
+//! `cargo bench -p yamabico-intersection-tracker`. With `YAMABICO_FRAMES=DIR` (a full path) the images are kept there, the
 //! true columns of both edges in their names, for other programs to be timed on the same ones.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark may panic")]
@@ -27,7 +27,7 @@ use yamabico_rigs::camera_drive::CameraDrive;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
 use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver};
 
-/// Rounds over the pictures of which the quickest counts, which other programs on the machine disturb least.
+/// Rounds over the images, of which the fastest counts: it is disturbed least by other programs.
 const ROUNDS: u32 = 400;
 
 fn benches(criterion: &mut Criterion) {
@@ -35,17 +35,17 @@ fn benches(criterion: &mut Criterion) {
     let start = Pose2::new(END_M - 6.0, 0.05, 0.0);
     let world = world(Ending::Crossing, 2.4);
     let mut drive: CameraDrive<IntersectionTracker> = approach(&world, start, (intrinsics, mount), 4.0, 1);
-    let pictures: Vec<_> = (0..8).map(|_| drive.render()).collect();
-    let views: Vec<_> = pictures.iter().map(|data| ImageView::new(data, 640, 480, 640).unwrap()).collect();
+    let images: Vec<_> = (0..8).map(|_| drive.render()).collect();
+    let views: Vec<_> = images.iter().map(|data| ImageView::new(data, 640, 480, 640).unwrap()).collect();
     let mut next = 0;
-    let mut picture = move || {
+    let mut image = move || {
         next = (next + 1) % 8;
         next
     };
 
     let at = wall_ends(&world).map(|end| Vector2::new(edge_column(&drive.view, end).unwrap(), 181.0));
     if let Some(folder) = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from) {
-        for (i, data) in pictures.iter().enumerate() {
+        for (i, data) in images.iter().enumerate() {
             let path = folder.join(format!("intersection_640x480_{i}_{:.2}_{:.2}.png", at[0].x, at[1].x));
             image::save_buffer(path, data, 640, 480, image::ExtendedColorType::L8).unwrap();
         }
@@ -56,7 +56,7 @@ fn benches(criterion: &mut Criterion) {
     }
     criterion.bench_function("SSDA and correlation, two 20x40 templates, 25 columns", |bencher| {
         bencher.iter(|| {
-            let view = views[picture()];
+            let view = views[image()];
             for (template, at) in templates.iter().zip(at) {
                 let middle = PatchOrigin { u: at.x as usize - 10, v: 161 };
                 let area = SearchArea::along_row(view, template, middle, 12).unwrap();
@@ -74,7 +74,7 @@ fn benches(criterion: &mut Criterion) {
     });
     criterion.bench_function("track of two 20x40 templates, every check", |bencher| {
         bencher.iter(|| {
-            let view = views[picture()];
+            let view = views[image()];
             for (edge, aim) in edges.iter_mut().zip(&aims) {
                 edge.track(view, aim).unwrap();
             }
@@ -92,7 +92,7 @@ fn benches(criterion: &mut Criterion) {
     });
     let best_us = rounds.fold(f64::INFINITY, f64::min);
     println!(
-        "track of two 20x40 templates, every check: best of {ROUNDS} rounds {best_us:.1} us a picture\n"
+        "track of two 20x40 templates, every check: best of {ROUNDS} rounds {best_us:.1} us per image\n"
     );
 
     let seen_by = CorridorCamera {
@@ -113,14 +113,14 @@ fn benches(criterion: &mut Criterion) {
         bencher.iter(|| {
             let pose = Pose2::IDENTITY;
             track.predict(Motion::Between(pose, pose));
-            assert_eq!(track.follow(views[picture()], &pose, &seen_by), Sides::Both);
+            assert_eq!(track.follow(views[image()], &pose, &seen_by), Sides::Both);
         });
     });
     criterion.bench_function(
         "find the ends of both walls, 640x480, with vanishing point and floor lines",
         |bencher| {
             bencher.iter(|| {
-                let view = views[picture()];
+                let view = views[image()];
                 if let Ok(sighting) = sight.observe(view, None) {
                     black_box(finder.find(view, &sight, &sighting, &rule).len());
                 }

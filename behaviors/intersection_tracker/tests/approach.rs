@@ -20,7 +20,7 @@ fn is_driving(drive: &Drive) -> bool {
 fn comes_to_a_crossing_and_to_a_tee_and_hands_over() {
     for ending in [Ending::Crossing, Ending::Tee] {
         let mut drive = before(ending, 10.0);
-        let (mut worst_px, mut worst_near_px, mut pictures) = (0.0_f64, 0.0_f64, 0);
+        let (mut worst_px, mut worst_near_px, mut images) = (0.0_f64, 0.0_f64, 0);
         loop {
             let has_picture = drive.step();
             let ahead_m = END_M - drive.robot.x;
@@ -43,12 +43,12 @@ fn comes_to_a_crossing_and_to_a_tee_and_hands_over() {
             if ahead_m < 4.0 {
                 worst_near_px = worst_near_px.max(middle_px);
             }
-            pictures += 1;
+            images += 1;
         }
         assert_eq!(drive.proposal.reason(), Some(Reason::Nominal), "{ending:?}: handed over");
         assert!(END_M - drive.robot.x < 2.3, "{ending:?}: handed over at {}", drive.robot.x);
         assert!(drive.robot.y.abs() < 0.06, "{ending:?}: {} m beside the middle", drive.robot.y);
-        assert!(pictures > 180, "{ending:?}: {pictures} pictures");
+        assert!(images > 180, "{ending:?}: {images} images");
         assert!(
             worst_px <= 2.0 && worst_near_px <= 1.0,
             "{ending:?}: {worst_px} px, {worst_near_px} px near"
@@ -83,7 +83,7 @@ fn one_edge_slows_then_is_told_but_not_followed() {
     }
     assert!((slowest_mps - 0.2).abs() < 0.02, "half the speed: {slowest_mps}");
     assert_eq!((drive.proposal.reason(), is_driving(&drive)), (Some(Reason::OneSided), false));
-    assert_eq!(drive.bench.published::<Intersection>("intersection").len(), 1, "still told");
+    assert_eq!(drive.bench.published::<Intersection>("intersection").len(), 1, "still published");
     drive.covered_from = usize::MAX;
     while drive.now_s() < 8.0 {
         drive.step();

@@ -59,7 +59,7 @@ fn missing_and_stale_inputs_are_named() {
     assert_eq!(bench.propose().reason(), Some(Reason::NoInput));
     let mut standing = Standing::new();
     standing.bench.at(standing.seconds + 0.4);
-    assert_eq!(standing.propose(), (Kind::Abstain, Reason::StaleInput), "no picture for 0.4 s");
+    assert_eq!(standing.propose(), (Kind::Abstain, Reason::StaleInput), "no image for 0.4 s");
 }
 
 #[test]
@@ -76,9 +76,9 @@ fn pictures_that_show_nothing_are_coasted_through_and_then_lost() {
         (0..480).flat_map(mean).collect::<Vec<u8>>()
     };
     let sharp = pixels();
-    for (what, picture) in [("dark", blank(0)), ("saturated", blank(255)), ("blurred", blurred(&sharp))] {
+    for (what, image) in [("dark", blank(0)), ("saturated", blank(255)), ("blurred", blurred(&sharp))] {
         let mut standing = Standing::new();
-        let said: Vec<_> = (0..14).map(|_| standing.see(&picture, Pose2::IDENTITY)).collect();
+        let said: Vec<_> = (0..14).map(|_| standing.see(&image, Pose2::IDENTITY)).collect();
         assert_eq!(said[0], (Kind::Drive, Reason::Coasting), "{what}");
         assert_eq!(said[13], (Kind::Abstain, Reason::IntersectionLost), "{what}");
         assert!(said.iter().all(|(_, reason)| *reason != Reason::Nominal), "{what}: {said:?}");
@@ -128,7 +128,7 @@ fn pictures_from_the_past_and_the_future_are_left_out() {
         let header = frame_header(&camera(640, 480, FOV_DEG).0, standing.seconds + offset_s);
         standing.bench.at(standing.seconds).feed(&CAMERA, &header, &vec![0; 640 * 480]);
         let (kind, _) = standing.propose();
-        assert_eq!(kind, Kind::Drive, "{offset_s} s: the last picture still counts");
+        assert_eq!(kind, Kind::Drive, "{offset_s} s: the last image still counts");
         let evidence = standing.bench.propose().evidence_ns;
         assert_eq!(evidence, Time::from_secs_f64(standing.seconds).0, "{offset_s} s");
     }

@@ -57,7 +57,7 @@ pub struct Config {
     #[default(0.1)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub wall_margin_m: f64,
-    /// If set, an image corrects the pose at its capture time, and the motion since then is applied again; otherwise it
+    /// If true, an image corrects the pose at its capture time, and the motion since then is applied again; otherwise it
     /// corrects the newest pose, for comparison.
     #[default(true)]
     pub retroactive: bool,
@@ -69,12 +69,12 @@ pub struct Config {
     #[default(0.01)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub map_sigma_m: f64,
-    /// Minimum standard deviation of the azimuth of an edge (azimuth).
+    /// Minimum standard deviation of the azimuth of an edge; used by method `azimuth`.
     #[default(0.1)]
     #[schemars(range(min = 0.01, max = 5.0))]
     pub azimuth_sigma_deg: f64,
-    /// Standard deviation of the sway of the camera's mast about the vertical, which odometry does not measure
-    /// (azimuth).
+    /// Standard deviation of the sway of the camera's mast about the vertical, which odometry does not measure;
+    /// used by method `azimuth`.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub sway_deg: f64,
     /// Distance between two images below which their errors are correlated.

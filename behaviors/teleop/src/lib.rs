@@ -1,4 +1,4 @@
-//! Drives by a joystick or by keys, only while they are held.
+//! Drives the robot by a joystick or the keyboard, only while the stick or key is held.
 //!
 //! An ordinary behavior with a priority: behaviors that outrank it halt or steer the robot whatever the operator does, and
 //! behaviors below it take over when the operator lets go.
@@ -57,7 +57,8 @@ pub struct Teleop {
 impl Plugin for Teleop {
     type Config = Config;
     const NAME: &'static str = "teleop";
-    const SUMMARY: &'static str = "Drives by a joystick or by keys, only while they are held.";
+    const SUMMARY: &'static str =
+        "Drives the robot by a joystick or the keyboard, only while the stick or key is held.";
     const INPUTS: &'static [SlotInfo] = &[STICK.info()];
     const CLAIMS: Axes = Axes::ALL;
 

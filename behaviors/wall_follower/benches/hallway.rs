@@ -1,7 +1,7 @@
-//! From a picture of the rendered hallway to the vanishing point, segments included, on one core.
+//! From an image of the rendered hallway to the vanishing point, segments included, on one core.
 //!
 //! `cargo bench -p yamabico-wall-follower --bench hallway`. For each size the median over twelve places of the best of many
-//! runs each. With `YAMABICO_FRAMES=DIR` the pictures are kept there, for other programs to be timed on the same ones.
+//! runs each. With `YAMABICO_FRAMES=DIR` the images are kept there, for other programs to be timed on the same ones.
 
 #![allow(clippy::unwrap_used, missing_docs, reason = "a benchmark")]
 
@@ -40,9 +40,9 @@ fn main() {
                 image::save_buffer(path, &pixels, width, height, image::ExtendedColorType::L8).unwrap();
             }
             let (columns, rows) = (width as usize, height as usize);
-            let picture = ImageView::new(&pixels, columns, rows, columns).unwrap();
+            let image = ImageView::new(&pixels, columns, rows, columns).unwrap();
             let mut look = || {
-                let segments = detector.detect(black_box(picture)).unwrap();
+                let segments = detector.detect(black_box(image)).unwrap();
                 (segments.len(), finder.find(segments, &intrinsics, None).is_ok())
             };
             let (segments, is_found) = look();

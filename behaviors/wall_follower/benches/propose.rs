@@ -1,4 +1,4 @@
-//! One `propose` with a new picture of a rendered corridor.
+//! One call of `propose` with a new image of a rendered corridor.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use yamabico_core::geometry::Pose2;

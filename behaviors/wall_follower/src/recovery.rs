@@ -12,9 +12,9 @@ const ARRIVED_RAD: f64 = 0.03;
 pub enum Recovery {
     /// Drive on at half speed by the last estimate.
     Coast,
-    /// Stand and turn to this heading in the odometry frame, radians.
+    /// Turn in place to this heading in the odometry frame, radians.
     TurnTo(f64),
-    /// Stand: the search is complete, or impossible without odometry.
+    /// Stop: the search is complete, or impossible without odometry.
     GiveUp,
 }
 

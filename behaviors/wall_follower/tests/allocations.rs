@@ -14,14 +14,14 @@ fn a_frame_allocates_nothing_after_warm_up() {
     let (intrinsics, mount) = camera(640, 480);
     let mut bench =
         Bench::<WallFollower>::new("", setup(intrinsics, mount, Calibration::Measured)).expect("defaults");
-    let pictures: Vec<_> = [0.0, 0.1, -0.1]
+    let images: Vec<_> = [0.0, 0.1, -0.1]
         .into_iter()
         .map(|heading| (heading, render(intrinsics, mount, Pose2::new(0.0, 0.0, heading))))
         .collect();
     let mut counted = 0;
     for i in 0..150_usize {
         let seconds = i as f64 * 0.1;
-        let (heading, pixels) = &pictures[i % pictures.len()];
+        let (heading, pixels) = &images[i % images.len()];
         let odometry =
             Odometry { stamp_ns: Time::from_secs_f64(seconds).0, theta: *heading, ..Odometry::default() };
         bench.at(seconds).feed(&ODOMETRY, &odometry, &[]);

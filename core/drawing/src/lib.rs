@@ -15,5 +15,6 @@
 
 mod canvas;
 pub mod font;
+pub mod palette;
 
 pub use canvas::{Canvas, Color};

@@ -57,7 +57,7 @@ pub fn driver() -> Arc<dyn Driver> {
         ),
         SensorOffer::new::<Odometry, EncoderConfig>(
             "encoders",
-            "Odometry of wheel encoders with steps, slip and wrong radii.",
+            "Wheel-encoder odometry with quantization, slip and wheel-radius errors.",
         ),
     ];
     let drives = vec![

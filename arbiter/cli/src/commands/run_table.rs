@@ -38,13 +38,13 @@ fn figures(ran: &RunResult) -> String {
     table.add_row(["distance", &format!("{:.2} m", summary.distance_m)]);
     table.add_row(["time", &format!("{:.1} s", summary.time_s)]);
     table.add_row(["contacts", &count(summary.contacts)]);
-    table.add_row(["people who walked into the robot", &count(summary.struck)]);
+    table.add_row(["collisions caused by people", &count(summary.struck)]);
     table.add_row(["minimum clearance", &meters(summary.smallest_clearance_m)]);
     table.add_row(["nearest person while stopped", &meters(summary.smallest_person_standing_m)]);
     table.add_row(["nearest person while moving", &meters(summary.smallest_person_moving_m)]);
-    table.add_row(["RMS lateral offset", &meters(summary.rms_offset_m)]);
+    table.add_row(["RMS offset from the reference line", &meters(summary.rms_offset_m)]);
     table.add_row(["halts", &format!("{} ({halted:.1} s)", summary.halts.len())]);
-    table.add_row(["speed of the run", &format!("{:.1} x real time", summary.real_time_factor)]);
+    table.add_row(["real-time factor", &format!("{:.1}", summary.real_time_factor)]);
     if is_live(summary) {
         table.add_row([
             "lateness of arbiter ticks: p50, p99, max",

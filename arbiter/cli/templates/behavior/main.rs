@@ -44,12 +44,12 @@ impl Plugin for MyBehavior {
 }
 
 impl Behavior for MyBehavior {
-    /// Called on every new scan. Without an input it abstains, and the next behavior by priority drives.
+    /// Called on every new scan. Without an input it abstains, and the behavior with the next lower priority drives.
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let Some(scan) = inputs.latest(&SONAR) else { return Proposal::abstain(Reason::NoInput) };
         let echoes = scan.items.iter().filter(|beam| beam.flags & NO_ECHO == 0).map(|beam| beam.range_m);
         let nearest_m = echoes.fold(scan.header.max_m, f64::min);
-        // Full speed from twice the stopping distance on. A value that is not finite stops the robot.
+        // Full speed at twice the stopping distance or more. A value that is not finite stops the robot.
         let share = (nearest_m / self.config.stop_m - 1.0).clamp(0.0, 1.0);
         let speed = if share.is_finite() { share * self.config.speed_mps } else { 0.0 };
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, 0.0))

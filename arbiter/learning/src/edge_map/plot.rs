@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nalgebra::{SymmetricEigen, Vector2};
+use yamabico_drawing::palette::{GRID, INK};
 use yamabico_drawing::{Canvas, Color};
 use yamabico_vision::azimuth_map::{EdgeMap, SurfaceState};
 
@@ -13,8 +14,6 @@ use crate::error::write_png;
 const SIZE: usize = 640;
 /// Border around the map, px.
 const MARGIN: f64 = 40.0;
-const INK: Color = [40; 3];
-const GRID: Color = [232; 3];
 const FREE: Color = [120, 190, 120];
 const EDGE: Color = [200, 30, 60];
 

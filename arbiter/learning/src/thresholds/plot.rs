@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use yamabico_drawing::{Canvas, Color};
+use yamabico_drawing::Canvas;
+use yamabico_drawing::palette::{GRID, INK};
 use yamabico_stationary_obstacle_avoider::threshold_learning::EdgeCounts;
 use yamabico_stationary_obstacle_avoider::threshold_table::Place;
 
@@ -14,8 +15,6 @@ const LEFT: f64 = 56.0;
 const BOTTOM: f64 = 396.0;
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 350.0;
-const INK: Color = [40; 3];
-const GRID: Color = [228; 3];
 
 /// Writes the plot: a curve N(T) for each place, with a cross at its T0. The N axis is scaled by the square root.
 ///

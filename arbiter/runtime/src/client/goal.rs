@@ -177,9 +177,9 @@ mod tests {
         let message = |name| choose_planner(&one, name).unwrap_err().to_string();
         assert!(message(Some("teleop")).contains("--behavior: localizer"), "{}", message(Some("teleop")));
         assert!(
-            message(Some("localiser")).contains("did you mean `localizer`?"),
+            message(Some("localzer")).contains("did you mean `localizer`?"),
             "{}",
-            message(Some("localiser"))
+            message(Some("localzer"))
         );
         let none = choose_planner(&robot(&["teleop"], &[]), Some("map-localizer")).unwrap_err();
         assert!(matches!(none, ClientError::NoPlanner));

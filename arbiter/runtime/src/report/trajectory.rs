@@ -9,6 +9,7 @@ use plotters::style::{Color, RGBColor, ShapeStyle};
 use super::Trace;
 use super::trace::TracePoint;
 use yamabico_drawing::font::{ADVANCE, ASCENT, pixels, width};
+use yamabico_drawing::palette;
 
 /// Corner of a wall, map frame, m.
 pub type Corner = [f64; 2];
@@ -36,9 +37,9 @@ const MARGIN_M: f64 = 0.3;
 const LETTER_SCALE: i32 = 4;
 const LINE_PX: i32 = 52;
 
-const INK: RGBColor = RGBColor(40, 40, 40);
-const GRID: RGBColor = RGBColor(232, 232, 232);
-const WALL: RGBColor = RGBColor(90, 90, 90);
+const INK: RGBColor = rgb(palette::INK);
+const GRID: RGBColor = rgb(palette::GRID);
+const WALL: RGBColor = rgb(palette::WALL);
 const WHEELS: RGBColor = RGBColor(170, 170, 170);
 const HALT: RGBColor = RGBColor(200, 30, 30);
 const PERSON: RGBColor = RGBColor(235, 130, 20);
@@ -301,6 +302,11 @@ fn draw_text(area: &Area<'_>, text: &str, upper_left: Pixel, color: RGBColor) ->
         }
     }
     Ok(())
+}
+
+/// Converts a color for `plotters`.
+const fn rgb([red, green, blue]: yamabico_drawing::Color) -> RGBColor {
+    RGBColor(red, green, blue)
 }
 
 #[cfg(test)]

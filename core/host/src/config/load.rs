@@ -223,9 +223,9 @@ impl Loader {
                         self.sources[source].text = text;
                         let span = Span { source, start: at, end: at + 1 };
                         let problem = Problem::new(span, message).label("not UTF-8");
-                        named_at.into_iter().fold(problem, |problem, at| problem.also(at, "named here"))
+                        named_at.into_iter().fold(problem, |problem, at| problem.also(at, "referenced here"))
                     }
-                    (None, Some(span)) => Problem::new(span, message).label("named here"),
+                    (None, Some(span)) => Problem::new(span, message).label("referenced here"),
                     (None, None) => {
                         Problem::new(Span { source, start: 0, end: 0 }, message).label("not readable")
                     }

@@ -60,7 +60,7 @@ pub(crate) fn resolve_paths(
         if !is_there {
             problems.push(
                 Problem::new(entry.node.span, format!("{format} {} does not exist", path.display()))
-                    .label("named here")
+                    .label("referenced here")
                     .help(what_is_near(&path)),
             );
         }

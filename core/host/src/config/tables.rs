@@ -85,7 +85,7 @@ pub(crate) struct ArbiterKeys {
     /// Age of sensor data above which a command counts as late and is reported. Without it, no command is late.
     #[schemars(range(min = 1.0, max = 60000.0))]
     pub latency_budget_ms: Option<f64>,
-    /// If set, late commands are slowed down in proportion to the latency budget divided by the age of the data.
+    /// If true, late commands are slowed down in proportion to the latency budget divided by the age of the data.
     pub latency_slows: bool,
     /// Scheduling of the arbiter by the operating system.
     pub scheduling: SchedulingKeys,
@@ -162,9 +162,9 @@ pub(crate) struct BehaviorKeys {
     /// Priority; the highest wins an axis.
     #[schemars(range(min = -1_000_000, max = 1_000_000))]
     pub priority: Option<i32>,
-    /// If set, the robot stops when the behavior is silent.
+    /// If true, the robot stops when the behavior is silent.
     pub critical: bool,
-    /// If set, the behavior is enabled at the start.
+    /// If true, the behavior is enabled at the start.
     #[default(true)]
     pub enabled: bool,
     /// Source of each input slot: a sensor name, "behavior.output" or "operator".
@@ -198,7 +198,7 @@ pub(crate) struct BehaviorKeys {
     pub isolation: Isolation,
     /// Scheduling of the behavior by the operating system.
     pub scheduling: SchedulingKeys,
-    /// If set, the behavior is not called while it is inhibited, and resumes with the newest input.
+    /// If true, the behavior is not called while it is inhibited, and resumes with the newest input.
     pub sleeps_while_inhibited: bool,
     /// External program of the behavior, and its arguments. The path of the program, and arguments that begin with `./`
     /// or `../`, are relative to this file.
@@ -383,7 +383,7 @@ pub(crate) struct SensorKeys {
     /// Kind of sensor, one that the device's driver offers.
     #[schemars(required)]
     pub kind: Option<String>,
-    /// If set, the robot stops without this sensor.
+    /// If true, the robot stops without this sensor.
     #[serde(default)]
     pub critical: bool,
     /// Age of its newest measurement above which the sensor counts as dead. Without it, three periods plus its latency.

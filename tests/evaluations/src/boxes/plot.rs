@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 use yamabico_drawing::font;
+use yamabico_drawing::palette::{GRID, INK};
 use yamabico_drawing::{Canvas, Color};
 
 use crate::images::Output;
@@ -11,8 +12,6 @@ const LEFT: f64 = 60.0;
 const TOP: f64 = 44.0;
 const WIDTH: f64 = 550.0;
 const HEIGHT: f64 = 310.0;
-const INK: Color = [40; 3];
-const GRID: Color = [222; 3];
 
 /// A curve of the plot.
 pub struct Curve<'a> {

@@ -5,6 +5,7 @@ use plotters::coord::Shift;
 use plotters::prelude::{BitMapBackend, Circle, DrawingArea, IntoDrawingArea, PathElement};
 use plotters::style::{Color, RGBColor, ShapeStyle, WHITE};
 use yamabico_drawing::font::pixels;
+use yamabico_drawing::palette;
 
 use super::trajectory::Trajectory;
 
@@ -31,9 +32,9 @@ const CURVE_MPS2: f64 = 0.4;
 /// Time between two rings along a trajectory, s.
 const RING_S: f64 = 0.5;
 
-const INK: RGBColor = RGBColor(40, 40, 40);
-const GRID: RGBColor = RGBColor(225, 225, 225);
-const WALL: RGBColor = RGBColor(90, 90, 90);
+const INK: RGBColor = rgb(palette::INK);
+const GRID: RGBColor = rgb(palette::GRID);
+const WALL: RGBColor = rgb(palette::WALL);
 const COLORS: [(RGBColor, RGBColor); 3] = [
     (RGBColor(30, 90, 200), RGBColor(190, 210, 245)),
     (RGBColor(200, 70, 30), RGBColor(250, 210, 190)),
@@ -163,4 +164,9 @@ fn text(area: &Area<'_>, label: &str, (x, y): (i32, i32), color: RGBColor) -> Dr
         }
     }
     Ok(())
+}
+
+/// Converts a color for `plotters`.
+const fn rgb([red, green, blue]: yamabico_drawing::Color) -> RGBColor {
+    RGBColor(red, green, blue)
 }
