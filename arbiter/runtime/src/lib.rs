@@ -8,6 +8,22 @@
 //! | [`record`] | taps on the messages of a run: digest, MCAP recording, playback |
 //! | [`report`] | the summary of a run and the plot of its trajectory |
 //! | [`client`] | the client of a running robot, for every live command |
+//!
+//! ```
+//! use yamabico_core::message::{MessageType, Odometry};
+//! use yamabico_core::time::Time;
+//! use yamabico_runtime::record::{Digest, Tap};
+//!
+//! // Every run hashes its messages in order: equal runs have equal digests.
+//! let digest = |x: f64| {
+//!     let mut digest = Digest::new();
+//!     let odometry = Odometry { x, ..Default::default() };
+//!     digest.message("sensors/wheels", &MessageType::of::<Odometry>(), Time::ZERO, bytemuck::bytes_of(&odometry), &[]);
+//!     digest.hex()
+//! };
+//! assert_eq!(digest(1.0), digest(1.0));
+//! assert_ne!(digest(1.0), digest(2.0));
+//! ```
 
 pub mod client;
 pub mod execution;
