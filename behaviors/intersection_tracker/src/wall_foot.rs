@@ -28,7 +28,7 @@ const FOOT_HEIGHTS_M: [f64; 2] = [-0.1, 0.25];
 const FOOT_COLUMNS_PX: [f64; 4] = [2.0, 3.0, 4.0, 5.0];
 /// Distance from an edge at which a column shows one side only, pixels.
 const CLEAR_COLUMNS_PX: f64 = 2.5;
-/// Minimum row difference (px) at which the foot of a wall across the corridor can be told from this wall's.
+/// Minimum row difference (px) at which the foot of a wall across the corridor can be distinguished from this wall's.
 const CLEAR_ROWS_PX: f64 = 2.0;
 /// Number of samples from which the typical profile of a wall is chosen.
 const PLACES: usize = 24;

@@ -7,7 +7,7 @@ use yamabico_core::time::Time;
 use yamabico_host::HostError;
 use yamabico_host::bus::{Bus, CleanUpReport};
 
-/// Delay of a second clean-up: after a second, remains that the transport has lost track of can be told from files in use.
+/// Delay of a second clean-up: after a second, remains that the transport has lost track of can be distinguished from files in use.
 const SECOND_CLEAN_UP: Duration = Duration::from_millis(1500);
 
 /// Period of clean-ups without a known death: killed client programs leave ports behind that the supervisor does not see.
