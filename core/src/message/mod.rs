@@ -26,8 +26,8 @@ pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, 
 pub use layout::{Field, HasLayout, Layout, StructLayout};
 pub use operator::{RetuneHeader, RetuneOutcome, RetuneStep, RetunedHeader, Stick};
 pub use perception::{
-    FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle, ObstaclesHeader,
-    PathHeader, PathPoint, Pose, PoseStatus,
+    Corridor, FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle,
+    ObstaclesHeader, PathHeader, PathPoint, Pose, PoseStatus,
 };
 pub use plugin::{
     CallBucket, CallsHeader, FailureHeader, Heartbeat, PluginState, Process, ProcessState, ProcessesHeader,

@@ -196,3 +196,30 @@ message! {
         pub sigma_m: f64,
     }
 }
+
+message! {
+    /// A corridor seen from the robot: its axis and its two walls. The frame of a corridor without a map.
+    "yamabico.Corridor.v1" Latest [u8] evidence evidence_ns
+    pub struct Corridor {
+        /// Time that it is valid for.
+        pub stamp_ns: u64,
+        /// Stamp of the oldest sensor data behind it.
+        pub evidence_ns: u64,
+        /// Sequence number.
+        pub sequence: u64,
+        /// Heading of the robot from the corridor's axis, rad, positive to the left.
+        pub heading_rad: f64,
+        /// Standard deviation of the heading, rad.
+        pub heading_sigma_rad: f64,
+        /// Distance from the robot's center to the wall on its left, m; NaN if it is unknown.
+        pub left_m: f64,
+        /// Standard deviation of the distance to the wall on the left, m; NaN if it is unknown.
+        pub left_sigma_m: f64,
+        /// Distance from the robot's center to the wall on its right, m; NaN if it is unknown.
+        pub right_m: f64,
+        /// Standard deviation of the distance to the wall on the right, m; NaN if it is unknown.
+        pub right_sigma_m: f64,
+        /// Probability that a corridor is in view and that the heading is right, 0 to 1.
+        pub probability: f64,
+    }
+}

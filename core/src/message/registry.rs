@@ -98,6 +98,7 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<FreeSpaceHeader>(),
     MessageType::of::<LandmarksHeader>(),
     MessageType::of::<Intersection>(),
+    MessageType::of::<Corridor>(),
     MessageType::of::<Proposal>(),
     MessageType::of::<Command>(),
     MessageType::of::<DecisionHeader>(),
