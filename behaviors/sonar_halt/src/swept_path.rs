@@ -122,8 +122,8 @@ mod tests {
     #[test]
     fn a_sideways_path_is_a_forward_path_turned_by_a_right_angle() {
         for angular in [0.0, 0.7, -0.7] {
-            let forward = path(0.4, 0.0, angular).contact_m([0.9, 0.1]).unwrap();
-            let sideways = path(0.0, 0.4, angular).contact_m([-0.1, 0.9]).unwrap();
+            let forward = path(0.4, 0.0, angular).contact_m([0.5, 0.05]).unwrap();
+            let sideways = path(0.0, 0.4, angular).contact_m([-0.05, 0.5]).unwrap();
             assert!((forward - sideways).abs() < 1e-12);
         }
     }

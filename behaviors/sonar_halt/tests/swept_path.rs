@@ -121,6 +121,7 @@ fn a_wish_that_is_not_finite_or_old_is_unknown() {
     for (age_s, wished) in [(0.0, f64::NAN), (0.5, 0.0)] {
         let mut scene = Scene::new("");
         scene.wished = None;
+        scene.now += 1.0;
         let stamp_ns = Time::from_secs_f64(scene.now + STEP_S - age_s).0;
         let decision =
             DecisionHeader { stamp_ns, wished: Twist::planar(wished, 0.0), ..DecisionHeader::default() };
