@@ -109,7 +109,7 @@ fn allocate_group(
             continue;
         }
         let (won, outcome, by) = allocation.bid(state, row, proposal, decision);
-        if outcome == Outcome::GaveUp && allocation.offers_all(&state.candidates[row]) {
+        if outcome == Outcome::GaveUp && by.is_some() && allocation.offers_all(&state.candidates[row]) {
             decision.held_back.get_or_insert(proposal.twist);
         }
         for axis in won.iter() {
@@ -166,8 +166,8 @@ impl Allocation {
             && candidate.suppressed.is_empty()
     }
 
-    /// Returns true if no other behavior keeps the driver from any axis that it claims. If it gives up nevertheless, a halt is
-    /// the cause, or an axis that the drive lacks.
+    /// Returns true if no other behavior keeps the driver from any axis that it claims. If it gives up nevertheless
+    /// because of a behavior, that one halts.
     fn offers_all(&self, candidate: &Candidate) -> bool {
         candidate.axes.intersection(candidate.suppressed.union(self.taken).union(self.reserved)).is_empty()
     }
