@@ -852,6 +852,8 @@ class DecisionHeader(Message):
         ("allowed", Twist),
         # Commanded twist.
         ("commanded", Twist),
+        # Twist that would be wanted without halts: that of a coupled drive that gave up because a halt stops one of its axes.
+        ("wished", Twist),
         # Axes that a halt stops.
         ("halted", ctypes.c_uint32),
         # Axes that the drive can move.
@@ -873,12 +875,12 @@ class DecisionHeader(Message):
     limiter = text("_limiter")
     halter = text("_halter")
     note = text("_note")
-    NAME = "yamabico.DecisionHeader.v2"
+    NAME = "yamabico.DecisionHeader.v3"
     CHANNEL = "stream"
     ITEM = Verdict
 
 
-assert ctypes.sizeof(DecisionHeader) == 512 and ctypes.alignment(DecisionHeader) == 8
+assert ctypes.sizeof(DecisionHeader) == 536 and ctypes.alignment(DecisionHeader) == 8
 
 
 class Heartbeat(Message):

@@ -208,6 +208,7 @@ fn behavior_plan(behavior: &config::BehaviorFile) -> BehaviorPlan {
         InputSource::Output { behavior, output } => topics::output(behavior, output),
         InputSource::Operator if message.name == Stick::NAME => topics::STICK.to_owned(),
         InputSource::Operator => topics::GOAL.to_owned(),
+        InputSource::Arbiter => topics::DECISION.to_owned(),
     };
     let inputs = behavior.inputs.iter();
     BehaviorPlan {

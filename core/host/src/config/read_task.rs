@@ -61,7 +61,7 @@ pub(crate) fn read_task(
         draft.check_ages(&behavior, tree, robot.as_ref(), problems);
         let is_described = |input: &Input| match &input.source {
             InputSource::Sensor(_) => sensor_of(input, robot.as_ref()).is_some(),
-            InputSource::Output { .. } | InputSource::Operator => true,
+            InputSource::Output { .. } | InputSource::Operator | InputSource::Arbiter => true,
         };
         let named = draft.table.table("inputs").map_or(0, |inputs| inputs.entries.len());
         let is_read = |slot: &SlotInfo| behavior.inputs.iter().any(|input| input.slot == slot.name);

@@ -98,6 +98,9 @@ pub struct Input {
 /// Source name of the operator's goals and stick messages.
 pub(crate) const OPERATOR: &str = "operator";
 
+/// Source name of the arbiter's decisions.
+pub(crate) const ARBITER: &str = "arbiter";
+
 /// Source of messages.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub enum InputSource {
@@ -112,6 +115,8 @@ pub enum InputSource {
     },
     /// Operator of the running robot.
     Operator,
+    /// Decisions of the arbiter.
+    Arbiter,
 }
 
 impl std::fmt::Display for InputSource {
@@ -120,6 +125,7 @@ impl std::fmt::Display for InputSource {
             InputSource::Sensor(name) => f.write_str(name),
             InputSource::Output { behavior, output } => write!(f, "{behavior}.{output}"),
             InputSource::Operator => f.write_str(OPERATOR),
+            InputSource::Arbiter => f.write_str(ARBITER),
         }
     }
 }
