@@ -26,7 +26,7 @@ fn a_missing_task_is_named_without_an_excerpt() {
 #[test]
 fn misspelled_commands_get_a_suggestion() {
     for (arguments, suggestion) in
-        [(&["rnu"][..], "'run'"), (&["topic", "lsit"], "'list'"), (&["new", "behaviour"], "'behavior'")]
+        [(&["rnu"][..], "'run'"), (&["topic", "lsit"], "'list'"), (&["new", "behavoir"], "'behavior'")]
     {
         assert_exit(&yamabico().args(arguments).output().unwrap(), 2, &[suggestion]);
     }

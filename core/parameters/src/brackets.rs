@@ -10,7 +10,7 @@ pub(crate) const MAX_NESTED: usize = 16;
 pub(crate) enum Unclosed {
     /// Bracket of an array or an inline table, at this byte.
     Bracket(usize),
-    /// Quotes of a string of several lines, at this byte.
+    /// Quotes of a string, at this byte.
     Quotes(usize),
 }
 
@@ -35,12 +35,7 @@ pub(crate) fn unclosed(text: &str) -> Option<Unclosed> {
         match bytes.get(at) {
             Some(b'#') => at += text[at..].find('\n').unwrap_or(text.len() - at),
             Some(&quote @ (b'"' | b'\'')) => {
-                let (string, end) = (&bytes[at..], after_quotes(bytes, at));
-                let ends = [quote; 3];
-                let is_closed = end < bytes.len() || (string.len() >= 6 && string.ends_with(&ends));
-                if string.starts_with(&ends) && !is_closed {
-                    return Some(Unclosed::Quotes(at));
-                }
+                let Ok(end) = after_quotes(bytes, at) else { return Some(Unclosed::Quotes(at)) };
                 (at, last) = (end, quote);
             }
             Some(&byte) => {
@@ -86,7 +81,7 @@ pub(crate) fn too_deep(text: &str) -> Option<(usize, String)> {
                 continue;
             }
             b'"' | b'\'' => {
-                at = after_quotes(bytes, at);
+                at = after_quotes(bytes, at).unwrap_or_else(|end| end);
                 continue;
             }
             b'[' | b'{' => nested += 1,
@@ -110,22 +105,23 @@ pub(crate) fn too_deep(text: &str) -> Option<(usize, String)> {
     None
 }
 
-/// Returns the end of the string whose quotes open at `open`; a single-line string ends with its line at the latest.
-fn after_quotes(bytes: &[u8], open: usize) -> usize {
+/// Returns the end of the string whose quotes open at `open`, as an error if it is not closed. A single-line string ends
+/// with its line at the latest.
+fn after_quotes(bytes: &[u8], open: usize) -> Result<usize, usize> {
     let quote = bytes[open];
     let long = bytes[open..].starts_with(&[quote; 3]);
     let mut at = open + if long { 3 } else { 1 };
     while let Some(&byte) = bytes.get(at) {
         match byte {
             b'\\' if quote == b'"' => at += 1,
-            b'\n' if !long => return at,
-            _ if byte == quote && !long => return at + 1,
-            _ if long && bytes[at..].starts_with(&[quote; 3]) => return at + 3,
+            b'\n' if !long => return Err(at),
+            _ if byte == quote && !long => return Ok(at + 1),
+            _ if long && bytes[at..].starts_with(&[quote; 3]) => return Ok(at + 3),
             _ => {}
         }
         at += 1;
     }
-    bytes.len()
+    Err(bytes.len())
 }
 
 #[cfg(test)]
@@ -144,7 +140,11 @@ mod tests {
         ] {
             assert_eq!(unclosed(text), Some(Unclosed::Bracket(at)), "{text}");
         }
-        assert_eq!(unclosed("a = 1\nb = \"\"\"c\n[d]"), Some(Unclosed::Quotes(10)));
+        for text in
+            ["a = 1\nb = \"\"\"c\n[d]", "a = 1\nb = \"c\n[d]", "a = 1\nb = 'c", "a = 1\nb = \"c\\\"\n"]
+        {
+            assert_eq!(unclosed(text), Some(Unclosed::Quotes(10)), "{text}");
+        }
     }
 
     #[test]

@@ -41,7 +41,7 @@ pub fn explain(
 
 fn not_closed(text: &str, source: usize, unclosed: Unclosed) -> Problem {
     let (what, at, length, help) = match unclosed {
-        Unclosed::Quotes(at) => ("string", at, 3, "add the same three quotes at its end"),
+        Unclosed::Quotes(at) => ("string", at, 1, "end it with the quotes with which it begins"),
         Unclosed::Bracket(at) if text[at..].starts_with('{') => {
             ("table", at, 1, "add } after its last value, or remove {")
         }
@@ -131,11 +131,6 @@ fn not_toml(span: Span, line: &Line<'_>, message: &str) -> Problem {
         return Problem::new(span, "this bracket closes nothing")
             .label(format!("no `{}` is open", if bracket == ']' { '[' } else { '{' }))
             .help("remove it");
-    }
-    if message.contains("string") && rest.trim().is_empty() {
-        return Problem::new(span, "this string is not closed")
-            .label("quotes expected")
-            .help("end the string with the quotes that it begins with");
     }
     if let Some((key, "")) = trimmed.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
         return Problem::new(span, format!("`{key}` has no value")).label("value expected").help(format!(

@@ -207,9 +207,11 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
     };
     let expected: Vec<&str> = types.iter().map(name).collect();
     let expected = expected.join(" or ");
-    let problem = Problem::new(node.span, format!("`{key}` must be {expected}"))
-        .label(format!("expected {expected}, found {}", node.kind()));
     let wants = |name: &str| types.contains(&name);
+    let has_decimals = matches!(node.value, Value::Number(_)) && wants("integer");
+    let found = if has_decimals { "a number with decimals" } else { node.kind() };
+    let problem = Problem::new(node.span, format!("`{key}` must be {expected}"))
+        .label(format!("expected {expected}, found {found}"));
     match &node.value {
         Value::Text(text) if wants("number") && text.trim().parse::<f64>().is_ok() => {
             problem.help(format!("remove the quotes: {key} = {}", text.trim()))

@@ -44,9 +44,9 @@ pub struct ControlTime {
 enum Owner {
     /// Behavior, or a stop that no behavior asked for.
     Named(String),
-    /// Nobody.
+    /// No behavior.
     Nobody,
-    /// Nobody, since critical parts wait for their first readings.
+    /// No behavior, since critical parts wait for their first readings.
     FirstReadings,
 }
 

@@ -19,7 +19,7 @@ fn a_plugin_is_described_with_units_ranges_and_defaults() {
     assert!(error.starts_with("unknown name `foo`; available: `arbiter`, "), "{error}");
     let axes = |name: &str| describe(name, &plugins()).unwrap().axes.unwrap();
     assert_eq!(axes("sonar-halt"), "none; it only halts or limits the motion of others");
-    assert_eq!(axes("wall-follower"), "linear, angular");
+    assert_eq!(axes("wall-follower"), "linear+angular");
 }
 
 #[test]
