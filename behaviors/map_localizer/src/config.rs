@@ -35,7 +35,7 @@ pub struct Config {
     pub start: Start,
     /// Corners of the route, x and y in the map frame; the last corner is the goal. Without it, the robot waits for a
     /// goal.
-    #[schemars(inner(inner(range(min = -1e6, max = 1e6))), length(max = 60))]
+    #[schemars(inner(inner(range(min = -1e6, max = 1e6))), length(max = 60), extend("format" = "map-positions"))]
     pub route: Vec<[f64; 2]>,
     /// Cruising speed.
     #[default(0.4)]
@@ -184,8 +184,12 @@ impl Config {
     /// # Errors
     /// The key is missing.
     pub fn file(&self, key: &str, file: Option<&String>, setup: &Setup) -> Result<PathBuf, ParameterError> {
-        let missing =
-            || ParameterError::new(key, format!("is missing: method {} requires it", self.method.name()));
+        let missing = || {
+            let problem = format!("is missing, and method {} requires it", self.method.name());
+            ParameterError::new(key, problem).remedy(format!(
+                "add {key} = \"...\", the path of a file relative to the task file, or choose another method"
+            ))
+        };
         Ok(setup.folder.join(file.ok_or_else(missing)?))
     }
 }

@@ -22,7 +22,7 @@ pub enum New {
 pub struct Arguments {
     /// Name of the behavior and of its folder: lowercase letters, digits and `-`.
     name: String,
-    /// Writes it in Python instead of Rust.
+    /// Write it in Python instead of Rust.
     #[arg(long)]
     python: bool,
     /// Folder of Yamabico's sources; by default the working directory or one above it, else the folder that this program was
@@ -100,8 +100,10 @@ fn create_behavior(arguments: &Arguments) -> Result<Created, String> {
     let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     let starts_with_letter = name.starts_with(|c: char| c.is_ascii_lowercase());
     if !starts_with_letter || !name.chars().all(is_allowed) || name.len() > MAX_NAME {
+        let similar = valid_name(name).map_or(String::new(), |name| format!("; did you mean `{name}`?"));
         return Err(format!(
-            "`{name}` is not a valid name: use 1 to {MAX_NAME} lowercase letters, digits and `-`, beginning with a letter"
+            "`{name}` is not a valid name: use 1 to {MAX_NAME} lowercase letters, digits and `-`, beginning with a \
+             letter{similar}"
         ));
     }
     let folder = PathBuf::from(name);
@@ -129,6 +131,15 @@ fn create_behavior(arguments: &Arguments) -> Result<Created, String> {
     Ok(Created { folder, files: template.files.iter().map(|(file, _)| *file).collect(), run })
 }
 
+/// Returns the valid name that is most similar to `name`; `None` without a letter.
+fn valid_name(name: &str) -> Option<String> {
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    let joined = words.collect::<Vec<_>>().join("-").to_ascii_lowercase();
+    let start = joined.find(|c: char| c.is_ascii_lowercase())?;
+    let end = joined.len().min(start + MAX_NAME);
+    Some(joined[start..end].trim_end_matches('-').to_owned())
+}
+
 /// Finds the folder of Yamabico's sources, which the new behavior depends on.
 fn find_repository(given: Option<&Path>) -> Result<PathBuf, String> {
     let here = std::env::current_dir().unwrap_or_default();
@@ -151,4 +162,18 @@ fn find_repository(given: Option<&Path>) -> Result<PathBuf, String> {
 fn is_repository(folder: &Path) -> bool {
     let manifest = std::fs::read_to_string(folder.join("core/Cargo.toml"));
     manifest.is_ok_and(|text| text.contains("name = \"yamabico-core\""))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_similar_valid_name_is_suggested() {
+        let valid = |name| valid_name(name).unwrap_or_default();
+        assert_eq!(valid("My Behavior"), "my-behavior");
+        assert_eq!(valid("../2nd_try"), "nd-try");
+        assert_eq!(valid(&"a-".repeat(40)).len(), 31);
+        assert_eq!(valid_name("42"), None);
+    }
 }

@@ -14,7 +14,7 @@ use yamabico_core::behavior::Plugin;
 use yamabico_host::config::Task;
 use yamabico_runtime::execution::{Progress, RunEnd};
 use yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider;
-use yamabico_stationary_obstacle_avoider::threshold_table::Place;
+use yamabico_stationary_obstacle_avoider::threshold_table::{Place, THRESHOLD_FILE};
 
 use crate::error::write_text;
 use crate::{LearningError, TaskSource};
@@ -81,7 +81,7 @@ pub fn learn(
     let end = source.drive(&task, &mut learner, progress)?;
     let frames = learner.frames();
     let (table, curves, refused) = learner.finish();
-    write_text(&options.table, &table.to_toml())?;
+    write_text(&options.table, &THRESHOLD_FILE, &table.to_toml())?;
     plot::plot(&options.plot, &curves, &table.places)?;
     Ok(Learned {
         table: options.table.clone(),

@@ -22,6 +22,8 @@ pub struct Task {
     pub robot: RobotFile,
     /// End of the run.
     pub run: Run,
+    /// Maximum absolute coordinate of a goal, m; farther ones lie far outside the map and the world. `None` without them.
+    pub max_goal_m: Option<f64>,
     /// Arbitration.
     pub arbiter: Arbiter,
     /// Behaviors, highest priority first, then by name.

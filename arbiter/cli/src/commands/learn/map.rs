@@ -6,7 +6,7 @@ use clap::Args;
 use yamabico_learning::edge_map::{self, Learned, Options};
 
 use super::{show_progress, source};
-use crate::output::{CommandResult, DONE, Print, printable, table};
+use crate::output::{CommandResult, DONE, Print, complain, printable, table};
 use crate::task_arguments::TaskArguments;
 
 /// Arguments of `learn map`.
@@ -46,7 +46,7 @@ pub fn learn(arguments: &Arguments, print: Print) -> CommandResult {
     let source = source(&arguments.task, arguments.seed);
     let learned = edge_map::learn(&source, &options, &mut show_progress(print))?;
     for warning in &learned.warnings {
-        eprintln!("warning: {}", printable(warning));
+        complain(&format!("warning: {}", printable(warning)));
     }
     print.show(&learned, text);
     Ok(DONE)
