@@ -1,5 +1,7 @@
 //! The ladder: when the robot is stuck, and which rung it tries next.
 
+use std::time::Duration;
+
 use yamabico_core::geometry::Pose2;
 use yamabico_core::time::Time;
 
@@ -34,6 +36,8 @@ pub struct Ladder {
     next: usize,
     attempt: Option<Attempt>,
     last: Option<Time>,
+    /// Time for which everything has been halted, s.
+    halted_s: f64,
 }
 
 impl Ladder {
@@ -51,6 +55,7 @@ impl Ladder {
             next: 0,
             attempt: None,
             last: None,
+            halted_s: 0.0,
         }
     }
 
@@ -66,21 +71,26 @@ impl Ladder {
         self.rungs.is_empty()
     }
 
-    /// Returns the time (s) since progress was last seen.
+    /// Returns the time (s) since progress was last seen, without the time in which everything was halted.
     #[must_use]
     pub fn stuck_s(&self, now: Time) -> f64 {
         self.anchor.map_or(0.0, |(_, since)| now.seconds_after(since))
     }
 
-    /// Returns true if the time without progress exceeds the patience.
+    /// Returns the time (s) for which everything has been halted, once it exceeds the patience.
     #[must_use]
-    pub fn is_stuck(&self, now: Time) -> bool {
+    pub fn long_halted_s(&self) -> Option<f64> {
+        (self.halted_s >= self.patience_s).then_some(self.halted_s)
+    }
+
+    fn is_stuck(&self, now: Time) -> bool {
         self.stuck_s(now) >= if self.place.is_some() { self.retry_s } else { self.patience_s }
     }
 
     /// Takes in the robot's pose (odometry frame) and situation, and returns the attempt in progress or a new one.
     pub fn advance(&mut self, pose: &Pose2, situation: &Situation, now: Time) -> Option<Attempt> {
-        let step_s = self.last.replace(now).map_or(0.0, |last| now.seconds_after(last).max(0.0));
+        let step = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last));
+        self.halted_s = if situation.halter.is_some() { self.halted_s + step.as_secs_f64() } else { 0.0 };
         if situation.is_overruled {
             self.attempt = None;
             self.begin_anew(pose, now);
@@ -88,12 +98,16 @@ impl Ladder {
         }
         if let Some(attempt) = &mut self.attempt {
             if situation.halter.is_none() {
-                attempt.elapsed_s += step_s;
+                attempt.elapsed_s += step.as_secs_f64();
             }
             return self.attempt;
         }
         if !situation.wants_to_drive {
             self.begin_anew(pose, now);
+        }
+        if let Some((_, since)) = self.anchor.as_mut().filter(|_| situation.halter.is_some()) {
+            // The others have their whole time once the halt ends.
+            *since = *since + step;
         }
         if self.anchor.is_none_or(|(anchor, _)| anchor.distance(pose) >= self.progress_m) {
             self.anchor = Some((*pose, now));
@@ -182,18 +196,19 @@ mod tests {
     fn a_halt_of_everything_is_waited_for_and_a_higher_priority_ends_the_attempt() {
         let mut ladder = ladder();
         let halted = Situation { halter: Some("sonar-halt".into()), ..DRIVING };
-        for i in 0..30 {
+        for i in 0..=30 {
             assert_eq!(ladder.advance(&at(0.0), &halted, seconds(f64::from(i))), None);
         }
-        assert!(ladder.is_stuck(seconds(30.0)));
-        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(30.0)).unwrap().elapsed_s, 0.0);
+        assert_eq!(ladder.long_halted_s(), Some(30.0));
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(39.0)), None, "the others have their time");
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(40.0)).unwrap().elapsed_s, 0.0);
         assert_eq!(
-            ladder.advance(&at(0.0), &halted, seconds(40.0)).unwrap().elapsed_s,
+            ladder.advance(&at(0.0), &halted, seconds(50.0)).unwrap().elapsed_s,
             0.0,
-            "time stands still"
+            "its time stands still"
         );
-        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(41.0)).unwrap().elapsed_s, 1.0);
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(51.0)).unwrap().elapsed_s, 1.0);
         let overruled = Situation { is_overruled: true, ..DRIVING };
-        assert_eq!(ladder.advance(&at(0.0), &overruled, seconds(42.0)), None);
+        assert_eq!(ladder.advance(&at(0.0), &overruled, seconds(52.0)), None);
     }
 }

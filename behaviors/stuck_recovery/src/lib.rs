@@ -102,7 +102,7 @@ impl Behavior for StuckRecovery {
         let attempt = self.ladder.advance(&pose, &situation, now);
         let proposal = match attempt {
             Some(attempt) => self.attempt(&attempt, &pose, &situation, now),
-            None => self.watch(&pose, &situation, now),
+            None => self.watch(&pose, &situation),
         };
         proposal.with_evidence(stamp)
     }
@@ -132,14 +132,12 @@ impl StuckRecovery {
     }
 
     /// Abstains, and remembers the way.
-    fn watch(&mut self, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
+    fn watch(&mut self, pose: &Pose2, situation: &Situation) -> Proposal {
         self.acting = None;
         self.trail.push(pose);
-        let stuck_s = self.ladder.stuck_s(now);
-        match situation.halter {
-            Some(halter) if self.ladder.is_stuck(now) => Proposal::abstain(Reason::PassageBlocked).with_note(
-                format_args!("stuck for {stuck_s:.0} s; waits: {halter} halts", halter = halter.as_str()),
-            ),
+        match (situation.halter, self.ladder.long_halted_s()) {
+            (Some(halter), Some(halted_s)) => Proposal::abstain(Reason::PassageBlocked)
+                .with_note(format_args!("waits, for {halted_s:.0} s, because {halter} halts")),
             _ => Proposal::abstain(Reason::Clear),
         }
     }
@@ -151,11 +149,10 @@ impl StuckRecovery {
         }
         if let Some(halter) = situation.halter {
             return Proposal::abstain(Reason::PassageBlocked).with_note(format_args!(
-                "{} of {}, {}: waits, {} halts",
+                "{} of {}, {}: waits, {halter} halts",
                 attempt.index + 1,
                 self.ladder.len(),
-                attempt.rung.as_str(),
-                halter.as_str()
+                attempt.rung.as_str()
             ));
         }
         let room = self.room;

@@ -206,8 +206,12 @@ fn a_halt_is_never_fought() {
         assert_eq!(proposal.kind(), Some(Kind::Abstain));
     }
     let waiting = scene.step();
-    assert_eq!(waiting.note.as_str(), "stuck for 20 s; waits: sonar-halt halts");
+    assert_eq!(waiting.note.as_str(), "waits, for 20 s, because sonar-halt halts");
     scene.halted = Axes::from(Axis::Linear);
+    for _ in 0..39 {
+        assert_eq!(scene.step().kind(), Some(Kind::Abstain), "the others have their time");
+    }
+    scene.step();
     assert_eq!(scene.step().kind(), Some(Kind::Drive), "turning is free");
     scene.halted = Axes::ALL;
     assert_eq!(scene.step().note.as_str(), "1 of 1, turn: waits, sonar-halt halts");
