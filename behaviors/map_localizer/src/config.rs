@@ -9,7 +9,7 @@ use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::geometry::Pose2;
 
 use crate::belief::Belief;
-use crate::motion::MotionNoise;
+use crate::motion::{MotionNoise, SlipNoise};
 
 /// Parameters of [`MapLocalizer`](crate::MapLocalizer).
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
@@ -156,6 +156,19 @@ pub struct OdometryNoise {
     #[default(0.6)]
     #[schemars(range(min = 0.0, max = 60.0))]
     pub drift_deg_per_m: f64,
+    /// Standard deviation of the delay between the motion of the body and the motion that odometry reports: wheels creep
+    /// on the floor while speeds change.
+    #[default(0.15)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub delay_s: f64,
+    /// Acceleration or deceleration from which wheels slip.
+    #[default(0.3)]
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub slip_from_mps2: f64,
+    /// Standard deviation of the heading that slip adds in 0.1 s, radians per m/s² beyond `slip_from_mps2`.
+    #[default(0.02)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub k_slip: f64,
 }
 
 impl Start {
@@ -174,6 +187,8 @@ impl From<OdometryNoise> for MotionNoise {
             turn_per_turn_rad: noise.k_tt,
             turn_per_distance: noise.k_ts,
             drift_per_distance: noise.drift_deg_per_m.to_radians(),
+            delay_s: noise.delay_s,
+            slip: SlipNoise { from_mps2: noise.slip_from_mps2, gain: noise.k_slip },
         }
     }
 }
