@@ -9,6 +9,7 @@
 //! | Corridors | [`vanishing_point`], [`corridor`]: heading, floor lines, wall distances |
 //! | Mirror cameras | [`radial_edges`], [`azimuth_profile`]: vertical edges by azimuth |
 //! | Floors | [`floor_color`], [`floor_sample`], [`floor_training`], [`floor_color_file`] |
+//! | Floor or thing from motion | [`plane_motion`] |
 //! | Maps | [`map`]: wire frames and their visible edges; [`azimuth_map`]: bearing-only mapping, free space, paths |
 //! | Matching | [`azimuth_map::CyclicMatcher`]: tracked to observed edges; [`azimuth_map::relink`]: lost to recovered ones |
 //! | Masks and filters | [`bit_image`], [`morphology`], [`median`] |
@@ -48,6 +49,7 @@ pub mod gradient;
 pub mod map;
 pub mod median;
 pub mod morphology;
+pub mod plane_motion;
 pub mod polygon;
 pub mod radial_edges;
 pub mod segment_fit;
