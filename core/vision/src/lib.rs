@@ -6,7 +6,7 @@
 //! | Task | Modules |
 //! |---|---|
 //! | Edges and segments | [`gradient`], [`segments`], [`segment_fit`] |
-//! | Corridors | [`vanishing_point`], [`corridor`]: heading, floor lines, wall distances |
+//! | Corridors | [`vanishing_point`], [`corridor`]: heading, floor lines, wall distances; [`corridor_evidence`]: probability of a corridor, walls ahead |
 //! | Mirror cameras | [`radial_edges`], [`azimuth_profile`]: vertical edges by azimuth |
 //! | Floors | [`floor_color`], [`floor_sample`], [`floor_training`], [`floor_color_file`] |
 //! | Floor or thing from motion | [`plane_motion`] |
@@ -41,6 +41,7 @@ pub mod azimuth_map;
 pub mod azimuth_profile;
 pub mod bit_image;
 pub mod corridor;
+pub mod corridor_evidence;
 pub mod floor_color;
 pub mod floor_color_file;
 pub mod floor_sample;
