@@ -95,7 +95,7 @@ pub struct Config {
     pub color_tolerance: u32,
     /// Goal x and y: in the map frame if `pose` is connected, else in the odometry frame (polar-cells). Without it, the
     /// robot keeps its initial direction.
-    #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
+    #[schemars(inner(range(min = -1000.0, max = 1000.0)), extend("format" = "map-position"))]
     pub goal_m: Option<[f64; 2]>,
     /// Distance at which the goal is reached (polar-cells).
     #[default(0.1)]

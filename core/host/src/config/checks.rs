@@ -121,20 +121,30 @@ pub(crate) fn check_goal(task: &Table, extent_m: f64, problems: &mut Vec<Problem
     }
 }
 
-/// Checks that the positions of a behavior's parameters with `"format": "map-positions"`, lists of x and y, do not lie far
-/// outside the map and the world, which extend to `extent_m`.
+/// Checks that the positions of a behavior's parameters do not lie far outside the map and the world, which extend to
+/// `extent_m`: x and y with `"format": "map-position"`, and lists of them with `"format": "map-positions"`.
 pub(crate) fn check_positions(table: &Table, schema: &Json, extent_m: f64, problems: &mut Vec<Problem>) {
     for (key, shape) in Shape::new(schema).resolved().properties() {
-        let is_positions = shape.text("format") == Some("map-positions");
-        let Some(entry) = table.entry(key).filter(|_| is_positions) else { continue };
-        let Value::List(positions) = &entry.node.value else { continue };
-        for (index, position) in positions.iter().enumerate() {
-            let Value::List(coordinates) = &position.value else { continue };
-            for (axis, coordinate) in ["x", "y"].iter().zip(coordinates) {
-                let what = format!("position {} of `{key}` at {axis} =", index + 1);
-                check_coordinate(coordinate, &what, extent_m, problems);
+        let Some(entry) = table.entry(key) else { continue };
+        match (shape.text("format"), &entry.node.value) {
+            (Some("map-position"), _) => {
+                check_position(&entry.node, &format!("`{key}`"), extent_m, problems);
             }
+            (Some("map-positions"), Value::List(positions)) => {
+                for (index, position) in positions.iter().enumerate() {
+                    let what = format!("position {} of `{key}`", index + 1);
+                    check_position(position, &what, extent_m, problems);
+                }
+            }
+            _ => {}
         }
+    }
+}
+
+fn check_position(position: &Node, what: &str, extent_m: f64, problems: &mut Vec<Problem>) {
+    let Value::List(coordinates) = &position.value else { return };
+    for (axis, coordinate) in ["x", "y"].iter().zip(coordinates) {
+        check_coordinate(coordinate, &format!("{what} at {axis} ="), extent_m, problems);
     }
 }
 

@@ -201,6 +201,11 @@ pub struct LocalizerConfig {
     #[schemars(extend("format" = "map-positions"))]
     #[allow(dead_code, reason = "for the schema")]
     route: Vec<[f64; 2]>,
+    /// Position of the charger.
+    #[serde(default)]
+    #[schemars(extend("format" = "map-position"))]
+    #[allow(dead_code, reason = "for the schema")]
+    charger: Option<[f64; 2]>,
 }
 
 /// A map.

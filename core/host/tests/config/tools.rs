@@ -12,7 +12,7 @@ fn a_plugin_is_described_with_units_ranges_and_defaults() {
     insta::assert_snapshot!(
         serde_json::to_string_pretty(&describe("sim/camera", &plugins()).unwrap()).unwrap()
     );
-    assert_eq!(describe("localizer", &plugins()).unwrap().parameters.len(), 7);
+    assert_eq!(describe("localizer", &plugins()).unwrap().parameters.len(), 8);
     let error = describe("wall-folower", &plugins()).unwrap_err();
     assert_eq!(error, "unknown name `wall-folower`; did you mean `wall-follower`?");
     let error = describe("foo", &plugins()).unwrap_err();
