@@ -31,6 +31,18 @@ impl Fix {
     pub fn none(prior: &Belief, reason: Reason) -> Self {
         Self { posterior: *prior, verdict: Err(reason), lines: 0, expected: 0, uprights: [0; 2], nis: 0.0 }
     }
+
+    /// Returns true if this fix of an image explains it better than another one: valid, or with more features within
+    /// smaller residuals.
+    #[must_use]
+    pub fn is_better_than(&self, other: &Self) -> bool {
+        let score = |fix: &Self| fix.lines as f64 - fix.nis;
+        match (self.verdict.is_ok(), other.verdict.is_ok()) {
+            (true, false) => true,
+            (false, true) => false,
+            _ => score(self) > score(other),
+        }
+    }
 }
 
 /// Factors on the variance of the measurements in an image.
@@ -55,6 +67,18 @@ pub trait PoseFinder {
 
     /// Updates a belief with the observed image.
     fn fix(&mut self, prior: &Belief, noise: NoiseFactors) -> Fix;
+
+    /// Returns true if the method implements [`PoseFinder::recover`].
+    fn can_recover(&self) -> bool {
+        false
+    }
+
+    /// Searches for a pose around a prior that is somewhat wrong, although it may be certain; `None` if there is none, or
+    /// more than one. The default finds none; see [`PoseFinder::can_recover`].
+    fn recover(&mut self, prior: &Belief, noise: NoiseFactors) -> Option<Fix> {
+        let _ = (prior, noise);
+        None
+    }
 
     /// Searches for the robot's pose in the observed image if the belief is too uncertain for [`PoseFinder::fix`];
     /// `None` if there is no solution or more than one.

@@ -33,6 +33,7 @@ pub mod obstacles;
 pub mod path_follower;
 pub mod pursuit;
 pub mod route;
+pub mod slip;
 pub mod tracker;
 pub mod wire_frame;
 

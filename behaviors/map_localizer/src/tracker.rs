@@ -27,6 +27,10 @@ const CONFIRMATION_TOLERANCE: (f64, f64) = (0.15, 0.05);
 const TURN_M: f64 = 0.5;
 /// Maximum factor on the variance of images that are correlated with the previous fix.
 const MAX_CORRELATION: f64 = 50.0;
+/// Standard deviations of position (m) and heading (rad) that each image adds after several without a fix, and their
+/// maximum sums: edges are expected but not found where the pose says.
+const DOUBT_SIGMAS: (f64, f64) = (0.02, 0.0175);
+const MAX_DOUBT_SIGMAS: (f64, f64) = (0.2, 0.1);
 /// Multiple of the robot's maximum speed above which odometry counts as a jump.
 const JUMP_FACTOR: f64 = 3.0;
 /// Standard deviations of position (m) and heading (rad) added by a jump of the odometry.
@@ -71,6 +75,8 @@ pub struct Tracker {
     last_fix: Option<Fix>,
     /// Large correction that awaits confirmation.
     unconfirmed: Option<Vector3<f64>>,
+    /// Correction of the last image by a search around the pose, which awaits confirmation.
+    recovered: Option<Vector3<f64>>,
     search: Option<LookAround>,
 }
 
@@ -94,6 +100,7 @@ impl Tracker {
             last_fix_at: None,
             last_fix: None,
             unconfirmed: None,
+            recovered: None,
             search: None,
             config: config.clone(),
         }
@@ -243,6 +250,10 @@ impl Tracker {
             }
             Advice::LookAround => return self.begin_search(),
         }
+        if self.health.has_failed() && self.finder.method().can_recover() {
+            return self.recover(stamp, prior);
+        }
+        self.recovered = None;
         let is_usable = fix.lines > 0 && fix.verdict != Err(Reason::Ambiguous);
         if !is_usable || self.requires_confirmation(prior, &fix) {
             return;
@@ -258,15 +269,41 @@ impl Tracker {
         }
     }
 
+    /// Searches for the pose around a prior that did not match several images. Two images in succession must agree; until
+    /// then the prior grows more uncertain.
+    fn recover(&mut self, stamp: Time, prior: &Belief) {
+        let noise = NoiseFactors { scale: self.health.noise_scale(), correlation: 1.0 };
+        let found = self.finder.method_mut().recover(prior, noise);
+        let correction = found.map(|fix| difference(&fix.posterior.pose, &prior.pose));
+        let is_confirmed =
+            matches!((correction, self.recovered), (Some(now), Some(before)) if is_near(now, before));
+        self.recovered = correction;
+        if let Some(fix) = found.filter(|_| is_confirmed) {
+            if self.apply(stamp, prior, fix.posterior) {
+                (self.recovered, self.unconfirmed) = (None, None);
+                self.moved_at_fix_m = self.moved_m;
+                self.last_fix = Some(fix);
+                self.last_fix_at = Some(stamp);
+                self.health.recover();
+            }
+            return;
+        }
+        let mut doubtful = *prior;
+        let (added_m, added_rad) = DOUBT_SIGMAS;
+        let (max_m, max_rad) = MAX_DOUBT_SIGMAS;
+        for (i, added, max) in [(0, added_m, max_m), (1, added_m, max_m), (2, added_rad, max_rad)] {
+            let variance = &mut doubtful.covariance[(i, i)];
+            *variance = (*variance + added * added).min(max * max).max(*variance);
+        }
+        self.apply(stamp, prior, doubtful);
+    }
+
     /// Returns true if a correction is large and does not confirm the previous one; stores it until the next image.
     fn requires_confirmation(&mut self, prior: &Belief, fix: &Fix) -> bool {
         let correction = difference(&fix.posterior.pose, &prior.pose);
         let is_large = correction.xy().norm() > LARGE_CORRECTION.0
             || prior.distance_squared(&fix.posterior.pose) > LARGE_CORRECTION.1;
-        let is_confirmed = self.unconfirmed.is_some_and(|previous| {
-            let off = correction - previous;
-            off.xy().norm() < CONFIRMATION_TOLERANCE.0 && off.z.abs() < CONFIRMATION_TOLERANCE.1
-        });
+        let is_confirmed = self.unconfirmed.is_some_and(|previous| is_near(correction, previous));
         self.unconfirmed = (is_large && !is_confirmed).then_some(correction);
         if self.unconfirmed.is_some() {
             self.health.doubt(Reason::Gated);
@@ -336,6 +373,12 @@ impl Tracker {
         }
         self.history.start(stamp, belief);
     }
+}
+
+/// Returns true if a correction of (x, y, theta) confirms another one.
+fn is_near(correction: Vector3<f64>, other: Vector3<f64>) -> bool {
+    let off = correction - other;
+    off.xy().norm() < CONFIRMATION_TOLERANCE.0 && off.z.abs() < CONFIRMATION_TOLERANCE.1
 }
 
 fn reason(error: HistoryError) -> Reason {

@@ -9,6 +9,8 @@ mod omni_vectors;
 mod pose_allocations;
 mod rendered_azimuths;
 mod rig;
+mod slip;
+mod slip_vectors;
 mod vectors;
 
 use yamabico_core::testing::CountingAllocator;

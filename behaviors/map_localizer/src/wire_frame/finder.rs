@@ -1,21 +1,27 @@
 use yamabico_core::behavior::{ParameterError, Setup};
+use yamabico_core::geometry::angle_difference;
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_vision::map::WireFrame;
 
+use super::axis_heading::{AxisHeading, SeenHeading};
 use super::fixer::Fixer;
 use super::matching::LineNoise;
+use super::recovery::Recovery;
 use super::relocalize::Relocalizer;
 use crate::CAMERA;
 use crate::belief::Belief;
 use crate::config::Config;
 use crate::fix::{Fix, NoiseFactors, PoseFinder};
+use crate::slip::{Angle, SLIP_GATES};
 
 /// Pose finder that matches the edges of a wire-frame map with the segments of an image.
 #[derive(Clone, Debug)]
 pub struct WireFrameFinder {
     fixer: Fixer,
+    axis: AxisHeading,
+    recovery: Recovery,
     relocalizer: Relocalizer,
     gray: GrayImage,
     sigma_px: f64,
@@ -32,7 +38,9 @@ impl WireFrameFinder {
         let map = WireFrame::read(&config.file("map", config.map.as_ref(), setup)?)
             .map_err(|error| ParameterError::new("map", error.to_string()))?;
         Ok(Self {
-            relocalizer: Relocalizer::new(&map, &mount),
+            axis: AxisHeading::new(&map, &mount),
+            recovery: Recovery::default(),
+            relocalizer: Relocalizer::default(),
             fixer: Fixer::new(map, pinhole, mount),
             gray: GrayImage::default(),
             sigma_px: config.sigma_px,
@@ -54,6 +62,27 @@ impl WireFrameFinder {
             correlation: noise.correlation,
         }
     }
+
+    /// Observes the heading by the vanishing point of the last image, of the possible ones the nearest to the prior's.
+    fn seen_heading(&mut self, prior: &Belief) -> Option<SeenHeading> {
+        let Self { axis, fixer, .. } = self;
+        axis.observe(fixer.segments(), fixer.pinhole(), fixer.mount(), prior.pose.theta)
+    }
+
+    /// Returns the prior turned to the heading that the vanishing point shows, if that contradicts the odometry: the
+    /// wheels have slipped. Its variance is inflated by the square of the slip.
+    fn after_slip(&mut self, prior: &Belief) -> Option<Belief> {
+        let seen = self.seen_heading(prior).filter(|seen| seen.is_supported)?;
+        let odometry = Angle { rad: prior.pose.theta, variance: prior.covariance[(2, 2)] };
+        let test = SLIP_GATES.compare_yaw(&odometry, &seen.heading);
+        test.has_slipped.then(|| {
+            let slip = angle_difference(seen.heading.rad, prior.pose.theta);
+            let mut turned = *prior;
+            turned.covariance[(2, 2)] += slip * slip;
+            turned.update_heading(seen.heading.rad, seen.heading.variance.sqrt(), f64::INFINITY);
+            turned
+        })
+    }
 }
 
 impl PoseFinder for WireFrameFinder {
@@ -67,11 +96,25 @@ impl PoseFinder for WireFrameFinder {
     }
 
     fn fix(&mut self, prior: &Belief, noise: NoiseFactors) -> Fix {
-        self.fixer.fix(prior, &self.line_noise(noise))
+        let noise = self.line_noise(noise);
+        let Some(turned) = self.after_slip(prior) else { return self.fixer.fix(prior, &noise) };
+        let straight = self.fixer.fix(prior, &noise);
+        let fix = self.fixer.fix(&turned, &noise);
+        if fix.is_better_than(&straight) { fix } else { self.fixer.fix(prior, &noise) }
+    }
+
+    fn can_recover(&self) -> bool {
+        true
+    }
+
+    fn recover(&mut self, prior: &Belief, noise: NoiseFactors) -> Option<Fix> {
+        let noise = self.line_noise(noise);
+        let seen = self.seen_heading(prior);
+        self.recovery.find(&mut self.fixer, seen.as_ref(), prior, &noise)
     }
 
     fn search(&mut self, prior: &Belief, noise: NoiseFactors) -> Option<Belief> {
         let noise = self.line_noise(noise);
-        self.relocalizer.find(&mut self.fixer, prior, &noise)
+        self.relocalizer.find(&mut self.fixer, &mut self.axis, prior, &noise)
     }
 }

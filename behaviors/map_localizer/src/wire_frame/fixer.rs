@@ -179,7 +179,7 @@ impl Fixer {
     }
 
     /// Matches from the pose of `about` and applies the pairs to `prior`.
-    fn fix_from(&mut self, prior: &Belief, about: &Belief, noise: &LineNoise) -> Fix {
+    pub(super) fn fix_from(&mut self, prior: &Belief, about: &Belief, noise: &LineNoise) -> Fix {
         self.used.clear();
         self.expectation.compute(&self.map, &self.pinhole, &self.mount, &about.pose);
         let expected = self.expectation.expected();
