@@ -315,7 +315,7 @@ pub enum PublishError {
         output: String,
         /// Capacity of the channel, bytes.
         max: usize,
-        /// Type of the refused message.
+        /// Size of the items of the refused message, bytes.
         len: usize,
     },
     /// The transport failed.
@@ -326,6 +326,24 @@ pub enum PublishError {
         /// Error text of the transport.
         reason: String,
     },
+}
+
+impl PublishError {
+    /// Checks that the output `output`, which carries `declared`, may publish a message of type `actual`.
+    ///
+    /// # Errors
+    /// [`PublishError::WrongType`].
+    pub fn check_type(
+        output: &str,
+        declared: &MessageType,
+        actual: &MessageType,
+    ) -> Result<(), PublishError> {
+        if declared == actual {
+            return Ok(());
+        }
+        let (expected, actual) = (declared.name, actual.name);
+        Err(PublishError::WrongType { output: output.to_owned(), expected, actual })
+    }
 }
 
 /// Outputs of a plugin.

@@ -5,11 +5,12 @@ mod interrupt;
 mod output;
 mod progress;
 mod robot_argument;
+mod suggestion;
 mod task_arguments;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use tracing_subscriber::EnvFilter;
 
 use output::{Print, use_color};
@@ -39,10 +40,11 @@ Environment:
 fn main() -> ExitCode {
     let filter = EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(use_color());
-    log.with_writer(std::io::stderr).without_time().init();
+    // A closed pipe must not end a run.
+    log.with_writer(std::io::stderr).without_time().log_internal_errors(false).init();
     let Arguments { command, json } = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(error) => return output::usage(&error),
+        Err(error) => return output::usage(&suggestion::with_suggestion(error, Arguments::command())),
     };
     let print = if json { Print::Json } else { Print::Text };
     command.run(print).unwrap_or_else(|failure| failure.report(print))

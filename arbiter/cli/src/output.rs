@@ -28,8 +28,10 @@ pub type CommandResult = Result<ExitCode, Failure>;
 pub enum Failure {
     /// A message and the exit code.
     Message(String, ExitCode),
-    /// The mistakes of a configuration.
+    /// The errors of a configuration that was to be run.
     Configuration(Problems),
+    /// The errors of a configuration that was to be checked.
+    Checked(Problems),
 }
 
 impl Failure {
@@ -52,11 +54,15 @@ impl Failure {
     pub fn report(&self, print: Print) -> ExitCode {
         match self {
             Failure::Message(problem, code) => {
-                eprintln!("error: {}", printable(problem));
+                complain(&format!("error: {}", printable(problem)));
                 *code
             }
             Failure::Configuration(problems) => {
-                print.problems(problems);
+                print.problems(problems, "; nothing was opened");
+                ExitCode::from(BAD_CONFIGURATION)
+            }
+            Failure::Checked(problems) => {
+                print.problems(problems, "");
                 ExitCode::from(BAD_CONFIGURATION)
             }
         }
@@ -82,7 +88,7 @@ pub fn usage(error: &clap::Error) -> ExitCode {
     // Arguments are quoted in the text: as they are, they could control the terminal.
     match printable(&text.to_string()) {
         Cow::Borrowed(_) => drop(error.print()),
-        Cow::Owned(escaped) => eprint!("{escaped}"),
+        Cow::Owned(escaped) => complain(escaped.trim_end()),
     }
     ExitCode::from(code)
 }
@@ -103,20 +109,29 @@ impl Print {
             Print::Text => text(value),
             Print::Json => serde_json::to_string_pretty(value).unwrap_or_else(|error| error.to_string()),
         };
-        // The reader of a pipe may have closed it, as `head` does.
-        let _ = writeln!(std::io::stdout(), "{}", printable(text.trim_end()));
+        say(&printable(text.trim_end()));
     }
 
-    fn problems(self, problems: &Problems) {
+    fn problems(self, problems: &Problems, consequence: &str) {
         match self {
             Print::Json => self.show(&problems.entries(), |_| String::new()),
             Print::Text => {
-                eprint!("{}", problems.render(if use_color() { Style::Colored } else { Style::Plain }));
+                let text = problems.render(if use_color() { Style::Colored } else { Style::Plain });
                 let errors = if problems.len() == 1 { "error" } else { "errors" };
-                eprintln!("{} {errors}; nothing was opened", problems.len());
+                complain(&format!("{text}{} {errors}{consequence}", problems.len()));
             }
         }
     }
+}
+
+/// Prints a line on standard output. If the reader of a pipe has closed it, as `head` does, the line is lost.
+pub fn say(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
+/// Prints a line on standard error; likewise.
+pub fn complain(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// Returns true if standard error is a terminal and the user allows colors.

@@ -13,6 +13,7 @@ pub fn plugins() -> Plugins {
             factory::<yamabico_map_localizer::MapLocalizer>(),
             factory::<yamabico_sonar_halt::SonarHalt>(),
             factory::<yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider>(),
+            factory::<yamabico_stuck_recovery::StuckRecovery>(),
             factory::<yamabico_teleop::Teleop>(),
             factory::<yamabico_wall_follower::WallFollower>(),
         ],

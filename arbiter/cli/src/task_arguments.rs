@@ -15,8 +15,8 @@ pub struct TaskArguments {
     /// Robot file to use instead of the one that the task names.
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Changes a key, for example `behaviors.wall-follower.speed_mps=0.2`, or in the robot file
-    /// `robot.sensors.front.intrinsics.fov_deg=70`. May be repeated.
+    /// Change a key of the task for this run, such as `behaviors.wall-follower.speed_mps=0.2`; after `robot.`, a key of the
+    /// robot file, such as `robot.sensors.front.intrinsics.fov_deg=70`. May be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }

@@ -14,4 +14,5 @@ mod program;
 mod python;
 mod run;
 mod scheduling;
+mod texts;
 mod third_party;

@@ -71,6 +71,22 @@ fn its_parameters_and_inputs_are_checked_like_those_of_a_built_in_behavior() {
 }
 
 #[test]
+fn the_schema_of_tasks_has_the_keys_of_a_program() {
+    let new = Crate::new("schema");
+    let task = new.with_exec(&program());
+    let printed = new.yamabico(&["schema", "task", "--task", &task]);
+    assert!(printed.status.success(), "{}", text(&printed));
+    let schema: Value = serde_json::from_slice(&printed.stdout).unwrap();
+    let creeper = &schema["properties"]["behaviors"]["properties"]["creeper"];
+    assert_eq!(creeper["unevaluatedProperties"], false);
+    let keys = &schema["$defs"]["program.creeper"]["properties"];
+    assert_eq!(keys["speed_mps"]["type"], "number", "{keys}");
+    assert!(keys["inputs"]["properties"]["sonar"].is_object(), "{keys}");
+    let missing = new.yamabico(&["schema", "--task", "missing.toml"]);
+    assert_exit(&missing, 2, &["file missing.toml does not exist"]);
+}
+
+#[test]
 fn a_program_that_is_not_a_behavior_is_refused_before_anything_opens() {
     let new = Crate::new("refused");
     let description = |message: &str| {
@@ -120,9 +136,11 @@ fn a_new_crate_builds_passes_its_tests_and_runs() {
 #[test]
 fn wrong_names_existing_folders_and_wrong_repositories_are_refused() {
     let new = Crate::new("named");
-    for (name, part) in
-        [("creeper", "already exists"), ("No Name", "is not a valid name"), ("../x", "is not a valid name")]
-    {
+    for (name, part) in [
+        ("creeper", "already exists"),
+        ("No Name", "did you mean `no-name`?"),
+        ("../x", "is not a valid name"),
+    ] {
         assert_exit(&new.yamabico(&["new", "behavior", name]), 2, &[part]);
     }
     let lost = new.yamabico(&["new", "behavior", "other", "--repository", "creeper"]);

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use yamabico_parameters::Problems;
+use yamabico_parameters::{FileKind, Problems};
 use yamabico_runtime::record::PlaybackError;
 use yamabico_runtime::run::RunError;
 
@@ -46,10 +46,12 @@ impl LearningError {
     }
 }
 
-/// Writes `text` to `path`; creates missing folders.
-pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), LearningError> {
+/// Writes `text`, a file of `kind`, to `path`, after a line that names its schema for editors as in `configs/maps`; creates
+/// missing folders.
+pub(crate) fn write_text(path: &Path, kind: &FileKind, text: &str) -> Result<(), LearningError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let created = folder.map_or(Ok(()), std::fs::create_dir_all);
+    let text = format!("#:schema ../schemas/{}.json\n{text}", kind.key);
     created.and_then(|()| std::fs::write(path, text)).map_err(|error| LearningError::write(path, error))
 }
 

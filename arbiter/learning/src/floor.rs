@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use yamabico_vision::floor_color::FloorColors;
-use yamabico_vision::floor_color_file::ColorFile;
+use yamabico_vision::floor_color_file::{ColorFile, FLOOR_COLORS_FILE};
 use yamabico_vision::floor_training::{ColorAccuracy, FloorTraining, Label};
 
 use crate::LearningError;
@@ -89,7 +89,7 @@ pub fn learn(folder: &Path, file: &Path, form: Form) -> Result<Learned, Learning
     let text = toml::to_string_pretty(&ColorFile::from(&colors))
         .map_err(|error| LearningError::write(file, error))?;
     let head = "# Colors of a floor, learned by `yamabico learn floor` from marked images.\n";
-    write_text(file, &format!("{head}{text}"))?;
+    write_text(file, &FLOOR_COLORS_FILE, &format!("{head}{text}"))?;
     Ok(learned)
 }
 

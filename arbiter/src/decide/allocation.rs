@@ -109,6 +109,9 @@ fn allocate_group(
             continue;
         }
         let (won, outcome, by) = allocation.bid(state, row, proposal, decision);
+        if outcome == Outcome::GaveUp && by.is_some() && allocation.offers_all(&state.candidates[row]) {
+            decision.held_back.get_or_insert(proposal.twist);
+        }
         for axis in won.iter() {
             shares[axis as usize].add(slot, proposal.twist.get(axis), proposal.confidence);
         }
@@ -161,6 +164,12 @@ impl Allocation {
             && candidate.drives
             && !candidate.axes.is_empty()
             && candidate.suppressed.is_empty()
+    }
+
+    /// Returns true if no other behavior keeps the driver from any axis that it claims. If it gives up nevertheless
+    /// because of a behavior, that one halts.
+    fn offers_all(&self, candidate: &Candidate) -> bool {
+        candidate.axes.intersection(candidate.suppressed.union(self.taken).union(self.reserved)).is_empty()
     }
 
     /// Returns the axes that the driver in `row` gets, the outcome, and the behavior that kept the rest from it.

@@ -26,6 +26,8 @@ pub struct Decision {
     pub sequence: u64,
     /// Twist that the winners ask for, before limits and ramps.
     pub wanted: Twist,
+    /// Twist of the highest-priority drive that gave up only because a halt stops one of its axes.
+    pub held_back: Option<Twist>,
     /// `wanted` cut to the robot's maximum speeds and to its drive.
     pub feasible: Twist,
     /// `feasible` after limits, halts and stops, before ramps.
@@ -140,6 +142,7 @@ impl Decision {
             late: None,
             sequence,
             wanted: Twist::ZERO,
+            held_back: None,
             feasible: Twist::ZERO,
             allowed: Twist::ZERO,
             commanded: Twist::ZERO,
@@ -181,6 +184,7 @@ impl Decision {
             evidence_ns: self.evidence.0,
             sequence: self.sequence,
             wanted: self.wanted,
+            wished: self.held_back.unwrap_or(self.wanted),
             feasible: self.feasible,
             limit: self.limit(),
             allowed: self.allowed,

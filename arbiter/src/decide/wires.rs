@@ -7,14 +7,14 @@ use super::decision::{Decision, Remaining};
 use super::state::{ArbiterState, nanoseconds};
 use crate::policy::{Wire, WireKind};
 
-/// A wire between rows.
+/// Wire between two behaviors, given by their rows in the decision, with its state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ActiveWire {
     kind: WireKind,
     by: usize,
     what: usize,
     hold_ns: u64,
-    /// End of its hold time: until then it acts though `by` is not active.
+    /// End of the hold time, until which the wire acts although `by` is no longer active.
     until: Time,
     /// Axes that `by` claims or last claimed.
     axes: Axes,

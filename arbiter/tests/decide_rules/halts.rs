@@ -43,6 +43,12 @@ fn a_coupled_drive_that_a_halt_stops_on_one_axis_gives_up_all() {
     assert_eq!((decision.commanded, decision.source), (Twist::ZERO, [None; 3]));
     let ruling = bench.decision.rulings[1];
     assert_eq!((ruling.outcome, ruling.by, ruling.won), (Outcome::GaveUp, Some(0), Axes::NONE));
+    let message = bench.decision.header(&bench.policy);
+    assert_eq!(
+        (message.wanted, message.wished),
+        (Twist::ZERO, Twist::planar(0.5, 0.5)),
+        "its wish stays known"
+    );
     let text = bench.why();
     assert!(
         text.contains("low (10)    gives up linear+angular, because one axis is halted by high (100)"),

@@ -1,4 +1,5 @@
-//! Drives where the floor is free, without a map, from single images of a forward camera or of a mirror camera.
+//! Local navigation without a map: finds the free floor in each image of a forward camera or a mirror camera, and steers
+//! along it.
 //!
 //! ```
 //! use yamabico_core::camera::{Intrinsics, Mount};
@@ -14,10 +15,11 @@
 //! # Ok::<(), yamabico_core::behavior::ParameterError>(())
 //! ```
 //!
-//! Method [`navel_grid`], Abdelfatah et al.: forward camera, floor brighter than obstacles, four decisions. Method
-//! [`polar_cells`], Sekimori, Usui, Masutani & Miyazaki: mirror camera, floor of one color, a choice of direction that
-//! takes the velocity into account. Differs from \[1\]: see both modules; in addition, the robot never drives toward
-//! obstacles within its stopping distance and stops on failures.
+//! Method [`navel_grid`] (Abdelfatah et al.): a forward camera over a floor that is brighter than obstacles; the robot
+//! drives straight on, turns left, turns right, or stops. Method [`polar_cells`] (Sekimori, Usui, Masutani & Miyazaki): a
+//! mirror camera over a floor of known color; the robot takes the free direction that it can reach best from its present
+//! velocity. Both modules list their differences from the papers; in addition, the robot never drives toward obstacles
+//! within its stopping distance, and stops on failures.
 
 pub mod config;
 pub mod direction;
@@ -55,7 +57,7 @@ pub const FREE_SPACE: Slot<FreeSpaceHeader> =
 /// Age above which a frame is stale, s.
 const STALE_S: f64 = 0.5;
 
-/// The behavior: drives where the floor is free.
+/// Behavior that steers along free floor.
 #[derive(Clone, Debug)]
 pub enum FreeSpaceAvoider {
     /// Method `navel-grid`, for a forward camera.
@@ -67,7 +69,8 @@ pub enum FreeSpaceAvoider {
 impl Plugin for FreeSpaceAvoider {
     type Config = Config;
     const NAME: &'static str = "free-space-avoider";
-    const SUMMARY: &'static str = "Drives toward free floor, without a map, by one image at a time.";
+    const SUMMARY: &'static str =
+        "Finds the free floor in each camera image, and steers along it without a map.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
     const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE];

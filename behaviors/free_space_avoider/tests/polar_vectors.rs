@@ -190,7 +190,7 @@ fn sek_direction() {
         let choice = chooser.choose(&free, &start, number(&case["goal_dir"]), &before, &rules);
         let Some(choice) = choice else {
             assert_eq!(expect["status"].as_str(), Some("stop"), "{id}");
-            check_clearance(id, choice::stop_clearance_m(&free, &start, &rules), &expect["stop_clear"]);
+            check_clearance(id, trajectories::stop_clearance_m(&free, &start, &rules), &expect["stop_clear"]);
             continue;
         };
         assert_eq!(expect["status"].as_str(), Some("move"), "{id}");
@@ -200,7 +200,7 @@ fn sek_direction() {
         check(id, "direction", choice.direction_rad, number(&expect["dir"]));
         let turn = wrap_angle(choice.direction_rad - number(&expect["dir_wrapped"]));
         check(id, "wrapped direction", turn, 0.0);
-        let clearance_m = choice::min_clearance_m(&free, &start, choice.velocity_mps, &rules);
+        let clearance_m = trajectories::min_clearance_m(&free, &start, choice.velocity_mps, &rules);
         check_clearance(id, clearance_m, &expect["min_clear"]);
         let begin = if velocity == Velocity::Ignored { choice.velocity_mps } else { start.velocity_mps };
         let ramp_s = LimitedMotion::new(begin, choice.velocity_mps, rules.acceleration_mps2).ramp_s();

@@ -99,7 +99,7 @@ impl FinderRule {
     }
 }
 
-/// Finds the ends of walls. Reuses its buffer.
+/// Finder of the ends of walls; reuses its buffer.
 #[derive(Clone, Debug, Default)]
 pub struct EndFinder {
     ends: Vec<WallEnd>,

@@ -21,9 +21,12 @@ pub mod edge_template;
 pub mod finder;
 pub mod followed_edge;
 pub mod foot;
+pub mod frame;
+pub mod handover;
 pub mod landmarks;
 pub mod pair;
 pub mod snap;
+pub mod steering;
 pub mod strip;
 pub mod template;
 pub mod track;
@@ -35,10 +38,10 @@ pub use landmarks::Ahead;
 use nalgebra::Point2;
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::camera::Calibration;
-use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
+use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
@@ -46,7 +49,9 @@ use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver, Corr
 use yamabico_vision::vanishing_point::VanishingPointError;
 
 use crate::finder::{EndFinder, FinderRule, Side, WallEnd};
-use crate::landmarks::Motion;
+use crate::frame::Frame;
+use crate::handover::Handover;
+use crate::steering::{is_confirmed, steer};
 use crate::track::{IntersectionTrack, Sides};
 
 /// Input: frames of the camera that looks ahead.
@@ -59,12 +64,8 @@ pub const INTERSECTION: Slot<Intersection> =
 
 /// Age above which odometry and frames are stale, s.
 const STALE_S: f64 = 0.3;
-/// Time without an observed edge after which the intersection is lost, s.
-const COAST_S: f64 = 1.0;
 /// Time for which a loss is reported, s.
 const LOSS_REPORTED_S: f64 = 2.0;
-/// Speeds (m/s, rad/s) above which the odometry jumped.
-const JUMP_SPEEDS: [f64; 2] = [3.0, 6.0];
 /// Age up to which a measured heading of the corridor serves as prediction, s.
 const AXIS_KEPT_S: f64 = 3.0;
 /// Standard deviation of that prediction, rad.
@@ -79,11 +80,6 @@ const APART: (f64, f64) = (0.3, 10.0);
 const UNCONFIRMED_FRAMES: u32 = 20;
 /// Distance by which a new pair must be nearer to replace an unconfirmed one, m.
 const NEARER_M: f64 = 0.8;
-/// Distance from which on an intersection that was handed over counts as passed, m.
-const PASSED_M: f64 = 3.0;
-/// Time after which it counts as passed without odometry, s.
-const PASSED_S: f64 = 5.0;
-
 /// The behavior: steers toward the middle between the two edges where the walls of a corridor end.
 #[derive(Clone, Debug)]
 pub struct IntersectionTracker {
@@ -100,22 +96,9 @@ pub struct IntersectionTracker {
     /// Angle of the corridor's axis in the odometry frame, and the time of its measurement.
     axis: Option<(f64, Time)>,
     lost_at: Option<Time>,
-    handed_over: Option<HandedOver>,
+    /// Intersection that the robot has reached and not yet passed.
+    handed_over: Option<Handover>,
     failure: Option<Reason>,
-}
-
-/// Capture time and pose of a frame.
-#[derive(Clone, Copy, Debug)]
-struct Frame {
-    stamp: Time,
-    pose: Option<Pose2>,
-}
-
-/// An intersection that the robot has reached: its position in the odometry frame, and the time.
-#[derive(Clone, Copy, Debug)]
-struct HandedOver {
-    point: Point2<f64>,
-    stamp: Time,
 }
 
 impl Plugin for IntersectionTracker {
@@ -198,7 +181,7 @@ impl Behavior for IntersectionTracker {
                 if self.is_confirmed() {
                     self.publish(&ahead, frame.stamp, now, outputs);
                 }
-                self.steer(&ahead)
+                steer(&ahead, &self.track, &self.config)
             }
             None => self.nothing_ahead(now),
         };
@@ -235,7 +218,7 @@ impl IntersectionTracker {
             return;
         }
         let taken = Frame { stamp, pose: self.odometry.pose_at(stamp) };
-        let motion = self.motion_to(&taken);
+        let motion = taken.motion_since(self.last_frame.as_ref());
         self.last_frame = Some(taken);
         match motion {
             Ok(motion) => self.track.predict(motion),
@@ -256,35 +239,17 @@ impl IntersectionTracker {
         }
     }
 
-    /// Returns the motion of the robot since the last frame.
-    fn motion_to(&self, taken: &Frame) -> Result<Motion, Reason> {
-        let Some(last) = self.last_frame else { return Ok(Motion::Unknown { elapsed_s: 0.0 }) };
-        let elapsed_s = taken.stamp.seconds_after(last.stamp);
-        if elapsed_s > COAST_S {
-            return Err(Reason::StaleInput);
-        }
-        let (Some(from), Some(to)) = (last.pose, taken.pose) else {
-            return Ok(Motion::Unknown { elapsed_s });
-        };
-        let (meters, turned) = travel(&from, &to);
-        let [fastest, quickest] = JUMP_SPEEDS;
-        if meters > fastest * elapsed_s + 0.1 || turned > quickest * elapsed_s + 0.1 {
-            return Err(Reason::Inconsistent);
-        }
-        Ok(Motion::Between(from, to))
-    }
-
     fn process_image(&mut self, image: ImageView<'_>, taken: &Frame) {
         let pose = taken.pose.unwrap_or_default();
         let camera = *self.observer.camera();
         if self.hands_over(&pose, &camera) {
-            self.handed_over = self.track.landmarks().map(|landmarks| HandedOver {
+            self.handed_over = self.track.landmarks().map(|landmarks| Handover {
                 point: nalgebra::center(&landmarks.point(Side::Left), &landmarks.point(Side::Right)),
                 stamp: taken.stamp,
             });
             self.track.lose();
         }
-        if !self.has_passed(taken) {
+        if self.handed_over.is_some_and(|handover| !handover.is_passed(taken)) {
             self.failure = None;
             return;
         }
@@ -305,18 +270,6 @@ impl IntersectionTracker {
         let is_near =
             self.ahead(pose).is_some_and(|ahead| ahead.distance_m - camera.mount.x < self.config.nearest_m);
         is_near || self.track.leaves_image(pose, camera)
-    }
-
-    /// Returns true unless the robot is still at an intersection that was handed over.
-    fn has_passed(&self, taken: &Frame) -> bool {
-        let Some(last) = self.handed_over else { return true };
-        match taken.pose {
-            Some(pose) => {
-                let point = pose.inverse().transform_point(last.point);
-                point.x < 0.0 || point.coords.norm() > PASSED_M
-            }
-            None => taken.stamp.seconds_after(last.stamp) > PASSED_S,
-        }
     }
 
     /// Finds the ends of the walls, for a new track or for edges that the track misses.
@@ -397,36 +350,6 @@ impl IntersectionTracker {
         let _ = outputs.publish(INTERSECTION.name, &message, &[]);
     }
 
-    /// Proposes to drive toward the middle, or abstains with the reason.
-    fn steer(&self, ahead: &Ahead) -> Proposal {
-        let note = format_args!(
-            "{:.1} m ahead +- {:.2}, {:+.1} degrees",
-            ahead.distance_m,
-            ahead.sigma_m,
-            ahead.bearing.to_degrees()
-        );
-        if !self.is_confirmed() {
-            let reason = match self.track.sides() {
-                Sides::Both => Reason::Searching,
-                _ => Reason::OneSided,
-            };
-            return Proposal::abstain(reason).with_note(note);
-        }
-        if self.track.sides() != Sides::Both {
-            return Proposal::abstain(Reason::OneSided).with_note(note);
-        }
-        let is_seen = Side::BOTH.iter().any(|&side| self.track.observed_at(side).is_some());
-        let (share, reason) = match self.track.needs_ends() {
-            _ if !is_seen => (0.5, Reason::Coasting),
-            true => (0.5, Reason::OneSided),
-            false => (1.0, Reason::Nominal),
-        };
-        let speed = share * self.config.speed_mps * (1.0 - ahead.bearing.abs() / 0.5).max(0.3);
-        let most = self.config.largest_turn_radps;
-        let turn = (self.config.turn_gain * ahead.bearing).clamp(-most, most);
-        Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn)).with_reason(reason).with_note(note)
-    }
-
     fn nothing_ahead(&self, now: Time) -> Proposal {
         let is_mourned = self.lost_at.is_some_and(|lost| now.seconds_after(lost) < LOSS_REPORTED_S);
         if is_mourned {
@@ -442,7 +365,7 @@ impl IntersectionTracker {
     }
 
     fn is_confirmed(&self) -> bool {
-        self.track.confirmations() >= self.config.confirm_frames
+        is_confirmed(&self.track, &self.config)
     }
 }
 

@@ -9,7 +9,7 @@ use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::geometry::Pose2;
 
 use crate::belief::Belief;
-use crate::motion::MotionNoise;
+use crate::motion::{MotionNoise, SlipNoise};
 
 /// Parameters of [`MapLocalizer`](crate::MapLocalizer).
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
@@ -35,7 +35,7 @@ pub struct Config {
     pub start: Start,
     /// Corners of the route, x and y in the map frame; the last corner is the goal. Without it, the robot waits for a
     /// goal.
-    #[schemars(inner(inner(range(min = -1e6, max = 1e6))), length(max = 60))]
+    #[schemars(inner(inner(range(min = -1e6, max = 1e6))), length(max = 60), extend("format" = "map-positions"))]
     pub route: Vec<[f64; 2]>,
     /// Cruising speed.
     #[default(0.4)]
@@ -156,6 +156,19 @@ pub struct OdometryNoise {
     #[default(0.6)]
     #[schemars(range(min = 0.0, max = 60.0))]
     pub drift_deg_per_m: f64,
+    /// Standard deviation of the delay between the motion of the body and the motion that odometry reports: wheels creep
+    /// on the floor while speeds change.
+    #[default(0.15)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub delay_s: f64,
+    /// Acceleration or deceleration from which wheels slip.
+    #[default(0.3)]
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub slip_from_mps2: f64,
+    /// Standard deviation of the heading that slip adds in 0.1 s, radians per m/s² beyond `slip_from_mps2`.
+    #[default(0.02)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub k_slip: f64,
 }
 
 impl Start {
@@ -174,6 +187,8 @@ impl From<OdometryNoise> for MotionNoise {
             turn_per_turn_rad: noise.k_tt,
             turn_per_distance: noise.k_ts,
             drift_per_distance: noise.drift_deg_per_m.to_radians(),
+            delay_s: noise.delay_s,
+            slip: SlipNoise { from_mps2: noise.slip_from_mps2, gain: noise.k_slip },
         }
     }
 }
@@ -184,8 +199,12 @@ impl Config {
     /// # Errors
     /// The key is missing.
     pub fn file(&self, key: &str, file: Option<&String>, setup: &Setup) -> Result<PathBuf, ParameterError> {
-        let missing =
-            || ParameterError::new(key, format!("is missing: method {} requires it", self.method.name()));
+        let missing = || {
+            let problem = format!("is missing, and method {} requires it", self.method.name());
+            ParameterError::new(key, problem).remedy(format!(
+                "add {key} = \"...\", the path of a file relative to the task file, or choose another method"
+            ))
+        };
         Ok(setup.folder.join(file.ok_or_else(missing)?))
     }
 }

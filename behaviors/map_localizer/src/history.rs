@@ -9,7 +9,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::time::Time;
 
 use crate::belief::Belief;
-use crate::motion::{Increment, MotionNoise};
+use crate::motion::{Increment, MotionNoise, SLIP_INTERVAL_S, Speeds};
 
 /// Number of odometry messages kept: 82 s at 50 Hz.
 pub const CAPACITY: usize = 4096;
@@ -44,12 +44,18 @@ pub struct History {
     oldest: usize,
     /// Time and posterior of the last correction.
     applied: Option<(Time, Belief)>,
+    /// Speeds at the last correction.
+    corrected_at: Speeds,
+    /// Belief at the newest entry, with the uncertainty due to the delay of odometry.
+    newest: Option<(Time, Belief)>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     stamp: Time,
+    /// Belief without the uncertainty due to the delay of odometry.
     belief: Belief,
+    speeds: Speeds,
     /// Distance driven since the last correction, m.
     driven_m: f64,
     /// Motion to the next entry; zero in the newest.
@@ -70,7 +76,15 @@ impl History {
     #[must_use]
     pub fn new(capacity: usize, noise: MotionNoise) -> Self {
         let capacity = capacity.max(2);
-        Self { noise, entries: Vec::with_capacity(capacity), capacity, oldest: 0, applied: None }
+        Self {
+            noise,
+            entries: Vec::with_capacity(capacity),
+            capacity,
+            oldest: 0,
+            applied: None,
+            corrected_at: Speeds::default(),
+            newest: None,
+        }
     }
 
     /// Discards all entries and starts with this belief.
@@ -78,31 +92,50 @@ impl History {
         self.entries.clear();
         self.oldest = 0;
         self.applied = None;
-        self.entries.push(Entry { stamp, belief, driven_m: 0.0, onward: Increment::default() });
+        self.corrected_at = Speeds::default();
+        let onward = Increment::default();
+        self.entries.push(Entry { stamp, belief, speeds: self.corrected_at, driven_m: 0.0, onward });
+        self.newest = Some((stamp, belief));
     }
 
     /// Appends a newer entry, propagated by this motion; ignores an older one.
     pub fn advance(&mut self, stamp: Time, increment: Increment) {
         let noise = self.noise;
         let Some(newest) = self.newest_entry_mut().filter(|newest| stamp > newest.stamp) else { return };
+        let elapsed_s = stamp.seconds_after(newest.stamp);
+        let (speeds, acceleration) = newest.speeds.after(&increment, elapsed_s);
+        let slip_variance = noise.slip.variance(acceleration) * elapsed_s / SLIP_INTERVAL_S;
+        let increment = Increment { slip_variance: increment.slip_variance + slip_variance, ..increment };
         newest.onward = increment;
         let belief = increment.move_belief(&newest.belief, newest.driven_m, &noise);
         let driven_m = newest.driven_m + increment.forward_m.abs();
-        let entry = Entry { stamp, belief, driven_m, onward: Increment::default() };
+        let entry = Entry { stamp, belief, speeds, driven_m, onward: Increment::default() };
         if self.entries.len() < self.capacity {
             self.entries.push(entry);
         } else {
             self.entries[self.oldest] = entry;
             self.oldest = (self.oldest + 1) % self.capacity;
         }
+        self.renew_newest();
     }
 
     /// Returns the newest belief and its time; `None` before the start.
     #[must_use]
     pub fn newest(&self) -> Option<(Time, &Belief)> {
-        let last = self.entries.len().checked_sub(1)?;
+        self.newest.as_ref().map(|(stamp, belief)| (*stamp, belief))
+    }
+
+    /// Computes the belief at the newest entry, with the uncertainty due to the delay of odometry.
+    fn renew_newest(&mut self) {
+        let Some(last) = self.entries.len().checked_sub(1) else { return };
         let entry = &self.entries[self.index(last)];
-        Some((entry.stamp, &entry.belief))
+        self.newest = Some((entry.stamp, self.delayed(entry.belief, &entry.speeds)));
+    }
+
+    /// Adds the uncertainty due to the delay of odometry to a belief at these speeds.
+    fn delayed(&self, belief: Belief, speeds: &Speeds) -> Belief {
+        let added = self.noise.delay_covariance(belief.pose.theta, &self.corrected_at, speeds);
+        Belief { covariance: belief.covariance + added, ..belief }
     }
 
     /// Returns the belief at a time: the prior for an image taken then.
@@ -118,10 +151,10 @@ impl History {
             // The last correction lies between the entry and this time.
             let done = self.fraction_of(entry, position.entry, *at);
             let since = self.step(position.entry).scaled(position.fraction - done);
-            return Ok(since.move_belief(belief, 0.0, &self.noise));
+            return Ok(self.delayed(since.move_belief(belief, 0.0, &self.noise), &entry.speeds));
         }
         let onward = self.step(position.entry).scaled(position.fraction);
-        Ok(onward.move_belief(&entry.belief, entry.driven_m, &self.noise))
+        Ok(self.delayed(onward.move_belief(&entry.belief, entry.driven_m, &self.noise), &entry.speeds))
     }
 
     /// Replaces the belief at a time and repeats the dead reckoning since then, rewriting all newer entries.
@@ -132,9 +165,11 @@ impl History {
         let position = self.position(stamp)?;
         self.applied = Some((stamp, posterior));
         let index = self.index(position.entry);
+        self.corrected_at = self.entries[index].speeds;
         if self.is_newest(position) {
             self.entries[index].belief = self.back_from_ahead(position, &posterior);
             self.entries[index].driven_m = 0.0;
+            self.renew_newest();
             return Ok(());
         }
         if position.fraction == 0.0 {
@@ -151,6 +186,7 @@ impl History {
             self.entries[index].driven_m = driven_m;
             onward = self.entries[index].onward;
         }
+        self.renew_newest();
         Ok(())
     }
 
@@ -178,12 +214,14 @@ impl History {
             covariance: posterior.covariance,
         };
         newest.driven_m = 0.0;
+        self.corrected_at = newest.speeds;
         self.applied = Some((stamp, *posterior));
+        self.renew_newest();
         Ok(())
     }
 
     /// Returns the newest belief after [`History::correct`], computed in one step from the accumulated motion since
-    /// then and its noise. Exact for this motion model.
+    /// then and its noise. Exact for this motion model; without the uncertainty due to the delay of odometry.
     ///
     /// # Errors
     /// No correction can be applied at this time.
@@ -314,13 +352,14 @@ mod tests {
             turn_per_turn_rad: 0.0,
             turn_per_distance: 0.0,
             drift_per_distance: 0.01,
+            ..MotionNoise::default()
         };
         let mut history = History::new(CAPACITY, drift_only);
         let certain = Belief { pose: Pose2::IDENTITY, covariance: Matrix3::zeros() };
         let stamp = |step: u32| Time::from_secs_f64(0.02 * f64::from(step));
         history.start(stamp(0), certain);
         for step in 1..=500 {
-            history.advance(stamp(step), Increment { forward_m: 0.01, turn_rad: 0.0 });
+            history.advance(stamp(step), Increment { forward_m: 0.01, ..Increment::default() });
         }
         let sigma = |history: &History| history.newest().map(|(_, belief)| belief.sigma_theta_rad());
         let is_near = |sigma: Option<f64>, expected: f64| sigma.is_some_and(|s| (s - expected).abs() < 1e-9);
@@ -330,7 +369,7 @@ mod tests {
         assert_eq!(history.correct(captured, certain), Ok(()));
         assert!(is_near(sigma(&history), 0.01 * (2.0 - 0.0035)));
         assert!(is_near(in_one_step.ok().map(|belief| belief.sigma_theta_rad()), 0.01 * (2.0 - 0.0035)));
-        history.advance(stamp(501), Increment { forward_m: 0.01, turn_rad: 0.0 });
+        history.advance(stamp(501), Increment { forward_m: 0.01, ..Increment::default() });
         assert!(is_near(sigma(&history), 0.01 * (2.01 - 0.0035)));
     }
 }

@@ -1,6 +1,6 @@
 //! Dead reckoning of the pose and its covariance.
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector3};
 use yamabico_core::geometry::Pose2;
 
 use crate::belief::Belief;
@@ -12,6 +12,8 @@ pub struct Increment {
     pub forward_m: f64,
     /// Angle turned to the left, rad.
     pub turn_rad: f64,
+    /// Variance of the angle due to wheels that slip, rad².
+    pub slip_variance: f64,
 }
 
 /// Noise model of dead reckoning: variances added by motion.
@@ -25,6 +27,57 @@ pub struct MotionNoise {
     pub turn_per_distance: f64,
     /// Standard deviation of a constant drift of the heading, for example from unequal wheels, rad/m.
     pub drift_per_distance: f64,
+    /// Standard deviation of the delay between the motion of the body and the motion that odometry reports, s: wheels
+    /// creep on the floor while speeds change.
+    pub delay_s: f64,
+    /// Slip of the wheels while braking and starting.
+    pub slip: SlipNoise,
+}
+
+/// Standard deviation of the heading due to slip while the speed changes: `gain` × (acceleration − `from_mps2`), in each
+/// [`SLIP_INTERVAL_S`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SlipNoise {
+    /// Acceleration or deceleration up to which wheels do not slip, m/s².
+    pub from_mps2: f64,
+    /// Standard deviation per acceleration beyond that, rad per m/s².
+    pub gain: f64,
+}
+
+/// Interval in which [`SlipNoise`] is the standard deviation of the heading, s.
+pub const SLIP_INTERVAL_S: f64 = 0.1;
+/// Time constant of the low-pass filter of speeds, s: longer than the quantization of wheel encoders is coarse.
+const SPEED_FILTER_S: f64 = 0.06;
+
+impl SlipNoise {
+    /// Returns the variance of the heading after [`SLIP_INTERVAL_S`] at this acceleration (m/s²), rad².
+    #[must_use]
+    pub fn variance(&self, acceleration_mps2: f64) -> f64 {
+        (self.gain * (acceleration_mps2.abs() - self.from_mps2).max(0.0)).powi(2)
+    }
+}
+
+/// Speeds of the robot by odometry, low-pass filtered.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Speeds {
+    /// Forward, m/s.
+    pub forward_mps: f64,
+    /// Turn rate to the left, rad/s.
+    pub turn_radps: f64,
+}
+
+impl Speeds {
+    /// Returns the speeds after a motion in `elapsed_s` > 0, and the acceleration forward, m/s².
+    #[must_use]
+    pub fn after(&self, motion: &Increment, elapsed_s: f64) -> (Self, f64) {
+        let share = elapsed_s / (SPEED_FILTER_S + elapsed_s);
+        let toward = |now: f64, moved: f64| now + share * (moved / elapsed_s - now);
+        let speeds = Self {
+            forward_mps: toward(self.forward_mps, motion.forward_m),
+            turn_radps: toward(self.turn_radps, motion.turn_rad),
+        };
+        (speeds, (speeds.forward_mps - self.forward_mps) / elapsed_s)
+    }
 }
 
 impl Default for MotionNoise {
@@ -34,7 +87,24 @@ impl Default for MotionNoise {
             turn_per_turn_rad: 1e-3,
             turn_per_distance: 2e-4,
             drift_per_distance: 0.0,
+            delay_s: 0.0,
+            slip: SlipNoise::default(),
         }
+    }
+}
+
+impl MotionNoise {
+    /// Returns the covariance (x, y, theta) of the pose due to the delay of odometry, for a robot with this heading
+    /// (rad) whose speeds changed since its last correction.
+    #[must_use]
+    pub fn delay_covariance(&self, heading: f64, from: &Speeds, to: &Speeds) -> Matrix3<f64> {
+        let (sin, cos) = heading.sin_cos();
+        let ahead = self.delay_s * (to.forward_mps - from.forward_mps);
+        let aside = self.delay_s * (to.turn_radps - from.turn_radps);
+        let along = Vector3::new(cos, sin, 0.0) * ahead;
+        let mut covariance = along * along.transpose();
+        covariance[(2, 2)] = aside * aside;
+        covariance
     }
 }
 
@@ -44,13 +114,17 @@ impl Increment {
     pub fn between(from: &Pose2, to: &Pose2) -> Self {
         let motion = from.relative(to);
         let (sin, cos) = (0.5 * motion.theta).sin_cos();
-        Self { forward_m: motion.x * cos + motion.y * sin, turn_rad: motion.theta }
+        Self { forward_m: motion.x * cos + motion.y * sin, turn_rad: motion.theta, slip_variance: 0.0 }
     }
 
     /// Returns a fraction of the motion.
     #[must_use]
     pub fn scaled(&self, fraction: f64) -> Self {
-        Self { forward_m: fraction * self.forward_m, turn_rad: fraction * self.turn_rad }
+        Self {
+            forward_m: fraction * self.forward_m,
+            turn_rad: fraction * self.turn_rad,
+            slip_variance: fraction.abs() * self.slip_variance,
+        }
     }
 
     /// Returns the pose after the motion, along the mean heading.
@@ -87,7 +161,8 @@ impl Increment {
             noise.drift_per_distance.powi(2) * distance.abs() * (2.0 * driven_m + distance.abs());
         let turn_variance = noise.turn_per_turn_rad * self.turn_rad.abs()
             + noise.turn_per_distance * distance.abs()
-            + drift_variance;
+            + drift_variance
+            + self.slip_variance;
         let moved = state * covariance * state.transpose()
             + input * Matrix2::new(distance_variance, 0.0, 0.0, turn_variance) * input.transpose();
         0.5 * (moved + moved.transpose())
@@ -102,14 +177,34 @@ mod tests {
     fn an_increment_connects_two_poses() {
         let from = Pose2::new(1.0, 2.0, 3.0);
         for increment in [
-            Increment { forward_m: 0.02, turn_rad: 0.01 },
-            Increment { forward_m: -0.3, turn_rad: 0.4 },
-            Increment { forward_m: 0.0, turn_rad: -0.2 },
+            Increment { forward_m: 0.02, turn_rad: 0.01, slip_variance: 0.0 },
+            Increment { forward_m: -0.3, turn_rad: 0.4, slip_variance: 0.0 },
+            Increment { forward_m: 0.0, turn_rad: -0.2, slip_variance: 0.0 },
         ] {
             let to = increment.move_pose(&from);
             let again = Increment::between(&from, &to);
             assert!((again.forward_m - increment.forward_m).abs() < 1e-12);
             assert!((again.turn_rad - increment.turn_rad).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn hard_braking_makes_the_heading_uncertain_and_steady_motion_does_not() {
+        let slip = SlipNoise { from_mps2: 0.3, gain: 0.02 };
+        let sigma_deg = |deceleration: f64| {
+            let (mut speeds, mut variance) = (Speeds { forward_mps: 0.4, turn_radps: 0.0 }, 0.0);
+            let mut speed = 0.4_f64;
+            for _ in 0..50 {
+                speed = (speed - 0.02 * deceleration).max(0.0);
+                let motion = Increment { forward_m: 0.02 * speed, ..Increment::default() };
+                let (after, acceleration) = speeds.after(&motion, 0.02);
+                speeds = after;
+                variance += slip.variance(acceleration) * 0.02 / SLIP_INTERVAL_S;
+            }
+            variance.sqrt().to_degrees()
+        };
+        assert_eq!(sigma_deg(0.0), 0.0);
+        assert!((0.4..1.5).contains(&sigma_deg(1.0)), "{}", sigma_deg(1.0));
+        assert!((1.5..6.0).contains(&sigma_deg(3.0)), "{}", sigma_deg(3.0));
     }
 }

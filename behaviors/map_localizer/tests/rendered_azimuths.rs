@@ -41,9 +41,7 @@ fn room() -> (World, Vec<EdgeLandmark>) {
             height_m: 2.4,
             thickness_m: 0.05,
             color: [level; 3],
-            baseboard: None,
-            doors: Vec::new(),
-            windows: Vec::new(),
+            ..Wall::default()
         });
         let sign = if next.2 > level { EdgeSign::Brighter } else { EdgeSign::Darker };
         landmarks.push(EdgeLandmark {

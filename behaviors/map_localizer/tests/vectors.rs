@@ -183,7 +183,7 @@ fn retroactive() {
             distance_per_distance_m: of("k_ss"),
             turn_per_turn_rad: of("k_tt"),
             turn_per_distance: of("k_ts"),
-            drift_per_distance: 0.0,
+            ..MotionNoise::default()
         };
         let capacity = input["buffer_steps"].as_u64().map_or(CAPACITY, |steps| steps as usize);
         let mut history = History::new(capacity, noise);
@@ -192,7 +192,7 @@ fn retroactive() {
         let increments = input["increments_ds_dtheta"].as_array().unwrap();
         for (i, increment) in increments.iter().enumerate() {
             let [forward_m, turn_rad] = numbers(increment);
-            history.advance(stamp(i + 1), Increment { forward_m, turn_rad });
+            history.advance(stamp(i + 1), Increment { forward_m, turn_rad, slip_variance: 0.0 });
         }
         let newest = |history: &History| *history.newest().unwrap().1;
         close_pose(&newest(&history).pose, &pose(&expect["uncorrected"]), tolerance, &id);

@@ -1,4 +1,4 @@
-//! Halts the robot while a sonar reports an echo nearer than a gate.
+//! Halts the robot before it drives into what a sonar sees.
 //!
 //! ```
 //! use yamabico_core::behavior::Setup;
@@ -6,6 +6,7 @@
 //! use yamabico_core::testing::Bench;
 //! use yamabico_sonar_halt::{SONAR, SonarHalt};
 //!
+//! // Without odometry every echo nearer than the gate counts.
 //! let mut bench = Bench::<SonarHalt>::new("gate_m = 0.5", Setup::default())?;
 //! let beam = Beam { range_m: 0.4, ..Default::default() };
 //! bench.at(0.1).feed(&SONAR, &RangeScanHeader { stamp_ns: 100_000_000, ..Default::default() }, &[beam]);
@@ -13,78 +14,78 @@
 //! # Ok::<(), yamabico_core::behavior::ParameterError>(())
 //! ```
 //!
-//! Ohya, Kosaka & Kak (1998): sonars with a gate at 0.5 m; any echo halts. Differs from the paper: consecutive clean scans
-//! release the halt, and a sonar that is silent, late or malformed halts like an echo.
+//! Ohya, Kosaka & Kak (1998): sonars with a gate at 0.5 m; any echo halts. Differs from the paper: only what is on the path
+//! that the footprint sweeps halts, nearer than the stopping distance; what approaches by itself halts by its time to contact
+//! (Lee 1976); consecutive clean scans release the halt; a sonar that is silent, late or malformed halts like an echo.
 
-pub mod gate;
+pub mod approach_watch;
+pub mod config;
+pub mod latch;
+pub mod motion;
+pub mod range_gate;
+pub mod reading;
+pub mod swept_gate;
+pub mod swept_path;
+pub mod time_to_contact;
 
-use schemars::JsonSchema;
-use serde::Deserialize;
-use smart_default::SmartDefault;
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
-use yamabico_core::message::{Axes, Proposal, RangeScanHeader, Reason};
-use yamabico_core::sensor::SensorKind;
+use yamabico_core::message::{
+    Axes, Axis, Beam, DecisionHeader, Odometry, Proposal, RangeScanHeader, Reason, Twist, View,
+};
+use yamabico_core::sensor::{MotionLimits, SensorKind};
 use yamabico_core::time::Time;
 
-use crate::gate::{Gate, Latch, Reading, Turning};
+use crate::approach_watch::{Approach, ApproachWatch};
+use crate::config::{Config, GateRule};
+use crate::latch::Latch;
+use crate::motion::Motion;
+use crate::range_gate::RangeGate;
+use crate::reading::{Reading, TRANSLATION};
+use crate::swept_gate::{StoppingDistance, SweptGate};
 
 /// Input: the range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
+/// Input: the motion that the robot has.
+pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "measured motion; without it `gate_m` holds");
+/// Input: the motion that is wished.
+pub const DECISION: Slot<DecisionHeader> =
+    Slot::optional("decision", "wished motion; without it, straight ahead at full speed");
 
 /// Tolerance for stamps in the future, s.
 const FUTURE_TOLERANCE_S: f64 = 0.02;
 
-/// Parameters of [`SonarHalt`].
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
-#[serde(deny_unknown_fields, default)]
-pub struct Config {
-    /// Range below which an echo halts the robot, measured from the sensor.
-    #[default(0.5)]
-    #[schemars(range(min = 0.05, max = 5.0))]
-    pub gate_m: f64,
-    /// Number of consecutive clean scans that release the halt.
-    #[default(3)]
-    #[schemars(range(min = 1, max = 100))]
-    pub clean_readings: u32,
-    /// Age of the newest scan above which the robot halts.
-    #[default(300.0)]
-    #[schemars(range(min = 20.0, max = 2000.0))]
-    pub stale_ms: f64,
-    /// Clearance around the robot's circle that turning in place requires.
-    #[default(0.03)]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub turning_margin_m: f64,
-}
-
-/// The behavior: halts while an echo is inside the gate, and while there is no valid scan.
+/// The behavior: halts for an echo that forbids the motion, and while there is no valid scan.
 #[derive(Clone, Debug)]
 pub struct SonarHalt {
-    gate: Gate,
-    latch: Latch,
-    stale_s: f64,
+    config: Config,
+    limits: MotionLimits,
+    range_gate: RangeGate,
+    swept_gate: SweptGate,
+    watch: ApproachWatch,
+    translation: Latch,
+    turning: Latch,
+    slow: Latch,
     last_stamp: Option<Time>,
     cause: Cause,
+    approach: Option<Approach>,
 }
 
-/// Reason for which the latch holds.
+/// Reason of the newest halt.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Cause {
-    reason: Reason,
-    turning: Turning,
-    range_m: f64,
-}
-
-impl Cause {
-    const fn without_range(reason: Reason) -> Self {
-        Self { reason, turning: Turning::Closed, range_m: f64::NAN }
-    }
+enum Cause {
+    /// An echo at this range, and the length of the path until contact, m.
+    Echo { range_m: f64, path_m: Option<f64> },
+    /// Something that comes nearer by itself.
+    Approach(Approach),
+    /// No valid scan.
+    Fault(Reason),
 }
 
 impl Plugin for SonarHalt {
     type Config = Config;
     const NAME: &'static str = "sonar-halt";
-    const SUMMARY: &'static str = "Halts the robot while a sonar sees something nearer than its gate.";
-    const INPUTS: &'static [SlotInfo] = &[SONAR.info()];
+    const SUMMARY: &'static str = "Halts the robot before it drives into what a sonar sees.";
+    const INPUTS: &'static [SlotInfo] = &[SONAR.info(), ODOMETRY.info(), DECISION.info()];
     const CLAIMS: Axes = Axes::NONE;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
@@ -97,23 +98,42 @@ impl Plugin for SonarHalt {
             );
             return Err(ParameterError::new("gate_m", problem));
         }
+        let robot = &setup.robot;
+        let turning_radius_m = robot.radius_m + config.turning_margin_m;
+        let stopping = StoppingDistance {
+            reaction_s: config.reaction_ms * 1e-3,
+            deceleration_mps2: config.deceleration_mps2.min(robot.limits.emergency[Axis::Linear as usize]),
+            reserve_m: config.reserve_m,
+        };
         Ok(Self {
-            gate: Gate {
-                gate_m: config.gate_m,
-                turning_radius_m: setup.robot.radius_m + config.turning_margin_m,
-            },
-            latch: Latch::new(config.clean_readings),
-            stale_s: config.stale_ms * 1e-3,
+            limits: robot.limits,
+            range_gate: RangeGate { gate_m: config.gate_m, turning_radius_m },
+            swept_gate: SweptGate { radius_m: robot.radius_m + config.margin_m, turning_radius_m, stopping },
+            watch: ApproachWatch::default(),
+            translation: Latch::holding(config.clean_readings),
+            turning: Latch::holding(config.clean_readings),
+            slow: Latch::released(config.clean_readings),
             last_stamp: None,
-            cause: Cause::without_range(Reason::NoInput),
+            cause: Cause::Fault(Reason::NoInput),
+            approach: None,
+            config,
         })
     }
 }
 
 impl Behavior for SonarHalt {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        let motion = Motion::read(inputs, self.config.stale_ms * 1e-3);
         self.check_losses(inputs);
-        self.read_scans(inputs);
+        for scan in inputs.fresh(&SONAR) {
+            self.read_scan(&scan, &motion, inputs.now());
+        }
+        if !inputs.is_fresh(&SONAR)
+            && let Some(scan) = inputs.latest(&SONAR)
+        {
+            // The motion may have changed since.
+            self.read_scan(&scan, &motion, inputs.now());
+        }
         self.check_age(inputs.now());
         self.proposal()
     }
@@ -122,62 +142,116 @@ impl Behavior for SonarHalt {
 impl SonarHalt {
     fn check_losses(&mut self, inputs: &Inputs<'_>) {
         if inputs.lost(&SONAR) > 0 {
-            self.trip(Cause::without_range(Reason::Overflow));
+            self.watch.forget();
+            self.fail(Reason::Overflow);
         }
     }
 
-    fn read_scans(&mut self, inputs: &Inputs<'_>) {
-        for scan in inputs.fresh(&SONAR) {
-            let stamp = Time(scan.header.stamp_ns);
-            if stamp.seconds_after(inputs.now()) > FUTURE_TOLERANCE_S {
-                self.trip(Cause::without_range(Reason::MalformedInput));
-                continue;
+    fn read_scan(&mut self, scan: &View<'_, RangeScanHeader>, motion: &Motion, now: Time) {
+        let stamp = Time(scan.header.stamp_ns);
+        if stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+            self.fail(Reason::MalformedInput);
+            return;
+        }
+        let is_newer = self.last_stamp.is_none_or(|last| stamp > last);
+        let twists = motion.twists(&self.limits).filter(|_| self.config.gate == GateRule::SweptPath);
+        let reading = match &twists {
+            Some(twists) => self.swept_gate.read(scan.items, twists),
+            None => self.range_gate.read(scan.items),
+        };
+        let mut stops = match reading {
+            Reading::Malformed => {
+                self.fail(Reason::MalformedInput);
+                return;
             }
-            let is_newer = self.last_stamp.is_none_or(|last| stamp > last);
-            match self.gate.read(scan.items) {
-                Reading::Clean if is_newer => self.latch.clean(),
-                Reading::Clean => {}
-                Reading::Echo { range_m, turning } => {
-                    self.trip(Cause { reason: Reason::Echo, turning, range_m });
-                }
-                Reading::Malformed => self.trip(Cause::without_range(Reason::MalformedInput)),
+            Reading::Clean => Axes::NONE,
+            Reading::Echo { range_m, path_m, stops } => {
+                self.cause = Cause::Echo { range_m, path_m };
+                stops
             }
-            if is_newer {
-                self.last_stamp = Some(stamp);
+        };
+        if is_newer {
+            self.last_stamp = Some(stamp);
+            self.watch_approaches(twists.map(|[measured, _]| measured), stamp, scan.items);
+        }
+        if let Some(approach) = self.approach.filter(|approach| approach.time_s < self.config.halt_s) {
+            self.cause = Cause::Approach(approach);
+            stops = stops.union(TRANSLATION);
+        }
+        let is_slow = self.approach.is_some_and(|approach| approach.time_s < self.config.slow_s);
+        update(&mut self.translation, stops.contains(Axis::Linear), is_newer);
+        update(&mut self.turning, stops.contains(Axis::Angular), is_newer);
+        update(&mut self.slow, is_slow, is_newer);
+    }
+
+    /// Finds what moves towards the robot; nothing while the robot's own motion is not known.
+    fn watch_approaches(&mut self, measured: Option<Twist>, stamp: Time, beams: &[Beam]) {
+        self.approach = None;
+        match measured {
+            Some(measured) => {
+                self.watch.push(stamp, measured, beams);
+                self.approach = self.watch.soonest(beams);
             }
+            None => self.watch.forget(),
         }
     }
 
     fn check_age(&mut self, now: Time) {
         match self.last_stamp {
-            None if self.cause.reason != Reason::NoInput => {}
-            None => self.trip(Cause::without_range(Reason::NoInput)),
-            Some(stamp) if now.seconds_after(stamp) > self.stale_s => {
-                self.trip(Cause::without_range(Reason::SonarStale));
+            None if !matches!(self.cause, Cause::Fault(Reason::NoInput)) => {}
+            None => self.fail(Reason::NoInput),
+            Some(stamp) if now.seconds_after(stamp) > self.config.stale_ms * 1e-3 => {
+                self.fail(Reason::SonarStale);
             }
             Some(_) => {}
         }
     }
 
-    fn trip(&mut self, cause: Cause) {
-        self.latch.trip();
-        self.cause = cause;
+    fn fail(&mut self, reason: Reason) {
+        self.translation.trip();
+        self.turning.trip();
+        self.cause = Cause::Fault(reason);
     }
 
     fn proposal(&self) -> Proposal {
         let evidence = self.last_stamp.unwrap_or_default();
-        if !self.latch.is_holding() {
-            return Proposal::abstain(Reason::Clear).with_evidence(evidence);
+        let halted = [(self.translation, TRANSLATION), (self.turning, Axes::from(Axis::Angular))]
+            .into_iter()
+            .filter(|(latch, _)| latch.is_holding())
+            .fold(Axes::NONE, |halted, (_, axes)| halted.union(axes));
+        if !halted.is_empty() {
+            return self.halt(halted).with_evidence(evidence);
         }
-        let axes = match self.cause.turning {
-            Turning::Open => Axes::LINEAR.union(Axes::LATERAL),
-            Turning::Closed => Axes::ALL,
-        };
-        let halt = Proposal::halt(axes, self.cause.reason).with_evidence(evidence);
-        if self.cause.range_m.is_nan() {
-            return halt.with_note(format_args!("{}", self.cause.reason));
+        if self.slow.is_holding() {
+            let speed = self.config.slow_mps;
+            let limit = Proposal::limit(TRANSLATION, Twist::new(speed, speed, 0.0), Reason::Echo);
+            return limit.with_evidence(evidence).with_note(format_args!("something comes nearer"));
         }
-        let missing = self.latch.missing();
-        halt.with_note(format_args!("echo at {:.2} m; {missing} clean readings to go", self.cause.range_m))
+        Proposal::abstain(Reason::Clear).with_evidence(evidence)
+    }
+
+    fn halt(&self, axes: Axes) -> Proposal {
+        let missing = self.translation.missing().max(self.turning.missing());
+        match self.cause {
+            Cause::Fault(reason) => Proposal::halt(axes, reason).with_note(format_args!("{reason}")),
+            Cause::Echo { range_m, path_m: None } => Proposal::halt(axes, Reason::Echo)
+                .with_note(format_args!("echo at {range_m:.2} m; {missing} clean readings to go")),
+            Cause::Echo { range_m, path_m: Some(path_m) } => Proposal::halt(axes, Reason::Echo).with_note(
+                format_args!("echo at {range_m:.2} m, {path_m:.2} m to contact; {missing} clean to go"),
+            ),
+            Cause::Approach(Approach { time_s, closing_mps }) => Proposal::halt(axes, Reason::Echo)
+                .with_note(format_args!(
+                    "closing at {closing_mps:.1} m/s, {time_s:.1} s to contact; {missing} clean to go"
+                )),
+        }
+    }
+}
+
+/// Trips a latch, or counts a clean reading of a new scan.
+fn update(latch: &mut Latch, trips: bool, is_newer: bool) {
+    if trips {
+        latch.trip();
+    } else if is_newer {
+        latch.clean();
     }
 }

@@ -1,4 +1,4 @@
-//! The behavior on hand-made scans.
+//! Halts by range alone: the robot's motion is not known.
 
 use yamabico_core::behavior::Setup;
 use yamabico_core::message::{Axes, Axis, Beam, Kind, NO_ECHO, Proposal, RangeScanHeader, Reason};

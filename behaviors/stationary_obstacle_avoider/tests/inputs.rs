@@ -104,7 +104,7 @@ fn a_passage_stays_one_while_the_robot_turns() {
 fn thresholds_of_another_camera_are_refused() {
     let other = Intrinsics::from_horizontal_fov(640, 480, 1.0);
     let refused = Avoider::new(TABLE, setup(other)).err();
-    let Some(ParameterError { key, problem }) = refused else { panic!("not refused") };
+    let Some(ParameterError { key, problem, .. }) = refused else { panic!("not refused") };
     assert_eq!(key, "thresholds");
     assert!(problem.contains("256 x 240") && problem.contains("640 x 480"), "{problem}");
 }

@@ -1,7 +1,7 @@
 //! Parameters of the behavior.
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use smart_default::SmartDefault;
 use yamabico_core::behavior::ParameterError;
 
@@ -9,6 +9,8 @@ use yamabico_core::behavior::ParameterError;
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// Method of finding the corridor.
+    pub method: Method,
     /// Cruising speed.
     #[default(0.4)]
     #[schemars(range(min = 0.02, max = 2.0))]
@@ -41,16 +43,44 @@ pub struct Config {
     #[default(0.05)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub stop_wall_m: f64,
-    /// Standard deviation of the camera's tilt and roll while driving.
-    #[default(1.0)]
+    /// Standard deviation of the camera's tilt and roll while driving. Not given: 1° for the distances of walls; in the search, 8° of a
+    /// measured camera, and nothing known of one whose calibration is guessed.
     #[schemars(range(min = 0.05, max = 30.0))]
-    pub horizon_sigma_deg: f64,
+    pub horizon_sigma_deg: Option<f64>,
     /// Minimum contrast across a floor line, gray levels.
     #[default(8.0)]
     #[schemars(range(min = 1.0, max = 100.0))]
     pub floor_contrast: f64,
+    /// Distance from the camera to a wall ahead at which the robot stops; of a camera whose height is unknown, for a height of 0.3 m.
+    #[default(0.6)]
+    #[schemars(range(min = 0.2, max = 3.0))]
+    pub stop_ahead_m: f64,
+    /// Motion at the end of the corridor.
+    pub at_end: AtEnd,
     /// Recovery when no vanishing point is found.
     pub lost: Lost,
+}
+
+/// Method of finding the corridor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Vanishing point without a presumed horizon, with the probability of a corridor.
+    #[default]
+    Evidence,
+    /// The vanishing point nearest to the presumed horizon, always believed; walls ahead are not looked for.
+    PresumedHorizon,
+}
+
+/// Motion at the end of a corridor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum AtEnd {
+    /// The robot stops.
+    #[default]
+    Stop,
+    /// The robot turns back in place; requires odometry.
+    Turn,
 }
 
 /// Recovery when no vanishing point is found.

@@ -11,9 +11,9 @@ use yamabico_vision::corridor::floor_lines::WallEstimate;
 use yamabico_vision::corridor::observer::{CorridorObservation, CorridorPrediction};
 
 /// Heading variance per radian turned (odometry), rad.
-const VARIANCE_PER_TURN: f64 = 1e-3;
+pub(crate) const VARIANCE_PER_TURN: f64 = 1e-3;
 /// Heading variance per meter driven, rad^2/m.
-const VARIANCE_PER_METER: f64 = 2e-4;
+pub(crate) const VARIANCE_PER_METER: f64 = 2e-4;
 /// Heading variance per second without odometry, rad^2/s: allows turns of 0.5 rad/s.
 const VARIANCE_PER_SECOND_BLIND: f64 = 0.25;
 /// Innovation of the heading (rad) above which, if also above three standard deviations, it is rejected, until
@@ -47,6 +47,8 @@ pub struct Estimate {
     pub heading_sigma: f64,
     /// Signed distances from the robot's center to the walls.
     pub walls: Walls,
+    /// Standard deviations of these distances, m; NaN for a wall that is not visible.
+    pub wall_sigmas_m: [f64; 2],
     /// Width of the corridor, m, if known.
     pub width_m: Option<f64>,
 }
@@ -194,6 +196,7 @@ impl CorridorTrack {
             heading: wrap_angle(pose.theta - axis.angle),
             heading_sigma: axis.variance.sqrt(),
             walls: Walls { left_m: left, right_m: right },
+            wall_sigmas_m: self.walls.map(|wall| wall.map_or(f64::NAN, |wall| wall.variance.sqrt())),
             width_m: self.widths.median_m(),
         })
     }

@@ -16,33 +16,41 @@
 //! Kweon et al. (1991): the vanishing point gives the heading, the floor lines give the lateral position. Differs from the
 //! paper: exact for any heading, tilt and roll, and steers while driving instead of stopping to look.
 
+pub mod ahead;
 pub mod centering;
 pub mod config;
 pub mod corridor_track;
 pub mod recovery;
+pub mod sight;
 
 pub use config::Config;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::camera::Calibration;
-use yamabico_core::geometry::{Pose2, Twist};
+use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, FrameHeader, Odometry, Proposal, Reason, View};
+use yamabico_core::message::{Axes, Corridor, FrameHeader, Kind, Odometry, Proposal, Reason, View};
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
+use crate::ahead::AheadTrack;
 use crate::centering::{Centering, align_in_place, allowed_speed};
+use crate::config::AtEnd;
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
 use crate::recovery::{Loss, Recoverer, Recovery};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use crate::sight::{Seen, Sight};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
-use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver};
-use yamabico_vision::vanishing_point::VanishingPointError;
+use yamabico_vision::corridor::observer::CorridorCamera;
+use yamabico_vision::corridor_evidence::Action;
 
 /// Input: frames of the camera that looks ahead.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the corridor ahead");
 /// Input: wheel odometry.
 pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "motion between frames");
+/// Output: the corridor that is followed.
+pub const CORRIDOR: Slot<Corridor> =
+    Slot::required("corridor", "the corridor ahead: heading, walls, probability");
 
 /// Heading error (rad) above which the robot turns back in place before it drives.
 const TURN_FIRST_RAD: f64 = 1.05;
@@ -52,6 +60,12 @@ const STEER_AWAY_RAD: f64 = 0.262;
 const CREEP_MPS: f64 = 0.1;
 /// Maximum turn rate of the search, rad/s.
 const SEARCH_RADPS: f64 = 0.5;
+/// Probability of a corridor below which a wall ahead is no end of it.
+const IN_CORRIDOR: f64 = 0.5;
+/// Share of the cruising speed before a wall whose distance is not measured.
+const UNMEASURED_WALL_SHARE: f64 = 0.5;
+/// Heading from the opposite direction at which a turn at the end of the corridor ends, rad.
+const TURNED_RAD: f64 = 0.1;
 /// Age above which odometry is stale, s.
 const ODOMETRY_STALE_S: f64 = 0.3;
 
@@ -61,14 +75,24 @@ pub struct WallFollower {
     config: Config,
     law: Centering,
     radius_m: f64,
-    observer: CorridorObserver,
+    sight: Sight,
     odometry: OdometryTrack,
     track: CorridorTrack,
+    ahead: AheadTrack,
     recoverer: Recoverer,
     gray: GrayImage,
+    sequence: u64,
     last_frame: Option<Time>,
+    last_pose: Option<Pose2>,
     last_found: Option<Found>,
     failure: Option<Reason>,
+    /// Probability of a corridor at the last frame, and what it allows; `None` from the method that does not judge.
+    evidence: Option<(f64, Action)>,
+    /// True while nothing is followed, so that the evidence is forgotten once.
+    is_lost: bool,
+    /// Heading (rad, odometry frame) of a turn at the end of the corridor.
+    turning_to: Option<f64>,
+    is_mount_wrong: bool,
 }
 
 /// The last frame with a vanishing point.
@@ -87,6 +111,8 @@ enum FrameResult {
     Found,
     /// A new frame without a usable heading.
     NotFound,
+    /// A new frame that shows too little of a corridor that is still probable.
+    Held,
 }
 
 impl Plugin for WallFollower {
@@ -95,17 +121,15 @@ impl Plugin for WallFollower {
     const SUMMARY: &'static str =
         "Follows a corridor by the vanishing point and the floor lines of its walls.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info()];
+    const OUTPUTS: &'static [SlotInfo] = &[CORRIDOR.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         config.check()?;
         let MountedPinhole { pinhole, mount, calibration, .. } = setup.pinhole(&CAMERA)?;
-        let camera = CorridorCamera {
-            pinhole,
-            mount,
-            calibration,
-            horizon_sigma_rad: config.horizon_sigma_deg.to_radians(),
-        };
+        let stated_sigma_rad = config.horizon_sigma_deg.map(f64::to_radians);
+        let horizon_sigma_rad = Sight::horizon_sigma(stated_sigma_rad);
+        let camera = CorridorCamera { pinhole, mount, calibration, horizon_sigma_rad };
         let rule = FloorLineRule { min_contrast: config.floor_contrast, ..FloorLineRule::default() };
         Ok(Self {
             law: Centering {
@@ -115,21 +139,28 @@ impl Plugin for WallFollower {
                 largest_turn_radps: config.largest_turn_radps,
             },
             radius_m: setup.robot.radius_m,
-            observer: CorridorObserver::new(camera, rule),
+            sight: Sight::new(config.method, camera, stated_sigma_rad, rule),
             config,
             odometry: OdometryTrack::default(),
             track: CorridorTrack::default(),
+            ahead: AheadTrack::default(),
             recoverer: Recoverer::default(),
             gray: GrayImage::default(),
+            sequence: 0,
             last_frame: None,
+            last_pose: None,
             last_found: None,
             failure: None,
+            evidence: None,
+            is_lost: false,
+            turning_to: None,
+            is_mount_wrong: false,
         })
     }
 }
 
 impl Behavior for WallFollower {
-    fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+    fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
         let had_odometry = self.odometry.newest().is_some();
         for odometry in inputs.fresh(&ODOMETRY) {
@@ -152,10 +183,21 @@ impl Behavior for WallFollower {
         };
         let evidence = self.last_found.map_or(last_frame, |found| found.stamp);
         let estimate = self.track.estimate_at(&pose.unwrap_or_default());
+        if let (Some(estimate), true) = (&estimate, result != FrameResult::Nothing) {
+            self.publish(estimate, evidence, now, outputs);
+        }
+        if let Some(turn) = self.turn_at_end(pose, estimate.as_ref()) {
+            return self.stamped(turn.with_evidence(last_frame));
+        }
         let proposal = match (self.recovery(result, pose, now), estimate) {
-            (None, Some(estimate)) => self.follow(&estimate, 1.0).with_evidence(evidence),
+            (None, Some(estimate)) => self.follow(&estimate, self.speed_share()).with_evidence(evidence),
             (Some(Recovery::Coast), Some(estimate)) => {
-                self.follow(&estimate, 0.5).with_evidence(evidence).with_reason(Reason::Coasting)
+                let coasting = self.follow(&estimate, 0.5).with_evidence(evidence);
+                if coasting.kind() == Some(Kind::Drive) {
+                    coasting.with_reason(Reason::Coasting)
+                } else {
+                    coasting
+                }
             }
             (Some(Recovery::TurnTo(heading)), _) => {
                 turn_in_place(pose.map_or(0.0, |pose| pose.theta), heading, SEARCH_RADPS)
@@ -185,22 +227,49 @@ impl WallFollower {
         let pose = self.odometry.pose_at(stamp);
         let elapsed_s = self.last_frame.map_or(0.0, |last| stamp.seconds_after(last));
         self.track.predict(pose.map_or(Motion::Unknown { elapsed_s }, Motion::To));
-        self.last_frame = Some(stamp);
-        let seen = match frame.gray(self.observer.camera().pinhole.intrinsics().size(), &mut self.gray) {
-            Some(image) => self.observer.observe(image, self.track.prediction()).map_err(heading_failure),
-            None => Err(Reason::MalformedInput),
-        };
-        let verdict = seen.map(|observation| self.track.update(&observation));
-        self.failure = match verdict {
-            Ok(Verdict::Accepted) => None,
-            Ok(Verdict::Gated) => Some(Reason::Gated),
-            Err(reason) => Some(reason),
-        };
-        if self.failure.is_some() {
-            return FrameResult::NotFound;
+        let poses = self.last_pose.zip(pose);
+        self.sight.predict(poses);
+        if let Some((from, to)) = poses {
+            let (meters, turned) = travel(&from, &to);
+            self.ahead.predict(meters, turned);
         }
-        self.last_found = Some(Found { stamp, pose });
-        FrameResult::Found
+        (self.last_frame, self.last_pose) = (Some(stamp), pose);
+        let size = self.sight.camera().pinhole.intrinsics().size();
+        let Some(image) = frame.gray(size, &mut self.gray) else {
+            self.failure = Some(Reason::MalformedInput);
+            return FrameResult::NotFound;
+        };
+        let seen = self.sight.look(image, self.track.prediction());
+        self.ahead.update(seen.wall, self.sight.nearest_floor_m(), elapsed_s);
+        self.is_mount_wrong = seen.is_mount_wrong;
+        let before = self.evidence.map_or(Action::default(), |(_, action)| action);
+        self.evidence = seen.probability.map(|p| (p, before.next(p)));
+        let result = self.accept(&seen);
+        if result == FrameResult::Found {
+            self.last_found = Some(Found { stamp, pose });
+        }
+        result
+    }
+
+    /// Updates the state by what was seen, and sets the reason of a failure.
+    fn accept(&mut self, seen: &Seen) -> FrameResult {
+        let abstains = self.evidence.is_some_and(|(_, action)| action == Action::Abstain);
+        let verdict = seen.observation.map(|observation| self.track.update(&observation));
+        let (failure, result) = match verdict {
+            Ok(Verdict::Accepted) if seen.is_far || !abstains => (None, FrameResult::Found),
+            Ok(Verdict::Gated) => (Some(Reason::Gated), FrameResult::NotFound),
+            Err(_) if self.evidence.is_some() && !abstains => (None, FrameResult::Held),
+            Ok(Verdict::Accepted) => (Some(self.no_corridor()), FrameResult::NotFound),
+            Err(Reason::NoVanishingPoint) if abstains => (Some(self.no_corridor()), FrameResult::NotFound),
+            Err(reason) => (Some(reason), FrameResult::NotFound),
+        };
+        self.failure = failure;
+        result
+    }
+
+    /// Returns why nothing is followed although lines meet.
+    fn no_corridor(&self) -> Reason {
+        if self.ahead.range_m().is_some() { Reason::WallAhead } else { Reason::NoCorridor }
     }
 
     /// Returns the odometry pose at `now`; `Ok(None)` if the robot has no odometry, an error if it is stale.
@@ -216,8 +285,12 @@ impl WallFollower {
     fn recovery(&mut self, result: FrameResult, pose: Option<Pose2>, now: Time) -> Option<Recovery> {
         if result == FrameResult::Found {
             self.recoverer.found();
+            self.is_lost = false;
         }
         let age_s = self.last_found.map_or(f64::INFINITY, |found| now.seconds_after(found.stamp));
+        if result == FrameResult::Held && age_s > self.config.lost.coast_s {
+            self.failure = Some(Reason::NoCorridor);
+        }
         if self.failure.is_none() && age_s <= self.config.lost.coast_s {
             return None;
         }
@@ -232,11 +305,14 @@ impl WallFollower {
             heading: pose
                 .map(|pose| pose.theta)
                 .filter(|_| self.failure.is_some_and(|why| why != Reason::MalformedInput)),
-            has_new_frame: result == FrameResult::NotFound,
+            has_new_frame: matches!(result, FrameResult::NotFound | FrameResult::Held),
         };
         let recovery = self.recoverer.step(&loss, &self.config.lost);
         if recovery != Recovery::Coast {
             self.track.lose();
+            if !std::mem::replace(&mut self.is_lost, true) {
+                self.sight.forget();
+            }
         }
         Some(recovery)
     }
@@ -247,41 +323,67 @@ impl WallFollower {
         self.failure.unwrap_or(if is_silent { Reason::StaleInput } else { Reason::HeadingLost })
     }
 
-    /// Proposes to follow the corridor at `share` of the cruising speed.
+    /// Share of the cruising speed that the evidence allows.
+    fn speed_share(&self) -> f64 {
+        self.evidence.map_or(1.0, |(probability, action)| action.speed_share(probability))
+    }
+
+    /// Proposes to follow the corridor at `share` of the cruising speed, less where it is less probable or a wall is ahead.
     fn follow(&self, estimate: &Estimate, share: f64) -> Proposal {
+        let probability = self.evidence.map_or(1.0, |(probability, _)| probability);
+        let limit = self.ahead.speed_limit(self.config.speed_mps, self.config.stop_ahead_m);
+        let is_unmeasured = self.ahead.range_m().is_some() && !self.sight.knows_distances();
+        let limit =
+            if is_unmeasured { limit.min(UNMEASURED_WALL_SHARE * self.config.speed_mps) } else { limit };
+        if limit <= 0.0 {
+            let reason = if probability < IN_CORRIDOR { Reason::WallAhead } else { Reason::CorridorEnds };
+            let range_m = self.ahead.range_m().unwrap_or(0.0);
+            return Proposal::abstain(reason).with_note(format_args!("wall ahead at {range_m:.2} m"));
+        }
+        let proposal = self.steer(estimate, share, limit);
+        match self.evidence {
+            Some((probability, _)) => proposal.with_confidence(probability),
+            None => proposal,
+        }
+    }
+
+    /// Proposes to steer by the estimate, at `share` of the cruising speed and at most `limit` m/s.
+    fn steer(&self, estimate: &Estimate, share: f64, limit: f64) -> Proposal {
         let walls = &estimate.walls;
         let clearance_m = walls.nearest_m() - self.radius_m;
-        if estimate.heading.abs() > TURN_FIRST_RAD {
+        if estimate.heading.abs() > TURN_FIRST_RAD || share <= 0.0 {
             return turn_in_place(estimate.heading, 0.0, self.config.largest_turn_radps)
                 .with_reason(Reason::EdgeOn);
         }
         if clearance_m < self.config.near_wall_m {
-            return self.steer_away(estimate, clearance_m, share);
+            return self.steer_away(estimate, clearance_m, share, limit);
         }
         let lateral_m = walls.lateral_left_of_target(estimate.width_m, self.config.single_wall_m);
         let speed = share * allowed_speed(self.config.speed_mps, estimate.heading, clearance_m);
+        let speed = speed.min(limit);
         let turn = self.law.turn_rate(speed, estimate.heading, lateral_m);
         let reason = match (walls.left_m, walls.right_m) {
             (Some(_), Some(_)) => Reason::Nominal,
             (Some(_), None) => Reason::OneWallLeft,
             (None, Some(_)) => Reason::OneWallRight,
-            (None, None) => match self.observer.camera().calibration {
+            (None, None) => match self.sight.camera().calibration {
                 Calibration::Measured => Reason::NoWall,
                 Calibration::Guessed => Reason::NoHeightCalibration,
             },
         };
-        Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn))
+        let proposal = Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn))
             .with_reason(reason)
-            .with_confidence(1.0 / (1.0 + (estimate.heading_sigma / 0.02).powi(2)))
-            .with_note(format_args!(
-                "heading {:+.1} deg, {:+.2} m left of the line",
-                estimate.heading.to_degrees(),
-                lateral_m
-            ))
+            .with_confidence(presumed_confidence(estimate));
+        let degrees = estimate.heading.to_degrees();
+        if self.is_mount_wrong {
+            proposal.with_note(format_args!("heading {degrees:+.1} deg; mount or calibration is wrong"))
+        } else {
+            proposal.with_note(format_args!("heading {degrees:+.1} deg, {lateral_m:+.2} m left of the line"))
+        }
     }
 
     /// Proposes to steer away from a near wall, and to turn in place first if it is very near.
-    fn steer_away(&self, estimate: &Estimate, clearance_m: f64, share: f64) -> Proposal {
+    fn steer_away(&self, estimate: &Estimate, clearance_m: f64, share: f64, limit: f64) -> Proposal {
         let left_m = estimate.walls.left_m.map_or(f64::INFINITY, f64::abs);
         let is_left = left_m <= estimate.walls.nearest_m();
         let target = if is_left { -STEER_AWAY_RAD } else { STEER_AWAY_RAD };
@@ -290,12 +392,50 @@ impl WallFollower {
         let speed = if clearance_m < self.config.stop_wall_m && !leads_away {
             0.0
         } else {
-            share * self.config.speed_mps.min(CREEP_MPS)
+            (share * self.config.speed_mps.min(CREEP_MPS)).min(limit)
         };
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn))
             .uncoupled()
             .with_reason(Reason::WallNear)
             .with_note(format_args!("wall at {clearance_m:.2} m"))
+    }
+
+    /// Proposes to turn back at the end of the corridor, if that is configured and the robot stands before a wall.
+    fn turn_at_end(&mut self, pose: Option<Pose2>, estimate: Option<&Estimate>) -> Option<Proposal> {
+        let pose = pose.filter(|_| self.config.at_end == AtEnd::Turn)?;
+        if self.turning_to.is_none() {
+            let at_wall = self.ahead.range_m().is_some_and(|range_m| range_m <= self.config.stop_ahead_m);
+            let heading = estimate.filter(|_| at_wall)?.heading;
+            self.turning_to = Some(pose.theta - heading + std::f64::consts::PI);
+        }
+        let target = self.turning_to?;
+        if angle_difference(target, pose.theta).abs() > TURNED_RAD {
+            let turn = turn_in_place(pose.theta, target, self.config.largest_turn_radps);
+            return Some(turn.with_reason(Reason::CorridorEnds));
+        }
+        self.turning_to = None;
+        self.ahead.forget();
+        self.track.lose();
+        self.sight.forget();
+        None
+    }
+
+    fn publish(&mut self, estimate: &Estimate, evidence: Time, now: Time, outputs: &mut Outputs<'_>) {
+        let message = Corridor {
+            stamp_ns: self.odometry.newest().map_or(now, |newest| newest.stamp).0,
+            evidence_ns: evidence.0,
+            sequence: self.sequence,
+            heading_rad: estimate.heading,
+            heading_sigma_rad: estimate.heading_sigma,
+            left_m: estimate.walls.left_m.unwrap_or(f64::NAN),
+            left_sigma_m: estimate.wall_sigmas_m[0],
+            right_m: estimate.walls.right_m.map_or(f64::NAN, |signed_m| -signed_m),
+            right_sigma_m: estimate.wall_sigmas_m[1],
+            probability: self.evidence.map_or(presumed_confidence(estimate), |(probability, _)| probability),
+        };
+        self.sequence += 1;
+        // The output may have no subscriber.
+        let _ = outputs.publish(CORRIDOR.name, &message, &[]);
     }
 
     /// Stamps the proposal with the time to which the state was propagated.
@@ -313,12 +453,7 @@ fn turn_in_place(heading: f64, target: f64, largest_radps: f64) -> Proposal {
         .uncoupled()
 }
 
-/// Converts the reason for a missing vanishing point to the reason of a proposal.
-fn heading_failure(error: VanishingPointError) -> Reason {
-    match error {
-        VanishingPointError::TooFewSegments { .. } => Reason::TooFewSegments,
-        VanishingPointError::NoVanishingPoint => Reason::NoVanishingPoint,
-        VanishingPointError::Degenerate => Reason::Degenerate,
-        VanishingPointError::Ambiguous => Reason::Ambiguous,
-    }
+/// Confidence of the method that does not judge, by the uncertainty of the heading.
+fn presumed_confidence(estimate: &Estimate) -> f64 {
+    1.0 / (1.0 + (estimate.heading_sigma / 0.02).powi(2))
 }

@@ -34,12 +34,14 @@ pub struct BehaviorPlan {
 }
 
 impl BehaviorPlan {
-    /// Opens a wait set for the behavior's inputs, and for the decisions that wake it if it may sleep.
+    /// Opens a wait set for the behavior's inputs, and for the decisions that wake it if it may sleep. Otherwise a decision
+    /// does not wake the behavior: its proposal would cause the next decision, without end.
     ///
     /// # Errors
     /// Topics that do not notify.
     pub fn wait_set(&self, bus: &Bus) -> Result<WaitSet, BusError> {
         let inputs = self.inputs.iter().map(|(_, topic, _)| topic.as_str());
+        let inputs = inputs.filter(|&topic| topic != topics::DECISION);
         let decisions = self.settings.sleeps_while_inhibited.then_some(topics::DECISION);
         bus.wait_set(&inputs.chain(decisions).collect::<Vec<_>>())
     }

@@ -2,7 +2,7 @@
 
 use crate::bus::{Bus, BusError, Inbox};
 use yamabico_core::behavior::{InputSource, SlotSource};
-use yamabico_core::message::{Goal, Message, MessageType};
+use yamabico_core::message::{DecisionHeader, Goal, Message, MessageType};
 
 /// Inboxes of a behavior's slots.
 pub(crate) struct InputPorts {
@@ -21,23 +21,25 @@ impl InputPorts {
         Ok(InputPorts { slots: slots.collect::<Result<_, BusError>>()? })
     }
 
-    /// Receives every waiting message. Returns true if there was any.
+    /// Receives every waiting message. Returns true if there was any other than a decision of the arbiter, which calls no
+    /// behavior.
     ///
     /// # Errors
     /// The bus failed.
     pub fn collect(&mut self) -> Result<bool, BusError> {
         let mut any = false;
         for slot in &mut self.slots {
-            any |= slot.refresh()? > 0;
+            any |= slot.refresh()? > 0 && slot.subscriber().message().name != DecisionHeader::NAME;
         }
         Ok(any)
     }
 
-    /// Oldest evidence stamp of the newest messages of all slots, ns; none before the first message. Goals do not
-    /// count: they contain no sensor data.
+    /// Oldest evidence stamp of the newest messages of all slots, ns; none before the first message. Goals and
+    /// decisions do not count: they contain no sensor data of their own.
     pub fn evidence_ns(&self) -> Option<u64> {
         let newest = self.slots.iter().filter_map(|slot| Some((slot.subscriber().message(), slot.newest()?)));
-        let newest = newest.filter(|(message, _)| message.name != Goal::NAME);
+        let newest =
+            newest.filter(|(message, _)| ![Goal::NAME, DecisionHeader::NAME].contains(&message.name));
         newest.map(|(message, newest)| (message.stamps)(newest.header).1.0).min()
     }
 }

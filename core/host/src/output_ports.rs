@@ -23,16 +23,9 @@ impl OutputPorts {
 
     fn find(&mut self, name: &str, message: &MessageType) -> Result<&mut RawPublisher, PublishError> {
         let port = self.ports.iter_mut().find(|(output, ..)| output == name);
-        let (_, carried, publisher) = port.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?;
-        if *carried == *message {
-            Ok(publisher)
-        } else {
-            Err(PublishError::WrongType {
-                output: name.to_owned(),
-                expected: carried.name,
-                actual: message.name,
-            })
-        }
+        let (_, declared, publisher) = port.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?;
+        PublishError::check_type(name, declared, message)?;
+        Ok(publisher)
     }
 }
 

@@ -42,7 +42,7 @@ pub struct BehaviorSettings {
 /// Settings of any plugin, behavior or device, in a live run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HostSettings {
-    /// Process of its own or thread; always a process for a program of its own.
+    /// Placement in an own process or on a thread; an external program always has its own process.
     pub isolation: Isolation,
     /// Longest tolerated silence.
     pub deadline: Deadline,

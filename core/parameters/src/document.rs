@@ -3,15 +3,11 @@
 use toml::de::{DeTable, DeValue};
 use toml::value::Datetime;
 
+use super::brackets::too_deep;
 use super::problem::{Problem, Span};
 
 /// Maximum size of a text, bytes.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Maximum number of dots in a key; the parser recurses once per part, anew within each bracket.
-const MAX_DOTS: usize = 16;
-/// Maximum nesting of brackets.
-const MAX_NESTED: usize = 16;
-
 /// Value with its source span.
 #[derive(Clone, Debug)]
 pub struct Node {
@@ -168,62 +164,9 @@ pub fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<T
     if errors.is_empty() {
         return Some(Reader { source, problems }.table(root.get_ref()));
     }
-    let grammar = errors.iter().map(|error| (error.span().unwrap_or(0..0), error.message()));
-    super::grammar::explain(text, source, grammar, problems);
+    let errors = errors.iter().map(|error| (error.span().unwrap_or(0..0), error.message()));
+    super::grammar::explain(text, source, errors.collect(), problems);
     None
-}
-
-/// Returns the position and description of nesting that is too deep for the parser's stack.
-fn too_deep(text: &str) -> Option<(usize, String)> {
-    let bytes = text.as_bytes();
-    let (mut at, mut key, mut dots, mut nested) = (0, 0, 0, 0_usize);
-    while let Some(&byte) = bytes.get(at) {
-        match byte {
-            b'#' => {
-                at += text[at..].find('\n').unwrap_or(text.len() - at);
-                continue;
-            }
-            b'"' | b'\'' => {
-                at = after_quotes(bytes, at);
-                continue;
-            }
-            b'[' | b'{' => nested += 1,
-            b']' | b'}' => nested = nested.saturating_sub(1),
-            b'.' => dots += 1,
-            _ => {}
-        }
-        if matches!(byte, b'\n' | b'=' | b',' | b'[' | b']' | b'{' | b'}') {
-            (dots, key) = (0, at + 1);
-        } else if key == at && matches!(byte, b' ' | b'\t') {
-            key += 1;
-        }
-        if nested > MAX_NESTED {
-            return Some((at, format!("brackets are nested more than {MAX_NESTED} deep")));
-        }
-        if dots > MAX_DOTS {
-            return Some((key, format!("a key has more than {MAX_DOTS} dots")));
-        }
-        at += 1;
-    }
-    None
-}
-
-/// Returns the end of the string whose quotes open at `open`; a single-line string ends with its line at the latest.
-fn after_quotes(bytes: &[u8], open: usize) -> usize {
-    let quote = bytes[open];
-    let long = bytes[open..].starts_with(&[quote; 3]);
-    let mut at = open + if long { 3 } else { 1 };
-    while let Some(&byte) = bytes.get(at) {
-        match byte {
-            b'\\' if quote == b'"' => at += 1,
-            b'\n' if !long => return at,
-            _ if byte == quote && !long => return at + 1,
-            _ if long && bytes[at..].starts_with(&[quote; 3]) => return at + 3,
-            _ => {}
-        }
-        at += 1;
-    }
-    bytes.len()
 }
 
 struct Reader<'a> {
@@ -281,6 +224,7 @@ impl Reader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brackets::{MAX_DOTS, MAX_NESTED};
 
     /// Depth of nested tables and arrays.
     fn depth(node: &Node) -> usize {

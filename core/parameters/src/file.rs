@@ -1,6 +1,9 @@
 //! TOML files named by parameters of devices and behaviors, such as worlds and maps.
 
+use std::path::Path;
+
 use schemars::Schema;
+use serde::de::DeserializeOwned;
 
 use super::document::{Table, parse};
 use super::problem::{Problem, Problems, Source, Span};
@@ -21,7 +24,47 @@ pub struct FileKind {
     pub rules: fn(&toml::Table) -> Vec<ParameterError>,
 }
 
+/// Reason why a file could not be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The file cannot be read.
+    #[error("file {path} cannot be read: {reason}")]
+    Unreadable {
+        /// Path of the file.
+        path: String,
+        /// Error of the operating system.
+        reason: String,
+    },
+    /// The content is invalid; all errors with their places.
+    #[error("{0}")]
+    Invalid(#[from] Problems),
+}
+
 impl FileKind {
+    /// Reads and checks a file, and converts it to a type with this schema.
+    ///
+    /// # Errors
+    /// The file cannot be read, or its content is invalid.
+    pub fn load<T: DeserializeOwned>(&self, path: &Path) -> Result<T, FileError> {
+        let name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Ok(self.parse(&name, &text)?),
+            Err(error) => Err(FileError::Unreadable { path: name, reason: error.to_string() }),
+        }
+    }
+
+    /// Parses and checks a text, and converts it to a type with this schema; `name` is shown in errors.
+    ///
+    /// # Errors
+    /// All errors in the text.
+    pub fn parse<T: DeserializeOwned>(&self, name: &str, text: &str) -> Result<T, Problems> {
+        self.read(name, text)?.try_into().map_err(|error: toml::de::Error| {
+            let source = Source { name: name.to_owned(), text: text.to_owned() };
+            let problem = Problem::new(Span { source: 0, start: 0, end: 0 }, error.message());
+            Problems { sources: vec![source], problems: vec![problem] }
+        })
+    }
+
     /// Parses and checks a text; `name` is shown in errors.
     ///
     /// # Errors
@@ -52,9 +95,12 @@ impl FileKind {
         if problems.len() > before {
             return;
         }
-        for ParameterError { key, problem } in (self.rules)(&tree.to_toml(|_| true)) {
-            let name = key.rsplit('.').next().unwrap_or(&key).split('[').next().unwrap_or("");
-            problems.push(Problem::new(tree.span_of(&key).unwrap_or(top), format!("`{name}` {problem}")));
+        for error in (self.rules)(&tree.to_toml(|_| true)) {
+            let name = error.key.rsplit('.').next().unwrap_or(&error.key).split('[').next().unwrap_or("");
+            let subject = if name.is_empty() { self.what.to_owned() } else { format!("`{name}`") };
+            let span = tree.span_of(&error.key).unwrap_or(top);
+            let problem = Problem::new(span, error.sentence(&subject));
+            problems.push(Problem { help: error.remedy.clone(), ..problem });
         }
     }
 }

@@ -2,15 +2,22 @@
 
 use std::ops::Range;
 
+use super::brackets::{Unclosed, unclosed};
 use super::problem::{Problem, Span};
 
-/// Adds the parser's errors, at most one per line, to `problems`.
-pub fn explain<'a>(
+/// Adds the parser's errors to `problems`, at most one per line. A bracket or quotes that are not closed are one error: what
+/// the parser reports after them follows from it.
+pub fn explain(
     text: &str,
     source: usize,
-    errors: impl Iterator<Item = (Range<usize>, &'a str)>,
+    mut errors: Vec<(Range<usize>, &str)>,
     problems: &mut Vec<Problem>,
 ) {
+    errors.sort_by_key(|(range, _)| range.start);
+    let unclosed = unclosed(text);
+    if let Some(Unclosed::Bracket(at) | Unclosed::Quotes(at)) = unclosed {
+        errors.retain(|(range, _)| range.start < at);
+    }
     let mut last_line = None;
     let mut in_second_table = 0;
     for (range, message) in errors {
@@ -29,6 +36,20 @@ pub fn explain<'a>(
             problems.push(not_toml(span, &line, message));
         }
     }
+    problems.extend(unclosed.map(|unclosed| not_closed(text, source, unclosed)));
+}
+
+fn not_closed(text: &str, source: usize, unclosed: Unclosed) -> Problem {
+    let (what, at, length, help) = match unclosed {
+        Unclosed::Quotes(at) => ("string", at, 1, "end it with the quotes with which it begins"),
+        Unclosed::Bracket(at) if text[at..].starts_with('{') => {
+            ("table", at, 1, "add } after its last value, or remove {")
+        }
+        Unclosed::Bracket(at) => ("array", at, 1, "add ] after its last item, or remove ["),
+    };
+    Problem::new(Span { source, start: at, end: at + length }, format!("this {what} is not closed"))
+        .label("opened here")
+        .help(help)
 }
 
 /// Line of a text.
@@ -105,6 +126,11 @@ fn not_toml(span: Span, line: &Line<'_>, message: &str) -> Problem {
         return Problem::new(span, "a bracket is missing")
             .label("`[` expected")
             .help(format!("write [{trimmed}"));
+    }
+    if let Some(bracket @ (']' | '}')) = rest.chars().next() {
+        return Problem::new(span, "this bracket closes nothing")
+            .label(format!("no `{}` is open", if bracket == ']' { '[' } else { '{' }))
+            .help("remove it");
     }
     if let Some((key, "")) = trimmed.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
         return Problem::new(span, format!("`{key}` has no value")).label("value expected").help(format!(

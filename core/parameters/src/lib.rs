@@ -16,6 +16,7 @@
 //! assert!(errors.contains("at most 5 m"), "{errors}");
 //! ```
 
+mod brackets;
 mod document;
 mod error;
 mod excerpt;
@@ -30,7 +31,7 @@ mod units;
 
 pub use document::{Entry, MAX_BYTES, Node, Table, Value, parse};
 pub use error::ParameterError;
-pub use file::FileKind;
+pub use file::{FileError, FileKind};
 pub use nearest::{instead, nearest, quoted};
 pub use problem::{Entry as Mistake, Problem, Problems, Source, Span, Style};
 pub use schema_check::check_table;

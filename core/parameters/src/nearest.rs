@@ -1,26 +1,20 @@
 //! Suggestions for misspelled names.
 
-/// Returns the name most similar to `wrong`, or `None` if no name is similar.
+/// Returns the name most similar to `wrong`, or `None` if no name is similar. A name is similar if at most a third of its
+/// letters differ, or if it begins with `wrong` and is at most twice as long.
 pub fn nearest<'a>(wrong: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace('_', "-");
     let wrong = plain(wrong);
-    let closeness = |name: &str| {
+    let distance = |name: &str| {
         let name = plain(name);
-        let long_enough = wrong.len() >= 3 && name.len() >= 3;
-        if name == wrong {
-            return 2.0;
-        }
-        let begins = long_enough && (name.starts_with(&wrong) || wrong.starts_with(&name));
-        let letters = strsim::jaro_winkler(&wrong, &name)
-            .min(0.2 + strsim::normalized_damerau_levenshtein(&wrong, &name));
-        if begins { letters.max(0.8) } else { letters }
+        let (long, short) = (name.len().max(wrong.len()), name.len().min(wrong.len()));
+        let begins = name.starts_with(&wrong) || wrong.starts_with(&name);
+        let letters = strsim::damerau_levenshtein(&wrong, &name);
+        let is_near = letters < long && (3 * letters <= long.max(3) || (begins && 2 * short >= long));
+        is_near.then_some(letters)
     };
-    names
-        .into_iter()
-        .map(|name| (closeness(name), name))
-        .filter(|(closeness, _)| *closeness > 0.75)
-        .max_by(|(a, _), (b, _)| a.total_cmp(b))
-        .map(|(_, name)| name)
+    let near = names.into_iter().filter_map(|name| Some((distance(name)?, name)));
+    near.min_by_key(|(distance, _)| *distance).map(|(_, name)| name)
 }
 
 /// Returns "did you mean ...?" if one of `names` is similar to `wrong`, else a list of all names. `what` is the kind of
@@ -57,6 +51,14 @@ mod tests {
         assert_eq!(nearest("max-age-ms", names), Some("max_age_ms"));
         assert_eq!(nearest("gain", names), None);
         assert_eq!(nearest("front-sonr", ["front", "front-sonar"]), Some("front-sonar"));
+        assert_eq!(nearest("rnu", ["new", "run", "reset"]), Some("run"));
+    }
+
+    #[test]
+    fn names_that_are_not_similar_are_not_suggested() {
+        assert_eq!(nearest("foo", ["footprint", "run", "goto"]), None);
+        assert_eq!(nearest("missing", ["mapping", "hallway"]), None);
+        assert_eq!(nearest("", ["a", "b"]), None);
     }
 
     #[test]

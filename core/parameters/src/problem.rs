@@ -18,10 +18,10 @@ pub struct Span {
     pub end: usize,
 }
 
-/// Source text of a configuration: a file, or one `--set`.
+/// Source text of a configuration: a file, or an argument of the command line.
 #[derive(Clone, Debug, Default)]
 pub struct Source {
-    /// Path of the file, or `--set`.
+    /// Path of the file, or the name of the argument, such as `--set`.
     pub name: String,
     /// Content.
     pub text: String,
@@ -39,6 +39,11 @@ impl Source {
     fn floor(&self, byte: usize) -> usize {
         let byte = byte.min(self.text.len());
         (0..=byte).rev().find(|&at| self.text.is_char_boundary(at)).unwrap_or(0)
+    }
+
+    /// Returns true for an argument of the command line, which has no lines.
+    fn is_argument(&self) -> bool {
+        self.name.starts_with("--")
     }
 
     fn range(&self, span: Span) -> std::ops::Range<usize> {
@@ -99,7 +104,7 @@ pub struct Problems {
 /// Error as data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
-    /// Path of the file, or `--set`.
+    /// Path of the file, or the name of the argument, such as `--set`.
     pub file: String,
     /// Line, from 1.
     pub line: usize,
@@ -169,7 +174,12 @@ impl Problems {
             Some((span.source, excerpt.position(range.start)..excerpt.position(range.end)))
         };
         let message = printable(&problem.message);
-        let Some(span) = place(problem.span) else { return format!("Error: {message}\n") };
+        let source = self.sources.get(problem.span.source);
+        let (Some(source), Some(span)) =
+            (source.filter(|source| !source.text.is_empty()), place(problem.span))
+        else {
+            return without_excerpt(problem, source);
+        };
         let mut labels = vec![(problem.span, &problem.label, ariadne::Color::Red)];
         labels.extend(problem.also.iter().map(|(span, label)| (*span, label, ariadne::Color::Yellow)));
         // Labels of one file in the order of its lines share one excerpt.
@@ -187,7 +197,10 @@ impl Problems {
         }
         let mut bytes = Vec::new();
         match report.finish().write(Shelf::of(&self.sources, excerpts), &mut bytes) {
-            Ok(()) => plain_ends(&String::from_utf8_lossy(&bytes)),
+            Ok(()) => {
+                let text = plain_ends(&String::from_utf8_lossy(&bytes));
+                if source.is_argument() { without_position(&text, &source.name) } else { text }
+            }
             Err(error) => format!("Error: {message} ({error})\n"),
         }
     }
@@ -197,6 +210,28 @@ impl Problems {
         self.problems.sort_by_key(|problem| problem.span);
         self.problems.dedup();
     }
+}
+
+/// Renders an error in a source without text, such as an empty file.
+fn without_excerpt(problem: &Problem, source: Option<&Source>) -> String {
+    let mut text = format!("Error: {}\n", printable(&problem.message));
+    if let Some(source) = source.filter(|_| !problem.label.is_empty()) {
+        text += &format!("  In {}: {}\n", printable(&source.name), printable(&problem.label));
+    }
+    if let Some(help) = &problem.help {
+        text += &format!("  Help: {}\n", printable(help));
+    }
+    text
+}
+
+/// Removes line and column from the title of an excerpt of the argument `name`.
+fn without_position(text: &str, name: &str) -> String {
+    let title = format!("[ {name}:");
+    let line = |line: &str| match line.split_once(&title) {
+        Some((before, _)) => format!("{before}[ {name} ]\n"),
+        None => format!("{line}\n"),
+    };
+    text.lines().map(line).collect()
 }
 
 /// Removes spaces at the ends of lines.
@@ -231,5 +266,24 @@ impl ariadne::Cache<usize> for Shelf {
 
     fn display<'a>(&self, id: &'a usize) -> Option<impl fmt::Display + 'a> {
         self.0.get(*id).map(|(_, name)| name.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rendered(name: &str, text: &str) -> String {
+        let source = Source { name: name.to_owned(), text: text.to_owned() };
+        let problem = Problem::new(Span { source: 0, start: 0, end: 1 }, "wrong").label("odd").help("do it");
+        Problems { sources: vec![source], problems: vec![problem] }.to_string()
+    }
+
+    #[test]
+    fn arguments_have_no_lines_and_empty_files_no_excerpt() {
+        assert!(rendered("a.toml", "x = 1").contains("[ a.toml:1:1 ]"));
+        let argument = rendered("--set", "x=1");
+        assert!(argument.contains("[ --set ]") && argument.contains("x=1"), "{argument}");
+        assert_eq!(rendered("a.toml", ""), "Error: wrong\n  In a.toml: odd\n  Help: do it\n");
     }
 }

@@ -78,7 +78,7 @@ fn example(key: &str, shape: Shape<'_>, header: Span) -> String {
         (None, Some(&"boolean")) => "true".to_owned(),
         (None, Some(&"array")) => "[...]".to_owned(),
         (None, Some(&"object")) => "{ ... }".to_owned(),
-        _ => "...".to_owned(),
+        _ => example_value(shape).unwrap_or_else(|| "...".to_owned()),
     };
     format!("add {key} = {value}{about}")
 }
@@ -140,7 +140,7 @@ fn check_word(key: &str, node: &Node, words: &[&str], problems: &mut Vec<Problem
         ),
         None => problems.push(
             Problem::new(node.span, format!("`{key}` must be one of {}", quoted(words)))
-                .label(format!("is {}", node.kind()))
+                .label(format!("expected a string, found {}", node.kind()))
                 .help(format!("write {key} = \"{}\"", words.first().unwrap_or(&""))),
         ),
     }
@@ -206,11 +206,12 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
         _ => "a table",
     };
     let expected: Vec<&str> = types.iter().map(name).collect();
-    let problem = Problem::new(node.span, format!("`{key}` must be {}", expected.join(" or ")))
-        .label(format!("is {}", node.kind()));
+    let expected = expected.join(" or ");
     let wants = |name: &str| types.contains(&name);
-    let default = shape.part.get("default").filter(|value| !value.is_null());
-    let unit = unit_of(key).map_or(String::new(), |unit| format!(", in {unit}"));
+    let has_decimals = matches!(node.value, Value::Number(_)) && wants("integer");
+    let found = if has_decimals { "a number with decimals" } else { node.kind() };
+    let problem = Problem::new(node.span, format!("`{key}` must be {expected}"))
+        .label(format!("expected {expected}, found {found}"));
     match &node.value {
         Value::Text(text) if wants("number") && text.trim().parse::<f64>().is_ok() => {
             problem.help(format!("remove the quotes: {key} = {}", text.trim()))
@@ -228,13 +229,28 @@ fn wrong_type(key: &str, node: &Node, types: &[&str], shape: Shape<'_>) -> Probl
         _ if wants("array") && !matches!(node.value, Value::Table(_)) => {
             problem.help(format!("write {key} = [{}]", node.to_toml()))
         }
-        _ => match default {
-            Some(default) => problem.help(format!("write, for example, {key} = {default}{unit}")),
-            None if wants("number") || wants("integer") => {
-                problem.help(format!("write a number{unit}: {key} = ..."))
+        _ => {
+            let unit = unit_of(key).map_or(String::new(), |unit| format!("  # {unit}"));
+            match example_value(shape) {
+                Some(value) => problem.help(format!("write, for example, {key} = {value}{unit}")),
+                None => problem,
             }
-            None => problem,
-        },
+        }
+    }
+}
+
+/// Returns a valid value as TOML: the default, the first of the schema's examples, or a number in range.
+fn example_value(shape: Shape<'_>) -> Option<String> {
+    let default = shape.part.get("default").filter(|value| !value.is_null() && !value.is_object());
+    if let Some(value) = default.or_else(|| shape.part.get("examples")?.get(0)) {
+        return Some(value.to_string());
+    }
+    let (low, high) = (shape.bound("minimum"), shape.bound("maximum"));
+    let in_range = || 1.0_f64.max(low.unwrap_or(f64::MIN)).min(high.unwrap_or(f64::MAX));
+    match shape.types().first() {
+        Some(&"integer") => Some(super::units::number(in_range())),
+        Some(&"number") => Some(format!("{:?}", in_range())),
+        _ => None,
     }
 }
 

@@ -4,7 +4,7 @@ from collections import deque
 
 from .behavior import Input, View
 from .bus import STREAM_DEPTH, items_of
-from .messages import FrameHeader, Goal
+from .messages import DecisionHeader, FrameHeader, Goal
 
 
 class Inbox:
@@ -13,6 +13,7 @@ class Inbox:
     def __init__(self, slot, subscriber):
         self.slot = slot
         self._subscriber = subscriber
+        self.message = subscriber.message
         self._latest = subscriber.message.CHANNEL == "latest"
         self._held = deque(maxlen=1 if self._latest else STREAM_DEPTH)
         self._fresh = 0
@@ -70,8 +71,8 @@ class Feed:
         self._inboxes = [Inbox(name, bus.subscriber(topic, message)) for name, topic, message in slots]
 
     def collect(self):
-        """Receives new messages. Returns true if any arrived."""
-        return any([inbox.collect() for inbox in self._inboxes])
+        """Receives new messages. Returns true if any arrived other than a decision of the arbiter, which calls no behavior."""
+        return any([inbox.collect() and inbox.message is not DecisionHeader for inbox in self._inboxes])
 
     def inputs(self, lease_of):
         """Returns the `Input` of each slot by name; `lease_of(slot)` guards the pixels of frames."""
@@ -80,5 +81,5 @@ class Feed:
     def evidence_ns(self):
         """Returns the oldest evidence stamp among the newest messages of all slots, or None if none has arrived."""
         newest = [header for header in (inbox.newest() for inbox in self._inboxes) if header is not None]
-        stamps = [getattr(header, "evidence_ns", header.stamp_ns) for header in newest if type(header) is not Goal]
+        stamps = [getattr(header, "evidence_ns", header.stamp_ns) for header in newest if type(header) not in (Goal, DecisionHeader)]
         return min(stamps, default=None)

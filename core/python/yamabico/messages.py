@@ -646,6 +646,39 @@ class Intersection(Message):
 assert ctypes.sizeof(Intersection) == 48 and ctypes.alignment(Intersection) == 8
 
 
+class Corridor(Message):
+    """A corridor seen from the robot: its axis and its two walls. The frame of a corridor without a map."""
+
+    _fields_ = [
+        # Time that it is valid for.
+        ("stamp_ns", ctypes.c_uint64),
+        # Stamp of the oldest sensor data behind it.
+        ("evidence_ns", ctypes.c_uint64),
+        # Sequence number.
+        ("sequence", ctypes.c_uint64),
+        # Heading of the robot from the corridor's axis, rad, positive to the left.
+        ("heading_rad", ctypes.c_double),
+        # Standard deviation of the heading, rad.
+        ("heading_sigma_rad", ctypes.c_double),
+        # Distance from the robot's center to the wall on its left, m; NaN if it is unknown.
+        ("left_m", ctypes.c_double),
+        # Standard deviation of the distance to the wall on the left, m; NaN if it is unknown.
+        ("left_sigma_m", ctypes.c_double),
+        # Distance from the robot's center to the wall on its right, m; NaN if it is unknown.
+        ("right_m", ctypes.c_double),
+        # Standard deviation of the distance to the wall on the right, m; NaN if it is unknown.
+        ("right_sigma_m", ctypes.c_double),
+        # Probability that a corridor is in view and that the heading is right, 0 to 1.
+        ("probability", ctypes.c_double),
+    ]
+    NAME = "yamabico.Corridor.v1"
+    CHANNEL = "latest"
+    ITEM = None
+
+
+assert ctypes.sizeof(Corridor) == 80 and ctypes.alignment(Corridor) == 8
+
+
 class Twist(Item):
     """A planar velocity in the robot frame."""
 
@@ -819,6 +852,8 @@ class DecisionHeader(Message):
         ("allowed", Twist),
         # Commanded twist.
         ("commanded", Twist),
+        # Twist that would be wanted without halts: that of a coupled drive that gave up because a halt stops one of its axes.
+        ("wished", Twist),
         # Axes that a halt stops.
         ("halted", ctypes.c_uint32),
         # Axes that the drive can move.
@@ -840,12 +875,12 @@ class DecisionHeader(Message):
     limiter = text("_limiter")
     halter = text("_halter")
     note = text("_note")
-    NAME = "yamabico.DecisionHeader.v2"
+    NAME = "yamabico.DecisionHeader.v3"
     CHANNEL = "stream"
     ITEM = Verdict
 
 
-assert ctypes.sizeof(DecisionHeader) == 512 and ctypes.alignment(DecisionHeader) == 8
+assert ctypes.sizeof(DecisionHeader) == 536 and ctypes.alignment(DecisionHeader) == 8
 
 
 class Heartbeat(Message):
@@ -1186,6 +1221,7 @@ MESSAGES = {
     "yamabico.FreeSpaceHeader.v1": FreeSpaceHeader,
     "yamabico.LandmarksHeader.v1": LandmarksHeader,
     "yamabico.Intersection.v1": Intersection,
+    "yamabico.Corridor.v1": Corridor,
     "yamabico.Proposal.v2": Proposal,
     "yamabico.Command.v2": Command,
     "yamabico.DecisionHeader.v2": DecisionHeader,

@@ -123,7 +123,7 @@ def _run_behavior(plugin_class, launch, bus, reporter, lifetime):
     if launch.get("clock") == "driver":
         _run_in_steps(host, tuner, launch, bus, reporter, lifetime, max_wait_s)
         return
-    wait_set = bus.wait_set([topic for _, topic, _ in host.slots] + ([DECISION_TOPIC] if host.may_sleep else []))
+    wait_set = bus.wait_set([topic for _, topic, _ in host.slots if topic != DECISION_TOPIC] + ([DECISION_TOPIC] if host.may_sleep else []))
     wait_to_begin(launch, bus, reporter, lifetime)
     while lifetime.is_running():
         tuner.step()

@@ -51,7 +51,7 @@ code_enum! {
 
 message! {
     /// A decision of the arbiter with its explanation. Its items are the verdicts on the behaviors.
-    "yamabico.DecisionHeader.v2" Stream [Verdict] evidence evidence_ns
+    "yamabico.DecisionHeader.v3" Stream [Verdict] evidence evidence_ns
     pub struct DecisionHeader {
         /// Time of the decision.
         pub stamp_ns: u64,
@@ -69,6 +69,8 @@ message! {
         pub allowed: Twist,
         /// Commanded twist.
         pub commanded: Twist,
+        /// Twist that would be `wanted` without halts: that of a coupled drive that gave up because a halt stops one of its axes.
+        pub wished: Twist,
         /// Axes that a halt stops.
         pub halted: Axes,
         /// Axes that the drive can move.

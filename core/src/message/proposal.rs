@@ -215,6 +215,12 @@ code_enum! {
         FloorModelBroken = 49 "floor model broken",
         /// A wall is nearer than is safe.
         WallNear = 50 "wall near",
+        /// No corridor is in view.
+        NoCorridor = 51 "no corridor",
+        /// A wall lies across the way.
+        WallAhead = 52 "wall ahead",
+        /// The corridor ends.
+        CorridorEnds = 53 "corridor ends",
     }
 }
 

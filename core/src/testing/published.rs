@@ -52,14 +52,8 @@ impl OutputSink for Published {
     ) -> Result<(), PublishError> {
         if let Some(declared) = self.declared {
             let output = declared.iter().find(|output| output.name == name);
-            let expected = output.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?.message;
-            if expected != *message {
-                return Err(PublishError::WrongType {
-                    output: name.to_owned(),
-                    expected: expected.name,
-                    actual: message.name,
-                });
-            }
+            let output = output.ok_or_else(|| PublishError::NoSuchOutput(name.to_owned()))?;
+            PublishError::check_type(name, &output.message, message)?;
         }
         uncounted(|| {
             let mut stored = Stored::default();

@@ -73,11 +73,8 @@ impl ColorFile {
     /// # Errors
     /// Message about a file that cannot be read, or about all invalid content.
     pub fn read(path: &Path) -> Result<FloorColors, String> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
-        let table = FLOOR_COLORS_FILE.read(&name, &text).map_err(|problems| problems.to_string())?;
-        let file: Self = table.try_into().map_err(|error| format!("{name}: {error}"))?;
-        file.colors().map_err(|error| format!("{name}: {error}"))
+        let file: Self = FLOOR_COLORS_FILE.load(path).map_err(|error| error.to_string())?;
+        file.colors().map_err(|error| format!("{}: {error}", path.display()))
     }
 }
 

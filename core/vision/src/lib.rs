@@ -6,9 +6,10 @@
 //! | Task | Modules |
 //! |---|---|
 //! | Edges and segments | [`gradient`], [`segments`], [`segment_fit`] |
-//! | Corridors | [`vanishing_point`], [`corridor`]: heading, floor lines, wall distances |
+//! | Corridors | [`vanishing_point`], [`corridor`]: heading, floor lines, wall distances; [`corridor_evidence`]: probability of a corridor, walls ahead |
 //! | Mirror cameras | [`radial_edges`], [`azimuth_profile`]: vertical edges by azimuth |
-//! | Floors | [`floor_color`], [`floor_sample`], [`floor_training`], [`floor_color_file`] |
+//! | Floors | [`floor_appearance`], [`floor_color`], [`floor_sample`], [`floor_training`], [`floor_color_file`] |
+//! | Floor or thing from motion | [`plane_motion`] |
 //! | Maps | [`map`]: wire frames and their visible edges; [`azimuth_map`]: bearing-only mapping, free space, paths |
 //! | Matching | [`azimuth_map::CyclicMatcher`]: tracked to observed edges; [`azimuth_map::relink`]: lost to recovered ones |
 //! | Masks and filters | [`bit_image`], [`morphology`], [`median`] |
@@ -40,6 +41,8 @@ pub mod azimuth_map;
 pub mod azimuth_profile;
 pub mod bit_image;
 pub mod corridor;
+pub mod corridor_evidence;
+pub mod floor_appearance;
 pub mod floor_color;
 pub mod floor_color_file;
 pub mod floor_sample;
@@ -48,6 +51,7 @@ pub mod gradient;
 pub mod map;
 pub mod median;
 pub mod morphology;
+pub mod plane_motion;
 pub mod polygon;
 pub mod radial_edges;
 pub mod segment_fit;

@@ -6,6 +6,7 @@ mod azimuth_allocations;
 mod azimuth_vectors;
 mod map_vectors;
 mod mask_vectors;
+mod plane_motion_vectors;
 mod vision_allocations;
 mod vision_segments;
 mod vision_vanishing_point;

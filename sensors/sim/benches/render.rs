@@ -1,4 +1,5 @@
-//! Rendering rate in frames per second, including noise: a pinhole camera with two image sizes, and mirror cameras.
+//! Rendering rate in frames per second, including noise: a pinhole camera with two image sizes, one above a floor with an exact
+//! mirror image, one with blur and glare, and mirror cameras.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use yamabico_core::camera::{
@@ -6,6 +7,7 @@ use yamabico_core::camera::{
     RadialProfile,
 };
 use yamabico_core::geometry::Pose2;
+use yamabico_sim::world::Reflection;
 use yamabico_sim::{CameraView, MirrorRenderer, MirrorView, Photometry, Renderer, Scene, World, random};
 
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
@@ -13,13 +15,23 @@ const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
 fn render(c: &mut Criterion) {
     let world = World::from_toml(HALLWAY).expect("the hallway is a valid world");
     let mut scene = Scene::new(&world, 1).expect("the hallway can be built");
+    let mut polished = world.clone();
+    (polished.floor.gloss, polished.floor.reflection) = (1.0, Reflection::Sharp);
+    let mut polished = Scene::new(&polished, 1).expect("the hallway can be built");
+    let lens = Photometry { blur_px: 0.8, glare: 0.03, ..Photometry::default() };
+    let cases = [
+        ("", (256, 240), &mut scene.clone(), Photometry::default()),
+        ("", (640, 480), &mut scene.clone(), Photometry::default()),
+        (" mirror floor", (256, 240), &mut polished, Photometry::default()),
+        (" blur and glare", (256, 240), &mut scene, lens),
+    ];
     let mut group = c.benchmark_group("render");
-    for (width, height) in [(256, 240), (640, 480)] {
+    for (name, (width, height), scene, photometry) in cases {
         let mut pixels = vec![0; (width * height) as usize];
-        let mut renderer = Renderer::new(Photometry::default(), random::stream(1, "bench"));
+        let mut renderer = Renderer::new(photometry, random::stream(1, "bench"));
         let mut step = 0;
         group.throughput(Throughput::Elements(1));
-        group.bench_function(format!("{width}x{height}"), |b| {
+        group.bench_function(format!("{width}x{height}{name}"), |b| {
             b.iter(|| {
                 step = (step + 1) % 120;
                 let along = 0.1 * f64::from(step);
@@ -29,7 +41,7 @@ fn render(c: &mut Criterion) {
                     mount: Mount::tilted(0.6, 5_f64.to_radians()),
                     robot: Pose2::new(along, 0.1 * along.sin(), 0.1 * along.cos()),
                 };
-                renderer.render(&scene, &view, &mut pixels).expect("the view is valid");
+                renderer.render(scene, &view, &mut pixels).expect("the view is valid");
                 pixels[0]
             });
         });

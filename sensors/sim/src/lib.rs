@@ -19,6 +19,7 @@
 //! ```
 
 pub mod body;
+pub mod building;
 pub mod clearance;
 pub mod device;
 pub mod encoder;

@@ -3,6 +3,7 @@
 mod cast;
 mod meridian;
 mod mirror;
+mod optics;
 mod photometry;
 mod project;
 mod raster;
@@ -10,6 +11,7 @@ mod resolve;
 mod ring;
 mod shade;
 mod spans;
+mod tiles;
 
 use rand_pcg::Pcg64;
 use thiserror::Error;
@@ -17,6 +19,7 @@ use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 
 use crate::Scene;
+use optics::Optics;
 use photometry::ImageSensor;
 use project::PosedPinhole;
 use raster::Raster;
@@ -39,8 +42,15 @@ pub struct CameraView {
 /// Renderer of one pinhole camera; reuses its buffers and continues its noise from frame to frame.
 pub struct Renderer {
     sensor: ImageSensor,
-    gray: Raster<1>,
-    color: Raster<3>,
+    gray: Eye<1>,
+    color: Eye<3>,
+}
+
+/// Rasterizer and lens of images with `C` channels.
+#[derive(Default)]
+struct Eye<const C: usize> {
+    raster: Raster<C>,
+    optics: Optics<C>,
 }
 
 /// Error from rendering an image.
@@ -63,7 +73,7 @@ impl Renderer {
     /// Returns a renderer with this photometry, and noise from `rng`, see [`crate::random::stream`].
     #[must_use]
     pub fn new(photometry: Photometry, rng: Pcg64) -> Self {
-        Self { sensor: ImageSensor::new(photometry, rng), gray: Raster::default(), color: Raster::default() }
+        Self { sensor: ImageSensor::new(photometry, rng), gray: Eye::default(), color: Eye::default() }
     }
 
     /// Renders the view in gray levels, width x height bytes.
@@ -72,9 +82,7 @@ impl Renderer {
     /// [`RenderError`] if the buffer has another size or the view is invalid.
     pub fn render(&mut self, scene: &Scene, view: &CameraView, image: &mut [u8]) -> Result<(), RenderError> {
         view.check(image.len(), 1)?;
-        self.gray.draw(scene, &PosedPinhole::new(view), |y, row, k| {
-            self.sensor.digitize([k.width, k.height], y, row, line(image, y, k.width, 1));
-        });
+        self.gray.expose(scene, view, &mut self.sensor, image);
         Ok(())
     }
 
@@ -89,13 +97,12 @@ impl Renderer {
         image: &mut [u8],
     ) -> Result<(), RenderError> {
         view.check(image.len(), 3)?;
-        self.color.draw(scene, &PosedPinhole::new(view), |y, row, k| {
-            self.sensor.digitize([k.width, k.height], y, row, line(image, y, k.width, 3));
-        });
+        self.color.expose(scene, view, &mut self.sensor, image);
         Ok(())
     }
 
-    /// Renders the view in gray levels by casting `per_side` x `per_side` rays per pixel: slow, for comparison.
+    /// Renders the view in gray levels by casting `per_side` x `per_side` rays per pixel: slow, for comparison,
+    /// with a perfect lens.
     ///
     /// # Errors
     /// [`RenderError`] if the buffer has another size or the view is invalid.
@@ -109,6 +116,7 @@ impl Renderer {
         view.check(image.len(), 1)?;
         let posed = PosedPinhole::new(view);
         let k = &view.intrinsics;
+        self.sensor.open_shutter();
         let mut row = vec![[0.0; 1]; k.width as usize];
         for y in 0..k.height as usize {
             for (x, pixel) in row.iter_mut().enumerate() {
@@ -117,6 +125,25 @@ impl Renderer {
             self.sensor.digitize([k.width, k.height], y, &row, line(image, y, k.width, 1));
         }
         Ok(())
+    }
+}
+
+impl<const C: usize> Eye<C> {
+    fn expose(&mut self, scene: &Scene, view: &CameraView, sensor: &mut ImageSensor, image: &mut [u8]) {
+        let size = [view.intrinsics.width, view.intrinsics.height];
+        let posed = PosedPinhole::new(view);
+        sensor.open_shutter();
+        if sensor.photometry.has_perfect_lens() {
+            self.raster.draw(scene, &posed, |y, row, _| {
+                sensor.digitize(size, y, row, line(image, y, size[0], C));
+            });
+            return;
+        }
+        self.optics.begin(size);
+        self.raster.draw(scene, &posed, |_, row, _| self.optics.push(row));
+        for (y, row) in self.optics.focus(sensor.photometry).enumerate() {
+            sensor.digitize(size, y, row, line(image, y, size[0], C));
+        }
     }
 }
 

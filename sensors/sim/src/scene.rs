@@ -1,6 +1,7 @@
 //! Scene: the surfaces, solids, light and people of a world, for rendering, ray casting and collisions.
 
 pub(crate) mod build;
+mod decoration;
 mod figure;
 mod light;
 mod surface;
@@ -12,15 +13,15 @@ use thiserror::Error;
 
 use yamabico_core::parameters::Problems;
 
-use crate::world::World;
-use build::Building;
+use crate::world::{Grain, World};
+use build::Parts;
 use figure::Facet;
 use light::Lighting;
 
 pub use figure::PERSON_RADIUS_M;
 pub(crate) use light::glam;
-pub use surface::{LightGrid, Material, Solid, Surface};
-pub(crate) use texture::Speckle;
+pub use surface::{LightGrid, Material, Solid, Surface, Tiles};
+pub(crate) use texture::Texture;
 pub use walker::{PersonPose, Walker};
 
 /// Building with its light, and people at one time.
@@ -30,7 +31,9 @@ pub struct Scene {
     light: Vec<f32>,
     solids: Vec<Solid>,
     lighting: Lighting,
-    speckle: Speckle,
+    speckle: Texture,
+    /// Texture of the floor, if it is not speckled.
+    floor_texture: Option<Texture>,
     building_mesh: TriMesh,
     people_mesh: Option<TriMesh>,
     walkers: Vec<Walker>,
@@ -60,7 +63,7 @@ impl Scene {
     /// [`SceneError`] if values of the world are out of range.
     pub fn new(world: &World, seed: u64) -> Result<Self, SceneError> {
         world.check()?;
-        let mut building = Building::new(world, seed);
+        let mut building = Parts::new(world, seed);
         let building_mesh = mesh(&building.surfaces)?;
         let lighting = Lighting {
             emitters: std::mem::take(&mut building.emitters),
@@ -76,7 +79,10 @@ impl Scene {
             light,
             solids: building.solids,
             lighting,
-            speckle: Speckle::new(world.texture_seed),
+            speckle: Texture::new(Grain::Speckle, world.texture_seed),
+            floor_texture: Some(world.floor.grain)
+                .filter(|grain| *grain != Grain::Speckle)
+                .map(|grain| Texture::new(grain, world.texture_seed)),
             building_mesh,
             people_mesh: None,
             walkers,
@@ -168,8 +174,14 @@ impl Scene {
         &self.light
     }
 
-    pub(crate) fn speckle(&self) -> &Speckle {
-        &self.speckle
+    /// Returns the fine texture of this shape; only the floor has others than speckle.
+    pub(crate) fn texture(&self, grain: Grain) -> &Texture {
+        self.floor_texture.as_ref().filter(|_| grain != Grain::Speckle).unwrap_or(&self.speckle)
+    }
+
+    /// Returns true if the mirror image in the floor is sharp.
+    pub(crate) fn mirrors_sharply(&self) -> bool {
+        self.surfaces[..self.fixed_surfaces].iter().any(|s| s.material.gloss > 0.0 && s.material.is_sharp)
     }
 
     /// Returns the mesh of the building, without people.

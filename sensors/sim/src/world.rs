@@ -4,6 +4,7 @@
 
 mod check;
 mod corridor;
+mod floor;
 mod random;
 mod wire_frame;
 
@@ -15,6 +16,7 @@ use yamabico_core::parameters::Problems;
 
 pub use check::WORLD_FILE;
 pub use corridor::{Branch, Corridor, CorridorDoor, Side};
+pub use floor::{Floor, Grain, Patch, Reflection};
 
 /// Linear RGB reflectance, each 0 (black) to 1 (white).
 pub type Color = [f32; 3];
@@ -58,6 +60,10 @@ pub struct World {
     pub people: Vec<Person>,
     /// Floor.
     pub floor: Floor,
+    /// Flat things on the floor.
+    #[serde(rename = "patch")]
+    #[schemars(length(max = 1000))]
+    pub patches: Vec<Patch>,
     /// Ceiling.
     pub ceiling: Ceiling,
     /// Ambient light relative to the light under a lamp.
@@ -77,11 +83,11 @@ pub struct Wall {
     #[schemars(inner(range(min = -1000.0, max = 1000.0)))]
     pub to_m: [f64; 2],
     /// Height.
-    #[serde_inline_default(2.6)]
+    #[serde_inline_default(Wall::default().height_m)]
     #[schemars(range(min = 0.05, max = 10.0))]
     pub height_m: f64,
     /// Thickness.
-    #[serde_inline_default(0.12)]
+    #[serde_inline_default(Wall::default().thickness_m)]
     #[schemars(range(min = 0.01, max = 1.0))]
     pub thickness_m: f64,
     /// Reflectance.
@@ -91,6 +97,9 @@ pub struct Wall {
     /// Baseboard of its left face; without it, none.
     #[serde(default)]
     pub baseboard: Option<Baseboard>,
+    /// Other color of the lower part of its left face; without it, none.
+    #[serde(default)]
+    pub dado: Option<Dado>,
     /// Doors in the wall.
     #[serde(default, rename = "door")]
     #[schemars(length(max = 1000))]
@@ -99,6 +108,10 @@ pub struct Wall {
     #[serde(default, rename = "window")]
     #[schemars(length(max = 1000))]
     pub windows: Vec<Window>,
+    /// Posters on its left face.
+    #[serde(default, rename = "poster")]
+    #[schemars(length(max = 1000))]
+    pub posters: Vec<Poster>,
 }
 
 /// Strip along the bottom of a wall.
@@ -117,6 +130,53 @@ pub struct Baseboard {
     #[default([0.10, 0.09, 0.085])]
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub color: Color,
+}
+
+/// Lower part of a wall in another color, between the doors.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Dado {
+    /// Height of its upper edge.
+    #[default(1.1)]
+    #[schemars(range(min = 0.2, max = 2.0))]
+    pub height_m: f64,
+    /// Reflectance.
+    #[default([0.45, 0.5, 0.42])]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub color: Color,
+}
+
+/// Sheet with printed lines on a wall.
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
+#[serde(default, deny_unknown_fields)]
+pub struct Poster {
+    /// Center, from the start of the wall.
+    #[schemars(range(min = 0.0, max = 500.0))]
+    pub at_m: f64,
+    /// Width.
+    #[default(0.6)]
+    #[schemars(range(min = 0.05, max = 5.0))]
+    pub width_m: f64,
+    /// Height of the lower edge above the floor.
+    #[default(1.0)]
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub base_m: f64,
+    /// Height of the sheet; at most the wall's height above the lower edge.
+    #[default(0.85)]
+    #[schemars(range(min = 0.05, max = 5.0))]
+    pub height_m: f64,
+    /// Reflectance of the sheet.
+    #[default([0.8, 0.78, 0.72])]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub color: Color,
+    /// Spacing of the printed lines, horizontal and vertical; 0 means none, else at least 0.05.
+    #[default([0.06, 0.0])]
+    #[schemars(inner(range(min = 0.0, max = 10.0)))]
+    pub line_spacing_m: [f32; 2],
+    /// Brightness of the lines relative to the sheet.
+    #[default(0.35)]
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub line_tone: f32,
 }
 
 /// Door with its frame.
@@ -278,39 +338,6 @@ pub struct Person {
     pub trousers: Color,
 }
 
-/// Surface of the floor.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
-#[serde(default, deny_unknown_fields)]
-pub struct Floor {
-    /// Reflectance.
-    #[default([0.42, 0.39, 0.34])]
-    #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub color: Color,
-    /// Contrast of the speckle: standard deviation relative to the mean.
-    #[default(0.10)]
-    #[schemars(range(min = 0.0, max = 0.5))]
-    pub speckle: f32,
-    /// Size of the finest speckle.
-    #[default(0.006)]
-    #[schemars(range(min = 0.002, max = 0.1))]
-    pub grain_m: f32,
-    /// Specular reflection; 0 is matte, 1 is a mirror.
-    #[default(0.5)]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub gloss: f32,
-    /// Spacing of the joints along x and y; 0 means none, else at least 0.05.
-    #[schemars(inner(range(min = 0.0, max = 100.0)))]
-    pub joint_spacing_m: [f32; 2],
-    /// Width of the joints.
-    #[default(0.004)]
-    #[schemars(range(min = 0.0, max = 0.05))]
-    pub joint_width_m: f32,
-    /// Brightness of the joints relative to the floor; 1 is invisible.
-    #[default(0.6)]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub joint_tone: f32,
-}
-
 /// Surface of the ceiling.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema, SmartDefault)]
 #[serde(default, deny_unknown_fields)]
@@ -358,6 +385,23 @@ impl Default for BoxItem {
             colors: Vec::new(),
             jitter_m: [0.0; 2],
             jitter_deg: 0.0,
+        }
+    }
+}
+
+impl Default for Wall {
+    fn default() -> Self {
+        Self {
+            from_m: [0.0; 2],
+            to_m: [1.0, 0.0],
+            height_m: 2.6,
+            thickness_m: 0.12,
+            color: WALL_COLOR,
+            baseboard: None,
+            dado: None,
+            doors: Vec::new(),
+            windows: Vec::new(),
+            posters: Vec::new(),
         }
     }
 }

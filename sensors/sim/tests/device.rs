@@ -234,3 +234,21 @@ fn a_holonomic_drive_moves_sideways_and_its_odometry_agrees() {
     let tape = run_by(&mut open(EMPTY, 1), sideways, 1.0);
     assert_eq!(headers::<Truth>(&tape, "truth").last().unwrap().distance_m, 0.0, "two wheels do not");
 }
+
+#[test]
+fn lost_frames_leave_gaps_and_do_not_change_the_others() {
+    let frames = |dropout: f64| {
+        let mut spec = spec(EMPTY, 3, "differential", 50);
+        let config = "intrinsics = { width = 64, height = 48 }\nmount = { z_m = 0.6 }\nphotometry = { noise_sigma = 0 }";
+        spec.sensors[0].table = format!("{config}\nperiod_ms = 20\ndropout = {dropout:?}").parse().unwrap();
+        run(&mut open_spec(spec), 0.3, 8.0, 0.0).of::<FrameHeader>("eye")
+    };
+    let (all, some) = (frames(0.0), frames(0.25));
+    let lost = 1.0 - some.len() as f64 / all.len() as f64;
+    assert!((0.18..0.32).contains(&lost), "{lost}");
+    for (header, pixels) in some.iter().take(20) {
+        let same = all.iter().find(|(other, _)| other.sequence == header.sequence).unwrap();
+        assert!(same.0.stamp_ns == header.stamp_ns && same.1 == *pixels);
+    }
+    assert!(frames(1.0).is_empty());
+}

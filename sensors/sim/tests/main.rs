@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod buildings;
 mod device;
+mod floors;
 mod hallway;
 mod mirror;
 mod passages;

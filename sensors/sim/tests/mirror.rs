@@ -13,7 +13,8 @@ use yamabico_sim::world::{Floor, Window};
 use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, World, random};
 
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
-const PLAIN: Photometry = Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0 };
+const PLAIN: Photometry =
+    Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0, flicker: 0.0, blur_px: 0.0, glare: 0.0 };
 
 /// Returns a camera of each kind, for images of this size, with the height of its lens or viewpoint (m).
 fn cameras(width: u32, height: u32) -> [(&'static str, f64, MirrorCamera); 3] {

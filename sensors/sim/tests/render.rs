@@ -11,7 +11,8 @@ use yamabico_sim::world::{Floor, Window};
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
 
 const HALLWAY: &str = include_str!("../../../configs/worlds/hallway.toml");
-const PLAIN: Photometry = Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0 };
+const PLAIN: Photometry =
+    Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0, flicker: 0.0, blur_px: 0.0, glare: 0.0 };
 
 fn view(width: u32, height: u32, mount: Mount, robot: Pose2) -> CameraView {
     CameraView { intrinsics: Intrinsics::from_horizontal_fov(width, height, 1.05), mount, robot }

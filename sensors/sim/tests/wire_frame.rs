@@ -42,3 +42,19 @@ fn a_wall_without_a_skirting_stands_on_the_floor() {
     };
     assert!(on_floor(1.0) && on_floor(-1.0));
 }
+
+#[test]
+fn the_edge_of_a_painted_lower_wall_is_on_the_map_and_a_poster_is_not() {
+    let wall = "[[wall]]\nfrom_m = [0, 0]\nto_m = [4, 0]";
+    let edges = |more: &str| {
+        let world = World::from_toml(&format!("{wall}\n{more}")).unwrap();
+        world.wire_frame().edges().to_vec()
+    };
+    let plain = edges("");
+    assert_eq!(edges("poster = [{ at_m = 2 }]"), plain);
+    let painted = edges("dado = { height_m = 1.1 }\ndoor = [{ at_m = 2 }]");
+    let at_dado: Vec<f64> =
+        painted.iter().filter(|e| e.from.z == 1.1).map(|e| (e.to - e.from).norm()).collect();
+    assert_eq!(at_dado.len(), 2, "on either side of the door");
+    assert!((at_dado.iter().sum::<f64>() - (4.0 - 0.9 - 0.12)).abs() < 1e-9, "{at_dado:?}");
+}

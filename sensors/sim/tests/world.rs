@@ -122,7 +122,7 @@ fn is_rendered(value: &toml::Value) -> bool {
     let Ok(world) = World::from_toml(&toml::to_string(value).unwrap()) else { return false };
     let mut scene = Scene::new(&world, 1).unwrap();
     scene.set_time(1.0).unwrap();
-    let photometry = Photometry { exposure: 1.0, vignetting: 0.0, noise_sigma: 0.0 };
+    let photometry = Photometry { vignetting: 0.0, noise_sigma: 0.0, ..Photometry::default() };
     let view = CameraView {
         intrinsics: Intrinsics::from_horizontal_fov(32, 24, 1.2),
         mount: Mount::tilted(0.6, 0.1),

@@ -7,6 +7,7 @@
 
 mod arguments;
 mod boxes;
+mod buildings;
 mod images;
 mod live;
 mod photographs;
@@ -55,6 +56,7 @@ enum Command {
     PoseFixes(rendered::pose_fixes::Arguments),
     Passages(rendered::passages::Arguments),
     Boxes(boxes::Arguments),
+    SweepBuildings(buildings::Arguments),
     Scenes(scenes::Arguments),
     Runs(tasks::runs::Arguments),
     Localization(tasks::localization::Arguments),
@@ -85,6 +87,7 @@ impl Command {
             Self::PoseFixes(arguments) => arguments.run(),
             Self::Passages(arguments) => arguments.run(),
             Self::Boxes(arguments) => arguments.run(out),
+            Self::SweepBuildings(arguments) => arguments.run(),
             Self::Scenes(arguments) => arguments.run(out),
             Self::Runs(arguments) => arguments.run(),
             Self::Localization(arguments) => arguments.run(),

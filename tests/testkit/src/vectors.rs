@@ -20,6 +20,15 @@ pub fn omni(name: &str) -> Value {
     read("omni", name)
 }
 
+/// Reads the known answers `evidence/NAME.json`.
+///
+/// # Panics
+/// If the file is missing or is not JSON.
+#[must_use]
+pub fn evidence(name: &str) -> Value {
+    read("evidence", name)
+}
+
 /// Returns the cases of a file of known answers.
 ///
 /// # Panics

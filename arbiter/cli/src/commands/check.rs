@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::output::{CommandResult, DONE, Print};
+use crate::output::{CommandResult, DONE, Failure, Print};
 use crate::task_arguments::TaskArguments;
 
 /// A task without errors, and what running it opens and starts.
@@ -19,7 +19,7 @@ struct Checked<'a> {
 
 /// Loads the task and prints a summary of it.
 pub fn check(arguments: &TaskArguments, print: Print) -> CommandResult {
-    let task = arguments.load()?;
+    let task = arguments.load().map_err(Failure::Checked)?;
     let devices = task.robot.devices.iter();
     let programs = task.robot.devices.iter().map(|device| (&device.name, &device.settings.exec));
     let programs =

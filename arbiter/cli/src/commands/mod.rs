@@ -39,7 +39,7 @@ pub enum Command {
     Describe(describe::Arguments),
     /// Print the JSON Schemas of configuration files, for editors.
     Schema(schema::Arguments),
-    /// Create a behavior of your own, with a test and a task that runs it.
+    /// Create a behavior of your own, or draw a building to drive in.
     #[command(subcommand)]
     New(new::New),
     /// Learn thresholds, a map or floor colors.

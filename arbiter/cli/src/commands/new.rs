@@ -1,9 +1,11 @@
-//! `yamabico new`: a behavior to start from.
+//! `yamabico new`: a behavior to start from, or a building to drive in.
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 use serde::Serialize;
+use yamabico::building::{WITH_MAP, find_repository, write};
+use yamabico_sim::building::{Building, Properties};
 
 use crate::output::{CommandResult, DONE, Failure, Print};
 
@@ -14,21 +16,48 @@ const MAX_NAME: usize = 32;
 #[derive(Subcommand)]
 pub enum New {
     /// Create a behavior as a program of its own, in Rust or Python, with a test and a task that runs it.
-    Behavior(Arguments),
+    Behavior(BehaviorArguments),
+    /// Draw a building from a seed: a simulated hallway with its map, a robot, and a task with the map and one without.
+    Building(BuildingArguments),
 }
 
 /// Arguments of `new behavior`.
 #[derive(Args)]
-pub struct Arguments {
+pub struct BehaviorArguments {
     /// Name of the behavior and of its folder: lowercase letters, digits and `-`.
     name: String,
-    /// Writes it in Python instead of Rust.
+    /// Write it in Python instead of Rust.
     #[arg(long)]
     python: bool,
     /// Folder of Yamabico's sources; by default the working directory or one above it, else the folder that this program was
     /// built from.
     #[arg(long, value_name = "DIR")]
     repository: Option<PathBuf>,
+}
+
+/// Arguments of `new building`.
+#[derive(Args)]
+pub struct BuildingArguments {
+    /// Seed that the building is drawn from; the same seed gives the same building.
+    seed: u64,
+    /// Property in place of the one that the seed draws, such as `floor = "mirror"` or `width_m = 1.4`; may be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder to write; by default `building-SEED`.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Folder of Yamabico's sources; by default the working directory or one above it, else the folder that this program was
+    /// built from.
+    #[arg(long, value_name = "DIR")]
+    repository: Option<PathBuf>,
+}
+
+/// A created building.
+#[derive(Serialize)]
+struct CreatedBuilding {
+    folder: PathBuf,
+    files: Vec<&'static str>,
+    properties: Properties,
 }
 
 /// A created folder.
@@ -78,9 +107,42 @@ const PYTHON: Template = Template {
     ],
 };
 
-/// Writes the folder.
+/// Creates it.
 pub fn new(new: &New, print: Print) -> CommandResult {
-    let New::Behavior(arguments) = new;
+    match new {
+        New::Behavior(arguments) => new_behavior(arguments, print),
+        New::Building(arguments) => new_building(arguments, print),
+    }
+}
+
+fn new_building(arguments: &BuildingArguments, print: Print) -> CommandResult {
+    let created = create_building(arguments).map_err(Failure::usage)?;
+    print.show(&created, |created| {
+        let properties = toml::to_string(&created.properties).unwrap_or_default();
+        let properties = properties.lines().map(|line| format!("  {line}\n"));
+        format!(
+            "created {folder} with {files}, a building with\n{properties}drive in it:\n  yamabico run {task}",
+            folder = created.folder.display(),
+            files = created.files.join(", "),
+            properties = properties.collect::<String>(),
+            task = created.folder.join(WITH_MAP).display()
+        )
+    });
+    Ok(DONE)
+}
+
+fn create_building(arguments: &BuildingArguments) -> Result<CreatedBuilding, String> {
+    let repository = find_repository(arguments.repository.as_deref())?;
+    let building = Building::new(arguments.seed, &arguments.set).map_err(|problems| problems.to_string())?;
+    let folder = arguments.out.clone().unwrap_or_else(|| format!("building-{}", arguments.seed).into());
+    if folder.exists() {
+        return Err(format!("{} already exists: give another folder with --out DIR", folder.display()));
+    }
+    let files = write(&building, &folder, &repository)?;
+    Ok(CreatedBuilding { folder, files, properties: building.properties })
+}
+
+fn new_behavior(arguments: &BehaviorArguments, print: Print) -> CommandResult {
     let created = create_behavior(arguments).map_err(Failure::usage)?;
     print.show(&created, |created| {
         let files = created.files.iter().map(|file| format!("  {file}\n"));
@@ -94,14 +156,16 @@ pub fn new(new: &New, print: Print) -> CommandResult {
     Ok(DONE)
 }
 
-fn create_behavior(arguments: &Arguments) -> Result<Created, String> {
+fn create_behavior(arguments: &BehaviorArguments) -> Result<Created, String> {
     let repository = find_repository(arguments.repository.as_deref())?;
     let name = arguments.name.as_str();
     let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     let starts_with_letter = name.starts_with(|c: char| c.is_ascii_lowercase());
     if !starts_with_letter || !name.chars().all(is_allowed) || name.len() > MAX_NAME {
+        let similar = valid_name(name).map_or(String::new(), |name| format!("; did you mean `{name}`?"));
         return Err(format!(
-            "`{name}` is not a valid name: use 1 to {MAX_NAME} lowercase letters, digits and `-`, beginning with a letter"
+            "`{name}` is not a valid name: use 1 to {MAX_NAME} lowercase letters, digits and `-`, beginning with a \
+             letter{similar}"
         ));
     }
     let folder = PathBuf::from(name);
@@ -129,26 +193,25 @@ fn create_behavior(arguments: &Arguments) -> Result<Created, String> {
     Ok(Created { folder, files: template.files.iter().map(|(file, _)| *file).collect(), run })
 }
 
-/// Finds the folder of Yamabico's sources, which the new behavior depends on.
-fn find_repository(given: Option<&Path>) -> Result<PathBuf, String> {
-    let here = std::env::current_dir().unwrap_or_default();
-    let built_from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let found = match given {
-        Some(folder) => Some(folder).filter(|folder| is_repository(folder)),
-        None => here.ancestors().chain([built_from.as_path()]).find(|folder| is_repository(folder)),
-    };
-    found.and_then(|folder| folder.canonicalize().ok()).ok_or_else(|| match given {
-        Some(folder) => format!(
-            "{} does not contain Yamabico's sources (--repository): give the folder of a clone of the repository",
-            folder.display()
-        ),
-        None => "Yamabico's sources, which the new behavior depends on, were not found: clone the repository and give its \
-                 folder with --repository DIR"
-            .to_owned(),
-    })
+/// Returns the valid name that is most similar to `name`; `None` without a letter.
+fn valid_name(name: &str) -> Option<String> {
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    let joined = words.collect::<Vec<_>>().join("-").to_ascii_lowercase();
+    let start = joined.find(|c: char| c.is_ascii_lowercase())?;
+    let end = joined.len().min(start + MAX_NAME);
+    Some(joined[start..end].trim_end_matches('-').to_owned())
 }
 
-fn is_repository(folder: &Path) -> bool {
-    let manifest = std::fs::read_to_string(folder.join("core/Cargo.toml"));
-    manifest.is_ok_and(|text| text.contains("name = \"yamabico-core\""))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_similar_valid_name_is_suggested() {
+        let valid = |name| valid_name(name).unwrap_or_default();
+        assert_eq!(valid("My Behavior"), "my-behavior");
+        assert_eq!(valid("../2nd_try"), "nd-try");
+        assert_eq!(valid(&"a-".repeat(40)).len(), 31);
+        assert_eq!(valid_name("42"), None);
+    }
 }

@@ -9,7 +9,7 @@ use yamabico_runtime::supervisor::Program;
 
 use super::run_table::run_table;
 use crate::interrupt::interrupt_flag;
-use crate::output::{CommandResult, DONE, Failure, NOT_DONE, Print, printable};
+use crate::output::{CommandResult, DONE, Failure, NOT_DONE, Print, complain, printable};
 use crate::progress::RunProgress;
 use crate::task_arguments::TaskArguments;
 
@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
     })?;
     print.show(&result, run_table);
     if let Some(problem) = &result.trajectory_problem {
-        eprintln!("warning: {}", printable(problem));
+        complain(&format!("warning: {}", printable(problem)));
     }
     Ok(if result.is_done() { DONE } else { NOT_DONE })
 }

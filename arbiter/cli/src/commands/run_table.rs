@@ -44,6 +44,8 @@ fn figures(ran: &RunResult) -> String {
     table.add_row(["nearest person while moving", &meters(summary.smallest_person_moving_m)]);
     table.add_row(["RMS offset from the reference line", &meters(summary.rms_offset_m)]);
     table.add_row(["halts", &format!("{} ({halted:.1} s)", summary.halts.len())]);
+    table.add_row(["waiting for the first readings", &format!("{:.1} s", summary.waiting_s)]);
+    table.add_row(["no behavior in control", &format!("{:.1} s", summary.idle_s)]);
     table.add_row(["real-time factor", &format!("{:.1}", summary.real_time_factor)]);
     if is_live(summary) {
         table.add_row([
@@ -187,7 +189,7 @@ mod tests {
 
     fn summary() -> RunSummary {
         RunSummary {
-            control_s: [("wall", 2.5), ("no behavior", 0.5)].map(|(name, s)| (name.into(), s)).into(),
+            control_s: [("wall", 2.5), ("emergency stop", 0.5)].map(|(name, s)| (name.into(), s)).into(),
             behaviors: [("wall".into(), BehaviorSummary::default())].into(),
             topics: [("truth".into(), 41)].into(),
             ..SummaryTap::new(ReferenceLine::default()).finish(RunFacts::default())
@@ -201,7 +203,7 @@ mod tests {
             let row = table.lines().find(|line| line.contains(name)).unwrap();
             row.split('┆').nth(1).unwrap().trim().trim_end_matches(['│', ' ']).to_owned()
         };
-        assert_eq!((seconds_of("wall"), seconds_of("no behavior")), ("2.5 s".into(), "0.5 s".into()));
+        assert_eq!((seconds_of("wall"), seconds_of("emergency stop")), ("2.5 s".into(), "0.5 s".into()));
     }
 
     #[test]

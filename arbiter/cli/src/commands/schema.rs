@@ -6,8 +6,9 @@ use clap::Args;
 use serde_json::{Map, Value};
 use yamabico::plugins::plugins;
 use yamabico_host::config;
+use yamabico_parameters::instead;
 
-use crate::output::{CommandResult, DONE, Failure, Print};
+use crate::output::{CommandResult, DONE, Failure, Print, say};
 
 /// Arguments of `schema`.
 #[derive(Args)]
@@ -17,11 +18,17 @@ pub struct Arguments {
     /// Folder to which all schemas are written, one file KIND.json per kind.
     #[arg(long, value_name = "DIR", conflicts_with = "kind")]
     out: Option<PathBuf>,
+    /// Task file whose external programs are asked for the keys of their behaviors, which the schema of tasks then has.
+    #[arg(long, value_name = "FILE")]
+    task: Option<PathBuf>,
 }
 
 /// Prints or writes the schemas.
 pub fn schema(arguments: &Arguments) -> CommandResult {
-    let all = config::schema(&plugins());
+    let all = match &arguments.task {
+        Some(task) => config::schema_with_task(task, &plugins()).map_err(Failure::usage)?,
+        None => config::schema(&plugins()),
+    };
     let none = Map::new();
     let kinds = all.as_object().unwrap_or(&none);
     if let Some(folder) = &arguments.out {
@@ -32,11 +39,8 @@ pub fn schema(arguments: &Arguments) -> CommandResult {
         Some(kind) => match kinds.get(kind) {
             Some(schema) => Print::Json.show(schema, |_| String::new()),
             None => {
-                let names: Vec<&str> = kinds.keys().map(String::as_str).collect();
-                return Err(Failure::usage(format!(
-                    "there is no kind of file `{kind}`; available: {}",
-                    names.join(", ")
-                )));
+                let instead = instead(kind, kinds.keys().map(String::as_str), "kind of file");
+                return Err(Failure::usage(format!("unknown kind of file `{kind}`; {instead}")));
             }
         },
     }
@@ -52,6 +56,6 @@ fn write(kinds: &Map<String, Value>, folder: &Path) -> CommandResult {
         let path = folder.join(format!("{kind}.json"));
         std::fs::write(&path, format!("{schema:#}\n")).map_err(|error| failed(&path, &error))?;
     }
-    println!("{} schemas written to {}", kinds.len(), folder.display());
+    say(&format!("{} schemas written to {}", kinds.len(), folder.display()));
     Ok(DONE)
 }

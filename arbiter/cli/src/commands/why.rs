@@ -24,7 +24,7 @@ const TIMEOUT: Duration = Duration::from_secs(3);
 /// Arguments of `why`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Explains again whenever the decision changes, until Ctrl-C.
+    /// Explain again whenever the decision changes, until Ctrl-C.
     #[arg(long, short)]
     follow: bool,
     #[command(flatten)]

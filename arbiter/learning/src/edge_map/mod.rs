@@ -15,7 +15,7 @@ use serde::Serialize;
 use yamabico_core::geometry::Pose2;
 use yamabico_host::config::Task;
 use yamabico_runtime::execution::{Progress, RunEnd};
-use yamabico_vision::azimuth_map::EdgeMap;
+use yamabico_vision::azimuth_map::{EDGE_MAP_FILE, EdgeMap};
 
 use crate::error::write_text;
 use crate::task_source::play_recording;
@@ -142,5 +142,5 @@ fn verify(
 
 fn write(path: &Path, map: &EdgeMap) -> Result<(), LearningError> {
     let head = "# Vertical edges, the surfaces between them and the free space, learned by `yamabico learn map`.\n\n";
-    write_text(path, &(head.to_owned() + &map.to_toml()))
+    write_text(path, &EDGE_MAP_FILE, &(head.to_owned() + &map.to_toml()))
 }

@@ -101,7 +101,7 @@ pub fn learn(
     let (table, curves, refused) = learner.finish();
     let is_usable = !table.places.is_empty();
     if is_usable {
-        write_text(&options.table, &(table.to_toml() + &comment(&refused)))?;
+        write_text(&options.table, &THRESHOLD_FILE, &(table.to_toml() + &comment(&refused)))?;
         plot::plot(&options.plot, &curves, &table.places)?;
     }
     Ok(Learned {

@@ -77,6 +77,18 @@ pub enum ClientError {
         /// Behaviors that plan paths.
         planners: String,
     },
+    /// The goal lies far outside the robot's map.
+    #[error(
+        "the goal ({x_m}, {y_m}) is far outside the robot's map: give meters, at most {max_m:.0} from its origin"
+    )]
+    FarGoal {
+        /// X, m.
+        x_m: f64,
+        /// Y, m.
+        y_m: f64,
+        /// Maximum absolute coordinate, m.
+        max_m: f64,
+    },
     /// The arbiter did not publish the goal.
     #[error("the robot did not accept the goal within {} s: it is hung, or the goal is not finite", goal::TIMEOUT.as_secs())]
     GoalNotAccepted,

@@ -32,11 +32,23 @@ pub struct GoalRequest {
     pub tolerance_m: f64,
 }
 
+impl GoalRequest {
+    /// Checks that the goal does not lie far outside the map.
+    fn check(&self, max_goal_m: Option<f64>) -> Result<(), ClientError> {
+        match max_goal_m.filter(|max_m| self.x_m.abs().max(self.y_m.abs()) > *max_m) {
+            Some(max_m) => Err(ClientError::FarGoal { x_m: self.x_m, y_m: self.y_m, max_m }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Progress of a robot towards its goals, from the paths that a behavior plans.
 pub struct GoalProgress {
     paths: Subscriber<PathHeader>,
     goals: Subscriber<Goal>,
     planner: String,
+    /// Maximum absolute coordinate of a goal, m; `None` without a map.
+    max_goal_m: Option<f64>,
 }
 
 impl RobotClient {
@@ -45,19 +57,22 @@ impl RobotClient {
     /// # Errors
     /// The robot has no such behavior, it plans no paths, or several behaviors do.
     pub fn goal_progress(&mut self, planner: Option<&str>) -> Result<GoalProgress, ClientError> {
-        let planner = choose_planner(self.manifest()?, planner)?;
+        let manifest = self.manifest()?;
+        let (planner, max_goal_m) = (choose_planner(manifest, planner)?, manifest.max_goal_m);
         Ok(GoalProgress {
             paths: self.bus.subscriber(&path_topic(&planner))?,
             goals: self.bus.subscriber(topics::GOAL)?,
             planner,
+            max_goal_m,
         })
     }
 
     /// Sends the robot to `goal` and waits until it has a path there; returns the length of the path, m.
     ///
     /// # Errors
-    /// The robot did not accept the goal, or found no path.
+    /// The goal lies far outside the robot's map, the robot did not accept it, or found no path.
     pub fn send_goal(&mut self, goal: &GoalRequest, progress: &GoalProgress) -> Result<f64, ClientError> {
+        goal.check(progress.max_goal_m)?;
         let sent = Time::monotonic_now();
         let theta = goal.heading_rad.unwrap_or(f64::NAN);
         let request =
@@ -167,6 +182,14 @@ mod tests {
             topics: planners.iter().map(topic).collect(),
             ..RobotManifest::default()
         }
+    }
+
+    #[test]
+    fn a_goal_far_outside_the_map_is_refused() {
+        let goal = |x_m| GoalRequest { x_m, y_m: -1.0, heading_rad: None, tolerance_m: 0.3 };
+        let error = goal(1250.0).check(Some(90.0)).unwrap_err();
+        assert!(error.is_wrong_request() && error.to_string().contains("(1250, -1)"), "{error}");
+        assert!(goal(12.5).check(Some(90.0)).is_ok() && goal(1250.0).check(None).is_ok());
     }
 
     #[test]

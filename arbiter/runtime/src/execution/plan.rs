@@ -58,6 +58,8 @@ pub struct Plan {
     pub clock: Clock,
     /// Duration of one step of a driver's clock, unless the driver sets it.
     pub step: Duration,
+    /// Maximum absolute coordinate of a goal, m; `None` without a map.
+    pub max_goal_m: Option<f64>,
 }
 
 impl Plan {
@@ -71,6 +73,7 @@ impl Plan {
             scheduling: task.arbiter.scheduling,
             clock: task.robot.clock,
             step: task.run.step,
+            max_goal_m: task.max_goal_m,
         }
     }
 
@@ -208,6 +211,7 @@ fn behavior_plan(behavior: &config::BehaviorFile) -> BehaviorPlan {
         InputSource::Output { behavior, output } => topics::output(behavior, output),
         InputSource::Operator if message.name == Stick::NAME => topics::STICK.to_owned(),
         InputSource::Operator => topics::GOAL.to_owned(),
+        InputSource::Arbiter => topics::DECISION.to_owned(),
     };
     let inputs = behavior.inputs.iter();
     BehaviorPlan {

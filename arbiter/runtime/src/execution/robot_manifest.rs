@@ -23,6 +23,8 @@ pub struct RobotManifest {
     pub plugins: Vec<PluginEntry>,
     /// Topics.
     pub topics: Vec<TopicEntry>,
+    /// Maximum absolute coordinate of a goal, m; `None` without a map.
+    pub max_goal_m: Option<f64>,
 }
 
 /// A plugin of a manifest.
@@ -106,6 +108,7 @@ impl RobotManifest {
             pid: std::process::id(),
             plugins: devices.chain(behaviors).collect(),
             topics: topics.collect(),
+            max_goal_m: plan.max_goal_m,
         }
     }
 }

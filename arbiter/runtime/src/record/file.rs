@@ -7,9 +7,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::RecordError;
 
-/// A buffered file that stores its first failure and then discards everything that is written to it.
-///
-/// So its writer meets no second failure, and no undefined position.
+/// Buffered output file. After its first failure, it keeps the error and discards all further data, so that the recorder
+/// reports one error and the file position stays defined.
 pub(super) struct OutputFile {
     file: BufWriter<File>,
     path: PathBuf,

@@ -6,11 +6,6 @@ use serde::Serialize;
 use yamabico_core::message::{Axis, DecisionHeader, Kind, Mode, Outcome, Reason, Verdict};
 use yamabico_core::time::Time;
 
-/// Entry for times without a behavior in control.
-const NO_BEHAVIOR: &str = "no behavior";
-/// Entry for the time at the start of a run in which critical parts wait for their first readings.
-const FIRST_READINGS: &str = "wait for first readings";
-
 /// A time during which the arbiter kept the robot from moving forward, after the first readings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Halt {
@@ -27,10 +22,32 @@ pub struct Halt {
 pub struct ControlLog {
     /// Set once the first readings have arrived.
     ready: bool,
-    current: Option<(Time, String)>,
+    current: Option<(Time, Owner)>,
     halted_since: Option<(Time, String)>,
-    time_s: BTreeMap<String, f64>,
+    time: ControlTime,
     halts: Vec<Halt>,
+}
+
+/// Times of a run by the behavior in control, which add up to its duration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ControlTime {
+    /// Time for which each behavior, or a stop that no behavior asked for, was in control, s.
+    pub by_owner_s: BTreeMap<String, f64>,
+    /// Time in which no behavior was in control, s.
+    pub idle_s: f64,
+    /// Time at the start in which critical parts waited for their first readings, s.
+    pub waiting_s: f64,
+}
+
+/// Holder of the control over the robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Owner {
+    /// Behavior, or a stop that no behavior asked for.
+    Named(String),
+    /// No behavior.
+    Nobody,
+    /// No behavior, since critical parts wait for their first readings.
+    FirstReadings,
 }
 
 impl ControlLog {
@@ -39,17 +56,21 @@ impl ControlLog {
         let now = Time(header.stamp_ns);
         self.ready |= !lacks_first_readings(header, verdicts);
         let halter = if self.ready { halter(header, verdicts) } else { None };
-        let owner = match &halter {
-            Some(halter) => halter.clone(),
-            None if self.ready => driver(verdicts),
-            None => FIRST_READINGS.to_owned(),
+        let owner = match halter.clone().or_else(|| driver(verdicts)) {
+            _ if !self.ready => Owner::FirstReadings,
+            Some(name) => Owner::Named(name),
+            None => Owner::Nobody,
         };
         match &mut self.current {
             Some((since, current)) => {
                 let elapsed = now.since(*since).as_secs_f64();
-                match self.time_s.get_mut(current.as_str()) {
-                    Some(time) => *time += elapsed,
-                    None => drop(self.time_s.insert(current.clone(), elapsed)),
+                match current {
+                    Owner::Named(name) => match self.time.by_owner_s.get_mut(name.as_str()) {
+                        Some(time) => *time += elapsed,
+                        None => drop(self.time.by_owner_s.insert(name.clone(), elapsed)),
+                    },
+                    Owner::Nobody => self.time.idle_s += elapsed,
+                    Owner::FirstReadings => self.time.waiting_s += elapsed,
                 }
                 *since = now;
                 if *current != owner {
@@ -65,9 +86,12 @@ impl ControlLog {
         }
     }
 
-    /// Behavior in control; `None` before the first decision.
+    /// Behavior in control, or the stop that no behavior asked for; `None` if there is neither.
     pub fn owner(&self) -> Option<&str> {
-        self.current.as_ref().map(|(_, owner)| owner.as_str())
+        match &self.current {
+            Some((_, Owner::Named(name))) => Some(name),
+            _ => None,
+        }
     }
 
     /// Returns true if the robot is halted.
@@ -78,15 +102,15 @@ impl ControlLog {
     /// Halts so far; a halt in progress ends at the last decision.
     pub fn halts(&self) -> Vec<Halt> {
         let mut log = self.clone();
-        if let Some((last, _)) = self.current {
-            log.release(last);
+        if let Some((last, _)) = &self.current {
+            log.release(*last);
         }
         log.halts
     }
 
-    /// Time for which each behavior was in control, s; times without a behavior have entries of their own.
-    pub fn time_s(&self) -> &BTreeMap<String, f64> {
-        &self.time_s
+    /// Times by the behavior in control.
+    pub fn time(&self) -> &ControlTime {
+        &self.time
     }
 
     fn release(&mut self, now: Time) {
@@ -104,8 +128,6 @@ impl ControlLog {
 fn halter(header: &DecisionHeader, verdicts: &[Verdict]) -> Option<String> {
     match header.mode() {
         // The note names the silent part: "sonar-halt is silent".
-        Some(Mode::CriticalSilent) if !header.note.is_empty() => Some(header.note.as_str().to_owned()),
-        // The note names the silent part.
         Some(Mode::CriticalSilent) if !header.note.is_empty() => Some(header.note.as_str().to_owned()),
         Some(mode @ (Mode::CriticalSilent | Mode::EmergencyStop)) => Some(mode.as_str().to_owned()),
         Some(Mode::Halted) if header.halted.contains(Axis::Linear) => {
@@ -140,8 +162,8 @@ fn lacks_first_readings(header: &DecisionHeader, verdicts: &[Verdict]) -> bool {
     }
 }
 
-/// Behaviors that drive, joined by `+`.
-fn driver(verdicts: &[Verdict]) -> String {
+/// Behaviors that drive, joined by `+`; `None` if none does.
+fn driver(verdicts: &[Verdict]) -> Option<String> {
     let mut owner = String::new();
     for verdict in verdicts {
         if matches!(verdict.outcome(), Some(Outcome::Won | Outcome::WonPart | Outcome::Blended)) {
@@ -151,7 +173,7 @@ fn driver(verdicts: &[Verdict]) -> String {
             owner.push_str(verdict.behavior.as_str());
         }
     }
-    if owner.is_empty() { NO_BEHAVIOR.to_owned() } else { owner }
+    (!owner.is_empty()).then_some(owner)
 }
 
 #[cfg(test)]
@@ -185,8 +207,8 @@ mod tests {
         log.decision(&decision(4.5, Mode::Idle, Axes::NONE), &[]);
         log.decision(&decision(4.75, Mode::EmergencyStop, Axes::ALL), &[]);
         log.decision(&decision(5.0, Mode::EmergencyStop, Axes::ALL), &[]);
-        let time = |owner: &str| log.time_s()[owner];
-        assert_eq!((time("wall"), time("sonar"), time("no behavior")), (2.5, 1.0, 0.25));
+        let time = |owner: &str| log.time().by_owner_s[owner];
+        assert_eq!((time("wall"), time("sonar"), log.time().idle_s), (2.5, 1.0, 0.25));
         let halts = log.halts();
         assert_eq!(halts[0], Halt { begin_s: 3.0, duration_s: 1.0, by: "sonar".into() });
         assert_eq!((halts.len(), halts[1].by.as_str(), halts[1].duration_s), (2, "emergency stop", 0.25));
@@ -227,8 +249,9 @@ mod tests {
         log.decision(&decision(4.0, Mode::Idle, Axes::NONE), &[]);
         let halts = log.halts();
         assert_eq!((halts.len(), halts[0].begin_s, halts[0].duration_s), (1, 1.0, 3.0));
-        assert_eq!((log.time_s()[FIRST_READINGS], log.time_s()["sonar"]), (0.75, 1.0));
-        assert_eq!(log.time_s().values().sum::<f64>(), 4.0);
+        let ControlTime { by_owner_s, idle_s, waiting_s } = log.time();
+        assert_eq!((*waiting_s, by_owner_s["sonar"]), (0.75, 1.0));
+        assert_eq!(by_owner_s.values().sum::<f64>() + idle_s + waiting_s, 4.0);
     }
 
     #[test]

@@ -5,7 +5,9 @@
 
 mod control;
 mod encounter;
+mod labels;
 mod latency;
+mod lettering;
 mod summary;
 mod trace;
 mod trajectory;

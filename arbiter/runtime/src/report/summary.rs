@@ -115,8 +115,12 @@ pub struct RunSummary {
     pub encounters: Vec<Encounter>,
     /// Halts after the first readings.
     pub halts: Vec<Halt>,
-    /// Time for which each behavior was in control, s; times without a behavior have entries of their own.
+    /// Time for which each behavior, or a stop that no behavior asked for, was in control, s.
     pub control_s: BTreeMap<String, f64>,
+    /// Time in which no behavior was in control, s.
+    pub idle_s: f64,
+    /// Time at the start in which critical parts waited for their first readings, s.
+    pub waiting_s: f64,
     /// Summary of each behavior, by name.
     pub behaviors: BTreeMap<String, BehaviorSummary>,
     /// Delay with which the arbiter woke at its ticks in a live run.
@@ -198,6 +202,7 @@ impl SummaryTap {
         }
         let time_s = self.first.map_or(0.0, |first| self.last.since(first).as_secs_f64());
         let finite = |value: f64| value.is_finite().then_some(value);
+        let control = self.control.time().clone();
         RunSummary {
             arrived: facts.arrived,
             distance_m: self.truth.map_or(self.odometry_m, |truth| truth.distance_m),
@@ -211,7 +216,9 @@ impl SummaryTap {
             rms_offset_m: finite((self.offset_square.sum / self.offset_square.weight).sqrt()),
             encounters: self.encounters.list(),
             halts: self.control.halts(),
-            control_s: self.control.time_s().clone(),
+            control_s: control.by_owner_s,
+            idle_s: control.idle_s,
+            waiting_s: control.waiting_s,
             behaviors: self.behaviors,
             tick_lateness: facts.tick_lateness,
             restarts: facts.restarts,

@@ -17,7 +17,7 @@ const MAX_POINTS: usize = 50_000;
 pub struct TracePoint {
     /// Pose of the robot.
     pub pose: Pose2,
-    /// Behavior in control: index into [`Trace::owners`]; `None` before the first decision.
+    /// Behavior in control: index into [`Trace::owners`]; `None` if none was.
     pub owner: Option<usize>,
 }
 

@@ -2,20 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use plotters::coord::Shift;
-use plotters::prelude::{BitMapBackend, Circle, DrawingArea, IntoDrawingArea, PathElement, Rectangle};
+use plotters::prelude::{BitMapBackend, Circle, IntoDrawingArea, PathElement, Rectangle};
 use plotters::style::{Color, RGBColor, ShapeStyle};
 
 use super::Trace;
+use super::labels::{self, Labels};
+use super::lettering::{Area, DrawResult, LETTER_HEIGHT_PX, Pixel, draw_text, text_width};
 use super::trace::TracePoint;
-use yamabico_drawing::font::{ADVANCE, ASCENT, pixels, width};
 use yamabico_drawing::palette;
 
 /// Corner of a wall, map frame, m.
 pub type Corner = [f64; 2];
-/// Pixel coordinates.
-type Pixel = (i32, i32);
-type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 /// Factor by which everything is drawn larger and then reduced, to smooth slanted lines. All sizes below are those of the
 /// large drawing.
@@ -33,9 +30,11 @@ const MAX_OUTSIDE_PX: f64 = 8000.0;
 const MARGIN_PX: i32 = 112;
 /// Margin around everything that is drawn, m.
 const MARGIN_M: f64 = 0.3;
-/// Enlargement of letters.
-const LETTER_SCALE: i32 = 4;
 const LINE_PX: i32 = 52;
+/// Half the side of the square of a halt.
+const HALT_PX: i32 = 10;
+/// Radius of the ring of a person.
+const PERSON_PX: i32 = 26;
 
 const INK: RGBColor = rgb(palette::INK);
 const GRID: RGBColor = rgb(palette::GRID);
@@ -82,14 +81,14 @@ pub fn write_trajectory(path: &Path, trace: &Trace, walls: &[Vec<Corner>]) -> Re
 
 /// Draws a run between `walls` (polylines): the true track in the colors of the behaviors in control, the odometry in gray (in
 /// these colors if there is no truth), halts as red squares with their duration, people as orange rings with the smallest
-/// distance. Axes in m.
+/// distance. Labels do not overlap. Axes in m.
 ///
 /// # Errors
 /// The drawing library fails.
 fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::RgbImage, PlotError> {
     let odometry = trace.odometry();
     let map = Map::around(trace, &odometry, walls);
-    let legend = legend(trace);
+    let legend = legend(trace, &odometry);
     let size =
         (map.width_px() as u32, (map.height_px() + legend_rows(&legend, map.width_px()) * LINE_PX) as u32);
     let mut bytes = vec![255; size.0 as usize * size.1 as usize * 3];
@@ -148,22 +147,28 @@ struct Legend {
     color: RGBColor,
 }
 
-fn legend(trace: &Trace) -> Vec<Legend> {
+fn legend(trace: &Trace, odometry: &[TracePoint]) -> Vec<Legend> {
     let owner =
         |(index, name): (usize, &String)| Legend { text: name.clone(), color: owner_color(Some(index)) };
     let mut legend: Vec<_> = trace.owners().iter().enumerate().map(owner).collect();
+    let track = if trace.truth().is_empty() { odometry } else { trace.truth() };
+    if track.iter().any(|point| point.owner.is_none()) {
+        legend.push(Legend { text: "no behavior".into(), color: INK });
+    }
     if !trace.truth().is_empty() {
         legend.push(Legend { text: "odometry".into(), color: WHEELS });
     }
-    legend.push(Legend { text: "halt (s)".into(), color: HALT });
+    if !trace.halts().is_empty() {
+        legend.push(Legend { text: "halt: duration".into(), color: HALT });
+    }
     if !trace.encounters().is_empty() {
-        legend.push(Legend { text: "person (m)".into(), color: PERSON });
+        legend.push(Legend { text: "person: nearest distance".into(), color: PERSON });
     }
     legend
 }
 
 fn legend_width(entry: &Legend) -> i32 {
-    LETTER_SCALE * width(&entry.text) + 120
+    text_width(&entry.text) + 124
 }
 
 fn legend_rows(legend: &[Legend], max_width: i32) -> i32 {
@@ -180,8 +185,6 @@ fn legend_rows(legend: &[Legend], max_width: i32) -> i32 {
 fn owner_color(owner: Option<usize>) -> RGBColor {
     owner.map_or(INK, |index| OWNERS[index % OWNERS.len()])
 }
-
-type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
 fn draw(
     bytes: &mut [u8],
@@ -204,21 +207,63 @@ fn draw(
         draw_line(&area, path(map, odometry), WHEELS.stroke_width(4))?;
         draw_track(&area, map, trace.truth(), 6)?;
     }
-    for encounter in trace.encounters() {
-        let center = map.pixel(encounter.x, encounter.y);
-        area.draw(&Circle::new(center, 26, PERSON.stroke_width(6)))?;
-        let text = format!("{:.2}", encounter.nearest_m);
-        draw_text(&area, &text, (center.0 - text_width(&text) / 2, center.1 + 40), PERSON)?;
-    }
-    for mark in trace.halts() {
-        let (x, y) = map.pixel(mark.pose.x, mark.pose.y);
-        area.draw(&Rectangle::new([(x - 10, y - 10), (x + 10, y + 10)], HALT.filled()))?;
-        let text = format!("{:.1}", mark.halt.duration_s);
-        draw_text(&area, &text, (x - text_width(&text) / 2, y - 70), HALT)?;
-    }
+    draw_marks(&area, map, trace, odometry)?;
     draw_legend(&area, map, legend)?;
     area.present()?;
     Ok(())
+}
+
+/// Draws halts and people, each with its label.
+fn draw_marks(area: &Area<'_>, map: &Map, trace: &Trace, odometry: &[TracePoint]) -> DrawResult {
+    let people = trace.encounters().into_iter().map(|encounter| Mark {
+        center: map.pixel(encounter.x, encounter.y),
+        radius_px: PERSON_PX,
+        text: format!("{:.2} m", encounter.nearest_m),
+        color: PERSON,
+    });
+    let halts = trace.halts().into_iter().map(|halt| Mark {
+        center: map.pixel(halt.pose.x, halt.pose.y),
+        radius_px: HALT_PX,
+        text: format!("{:.1} s", halt.halt.duration_s),
+        color: HALT,
+    });
+    let marks: Vec<Mark> = people.chain(halts).collect();
+    let ((left, top), (right, bottom)) =
+        (map.pixel(map.left_m, map.top_m), map.pixel(map.right_m, map.bottom_m));
+    let mut labels = Labels::new(labels::Rectangle { left, top, right, bottom });
+    let track = if trace.truth().is_empty() { odometry } else { trace.truth() };
+    path(map, track).into_iter().for_each(|at| labels.add_track(labels::Rectangle::around(at, STRIDE_PX)));
+    marks.iter().for_each(|mark| labels.add_mark(mark.rectangle()));
+    for mark in &marks {
+        let (x, y) = mark.center;
+        if mark.color == PERSON {
+            area.draw(&Circle::new(mark.center, PERSON_PX, PERSON.stroke_width(6)))?;
+        } else {
+            let corners = [(x - HALT_PX, y - HALT_PX), (x + HALT_PX, y + HALT_PX)];
+            area.draw(&Rectangle::new(corners, HALT.filled()))?;
+        }
+        let label = labels.place(mark.rectangle(), text_width(&mark.text), LETTER_HEIGHT_PX);
+        if label.is_remote {
+            let near_y = if label.text.bottom < y { label.text.bottom + 4 } else { label.text.top - 4 };
+            draw_line(area, vec![mark.center, (x, near_y)], mark.color.stroke_width(2))?;
+        }
+        draw_text(area, &mark.text, (label.text.left, label.text.top), mark.color)?;
+    }
+    Ok(())
+}
+
+/// Halt or person in the plot.
+struct Mark {
+    center: Pixel,
+    radius_px: i32,
+    text: String,
+    color: RGBColor,
+}
+
+impl Mark {
+    fn rectangle(&self) -> labels::Rectangle {
+        labels::Rectangle::around(self.center, self.radius_px)
+    }
 }
 
 fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
@@ -239,7 +284,7 @@ fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
         let at = map.pixel(0.0, y).1;
         draw_line(area, vec![(left, at), (right, at)], GRID.stroke_width(2))?;
         let text = format!("{y}");
-        draw_text(area, &text, (left - text_width(&text) - 14, at - ASCENT * LETTER_SCALE / 2), INK)?;
+        draw_text(area, &text, (left - text_width(&text) - 14, at - LETTER_HEIGHT_PX / 2), INK)?;
     }
     let frame = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
     draw_line(area, frame, INK.stroke_width(2))?;
@@ -288,20 +333,6 @@ fn draw_legend(area: &Area<'_>, map: &Map, legend: &[Legend]) -> DrawResult {
 
 fn draw_line(area: &Area<'_>, path: Vec<Pixel>, style: ShapeStyle) -> DrawResult {
     Ok(area.draw(&PathElement::new(path, style))?)
-}
-
-fn text_width(text: &str) -> i32 {
-    LETTER_SCALE * (width(text) - (ADVANCE - 5))
-}
-
-fn draw_text(area: &Area<'_>, text: &str, upper_left: Pixel, color: RGBColor) -> DrawResult {
-    for (x, y) in pixels(text) {
-        let corner = (upper_left.0 + LETTER_SCALE * x, upper_left.1 + LETTER_SCALE * y);
-        for (right, down) in (0..LETTER_SCALE * LETTER_SCALE).map(|i| (i % LETTER_SCALE, i / LETTER_SCALE)) {
-            area.draw_pixel((corner.0 + right, corner.1 + down), &color)?;
-        }
-    }
-    Ok(())
 }
 
 /// Converts a color for `plotters`.

@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 use yamabico_core::geometry::wrap_angle;
 
 use super::free_distances::FreeDistances;
-use super::limited_motion::LimitedMotion;
+use super::trajectories::Trajectories;
 
 /// Difference below which two deviations from the desired direction are equal, rad.
 const SAME_DEVIATION_RAD: f64 = 1e-9;
@@ -160,9 +160,7 @@ impl Chooser {
             let paths = Trajectories::new(start, velocity_mps, rules);
             let clearance_m = rules.clearance_m + previous.additional_clearance_m(candidate, goal_rad, rules);
             let rules = ChoiceRules { clearance_m, ..*rules };
-            let is_clear = keeps_clear(free, &paths.drive, start.position_m, paths.drive_s, &rules)
-                && keeps_clear(free, &paths.stop, paths.stop_from, paths.stop.ramp_s(), &rules);
-            is_clear.then(|| Choice {
+            paths.keep_clear(free, &rules).then(|| Choice {
                 velocity_mps,
                 direction_rad,
                 sector: candidate.sector,
@@ -217,95 +215,9 @@ impl Chooser {
     }
 }
 
-/// Trajectories that are checked for one direction: driving on, and stopping after the reaction time.
-struct Trajectories {
-    drive: LimitedMotion,
-    drive_s: f64,
-    stop: LimitedMotion,
-    stop_from: Vector2<f64>,
-}
-
-impl Trajectories {
-    fn new(start: &Start, to_mps: Vector2<f64>, rules: &ChoiceRules) -> Self {
-        let from_mps = match rules.velocity {
-            Velocity::Considered => start.velocity_mps,
-            Velocity::Ignored => to_mps,
-        };
-        let acceleration = rules.acceleration_mps2;
-        let drive = LimitedMotion::new(from_mps, to_mps, acceleration);
-        Self {
-            drive,
-            // After the ramp, straight on over the braking distance.
-            drive_s: drive.ramp_s() + rules.speed_mps / (2.0 * acceleration),
-            stop: LimitedMotion::new(drive.velocity_mps(rules.reaction_s), Vector2::zeros(), acceleration),
-            stop_from: start.position_m + drive.position_m(rules.reaction_s),
-        }
-    }
-}
-
-/// Returns true if a motion that begins at `from` keeps its clearance for `duration_s`, checked at each step and at the
-/// end. Steps that cannot be too near are skipped, which does not change the result.
-fn keeps_clear(
-    free: &FreeDistances,
-    motion: &LimitedMotion,
-    from: Vector2<f64>,
-    duration_s: f64,
-    rules: &ChoiceRules,
-) -> bool {
-    let step_m = motion.max_speed_mps() * rules.step_s;
-    // Most trajectories that are not clear fail at their end.
-    if free.clearance_m(from + motion.position_m(duration_s)) < rules.clearance_m {
-        return false;
-    }
-    let mut step = 0.0;
-    loop {
-        let t = (step * rules.step_s).min(duration_s);
-        let spare_m = free.clearance_m(from + motion.position_m(t)) - rules.clearance_m;
-        if spare_m < 0.0 {
-            return false;
-        }
-        if t >= duration_s || spare_m >= step_m * (duration_s - t) / rules.step_s {
-            return true;
-        }
-        step += 1.0 + (spare_m / step_m).floor();
-    }
-}
-
-/// Returns the minimum clearance (m) of the trajectories to a velocity, including the stop after the reaction time: the
-/// reference for the faster check in [`Chooser::choose`].
-#[must_use]
-pub fn min_clearance_m(
-    free: &FreeDistances,
-    start: &Start,
-    to_mps: Vector2<f64>,
-    rules: &ChoiceRules,
-) -> f64 {
-    let paths = Trajectories::new(start, to_mps, rules);
-    let drive = min_on_path_m(free, &paths.drive, start.position_m, paths.drive_s, rules.step_s);
-    drive.min(min_on_path_m(free, &paths.stop, paths.stop_from, paths.stop.ramp_s(), rules.step_s))
-}
-
-/// Returns the minimum clearance (m) of an immediate stop.
-#[must_use]
-pub fn stop_clearance_m(free: &FreeDistances, start: &Start, rules: &ChoiceRules) -> f64 {
-    let stop = LimitedMotion::new(start.velocity_mps, Vector2::zeros(), rules.acceleration_mps2);
-    min_on_path_m(free, &stop, start.position_m, stop.ramp_s(), rules.step_s)
-}
-
-fn min_on_path_m(
-    free: &FreeDistances,
-    motion: &LimitedMotion,
-    from: Vector2<f64>,
-    duration_s: f64,
-    step_s: f64,
-) -> f64 {
-    let times =
-        (0..).map(|step| f64::from(step) * step_s).take_while(|&t| t < duration_s).chain([duration_s]);
-    times.map(|t| free.clearance_m(from + motion.position_m(t))).fold(f64::INFINITY, f64::min)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::trajectories::min_clearance_m;
     use super::*;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;

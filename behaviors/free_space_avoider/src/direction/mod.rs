@@ -8,6 +8,7 @@ pub mod choice;
 pub mod free_distances;
 pub mod heading;
 pub mod limited_motion;
+pub mod trajectories;
 
 pub use choice::{Choice, ChoiceRules, Chooser, PreviousChoice, Start, Velocity};
 pub use free_distances::FreeDistances;

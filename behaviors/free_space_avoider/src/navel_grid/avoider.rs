@@ -59,8 +59,9 @@ impl NavelGridAvoider {
             HeadingRule::Clearance if setup.sensor(&ODOMETRY).is_none() => {
                 return Err(ParameterError::new(
                     "inputs.odometry",
-                    "is missing: `heading = \"clearance\"` needs odometry",
-                ));
+                    "is missing, and `heading = \"clearance\"` needs odometry",
+                )
+                .remedy("connect an odometry sensor: inputs.odometry = \"...\""));
             }
             HeadingRule::Clearance => {
                 let open_floor = OpenFloor::new(config, observer.ground(), &setup.robot);

@@ -40,8 +40,9 @@ impl PolarCellsAvoider {
         if setup.sensor(&ODOMETRY).is_none() {
             return Err(ParameterError::new(
                 "inputs.odometry",
-                "is missing: `method = \"polar-cells\"` needs the velocity of the robot",
-            ));
+                "is missing, and method polar-cells needs the velocity of the robot",
+            )
+            .remedy("connect an odometry sensor: inputs.odometry = \"...\""));
         }
         let learned = match &config.floor_colors {
             Some(file) => Some(

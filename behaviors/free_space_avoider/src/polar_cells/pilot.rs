@@ -11,7 +11,7 @@ use yamabico_core::time::Time;
 
 use super::avoider::velocity;
 use crate::config::{Config, VelocityRule};
-use crate::direction::choice::stop_clearance_m;
+use crate::direction::trajectories::stop_clearance_m;
 use crate::direction::{
     ChoiceRules, Chooser, FreeDistances, HeadingRules, PreviousChoice, Rollout, Start, Velocity,
 };

@@ -58,9 +58,6 @@ impl FloorPlanFile {
     /// # Errors
     /// The file cannot be read, or its content is invalid; the text lists all problems.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| format!("{name}: {error}"))?;
-        let table = FLOOR_PLAN_FILE.read(&name, &text).map_err(|problems| problems.to_string())?;
-        table.try_into().map_err(|error| format!("{name}: {error}"))
+        FLOOR_PLAN_FILE.load(path).map_err(|error| error.to_string())
     }
 }

@@ -1,8 +1,10 @@
 //! Checks of a task against its robot and its map.
 
+use serde_json::Value as Json;
+
 use super::read_robot::RobotDraft;
 use yamabico_core::message::Axis;
-use yamabico_parameters::{Entry, Node, Problem, Shape, Table, Value, number};
+use yamabico_parameters::{Entry, Node, Problem, Shape, Span, Table, Value, number};
 
 /// Rate of the arbiter if the task file has none, Hz.
 const DEFAULT_RATE_HZ: f64 = 50.0;
@@ -53,14 +55,16 @@ pub(crate) fn check_watchdog(task: &Table, robot: &Table, draft: &RobotDraft, pr
     problems.push(problem);
 }
 
-/// Checks that no speed written for a behavior exceeds the maximum speed of the robot; returns the names of the behaviors
-/// that exceed it.
-pub(crate) fn check_speeds(
-    task: &Table,
-    robot: &Table,
-    draft: &RobotDraft,
-    problems: &mut Vec<Problem>,
-) -> Vec<String> {
+/// Speed written for a behavior that exceeds the maximum speed of the robot.
+pub(crate) struct TooFast {
+    /// Name of the behavior.
+    pub behavior: String,
+    key_span: Span,
+    problem: Problem,
+}
+
+/// Returns the speeds written for behaviors that exceed the maximum speed of the robot.
+pub(crate) fn find_too_fast(task: &Table, robot: &Table, draft: &RobotDraft) -> Vec<TooFast> {
     let mut too_fast = Vec::new();
     if !draft.drive.as_ref().is_some_and(|drive| drive.axes.contains(Axis::Linear)) {
         return too_fast;
@@ -85,33 +89,67 @@ pub(crate) fn check_speeds(
             if let Some(limit) = limit {
                 problem = problem.also(limit, "maximum speed of the robot");
             }
-            problems.push(problem);
-            too_fast.push(behavior.key.clone());
+            too_fast.push(TooFast { behavior: behavior.key.clone(), key_span: entry.key_span, problem });
         }
     }
     too_fast
 }
 
+/// Reports speeds that are too high for the robot, in place of errors about the range of the same key, which is wider.
+/// Unknown keys are already reported.
+pub(crate) fn report_too_fast(too_fast: Vec<TooFast>, problems: &mut Vec<Problem>) {
+    for TooFast { key_span, problem, .. } in too_fast {
+        if problems.iter().all(|other| other.span != key_span) {
+            problems.retain(|other| other.span != problem.span);
+            problems.push(problem);
+        }
+    }
+}
+
+/// Returns the maximum absolute coordinate of a goal if map and world extend to `extent_m`; `None` without them, m.
+pub(crate) fn max_goal_m(extent_m: f64) -> Option<f64> {
+    (extent_m > 0.0).then_some(MAX_GOAL_EXTENTS * extent_m + GOAL_MARGIN_M)
+}
+
 /// Checks that the goal of the run does not lie far outside the map and the world, which extend to `extent_m`.
 pub(crate) fn check_goal(task: &Table, extent_m: f64, problems: &mut Vec<Problem>) {
-    let Some(goal) = entry(task, "run", "goal").map(|entry| &entry.node) else { return };
-    let Some(table) = goal.as_table() else { return };
-    let max_m = MAX_GOAL_EXTENTS * extent_m + GOAL_MARGIN_M;
-    if extent_m <= 0.0 {
+    let Some(table) = entry(task, "run", "goal").and_then(|entry| entry.node.as_table()) else { return };
+    for key in ["x_m", "y_m"] {
+        if let Some(entry) = table.entry(key) {
+            check_coordinate(&entry.node, &format!("the goal at {key} ="), extent_m, problems);
+        }
+    }
+}
+
+/// Checks that the positions of a behavior's parameters with `"format": "map-positions"`, lists of x and y, do not lie far
+/// outside the map and the world, which extend to `extent_m`.
+pub(crate) fn check_positions(table: &Table, schema: &Json, extent_m: f64, problems: &mut Vec<Problem>) {
+    for (key, shape) in Shape::new(schema).resolved().properties() {
+        let is_positions = shape.text("format") == Some("map-positions");
+        let Some(entry) = table.entry(key).filter(|_| is_positions) else { continue };
+        let Value::List(positions) = &entry.node.value else { continue };
+        for (index, position) in positions.iter().enumerate() {
+            let Value::List(coordinates) = &position.value else { continue };
+            for (axis, coordinate) in ["x", "y"].iter().zip(coordinates) {
+                let what = format!("position {} of `{key}` at {axis} =", index + 1);
+                check_coordinate(coordinate, &what, extent_m, problems);
+            }
+        }
+    }
+}
+
+/// Checks one coordinate of a position, unless its value is already reported.
+fn check_coordinate(node: &Node, what: &str, extent_m: f64, problems: &mut Vec<Problem>) {
+    let is_far = |at_m: &f64| max_goal_m(extent_m).is_some_and(|max_m| at_m.abs() > max_m);
+    let Some(at_m) = value(node).filter(is_far) else { return };
+    if problems.iter().any(|problem| problem.span == node.span) {
         return;
     }
-    for key in ["x_m", "y_m"] {
-        let Some(entry) = table.entry(key) else { continue };
-        let Some(at_m) = value(&entry.node).filter(|at_m| at_m.abs() > max_m) else { continue };
-        problems.push(
-            Problem::new(
-                entry.node.span,
-                format!("the goal at {key} = {} m is far outside the map", number(at_m)),
-            )
+    problems.push(
+        Problem::new(node.span, format!("{what} {} m is far outside the map", number(at_m)))
             .label(format!("map and world extend to {} m", number(extent_m)))
-            .help("write the goal in meters, in the frame of the map"),
-        );
-    }
+            .help("write it in meters, in the frame of the map"),
+    );
 }
 
 /// Returns the maximum absolute value of all lengths and coordinates (keys that end with `_m`) in a file, m.

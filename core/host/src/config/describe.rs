@@ -6,15 +6,15 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value as Json;
 
-use super::exec::{ask, program_of};
-use super::paths::Home;
+use super::exec::{ask_behavior, read_tree};
 use super::tables::{
     ArbiterKeys, BehaviorKeys, FootprintKeys, LimitsKeys, PartKeys, RunKeys, SensorKeys, WireKeys,
 };
 use yamabico_core::behavior::{BehaviorInfo, SlotInfo};
 use yamabico_core::driver::SensorOffer;
+use yamabico_core::message::Axes;
 use yamabico_core::plugins::Plugins;
-use yamabico_parameters::{Problems, Shape, Source, instead, number, parse, unit_of};
+use yamabico_parameters::{Shape, instead, number, unit_of};
 
 /// All plugins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -49,7 +49,7 @@ pub struct Description {
     pub inputs: Vec<Port>,
     /// Outputs besides proposals.
     pub outputs: Vec<Port>,
-    /// Axes that a behavior may claim, or that a drive has.
+    /// Axes that a behavior may drive, or that a drive has.
     pub axes: Option<String>,
     /// Parameters.
     pub parameters: Vec<Parameter>,
@@ -152,42 +152,31 @@ pub fn describe(name: &str, plugins: &Plugins) -> Result<Description, String> {
 /// # Errors
 /// The file cannot be read, has no such behavior, or the program of the behavior does not describe itself.
 pub fn describe_in_task(name: &str, path: &Path, plugins: &Plugins) -> Result<Description, String> {
-    let file = path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{file}: {error}"))?;
-    let mut problems = Vec::new();
-    let tree = parse(&text, 0, &mut problems);
-    let home = Home { source: 0, path, parts: &[] };
-    let described = tree.as_ref().and_then(|tree| {
-        let behaviors = tree.table("behaviors")?;
-        let Some(entry) = behaviors.entry(name) else {
-            let names = behaviors.entries.iter().map(|entry| entry.key.as_str());
-            return Some(Err(format!(
-                "{file} has no behavior `{name}`; {}",
-                instead(name, names, "behavior")
-            )));
-        };
-        let table = entry.node.as_table()?;
-        let program = program_of(table, home);
-        if program.is_empty() {
-            let kind = table.entry("type").and_then(|named| named.node.as_text());
-            return Some(describe(kind.unwrap_or(name), plugins));
+    let file = path.display();
+    let tree = read_tree(path)?;
+    let behaviors =
+        tree.table("behaviors").ok_or_else(|| format!("{file} has no table [behaviors.{name}]"))?;
+    let entry = behaviors.entry(name).ok_or_else(|| {
+        let names = behaviors.entries.iter().map(|entry| entry.key.as_str());
+        format!("{file} has no behavior `{name}`; {}", instead(name, names, "behavior"))
+    })?;
+    match ask_behavior(entry, path) {
+        Some(factory) => Ok(describe_behavior(name, factory?.info())),
+        None => {
+            let kind = entry.node.as_table().and_then(|table| table.entry("type"));
+            describe(kind.and_then(|kind| kind.node.as_text()).unwrap_or(name), plugins)
         }
-        ask(&program, entry, &mut problems).map(|factory| Ok(describe_behavior(name, factory.info())))
-    });
-    described.unwrap_or_else(|| match problems.is_empty() {
-        true => Err(format!("{file} has no table [behaviors.{name}]")),
-        false => {
-            let sources = vec![Source { name: file, text }];
-            Err(Problems { sources, problems }.to_string())
-        }
-    })
+    }
 }
 
 fn describe_behavior(name: &str, info: &BehaviorInfo) -> Description {
     Description {
         inputs: ports(&info.inputs),
         outputs: ports(&info.outputs),
-        axes: Some(info.claims.to_string()),
+        axes: Some(match info.claims {
+            Axes::NONE => "none; it only halts or limits the motion of others".to_owned(),
+            claims => claims.to_string(),
+        }),
         common: parameters(&schemars::schema_for!(BehaviorKeys).to_value()),
         ..plain(name, "behavior", &info.summary, &info.parameters)
     }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use yamabico_core::behavior::BehaviorFactory;
 use yamabico_core::driver::Driver;
-use yamabico_parameters::{Entry, Problem, Table, Value};
+use yamabico_parameters::{Entry, Problem, Problems, Source, Table, Value, parse};
 
 use super::paths::Home;
+use super::read_file::read_text;
 use crate::process::{BehaviorDescription, DESCRIBE, DriverDescription, query};
 
 /// Returns the program and its arguments in `exec` of `table`, or an empty list. Paths are made absolute: a program with a
@@ -25,6 +26,33 @@ pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
         std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned()
     });
     words.collect()
+}
+
+/// Reads the tree of a task file without checking it.
+///
+/// # Errors
+/// The file cannot be read, or is not valid TOML.
+pub(crate) fn read_tree(path: &Path) -> Result<Table, String> {
+    let text = read_text(path).map_err(|unreadable| unreadable.to_string())?;
+    let mut problems = Vec::new();
+    parse(&text, 0, &mut problems).ok_or_else(|| rendered(path, &text, problems))
+}
+
+/// Gets the description of the behavior `entry` of the task file `path` from its program; `None` if it has none.
+pub(crate) fn ask_behavior(entry: &Entry, path: &Path) -> Option<Result<Arc<dyn BehaviorFactory>, String>> {
+    let home = Home { source: 0, path, parts: &[] };
+    let program = program_of(entry.node.as_table()?, home);
+    if program.is_empty() {
+        return None;
+    }
+    let mut problems = Vec::new();
+    let text = || std::fs::read_to_string(path).unwrap_or_default();
+    Some(ask(&program, entry, &mut problems).ok_or_else(|| rendered(path, &text(), problems)))
+}
+
+fn rendered(path: &Path, text: &str, problems: Vec<Problem>) -> String {
+    let source = Source { name: path.display().to_string(), text: text.to_owned() };
+    Problems { sources: vec![source], problems }.to_string()
 }
 
 /// Gets the description of the behavior `entry` from its program.

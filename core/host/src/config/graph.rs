@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use super::task::{InputSource, OPERATOR, Task};
+use super::task::{ARBITER, InputSource, OPERATOR, Task};
 use yamabico_core::message::Axes;
 
 /// Graph of sensors, behaviors, arbiter and drive.
@@ -100,6 +100,7 @@ pub fn graph(task: &Task) -> Graph {
             let (from, label) = match &input.source {
                 InputSource::Sensor(name) => (format!("sensor/{name}"), input.slot.clone()),
                 InputSource::Operator => (OPERATOR.to_owned(), input.slot.clone()),
+                InputSource::Arbiter => (ARBITER.to_owned(), input.slot.clone()),
                 InputSource::Output { behavior, output } if *output == input.slot => {
                     (format!("behavior/{behavior}"), output.clone())
                 }
@@ -113,7 +114,7 @@ pub fn graph(task: &Task) -> Graph {
             Axes::NONE => "halts, limits".to_owned(),
             claims => claims.to_string(),
         };
-        edge(id, "arbiter".to_owned(), proposes, GraphLine::Data);
+        edge(id, ARBITER.to_owned(), proposes, GraphLine::Data);
     }
     for (verb, wires) in [("inhibits", &task.inhibit), ("suppresses", &task.suppress)] {
         for wire in wires {
@@ -127,9 +128,9 @@ pub fn graph(task: &Task) -> Graph {
     }
     let rate = yamabico_parameters::number(1.0 / task.arbiter.period.as_secs_f64().max(1e-9));
     nodes.push(GraphNode {
-        id: "arbiter".to_owned(),
+        id: ARBITER.to_owned(),
         what: GraphPart::Arbiter,
-        lines: vec!["arbiter".to_owned(), format!("{rate} Hz")],
+        lines: vec![ARBITER.to_owned(), format!("{rate} Hz")],
     });
     let drive = &task.robot.drive;
     nodes.push(GraphNode {
@@ -137,7 +138,7 @@ pub fn graph(task: &Task) -> Graph {
         what: GraphPart::Drive,
         lines: vec![task.robot.robot.name.clone(), format!("{}/{}", drive.device, drive.part.kind)],
     });
-    edge("arbiter".to_owned(), "drive".to_owned(), drive.axes.to_string(), GraphLine::Data);
+    edge(ARBITER.to_owned(), "drive".to_owned(), drive.axes.to_string(), GraphLine::Data);
     Graph { nodes, edges }
 }
 

@@ -1,10 +1,10 @@
 //! Inputs of behaviors.
 
 use super::read_robot::RobotDraft;
-use super::task::{Input, InputSource, OPERATOR};
+use super::task::{ARBITER, Input, InputSource, OPERATOR};
 use std::sync::Arc;
 use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
-use yamabico_core::message::{Goal, Message, MessageType, Stick, Truth};
+use yamabico_core::message::{DecisionHeader, Goal, Message, MessageType, Stick, Truth};
 use yamabico_parameters::{Entry, Problem, Span, Table, instead, nearest, quoted};
 
 /// All sources of inputs.
@@ -28,6 +28,9 @@ impl Sources<'_> {
         }
         if operators().contains(message) {
             names.push(OPERATOR.to_owned());
+        }
+        if *message == MessageType::of::<DecisionHeader>() {
+            names.push(ARBITER.to_owned());
         }
         names
     }
@@ -109,6 +112,7 @@ fn only_source(name: &str, slot: &SlotInfo, sources: &Sources<'_>) -> Option<Inp
             InputSource::Output { behavior: behavior.to_owned(), output: output.to_owned() }
         }
         None if only == OPERATOR => InputSource::Operator,
+        None if only == ARBITER => InputSource::Arbiter,
         None => InputSource::Sensor(only.clone()),
     })
 }
@@ -178,6 +182,7 @@ fn find_source(
                     let expected = operators().into_iter().find(|message| *message == slot.message);
                     (expected.unwrap_or(MessageType::of::<Goal>()), InputSource::Operator, None)
                 }
+                None if text == ARBITER => (MessageType::of::<DecisionHeader>(), InputSource::Arbiter, None),
                 None => return Err(Box::new(no_sensor(text, span, entry, slot, sources))),
             }
         }

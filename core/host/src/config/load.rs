@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use super::checks::{check_goal, check_speeds, check_watchdog, extent_m};
+use super::checks::{check_goal, check_watchdog, extent_m, find_too_fast, report_too_fast};
 use super::overrides::{Change, Overrides};
-use super::paths::{Home, tidy, what_is_near};
+use super::paths::{Home, tidy};
+use super::read_file::read_text;
 use super::read_robot::{RobotDraft, read_robot};
-use super::read_task::read_task;
+use super::read_task::{NamedFiles, read_task};
 use super::source_map::SourceMap;
 use super::task::Task;
 use yamabico_core::plugins::Plugins;
-use yamabico_parameters::{FileKind, MAX_BYTES, Problem, Problems, Source, Span, Table, Value, parse};
+use yamabico_parameters::{FileKind, Problem, Problems, Source, Span, Table, Value, parse};
 
 /// Reads a task file and its robot file with the changes of `overrides`, and checks them without opening a device.
 ///
@@ -81,12 +82,17 @@ impl Loader {
         let robot = self.robot_draft(path, task_source, overrides, for_robot, plugins);
         let home = Home { source: task_source, path, parts: &[] };
         let mut refused = self.check_files_of_behaviors(home, plugins);
+        let mut too_fast = Vec::new();
         if let Some(robot) = &robot {
             check_watchdog(&self.task_tree, &self.robot_tree, robot, &mut self.problems);
-            refused.extend(check_speeds(&self.task_tree, &self.robot_tree, robot, &mut self.problems));
+            too_fast = find_too_fast(&self.task_tree, &self.robot_tree, robot);
+            refused.extend(too_fast.iter().map(|speed| speed.behavior.clone()));
         }
+        let files = NamedFiles { refused, extent_m: self.extent_m };
+        let task = read_task(home, &self.task_tree, robot, &files, plugins, &mut self.problems);
+        report_too_fast(too_fast, &mut self.problems);
         check_goal(&self.task_tree, self.extent_m, &mut self.problems);
-        read_task(home, &self.task_tree, robot, &refused, plugins, &mut self.problems)
+        task
     }
 
     fn robot_draft(
@@ -214,28 +220,16 @@ impl Loader {
 
     /// Reads and parses a file into source number `source`; `named_at` is the span that names it.
     fn read(&mut self, path: &Path, source: usize, named_at: Option<Span>) -> Option<Table> {
-        let text = match read_text(path) {
-            Ok(text) => text,
-            Err(wrong) => {
-                let message = format!("{}: {}", path.display(), wrong.what);
-                let problem = match (wrong.readable, named_at) {
-                    (Some((text, at)), _) => {
-                        self.sources[source].text = text;
-                        let span = Span { source, start: at, end: at + 1 };
-                        let problem = Problem::new(span, message).label("not UTF-8");
-                        named_at.into_iter().fold(problem, |problem, at| problem.also(at, "referenced here"))
-                    }
-                    (None, Some(span)) => Problem::new(span, message).label("referenced here"),
-                    (None, None) => {
-                        Problem::new(Span { source, start: 0, end: 0 }, message).label("not readable")
-                    }
-                };
-                self.problems.push(problem.help(wrong.help));
-                return None;
+        match read_text(path) {
+            Ok(text) => {
+                self.sources[source].text = text;
+                parse(&self.sources[source].text, source, &mut self.problems)
             }
-        };
-        self.sources[source].text = text;
-        parse(&self.sources[source].text, source, &mut self.problems)
+            Err(unreadable) => {
+                self.problems.push(unreadable.problem(&mut self.sources[source], source, named_at));
+                None
+            }
+        }
     }
 }
 
@@ -287,37 +281,4 @@ fn merge_part(table: &mut Table, part: Table, path: &str, problems: &mut Vec<Pro
             ),
         }
     }
-}
-
-struct Unreadable {
-    what: String,
-    help: String,
-    /// Text with replacement characters and the position of the first invalid byte, if only the encoding is wrong.
-    readable: Option<(String, usize)>,
-}
-
-fn read_text(path: &Path) -> Result<String, Unreadable> {
-    let wrong =
-        |what: &str, help: &str| Unreadable { what: what.to_owned(), help: help.to_owned(), readable: None };
-    let data = std::fs::metadata(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => wrong("the file does not exist", &what_is_near(path)),
-        _ => wrong(&error.to_string(), "make it readable for this user"),
-    })?;
-    if !data.is_file() {
-        return Err(wrong("not a file", &what_is_near(&path.join("*"))));
-    }
-    if data.len() > MAX_BYTES as u64 {
-        return Err(wrong("the file is larger than 1 MiB", "name a configuration file"));
-    }
-    let bytes =
-        std::fs::read(path).map_err(|error| wrong(&error.to_string(), "make it readable for this user"))?;
-    String::from_utf8(bytes).map_err(|error| {
-        let line =
-            error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
-        let at = error.utf8_error().valid_up_to();
-        let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
-        let problem =
-            wrong(&format!("line {line} is not UTF-8"), "save the file as UTF-8, or name a TOML file");
-        Unreadable { readable: Some((text, at)), ..problem }
-    })
 }

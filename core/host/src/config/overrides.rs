@@ -26,17 +26,18 @@ impl Change {
     pub fn parse(text: &str, source: usize, problems: &mut Vec<Problem>) -> Option<Change> {
         let whole = Span { source, start: 0, end: text.len() };
         let wrong = |span| {
-            Problem::new(span, "`--set` takes key=value").help("--set behaviors.sonar-halt.gate_m=0.6")
+            Problem::new(span, "`--set` takes KEY=VALUE")
+                .help("write, for example, --set behaviors.sonar-halt.gate_m=0.6")
         };
         let Some((key, value)) = text.split_once('=') else {
-            problems.push(wrong(whole).label("`=` is missing"));
+            problems.push(wrong(whole).label("no `=` after the key"));
             return None;
         };
         let key_span = Span { source, start: 0, end: key.len().max(1) };
         let mut ignored = Vec::new();
         let path = parse(&format!("{key} = 0"), source, &mut ignored).and_then(|table| path_of(&table));
         let Some(path) = path.filter(|_| !key.contains('\n')) else {
-            problems.push(wrong(key_span).label("must be a dotted key"));
+            problems.push(wrong(key_span).label("not a dotted key"));
             return None;
         };
         let value_span =
@@ -52,7 +53,7 @@ impl Change {
         let value = value.trim();
         if value.is_empty() || value.contains('\n') || value.starts_with(['[', '{', '"', '\'']) {
             let first = grammar.into_iter().next();
-            problems.push(first.unwrap_or_else(|| wrong(value_span).label("must be one value")));
+            problems.push(first.unwrap_or_else(|| wrong(value_span).label("not one value")));
             return None;
         }
         Some(Change { path, node: Node { span: value_span, value: Value::Text(value.to_owned()) } })

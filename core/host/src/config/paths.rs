@@ -59,7 +59,7 @@ pub(crate) fn resolve_paths(
         };
         if !is_there {
             problems.push(
-                Problem::new(entry.node.span, format!("{format} {} does not exist", path.display()))
+                Problem::new(entry.node.span, missing(format, &path))
                     .label("referenced here")
                     .help(what_is_near(&path)),
             );
@@ -68,6 +68,11 @@ pub(crate) fn resolve_paths(
             keys.insert(key.to_owned(), toml::Value::String(path.to_string_lossy().into_owned()));
         }
     }
+}
+
+/// Returns the error of a missing file or folder; `what` is "file" or "folder".
+pub(crate) fn missing(what: &str, path: &Path) -> String {
+    format!("{what} {} does not exist", path.display())
 }
 
 /// Returns a hint about existing files near a missing one.
@@ -80,8 +85,11 @@ pub(crate) fn what_is_near(path: &Path) -> String {
     let mut names: Vec<String> = names.filter(|name| !name.starts_with('.')).collect();
     names.sort();
     let wrong = path.file_name().and_then(|name| name.to_str()).unwrap_or("");
-    match nearest(wrong, names.iter().map(String::as_str)) {
-        Some(name) => format!("did you mean {}?", tidy(&folder.join(name)).display()),
+    // A common extension does not make names similar.
+    let ending = path.extension().map_or(String::new(), |ending| format!(".{}", ending.to_string_lossy()));
+    let stems = names.iter().filter_map(|name| name.strip_suffix(&ending));
+    match nearest(wrong.strip_suffix(&ending).unwrap_or(wrong), stems) {
+        Some(stem) => format!("did you mean {}?", tidy(&folder.join(format!("{stem}{ending}"))).display()),
         None if names.is_empty() => format!("{} is empty", folder.display()),
         None => {
             let more = if names.len() > 8 { ", ..." } else { "" };

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::checks::{check_positions, max_goal_m};
 use super::exec::{ask, program_of};
 use super::inputs::{Sources, read_inputs};
 use super::keys::{check_name, own_keys, read_keys, right_keys};
@@ -19,13 +20,20 @@ use yamabico_core::plugins::Plugins;
 use yamabico_core::sensor::SensorInfo;
 use yamabico_parameters::{Entry, Problem, Shape, Span, Table, check_table, instead, number};
 
-/// Reads the tree of the file `home`. `robot` is `None` if its file could not be read; `refused` are the
-/// behaviors with errors that are already reported.
+/// Results of the checks of the files that devices and behaviors name.
+pub(crate) struct NamedFiles {
+    /// Behaviors with errors that are already reported or will be.
+    pub refused: Vec<String>,
+    /// Maximum absolute coordinate or length in the files, m; 0 without files.
+    pub extent_m: f64,
+}
+
+/// Reads the tree of the file `home`. `robot` is `None` if its file could not be read.
 pub(crate) fn read_task(
     home: Home<'_>,
     tree: &Table,
     robot: Option<RobotDraft>,
-    refused: &[String],
+    files: &NamedFiles,
     plugins: &Plugins,
     problems: &mut Vec<Problem>,
 ) -> Option<Task> {
@@ -59,9 +67,10 @@ pub(crate) fn read_task(
         draft.check_rank(&keys.arbiter, problems);
         draft.check_axes(plugin.info(), robot.as_ref(), problems);
         draft.check_ages(&behavior, tree, robot.as_ref(), problems);
+        check_positions(draft.table, &plugin.info().parameters, files.extent_m, problems);
         let is_described = |input: &Input| match &input.source {
             InputSource::Sensor(_) => sensor_of(input, robot.as_ref()).is_some(),
-            InputSource::Output { .. } | InputSource::Operator => true,
+            InputSource::Output { .. } | InputSource::Operator | InputSource::Arbiter => true,
         };
         let named = draft.table.table("inputs").map_or(0, |inputs| inputs.entries.len());
         let is_read = |slot: &SlotInfo| behavior.inputs.iter().any(|input| input.slot == slot.name);
@@ -69,7 +78,7 @@ pub(crate) fn read_task(
             && behavior.inputs.iter().all(is_described)
             && behavior.inputs.len() >= named
             && plugin.info().inputs.iter().all(|slot| !slot.required || is_read(slot))
-            && !refused.contains(&draft.entry.key);
+            && !files.refused.contains(&draft.entry.key);
         let is_right = draft.is_right && is_connected && problems.len() == before;
         if robot.is_some()
             && is_right
@@ -108,6 +117,7 @@ pub(crate) fn read_task(
             }),
             step: step.min(period),
         },
+        max_goal_m: max_goal_m(files.extent_m),
         arbiter: Arbiter {
             period,
             policy: keys.arbiter.policy,

@@ -1,8 +1,13 @@
 //! JSON Schemas of configuration files, for editors.
 
+use std::path::Path;
+use std::sync::Arc;
+
 use serde_json::{Map, Value as Json, json};
 
+use super::exec::{ask_behavior, read_tree};
 use super::tables::{BehaviorKeys, DeviceKeys, PartKeys, RobotKeys, SensorKeys, TaskKeys};
+use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
 use yamabico_core::plugins::Plugins;
 
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
@@ -20,25 +25,45 @@ pub fn schema(plugins: &Plugins) -> Json {
     kinds
 }
 
+/// Returns the same schemas, with the keys of the external programs that are behaviors of the task file `path`.
+///
+/// # Errors
+/// The file cannot be read, or a program does not describe itself.
+pub fn schema_with_task(path: &Path, plugins: &Plugins) -> Result<Json, String> {
+    let tree = read_tree(path)?;
+    let entries = tree.table("behaviors").map_or(&[][..], |behaviors| behaviors.entries.as_slice());
+    let asked = entries.iter().filter_map(|entry| Some((entry.key.clone(), ask_behavior(entry, path)?)));
+    let programs = asked.map(|(name, factory)| Ok((name, factory?))).collect::<Result<Vec<_>, String>>()?;
+    let mut kinds = schema(plugins);
+    kinds["task"] = schema_of_tasks(plugins, &programs);
+    Ok(kinds)
+}
+
 /// Returns the JSON Schema of a task file.
 pub fn task_schema(plugins: &Plugins) -> Json {
+    schema_of_tasks(plugins, &[])
+}
+
+/// Returns the JSON Schema of a task file; `programs` are behaviors by name that are external programs.
+fn schema_of_tasks(plugins: &Plugins, programs: &[(String, Arc<dyn BehaviorFactory>)]) -> Json {
     let mut whole = Whole::new(schemars::schema_for!(TaskKeys).to_value(), "A task of Yamabico");
     let common = whole.include("behavior", schemars::schema_for!(BehaviorKeys).to_value());
-    let mut choices = vec![common, free_with_exec()];
-    let mut named = Map::new();
+    let mut choices = vec![common.clone(), free_with_exec()];
+    let mut unnamed = Vec::new();
     for behavior in &plugins.behaviors {
         let plugin = behavior.info();
-        let mut own = plugin.parameters.clone();
-        describe_as(&mut own, &plugin.summary);
-        set_inputs(&mut own, &plugin.inputs);
-        let own = whole.include(&format!("behavior.{}", plugin.name), own);
+        let own = whole.include(&format!("behavior.{}", plugin.name), own_keys(plugin));
         choices.push(when("type", &plugin.name, own.clone()));
-        let unnamed = json!({ "not": { "anyOf": [{ "required": ["type"] }, { "required": ["exec"] }] } });
-        named.insert(plugin.name.clone(), json!({ "if": unnamed, "then": own }));
+        let is_unnamed = json!({ "not": { "anyOf": [{ "required": ["type"] }, { "required": ["exec"] }] } });
+        unnamed.push((plugin.name.clone(), json!({ "if": is_unnamed, "then": own })));
     }
     let every = whole.define("behavior.any", json!({ "type": "object", "allOf": choices }));
-    let named: Map<String, Json> =
-        named.into_iter().map(|(name, own)| (name, closed(vec![every.clone(), own]))).collect();
+    let mut named: Map<String, Json> =
+        unnamed.into_iter().map(|(name, own)| (name, closed(vec![every.clone(), own]))).collect();
+    for (name, program) in programs {
+        let own = whole.include(&format!("program.{name}"), own_keys(program.info()));
+        named.insert(name.clone(), closed(vec![common.clone(), own]));
+    }
     let any = closed(vec![every]);
     whole.set("behaviors", json!({ "type": "object", "properties": named, "additionalProperties": any }));
     whole.json
@@ -127,8 +152,16 @@ fn describe_as(schema: &mut Json, summary: &str) {
     }
 }
 
+/// Returns the schema of the keys of a behavior, with its slots as keys of `inputs`.
+fn own_keys(behavior: &BehaviorInfo) -> Json {
+    let mut own = behavior.parameters.clone();
+    describe_as(&mut own, &behavior.summary);
+    set_inputs(&mut own, &behavior.inputs);
+    own
+}
+
 /// Adds the slots as keys of `inputs`.
-fn set_inputs(schema: &mut Json, slots: &[yamabico_core::behavior::SlotInfo]) {
+fn set_inputs(schema: &mut Json, slots: &[SlotInfo]) {
     let properties: Map<String, Json> = slots
         .iter()
         .map(|slot| {

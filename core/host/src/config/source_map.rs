@@ -49,7 +49,8 @@ fn entry<'a>(root: &'a Table, group: &str, name: &str) -> Option<&'a yamabico_pa
 /// Returns the error of the part described by `entry`, with the span of its key.
 pub(crate) fn refusal(entry: &yamabico_parameters::Entry, error: &ParameterError) -> Problem {
     let inside = entry.node.as_table().and_then(|table| table.span_of(&error.key));
-    let what = if error.key.is_empty() { entry.key.clone() } else { error.key.clone() };
-    Problem::new(inside.unwrap_or(entry.node.span), format!("`{what}`: {}", error.problem))
-        .label(format!("refused by `{}`", entry.key))
+    let what = if error.key.is_empty() { &entry.key } else { &error.key };
+    let problem = Problem::new(inside.unwrap_or(entry.node.span), error.sentence(&format!("`{what}`")))
+        .label(format!("refused by `{}`", entry.key));
+    Problem { help: error.remedy.clone(), ..problem }
 }

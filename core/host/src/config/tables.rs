@@ -160,7 +160,7 @@ pub(crate) struct BehaviorKeys {
     #[serde(rename = "type")]
     pub kind: Option<String>,
     /// Priority; the highest wins an axis.
-    #[schemars(range(min = -1_000_000, max = 1_000_000))]
+    #[schemars(range(min = -1_000_000, max = 1_000_000), extend("examples" = [10]))]
     pub priority: Option<i32>,
     /// If true, the robot stops when the behavior is silent.
     pub critical: bool,
@@ -255,7 +255,7 @@ pub(crate) struct RobotKeys {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 pub(crate) struct FootprintKeys {
     /// Radius of the circle around the robot's center that encloses the robot.
-    #[schemars(required, range(min = 0.01, max = 10.0))]
+    #[schemars(required, range(min = 0.01, max = 10.0), extend("examples" = [0.25]))]
     pub radius_m: Option<f64>,
 }
 

@@ -22,6 +22,8 @@ pub struct Task {
     pub robot: RobotFile,
     /// End of the run.
     pub run: Run,
+    /// Maximum absolute coordinate of a goal, m; farther ones lie far outside the map and the world. `None` without them.
+    pub max_goal_m: Option<f64>,
     /// Arbitration.
     pub arbiter: Arbiter,
     /// Behaviors, highest priority first, then by name.
@@ -98,6 +100,9 @@ pub struct Input {
 /// Source name of the operator's goals and stick messages.
 pub(crate) const OPERATOR: &str = "operator";
 
+/// Source name of the arbiter's decisions.
+pub(crate) const ARBITER: &str = "arbiter";
+
 /// Source of messages.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub enum InputSource {
@@ -112,6 +117,8 @@ pub enum InputSource {
     },
     /// Operator of the running robot.
     Operator,
+    /// Decisions of the arbiter.
+    Arbiter,
 }
 
 impl std::fmt::Display for InputSource {
@@ -120,6 +127,7 @@ impl std::fmt::Display for InputSource {
             InputSource::Sensor(name) => f.write_str(name),
             InputSource::Output { behavior, output } => write!(f, "{behavior}.{output}"),
             InputSource::Operator => f.write_str(OPERATOR),
+            InputSource::Arbiter => f.write_str(ARBITER),
         }
     }
 }

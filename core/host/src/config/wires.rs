@@ -155,7 +155,7 @@ fn check_target(
 pub(crate) fn check_input_cycles(inputs: &[(String, InputSource, Span)], problems: &mut Vec<Problem>) {
     let edge = |(name, source, span): &'_ (String, InputSource, Span)| match source {
         InputSource::Output { behavior, .. } => Some((behavior.clone(), name.clone(), *span)),
-        InputSource::Sensor(_) | InputSource::Operator => None,
+        InputSource::Sensor(_) | InputSource::Operator | InputSource::Arbiter => None,
     };
     let owned: Vec<(String, String, Span)> = inputs.iter().filter_map(edge).collect();
     let edges: Vec<Edge<'_>> = owned.iter().map(|(from, to, span)| Edge { from, to, span: *span }).collect();

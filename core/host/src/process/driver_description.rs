@@ -93,6 +93,9 @@ pub enum SensorAnswer {
         key: String,
         /// Problem with the key.
         problem: String,
+        /// Remedy.
+        #[serde(default)]
+        remedy: Option<String>,
     },
 }
 
@@ -178,7 +181,7 @@ impl Driver for ExternalDriver {
                 info.message
             ))),
             SensorAnswer::Sensor { info, max_item_bytes } => Ok(SensorDescription { info, max_item_bytes }),
-            SensorAnswer::Refused { key, problem } => Err(ParameterError { key, problem }),
+            SensorAnswer::Refused { key, problem, remedy } => Err(ParameterError { key, problem, remedy }),
         }
     }
 
@@ -201,7 +204,7 @@ impl SensorAnswer {
         };
         match answer() {
             Ok(SensorDescription { info, max_item_bytes }) => SensorAnswer::Sensor { info, max_item_bytes },
-            Err(ParameterError { key, problem }) => SensorAnswer::Refused { key, problem },
+            Err(ParameterError { key, problem, remedy }) => SensorAnswer::Refused { key, problem, remedy },
         }
     }
 }

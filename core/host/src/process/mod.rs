@@ -55,7 +55,7 @@ pub use parent::{OnParentDeath, ParentProcess};
 pub(crate) use query::query;
 pub use serve::serve;
 
-use std::io::Read;
+use std::io::{Read, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -92,10 +92,7 @@ pub fn main_of_driver(driver: Arc<dyn Driver>) -> ExitCode {
 
 fn print(answer: &impl Serialize) -> ExitCode {
     match serde_json::to_string_pretty(answer) {
-        Ok(text) => {
-            println!("{text}");
-            ExitCode::SUCCESS
-        }
-        Err(_) => ExitCode::FAILURE,
+        Ok(text) if writeln!(std::io::stdout(), "{text}").is_ok() => ExitCode::SUCCESS,
+        _ => ExitCode::FAILURE,
     }
 }

@@ -196,6 +196,11 @@ pub struct LocalizerConfig {
     /// The file of what is known.
     #[schemars(extend("format" = "file"))]
     map: Option<String>,
+    /// Corners of the route.
+    #[serde(default)]
+    #[schemars(extend("format" = "map-positions"))]
+    #[allow(dead_code, reason = "for the schema")]
+    route: Vec<[f64; 2]>,
 }
 
 /// A map.

@@ -70,6 +70,8 @@ fn a_missing_file_is_reported_with_similar_names() {
     insta::assert_snapshot!(problems.to_string());
     insta::assert_snapshot!(check("tests/nowhere/hallway.toml").unwrap_err().to_string());
     insta::assert_snapshot!(check("tests/valid").unwrap_err().to_string());
+    let unlike = check("tests/valid/missing.toml").unwrap_err().to_string();
+    assert!(!unlike.contains("did you mean") && unlike.contains("tests/valid contains: "), "{unlike}");
 }
 
 #[test]

@@ -83,7 +83,7 @@ fn every_invalid_override_is_reported() {
     let problems = with(&["behaviors.sonar-halt.gate_m", "run.duration_s=1\narbiter.rate_hz=5"]).unwrap_err();
     let columns: Vec<(usize, String)> =
         problems.entries().into_iter().map(|entry| (entry.column, entry.label)).collect();
-    assert_eq!(columns, [(1, "`=` is missing".to_owned()), (16, "must be one value".to_owned())]);
+    assert_eq!(columns, [(1, "no `=` after the key".to_owned()), (16, "not one value".to_owned())]);
 }
 
 /// Keys of every kind of table; what they are set to is a program that leaves a mark.

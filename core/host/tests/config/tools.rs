@@ -12,9 +12,14 @@ fn a_plugin_is_described_with_units_ranges_and_defaults() {
     insta::assert_snapshot!(
         serde_json::to_string_pretty(&describe("sim/camera", &plugins()).unwrap()).unwrap()
     );
-    assert_eq!(describe("localizer", &plugins()).unwrap().parameters.len(), 6);
+    assert_eq!(describe("localizer", &plugins()).unwrap().parameters.len(), 7);
     let error = describe("wall-folower", &plugins()).unwrap_err();
     assert_eq!(error, "unknown name `wall-folower`; did you mean `wall-follower`?");
+    let error = describe("foo", &plugins()).unwrap_err();
+    assert!(error.starts_with("unknown name `foo`; available: `arbiter`, "), "{error}");
+    let axes = |name: &str| describe(name, &plugins()).unwrap().axes.unwrap();
+    assert_eq!(axes("sonar-halt"), "none; it only halts or limits the motion of others");
+    assert_eq!(axes("wall-follower"), "linear+angular");
 }
 
 #[test]

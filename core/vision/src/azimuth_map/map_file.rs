@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::candidate_surfaces::SurfaceState;
 use super::relink::LocatedEdge;
 use crate::azimuth_profile::EdgeSign;
-use crate::map::MapError;
-use yamabico_parameters::{FileKind, ParameterError, Problems};
+use yamabico_parameters::{FileError, FileKind, ParameterError, Problems};
 
 /// File kind of maps of vertical edges.
 pub const EDGE_MAP_FILE: FileKind = FileKind {
@@ -106,12 +105,9 @@ impl EdgeMap {
     /// Reads and validates a map file.
     ///
     /// # Errors
-    /// [`MapError`] if the file cannot be read, or with all invalid content.
-    pub fn read(path: &Path) -> Result<Self, MapError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| MapError::Unreadable { path: name.clone(), reason: error.to_string() })?;
-        Ok(Self::parse(&name, &text)?)
+    /// The file cannot be read, or its content is invalid.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        EDGE_MAP_FILE.load(path)
     }
 
     /// Parses and validates the text of a map file.
@@ -119,7 +115,7 @@ impl EdgeMap {
     /// # Errors
     /// All invalid content, with its location.
     pub fn from_toml(text: &str) -> Result<Self, Problems> {
-        Self::parse("the map", text)
+        EDGE_MAP_FILE.parse("the map", text)
     }
 
     /// Serializes the map as TOML without comments, lengths to 0.1 mm.
@@ -169,14 +165,12 @@ impl EdgeMap {
         })
     }
 
-    fn parse(name: &str, text: &str) -> Result<Self, Problems> {
-        let table = EDGE_MAP_FILE.read(name, text)?;
-        Ok(table.try_into().unwrap_or_default())
-    }
-
     fn rules(&self) -> Vec<ParameterError> {
         if self.edges.is_empty() {
-            return vec![ParameterError::new("edge", "is missing: a map needs at least one edge")];
+            return vec![
+                ParameterError::new("edge", "is missing, and a map needs at least one edge")
+                    .remedy("add a table [[edge]], or learn the map: `yamabico learn map`"),
+            ];
         }
         let mut errors = Vec::new();
         let mut numbers = std::collections::HashSet::new();

@@ -87,6 +87,9 @@ pub enum TriangulationError {
 /// Minimum eigenvalue of the mean normal matrix, below which bearings are parallel.
 const PARALLEL: f64 = 1e-6;
 const MAX_ITERATIONS: usize = 50;
+/// Minimum distance of a first guess on the last bearing, m, and ratio of the distances of successive guesses.
+const NEAREST_GUESS_M: f64 = 0.2;
+const GUESS_SPACING: f64 = 1.2;
 
 /// Computes the point with the minimum sum of squared perpendicular distances from all bearings: Yagi et al. (1995),
 /// equation 6.
@@ -171,15 +174,36 @@ pub fn triangulate(
     if parallax_rad(sightings) < rule.min_parallax_rad {
         return Err(TriangulationError::NoParallax);
     }
-    let guess = least_squares_crossing(sightings)?;
-    let found = most_likely_crossing(sightings, guess, sigma_rad)?;
     let freedom = sightings.len().saturating_sub(2).max(1) as f64;
-    if found.chi_squared / freedom > rule.max_chi_squared {
+    let is_consistent = |found: &Triangulated| found.chi_squared / freedom <= rule.max_chi_squared;
+    let found = match least_squares_crossing(sightings) {
+        Ok(guess) => most_likely_crossing(sightings, guess, sigma_rad)?,
+        // The bias of the perpendicular distances toward the robot may have put an edge nearly ahead behind it.
+        Err(TriangulationError::Behind) => point_ahead(sightings, rule.farthest_m)
+            .and_then(|guess| most_likely_crossing(sightings, guess, sigma_rad).ok())
+            .filter(is_consistent)
+            .ok_or(TriangulationError::Behind)?,
+        Err(error) => return Err(error),
+    };
+    if !is_consistent(&found) {
         return Err(TriangulationError::Inconsistent);
     }
     let is_near =
         |sighting: &Sighting| (found.position - sighting.sensor.position()).norm() <= rule.farthest_m;
     if sightings.iter().all(is_near) { Ok(found) } else { Err(TriangulationError::TooFar) }
+}
+
+/// Returns the point on the last bearing, up to `farthest_m` away, that fits all bearings best; `None` if none is ahead
+/// of all sensors.
+fn point_ahead(sightings: &[Sighting], farthest_m: f64) -> Option<Point2<f64>> {
+    let last = sightings.last()?;
+    let (sin, cos) = last.bearing_rad().sin_cos();
+    let distances = (0..).map(|step| NEAREST_GUESS_M * GUESS_SPACING.powi(step));
+    distances
+        .take_while(|distance| *distance <= farthest_m)
+        .map(|distance| last.sensor.position() + distance * Vector2::new(cos, sin))
+        .filter(|point| sightings.iter().all(|sighting| is_ahead(sighting, *point)))
+        .min_by(|a, b| normal_equations(sightings, *a).2.total_cmp(&normal_equations(sightings, *b).2))
 }
 
 /// Maximum angle between two bearings, rad in [0, pi].
@@ -264,6 +288,26 @@ mod tests {
             prop_assert!((move_.transform_point(a.position) - b.position).norm() < 1e-8);
             prop_assert!((a.chi_squared - b.chi_squared).abs() < 1e-8 * (1.0 + a.chi_squared));
         }
+    }
+
+    /// An edge slightly off the course: the perpendicular distances put it behind the later positions, the angles put it
+    /// ahead.
+    #[test]
+    fn an_edge_nearly_ahead_is_refined_before_it_is_rejected() {
+        let edge = Point2::new(1.3, 0.05);
+        let seen: Vec<_> = (0..14)
+            .map(|i| {
+                let sensor = Pose2::new(0.06 * f64::from(i), 0.0, 0.0);
+                let away = edge - sensor.position();
+                let error = if i % 2 == 0 { 0.03 } else { -0.03 };
+                Sighting { sensor, azimuth_rad: away.y.atan2(away.x) + error }
+            })
+            .collect();
+        assert_eq!(least_squares_crossing(&seen), Err(TriangulationError::Behind));
+        let rule = TriangulationRule { min_parallax_rad: 0.05, ..TriangulationRule::default() };
+        let found = triangulate(&seen, 0.03, &rule).unwrap();
+        assert!((found.position - edge).norm() < 2.0 * found.sigma_m(), "{:?}", found.position);
+        assert!(found.position.x > seen[13].sensor.x, "{:?}", found.position);
     }
 
     #[test]

@@ -40,6 +40,26 @@ pub struct CorridorCamera {
     pub horizon_sigma_rad: f64,
 }
 
+/// Direction of the corridor's axis in one image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Axis {
+    /// Vanishing point, undistorted pixels.
+    pub pixel: Vector2<f64>,
+    /// Unit vector along the axis in the optical frame.
+    pub direction: Vector3<f64>,
+    /// Covariance of `pixel`, px^2; of a point at infinity: see [`VanishingPoint::covariance`].
+    pub covariance: Matrix2<f64>,
+    /// True if the point lies far outside the image.
+    pub at_infinity: bool,
+}
+
+impl Axis {
+    fn of(found: &VanishingPoint<'_>) -> Self {
+        let VanishingPoint { pixel, direction, covariance, at_infinity, .. } = *found;
+        Self { pixel, direction, covariance, at_infinity }
+    }
+}
+
 /// Prediction of heading and walls, from previous frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorridorPrediction {
@@ -86,6 +106,12 @@ impl CorridorObserver {
     /// Creates an observer for this camera.
     #[must_use]
     pub fn new(camera: CorridorCamera, rule: FloorLineRule) -> Self {
+        Self::with_segments(camera, rule, SegmentConfig::default())
+    }
+
+    /// Creates an observer with these parameters of the segment detector.
+    #[must_use]
+    pub fn with_segments(camera: CorridorCamera, rule: FloorLineRule, segments: SegmentConfig) -> Self {
         let body_from_camera = camera.mount.rotation_body_from_camera();
         let config = VanishingPointConfig {
             down_in_camera: body_from_camera.transpose() * Vector3::new(0.0, 0.0, -1.0),
@@ -98,7 +124,7 @@ impl CorridorObserver {
         Self {
             camera,
             rule,
-            detector: SegmentDetector::new(SegmentConfig::default()),
+            detector: SegmentDetector::new(segments),
             finder: VanishingPointFinder::new(config),
             floor_lines: FloorLineFinder::default(),
             undistorted: Vec::new(),
@@ -140,21 +166,59 @@ impl CorridorObserver {
         image: ImageView<'_>,
         expected: Option<CorridorPrediction>,
     ) -> Result<CorridorObservation, VanishingPointError> {
+        self.find_segments(image)?;
+        let prediction = self.prediction(expected);
+        let intrinsics = self.camera.pinhole.intrinsics();
+        let found = self.finder.find(&self.undistorted, intrinsics, prediction)?;
+        self.along.extend_from_slice(found.inliers);
+        let axis = Axis::of(&found);
+        Ok(self.measure(image, &axis, expected))
+    }
+
+    /// Finds the segments of an image.
+    pub(super) fn find_segments(&mut self, image: ImageView<'_>) -> Result<(), VanishingPointError> {
         self.view = None;
         self.along.clear();
         self.undistorted.clear();
         self.detector.detect(image).map_err(|_| VanishingPointError::TooFewSegments { found: 0 })?;
         self.undistort();
+        Ok(())
+    }
+
+    /// Finds the axis of a corridor that ends far outside the last image.
+    pub(super) fn find_far_axis(&mut self, expected: Option<CorridorPrediction>) -> Option<Axis> {
+        let prediction = self.prediction(expected);
+        let intrinsics = self.camera.pinhole.intrinsics();
+        let found = self.finder.far_outside(&self.undistorted, intrinsics, prediction)?;
+        self.along.clear();
+        self.along.extend_from_slice(found.inliers);
+        Some(Axis::of(&found))
+    }
+
+    /// Indices of the segments that run along the corridor.
+    pub(super) fn along_mut(&mut self) -> &mut Vec<usize> {
+        &mut self.along
+    }
+
+    /// Converts an expected heading to a direction in the optical frame.
+    fn prediction(&self, expected: Option<CorridorPrediction>) -> Option<Prediction> {
+        let camera_from_body = self.camera.mount.rotation_body_from_camera().transpose();
+        expected.map(|expected| Prediction {
+            direction: camera_from_body * Vector3::new(expected.heading.cos(), -expected.heading.sin(), 0.0),
+            sigma_rad: expected.heading_sigma.max(0.01),
+        })
+    }
+
+    /// Measures heading and walls in the last image, given the axis and the segments along it.
+    pub(super) fn measure(
+        &mut self,
+        image: ImageView<'_>,
+        found: &Axis,
+        expected: Option<CorridorPrediction>,
+    ) -> CorridorObservation {
         let intrinsics = self.camera.pinhole.intrinsics();
         let mount = &self.camera.mount;
-        let prediction = expected.map(|expected| Prediction {
-            direction: mount.rotation_body_from_camera().transpose()
-                * Vector3::new(expected.heading.cos(), -expected.heading.sin(), 0.0),
-            sigma_rad: expected.heading_sigma.max(0.01),
-        });
-        let found = self.finder.find(&self.undistorted, intrinsics, prediction)?;
-        self.along.extend_from_slice(found.inliers);
-        let (attitude, covariance) = level(&found, &self.camera);
+        let (attitude, covariance) = level(found, &self.camera);
         let heading = match self.camera.calibration {
             Calibration::Measured => RobotHeading::from_axis(axis_of(attitude, mount.roll), mount).heading,
             Calibration::Guessed => attitude.heading - mount.pan,
@@ -174,7 +238,7 @@ impl CorridorObserver {
         };
         let has_floor = self.camera.calibration == Calibration::Measured && mount.z > 0.0;
         if !has_floor || found.at_infinity || heading.abs() > MAX_WALL_HEADING_RAD {
-            return Ok(observation);
+            return observation;
         }
 
         let view = CorridorView::new(attitude, mount.roll, mount.z, *intrinsics);
@@ -185,7 +249,7 @@ impl CorridorObserver {
         let walls = expected.map_or([None; 2], |expected| expected.walls.map(|wall| wall.map(from_camera)));
         let side_px = (SIDE_OFFSET_AT_640_PX * f64::from(intrinsics.width) / 640.0).max(2.0);
         let raw = self.detector.segments();
-        let lines = found.inliers.iter().map(|&inlier| {
+        let lines = self.along.iter().map(|&inlier| {
             let (ideal, source) = (&self.undistorted[inlier], &raw[self.sources[inlier]]);
             CorridorLine {
                 start: ideal.p0,
@@ -223,7 +287,7 @@ impl CorridorObserver {
         };
         observation.left = detected.left.and_then(from_robot);
         observation.right = detected.right.and_then(from_robot);
-        Ok(observation)
+        observation
     }
 
     fn undistort(&mut self) {
@@ -253,7 +317,7 @@ fn undistorted(segment: &Segment, pinhole: &Pinhole) -> Option<Segment> {
 
 /// Fuses the vanishing point with the tilt of the mount: the corridor is horizontal, so its vanishing point lies on the
 /// horizon within `horizon_sigma_rad`. Returns the attitude and the covariance of the corrected pixel.
-fn level(found: &VanishingPoint<'_>, camera: &CorridorCamera) -> (CameraAttitude, Matrix2<f64>) {
+fn level(found: &Axis, camera: &CorridorCamera) -> (CameraAttitude, Matrix2<f64>) {
     let intrinsics = camera.pinhole.intrinsics();
     let roll = camera.mount.roll;
     if found.at_infinity || camera.calibration == Calibration::Guessed {

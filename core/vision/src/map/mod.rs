@@ -8,4 +8,4 @@ pub mod wire_frame;
 
 pub use expectation::{ExpectationMap, ExpectationRules, ExpectedEdge};
 pub use view::MapView;
-pub use wire_frame::{Edge, EdgeKind, EdgeRole, MapError, WIRE_FRAME_FILE, Wall, WireFrame};
+pub use wire_frame::{Edge, EdgeKind, EdgeRole, WIRE_FRAME_FILE, Wall, WireFrame};

@@ -5,9 +5,8 @@ use std::path::Path;
 use nalgebra::{Point2, Point3, Vector2};
 use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use yamabico_parameters::{FileKind, ParameterError, Problems};
+use yamabico_parameters::{FileError, FileKind, ParameterError, Problems};
 
 /// File kind of wire-frame maps. The schema holds the ranges, `rules` the checks between entries.
 pub const WIRE_FRAME_FILE: FileKind = FileKind {
@@ -80,22 +79,6 @@ pub struct Wall {
     pub to: Point2<f64>,
 }
 
-/// Reason why there is no map.
-#[derive(Debug, Error)]
-pub enum MapError {
-    /// The file cannot be read.
-    #[error("{path}: {reason}")]
-    Unreadable {
-        /// Path of the file.
-        path: String,
-        /// Error of the operating system.
-        reason: String,
-    },
-    /// The file is invalid; all problems with their line.
-    #[error("{0}")]
-    Invalid(#[from] Problems),
-}
-
 impl Edge {
     /// Creates an outline between two points, map frame, m.
     #[must_use]
@@ -164,12 +147,9 @@ impl WireFrame {
     /// Reads and validates a map file.
     ///
     /// # Errors
-    /// [`MapError`] if the file cannot be read, or with all invalid content.
-    pub fn read(path: &Path) -> Result<Self, MapError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| MapError::Unreadable { path: name.clone(), reason: error.to_string() })?;
-        Ok(Self::parse(&name, &text)?)
+    /// The file cannot be read, or its content is invalid.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        WIRE_FRAME_FILE.load(path).map(MapFile::into)
     }
 
     /// Parses and validates the text of a map file.
@@ -177,7 +157,7 @@ impl WireFrame {
     /// # Errors
     /// All invalid content, with its location.
     pub fn from_toml(text: &str) -> Result<Self, Problems> {
-        Self::parse("the map", text)
+        WIRE_FRAME_FILE.parse("the map", text).map(MapFile::into)
     }
 
     /// Serializes the map as TOML without comments, lengths to 1 mm.
@@ -226,23 +206,14 @@ impl WireFrame {
     pub fn clearance(&self, point: Point2<f64>) -> f64 {
         self.walls.iter().map(|wall| wall.distance(point)).fold(f64::INFINITY, f64::min)
     }
+}
 
-    fn parse(name: &str, text: &str) -> Result<Self, Problems> {
-        let table = WIRE_FRAME_FILE.read(name, text)?;
-        let file: MapFile = table.try_into().unwrap_or_default();
+impl From<MapFile> for WireFrame {
+    fn from(file: MapFile) -> Self {
         let point = Point3::from;
-        Ok(Self {
-            edges: file
-                .edges
-                .iter()
-                .map(|e| Edge { role: e.role, ..Edge::between(point(e.from_m), point(e.to_m)) })
-                .collect(),
-            walls: file
-                .walls
-                .iter()
-                .map(|w| Wall { from: Point2::from(w.from_m), to: Point2::from(w.to_m) })
-                .collect(),
-        })
+        let edge = |e: &EdgeEntry| Edge { role: e.role, ..Edge::between(point(e.from_m), point(e.to_m)) };
+        let wall = |w: &WallEntry| Wall { from: Point2::from(w.from_m), to: Point2::from(w.to_m) };
+        Self { edges: file.edges.iter().map(edge).collect(), walls: file.walls.iter().map(wall).collect() }
     }
 }
 
@@ -292,7 +263,10 @@ struct WallEntry {
 impl MapFile {
     fn rules(&self) -> Vec<ParameterError> {
         if self.edges.is_empty() {
-            return vec![ParameterError::new("edge", "is missing: a map needs at least one edge")];
+            return vec![
+                ParameterError::new("edge", "is missing, and a map needs at least one edge")
+                    .remedy("add edge = [{ from_m = [X, Y, Z], to_m = [X, Y, Z] }]"),
+            ];
         }
         let mut errors = Vec::new();
         let extent = self.extent();
@@ -412,7 +386,7 @@ mod tests {
         assert!(refusal("edge = [{ form_m = [0, 0, 0], to_m = [1, 0, 0] }]").contains("from_m"));
         let wall = format!("{DOOR}\n").replace("to_m = [6, 1] }", "to_m = [0, 1] }");
         assert!(refusal(&wall).contains("a wall needs two distinct ends"));
-        assert!(matches!(WireFrame::read(Path::new("no/such.toml")), Err(MapError::Unreadable { .. })));
+        assert!(matches!(WireFrame::read(Path::new("no/such.toml")), Err(FileError::Unreadable { .. })));
     }
 
     #[test]

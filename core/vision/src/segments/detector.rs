@@ -59,6 +59,12 @@ impl Default for SegmentConfig {
 }
 
 impl SegmentConfig {
+    /// Parameters for the evidence for a corridor: shorter segments, and more of them. Its coefficients belong to these.
+    #[must_use]
+    pub fn for_evidence() -> Self {
+        Self { min_length_at_640_px: 15.0, max_segments: 600, ..Self::default() }
+    }
+
     /// Minimum segment length in an image of this width, px.
     #[must_use]
     pub fn min_length_px(&self, width: usize) -> f64 {

@@ -228,7 +228,7 @@ impl VanishingPointFinder {
     }
 
     /// Finds the direction along the horizon if the lines do not meet in or near the image.
-    fn far_outside(
+    pub(crate) fn far_outside(
         &mut self,
         segments: &[Segment],
         camera: &Intrinsics,

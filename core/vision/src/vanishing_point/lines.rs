@@ -27,9 +27,22 @@ impl VotingLine {
         Self { normal: from.normal, rho: from.rho, midpoint: from.midpoint(), length: from.length, segment }
     }
 
+    /// Unit vector along the line, a quarter turn before its normal.
+    #[must_use]
+    pub fn direction(&self) -> Vector2<f64> {
+        Vector2::new(self.normal.y, -self.normal.x)
+    }
+
+    /// Endpoints of the segment, px.
+    #[must_use]
+    pub fn ends(&self) -> [Vector2<f64>; 2] {
+        let half = 0.5 * self.length * self.direction();
+        [self.midpoint - half, self.midpoint + half]
+    }
+
     /// Returns true if `point` projects between the endpoints. The image of a straight edge never contains its own
     /// vanishing point, so such a line does not lead to `point`.
-    pub(super) fn straddles(&self, point: Vector2<f64>) -> bool {
+    pub(crate) fn straddles(&self, point: Vector2<f64>) -> bool {
         let from_middle = point - self.midpoint;
         let along = self.normal.x * from_middle.y - self.normal.y * from_middle.x;
         along.abs() < 0.5 * self.length

@@ -8,6 +8,7 @@
 mod finder;
 mod interpretation_plane;
 mod lines;
+pub(crate) mod pair_votes;
 mod refine;
 mod votes;
 

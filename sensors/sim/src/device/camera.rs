@@ -12,7 +12,7 @@ use yamabico_core::message::FrameHeader;
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
 use super::Schedule;
-use super::frames::{self, FrameSensor, ImageRenderer, PixelFormat};
+use super::frames::{self, FrameSensor, ImageRenderer, Losses, PixelFormat};
 use crate::Scene;
 use crate::render::{CameraView, Photometry, RenderError, Renderer};
 use crate::simulation::Simulation;
@@ -30,6 +30,10 @@ pub struct CameraConfig {
     #[serde_inline_default(30.0)]
     #[schemars(range(min = 0.0, max = 15000.0))]
     pub latency_ms: f64,
+    /// Fraction of frames that are lost.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub dropout: f64,
     /// Pixel format.
     #[serde(default)]
     pub encoding: PixelFormat,
@@ -37,7 +41,7 @@ pub struct CameraConfig {
     pub intrinsics: IntrinsicsConfig,
     /// Pose on the robot.
     pub mount: MountConfig,
-    /// Exposure, vignetting and noise.
+    /// Exposure, vignetting, noise, blur and glare.
     #[serde(default)]
     pub photometry: Photometry,
 }
@@ -98,6 +102,7 @@ pub fn camera_sensor(
         format: config.encoding,
         header: config.header(),
         schedule: Schedule::new(config.period_ms, config.latency_ms),
+        losses: Losses { share: config.dropout, seed },
     }
 }
 

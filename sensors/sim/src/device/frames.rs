@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use rand::RngExt;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use yamabico_core::behavior::Outputs;
@@ -75,6 +76,25 @@ pub struct FrameSensor<P> {
     /// Header without stamp and sequence number.
     pub(super) header: FrameHeader,
     pub(super) schedule: Schedule,
+    pub(super) losses: Losses,
+}
+
+/// Frames that are lost between the camera and the robot.
+#[derive(Clone, Copy, Debug)]
+pub struct Losses {
+    /// Fraction of the frames, 0 to 1.
+    pub share: f64,
+    /// Seed of the run.
+    pub seed: u64,
+}
+
+impl Losses {
+    /// Returns true if frame number `sequence` of this camera is lost.
+    fn include(&self, name: &str, sequence: u64) -> bool {
+        let draw =
+            |share| crate::random::stream(self.seed, &format!("{name} loss {sequence}")).random_bool(share);
+        self.share > 0.0 && draw(self.share.min(1.0))
+    }
 }
 
 impl<P: ImageRenderer> Sensor for FrameSensor<P> {
@@ -85,6 +105,9 @@ impl<P: ImageRenderer> Sensor for FrameSensor<P> {
         let Some((sequence, stamp)) = self.schedule.newest(simulation.origin(), now) else {
             return Ok(Due::At(self.schedule.next(simulation.origin())));
         };
+        if self.losses.include(&self.name, sequence) {
+            return Ok(Due::At(self.schedule.next(simulation.origin())));
+        }
         let failed = |e: &dyn std::fmt::Display| DeviceError::failed(&self.name, e);
         let seconds = simulation.seconds(stamp);
         let robot = simulation.at(stamp).pose;

@@ -13,7 +13,7 @@ use yamabico_core::message::FrameHeader;
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
 use super::Schedule;
-use super::frames::{self, FrameSensor, ImageRenderer, PixelFormat};
+use super::frames::{self, FrameSensor, ImageRenderer, Losses, PixelFormat};
 use super::sway::{Sway, SwayConfig};
 use crate::Scene;
 use crate::render::{MirrorRenderer, MirrorView, Photometry, RenderError};
@@ -108,6 +108,7 @@ pub fn mirror_camera_sensor(
         format: config.encoding,
         header: config.header(),
         schedule: Schedule::new(config.period_ms, config.latency_ms),
+        losses: Losses { share: 0.0, seed },
     })
 }
 

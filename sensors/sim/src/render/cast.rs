@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use parry3d::query::{Ray, RayCullingMode};
 
 use super::project::PosedPinhole;
+use super::raster::MAX_BLURRED_RADIANCE;
 use super::shade::{BACKGROUND_RADIANCE, BLOCK, Shader, SurfacePoints};
 use crate::Scene;
 use crate::scene::glam;
@@ -54,8 +55,9 @@ impl RayBundle {
             let cosine = -normal.dot(&self.directions[0].normalize());
             let share = shader.reflection(cosine as f32);
             let reflected = self.mirrored(distance, normal).follow::<C>(scene, false);
+            let clip = if surface.material.is_sharp { f32::INFINITY } else { MAX_BLURRED_RADIANCE };
             for c in 0..C {
-                seen[c] += share * (reflected[c].min(4.0) - seen[c]);
+                seen[c] += share * (reflected[c].min(clip) - seen[c]);
             }
         }
         seen

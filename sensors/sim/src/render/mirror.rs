@@ -96,6 +96,7 @@ impl MirrorRenderer {
         self.check(view, image.len(), 1)?;
         let posed = self.posed(view);
         let size = self.size();
+        self.sensor.open_shutter();
         self.gray.draw(scene, &posed, &self.rings, &self.taps, size, |y, row| {
             self.sensor.digitize(size, y, row, line(image, y, size[0], 1));
         });
@@ -115,6 +116,7 @@ impl MirrorRenderer {
         self.check(view, image.len(), 3)?;
         let posed = self.posed(view);
         let size = self.size();
+        self.sensor.open_shutter();
         self.color.draw(scene, &posed, &self.rings, &self.taps, size, |y, row| {
             self.sensor.digitize(size, y, row, line(image, y, size[0], 3));
         });
@@ -135,6 +137,7 @@ impl MirrorRenderer {
         self.check(view, image.len(), 1)?;
         let posed = self.posed(view);
         let size = self.size();
+        self.sensor.open_shutter();
         let mut row = vec![[BLACK; 1]; size[0] as usize];
         for y in 0..size[1] as usize {
             for (x, pixel) in row.iter_mut().enumerate() {

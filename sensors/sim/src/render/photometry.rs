@@ -22,6 +22,23 @@ pub struct Photometry {
     #[default(2.0)]
     #[schemars(range(min = 0.0, max = 50.0))]
     pub noise_sigma: f32,
+    /// Standard deviation of the gain from frame to frame, relative to its mean.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub flicker: f32,
+    /// Blur of the lens: standard deviation of its point spread, pixels. Pinhole cameras only.
+    #[schemars(range(min = 0.0, max = 5.0))]
+    pub blur_px: f32,
+    /// Glare: fraction of the light that the lens scatters over its surroundings. Pinhole cameras only.
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub glare: f32,
+}
+
+impl Photometry {
+    /// Returns true for a lens without blur and glare.
+    #[must_use]
+    pub fn has_perfect_lens(&self) -> bool {
+        self.blur_px <= 0.0 && self.glare <= 0.0
+    }
 }
 
 /// Radiance with gray level 255 at exposure 1.
@@ -34,6 +51,8 @@ pub struct ImageSensor {
     /// Properties of the lens and the sensor.
     pub photometry: Photometry,
     rng: Pcg64,
+    /// Gain of the frame, relative to the mean.
+    gain: f32,
     /// Quantiles of the standard normal distribution.
     normal: Vec<f32>,
 }
@@ -42,7 +61,15 @@ impl ImageSensor {
     /// Returns a sensor with noise from `rng`.
     #[must_use]
     pub fn new(photometry: Photometry, rng: Pcg64) -> Self {
-        Self { photometry, rng, normal: normal_quantiles(NOISE_STEPS) }
+        Self { photometry, rng, gain: 1.0, normal: normal_quantiles(NOISE_STEPS) }
+    }
+
+    /// Starts a frame, and draws its gain.
+    pub fn open_shutter(&mut self) {
+        if self.photometry.flicker > 0.0 {
+            let quantile = self.normal[self.rng.next_u64() as usize % NOISE_STEPS];
+            self.gain = (1.0 + self.photometry.flicker * quantile).max(0.0);
+        }
     }
 
     /// Converts the radiance of row `y` of an image of this size (width, height) to gray levels, with interleaved channels.
@@ -58,7 +85,7 @@ impl ImageSensor {
         let fall = f64::from(self.photometry.vignetting) / corner;
         let center = 0.5 * (width - 1.0);
         let dy = y as f64 - 0.5 * (height - 1.0);
-        let gain = self.photometry.exposure / WHITE_LEVEL;
+        let gain = self.gain * self.photometry.exposure / WHITE_LEVEL;
         let (fall, center, dy2) = (fall as f32, center as f32, (dy * dy) as f32);
         if self.photometry.noise_sigma > 0.0 {
             self.digitize_noisy(row, gain, fall, center, dy2, pixels);

@@ -96,6 +96,14 @@ impl PosedPinhole {
             * Vector3::new((x - 0.5 - k.cx) / k.fx, (y - 0.5 - k.cy) / k.fy, 1.0)
     }
 
+    /// Returns true if a point of image row `y` lies below the horizon.
+    #[must_use]
+    pub fn looks_down(&self, y: usize) -> bool {
+        let row = [y as f64, y as f64 + 1.0];
+        let ends = [0.0, f64::from(self.intrinsics.width)];
+        row.iter().any(|y| ends.iter().any(|x| self.direction(*x, *y).z < 0.0))
+    }
+
     /// Returns `g . direction` as a function of the image coordinates, for `g` in the optical frame.
     fn linear(&self, g: Vector3<f64>) -> Linear {
         let k = &self.intrinsics;

@@ -12,6 +12,8 @@ use crate::Scene;
 const LINES: usize = 4;
 /// Factor by which the image of the reflected world is smaller, in width and height.
 pub const MIRROR_SHRINK: u32 = 4;
+/// Maximum radiance in a blurred reflection.
+pub const MAX_BLURRED_RADIANCE: f32 = 4.0;
 
 /// Rasterizer of images with `C` channels; reuses its buffers.
 #[derive(Default)]
@@ -24,9 +26,11 @@ pub struct Raster<const C: usize> {
     mirror: Reflection<C>,
 }
 
-/// Small blurred image of the world reflected by the floor.
+/// Image of the world reflected by the floor: small and blurred, or sharp.
 #[derive(Default)]
 pub struct Reflection<const C: usize> {
+    /// Factor by which it is smaller than the image, in width and height.
+    shrink: u32,
     width: usize,
     height: usize,
     pixels: Vec<[f32; C]>,
@@ -44,16 +48,22 @@ impl<const C: usize> Raster<C> {
         let mirrors = scene.surfaces().iter().any(|s| s.material.gloss > 0.0);
         self.mirror.width = 0;
         if mirrors && posed.at.z > 0.0 {
-            let small = posed.shrunk(MIRROR_SHRINK);
+            let is_sharp = scene.mirrors_sharply();
+            let small = posed.shrunk(if is_sharp { 1 } else { MIRROR_SHRINK });
+            let (width, height) = (small.intrinsics.width as usize, small.intrinsics.height as usize);
             let mut mirror = std::mem::take(&mut self.mirror);
-            mirror.width = small.intrinsics.width as usize;
-            mirror.height = small.intrinsics.height as usize;
-            mirror.pixels.clear();
-            self.pass(scene, &small, Pass::Mirrored, |_, row, _| mirror.pixels.extend_from_slice(row));
-            mirror.blur();
+            mirror.begin(if is_sharp { 1 } else { MIRROR_SHRINK }, width, height);
+            // No floor above the horizon: its rows stay empty.
+            let first =
+                if is_sharp { (0..height).find(|y| small.looks_down(*y)).unwrap_or(height) } else { 0 };
+            mirror.pixels.resize(first * width, [0.0; C]);
+            self.pass(scene, &small, Pass::Mirrored, first, |_, row, _| mirror.push(row));
+            if !is_sharp {
+                mirror.blur();
+            }
             self.mirror = mirror;
         }
-        self.pass(scene, posed, Pass::Direct, &mut take);
+        self.pass(scene, posed, Pass::Direct, 0, &mut take);
     }
 
     fn pass(
@@ -61,6 +71,7 @@ impl<const C: usize> Raster<C> {
         scene: &Scene,
         posed: &PosedPinhole,
         pass: Pass,
+        first_row: usize,
         mut take: impl FnMut(usize, &[[f32; C]], &Intrinsics),
     ) {
         posed.project(scene.surfaces(), pass, &mut self.polygons);
@@ -70,7 +81,7 @@ impl<const C: usize> Raster<C> {
         let (width, height) = (posed.intrinsics.width as usize, posed.intrinsics.height as usize);
         self.pixels.clear();
         self.pixels.resize(width, [0.0; C]);
-        for y in 0..height {
+        for y in first_row..height {
             let top = y as f64;
             self.active.clear();
             let crossing =
@@ -181,9 +192,9 @@ impl<const C: usize> Reflection<C> {
         self.width == 0
     }
 
-    /// Starts an image of this size, to be filled by [`Reflection::push`].
-    pub fn begin(&mut self, width: usize, height: usize) {
-        (self.width, self.height) = (width, height);
+    /// Starts an image of this size, smaller by `shrink`, to be filled by [`Reflection::push`].
+    pub fn begin(&mut self, shrink: u32, width: usize, height: usize) {
+        (self.shrink, self.width, self.height) = (shrink, width, height);
         self.pixels.clear();
     }
 
@@ -196,7 +207,7 @@ impl<const C: usize> Reflection<C> {
     pub fn blur(&mut self) {
         let (w, h) = (self.width, self.height);
         // Clipped, since far brighter pixels would saturate their neighborhood.
-        self.pixels.iter_mut().flatten().for_each(|p| *p = p.min(4.0));
+        self.pixels.iter_mut().flatten().for_each(|p| *p = p.min(MAX_BLURRED_RADIANCE));
         for (step, length, reach) in [(1, w, 1_usize), (w, h, 2)] {
             self.spare.clear();
             for i in 0..w * h {
@@ -217,7 +228,7 @@ impl<const C: usize> Reflection<C> {
     /// Interpolates bilinearly at a point of the full-size image.
     pub fn at(&self, x: f32, y: f32) -> [f32; C] {
         let cell = |t: f32, n: usize| {
-            let t = (t / MIRROR_SHRINK as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+            let t = (t / self.shrink as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             let i = (t as usize).min(n.saturating_sub(2));
             (i, (i + 1).min(n - 1), t - i as f32)
         };

@@ -169,7 +169,7 @@ impl<const C: usize> RingRenderer<C> {
         if !mirrored.facets.is_empty() {
             let (nothing, coarse) = (Reflection::default(), &ring.coarse);
             let (rows, overlap) = (coarse.rows as i64, OVERLAP as i64);
-            reflection.begin(coarse.width, coarse.rows + 2 * OVERLAP);
+            reflection.begin(MIRROR_SHRINK, coarse.width, coarse.rows + 2 * OVERLAP);
             let seen =
                 RingScene { scene, visible: mirrored, reflection: &nothing, viewpoint, line_rows: COARSE };
             rasterizer.pass(&seen, coarse, -overlap..rows + overlap, |_, row| reflection.push(row));

@@ -1,13 +1,16 @@
 //! Shading: radiance of points on a surface.
 
+use nalgebra::Vector3;
+
+use super::tiles;
 use crate::scene::{PERSON_RADIUS_M, Scene, Surface};
 
 /// Radiance where no surface is visible.
 pub const BACKGROUND_RADIANCE: f32 = 0.02;
 /// Number of points that are shaded together.
 pub const BLOCK: usize = 8;
-/// Reflectance of a smooth floor at normal incidence.
-const NORMAL_REFLECTANCE: f32 = 0.04;
+/// Height up to which an upward surface counts as part of the floor, m.
+const FLOOR_M: f64 = 2e-3;
 /// Radius of the soft shadow at the feet of a person, m.
 const SHADOW_RADIUS_M: f64 = 2.2 * PERSON_RADIUS_M;
 /// Number of texels per pixel from which on the speckle is not visible.
@@ -48,7 +51,7 @@ impl<'a, const C: usize> Shader<'a, C> {
         let m = &surface.material;
         let [nu, nv] = surface.light.count;
         let first = surface.light.first;
-        let is_floor = surface.origin.z == 0.0 && surface.normal().z > 0.9;
+        let is_floor = (0.0..FLOOR_M).contains(&surface.origin.z) && surface.normal().z > 0.9;
         Self {
             scene,
             surface,
@@ -75,19 +78,15 @@ impl<'a, const C: usize> Shader<'a, C> {
             let middle = count / 2;
             let footprint = points.du[middle].max(points.dv[middle]) * texels;
             if footprint < FADED {
-                let level = self.scene.speckle().level(footprint);
+                let level = self.scene.texture(m.grain).level(footprint);
                 for i in 0..count {
                     irradiance[i] *= 1.0 + m.speckle * level.at(u[i] * texels, v[i] * texels);
                 }
             }
         }
-        let [pu, pv] = m.joint_spacing_m;
-        if pu > 0.0 || pv > 0.0 {
-            for i in 0..count {
-                let along = joint_share(u[i], points.du[i], pu, m.joint_width_m);
-                let across = joint_share(v[i], points.dv[i], pv, m.joint_width_m);
-                irradiance[i] *= 1.0 - (1.0 - m.joint_tone) * (1.0 - (1.0 - along) * (1.0 - across));
-            }
+        tiles::apply(&m.tiles, &u, &v, points, count, &mut irradiance);
+        if m.light != 1.0 {
+            irradiance.iter_mut().for_each(|light| *light *= m.light);
         }
         if self.is_floor {
             self.shadow(&u, &v, &mut irradiance);
@@ -101,7 +100,8 @@ impl<'a, const C: usize> Shader<'a, C> {
     pub fn reflection(&self, cos_incidence: f32) -> f32 {
         let graze = 1.0 - cos_incidence.clamp(0.0, 1.0);
         let square = graze * graze;
-        self.gloss * (NORMAL_REFLECTANCE + (1.0 - NORMAL_REFLECTANCE) * square * square * graze)
+        let normal = self.surface.material.reflectance;
+        self.gloss * (normal + (1.0 - normal) * square * square * graze)
     }
 
     #[inline(always)]
@@ -125,10 +125,8 @@ impl<'a, const C: usize> Shader<'a, C> {
     /// Darkens the floor at the feet of people.
     fn shadow(&self, u: &[f32; BLOCK], v: &[f32; BLOCK], irradiance: &mut [f32; BLOCK]) {
         for person in self.scene.people() {
-            let foot = [
-                (person.at[0] - self.surface.origin.x) as f32,
-                (person.at[1] - self.surface.origin.y) as f32,
-            ];
+            let from_origin = Vector3::new(person.at[0], person.at[1], 0.0) - self.surface.origin;
+            let foot = self.surface.axes.map(|axis| axis.dot(&from_origin) as f32);
             for i in 0..BLOCK {
                 let (du, dv) = (u[i] - foot[0], v[i] - foot[1]);
                 let q = (du * du + dv * dv) * (1.0 / (SHADOW_RADIUS_M * SHADOW_RADIUS_M)) as f32;
@@ -146,36 +144,5 @@ pub fn channels<const C: usize>(color: [f32; 3]) -> [f32; C] {
         [0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2]; C]
     } else {
         std::array::from_fn(|i| color[i.min(2)])
-    }
-}
-
-/// Returns the fraction of [at - size / 2, at + size / 2] that lies on joints of this width, which start at every multiple
-/// of `spacing`.
-#[inline]
-fn joint_share(at: f32, size: f32, spacing: f32, width: f32) -> f32 {
-    if spacing <= 0.0 {
-        return 0.0;
-    }
-    let size = size.clamp(1e-4, 8.0 * spacing);
-    let joints_up_to = |t: f32| {
-        let turns = t / spacing;
-        let whole = turns as i32 as f32;
-        whole * width + ((turns - whole) * spacing).min(width)
-    };
-    // Both ends must be positive.
-    let low = at - 0.5 * size + 8.0 * spacing;
-    (joints_up_to(low + size) - joints_up_to(low)) / size
-}
-
-#[cfg(test)]
-mod tests {
-    use super::joint_share;
-
-    #[test]
-    fn joint_share_is_one_on_a_joint_none_beside_it_and_the_mean_from_afar() {
-        assert!((joint_share(0.602, 0.001, 0.6, 0.004) - 1.0).abs() < 1e-2);
-        assert!(joint_share(0.3, 0.1, 0.6, 0.004).abs() < 1e-4);
-        assert!((joint_share(0.6, 0.004, 0.6, 0.004) - 0.5).abs() < 1e-2);
-        assert!((joint_share(3.1, 2.4, 0.6, 0.004) - 0.004 / 0.6).abs() < 1e-4);
     }
 }

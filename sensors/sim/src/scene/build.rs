@@ -3,23 +3,23 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::light::Emitter;
-use super::surface::{Material, Solid, Surface};
-use crate::world::{Ceiling, Color, Corridor, Door, Floor, Lamp, Wall, Window, World};
+use super::surface::{Material, Solid, Surface, Tiles};
+use crate::world::{Ceiling, Color, Corridor, Door, Lamp, Reflection, Wall, Window, World};
 
 /// Parts of the building.
 #[derive(Default)]
-pub struct Building {
+pub struct Parts {
     pub surfaces: Vec<Surface>,
     pub solids: Vec<Solid>,
     pub emitters: Vec<Emitter>,
 }
 
 /// Upright box: bottom corner, and horizontal edges `along` and `across` (to the left of `along`).
-struct Slab {
-    corner: Vector2<f64>,
-    along: Vector2<f64>,
-    across: Vector2<f64>,
-    z: [f64; 2],
+pub(super) struct Slab {
+    pub corner: Vector2<f64>,
+    pub along: Vector2<f64>,
+    pub across: Vector2<f64>,
+    pub z: [f64; 2],
 }
 
 /// Width by which a door frame overlaps the wall beside the opening, m.
@@ -33,7 +33,7 @@ pub(crate) const LEAF_M: f64 = 0.04;
 /// Width of the bars around a window pane, m.
 pub(crate) const WINDOW_BAR_M: f64 = 0.05;
 
-impl Building {
+impl Parts {
     pub fn new(world: &World, seed: u64) -> Self {
         let mut b = Self::default();
         let walls: Vec<Wall> =
@@ -51,7 +51,8 @@ impl Building {
         let lamps: Vec<Lamp> =
             world.corridor.iter().flat_map(Corridor::lamps).chain(world.lamps.iter().copied()).collect();
         lamps.iter().for_each(|l| b.lamp(l, world.ceiling.height_m));
-        b.floor_and_ceiling(&world.floor, &world.ceiling);
+        b.floor(world);
+        b.ceiling(&world.ceiling);
         b
     }
 
@@ -94,26 +95,17 @@ impl Building {
             start = b;
         }
         if let Some(board) = w.baseboard {
-            let mut start = 0.0;
-            let gaps = w.doors.iter().map(|d| {
-                let half = d.width_m / 2.0 + FRAME_WIDTH_M;
-                [d.at_m - half, d.at_m + half]
-            });
-            let mut gaps: Vec<_> = gaps.chain([[length, length]]).collect();
-            gaps.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            for [a, b] in gaps {
-                if a > start + 1e-6 {
-                    let strip = Slab {
-                        corner: from + along * start,
-                        along: along * (a - start),
-                        across: left * board.depth_m,
-                        z: [0.0, board.height_m],
-                    };
-                    self.faces(&strip, Material::matte(board.color));
-                }
-                start = b;
+            for [a, b] in between_doors(w, length) {
+                let strip = Slab {
+                    corner: from + along * a,
+                    along: along * (b - a),
+                    across: left * board.depth_m,
+                    z: [0.0, board.height_m],
+                };
+                self.faces(&strip, Material::matte(board.color));
             }
         }
+        self.decorate(w, from, along, length);
         for d in &w.doors {
             self.door(d, from + along * d.at_m, along, w.thickness_m);
         }
@@ -242,33 +234,60 @@ impl Building {
         }
     }
 
-    fn floor_and_ceiling(&mut self, floor: &Floor, ceiling: &Ceiling) {
-        let points = || self.solids.iter().flat_map(|s| s.base);
-        let low = [0, 1].map(|k| points().map(|p| p[k]).fold(-0.5_f64, f64::min) - 0.5);
-        let high = [0, 1].map(|k| points().map(|p| p[k]).fold(0.5_f64, f64::max) + 0.5);
-        let size = [high[0] - low[0], high[1] - low[1]];
-        let floor_material = Material {
+    /// Adds the floor and what lies flat on it.
+    fn floor(&mut self, world: &World) {
+        let floor = &world.floor;
+        let [low, high] = self.extent();
+        let (sin, cos) = f64::from(floor.joint_angle_deg).to_radians().sin_cos();
+        let material = Material {
+            grain: floor.grain,
             speckle: floor.speckle,
             grain_m: floor.grain_m,
             gloss: floor.gloss,
-            joint_spacing_m: floor.joint_spacing_m,
-            joint_width_m: floor.joint_width_m,
-            joint_tone: floor.joint_tone,
+            reflectance: floor.reflectance,
+            is_sharp: floor.reflection == Reflection::Sharp,
+            tiles: Tiles {
+                spacing_m: floor.joint_spacing_m,
+                joint_width_m: floor.joint_width_m,
+                joint_tone: floor.joint_tone,
+                turn: [cos as f32, sin as f32],
+                stagger: floor.stagger,
+                contrast: floor.tile_contrast,
+            },
             ..Material::matte(floor.color)
         };
-        let origin = Vector3::new(low[0], low[1], 0.0);
-        let (u, v) = (Vector3::new(size[0], 0.0, 0.0), Vector3::new(0.0, size[1], 0.0));
-        self.surfaces.push(Surface::rectangle(origin, u, v, floor_material));
-        let ceiling_material = Material {
+        let (u, v) = (Vector3::x() * (high.x - low.x), Vector3::y() * (high.y - low.y));
+        let whole = self.surfaces.len();
+        self.surfaces.push(Surface::rectangle(lift(low, 0.0), u, v, material));
+        for (i, patch) in world.patches.iter().enumerate() {
+            self.patch(patch, i, whole);
+        }
+    }
+
+    fn ceiling(&mut self, ceiling: &Ceiling) {
+        let [low, high] = self.extent();
+        let material = Material {
             speckle: 0.03,
             grain_m: 0.02,
-            joint_spacing_m: ceiling.joint_spacing_m,
-            joint_width_m: 0.012,
-            joint_tone: 0.75,
+            tiles: Tiles {
+                spacing_m: ceiling.joint_spacing_m,
+                joint_width_m: 0.012,
+                joint_tone: 0.75,
+                ..Tiles::NONE
+            },
             ..Material::matte(ceiling.color)
         };
-        let origin = Vector3::new(low[0], high[1], ceiling.height_m);
-        self.surfaces.push(Surface::rectangle(origin, u, -v, ceiling_material));
+        let origin = Vector3::new(low.x, high.y, ceiling.height_m);
+        let (u, v) = (Vector3::x() * (high.x - low.x), Vector3::y() * (high.y - low.y));
+        self.surfaces.push(Surface::rectangle(origin, u, -v, material));
+    }
+
+    /// Returns the lowest and the highest x and y of the building.
+    fn extent(&self) -> [Vector2<f64>; 2] {
+        let points = || self.solids.iter().flat_map(|s| s.base);
+        let low = [0, 1].map(|k| points().map(|p| p[k]).fold(-0.5_f64, f64::min) - 0.5);
+        let high = [0, 1].map(|k| points().map(|p| p[k]).fold(0.5_f64, f64::max) + 0.5);
+        [low.into(), high.into()]
     }
 
     /// Adds a box that is an obstacle.
@@ -279,7 +298,7 @@ impl Building {
     }
 
     /// Adds the sides and the top of a box, and its bottom if that is above the floor.
-    fn faces(&mut self, s: &Slab, material: Material) {
+    pub(super) fn faces(&mut self, s: &Slab, material: Material) {
         let up = Vector3::new(0.0, 0.0, s.z[1] - s.z[0]);
         let p = [s.corner, s.corner + s.along, s.corner + s.along + s.across, s.corner + s.across];
         for i in 0..4 {
@@ -294,10 +313,30 @@ impl Building {
     }
 }
 
+/// Returns the stretches of a wall between its doors, m from its start.
+pub(crate) fn between_doors(wall: &Wall, length_m: f64) -> Vec<[f64; 2]> {
+    let gaps = wall.doors.iter().map(|d| {
+        let half = d.width_m / 2.0 + FRAME_WIDTH_M;
+        [d.at_m - half, d.at_m + half]
+    });
+    let mut gaps: Vec<_> = gaps.chain([[length_m, length_m]]).collect();
+    gaps.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut start = 0.0;
+    let mut stretches = Vec::new();
+    for [a, b] in gaps {
+        if a > start + 1e-6 {
+            stretches.push([start, a]);
+        }
+        start = b;
+    }
+    stretches
+}
+
 fn wall_material(color: Color) -> Material {
     Material { speckle: 0.012, grain_m: 0.02, ..Material::matte(color) }
 }
 
-fn lift(p: Vector2<f64>, z: f64) -> Vector3<f64> {
+/// Returns the point at this height above `p`.
+pub(super) fn lift(p: Vector2<f64>, z: f64) -> Vector3<f64> {
     Vector3::new(p.x, p.y, z)
 }

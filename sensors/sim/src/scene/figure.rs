@@ -86,6 +86,7 @@ fn limb(
                 size: [u1 - u0, v1 - v0],
                 material,
                 light: LightGrid::default(),
+                part_of: None,
             },
             outward: [a, b],
         });

@@ -51,7 +51,12 @@ impl Lighting {
 
     /// Computes the light grids of `surfaces`, and appends their values to `values`.
     pub fn bake(&self, surfaces: &mut [Surface], blockers: &TriMesh, values: &mut Vec<f32>) {
-        for s in surfaces {
+        for index in 0..surfaces.len() {
+            if let Some(whole) = surfaces[index].part_of {
+                surfaces[index].light = surfaces[whole].light;
+                continue;
+            }
+            let s = &mut surfaces[index];
             let normal = s.normal();
             s.light.first = values.len();
             s.light.count = s.size.map(|m| (m / TEXEL_M).ceil() as usize + 1).map(|n| n.clamp(2, 400));

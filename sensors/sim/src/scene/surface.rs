@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::world::Color;
+use crate::world::{Color, Grain};
 
 /// Optical properties of a surface.
 #[derive(Clone, Copy, Debug)]
@@ -11,18 +11,57 @@ pub struct Material {
     pub albedo: Color,
     /// Emitted radiance, relative to a white surface below a lamp.
     pub emission: f32,
-    /// Standard deviation of the speckle, relative to the mean.
+    /// Shape of the fine texture.
+    pub grain: Grain,
+    /// Standard deviation of the fine texture, relative to the mean.
     pub speckle: f32,
     /// Size of the finest speckle, m.
     pub grain_m: f32,
-    /// Fraction of the Fresnel reflection, 0 to 1. Only horizontal surfaces at z = 0 reflect.
+    /// Fraction of the Fresnel reflection, 0 to 1. Only horizontal surfaces on the floor reflect.
     pub gloss: f32,
+    /// Fresnel reflection at normal incidence, 0 to 1.
+    pub reflectance: f32,
+    /// True if the mirror image is sharp.
+    pub is_sharp: bool,
+    /// Light relative to the light around the surface.
+    pub light: f32,
+    /// Joints and the tiles between them.
+    pub tiles: Tiles,
+}
+
+/// Joints of a surface, and the tiles between them.
+#[derive(Clone, Copy, Debug)]
+pub struct Tiles {
     /// Spacing of the joints along u and v, m; 0: no joints.
-    pub joint_spacing_m: [f32; 2],
+    pub spacing_m: [f32; 2],
     /// Width of the joints, m.
     pub joint_width_m: f32,
     /// Brightness of the joints relative to the surface.
     pub joint_tone: f32,
+    /// Direction of the rows in surface coordinates: cosine and sine of its angle to u.
+    pub turn: [f32; 2],
+    /// Random shift of each row along itself, relative to the spacing.
+    pub stagger: f32,
+    /// Standard deviation of the brightness of the tiles, relative to the mean.
+    pub contrast: f32,
+}
+
+impl Tiles {
+    /// A surface without joints.
+    pub const NONE: Self = Self {
+        spacing_m: [0.0; 2],
+        joint_width_m: 0.0,
+        joint_tone: 1.0,
+        turn: [1.0, 0.0],
+        stagger: 0.0,
+        contrast: 0.0,
+    };
+
+    /// Returns true for a grid of joints along u and v, with tiles of equal brightness.
+    #[must_use]
+    pub fn is_regular(&self) -> bool {
+        self.turn[1] == 0.0 && self.stagger == 0.0 && self.contrast == 0.0
+    }
 }
 
 impl Material {
@@ -32,12 +71,14 @@ impl Material {
         Self {
             albedo,
             emission: 0.0,
+            grain: Grain::Speckle,
             speckle: 0.0,
             grain_m: 0.01,
             gloss: 0.0,
-            joint_spacing_m: [0.0; 2],
-            joint_width_m: 0.0,
-            joint_tone: 1.0,
+            reflectance: 0.0,
+            is_sharp: false,
+            light: 1.0,
+            tiles: Tiles::NONE,
         }
     }
 
@@ -63,6 +104,8 @@ pub struct Surface {
     pub material: Material,
     /// Light values.
     pub light: LightGrid,
+    /// Index of an earlier surface with the same coordinates and light, of which this one is a part.
+    pub part_of: Option<usize>,
 }
 
 /// Regular grid of light values on a surface, from corner to corner.
@@ -85,6 +128,7 @@ impl Surface {
             size: [u.norm(), v.norm()],
             material,
             light: LightGrid::default(),
+            part_of: None,
         }
     }
 

@@ -1,33 +1,35 @@
-//! Speckle texture: a periodic tile of seeded noise with mean 0 and standard deviation 1, and its mipmap.
+//! Fine textures: periodic tiles of seeded values with mean 0 and standard deviation 1, and their mipmaps.
 
 use rand::RngExt;
 
 use crate::random::stream;
+use crate::world::Grain;
 
 /// Number of texels along a side of the finest level.
 const SIDE: usize = 256;
+/// Number of texels along a side of the square that holds one chip.
+const CHIP: usize = 8;
+/// Number of texels along a lozenge of a carpet.
+const LOZENGE: usize = 64;
 
-/// Periodic noise in a pyramid of resolutions.
+/// Periodic texture in a pyramid of resolutions.
 #[derive(Clone, Debug)]
-pub struct Speckle {
+pub struct Texture {
     levels: Vec<Vec<f32>>,
 }
 
-impl Speckle {
-    /// Returns the speckle of this seed.
+impl Texture {
+    /// Returns the texture of this shape and seed.
     #[must_use]
-    pub fn new(seed: u64) -> Self {
-        let mut rng = stream(seed, "speckle");
-        let mut texels = vec![0.0; SIDE * SIDE];
-        for octave in 0..5_usize {
-            let side = SIDE >> octave;
-            let grid: Vec<f32> = (0..side * side).map(|_| rng.random_range(-1.0..1.0)).collect();
-            let scale = (side as f32) / SIDE as f32;
-            for (i, texel) in texels.iter_mut().enumerate() {
-                let (x, y) = ((i % SIDE) as f32 * scale, (i / SIDE) as f32 * scale);
-                *texel += sample(&grid, side, x, y);
-            }
-        }
+    pub fn new(grain: Grain, seed: u64) -> Self {
+        Self::from_texels(match grain {
+            Grain::Speckle => speckle(seed),
+            Grain::Chips => chips(seed),
+            Grain::Motif => motif(seed),
+        })
+    }
+
+    fn from_texels(mut texels: Vec<f32>) -> Self {
         let mean = texels.iter().sum::<f32>() / texels.len() as f32;
         let variance = texels.iter().map(|t| (t - mean).powi(2)).sum::<f32>() / texels.len() as f32;
         let gain = variance.sqrt().recip();
@@ -64,7 +66,7 @@ impl Speckle {
     }
 }
 
-/// One level of a [`Speckle`].
+/// One level of a [`Texture`].
 #[derive(Clone, Copy)]
 pub struct Level<'a> {
     texels: &'a [f32],
@@ -81,6 +83,78 @@ impl Level<'_> {
         let coordinate = |t: f32| (t * self.shrink + self.shift).max(0.0);
         sample(self.texels, self.side, coordinate(u), coordinate(v))
     }
+}
+
+/// Returns noise of several sizes.
+fn speckle(seed: u64) -> Vec<f32> {
+    let mut rng = stream(seed, "speckle");
+    let mut texels = vec![0.0; SIDE * SIDE];
+    for octave in 0..5_usize {
+        let side = SIDE >> octave;
+        let grid: Vec<f32> = (0..side * side).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let scale = (side as f32) / SIDE as f32;
+        for (i, texel) in texels.iter_mut().enumerate() {
+            let (x, y) = ((i % SIDE) as f32 * scale, (i / SIDE) as f32 * scale);
+            *texel += sample(&grid, side, x, y);
+        }
+    }
+    texels
+}
+
+/// Returns chips of random size, shape and tone in an even ground.
+fn chips(seed: u64) -> Vec<f32> {
+    let mut rng = stream(seed, "chips");
+    let side = SIDE / CHIP;
+    // Center in texels, half axes, and tone.
+    let chips: Vec<[f32; 5]> = (0..side * side)
+        .map(|i| {
+            let within = |cell: usize, share: f32| (cell as f32 + share) * CHIP as f32;
+            [
+                within(i % side, rng.random_range(0.2..0.8)),
+                within(i / side, rng.random_range(0.2..0.8)),
+                CHIP as f32 * rng.random_range(0.2..0.6_f32),
+                CHIP as f32 * rng.random_range(0.2..0.6_f32),
+                rng.random_range(-1.0..1.0),
+            ]
+        })
+        .collect();
+    let wrapped = |difference: f32| difference - SIDE as f32 * (difference / SIDE as f32).round();
+    (0..SIDE * SIDE)
+        .map(|i| {
+            let (x, y) = (i % SIDE, i / SIDE);
+            let mut tone = 0.1 * rng.random_range(-1.0..1.0_f32);
+            for neighbor in 0..9 {
+                let cell = |at: usize, step: usize| (at / CHIP + step + side - 1) % side;
+                let [cx, cy, a, b, shade] = chips[cell(y, neighbor / 3) * side + cell(x, neighbor % 3)];
+                let (dx, dy) = (wrapped(x as f32 - cx).abs() / a, wrapped(y as f32 - cy).abs() / b);
+                // Between an ellipse and a lozenge: broken stone.
+                if dx + dy + dx.max(dy) < 2.0 {
+                    tone = shade;
+                }
+            }
+            tone
+        })
+        .collect()
+}
+
+/// Returns lozenges with a dot in each, and noise.
+fn motif(seed: u64) -> Vec<f32> {
+    let mut rng = stream(seed, "motif");
+    (0..SIDE * SIDE)
+        .map(|i| {
+            let half = 0.5 * LOZENGE as f32;
+            let within = |t: usize| ((t % LOZENGE) as f32 + 0.5 - half).abs() / half;
+            let reach = within(i % SIDE) + within(i / SIDE);
+            let figure = if (0.85..1.15).contains(&reach) {
+                -1.0
+            } else if reach < 0.35 {
+                1.2
+            } else {
+                0.15
+            };
+            figure + rng.random_range(-1.0..1.0_f32)
+        })
+        .collect()
 }
 
 /// Interpolates bilinearly in a periodic grid. `side` must be a power of two, coordinates below 2^31.
@@ -100,18 +174,21 @@ fn sample(grid: &[f32], side: usize, x: f32, y: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::{SIDE, Speckle};
+    use super::{SIDE, Texture};
+    use crate::world::Grain;
 
     #[test]
-    fn speckle_has_unit_contrast_near_and_fades_far() {
-        let speckle = Speckle::new(3);
-        let contrast = |footprint: f32| {
-            let n = SIDE * SIDE;
-            (0..n).map(|i| speckle.at((i % SIDE) as f32, (i / SIDE) as f32, footprint).powi(2)).sum::<f32>()
-                / n as f32
-        };
-        assert!((contrast(0.5) - 1.0).abs() < 0.01);
-        assert!(contrast(16.0) < 0.5 * contrast(2.0));
-        assert!(contrast(300.0) < 1e-6, "the mean is zero");
+    fn textures_have_unit_contrast_near_and_fade_far() {
+        for grain in [Grain::Speckle, Grain::Chips, Grain::Motif] {
+            let texture = Texture::new(grain, 3);
+            let contrast = |footprint: f32| {
+                let n = SIDE * SIDE;
+                let at = |i: usize| texture.at((i % SIDE) as f32, (i / SIDE) as f32, footprint);
+                (0..n).map(|i| at(i).powi(2)).sum::<f32>() / n as f32
+            };
+            assert!((contrast(0.5) - 1.0).abs() < 0.01, "{grain:?}");
+            assert!(contrast(16.0) < 0.5 * contrast(2.0), "{grain:?}");
+            assert!(contrast(300.0) < 1e-6, "{grain:?}: the mean is zero");
+        }
     }
 }

@@ -52,8 +52,8 @@ impl World {
                 );
             }
         }
-        violations.joints("floor", self.floor.joint_spacing_m);
-        violations.joints("ceiling", self.ceiling.joint_spacing_m);
+        violations.joints("floor", "joint_spacing_m", self.floor.joint_spacing_m);
+        violations.joints("ceiling", "joint_spacing_m", self.ceiling.joint_spacing_m);
         violations.0
     }
 }
@@ -66,11 +66,11 @@ impl Violations {
         self.0.push(ParameterError::new(key, what));
     }
 
-    fn joints(&mut self, owner: &str, spacing_m: [f32; 2]) {
+    fn joints(&mut self, owner: &str, key: &str, spacing_m: [f32; 2]) {
         if spacing_m.iter().any(|&m| m > 0.0 && m < MIN_JOINT_SPACING_M) {
             self.push(
-                format!("{owner}.joint_spacing_m"),
-                format!("must be 0 (no joints) or at least {MIN_JOINT_SPACING_M} m"),
+                format!("{owner}.{key}"),
+                format!("must be 0 (none) or at least {MIN_JOINT_SPACING_M} m"),
             );
         }
     }
@@ -122,6 +122,28 @@ impl Violations {
             self.window(&key, window, [0.0, length], w.height_m);
             self.overlap(format!("{key}.at_m"), span, Side::Left, &taken);
             taken.push((Side::Left, span, "another window"));
+        }
+        for (i, poster) in w.posters.iter().enumerate() {
+            let key = format!("{key}.poster[{i}]");
+            self.joints(&key, "line_spacing_m", poster.line_spacing_m);
+            self.opening(
+                format!("{key}.at_m"),
+                around(poster.at_m, poster.width_m),
+                [0.0, length],
+                Side::Left,
+                &taken,
+            );
+            self.height(format!("{key}.height_m"), poster.base_m + poster.height_m, w.height_m);
+        }
+        if let Some(dado) = w.dado {
+            let sills = w.windows.iter().map(|window| window.sill_m);
+            let lowest_m = sills.fold(w.height_m, f64::min);
+            if dado.height_m > lowest_m {
+                self.push(
+                    format!("{key}.dado.height_m"),
+                    format!("must end below the windows and the top of the wall, at {lowest_m} m"),
+                );
+            }
         }
     }
 

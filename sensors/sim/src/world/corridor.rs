@@ -204,8 +204,7 @@ impl Corridor {
             thickness_m: self.thickness_m,
             color: self.color,
             baseboard: self.baseboard,
-            doors: Vec::new(),
-            windows: Vec::new(),
+            ..Wall::default()
         }
     }
 

@@ -6,7 +6,7 @@ use nalgebra::{Point2, Point3, Vector2};
 use yamabico_vision::map::{Edge, Wall as MapWall, WireFrame};
 
 use super::{Corridor, Door, Wall, Window, World};
-use crate::scene::build::{FRAME_DEPTH_M, FRAME_WIDTH_M, LEAF_M, REBATE_M, WINDOW_BAR_M};
+use crate::scene::build::{FRAME_DEPTH_M, FRAME_WIDTH_M, LEAF_M, REBATE_M, WINDOW_BAR_M, between_doors};
 
 impl World {
     /// Returns a map of the building in the world frame: corners, baseboards, ceiling lines, doors and windows, without lamps and
@@ -57,6 +57,11 @@ impl Draft {
         }
         self.edge(face.point(0.0, 0.0, top_m), face.point(length, 0.0, top_m));
 
+        if let Some(dado) = wall.dado {
+            for [from, to] in between_doors(wall, length) {
+                self.edge(face.point(from, 0.0, dado.height_m), face.point(to, 0.0, dado.height_m));
+            }
+        }
         let mut doors: Vec<&Door> = wall.doors.iter().collect();
         doors.sort_by(|a, b| a.at_m.total_cmp(&b.at_m));
         let (mut foot_from, mut wall_from) = (0.0, 0.0);

@@ -8,7 +8,7 @@ use nalgebra::Point2;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_map_localizer::azimuth::{BearingPair, EdgeLandmark, LeverArm, SeenBearing, filter};
 use yamabico_map_localizer::belief::Belief;
-use yamabico_map_localizer::motion::{Increment, MotionNoise};
+use yamabico_map_localizer::motion::{Increment, MotionNoise, SlipNoise};
 
 use crate::arguments::Data;
 use crate::report::{Report, Table, number, percent};
@@ -19,6 +19,8 @@ const NOISE: MotionNoise = MotionNoise {
     turn_per_turn_rad: 0.09,
     turn_per_distance: 0.04,
     drift_per_distance: 0.0,
+    delay_s: 0.0,
+    slip: SlipNoise { from_mps2: 0.0, gain: 0.0 },
 };
 /// Standard deviation of an azimuth, rad: 1.5 degrees, mostly caused by time stamps that differ.
 const SIGMA_RAD: f64 = 0.026;
@@ -140,7 +142,7 @@ fn track(events: &[(f64, Event)]) -> Option<Tally> {
     for (t, event) in &events[start..] {
         let step_s = t - last_s;
         last_s = *t;
-        let motion = Increment { forward_m: speed * step_s, turn_rad: turn * step_s };
+        let motion = Increment { forward_m: speed * step_s, turn_rad: turn * step_s, ..Increment::default() };
         belief = motion.move_belief(&belief, 0.0, &NOISE);
         reckoned = motion.move_pose(&reckoned);
         match event {

@@ -7,7 +7,7 @@ use yamabico_core::camera::Pinhole;
 use yamabico_drawing::Canvas;
 use yamabico_rigs::camera::forward_camera;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World, random};
-use yamabico_vision::map::{EdgeRole, ExpectationMap, ExpectationRules, WireFrame};
+use yamabico_vision::map::{EdgeRole, ExpectationMap, ExpectationRules, WIRE_FRAME_FILE, WireFrame};
 
 use super::read_world;
 use crate::arguments::At;
@@ -33,9 +33,10 @@ impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
         let world = read_world(&self.world)?;
         let map = world.wire_frame();
+        let key = WIRE_FRAME_FILE.key;
         let name = self.world.file_stem().unwrap_or_default().to_string_lossy();
         let head = format!(
-            "# Edges and walls of the building of worlds/{name}.toml, written from it:\n\
+            "#:schema ../schemas/{key}.json\n# Edges and walls of the building of worlds/{name}.toml, written from it:\n\
              #\n\
              #     cargo run --release -p yamabico-evaluations -- render map WORLD.toml MAP.toml\n\
              #\n\

@@ -1,5 +1,6 @@
 //! Images and maps of a simulated world.
 
+mod buildings;
 mod floor_training;
 mod map;
 mod mirrors;
@@ -20,6 +21,7 @@ pub enum Command {
     Mirrors(mirrors::Arguments),
     FloorTraining(floor_training::Arguments),
     Map(map::Arguments),
+    Buildings(buildings::Arguments),
 }
 
 impl Command {
@@ -30,6 +32,7 @@ impl Command {
             Self::Mirrors(arguments) => arguments.run(out),
             Self::FloorTraining(arguments) => arguments.run(out),
             Self::Map(arguments) => arguments.run(out),
+            Self::Buildings(arguments) => arguments.run(out),
         }
     }
 }

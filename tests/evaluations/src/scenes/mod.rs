@@ -183,12 +183,8 @@ fn room(rng: &mut Stream) -> World {
     let walls = (0..4).map(|i| Wall {
         from_m: corners[i],
         to_m: corners[(i + 1) % 4],
-        height_m: 2.6,
-        thickness_m: 0.12,
         color: dark(rng),
-        baseboard: None,
-        doors: Vec::new(),
-        windows: Vec::new(),
+        ..Wall::default()
     });
     let walls = walls.collect();
     let count = rng.random_range(1..9);

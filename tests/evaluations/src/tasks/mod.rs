@@ -13,13 +13,13 @@ use yamabico::plugins::plugins;
 use yamabico_host::config::{Overrides, Task, load};
 
 /// Loads a task file with changed keys.
-fn load_task(file: &Path, set: &[String]) -> Result<Task, String> {
+pub fn load_task(file: &Path, set: &[String]) -> Result<Task, String> {
     let overrides = Overrides { robot: None, set: set.to_vec() };
     load(file, &overrides, &plugins()).map_err(|problems| problems.to_string())
 }
 
 /// Runs `work` for each seed, up to `jobs` at a time; returns the results in the order of the seeds.
-fn sweep<T: Send>(
+pub fn sweep<T: Send>(
     seeds: Range<u64>,
     jobs: usize,
     work: impl Fn(u64) -> Result<T, String> + Sync,

@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Name of the behavior that plans the path; by default the only one that publishes a path.
     #[arg(long, value_name = "NAME")]
     behavior: Option<String>,
-    /// Returns as soon as a path is planned, instead of waiting until the robot arrives.
+    /// Return as soon as a path is planned, instead of waiting until the robot arrives.
     #[arg(long)]
     no_wait: bool,
 }

@@ -12,7 +12,7 @@ use yamabico_runtime::execution::Progress;
 use yamabico_runtime::supervisor::Program;
 
 use crate::interrupt::interrupt_flag;
-use crate::output::{CommandResult, Failure, Print, printable};
+use crate::output::{CommandResult, Failure, Print, complain, printable};
 use crate::progress::RunProgress;
 use crate::task_arguments::TaskArguments;
 
@@ -73,7 +73,7 @@ impl DriveArguments {
 
 fn warn(warnings: &[String]) {
     for warning in warnings {
-        eprintln!("warning: {}", printable(warning));
+        complain(&format!("warning: {}", printable(warning)));
     }
 }
 

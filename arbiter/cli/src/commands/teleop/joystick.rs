@@ -6,6 +6,7 @@ use std::time::Duration;
 use gilrs::{Axis, Button, Gamepad, Gilrs};
 
 use super::{PERIOD, Session, line};
+use crate::output::say;
 
 /// Dead zone of a stick: a released stick does not rest exactly at zero.
 const DEAD_ZONE: f32 = 0.1;
@@ -18,7 +19,7 @@ impl Session {
         if gilrs.gamepads().next().is_none() {
             return Err("no joystick is connected: connect one, or drive with the keyboard".to_owned());
         }
-        println!("{HELP}");
+        say(HELP);
         let mut printed = String::new();
         while !interrupt.load(Ordering::Relaxed) {
             while gilrs.next_event().is_some() {}
@@ -27,7 +28,7 @@ impl Session {
             let state = self.robot_state()?;
             let line = line(deflection, 1.0, &state);
             if line != printed {
-                println!("{line}");
+                say(&line);
                 printed = line;
             }
             std::thread::sleep(PERIOD.max(Duration::from_millis(20)));

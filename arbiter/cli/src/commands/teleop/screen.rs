@@ -10,6 +10,8 @@ use crossterm::terminal::{
     Clear, ClearType, disable_raw_mode, enable_raw_mode, size, supports_keyboard_enhancement,
 };
 
+use crate::output::say;
+
 /// A terminal in raw mode. Dropping it restores the terminal, also when a panic unwinds.
 pub struct Screen {
     reports_releases: bool,
@@ -21,7 +23,7 @@ impl Screen {
     /// # Errors
     /// Standard input is not a terminal, or the terminal was closed.
     pub fn open(help: &str) -> std::io::Result<Screen> {
-        println!("{help}");
+        say(help);
         enable_raw_mode()?;
         let mut screen = Screen { reports_releases: false };
         if supports_keyboard_enhancement().unwrap_or(false) {

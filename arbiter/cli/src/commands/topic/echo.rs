@@ -11,7 +11,7 @@ use yamabico_core::time::Time;
 use yamabico_runtime::record::to_json;
 
 use super::{INTERRUPT_CHECK, WAITING, subscribe};
-use crate::output::{CommandResult, DONE, Print, printable};
+use crate::output::{CommandResult, DONE, Print, complain, printable};
 use crate::robot_argument::RobotArgument;
 
 /// Maximum number of printed items of a list.
@@ -24,13 +24,13 @@ const MAX_NUMBERS: usize = 9;
 pub struct Arguments {
     /// Topic, as `yamabico topic list` prints it.
     topic: String,
-    /// Prints one message only.
+    /// Print one message only.
     #[arg(long, conflicts_with = "count")]
     once: bool,
     /// Number of messages to print; by default until Ctrl-C.
     #[arg(long = "number", short = 'n', value_name = "N")]
     count: Option<u64>,
-    /// Prints long lists in full.
+    /// Print long lists in full.
     #[arg(long)]
     full: bool,
     #[command(flatten)]
@@ -63,7 +63,10 @@ pub fn echo(arguments: &Arguments, print: Print) -> CommandResult {
         }
         if !is_informed && printed == 0 && began.elapsed() > WAITING {
             is_informed = true;
-            eprintln!("waiting for a message on {}; press Ctrl-C to end", printable(&arguments.topic));
+            complain(&format!(
+                "waiting for a message on {}; press Ctrl-C to end",
+                printable(&arguments.topic)
+            ));
         }
     }
     Ok(DONE)

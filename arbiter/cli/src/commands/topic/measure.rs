@@ -11,7 +11,7 @@ use yamabico_core::time::Time;
 use yamabico_runtime::client::{ReceivedMessage, RollingWindow, Statistics};
 
 use super::{INTERRUPT_CHECK, WAITING, subscribe};
-use crate::output::{CommandResult, DONE, Failure, Print, printable};
+use crate::output::{CommandResult, DONE, Failure, Print, complain, printable};
 use crate::robot_argument::RobotArgument;
 
 /// Arguments of `topic hz` and `topic latency`.
@@ -110,7 +110,10 @@ fn measure(
         }
         if !is_informed && window.statistics().is_none() && began.elapsed() > WAITING {
             is_informed = true;
-            eprintln!("waiting for messages on {}; press Ctrl-C to end", printable(&arguments.topic));
+            complain(&format!(
+                "waiting for messages on {}; press Ctrl-C to end",
+                printable(&arguments.topic)
+            ));
         }
     }
     if window.statistics().is_none() {

@@ -1,0 +1,59 @@
+//! Texts of errors, and output into a pipe that nobody reads.
+
+use std::process::Stdio;
+
+use yamabico_testkit::config;
+
+use crate::program::{assert_exit, text, yamabico};
+
+#[test]
+fn check_says_how_many_errors_there_are() {
+    let task = config("corridor.toml");
+    let check = |set: &str| yamabico().arg("check").arg(&task).args(["--set", set]).output().unwrap();
+    let checked = check("behaviors.wall-follower.speed_mps=9");
+    assert_exit(&checked, 2, &["exceeds the robot's maximum", "[ --set ]", "\n1 error\n"]);
+    assert!(!text(&checked).contains("nothing was opened"));
+    assert_exit(&check("arbiter.rate_hz"), 2, &["write, for example, --set "]);
+}
+
+#[test]
+fn a_missing_task_is_named_without_an_excerpt() {
+    let missing = yamabico().args(["run", "missing.toml"]).output().unwrap();
+    assert_exit(&missing, 2, &["Error: file missing.toml does not exist\n  Help: ", "nothing was opened"]);
+    assert!(!text(&missing).contains('╭'));
+}
+
+#[test]
+fn misspelled_commands_get_a_suggestion() {
+    for (arguments, suggestion) in
+        [(&["rnu"][..], "'run'"), (&["topic", "lsit"], "'list'"), (&["new", "behavoir"], "'behavior'")]
+    {
+        assert_exit(&yamabico().args(arguments).output().unwrap(), 2, &[suggestion]);
+    }
+    let unlike = yamabico().arg("foo").output().unwrap();
+    assert!(!text(&unlike).contains("similar"), "{}", text(&unlike));
+}
+
+#[test]
+fn a_closed_pipe_ends_no_command_with_a_panic() {
+    let task = config("corridor.toml");
+    let task = task.to_str().unwrap();
+    for (arguments, code) in [
+        (&["check", task][..], 0),
+        (&["check", task, "--set", "arbiter.rate_hz=x"], 2),
+        (&["check", task, "--set", "arbiter.rate_hz=x", "--json"], 2),
+        (&["describe", "wall-follower"], 0),
+        (&["describe", "foo"], 2),
+        (&["graph", task], 0),
+        (&["list"], 0),
+        (&["schema"], 0),
+        (&["rnu\u{7}"], 2),
+        (&["--help"], 0),
+    ] {
+        let mut command = yamabico();
+        let command = command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        drop((child.stdout.take(), child.stderr.take()));
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{arguments:?}");
+    }
+}

@@ -1,0 +1,214 @@
+//! The ladder: when the robot is stuck, and which rung it tries next.
+
+use std::time::Duration;
+
+use yamabico_core::geometry::Pose2;
+use yamabico_core::time::Time;
+
+use crate::config::{Config, Rung};
+use crate::situation::Situation;
+
+/// A rung that is being tried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attempt {
+    /// Place in the ladder, from 0.
+    pub index: usize,
+    /// What is tried.
+    pub rung: Rung,
+    /// Pose at its beginning, odometry frame.
+    pub start: Pose2,
+    /// Time for which it has been tried, s, without the time in which everything was halted.
+    pub elapsed_s: f64,
+}
+
+/// Progress of the robot and the place in the ladder.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ladder {
+    rungs: Vec<Rung>,
+    patience_s: f64,
+    retry_s: f64,
+    progress_m: f64,
+    away_m: f64,
+    /// Where progress was last seen, and when.
+    anchor: Option<(Pose2, Time)>,
+    /// Where the robot was stuck first.
+    place: Option<Pose2>,
+    next: usize,
+    attempt: Option<Attempt>,
+    last: Option<Time>,
+    /// Time for which everything has been halted, s.
+    halted_s: f64,
+}
+
+impl Ladder {
+    /// Creates a ladder at its first rung.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            rungs: config.ladder.clone(),
+            patience_s: config.patience_s,
+            retry_s: config.retry_s,
+            progress_m: config.progress_m,
+            away_m: config.away_m,
+            anchor: None,
+            place: None,
+            next: 0,
+            attempt: None,
+            last: None,
+            halted_s: 0.0,
+        }
+    }
+
+    /// Number of rungs.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rungs.len()
+    }
+
+    /// Returns true if there is no rung.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rungs.is_empty()
+    }
+
+    /// Returns the time (s) since progress was last seen, without the time in which everything was halted.
+    #[must_use]
+    pub fn stuck_s(&self, now: Time) -> f64 {
+        self.anchor.map_or(0.0, |(_, since)| now.seconds_after(since))
+    }
+
+    /// Returns the time (s) for which everything has been halted, once it exceeds the patience.
+    #[must_use]
+    pub fn long_halted_s(&self) -> Option<f64> {
+        (self.halted_s >= self.patience_s).then_some(self.halted_s)
+    }
+
+    fn is_stuck(&self, now: Time) -> bool {
+        self.stuck_s(now) >= if self.place.is_some() { self.retry_s } else { self.patience_s }
+    }
+
+    /// Takes in the robot's pose (odometry frame) and situation, and returns the attempt in progress or a new one.
+    pub fn advance(&mut self, pose: &Pose2, situation: &Situation, now: Time) -> Option<Attempt> {
+        let step = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last));
+        self.halted_s = if situation.halter.is_some() { self.halted_s + step.as_secs_f64() } else { 0.0 };
+        if situation.is_overruled {
+            self.attempt = None;
+            self.begin_anew(pose, now);
+            return None;
+        }
+        if let Some(attempt) = &mut self.attempt {
+            if situation.halter.is_none() {
+                attempt.elapsed_s += step.as_secs_f64();
+            }
+            return self.attempt;
+        }
+        if !situation.wants_to_drive {
+            self.begin_anew(pose, now);
+        }
+        if let Some((_, since)) = self.anchor.as_mut().filter(|_| situation.halter.is_some()) {
+            // The others have their whole time once the halt ends.
+            *since = *since + step;
+        }
+        if self.anchor.is_none_or(|(anchor, _)| anchor.distance(pose) >= self.progress_m) {
+            self.anchor = Some((*pose, now));
+        }
+        if self.place.is_some_and(|place| place.distance(pose) >= self.away_m) {
+            self.begin_anew(pose, now);
+        }
+        if self.is_stuck(now) && situation.halter.is_none() {
+            self.place.get_or_insert(*pose);
+            let index = self.next % self.rungs.len().max(1);
+            let rung = *self.rungs.get(index)?;
+            self.attempt = Some(Attempt { index, rung, start: *pose, elapsed_s: 0.0 });
+        }
+        self.attempt
+    }
+
+    /// Ends the attempt: the other behaviors drive again, and the next time it is the next rung's turn.
+    pub fn finish(&mut self, pose: &Pose2, now: Time) {
+        self.next = self.attempt.take().map_or(self.next, |attempt| attempt.index + 1);
+        self.anchor = Some((*pose, now));
+    }
+
+    fn begin_anew(&mut self, pose: &Pose2, now: Time) {
+        (self.anchor, self.place, self.next) = (Some((*pose, now)), None, 0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DRIVING: Situation = Situation { wants_to_drive: true, is_overruled: false, halter: None };
+
+    fn ladder() -> Ladder {
+        Ladder::new(&Config { ladder: vec![Rung::Wait, Rung::Turn], ..Config::default() })
+    }
+
+    fn at(x: f64) -> Pose2 {
+        Pose2::new(x, 0.0, 0.0)
+    }
+
+    fn seconds(seconds: f64) -> Time {
+        Time::from_secs_f64(seconds)
+    }
+
+    #[test]
+    fn rungs_follow_each_other_and_begin_anew_after_the_last() {
+        let mut ladder = ladder();
+        let mut tried = Vec::new();
+        for i in 0..400 {
+            let now = seconds(0.1 * f64::from(i));
+            if let Some(attempt) = ladder.advance(&at(0.0), &DRIVING, now) {
+                tried.push((i, attempt.rung));
+                ladder.finish(&at(0.0), now);
+            }
+        }
+        let expected = [(100, Rung::Wait), (150, Rung::Turn), (200, Rung::Wait), (250, Rung::Turn)];
+        assert_eq!(tried[..4], expected);
+    }
+
+    #[test]
+    fn progress_takes_it_back_to_the_first_rung_only_away_from_the_place() {
+        let mut ladder = ladder();
+        ladder.advance(&at(0.0), &DRIVING, seconds(0.0));
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(10.0)).unwrap().rung, Rung::Wait);
+        ladder.finish(&at(0.0), seconds(11.0));
+        assert_eq!(ladder.advance(&at(0.5), &DRIVING, seconds(12.0)), None);
+        assert_eq!(ladder.advance(&at(0.5), &DRIVING, seconds(17.0)).unwrap().rung, Rung::Turn, "still near");
+        ladder.finish(&at(0.5), seconds(18.0));
+        assert_eq!(ladder.advance(&at(1.2), &DRIVING, seconds(19.0)), None);
+        assert_eq!(ladder.advance(&at(1.2), &DRIVING, seconds(28.0)), None, "the whole patience again");
+        assert_eq!(ladder.advance(&at(1.2), &DRIVING, seconds(29.0)).unwrap().rung, Rung::Wait);
+    }
+
+    #[test]
+    fn who_stands_because_nobody_wants_to_drive_is_not_stuck() {
+        let mut ladder = ladder();
+        for i in 0..100 {
+            let situation = Situation { wants_to_drive: false, ..DRIVING };
+            assert_eq!(ladder.advance(&at(0.0), &situation, seconds(f64::from(i))), None);
+        }
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(105.0)), None);
+    }
+
+    #[test]
+    fn a_halt_of_everything_is_waited_for_and_a_higher_priority_ends_the_attempt() {
+        let mut ladder = ladder();
+        let halted = Situation { halter: Some("sonar-halt".into()), ..DRIVING };
+        for i in 0..=30 {
+            assert_eq!(ladder.advance(&at(0.0), &halted, seconds(f64::from(i))), None);
+        }
+        assert_eq!(ladder.long_halted_s(), Some(30.0));
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(39.0)), None, "the others have their time");
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(40.0)).unwrap().elapsed_s, 0.0);
+        assert_eq!(
+            ladder.advance(&at(0.0), &halted, seconds(50.0)).unwrap().elapsed_s,
+            0.0,
+            "its time stands still"
+        );
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(51.0)).unwrap().elapsed_s, 1.0);
+        let overruled = Situation { is_overruled: true, ..DRIVING };
+        assert_eq!(ladder.advance(&at(0.0), &overruled, seconds(52.0)), None);
+    }
+}

@@ -1,0 +1,192 @@
+//! Gets a robot going again that wants to drive and does not progress.
+//!
+//! ```
+//! use yamabico_core::behavior::Setup;
+//! use yamabico_core::message::{DecisionHeader, Kind, Mode, Odometry, Twist};
+//! use yamabico_core::testing::Bench;
+//! use yamabico_stuck_recovery::{DECISION, ODOMETRY, StuckRecovery};
+//!
+//! let mut bench = Bench::<StuckRecovery>::new("patience_s = 2.0", Setup::default())?;
+//! let mut proposal = None;
+//! for stamp_ns in (0..=3_000_000_000).step_by(100_000_000) {
+//!     let wished = Twist::planar(0.4, 0.0);
+//!     let decision = DecisionHeader { stamp_ns, wished, mode: Mode::Driving.code(), ..Default::default() };
+//!     bench.at(stamp_ns as f64 * 1e-9).feed(&ODOMETRY, &Odometry { stamp_ns, ..Default::default() }, &[]);
+//!     proposal = Some(bench.feed(&DECISION, &decision, &[]).propose());
+//! }
+//! assert_eq!(proposal.and_then(|proposal| proposal.kind()), Some(Kind::Drive));
+//! # Ok::<(), yamabico_core::behavior::ParameterError>(())
+//! ```
+
+pub mod config;
+pub mod ladder;
+pub mod maneuver;
+pub mod room;
+pub mod situation;
+pub mod trail;
+
+use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{
+    Axes, DecisionHeader, Name, Odometry, Proposal, RangeScanHeader, Reason, Twist,
+};
+use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
+use yamabico_core::time::Time;
+
+use crate::config::{Config, Rung};
+use crate::ladder::{Attempt, Ladder};
+use crate::maneuver::Surroundings;
+use crate::room::Room;
+use crate::situation::Situation;
+use crate::trail::Trail;
+
+/// Input: wheel odometry.
+pub const ODOMETRY: Slot<Odometry> =
+    Slot::required("odometry", "progress, and the way on which the robot came");
+/// Input: the arbiter's decisions.
+pub const DECISION: Slot<DecisionHeader> = Slot::required("decision", "who wants to drive, and who halts");
+/// Input: range scans.
+pub const SONAR: Slot<RangeScanHeader> = Slot::optional("sonar", "room at the sides, ahead and behind");
+
+/// The behavior: abstains until the robot is stuck, then works through its ladder.
+#[derive(Clone, Debug)]
+pub struct StuckRecovery {
+    config: Config,
+    name: Name,
+    ladder: Ladder,
+    trail: Trail,
+    room: Room,
+    /// 1 if the next turn goes to the left, -1 if to the right.
+    side: f64,
+    odometry: Option<(Time, Pose2)>,
+    /// Rung of the last call.
+    acting: Option<usize>,
+}
+
+impl Plugin for StuckRecovery {
+    type Config = Config;
+    const NAME: &'static str = "stuck-recovery";
+    const SUMMARY: &'static str = "Gets a robot going again that wants to drive and does not progress.";
+    const INPUTS: &'static [SlotInfo] = &[ODOMETRY.info(), DECISION.info(), SONAR.info()];
+    const CLAIMS: Axes = Axes::PLANAR;
+
+    fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
+        if config.away_m <= config.back_m.max(config.side_m) {
+            let problem = "must be above `back_m` and `side_m`: a rung's own motion is no progress";
+            return Err(ParameterError::new("away_m", problem));
+        }
+        Ok(Self {
+            name: Name::new(&setup.name),
+            ladder: Ladder::new(&config),
+            trail: Trail::default(),
+            room: Room::UNKNOWN,
+            side: 1.0,
+            odometry: None,
+            acting: None,
+            config,
+        })
+    }
+}
+
+impl Behavior for StuckRecovery {
+    fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+        let now = inputs.now();
+        self.take_odometry(inputs);
+        self.take_sonar(inputs);
+        let Some((stamp, pose)) = self.odometry else { return Proposal::abstain(Reason::NoInput) };
+        let Some(decision) = inputs.latest(&DECISION) else { return Proposal::abstain(Reason::NoInput) };
+        if !self.is_fresh(stamp, now) || !self.is_fresh(Time(decision.header.stamp_ns), now) {
+            return Proposal::abstain(Reason::StaleInput).with_evidence(stamp);
+        }
+        let situation = Situation::of(&decision, &self.name);
+        let attempt = self.ladder.advance(&pose, &situation, now);
+        let proposal = match attempt {
+            Some(attempt) => self.attempt(&attempt, &pose, &situation, now),
+            None => self.watch(&pose, &situation),
+        };
+        proposal.with_evidence(stamp)
+    }
+}
+
+impl StuckRecovery {
+    fn take_odometry(&mut self, inputs: &Inputs<'_>) {
+        for odometry in inputs.fresh(&ODOMETRY) {
+            let (stamp, header) = (Time(odometry.header.stamp_ns), odometry.header);
+            let pose = Pose2::new(header.x, header.y, header.theta);
+            let is_newer = self.odometry.is_none_or(|(last, _)| stamp > last);
+            if pose.is_finite() && is_newer && stamp.seconds_after(inputs.now()) <= FUTURE_TOLERANCE_S {
+                self.odometry = Some((stamp, pose));
+            }
+        }
+    }
+
+    fn take_sonar(&mut self, inputs: &Inputs<'_>) {
+        let scan = inputs.latest(&SONAR);
+        let fresh = scan.filter(|scan| self.is_fresh(Time(scan.header.stamp_ns), inputs.now()));
+        self.room = fresh.map_or(Room::UNKNOWN, |scan| Room::of(scan.items));
+    }
+
+    fn is_fresh(&self, stamp: Time, now: Time) -> bool {
+        let age_s = now.seconds_after(stamp);
+        age_s <= self.config.stale_ms * 1e-3 && age_s >= -FUTURE_TOLERANCE_S
+    }
+
+    /// Abstains, and remembers the way.
+    fn watch(&mut self, pose: &Pose2, situation: &Situation) -> Proposal {
+        self.acting = None;
+        self.trail.push(pose);
+        match (situation.halter, self.ladder.long_halted_s()) {
+            (Some(halter), Some(halted_s)) => Proposal::abstain(Reason::PassageBlocked)
+                .with_note(format_args!("waits, for {halted_s:.0} s, because {halter} halts")),
+            _ => Proposal::abstain(Reason::Clear),
+        }
+    }
+
+    /// Tries a rung.
+    fn attempt(&mut self, attempt: &Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
+        if self.acting.replace(attempt.index) != Some(attempt.index) {
+            self.begin(attempt.rung);
+        }
+        if let Some(halter) = situation.halter {
+            return Proposal::abstain(Reason::PassageBlocked).with_note(format_args!(
+                "{} of {}, {}: waits, {halter} halts",
+                attempt.index + 1,
+                self.ladder.len(),
+                attempt.rung.as_str()
+            ));
+        }
+        let room = self.room;
+        let mut around = Surroundings { pose: *pose, room, trail: &mut self.trail, side: self.side };
+        match maneuver::twist(attempt, &mut around, &self.config) {
+            Some(twist) => self.drive(attempt, twist, now),
+            None => {
+                self.ladder.finish(pose, now);
+                self.acting = None;
+                Proposal::abstain(Reason::Clear)
+                    .with_note(format_args!("{} tried, the others drive", attempt.rung.as_str()))
+            }
+        }
+    }
+
+    /// Chooses the side once, when the rung begins.
+    fn begin(&mut self, rung: Rung) {
+        if rung == Rung::Turn {
+            self.side = self.room.wider_side(self.side);
+        }
+    }
+
+    fn drive(&self, attempt: &Attempt, twist: Twist, now: Time) -> Proposal {
+        let (number, count, rung) = (attempt.index + 1, self.ladder.len(), attempt.rung.as_str());
+        let drive = Proposal::drive(Axes::PLANAR, twist);
+        let proposal = if twist.linear == 0.0 { drive.uncoupled() } else { drive };
+        if attempt.rung == Rung::Ask {
+            let stuck_s = self.ladder.stuck_s(now);
+            return proposal.with_reason(Reason::PassageBlocked).with_note(format_args!(
+                "{number} of {count}, {rung}: please help, stuck again for {stuck_s:.0} s"
+            ));
+        }
+        proposal
+            .with_reason(Reason::Searching)
+            .with_note(format_args!("{number} of {count}, {rung}, {:.1} s", attempt.elapsed_s))
+    }
+}

@@ -1,0 +1,58 @@
+//! The situation of the robot by the arbiter's last decision.
+
+use yamabico_core::message::{Axes, DecisionHeader, Kind, Mode, Name, Outcome, Reason, Verdict, View};
+
+/// Translation below which a wish is to stand, m/s.
+const STANDING_MPS: f64 = 0.02;
+/// Turn rate below which a wish is to stand, rad/s.
+const STANDING_RADPS: f64 = 0.05;
+
+/// What the other behaviors want, and what halts them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Situation {
+    /// True if another behavior wants to drive, or would if it saw better.
+    pub wants_to_drive: bool,
+    /// True if a higher priority drives, or an emergency stops the robot.
+    pub is_overruled: bool,
+    /// Author of a halt of every axis that the drive has; none if an axis is free.
+    pub halter: Option<Name>,
+}
+
+impl Situation {
+    /// Reads a decision for the behavior `own`.
+    #[must_use]
+    pub fn of(decision: &View<'_, DecisionHeader>, own: &Name) -> Self {
+        let header = decision.header;
+        let others = || decision.items.iter().filter(|verdict| verdict.behavior != *own);
+        let own_priority = decision.items.iter().find(|verdict| verdict.behavior == *own);
+        let outranks = |verdict: &&Verdict| own_priority.is_some_and(|own| verdict.priority > own.priority);
+        let drives = |verdict: &&Verdict| header.source.contains(&verdict.behavior);
+        let is_overruled = others().filter(drives).any(|verdict| outranks(&verdict))
+            || !matches!(header.mode(), Some(Mode::Driving | Mode::Idle | Mode::Halted));
+        let moves = header.wished.speed() > STANDING_MPS || header.wished.angular.abs() > STANDING_RADPS;
+        let is_blocked = others().any(|verdict| is_drive(verdict) && is(verdict, Reason::PassageBlocked));
+        let has_doubts = !others().any(is_drive) && others().any(doubts);
+        let halted = header.halted.intersection(header.axes);
+        let stops_all = !header.axes.is_empty() && header.axes.without(halted).is_empty();
+        let halters = header.halter.iter().find(|name| !name.is_empty());
+        Self {
+            wants_to_drive: moves || is_blocked || has_doubts,
+            is_overruled,
+            halter: halters.copied().filter(|_| stops_all),
+        }
+    }
+}
+
+fn is(verdict: &Verdict, reason: Reason) -> bool {
+    verdict.reason == reason.code()
+}
+
+fn is_drive(verdict: &Verdict) -> bool {
+    verdict.kind == Kind::Drive.code() && verdict.claimed != Axes::NONE
+}
+
+/// Returns true if the behavior abstains because it does not see or recognize enough, or waits for a way to become free.
+fn doubts(verdict: &Verdict) -> bool {
+    let is_perception = verdict.reason >= Reason::TooFewSegments.code() || is(verdict, Reason::Searching);
+    is_perception && matches!(verdict.outcome(), Some(Outcome::Abstained | Outcome::Halting))
+}

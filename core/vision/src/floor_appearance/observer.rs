@@ -1,0 +1,210 @@
+//! Votes of an image from its look.
+
+use thiserror::Error;
+
+use super::boundaries::Boundaries;
+use super::features::{Blocks, Feature, Picture};
+use super::learned::LearnedLook;
+use super::modes::{Modes, Surfaces};
+use super::place::{FloorPlace, Part};
+use super::random_walk::RandomWalk;
+use super::votes::FloorVotes;
+
+/// Weight of the log likelihood ratio; half of it for gray images.
+const LOOK_WEIGHT: f32 = 0.9;
+/// Maximum magnitude of the log likelihood ratio.
+const MAX_LOG_RATIO: f32 = 8.0;
+/// Anchor of a block that may be floor.
+const ANCHOR: f32 = 0.1;
+/// Anchor of blocks known to be floor or to be none.
+const FIRM_ANCHOR: f32 = 1.0;
+/// Minimum probability of the foreground while it is presumed to be floor.
+const FOREGROUND_PROBABILITY: f32 = 0.95;
+/// Rounds: the second one fits the looks to the result of the first.
+const ROUNDS: usize = 2;
+/// Probability above which a block shows the floor's look in the next round.
+const SURE_FLOOR: f32 = 0.8;
+/// Probability below which a block shows another look in the next round.
+const SURE_OTHER: f32 = 0.2;
+/// Minimum number of blocks along either side of an image.
+const MIN_BLOCKS: usize = 4;
+/// Mean log intensity (with an offset of 8 levels) below which the foreground is dark: 8 gray levels.
+const DARK: f32 = 2.77;
+
+/// Reason why an image gives no votes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum AppearanceError {
+    /// The image has fewer than 4 x 4 blocks.
+    #[error("the image is too small")]
+    TooSmall,
+    /// The foreground is dark or saturates.
+    #[error("the foreground is dark or overexposed")]
+    NoForeground,
+}
+
+/// Observer of the floor's look. Reuses its buffers: allocates for the first image of a size only.
+#[derive(Clone, Debug, Default)]
+pub struct FloorAppearance {
+    look: LearnedLook,
+    blocks: Blocks,
+    boundaries: Boundaries,
+    floor: Modes,
+    other: Modes,
+    walk: RandomWalk,
+    parts: Vec<Part>,
+    presumed: Vec<f32>,
+    is_foreground: Vec<bool>,
+    samples: Vec<Feature>,
+    own: Vec<f32>,
+    anchors: Vec<f32>,
+    probabilities: Vec<f32>,
+    votes: FloorVotes,
+}
+
+impl FloorAppearance {
+    /// Creates an observer that begins with a learned look.
+    #[must_use]
+    pub fn with_look(look: LearnedLook) -> Self {
+        Self { look, ..Self::default() }
+    }
+
+    /// Observes an image and returns its votes.
+    ///
+    /// # Errors
+    /// The image is too small, or its foreground shows nothing.
+    pub fn observe(&mut self, picture: Picture, place: &FloorPlace) -> Result<&FloorVotes, AppearanceError> {
+        self.blocks.measure(picture);
+        let grid = self.blocks.grid();
+        self.votes.grid = grid;
+        self.votes.is_color = self.blocks.is_color();
+        self.votes.log_odds.clear();
+        self.probabilities.clear();
+        if grid.columns < MIN_BLOCKS || grid.rows < MIN_BLOCKS {
+            return Err(AppearanceError::TooSmall);
+        }
+        self.presume(place);
+        if !self.has_foreground() {
+            return Err(AppearanceError::NoForeground);
+        }
+        self.boundaries.measure(&self.blocks, &self.is_foreground);
+        for _ in 0..ROUNDS {
+            self.fit();
+            self.weigh();
+            let solved = self.walk.solve(grid.columns, &self.boundaries, &self.own, &self.anchors);
+            self.probabilities.clear();
+            self.probabilities.extend_from_slice(solved);
+        }
+        self.votes.log_odds.extend(self.probabilities.iter().map(|&probability| log_odds(probability)));
+        Ok(&self.votes)
+    }
+
+    /// Returns the votes of the last image; empty after an error.
+    #[must_use]
+    pub fn votes(&self) -> &FloorVotes {
+        &self.votes
+    }
+
+    /// Returns the blocks of the last image.
+    #[must_use]
+    pub fn blocks(&self) -> &Blocks {
+        &self.blocks
+    }
+
+    /// Returns the learned look.
+    #[must_use]
+    pub fn look(&self) -> &LearnedLook {
+        &self.look
+    }
+
+    /// Returns the learned look, to teach it.
+    pub fn look_mut(&mut self) -> &mut LearnedLook {
+        &mut self.look
+    }
+
+    fn presume(&mut self, place: &FloorPlace) {
+        let grid = self.blocks.grid();
+        self.parts.clear();
+        self.presumed.clear();
+        self.is_foreground.clear();
+        for row in 0..grid.rows {
+            for column in 0..grid.columns {
+                let (part, log_odds) = place.presumption(&grid, column, row);
+                self.parts.push(part);
+                self.presumed.push(log_odds);
+                self.is_foreground.push(part == Part::Foreground);
+            }
+        }
+    }
+
+    /// Returns true if at least half of the foreground is neither dark nor saturated.
+    fn has_foreground(&self) -> bool {
+        let looks = self.blocks.features().iter().zip(self.blocks.is_saturated());
+        let (mut count, mut usable) = (0, 0);
+        for ((feature, is_saturated), _) in looks.zip(&self.is_foreground).filter(|(_, is_in)| **is_in) {
+            count += 1;
+            usable += usize::from(!is_saturated && feature[2] > DARK);
+        }
+        2 * usable >= count.max(1)
+    }
+
+    /// Fits the looks of the floor and of everything else.
+    fn fit(&mut self) {
+        let is_color = self.blocks.is_color();
+        let probabilities = self.probabilities.iter().copied().map(Some).chain(std::iter::repeat(None));
+        let blocks = self.blocks.features().iter().zip(&self.parts).zip(probabilities);
+        if self.look.is_trusted() {
+            self.floor.set(self.look.modes(), is_color);
+        } else {
+            self.samples.clear();
+            let usable =
+                blocks.clone().zip(self.blocks.is_saturated()).filter(|(_, is_saturated)| !**is_saturated);
+            self.samples.extend(usable.filter_map(|(((feature, part), probability), _)| {
+                let is_floor = *part == Part::Foreground || probability.is_some_and(|p| p > SURE_FLOOR);
+                is_floor.then_some(*feature)
+            }));
+            self.floor.fit(&self.samples, &Surfaces::FLOOR, is_color);
+        }
+        self.samples.clear();
+        self.samples.extend(blocks.filter_map(|((feature, part), probability)| {
+            let is_other = *part == Part::NoFloor || probability.is_some_and(|p| p < SURE_OTHER);
+            is_other.then_some(*feature)
+        }));
+        self.other.fit(&self.samples, &Surfaces::OTHER, is_color);
+    }
+
+    /// Computes each block's own probability, and how firmly it holds to it.
+    fn weigh(&mut self) {
+        let is_color = self.blocks.is_color();
+        let weight = if is_color { LOOK_WEIGHT } else { 0.5 * LOOK_WEIGHT };
+        let is_presumed = !self.look.is_trusted();
+        self.own.clear();
+        self.anchors.clear();
+        for (i, feature) in self.blocks.features().iter().enumerate() {
+            let ratio = if self.blocks.is_saturated()[i] {
+                0.0
+            } else {
+                self.floor.log_density(feature, &Surfaces::FLOOR, is_color)
+                    - self.other.log_density(feature, &Surfaces::OTHER, is_color)
+            };
+            let probability =
+                probability(self.presumed[i] + weight * ratio.clamp(-MAX_LOG_RATIO, MAX_LOG_RATIO));
+            let (own, anchor) = match self.parts[i] {
+                Part::NoFloor => (0.0, FIRM_ANCHOR),
+                Part::Foreground if is_presumed => (probability.max(FOREGROUND_PROBABILITY), FIRM_ANCHOR),
+                Part::Foreground if ratio > 0.0 => (probability, FIRM_ANCHOR),
+                _ => (probability, ANCHOR),
+            };
+            self.own.push(own);
+            self.anchors.push(anchor);
+        }
+    }
+}
+
+fn probability(log_odds: f32) -> f32 {
+    1.0 / (1.0 + (-log_odds).exp())
+}
+
+fn log_odds(probability: f32) -> f32 {
+    let probability = probability.clamp(1e-4, 1.0 - 1e-4);
+    (probability / (1.0 - probability)).ln()
+}

@@ -1,0 +1,103 @@
+//! Votes of the blocks of an image: floor, not floor, or none.
+
+use super::features::BlockGrid;
+
+/// Log odds below which a block is not floor.
+const OTHER_LOG_ODDS: f32 = -1.0;
+/// Log odds of blocks outside of the grid.
+const OUTSIDE: f32 = -0.5;
+
+/// Vote of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vote {
+    /// Floor.
+    Floor,
+    /// Not floor.
+    Other,
+    /// Undecided.
+    None,
+}
+
+/// Log odds of floor of the blocks of an image.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FloorVotes {
+    pub(super) grid: BlockGrid,
+    pub(super) is_color: bool,
+    pub(super) log_odds: Vec<f32>,
+}
+
+impl FloorVotes {
+    /// Returns the position of the blocks in the image.
+    #[must_use]
+    pub fn grid(&self) -> BlockGrid {
+        self.grid
+    }
+
+    /// Log odds that each block is floor, about -9 to 9, row by row from the top.
+    #[must_use]
+    pub fn log_odds(&self) -> &[f32] {
+        &self.log_odds
+    }
+
+    /// Returns the weight of these votes beside other evidence: 1, and 0.5 for a gray image.
+    #[must_use]
+    pub fn weight(&self) -> f32 {
+        if self.is_color { 1.0 } else { 0.5 }
+    }
+
+    /// Returns the vote of a block; none outside of the grid.
+    #[must_use]
+    pub fn vote(&self, column: usize, row: usize) -> Vote {
+        let is_inside = column < self.grid.columns && row < self.grid.rows;
+        vote(if is_inside { self.log_odds[row * self.grid.columns + column] } else { OUTSIDE })
+    }
+
+    /// Returns the vote at a pixel; beyond the outermost blocks, that of the nearest one.
+    #[must_use]
+    pub fn at_pixel(&self, u: usize, v: usize) -> Vote {
+        vote(self.log_odds_at_pixel(u, v))
+    }
+
+    /// Returns the log odds at a pixel; beyond the outermost blocks, those of the nearest one. Without blocks, undecided.
+    #[must_use]
+    pub fn log_odds_at_pixel(&self, u: usize, v: usize) -> f32 {
+        let BlockGrid { columns, rows, side_px, left_px, top_px } = self.grid;
+        if self.log_odds.is_empty() {
+            return OUTSIDE;
+        }
+        let column = (u.saturating_sub(left_px) / side_px).min(columns - 1);
+        let row = (v.saturating_sub(top_px) / side_px).min(rows - 1);
+        self.log_odds[row * columns + column]
+    }
+}
+
+fn vote(log_odds: f32) -> Vote {
+    if log_odds > 0.0 {
+        Vote::Floor
+    } else if log_odds < OTHER_LOG_ODDS {
+        Vote::Other
+    } else {
+        Vote::None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_beyond_the_blocks_count_to_the_nearest() {
+        let grid = BlockGrid { columns: 2, rows: 2, side_px: 4, left_px: 1, top_px: 3 };
+        let votes = FloorVotes { grid, is_color: true, log_odds: vec![-2.0, -0.5, 1.0, 2.0] };
+        assert_eq!(
+            (votes.vote(0, 0), votes.vote(1, 0), votes.vote(1, 1)),
+            (Vote::Other, Vote::None, Vote::Floor)
+        );
+        assert_eq!(votes.vote(2, 0), Vote::None);
+        assert_eq!(
+            [(0, 0), (99, 0), (0, 99), (5, 7)].map(|(u, v)| votes.log_odds_at_pixel(u, v)),
+            [-2.0, -0.5, 1.0, 2.0]
+        );
+        assert_eq!(FloorVotes::default().at_pixel(3, 3), Vote::None);
+    }
+}

@@ -1,0 +1,308 @@
+//! Band-passed images: Gauss of sigma s minus Gauss of 6 s.
+//!
+//! Removes exposure, the glow of lamps and soft mirror images, and keeps the grain and the joints of a floor.
+
+use crate::vectorize::{self, Kernel};
+use yamabico_geometry::image::ImageView;
+
+/// Units of a [`BandImage`] per gray level.
+pub const BAND_UNIT: f32 = 32.0;
+
+/// Factor of the wide Gauss.
+const WIDE: f32 = 6.0;
+/// Reduction of the image below the wide Gauss.
+const REDUCTION: usize = 4;
+/// Variance that reducing by box and enlarging by interpolation add, square pixels.
+const REDUCTION_VARIANCE: f32 = 3.9;
+
+/// Lower part of a band-passed image.
+#[derive(Clone, Debug, Default)]
+pub struct BandImage {
+    width: usize,
+    /// First row of the image that is stored.
+    top: usize,
+    levels: Vec<i16>,
+}
+
+impl BandImage {
+    /// Creates a blank image of the rows from `top`.
+    #[must_use]
+    pub fn new(width: usize, height: usize, top: usize) -> Self {
+        Self { width, top, levels: vec![0; width * height.saturating_sub(top)] }
+    }
+
+    /// Width, px.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// First row.
+    #[must_use]
+    pub fn top(&self) -> usize {
+        self.top
+    }
+
+    /// Values of the rows from [`BandImage::top`], in 1/[`BAND_UNIT`] gray level.
+    #[must_use]
+    pub fn levels(&self) -> &[i16] {
+        &self.levels
+    }
+}
+
+/// Band-pass filter of one scale with its buffers.
+#[derive(Clone, Debug)]
+pub struct BandPass {
+    narrow: Vec<f32>,
+    wide: Vec<f32>,
+    /// Rows after the horizontal pass of the narrow Gauss.
+    across: Vec<f32>,
+    /// Reduced image, then smoothed.
+    reduced: Vec<f32>,
+    smoothed: Vec<f32>,
+    row: Vec<f32>,
+    sum: Vec<f32>,
+}
+
+impl BandPass {
+    /// Creates a filter with the sigma of its narrow Gauss, px.
+    #[must_use]
+    pub fn new(sigma_px: f32) -> Self {
+        let wide = (WIDE * sigma_px).powi(2) - REDUCTION_VARIANCE;
+        Self {
+            narrow: half_kernel(sigma_px),
+            wide: half_kernel(wide.max(0.1).sqrt() / REDUCTION as f32),
+            across: Vec::new(),
+            reduced: Vec::new(),
+            smoothed: Vec::new(),
+            row: Vec::new(),
+            sum: Vec::new(),
+        }
+    }
+
+    /// Filters the rows of `image` from `out.top()`.
+    pub fn filter(&mut self, image: ImageView, out: &mut BandImage) {
+        out.width = image.width();
+        out.levels.resize(image.width() * image.height().saturating_sub(out.top), 0);
+        vectorize::run(Filter { image, buffers: self, out });
+    }
+
+    #[inline(always)]
+    fn run(&mut self, image: ImageView, out: &mut BandImage) {
+        let (width, height, top) = (image.width(), image.height(), out.top);
+        let rows = height.saturating_sub(top);
+        self.row.resize(width + 2 * self.narrow.len().max(self.wide.len()), 0.0);
+        self.sum.resize(width, 0.0);
+        let small_width = self.blur_reduced(image, top);
+        let first = top / REDUCTION;
+        // Horizontal pass, with the rows above that the vertical pass needs.
+        let radius = self.narrow.len() - 1;
+        let start = top.saturating_sub(radius);
+        self.across.resize((height - start) * width, 0.0);
+        for (v, across) in self.across.chunks_exact_mut(width).enumerate() {
+            let row = &mut self.row[..width + 2 * radius];
+            for (value, &level) in row[radius..].iter_mut().zip(image.row(start + v)) {
+                *value = f32::from(level);
+            }
+            repeat_ends(row, radius);
+            convolve(row, &self.narrow, across);
+        }
+        for v in 0..rows {
+            let row = |offset: usize, back: bool| {
+                let v = v + top;
+                let v = if back { v.saturating_sub(offset) } else { (v + offset).min(height - 1) };
+                let begin = (v.max(start) - start) * width;
+                &self.across[begin..begin + width]
+            };
+            let sum = &mut self.sum[..width];
+            for (sum, &value) in sum.iter_mut().zip(row(0, false)) {
+                *sum = self.narrow[0] * value;
+            }
+            for (offset, &weight) in self.narrow.iter().enumerate().skip(1) {
+                for ((sum, &a), &b) in sum.iter_mut().zip(row(offset, true)).zip(row(offset, false)) {
+                    *sum += weight * (a + b);
+                }
+            }
+            // Wide Gauss of this row, enlarged from the reduced image.
+            let small_rows = self.smoothed.len() / small_width;
+            let position = (v + top) as f32 / REDUCTION as f32 - 0.375 - first as f32;
+            let (upper, share) = (position.floor(), position - position.floor());
+            let small_row = |i: f32| {
+                let begin = (i.max(0.0) as usize).min(small_rows - 1) * small_width;
+                &self.smoothed[begin..begin + small_width]
+            };
+            let wide = &mut self.row[..small_width + 2];
+            for ((value, &a), &b) in wide[1..].iter_mut().zip(small_row(upper)).zip(small_row(upper + 1.0)) {
+                *value = a + share * (b - a);
+            }
+            wide[0] = wide[1];
+            wide[small_width + 1] = wide[small_width];
+            let out = &mut out.levels[v * width..(v + 1) * width];
+            subtract_enlarged(sum, wide, out);
+        }
+    }
+
+    /// Reduces the image from row `top` on and applies the wide Gauss; returns the reduced width.
+    #[inline(always)]
+    fn blur_reduced(&mut self, image: ImageView, top: usize) -> usize {
+        let (width, height) = (image.width().div_ceil(REDUCTION), image.height().div_ceil(REDUCTION));
+        let first = top / REDUCTION;
+        let rows = height - first;
+        self.reduced.resize(width * rows, 0.0);
+        self.smoothed.resize(width * rows, 0.0);
+        for (y, reduced) in self.reduced.chunks_exact_mut(width).enumerate() {
+            reduced.fill(0.0);
+            for dv in 0..REDUCTION {
+                let row = image.row(((first + y) * REDUCTION + dv).min(image.height() - 1));
+                for (sum, block) in reduced.iter_mut().zip(row.chunks(REDUCTION)) {
+                    let total: u32 = block.iter().map(|&level| u32::from(level)).sum();
+                    *sum += total as f32 / (REDUCTION * block.len()) as f32;
+                }
+            }
+        }
+        let radius = self.wide.len() - 1;
+        for (reduced, smoothed) in
+            self.reduced.chunks_exact_mut(width).zip(self.smoothed.chunks_exact_mut(width))
+        {
+            let row = &mut self.row[..width + 2 * radius];
+            row[radius..radius + width].copy_from_slice(reduced);
+            repeat_ends(row, radius);
+            convolve(row, &self.wide, smoothed);
+            reduced.copy_from_slice(smoothed);
+        }
+        for (y, smoothed) in self.smoothed.chunks_exact_mut(width).enumerate() {
+            for value in &mut *smoothed {
+                *value *= self.wide[0];
+            }
+            for (offset, &weight) in self.wide.iter().enumerate().skip(1) {
+                let row = |y: usize| &self.reduced[y * width..(y + 1) * width];
+                let (above, below) = (row(y.saturating_sub(offset)), row((y + offset).min(rows - 1)));
+                for ((sum, &a), &b) in smoothed.iter_mut().zip(above).zip(below) {
+                    *sum += weight * (a + b);
+                }
+            }
+        }
+        width
+    }
+}
+
+struct Filter<'a> {
+    image: ImageView<'a>,
+    buffers: &'a mut BandPass,
+    out: &'a mut BandImage,
+}
+
+impl Kernel for Filter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.buffers.run(self.image, self.out);
+    }
+}
+
+/// Weights of a Gauss at the distances 0, 1, 2, ..., normalized.
+fn half_kernel(sigma: f32) -> Vec<f32> {
+    let radius = (3.0 * sigma).ceil().max(1.0) as i32;
+    let mut half: Vec<f32> = (0..=radius).map(|i| (-0.5 * (i as f32 / sigma).powi(2)).exp()).collect();
+    let sum = 2.0 * half.iter().sum::<f32>() - 1.0;
+    half.iter_mut().for_each(|weight| *weight /= sum);
+    half
+}
+
+/// Repeats the first and last value over `radius` entries on either side.
+#[inline(always)]
+fn repeat_ends(row: &mut [f32], radius: usize) {
+    let end = row.len() - radius;
+    let (first, last) = (row[radius], row[end - 1]);
+    row[..radius].fill(first);
+    row[end..].fill(last);
+}
+
+#[inline(always)]
+fn convolve(row: &[f32], half: &[f32], out: &mut [f32]) {
+    let (width, radius) = (out.len(), half.len() - 1);
+    for (out, &value) in out.iter_mut().zip(&row[radius..]) {
+        *out = half[0] * value;
+    }
+    for (offset, &weight) in half.iter().enumerate().skip(1) {
+        let left = &row[radius - offset..radius - offset + width];
+        let right = &row[radius + offset..radius + offset + width];
+        for ((out, &a), &b) in out.iter_mut().zip(left).zip(right) {
+            *out += weight * (a + b);
+        }
+    }
+}
+
+/// Subtracts the enlarged row `wide`, which has one repeated value on either side.
+#[inline(always)]
+fn subtract_enlarged(narrow: &[f32], wide: &[f32], out: &mut [i16]) {
+    const SHARES: [f32; REDUCTION] = [0.625, 0.875, 0.125, 0.375];
+    let blocks = narrow.chunks(REDUCTION).zip(out.chunks_mut(REDUCTION)).zip(wide.windows(3));
+    for ((narrow, out), wide) in blocks {
+        for (i, (value, out)) in narrow.iter().zip(out).enumerate() {
+            let (a, b) = if i < 2 { (wide[0], wide[1]) } else { (wide[1], wide[2]) };
+            *out = (BAND_UNIT * (value - (a + SHARES[i] * (b - a)))) as i16;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn filtered(data: &[u8], width: usize, height: usize, top: usize, sigma: f32) -> BandImage {
+        let mut out = BandImage::new(width, height, top);
+        BandPass::new(sigma).filter(ImageView::new(data, width, height, width).unwrap(), &mut out);
+        out
+    }
+
+    /// Both Gausses by definition, over the whole image.
+    fn by_definition(data: &[u8], width: usize, height: usize, u: usize, v: usize, sigma: f32) -> f32 {
+        let gauss = |sigma: f32| {
+            let radius = (4.0 * sigma) as i32;
+            let (mut sum, mut weights) = (0.0, 0.0);
+            for dv in -radius..=radius {
+                for du in -radius..=radius {
+                    let weight = (-0.5 * ((du * du + dv * dv) as f32) / (sigma * sigma)).exp();
+                    let (x, y) = (
+                        (u as i32 + du).clamp(0, width as i32 - 1),
+                        (v as i32 + dv).clamp(0, height as i32 - 1),
+                    );
+                    sum += weight * f32::from(data[y as usize * width + x as usize]);
+                    weights += weight;
+                }
+            }
+            sum / weights
+        };
+        gauss(sigma) - gauss(WIDE * sigma)
+    }
+
+    #[test]
+    fn equals_two_gausses_within_a_gray_level() {
+        let (width, height) = (101, 90);
+        let data: Vec<u8> = (0..width * height)
+            .map(|i| {
+                let (u, v) = ((i % width) as f32, (i / width) as f32);
+                (120.0 + 60.0 * (u * 0.35).sin() * (v * 0.22).cos() + 0.4 * v) as u8
+            })
+            .collect();
+        for (sigma, top) in [(0.9, 0), (2.0, 37)] {
+            let out = filtered(&data, width, height, top, sigma);
+            for (u, v) in [(50, 45), (20, 60), (80, 70), (40, 88), (3, 50), (99, 85)] {
+                let ours = f32::from(out.levels()[(v - top) * width + u]) / BAND_UNIT;
+                let expected = by_definition(&data, width, height, u, v, sigma);
+                assert!((ours - expected).abs() < 1.5, "sigma {sigma} at {u} {v}: {ours}, not {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn brightness_and_slow_changes_vanish() {
+        let (width, height) = (64, 48);
+        let data: Vec<u8> = (0..width * height).map(|i| (60 + i % width + i / width) as u8).collect();
+        let out = filtered(&data, width, height, 0, 0.9);
+        let inner = (20..28).flat_map(|v| (24..40).map(move |u| v * width + u));
+        assert!(inner.map(|i| out.levels()[i].abs()).max().unwrap() <= 8);
+    }
+}

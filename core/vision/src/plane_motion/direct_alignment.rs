@@ -1,0 +1,399 @@
+//! Correction of motion and mount by direct alignment of the near floor, before any single point is judged.
+//!
+//! Minimizes the difference between the current picture and the previous one, warped by the floor's homography, over
+//! motion and mount. Lucas & Kanade (1981); Bergen et al. (1992). Differs from these: the gradient is that of the
+//! current picture, carried through the warp, so that it is computed once for each scale.
+
+use nalgebra::{Matrix3, SMatrix};
+use yamabico_geometry::Pose2;
+
+use super::band_pass::{BAND_UNIT, BandImage};
+use super::floor_view::FloorView;
+use super::look_history::SCALES_PX;
+use super::motion_prior::{CommonCovariance, CommonMode};
+use crate::vectorize::{self, Kernel};
+
+/// Distance up to which the floor is aligned, m.
+pub const REACH_M: f64 = 2.5;
+/// Spacing of the aligned pixels at a width of 256 px: every second in the fine picture, every fourth in the coarse.
+const SPACING_PX: [f64; 2] = [4.0, 2.0];
+/// Maximum number of steps in the coarse and in the fine picture.
+const ROUNDS: [usize; 2] = [4, 5];
+/// Pixels of [`SPACING_PX`] 2 that tell as much as one independent pixel.
+const CORRELATED: f64 = 9.0;
+/// Fewest pixels in both pictures.
+const MIN_PIXELS: usize = 200;
+/// Smallest standard deviation of a difference, gray levels.
+const MIN_SIGMA: f32 = 0.5;
+/// Step below which the alignment has converged (m, rad).
+const CONVERGED: f64 = 2e-5;
+/// Pixels processed together.
+const CHUNK: usize = 32;
+/// Border that the previous picture must leave around a pixel, px.
+const BORDER: f32 = 4.0;
+const NONE: f32 = 1e9;
+
+type Slopes = SMatrix<f64, 5, 5>;
+
+/// Motion and mount after alignment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alignment {
+    /// Corrected motion.
+    pub motion: Pose2,
+    /// Tilt of the camera beyond its mount, rad.
+    pub tilt: f64,
+    /// Roll of the camera beyond its mount, rad.
+    pub roll: f64,
+    /// Covariance of motion, tilt and roll.
+    pub covariance: CommonCovariance,
+    /// Number of pixels compared; 0 if there were too few and the prior was kept.
+    pub pixels: usize,
+    /// Number of pixels that moved with the floor.
+    pub inliers: usize,
+}
+
+impl Alignment {
+    /// True if less than 60 % of the near floor moved as one plane: something hides it, and nothing may be judged.
+    #[must_use]
+    pub fn is_misregistered(&self) -> bool {
+        self.pixels > 0 && (self.inliers as f64) < 0.6 * self.pixels as f64
+    }
+}
+
+/// Odometry and mount before the alignment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentPrior {
+    /// Motion by odometry.
+    pub motion: Pose2,
+    /// Covariance of motion, tilt and roll.
+    pub covariance: CommonCovariance,
+    /// Current estimate of the camera's tilt beyond its mount, rad. The prior of tilt and roll lies half-way back.
+    pub tilt: f64,
+    /// Current estimate of the camera's roll beyond its mount, rad.
+    pub roll: f64,
+}
+
+/// Aligned pixels of one scale, as columns.
+#[derive(Clone, Debug, Default)]
+struct Pixels {
+    u: Vec<f32>,
+    v: Vec<f32>,
+    level: Vec<f32>,
+    /// Derivative of the warped previous picture by motion, tilt and roll.
+    slopes: [Vec<f32>; 5],
+    residual: Vec<f32>,
+    /// Weight of a pixel by its spacing and scale.
+    information: f64,
+}
+
+/// Aligns the near floor of two pictures. Allocates when it is created and no more.
+#[derive(Clone, Debug)]
+pub struct DirectAligner {
+    view: FloorView,
+    scales: [Pixels; 2],
+    sorted: Vec<f32>,
+}
+
+impl DirectAligner {
+    /// Creates an aligner for the camera.
+    #[must_use]
+    pub fn new(view: FloorView) -> Self {
+        let [width, height] = view.intrinsics().size();
+        let (scale, top) = (f64::from(width) / 256.0, Self::top_row(&view).max(4));
+        let scales = [0, 1].map(|i| {
+            let spacing = (SPACING_PX[i] * scale).round().max(1.0) as usize;
+            let mut pixels = Pixels::default();
+            for v in (top..(height as usize).saturating_sub(4)).step_by(spacing) {
+                for u in (6..(width as usize).saturating_sub(4)).step_by(spacing) {
+                    pixels.u.push(u as f32);
+                    pixels.v.push(v as f32);
+                }
+            }
+            // Whole chunks: repeated pixels without slope are added at the end.
+            let (count, whole) = (pixels.u.len(), pixels.u.len().next_multiple_of(CHUNK));
+            pixels.u.resize(whole, -1.0);
+            pixels.v.resize(whole, -1.0);
+            pixels.level = vec![0.0; whole];
+            pixels.residual = vec![NONE; whole];
+            pixels.slopes = std::array::from_fn(|_| vec![0.0; whole]);
+            let sigma = SCALES_PX[i] * scale.sqrt();
+            let thinned = (SPACING_PX[i] / SPACING_PX[1]).powi(2);
+            pixels.information = (thinned / (CORRELATED * sigma.max(1.0))).min(1.0);
+            debug_assert!(count <= whole);
+            pixels
+        });
+        let sorted = Vec::with_capacity(scales[1].u.len());
+        Self { view, scales, sorted }
+    }
+
+    /// First row that shows the floor within [`REACH_M`].
+    #[must_use]
+    pub fn top_row(view: &FloorView) -> usize {
+        let far = nalgebra::Vector3::new(view.position().x + REACH_M, view.position().y, 0.0);
+        let height = view.intrinsics().height as usize;
+        view.project(&view.camera_from_robot(&far)).map_or(0, |p| (p.y.max(0.0) as usize).min(height))
+    }
+
+    /// Aligns the pictures with these bands, coarse and fine.
+    pub fn align(
+        &mut self,
+        current: &[BandImage; 2],
+        previous: &[BandImage; 2],
+        prior: &AlignmentPrior,
+    ) -> Alignment {
+        let kept = Alignment {
+            motion: prior.motion,
+            tilt: prior.tilt,
+            roll: prior.roll,
+            covariance: prior.covariance,
+            pixels: 0,
+            inliers: 0,
+        };
+        let Some(information) = prior.covariance.try_inverse() else { return kept };
+        let expected = CommonMode::new(0.0, 0.0, 0.0, -0.5 * prior.tilt, -0.5 * prior.roll);
+        let mut offset = CommonMode::zeros();
+        let mut best = kept;
+        for scale in 0..2 {
+            let homography = Homography::new(&self.view, prior, &offset);
+            self.scales[scale].prepare(&current[scale], &homography);
+            for _ in 0..ROUNDS[scale] {
+                let homography = self.warp(prior, &offset);
+                let pixels = &mut self.scales[scale];
+                let count = pixels.compare(&previous[scale], &homography);
+                if count * [4, 1][scale] < MIN_PIXELS {
+                    return kept;
+                }
+                let sigma = median_size(&pixels.residual, &mut self.sorted).max(MIN_SIGMA);
+                let (sums, gradient, inliers) = pixels.sums(sigma);
+                let weight = pixels.information / f64::from(sigma * sigma);
+                let normal = sums * weight + information;
+                let right = gradient * weight - information * (offset - expected);
+                let Some(covariance) = normal.try_inverse() else { return kept };
+                let step = covariance * right;
+                offset += step;
+                best = Alignment { covariance, pixels: count, inliers, ..best };
+                if step.amax() < CONVERGED {
+                    break;
+                }
+            }
+        }
+        let motion = &prior.motion;
+        Alignment {
+            motion: Pose2::new(motion.x + offset[0], motion.y + offset[1], motion.theta + offset[2]),
+            tilt: prior.tilt + offset[3],
+            roll: prior.roll + offset[4],
+            ..best
+        }
+    }
+
+    fn warp(&self, prior: &AlignmentPrior, offset: &CommonMode) -> Matrix3<f32> {
+        warp(&self.view, prior, offset).cast()
+    }
+}
+
+fn warp(view: &FloorView, prior: &AlignmentPrior, offset: &CommonMode) -> Matrix3<f64> {
+    let motion = &prior.motion;
+    let motion = Pose2 { x: motion.x + offset[0], y: motion.y + offset[1], theta: motion.theta + offset[2] };
+    view.turned(prior.tilt + offset[3], prior.roll + offset[4]).homography(&motion, 0.0)
+}
+
+/// A homography with its derivatives by motion, tilt and roll.
+struct Homography {
+    matrix: Matrix3<f32>,
+    slopes: [Matrix3<f32>; 5],
+}
+
+impl Homography {
+    fn new(view: &FloorView, prior: &AlignmentPrior, offset: &CommonMode) -> Self {
+        const STEP: f64 = 1e-5;
+        let slopes = std::array::from_fn(|i| {
+            let mut step = CommonMode::zeros();
+            step[i] = STEP;
+            let (ahead, behind) = (warp(view, prior, &(offset + step)), warp(view, prior, &(offset - step)));
+            ((ahead - behind) / (2.0 * STEP)).cast()
+        });
+        Self { matrix: warp(view, prior, offset).cast(), slopes }
+    }
+}
+
+impl Pixels {
+    /// Reads levels and slopes from the current picture.
+    fn prepare(&mut self, current: &BandImage, homography: &Homography) {
+        vectorize::run(Prepare { pixels: self, current, homography });
+    }
+
+    /// Differences of the pictures under the homography; returns the number of pixels that both show.
+    fn compare(&mut self, previous: &BandImage, homography: &Matrix3<f32>) -> usize {
+        vectorize::run(Compare { pixels: self, previous, homography })
+    }
+
+    /// Sums of the normal equations with Tukey weights, and the number of pixels with weight.
+    fn sums(&self, sigma: f32) -> (Slopes, CommonMode, usize) {
+        vectorize::run(Sums { pixels: self, sigma })
+    }
+}
+
+struct Prepare<'a> {
+    pixels: &'a mut Pixels,
+    current: &'a BandImage,
+    homography: &'a Homography,
+}
+
+impl Kernel for Prepare<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { pixels, current, homography: Homography { matrix: h, slopes } } = self;
+        let (width, top) = (current.width(), current.top());
+        for begin in (0..pixels.u.len()).step_by(CHUNK) {
+            let (mut gx, mut gy) = ([0_f32; CHUNK], [0_f32; CHUNK]);
+            for i in 0..CHUNK {
+                let (u, v) = (pixels.u[begin + i], pixels.v[begin + i]);
+                if u < 0.0 || (v as usize) <= top {
+                    continue;
+                }
+                let at = (v as usize - top) * width + u as usize;
+                let row = |offset: usize| {
+                    let row = current.levels().get(at + offset - width - 1..at + offset - width + 2);
+                    row.map_or([0.0; 3], |row| [row[0], row[1], row[2]].map(f32::from))
+                };
+                let [a, b, c] = [row(0), row(width), row(2 * width)];
+                pixels.level[begin + i] = b[1];
+                gx[i] = (a[2] - a[0] + 2.0 * (b[2] - b[0]) + c[2] - c[0]) / 8.0;
+                gy[i] = (c[0] - a[0] + 2.0 * (c[1] - a[1]) + c[2] - a[2]) / 8.0;
+            }
+            for i in 0..CHUNK {
+                let (u, v) = (pixels.u[begin + i], pixels.v[begin + i]);
+                let row = |m: &Matrix3<f32>, k: usize| m[(k, 0)] * u + m[(k, 1)] * v + m[(k, 2)];
+                let inverse = 1.0 / row(h, 2);
+                let (x, y) = (row(h, 0) * inverse, row(h, 1) * inverse);
+                // The gradient in the previous picture: that of the current one, through the inverse of the warp.
+                let (xu, xv) = ((h[(0, 0)] - x * h[(2, 0)]) * inverse, (h[(0, 1)] - x * h[(2, 1)]) * inverse);
+                let (yu, yv) = ((h[(1, 0)] - y * h[(2, 0)]) * inverse, (h[(1, 1)] - y * h[(2, 1)]) * inverse);
+                let determinant = xu * yv - xv * yu;
+                let scale = inverse / determinant;
+                let (px, py) = ((gx[i] * yv - gy[i] * yu) * scale, (gy[i] * xu - gx[i] * xv) * scale);
+                for (slope, m) in pixels.slopes.iter_mut().zip(slopes) {
+                    let lost = row(m, 2);
+                    let value = px * (row(m, 0) - x * lost) + py * (row(m, 1) - y * lost);
+                    slope[begin + i] = if value.is_finite() { value } else { 0.0 };
+                }
+            }
+        }
+    }
+}
+
+struct Compare<'a> {
+    pixels: &'a mut Pixels,
+    previous: &'a BandImage,
+    homography: &'a Matrix3<f32>,
+}
+
+impl Kernel for Compare<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run(self) -> usize {
+        let Self { pixels, previous, homography: h } = self;
+        let (width, levels) = (previous.width(), previous.levels());
+        let rows = levels.len() / width.max(1);
+        let (right, bottom) = (width as f32 - BORDER, (rows as f32) - BORDER);
+        let top = previous.top() as f32;
+        let mut count = 0;
+        for begin in (0..pixels.u.len()).step_by(CHUNK) {
+            let range = begin..begin + CHUNK;
+            let (u, v) = (&pixels.u[range.clone()], &pixels.v[range.clone()]);
+            let level = &pixels.level[range.clone()];
+            let residual = &mut pixels.residual[range];
+            let (mut x, mut y) = ([0_f32; CHUNK], [0_f32; CHUNK]);
+            for i in 0..CHUNK {
+                let inverse = 1.0 / (h[(2, 0)] * u[i] + h[(2, 1)] * v[i] + h[(2, 2)]);
+                x[i] = (h[(0, 0)] * u[i] + h[(0, 1)] * v[i] + h[(0, 2)]) * inverse;
+                y[i] = (h[(1, 0)] * u[i] + h[(1, 1)] * v[i] + h[(1, 2)]) * inverse - top;
+            }
+            for i in 0..CHUNK {
+                let inside = (x[i] > BORDER - 1.0) & (x[i] < right) & (y[i] > 0.0) & (y[i] < bottom);
+                if !(inside & (u[i] >= 0.0)) {
+                    residual[i] = NONE;
+                    continue;
+                }
+                let (left, above) = (x[i] as usize, y[i] as usize);
+                let (dx, dy) = (x[i] - left as f32, y[i] - above as f32);
+                let at = above * width + left;
+                let pair =
+                    |at: usize| levels.get(at..at + 2).map_or((0.0, 0.0), |p| (p[0].into(), p[1].into()));
+                let ((a, b), (c, d)) = (pair(at), pair(at + width));
+                let (upper, lower): (f32, f32) = (a + dx * (b - a), c + dx * (d - c));
+                residual[i] = (level[i] - (upper + dy * (lower - upper))) * (1.0 / BAND_UNIT);
+                count += 1;
+            }
+        }
+        count
+    }
+}
+
+struct Sums<'a> {
+    pixels: &'a Pixels,
+    sigma: f32,
+}
+
+impl Kernel for Sums<'_> {
+    type Output = (Slopes, CommonMode, usize);
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        const LANES: usize = 8;
+        let Self { pixels, sigma } = self;
+        let bound = 1.0 / (9.0 * sigma * sigma);
+        let (mut products, mut gradient) = ([[0_f32; LANES]; 15], [[0_f32; LANES]; 5]);
+        let mut inliers = [0_u32; LANES];
+        for begin in (0..pixels.u.len()).step_by(LANES) {
+            let residual = &pixels.residual[begin..begin + LANES];
+            let slopes: [&[f32]; 5] = std::array::from_fn(|k| &pixels.slopes[k][begin..begin + LANES]);
+            let mut weighted = [[0_f32; LANES]; 5];
+            for i in 0..LANES {
+                let share = (1.0 - residual[i] * residual[i] * bound).max(0.0);
+                inliers[i] += u32::from(share > 0.0);
+                let weight = share * share;
+                for k in 0..5 {
+                    weighted[k][i] = weight * slopes[k][i];
+                    gradient[k][i] += weighted[k][i] * if share > 0.0 { residual[i] } else { 0.0 };
+                }
+            }
+            let mut entry = 0;
+            for k in 0..5 {
+                for l in k..5 {
+                    for i in 0..LANES {
+                        products[entry][i] += weighted[k][i] * slopes[l][i];
+                    }
+                    entry += 1;
+                }
+            }
+        }
+        let total = |lanes: &[f32; LANES]| lanes.iter().map(|&x| f64::from(x)).sum::<f64>();
+        // Slopes are in units of the band-passed picture.
+        let unit = 1.0 / f64::from(BAND_UNIT);
+        let (mut sums, mut entry) = (Slopes::zeros(), 0);
+        for k in 0..5 {
+            for l in k..5 {
+                sums[(k, l)] = total(&products[entry]) * unit * unit;
+                sums[(l, k)] = sums[(k, l)];
+                entry += 1;
+            }
+        }
+        (sums, CommonMode::from_fn(|k, _| total(&gradient[k]) * unit), inliers.iter().sum::<u32>() as usize)
+    }
+}
+
+/// Standard deviation by the median size of every fourth residual.
+fn median_size(residual: &[f32], sorted: &mut Vec<f32>) -> f32 {
+    sorted.clear();
+    let step = if residual.len() > 2000 { 4 } else { 1 };
+    sorted.extend(residual.iter().step_by(step).filter(|r| **r < NONE).map(|r| r.abs()));
+    if sorted.is_empty() {
+        return MIN_SIGMA;
+    }
+    let middle = sorted.len() / 2;
+    1.4826 * *sorted.select_nth_unstable_by(middle, f32::total_cmp).1
+}

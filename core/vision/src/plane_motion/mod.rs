@@ -1,0 +1,35 @@
+//! Floor or thing, from two looks: geometry that does not depend on what a building looks like.
+//!
+//! With odometry, two pictures of the floor determine each other by a homography. Points that move as it says are
+//! floor, points that move less are mirror images below it, points that move more are things above it, and points that
+//! fit no rigid motion move by themselves. Obstacles from deviation from the floor's motion: Enkelmann (1991);
+//! Santos-Victor & Sandini (1996).
+//!
+//! | Step | Module |
+//! |---|---|
+//! | Warp of the floor between two pictures, with derivatives | [`floor_view`] |
+//! | Correction of motion and mount, from features | [`motion_prior`], [`sparse_alignment`] |
+//! | Height of a point and its covariance | [`parallax`], [`point_height`] |
+//! | Correction of motion and mount, from pictures | [`band_pass`], [`look_history`], [`direct_alignment`] |
+//! | Search along parallax lines | [`gradient_points`], [`quad_image`], [`parallax_search`], [`motion_point`] |
+//! | Decision over time | [`sequential_test`], [`log_odds`], [`evidence_grid`] |
+//! | All of it | [`PlaneMotion`] |
+
+pub mod band_pass;
+pub mod detector;
+pub mod direct_alignment;
+pub mod evidence_grid;
+pub mod floor_view;
+pub mod gradient_points;
+pub mod log_odds;
+pub mod look_history;
+pub mod motion_point;
+pub mod motion_prior;
+pub mod parallax;
+pub mod parallax_search;
+pub mod point_height;
+pub mod quad_image;
+pub mod sequential_test;
+pub mod sparse_alignment;
+
+pub use detector::{NotJudged, PlaneMotion};

@@ -1,0 +1,426 @@
+//! Search for a point along its parallax line, in several older pictures at once.
+//!
+//! Every candidate is a foot ratio w (see [`super::parallax`]): the point F / w is projected into each older picture,
+//! and the patches around it are compared. The differences of all baselines are summed on one axis, so that the period
+//! of tiles and the aliasing of grain agree on none but the right w: Okutomi & Kanade (1993).
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+use yamabico_geometry::Pose2;
+
+use super::floor_view::FloorView;
+use super::motion_prior::CommonCovariance;
+use super::quad_image::QuadImage;
+use crate::vectorize::{self, Kernel};
+
+/// Maximum number of baselines.
+pub const MAX_BASELINES: usize = 3;
+/// Spacing of the candidates in the picture of the longest baseline, px at a width of 256 px; grows with its root.
+const STEP_PX: f64 = 0.7;
+/// Reach of the search, px at a width of 256 px; grows with the width.
+const REACH_PX: f64 = 12.0;
+/// Range of foot ratios.
+const RATIOS: std::ops::Range<f32> = 0.08..12.0;
+/// Half the window of the floor, px at a width of 256 px; grows with its root.
+const TOLERANCE_PX: f64 = 1.0;
+/// Heights within this are floor, m.
+const FLOOR_M: f32 = 0.06;
+/// Height above which a patch is taken as upright, m.
+const LEVEL_M: f32 = 0.03;
+/// Noise of a gray level.
+const NOISE: f32 = 2.5;
+/// Error of a patch's model, as a share of its contrast.
+const MODEL_ERROR: f32 = 0.1;
+/// Samples of a patch: five by five without the middle, over 7 x 7 pixels.
+const SAMPLES: usize = 24;
+/// Expected cost of the right candidate: samples over the number of them that tell as much as one independent one.
+pub const EXPECTED_COST: f32 = 49.0 / 3.0;
+/// Cost of a candidate that was not or could not be compared.
+const NONE: f32 = 1e9;
+const MAX_CANDIDATES: usize = 64;
+/// Parallax (px for each unit of w) below which nothing can be told.
+const MIN_PARALLAX: f32 = 1e-3;
+
+/// An older picture to compare with.
+#[derive(Clone, Copy, Debug)]
+pub struct Baseline<'a> {
+    /// Picture.
+    pub image: &'a QuadImage,
+    /// Motion of the robot from it to the current picture, corrected.
+    pub motion: Pose2,
+}
+
+/// Best candidates for a point: on the floor, above and below it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchResult {
+    /// Costs of the best floor, above and below candidates, like negative log likelihoods; 1e9 for none.
+    pub costs: [f32; 3],
+    /// Foot ratio of the best candidate above the floor, refined.
+    pub ratio: f32,
+    /// Standard deviation of `ratio`.
+    pub ratio_sigma: f32,
+    /// True if that candidate lies at the end of the search.
+    pub is_at_end: bool,
+}
+
+/// Search along parallax lines for one camera.
+#[derive(Clone, Debug)]
+pub struct ParallaxSearch {
+    step_px: f32,
+    /// Candidates on either side of the floor.
+    half: i32,
+    tolerance_px: f32,
+    spacing_px: f32,
+}
+
+impl ParallaxSearch {
+    /// Creates the search for images of this width, px.
+    #[must_use]
+    pub fn new(width: u32) -> Self {
+        let scale = f64::from(width) / 256.0;
+        let step = STEP_PX * scale.sqrt();
+        Self {
+            step_px: step as f32,
+            half: ((REACH_PX * scale / step) as i32).min(MAX_CANDIDATES as i32 / 2 - 1),
+            tolerance_px: (TOLERANCE_PX * scale.sqrt()) as f32,
+            spacing_px: 1.5 * (0.8 * scale).round().max(1.0) as f32,
+        }
+    }
+
+    /// Searches for the pixels `points` of `current`, seen by `view`, in the pictures of at most [`MAX_BASELINES`]
+    /// baselines, the longest last. `covariance` is that of motion, tilt and roll of the longest; it widens the window
+    /// of the floor. Pushes one result for each point; `None` if the geometry allows no comparison.
+    pub fn run(
+        &self,
+        view: &FloorView,
+        current: &QuadImage,
+        baselines: &[Baseline],
+        covariance: &CommonCovariance,
+        points: &[Vector2<f32>],
+        results: &mut Vec<Option<SearchResult>>,
+    ) {
+        results.clear();
+        let baselines = &baselines[..baselines.len().min(MAX_BASELINES)];
+        let Some(longest) = baselines.last() else { return };
+        let mut projections = [Projection::default(); MAX_BASELINES];
+        for (projection, baseline) in projections.iter_mut().zip(baselines) {
+            *projection = Projection::new(view, baseline, current.mean());
+        }
+        vectorize::run(Points {
+            search: self,
+            view,
+            motion: longest.motion,
+            covariance,
+            current,
+            baselines,
+            projections: &projections[..baselines.len()],
+            planes: Planes::new(view),
+            points,
+            results,
+        });
+    }
+}
+
+/// Projection of a point at a depth on the ray of a pixel: `turn * pixel + shift / depth`, homogeneous.
+#[derive(Clone, Copy, Debug, Default)]
+struct Projection {
+    turn: Matrix3<f32>,
+    shift: Vector3<f32>,
+    /// Factor on the gray levels.
+    gain: f32,
+}
+
+impl Projection {
+    fn new(view: &FloorView, baseline: &Baseline, mean: f32) -> Self {
+        let motion = view.camera_motion(&baseline.motion);
+        let matrix = view.intrinsics().matrix();
+        Self {
+            turn: (matrix * motion.rotation * inverse_intrinsics(view)).cast(),
+            shift: (matrix * motion.translation).cast(),
+            gain: mean / baseline.image.mean().max(1.0),
+        }
+    }
+
+    fn pixel(&self, pixel: &Vector3<f32>, inverse_depth: f32) -> Vector2<f32> {
+        let p = self.turn * pixel + self.shift * inverse_depth;
+        p.xy() / p.z
+    }
+}
+
+fn inverse_intrinsics(view: &FloorView) -> Matrix3<f64> {
+    let camera = view.intrinsics();
+    let (fx, fy) = (camera.fx, camera.fy);
+    Matrix3::new(1.0 / fx, 0.0, -camera.cx / fx, 0.0, 1.0 / fy, -camera.cy / fy, 0.0, 0.0, 1.0)
+}
+
+/// Planes of the patches, as row vectors on homogeneous pixels: distance along the normal for depth 1.
+struct Planes {
+    level: Vector3<f32>,
+    /// Faces along the robot's x axis.
+    upright: Vector3<f32>,
+}
+
+impl Planes {
+    fn new(view: &FloorView) -> Self {
+        let plane = |normal: Vector3<f64>| {
+            inverse_intrinsics(view).tr_mul(&view.robot_from_camera().tr_mul(&normal)).cast()
+        };
+        Self { level: plane(-Vector3::z()), upright: plane(Vector3::x()) }
+    }
+}
+
+struct Points<'a> {
+    search: &'a ParallaxSearch,
+    view: &'a FloorView,
+    motion: Pose2,
+    covariance: &'a CommonCovariance,
+    current: &'a QuadImage,
+    baselines: &'a [Baseline<'a>],
+    projections: &'a [Projection],
+    planes: Planes,
+    points: &'a [Vector2<f32>],
+    results: &'a mut Vec<Option<SearchResult>>,
+}
+
+impl Kernel for Points<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for point in self.points {
+            let result = Sweep::new(&self, *point).map(|mut sweep| sweep.run());
+            self.results.push(result);
+        }
+    }
+}
+
+/// Candidates of one point.
+struct Sweep<'a> {
+    points: &'a Points<'a>,
+    pixel: Vector3<f32>,
+    patch: [f32; SAMPLES],
+    /// Sums of squares weigh with the inverse of the patch's variance.
+    weight: f32,
+    /// Inverse depth of the floor, and its product with the distance of each plane.
+    inverse_depth: f32,
+    level: f32,
+    upright: f32,
+    /// Steps of w between candidates.
+    ratio_step: f32,
+    parallax: f32,
+    tolerance_px: f32,
+    costs: [f32; MAX_CANDIDATES],
+}
+
+impl<'a> Sweep<'a> {
+    #[inline(always)]
+    fn new(points: &'a Points<'a>, at: Vector2<f32>) -> Option<Self> {
+        let Points { search, view, planes, .. } = points;
+        let at_pixel = at.cast::<f64>();
+        let ray = view.ray(at_pixel);
+        let inverse_depth = (-ray.z / view.position().z) as f32;
+        let warped = view.warp_jacobian(&points.motion, at_pixel)?;
+        let longest = points.projections.last()?;
+        let pixel = at.push(1.0);
+        let (one, more) = (longest.pixel(&pixel, inverse_depth), longest.pixel(&pixel, 1.05 * inverse_depth));
+        let line = more - one;
+        let parallax = (line.norm() / 0.05).max(MIN_PARALLAX);
+        // Uncertainty of the floor along the line.
+        let along = line.cast::<f64>() / f64::from(line.norm().max(1e-9));
+        let slope = warped.jacobian.fixed_columns::<5>(0).tr_mul(&along);
+        let slack = slope.dot(&(points.covariance * slope)).max(0.0).sqrt() as f32;
+        let identity = [search.spacing_px, 0.0, 0.0, search.spacing_px];
+        let patch = patch(points.current, at, &identity)?;
+        let mean = patch.iter().sum::<f32>() / SAMPLES as f32;
+        let contrast = patch.iter().map(|level| (level - mean).powi(2)).sum::<f32>() / SAMPLES as f32;
+        let variance = 2.0 * NOISE * NOISE + MODEL_ERROR * MODEL_ERROR * contrast;
+        Some(Self {
+            points,
+            pixel,
+            patch,
+            weight: EXPECTED_COST / (SAMPLES as f32 * variance),
+            inverse_depth,
+            level: planes.level.dot(&pixel),
+            upright: planes.upright.dot(&pixel),
+            ratio_step: search.step_px / parallax,
+            parallax,
+            tolerance_px: search.tolerance_px + 2.0 * slack,
+            costs: [NONE; MAX_CANDIDATES],
+        })
+    }
+
+    fn ratio(&self, candidate: i32) -> f32 {
+        1.0 + candidate as f32 * self.ratio_step
+    }
+
+    fn height_m(&self, ratio: f32) -> f32 {
+        self.points.view.position().z as f32 * (1.0 - 1.0 / ratio)
+    }
+
+    fn index(&self, candidate: i32) -> usize {
+        (candidate + self.points.search.half) as usize
+    }
+
+    fn cost(&self, candidate: i32) -> f32 {
+        self.costs.get(self.index(candidate)).copied().unwrap_or(NONE)
+    }
+
+    /// Every second candidate and those around the floor, then those around the best of each class.
+    #[inline(always)]
+    fn run(&mut self) -> SearchResult {
+        let half = self.points.search.half;
+        for candidate in -half..=half {
+            if candidate % 2 == 0 || candidate.abs() == 1 {
+                self.compare(candidate);
+            }
+        }
+        for best in self.best() {
+            for candidate in [best - 1, best + 1] {
+                if candidate.abs() <= half && self.cost(candidate) >= NONE {
+                    self.compare(candidate);
+                }
+            }
+        }
+        let [floor, above, below] = self.best();
+        let (ratio, ratio_sigma) = self.refine(above);
+        SearchResult {
+            costs: [self.cost(floor), self.cost(above), self.cost(below)],
+            ratio,
+            ratio_sigma,
+            is_at_end: above >= half - 1,
+        }
+    }
+
+    /// Best candidates on the floor, above and below it; beyond the range if there is none.
+    #[inline(always)]
+    fn best(&self) -> [i32; 3] {
+        let half = self.points.search.half;
+        let none = MAX_CANDIDATES as i32;
+        let (mut best, mut costs) = ([none; 3], [NONE; 3]);
+        for candidate in -half..=half {
+            let cost = self.cost(candidate);
+            if cost >= NONE {
+                continue;
+            }
+            let offset_px = candidate as f32 * self.points.search.step_px;
+            let height_m = self.height_m(self.ratio(candidate));
+            let class = if offset_px.abs() <= self.tolerance_px {
+                0
+            } else if offset_px > 0.0 && height_m > FLOOR_M {
+                1
+            } else if offset_px < 0.0 && height_m < -FLOOR_M {
+                2
+            } else {
+                continue;
+            };
+            if cost < costs[class] {
+                (best[class], costs[class]) = (candidate, cost);
+            }
+        }
+        best
+    }
+
+    /// Foot ratio at the vertex of the parabola through three costs, and its standard deviation from their curvature.
+    #[inline(always)]
+    fn refine(&self, candidate: i32) -> (f32, f32) {
+        if candidate.abs() > self.points.search.half {
+            return (1.0, f32::INFINITY);
+        }
+        let [left, here, right] = [candidate - 1, candidate, candidate + 1].map(|i| match i {
+            i if i.abs() <= self.points.search.half => self.cost(i),
+            _ => NONE,
+        });
+        let curvature = left - 2.0 * here + right;
+        if left >= NONE || right >= NONE || curvature < 1e-9 {
+            return (self.ratio(candidate), 10.0 / self.parallax);
+        }
+        let shift = (0.5 * (left - right) / curvature).clamp(-0.5, 0.5);
+        let step = self.points.search.step_px;
+        let sigma_px = 1.0 / (curvature / (step * step)).max(1e-2).sqrt();
+        (1.0 + (candidate as f32 + shift) * self.ratio_step, sigma_px / self.parallax)
+    }
+
+    /// Compares the patch with all baselines under a candidate.
+    #[inline(always)]
+    fn compare(&mut self, candidate: i32) {
+        let ratio = self.ratio(candidate);
+        if !RATIOS.contains(&ratio) {
+            return;
+        }
+        let inverse_depth = ratio * self.inverse_depth;
+        let is_level = self.height_m(ratio) <= LEVEL_M;
+        let planes = &self.points.planes;
+        let (plane, across) =
+            if is_level { (&planes.level, self.level) } else { (&planes.upright, self.upright) };
+        let across = if across.abs() < 1e-4 { 1e-4 } else { across };
+        let (mut sum, mut count) = (0.0, 0);
+        for (projection, baseline) in self.points.projections.iter().zip(self.points.baselines) {
+            let Projection { turn, shift, gain } = projection;
+            let p = turn * self.pixel + shift * inverse_depth;
+            if p.z * ratio < 0.05 * ratio.max(inverse_depth) {
+                continue;
+            }
+            let inverse = 1.0 / p.z;
+            let center = p.xy() * inverse;
+            let scale = inverse_depth / across;
+            let spacing = self.points.search.spacing_px * inverse;
+            let column = |k: usize, plane: f32| {
+                let slope = turn.column(k) + shift * (scale * plane);
+                (slope.xy() - center * slope.z) * spacing
+            };
+            let (a, b) = (column(0, plane.x), column(1, plane.y));
+            let Some(patch) = patch(baseline.image, center, &[a.x, b.x, a.y, b.y]) else { continue };
+            let (mut total, mut squares) = ([0_f32; 8], [0_f32; 8]);
+            for (lane, (theirs, ours)) in patch.iter().zip(&self.patch).enumerate() {
+                let difference = gain * theirs - ours;
+                total[lane % 8] += difference;
+                squares[lane % 8] += difference * difference;
+            }
+            let (total, squares) = (total.iter().sum::<f32>(), squares.iter().sum::<f32>());
+            sum += squares - total * total / SAMPLES as f32;
+            count += 1;
+        }
+        if count >= self.points.projections.len().saturating_sub(1).max(1) {
+            let index = self.index(candidate);
+            self.costs[index] = sum * self.weight / count as f32;
+        }
+    }
+}
+
+/// Samples around `center`, where one sample to the right is (`a[0]`, `a[2]`) px away and one below (`a[1]`, `a[3]`);
+/// `None` too near to the border.
+#[inline(always)]
+fn patch(image: &QuadImage, center: Vector2<f32>, a: &[f32; 4]) -> Option<[f32; SAMPLES]> {
+    let (reach_x, reach_y) = (2.0 * (a[0].abs() + a[1].abs()), 2.0 * (a[2].abs() + a[3].abs()));
+    let (right, bottom) = (image.width() as f32 - 2.0, image.height() as f32 - 2.0);
+    let inside = center.x - reach_x > 1.0
+        && center.x + reach_x < right
+        && center.y - reach_y > 1.0
+        && center.y + reach_y < bottom;
+    if !inside {
+        return None;
+    }
+    let (mut x, mut y) = ([0_f32; SAMPLES], [0_f32; SAMPLES]);
+    for i in 0..SAMPLES {
+        x[i] = center.x + a[0] * ACROSS[i] + a[1] * DOWN[i];
+        y[i] = center.y + a[2] * ACROSS[i] + a[3] * DOWN[i];
+    }
+    Some(image.sample(&x, &y))
+}
+
+/// Places of the samples.
+const ACROSS: [f32; SAMPLES] = places().0;
+const DOWN: [f32; SAMPLES] = places().1;
+
+const fn places() -> ([f32; SAMPLES], [f32; SAMPLES]) {
+    let (mut across, mut down) = ([0.0; SAMPLES], [0.0; SAMPLES]);
+    let (mut cell, mut i) = (0, 0);
+    while cell < 25 {
+        if cell != 12 {
+            across[i] = (cell % 5) as f32 - 2.0;
+            down[i] = (cell / 5) as f32 - 2.0;
+            i += 1;
+        }
+        cell += 1;
+    }
+    (across, down)
+}
