@@ -100,6 +100,25 @@ fn no_table_is_written_where_nothing_was_learned() {
 }
 
 #[test]
+fn a_table_without_places_is_accepted_and_noted() {
+    let folder = TestFolder::new("thresholds-empty");
+    std::fs::write(
+        folder.file("empty.toml"),
+        "width = 256\nheight = 240\nregions = 5\nexposure = 1\nplace = []\n",
+    )
+    .unwrap();
+    let key = "behaviors.stationary-obstacle-avoider.thresholds";
+    let check = |table: &Path| {
+        let set = format!("{key}={:?}", table.display().to_string());
+        yamabico().arg("check").arg(config("hallway.toml")).args(["--set", &set]).output().unwrap()
+    };
+    assert_exit(&check(&folder.file("empty.toml")), 0, &["note: ", "holds no place", "learn thresholds"]);
+    let full = check(&config("maps/hallway-thresholds.toml"));
+    assert_exit(&full, 0, &["has no errors"]);
+    assert!(!crate::program::text(&full).contains("note:"));
+}
+
+#[test]
 fn unsuitable_tasks_and_arguments_are_refused() {
     let folder = TestFolder::new("thresholds-refused");
     assert_exit(&learn(&config("no-such-task.toml"), &folder, &[]), 2, &["no-such-task.toml"]);

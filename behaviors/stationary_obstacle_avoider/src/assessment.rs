@@ -7,8 +7,8 @@ use yamabico_core::message::Reason;
 use yamabico_core::time::Time;
 
 use crate::halt_state_machine::{State, VisionResult};
-use crate::obstacle_memory::Cut;
-use crate::passage_finder::{AVOIDANCE_RANGE_M, Surroundings, aim, is_clear, point_on_path};
+use crate::obstacle_memory::Border;
+use crate::passage_finder::{AVOIDANCE_RANGE_M, Surroundings, aim, is_clear, is_crossed, point_on_path};
 use crate::safe_passage::{Aim, Interval, PLANE_M, region_on_plane};
 use crate::threshold_table::Place;
 use crate::{Localized, StationaryObstacleAvoider};
@@ -97,8 +97,8 @@ impl StationaryObstacleAvoider {
             let at = robot.transform_point(camera.transform_point(middle));
             let radius_m = (0.5 * (high - low) * ahead_m).clamp(0.12, 0.3);
             let is_cut = region == 0 || region + 1 == count;
-            let cut = is_cut.then(|| Cut { from: robot.position(), is_left: region == 0 });
-            self.known_obstacles.add_detection(at, radius_m, cut, now);
+            let cut = is_cut.then_some(if region == 0 { Border::Left } else { Border::Right });
+            self.known_obstacles.add_detection(at, radius_m, robot.position(), cut, now);
         }
         let (views, map) = (&self.views, self.detector.map());
         self.known_obstacles
@@ -121,7 +121,12 @@ impl StationaryObstacleAvoider {
         let Some(robot) = self.robot() else { return unusable };
         let goal_m = self.goal_on_plane(&robot);
         let beside = self.order.state == State::Avoid && self.is_beside_obstacle(&robot);
-        let clear = is_clear(&self.surroundings(&robot), goal_m, &self.clearances) && !beside;
+        let around = self.surroundings(&robot);
+        if is_crossed(&around, goal_m, &self.clearances) {
+            // A detour would lead where a person walks to: wait.
+            return VisionResult { valid: true, clear: false, bearing: None, ..unusable };
+        }
+        let clear = is_clear(&around, goal_m, &self.clearances) && !beside;
         let aim = self.aim(&robot, goal_m);
         if !clear && let Some(aim) = aim.filter(|aim| aim.deviates) {
             self.lean_m = LEAN_M.copysign(aim.lateral_m - goal_m);

@@ -161,6 +161,9 @@ impl Detector {
         self.step_finder.find(image, self.map.walls(), map_from_robot, &self.regions, &mut self.steps);
         self.results.clear();
         let learned = f64::from(place.n0_extra);
+        if place.is_unlearned() {
+            self.step_finder.cover_walls(&mut self.explained);
+        }
         self.find_level(image);
         let evidence = self.difference.extra.iter().zip(&self.level_counts).zip(&self.steps);
         for ((&extra, &level), &step) in evidence {

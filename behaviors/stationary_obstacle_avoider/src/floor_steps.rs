@@ -9,6 +9,7 @@ use nalgebra::{Point2, Vector2, Vector3};
 use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
+use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::map::Wall;
 
 /// Minimum and maximum distance of the foot of a step from the camera, m.
@@ -30,6 +31,8 @@ const UNIT: f64 = 3.0;
 const WALL_MARGIN_PX: f64 = 3.0;
 /// Maximum position error of the pose when walls are projected, m.
 const WALL_MARGIN_M: f64 = 0.06;
+/// Distance at which the floor meets the horizon, m.
+const HORIZON_M: f64 = 1e6;
 /// Maximum margin along a ray that meets a wall at a small angle, m.
 const MAX_MARGIN_M: f64 = 1.5;
 
@@ -207,6 +210,21 @@ impl FloorStepFinder {
         self.feet.iter().copied()
     }
 
+    /// Sets the pixels of `mask` that show no bare floor, after the walls found last, or floor farther away than a foot is
+    /// searched.
+    pub fn cover_walls(&self, mask: &mut BitImage) {
+        let farthest = self.tops.iter().position(Option::is_some).unwrap_or(self.tops.len());
+        for v in 0..self.first + farthest {
+            mask.row_mut(v).fill(u64::MAX);
+        }
+        for i in farthest..self.height - self.first {
+            let columns = &self.columns[i * self.width..(i + 1) * self.width];
+            for (&u, _) in columns.iter().zip(&self.eroded).filter(|&(_, &floor)| self.first + i < floor) {
+                mask.set(usize::from(u), self.first + i);
+            }
+        }
+    }
+
     /// Finds the first row of bare floor of each vertical line, the lowest one among its neighbors.
     fn find_floor(&mut self, walls: &[Wall], map_from_robot: &Pose2) {
         let camera = map_from_robot.transform_point(self.position);
@@ -222,7 +240,9 @@ impl FloorStepFinder {
             } else {
                 (ray.row(2.0 * FOOT_RANGE_M.1), 0)
             };
-            let foot = ray.row(nearest_m).clamp(self.first as f64, self.height as f64 - 1.0) as usize;
+            // A finite distance: without a wall the row is that of the horizon.
+            let foot =
+                ray.row(nearest_m.min(HORIZON_M)).clamp(self.first as f64, self.height as f64 - 1.0) as usize;
             if let Some(place) = c.checked_sub(BESIDE_PX).and_then(|c| Some((c, self.feet.get_mut(c)?))) {
                 let (c, kept) = place;
                 *kept = (usize::from(self.columns[(foot - self.first) * self.width + c]), foot);

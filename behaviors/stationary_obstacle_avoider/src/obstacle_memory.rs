@@ -1,7 +1,8 @@
 //! Obstacles on the map, remembered while they are out of view.
 //!
 //! Differs from Ohya, Kosaka & Kak (1998), who assume that all obstacles stand one meter ahead: here they are located
-//! by their foot on the floor, and stay on the map while the robot drives past.
+//! by their foot on the floor, and stay on the map while the robot drives past. A place is remembered the longer, the
+//! longer an obstacle was seen there, and what moves is soon forgotten: a person who crosses leaves no trail.
 
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
@@ -16,6 +17,17 @@ pub const SEEN_LIFETIME_S: f64 = 30.0;
 const NEARBY_LIFETIME_S: f64 = 120.0;
 /// Distance from the robot within which an obstacle is near, m.
 const NEARBY_M: f64 = 1.5;
+/// Time for which an obstacle is remembered, per time that it was seen for.
+const LIFETIME_PER_TIME_SEEN: f64 = 10.0;
+/// Minimum time for which an obstacle is remembered, s.
+const MIN_LIFETIME_S: f64 = 3.0;
+/// Time after which an obstacle that moves is forgotten, s.
+const MOVING_LIFETIME_S: f64 = 1.5;
+/// Lateral displacement, as seen from the robot, from which on an obstacle moves, radii: more than the step from one image
+/// region to the next.
+const MOVING_RADII: f64 = 3.0;
+/// Time after which an obstacle that has not moved any farther counts as stationary again, s.
+const RESTING_S: f64 = 3.0;
 /// Maximum angle between the robot's heading and a direction that a search looks in, rad.
 const MAX_SEARCH_RAD: f64 = 1.2;
 /// Time after which an obstacle known only by sonar is forgotten, s.
@@ -37,29 +49,84 @@ pub struct KnownObstacle {
     pub is_confirmed: bool,
     /// Time of the last detection.
     pub seen: Time,
+    /// Time of the first detection.
+    first_seen: Time,
+    /// True if it moves: a person, not a box.
+    pub is_moving: bool,
+    /// Position when it was first seen or last found to move (m, map frame), and the time of that.
+    #[serde(with = "place")]
+    anchor: Point2<f64>,
+    anchored: Time,
     was_seen: bool,
     history: u8,
     misses: u32,
     is_fresh: bool,
 }
 
-/// Image border that cuts a detected obstacle off.
-#[derive(Clone, Copy, Debug)]
-pub struct Cut {
-    /// Position of the robot at capture, m, map frame.
-    pub from: Point2<f64>,
-    /// True for the left border, false for the right one.
-    pub is_left: bool,
+impl KnownObstacle {
+    fn new(at: Point2<f64>, radius_m: f64, now: Time) -> Self {
+        Self {
+            at,
+            radius_m,
+            is_confirmed: false,
+            seen: now,
+            first_seen: now,
+            is_moving: false,
+            anchor: at,
+            anchored: now,
+            was_seen: true,
+            history: 0,
+            misses: 0,
+            is_fresh: true,
+        }
+    }
+
+    /// Decides whether the obstacle moves, from its displacement across the line of sight from `from` (m, map frame): the
+    /// distance along that line is uncertain.
+    fn track(&mut self, from: Point2<f64>, now: Time) {
+        let sight = self.at - from;
+        let across_m = sight.perp(&(self.at - self.anchor)).abs() / sight.norm().max(1e-3);
+        let is_displaced = across_m > MOVING_RADII * self.radius_m;
+        let is_over = now.seconds_after(self.anchored) > RESTING_S;
+        if is_displaced || is_over {
+            self.is_moving = is_displaced && !is_over;
+            (self.anchor, self.anchored) = (self.at, now);
+        }
+    }
+
+    /// Time after the last detection for which the obstacle is remembered, s.
+    fn lifetime_s(&self) -> f64 {
+        (LIFETIME_PER_TIME_SEEN * self.seen.seconds_after(self.first_seen)).max(MIN_LIFETIME_S)
+    }
+
+    /// Returns true if a robot of `half_width_m` that drives `length_m` from `pose` in direction `bearing` (rad) touches
+    /// the obstacle. One behind the robot does not count.
+    fn is_on_line(&self, pose: &Pose2, bearing: f64, length_m: f64, half_width_m: f64) -> bool {
+        let (sin, cos) = bearing.sin_cos();
+        let at = pose.inverse().transform_point(self.at);
+        let (along, across) = (cos * at.x + sin * at.y, cos * at.y - sin * at.x);
+        let nearest = across.hypot(along - along.clamp(0.0, length_m));
+        along > 0.0 && nearest < self.radius_m + half_width_m
+    }
 }
 
-impl Cut {
-    /// Combines a known position with that of a visible remainder: the result is no farther away, and no farther into
-    /// the image, than either of them.
-    fn place(&self, known: Point2<f64>, seen: Point2<f64>) -> Point2<f64> {
-        let (known, seen) = (known - self.from, seen - self.from);
+/// Image border that cuts a detected obstacle off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Border {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+impl Border {
+    /// Combines a known position with that of a visible remainder, seen from `from`: the result is no farther away, and no
+    /// farther into the image, than either of them.
+    fn place(self, from: Point2<f64>, known: Point2<f64>, seen: Point2<f64>) -> Point2<f64> {
+        let (known, seen) = (known - from, seen - from);
         let is_known_farther_left = seen.perp(&known) > 0.0;
-        let towards = if is_known_farther_left == self.is_left { known } else { seen };
-        self.from + towards.cap_magnitude(known.norm().min(seen.norm()))
+        let towards = if is_known_farther_left == (self == Border::Left) { known } else { seen };
+        from + towards.cap_magnitude(known.norm().min(seen.norm()))
     }
 }
 
@@ -115,30 +182,30 @@ impl ObstacleMemory {
         }
     }
 
-    /// Adds a detection in the current frame at `at` (m, map frame). If the image border cuts the obstacle off, `cut`
-    /// describes the border.
-    pub fn add_detection(&mut self, at: Point2<f64>, radius_m: f64, cut: Option<Cut>, now: Time) {
+    /// Adds a detection at `at` (m, map frame) in the current frame, captured at `from` (m, map frame). `cut`: the border
+    /// of the image, if it cuts the obstacle off.
+    pub fn add_detection(
+        &mut self,
+        at: Point2<f64>,
+        radius_m: f64,
+        from: Point2<f64>,
+        cut: Option<Border>,
+        now: Time,
+    ) {
         let is_same = |obstacle: &KnownObstacle| {
             (obstacle.at - at).norm() < obstacle.radius_m.max(radius_m) + ASSIGNMENT_M
         };
         let known = self.list.iter_mut().filter(|obstacle| !obstacle.is_fresh && is_same(obstacle));
         let nearest = known.min_by(|a, b| (a.at - at).norm().total_cmp(&(b.at - at).norm()));
-        let new = KnownObstacle {
-            at,
-            radius_m,
-            is_confirmed: false,
-            seen: now,
-            was_seen: true,
-            history: 0,
-            misses: 0,
-            is_fresh: true,
-        };
         if let Some(obstacle) = nearest {
-            let KnownObstacle { is_confirmed, history, .. } = *obstacle;
-            let at = cut.map_or(at, |cut| cut.place(obstacle.at, at));
-            *obstacle = KnownObstacle { at, is_confirmed, history, ..new };
+            obstacle.at = cut.map_or(at, |cut| cut.place(from, obstacle.at, at));
+            (obstacle.radius_m, obstacle.seen, obstacle.misses) = (radius_m, now, 0);
+            (obstacle.was_seen, obstacle.is_fresh) = (true, true);
+            if cut.is_none() {
+                obstacle.track(from, now);
+            }
         } else if self.list.len() < MAX_OBSTACLES {
-            self.list.push(new);
+            self.list.push(KnownObstacle::new(at, radius_m, now));
         }
     }
 
@@ -151,16 +218,8 @@ impl ObstacleMemory {
             return;
         }
         if self.list.len() < MAX_OBSTACLES {
-            self.list.push(KnownObstacle {
-                at,
-                radius_m,
-                is_confirmed: true,
-                seen: now,
-                was_seen: false,
-                history: 0,
-                misses: 0,
-                is_fresh: true,
-            });
+            let new = KnownObstacle::new(at, radius_m, now);
+            self.list.push(KnownObstacle { is_confirmed: true, was_seen: false, ..new });
         }
     }
 
@@ -183,12 +242,21 @@ impl ObstacleMemory {
         self.list.retain(|obstacle| {
             let is_beside = robot.is_some_and(|robot| (obstacle.at - robot).norm() < NEARBY_M);
             let max_age_s = match (obstacle.was_seen, is_beside) {
-                (true, true) => NEARBY_LIFETIME_S,
-                (true, false) => SEEN_LIFETIME_S,
+                _ if obstacle.is_moving => MOVING_LIFETIME_S,
+                (true, true) => obstacle.lifetime_s().min(NEARBY_LIFETIME_S),
+                (true, false) => obstacle.lifetime_s().min(SEEN_LIFETIME_S),
                 (false, _) => ECHO_LIFETIME_S,
             };
             now.seconds_after(obstacle.seen) <= max_age_s
         });
+    }
+
+    /// Returns true if an obstacle that moves is in the way of a robot of `half_width_m` that drives `length_m` from `pose`
+    /// in direction `bearing` (rad, relative to its heading).
+    #[must_use]
+    pub fn is_crossed(&self, pose: &Pose2, bearing: f64, length_m: f64, half_width_m: f64) -> bool {
+        let mut moving = self.confirmed().filter(|obstacle| obstacle.is_moving);
+        moving.any(|obstacle| obstacle.is_on_line(pose, bearing, length_m, half_width_m))
     }
 
     /// Returns true if a robot of `half_width_m` that drives `length_m` from `pose` in direction `bearing` (rad,
@@ -196,14 +264,7 @@ impl ObstacleMemory {
     /// can leave one it stands too close to.
     #[must_use]
     pub fn is_free(&self, pose: &Pose2, bearing: f64, length_m: f64, half_width_m: f64) -> bool {
-        let inverse = pose.inverse();
-        let (sin, cos) = bearing.sin_cos();
-        self.confirmed().all(|obstacle| {
-            let at = inverse.transform_point(obstacle.at);
-            let (along, across) = (cos * at.x + sin * at.y, cos * at.y - sin * at.x);
-            let nearest = across.hypot(along - along.clamp(0.0, length_m));
-            along <= 0.0 || nearest >= obstacle.radius_m + half_width_m
-        })
+        self.confirmed().all(|obstacle| !obstacle.is_on_line(pose, bearing, length_m, half_width_m))
     }
 }
 
@@ -227,8 +288,58 @@ mod tests {
 
     fn seen(obstacles: &mut ObstacleMemory, x: f64) {
         obstacles.begin_frame();
-        obstacles.add_detection(Point2::new(x, 0.0), 0.2, None, Time::ZERO);
+        obstacles.add_detection(Point2::new(x, 0.0), 0.2, Point2::origin(), None, Time::ZERO);
         obstacles.end_frame(|_| true);
+    }
+
+    /// Detects an obstacle at y for `seconds`, ten times a second, while it moves at `speed_mps`.
+    fn watch(obstacles: &mut ObstacleMemory, y: f64, speed_mps: f64, seconds: f64) {
+        for i in 0..=(10.0 * seconds) as u32 {
+            let now_s = 0.1 * f64::from(i);
+            let at = Point2::new(2.0, y + speed_mps * now_s);
+            obstacles.begin_frame();
+            obstacles.add_detection(at, 0.2, Point2::origin(), None, Time::from_secs_f64(now_s));
+            obstacles.end_frame(|_| false);
+        }
+    }
+
+    #[test]
+    fn one_who_crosses_is_waited_for_and_soon_forgotten_and_a_box_is_not() {
+        for (speed_mps, moves) in [(1.0, true), (-0.6, true), (0.1, false), (0.0, false)] {
+            let mut obstacles = ObstacleMemory::default();
+            watch(&mut obstacles, -0.5 * speed_mps * 2.0, speed_mps, 2.0);
+            let crossed = obstacles.is_crossed(&Pose2::new(0.0, speed_mps, 0.0), 0.0, 3.0, 0.2);
+            assert_eq!(crossed, moves, "at {speed_mps} m/s");
+            obstacles.expire(Time::from_secs_f64(4.0), Some(Point2::new(1.0, 0.0)));
+            assert_eq!(obstacles.all().is_empty(), moves, "at {speed_mps} m/s");
+        }
+        let mut resting = ObstacleMemory::default();
+        watch(&mut resting, -1.0, 1.0, 1.0);
+        assert!(resting.confirmed().all(|obstacle| obstacle.is_moving));
+        for i in 11..50 {
+            resting.begin_frame();
+            let now = Time::from_secs_f64(0.1 * f64::from(i));
+            resting.add_detection(Point2::new(2.0, 0.0), 0.2, Point2::origin(), None, now);
+            resting.end_frame(|_| false);
+        }
+        assert!(resting.confirmed().all(|obstacle| !obstacle.is_moving), "it has come to rest");
+    }
+
+    #[test]
+    fn a_glimpse_is_forgotten_sooner_than_a_long_look() {
+        for (seconds, remembered_s) in [(0.2, 3.0), (1.0, 10.0), (5.0, 30.0)] {
+            let mut obstacles = ObstacleMemory::default();
+            watch(&mut obstacles, 0.0, 0.0, seconds);
+            let mut left_after = |age_s: f64| {
+                obstacles.expire(Time::from_secs_f64(seconds + age_s), None);
+                obstacles.confirmed().count()
+            };
+            assert_eq!(
+                [left_after(remembered_s - 0.2), left_after(remembered_s + 0.2)],
+                [1, 0],
+                "{seconds} s"
+            );
+        }
     }
 
     #[test]
@@ -256,23 +367,23 @@ mod tests {
     fn an_obstacle_cut_by_the_image_border_moves_neither_farther_away_nor_farther_in() {
         let mut obstacles = ObstacleMemory::default();
         seen(&mut obstacles, 2.0);
-        let cut = |is_left| Some(Cut { from: Point2::new(1.0, 0.0), is_left });
+        let (from, left, right) = (Point2::new(1.0, 0.0), Some(Border::Left), Some(Border::Right));
         for (at, cut, there) in [
-            ([2.3, 0.0], cut(true), [2.0, 0.0]),
-            ([1.9, 0.0], cut(true), [1.9, 0.0]),
-            ([1.9, -0.1], cut(true), [1.9, 0.0]),
-            ([1.9, 0.1], cut(true), [1.9, 0.1]),
-            ([1.9, 0.2], cut(false), [1.9, 0.1]),
+            ([2.3, 0.0], left, [2.0, 0.0]),
+            ([1.9, 0.0], left, [1.9, 0.0]),
+            ([1.9, -0.1], left, [1.9, 0.0]),
+            ([1.9, 0.1], left, [1.9, 0.1]),
+            ([1.9, 0.2], right, [1.9, 0.1]),
             ([2.1, 0.2], None, [2.1, 0.2]),
         ] {
             obstacles.begin_frame();
-            obstacles.add_detection(Point2::from(at), 0.15, cut, Time::ZERO);
+            obstacles.add_detection(Point2::from(at), 0.15, from, cut, Time::ZERO);
             obstacles.end_frame(|_| true);
             let off = (obstacles.confirmed().next().unwrap().at - Point2::from(there)).norm();
             assert!(off < 0.015, "{at:?}: {off} m from {there:?}");
         }
         obstacles.begin_frame();
-        obstacles.add_detection(Point2::new(3.5, 0.0), 0.15, cut(true), Time::ZERO);
+        obstacles.add_detection(Point2::new(3.5, 0.0), 0.15, from, left, Time::ZERO);
         assert_eq!(obstacles.all().len(), 2, "a new obstacle is placed where it was detected");
     }
 
@@ -294,16 +405,15 @@ mod tests {
     fn obstacles_expire_and_those_near_the_robot_later() {
         let mut obstacles = ObstacleMemory::default();
         obstacles.add_echo(Point2::new(0.5, 0.0), 0.1, Time::ZERO);
-        seen(&mut obstacles, 3.0);
-        seen(&mut obstacles, 3.0);
+        watch(&mut obstacles, 0.0, 0.0, 13.0);
         let mut left = |seconds: f64, robot_x: f64| {
             obstacles.expire(Time::from_secs_f64(seconds), Some(Point2::new(robot_x, 0.0)));
             obstacles.confirmed().count()
         };
         assert_eq!([left(1.4, 0.0), left(1.6, 0.0)], [2, 1]);
-        assert_eq!([left(29.0, 0.0), left(119.0, 2.0), left(119.0, 0.0)], [1, 1, 0]);
-        seen(&mut obstacles, 3.0);
-        obstacles.expire(Time::from_secs_f64(121.0), Some(Point2::new(2.0, 0.0)));
+        assert_eq!([left(42.0, 0.0), left(132.0, 1.0), left(132.0, 0.0)], [1, 1, 0]);
+        watch(&mut obstacles, 0.0, 0.0, 13.0);
+        obstacles.expire(Time::from_secs_f64(134.0), Some(Point2::new(1.0, 0.0)));
         assert!(obstacles.all().is_empty());
     }
 
@@ -312,7 +422,7 @@ mod tests {
         let mut obstacles = ObstacleMemory::default();
         for x in [1.0, 3.0] {
             obstacles.begin_frame();
-            obstacles.add_detection(Point2::new(x, 0.0), 0.2, None, Time::ZERO);
+            obstacles.add_detection(Point2::new(x, 0.0), 0.2, Point2::origin(), None, Time::ZERO);
             obstacles.end_frame(|_| false);
         }
         obstacles.add_echo(Point2::new(0.0, 1.0), 0.1, Time::ZERO);

@@ -49,6 +49,13 @@ pub fn is_clear(around: &Surroundings<'_>, goal_m: f64, clearances: &Clearances)
     around.obstacles.is_free(around.robot, goal_m.atan2(PLANE_M), AVOIDANCE_RANGE_M, clearances.half_width_m)
 }
 
+/// Returns true if an obstacle that moves is on that line: it may leave by itself.
+#[must_use]
+pub fn is_crossed(around: &Surroundings<'_>, goal_m: f64, clearances: &Clearances) -> bool {
+    let bearing = goal_m.atan2(PLANE_M);
+    around.obstacles.is_crossed(around.robot, bearing, AVOIDANCE_RANGE_M, clearances.half_width_m)
+}
+
 /// Returns the free point on the plane one meter ahead that is nearest to `goal_m` (m), in the gap nearest to a
 /// position `lean_m` (m) to the left of it; `None` if no direction is free.
 #[must_use]
@@ -143,7 +150,7 @@ mod tests {
         if let Some([x, y]) = obstacle {
             for _ in 0..2 {
                 obstacles.begin_frame();
-                obstacles.add_detection(Point2::new(x, y), 0.17, None, Time::ZERO);
+                obstacles.add_detection(Point2::new(x, y), 0.17, robot.position(), None, Time::ZERO);
                 obstacles.end_frame(|_| false);
             }
         }

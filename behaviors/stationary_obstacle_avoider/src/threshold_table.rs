@@ -104,6 +104,12 @@ impl Place {
         }
     }
 
+    /// Returns true for [`Place::unlearned`].
+    #[must_use]
+    pub const fn is_unlearned(&self) -> bool {
+        self.n0_extra == u32::MAX
+    }
+
     /// Returns the pose of the robot, map frame.
     #[must_use]
     pub fn pose(&self) -> Pose2 {

@@ -117,16 +117,38 @@ fn a_robot_wider_than_the_view_is_refused() {
 }
 
 #[test]
-fn without_thresholds_near_it_creeps() {
+fn without_required_thresholds_near_it_creeps() {
     let situation = Situation::default();
     let pixels = render(situation.robot, None);
+    let requiring = |table: &str| {
+        Avoider::new(&format!("{table}\nrequires_thresholds = true"), setup(camera().0))
+            .expect("a configuration")
+    };
     let astray = Situation { robot: Pose2::new(3.0, 0.0, 1.2), ..situation.clone() };
-    creeps(&drive(&mut avoider(), &astray, Some(&pixels)), Reason::NoThreshold);
-    let mut without =
-        Avoider::new("map = \"maps/hallway.toml\"", setup(camera().0)).expect("a configuration");
-    creeps(&drive(&mut without, &situation, Some(&pixels)), Reason::NoThreshold);
+    creeps(&drive(&mut requiring(TABLE), &astray, Some(&pixels)), Reason::NoThreshold);
+    let without = "map = \"maps/hallway.toml\"";
+    creeps(&drive(&mut requiring(without), &situation, Some(&pixels)), Reason::NoThreshold);
     let bright = Situation { exposure: 2.0, ..situation };
-    creeps(&drive(&mut avoider(), &bright, Some(&pixels)), Reason::NoThreshold);
+    creeps(&drive(&mut requiring(TABLE), &bright, Some(&pixels)), Reason::NoThreshold);
+}
+
+#[test]
+fn without_thresholds_edges_on_the_floor_show_obstacles() {
+    let mut bench = Avoider::new("map = \"maps/hallway.toml\"", setup(camera().0)).expect("a configuration");
+    for (x, y, theta) in [(3.0, 0.0, 0.0), (4.0, 0.2, 0.1), (7.0, -0.2, -0.1)] {
+        let situation = Situation { seconds: x, robot: Pose2::new(x, y, theta), ..Situation::default() };
+        let proposal = drive(&mut bench, &situation, Some(&render(situation.robot, None)));
+        assert_eq!(
+            answer(&proposal),
+            (Some(Kind::Abstain), Some(Reason::Clear)),
+            "{}",
+            proposal.note.as_str()
+        );
+    }
+    let situation = Situation { seconds: 9.0, ..Situation::default() };
+    let proposal = drive(&mut bench, &situation, Some(&render(situation.robot, Some([4.6, 0.25]))));
+    assert_eq!(proposal.kind(), Some(Kind::Drive), "{}", proposal.note.as_str());
+    assert!(proposal.twist.angular < -0.05, "{:?}", proposal.twist);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The integration tests of this crate, one module a subject.
 
 mod allocations;
+mod corridor;
 mod inputs;
 mod release;
 mod rig;

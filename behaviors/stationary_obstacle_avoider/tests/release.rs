@@ -33,7 +33,7 @@ fn a_halted_robot_without_thresholds_creeps_on_once_the_sonar_is_clean() {
     let (clear, near) = (Situation::default(), Situation { range_m: Some(0.3), ..Situation::default() });
     let frames: [Option<&[u8]>; 2] = [Some(&pixels), None];
     for (frames, reason) in frames.into_iter().zip([Reason::NoThreshold, Reason::StaleInput]) {
-        let mut bench = avoider("map = \"maps/hallway.toml\"");
+        let mut bench = avoider("map = \"maps/hallway.toml\"\nrequires_thresholds = true");
         stand(&mut bench, (0.0, 2.0), &clear, frames);
         let halt = stand(&mut bench, (2.1, 0.0), &near, frames);
         assert_eq!((halt.kind(), halt.reason()), (Some(Kind::Halt), Some(Reason::Echo)));
