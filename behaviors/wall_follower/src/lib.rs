@@ -88,8 +88,6 @@ pub struct WallFollower {
     failure: Option<Reason>,
     /// Probability of a corridor at the last frame, and what it allows; `None` from the method that does not judge.
     evidence: Option<(f64, Action)>,
-    /// True while nothing is followed, so that the evidence is forgotten once.
-    is_lost: bool,
     /// Heading (rad, odometry frame) of a turn at the end of the corridor.
     turning_to: Option<f64>,
     is_mount_wrong: bool,
@@ -152,7 +150,6 @@ impl Plugin for WallFollower {
             last_found: None,
             failure: None,
             evidence: None,
-            is_lost: false,
             turning_to: None,
             is_mount_wrong: false,
         })
@@ -285,7 +282,6 @@ impl WallFollower {
     fn recovery(&mut self, result: FrameResult, pose: Option<Pose2>, now: Time) -> Option<Recovery> {
         if result == FrameResult::Found {
             self.recoverer.found();
-            self.is_lost = false;
         }
         let age_s = self.last_found.map_or(f64::INFINITY, |found| now.seconds_after(found.stamp));
         if result == FrameResult::Held && age_s > self.config.lost.coast_s {
@@ -310,9 +306,10 @@ impl WallFollower {
         let recovery = self.recoverer.step(&loss, &self.config.lost);
         if recovery != Recovery::Coast {
             self.track.lose();
-            if !std::mem::replace(&mut self.is_lost, true) {
-                self.sight.forget();
-            }
+        }
+        if matches!(recovery, Recovery::TurnTo(_)) {
+            // Every look of the search counts by itself.
+            self.sight.forget();
         }
         Some(recovery)
     }

@@ -7,8 +7,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
-use yamabico_geometry::camera::Intrinsics;
+use yamabico_geometry::camera::{Calibration, Intrinsics, Mount};
 use yamabico_geometry::image::{GrayImage, ImageView};
+use yamabico_vision::corridor_evidence::{Coefficients, CorridorJudge, Picture, RowPrior};
 use yamabico_vision::gradient::{Gradient, Scharr};
 use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
@@ -140,6 +141,40 @@ fn york_urban(criterion: &mut Criterion) {
     });
 }
 
+/// Time of the evidence for a corridor, given the segments: hypotheses, features and probability.
+fn evidence(criterion: &mut Criterion) {
+    let images = photographs();
+    let camera = Intrinsics { fx: 674.918, fy: 674.918, cx: 307.551, cy: 251.454, width: 640, height: 480 };
+    let picture = Picture::of(&camera);
+    let prior = RowPrior::of_mount(&picture, &Mount::level(1.0), Calibration::Measured, None);
+    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
+    let mut detector = SegmentDetector::new(SegmentConfig::for_evidence());
+    let mut times_us = Vec::new();
+    for image in &images {
+        let Ok(Ok(segments)) = image.view().map(|view| detector.detect(view)) else { continue };
+        let mut best = f64::INFINITY;
+        for _ in 0..15 {
+            let start = Instant::now();
+            black_box(judge.look(black_box(segments), &picture, &prior, None));
+            best = best.min(start.elapsed().as_secs_f64() * 1e6);
+        }
+        times_us.push(best);
+    }
+    if !times_us.is_empty() {
+        println!(
+            "York Urban, {} images: evidence beside the segments median {:.0} us, largest {:.0} us",
+            times_us.len(),
+            middle(&mut times_us),
+            times_us.last().copied().unwrap_or(f64::NAN)
+        );
+    }
+    let image = corridor(640, 480);
+    let Ok(Ok(segments)) = image.view().map(|view| detector.detect(view)) else { return };
+    criterion.bench_function("evidence, corridor 640x480", |b| {
+        b.iter(|| judge.look(black_box(segments), &picture, &prior, None).probability);
+    });
+}
+
 /// Sorts the values and returns the median.
 fn middle(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
@@ -164,5 +199,5 @@ fn photographs() -> Vec<GrayImage> {
     files.iter().filter_map(load).collect()
 }
 
-criterion_group!(vision, kernels, frames, york_urban);
+criterion_group!(vision, kernels, frames, evidence, york_urban);
 criterion_main!(vision);

@@ -4,6 +4,8 @@
 
 mod azimuth_allocations;
 mod azimuth_vectors;
+mod corridor_photographs;
+mod corridor_vectors;
 mod map_vectors;
 mod mask_vectors;
 mod plane_motion_vectors;

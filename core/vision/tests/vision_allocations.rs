@@ -2,8 +2,9 @@
 
 use nalgebra::Vector2;
 use yamabico_core::testing::{Allocations, allocations};
-use yamabico_geometry::camera::Intrinsics;
+use yamabico_geometry::camera::{Calibration, Intrinsics, Mount};
 use yamabico_geometry::image::{GrayImage, ImageView};
+use yamabico_vision::corridor_evidence::{Coefficients, CorridorJudge, Picture, RowPrior};
 use yamabico_vision::gradient::{Gradient, Scharr};
 use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
@@ -38,6 +39,10 @@ fn frames_after_the_first_do_not_allocate() {
     let prediction = Prediction::at_pixel(Vector2::new(150.0, 115.0), 30.0, &camera);
     let mut detector = SegmentDetector::new(SegmentConfig::default());
     let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
+    let picture = Picture::of(&camera);
+    let prior = RowPrior::of_mount(&picture, &Mount::level(0.5), Calibration::Measured, None);
+    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
+    let mut members = Vec::new();
     let (mut median, mut scharr) = (Median3::default(), Scharr::default());
     let (mut filtered, mut gray, mut gradient) =
         (GrayImage::default(), GrayImage::default(), Gradient::default());
@@ -48,6 +53,8 @@ fn frames_after_the_first_do_not_allocate() {
         scharr.smoothed_gradient(image, &mut gradient);
         let segments = detector.detect(image).ok()?;
         assert!(finder.find(segments, &camera, None).is_ok());
+        let sighting = judge.look(segments, &picture, &prior, None);
+        judge.members(sighting.hypothesis?.point, &mut members);
         finder.find(segments, &camera, Some(prediction)).ok().map(|found| found.pixel)
     };
     for data in &images {

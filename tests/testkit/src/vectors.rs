@@ -20,6 +20,15 @@ pub fn omni(name: &str) -> Value {
     read("omni", name)
 }
 
+/// Reads the known answers `corridor/NAME.json`.
+///
+/// # Panics
+/// If the file is missing or is not JSON.
+#[must_use]
+pub fn corridor(name: &str) -> Value {
+    read("corridor", name)
+}
+
 /// Reads the known answers `evidence/NAME.json`.
 ///
 /// # Panics

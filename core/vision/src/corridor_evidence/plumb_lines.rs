@@ -28,6 +28,8 @@ const CENTER_SIGMA_HEIGHTS: f64 = 0.35;
 /// Number of plumb lines, and standard deviation of their roll (rad), from which on it classifies segments.
 const MIN_LINES: usize = 6;
 const MAX_ROLL_SIGMA_RAD: f64 = 0.035;
+/// Roll below which the classes of segments, 10 degrees wide, are left as they are, rad.
+const MIN_ROLL_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
 /// Direction of gravity in the camera, from plumb lines.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,11 +51,11 @@ impl PlumbHorizon {
         self.a.atan()
     }
 
-    /// Returns the roll, if it is known well enough to classify segments by.
+    /// Returns the roll, if it is known well enough and large enough to classify segments by.
     #[must_use]
     pub fn known_roll(&self) -> Option<f64> {
         let is_known = self.inliers >= MIN_LINES && self.covariance.m11.sqrt() <= MAX_ROLL_SIGMA_RAD;
-        is_known.then(|| self.roll())
+        is_known.then(|| self.roll()).filter(|roll| roll.abs() >= MIN_ROLL_RAD)
     }
 
     /// Row of the horizon at the principal column, px.

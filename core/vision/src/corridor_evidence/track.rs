@@ -122,9 +122,10 @@ impl EvidenceTrack {
     /// Forgets the heading and the evidence, and doubles the uncertainty of the row: after a large turn or a long time without a
     /// corridor.
     pub fn forget_heading(&mut self) {
-        self.heading = None;
+        if self.heading.take().is_some() {
+            self.row.variance = (4.0 * self.row.variance).min(self.start.variance);
+        }
         self.log_odds = 0.0;
-        self.row.variance = (4.0 * self.row.variance).min(self.start.variance);
     }
 
     /// Probability of a corridor, 0 to 1.
