@@ -4,6 +4,7 @@
 
 mod azimuth_allocations;
 mod azimuth_vectors;
+mod floor_appearance;
 mod map_vectors;
 mod mask_vectors;
 mod vision_allocations;

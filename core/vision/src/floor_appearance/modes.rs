@@ -86,12 +86,13 @@ impl Modes {
         self.normalize(is_color);
     }
 
-    /// Replaces the modes; their masses are normalized to shares.
-    pub fn set(&mut self, modes: &[Mode], is_color: bool) {
-        self.modes.clear();
-        self.modes.extend_from_slice(modes);
+    /// Adds modes of another origin; both origins then have half of the mass.
+    pub fn join(&mut self, modes: &[Mode], is_color: bool) {
         let sum: f32 = modes.iter().map(|mode| mode.mass).sum();
-        self.modes.iter_mut().for_each(|mode| mode.mass /= sum.max(f32::MIN_POSITIVE));
+        let share = if self.modes.is_empty() { 1.0 } else { 0.5 };
+        self.modes.iter_mut().for_each(|mode| mode.mass *= share);
+        let scale = share / sum.max(f32::MIN_POSITIVE);
+        self.modes.extend(modes.iter().map(|mode| Mode { mass: mode.mass * scale, ..*mode }));
         self.normalize(is_color);
     }
 
