@@ -34,6 +34,7 @@ use yamabico_core::parameters::FileKind;
 use crate::config::Method;
 use crate::navel_grid::NavelGridAvoider;
 use crate::polar_cells::PolarCellsAvoider;
+use yamabico_vision::floor_appearance::FLOOR_APPEARANCE_FILE;
 use yamabico_vision::floor_color_file::FLOOR_COLORS_FILE;
 
 /// Input: frames of a forward camera tilted down, or of a mirror camera.
@@ -41,7 +42,7 @@ pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the fl
 /// Input: wheel odometry.
 pub const ODOMETRY: Slot<Odometry> = Slot::optional(
     "odometry",
-    "motion of the robot; required by polar-cells, navel-grid measures turns by it",
+    "motion of the robot; required by polar-cells, navel-grid measures turns and learns the floor by it",
 );
 /// Input: pose of the robot on the map.
 pub const POSE: Slot<Pose> =
@@ -70,7 +71,7 @@ impl Plugin for FreeSpaceAvoider {
     const SUMMARY: &'static str = "Drives toward free floor, without a map, by one image at a time.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
-    const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE];
+    const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE, FLOOR_APPEARANCE_FILE];
     const CLAIMS: Axes = Axes::ALL;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {

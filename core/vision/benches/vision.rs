@@ -8,7 +8,8 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 use yamabico_geometry::camera::Intrinsics;
-use yamabico_geometry::image::{GrayImage, ImageView};
+use yamabico_geometry::image::{GrayImage, ImageView, RgbView};
+use yamabico_vision::floor_appearance::{FloorAppearance, FloorPlace, Picture};
 use yamabico_vision::gradient::{Gradient, Scharr};
 use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
@@ -104,6 +105,27 @@ fn frames(criterion: &mut Criterion) {
     }
 }
 
+/// Votes by the floor's look, of the corridor tinted by place so that it has colors.
+fn floor_appearance(criterion: &mut Criterion) {
+    for (width, height) in [(640, 480), (256, 240)] {
+        let gray = corridor(width, height);
+        let tinted = |(i, &level): (usize, &u8)| {
+            let share = if 2 * (i / width) > height { 200 } else { 240 };
+            [level, (u16::from(level) * share / 256) as u8, level / 2]
+        };
+        let data: Vec<u8> = gray.pixels().iter().enumerate().flat_map(tinted).collect();
+        let (Ok(color), Ok(gray)) = (RgbView::new(&data, width, height, 3 * width), gray.view()) else {
+            return;
+        };
+        let mut appearance = FloorAppearance::default();
+        for (name, picture) in [("color", Picture::Color(color)), ("gray", Picture::Gray(gray))] {
+            criterion.bench_function(&format!("floor by its look, {name} {width}x{height}"), |b| {
+                b.iter(|| appearance.observe(black_box(picture), &FloorPlace::UNKNOWN_CAMERA).is_ok());
+            });
+        }
+    }
+}
+
 fn york_urban(criterion: &mut Criterion) {
     let images = photographs();
     if images.is_empty() {
@@ -164,5 +186,5 @@ fn photographs() -> Vec<GrayImage> {
     files.iter().filter_map(load).collect()
 }
 
-criterion_group!(vision, kernels, frames, york_urban);
+criterion_group!(vision, kernels, frames, floor_appearance, york_urban);
 criterion_main!(vision);

@@ -86,6 +86,21 @@ impl Modes {
         self.normalize(is_color);
     }
 
+    /// Removes all modes, and reserves memory for this number of samples.
+    pub fn reserve(&mut self, samples: usize) {
+        let Self { modes, precisions, log_peaks, nearest, distances } = self;
+        modes.clear();
+        precisions.clear();
+        log_peaks.clear();
+        nearest.clear();
+        distances.clear();
+        modes.reserve(2 * MAX_MODES);
+        precisions.reserve(2 * MAX_MODES);
+        log_peaks.reserve(2 * MAX_MODES);
+        nearest.reserve(samples);
+        distances.reserve(samples);
+    }
+
     /// Adds modes of another origin; both origins then have half of the mass.
     pub fn join(&mut self, modes: &[Mode], is_color: bool) {
         let sum: f32 = modes.iter().map(|mode| mode.mass).sum();

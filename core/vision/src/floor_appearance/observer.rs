@@ -86,6 +86,7 @@ impl FloorAppearance {
         if grid.columns < MIN_BLOCKS || grid.rows < MIN_BLOCKS {
             return Err(AppearanceError::TooSmall);
         }
+        self.reserve();
         self.presume(place);
         if !self.has_foreground() {
             return Err(AppearanceError::NoForeground);
@@ -124,6 +125,15 @@ impl FloorAppearance {
     /// Returns the learned look, to teach it.
     pub fn look_mut(&mut self) -> &mut LearnedLook {
         &mut self.look
+    }
+
+    /// Reserves what any image of this size may need.
+    fn reserve(&mut self) {
+        let count = self.blocks.grid().count();
+        self.samples.clear();
+        self.samples.reserve(count);
+        self.floor.reserve(count);
+        self.other.reserve(count);
     }
 
     fn presume(&mut self, place: &FloorPlace) {
