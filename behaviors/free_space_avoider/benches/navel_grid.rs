@@ -20,6 +20,7 @@ use yamabico_free_space_avoider::navel_grid::isodata::threshold_of_pixels;
 use yamabico_rigs::office;
 use yamabico_sim::Renderer;
 use yamabico_sim::random::stream;
+use yamabico_vision::floor_appearance::Picture;
 use yamabico_vision::median::Median3;
 
 const POSES: u32 = 12;
@@ -66,7 +67,7 @@ fn navel_grid(criterion: &mut Criterion) {
             .iter()
             .map(|image| {
                 best_us(|| {
-                    black_box(observer.observe(black_box(image.view().unwrap())));
+                    black_box(observer.observe(Picture::Gray(black_box(image.view().unwrap()))));
                 })
             })
             .collect();
@@ -79,7 +80,7 @@ fn navel_grid(criterion: &mut Criterion) {
         group.bench_function(format!("image to weights, {width}x{height}"), |bencher| {
             bencher.iter(|| {
                 next = (next + 1) % images.len();
-                black_box(observer.observe(black_box(images[next].view().unwrap())))
+                black_box(observer.observe(Picture::Gray(black_box(images[next].view().unwrap()))))
             });
         });
     }

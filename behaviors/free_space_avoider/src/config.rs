@@ -46,6 +46,12 @@ pub struct Config {
     #[default(GridSize::PAPER.cell_px as u32)]
     #[schemars(range(min = 4, max = 64))]
     pub cell_px: u32,
+    /// Evidence by which floor is told from obstacles (navel-grid).
+    pub evidence: Evidence,
+    /// Path of the file with the floor's look, relative to the task file (navel-grid with `evidence = "look"`). Without it,
+    /// the foreground at the start is floor.
+    #[schemars(extend("format" = "file"))]
+    pub floor_appearance: Option<String>,
     /// Brightness of the floor relative to obstacles (navel-grid).
     pub polarity: PolarityRule,
     /// Minimum difference between the mean of dark pixels and the mean of bright pixels, gray levels (navel-grid).
@@ -114,6 +120,18 @@ pub enum Method {
     NavelGrid,
     /// Polar cells of floor color in the image of a mirror camera.
     PolarCells,
+}
+
+/// Evidence by which floor is told from obstacles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Evidence {
+    /// The floor is brighter, or darker, than obstacles.
+    #[default]
+    Brightness,
+    /// The floor looks like what was in front of the robot at the start, and later like what was driven over: color,
+    /// brightness and texture, up to the next edge.
+    Look,
 }
 
 /// Choice of the heading of a robot with a forward camera while the path ahead is free.

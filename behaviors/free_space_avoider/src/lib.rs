@@ -36,6 +36,7 @@ use yamabico_core::parameters::FileKind;
 use crate::config::Method;
 use crate::navel_grid::NavelGridAvoider;
 use crate::polar_cells::PolarCellsAvoider;
+use yamabico_vision::floor_appearance::FLOOR_APPEARANCE_FILE;
 use yamabico_vision::floor_color_file::FLOOR_COLORS_FILE;
 
 /// Input: frames of a forward camera tilted down, or of a mirror camera.
@@ -43,7 +44,7 @@ pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the fl
 /// Input: wheel odometry.
 pub const ODOMETRY: Slot<Odometry> = Slot::optional(
     "odometry",
-    "motion of the robot; required by polar-cells, navel-grid measures turns by it",
+    "motion of the robot; required by polar-cells, navel-grid measures turns and learns the floor by it",
 );
 /// Input: pose of the robot on the map.
 pub const POSE: Slot<Pose> =
@@ -73,7 +74,7 @@ impl Plugin for FreeSpaceAvoider {
         "Finds the free floor in each camera image, and steers along it without a map.";
     const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
-    const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE];
+    const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE, FLOOR_APPEARANCE_FILE];
     const CLAIMS: Axes = Axes::ALL;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {

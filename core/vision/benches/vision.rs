@@ -8,8 +8,9 @@ use std::hint::black_box;
 use std::path::PathBuf;
 use std::time::Instant;
 use yamabico_geometry::camera::{Calibration, Intrinsics, Mount};
-use yamabico_geometry::image::{GrayImage, ImageView};
-use yamabico_vision::corridor_evidence::{Coefficients, CorridorJudge, Picture, RowPrior};
+use yamabico_geometry::image::{GrayImage, ImageView, RgbView};
+use yamabico_vision::corridor_evidence::{self, Coefficients, CorridorJudge, RowPrior};
+use yamabico_vision::floor_appearance::{self, FloorAppearance, FloorPlace};
 use yamabico_vision::gradient::{Gradient, Scharr};
 use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
@@ -105,6 +106,30 @@ fn frames(criterion: &mut Criterion) {
     }
 }
 
+/// Votes by the floor's look, of the corridor tinted by place so that it has colors.
+fn floor_looks(criterion: &mut Criterion) {
+    for (width, height) in [(640, 480), (256, 240)] {
+        let gray = corridor(width, height);
+        let tinted = |(i, &level): (usize, &u8)| {
+            let share = if 2 * (i / width) > height { 200 } else { 240 };
+            [level, (u16::from(level) * share / 256) as u8, level / 2]
+        };
+        let data: Vec<u8> = gray.pixels().iter().enumerate().flat_map(tinted).collect();
+        let (Ok(color), Ok(gray)) = (RgbView::new(&data, width, height, 3 * width), gray.view()) else {
+            return;
+        };
+        let mut appearance = FloorAppearance::default();
+        for (name, picture) in [
+            ("color", floor_appearance::Picture::Color(color)),
+            ("gray", floor_appearance::Picture::Gray(gray)),
+        ] {
+            criterion.bench_function(&format!("floor by its look, {name} {width}x{height}"), |b| {
+                b.iter(|| appearance.observe(black_box(picture), &FloorPlace::UNKNOWN_CAMERA).is_ok());
+            });
+        }
+    }
+}
+
 fn york_urban(criterion: &mut Criterion) {
     let images = photographs();
     if images.is_empty() {
@@ -142,10 +167,10 @@ fn york_urban(criterion: &mut Criterion) {
 }
 
 /// Time of the evidence for a corridor, given the segments: hypotheses, features and probability.
-fn evidence(criterion: &mut Criterion) {
+fn corridor_judgement(criterion: &mut Criterion) {
     let images = photographs();
     let camera = Intrinsics { fx: 674.918, fy: 674.918, cx: 307.551, cy: 251.454, width: 640, height: 480 };
-    let picture = Picture::of(&camera);
+    let picture = corridor_evidence::Picture::of(&camera);
     let prior = RowPrior::of_mount(&picture, &Mount::level(1.0), Calibration::Measured, None);
     let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
     let mut detector = SegmentDetector::new(SegmentConfig::for_evidence());
@@ -199,5 +224,5 @@ fn photographs() -> Vec<GrayImage> {
     files.iter().filter_map(load).collect()
 }
 
-criterion_group!(vision, kernels, frames, evidence, york_urban);
+criterion_group!(vision, kernels, frames, corridor_judgement, floor_looks, york_urban);
 criterion_main!(vision);

@@ -6,6 +6,7 @@ mod azimuth_allocations;
 mod azimuth_vectors;
 mod corridor_photographs;
 mod corridor_vectors;
+mod floor_appearance;
 mod map_vectors;
 mod mask_vectors;
 mod plane_motion_vectors;

@@ -3,8 +3,9 @@
 use nalgebra::Vector2;
 use yamabico_core::testing::{Allocations, allocations};
 use yamabico_geometry::camera::{Calibration, Intrinsics, Mount};
-use yamabico_geometry::image::{GrayImage, ImageView};
-use yamabico_vision::corridor_evidence::{Coefficients, CorridorJudge, Picture, RowPrior};
+use yamabico_geometry::image::{GrayImage, ImageView, RgbView};
+use yamabico_vision::corridor_evidence::{self, Coefficients, CorridorJudge, RowPrior};
+use yamabico_vision::floor_appearance::{self, FloorAppearance, FloorPlace};
 use yamabico_vision::gradient::{Gradient, Scharr};
 use yamabico_vision::median::Median3;
 use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
@@ -39,7 +40,7 @@ fn frames_after_the_first_do_not_allocate() {
     let prediction = Prediction::at_pixel(Vector2::new(150.0, 115.0), 30.0, &camera);
     let mut detector = SegmentDetector::new(SegmentConfig::default());
     let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
-    let picture = Picture::of(&camera);
+    let picture = corridor_evidence::Picture::of(&camera);
     let prior = RowPrior::of_mount(&picture, &Mount::level(0.5), Calibration::Measured, None);
     let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
     let mut members = Vec::new();
@@ -64,4 +65,26 @@ fn frames_after_the_first_do_not_allocate() {
     let (found, asked) = allocations(|| frames.filter(|data| look(data).is_some()).count());
     assert_eq!(found, 2 * images.len());
     assert_eq!(asked, Allocations::default(), "allocations in seven frames");
+}
+
+#[test]
+fn votes_by_the_floor_s_look_do_not_allocate_after_the_first_image() {
+    let mut images: Vec<Vec<u8>> = Vec::new();
+    for level in [90_u8, 120, 60, 200] {
+        let shade = |u: usize, v: usize| match (u / 20 + v / 30) % 3 {
+            _ if v < 110 => [40, 60, level],
+            0 => [level, level / 2, 90],
+            _ => [130, 130, 120],
+        };
+        images.push((0..WIDTH * HEIGHT).flat_map(|i| shade(i % WIDTH, i / WIDTH)).collect());
+    }
+    let mut appearance = FloorAppearance::default();
+    let mut look = |data: &[u8]| {
+        let picture = floor_appearance::Picture::Color(RgbView::new(data, WIDTH, HEIGHT, 3 * WIDTH).unwrap());
+        appearance.observe(picture, &FloorPlace::UNKNOWN_CAMERA).map_or(0, |votes| votes.log_odds().len())
+    };
+    let count = look(&images[0]);
+    let (votes, asked) = allocations(|| images.iter().map(|image| look(image)).sum::<usize>());
+    assert_eq!((votes, asked), (4 * count, Allocations::default()));
+    assert!(count > 500);
 }

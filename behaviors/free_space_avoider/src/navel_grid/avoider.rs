@@ -8,6 +8,7 @@ use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Proposal, Reaso
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
+use yamabico_vision::floor_appearance::{AppearanceFile, LearnedLook, Picture};
 
 use super::ground::Swath;
 use super::{GridFailure, Motion, Observation, OpenFloor, Passage, PathObserver, Steering};
@@ -23,6 +24,7 @@ pub struct NavelGridAvoider {
     turn_radps: f64,
     intrinsics: Intrinsics,
     path: Swath,
+    radius_m: f64,
     observer: PathObserver,
     steering: Steering,
     open_floor: Option<OpenFloor>,
@@ -53,7 +55,12 @@ impl NavelGridAvoider {
             ),
             half_width_m: setup.robot.radius_m + config.side_m,
         };
-        let observer = PathObserver::new(config, &pinhole, &mount, &path)?;
+        let look = match &config.floor_appearance {
+            Some(file) => AppearanceFile::read(&setup.folder.join(file))
+                .map_err(|problem| ParameterError::new("floor_appearance", problem))?,
+            None => LearnedLook::default(),
+        };
+        let observer = PathObserver::new(config, &pinhole, &mount, &path, look)?;
         let open_floor = match config.heading {
             HeadingRule::Weights => None,
             HeadingRule::Clearance if setup.sensor(&ODOMETRY).is_none() => {
@@ -79,6 +86,7 @@ impl NavelGridAvoider {
             turn_radps: config.turn_radps,
             intrinsics: *pinhole.intrinsics(),
             path,
+            radius_m: setup.robot.radius_m,
             observer,
             steering: Steering::new(config.patience_s),
             open_floor,
@@ -141,12 +149,20 @@ impl NavelGridAvoider {
     fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
         let is_newer = self.last_frame.is_none_or(|last| stamp > last);
-        let image = frame.gray(self.intrinsics.size(), &mut self.gray);
-        let usable = image.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
+        let size = self.intrinsics.size();
+        let color = frame.rgb(size).filter(|_| self.observer.uses_color()).map(Picture::Color);
+        let picture = color.or_else(|| frame.gray(size, &mut self.gray).map(Picture::Gray));
+        let usable = picture.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
         self.is_malformed = usable.is_none();
-        let Some(image) = usable else { return };
-        let (mut observation, failure) = self.observer.observe(image);
+        let Some(picture) = usable else { return };
+        let (mut observation, failure) = self.observer.observe(picture);
         self.failure = failure;
+        if let (None, Some(seen_from), Some(newest)) =
+            (failure, self.odometry.pose_at(stamp), self.odometry.newest())
+        {
+            let elapsed_s = self.last_frame.map_or(0.0, |last| stamp.seconds_after(last));
+            self.observer.learn(&seen_from, &newest.pose, self.radius_m, elapsed_s);
+        }
         if let Some(open_floor) = &mut self.open_floor {
             let twist = self.odometry.newest().map_or(Twist::ZERO, |reading| reading.twist);
             self.heading = open_floor.choose(self.observer.directions(), &twist);

@@ -4,7 +4,7 @@
 //! the number of free cells from the bottom of each column, three weighted sums of the obstacles in the path ahead, and
 //! four decisions. Differs from \[1\]: inequalities, turn direction and the incomplete set of weights are corrected,
 //! since the printed rules drive into obstacles and turn on free floor; the cells that the path covers follow from the
-//! camera's mount.
+//! camera's mount; and floor may be told by its learned look instead of its brightness.
 
 pub mod area_average;
 pub mod avoider;
@@ -14,6 +14,7 @@ pub mod dark_cells;
 pub mod decision;
 pub mod ground;
 pub mod isodata;
+pub mod look_cells;
 pub mod open_floor;
 pub mod path_observer;
 pub mod steering;
@@ -24,6 +25,7 @@ pub use cell_detector::{CellDetector, Polarity};
 pub use cells::Cells;
 pub use decision::{Decision, Passage, Side, decide};
 pub use ground::GroundGrid;
+pub use look_cells::LookCells;
 pub use open_floor::OpenFloor;
 pub use path_observer::{GridFailure, PathObserver};
 pub use steering::{Motion, Observation, Steering};

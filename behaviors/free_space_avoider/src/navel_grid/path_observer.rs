@@ -2,16 +2,18 @@
 
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Mount, Pinhole};
-use yamabico_core::image::ImageView;
+use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{FreeDirection, Reason};
+use yamabico_vision::floor_appearance::{LearnedLook, Picture};
 
 use super::cell_detector::{CellDetector, Polarity};
 use super::cells::{Cells, GridSize};
 use super::decision::Passage;
 use super::ground::{GroundGrid, Swath};
+use super::look_cells::LookCells;
 use super::steering::Observation;
 use super::weights::WeightSets;
-use crate::config::{Config, PolarityRule};
+use crate::config::{Config, Evidence, PolarityRule};
 
 /// Share of obstacles among the weighted cells above which the floor itself looks like an obstacle.
 const MAX_OBSTACLE_SHARE: f64 = 0.6;
@@ -42,24 +44,29 @@ impl GridFailure {
     }
 }
 
+/// Detector of obstacle cells by either evidence.
+#[derive(Clone, Debug)]
+enum Detector {
+    Brightness { cells: CellDetector, polarity: Option<Polarity>, has_started: bool },
+    Look(Box<LookCells>),
+}
+
 /// Observer of the path ahead in images of one camera.
 #[derive(Clone, Debug)]
 pub struct PathObserver {
-    detector: CellDetector,
+    detector: Detector,
     ground: GroundGrid,
     sets: WeightSets,
     /// Number of cells of each column that the robot's path covers.
     path: Vec<u32>,
     /// Number of cells of each column that the path with additional clearance covers.
     spare: Vec<u32>,
-    polarity: Option<Polarity>,
-    has_started: bool,
     free: Vec<u32>,
     directions: Vec<FreeDirection>,
 }
 
 impl PathObserver {
-    /// Creates the observer for a camera and a path ahead.
+    /// Creates the observer for a camera and a path ahead; `look` is the floor's look as learned before.
     ///
     /// # Errors
     /// The camera shows no floor or no part of the path, or the path is not finite.
@@ -68,6 +75,7 @@ impl PathObserver {
         camera: &Pinhole,
         mount: &Mount,
         path: &Swath,
+        look: LearnedLook,
     ) -> Result<Self, ParameterError> {
         let size = config.grid();
         let ground = GroundGrid::new(size, camera, mount);
@@ -88,18 +96,24 @@ impl PathObserver {
                 "cannot show an infinite stopping distance: correct the robot's radius, speed or deceleration".into(),
             );
         }
+        let detector = match config.evidence {
+            Evidence::Brightness => Detector::Brightness {
+                cells: CellDetector::new(size, config.min_contrast, config.floor_evenness),
+                polarity: match config.polarity {
+                    PolarityRule::BrightFloor => Some(Polarity::BrightFloor),
+                    PolarityRule::DarkFloor => Some(Polarity::DarkFloor),
+                    PolarityRule::Auto => None,
+                },
+                has_started: false,
+            },
+            Evidence::Look => Detector::Look(Box::new(LookCells::new(size, camera, mount, look))),
+        };
         Ok(Self {
-            detector: CellDetector::new(size, config.min_contrast, config.floor_evenness),
+            detector,
             path: ground.cells_of(path),
             spare: ground.cells_of(&path.enlarged(SPARE_LENGTH_M, SPARE_SIDE_M)),
             ground,
             sets,
-            polarity: match config.polarity {
-                PolarityRule::BrightFloor => Some(Polarity::BrightFloor),
-                PolarityRule::DarkFloor => Some(Polarity::DarkFloor),
-                PolarityRule::Auto => None,
-            },
-            has_started: false,
             free: Vec::with_capacity(size.columns),
             directions: Vec::with_capacity(size.columns),
         })
@@ -107,21 +121,14 @@ impl PathObserver {
 
     /// Observes the path ahead in an image of the camera. With [`GridFailure::FloorModelBroken`], the path is
     /// obstructed, but the weights still give the freer side.
-    pub fn observe(&mut self, image: ImageView) -> (Observation, Option<GridFailure>) {
+    pub fn observe(&mut self, picture: Picture) -> (Observation, Option<GridFailure>) {
         self.directions.clear();
-        if self.detector.measure(image).is_err() {
-            return (Observation::Unclear, Some(GridFailure::LowContrast));
-        }
-        let Some(polarity) = self.start() else {
-            return (Observation::Unclear, Some(GridFailure::NoFloorAhead));
+        let cells = match self.detector.mark(picture) {
+            Ok(cells) => cells,
+            Err(failure) => return (Observation::Unclear, Some(failure)),
         };
-        let cells = self.detector.cells(polarity);
         cells.profile(&mut self.free);
-        let has_foreground = cells.is_foreground_free();
         let share = cells.obstacle_share(&self.sets.profile);
-        if has_foreground {
-            self.detector.learn_floor();
-        }
         let weights = self.sets.weigh(&self.free);
         if share > MAX_OBSTACLE_SHARE {
             return (Observation::Seen(weights, Passage::Obstructed), Some(GridFailure::FloorModelBroken));
@@ -129,6 +136,20 @@ impl PathObserver {
         let ends = self.free.iter().enumerate().rev();
         self.directions.extend(ends.filter_map(|(column, &free)| self.ground.end(column, free)));
         (Observation::Seen(weights, self.passage()), None)
+    }
+
+    /// Returns true if colors of an image are evidence.
+    #[must_use]
+    pub fn uses_color(&self) -> bool {
+        matches!(self.detector, Detector::Look(_))
+    }
+
+    /// Learns the floor's look from the last image, taken at pose `seen_from`, and what the robot (a circle of `radius_m`) covers now,
+    /// at pose `now`, after `elapsed_s`; poses in the odometry frame. Does nothing if brightness is the evidence.
+    pub fn learn(&mut self, seen_from: &Pose2, now: &Pose2, radius_m: f64, elapsed_s: f64) {
+        if let Detector::Look(cells) = &mut self.detector {
+            cells.learn(seen_from, now, radius_m, elapsed_s);
+        }
     }
 
     /// Returns the end of free floor of each column in the last image, from right to left; empty after a failure.
@@ -140,7 +161,10 @@ impl PathObserver {
     /// Returns the cells of the last image that had a threshold.
     #[must_use]
     pub fn cells(&self) -> &Cells {
-        self.detector.marked()
+        match &self.detector {
+            Detector::Brightness { cells, .. } => cells.marked(),
+            Detector::Look(cells) => cells.marked(),
+        }
     }
 
     /// Returns the number of free cells from the bottom of each column from the left.
@@ -165,21 +189,7 @@ impl PathObserver {
     /// Returns the size of the grid.
     #[must_use]
     pub fn size(&self) -> GridSize {
-        self.detector.size()
-    }
-
-    /// Returns the polarity, once the foreground has been floor.
-    fn start(&mut self) -> Option<Polarity> {
-        if !self.has_started {
-            let tried = match self.polarity {
-                Some(polarity) => &[polarity][..],
-                None => &[Polarity::BrightFloor, Polarity::DarkFloor],
-            };
-            let found = tried.iter().find(|&&polarity| self.detector.cells(polarity).is_foreground_free());
-            self.polarity = Some(*found?);
-            self.has_started = true;
-        }
-        self.polarity
+        self.cells().size()
     }
 
     fn passage(&self) -> Passage {
@@ -192,4 +202,35 @@ impl PathObserver {
             Passage::Open
         }
     }
+}
+
+impl Detector {
+    /// Marks the cells of an image.
+    fn mark(&mut self, picture: Picture) -> Result<&Cells, GridFailure> {
+        match (self, picture) {
+            (Self::Brightness { cells, polarity, has_started }, Picture::Gray(image)) => {
+                cells.measure(image).map_err(|_| GridFailure::LowContrast)?;
+                if !*has_started {
+                    *polarity = Some(start(cells, *polarity).ok_or(GridFailure::NoFloorAhead)?);
+                    *has_started = true;
+                }
+                if cells.cells(polarity.unwrap_or(Polarity::BrightFloor)).is_foreground_free() {
+                    cells.learn_floor();
+                }
+                Ok(cells.marked())
+            }
+            // Brightness is that of gray images.
+            (Self::Brightness { .. }, Picture::Color(_)) => Err(GridFailure::LowContrast),
+            (Self::Look(cells), picture) => cells.mark(picture).map_err(|_| GridFailure::LowContrast),
+        }
+    }
+}
+
+/// Returns the polarity, once the foreground has been floor.
+fn start(cells: &mut CellDetector, polarity: Option<Polarity>) -> Option<Polarity> {
+    let tried = match polarity {
+        Some(polarity) => &[polarity][..],
+        None => &[Polarity::BrightFloor, Polarity::DarkFloor],
+    };
+    tried.iter().copied().find(|&polarity| cells.cells(polarity).is_foreground_free())
 }

@@ -86,12 +86,28 @@ impl Modes {
         self.normalize(is_color);
     }
 
-    /// Replaces the modes; their masses are normalized to shares.
-    pub fn set(&mut self, modes: &[Mode], is_color: bool) {
-        self.modes.clear();
-        self.modes.extend_from_slice(modes);
+    /// Removes all modes, and reserves memory for this number of samples.
+    pub fn reserve(&mut self, samples: usize) {
+        let Self { modes, precisions, log_peaks, nearest, distances } = self;
+        modes.clear();
+        precisions.clear();
+        log_peaks.clear();
+        nearest.clear();
+        distances.clear();
+        modes.reserve(2 * MAX_MODES);
+        precisions.reserve(2 * MAX_MODES);
+        log_peaks.reserve(2 * MAX_MODES);
+        nearest.reserve(samples);
+        distances.reserve(samples);
+    }
+
+    /// Adds modes of another origin; both origins then have half of the mass.
+    pub fn join(&mut self, modes: &[Mode], is_color: bool) {
         let sum: f32 = modes.iter().map(|mode| mode.mass).sum();
-        self.modes.iter_mut().for_each(|mode| mode.mass /= sum.max(f32::MIN_POSITIVE));
+        let share = if self.modes.is_empty() { 1.0 } else { 0.5 };
+        self.modes.iter_mut().for_each(|mode| mode.mass *= share);
+        let scale = share / sum.max(f32::MIN_POSITIVE);
+        self.modes.extend(modes.iter().map(|mode| Mode { mass: mode.mass * scale, ..*mode }));
         self.normalize(is_color);
     }
 

@@ -26,6 +26,8 @@ const ROUNDS: usize = 2;
 const SURE_FLOOR: f32 = 0.8;
 /// Probability below which a block shows another look in the next round.
 const SURE_OTHER: f32 = 0.2;
+/// Squared Mahalanobis distance up to which a block looks like what was learned.
+const KNOWN_LOOK: f32 = 16.0;
 /// Minimum number of blocks along either side of an image.
 const MIN_BLOCKS: usize = 4;
 /// Mean log intensity (with an offset of 8 levels) below which the foreground is dark: 8 gray levels.
@@ -53,6 +55,8 @@ pub struct FloorAppearance {
     walk: RandomWalk,
     parts: Vec<Part>,
     presumed: Vec<f32>,
+    /// True if the foreground is taken for floor: nothing was learned yet, or it looks like what was learned.
+    trusts_foreground: bool,
     is_foreground: Vec<bool>,
     samples: Vec<Feature>,
     own: Vec<f32>,
@@ -82,10 +86,12 @@ impl FloorAppearance {
         if grid.columns < MIN_BLOCKS || grid.rows < MIN_BLOCKS {
             return Err(AppearanceError::TooSmall);
         }
+        self.reserve();
         self.presume(place);
         if !self.has_foreground() {
             return Err(AppearanceError::NoForeground);
         }
+        self.trusts_foreground = !self.look.is_trusted() || self.knows_foreground();
         self.boundaries.measure(&self.blocks, &self.is_foreground);
         for _ in 0..ROUNDS {
             self.fit();
@@ -121,6 +127,15 @@ impl FloorAppearance {
         &mut self.look
     }
 
+    /// Reserves what any image of this size may need.
+    fn reserve(&mut self) {
+        let count = self.blocks.grid().count();
+        self.samples.clear();
+        self.samples.reserve(count);
+        self.floor.reserve(count);
+        self.other.reserve(count);
+    }
+
     fn presume(&mut self, place: &FloorPlace) {
         let grid = self.blocks.grid();
         self.parts.clear();
@@ -147,22 +162,36 @@ impl FloorAppearance {
         2 * usable >= count.max(1)
     }
 
+    /// Returns true if at least half of the foreground that does not saturate looks like what was learned.
+    fn knows_foreground(&self) -> bool {
+        let is_color = self.blocks.is_color();
+        let looks = self.blocks.features().iter().zip(self.blocks.is_saturated()).zip(&self.is_foreground);
+        let (mut count, mut known) = (0, 0);
+        for ((feature, _), _) in looks.filter(|((_, is_saturated), is_in)| **is_in && !**is_saturated) {
+            let distances = self.look.modes().iter().map(|mode| mode.distance_squared(feature, is_color));
+            count += 1;
+            known += usize::from(distances.fold(f32::INFINITY, f32::min) < KNOWN_LOOK);
+        }
+        2 * known >= count
+    }
+
     /// Fits the looks of the floor and of everything else.
     fn fit(&mut self) {
         let is_color = self.blocks.is_color();
         let probabilities = self.probabilities.iter().copied().map(Some).chain(std::iter::repeat(None));
         let blocks = self.blocks.features().iter().zip(&self.parts).zip(probabilities);
-        if self.look.is_trusted() {
-            self.floor.set(self.look.modes(), is_color);
-        } else {
-            self.samples.clear();
+        self.samples.clear();
+        if self.trusts_foreground {
             let usable =
                 blocks.clone().zip(self.blocks.is_saturated()).filter(|(_, is_saturated)| !**is_saturated);
             self.samples.extend(usable.filter_map(|(((feature, part), probability), _)| {
                 let is_floor = *part == Part::Foreground || probability.is_some_and(|p| p > SURE_FLOOR);
                 is_floor.then_some(*feature)
             }));
-            self.floor.fit(&self.samples, &Surfaces::FLOOR, is_color);
+        }
+        self.floor.fit(&self.samples, &Surfaces::FLOOR, is_color);
+        if self.look.is_trusted() {
+            self.floor.join(self.look.modes(), is_color);
         }
         self.samples.clear();
         self.samples.extend(blocks.filter_map(|((feature, part), probability)| {
@@ -176,7 +205,6 @@ impl FloorAppearance {
     fn weigh(&mut self) {
         let is_color = self.blocks.is_color();
         let weight = if is_color { LOOK_WEIGHT } else { 0.5 * LOOK_WEIGHT };
-        let is_presumed = !self.look.is_trusted();
         self.own.clear();
         self.anchors.clear();
         for (i, feature) in self.blocks.features().iter().enumerate() {
@@ -190,7 +218,9 @@ impl FloorAppearance {
                 probability(self.presumed[i] + weight * ratio.clamp(-MAX_LOG_RATIO, MAX_LOG_RATIO));
             let (own, anchor) = match self.parts[i] {
                 Part::NoFloor => (0.0, FIRM_ANCHOR),
-                Part::Foreground if is_presumed => (probability.max(FOREGROUND_PROBABILITY), FIRM_ANCHOR),
+                Part::Foreground if self.trusts_foreground => {
+                    (probability.max(FOREGROUND_PROBABILITY), FIRM_ANCHOR)
+                }
                 Part::Foreground if ratio > 0.0 => (probability, FIRM_ANCHOR),
                 _ => (probability, ANCHOR),
             };

@@ -17,6 +17,7 @@ use yamabico_sim::clearance::to_solids;
 use yamabico_sim::random::{Stream, stream};
 use yamabico_sim::world::{BoxItem, Floor, Lamp, Wall};
 use yamabico_sim::{Photometry, Renderer, Scene, World};
+use yamabico_vision::floor_appearance::Picture;
 
 use self::reference::{Answer, Reference};
 use crate::arguments::{Parameters, Samples};
@@ -68,12 +69,12 @@ impl Arguments {
         // The foreground of the first image must be floor.
         let start = Scene::new(&room(&mut stream(0, "start")), 0).map_err(|error| error.to_string())?;
         let start = render(&mut rng, &start, Pose2::new(1.0, 1.0, 0.5))?;
-        observer.observe(start.view().map_err(|error| error.to_string())?);
+        observer.observe(Picture::Gray(start.view().map_err(|error| error.to_string())?));
         for index in 0..scenes {
             let (scene, robot) = place(&mut rng, &reference, &mut tally.drawn_again)?;
             let image = render(&mut rng, &scene, robot)?;
             let view = image.view().map_err(|error| error.to_string())?;
-            let (outlook, trouble) = observer.observe(view);
+            let (outlook, trouble) = observer.observe(Picture::Gray(view));
             let decision = match outlook {
                 Observation::Seen(weights, passage) => decide(&weights, passage, None),
                 Observation::Unclear => Decision::Stop,
