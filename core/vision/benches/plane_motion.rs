@@ -113,7 +113,7 @@ fn judge(criterion: &mut Criterion<ThreadTime>) {
                 let (robot, data) = &pictures[order[turn % order.len()]];
                 let Ok(view) = view_of(data) else { return };
                 points = motion.look(view, *robot, 0.1 * turn as f64).map_or(0, <[_]>::len).max(points);
-                motion.obstacles(robot);
+                motion.obstacles(robot, |_| true);
                 turn += 1;
             });
         });

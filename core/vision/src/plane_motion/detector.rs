@@ -299,10 +299,11 @@ impl PlaneMotion {
         &mut self.grid
     }
 
-    /// Finds the things on the grid as of the last picture, for a robot at `odometry`. The nearest comes first.
-    pub fn obstacles(&mut self, odometry: &Pose2) -> &[GridObstacle] {
+    /// Finds the things on the grid as of the last picture, for a robot at `odometry`, from the cells at `counted`
+    /// places (odometry frame). The nearest comes first.
+    pub fn obstacles(&mut self, odometry: &Pose2, counted: impl Fn(Point2<f64>) -> bool) -> &[GridObstacle] {
         let turn_sigma = self.alignment.map_or(0.0, |alignment| alignment.covariance[(2, 2)].sqrt());
-        self.obstacles.find(&self.grid, odometry, OCCUPIED, turn_sigma)
+        self.obstacles.find(&self.grid, odometry, OCCUPIED, turn_sigma, counted)
     }
 
     /// Tracks of things that may walk, odometry frame; see [`Mover::is_confirmed`].

@@ -51,17 +51,19 @@ impl Default for ObstacleFinder {
 
 impl ObstacleFinder {
     /// Finds the things whose smoothed log odds exceed `threshold`, for a robot at `robot` (odometry frame) whose
-    /// heading has the standard deviation `turn_sigma` (rad). The nearest comes first.
+    /// heading has the standard deviation `turn_sigma` (rad). Cells at places that are not `counted`, such as those of
+    /// known walls, are left out. The nearest thing comes first.
     pub fn find(
         &mut self,
         grid: &EvidenceGrid,
         robot: &Pose2,
         threshold: f64,
         turn_sigma: f64,
+        counted: impl Fn(Point2<f64>) -> bool,
     ) -> &[GridObstacle] {
         self.obstacles.clear();
-        for (open, &log_odds) in self.is_open.iter_mut().zip(grid.smoothed()) {
-            *open = f64::from(log_odds) > threshold;
+        for (cell, (open, &log_odds)) in self.is_open.iter_mut().zip(grid.smoothed()).enumerate() {
+            *open = f64::from(log_odds) > threshold && counted(grid.center(cell));
         }
         for start in 0..self.is_open.len() {
             if !self.is_open[start] {
