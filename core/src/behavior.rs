@@ -64,6 +64,12 @@ pub trait Plugin: Behavior + Sized + 'static {
     /// # Errors
     /// Parameters that contradict each other or do not fit the robot, with the key to change.
     fn new(config: Self::Config, setup: &Setup) -> Result<Self, ParameterError>;
+
+    /// Returns what people should know about valid parameters before the robot starts, such as a limit that they
+    /// imply: a text for each.
+    fn notes(_config: &Self::Config, _setup: &Setup) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 /// Static description of a behavior.
@@ -95,6 +101,11 @@ pub trait BehaviorFactory: Send + Sync {
     /// # Errors
     /// Parameters that contradict each other or do not fit the robot, with the key to change.
     fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, ParameterError>;
+
+    /// Returns what people should know about valid parameters; see [`Plugin::notes`].
+    fn notes(&self, _parameters: &toml::Table, _setup: &Setup) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 impl std::fmt::Debug for dyn BehaviorFactory {
@@ -130,6 +141,10 @@ impl<B: Plugin> BehaviorFactory for Factory<B> {
 
     fn build(&self, parameters: &toml::Table, setup: &Setup) -> Result<Box<dyn Behavior>, ParameterError> {
         Ok(Box::new(B::new(read(parameters)?, setup)?))
+    }
+
+    fn notes(&self, parameters: &toml::Table, setup: &Setup) -> Vec<String> {
+        read(parameters).map_or_else(|_| Vec::new(), |config| B::notes(&config, setup))
     }
 }
 

@@ -59,6 +59,47 @@ fn thresholds_of_another_camera_or_missing_ones_are_learned_again() {
 }
 
 #[test]
+fn a_drive_in_real_time_and_a_recording_teach_thresholds() {
+    let folder = TestFolder::new("thresholds-live");
+    let missing = ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"no-such-table.toml\""];
+    let live = learn(&config("hallway.toml"), &folder, &[&["--live"], &missing[..], &SHORT[..]].concat());
+    assert_exit(&live, 0, &["places learned", "name it as `thresholds`"]);
+    let learned = ThresholdTable::read(&folder.file("learned.toml")).unwrap();
+    assert!((1..=6).contains(&learned.places.len()), "{:?}", learned.places);
+
+    let (recording, text) = (folder.file("run.mcap"), |name: &str| std::fs::read(folder.file(name)).unwrap());
+    assert_exit(&learn(&config("hallway.toml"), &folder, &SHORT), 0, &[]);
+    let driven = text("learned.toml");
+    let off = ["--set", "behaviors.stationary-obstacle-avoider.enabled=false"];
+    let mut run = yamabico();
+    run.arg("run").arg(config("hallway.toml")).args(SHORT).args(off).arg("--record").arg(&recording);
+    assert_exit(&run.arg("--out").arg(folder.path()).output().unwrap(), 0, &[]);
+    let recording = recording.to_str().unwrap();
+    let replayed = learn(&config("hallway.toml"), &folder, &["--from", recording]);
+    assert_exit(&replayed, 0, &["places learned"]);
+    assert_eq!(text("learned.toml"), driven);
+    let both = learn(&config("hallway.toml"), &folder, &["--from", recording, "--live"]);
+    assert_exit(&both, 2, &["--live"]);
+}
+
+#[test]
+fn no_table_is_written_where_nothing_was_learned() {
+    let folder = TestFolder::new("thresholds-nothing");
+    let blink = ["--set", "run.duration_s=0.1"];
+    let output = learn(&config("hallway.toml"), &folder, &blink);
+    assert_exit(&output, 1, &["no table is written", "no frame"]);
+    // None of the map's edges is in view.
+    let elsewhere =
+        "name = \"elsewhere\"\nedge = [{ from_m = [900, 0, 0], to_m = [900, 0, 2] }]\nwall = []\n";
+    std::fs::write(folder.file("map.toml"), elsewhere).unwrap();
+    let map = format!("behaviors.map-localizer.map={:?}", folder.file("map.toml").display().to_string());
+    let other = ["--set", &map, "--set", "behaviors.map-localizer.method=\"dead-reckoning\""];
+    let output = learn(&config("hallway.toml"), &folder, &[&other[..], &SHORT[..]].concat());
+    assert_exit(&output, 1, &["no table is written", "nothing learned at x ", "blind_speed_mps"]);
+    assert!(!folder.file("learned.toml").exists() && !folder.file("learned.png").exists());
+}
+
+#[test]
 fn unsuitable_tasks_and_arguments_are_refused() {
     let folder = TestFolder::new("thresholds-refused");
     assert_exit(&learn(&config("no-such-task.toml"), &folder, &[]), 2, &["no-such-task.toml"]);

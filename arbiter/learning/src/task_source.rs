@@ -1,13 +1,15 @@
-//! The task that is driven in order to learn.
+//! The task that is driven in order to learn, or the recording of an earlier drive.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use yamabico_core::plugins::Plugins;
 use yamabico_host::config::{Overrides, Task, load};
 use yamabico_runtime::execution::{Progress, RunEnd};
-use yamabico_runtime::record::Tap;
+use yamabico_runtime::record::{Pace, Tap, play};
 use yamabico_runtime::run::{Options, run};
+use yamabico_runtime::supervisor::Program;
 
 use crate::LearningError;
 
@@ -22,6 +24,11 @@ pub struct TaskSource {
     pub plugins: Plugins,
     /// Random seed of the drive.
     pub seed: u64,
+    /// Program of the plugins' processes for a drive in real time, as a world outside or a real robot needs it; `None`
+    /// for a drive in lockstep.
+    pub live: Option<Program>,
+    /// Once set, stops the robot and ends the drive.
+    pub interrupt: Arc<AtomicBool>,
 }
 
 impl TaskSource {
@@ -33,16 +40,33 @@ impl TaskSource {
         load(&self.file, &self.overrides, &self.plugins).map_err(LearningError::Configuration)
     }
 
-    /// Drives `task` once in lockstep, shows every message to `tap` and returns why the drive ended.
+    /// Drives `task` once, shows every message to `tap` and returns why the drive ended.
     pub(crate) fn drive(
         &self,
         task: &Task,
         tap: &mut dyn Tap,
         progress: &mut dyn FnMut(&Task, Progress),
     ) -> Result<RunEnd, LearningError> {
-        let options = Options { seed: self.seed, overrides: self.overrides.clone(), ..Options::default() };
-        let never = AtomicBool::new(false);
-        let result = run(task, &options, &never, tap, &mut |state| progress(task, state))?;
+        let options = Options {
+            seed: self.seed,
+            overrides: self.overrides.clone(),
+            pace: if self.live.is_some() { Pace::Live } else { Pace::Lockstep },
+            program: self.live.clone(),
+            ..Options::default()
+        };
+        let result = run(task, &options, &self.interrupt, tap, &mut |state| progress(task, state))?;
         Ok(result.end)
     }
+}
+
+/// Shows every message of a recording to `tap`; returns what was not used, for people.
+pub(crate) fn play_recording(recording: &Path, tap: &mut dyn Tap) -> Result<Vec<String>, LearningError> {
+    let played = play(recording, tap)?;
+    let file = recording.display();
+    let skipped = played.left_out.iter().map(|left_out| format!("{file}: skipped: {left_out}"));
+    let truncated = played
+        .broken_off
+        .iter()
+        .map(|reason| format!("{file} is truncated after {} messages: {reason}", played.messages));
+    Ok(skipped.chain(truncated).collect())
 }

@@ -8,8 +8,9 @@ use yamabico_core::time::Time;
 
 use crate::halt_state_machine::{State, VisionResult};
 use crate::obstacle_memory::Cut;
-use crate::passage_finder::{Surroundings, aim, is_clear, point_on_path};
-use crate::safe_passage::{Interval, PLANE_M, region_on_plane};
+use crate::passage_finder::{AVOIDANCE_RANGE_M, Surroundings, aim, is_clear, point_on_path};
+use crate::safe_passage::{Aim, Interval, PLANE_M, region_on_plane};
+use crate::threshold_table::Place;
 use crate::{Localized, StationaryObstacleAvoider};
 
 /// Distance ahead along the path of the point that the robot steers for, m.
@@ -20,6 +21,8 @@ const MAX_GOAL_LATERAL_M: f64 = 1.0;
 const BESIDE_M: f64 = 0.4;
 /// Extra distance from the goal that a passage on the side already chosen may have, m: prevents changing sides.
 const LEAN_M: f64 = 0.3;
+/// Maximum standard deviation of the heading with which the floor between the walls is found, rad.
+const MAX_FLOOR_SIGMA_RAD: f64 = 0.02;
 /// Number of edge pixels, counted from the bottom, that locate the foot of an obstacle.
 const FOOT_PX: u32 = 4;
 
@@ -35,15 +38,10 @@ impl StationaryObstacleAvoider {
         if self.order.state == State::Search && !self.search.advance_if_shown(localized.evidence) {
             return;
         }
-        let unusable = VisionResult {
-            image_s: localized.evidence.as_secs_f64(),
-            valid: false,
-            clear: false,
-            bearing: None,
-        };
+        let unusable = self.unusable(localized.evidence);
         self.pending = Some(match result {
             Ok(()) if self.known_obstacles.is_settled() => self.assess(unusable),
-            Ok(()) => unusable,
+            Ok(()) => VisionResult { clear: false, ..unusable },
             // No thresholds apply to this heading: steer by the remembered obstacles.
             Err(Reason::NoThreshold) if self.order.state == State::Avoid => {
                 VisionResult { clear: false, ..self.assess(unusable) }
@@ -52,13 +50,39 @@ impl StationaryObstacleAvoider {
         });
     }
 
+    /// Returns the result of a frame captured at `capture` that could not be evaluated: the path counts as clear if no
+    /// remembered obstacle is on it.
+    pub(crate) fn unusable(&self, capture: Time) -> VisionResult {
+        let clear = self.robot().is_some_and(|robot| {
+            is_clear(&self.surroundings(&robot), self.goal_on_plane(&robot), &self.clearances)
+        });
+        VisionResult { image_s: capture.as_secs_f64(), valid: false, clear, bearing: None }
+    }
+
+    /// Returns true if a confirmed obstacle is beside the robot or ahead of its side: it is not passed yet.
+    pub(crate) fn is_beside_obstacle(&self, robot: &Pose2) -> bool {
+        let inverse = robot.inverse();
+        self.known_obstacles.confirmed().any(|obstacle| {
+            let at = inverse.transform_point(obstacle.at);
+            (-BESIDE_M..AVOIDANCE_RANGE_M).contains(&at.x)
+                && at.y.abs() < 2.0 * self.clearances.half_width_m + obstacle.radius_m
+        })
+    }
+
     /// Detects the obstacles in a frame captured at `robot` (map frame), and adds them to the obstacle memory.
     fn detect(&mut self, localized: &Localized, robot: &Pose2, now: Time) -> Result<(), Reason> {
         let frame = self.frames.taken_at(localized.evidence).ok_or(Reason::NoInput)?;
-        let table = self.table.as_ref().ok_or(Reason::NoThreshold)?;
-        let place = table.at(robot, frame.exposure).ok_or(Reason::NoThreshold)?;
+        let learned = self.table.as_ref().and_then(|table| table.at(robot, frame.exposure));
+        self.is_learned = learned.is_some();
+        let place = match learned {
+            None if self.config.requires_thresholds => return Err(Reason::NoThreshold),
+            learned => learned.unwrap_or(Place::unlearned()),
+        };
+        // Edges on the floor are not compared with the map one by one.
+        let is_precise = !self.is_learned && localized.heading_sigma <= MAX_FLOOR_SIGMA_RAD;
+        let heading_sigma = if is_precise { 0.0 } else { localized.heading_sigma };
         let image = frame.image.view().map_err(|_| Reason::MalformedInput)?;
-        self.detector.detect(image, robot, localized.heading_sigma, &place)?;
+        self.detector.detect(image, robot, heading_sigma, &place)?;
         self.views.add(now, robot);
         self.known_obstacles.begin_frame();
         let half_view = (0.5 * self.detector.camera().intrinsics().horizontal_fov()).tan();
@@ -96,27 +120,33 @@ impl StationaryObstacleAvoider {
     fn assess(&mut self, unusable: VisionResult) -> VisionResult {
         let Some(robot) = self.robot() else { return unusable };
         let goal_m = self.goal_on_plane(&robot);
-        let beside = self.known_obstacles.confirmed().any(|obstacle| {
-            let at = robot.inverse().transform_point(obstacle.at);
-            at.x > -BESIDE_M
-                && at.x < 2.0
-                && at.y.abs() < 2.0 * self.clearances.half_width_m + obstacle.radius_m
-        });
-        let around = Surroundings {
-            robot: &robot,
-            map: self.detector.map(),
-            obstacles: &self.known_obstacles,
-            views: &self.views,
-            path: &self.path,
-        };
-        let is_avoiding = self.order.state == State::Avoid;
-        let clear = is_clear(&around, goal_m, &self.clearances) && !(is_avoiding && beside);
-        let aim = aim(&around, goal_m, self.lean_m, &self.clearances, &mut self.passage);
+        let beside = self.order.state == State::Avoid && self.is_beside_obstacle(&robot);
+        let clear = is_clear(&self.surroundings(&robot), goal_m, &self.clearances) && !beside;
+        let aim = self.aim(&robot, goal_m);
         if !clear && let Some(aim) = aim.filter(|aim| aim.deviates) {
             self.lean_m = LEAN_M.copysign(aim.lateral_m - goal_m);
         }
         let bearing = aim.map(|aim| aim.bearing());
         VisionResult { valid: true, clear, bearing, ..unusable }
+    }
+
+    /// Returns the point of the best passage for a goal at `goal_m` (m, on the plane one meter ahead); `None` without a
+    /// passage.
+    pub(crate) fn aim(&mut self, robot: &Pose2, goal_m: f64) -> Option<Aim> {
+        let mut passage = std::mem::take(&mut self.passage);
+        let aim = aim(&self.surroundings(robot), goal_m, self.lean_m, &self.clearances, &mut passage);
+        self.passage = passage;
+        aim
+    }
+
+    fn surroundings<'a>(&'a self, robot: &'a Pose2) -> Surroundings<'a> {
+        Surroundings {
+            robot,
+            map: self.detector.map(),
+            obstacles: &self.known_obstacles,
+            views: &self.views,
+            path: &self.path,
+        }
     }
 
     /// Returns the lateral position of the goal on the plane one meter ahead, m, positive left: toward the path

@@ -3,20 +3,30 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
+use yamabico_core::behavior::{ParameterError, Setup};
+
+use crate::threshold_table::ThresholdTable;
+use crate::{CORRIDOR, PATH, POSE};
 
 /// Parameters of [`StationaryObstacleAvoider`](crate::StationaryObstacleAvoider).
 #[serde_inline_default]
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// Path of the map file, relative to the task file.
+    /// Path of the map file, relative to the task file; needs the inputs `pose` and `path`. Without it the input
+    /// `corridor` takes their place.
+    #[serde(default)]
     #[schemars(extend("format" = "file"))]
-    pub map: String,
-    /// Path of the table of learned thresholds, relative to the task file. Without it the behavior detects nothing and
-    /// limits the speed to `blind_speed_mps`.
+    pub map: Option<String>,
+    /// Path of the table of learned thresholds, relative to the task file. Where none were learned, only edges on the
+    /// floor show obstacles.
     #[serde(default)]
     #[schemars(extend("format" = "file"))]
     pub thresholds: Option<String>,
+    /// If set, a place without learned thresholds counts as not observed, and the speed is limited to
+    /// `blind_speed_mps` there.
+    #[serde(default)]
+    pub requires_thresholds: bool,
     /// Speed while avoiding an obstacle.
     #[serde_inline_default(0.25)]
     #[schemars(range(min = 0.02, max = 1.0))]
@@ -57,4 +67,65 @@ pub struct Config {
     #[serde_inline_default(0.5)]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub epsilon: f64,
+}
+
+impl Config {
+    /// Checks that the inputs give the robot a frame: pose and path on a map, or a corridor.
+    ///
+    /// # Errors
+    /// Inputs or files are missing, or contradict each other.
+    pub(crate) fn check_guidance(&self, setup: &Setup) -> Result<(), ParameterError> {
+        let refused = |key: &str, problem: &str| Err(ParameterError::new(key, problem));
+        let missing = |slot: &str| {
+            let problem = "is not connected, but `map` needs pose and path: connect both to a map-localizer, such as \
+                           inputs = { pose = \"map-localizer.pose\", path = \"map-localizer.path\" }";
+            refused(&format!("inputs.{slot}"), problem)
+        };
+        let is_connected = |name: &str| setup.connected.iter().flatten().any(|connected| connected == name);
+        if self.map.is_some() {
+            return match (setup.is_empty(&POSE), setup.is_empty(&PATH)) {
+                (true, _) => missing(POSE.name),
+                (_, true) => missing(PATH.name),
+                _ if is_connected(CORRIDOR.name) => {
+                    refused("inputs.corridor", "has no use with `map`: remove one of the two")
+                }
+                _ => Ok(()),
+            };
+        }
+        if setup.is_empty(&CORRIDOR) {
+            let problem = "is missing: name a map and connect the inputs pose and path, or connect the input corridor, \
+                           such as inputs = { corridor = \"wall-follower.corridor\" }";
+            return refused("map", problem);
+        }
+        if let Some(slot) = [POSE.name, PATH.name].into_iter().find(|name| is_connected(name)) {
+            return refused(
+                &format!("inputs.{slot}"),
+                "has no use without `map`: name the map, or remove the input",
+            );
+        }
+        match self.thresholds {
+            Some(_) => refused("thresholds", "were learned on a map: name the map, or remove the key"),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns what people should know about the thresholds.
+    pub(crate) fn notes(&self, setup: &Setup) -> Vec<String> {
+        let effect = match self.requires_thresholds {
+            true => {
+                format!("it drives at most at {} m/s, and detects nothing by vision", self.blind_speed_mps)
+            }
+            false => "only edges on the floor show obstacles".to_owned(),
+        };
+        let learn = "learn thresholds with `yamabico learn thresholds`";
+        match (&self.map, &self.thresholds) {
+            (Some(_), None) => vec![format!("no thresholds: {effect}; {learn}")],
+            (Some(_), Some(file)) => {
+                let table = ThresholdTable::read(&setup.folder.join(file));
+                let is_empty = table.is_ok_and(|table| table.places.is_empty());
+                is_empty.then(|| format!("{file} holds no place: {effect}; {learn}")).into_iter().collect()
+            }
+            (None, _) => Vec::new(),
+        }
+    }
 }

@@ -280,6 +280,11 @@ impl Detector {
         &self.map
     }
 
+    /// Returns the map, to replace its content.
+    pub(crate) fn map_mut(&mut self) -> &mut WireFrame {
+        &mut self.map
+    }
+
     fn tolerance(&self, image: ImageView, pose: &Pose2, heading_sigma: f64) -> Result<usize, Reason> {
         let k = self.camera.intrinsics();
         let fits = (image.width(), image.height()) == (k.width as usize, k.height as usize);

@@ -2,7 +2,8 @@
 //! input.
 //!
 //! Ohya, Kosaka & Kak (1998): every echo halts the robot, and after a halt it evaluates a new frame. Differs from
-//! \[1\]: explicit conditions to release a halt, to search and to give up.
+//! \[1\]: explicit conditions to release a halt, to search and to give up; a robot that cannot evaluate frames is
+//! released where nothing is in its way, to continue slowly.
 
 use serde::{Deserialize, Serialize};
 use yamabico_core::geometry::angle_difference;
@@ -49,8 +50,6 @@ impl State {
 /// Parameters of the state machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// Range (m) below which a sonar return counts as an echo.
-    pub gate_m: f64,
     /// Number of steps without an echo after which the sonar counts as clear.
     pub clean_readings: u32,
     /// Number of steps without an echo after which an avoiding robot may drive.
@@ -81,7 +80,6 @@ pub struct Rules {
 impl Default for Rules {
     fn default() -> Self {
         Self {
-            gate_m: 0.5,
             clean_readings: 3,
             release_readings: 3,
             standing_mps: 0.01,
@@ -98,6 +96,16 @@ impl Default for Rules {
     }
 }
 
+impl Rules {
+    /// Returns the number of frames, none of which could be evaluated, after which the robot is released in `state`.
+    const fn looks_in(&self, state: State) -> u32 {
+        match state {
+            State::Search => self.search_looks,
+            _ => self.looks,
+        }
+    }
+}
+
 /// Result of vision for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisionResult {
@@ -105,7 +113,8 @@ pub struct VisionResult {
     pub image_s: f64,
     /// True if the frame could be evaluated.
     pub valid: bool,
-    /// True if the path to the goal is clear.
+    /// True if the path to the goal is clear; of a frame that could not be evaluated, if no remembered obstacle is on
+    /// it.
     pub clear: bool,
     /// Bearing of the best passage, rad, positive left; `None` if there is none.
     pub bearing: Option<f64>,
@@ -113,11 +122,13 @@ pub struct VisionResult {
 
 /// Input of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tick<'a> {
+pub struct Tick {
     /// Current time, s.
     pub now_s: f64,
-    /// Sonar ranges, m; `None` for a beam without an echo. An empty slice counts as an echo.
-    pub sonar_m: &'a [Option<f64>],
+    /// True if the sonar reports an obstacle on the path, or is silent.
+    pub echo: bool,
+    /// True if a remembered obstacle is beside the robot, or ahead of its side: it is not passed yet.
+    pub beside: bool,
     /// Speed of the robot, m/s, of either sign.
     pub speed_mps: f64,
     /// Heading of the robot, rad. With NaN the robot neither turns nor drives.
@@ -143,6 +154,9 @@ pub struct Machine {
     requested_s: f64,
     entered_s: f64,
     looks: u32,
+    /// Number of those looks that could be evaluated.
+    #[serde(default)]
+    valid_looks: u32,
     progress_mark_m: f64,
 }
 
@@ -168,6 +182,7 @@ impl Machine {
             requested_s: 0.0,
             entered_s: 0.0,
             looks: 0,
+            valid_looks: 0,
             progress_mark_m: 0.0,
         }
     }
@@ -180,14 +195,12 @@ impl Machine {
 
     /// Takes one step. Returns the machine after it, and its output.
     #[must_use]
-    pub fn step(mut self, tick: &Tick<'_>, rules: &Rules) -> (Self, MotionOrder) {
-        let echo = tick.sonar_m.is_empty()
-            || tick.sonar_m.iter().flatten().any(|&range| range < rules.gate_m || range.is_nan());
-        self.clean = if echo { 0 } else { self.clean.saturating_add(1) };
-        self.advance(tick, rules, echo);
+    pub fn step(mut self, tick: &Tick, rules: &Rules) -> (Self, MotionOrder) {
+        self.clean = if tick.echo { 0 } else { self.clean.saturating_add(1) };
+        self.advance(tick, rules);
         let order = MotionOrder {
             state: self.state,
-            v_zero: self.must_stand(tick, rules, echo),
+            v_zero: self.must_stand(tick, rules),
             target_heading: self.target_heading,
         };
         (self, order)
@@ -217,7 +230,7 @@ impl Machine {
         (self, MotionOrder { state: State::Blocked, v_zero: true, target_heading: None })
     }
 
-    fn advance(&mut self, tick: &Tick<'_>, rules: &Rules, echo: bool) {
+    fn advance(&mut self, tick: &Tick, rules: &Rules) {
         if !tick.pose_ok {
             return self.stop(State::Lost);
         }
@@ -226,7 +239,7 @@ impl Machine {
             State::Halt if tick.speed_mps.abs() < rules.standing_mps => self.relook(tick),
             State::Halt | State::Blocked => {}
             State::Relook | State::Search => self.evaluate(tick, rules),
-            State::Follow | State::Rejoin | State::Avoid if echo => {
+            State::Follow | State::Rejoin | State::Avoid if tick.echo => {
                 let is_turning =
                     self.state == State::Avoid && !self.is_turned_within(tick, rules.aligned_rad);
                 if !is_turning {
@@ -238,7 +251,7 @@ impl Machine {
         }
     }
 
-    fn drive(&mut self, tick: &Tick<'_>, rules: &Rules) {
+    fn drive(&mut self, tick: &Tick, rules: &Rules) {
         if let Some(result) = tick.vision.filter(|result| result.valid && !result.clear) {
             return match result.bearing {
                 Some(bearing) => self.turn_to(tick, bearing),
@@ -252,7 +265,7 @@ impl Machine {
         }
     }
 
-    fn avoid(&mut self, tick: &Tick<'_>, rules: &Rules) {
+    fn avoid(&mut self, tick: &Tick, rules: &Rules) {
         if let Some(result) = tick.vision.filter(|result| result.valid) {
             match result.bearing {
                 None => return self.stop(State::Halt),
@@ -260,20 +273,26 @@ impl Machine {
                 Some(_) => {}
             }
         }
-        if tick.progress_m - self.progress_mark_m >= rules.passing_m {
+        if tick.progress_m - self.progress_mark_m >= rules.passing_m && !tick.beside {
             self.stop(State::Rejoin);
         }
     }
 
-    fn evaluate(&mut self, tick: &Tick<'_>, rules: &Rules) {
+    fn evaluate(&mut self, tick: &Tick, rules: &Rules) {
         if let Some(result) = tick.vision.filter(|result| result.image_s >= self.requested_s) {
             self.requested_s = tick.now_s;
             self.looks += 1;
             if result.valid {
+                self.valid_looks += 1;
                 match result.bearing {
                     Some(bearing) => self.choose(tick, rules, result.clear, bearing),
                     None if self.state == State::Relook && self.looks >= rules.looks => self.search(),
                     None => {}
+                }
+            } else if result.clear && self.valid_looks == 0 && self.looks >= rules.looks_in(self.state) {
+                // Frames tell nothing here, and neither the sonar nor the memory knows an obstacle.
+                if self.clean >= rules.clean_readings {
+                    self.release(tick, rules);
                 }
             }
         }
@@ -284,17 +303,22 @@ impl Machine {
         }
     }
 
-    fn choose(&mut self, tick: &Tick<'_>, rules: &Rules, is_clear: bool, bearing: f64) {
+    fn choose(&mut self, tick: &Tick, rules: &Rules, is_clear: bool, bearing: f64) {
         if self.clean < rules.clean_readings {
             if bearing.abs() >= rules.smallest_bearing_rad {
                 self.turn_to(tick, bearing);
             }
         } else if is_clear {
-            let is_off = tick.lateral_m.abs() > rules.off_path_m;
-            self.stop(if is_off { State::Rejoin } else { State::Follow });
+            self.release(tick, rules);
         } else {
             self.turn_to(tick, bearing);
         }
+    }
+
+    /// Leaves the driving to other behaviors.
+    fn release(&mut self, tick: &Tick, rules: &Rules) {
+        let is_off = tick.lateral_m.abs() > rules.off_path_m;
+        self.stop(if is_off { State::Rejoin } else { State::Follow });
     }
 
     fn stop(&mut self, state: State) {
@@ -302,35 +326,36 @@ impl Machine {
         self.target_heading = None;
     }
 
-    fn relook(&mut self, tick: &Tick<'_>) {
+    fn relook(&mut self, tick: &Tick) {
         self.stop(State::Relook);
         self.requested_s = tick.now_s;
         self.entered_s = tick.now_s;
-        self.looks = 0;
+        (self.looks, self.valid_looks) = (0, 0);
     }
 
     fn search(&mut self) {
         self.stop(State::Search);
-        self.looks = 0;
+        (self.looks, self.valid_looks) = (0, 0);
     }
 
-    fn turn_to(&mut self, tick: &Tick<'_>, bearing: f64) {
+    fn turn_to(&mut self, tick: &Tick, bearing: f64) {
         self.state = State::Avoid;
         self.target_heading = Some(tick.heading + bearing);
         self.progress_mark_m = tick.progress_m;
     }
 
     /// Returns true if the heading error is at most `rad`; false if the heading is NaN.
-    fn is_turned_within(&self, tick: &Tick<'_>, rad: f64) -> bool {
+    fn is_turned_within(&self, tick: &Tick, rad: f64) -> bool {
         self.target_heading.is_none_or(|target| angle_difference(target, tick.heading).abs() <= rad)
     }
 
-    fn must_stand(&self, tick: &Tick<'_>, rules: &Rules, echo: bool) -> bool {
+    fn must_stand(&self, tick: &Tick, rules: &Rules) -> bool {
         match self.state {
             State::Follow | State::Rejoin => false,
             State::Halt | State::Relook | State::Search | State::Lost | State::Blocked => true,
             State::Avoid => {
-                echo || self.clean < rules.release_readings
+                tick.echo
+                    || self.clean < rules.release_readings
                     || !self.is_turned_within(tick, 3.0 * rules.aligned_rad)
             }
         }

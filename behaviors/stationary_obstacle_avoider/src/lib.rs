@@ -18,10 +18,12 @@
 
 mod assessment;
 pub mod config;
+pub mod corridor_frame;
 pub mod detector;
 pub mod floor_steps;
 pub mod halt_state_machine;
 pub mod horizontal_edges;
+mod localization;
 pub mod obstacle_memory;
 pub mod obstacle_regions;
 pub mod overlay;
@@ -41,11 +43,10 @@ pub mod view_history;
 pub use config::Config;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
-use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{
-    Axes, FrameHeader, Obstacle, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, PoseStatus,
-    Proposal, RangeScanHeader, Reason, View,
+    Axes, Corridor, FrameHeader, Obstacle, ObstaclesHeader, Odometry, PathHeader, PathPoint, Pose, Proposal,
+    RangeScanHeader, Reason, View,
 };
 use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_core::parameters::FileKind;
@@ -53,8 +54,10 @@ use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::map::{WIRE_FRAME_FILE, WireFrame};
 
+use crate::corridor_frame::CorridorFrame;
 use crate::detector::{Detector, DetectorRules};
 use crate::halt_state_machine::{Machine, MotionOrder, Rules, State, VisionResult};
+use crate::localization::Localized;
 use crate::obstacle_memory::ObstacleMemory;
 use crate::passage_finder::Clearances;
 use crate::recent_frames::RecentFrames;
@@ -67,13 +70,16 @@ use crate::view_history::ViewHistory;
 /// Input: frames of the camera that looks ahead.
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the area ahead");
 /// Input: pose estimate in the map frame.
-pub const POSE: Slot<Pose> = Slot::required("pose", "pose estimate in the map frame");
+pub const POSE: Slot<Pose> = Slot::optional("pose", "with a map: pose estimate in the map frame");
 /// Input: wheel odometry.
 pub const ODOMETRY: Slot<Odometry> = Slot::required("odometry", "motion since a frame was captured");
 /// Input: sonar scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
 /// Input: the planned path, to leave and return to.
-pub const PATH: Slot<PathHeader> = Slot::required("path", "planned path and progress along it");
+pub const PATH: Slot<PathHeader> = Slot::optional("path", "with a map: planned path and progress along it");
+/// Input: the corridor around the robot, in place of map, pose and path.
+pub const CORRIDOR: Slot<Corridor> =
+    Slot::optional("corridor", "without a map: axis and walls of the corridor");
 /// Output: confirmed obstacles.
 pub const OBSTACLES: Slot<ObstaclesHeader> = Slot::required("obstacles", "obstacles that are not on the map");
 
@@ -93,6 +99,9 @@ pub struct StationaryObstacleAvoider {
     odometry: OdometryTrack,
     sonar: SonarWatch,
     localized: Option<Localized>,
+    /// True if the robot follows a corridor without a map: `map` and `path` are those of the corridor's frame.
+    is_in_corridor: bool,
+    corridor: Option<CorridorFrame>,
     path: Vec<PathPoint>,
     path_header: PathHeader,
     known_obstacles: ObstacleMemory,
@@ -104,21 +113,14 @@ pub struct StationaryObstacleAvoider {
     pending: Option<VisionResult>,
     evaluated: Option<Time>,
     failure: Option<Reason>,
+    /// True if thresholds were learned where the last frame was captured.
+    is_learned: bool,
+    /// Reason of the last halt.
+    halt_reason: Reason,
     search: Search,
     entered: Time,
     obstacles: Vec<Obstacle>,
     sequence: u64,
-}
-
-/// Latest pose estimate, with the odometry at its stamp.
-#[derive(Clone, Copy, Debug)]
-struct Localized {
-    stamp: Time,
-    evidence: Time,
-    pose: Pose2,
-    odometry: Pose2,
-    heading_sigma: f64,
-    is_usable: bool,
 }
 
 impl Plugin for StationaryObstacleAvoider {
@@ -126,7 +128,7 @@ impl Plugin for StationaryObstacleAvoider {
     const NAME: &'static str = "stationary-obstacle-avoider";
     const SUMMARY: &'static str = "Drives around obstacles that are not on the map.";
     const INPUTS: &'static [SlotInfo] =
-        &[CAMERA.info(), POSE.info(), ODOMETRY.info(), SONAR.info(), PATH.info()];
+        &[CAMERA.info(), POSE.info(), ODOMETRY.info(), SONAR.info(), PATH.info(), CORRIDOR.info()];
     const OUTPUTS: &'static [SlotInfo] = &[OBSTACLES.info()];
     const FILES: &'static [FileKind] = &[WIRE_FRAME_FILE, THRESHOLD_FILE];
     const CLAIMS: Axes = Axes::PLANAR;
@@ -146,8 +148,12 @@ impl Plugin for StationaryObstacleAvoider {
         }
         let mut rules = DetectorRules::for_size(intrinsics.width, intrinsics.height);
         rules.edges.epsilon = config.epsilon;
-        let map = WireFrame::read(&setup.folder.join(&config.map))
-            .map_err(|error| ParameterError::new("map", error.to_string()))?;
+        config.check_guidance(setup)?;
+        let map = match &config.map {
+            Some(file) => WireFrame::read(&setup.folder.join(file))
+                .map_err(|error| ParameterError::new("map", error.to_string()))?,
+            None => WireFrame::default(),
+        };
         let table = match &config.thresholds {
             Some(file) => {
                 let table = ThresholdTable::read(&setup.folder.join(file))
@@ -166,7 +172,6 @@ impl Plugin for StationaryObstacleAvoider {
         };
         let wait_frames = (WAIT_S / period_s).clamp(0.0, 1000.0);
         let machine_rules = Rules {
-            gate_m: config.gate_m,
             passing_m: config.passing_m,
             looks: Rules::default().looks.max(wait_frames as u32),
             ..Rules::default()
@@ -182,6 +187,8 @@ impl Plugin for StationaryObstacleAvoider {
             odometry: OdometryTrack::default(),
             sonar: SonarWatch::default(),
             localized: None,
+            is_in_corridor: config.map.is_none(),
+            corridor: None,
             path: Vec::with_capacity(64),
             path_header: PathHeader::default(),
             known_obstacles: ObstacleMemory::default(),
@@ -193,12 +200,18 @@ impl Plugin for StationaryObstacleAvoider {
             pending: None,
             evaluated: None,
             failure: None,
+            is_learned: false,
+            halt_reason: Reason::Echo,
             search: Search::default(),
             entered: Time::ZERO,
             obstacles: Vec::with_capacity(32),
             sequence: 0,
             config,
         })
+    }
+
+    fn notes(config: &Config, setup: &Setup) -> Vec<String> {
+        config.notes(setup)
     }
 }
 
@@ -211,10 +224,7 @@ impl Behavior for StationaryObstacleAvoider {
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             self.store_frame(&frame, now);
         }
-        self.take_path(inputs);
-        if let Some(pose) = inputs.latest(&POSE).filter(|_| inputs.is_fresh(&POSE)) {
-            self.take_pose(pose.header, now, outputs);
-        }
+        self.localize(inputs, outputs);
         if self.sonar.update(inputs, &SONAR, self.config.stale_ms * 1e-3) {
             self.step(now);
         }
@@ -227,15 +237,17 @@ impl Behavior for StationaryObstacleAvoider {
 
     fn save_state(&self, state: &mut Vec<u8>) {
         // Without saved state the behavior starts anew.
-        let _ = serde_json::to_writer(state, &(&self.machine, &self.known_obstacles, self.lean_m));
+        let _ = serde_json::to_writer(
+            state,
+            &(&self.machine, &self.known_obstacles, self.lean_m, &self.corridor),
+        );
     }
 
     fn restore_state(&mut self, state: &[u8]) {
-        if let Ok((machine, known_obstacles, lean_m)) =
-            serde_json::from_slice::<(Machine, ObstacleMemory, f64)>(state)
-        {
-            (self.machine, self.known_obstacles, self.lean_m) =
-                (machine.after_restart(), known_obstacles, lean_m);
+        type Saved = (Machine, ObstacleMemory, f64, Option<CorridorFrame>);
+        if let Ok((machine, known_obstacles, lean_m, corridor)) = serde_json::from_slice::<Saved>(state) {
+            (self.machine, self.known_obstacles, self.lean_m, self.corridor) =
+                (machine.after_restart(), known_obstacles, lean_m, corridor);
             self.order = MotionOrder { state: self.machine.state(), ..self.order };
         }
     }
@@ -254,13 +266,6 @@ impl StationaryObstacleAvoider {
         &self.known_obstacles
     }
 
-    /// Returns the current pose in the map frame, from the latest pose estimate and the odometry since.
-    fn robot(&self) -> Option<Pose2> {
-        let localized = self.localized?;
-        let newest = self.odometry.newest()?;
-        Some(localized.pose * localized.odometry.relative(&newest.pose))
-    }
-
     fn store_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
         let is_newer = self.frames.newest().is_none_or(|last| stamp > last);
@@ -275,40 +280,6 @@ impl StationaryObstacleAvoider {
         match frame.gray(self.detector.camera().intrinsics().size(), &mut self.gray) {
             Some(image) => self.frames.push(stamp, exposure, image),
             None => self.failure = Some(Reason::MalformedInput),
-        }
-    }
-
-    fn take_path(&mut self, inputs: &Inputs<'_>) {
-        let Some(path) = inputs.latest(&PATH).filter(|_| inputs.is_fresh(&PATH)) else { return };
-        let numbers = [path.header.lateral_error_m, path.header.heading_error_rad, path.header.progress_m];
-        if numbers.iter().all(|x| x.is_finite()) {
-            self.path_header = *path.header;
-            self.path.clear();
-            self.path.extend(path.items.iter().filter(|p| p.x.is_finite() && p.y.is_finite()).take(64));
-        }
-    }
-
-    /// Stores a pose estimate; if it was estimated from a frame that was not evaluated yet, evaluates that frame.
-    fn take_pose(&mut self, pose: &Pose, now: Time, outputs: &mut Outputs<'_>) {
-        let (stamp, evidence) = (Time(pose.stamp_ns), Time(pose.evidence_ns));
-        let on_map = Pose2::new(pose.x, pose.y, pose.theta);
-        let heading_sigma = pose.covariance[8].sqrt();
-        let is_old = self.localized.is_some_and(|last| stamp < last.stamp);
-        let (Some(odometry), false) = (self.odometry.pose_at(stamp), is_old) else { return };
-        if !on_map.is_finite() || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
-            self.failure = Some(Reason::MalformedInput);
-            return;
-        }
-        let is_new = self.localized.is_none_or(|last| evidence > last.evidence);
-        let is_usable = matches!(
-            pose.status(),
-            Some(PoseStatus::Tracking | PoseStatus::Coasting | PoseStatus::Inconsistent)
-        );
-        let localized = Localized { stamp, evidence, pose: on_map, odometry, heading_sigma, is_usable };
-        self.localized = Some(localized);
-        if is_new && is_usable && self.frames.taken_at(evidence).is_some() {
-            self.evaluate(&localized, now);
-            self.publish(now, outputs);
         }
     }
 }

@@ -17,7 +17,7 @@ const STEP_M: f64 = 0.04;
 /// Maximum distance from the path at which the robot passes an obstacle, m: keeps it out of side corridors.
 const MAX_PATH_OFFSET_M: f64 = 1.0;
 /// Distance ahead up to which obstacles are avoided, m.
-const AVOIDANCE_RANGE_M: f64 = 2.0;
+pub(crate) const AVOIDANCE_RANGE_M: f64 = 2.0;
 
 /// Clearances of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,9 @@
-//! Newest sonar scan, as input of the state machine; a silent, lost or malformed scan counts as an echo.
+//! Newest sonar scan, and whether an echo in it is on the robot's path; a silent, lost or malformed scan counts as one.
+
+use std::f64::consts::FRAC_PI_2;
 
 use yamabico_core::behavior::{Inputs, Slot};
+use yamabico_core::geometry::wrap_angle;
 use yamabico_core::message::{Beam, RangeScanHeader};
 use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
 use yamabico_core::time::Time;
@@ -8,17 +11,16 @@ use yamabico_core::time::Time;
 /// Maximum number of beams; a scan with more counts as an echo.
 const MAX_BEAMS: usize = 64;
 
-/// Newest sonar scan. Without ranges it counts as an echo.
+/// Newest sonar scan. Without beams it counts as an echo.
 #[derive(Clone, Debug)]
 pub struct SonarWatch {
-    ranges_m: Vec<Option<f64>>,
     beams: Vec<Beam>,
     newest: Option<Time>,
 }
 
 impl Default for SonarWatch {
     fn default() -> Self {
-        Self { ranges_m: Vec::with_capacity(MAX_BEAMS), beams: Vec::with_capacity(MAX_BEAMS), newest: None }
+        Self { beams: Vec::with_capacity(MAX_BEAMS), newest: None }
     }
 }
 
@@ -36,26 +38,28 @@ impl SonarWatch {
             }
             must_step = true;
             self.newest = Some(stamp);
-            self.ranges_m.clear();
             self.beams.clear();
             if scan.items.len() <= MAX_BEAMS {
-                self.ranges_m.extend(scan.items.iter().map(Beam::echo_m));
                 self.beams.extend_from_slice(scan.items);
             }
         }
         let is_silent = self.newest.is_none_or(|newest| now.seconds_after(newest) > stale_s);
         if is_silent || inputs.lost(slot) > 0 {
-            self.ranges_m.clear();
             self.beams.clear();
             must_step = true;
         }
         must_step
     }
 
-    /// Returns the ranges of the newest scan, m; an empty slice if the sonar is silent.
+    /// Returns true if an echo nearer than `gate_m` (m, from its sensor) may be on the straight strip ahead that
+    /// extends `half_width_m` (m) to each side of the robot, or if there is no scan. A range that is NaN counts.
     #[must_use]
-    pub fn ranges_m(&self) -> &[Option<f64>] {
-        &self.ranges_m
+    pub fn has_echo(&self, gate_m: f64, half_width_m: f64) -> bool {
+        let is_on_path = |beam: &Beam| {
+            let echo_m = beam.echo_m().filter(|&range_m| range_m < gate_m || range_m.is_nan());
+            echo_m.is_some_and(|range_m| reaches_strip(beam, range_m, half_width_m))
+        };
+        self.beams.is_empty() || self.beams.iter().any(is_on_path)
     }
 
     /// Returns the beams of the newest scan.
@@ -68,5 +72,62 @@ impl SonarWatch {
     #[must_use]
     pub fn newest(&self) -> Option<Time> {
         self.newest
+    }
+}
+
+/// Returns true if a point of the beam's cone at `range_m` is on the strip ahead of half width `half_width_m`, m; also
+/// if the geometry of the beam or the range is NaN.
+fn reaches_strip(beam: &Beam, range_m: f64, half_width_m: f64) -> bool {
+    let axis = wrap_angle(beam.azimuth_rad);
+    let (right, left) = (axis - 0.5 * beam.cone_rad, axis + 0.5 * beam.cone_rad);
+    let is_behind = right > FRAC_PI_2 || left < -FRAC_PI_2;
+    let lateral_m = |azimuth: f64| beam.y_m + range_m * azimuth.clamp(-FRAC_PI_2, FRAC_PI_2).sin();
+    let is_beside = lateral_m(right) > half_width_m || lateral_m(left) < -half_width_m;
+    !is_behind && !is_beside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::message::NO_ECHO;
+
+    fn beam(azimuth_deg: f64, range_m: f64) -> Beam {
+        let azimuth_rad = azimuth_deg.to_radians();
+        let (sin, cos) = azimuth_rad.sin_cos();
+        let cone_rad = 22_f64.to_radians();
+        Beam { azimuth_rad, cone_rad, range_m, x_m: 0.2 * cos, y_m: 0.2 * sin, ..Beam::default() }
+    }
+
+    fn has_echo(beams: &[Beam], half_width_m: f64) -> bool {
+        SonarWatch { beams: beams.to_vec(), newest: None }.has_echo(0.5, half_width_m)
+    }
+
+    #[test]
+    fn an_echo_counts_where_its_cone_reaches_the_path() {
+        assert!(has_echo(&[beam(35.0, 2.0), beam(0.0, 0.49)], 0.23));
+        assert!(!has_echo(&[beam(35.0, 2.0), beam(0.0, 0.5)], 0.23), "the gate is strict");
+        // 24 degrees to the side, 0.12 m at 0.3 m: the inner side of the cone is 0.24 m beside the center.
+        for side in [1.0, -1.0] {
+            assert!(!has_echo(&[beam(side * 35.0, 0.3)], 0.23));
+            assert!(has_echo(&[beam(side * 35.0, 0.3)], 0.25) && has_echo(&[beam(side * 35.0, 0.2)], 0.23));
+            assert!(has_echo(&[beam(side * 10.0, 0.3)], 0.23));
+            assert!(!has_echo(&[beam(side * 90.0, 0.2)], 0.23) && has_echo(&[beam(side * 90.0, 0.02)], 0.23));
+        }
+    }
+
+    #[test]
+    fn an_echo_from_behind_is_not_on_the_path() {
+        assert!(!has_echo(&[beam(180.0, 0.2), beam(-150.0, 0.2), beam(210.0, 0.1)], 0.23));
+    }
+
+    #[test]
+    fn silence_and_malformed_beams_count_as_echoes() {
+        assert!(has_echo(&[], 0.23) && SonarWatch::default().has_echo(0.5, 0.23));
+        let malformed =
+            [beam(0.0, f64::NAN), beam(0.0, -1.0), Beam { azimuth_rad: f64::NAN, ..beam(0.0, 0.3) }];
+        for beam in malformed {
+            assert!(has_echo(&[beam], 0.23), "{beam:?}");
+        }
+        assert!(!has_echo(&[Beam { flags: NO_ECHO, ..beam(0.0, f64::NAN) }], 0.23));
     }
 }

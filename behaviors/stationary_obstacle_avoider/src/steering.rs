@@ -5,8 +5,7 @@ use yamabico_core::message::{Axes, Proposal, Reason};
 use yamabico_core::time::Time;
 
 use crate::StationaryObstacleAvoider;
-use crate::halt_state_machine::{State, VisionResult};
-use crate::passage_finder::{Surroundings, aim};
+use crate::halt_state_machine::State;
 use crate::safe_passage::PLANE_M;
 
 /// Turn rate per radian of heading error, 1/s.
@@ -25,12 +24,14 @@ impl StationaryObstacleAvoider {
         let translation = Axes::LINEAR.union(Axes::LATERAL);
         let proposal = match (state, robot) {
             (State::Follow | State::Rejoin, _) => self.follow(now),
+            // Without a map, no corridor in view is no reason to stand: another behavior may look for one.
+            (State::Lost, _) if self.is_in_corridor => self.creep(self.lost_reason()),
             (State::Lost, _) => Proposal::halt(translation, self.lost_reason()),
             (State::Avoid, Some(robot)) => self.avoid(&robot),
             (State::Search, Some(robot)) => self.turn_to_direction(&robot, now),
             (State::Blocked, _) => Proposal::halt(Axes::ALL, Reason::PassageBlocked),
             (State::Relook, _) => Proposal::halt(Axes::ALL, Reason::Searching),
-            _ => Proposal::halt(Axes::ALL, Reason::Echo),
+            _ => Proposal::halt(Axes::ALL, self.halt_reason),
         };
         // Only a drive rests on the frame: evidence of the others is the present.
         let rests_on_frame = matches!(state, State::Avoid);
@@ -44,21 +45,24 @@ impl StationaryObstacleAvoider {
 
     /// Abstains, or limits the speed if vision gives no result.
     fn follow(&self, now: Time) -> Proposal {
-        let is_blind =
-            self.evaluated.is_none_or(|evaluated| now.seconds_after(evaluated) > EVALUATION_STALE_S);
         let failure = match self.failure {
             Some(reason) => Some(reason),
-            None if is_blind => Some(Reason::StaleInput),
+            None if self.is_evaluation_stale(now) => Some(Reason::StaleInput),
             None => None,
         };
         match failure {
-            Some(reason) => {
-                let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
-                Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
-                    .with_note(format_args!("vision tells nothing: {reason}"))
-            }
-            None => Proposal::abstain(Reason::Clear),
+            Some(reason) => self.creep(reason),
+            None if self.is_learned => Proposal::abstain(Reason::Clear),
+            None => Proposal::abstain(Reason::Clear)
+                .with_note(format_args!("no thresholds here: edges on the floor only")),
         }
+    }
+
+    /// Limits the speed because vision gives no result, for `reason`.
+    fn creep(&self, reason: Reason) -> Proposal {
+        let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
+        Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
+            .with_note(format_args!("vision tells nothing: {reason}"))
     }
 
     /// Turns to the target heading, then drives through the passage nearest to it.
@@ -70,15 +74,8 @@ impl StationaryObstacleAvoider {
                 .with_reason(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
-        let around = Surroundings {
-            robot,
-            map: self.detector.map(),
-            obstacles: &self.known_obstacles,
-            views: &self.views,
-            path: &self.path,
-        };
         let goal_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
-        let Some(aim) = aim(&around, goal_m, self.lean_m, &self.clearances, &mut self.passage) else {
+        let Some(aim) = self.aim(robot, goal_m) else {
             return turn(off, self.config.largest_turn_radps)
                 .with_reason(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
@@ -107,12 +104,21 @@ impl StationaryObstacleAvoider {
     }
 
     /// Passes an unusable vision result to the state machine if the current search direction gives no usable frame in
-    /// time.
-    pub(crate) fn leave_blind_direction(&mut self, now: Time) {
-        if self.order.state == State::Search && self.search.advance_if_timed_out(now) {
-            self.pending =
-                Some(VisionResult { image_s: now.as_secs_f64(), valid: false, clear: false, bearing: None });
+    /// time, or if no frame arrives where the robot stands.
+    pub(crate) fn report_blindness(&mut self, now: Time) {
+        let is_blind = match self.order.state {
+            State::Search => self.search.advance_if_timed_out(now),
+            State::Relook => self.is_evaluation_stale(now),
+            _ => false,
+        };
+        if is_blind {
+            self.pending = Some(self.unusable(now));
         }
+    }
+
+    /// Returns true if no frame was evaluated for a while.
+    fn is_evaluation_stale(&self, now: Time) -> bool {
+        self.evaluated.is_none_or(|evaluated| now.seconds_after(evaluated) > EVALUATION_STALE_S)
     }
 
     fn lost_reason(&self) -> Reason {

@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 use yamabico_core::behavior::Outputs;
-use yamabico_core::message::{Obstacle, ObstaclesHeader};
+use yamabico_core::message::{Obstacle, ObstaclesHeader, Reason};
 use yamabico_core::time::Time;
 
 use crate::halt_state_machine::{State, Tick};
@@ -10,8 +10,6 @@ use crate::obstacle_memory::SEEN_LIFETIME_S;
 use crate::search::Search;
 use crate::{OBSTACLES, StationaryObstacleAvoider};
 
-/// Age above which a pose estimate is stale, s.
-const POSE_STALE_S: f64 = 0.5;
 /// Distance from a wall of the map within which an echo is assigned to the wall, m.
 const WALL_ECHO_M: f64 = 0.15;
 
@@ -19,22 +17,20 @@ impl StationaryObstacleAvoider {
     /// Advances the state machine by the newest scan, and applies the limits of the search.
     pub(crate) fn step(&mut self, now: Time) {
         self.add_echoes(now);
-        self.leave_blind_direction(now);
+        self.report_blindness(now);
         let robot = self.robot();
         self.known_obstacles.expire(now, robot.map(|robot| robot.position()));
-        let is_current = self.localized.is_some_and(|localized| {
-            localized.is_usable && now.seconds_after(localized.stamp) <= POSE_STALE_S
-        });
         let speed_mps = self.odometry.newest().map_or(0.0, |newest| newest.twist.speed());
         let tick = Tick {
             now_s: now.as_secs_f64(),
-            sonar_m: self.sonar.ranges_m(),
+            echo: self.sonar.has_echo(self.config.gate_m, self.clearances.half_width_m),
+            beside: robot.is_some_and(|robot| self.is_beside_obstacle(&robot)),
             speed_mps,
             heading: robot.map_or(f64::NAN, |robot| robot.theta),
             lateral_m: self.path_header.lateral_error_m,
             path_heading_error: self.path_header.heading_error_rad,
             progress_m: self.path_header.progress_m,
-            pose_ok: is_current && robot.is_some(),
+            pose_ok: self.is_localized(now) && robot.is_some(),
             vision: self.pending.take(),
         };
         let before = self.order.state;
@@ -45,6 +41,9 @@ impl StationaryObstacleAvoider {
         }
         if self.order.state != before {
             self.entered = now;
+            if self.order.state == State::Halt {
+                self.halt_reason = if tick.echo { Reason::Echo } else { Reason::PassageBlocked };
+            }
             self.search = self.search.after(self.order.state, robot, along);
             if matches!(self.order.state, State::Follow | State::Rejoin | State::Search) {
                 self.lean_m = 0.0;

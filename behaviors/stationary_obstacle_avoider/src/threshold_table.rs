@@ -25,6 +25,11 @@ pub const THRESHOLD_FILE: FileKind = FileKind {
 /// Minimum and maximum exposure, relative to that of the learning, for which thresholds are scaled.
 const EXPOSURES: (f64, f64) = (0.7, 1.4);
 
+/// Threshold of edge strength where none was learned, gray levels.
+const UNLEARNED_T0: u8 = 10;
+/// Strongest vertical step on a floor without obstacles that was not learned, gray levels.
+const UNLEARNED_CONTRAST: f64 = 7.0;
+
 /// Thresholds learned for one camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -82,6 +87,23 @@ pub struct Place {
 }
 
 impl Place {
+    /// Returns the thresholds of a place where none were learned: edges on the bare floor count, but not those above it,
+    /// which a map lacks where it lacks details.
+    #[must_use]
+    pub const fn unlearned() -> Place {
+        Place {
+            x_m: 0.0,
+            y_m: 0.0,
+            heading_deg: 0.0,
+            t0: UNLEARNED_T0,
+            n0: 0,
+            n0_extra: u32::MAX,
+            contrast: UNLEARNED_CONTRAST,
+            level: 0,
+            recall: 1.0,
+        }
+    }
+
     /// Returns the pose of the robot, map frame.
     #[must_use]
     pub fn pose(&self) -> Pose2 {

@@ -2,6 +2,7 @@
 
 mod allocations;
 mod inputs;
+mod release;
 mod rig;
 mod vectors;
 

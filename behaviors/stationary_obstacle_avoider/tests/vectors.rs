@@ -22,7 +22,6 @@ fn flag(value: &Value, field: &str) -> bool {
 fn rules(params: &Value) -> Rules {
     let count = |field: &str| f(params, field) as u32;
     Rules {
-        gate_m: f(params, "GATE"),
         clean_readings: count("NCL"),
         release_readings: count("NREL"),
         standing_mps: f(params, "VSTOP"),
@@ -50,7 +49,7 @@ fn look(value: &Value) -> Option<VisionResult> {
 #[test]
 fn halt_fsm() {
     let file = perspective("halt_fsm");
-    let rules = rules(&file["params"]);
+    let (rules, gate_m) = (rules(&file["params"]), f(&file["params"], "GATE"));
     let cases = file["cases"].as_array().expect("cases");
     let mut steps = 0;
     for case in cases {
@@ -60,12 +59,13 @@ fn halt_fsm() {
         assert_eq!(ticks.len(), outputs.len(), "{id}");
         let mut machine = Machine::new(&rules);
         for (tick, expected) in ticks.iter().zip(outputs) {
-            let sonar: Vec<Option<f64>> =
-                tick["sonar"].as_array().expect("sonar").iter().map(Value::as_f64).collect();
+            let sonar = tick["sonar"].as_array().expect("sonar");
+            let is_echo = |range: &Value| range.as_f64().is_some_and(|range_m| range_m < gate_m);
             let (next, order) = machine.step(
                 &Tick {
                     now_s: f(tick, "t"),
-                    sonar_m: &sonar,
+                    echo: sonar.is_empty() || sonar.iter().any(is_echo),
+                    beside: false,
                     speed_mps: f(tick, "speed"),
                     heading: f(tick, "heading"),
                     lateral_m: f(tick, "lateral"),

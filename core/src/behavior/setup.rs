@@ -18,9 +18,16 @@ pub struct Setup {
     pub folder: PathBuf,
     /// The sensor connected to each slot, by slot name. Slots that a behavior feeds are not listed.
     pub sensors: Vec<(String, SensorInfo)>,
+    /// Names of the connected slots, whatever feeds them; `None` if that is unknown, as in most tests.
+    pub connected: Option<Vec<String>>,
 }
 
 impl Setup {
+    /// Returns true if nothing is connected to `slot`; false if that is unknown.
+    pub fn is_empty<M>(&self, slot: &Slot<M>) -> bool {
+        self.connected.as_ref().is_some_and(|connected| connected.iter().all(|name| name != slot.name))
+    }
+
     /// Returns the sensor connected to `slot`, or `None` if the slot is empty or fed by a behavior.
     pub fn sensor<M>(&self, slot: &Slot<M>) -> Option<&SensorInfo> {
         self.sensors.iter().find(|(name, _)| name == slot.name).map(|(_, info)| info)

@@ -14,6 +14,7 @@ struct Checked<'a> {
     sensors: Vec<&'a str>,
     opens: Vec<String>,
     starts: Vec<String>,
+    notes: Vec<String>,
 }
 
 /// Loads the task and prints a summary of it.
@@ -31,12 +32,14 @@ pub fn check(arguments: &TaskArguments, print: Print) -> CommandResult {
         sensors: task.robot.sensors.iter().map(|sensor| sensor.part.name.as_str()).collect(),
         opens: devices.map(|device| format!("{} ({})", device.name, device.driver.info().name)).collect(),
         starts: programs.map(|(name, exec)| format!("{name} ({})", exec.join(" "))).collect(),
+        notes: task.notes(),
     };
     print.show(&checked, |checked| {
         let list = |items: &[String]| if items.is_empty() { "none".to_owned() } else { items.join(", ") };
+        let notes: String = checked.notes.iter().map(|note| format!("\nnote: {note}")).collect();
         format!(
             "{} has no errors\n  robot                   {}\n  sensors                 {}\n  \
-             behaviors by priority   {}\n  devices to open         {}\n  programs to start       {}",
+             behaviors by priority   {}\n  devices to open         {}\n  programs to start       {}{notes}",
             arguments.file.display(),
             checked.robot,
             checked.sensors.join(", "),

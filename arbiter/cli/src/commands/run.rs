@@ -38,6 +38,9 @@ pub struct Arguments {
 /// Runs the task and prints its table.
 pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
     let task = arguments.task.load()?;
+    for note in task.notes() {
+        eprintln!("note: {}", printable(&note));
+    }
     let interrupt = interrupt_flag()?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("out").join(&task.name));
     let options = Options {

@@ -15,10 +15,10 @@ use serde::Serialize;
 use yamabico_core::geometry::Pose2;
 use yamabico_host::config::Task;
 use yamabico_runtime::execution::{Progress, RunEnd};
-use yamabico_runtime::record::play;
 use yamabico_vision::azimuth_map::EdgeMap;
 
 use crate::error::write_text;
+use crate::task_source::play_recording;
 use crate::{LearningError, TaskSource};
 use mapper::EdgeMapper;
 use surface_verifier::SurfaceVerifier;
@@ -119,18 +119,6 @@ pub fn learn(
         edges: edges.collect(),
         warnings,
     })
-}
-
-/// Maps the edges of an earlier drive; returns what was not used, for people.
-fn play_recording(recording: &Path, mapper: &mut EdgeMapper) -> Result<Vec<String>, LearningError> {
-    let played = play(recording, mapper)?;
-    let file = recording.display();
-    let skipped = played.left_out.iter().map(|left_out| format!("{file}: skipped: {left_out}"));
-    let truncated = played
-        .broken_off
-        .iter()
-        .map(|reason| format!("{file} is truncated after {} messages: {reason}", played.messages));
-    Ok(skipped.chain(truncated).collect())
 }
 
 /// Drives a second time, on the new map in `file`, and writes the states of the surfaces into `map`; returns how many

@@ -37,6 +37,8 @@ pub(super) struct ThresholdLearner {
     table: ThresholdTable,
     spacing_m: f64,
     recent: VecDeque<(Time, f64, GrayImage)>,
+    /// Pose estimate whose frame or odometry has not arrived yet: the order of messages on different topics is not fixed.
+    waiting: Option<Pose>,
     odometry: OdometryTrack,
     /// Stamp of the newest frame that was learned from.
     learned_at: Option<Time>,
@@ -87,6 +89,7 @@ impl ThresholdLearner {
             },
             spacing_m,
             recent: VecDeque::new(),
+            waiting: None,
             odometry: OdometryTrack::default(),
             learned_at: None,
             places: Vec::new(),
@@ -133,7 +136,11 @@ impl ThresholdLearner {
                 ),
                 Validity::NoModel => "the map has no vertical edge in view".to_owned(),
             };
-            refused.push(Refused { x_m: pose.x, y_m: pose.y, heading_deg, reason });
+            refused.push(Refused { x_m: pose.x, y_m: pose.y, heading_deg, reason, is_covered: false });
+        }
+        for place in &mut refused {
+            let pose = Pose2::new(place.x_m, place.y_m, place.heading_deg.to_radians());
+            place.is_covered = self.table.at(&pose, self.table.exposure).is_some();
         }
         (self.table, curves, refused)
     }
@@ -150,18 +157,16 @@ impl ThresholdLearner {
         }
     }
 
-    /// Learns, once, from the frame that a pose estimate is based on.
-    fn learn(&mut self, pose: &Pose) {
+    /// Learns, once, from the frame that the waiting pose estimate is based on, if everything has arrived.
+    fn learn(&mut self) {
+        let Some(pose) = self.waiting else { return };
         let evidence = Time(pose.evidence_ns);
-        let is_learned = self.learned_at.is_some_and(|last| evidence <= last);
-        if is_learned || pose.status() != Some(PoseStatus::Tracking) {
-            return;
-        }
         let Some((_, exposure, gray)) = self.recent.iter().find(|(stamp, ..)| *stamp == evidence) else {
             return;
         };
         let poses = (self.odometry.pose_at(Time(pose.stamp_ns)), self.odometry.pose_at(evidence));
         let (Some(then), Some(at_frame), Ok(image)) = (poses.0, poses.1, gray.view()) else { return };
+        self.waiting = None;
         let robot = Pose2::new(pose.x, pose.y, pose.theta) * then.relative(&at_frame);
         self.learned_at = Some(evidence);
         let Ok((rows, evidence)) = self.detector.measure(image, &robot) else { return };
@@ -204,15 +209,21 @@ impl Tap for ThresholdLearner {
         if topic == self.odometry_topic {
             if let Some(odometry) = View::<Odometry>::of(raw) {
                 self.odometry.push(odometry.header, time);
+                self.learn();
             }
         } else if topic == self.camera_topic {
             if let Some(frame) = View::<FrameHeader>::of(raw) {
                 self.keep(&frame);
+                self.learn();
             }
         } else if topic == self.pose_topic
             && let Some(pose) = View::<Pose>::of(raw)
         {
-            self.learn(pose.header);
+            let is_new = self.learned_at.is_none_or(|last| Time(pose.header.evidence_ns) > last);
+            if is_new && pose.header.status() == Some(PoseStatus::Tracking) {
+                self.waiting = Some(*pose.header);
+                self.learn();
+            }
         }
     }
 }

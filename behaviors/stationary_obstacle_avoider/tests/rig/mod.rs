@@ -111,14 +111,25 @@ pub fn feed(bench: &mut Bench<StationaryObstacleAvoider>, situation: &Situation,
 
 /// Feeds a sonar scan of three beams.
 pub fn feed_sonar(bench: &mut Bench<StationaryObstacleAvoider>, stamp_ns: u64, range_m: Option<f64>) {
-    let beam = |azimuth_rad: f64| Beam {
+    let header = RangeScanHeader { stamp_ns, min_m: 0.05, max_m: 3.0, ..RangeScanHeader::default() };
+    bench.feed(&SONAR, &header, &[0.35, 0.0, -0.35].map(|azimuth_rad| beam(azimuth_rad, range_m)));
+}
+
+/// Feeds a sonar scan with the time `seconds` as stamp.
+pub fn feed_beams(bench: &mut Bench<StationaryObstacleAvoider>, seconds: f64, beams: &[Beam]) {
+    let stamp_ns = Time::from_secs_f64(seconds).0;
+    let header = RangeScanHeader { stamp_ns, min_m: 0.05, max_m: 3.0, ..RangeScanHeader::default() };
+    bench.feed(&SONAR, &header, beams);
+}
+
+/// Beam of a sonar at the front of the robot; `None` for no echo.
+pub fn beam(azimuth_rad: f64, range_m: Option<f64>) -> Beam {
+    Beam {
         azimuth_rad,
         cone_rad: 0.43,
         range_m: range_m.unwrap_or(3.0),
         x_m: 0.2,
         flags: if range_m.is_some() { 0 } else { NO_ECHO },
         ..Beam::default()
-    };
-    let header = RangeScanHeader { stamp_ns, min_m: 0.05, max_m: 3.0, ..RangeScanHeader::default() };
-    bench.feed(&SONAR, &header, &[beam(0.35), beam(0.0), beam(-0.35)]);
+    }
 }

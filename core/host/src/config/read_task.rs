@@ -241,6 +241,7 @@ impl Draft<'_> {
                 robot: robot.map(|robot| robot.robot.clone()).unwrap_or_default(),
                 folder: home.folder().to_owned(),
                 sensors,
+                connected: Some(inputs.iter().map(|input| input.slot.clone()).collect()),
             },
             inputs,
             settings: BehaviorSettings {

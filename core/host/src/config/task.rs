@@ -140,6 +140,17 @@ impl Task {
     pub fn behavior(&self, name: &str) -> Option<&BehaviorFile> {
         self.behaviors.iter().find(|behavior| behavior.name == name)
     }
+
+    /// Returns what people should know about the enabled behaviors before the robot starts: a text for each note, with
+    /// the behavior's name.
+    pub fn notes(&self) -> Vec<String> {
+        let enabled = self.behaviors.iter().filter(|behavior| behavior.settings.enabled);
+        let notes = enabled.flat_map(|behavior| {
+            let notes = behavior.factory.notes(&behavior.table, &behavior.setup).into_iter();
+            notes.map(|note| format!("{}: {note}", behavior.name))
+        });
+        notes.collect()
+    }
 }
 
 impl BehaviorFile {

@@ -205,6 +205,7 @@ impl BehaviorLaunch {
         });
         let inputs = inputs.collect::<Result<_, LaunchError>>()?;
         self.outputs.iter().try_for_each(|output| output.message_type().map(|_| ()))?;
+        let connected = self.inputs.iter().map(|input| input.port.name.clone()).collect();
         let sensors = self.inputs.into_iter().filter_map(|input| Some((input.port.name, input.sensor?)));
         Ok(BehaviorPlan {
             factory: Arc::clone(factory),
@@ -214,6 +215,7 @@ impl BehaviorLaunch {
                 robot: self.robot,
                 folder: self.folder,
                 sensors: sensors.collect(),
+                connected: Some(connected),
             },
             inputs,
             settings: BehaviorSettings {

@@ -153,6 +153,14 @@ impl WireFrame {
         Self { edges, walls }
     }
 
+    /// Replaces all edges and walls; reuses the buffers.
+    pub fn replace(&mut self, edges: &[Edge], walls: &[Wall]) {
+        self.edges.clear();
+        self.edges.extend_from_slice(edges);
+        self.walls.clear();
+        self.walls.extend_from_slice(walls);
+    }
+
     /// Reads and validates a map file.
     ///
     /// # Errors

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use yamabico_learning::edge_map::{self, Learned, Options};
 
-use super::{show_progress, source};
-use crate::output::{CommandResult, DONE, Print, printable, table};
+use super::{DriveArguments, show_progress, warn};
+use crate::output::{CommandResult, DONE, Print, table};
 use crate::task_arguments::TaskArguments;
 
 /// Arguments of `learn map`.
@@ -24,14 +24,13 @@ pub struct Arguments {
     #[arg(long, value_name = "DEG", default_value_t = 0.1)]
     sway_deg: f64,
     /// Reads this recording of an earlier drive instead of driving.
-    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["verify", "seed"])]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["verify", "seed", "live"])]
     from: Option<PathBuf>,
     /// Drives a second time, on the new map, and faces every surface with a sonar to verify that it is solid.
     #[arg(long)]
     verify: bool,
-    /// Random seed of the simulation.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    #[command(flatten)]
+    drive: DriveArguments,
 }
 
 /// Learns the map and prints its edges.
@@ -43,11 +42,9 @@ pub fn learn(arguments: &Arguments, print: Print) -> CommandResult {
         recording: arguments.from.clone(),
         verify: arguments.verify,
     };
-    let source = source(&arguments.task, arguments.seed);
+    let source = arguments.drive.source(&arguments.task)?;
     let learned = edge_map::learn(&source, &options, &mut show_progress(print))?;
-    for warning in &learned.warnings {
-        eprintln!("warning: {}", printable(warning));
-    }
+    warn(&learned.warnings);
     print.show(&learned, text);
     Ok(DONE)
 }

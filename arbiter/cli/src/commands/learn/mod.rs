@@ -4,13 +4,15 @@ mod floor;
 mod map;
 mod thresholds;
 
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 use yamabico::plugins::plugins;
 use yamabico_host::config::Task;
 use yamabico_learning::{LearningError, TaskSource};
 use yamabico_runtime::execution::Progress;
+use yamabico_runtime::supervisor::Program;
 
-use crate::output::{CommandResult, Failure, Print};
+use crate::interrupt::interrupt_flag;
+use crate::output::{CommandResult, Failure, Print, printable};
 use crate::progress::RunProgress;
 use crate::task_arguments::TaskArguments;
 
@@ -44,8 +46,35 @@ impl From<LearningError> for Failure {
     }
 }
 
-fn source(task: &TaskArguments, seed: u64) -> TaskSource {
-    TaskSource { file: task.file.clone(), overrides: task.overrides(), plugins: plugins(), seed }
+/// How the task is driven.
+#[derive(Args)]
+struct DriveArguments {
+    /// Drives in real time, each plugin in its own process, as a world outside or a real robot needs it. Ctrl-C stops the robot
+    /// and ends the drive; what was learned until then is written.
+    #[arg(long)]
+    live: bool,
+    /// Random seed of the simulation.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+impl DriveArguments {
+    fn source(&self, task: &TaskArguments) -> Result<TaskSource, Failure> {
+        Ok(TaskSource {
+            file: task.file.clone(),
+            overrides: task.overrides(),
+            plugins: plugins(),
+            seed: self.seed,
+            live: self.live.then(Program::this),
+            interrupt: interrupt_flag()?,
+        })
+    }
+}
+
+fn warn(warnings: &[String]) {
+    for warning in warnings {
+        eprintln!("warning: {}", printable(warning));
+    }
 }
 
 /// Returns a function that shows the progress of each drive.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use yamabico_learning::thresholds::{self, Learned, Options};
 
-use super::{show_progress, source};
+use super::{DriveArguments, show_progress, warn};
 use crate::output::{CommandResult, DONE, NOT_DONE, Print, table};
 use crate::task_arguments::TaskArguments;
 
@@ -23,9 +23,11 @@ pub struct Arguments {
     /// Distance between places, m, 0.05 to 10.
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     every: f64,
-    /// Random seed of the simulation.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    /// Reads this recording of an earlier drive instead of driving.
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["seed", "live"])]
+    from: Option<PathBuf>,
+    #[command(flatten)]
+    drive: DriveArguments,
 }
 
 /// Learns the thresholds and prints them.
@@ -34,9 +36,11 @@ pub fn learn(arguments: &Arguments, print: Print) -> CommandResult {
         table: arguments.out.clone(),
         plot: arguments.plot.clone().unwrap_or_else(|| arguments.out.with_extension("png")),
         spacing_m: arguments.every,
+        recording: arguments.from.clone(),
     };
-    let source = source(&arguments.task, arguments.seed);
+    let source = arguments.drive.source(&arguments.task)?;
     let learned = thresholds::learn(&source, &options, &mut show_progress(print))?;
+    warn(&learned.warnings);
     print.show(&learned, text);
     Ok(if learned.places.is_empty() { NOT_DONE } else { DONE })
 }
@@ -57,18 +61,25 @@ fn text(learned: &Learned) -> String {
             format!("{:.2}", place.recall),
         ]);
     }
-    let mut text = format!("{places}\n");
+    let mut text = if learned.places.is_empty() { String::new() } else { format!("{places}\n") };
     for refused in &learned.refused {
-        text += &format!(
-            "nothing learned at x {:.2} m, y {:.2} m, heading {:.0} deg: {}\n",
-            refused.x_m, refused.y_m, refused.heading_deg, refused.reason
-        );
+        text += &format!("{refused}\n");
     }
-    text + &format!(
-        "{} places learned from {} frames\ntable {}: name it as `thresholds` of the stationary-obstacle-avoider\nplot {}\n",
-        learned.places.len(),
-        learned.frames,
-        learned.table.display(),
-        learned.plot.display()
-    )
+    text += &format!("{} places learned from {} frames\n", learned.places.len(), learned.frames);
+    match &learned.table {
+        Some(table) => {
+            text += &format!(
+                "table {}: name it as `thresholds` of the stationary-obstacle-avoider\n",
+                table.display()
+            );
+        }
+        None if learned.frames == 0 => {
+            text += "no table is written: no frame came with a pose estimate in state `tracking`\n";
+        }
+        None => text += "no table is written: no place could be learned\n",
+    }
+    if let Some(plot) = &learned.plot {
+        text += &format!("plot {}\n", plot.display());
+    }
+    text
 }
