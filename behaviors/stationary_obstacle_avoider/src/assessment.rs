@@ -7,7 +7,7 @@ use yamabico_core::message::Reason;
 use yamabico_core::time::Time;
 
 use crate::halt_state_machine::{State, VisionResult};
-use crate::obstacle_memory::Border;
+use crate::obstacle_memory::{Border, KnownObstacle};
 use crate::passage_finder::{AVOIDANCE_RANGE_M, Surroundings, aim, is_clear, is_crossed, point_on_path};
 use crate::safe_passage::{Aim, Interval, PLANE_M, region_on_plane};
 use crate::threshold_table::Place;
@@ -23,6 +23,8 @@ const BESIDE_M: f64 = 0.4;
 const LEAN_M: f64 = 0.3;
 /// Maximum standard deviation of the heading with which the floor between the walls is found, rad.
 const MAX_FLOOR_SIGMA_RAD: f64 = 0.02;
+/// Distance from a wall of the map within which evidence from motion is assigned to the wall, m.
+const WALL_M: f64 = 0.3;
 /// Number of edge pixels, counted from the bottom, that locate the foot of an obstacle.
 const FOOT_PX: u32 = 4;
 
@@ -72,6 +74,14 @@ impl StationaryObstacleAvoider {
     /// Detects the obstacles in a frame captured at `robot` (map frame), and adds them to the obstacle memory.
     fn detect(&mut self, localized: &Localized, robot: &Pose2, now: Time) -> Result<(), Reason> {
         let frame = self.frames.taken_at(localized.evidence).ok_or(Reason::NoInput)?;
+        let image = frame.image.view().map_err(|_| Reason::MalformedInput)?;
+        if let (Some(evidence), Some(odometry)) =
+            (&mut self.motion_evidence, self.odometry.pose_at(localized.evidence))
+        {
+            evidence.look(image, odometry, localized.evidence);
+            let scanned = self.sonar.newest().and_then(|stamp| self.odometry.pose_at(stamp));
+            evidence.add_scan(self.sonar.beams(), self.sonar.newest(), scanned.unwrap_or(odometry));
+        }
         let learned = self.table.as_ref().and_then(|table| table.at(robot, frame.exposure));
         self.is_learned = learned.is_some();
         let place = match learned {
@@ -81,7 +91,6 @@ impl StationaryObstacleAvoider {
         // Edges on the floor are not compared with the map one by one.
         let is_precise = !self.is_learned && localized.heading_sigma <= MAX_FLOOR_SIGMA_RAD;
         let heading_sigma = if is_precise { 0.0 } else { localized.heading_sigma };
-        let image = frame.image.view().map_err(|_| Reason::MalformedInput)?;
         self.detector.detect(image, robot, heading_sigma, &place)?;
         self.views.add(now, robot);
         self.known_obstacles.begin_frame();
@@ -94,13 +103,30 @@ impl StationaryObstacleAvoider {
             let ahead_m = self.depth(foot).map_or(PLANE_M, |depth_m| depth_m.clamp(0.6, 3.5));
             let Interval { low, high } = region_on_plane(region, count, half_view);
             let middle = Point2::new(ahead_m, 0.5 * (low + high) * ahead_m);
-            let at = robot.transform_point(camera.transform_point(middle));
+            let in_robot = camera.transform_point(middle);
+            if self.motion_evidence.as_mut().is_some_and(|evidence| !evidence.accept_edges(in_robot)) {
+                continue;
+            }
+            let at = robot.transform_point(in_robot);
             let radius_m = (0.5 * (high - low) * ahead_m).clamp(0.12, 0.3);
             let is_cut = region == 0 || region + 1 == count;
             let cut = is_cut.then_some(if region == 0 { Border::Left } else { Border::Right });
             self.known_obstacles.add_detection(at, radius_m, robot.position(), cut, now);
         }
         let (views, map) = (&self.views, self.detector.map());
+        if let Some(evidence) = &mut self.motion_evidence {
+            let is_open = |at: Point2<f64>| map.clearance(robot.transform_point(at)) > WALL_M;
+            for (at, radius_m) in evidence.things(is_open) {
+                let at = robot.transform_point(at);
+                // Already detected by its edges in this frame.
+                let is_same = |known: &KnownObstacle| {
+                    known.seen == now && (known.at - at).norm() < known.radius_m + radius_m + WALL_M
+                };
+                if !self.known_obstacles.all().iter().any(is_same) {
+                    self.known_obstacles.add_detection(at, radius_m, robot.position(), None, now);
+                }
+            }
+        }
         self.known_obstacles
             .end_frame(|place| views.is_in_view(robot, place) && map.is_open(robot.position(), place));
         Ok(())

@@ -27,6 +27,10 @@ pub struct Config {
     /// `blind_speed_mps` there.
     #[serde(default)]
     pub requires_thresholds: bool,
+    /// If set, the motion of the floor between frames tells things from joints, shadows and mirror images: edges on
+    /// proven floor are ignored, and things are found without thresholds. Has no effect with a lens that distorts.
+    #[serde(default)]
+    pub plane_motion: bool,
     /// Speed while avoiding an obstacle.
     #[serde_inline_default(0.25)]
     #[schemars(range(min = 0.02, max = 1.0))]

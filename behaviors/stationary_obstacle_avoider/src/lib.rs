@@ -24,6 +24,7 @@ pub mod floor_steps;
 pub mod halt_state_machine;
 pub mod horizontal_edges;
 mod localization;
+mod motion_evidence;
 pub mod obstacle_memory;
 pub mod obstacle_regions;
 pub mod overlay;
@@ -58,6 +59,7 @@ use crate::corridor_frame::CorridorFrame;
 use crate::detector::{Detector, DetectorRules};
 use crate::halt_state_machine::{Machine, MotionOrder, Rules, State, VisionResult};
 use crate::localization::Localized;
+use crate::motion_evidence::MotionEvidence;
 use crate::obstacle_memory::ObstacleMemory;
 use crate::passage_finder::Clearances;
 use crate::recent_frames::RecentFrames;
@@ -106,6 +108,7 @@ pub struct StationaryObstacleAvoider {
     path_header: PathHeader,
     known_obstacles: ObstacleMemory,
     views: ViewHistory,
+    motion_evidence: Option<MotionEvidence>,
     passage: SafePassage,
     lean_m: f64,
     machine: Machine,
@@ -193,6 +196,7 @@ impl Plugin for StationaryObstacleAvoider {
             path_header: PathHeader::default(),
             known_obstacles: ObstacleMemory::default(),
             views: ViewHistory::new(half_view, mount.pan),
+            motion_evidence: config.plane_motion.then(|| MotionEvidence::new(&pinhole, mount)).flatten(),
             passage: SafePassage::default(),
             lean_m: 0.0,
             order: MotionOrder { state: machine.state(), v_zero: true, target_heading: None },

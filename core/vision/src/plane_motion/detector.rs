@@ -7,13 +7,15 @@ use yamabico_geometry::camera::{Intrinsics, Mount};
 use yamabico_geometry::image::ImageView;
 
 use super::direct_alignment::{Alignment, AlignmentPrior, DirectAligner};
-use super::evidence_grid::EvidenceGrid;
+use super::evidence_grid::{EvidenceGrid, OCCUPIED};
 use super::floor_view::FloorView;
 use super::gradient_points::{GradientPoints, MAX_POINTS};
+use super::grid_obstacles::{GridObstacle, ObstacleFinder};
 use super::log_odds::CellRules;
 use super::look_history::LookHistory;
 use super::motion_point::MotionPoint;
 use super::motion_prior::motion_prior;
+use super::movers::{Mover, MoverTracker};
 use super::parallax_search::{Baseline, MAX_BASELINES, ParallaxSearch, SearchResult};
 use super::sequential_test::PointClass;
 
@@ -73,6 +75,8 @@ pub struct PlaneMotion {
     found: Vec<Option<SearchResult>>,
     points: Vec<MotionPoint>,
     grid: EvidenceGrid,
+    obstacles: ObstacleFinder,
+    movers: MoverTracker,
     /// Odometry and time (s) of the last judged picture.
     judged: Option<(Pose2, f64)>,
     alignment: Option<Alignment>,
@@ -98,6 +102,8 @@ impl PlaneMotion {
             found: Vec::with_capacity(MAX_POINTS),
             points: Vec::with_capacity(MAX_POINTS),
             grid: EvidenceGrid::new(CellRules::default()),
+            obstacles: ObstacleFinder::default(),
+            movers: MoverTracker::new(view),
             judged: None,
             alignment: None,
         }
@@ -134,6 +140,7 @@ impl PlaneMotion {
         let judged = self.judge(image);
         if judged.is_ok() {
             self.add_to_grid(&odometry);
+            self.movers.update(&self.points, &odometry, at_s);
         }
         self.grid.smooth();
         judged.map(|()| self.points.as_slice())
@@ -166,7 +173,10 @@ impl PlaneMotion {
     /// Aligns the newest picture with an older one; `None` if the robot has turned too far.
     fn align(&mut self, index: usize, is_chained: bool) -> Option<Alignment> {
         let (previous, current) = (self.history.look(index), self.history.newest()?);
-        let motion = previous.corrected.relative(&current.corrected);
+        // Wheels tell the distance better than the pictures do.
+        let wheels = previous.odometry.relative(&current.odometry);
+        let corrected = previous.corrected.relative(&current.corrected);
+        let motion = Pose2 { x: wheels.x, ..corrected };
         if motion.theta.abs() > MAX_TURN_RAD {
             return None;
         }
@@ -289,6 +299,19 @@ impl PlaneMotion {
         &mut self.grid
     }
 
+    /// Finds the things on the grid as of the last picture, for a robot at `odometry`, from the cells at `counted`
+    /// places (odometry frame). The nearest comes first.
+    pub fn obstacles(&mut self, odometry: &Pose2, counted: impl Fn(Point2<f64>) -> bool) -> &[GridObstacle] {
+        let turn_sigma = self.alignment.map_or(0.0, |alignment| alignment.covariance[(2, 2)].sqrt());
+        self.obstacles.find(&self.grid, odometry, OCCUPIED, turn_sigma, counted)
+    }
+
+    /// Tracks of things that may walk, odometry frame; see [`Mover::is_confirmed`].
+    #[must_use]
+    pub fn movers(&self) -> &[Mover] {
+        self.movers.tracks()
+    }
+
     /// Estimated tilt and roll of the camera beyond its mount, rad.
     #[must_use]
     pub fn mount_error(&self) -> [f64; 2] {
@@ -299,6 +322,7 @@ impl PlaneMotion {
     pub fn clear(&mut self) {
         self.history.clear();
         self.grid.clear();
+        self.movers.clear();
         (self.judged, self.alignment) = (None, None);
         self.points.clear();
     }

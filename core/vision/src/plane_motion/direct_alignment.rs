@@ -15,11 +15,11 @@ use crate::vectorize::{self, Kernel};
 
 /// Distance up to which the floor is aligned, m.
 pub const REACH_M: f64 = 2.5;
-/// Spacing of the aligned pixels at a width of 256 px: every second in the fine picture, every fourth in the coarse.
-const SPACING_PX: [f64; 2] = [4.0, 2.0];
+/// Spacing of the aligned pixels at a width of 256 px.
+const SPACING_PX: f64 = 2.0;
 /// Maximum number of steps in the coarse and in the fine picture.
-const ROUNDS: [usize; 2] = [4, 5];
-/// Pixels of [`SPACING_PX`] 2 that tell as much as one independent pixel.
+const ROUNDS: [usize; 2] = [4, 6];
+/// Pixels that tell as much as one independent pixel, for a sigma of 1 px.
 const CORRELATED: f64 = 9.0;
 /// Fewest pixels in both pictures.
 const MIN_PIXELS: usize = 200;
@@ -101,7 +101,7 @@ impl DirectAligner {
         let [width, height] = view.intrinsics().size();
         let (scale, top) = (f64::from(width) / 256.0, Self::top_row(&view).max(4));
         let scales = [0, 1].map(|i| {
-            let spacing = (SPACING_PX[i] * scale).round().max(1.0) as usize;
+            let spacing = (SPACING_PX * scale).round().max(1.0) as usize;
             let mut pixels = Pixels::default();
             for v in (top..(height as usize).saturating_sub(4)).step_by(spacing) {
                 for u in (6..(width as usize).saturating_sub(4)).step_by(spacing) {
@@ -110,16 +110,14 @@ impl DirectAligner {
                 }
             }
             // Whole chunks: repeated pixels without slope are added at the end.
-            let (count, whole) = (pixels.u.len(), pixels.u.len().next_multiple_of(CHUNK));
+            let whole = pixels.u.len().next_multiple_of(CHUNK);
             pixels.u.resize(whole, -1.0);
             pixels.v.resize(whole, -1.0);
             pixels.level = vec![0.0; whole];
             pixels.residual = vec![NONE; whole];
             pixels.slopes = std::array::from_fn(|_| vec![0.0; whole]);
             let sigma = SCALES_PX[i] * scale.sqrt();
-            let thinned = (SPACING_PX[i] / SPACING_PX[1]).powi(2);
-            pixels.information = (thinned / (CORRELATED * sigma.max(1.0))).min(1.0);
-            debug_assert!(count <= whole);
+            pixels.information = 1.0 / (CORRELATED * sigma.max(1.0));
             pixels
         });
         let sorted = Vec::with_capacity(scales[1].u.len());
@@ -160,7 +158,7 @@ impl DirectAligner {
                 let homography = self.warp(prior, &offset);
                 let pixels = &mut self.scales[scale];
                 let count = pixels.compare(&previous[scale], &homography);
-                if count * [4, 1][scale] < MIN_PIXELS {
+                if count < MIN_PIXELS {
                     return kept;
                 }
                 let sigma = median_size(&pixels.residual, &mut self.sorted).max(MIN_SIGMA);

@@ -13,6 +13,7 @@
 //! | Correction of motion and mount, from pictures | [`band_pass`], [`look_history`], [`direct_alignment`] |
 //! | Search along parallax lines | [`gradient_points`], [`quad_image`], [`parallax_search`], [`motion_point`] |
 //! | Decision over time | [`sequential_test`], [`log_odds`], [`evidence_grid`] |
+//! | Things and walkers | [`grid_obstacles`], [`movers`] |
 //! | All of it | [`PlaneMotion`] |
 
 pub mod band_pass;
@@ -21,10 +22,12 @@ pub mod direct_alignment;
 pub mod evidence_grid;
 pub mod floor_view;
 pub mod gradient_points;
+pub mod grid_obstacles;
 pub mod log_odds;
 pub mod look_history;
 pub mod motion_point;
 pub mod motion_prior;
+pub mod movers;
 pub mod parallax;
 pub mod parallax_search;
 pub mod point_height;
