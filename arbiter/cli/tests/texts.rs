@@ -31,6 +31,7 @@ fn misspelled_commands_get_a_suggestion() {
         assert_exit(&yamabico().args(arguments).output().unwrap(), 2, &[suggestion]);
     }
     let unlike = yamabico().arg("foo").output().unwrap();
+    assert_exit(&unlike, 2, &["unrecognized subcommand 'foo'"]);
     assert!(!text(&unlike).contains("similar"), "{}", text(&unlike));
 }
 

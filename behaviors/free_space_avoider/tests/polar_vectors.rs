@@ -6,11 +6,9 @@ use nalgebra::Vector2;
 use serde_json::Value;
 use yamabico_core::camera::{FloorFormula, MirrorImage};
 use yamabico_core::geometry::wrap_angle;
-use yamabico_free_space_avoider::direction::choice::{
-    self, ChoiceRules, Chooser, PreviousChoice, Start, Velocity,
-};
+use yamabico_free_space_avoider::direction::choice::{ChoiceRules, Chooser, PreviousChoice, Start, Velocity};
 use yamabico_free_space_avoider::direction::heading::{self, HeadingRules, Rollout, roll_out};
-use yamabico_free_space_avoider::direction::{FreeDistances, LimitedMotion};
+use yamabico_free_space_avoider::direction::{FreeDistances, LimitedMotion, trajectories};
 use yamabico_free_space_avoider::polar_cells::FreeCells;
 use yamabico_free_space_avoider::polar_cells::ring_cells::RingCells;
 use yamabico_testkit::vectors::omni;

@@ -6,6 +6,8 @@ use super::lettering::Pixel;
 const MAX_ROWS: i32 = 8;
 /// Distance between labels, px.
 const GAP_PX: i32 = 8;
+/// Distance of a label from a line that it avoids, px.
+const LINE_GAP_PX: i32 = 8;
 
 /// Rectangle, px.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,17 +53,18 @@ pub(super) struct Label {
     pub is_remote: bool,
 }
 
-/// Chooses places for labels that hide neither each other nor a mark, and no track if there is a choice.
+/// Chooses places for labels that hide neither each other nor a mark, and no line if there is a choice.
 pub(super) struct Labels {
     area: Rectangle,
     marks: Vec<Rectangle>,
-    tracks: Vec<Rectangle>,
+    /// Squares along all lines.
+    lines: Vec<Rectangle>,
 }
 
 impl Labels {
     /// Creates an empty plot within `area`.
     pub fn new(area: Rectangle) -> Labels {
-        Labels { area, marks: Vec::new(), tracks: Vec::new() }
+        Labels { area, marks: Vec::new(), lines: Vec::new() }
     }
 
     /// Adds a mark, which no label hides.
@@ -69,9 +72,12 @@ impl Labels {
         self.marks.push(mark);
     }
 
-    /// Adds a part of a track.
-    pub fn add_track(&mut self, part: Rectangle) {
-        self.tracks.push(part);
+    /// Adds a straight line, such as a wall or a part of a track.
+    pub fn add_line(&mut self, from: Pixel, to: Pixel) {
+        let (run, rise) = (to.0 - from.0, to.1 - from.1);
+        let steps = (run.abs().max(rise.abs()) / LINE_GAP_PX).max(1);
+        let points = (0..=steps).map(|step| (from.0 + run * step / steps, from.1 + rise * step / steps));
+        self.lines.extend(points.map(|point| Rectangle::around(point, LINE_GAP_PX)));
     }
 
     /// Returns the place for a text of `width` x `height` px at `mark`: the nearest free one above or below it. Without a
@@ -90,8 +96,8 @@ impl Labels {
             |label: &Label, others: &[Rectangle]| !others.iter().any(|other| label.text.overlaps(other));
         let free: Vec<Label> =
             places.filter(|label| label.text.is_inside(&self.area) && is_free(label, &self.marks)).collect();
-        let beside_tracks = free.iter().find(|label| is_free(label, &self.tracks));
-        let label = beside_tracks.or(free.first()).copied();
+        let beside_lines = free.iter().find(|label| is_free(label, &self.lines));
+        let label = beside_lines.or(free.first()).copied();
         let label = label.unwrap_or_else(|| at(0, mark.top - GAP_PX - height));
         self.marks.push(label.text);
         label
@@ -119,9 +125,9 @@ mod tests {
     }
 
     #[test]
-    fn a_label_avoids_tracks_and_stays_in_the_area() {
+    fn a_label_avoids_lines_and_stays_in_the_area() {
         let mut labels = Labels::new(AREA);
-        labels.add_track(Rectangle { left: 400, top: 440, right: 600, bottom: 489 });
+        labels.add_line((400, 470), (600, 470));
         let mark = Rectangle::around((500, 500), 10);
         assert_eq!(labels.place(mark, 60, 28).text.top, 518, "below the mark, since the track is above");
         assert_eq!(labels.place(Rectangle::around((500, 5), 10), 60, 28).text.top, 23);

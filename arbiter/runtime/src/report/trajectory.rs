@@ -207,14 +207,28 @@ fn draw(
         draw_line(&area, path(map, odometry), WHEELS.stroke_width(4))?;
         draw_track(&area, map, trace.truth(), 6)?;
     }
-    draw_marks(&area, map, trace, odometry)?;
+    let mut labels = empty_labels(trace, odometry, walls, map);
+    draw_marks(&area, map, trace, &mut labels)?;
     draw_legend(&area, map, legend)?;
     area.present()?;
     Ok(())
 }
 
+/// Returns a plot without labels, with the walls and tracks that labels avoid.
+fn empty_labels(trace: &Trace, odometry: &[TracePoint], walls: &[Vec<Corner>], map: &Map) -> Labels {
+    let ((left, top), (right, bottom)) =
+        (map.pixel(map.left_m, map.top_m), map.pixel(map.right_m, map.bottom_m));
+    let mut labels = Labels::new(labels::Rectangle { left, top, right, bottom });
+    let walls = walls.iter().map(|wall| wall.iter().map(|&[x, y]| map.pixel(x, y)).collect());
+    let lines: Vec<Vec<Pixel>> = walls.chain([path(map, odometry), path(map, trace.truth())]).collect();
+    for ends in lines.iter().flat_map(|line| line.windows(2)) {
+        labels.add_line(ends[0], ends[1]);
+    }
+    labels
+}
+
 /// Draws halts and people, each with its label.
-fn draw_marks(area: &Area<'_>, map: &Map, trace: &Trace, odometry: &[TracePoint]) -> DrawResult {
+fn draw_marks(area: &Area<'_>, map: &Map, trace: &Trace, labels: &mut Labels) -> DrawResult {
     let people = trace.encounters().into_iter().map(|encounter| Mark {
         center: map.pixel(encounter.x, encounter.y),
         radius_px: PERSON_PX,
@@ -228,11 +242,6 @@ fn draw_marks(area: &Area<'_>, map: &Map, trace: &Trace, odometry: &[TracePoint]
         color: HALT,
     });
     let marks: Vec<Mark> = people.chain(halts).collect();
-    let ((left, top), (right, bottom)) =
-        (map.pixel(map.left_m, map.top_m), map.pixel(map.right_m, map.bottom_m));
-    let mut labels = Labels::new(labels::Rectangle { left, top, right, bottom });
-    let track = if trace.truth().is_empty() { odometry } else { trace.truth() };
-    path(map, track).into_iter().for_each(|at| labels.add_track(labels::Rectangle::around(at, STRIDE_PX)));
     marks.iter().for_each(|mark| labels.add_mark(mark.rectangle()));
     for mark in &marks {
         let (x, y) = mark.center;

@@ -78,6 +78,8 @@ pub(crate) fn missing(what: &str, path: &Path) -> String {
 /// Returns a hint about existing files near a missing one.
 pub(crate) fn what_is_near(path: &Path) -> String {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let shown =
+        if folder == Path::new(".") { "this folder".to_owned() } else { folder.display().to_string() };
     let Ok(files) = std::fs::read_dir(folder) else {
         return format!("folder {} does not exist either", folder.display());
     };
@@ -90,11 +92,11 @@ pub(crate) fn what_is_near(path: &Path) -> String {
     let stems = names.iter().filter_map(|name| name.strip_suffix(&ending));
     match nearest(wrong.strip_suffix(&ending).unwrap_or(wrong), stems) {
         Some(stem) => format!("did you mean {}?", tidy(&folder.join(format!("{stem}{ending}"))).display()),
-        None if names.is_empty() => format!("{} is empty", folder.display()),
+        None if names.is_empty() => format!("{shown} is empty"),
         None => {
             let more = if names.len() > 8 { ", ..." } else { "" };
             names.truncate(8);
-            format!("{} contains: {}{more}", folder.display(), names.join(", "))
+            format!("{shown} contains: {}{more}", names.join(", "))
         }
     }
 }
