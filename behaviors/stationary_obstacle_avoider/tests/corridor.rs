@@ -106,7 +106,7 @@ fn either_a_map_with_its_inputs_or_a_corridor_is_required() {
     let refused = |table: &str, connected: &[&str]| {
         let slots = ["camera", "odometry", "sonar"].iter().chain(connected).map(|&name| name.to_owned());
         let setup = Setup { connected: Some(slots.collect()), ..setup(camera().0) };
-        Avoider::new(table, setup).err().map(|ParameterError { key, problem }| (key, problem))
+        Avoider::new(table, setup).err().map(|ParameterError { key, problem, .. }| (key, problem))
     };
     let map = "map = \"maps/hallway.toml\"";
     assert_eq!(refused(map, &["pose", "path"]), None);
