@@ -11,7 +11,7 @@ const WINDOW_LINES: usize = 20;
 const CONSISTENT_NIS: [f64; 2] = [0.4, 2.0];
 /// Range of the factor on the variance of measurements.
 const SCALE_RANGE: [f64; 2] = [0.25, 16.0];
-/// Number of consecutive images without a fix after which the pose may be wrong.
+/// Number of consecutive images without a fix, or with a weak one, after which the pose may be wrong.
 const IMAGES_BEFORE_RECOVERY: u32 = 2;
 /// Number of consecutive images with all lines outside the gate after which the prior's covariance is inflated.
 const IMAGES_BEFORE_INFLATION: u32 = 3;
@@ -51,7 +51,7 @@ pub struct Health {
     is_contradicted: bool,
     gated_images: u32,
     inflations: u32,
-    /// Consecutive images without a fix although edges were expected.
+    /// Consecutive images without a fix, or with a weak one, although edges were expected.
     failures: u32,
     unsupported_m: f64,
 }
@@ -92,7 +92,8 @@ impl Health {
         self.scale
     }
 
-    /// Returns true if several images in succession gave no fix although edges were expected: the pose may be wrong.
+    /// Returns true if several images in succession gave no fix, or a weak one, although edges were expected: the pose
+    /// may be wrong.
     #[must_use]
     pub fn has_failed(&self) -> bool {
         self.failures >= IMAGES_BEFORE_RECOVERY
@@ -102,9 +103,9 @@ impl Health {
     pub fn evaluate(&mut self, fix: &Fix, driven_m: f64) -> Advice {
         self.evaluate_nis(fix);
         self.failures = match fix.verdict {
-            Ok(()) => 0,
+            Ok(()) if !fix.is_weak() => 0,
             Err(Reason::NoModel) => self.failures,
-            Err(_) => self.failures + 1,
+            _ => self.failures + 1,
         };
         let [expected, seen] = fix.uprights;
         let has_uprights = expected < MIN_UPRIGHTS || seen as f64 >= MIN_SUPPORT * expected as f64;

@@ -27,6 +27,12 @@ const CONFIRMATION_TOLERANCE: (f64, f64) = (0.15, 0.05);
 const TURN_M: f64 = 0.5;
 /// Maximum factor on the variance of images that are correlated with the previous fix.
 const MAX_CORRELATION: f64 = 50.0;
+/// Ratio of the numbers of matched lines from which another pose is superior to a weak fix.
+const SUPERIOR: f64 = 1.25;
+/// Number of images for which another pose awaits confirmation.
+const MAX_UNCONFIRMED: u32 = 4;
+/// Matched fraction of the expected features below which a weak fix is doubtful, although no other pose is superior.
+const DOUBTFUL: f64 = 0.5;
 /// Standard deviations of position (m) and heading (rad) that each image adds after several without a fix, and their
 /// maximum sums: edges are expected but not found where the pose says.
 const DOUBT_SIGMAS: (f64, f64) = (0.02, 0.0175);
@@ -75,8 +81,8 @@ pub struct Tracker {
     last_fix: Option<Fix>,
     /// Large correction that awaits confirmation.
     unconfirmed: Option<Vector3<f64>>,
-    /// Correction of the last image by a search around the pose, which awaits confirmation.
-    recovered: Option<Vector3<f64>>,
+    /// Correction by a search around the pose, which awaits confirmation, and the number of images since then.
+    recovered: Option<(Vector3<f64>, u32)>,
     search: Option<LookAround>,
 }
 
@@ -251,9 +257,12 @@ impl Tracker {
             Advice::LookAround => return self.begin_search(),
         }
         if self.health.has_failed() && self.finder.method().can_recover() {
-            return self.recover(stamp, prior);
+            if self.recover(stamp, prior, &fix) {
+                return;
+            }
+        } else {
+            self.recovered = None;
         }
-        self.recovered = None;
         let is_usable = fix.lines > 0 && fix.verdict != Err(Reason::Ambiguous);
         if !is_usable || self.requires_confirmation(prior, &fix) {
             return;
@@ -269,15 +278,30 @@ impl Tracker {
         }
     }
 
-    /// Searches for the pose around a prior that did not match several images. Two images in succession must agree; until
-    /// then the prior grows more uncertain.
-    fn recover(&mut self, stamp: Time, prior: &Belief) {
+    /// Searches for the pose around a prior at which several images gave no fix, or a weak one. Two images in succession
+    /// must agree; until then the prior grows more uncertain. Returns false if the weak fix is to be applied, because no
+    /// other pose matches better.
+    fn recover(&mut self, stamp: Time, prior: &Belief, weak: &Fix) -> bool {
         let noise = NoiseFactors { scale: self.health.noise_scale(), correlation: 1.0 };
         let found = self.finder.method_mut().recover(prior, noise);
+        let found =
+            found.filter(|found| weak.verdict.is_err() || found.lines as f64 > SUPERIOR * weak.lines as f64);
         let correction = found.map(|fix| difference(&fix.posterior.pose, &prior.pose));
         let is_confirmed =
-            matches!((correction, self.recovered), (Some(now), Some(before)) if is_near(now, before));
-        self.recovered = correction;
+            matches!((correction, self.recovered), (Some(now), Some((before, _))) if is_near(now, before));
+        self.recovered = match correction {
+            Some(correction) => Some((correction, 0)),
+            None => self
+                .recovered
+                .map(|(before, age)| (before, age + 1))
+                .filter(|(_, age)| *age < MAX_UNCONFIRMED),
+        };
+        if weak.verdict.is_ok() && self.recovered.is_none() {
+            if (weak.lines as f64) < DOUBTFUL * weak.expected as f64 {
+                self.health.doubt(Reason::Ambiguous);
+            }
+            return false;
+        }
         if let Some(fix) = found.filter(|_| is_confirmed) {
             if self.apply(stamp, prior, fix.posterior) {
                 (self.recovered, self.unconfirmed) = (None, None);
@@ -286,7 +310,7 @@ impl Tracker {
                 self.last_fix_at = Some(stamp);
                 self.health.recover();
             }
-            return;
+            return true;
         }
         let mut doubtful = *prior;
         let (added_m, added_rad) = DOUBT_SIGMAS;
@@ -295,7 +319,11 @@ impl Tracker {
             let variance = &mut doubtful.covariance[(i, i)];
             *variance = (*variance + added * added).min(max * max).max(*variance);
         }
+        if weak.verdict.is_ok() {
+            self.health.doubt(Reason::Ambiguous);
+        }
         self.apply(stamp, prior, doubtful);
+        true
     }
 
     /// Returns true if a correction is large and does not confirm the previous one; stores it until the next image.
