@@ -47,11 +47,12 @@ pub struct Config {
     #[schemars(length(min = 1, max = 20))]
     pub ladder: Vec<Rung>,
     /// Time without progress after which the robot is stuck.
-    #[default(10.0)]
+    #[default(8.0)]
     #[schemars(range(min = 0.5, max = 600.0))]
     pub patience_s: f64,
-    /// Time without progress after which the next rung is tried.
-    #[default(5.0)]
+    /// Time without progress after which the next rung is tried; of it and of `patience_s` this much is without a halt of
+    /// everything.
+    #[default(3.0)]
     #[schemars(range(min = 0.5, max = 600.0))]
     pub retry_s: f64,
     /// Distance from where it stood that counts as progress.
@@ -62,16 +63,16 @@ pub struct Config {
     #[default(1.0)]
     #[schemars(range(min = 0.05, max = 20.0))]
     pub away_m: f64,
-    /// Duration of `wait`.
-    #[default(3.0)]
+    /// Time for which `wait` stands; what the robot stood before counts.
+    #[default(2.0)]
     #[schemars(range(min = 0.0, max = 600.0))]
     pub wait_s: f64,
-    /// Duration of `look-again`.
-    #[default(1.5)]
+    /// Time for which `look-again` stands; what the robot stood before counts.
+    #[default(1.0)]
     #[schemars(range(min = 0.0, max = 600.0))]
     pub look_s: f64,
     /// Duration of `ask`.
-    #[default(10.0)]
+    #[default(5.0)]
     #[schemars(range(min = 0.0, max = 600.0))]
     pub ask_s: f64,
     /// Angle of `turn`.

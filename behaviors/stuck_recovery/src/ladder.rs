@@ -38,6 +38,8 @@ pub struct Ladder {
     last: Option<Time>,
     /// Time for which everything has been halted, s.
     halted_s: f64,
+    /// Time since progress was last seen in which not everything was halted, s.
+    free_s: f64,
 }
 
 impl Ladder {
@@ -56,6 +58,7 @@ impl Ladder {
             attempt: None,
             last: None,
             halted_s: 0.0,
+            free_s: 0.0,
         }
     }
 
@@ -71,7 +74,7 @@ impl Ladder {
         self.rungs.is_empty()
     }
 
-    /// Returns the time (s) since progress was last seen, without the time in which everything was halted.
+    /// Returns the time (s) since progress was last seen.
     #[must_use]
     pub fn stuck_s(&self, now: Time) -> f64 {
         self.anchor.map_or(0.0, |(_, since)| now.seconds_after(since))
@@ -84,13 +87,20 @@ impl Ladder {
     }
 
     fn is_stuck(&self, now: Time) -> bool {
-        self.stuck_s(now) >= if self.place.is_some() { self.retry_s } else { self.patience_s }
+        let patience_s = if self.place.is_some() { self.retry_s } else { self.patience_s };
+        self.stuck_s(now) >= patience_s && self.free_s >= patience_s.min(self.retry_s)
     }
 
     /// Takes in the robot's pose (odometry frame) and situation, and returns the attempt in progress or a new one.
     pub fn advance(&mut self, pose: &Pose2, situation: &Situation, now: Time) -> Option<Attempt> {
         let step = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last));
-        self.halted_s = if situation.halter.is_some() { self.halted_s + step.as_secs_f64() } else { 0.0 };
+        let step_s = step.as_secs_f64();
+        if situation.halter.is_some() {
+            self.halted_s += step_s;
+        } else {
+            self.halted_s = 0.0;
+            self.free_s += step_s;
+        }
         if situation.is_overruled {
             self.attempt = None;
             self.begin_anew(pose, now);
@@ -98,19 +108,15 @@ impl Ladder {
         }
         if let Some(attempt) = &mut self.attempt {
             if situation.halter.is_none() {
-                attempt.elapsed_s += step.as_secs_f64();
+                attempt.elapsed_s += step_s;
             }
             return self.attempt;
         }
         if !situation.wants_to_drive {
             self.begin_anew(pose, now);
         }
-        if let Some((_, since)) = self.anchor.as_mut().filter(|_| situation.halter.is_some()) {
-            // The others have their whole time once the halt ends.
-            *since = *since + step;
-        }
         if self.anchor.is_none_or(|(anchor, _)| anchor.distance(pose) >= self.progress_m) {
-            self.anchor = Some((*pose, now));
+            self.watch_from(pose, now);
         }
         if self.place.is_some_and(|place| place.distance(pose) >= self.away_m) {
             self.begin_anew(pose, now);
@@ -127,11 +133,23 @@ impl Ladder {
     /// Ends the attempt: the other behaviors drive again, and the next time it is the next rung's turn.
     pub fn finish(&mut self, pose: &Pose2, now: Time) {
         self.next = self.attempt.take().map_or(self.next, |attempt| attempt.index + 1);
-        self.anchor = Some((*pose, now));
+        self.watch_from(pose, now);
+    }
+
+    /// Goes on to the next rung at once.
+    pub fn skip(&mut self, pose: &Pose2) -> Option<Attempt> {
+        let index = (self.attempt?.index + 1) % self.rungs.len();
+        self.attempt = Some(Attempt { index, rung: self.rungs[index], start: *pose, elapsed_s: 0.0 });
+        self.attempt
+    }
+
+    fn watch_from(&mut self, pose: &Pose2, now: Time) {
+        (self.anchor, self.free_s) = (Some((*pose, now)), 0.0);
     }
 
     fn begin_anew(&mut self, pose: &Pose2, now: Time) {
-        (self.anchor, self.place, self.next) = (Some((*pose, now)), None, 0);
+        self.watch_from(pose, now);
+        (self.place, self.next) = (None, 0);
     }
 }
 
@@ -142,7 +160,12 @@ mod tests {
     const DRIVING: Situation = Situation { wants_to_drive: true, is_overruled: false, halter: None };
 
     fn ladder() -> Ladder {
-        Ladder::new(&Config { ladder: vec![Rung::Wait, Rung::Turn], ..Config::default() })
+        Ladder::new(&Config {
+            ladder: vec![Rung::Wait, Rung::Turn],
+            patience_s: 10.0,
+            retry_s: 3.0,
+            ..Config::default()
+        })
     }
 
     fn at(x: f64) -> Pose2 {
@@ -164,7 +187,7 @@ mod tests {
                 ladder.finish(&at(0.0), now);
             }
         }
-        let expected = [(100, Rung::Wait), (150, Rung::Turn), (200, Rung::Wait), (250, Rung::Turn)];
+        let expected = [(100, Rung::Wait), (130, Rung::Turn), (160, Rung::Wait), (190, Rung::Turn)];
         assert_eq!(tried[..4], expected);
     }
 
@@ -200,8 +223,8 @@ mod tests {
             assert_eq!(ladder.advance(&at(0.0), &halted, seconds(f64::from(i))), None);
         }
         assert_eq!(ladder.long_halted_s(), Some(30.0));
-        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(39.0)), None, "the others have their time");
-        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(40.0)).unwrap().elapsed_s, 0.0);
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(32.9)), None, "the others have their time");
+        assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(33.0)).unwrap().elapsed_s, 0.0);
         assert_eq!(
             ladder.advance(&at(0.0), &halted, seconds(50.0)).unwrap().elapsed_s,
             0.0,

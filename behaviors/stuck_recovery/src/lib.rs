@@ -30,7 +30,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
     Axes, DecisionHeader, Name, Odometry, Proposal, RangeScanHeader, Reason, Twist,
 };
-use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, travel};
 use yamabico_core::time::Time;
 
 use crate::config::{Config, Rung};
@@ -48,6 +48,11 @@ pub const DECISION: Slot<DecisionHeader> = Slot::required("decision", "who wants
 /// Input: range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::optional("sonar", "room at the sides, ahead and behind");
 
+/// Distance below which the robot stands still, m.
+const STILL_M: f64 = 0.01;
+/// Angle below which the robot stands still, rad.
+const STILL_RAD: f64 = 0.02;
+
 /// The behavior: abstains until the robot is stuck, then works through its ladder.
 #[derive(Clone, Debug)]
 pub struct StuckRecovery {
@@ -59,6 +64,8 @@ pub struct StuckRecovery {
     /// 1 if the next turn goes to the left, -1 if to the right.
     side: f64,
     odometry: Option<(Time, Pose2)>,
+    /// Pose at which the robot came to a standstill, and when.
+    stood: Option<(Time, Pose2)>,
     /// Rung of the last call.
     acting: Option<usize>,
 }
@@ -82,6 +89,7 @@ impl Plugin for StuckRecovery {
             room: Room::UNKNOWN,
             side: 1.0,
             odometry: None,
+            stood: None,
             acting: None,
             config,
         })
@@ -99,9 +107,8 @@ impl Behavior for StuckRecovery {
             return Proposal::abstain(Reason::StaleInput).with_evidence(stamp);
         }
         let situation = Situation::of(&decision, &self.name);
-        let attempt = self.ladder.advance(&pose, &situation, now);
-        let proposal = match attempt {
-            Some(attempt) => self.attempt(&attempt, &pose, &situation, now),
+        let proposal = match self.ladder.advance(&pose, &situation, now) {
+            Some(attempt) => self.attempt(attempt, &pose, &situation, now),
             None => self.watch(&pose, &situation),
         };
         proposal.with_evidence(stamp)
@@ -116,6 +123,13 @@ impl StuckRecovery {
             let is_newer = self.odometry.is_none_or(|(last, _)| stamp > last);
             if pose.is_finite() && is_newer && stamp.seconds_after(inputs.now()) <= FUTURE_TOLERANCE_S {
                 self.odometry = Some((stamp, pose));
+                let stands = |stood: &Pose2| {
+                    let (moved_m, turned_rad) = travel(stood, &pose);
+                    moved_m < STILL_M && turned_rad < STILL_RAD
+                };
+                if self.stood.is_none_or(|(_, stood)| !stands(&stood)) {
+                    self.stood = Some((stamp, pose));
+                }
             }
         }
     }
@@ -142,11 +156,9 @@ impl StuckRecovery {
         }
     }
 
-    /// Tries a rung.
-    fn attempt(&mut self, attempt: &Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
-        if self.acting.replace(attempt.index) != Some(attempt.index) {
-            self.begin(attempt.rung);
-        }
+    /// Tries a rung. One that has nothing to do is skipped.
+    fn attempt(&mut self, attempt: Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
+        let mut attempt = attempt;
         if let Some(halter) = situation.halter {
             return Proposal::abstain(Reason::PassageBlocked).with_note(format_args!(
                 "{} of {}, {}: waits, {halter} halts",
@@ -155,17 +167,28 @@ impl StuckRecovery {
                 attempt.rung.as_str()
             ));
         }
-        let room = self.room;
-        let mut around = Surroundings { pose: *pose, room, trail: &mut self.trail, side: self.side };
-        match maneuver::twist(attempt, &mut around, &self.config) {
-            Some(twist) => self.drive(attempt, twist, now),
-            None => {
-                self.ladder.finish(pose, now);
-                self.acting = None;
-                Proposal::abstain(Reason::Clear)
-                    .with_note(format_args!("{} tried, the others drive", attempt.rung.as_str()))
+        for _ in 0..self.ladder.len() {
+            if self.acting.replace(attempt.index) != Some(attempt.index) {
+                self.begin(attempt.rung);
             }
+            if let Some(twist) = self.twist(&attempt, pose, now) {
+                return self.drive(&attempt, twist, now);
+            }
+            let next = (attempt.elapsed_s == 0.0).then(|| self.ladder.skip(pose)).flatten();
+            let Some(next) = next else { break };
+            attempt = next;
         }
+        self.ladder.finish(pose, now);
+        self.acting = None;
+        Proposal::abstain(Reason::Clear)
+            .with_note(format_args!("{} tried, the others drive", attempt.rung.as_str()))
+    }
+
+    fn twist(&mut self, attempt: &Attempt, pose: &Pose2, now: Time) -> Option<Twist> {
+        let (room, side) = (self.room, self.side);
+        let stood_s = self.stood.map_or(0.0, |(since, _)| now.seconds_after(since));
+        let mut around = Surroundings { pose: *pose, stood_s, room, trail: &mut self.trail, side };
+        maneuver::twist(attempt, &mut around, &self.config)
     }
 
     /// Chooses the side once, when the rung begins.

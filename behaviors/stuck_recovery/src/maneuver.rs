@@ -26,6 +26,8 @@ const CLEAR_M: f64 = 0.15;
 pub struct Surroundings<'a> {
     /// Pose, odometry frame.
     pub pose: Pose2,
+    /// Time for which the robot has stood still, s.
+    pub stood_s: f64,
     /// Room around the robot.
     pub room: Room,
     /// Way on which the robot came.
@@ -37,11 +39,11 @@ pub struct Surroundings<'a> {
 /// Returns the twist of the attempt, `None` once it is over.
 #[must_use]
 pub fn twist(attempt: &Attempt, around: &mut Surroundings<'_>, config: &Config) -> Option<Twist> {
-    let stand = |duration_s: f64| (attempt.elapsed_s < duration_s).then_some(Twist::ZERO);
+    let stand = |stood_s: f64, duration_s: f64| (stood_s < duration_s).then_some(Twist::ZERO);
     match attempt.rung {
-        Rung::Wait => stand(config.wait_s),
-        Rung::LookAgain => stand(config.look_s),
-        Rung::Ask => stand(config.ask_s),
+        Rung::Wait => stand(around.stood_s, config.wait_s),
+        Rung::LookAgain => stand(around.stood_s, config.look_s),
+        Rung::Ask => stand(attempt.elapsed_s, config.ask_s),
         Rung::Turn => turn(attempt, around, around.side * config.turn_deg.to_radians(), config),
         Rung::BackOff => back_off(attempt, around, config),
         Rung::OtherSide => turn(attempt, around, -around.side * config.side_deg.to_radians(), config)

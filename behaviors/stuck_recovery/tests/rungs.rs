@@ -115,14 +115,14 @@ fn a_robot_that_progresses_or_wants_to_stand_is_left_alone() {
 }
 
 #[test]
-fn standing_rungs_stand_for_their_time_and_tell_the_rung() {
+fn standing_rungs_stand_until_it_has_stood_for_their_time_and_tell_the_rung() {
     let mut scene =
-        Scene::new("ladder = ['wait', 'look-again', 'ask']\nwait_s = 1.0\nlook_s = 0.5\nask_s = 2.0");
+        Scene::new("ladder = ['wait', 'look-again', 'ask']\nwait_s = 3.0\nlook_s = 5.0\nask_s = 2.0");
     for (note, reason) in [
         ("1 of 3, wait, 0.0 s", Reason::Searching),
         ("2 of 3, look-again, 0.0 s", Reason::Searching),
         ("3 of 3, ask: please help, stuck again for 1 s", Reason::PassageBlocked),
-        ("1 of 3, wait, 0.0 s", Reason::Searching),
+        ("3 of 3, ask: please help, stuck again for 1 s", Reason::PassageBlocked),
     ] {
         let first = scene.rung();
         assert_eq!((first.note.as_str(), first.reason()), (note, Some(reason)));
@@ -208,7 +208,7 @@ fn a_halt_is_never_fought() {
     let waiting = scene.step();
     assert_eq!(waiting.note.as_str(), "waits, for 20 s, because sonar-halt halts");
     scene.halted = Axes::from(Axis::Linear);
-    for _ in 0..39 {
+    for _ in 0..19 {
         assert_eq!(scene.step().kind(), Some(Kind::Abstain), "the others have their time");
     }
     scene.step();
@@ -237,7 +237,7 @@ fn who_sees_too_little_to_drive_is_stuck_too() {
         reason: Reason::NoVanishingPoint.code(),
         ..scene.verdict
     };
-    assert_eq!(scene.rung().note.as_str(), "1 of 6, wait, 0.0 s");
+    assert_eq!(scene.rung().note.as_str(), "3 of 6, turn, 0.0 s", "it has stood long enough");
 }
 
 #[test]

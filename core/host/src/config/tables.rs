@@ -167,7 +167,7 @@ pub(crate) struct BehaviorKeys {
     /// If true, the behavior is enabled at the start.
     #[default(true)]
     pub enabled: bool,
-    /// Source of each input slot: a sensor name, "behavior.output" or "operator".
+    /// Source of each input slot: a sensor name, "behavior.output", "operator" or "arbiter".
     pub inputs: BTreeMap<String, String>,
     /// Maximum time between two calls. Without it, the behavior is called on new input only.
     #[schemars(range(min = 0.1, max = 60000.0))]
