@@ -47,7 +47,7 @@ pub struct Config {
     #[schemars(length(min = 1, max = 20))]
     pub ladder: Vec<Rung>,
     /// Time without progress after which the robot is stuck.
-    #[default(8.0)]
+    #[default(12.0)]
     #[schemars(range(min = 0.5, max = 600.0))]
     pub patience_s: f64,
     /// Time without progress after which the next rung is tried; of it and of `patience_s` this much is without a halt of
@@ -56,7 +56,7 @@ pub struct Config {
     #[schemars(range(min = 0.5, max = 600.0))]
     pub retry_s: f64,
     /// Distance from where it stood that counts as progress.
-    #[default(0.3)]
+    #[default(0.15)]
     #[schemars(range(min = 0.02, max = 10.0))]
     pub progress_m: f64,
     /// Distance from where it was stuck at which the ladder begins anew; must be above `back_m` and `side_m`.

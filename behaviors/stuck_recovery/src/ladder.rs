@@ -157,7 +157,8 @@ impl Ladder {
 mod tests {
     use super::*;
 
-    const DRIVING: Situation = Situation { wants_to_drive: true, is_overruled: false, halter: None };
+    const DRIVING: Situation =
+        Situation { wants_to_drive: true, is_overruled: false, is_held: false, halter: None };
 
     fn ladder() -> Ladder {
         Ladder::new(&Config {

@@ -171,7 +171,7 @@ impl StuckRecovery {
             if self.acting.replace(attempt.index) != Some(attempt.index) {
                 self.begin(attempt.rung);
             }
-            if let Some(twist) = self.twist(&attempt, pose, now) {
+            if let Some(twist) = self.twist(&attempt, pose, situation.is_held, now) {
                 return self.drive(&attempt, twist, now);
             }
             let next = (attempt.elapsed_s == 0.0).then(|| self.ladder.skip(pose)).flatten();
@@ -184,10 +184,10 @@ impl StuckRecovery {
             .with_note(format_args!("{} tried, the others drive", attempt.rung.as_str()))
     }
 
-    fn twist(&mut self, attempt: &Attempt, pose: &Pose2, now: Time) -> Option<Twist> {
+    fn twist(&mut self, attempt: &Attempt, pose: &Pose2, is_held: bool, now: Time) -> Option<Twist> {
         let (room, side) = (self.room, self.side);
         let stood_s = self.stood.map_or(0.0, |(since, _)| now.seconds_after(since));
-        let mut around = Surroundings { pose: *pose, stood_s, room, trail: &mut self.trail, side };
+        let mut around = Surroundings { pose: *pose, stood_s, room, is_held, trail: &mut self.trail, side };
         maneuver::twist(attempt, &mut around, &self.config)
     }
 

@@ -30,6 +30,8 @@ pub struct Surroundings<'a> {
     pub stood_s: f64,
     /// Room around the robot.
     pub room: Room,
+    /// True while a halt stops the translation.
+    pub is_held: bool,
     /// Way on which the robot came.
     pub trail: &'a mut Trail,
     /// 1 if `turn` turns to the left, -1 if to the right.
@@ -82,8 +84,12 @@ fn back_off(attempt: &Attempt, around: &mut Surroundings<'_>, config: &Config) -
     Some(Twist::planar(-config.speed_mps, turn_radps))
 }
 
-/// Drives straight ahead while the sonar shows room.
+/// Drives straight ahead while the sonar shows room, the heading is that of the turn, and nothing halts.
 fn drive_ahead(attempt: &Attempt, around: &Surroundings<'_>, config: &Config) -> Option<Twist> {
+    let heading_rad = attempt.start.theta - around.side * config.side_deg.to_radians();
+    if around.is_held || angle_difference(around.pose.theta, heading_rad).abs() > 2.0 * ALIGNED_RAD {
+        return None;
+    }
     let driven_m = attempt.start.distance(&around.pose);
     let turning_s = config.side_deg.to_radians() / config.turn_radps + SLACK_S;
     let is_late = attempt.elapsed_s > turning_s + config.side_m / config.speed_mps + SLACK_S;

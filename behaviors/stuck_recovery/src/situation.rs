@@ -14,6 +14,8 @@ pub struct Situation {
     pub wants_to_drive: bool,
     /// True if a higher priority drives, or an emergency stops the robot.
     pub is_overruled: bool,
+    /// True if a halt stops the translation.
+    pub is_held: bool,
     /// Author of a halt of every axis that the drive has; none if an axis is free.
     pub halter: Option<Name>,
 }
@@ -38,6 +40,7 @@ impl Situation {
         Self {
             wants_to_drive: moves || is_blocked || has_doubts,
             is_overruled,
+            is_held: !halted.without(Axes::ANGULAR).is_empty(),
             halter: halters.copied().filter(|_| stops_all),
         }
     }

@@ -159,6 +159,23 @@ fn it_drives_ahead_on_the_other_side_where_the_sonar_shows_room() {
 }
 
 #[test]
+fn it_does_not_drive_ahead_after_a_halt() {
+    let mut scene = Scene::new("ladder = ['other-side']\nstale_ms = 2000.0");
+    let mut at_halt = None;
+    for _ in 0..145 {
+        scene.scan(&[(0.0, 3.0)]);
+        let proposal = scene.step();
+        if proposal.twist.linear > 0.0 && scene.pose.distance(&Pose2::default()) > 0.1 {
+            scene.halted = Axes::from(Axis::Linear);
+            at_halt.get_or_insert(scene.pose);
+        } else if at_halt.is_some() {
+            scene.halted = Axes::NONE;
+        }
+    }
+    assert_eq!(scene.pose.position(), at_halt.unwrap().position());
+}
+
+#[test]
 fn it_backs_off_only_along_the_way_on_which_it_came() {
     let mut scene = Scene::new("ladder = ['back-off']");
     scene.pose.theta = 0.5;
