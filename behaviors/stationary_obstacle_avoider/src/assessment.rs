@@ -84,8 +84,10 @@ impl StationaryObstacleAvoider {
         }
         let learned = self.table.as_ref().and_then(|table| table.at(robot, frame.exposure));
         self.is_learned = learned.is_some();
+        // Near a learned place, turned aside or in other light, remembered obstacles are more reliable.
+        let is_near = self.table.as_ref().is_some_and(|table| table.is_near(robot));
         let place = match learned {
-            None if self.config.requires_thresholds => return Err(Reason::NoThreshold),
+            None if is_near || self.config.requires_thresholds => return Err(Reason::NoThreshold),
             learned => learned.unwrap_or(Place::unlearned()),
         };
         // Edges on the floor are not compared with the map one by one.

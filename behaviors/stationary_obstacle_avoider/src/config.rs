@@ -18,8 +18,8 @@ pub struct Config {
     #[serde(default)]
     #[schemars(extend("format" = "file"))]
     pub map: Option<String>,
-    /// Path of the table of learned thresholds, relative to the task file. Where none were learned, only edges on the
-    /// floor show obstacles.
+    /// Path of the table of learned thresholds, relative to the task file. Where none were learned within 1 m, only edges
+    /// on the floor show obstacles.
     #[serde(default)]
     #[schemars(extend("format" = "file"))]
     pub thresholds: Option<String>,
@@ -79,11 +79,12 @@ impl Config {
     /// # Errors
     /// Inputs or files are missing, or contradict each other.
     pub(crate) fn check_guidance(&self, setup: &Setup) -> Result<(), ParameterError> {
-        let refused = |key: &str, problem: &str| Err(ParameterError::new(key, problem));
+        let refused =
+            |key: &str, problem: &str, remedy: &str| Err(ParameterError::new(key, problem).remedy(remedy));
         let missing = |slot: &str| {
-            let problem = "is not connected, but `map` needs pose and path: connect both to a map-localizer, such as \
-                           inputs = { pose = \"map-localizer.pose\", path = \"map-localizer.path\" }";
-            refused(&format!("inputs.{slot}"), problem)
+            let remedy = "connect a map-localizer, such as inputs = { pose = \"map-localizer.pose\", \
+                          path = \"map-localizer.path\" }";
+            refused(&format!("inputs.{slot}"), "is not connected, but `map` needs pose and path", remedy)
         };
         let is_connected = |name: &str| setup.connected.iter().flatten().any(|connected| connected == name);
         if self.map.is_some() {
@@ -91,24 +92,22 @@ impl Config {
                 (true, _) => missing(POSE.name),
                 (_, true) => missing(PATH.name),
                 _ if is_connected(CORRIDOR.name) => {
-                    refused("inputs.corridor", "has no use with `map`: remove one of the two")
+                    refused("inputs.corridor", "has no use with `map`", "remove one of the two")
                 }
                 _ => Ok(()),
             };
         }
         if setup.is_empty(&CORRIDOR) {
-            let problem = "is missing: name a map and connect the inputs pose and path, or connect the input corridor, \
-                           such as inputs = { corridor = \"wall-follower.corridor\" }";
-            return refused("map", problem);
+            let remedy = "name a map and connect the inputs pose and path, or connect the input corridor, such as \
+                          inputs = { corridor = \"wall-follower.corridor\" }";
+            return refused("map", "is missing", remedy);
         }
         if let Some(slot) = [POSE.name, PATH.name].into_iter().find(|name| is_connected(name)) {
-            return refused(
-                &format!("inputs.{slot}"),
-                "has no use without `map`: name the map, or remove the input",
-            );
+            let (key, remedy) = (format!("inputs.{slot}"), "name the map, or remove the input");
+            return refused(&key, "has no use without `map`", remedy);
         }
         match self.thresholds {
-            Some(_) => refused("thresholds", "were learned on a map: name the map, or remove the key"),
+            Some(_) => refused("thresholds", "were learned on a map", "name the map, or remove the key"),
             None => Ok(()),
         }
     }

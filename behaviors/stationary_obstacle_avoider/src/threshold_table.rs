@@ -9,7 +9,7 @@ use yamabico_core::behavior::ParameterError;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::parameters::{FileKind, Problems};
 
-use crate::obstacle_regions::nearest;
+use crate::obstacle_regions::{FARTHEST_M, nearest};
 
 /// File kind of threshold tables.
 pub const THRESHOLD_FILE: FileKind = FileKind {
@@ -178,6 +178,12 @@ impl ThresholdTable {
     pub fn at(&self, pose: &Pose2, exposure: f64) -> Option<Place> {
         let place = self.places.get(nearest(self.places.iter().map(Place::pose), pose)?)?;
         place.exposed(exposure / self.exposure)
+    }
+
+    /// Returns true if thresholds were learned near the position of `pose`, in whatever heading and exposure.
+    #[must_use]
+    pub fn is_near(&self, pose: &Pose2) -> bool {
+        self.places.iter().any(|place| place.pose().distance(pose) <= FARTHEST_M)
     }
 
     fn parse(name: &str, text: &str) -> Result<Self, Problems> {

@@ -1,7 +1,7 @@
 //! Driving in a corridor without a map: the frame of the corridor takes the place of map, pose and path.
 
 use crate::rig::{Situation, beam, camera, feed_beams, render, setup};
-use yamabico_core::behavior::{ParameterError, Setup};
+use yamabico_core::behavior::Setup;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Axes, Axis, Corridor, FrameHeader, Kind, Odometry, Proposal, Reason};
 use yamabico_core::testing::Bench;
@@ -106,7 +106,7 @@ fn either_a_map_with_its_inputs_or_a_corridor_is_required() {
     let refused = |table: &str, connected: &[&str]| {
         let slots = ["camera", "odometry", "sonar"].iter().chain(connected).map(|&name| name.to_owned());
         let setup = Setup { connected: Some(slots.collect()), ..setup(camera().0) };
-        Avoider::new(table, setup).err().map(|ParameterError { key, problem, .. }| (key, problem))
+        Avoider::new(table, setup).err().map(|error| (error.key, error.remedy.unwrap_or_default()))
     };
     let map = "map = \"maps/hallway.toml\"";
     assert_eq!(refused(map, &["pose", "path"]), None);
@@ -120,7 +120,7 @@ fn either_a_map_with_its_inputs_or_a_corridor_is_required() {
         ("", &["corridor", "pose"], "inputs.pose", "name the map"),
         (with_thresholds, &["corridor"], "thresholds", "name the map"),
     ] {
-        let (found, problem) = refused(table, connected).expect("refused");
-        assert!(found == key && problem.contains(remedy), "{found}: {problem}");
+        let (found, proposed) = refused(table, connected).expect("refused");
+        assert!(found == key && proposed.contains(remedy), "{found}: {proposed}");
     }
 }

@@ -129,7 +129,9 @@ fn without_required_thresholds_near_it_creeps() {
     let without = "map = \"maps/hallway.toml\"";
     creeps(&drive(&mut requiring(without), &situation, Some(&pixels)), Reason::NoThreshold);
     let bright = Situation { exposure: 2.0, ..situation };
-    creeps(&drive(&mut requiring(TABLE), &bright, Some(&pixels)), Reason::NoThreshold);
+    for turned in [&astray, &bright] {
+        creeps(&drive(&mut avoider(), turned, Some(&pixels)), Reason::NoThreshold);
+    }
 }
 
 #[test]

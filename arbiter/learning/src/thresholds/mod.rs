@@ -67,8 +67,8 @@ pub struct Refused {
     pub heading_deg: f64,
     /// The reason, for people.
     pub reason: String,
-    /// True if the thresholds of a learned place nearby apply here. Without them the robot drives here by other evidence
-    /// than the edges of the map, and at most at `blind_speed_mps`.
+    /// True if the thresholds of a learned place nearby apply here. Without them only edges on the floor show obstacles, and
+    /// within 1 m of a learned place none: the robot then drives at most at `blind_speed_mps`.
     pub is_covered: bool,
 }
 
@@ -126,7 +126,10 @@ impl fmt::Display for Refused {
         let Refused { x_m, y_m, heading_deg, reason, is_covered } = self;
         let effect = match is_covered {
             true => "the thresholds of the nearest learned place apply here",
-            false => "the robot drives here without thresholds, at most at `blind_speed_mps`",
+            false => {
+                "without thresholds only edges on the floor show obstacles here; within 1 m of a learned place the robot \
+                 drives at most at `blind_speed_mps`"
+            }
         };
         write!(
             f,

@@ -5,6 +5,7 @@ mod encounter;
 mod tables;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -131,7 +132,7 @@ impl Arguments {
         }
         let task = load_task(file, &set)?;
         let options = Options { seed: building.seed, ..Options::default() };
-        let mut tap = EncounterTap::new(&building.world, building.seed, task.robot.radius_m);
+        let mut tap = EncounterTap::new(&building.world, building.seed, task.robot.robot.radius_m);
         let result = run(&task, &options, &AtomicBool::new(false), &mut tap, &mut |_| {})
             .map_err(|error| format!("{}: {error}", file.display()))?;
         Ok(Run {
@@ -155,11 +156,14 @@ fn learned(file: &Path, seed: u64) -> Result<Option<String>, String> {
         overrides: Overrides { robot: None, set },
         plugins: plugins(),
         seed,
+        live: None,
+        interrupt: Arc::default(),
     };
     let options = thresholds::Options {
         table: file.with_file_name("thresholds.toml"),
         plot: file.with_file_name("thresholds.png"),
         spacing_m: PLACE_SPACING_M,
+        recording: None,
     };
     let learned = learn(&source, &options, &mut |_, _| {}).map_err(|error| error.to_string())?;
     let name = "behaviors.stationary-obstacle-avoider.thresholds=\"thresholds.toml\"";
