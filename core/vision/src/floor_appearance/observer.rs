@@ -28,6 +28,8 @@ const SURE_FLOOR: f32 = 0.8;
 const SURE_OTHER: f32 = 0.2;
 /// Squared Mahalanobis distance up to which a block looks like what was learned.
 const KNOWN_LOOK: f32 = 16.0;
+/// Maximum rise of the log odds above the lowest of the blocks below.
+const MAX_RISE: f32 = 1.0;
 /// Minimum number of blocks along either side of an image.
 const MIN_BLOCKS: usize = 4;
 /// Mean log intensity (with an offset of 8 levels) below which the foreground is dark: 8 gray levels.
@@ -101,6 +103,7 @@ impl FloorAppearance {
             self.probabilities.extend_from_slice(solved);
         }
         self.votes.log_odds.extend(self.probabilities.iter().map(|&probability| log_odds(probability)));
+        self.hide_behind_obstacles();
         Ok(&self.votes)
     }
 
@@ -125,6 +128,18 @@ impl FloorAppearance {
     /// Returns the learned look, to teach it.
     pub fn look_mut(&mut self) -> &mut LearnedLook {
         &mut self.look
+    }
+
+    /// Limits the log odds of each block by the lowest below it: what stands on the floor hides the floor behind it.
+    fn hide_behind_obstacles(&mut self) {
+        let columns = self.votes.grid.columns;
+        for column in 0..columns {
+            let mut lowest = f32::INFINITY;
+            for log_odds in self.votes.log_odds.iter_mut().skip(column).step_by(columns).rev() {
+                lowest = lowest.min(*log_odds);
+                *log_odds = log_odds.min(lowest + MAX_RISE);
+            }
+        }
     }
 
     /// Reserves what any image of this size may need.
