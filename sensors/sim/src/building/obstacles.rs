@@ -96,7 +96,7 @@ pub fn place_boxes(world: &mut World, p: &Properties, rng: &mut Stream) {
     }
 }
 
-/// Returns the color of a box: white, brown, gray, dark, or nearly that of the floor.
+/// Returns the color of a box: white, brown, gray, dark, or tinted and about as bright as the floor.
 fn cardboard(rng: &mut Stream, floor: Color) -> Color {
     let like_floor = floor.map(|c| c * one_of(rng, &[0.75, 1.3]));
     one_of(rng, &[[0.85, 0.85, 0.83], [0.3, 0.19, 0.1], [0.4, 0.4, 0.42], [0.06, 0.06, 0.07], like_floor])

@@ -131,7 +131,7 @@ impl Arguments {
         }
         let task = load_task(file, &set)?;
         let options = Options { seed: building.seed, ..Options::default() };
-        let mut tap = EncounterTap::new(&building.world, building.seed, task.robot.radius_m);
+        let mut tap = EncounterTap::new(&building.world, building.seed, task.robot.robot.radius_m);
         let result = run(&task, &options, &AtomicBool::new(false), &mut tap, &mut |_| {})
             .map_err(|error| format!("{}: {error}", file.display()))?;
         Ok(Run {
@@ -162,6 +162,8 @@ fn learned(file: &Path, seed: u64) -> Result<Option<String>, String> {
         spacing_m: PLACE_SPACING_M,
     };
     let learned = learn(&source, &options, &mut |_, _| {}).map_err(|error| error.to_string())?;
-    let name = "behaviors.stationary-obstacle-avoider.thresholds=\"thresholds.toml\"";
-    Ok((!learned.places.is_empty()).then(|| name.to_owned()))
+    // Paths of changes are relative to the working directory.
+    let table = std::path::absolute(&learned.table).map_err(|error| error.to_string())?;
+    let named = format!("behaviors.stationary-obstacle-avoider.thresholds={:?}", table.display().to_string());
+    Ok((!learned.places.is_empty()).then_some(named))
 }
