@@ -71,6 +71,9 @@ pub fn place_boxes(world: &mut World, p: &Properties, rng: &mut Stream) {
         let people = people.filter_map(|person| person.path_m.get(person.path_m.len() / 2).map(|at| at[0]));
         world.boxes.iter().map(|item| item.at_m[0]).chain(people).collect()
     };
+    // Whoever comes along one wall keeps that side free.
+    let meets = world.people.first().filter(|_| p.person == PersonKind::Meets);
+    let free_side = meets.map(|person| -person.path_m[0][1].signum());
     for _ in 0..p.boxes {
         for _ in 0..ATTEMPTS {
             let size_m =
@@ -84,8 +87,9 @@ pub fn place_boxes(world: &mut World, p: &Properties, rng: &mut Stream) {
             }
             // In the path of a robot on the centerline, if the width allows it.
             let aside = rng.random_range(min..max.clamp(min + 0.01, f64::max(0.45, min + 0.02)));
+            let side = free_side.unwrap_or(one_of(rng, &[-1.0, 1.0]));
             world.boxes.push(BoxItem {
-                at_m: [x, aside * one_of(rng, &[-1.0, 1.0])],
+                at_m: [x, aside * side],
                 yaw_deg: rng.random_range(-45.0..45.0),
                 size_m,
                 color: cardboard(rng, world.floor.color),
@@ -96,7 +100,7 @@ pub fn place_boxes(world: &mut World, p: &Properties, rng: &mut Stream) {
     }
 }
 
-/// Returns the color of a box: white, brown, gray, dark, or nearly that of the floor.
+/// Returns the color of a box: white, brown, gray, dark, or tinted and about as bright as the floor.
 fn cardboard(rng: &mut Stream, floor: Color) -> Color {
     let like_floor = floor.map(|c| c * one_of(rng, &[0.75, 1.3]));
     one_of(rng, &[[0.85, 0.85, 0.83], [0.3, 0.19, 0.1], [0.4, 0.4, 0.42], [0.06, 0.06, 0.07], like_floor])

@@ -84,8 +84,8 @@ fn light(corridor: &mut Corridor, lamps: Lamps, rng: &mut Stream) {
         Lamps::Strip => (2.0, [1.8, 0.12]),
     };
     let area = corridor.lamp_size_m[0] * corridor.lamp_size_m[1] / (size_m[0] * size_m[1]);
-    // The mean light on the floor of a standard hallway, brighter or darker by a third.
-    let light = rng.random_range(0.7..1.2) * area * spacing_m / LAMP_SPACING_M;
+    // The mean light on the floor of a standard hallway, or down to half of it.
+    let light = rng.random_range(0.55..1.0) * area * spacing_m / LAMP_SPACING_M;
     corridor.lamp_spacing_m = spacing_m;
     corridor.lamp_size_m = size_m;
     corridor.lamp_brightness = (f64::from(corridor.lamp_brightness) * light).min(50.0) as f32;

@@ -166,6 +166,8 @@ fn learned(file: &Path, seed: u64) -> Result<Option<String>, String> {
         recording: None,
     };
     let learned = learn(&source, &options, &mut |_, _| {}).map_err(|error| error.to_string())?;
-    let name = "behaviors.stationary-obstacle-avoider.thresholds=\"thresholds.toml\"";
-    Ok((!learned.places.is_empty()).then(|| name.to_owned()))
+    // Paths of changes are relative to the working directory.
+    let table = std::path::absolute(&learned.table).map_err(|error| error.to_string())?;
+    let named = format!("behaviors.stationary-obstacle-avoider.thresholds={:?}", table.display().to_string());
+    Ok((!learned.places.is_empty()).then_some(named))
 }
