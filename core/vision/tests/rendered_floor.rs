@@ -96,11 +96,11 @@ fn wall(ray: Vector3<f64>) -> f64 {
     170.0 + if (ray.y / ray.x * 12.0).sin() > 0.0 { 25.0 } else { 0.0 }
 }
 
-/// Ceiling at 2.6 m with square lamps every 1.5 m.
+/// Ceiling at 2.6 m with a lamp every 3 m.
 fn lamp(at: Vector3<f64>, ray: Vector3<f64>) -> f64 {
     let hit = at + ray * (2.6 / ray.z.max(1e-3));
-    let cell = |x: f64| (x / 1.5 - (x / 1.5).round()).abs();
-    if cell(hit.x) < 0.12 && cell(hit.y) < 0.2 { 500.0 } else { 90.0 }
+    let along = (hit.x / 3.0 - (hit.x / 3.0).round()).abs();
+    if along < 0.05 && hit.y.abs() < 0.25 { 500.0 } else { 90.0 }
 }
 
 fn smooth_noise(x: f64, y: f64, seed: u64) -> f64 {

@@ -43,6 +43,26 @@ impl BandImage {
         self.top
     }
 
+    /// Value and derivatives along u and v (units per px) at the pixel that holds the position; 0 at and beyond the
+    /// border.
+    #[inline(always)]
+    pub(crate) fn level_and_gradient(&self, u: f32, v: f32) -> (f32, f32, f32) {
+        let (column, row) = (u as usize, (v as usize).wrapping_sub(self.top));
+        let rows = self.levels.len() / self.width.max(1);
+        if column == 0 || column + 1 >= self.width || row == 0 || row.saturating_add(1) >= rows {
+            return (0.0, 0.0, 0.0);
+        }
+        let at = row * self.width + column;
+        let three = |at: usize| {
+            let row = self.levels.get(at - 1..at + 2);
+            row.map_or([0.0; 3], |row| [row[0], row[1], row[2]].map(f32::from))
+        };
+        let [a, b, c] = [three(at - self.width), three(at), three(at + self.width)];
+        let across = (a[2] - a[0] + 2.0 * (b[2] - b[0]) + c[2] - c[0]) / 8.0;
+        let down = (c[0] - a[0] + 2.0 * (c[1] - a[1]) + c[2] - a[2]) / 8.0;
+        (b[1], across, down)
+    }
+
     /// Values of the rows from [`BandImage::top`], in 1/[`BAND_UNIT`] gray level.
     #[must_use]
     pub fn levels(&self) -> &[i16] {

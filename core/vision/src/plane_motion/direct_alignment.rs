@@ -1,8 +1,8 @@
 //! Correction of motion and mount by direct alignment of the near floor, before any single point is judged.
 //!
 //! Minimizes the difference between the current picture and the previous one, warped by the floor's homography, over
-//! motion and mount. Lucas & Kanade (1981); Bergen et al. (1992). Differs from these: the gradient is that of the
-//! current picture, carried through the warp, so that it is computed once for each scale.
+//! motion and mount. Lucas & Kanade (1981); Bergen et al. (1992). Differs from these: the gradient is the mean of both
+//! pictures' gradients, that of the current one carried through the warp, and is computed once for each scale.
 
 use nalgebra::{Matrix3, SMatrix};
 use yamabico_geometry::Pose2;
@@ -15,12 +15,12 @@ use crate::vectorize::{self, Kernel};
 
 /// Distance up to which the floor is aligned, m.
 pub const REACH_M: f64 = 2.5;
-/// Spacing of the aligned pixels at a width of 256 px.
-const SPACING_PX: f64 = 2.0;
+/// Spacing of the aligned pixels in the coarse and in the fine picture, at a width of 256 px.
+const SPACING_PX: [f64; 2] = [4.0, 3.0];
 /// Maximum number of steps in the coarse and in the fine picture.
 const ROUNDS: [usize; 2] = [4, 6];
-/// Pixels that tell as much as one independent pixel, for a sigma of 1 px.
-const CORRELATED: f64 = 9.0;
+/// Area that tells as much as one independent pixel, square pixels at a width of 256 px, for a sigma of 1 px.
+const CORRELATED_PX2: f64 = 36.0;
 /// Fewest pixels in both pictures.
 const MIN_PIXELS: usize = 200;
 /// Smallest standard deviation of a difference, gray levels.
@@ -101,7 +101,7 @@ impl DirectAligner {
         let [width, height] = view.intrinsics().size();
         let (scale, top) = (f64::from(width) / 256.0, Self::top_row(&view).max(4));
         let scales = [0, 1].map(|i| {
-            let spacing = (SPACING_PX * scale).round().max(1.0) as usize;
+            let spacing = (SPACING_PX[i] * scale).round().max(1.0) as usize;
             let mut pixels = Pixels::default();
             for v in (top..(height as usize).saturating_sub(4)).step_by(spacing) {
                 for u in (6..(width as usize).saturating_sub(4)).step_by(spacing) {
@@ -117,7 +117,7 @@ impl DirectAligner {
             pixels.residual = vec![NONE; whole];
             pixels.slopes = std::array::from_fn(|_| vec![0.0; whole]);
             let sigma = SCALES_PX[i] * scale.sqrt();
-            pixels.information = 1.0 / (CORRELATED * sigma.max(1.0));
+            pixels.information = (SPACING_PX[i].powi(2) / (CORRELATED_PX2 * sigma.max(1.0))).min(1.0);
             pixels
         });
         let sorted = Vec::with_capacity(scales[1].u.len());
@@ -153,7 +153,7 @@ impl DirectAligner {
         let mut best = kept;
         for scale in 0..2 {
             let homography = Homography::new(&self.view, prior, &offset);
-            self.scales[scale].prepare(&current[scale], &homography);
+            self.scales[scale].prepare(&current[scale], &previous[scale], &homography);
             for _ in 0..ROUNDS[scale] {
                 let homography = self.warp(prior, &offset);
                 let pixels = &mut self.scales[scale];
@@ -215,9 +215,9 @@ impl Homography {
 }
 
 impl Pixels {
-    /// Reads levels and slopes from the current picture.
-    fn prepare(&mut self, current: &BandImage, homography: &Homography) {
-        vectorize::run(Prepare { pixels: self, current, homography });
+    /// Reads levels from the current picture, and slopes from both.
+    fn prepare(&mut self, current: &BandImage, previous: &BandImage, homography: &Homography) {
+        vectorize::run(Prepare { pixels: self, current, previous, homography });
     }
 
     /// Differences of the pictures under the homography; returns the number of pixels that both show.
@@ -234,6 +234,7 @@ impl Pixels {
 struct Prepare<'a> {
     pixels: &'a mut Pixels,
     current: &'a BandImage,
+    previous: &'a BandImage,
     homography: &'a Homography,
 }
 
@@ -242,36 +243,27 @@ impl Kernel for Prepare<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { pixels, current, homography: Homography { matrix: h, slopes } } = self;
-        let (width, top) = (current.width(), current.top());
+        let Self { pixels, current, previous, homography: Homography { matrix: h, slopes } } = self;
         for begin in (0..pixels.u.len()).step_by(CHUNK) {
             let (mut gx, mut gy) = ([0_f32; CHUNK], [0_f32; CHUNK]);
             for i in 0..CHUNK {
                 let (u, v) = (pixels.u[begin + i], pixels.v[begin + i]);
-                if u < 0.0 || (v as usize) <= top {
-                    continue;
-                }
-                let at = (v as usize - top) * width + u as usize;
-                let row = |offset: usize| {
-                    let row = current.levels().get(at + offset - width - 1..at + offset - width + 2);
-                    row.map_or([0.0; 3], |row| [row[0], row[1], row[2]].map(f32::from))
-                };
-                let [a, b, c] = [row(0), row(width), row(2 * width)];
-                pixels.level[begin + i] = b[1];
-                gx[i] = (a[2] - a[0] + 2.0 * (b[2] - b[0]) + c[2] - c[0]) / 8.0;
-                gy[i] = (c[0] - a[0] + 2.0 * (c[1] - a[1]) + c[2] - a[2]) / 8.0;
+                (pixels.level[begin + i], gx[i], gy[i]) = current.level_and_gradient(u, v);
             }
             for i in 0..CHUNK {
                 let (u, v) = (pixels.u[begin + i], pixels.v[begin + i]);
                 let row = |m: &Matrix3<f32>, k: usize| m[(k, 0)] * u + m[(k, 1)] * v + m[(k, 2)];
                 let inverse = 1.0 / row(h, 2);
                 let (x, y) = (row(h, 0) * inverse, row(h, 1) * inverse);
-                // The gradient in the previous picture: that of the current one, through the inverse of the warp.
+                // The gradient in the previous picture, and that of the current one through the inverse of the warp.
                 let (xu, xv) = ((h[(0, 0)] - x * h[(2, 0)]) * inverse, (h[(0, 1)] - x * h[(2, 1)]) * inverse);
                 let (yu, yv) = ((h[(1, 0)] - y * h[(2, 0)]) * inverse, (h[(1, 1)] - y * h[(2, 1)]) * inverse);
                 let determinant = xu * yv - xv * yu;
-                let scale = inverse / determinant;
-                let (px, py) = ((gx[i] * yv - gy[i] * yu) * scale, (gy[i] * xu - gx[i] * xv) * scale);
+                let carried =
+                    ((gx[i] * yv - gy[i] * yu) / determinant, (gy[i] * xu - gx[i] * xv) / determinant);
+                let (_, there_x, there_y) = previous.level_and_gradient(x + 0.5, y + 0.5);
+                let half = 0.5 * inverse;
+                let (px, py) = (half * (carried.0 + there_x), half * (carried.1 + there_y));
                 for (slope, m) in pixels.slopes.iter_mut().zip(slopes) {
                     let lost = row(m, 2);
                     let value = px * (row(m, 0) - x * lost) + py * (row(m, 1) - y * lost);
@@ -360,10 +352,10 @@ impl Kernel for Sums<'_> {
                 }
             }
             let mut entry = 0;
-            for k in 0..5 {
-                for l in k..5 {
+            for (k, weighted) in weighted.iter().enumerate() {
+                for slope in &slopes[k..] {
                     for i in 0..LANES {
-                        products[entry][i] += weighted[k][i] * slopes[l][i];
+                        products[entry][i] += weighted[i] * slope[i];
                     }
                     entry += 1;
                 }
