@@ -372,4 +372,32 @@ mod tests {
         history.advance(stamp(501), Increment { forward_m: 0.01, ..Increment::default() });
         assert!(is_near(sigma(&history), 0.01 * (2.01 - 0.0035)));
     }
+
+    /// The uncertainty from a delay depends on the speeds at the last correction and now, not on what lies between.
+    #[test]
+    fn a_change_of_the_turn_rate_is_uncertain_until_it_is_undone_or_corrected() {
+        let delay_only = MotionNoise {
+            distance_per_distance_m: 0.0,
+            turn_per_turn_rad: 0.0,
+            turn_per_distance: 0.0,
+            delay_s: 0.1,
+            ..MotionNoise::default()
+        };
+        let certain = Belief { pose: Pose2::IDENTITY, covariance: Matrix3::zeros() };
+        let stamp = |step: u32| Time::from_secs_f64(0.02 * f64::from(step));
+        let sigma =
+            |history: &History| history.newest().map_or(f64::NAN, |(_, belief)| belief.sigma_theta_rad());
+        let turning = Increment { turn_rad: 0.01, ..Increment::default() };
+        let mut history = History::new(CAPACITY, delay_only);
+        history.start(stamp(0), certain);
+        (1..=50).for_each(|step| history.advance(stamp(step), turning));
+        assert!((sigma(&history) - 0.05).abs() < 1e-3, "{}", sigma(&history));
+        let mut undone = history.clone();
+        (51..=100).for_each(|step| undone.advance(stamp(step), Increment::default()));
+        assert!(sigma(&undone) < 1e-3, "{}", sigma(&undone));
+        assert_eq!(history.correct(stamp(50), certain), Ok(()));
+        assert!(sigma(&history) < 1e-12);
+        (51..=100).for_each(|step| history.advance(stamp(step), Increment::default()));
+        assert!((sigma(&history) - 0.05).abs() < 1e-3, "{}", sigma(&history));
+    }
 }

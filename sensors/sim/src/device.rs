@@ -29,7 +29,7 @@ use yamabico_core::time::Time;
 use crate::Scene;
 use crate::body::Body;
 use crate::encoder::{EncoderConfig, Wheels};
-use crate::simulation::Simulation;
+use crate::simulation::{Simulation, Skid};
 use crate::sonar::SonarConfig;
 use crate::world::{WORLD_FILE, World};
 
@@ -200,6 +200,14 @@ fn open(spec: DeviceSpec) -> Result<Device, ParameterError> {
     let body = Body::new(start_pose(&config.start, spec.seed), motors.body_limits(&spec.robot.limits, axes));
     let walls = scene.floor_plan();
     let simulation = Simulation::new(scene, body, spec.robot.radius_m, config.body_height_m);
+    let skid = (motors.stop_skid_deg > 0.0).then(|| Skid {
+        sigma_rad: motors.stop_skid_deg.to_radians(),
+        random: crate::random::stream(spec.seed, "skid"),
+    });
+    let simulation = match skid {
+        Some(skid) => simulation.with_skid(skid),
+        None => simulation,
+    };
     let simulation = Arc::new(Mutex::new(simulation));
 
     let mut sensors: Vec<(String, Box<dyn Sensor>)> = Vec::new();

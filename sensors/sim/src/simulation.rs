@@ -2,11 +2,14 @@
 
 use std::collections::VecDeque;
 
+use rand::RngExt;
+use rand_distr::StandardNormal;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::time::Time;
 
 use crate::body::{Body, Urgency};
 use crate::clearance;
+use crate::random::Stream;
 use crate::scene::{PersonPose, Scene};
 
 /// Maximum integration step, ns.
@@ -34,6 +37,15 @@ pub struct Simulation {
     touches_solid: bool,
     touches_person: bool,
     struck_standing: bool,
+    skid: Option<Skid>,
+}
+
+/// Random turn of the body in an emergency stop, which the wheels do not measure.
+pub struct Skid {
+    /// Standard deviation, rad.
+    pub sigma_rad: f64,
+    /// Source of the turns.
+    pub random: Stream,
 }
 
 /// State of the body at one time.
@@ -45,6 +57,8 @@ pub struct Moment {
     pub pose: Pose2,
     /// Twist in the body frame.
     pub twist: Twist,
+    /// Angle that the body has turned and the wheels have not measured, rad.
+    pub skid_rad: f64,
     /// Distance driven since the start, m.
     pub distance_m: f64,
     /// Number of contacts caused by the robot's own motion.
@@ -69,7 +83,14 @@ impl Simulation {
             touches_solid: false,
             touches_person: false,
             struck_standing: false,
+            skid: None,
         }
+    }
+
+    /// Returns the simulation with skids in emergency stops.
+    #[must_use]
+    pub fn with_skid(self, skid: Skid) -> Self {
+        Self { skid: Some(skid), ..self }
     }
 
     /// Returns the start time of the run: the time of the first call of [`Simulation::advance`].
@@ -103,7 +124,15 @@ impl Simulation {
     /// Advances the simulation to `now` and applies a command.
     pub fn command(&mut self, twist: &Twist, urgency: Urgency, now: Time) {
         self.advance(now);
+        let begins_stop = urgency == Urgency::Emergency && !self.body.is_emergency();
         self.body.command(twist, urgency);
+        if let Some(skid) = &mut self.skid
+            && begins_stop
+            && self.body.twist.speed() > STANDING_MPS
+        {
+            let random: f64 = skid.random.sample(StandardNormal);
+            self.body.skid(skid.sigma_rad * random);
+        }
     }
 
     /// Returns the state of the body at a time within the last 16 s; otherwise the nearest kept state.
@@ -118,6 +147,7 @@ impl Simulation {
         Moment {
             at,
             pose: before.pose.integrate(&arc, share * dt),
+            skid_rad: before.skid_rad + share * (next.skid_rad - before.skid_rad),
             distance_m: before.distance_m + share * (next.distance_m - before.distance_m),
             ..*before
         }
@@ -174,6 +204,7 @@ impl Simulation {
         self.struck_standing &= self.touches_person;
         if into_solid || into_person {
             next.pose = last.pose;
+            next.skid_rad = last.skid_rad;
             next.twist = Twist::ZERO;
         }
         self.body = next;
@@ -186,6 +217,7 @@ impl Simulation {
             at,
             pose: self.body.pose,
             twist: self.body.twist,
+            skid_rad: self.body.skid_rad,
             distance_m,
             contacts: self.contacts,
             struck: self.struck,

@@ -15,6 +15,7 @@ const GATE_M: f64 = 0.5;
 /// and of strikes by a person.
 fn drive(scene: &Scene, seed: u64, speed: f64, delay_s: f64) -> (u32, f64, f64, u32, u32) {
     let limits = BodyLimits {
+        turn_slip: 0.0,
         speed: [0.6, 0.0, 1.2],
         acceleration: [0.5, 0.0, 2.0],
         emergency: [1.5, 0.0, 6.0],

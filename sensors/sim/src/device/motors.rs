@@ -30,6 +30,12 @@ pub struct MotorConfig {
     #[default(10.0)]
     #[schemars(range(min = 0.1, max = 100.0))]
     pub angular_acceleration_radps2: f64,
+    /// Fraction of a turn in place that the body does not make although its wheels roll: they slip.
+    #[schemars(range(min = 0.0, max = 0.9))]
+    pub turn_slip: f64,
+    /// Standard deviation of a turn of the body in an emergency stop that the wheels do not measure; drawn from the seed.
+    #[schemars(range(min = 0.0, max = 45.0))]
+    pub stop_skid_deg: f64,
 }
 
 impl MotorConfig {
@@ -44,6 +50,7 @@ impl MotorConfig {
             acceleration: motors,
             emergency: [0, 1, 2].map(|i| robot.emergency[i].min(motors[i])),
             watchdog_s: self.watchdog_ms * 1e-3,
+            turn_slip: self.turn_slip,
         }
     }
 }

@@ -37,7 +37,9 @@ impl Sensor for WheelEncoders {
         while let Some((sequence, stamp)) = self.schedule.oldest(simulation.origin(), now) {
             let moment = simulation.at(stamp);
             if let Some(last) = self.last {
-                self.odometer.integrate(&last.pose.relative(&moment.pose), stamp.seconds_after(last.at));
+                let mut rolled = last.pose.relative(&moment.pose);
+                rolled.theta -= moment.skid_rad - last.skid_rad;
+                self.odometer.integrate(&rolled, stamp.seconds_after(last.at));
             }
             self.last = Some(moment);
             let (pose, twist, p) = (self.odometer.pose, self.odometer.twist, self.odometer.covariance);
