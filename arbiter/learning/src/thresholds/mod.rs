@@ -137,3 +137,25 @@ impl fmt::Display for Refused {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
+
+    #[test]
+    fn a_table_names_the_refused_places_and_can_be_read() {
+        let place = |is_covered| Refused {
+            x_m: 2.5,
+            y_m: 0.1,
+            heading_deg: 3.0,
+            reason: "the map has no vertical edge in view".to_owned(),
+            is_covered,
+        };
+        let table = ThresholdTable { width: 256, height: 240, regions: 5, exposure: 1.0, places: Vec::new() };
+        let text = table.to_toml() + &comment(&[place(false), place(true)]);
+        assert!(text.contains("# nothing learned at x 2.50 m, y 0.10 m, heading 3 deg: the map has"));
+        assert!(text.contains("`blind_speed_mps`") && text.contains("nearest learned place"));
+        assert!(ThresholdTable::from_toml(&text).is_ok_and(|read| read == table));
+    }
+}
