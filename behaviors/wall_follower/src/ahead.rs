@@ -6,8 +6,8 @@ const DECELERATION_MPS2: f64 = 0.3;
 const CONFIRMED: u32 = 3;
 /// Ratio of a seen distance to the expected one up to which both are the same wall.
 const SAME_WALL: f64 = 1.3;
-/// Turn after which a wall that is no longer seen lies elsewhere, rad.
-const FORGOTTEN_RAD: f64 = 0.8;
+/// Turn away from a wall from which on it no longer lies ahead, rad.
+const ASIDE_RAD: f64 = 0.8;
 /// Distance behind the robot's center at which a wall was not there, m.
 const PASSED_M: f64 = -0.3;
 /// Number of images over which a foot line must grow for a time to contact.
@@ -28,7 +28,19 @@ struct Wall {
     range_m: f64,
     images: u32,
     missed: u32,
+    /// Turn since it was seen, rad.
     turned: f64,
+}
+
+impl Wall {
+    fn is_confirmed(&self) -> bool {
+        self.images >= CONFIRMED
+    }
+
+    /// True if its foot line lies below the image or aside.
+    fn is_out_of_view(&self, nearest_m: f64) -> bool {
+        self.range_m < 1.1 * nearest_m || self.turned.abs() > ASIDE_RAD
+    }
 }
 
 /// Wall seen in one image.
@@ -41,12 +53,12 @@ pub struct SeenWall {
 }
 
 impl AheadTrack {
-    /// Propagates over a distance driven ahead, m, and an absolute turn, rad.
-    pub fn predict(&mut self, meters: f64, turned: f64) {
+    /// Propagates over a turn, rad, and then a distance driven ahead, m.
+    pub fn predict(&mut self, turn: f64, meters: f64) {
         if let Some(wall) = &mut self.wall {
-            wall.range_m -= meters;
-            wall.turned += turned;
-            if wall.turned > FORGOTTEN_RAD || wall.range_m < PASSED_M {
+            wall.turned += turn;
+            wall.range_m -= meters * wall.turned.cos();
+            if wall.range_m < PASSED_M {
                 self.wall = None;
             }
         }
@@ -66,15 +78,15 @@ impl AheadTrack {
             }
             (Some(seen), None) => {
                 // A wall that was confirmed is not replaced by a single line.
-                let confirmed = self.wall.filter(|wall| wall.images >= CONFIRMED && wall.missed < CONFIRMED);
+                let confirmed = self.wall.filter(|wall| wall.is_confirmed() && wall.missed < CONFIRMED);
                 let fresh = Wall { range_m: seen.range_m, images: 1, missed: 0, turned: 0.0 };
                 Some(confirmed.map_or(fresh, |wall| Wall { missed: wall.missed + 1, ..wall }))
             }
             // The foot line has left the image below: the wall is still there.
-            (None, Some(wall)) if wall.range_m < 1.1 * nearest_m && wall.images >= CONFIRMED => Some(wall),
+            (None, Some(wall)) if wall.is_confirmed() && wall.is_out_of_view(nearest_m) => Some(wall),
             (None, Some(wall)) => {
                 let missed = Wall { missed: wall.missed + 1, ..wall };
-                (missed.missed < CONFIRMED && wall.images >= CONFIRMED).then_some(missed)
+                (missed.missed < CONFIRMED && wall.is_confirmed()).then_some(missed)
             }
             (None, None) => None,
         };
@@ -85,10 +97,10 @@ impl AheadTrack {
         *self = Self::default();
     }
 
-    /// Distance of the wall from the camera, m; `None` unless several images agree.
+    /// Distance of the wall from the camera, m; `None` unless several images agree and the robot points at it.
     #[must_use]
     pub fn range_m(&self) -> Option<f64> {
-        self.wall.filter(|wall| wall.images >= CONFIRMED).map(|wall| wall.range_m)
+        self.wall.filter(|wall| wall.is_confirmed() && wall.turned.abs() < ASIDE_RAD).map(|wall| wall.range_m)
     }
 
     /// Maximum speed, m/s, of a robot that stops `stop_m` before the wall, at most `cruise_mps`.
@@ -153,7 +165,7 @@ mod tests {
         }
         assert!((track.speed_limit(5.0, 0.6) - (2.0_f64 * 0.3 * 1.4).sqrt()).abs() < 1e-9);
         assert_eq!(track.speed_limit(0.4, 0.6), 0.4);
-        track.predict(1.4, 0.0);
+        track.predict(0.0, 1.4);
         assert_eq!(track.speed_limit(0.4, 0.6), 0.0);
     }
 
@@ -165,15 +177,17 @@ mod tests {
                 track.update(seen(1.5), 1.3, 0.1);
             }
         }
-        below.predict(0.5, 0.0);
+        below.predict(0.0, 0.5);
         for _ in 0..9 {
             below.update(None, 1.3, 0.1);
             vanished.update(None, 0.5, 0.1);
         }
         assert!((below.range_m().unwrap() - 1.0).abs() < 1e-9);
         assert_eq!(vanished.range_m(), None);
-        below.predict(0.0, 1.0);
+        below.predict(1.0, 0.0);
         assert_eq!(below.range_m(), None, "the robot turned away");
+        below.predict(-1.0, 0.0);
+        assert!(below.range_m().is_some(), "and back");
     }
 
     #[test]

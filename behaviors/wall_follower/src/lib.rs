@@ -39,7 +39,7 @@ use crate::config::AtEnd;
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
 use crate::recovery::{Loss, Recoverer, Recovery};
 use crate::sight::{Seen, Sight};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack, travel};
+use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
 use yamabico_vision::corridor::observer::CorridorCamera;
 use yamabico_vision::corridor_evidence::Action;
@@ -62,6 +62,8 @@ const CREEP_MPS: f64 = 0.1;
 const SEARCH_RADPS: f64 = 0.5;
 /// Probability of a corridor below which a wall ahead is no end of it.
 const IN_CORRIDOR: f64 = 0.5;
+/// Number of frames with a vanishing point that establish a corridor.
+const ESTABLISHED_FRAMES: u32 = 5;
 /// Share of the cruising speed before a wall whose distance is not measured.
 const UNMEASURED_WALL_SHARE: f64 = 0.5;
 /// Heading from the opposite direction at which a turn at the end of the corridor ends, rad.
@@ -88,6 +90,8 @@ pub struct WallFollower {
     failure: Option<Reason>,
     /// Probability of a corridor at the last frame, and what it allows; `None` from the method that does not judge.
     evidence: Option<(f64, Action)>,
+    /// Number of frames with a vanishing point since the last loss; zero before the first.
+    found_in_row: u32,
     /// Heading (rad, odometry frame) of a turn at the end of the corridor.
     turning_to: Option<f64>,
     is_mount_wrong: bool,
@@ -150,6 +154,7 @@ impl Plugin for WallFollower {
             last_found: None,
             failure: None,
             evidence: None,
+            found_in_row: 0,
             turning_to: None,
             is_mount_wrong: false,
         })
@@ -227,8 +232,7 @@ impl WallFollower {
         let poses = self.last_pose.zip(pose);
         self.sight.predict(poses);
         if let Some((from, to)) = poses {
-            let (meters, turned) = travel(&from, &to);
-            self.ahead.predict(meters, turned);
+            self.ahead.predict(angle_difference(to.theta, from.theta), from.distance(&to));
         }
         (self.last_frame, self.last_pose) = (Some(stamp), pose);
         let size = self.sight.camera().pinhole.intrinsics().size();
@@ -244,6 +248,7 @@ impl WallFollower {
         let result = self.accept(&seen);
         if result == FrameResult::Found {
             self.last_found = Some(Found { stamp, pose });
+            self.found_in_row += u32::from(!seen.is_far);
         }
         result
     }
@@ -251,7 +256,12 @@ impl WallFollower {
     /// Updates the state by what was seen, and sets the reason of a failure.
     fn accept(&mut self, seen: &Seen) -> FrameResult {
         let abstains = self.evidence.is_some_and(|(_, action)| action == Action::Abstain);
-        let verdict = seen.observation.map(|observation| self.track.update(&observation));
+        // Who has followed a corridor looks for it, and does not turn toward a direction that no point in view confirms.
+        let observation = match seen.observation {
+            Ok(_) if seen.is_far && self.found_in_row > 0 => Err(Reason::NoVanishingPoint),
+            observation => observation,
+        };
+        let verdict = observation.map(|observation| self.track.update(&observation));
         let (failure, result) = match verdict {
             Ok(Verdict::Accepted) if seen.is_far || !abstains => (None, FrameResult::Found),
             Ok(Verdict::Gated) => (Some(Reason::Gated), FrameResult::NotFound),
@@ -295,7 +305,8 @@ impl WallFollower {
             _ => 0.0,
         };
         let loss = Loss {
-            for_s: age_s,
+            // A single look does not establish a corridor to coast along.
+            for_s: if self.found_in_row < ESTABLISHED_FRAMES { f64::INFINITY } else { age_s },
             for_m: driven_m,
             // Turning does not help against a silent camera or malformed frames.
             heading: pose
@@ -306,6 +317,8 @@ impl WallFollower {
         let recovery = self.recoverer.step(&loss, &self.config.lost);
         if recovery != Recovery::Coast {
             self.track.lose();
+            // At least one: a corridor was followed.
+            self.found_in_row = self.found_in_row.min(1);
         }
         if matches!(recovery, Recovery::TurnTo(_)) {
             // Every look of the search counts by itself.

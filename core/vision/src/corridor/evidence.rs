@@ -1,7 +1,9 @@
 //! Judges whether a camera sees a corridor, and measures heading and walls only where it does.
 
 use super::observer::{Axis, CorridorCamera, CorridorObservation, CorridorObserver, CorridorPrediction};
+use crate::corridor::floor_lines::WallEstimate;
 use crate::corridor_evidence::judge::PredictedHeading;
+use crate::corridor_evidence::probability::{log_odds, probability as logistic};
 use crate::corridor_evidence::support::Support;
 use crate::corridor_evidence::{
     Coefficients, CorridorJudge, EvidenceTrack, FootLine, Hypothesis, Picture, RowPrior, Sighting, WallAhead,
@@ -17,6 +19,13 @@ const PRIOR: f64 = 0.5;
 const BELIEVED: f64 = 0.5;
 /// Probability of a point in view from which on no point far outside is believed.
 const IN_VIEW: f64 = 0.3;
+/// Difference between a heading and its prediction that is never too large, rad.
+const HEADING_GATE_RAD: f64 = 0.045;
+/// Distance between a wall and its prediction up to which they agree, m.
+const SAME_WALL_M: f64 = 0.15;
+/// Log-odds of a corridor from a wall where it is predicted. By chance, a line on the floor between 0.2 and 5 m aside falls there once
+/// in sixteen times, ln 16 = 2.8; less, since images are not independent.
+const EVIDENCE_OF_WALL: f64 = 2.0;
 /// Lower bound of a predicted heading's standard deviation, rad.
 const MIN_PREDICTION_SIGMA_RAD: f64 = 0.01;
 /// Length of lines along the corridor beyond a foot line, px of an image 640 px wide, above which it is not the foot of a wall but a
@@ -122,25 +131,29 @@ impl EvidenceObserver {
         }
         let sighting = self.judge.choose(segments, &self.picture, &prior, predicted, plumb);
         let wall_ahead = self.wall_ahead(&sighting);
-        self.update_track(&sighting);
-        let seen = sighting.hypothesis.filter(|_| sighting.probability >= BELIEVED);
+        let candidate = sighting
+            .hypothesis
+            .filter(|hypothesis| sighting.probability >= BELIEVED || self.is_expected(hypothesis, predicted));
+        let measured = candidate.map(|hypothesis| {
+            self.judge.members(hypothesis.point, self.observer.along_mut());
+            self.observer.measure(image, &self.axis(&hypothesis), expected)
+        });
+        let walls = measured.map_or(0, |measured| expected_walls(&measured, expected));
+        let probability = corroborated(sighting.probability, walls);
+        self.update_track(sighting.hypothesis.map(|hypothesis| hypothesis.point), probability);
+        let seen = measured.filter(|_| probability >= BELIEVED);
         let may_be_far =
-            sighting.probability < IN_VIEW && (wall_ahead.is_some() || self.track.probability() < BELIEVED);
+            probability < IN_VIEW && (wall_ahead.is_some() || self.track.probability() < BELIEVED);
         let far = if may_be_far { self.observer.find_far_axis(expected) } else { None };
-        let observation = match (seen, far) {
-            (Some(hypothesis), _) => {
-                self.judge.members(hypothesis.point, self.observer.along_mut());
-                Ok(self.observer.measure(image, &self.axis(&hypothesis), expected))
-            }
-            (None, Some(axis)) => Ok(self.observer.measure(image, &axis, expected)),
-            (None, None) => Err(failure.unwrap_or(VanishingPointError::NoVanishingPoint)),
-        };
+        let far = far.map(|axis| self.observer.measure(image, &axis, expected));
+        let is_far = seen.is_none() && far.is_some();
+        let observation = seen.or(far).ok_or(failure.unwrap_or(VanishingPointError::NoVanishingPoint));
         let (row, sigma) = self.track.row();
         Judgment {
-            probability: sighting.probability,
-            acting_probability: self.track.acting_probability(sighting.probability),
+            probability,
+            acting_probability: self.track.acting_probability(probability),
             observation,
-            is_far: seen.is_none() && far.is_some(),
+            is_far,
             wall_ahead,
             horizon_px: [row / self.picture.scale, sigma / self.picture.scale],
             roll: sighting.plumb.map(|plumb| plumb.roll()),
@@ -148,14 +161,21 @@ impl EvidenceObserver {
         }
     }
 
-    fn update_track(&mut self, sighting: &Sighting) {
-        let seen = sighting.hypothesis.map(|hypothesis| (hypothesis.point, sighting.probability));
-        self.track.update(&self.picture, seen);
-        if sighting.probability >= BELIEVED && self.observer.camera().calibration == Calibration::Measured {
+    fn update_track(&mut self, point: Option<Vector2<f64>>, probability: f64) {
+        self.track.update(&self.picture, point.map(|point| (point, probability)));
+        if probability >= BELIEVED && self.observer.camera().calibration == Calibration::Measured {
             let off = self.track.row().0 - self.mount_prior.row;
             let is_off = off * off > 9.0 * self.mount_prior.variance;
             self.contradictions = if is_off { self.contradictions + 1 } else { 0 };
         }
+    }
+
+    /// Returns true if a hypothesis lies in the predicted direction.
+    fn is_expected(&self, hypothesis: &Hypothesis, predicted: Option<PredictedHeading>) -> bool {
+        predicted.is_some_and(|predicted| {
+            let off = self.picture.heading_of(hypothesis.point.x) - predicted.heading;
+            off.abs() <= (3.0 * predicted.sigma).max(HEADING_GATE_RAD)
+        })
     }
 
     /// Axis of a hypothesis, in pixels of the camera.
@@ -187,4 +207,22 @@ impl EvidenceObserver {
             .map(|line| line.length * Support::of(line, point).kappa())
             .sum()
     }
+}
+
+/// Returns how many of the two walls were measured where they were expected.
+fn expected_walls(seen: &CorridorObservation, expected: Option<CorridorPrediction>) -> usize {
+    let Some(expected) = expected else { return 0 };
+    let pairs = [seen.left, seen.right].into_iter().zip(expected.walls);
+    let is_there = |(seen, expected): &(Option<WallEstimate>, Option<WallEstimate>)| {
+        seen.zip(*expected)
+            .is_some_and(|(seen, expected)| (seen.distance_m - expected.distance_m).abs() < SAME_WALL_M)
+    };
+    pairs.filter(is_there).count()
+}
+
+/// Raises the probability of an image by the walls that it shows where the images before predict them. Its lines alone say little near
+/// the end of a corridor, where most of them are hidden.
+fn corroborated(probability: f64, walls: usize) -> f64 {
+    let odds = log_odds(probability.clamp(1e-6, 1.0 - 1e-6)) + EVIDENCE_OF_WALL * walls as f64;
+    if walls == 0 { probability } else { logistic(odds) }
 }
