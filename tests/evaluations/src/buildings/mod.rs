@@ -167,7 +167,8 @@ fn learned(file: &Path, seed: u64) -> Result<Option<String>, String> {
     };
     let learned = learn(&source, &options, &mut |_, _| {}).map_err(|error| error.to_string())?;
     // Paths of changes are relative to the working directory.
-    let table = std::path::absolute(&learned.table).map_err(|error| error.to_string())?;
+    let Some(table) = learned.table else { return Ok(None) };
+    let table = std::path::absolute(table).map_err(|error| error.to_string())?;
     let named = format!("behaviors.stationary-obstacle-avoider.thresholds={:?}", table.display().to_string());
     Ok((!learned.places.is_empty()).then_some(named))
 }
