@@ -174,10 +174,13 @@ fn york_urban(folder: &Path, sure: &mut Sure) {
     assert!(right >= 23 && indoor_right == indoor, "{right} of {count}, indoor {indoor_right} of {indoor}");
 }
 
+/// Checks one data set and counts its sure answers.
+type Check = fn(&Path, &mut Sure);
+
 #[test]
 fn a_sure_answer_is_right_on_every_data_set() {
     let mut sure = Sure::default();
-    let sets: [(&str, fn(&Path, &mut Sure)); 4] = [
+    let sets: [(&str, Check); 4] = [
         ("multi_floor", multi_floor),
         ("no_corridor", no_corridor),
         ("corridor_drive", corridor_drive),

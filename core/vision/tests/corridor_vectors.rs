@@ -6,7 +6,7 @@ use yamabico_geometry::camera::{Calibration, Mount};
 use yamabico_testkit::vectors::{cases, corridor};
 use yamabico_vision::corridor_evidence::false_alarms::{Agreement, log10_false_alarms};
 use yamabico_vision::corridor_evidence::features::Features;
-use yamabico_vision::corridor_evidence::foot_line::{FootLineFinder, WallAhead};
+use yamabico_vision::corridor_evidence::foot_line::{FootLine, FootLineFinder, WallAhead};
 use yamabico_vision::corridor_evidence::plumb_lines::PlumbLineFit;
 use yamabico_vision::corridor_evidence::support::{self, Support};
 use yamabico_vision::corridor_evidence::{
@@ -304,7 +304,7 @@ fn wall_ahead() {
         case.check("foot_row", of(|foot| foot.row));
         case.check("u_from", of(|foot| foot.columns[0]));
         case.check("u_to", of(|foot| foot.columns[1]));
-        case.check("central", of(|foot| foot.central_share()));
+        case.check("central", of(FootLine::central_share));
         case.check("depth", foot.map_or(0.0, |foot| (foot.row - row) / picture.height));
         let wall = foot.and_then(|foot| WallAhead::of(&foot, row, &picture));
         assert_eq!(Value::from(wall.is_some()), case.expect["wall_ahead"], "{}", case.id);

@@ -47,7 +47,7 @@ impl GridFailure {
 /// Detector of obstacle cells by either evidence.
 #[derive(Clone, Debug)]
 enum Detector {
-    Brightness { cells: CellDetector, polarity: Option<Polarity>, has_started: bool },
+    Brightness { cells: Box<CellDetector>, polarity: Option<Polarity>, has_started: bool },
     Look(Box<LookCells>),
 }
 
@@ -98,7 +98,7 @@ impl PathObserver {
         }
         let detector = match config.evidence {
             Evidence::Brightness => Detector::Brightness {
-                cells: CellDetector::new(size, config.min_contrast, config.floor_evenness),
+                cells: Box::new(CellDetector::new(size, config.min_contrast, config.floor_evenness)),
                 polarity: match config.polarity {
                     PolarityRule::BrightFloor => Some(Polarity::BrightFloor),
                     PolarityRule::DarkFloor => Some(Polarity::DarkFloor),

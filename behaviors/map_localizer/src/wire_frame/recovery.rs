@@ -3,6 +3,7 @@
 
 use nalgebra::Vector2;
 use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_vision::map::ExpectedEdge;
 
 use super::axis_heading::SeenHeading;
 use super::fixer::Fixer;
@@ -119,5 +120,5 @@ fn score(fixer: &Fixer) -> f64 {
 fn lengths_px(fixer: &Fixer) -> (f64, f64) {
     let expected = fixer.expected();
     let matched = fixer.used().iter().map(|pair| expected[pair.expected].length_px()).sum();
-    (matched, expected.iter().map(|edge| edge.length_px()).sum())
+    (matched, expected.iter().map(ExpectedEdge::length_px).sum())
 }

@@ -98,7 +98,7 @@ impl Boundaries {
         let is_in = |i: usize| foreground.get(i).copied().unwrap_or(false);
         let is_inside = |i: usize| {
             if i < count {
-                is_in(i) && (i + 1) % columns != 0 && is_in(i + 1)
+                is_in(i) && !(i + 1).is_multiple_of(columns) && is_in(i + 1)
             } else {
                 is_in(i - count) && is_in(i - count + columns)
             }
@@ -152,7 +152,7 @@ mod tests {
 
     #[test]
     fn the_floor_s_own_texture_is_no_edge() {
-        let tiles = |u: usize, v: usize| if (u / 8 + v / 8) % 2 == 0 { 90 } else { 110 };
+        let tiles = |u: usize, v: usize| if (u / 8 + v / 8).is_multiple_of(2) { 90 } else { 110 };
         let (textured, columns) = measured(tiles, |_, _| true);
         let (plain, _) = measured(tiles, |_, _| false);
         let at = 10 * columns + 9;

@@ -190,7 +190,7 @@ impl Blocks {
         for (sum, logs) in self.halves.iter_mut().zip(self.here.chunks_exact(half)) {
             *sum += logs.iter().sum::<i32>();
         }
-        if (line + 1) % half == 0 {
+        if (line + 1).is_multiple_of(half) {
             let unit = UNIT / (half * half) as f32;
             self.quarters.extend(self.halves.iter().map(|&sum| sum as f32 * unit));
             self.halves.fill(0);
