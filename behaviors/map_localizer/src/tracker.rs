@@ -29,8 +29,6 @@ const TURN_M: f64 = 0.5;
 const MAX_CORRELATION: f64 = 50.0;
 /// Ratio of the numbers of matched lines from which another pose is superior to a weak fix.
 const SUPERIOR: f64 = 1.25;
-/// Number of images for which another pose awaits confirmation.
-const MAX_UNCONFIRMED: u32 = 4;
 /// Matched fraction of the expected features below which a weak fix is doubtful, although no other pose is superior.
 const DOUBTFUL: f64 = 0.5;
 /// Standard deviations of position (m) and heading (rad) that each image adds after several without a fix, and their
@@ -81,8 +79,8 @@ pub struct Tracker {
     last_fix: Option<Fix>,
     /// Large correction that awaits confirmation.
     unconfirmed: Option<Vector3<f64>>,
-    /// Correction by a search around the pose, which awaits confirmation, and the number of images since then.
-    recovered: Option<(Vector3<f64>, u32)>,
+    /// Correction of the last image by a search around the pose, which awaits confirmation.
+    recovered: Option<Vector3<f64>>,
     search: Option<LookAround>,
 }
 
@@ -288,14 +286,8 @@ impl Tracker {
             found.filter(|found| weak.verdict.is_err() || found.lines as f64 > SUPERIOR * weak.lines as f64);
         let correction = found.map(|fix| difference(&fix.posterior.pose, &prior.pose));
         let is_confirmed =
-            matches!((correction, self.recovered), (Some(now), Some((before, _))) if is_near(now, before));
-        self.recovered = match correction {
-            Some(correction) => Some((correction, 0)),
-            None => self
-                .recovered
-                .map(|(before, age)| (before, age + 1))
-                .filter(|(_, age)| *age < MAX_UNCONFIRMED),
-        };
+            matches!((correction, self.recovered), (Some(now), Some(before)) if is_near(now, before));
+        self.recovered = correction;
         if weak.verdict.is_ok() && self.recovered.is_none() {
             if (weak.lines as f64) < DOUBTFUL * weak.expected as f64 {
                 self.health.doubt(Reason::Ambiguous);

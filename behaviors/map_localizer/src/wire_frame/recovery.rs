@@ -22,14 +22,12 @@ const STEPS_ACROSS: (i32, f64) = (3, 0.13);
 const PRIOR_SIGMAS: (f64, f64) = (0.25, 0.15);
 /// Standard deviations of each hypothesis, m and rad.
 const HYPOTHESIS_SIGMAS: (f64, f64) = (0.1, 0.02);
-/// Standard deviations of the second match, from the pose that the best hypothesis gave, m and rad.
-const REFINED_SIGMAS: (f64, f64) = (0.05, 0.01);
 /// Minimum matched fraction of the total length of the expected edges.
 const MIN_MATCHED: f64 = 0.5;
 /// Fraction of the best score at which another pose is a competitor, and the distance (m) and angle (rad) from which a
 /// pose is another one.
-const COMPETITOR_SCORE: f64 = 0.9;
-const OTHER_POSE: (f64, f64) = (0.2, 0.05);
+const COMPETITOR_SCORE: f64 = 0.85;
+const OTHER_POSE: (f64, f64) = (0.15, 0.035);
 /// Minimum standard deviations of position (m) and heading (rad) of a recovered pose.
 const MIN_SIGMAS: (f64, f64) = (0.03, 0.009);
 
@@ -76,10 +74,9 @@ impl Recovery {
                 (-steps..=steps).for_each(|step| consider(f64::from(step) * STEP_RAD, &mut self.candidates));
             }
         }
-        let (sigma_m, sigma_rad) = REFINED_SIGMAS;
-        let first = fixer.fix_from(&wide, &best.1, noise).posterior.pose;
-        let mut fix = fixer.fix_from(&wide, &Belief::new(first, sigma_m, sigma_rad), noise);
-        let (found, best_score) = (fix.posterior.pose, best.0.max(score(fixer)));
+        let (best_score, about) = best;
+        let mut fix = fixer.fix_from(&wide, &about, noise);
+        let found = fix.posterior.pose;
         let is_ambiguous = self.candidates.iter().any(|(pose, score)| {
             let turn = angle_difference(pose.theta, found.theta).abs();
             *score > COMPETITOR_SCORE * best_score
