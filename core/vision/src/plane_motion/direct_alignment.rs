@@ -26,7 +26,7 @@ const MIN_PIXELS: usize = 200;
 /// Smallest standard deviation of a difference, gray levels.
 const MIN_SIGMA: f32 = 0.5;
 /// Step below which the alignment has converged (m, rad).
-const CONVERGED: f64 = 2e-5;
+const CONVERGED: f64 = 1e-4;
 /// Pixels processed together.
 const CHUNK: usize = 32;
 /// Border that the previous picture must leave around a pixel, px.

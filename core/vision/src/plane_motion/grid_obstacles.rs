@@ -7,6 +7,9 @@ use super::evidence_grid::{CELL_M, CELLS, EvidenceGrid};
 
 /// Depth of the cells, from the nearest one on, that make the near edge, m.
 const EDGE_M: f64 = 0.3;
+/// Share of a thing's largest log odds from which its cells count for the edge: those before it are smear along the line
+/// of sight.
+const EDGE_SHARE: f64 = 0.3;
 /// Standard deviation of a thing's distance that all its cells share, m.
 const RANGE_SIGMA_M: f64 = 0.1;
 /// Maximum number of things reported; the nearest come first.
@@ -101,9 +104,11 @@ impl ObstacleFinder {
     fn describe(&self, grid: &EvidenceGrid, robot: &Pose2, turn_sigma: f64) -> GridObstacle {
         let robot_at = Point2::new(robot.x, robot.y);
         let distance = |cell: usize| (grid.center(cell) - robot_at).norm();
-        let near_m = self.members.iter().map(|&cell| distance(cell)).fold(f64::INFINITY, f64::min);
-        let edge = || self.members.iter().copied().filter(move |&cell| distance(cell) <= near_m + EDGE_M);
         let weight = |cell: usize| f64::from(grid.smoothed()[cell]);
+        let peak = self.members.iter().map(|&cell| weight(cell)).fold(0.0, f64::max);
+        let strong = || self.members.iter().copied().filter(move |&cell| weight(cell) >= EDGE_SHARE * peak);
+        let near_m = strong().map(distance).fold(f64::INFINITY, f64::min);
+        let edge = || strong().filter(move |&cell| distance(cell) <= near_m + EDGE_M);
         let total: f64 = edge().map(weight).sum();
         let mean = edge().map(|cell| grid.center(cell).coords * weight(cell)).sum::<Vector2<f64>>() / total;
         let sight = (mean - robot_at.coords).try_normalize(1e-9).unwrap_or(Vector2::x());
@@ -124,7 +129,7 @@ impl ObstacleFinder {
             covariance: scatter + common,
             near_m,
             half_width_m: 0.5 * (left - right + CELL_M),
-            peak: self.members.iter().map(|&cell| weight(cell)).fold(0.0, f64::max),
+            peak,
             cells: self.members.len(),
         }
     }
