@@ -165,7 +165,7 @@ mod tests {
         }
         assert!((track.speed_limit(5.0, 0.6) - (2.0_f64 * 0.3 * 1.4).sqrt()).abs() < 1e-9);
         assert_eq!(track.speed_limit(0.4, 0.6), 0.4);
-        track.predict(0.0, 1.4);
+        track.predict(0.0, 1.5);
         assert_eq!(track.speed_limit(0.4, 0.6), 0.0);
     }
 

@@ -194,6 +194,7 @@ impl Behavior for WallFollower {
         let proposal = match (self.recovery(result, pose, now), estimate) {
             (None, Some(estimate)) => self.follow(&estimate, self.speed_share()).with_evidence(evidence),
             (Some(Recovery::Coast), Some(estimate)) => {
+                let evidence = if self.approaches_wall() { last_frame } else { evidence };
                 let coasting = self.follow(&estimate, 0.5).with_evidence(evidence);
                 if coasting.kind() == Some(Kind::Drive) {
                     coasting.with_reason(Reason::Coasting)
@@ -300,6 +301,10 @@ impl WallFollower {
         if self.failure.is_none() && age_s <= self.config.lost.coast_s {
             return None;
         }
+        let is_silent = self.last_frame.is_none_or(|last| now.seconds_after(last) > self.config.lost.coast_s);
+        if self.approaches_wall() && !is_silent {
+            return Some(Recovery::Coast);
+        }
         let driven_m = match (self.last_found.and_then(|found| found.pose), pose) {
             (Some(then), Some(pose)) => then.distance(&pose),
             _ => 0.0,
@@ -325,6 +330,16 @@ impl WallFollower {
             self.sight.forget();
         }
         Some(recovery)
+    }
+
+    /// Returns true while the robot comes to the end of a corridor that it has followed: the wall ahead hides its lines, and bounds
+    /// how far odometry has to carry the estimate.
+    fn approaches_wall(&self) -> bool {
+        let is_before = |range_m: f64| range_m > self.config.stop_ahead_m;
+        self.found_in_row >= ESTABLISHED_FRAMES
+            && self.sight.knows_distances()
+            && self.track.has_heading()
+            && self.ahead.range_m().is_some_and(is_before)
     }
 
     /// Returns the reason for which there is no heading.

@@ -10,9 +10,11 @@ use yamabico_core::time::Time;
 use yamabico_rigs::camera::frame_header;
 use yamabico_wall_follower::{CAMERA, ODOMETRY, WallFollower};
 
+/// Returns the behavior by the method that believes a single image: the inputs are tested here, not the evidence.
 fn bench(calibration: Calibration) -> Bench<WallFollower> {
     let (intrinsics, mount) = camera(256, 240);
-    Bench::new("speed_mps = 0.4", setup(intrinsics, mount, calibration)).expect("a valid configuration")
+    let toml = "speed_mps = 0.4\nmethod = \"presumed-horizon\"";
+    Bench::new(toml, setup(intrinsics, mount, calibration)).expect("a valid configuration")
 }
 
 fn odometry(seconds: f64) -> Odometry {

@@ -47,6 +47,9 @@ struct Cli {
 enum Command {
     YorkUrban(photographs::york_urban::Arguments),
     CorridorDrive(photographs::corridor_drive::Arguments),
+    MultiFloor(photographs::multi_floor::Arguments),
+    NoCorridor(photographs::no_corridor::Arguments),
+    Reliability(photographs::reliability::Arguments),
     FloorMasks(photographs::floor_masks::Arguments),
     MirrorFloors(photographs::mirror_floors::Arguments),
     Beacons(recordings::beacons::Arguments),
@@ -78,6 +81,9 @@ impl Command {
         match self {
             Self::YorkUrban(arguments) => arguments.run(out),
             Self::CorridorDrive(arguments) => arguments.run(out),
+            Self::MultiFloor(arguments) => arguments.run(out),
+            Self::NoCorridor(arguments) => arguments.run(out),
+            Self::Reliability(arguments) => arguments.run(out),
             Self::FloorMasks(arguments) => arguments.run(),
             Self::MirrorFloors(arguments) => arguments.run(),
             Self::Beacons(arguments) => arguments.run(),

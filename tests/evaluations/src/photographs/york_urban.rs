@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use clap::Args;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
-use yamabico_core::camera::Intrinsics;
-use yamabico_vision::segments::{SegmentConfig, SegmentDetector};
-use yamabico_vision::vanishing_point::{VanishingPointConfig, VanishingPointFinder};
+use yamabico_core::camera::{Calibration, Intrinsics};
 
-use super::draw_vanishing_point;
+use super::answers::{Answer, Looker, Summary};
+use super::draw_answer;
 use crate::arguments::Data;
 use crate::images::{Output, load_gray};
 use crate::report::{Cell, Report, Table, number, optional};
@@ -18,10 +17,11 @@ use crate::statistics::percentile;
 /// Error of a photograph without a vanishing point, degrees.
 const NOT_FOUND_DEG: f64 = 90.0;
 
-/// Error of the vanishing point on the York Urban Database (`york_urban/`).
+/// Error of the vanishing point on the York Urban Database (`york_urban/`), and its probability.
 ///
 /// Takes every photograph with a horizontal vanishing point in view and compares the vanishing point, found without prediction, with the
-/// labeled directions `vp_dirs` of `ground_truth.json`. Images: segments yellow, inliers green, vanishing point red, truth blue.
+/// labeled directions `vp_dirs` of `ground_truth.json`. The method that presumes the horizon answers in the same table. Images:
+/// segments yellow, inliers green, vanishing point red, truth blue.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -29,79 +29,97 @@ pub struct Arguments {
 }
 
 struct Photograph {
-    name: String,
     is_indoor: bool,
     segments: usize,
-    /// Angle between found and true direction, degrees; `None` if no vanishing point was found.
-    error_deg: Option<f64>,
+    answer: Answer,
 }
 
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
         let Some(folder) = self.data.set("york_urban") else { return Ok(Report::default()) };
-        let path = folder.join("ground_truth.json");
-        let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
-        let truth: Value =
-            serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
-        let camera = camera(&truth["camera"]).ok_or("ground_truth.json: camera is incomplete")?;
-        let mut photographs = Vec::new();
-        for entry in truth["images"].as_array().ok_or("ground_truth.json: no images")? {
-            if let Some(axis) = axis_in_view(entry) {
-                photographs.push(evaluate(entry, axis, &camera, &folder, out)?);
-            }
-        }
-        if photographs.is_empty() {
-            return Err("no photograph has a horizontal vanishing point in view".to_owned());
-        }
-        let mut each = Table::new("York Urban", &["photograph", "place", "segments", "error, degrees"]);
+        let photographs = photographs(&folder, out)?;
+        let mut each = Table::new(
+            "York Urban",
+            &["photograph", "place", "segments", "probability", "error, degrees", "presumed horizon: error"],
+        );
         for p in &photographs {
             let place = if p.is_indoor { "indoor" } else { "outdoor" };
-            each.row([p.name.clone().into(), place.into(), p.segments.into(), optional(p.error_deg, 3)]);
+            each.row([
+                p.answer.name.clone().into(),
+                place.into(),
+                p.segments.into(),
+                number(p.answer.probability, 3),
+                optional(p.answer.error_deg, 3),
+                optional(p.answer.presumed_deg, 3),
+            ]);
         }
         let mut all = Table::new(
-            "Summary (no vanishing point counts as 90 degrees)",
-            &[
-                "photographs",
-                "count",
-                "found",
-                "median, deg",
-                "90 %, deg",
-                "within 3",
-                "within 5",
-                "within 10",
-            ],
+            "Errors (no vanishing point counts as 90 degrees)",
+            &["photographs", "count", "median, deg", "90 %, deg", "within 3", "within 5", "within 10"],
         );
-        all.row(summary("all", photographs.iter()));
-        all.row(summary("indoor", photographs.iter().filter(|p| p.is_indoor)));
-        Ok(Report::new([each, all]))
+        let of = |is_wanted: fn(&Photograph) -> bool| -> Vec<&Answer> {
+            photographs.iter().filter(|p| is_wanted(p)).map(|p| &p.answer).collect()
+        };
+        let (every, indoor) = (of(|_| true), of(|p| p.is_indoor));
+        let mut summary = Summary::new("Summary");
+        for (name, answers) in [("all", &every), ("indoor", &indoor)] {
+            all.row(errors(&format!("{name}, evidence"), answers, |answer| answer.error_deg));
+            all.row(errors(&format!("{name}, presumed horizon"), answers, |answer| answer.presumed_deg));
+            summary.row(name, answers);
+        }
+        Ok(Report::new([each, all, summary.0]))
     }
+}
+
+/// Answers about the indoor photographs.
+pub fn indoor_answers(folder: &Path) -> Result<Vec<Answer>, String> {
+    let photographs = photographs(folder, &Output::new(None)?)?;
+    Ok(photographs.into_iter().filter(|p| p.is_indoor).map(|p| p.answer).collect())
+}
+
+fn photographs(folder: &Path, out: &Output) -> Result<Vec<Photograph>, String> {
+    let path = folder.join("ground_truth.json");
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let truth: Value = serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let camera = camera(&truth["camera"]).ok_or("ground_truth.json: camera is incomplete")?;
+    let mut photographs = Vec::new();
+    for entry in truth["images"].as_array().ok_or("ground_truth.json: no images")? {
+        if let Some(axis) = axis_in_view(entry) {
+            photographs.push(evaluate(entry, axis, camera, folder, out)?);
+        }
+    }
+    if photographs.is_empty() {
+        return Err("no photograph has a horizontal vanishing point in view".to_owned());
+    }
+    Ok(photographs)
 }
 
 fn evaluate(
     entry: &Value,
     axis: Vector3<f64>,
-    camera: &Intrinsics,
+    camera: Intrinsics,
     folder: &Path,
     out: &Output,
 ) -> Result<Photograph, String> {
     let file = entry["file"].as_str().ok_or("ground_truth.json: an image without file")?;
+    let name = entry["name"].as_str().unwrap_or(file);
     let image = load_gray(&folder.join(file))?;
+    let truth = camera.pixel_from_normalized(axis.xy() / axis.z);
+    let (answer, look) = Looker::new(camera, Calibration::Measured).answer(name, &image, Some(truth))?;
     let view = image.view().map_err(|error| format!("{file}: {error}"))?;
-    let mut detector = SegmentDetector::new(SegmentConfig::default());
-    let segments = detector.detect(view).unwrap_or_default();
-    let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
-    let found = finder.find(segments, camera, None);
-    let name = entry["name"].as_str().unwrap_or(file).to_owned();
-    out.overlay(&name, view, |canvas| {
-        let truth = camera.pixel_from_normalized(axis.xy() / axis.z);
-        draw_vanishing_point(canvas, segments, found.as_ref().ok(), truth);
-    })?;
-    let cosine = |direction: Vector3<f64>| direction.dot(&axis).abs().min(1.0);
+    out.overlay(name, view, |canvas| draw_answer(canvas, &look, Some(truth)))?;
+    // Both coordinates count: the camera is calibrated.
+    let angle_deg =
+        |point: Vector2<f64>| camera.normalized_from_pixel(point).push(1.0).angle(&axis).to_degrees();
     Ok(Photograph {
-        name,
         is_indoor: entry["indoor"].as_bool().unwrap_or(false),
-        segments: segments.len(),
-        error_deg: found.ok().map(|point| cosine(point.direction).acos().to_degrees()),
+        segments: look.segments.len(),
+        answer: Answer {
+            acting: answer.probability,
+            error_deg: Some(look.point.map_or(NOT_FOUND_DEG, angle_deg)),
+            presumed_deg: look.presumed.map(angle_deg),
+            ..answer
+        },
     })
 }
 
@@ -119,15 +137,12 @@ fn camera(truth: &Value) -> Option<Intrinsics> {
     Some(Intrinsics { fx: f, fy: f, cx: number("cx")?, cy: number("cy")?, width: 640, height: 480 })
 }
 
-fn summary<'a>(name: &str, photographs: impl Iterator<Item = &'a Photograph>) -> [Cell; 8] {
-    let errors: Vec<Option<f64>> = photographs.map(|p| p.error_deg).collect();
-    let found = errors.iter().filter(|error| error.is_some()).count();
-    let errors: Vec<f64> = errors.iter().map(|error| error.unwrap_or(NOT_FOUND_DEG)).collect();
+fn errors(name: &str, answers: &[&Answer], error: fn(&Answer) -> Option<f64>) -> [Cell; 7] {
+    let errors: Vec<f64> = answers.iter().map(|answer| error(answer).unwrap_or(NOT_FOUND_DEG)).collect();
     let within = |limit: f64| errors.iter().filter(|&&error| error <= limit).count();
     [
         name.into(),
         errors.len().into(),
-        found.into(),
         number(percentile(&errors, 0.5), 3),
         number(percentile(&errors, 0.9), 3),
         within(3.0).into(),
