@@ -156,18 +156,24 @@ pub struct Slot<M> {
     /// Purpose, shown by `yamabico describe`.
     pub summary: &'static str,
     required: bool,
+    preferred: bool,
     message: PhantomData<fn() -> M>,
 }
 
 impl<M: Message> Slot<M> {
     /// Creates a slot that every task must connect.
     pub const fn required(name: &'static str, summary: &'static str) -> Slot<M> {
-        Slot { name, summary, required: true, message: PhantomData }
+        Slot { name, summary, required: true, preferred: false, message: PhantomData }
     }
 
     /// Creates a slot that a task may leave unconnected.
     pub const fn optional(name: &'static str, summary: &'static str) -> Slot<M> {
-        Slot { name, summary, required: false, message: PhantomData }
+        Slot { name, summary, required: false, preferred: false, message: PhantomData }
+    }
+
+    /// Creates an optional slot that is connected by itself where only one source fits: the behavior is better with it.
+    pub const fn preferred(name: &'static str, summary: &'static str) -> Slot<M> {
+        Slot { name, summary, required: false, preferred: true, message: PhantomData }
     }
 
     /// Description without the Rust type.
@@ -176,6 +182,7 @@ impl<M: Message> Slot<M> {
             name: Cow::Borrowed(self.name),
             summary: Cow::Borrowed(self.summary),
             required: self.required,
+            preferred: self.preferred,
             message: MessageType::of::<M>(),
         }
     }
@@ -190,6 +197,8 @@ pub struct SlotInfo {
     pub summary: Cow<'static, str>,
     /// True if the task file must connect it.
     pub required: bool,
+    /// True if an optional input is connected to the only source that fits, unless the task file names one.
+    pub preferred: bool,
     /// Input slots.
     pub message: MessageType,
 }

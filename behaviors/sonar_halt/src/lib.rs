@@ -46,10 +46,11 @@ use crate::swept_gate::{StoppingDistance, SweptGate};
 /// Input: the range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
 /// Input: the motion that the robot has.
-pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "measured motion; without it `gate_m` holds");
+pub const ODOMETRY: Slot<Odometry> =
+    Slot::preferred("odometry", "measured motion; without it `gate_m` holds");
 /// Input: the motion that is wished.
 pub const DECISION: Slot<DecisionHeader> =
-    Slot::optional("decision", "wished motion; without it, straight ahead at full speed");
+    Slot::preferred("decision", "wished motion; without it, straight ahead at full speed");
 
 /// Tolerance for stamps in the future, s.
 const FUTURE_TOLERANCE_S: f64 = 0.02;

@@ -46,7 +46,7 @@ pub const ODOMETRY: Slot<Odometry> =
 /// Input: the arbiter's decisions.
 pub const DECISION: Slot<DecisionHeader> = Slot::required("decision", "who wants to drive, and who halts");
 /// Input: range scans.
-pub const SONAR: Slot<RangeScanHeader> = Slot::optional("sonar", "room at the sides, ahead and behind");
+pub const SONAR: Slot<RangeScanHeader> = Slot::preferred("sonar", "room at the sides, ahead and behind");
 
 /// Distance below which the robot stands still, m.
 const STILL_M: f64 = 0.01;

@@ -47,7 +47,11 @@ fn ports(kind: &str, ports: &[Port]) -> String {
     }
     let mut table = table(&[kind, "message", "required", "meaning"], 0..0);
     for port in ports {
-        let required = if port.required { "yes" } else { "no" };
+        let required = match (port.required, port.preferred) {
+            (true, _) => "yes",
+            (false, true) => "if there is one",
+            (false, false) => "no",
+        };
         table.add_row([port.name.as_str(), port.message, required, port.summary.as_str()]);
     }
     format!("{table}\n")

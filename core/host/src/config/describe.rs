@@ -66,6 +66,8 @@ pub struct Port {
     pub message: &'static str,
     /// True if it must be connected.
     pub required: bool,
+    /// True if it is optional, and connected to the only source that fits.
+    pub preferred: bool,
     /// Purpose.
     pub summary: String,
 }
@@ -125,6 +127,7 @@ pub fn describe(name: &str, plugins: &Plugins) -> Result<Description, String> {
                 name: kind.to_owned(),
                 message: plugin.message.name,
                 required: false,
+                preferred: false,
                 summary: plugin.summary.clone(),
             };
             let own = plain(name, "sensor", &plugin.summary, &plugin.parameters);
@@ -219,6 +222,7 @@ fn ports(slots: &[SlotInfo]) -> Vec<Port> {
         name: slot.name.to_string(),
         message: slot.message.name,
         required: slot.required,
+        preferred: slot.preferred,
         summary: slot.summary.to_string(),
     };
     slots.iter().map(port).collect()

@@ -47,7 +47,7 @@ impl Sources<'_> {
 }
 
 /// Checks the `inputs` of the behavior described by `entry`, and reads the valid ones in the order of its slots. A required
-/// slot without an entry is connected to the only source of its type.
+/// or preferred slot without an entry is connected to the only source of its type.
 pub(crate) fn read_inputs(
     entry: &Entry,
     behavior: &BehaviorInfo,
@@ -88,6 +88,10 @@ pub(crate) fn read_inputs(
                     None if !sources.are_known() => {}
                     None => problems.push(missing(header, entry, slot, sources)),
                 }
+            }
+            None if slot.preferred => {
+                let source = only_source(&entry.key, slot, sources);
+                read.extend(source.map(|source| Input { slot: slot.name.to_string(), source }));
             }
             None => {}
         }

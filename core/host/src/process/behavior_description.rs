@@ -41,6 +41,9 @@ pub struct SlotDescription {
     pub summary: String,
     /// True if the slot must be connected.
     pub required: bool,
+    /// True if an optional input is connected to the only source that fits.
+    #[serde(default)]
+    pub preferred: bool,
     /// Versioned name of its message type, such as `yamabico.Odometry.v1`.
     pub message: String,
 }
@@ -114,15 +117,16 @@ impl SlotDescription {
             name: slot.name.clone().into_owned(),
             summary: slot.summary.clone().into_owned(),
             required: slot.required,
+            preferred: slot.preferred,
             message: slot.message.name.to_owned(),
         }
     }
 
     fn info(self) -> Result<SlotInfo, String> {
-        let SlotDescription { name, summary, required, message } = self;
+        let SlotDescription { name, summary, required, preferred, message } = self;
         let known = MessageType::find(&message);
         let message = *known.ok_or_else(|| format!("`{name}`: {}", MessageType::unknown(&message)))?;
-        Ok(SlotInfo { name: name.into(), summary: summary.into(), required, message })
+        Ok(SlotInfo { name: name.into(), summary: summary.into(), required, preferred, message })
     }
 }
 
@@ -135,6 +139,7 @@ mod tests {
             name: "wheels".into(),
             summary: "Position.".into(),
             required: true,
+            preferred: false,
             message: "yamabico.Odometry.v1".into(),
         };
         BehaviorDescription {

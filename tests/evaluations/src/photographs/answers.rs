@@ -88,11 +88,6 @@ impl Looker {
         Self::new(guessed_camera(image), Calibration::Guessed)
     }
 
-    /// Camera model.
-    pub fn camera(&self) -> &Intrinsics {
-        &self.camera
-    }
-
     /// Judges the next photograph, alone and after the ones before. Presumed is the answer of the method that presumes the horizon.
     pub fn look(&mut self, image: ImageView<'_>) -> Look {
         let mut detector = SegmentDetector::new(SegmentConfig::for_evidence());
