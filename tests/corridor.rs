@@ -2,6 +2,7 @@
 
 use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::time::Time;
+use yamabico_host::config::Task;
 use yamabico_runtime::execution::RunEnd;
 use yamabico_runtime::record::Tap;
 
@@ -31,21 +32,22 @@ impl Tap for Offsets {
 
 #[test]
 fn the_robot_stays_on_the_center_line_for_twenty_five_meters() {
-    let task = task("corridor", &[]);
-    let drive = |seed: u64| {
+    let presumed = task("corridor", &[]);
+    let judged = task("corridor", &["behaviors.wall-follower.method=\"evidence\""]);
+    let drive = |task: &Task, seed: u64| {
         let mut offsets = Offsets::default();
-        let result = run_seed(&task, seed, &mut offsets);
+        let result = run_seed(task, seed, &mut offsets);
         assert_eq!((result.end, result.summary.contacts), (RunEnd::Arrived, Some(0)), "seed {seed}");
         let rms_m = (offsets.square_sum / offsets.count).sqrt();
         assert!(rms_m <= 0.05, "seed {seed}: RMS offset {rms_m} m after 5 m");
         offsets.start_m.unwrap()
     };
     let starts_m: Vec<f64> = std::thread::scope(|scope| {
-        let drives: Vec<_> = [1, 2]
-            .map(|seed| {
+        let drives: Vec<_> = [(&presumed, 1), (&presumed, 2), (&judged, 3)]
+            .map(|(task, seed)| {
                 scope.spawn({
                     let drive = &drive;
-                    move || drive(seed)
+                    move || drive(task, seed)
                 })
             })
             .into_iter()

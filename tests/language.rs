@@ -38,6 +38,7 @@ const ALLOWED: &[&str] = &[
     "right of centre",
     "localisation lost",
     "\"centred\"",
+    "row_at_centre",
 ];
 
 /// First words with which no doc comment opens: the noun or the verb comes first.

@@ -123,7 +123,7 @@ fn decisions_plugins_and_topics_are_shown() {
     let text = robot.await_text(&["why"], "map-localizer asks for");
     assert!(text.contains("wall-follower (10)"), "{text}");
     let json = robot.json(&["why"]);
-    assert_eq!(json["explanation"]["behaviors"].as_array().unwrap().len(), 4, "{json}");
+    assert_eq!(json["explanation"]["behaviors"].as_array().unwrap().len(), 5, "{json}");
     robot.print(&["estop"]);
     assert!(robot.print(&["why"]).contains("emergency stop: latched until `yamabico reset`"));
     robot.print(&["reset"]);

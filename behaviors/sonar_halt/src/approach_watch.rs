@@ -1,4 +1,4 @@
-//! What moves towards the robot by itself, beam by beam.
+//! Things that move toward the robot by themselves, beam by beam.
 
 use yamabico_core::message::{Beam, Twist};
 use yamabico_core::time::Time;

@@ -41,7 +41,7 @@ impl Rung {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// What to try, in this order; after the last it begins anew. Any of `wait`, `look-again`, `turn`, `back-off`, `other-side`
+    /// Rungs to try, in this order; after the last it begins anew. Any of `wait`, `look-again`, `turn`, `back-off`, `other-side`
     /// and `ask`.
     #[default(vec![Rung::Wait, Rung::LookAgain, Rung::Turn, Rung::BackOff, Rung::OtherSide, Rung::Ask])]
     #[schemars(length(min = 1, max = 20))]

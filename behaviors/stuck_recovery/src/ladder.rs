@@ -13,7 +13,7 @@ use crate::situation::Situation;
 pub struct Attempt {
     /// Place in the ladder, from 0.
     pub index: usize,
-    /// What is tried.
+    /// Maneuver of this attempt.
     pub rung: Rung,
     /// Pose at its beginning, odometry frame.
     pub start: Pose2,
@@ -29,9 +29,9 @@ pub struct Ladder {
     retry_s: f64,
     progress_m: f64,
     away_m: f64,
-    /// Where progress was last seen, and when.
+    /// Position and time of the last progress.
     anchor: Option<(Pose2, Time)>,
-    /// Where the robot was stuck first.
+    /// Position at which the robot was stuck first.
     place: Option<Pose2>,
     next: usize,
     attempt: Option<Attempt>,

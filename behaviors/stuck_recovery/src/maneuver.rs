@@ -21,7 +21,7 @@ const ASKEW_RAD: f64 = 0.6;
 /// Room that must remain between the footprint and an echo, m.
 const CLEAR_M: f64 = 0.15;
 
-/// What a maneuver knows besides the attempt.
+/// Knowledge that a maneuver needs besides the attempt.
 #[derive(Debug)]
 pub struct Surroundings<'a> {
     /// Pose, odometry frame.

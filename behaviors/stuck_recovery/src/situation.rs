@@ -7,7 +7,7 @@ const STANDING_MPS: f64 = 0.02;
 /// Turn rate below which a wish is to stand, rad/s.
 const STANDING_RADPS: f64 = 0.05;
 
-/// What the other behaviors want, and what halts them.
+/// Wishes of the other behaviors, and the halts of them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Situation {
     /// True if another behavior wants to drive, or would if it saw better.

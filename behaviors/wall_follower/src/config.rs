@@ -65,11 +65,11 @@ pub struct Config {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Vanishing point without a presumed horizon, with the probability of a corridor.
-    #[default]
-    Evidence,
     /// The vanishing point nearest to the presumed horizon, always believed; walls ahead are not looked for.
+    #[default]
     PresumedHorizon,
+    /// Vanishing point without a presumed horizon, with the probability of a corridor. A corridor with few lines is not recognized.
+    Evidence,
 }
 
 /// Motion at the end of a corridor.

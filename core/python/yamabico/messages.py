@@ -94,6 +94,9 @@ class Reason(IntEnum):
     LOW_CONTRAST = 48
     FLOOR_MODEL_BROKEN = 49
     WALL_NEAR = 50
+    NO_CORRIDOR = 51
+    WALL_AHEAD = 52
+    CORRIDOR_ENDS = 53
 
 
 class PoseStatus(IntEnum):
@@ -1224,7 +1227,7 @@ MESSAGES = {
     "yamabico.Corridor.v1": Corridor,
     "yamabico.Proposal.v2": Proposal,
     "yamabico.Command.v2": Command,
-    "yamabico.DecisionHeader.v2": DecisionHeader,
+    "yamabico.DecisionHeader.v3": DecisionHeader,
     "yamabico.Heartbeat.v1": Heartbeat,
     "yamabico.FailureHeader.v1": FailureHeader,
     "yamabico.CallsHeader.v1": CallsHeader,

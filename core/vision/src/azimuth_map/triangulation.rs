@@ -87,7 +87,7 @@ pub enum TriangulationError {
 /// Minimum eigenvalue of the mean normal matrix, below which bearings are parallel.
 const PARALLEL: f64 = 1e-6;
 const MAX_ITERATIONS: usize = 50;
-/// Minimum distance of a first guess on the last bearing, m, and ratio of the distances of successive guesses.
+/// Minimum distance of a first guess near the last bearing, m, and ratio of the distances of successive guesses.
 const NEAREST_GUESS_M: f64 = 0.2;
 const GUESS_SPACING: f64 = 1.2;
 
@@ -179,7 +179,7 @@ pub fn triangulate(
     let found = match least_squares_crossing(sightings) {
         Ok(guess) => most_likely_crossing(sightings, guess, sigma_rad)?,
         // The bias of the perpendicular distances toward the robot may have put an edge nearly ahead behind it.
-        Err(TriangulationError::Behind) => point_ahead(sightings, rule.farthest_m)
+        Err(TriangulationError::Behind) => point_ahead(sightings, sigma_rad, rule.farthest_m)
             .and_then(|guess| most_likely_crossing(sightings, guess, sigma_rad).ok())
             .filter(is_consistent)
             .ok_or(TriangulationError::Behind)?,
@@ -193,15 +193,18 @@ pub fn triangulate(
     if sightings.iter().all(is_near) { Ok(found) } else { Err(TriangulationError::TooFar) }
 }
 
-/// Returns the point on the last bearing, up to `farthest_m` away, that fits all bearings best; `None` if none is ahead
+/// Returns the point near the last bearing, up to `farthest_m` away, that fits all bearings best; `None` if none is ahead
 /// of all sensors.
-fn point_ahead(sightings: &[Sighting], farthest_m: f64) -> Option<Point2<f64>> {
+fn point_ahead(sightings: &[Sighting], sigma_rad: f64, farthest_m: f64) -> Option<Point2<f64>> {
     let last = sightings.last()?;
-    let (sin, cos) = last.bearing_rad().sin_cos();
-    let distances = (0..).map(|step| NEAREST_GUESS_M * GUESS_SPACING.powi(step));
-    distances
-        .take_while(|distance| *distance <= farthest_m)
-        .map(|distance| last.sensor.position() + distance * Vector2::new(cos, sin))
+    let distances = || (0..).map(|step| NEAREST_GUESS_M * GUESS_SPACING.powi(step));
+    let bearings = (-2..=2).map(|step| last.bearing_rad() + f64::from(step) * sigma_rad);
+    bearings
+        .flat_map(|bearing| {
+            let (sin, cos) = bearing.sin_cos();
+            let points = distances().take_while(|distance| *distance <= farthest_m);
+            points.map(move |distance| last.sensor.position() + distance * Vector2::new(cos, sin))
+        })
         .filter(|point| sightings.iter().all(|sighting| is_ahead(sighting, *point)))
         .min_by(|a, b| normal_equations(sightings, *a).2.total_cmp(&normal_equations(sightings, *b).2))
 }

@@ -1,4 +1,4 @@
-//! Where in an image the floor may be.
+//! Part of an image in which the floor may be.
 
 use nalgebra::Vector2;
 use yamabico_geometry::camera::{Mount, Pinhole};
@@ -30,7 +30,7 @@ pub enum Part {
     NoFloor,
 }
 
-/// Where the floor may be: below the horizon, and most likely in front.
+/// Part of an image in which the floor may be: below the horizon, and most likely in front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorPlace {
     /// Height of the horizon above the image's bottom as a share of the image's height. Above 1 if the camera looks down on the

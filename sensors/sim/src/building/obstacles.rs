@@ -48,7 +48,8 @@ pub fn place_people(world: &mut World, p: &Properties, rng: &mut Stream) -> Opti
         }
         PersonKind::Crosses => {
             let out = at + rng.random_range(0.6..1.2);
-            let (deep, near) = (p.width_m / 2.0 + 1.3, p.width_m / 2.0 + 0.1);
+            // Squarely through the doors.
+            let (deep, near) = (p.width_m / 2.0 + 1.3, p.width_m / 2.0 - 0.2);
             let middle = [at + 0.2, rng.random_range(-0.2..0.2)];
             person.path_m =
                 vec![[at, side * deep], [at, side * near], middle, [out, -side * near], [out, -side * deep]];

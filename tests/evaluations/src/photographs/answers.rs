@@ -58,7 +58,7 @@ pub struct Looker {
     judge: CorridorJudge,
 }
 
-/// What was found in one photograph.
+/// Answers found in one photograph.
 pub struct Look {
     /// Answer by this photograph alone.
     pub sighting: Sighting,

@@ -46,7 +46,7 @@ impl From<LearningError> for Failure {
     }
 }
 
-/// How the task is driven.
+/// Arguments on the way in which the task is driven.
 #[derive(Args)]
 struct DriveArguments {
     /// Drives in real time, each plugin in its own process, as a world outside or a real robot needs it. Ctrl-C stops the robot
