@@ -129,7 +129,7 @@ fn decisions_plugins_and_topics_are_shown() {
     robot.print(&["reset"]);
 
     let plugins = robot.json(&["ps"]);
-    assert_eq!(plugins.as_array().unwrap().len(), 5, "{plugins}");
+    assert_eq!(plugins.as_array().unwrap().len(), 6, "{plugins}");
     let restarts = robot.kill("wall-follower");
     let text = robot.await_text(&["ps"], "wall-follower: its last process was killed by signal 9");
     assert!(text.contains("last decision"), "{text}");
