@@ -46,7 +46,7 @@ pub struct Config {
     #[default(GridSize::PAPER.cell_px as u32)]
     #[schemars(range(min = 4, max = 64))]
     pub cell_px: u32,
-    /// Evidence by which floor is told from obstacles (navel-grid).
+    /// Evidence that distinguishes floor from obstacles (navel-grid).
     pub evidence: Evidence,
     /// Path of the file with the floor's look, relative to the task file (navel-grid with `evidence = "look"`). Without it,
     /// the foreground at the start is floor.
@@ -122,7 +122,7 @@ pub enum Method {
     PolarCells,
 }
 
-/// Evidence by which floor is told from obstacles.
+/// Evidence that distinguishes floor from obstacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Evidence {

@@ -17,7 +17,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Reads the newest odometry and decision. One that is older than `max_age_s`, from the future or not finite tells nothing.
+    /// Reads the newest odometry and decision. One that is older than `max_age_s`, from the future or not finite is ignored.
     #[must_use]
     pub fn read(inputs: &Inputs<'_>, max_age_s: f64) -> Self {
         let known = |stamp_ns: u64, twist: Twist| {

@@ -290,7 +290,7 @@ impl Machine {
                     None => {}
                 }
             } else if result.clear && self.valid_looks == 0 && self.looks >= rules.looks_in(self.state) {
-                // Frames tell nothing here, and neither the sonar nor the memory knows an obstacle.
+                // No frame could be evaluated here, and neither the sonar nor the memory knows an obstacle.
                 if self.clean >= rules.clean_readings {
                     self.release(tick, rules);
                 }

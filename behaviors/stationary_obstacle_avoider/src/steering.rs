@@ -62,7 +62,7 @@ impl StationaryObstacleAvoider {
     fn creep(&self, reason: Reason) -> Proposal {
         let limits = Twist::planar(self.config.blind_speed_mps, f64::INFINITY);
         Proposal::limit(Axes::LINEAR, Twist { angular: 0.0, ..limits }, reason)
-            .with_note(format_args!("vision tells nothing: {reason}"))
+            .with_note(format_args!("no frame was evaluated: {reason}"))
     }
 
     /// Turns to the target heading, then drives through the passage nearest to it.

@@ -44,7 +44,8 @@ use crate::trail::Trail;
 pub const ODOMETRY: Slot<Odometry> =
     Slot::required("odometry", "progress, and the way on which the robot came");
 /// Input: the arbiter's decisions.
-pub const DECISION: Slot<DecisionHeader> = Slot::required("decision", "who wants to drive, and who halts");
+pub const DECISION: Slot<DecisionHeader> =
+    Slot::required("decision", "wishes and halts of the other behaviors");
 /// Input: range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::preferred("sonar", "room at the sides, ahead and behind");
 

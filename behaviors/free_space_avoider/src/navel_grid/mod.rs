@@ -4,7 +4,7 @@
 //! the number of free cells from the bottom of each column, three weighted sums of the obstacles in the path ahead, and
 //! four decisions. Differs from \[1\]: inequalities, turn direction and the incomplete set of weights are corrected,
 //! since the printed rules drive into obstacles and turn on free floor; the cells that the path covers follow from the
-//! camera's mount; and floor may be told by its learned look instead of its brightness.
+//! camera's mount; and floor may be recognized by its learned look instead of its brightness.
 
 pub mod area_average;
 pub mod avoider;

@@ -173,7 +173,7 @@ impl PlaneMotion {
     /// Aligns the newest picture with an older one; `None` if the robot has turned too far.
     fn align(&mut self, index: usize, is_chained: bool) -> Option<Alignment> {
         let (previous, current) = (self.history.look(index), self.history.newest()?);
-        // Wheels tell the distance better than the pictures do.
+        // Wheels measure the distance better than images do.
         let wheels = previous.odometry.relative(&current.odometry);
         let corrected = previous.corrected.relative(&current.corrected);
         let motion = Pose2 { x: wheels.x, ..corrected };

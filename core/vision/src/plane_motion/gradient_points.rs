@@ -1,4 +1,4 @@
-//! Points whose gradient runs along their parallax line: only these tell height.
+//! Points whose gradient runs along their parallax line: only these measure height.
 
 use nalgebra::Vector3;
 use yamabico_geometry::image::ImageView;

@@ -17,7 +17,7 @@ pub const MOUNT_SIGMA_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
 #[must_use]
 pub fn motion_prior(way_m: f64, theta: f64, yaw: f64) -> CommonCovariance {
     let sigma_theta = (1.5e-3 + 0.012 * way_m + 0.01 * theta.abs()) * yaw;
-    // Wheels tell the way better than pictures do, which confuse it with tilt.
+    // Wheels measure the distance better than images do, which confuse it with tilt.
     let (sigma_x, sigma_y) = (1e-3 + 4e-3 * way_m, 1e-3 + 4e-3 * way_m);
     let mut covariance = CommonCovariance::from_diagonal(&CommonMode::new(
         sigma_x,

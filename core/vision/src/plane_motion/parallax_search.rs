@@ -37,7 +37,7 @@ pub const EXPECTED_COST: f32 = 49.0 / 3.0;
 /// Cost of a candidate that was not or could not be compared.
 const NONE: f32 = 1e9;
 const MAX_CANDIDATES: usize = 64;
-/// Parallax (px for each unit of w) below which nothing can be told.
+/// Parallax (px for each unit of w) below which nothing can be decided.
 const MIN_PARALLAX: f32 = 1e-3;
 
 /// An older picture to compare with.

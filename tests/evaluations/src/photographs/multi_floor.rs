@@ -13,7 +13,7 @@ use crate::report::{Report, Table, number, optional};
 
 /// Probability of a corridor and error of its heading on frames whose horizon lies far from their middle (`multi_floor/`).
 ///
-/// Nothing is told about the horizon. A heading is right within 3 degrees of the labeled vanishing point's column at an assumed
+/// The horizon is not given. A heading is right within 3 degrees of the labeled vanishing point's column at an assumed
 /// field of view of 90 degrees; in a frame without a label, a probability above 0.5 is wrong. Tracked: frames in order, each floor by
 /// itself, without odometry.
 #[derive(Args)]
