@@ -6,12 +6,13 @@ use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::Reason;
 use yamabico_core::time::Time;
 
+use crate::guidance::Localized;
 use crate::halt_state_machine::{State, VisionResult};
 use crate::obstacle_memory::{Border, KnownObstacle};
+use crate::passage_avoider::PassageAvoider;
 use crate::passage_finder::{AVOIDANCE_RANGE_M, Surroundings, aim, is_clear, is_crossed, point_on_path};
 use crate::safe_passage::{Aim, Interval, PLANE_M, region_on_plane};
 use crate::threshold_table::Place;
-use crate::{Localized, StationaryObstacleAvoider};
 
 /// Distance ahead along the path of the point that the robot steers for, m.
 const LOOK_AHEAD_M: f64 = 1.2;
@@ -28,7 +29,7 @@ const WALL_M: f64 = 0.3;
 /// Number of edge pixels, counted from the bottom, that locate the foot of an obstacle.
 const FOOT_PX: u32 = 4;
 
-impl StationaryObstacleAvoider {
+impl PassageAvoider {
     /// Evaluates the frame that a pose was estimated from, and stores the result for the next step of the state
     /// machine.
     pub(crate) fn evaluate(&mut self, localized: &Localized, now: Time) {
@@ -178,14 +179,15 @@ impl StationaryObstacleAvoider {
             map: self.detector.map(),
             obstacles: &self.known_obstacles,
             views: &self.views,
-            path: &self.path,
+            path: self.guidance.path(),
         }
     }
 
     /// Returns the lateral position of the goal on the plane one meter ahead, m, positive left: toward the path
     /// ahead, and while avoiding parallel to the path.
     fn goal_on_plane(&self, robot: &Pose2) -> f64 {
-        let on_path = point_on_path(&self.path, self.path_header.progress_m, LOOK_AHEAD_M);
+        let on_path =
+            point_on_path(self.guidance.path(), self.guidance.path_header().progress_m, LOOK_AHEAD_M);
         let bearing = match (on_path, self.order.state) {
             (None, _) => 0.0,
             (Some((_, heading)), State::Avoid) => angle_difference(heading, robot.theta),

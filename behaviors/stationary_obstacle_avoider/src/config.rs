@@ -4,15 +4,32 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
 use yamabico_core::behavior::{ParameterError, Setup};
+use yamabico_vision::map::WireFrame;
 
 use crate::threshold_table::ThresholdTable;
 use crate::{CORRIDOR, PATH, POSE};
+
+/// How obstacles are avoided.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Evidence of the floor's color, of motion and of sonars in a grid around the robot; drives the best lane beside the
+    /// path.
+    #[default]
+    Lanes,
+    /// Ohya, Kosaka & Kak (1998): compares edges with the map and with learned thresholds, halts for echoes, looks, and
+    /// turns to a passage.
+    Passages,
+}
 
 /// Parameters of [`StationaryObstacleAvoider`](crate::StationaryObstacleAvoider).
 #[serde_inline_default]
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
+    /// Method: evidence in a grid and lanes beside the path, or edges against the map and passages.
+    #[serde(default)]
+    pub method: Method,
     /// Path of the map file, relative to the task file; needs the inputs `pose` and `path`. Without it the input
     /// `corridor` takes their place.
     #[serde(default)]
@@ -109,6 +126,18 @@ impl Config {
         match self.thresholds {
             Some(_) => refused("thresholds", "were learned on a map", "name the map, or remove the key"),
             None => Ok(()),
+        }
+    }
+
+    /// Reads the map; without one it is empty.
+    ///
+    /// # Errors
+    /// The file cannot be used.
+    pub(crate) fn read_map(&self, setup: &Setup) -> Result<WireFrame, ParameterError> {
+        match &self.map {
+            Some(file) => WireFrame::read(&setup.folder.join(file))
+                .map_err(|error| ParameterError::new("map", error.to_string())),
+            None => Ok(WireFrame::default()),
         }
     }
 

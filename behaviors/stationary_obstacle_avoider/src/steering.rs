@@ -4,8 +4,8 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 use yamabico_core::message::{Axes, Proposal, Reason};
 use yamabico_core::time::Time;
 
-use crate::StationaryObstacleAvoider;
 use crate::halt_state_machine::State;
+use crate::passage_avoider::PassageAvoider;
 use crate::safe_passage::PLANE_M;
 
 /// Turn rate per radian of heading error, 1/s.
@@ -15,7 +15,7 @@ const DIRECTION_REACHED_RAD: f64 = 0.06;
 /// Age of the newest evaluated frame above which the speed is limited, s.
 const EVALUATION_STALE_S: f64 = 1.0;
 
-impl StationaryObstacleAvoider {
+impl PassageAvoider {
     /// Returns the proposal of the current state.
     pub(crate) fn proposal(&mut self, now: Time) -> Proposal {
         let evidence = self.evaluated.or(self.sonar.newest()).unwrap_or(now);
@@ -25,7 +25,7 @@ impl StationaryObstacleAvoider {
         let proposal = match (state, robot) {
             (State::Follow | State::Rejoin, _) => self.follow(now),
             // Without a map, no corridor in view is no reason to stand: another behavior may look for one.
-            (State::Lost, _) if self.is_in_corridor => self.creep(self.lost_reason()),
+            (State::Lost, _) if self.guidance.is_in_corridor() => self.creep(self.lost_reason()),
             (State::Lost, _) => Proposal::halt(translation, self.lost_reason()),
             (State::Avoid, Some(robot)) => self.avoid(&robot),
             (State::Search, Some(robot)) => self.turn_to_direction(&robot, now),
@@ -122,7 +122,7 @@ impl StationaryObstacleAvoider {
     }
 
     fn lost_reason(&self) -> Reason {
-        match self.localized {
+        match self.guidance.localized() {
             None => Reason::NoInput,
             Some(localized) if !localized.is_usable => Reason::Lost,
             Some(_) => Reason::StaleInput,

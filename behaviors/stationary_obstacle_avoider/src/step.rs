@@ -5,15 +5,16 @@ use yamabico_core::behavior::Outputs;
 use yamabico_core::message::{Obstacle, ObstaclesHeader, Reason};
 use yamabico_core::time::Time;
 
+use crate::OBSTACLES;
 use crate::halt_state_machine::{State, Tick};
 use crate::obstacle_memory::SEEN_LIFETIME_S;
+use crate::passage_avoider::PassageAvoider;
 use crate::search::Search;
-use crate::{OBSTACLES, StationaryObstacleAvoider};
 
 /// Distance from a wall of the map within which an echo is assigned to the wall, m.
 const WALL_ECHO_M: f64 = 0.15;
 
-impl StationaryObstacleAvoider {
+impl PassageAvoider {
     /// Advances the state machine by the newest scan, and applies the limits of the search.
     pub(crate) fn step(&mut self, now: Time) {
         self.add_echoes(now);
@@ -21,21 +22,22 @@ impl StationaryObstacleAvoider {
         let robot = self.robot();
         self.known_obstacles.expire(now, robot.map(|robot| robot.position()));
         let speed_mps = self.odometry.newest().map_or(0.0, |newest| newest.twist.speed());
+        let path = *self.guidance.path_header();
         let tick = Tick {
             now_s: now.as_secs_f64(),
             echo: self.sonar.has_echo(self.config.gate_m, self.clearances.half_width_m),
             beside: robot.is_some_and(|robot| self.is_beside_obstacle(&robot)),
             speed_mps,
             heading: robot.map_or(f64::NAN, |robot| robot.theta),
-            lateral_m: self.path_header.lateral_error_m,
-            path_heading_error: self.path_header.heading_error_rad,
-            progress_m: self.path_header.progress_m,
-            pose_ok: self.is_localized(now) && robot.is_some(),
+            lateral_m: path.lateral_error_m,
+            path_heading_error: path.heading_error_rad,
+            progress_m: path.progress_m,
+            pose_ok: self.guidance.is_localized(&self.odometry, now) && robot.is_some(),
             vision: self.pending.take(),
         };
         let before = self.order.state;
         (self.machine, self.order) = self.machine.step(&tick, &self.rules);
-        let along = robot.map(|robot| robot.theta - self.path_header.heading_error_rad);
+        let along = robot.map(|robot| robot.theta - path.heading_error_rad);
         if self.order.state == State::Relook && self.search.is_due() {
             (self.machine, self.order) = self.machine.start_search();
         }

@@ -1,6 +1,6 @@
 //! Driving in a corridor without a map: the frame of the corridor takes the place of map, pose and path.
 
-use crate::rig::{Situation, beam, camera, feed_beams, render, setup};
+use crate::rig::{Situation, beam, camera, feed_beams, passages, render, setup};
 use yamabico_core::behavior::Setup;
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Axes, Axis, Corridor, FrameHeader, Kind, Odometry, Proposal, Reason};
@@ -12,7 +12,7 @@ use yamabico_stationary_obstacle_avoider::{CAMERA, CORRIDOR, ODOMETRY, Stationar
 type Avoider = Bench<StationaryObstacleAvoider>;
 
 fn avoider() -> Avoider {
-    Bench::new("", setup(camera().0)).expect("a valid configuration")
+    Bench::new("method = \"passages\"", setup(camera().0)).expect("a valid configuration")
 }
 
 /// Half the width of the rendered hallway, m.
@@ -75,7 +75,7 @@ fn a_box_ahead_is_driven_around_on_its_wider_side() {
         assert!(proposal.twist.angular * side > 0.05, "box at {y}: {:?}", proposal.twist);
         // Beside the box, out of view: remembered in the frame of the corridor.
         let beside = stand(&mut bench, Pose2::new(4.4, 0.45 * side, 0.0), 1.0, None);
-        assert_eq!(bench.behavior.state(), State::Avoid, "{}", beside.note.as_str());
+        assert_eq!(passages(&bench).state(), State::Avoid, "{}", beside.note.as_str());
         let passed = stand(&mut bench, Pose2::new(5.6, 0.3 * side, 0.0), 2.0, None);
         assert_eq!(passed.kind(), Some(Kind::Abstain), "{}", passed.note.as_str());
     }
@@ -108,7 +108,7 @@ fn either_a_map_with_its_inputs_or_a_corridor_is_required() {
         let setup = Setup { connected: Some(slots.collect()), ..setup(camera().0) };
         Avoider::new(table, setup).err().map(|error| (error.key, error.remedy.unwrap_or_default()))
     };
-    let map = "map = \"maps/hallway.toml\"";
+    let map = "method = \"passages\"\nmap = \"maps/hallway.toml\"";
     assert_eq!(refused(map, &["pose", "path"]), None);
     assert_eq!(refused("", &["corridor"]), None);
     let with_thresholds = "thresholds = \"maps/hallway-thresholds.toml\"";

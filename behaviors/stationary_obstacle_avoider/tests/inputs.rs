@@ -1,6 +1,6 @@
 //! Valid and invalid input: proposals, published obstacles, and reasons of failures.
 
-use crate::rig::{Situation, TABLE, camera, render, setup, tick};
+use crate::rig::{Situation, TABLE, camera, passages, render, setup, tick};
 use yamabico_core::behavior::{Behavior, ParameterError};
 use yamabico_core::camera::Intrinsics;
 use yamabico_core::geometry::Pose2;
@@ -53,9 +53,10 @@ fn a_restarted_behavior_remembers_the_box() {
     let empty = render(beside.robot, None);
     let wary = |bench: &mut Avoider| {
         let proposal = tick(bench, &beside, Some(&empty));
-        (bench.behavior.state(), bench.behavior.known_obstacles().confirmed().count(), proposal.kind())
+        (passages(bench).state(), passages(bench).known_obstacles().confirmed().count(), proposal.kind())
     };
-    let (state, obstacles) = (bench.behavior.state(), bench.behavior.known_obstacles().confirmed().count());
+    let (state, obstacles) =
+        (passages(&bench).state(), passages(&bench).known_obstacles().confirmed().count());
     assert!(state == State::Avoid && obstacles > 0, "{state:?}");
     let mut successor = avoider();
     successor.behavior.restore_state(&memory);
@@ -66,7 +67,7 @@ fn a_restarted_behavior_remembers_the_box() {
     for nonsense in ["", "null", "[1, 2]", "[{\"state\": \"Dance\"}, {}, 0]"] {
         let mut successor = avoider();
         successor.behavior.restore_state(nonsense.as_bytes());
-        assert_eq!(successor.behavior.state(), State::Follow, "{nonsense}");
+        assert_eq!(passages(&successor).state(), State::Follow, "{nonsense}");
     }
 }
 
@@ -126,7 +127,7 @@ fn without_required_thresholds_near_it_creeps() {
     };
     let astray = Situation { robot: Pose2::new(3.0, 0.0, 1.2), ..situation.clone() };
     creeps(&drive(&mut requiring(TABLE), &astray, Some(&pixels)), Reason::NoThreshold);
-    let without = "map = \"maps/hallway.toml\"";
+    let without = "method = \"passages\"\nmap = \"maps/hallway.toml\"";
     creeps(&drive(&mut requiring(without), &situation, Some(&pixels)), Reason::NoThreshold);
     let bright = Situation { exposure: 2.0, ..situation };
     for turned in [&astray, &bright] {
@@ -136,7 +137,8 @@ fn without_required_thresholds_near_it_creeps() {
 
 #[test]
 fn without_thresholds_edges_on_the_floor_show_obstacles() {
-    let mut bench = Avoider::new("map = \"maps/hallway.toml\"", setup(camera().0)).expect("a configuration");
+    let mut bench = Avoider::new("method = \"passages\"\nmap = \"maps/hallway.toml\"", setup(camera().0))
+        .expect("a configuration");
     for (x, y, theta) in [(3.0, 0.0, 0.0), (4.0, 0.2, 0.1), (7.0, -0.2, -0.1)] {
         let situation = Situation { seconds: x, robot: Pose2::new(x, y, theta), ..Situation::default() };
         let proposal = drive(&mut bench, &situation, Some(&render(situation.robot, None)));

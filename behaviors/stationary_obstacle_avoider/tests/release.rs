@@ -1,6 +1,6 @@
 //! Release of a halt where frames cannot be evaluated, echoes beside the path, and the end of a detour.
 
-use crate::rig::{Situation, TABLE, beam, camera, feed_beams, render, setup, tick};
+use crate::rig::{Situation, TABLE, beam, camera, feed_beams, passages, render, setup, tick};
 use yamabico_core::message::{Kind, Proposal, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_stationary_obstacle_avoider::StationaryObstacleAvoider;
@@ -33,14 +33,15 @@ fn a_halted_robot_without_thresholds_creeps_on_once_the_sonar_is_clean() {
     let (clear, near) = (Situation::default(), Situation { range_m: Some(0.3), ..Situation::default() });
     let frames: [Option<&[u8]>; 2] = [Some(&pixels), None];
     for (frames, reason) in frames.into_iter().zip([Reason::NoThreshold, Reason::StaleInput]) {
-        let mut bench = avoider("map = \"maps/hallway.toml\"\nrequires_thresholds = true");
+        let mut bench =
+            avoider("method = \"passages\"\nmap = \"maps/hallway.toml\"\nrequires_thresholds = true");
         stand(&mut bench, (0.0, 2.0), &clear, frames);
         let halt = stand(&mut bench, (2.1, 0.0), &near, frames);
         assert_eq!((halt.kind(), halt.reason()), (Some(Kind::Halt), Some(Reason::Echo)));
         let standing = stand(&mut bench, (2.2, 8.0), &near, frames);
         assert_eq!(standing.kind(), Some(Kind::Halt), "an echo keeps the robot standing: {standing:?}");
         let creeping = stand(&mut bench, (10.3, 20.0), &clear, frames);
-        assert_eq!(bench.behavior.state(), State::Follow, "{}", creeping.note.as_str());
+        assert_eq!(passages(&bench).state(), State::Follow, "{}", creeping.note.as_str());
         assert_eq!((creeping.kind(), creeping.reason()), (Some(Kind::Limit), Some(reason)));
     }
 }
@@ -51,11 +52,11 @@ fn a_remembered_box_ahead_is_not_driven_at_where_frames_tell_nothing() {
     let ahead = Situation::default();
     let with_box = render(ahead.robot, Some([4.2, 0.0]));
     stand(&mut bench, (0.0, 1.0), &ahead, Some(&with_box));
-    assert!(bench.behavior.known_obstacles().confirmed().count() > 0);
+    assert!(passages(&bench).known_obstacles().confirmed().count() > 0);
     stand(&mut bench, (1.1, 0.0), &Situation { range_m: Some(0.3), ..ahead.clone() }, None);
     let dark = vec![17; with_box.len()];
     let proposal = stand(&mut bench, (1.2, 12.0), &ahead, Some(&dark));
-    assert!(!matches!(bench.behavior.state(), State::Follow | State::Rejoin), "{}", proposal.note.as_str());
+    assert!(!matches!(passages(&bench).state(), State::Follow | State::Rejoin), "{}", proposal.note.as_str());
 }
 
 #[test]

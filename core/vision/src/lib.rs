@@ -8,7 +8,7 @@
 //! | Edges and segments | [`gradient`], [`segments`], [`segment_fit`] |
 //! | Corridors | [`vanishing_point`], [`corridor`]: heading, floor lines, wall distances; [`corridor_evidence`]: probability of a corridor, walls ahead |
 //! | Mirror cameras | [`radial_edges`], [`azimuth_profile`]: vertical edges by azimuth |
-//! | Floors | [`floor_appearance`], [`floor_color`], [`floor_sample`], [`floor_training`], [`floor_color_file`] |
+//! | Floors | [`floor_columns`]: where the floor ends; [`floor_appearance`], [`floor_color`], [`floor_sample`], [`floor_training`], [`floor_color_file`] |
 //! | Floor or thing from motion | [`plane_motion`] |
 //! | Maps | [`map`]: wire frames and their visible edges; [`azimuth_map`]: bearing-only mapping, free space, paths |
 //! | Matching | [`azimuth_map::CyclicMatcher`]: tracked to observed edges; [`azimuth_map::relink`]: lost to recovered ones |
@@ -45,6 +45,7 @@ pub mod corridor_evidence;
 pub mod floor_appearance;
 pub mod floor_color;
 pub mod floor_color_file;
+pub mod floor_columns;
 pub mod floor_sample;
 pub mod floor_training;
 pub mod gradient;

@@ -12,10 +12,13 @@ use yamabico_core::time::Time;
 use yamabico_sim::random::stream;
 use yamabico_sim::world::BoxItem;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
-use yamabico_stationary_obstacle_avoider::{CAMERA, ODOMETRY, PATH, POSE, SONAR, StationaryObstacleAvoider};
+use yamabico_stationary_obstacle_avoider::{
+    CAMERA, ODOMETRY, PATH, POSE, PassageAvoider, SONAR, StationaryObstacleAvoider,
+};
 
 /// Parameters of the avoider, with the map and the thresholds of the hallway.
-pub const TABLE: &str = "map = \"maps/hallway.toml\"\nthresholds = \"maps/hallway-thresholds.toml\"";
+pub const TABLE: &str =
+    "method = \"passages\"\nmap = \"maps/hallway.toml\"\nthresholds = \"maps/hallway-thresholds.toml\"";
 
 /// Camera and mount of the robot in hallway.toml.
 pub fn camera() -> (Intrinsics, Mount) {
@@ -132,4 +135,9 @@ pub fn beam(azimuth_rad: f64, range_m: Option<f64>) -> Beam {
         flags: if range_m.is_some() { 0 } else { NO_ECHO },
         ..Beam::default()
     }
+}
+
+/// The avoider with method `passages` of a bench.
+pub fn passages(bench: &Bench<StationaryObstacleAvoider>) -> &PassageAvoider {
+    bench.behavior.passages().expect("method `passages`")
 }

@@ -1,0 +1,245 @@
+//! The drive along the chosen lane: when to take over, when to wait, and how to get out where no lane is free.
+
+use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
+use yamabico_core::geometry::{Pose2, Twist, angle_difference};
+use yamabico_core::message::{Axes, Proposal, Reason};
+
+use super::planner::Plan;
+
+/// Station that the robot steers for: 0.61 m ahead.
+pub(super) const AIM_STATION: usize = 7;
+/// Free length at which the robot stands, and over which it slows down, m.
+const STAND_M: f64 = 0.35;
+const SLOW_M: f64 = 0.7;
+/// Smallest share of the speed that is worth driving.
+const MIN_SHARE: f64 = 0.08;
+/// Range of an echo ahead from which the speed is reduced, m, and the smallest share.
+const SLOW_ECHO_M: f64 = 1.0;
+const MIN_ECHO_SHARE: f64 = 0.35;
+/// Range of an echo aside from which the robot veers away, m; the curvature, 1/m; and the speed then, m/s.
+const NEAR_ASIDE_M: f64 = 0.25;
+const VEER_PER_M: f64 = 1.5;
+const VEER_MPS: f64 = 0.15;
+/// Bearing of the aim above which the robot turns in place, rad.
+const TURN_IN_PLACE_RAD: f64 = 0.9;
+/// Turn rate per radian, 1/s.
+const TURN_GAIN: f64 = 2.0;
+/// Time that the robot stands at least, s; time after which it backs off the way it came, and tries another way, s.
+const MIN_WAIT_S: f64 = 0.3;
+const BACK_OFF_S: f64 = 2.0;
+const WAIT_S: f64 = 4.0;
+/// Distance by which an echo must be beyond the gate before the robot goes on, m, and the free length it needs.
+const RELEASE_M: f64 = 0.12;
+const RELEASE_FREE_M: f64 = 0.8;
+/// Angles to the path at which the turn ends, rad: with a free view, and at last. Range of a free view, m.
+const TURN_RAD: (f64, f64) = (0.44, 1.05);
+const VIEW_M: f64 = 0.9;
+/// Turn rate of a way out, rad/s; speed, m/s; length, m.
+const OUT_RADPS: f64 = 0.6;
+const OUT_MPS: f64 = 0.15;
+const OUT_M: f64 = 0.35;
+/// Speed of backing off, m/s; length, m. Only a way that the robot has just come is known to be free.
+const BACK_MPS: f64 = 0.12;
+const BACK_M: f64 = 0.3;
+/// Time after which a turn or a way out is given up, s.
+const MANEUVER_S: f64 = 5.0;
+/// Offset from the path up to which the drive is handed over, m.
+const HAND_OVER_M: f64 = 0.06;
+
+/// Step of the drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+enum Mode {
+    /// Other behaviors drive: the path is free.
+    #[default]
+    Free,
+    /// Drives the best lane.
+    Lane,
+    /// Stands: no lane is free, or a sonar sees something within its gate.
+    Wait { since_s: f64 },
+    /// Backs off the way it came.
+    Back { since_s: f64 },
+    /// Turns in place to the side with more room.
+    Turn { since_s: f64, side: f64 },
+    /// Drives a short way straight ahead.
+    Out { since_s: f64, from: Pose2 },
+}
+
+/// State of the drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Drive {
+    mode: Mode,
+    lane_m: f64,
+    /// Pose by odometry at the last step, and distance driven forward to it, m: at most as much as it can back off.
+    last: Option<Pose2>,
+    advanced_m: f64,
+}
+
+/// Input of a step. Positions are in the robot frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Situation {
+    /// Current time, s.
+    pub now_s: f64,
+    pub plan: Plan,
+    /// Point of the lane to steer for, m.
+    pub aim: Point2<f64>,
+    /// Pose by odometry.
+    pub odometry: Pose2,
+    /// Direction of the path, robot frame, rad.
+    pub path_heading: f64,
+    /// Ranges of the nearest echoes, m; infinite without one.
+    pub echo_ahead_m: f64,
+    pub echo_left_m: f64,
+    pub echo_right_m: f64,
+    /// True if no scan arrives.
+    pub is_sonar_silent: bool,
+    /// Range of an echo ahead that makes the robot stand, m.
+    pub gate_m: f64,
+    /// Distance kept from obstacles, m.
+    pub clearance_m: f64,
+    /// Speed on a free lane, m/s, and maximum turn rate, rad/s.
+    pub speed_mps: f64,
+    pub max_turn_radps: f64,
+    /// True if the robot is at the end of its path: an obstacle ahead does not matter.
+    pub is_arrived: bool,
+    /// Room to the left and to the right of the path, m.
+    pub room_m: [f64; 2],
+}
+
+impl Situation {
+    fn must_stand(&self) -> bool {
+        self.is_sonar_silent || self.echo_ahead_m < self.gate_m
+    }
+
+    /// True if the robot may leave the place where it waits.
+    fn is_released(&self) -> bool {
+        !self.is_sonar_silent
+            && self.echo_ahead_m > self.gate_m + RELEASE_M
+            && self.plan.best.free_m > RELEASE_FREE_M
+    }
+
+    fn is_path_open(&self) -> bool {
+        self.plan.nominal.is_open(self.clearance_m) && self.plan.best.offset_m.abs() <= HAND_OVER_M
+    }
+
+    /// Share of the speed that the best lane allows.
+    fn share(&self) -> f64 {
+        let free = ((self.plan.best.free_m - STAND_M) / SLOW_M).clamp(0.0, 1.0);
+        let echo = if self.echo_ahead_m > SLOW_ECHO_M { 1.0 } else { self.echo_ahead_m.max(MIN_ECHO_SHARE) };
+        free * echo
+    }
+}
+
+impl Drive {
+    /// Offset of the lane that was driven last, m.
+    pub fn lane_m(&self) -> f64 {
+        self.lane_m
+    }
+
+    /// Takes a step, and returns the proposal: abstains where the path is free.
+    pub fn step(&mut self, at: &Situation) -> Proposal {
+        self.lane_m = at.plan.best.offset_m;
+        self.measure_advance(&at.odometry);
+        self.mode = self.next(at);
+        match self.mode {
+            Mode::Free => {
+                self.lane_m = 0.0;
+                Proposal::abstain(Reason::Clear)
+            }
+            Mode::Lane => self.drive_lane(at),
+            Mode::Wait { .. } => {
+                let reason = if at.must_stand() { Reason::Echo } else { Reason::PassageBlocked };
+                Proposal::drive(Axes::PLANAR, Twist::ZERO)
+                    .with_reason(reason)
+                    .with_note(format_args!("waits: {:.1} m free ahead", at.plan.best.free_m))
+            }
+            Mode::Back { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(-BACK_MPS, 0.0))
+                .with_reason(Reason::Searching)
+                .with_note(format_args!("backs off the way it came")),
+            Mode::Turn { side, .. } => Proposal::drive(Axes::PLANAR, Twist::planar(0.0, side * OUT_RADPS))
+                .uncoupled()
+                .with_reason(Reason::Searching)
+                .with_note(format_args!("turns to the side with more room")),
+            Mode::Out { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS, 0.0))
+                .with_reason(Reason::Searching)
+                .with_note(format_args!("leaves a place without a free lane")),
+        }
+    }
+
+    /// Measures how far the robot has driven forward, as far as it may back off.
+    fn measure_advance(&mut self, odometry: &Pose2) {
+        if let Some(last) = self.last.replace(*odometry) {
+            self.advanced_m = (self.advanced_m + last.relative(odometry).x).clamp(0.0, BACK_M);
+        }
+    }
+
+    fn next(&self, at: &Situation) -> Mode {
+        let wait = Mode::Wait { since_s: at.now_s };
+        match self.mode {
+            _ if at.is_arrived => Mode::Free,
+            Mode::Free | Mode::Lane if at.must_stand() => wait,
+            Mode::Free | Mode::Lane if at.is_path_open() => Mode::Free,
+            Mode::Free | Mode::Lane if at.share() < MIN_SHARE => wait,
+            Mode::Free | Mode::Lane => Mode::Lane,
+            Mode::Wait { since_s } => {
+                let waited_s = at.now_s - since_s;
+                if at.is_released() && waited_s > MIN_WAIT_S {
+                    Mode::Lane
+                } else if at.is_sonar_silent {
+                    self.mode
+                } else if waited_s > BACK_OFF_S && self.advanced_m >= 0.9 * BACK_M {
+                    Mode::Back { since_s: at.now_s }
+                } else if waited_s > WAIT_S {
+                    let [left_m, right_m] = at.room_m;
+                    Mode::Turn { since_s: at.now_s, side: if left_m >= right_m { 1.0 } else { -1.0 } }
+                } else {
+                    self.mode
+                }
+            }
+            Mode::Back { since_s } => {
+                let is_over = self.advanced_m <= 0.0 || at.now_s - since_s > MANEUVER_S;
+                if !is_over {
+                    self.mode
+                } else if at.is_released() {
+                    Mode::Lane
+                } else {
+                    wait
+                }
+            }
+            Mode::Turn { since_s, side } => {
+                let turned = side * -at.path_heading;
+                let sees_way = turned > TURN_RAD.0 && at.echo_ahead_m > VIEW_M;
+                let is_over = turned > TURN_RAD.1 || at.now_s - since_s > MANEUVER_S;
+                if sees_way || is_over {
+                    Mode::Out { since_s: at.now_s, from: at.odometry }
+                } else {
+                    self.mode
+                }
+            }
+            Mode::Out { .. } if at.must_stand() => wait,
+            Mode::Out { since_s, from } => {
+                let is_over = from.distance(&at.odometry) > OUT_M || at.now_s - since_s > MANEUVER_S;
+                if is_over { Mode::Lane } else { self.mode }
+            }
+        }
+    }
+
+    fn drive_lane(&self, at: &Situation) -> Proposal {
+        let bearing = at.aim.y.atan2(at.aim.x);
+        let note =
+            format_args!("lane {:+.2} m beside the path, {:.1} m free", self.lane_m, at.plan.best.free_m);
+        if bearing.abs() > TURN_IN_PLACE_RAD {
+            let rate =
+                (TURN_GAIN * angle_difference(bearing, 0.0)).clamp(-at.max_turn_radps, at.max_turn_radps);
+            return Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate)).uncoupled().with_note(note);
+        }
+        let mut speed = at.speed_mps * at.share();
+        let mut curvature = 2.0 * at.aim.y / at.aim.coords.norm_squared();
+        if at.echo_left_m.min(at.echo_right_m) < NEAR_ASIDE_M {
+            curvature += if at.echo_right_m < at.echo_left_m { VEER_PER_M } else { -VEER_PER_M };
+            speed = speed.min(VEER_MPS);
+        }
+        let rate = (speed * curvature).clamp(-at.max_turn_radps, at.max_turn_radps);
+        Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(note)
+    }
+}

@@ -1,0 +1,220 @@
+//! Evidence around the robot: log odds that a place is occupied, in cells of the odometry frame that roll along with the
+//! robot.
+//!
+//! Moravec & Elfes (1985).
+
+use nalgebra::Point2;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::Beam;
+
+/// Side of a cell, m.
+pub const CELL_M: f64 = 0.05;
+/// Cells on each side of the window: the robot sees 3.2 m in each direction.
+const CELLS: usize = 128;
+/// Limits of the log odds.
+const LIMITS: (f32, f32) = (-2.0, 6.0);
+/// Log odds from which a cell is occupied.
+const OCCUPIED: f32 = 2.0;
+/// Change of the log odds toward zero, per second.
+const FADE_PER_S: f32 = 0.7;
+/// Log odds of the arc of an echo, and of the cone before it.
+const ECHO: f32 = 1.0;
+const BEFORE_ECHO: f32 = -0.3;
+/// Distance before an echo that is not free, m.
+const ECHO_DEPTH_M: f64 = 0.1;
+/// Share of a beam's opening angle that is marked: most of the energy is there.
+const CORE_SHARE: f64 = 0.6;
+/// Range up to which a cone is free, m.
+const MAX_FREE_M: f64 = 2.6;
+/// Range up to which an echo of a beam that looks ahead or aside marks its arc, m, and the azimuth that parts them, rad.
+const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
+const AHEAD_RAD: f64 = 0.26;
+
+/// Rolling window of cells.
+#[derive(Clone, Debug)]
+pub struct OccupancyGrid {
+    /// Cell numbers of the lower corner of the window.
+    corner: [i64; 2],
+    /// Log odds, stored at the cell's numbers modulo the size of the window.
+    log_odds: Vec<f32>,
+    /// Number of the update that changed a cell last: each update counts once.
+    updated: Vec<u32>,
+    update: u32,
+}
+
+impl Default for OccupancyGrid {
+    fn default() -> Self {
+        let half = CELLS as i64 / 2;
+        Self {
+            corner: [-half, -half],
+            log_odds: vec![0.0; CELLS * CELLS],
+            updated: vec![0; CELLS * CELLS],
+            update: 0,
+        }
+    }
+}
+
+impl OccupancyGrid {
+    /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds.
+    pub fn advance(&mut self, position: Point2<f64>, dt_s: f64) {
+        let half = CELLS as i64 / 2;
+        let corner = [cell_number(position.x) - half, cell_number(position.y) - half];
+        for (axis, corner) in corner.into_iter().enumerate() {
+            self.roll(axis, corner);
+        }
+        let fade = FADE_PER_S * dt_s.clamp(0.0, 60.0) as f32;
+        for log_odds in &mut self.log_odds {
+            *log_odds -= log_odds.clamp(-fade, fade);
+        }
+    }
+
+    /// Moves the window along an axis, and clears the cells that enter it.
+    fn roll(&mut self, axis: usize, new: i64) {
+        let size = CELLS as i64;
+        let old = std::mem::replace(&mut self.corner[axis], new);
+        let entered = if new > old { (old + size).max(new)..new + size } else { new..old.min(new + size) };
+        for number in entered {
+            let slot = number.rem_euclid(size) as usize;
+            for other in 0..CELLS {
+                let at = if axis == 0 { slot + other * CELLS } else { slot * CELLS + other };
+                self.log_odds[at] = 0.0;
+            }
+        }
+    }
+
+    /// Adds `evidence` to the cells at `places` (odometry frame, m), once to each cell.
+    pub fn add(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        self.update = self.update.wrapping_add(1);
+        for place in places {
+            if let Some(slot) = self.slot(place)
+                && std::mem::replace(&mut self.updated[slot], self.update) != self.update
+            {
+                self.log_odds[slot] = (self.log_odds[slot] + evidence).clamp(LIMITS.0, LIMITS.1);
+            }
+        }
+    }
+
+    /// Adds a beam of a scan taken at `robot` (odometry frame): the cone before the echo is free, its arc is occupied at
+    /// places that are `counted`.
+    pub fn add_beam(&mut self, beam: &Beam, robot: &Pose2, counted: impl Fn(Point2<f64>) -> bool) {
+        let echo_m = beam.echo_m().unwrap_or(f64::INFINITY);
+        if !(echo_m > 0.0 && beam.cone_rad.is_finite()) {
+            return;
+        }
+        let sensor = *robot * Pose2::new(beam.x_m, beam.y_m, beam.azimuth_rad);
+        let half_rad = 0.5 * CORE_SHARE * beam.cone_rad;
+        let at = |range_m: f64, azimuth: f64| {
+            sensor.transform_point(Point2::new(range_m * azimuth.cos(), range_m * azimuth.sin()))
+        };
+        const FAN: usize = 9;
+        let azimuths = move || (0..FAN).map(move |i| half_rad * (2.0 * i as f64 / (FAN - 1) as f64 - 1.0));
+        let free_m = (echo_m - ECHO_DEPTH_M).min(MAX_FREE_M);
+        let steps = (free_m / CELL_M) as usize;
+        let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
+        self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), BEFORE_ECHO);
+        let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
+        if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
+            let arc = azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
+            self.add(arc, ECHO);
+        }
+    }
+
+    /// Middles of the occupied cells, odometry frame, m.
+    pub fn occupied(&self) -> impl Iterator<Item = Point2<f64>> {
+        let size = CELLS as i64;
+        let middle = |number: i64| (number as f64 + 0.5) * CELL_M;
+        let cells = self.log_odds.iter().enumerate().filter(|&(_, &log_odds)| log_odds >= OCCUPIED);
+        cells.map(move |(slot, _)| {
+            // The cell of the window whose number has this slot as its remainder.
+            let number = |axis: usize, slot: usize| {
+                self.corner[axis] + (slot as i64 - self.corner[axis]).rem_euclid(size)
+            };
+            Point2::new(middle(number(0, slot % CELLS)), middle(number(1, slot / CELLS)))
+        })
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.log_odds.fill(0.0);
+    }
+
+    fn slot(&self, place: Point2<f64>) -> Option<usize> {
+        let numbers = [cell_number(place.x), cell_number(place.y)];
+        let size = CELLS as i64;
+        let is_inside = |axis: usize| (0..size).contains(&(numbers[axis] - self.corner[axis]));
+        let slot = |axis: usize| numbers[axis].rem_euclid(size) as usize;
+        (place.x.is_finite() && place.y.is_finite() && is_inside(0) && is_inside(1))
+            .then(|| slot(0) + slot(1) * CELLS)
+    }
+}
+
+fn cell_number(meters: f64) -> i64 {
+    (meters / CELL_M).floor() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::message::NO_ECHO;
+
+    fn occupied(grid: &OccupancyGrid) -> Vec<Point2<f64>> {
+        grid.occupied().collect()
+    }
+
+    #[test]
+    fn evidence_counts_once_an_update_and_fades() {
+        let mut grid = OccupancyGrid::default();
+        let place = Point2::new(1.02, -0.33);
+        grid.add([place; 20].into_iter(), 1.3);
+        assert!(occupied(&grid).is_empty(), "one picture is not enough");
+        grid.add([place].into_iter(), 1.3);
+        let found = occupied(&grid);
+        assert_eq!(found.len(), 1);
+        assert!((found[0] - place).norm() < CELL_M);
+        grid.advance(Point2::origin(), 1.0);
+        assert!(occupied(&grid).is_empty(), "one second later it is forgotten");
+    }
+
+    #[test]
+    fn cells_stay_where_they_are_while_the_window_rolls() {
+        let mut grid = OccupancyGrid::default();
+        let place = Point2::new(2.01, 0.57);
+        for _ in 0..5 {
+            grid.add([place].into_iter(), 1.3);
+        }
+        for step in 0..40 {
+            grid.advance(Point2::new(0.1 * f64::from(step), -0.03 * f64::from(step)), 0.0);
+            let found = occupied(&grid);
+            assert!(found.len() == 1 && (found[0] - place).norm() < CELL_M, "step {step}: {found:?}");
+        }
+        grid.advance(Point2::new(9.0, 0.0), 0.0);
+        grid.advance(Point2::new(3.0, 0.0), 0.0);
+        assert!(occupied(&grid).is_empty(), "what left the window is forgotten");
+    }
+
+    #[test]
+    fn echoes_mark_their_arc_and_clear_their_cone() {
+        let beam =
+            |range_m: f64, flags: u32| Beam { cone_rad: 0.4, range_m, x_m: 0.2, flags, ..Beam::default() };
+        let mut grid = OccupancyGrid::default();
+        let robot = Pose2::new(0.0, 0.0, 0.5);
+        for _ in 0..3 {
+            grid.add_beam(&beam(1.0, 0), &robot, |_| true);
+        }
+        let found = occupied(&grid);
+        assert!(found.len() >= 3, "{found:?}");
+        for place in found {
+            let seen = robot.inverse().transform_point(place);
+            assert!(((seen.x - 0.2).hypot(seen.y) - 1.0).abs() < 0.06 && seen.y.abs() < 0.2, "{seen:?}");
+        }
+        for _ in 0..12 {
+            grid.add_beam(&beam(2.0, NO_ECHO), &robot, |_| true);
+        }
+        assert!(occupied(&grid).is_empty());
+        for bad in [beam(f64::NAN, 0), beam(-1.0, 0), beam(1.0, 0)] {
+            grid.add_beam(&Beam { cone_rad: f64::NAN, ..bad }, &robot, |_| true);
+        }
+        grid.add([Point2::new(f64::NAN, 0.0)].into_iter(), 5.0);
+        assert!(occupied(&grid).is_empty());
+    }
+}

@@ -1,0 +1,212 @@
+//! The lane beside the path that leads on: lateral offsets from the path, rated by how far they are free.
+
+use nalgebra::{Point2, Vector2};
+
+/// Distance of two stations along the path, and their number: lanes are rated over 2.3 m.
+pub const STATION_M: f64 = 0.08;
+/// Number of stations.
+pub const STATIONS: usize = 29;
+/// Distance along the path in which the robot changes to another lane, m.
+const CHANGE_M: f64 = 0.8;
+/// Offset of the outermost lanes and distance of two lanes, m.
+const MAX_OFFSET_M: f64 = 0.6;
+const LANE_M: f64 = 0.05;
+/// Number of lanes.
+const LANES: usize = (2.0 * MAX_OFFSET_M / LANE_M) as usize + 1;
+/// Length from which a lane counts as free, m.
+pub const FREE_M: f64 = 2.2;
+/// Distance from obstacles that is kept where there is room, m beyond the clearance.
+const ROOM_M: f64 = 0.16;
+/// Costs: per meter of offset, of change from the last lane, of room that is missing, and of free length that is missing.
+const OFFSET_COST: f64 = 0.5;
+const CHANGE_COST: f64 = 0.35;
+const ROOM_COST: f64 = 2.5;
+const LENGTH_COST: f64 = 3.0;
+/// Distance by which the robot may come nearer to an obstacle or a wall that it is already too near to, m.
+const APPROACH_M: f64 = 0.01;
+
+/// A place on the path, robot frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Station {
+    /// Position, m.
+    pub place: Point2<f64>,
+    /// Unit vector to the left of the path.
+    pub left: Vector2<f64>,
+}
+
+impl Station {
+    /// Returns the position `offset_m` (m) to the left of the path.
+    #[must_use]
+    pub fn beside(&self, offset_m: f64) -> Point2<f64> {
+        self.place + self.left * offset_m
+    }
+}
+
+/// A lane and what is known of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lane {
+    /// Offset from the path, m, positive left.
+    pub offset_m: f64,
+    /// Length that is free from the robot on, m, at most the range of the stations.
+    pub free_m: f64,
+    /// Distance of the nearest obstacle from the lane, m.
+    pub gap_m: f64,
+}
+
+impl Lane {
+    /// True if the lane is free over the whole length with some room beside it.
+    #[must_use]
+    pub fn is_open(&self, clearance_m: f64) -> bool {
+        self.free_m >= FREE_M && self.gap_m >= clearance_m + 0.5 * ROOM_M
+    }
+}
+
+/// The best lane, and that of the path itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Lane with the lowest cost.
+    pub best: Lane,
+    /// Lane that other behaviors follow.
+    pub nominal: Lane,
+}
+
+/// Surroundings of a robot on its path. Positions are in the robot frame, m.
+pub struct Scene<'a> {
+    /// Path ahead.
+    pub stations: &'a [Station; STATIONS],
+    /// Distance of the robot from the path, m, positive left.
+    pub lateral_m: f64,
+    /// Places that are occupied.
+    pub obstacles: &'a [Point2<f32>],
+    /// Distance from a place to the nearest wall, m.
+    pub wall_m: &'a dyn Fn(Point2<f64>) -> f64,
+    /// Distance that the robot's center must keep from obstacles, m.
+    pub clearance_m: f64,
+    /// Distance that the robot's center must keep from walls, m.
+    pub wall_clearance_m: f64,
+}
+
+impl Scene<'_> {
+    /// Chooses a lane; `last_m` is the offset of the last one, m.
+    #[must_use]
+    pub fn plan(&self, last_m: f64) -> Plan {
+        let nominal = self.rate(0.0);
+        let mut best = (f64::INFINITY, nominal);
+        for i in 0..LANES {
+            let lane = self.rate(i as f64 * LANE_M - MAX_OFFSET_M);
+            let missing_room_m = (self.clearance_m + ROOM_M - lane.gap_m).max(0.0);
+            let missing_length_m = (FREE_M - lane.free_m).max(0.0);
+            let cost = OFFSET_COST * lane.offset_m.abs()
+                + CHANGE_COST * (lane.offset_m - last_m).abs()
+                + ROOM_COST * missing_room_m
+                + LENGTH_COST * missing_length_m;
+            if cost < best.0 {
+                best = (cost, lane);
+            }
+        }
+        Plan { best: best.1, nominal }
+    }
+
+    /// Rates the lane with an offset: how far it is free, and how near obstacles are.
+    fn rate(&self, offset_m: f64) -> Lane {
+        let here_wall_m = (self.wall_m)(Point2::origin());
+        let min_wall_m = self.wall_clearance_m.min(here_wall_m - APPROACH_M);
+        let clearance = self.clearance_m as f32;
+        let mut gap = f32::INFINITY;
+        let mut free_m = None;
+        for (i, station) in self.stations.iter().enumerate() {
+            let ahead_m = station_m(i);
+            let share = (ahead_m / CHANGE_M).clamp(0.0, 1.0);
+            let share = share * share * (3.0 - 2.0 * share);
+            let place = station.beside(self.lateral_m + share * (offset_m - self.lateral_m));
+            let at = place.cast::<f32>();
+            let mut is_hit = false;
+            for obstacle in self.obstacles {
+                let distance = (obstacle - at).norm();
+                gap = gap.min(distance);
+                if distance < clearance {
+                    is_hit |= distance < obstacle.coords.norm() - APPROACH_M as f32;
+                }
+            }
+            if free_m.is_none() && (is_hit || (self.wall_m)(place) < min_wall_m) {
+                free_m = Some(ahead_m);
+            }
+        }
+        Lane { offset_m, free_m: free_m.unwrap_or(station_m(STATIONS)), gap_m: f64::from(gap) }
+    }
+}
+
+/// Distance of a station ahead of the robot, m.
+#[must_use]
+pub fn station_m(index: usize) -> f64 {
+    0.05 + index as f64 * STATION_M
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Plan of a robot at `lateral_m` in a straight corridor, 1.8 m wide, with obstacles of a few cells.
+    fn plan(lateral_m: f64, boxes: &[[f32; 2]], last_m: f64) -> Plan {
+        let stations = std::array::from_fn(|i| Station {
+            place: Point2::new(station_m(i), -lateral_m),
+            left: Vector2::new(0.0, 1.0),
+        });
+        let mut obstacles = Vec::new();
+        for &[x, y] in boxes {
+            for i in -3..=3 {
+                obstacles.push(Point2::new(x, y + 0.05 * i as f32));
+            }
+        }
+        let wall_m = |place: Point2<f64>| 0.9 - (place.y + lateral_m).abs();
+        let scene = Scene {
+            stations: &stations,
+            lateral_m,
+            obstacles: &obstacles,
+            wall_m: &wall_m,
+            clearance_m: 0.29,
+            wall_clearance_m: 0.23,
+        };
+        scene.plan(last_m)
+    }
+
+    #[test]
+    fn an_empty_path_is_followed() {
+        for lateral_m in [-0.5, 0.0, 0.3] {
+            let plan = plan(lateral_m, &[], 0.0);
+            assert!(plan.best.offset_m.abs() < 1e-9 && plan.nominal.is_open(0.29), "{plan:?}");
+        }
+    }
+
+    #[test]
+    fn a_box_is_passed_on_the_wider_side() {
+        for side in [1.0, -1.0] {
+            let plan = plan(0.0, &[[1.5, 0.25 * side]], 0.0);
+            assert!(!plan.nominal.is_open(0.29));
+            assert!(plan.best.is_open(0.29), "{plan:?}");
+            assert!((-0.6..-0.15).contains(&(plan.best.offset_m * f64::from(side))), "{plan:?}");
+        }
+    }
+
+    #[test]
+    fn the_side_once_chosen_is_kept() {
+        for side in [1.0, -1.0] {
+            let plan = plan(0.0, &[[1.5, 0.0]], 0.3 * side);
+            assert!(plan.best.offset_m * side > 0.3, "{plan:?}");
+        }
+    }
+
+    #[test]
+    fn a_blocked_corridor_has_no_free_lane() {
+        let plan = plan(0.0, &[[1.5, 0.6], [1.5, 0.3], [1.5, 0.0], [1.5, -0.3], [1.5, -0.6]], 0.0);
+        assert!(plan.best.free_m < 1.4, "{plan:?}");
+    }
+
+    #[test]
+    fn a_robot_beside_an_obstacle_may_leave_it() {
+        let near = plan(0.3, &[[0.0, 0.27], [0.1, 0.27]], 0.0);
+        assert!(near.best.free_m >= FREE_M, "{near:?}");
+        let into = plan(0.3, &[[0.35, 0.0]], 0.3);
+        assert!(into.best.free_m < 0.4, "{into:?}");
+    }
+}

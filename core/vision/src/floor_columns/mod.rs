@@ -1,0 +1,16 @@
+//! Where the floor ends in each column of a picture, by a color that follows slow changes.
+//!
+//! The color of the floor in front of the robot is carried up each column of the picture. Lamp pools, vignetting and
+//! patterns of low contrast change it slowly, so that it follows; the foot of an obstacle changes it at once, and for as
+//! many rows as the obstacle is high. Thin joints and stripes are too low to count.
+//!
+//! Ulrich & Nourbakhsh (2000) compare pixels with the colors of an area ahead of the robot. Differs from \[1\]: the
+//! color is followed up the columns instead of counted in histograms, and an end of the floor needs a height.
+
+mod cells;
+mod lab;
+mod scan;
+
+pub use cells::CellImage;
+pub use lab::Lab;
+pub use scan::{ColumnRules, FloorColumns};

@@ -1,0 +1,283 @@
+//! The scan up the columns, and the color of the floor in front of the robot.
+
+use nalgebra::{Point2, Vector2};
+use yamabico_geometry::camera::{Mount, Pinhole};
+
+use super::cells::CellImage;
+use super::lab::Lab;
+use crate::floor_appearance::Picture;
+
+/// Parameters of the scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColumnRules {
+    /// Largest difference of floor from the followed color: lightness (0 to 255), and each of the other two channels.
+    pub tolerance: Lab,
+    /// Share of the difference that the followed color takes over from a pixel of floor, one row up at 240 rows.
+    pub follow: f32,
+    /// Height from which something is an obstacle, m.
+    pub min_height_m: f64,
+    /// Share of the rows of that height that must differ.
+    pub min_share: f32,
+    /// Distance up to which the columns are scanned, m.
+    pub max_range_m: f64,
+}
+
+impl Default for ColumnRules {
+    fn default() -> Self {
+        Self { tolerance: [8.0, 5.0, 5.0], follow: 0.2, min_height_m: 0.14, min_share: 0.7, max_range_m: 5.0 }
+    }
+}
+
+/// Rows at the lower border of the picture where no end of the floor is found, cells.
+const BORDER_ROWS: usize = 2;
+/// The area whose floor color starts each column: shares of the picture's height and width.
+const NEAR_TOP: f64 = 0.86;
+const NEAR_SIDES: [f64; 2] = [0.36, 0.64];
+/// Shares by which the floor color follows that of the area, for a change of lightness alone and for another color.
+const LEARN: f32 = 0.3;
+const LEARN_OTHER: f32 = 0.02;
+/// Change of color up to which the area is still the same floor.
+const SAME_COLOR: f32 = 8.0;
+
+/// Finds the end of the floor in each column. Allocates when it is created and no more.
+#[derive(Clone, Debug)]
+pub struct FloorColumns {
+    rules: ColumnRules,
+    cells: CellImage,
+    /// Floor points of the cells, robot frame, m; NaN above the range of the scan.
+    floor: Vec<Point2<f64>>,
+    /// First row from above that is scanned, and rows that an obstacle covers at least whose foot is in a row.
+    top: usize,
+    height_rows: Vec<usize>,
+    /// Color of the floor in front of the robot.
+    color: Option<Lab>,
+    /// Cells that differ from the floor, column by column from above.
+    differs: Vec<bool>,
+    /// Row of the last floor cell before the end of the floor, if it ends within the range; else the first row scanned.
+    ends: Vec<usize>,
+    sorted: Vec<f32>,
+}
+
+impl FloorColumns {
+    /// Creates the scan of a camera; `None` if it sees no floor within range in its lower half.
+    #[must_use]
+    pub fn new(pinhole: &Pinhole, mount: &Mount, rules: ColumnRules) -> Option<Self> {
+        let [width, height] = pinhole.intrinsics().size();
+        let cells = CellImage::new(width as usize, height as usize);
+        let [columns, rows] = cells.size();
+        let rotation = mount.rotation_body_from_camera();
+        let forward = Vector2::new(mount.pan.cos(), mount.pan.sin());
+        let mut floor = vec![Point2::new(f64::NAN, f64::NAN); columns * rows];
+        let mut height_rows = vec![usize::MAX; rows];
+        let mut top = rows;
+        for row in (0..rows).rev() {
+            let mut nearest_m = f64::INFINITY;
+            for column in 0..columns {
+                let [u, v] = cells.middle(column, row);
+                let Some(ray) = pinhole.ray_from_pixel(Vector2::new(u, v)) else { continue };
+                let in_body = rotation * ray;
+                let reach = mount.z / -in_body.z;
+                let point = Point2::new(mount.x + reach * in_body.x, mount.y + reach * in_body.y);
+                let ahead_m = forward.dot(&(point - Point2::new(mount.x, mount.y)));
+                if in_body.z < -1e-6 && ahead_m > 0.0 && ahead_m <= rules.max_range_m {
+                    floor[row * columns + column] = point;
+                    nearest_m = nearest_m.min(ahead_m);
+                }
+            }
+            if nearest_m.is_finite() {
+                top = row;
+                let focal_rows = pinhole.intrinsics().fy / (height as f64 / rows as f64);
+                height_rows[row] = ((rules.min_height_m * focal_rows / nearest_m) as usize).max(2);
+            } else {
+                break;
+            }
+        }
+        (top + BORDER_ROWS + 2 < rows && mount.z > 0.0).then(|| Self {
+            rules,
+            floor,
+            top,
+            height_rows,
+            color: None,
+            differs: vec![false; rows],
+            ends: vec![rows - 1; columns],
+            sorted: Vec::with_capacity(columns * rows),
+            cells,
+        })
+    }
+
+    /// Forgets the color of the floor.
+    pub fn clear(&mut self) {
+        self.color = None;
+    }
+
+    /// Takes in a picture. The color of the area in front of the robot is learned if `learns` is set: nothing stands
+    /// there. Returns false if the picture has another size; the results are then those of the last one.
+    pub fn look(&mut self, picture: Picture, learns: bool) -> bool {
+        if !self.cells.fill(picture) {
+            return false;
+        }
+        let near = self.near_color();
+        let color = match self.color {
+            None => near,
+            Some(color) if !learns => color,
+            Some(color) => {
+                let is_same = (1..3).all(|channel| (near[channel] - color[channel]).abs() < SAME_COLOR);
+                let share = if is_same { LEARN } else { LEARN_OTHER };
+                std::array::from_fn(|channel| color[channel] + share * (near[channel] - color[channel]))
+            }
+        };
+        self.color = Some(color);
+        for column in 0..self.cells.size()[0] {
+            self.ends[column] = self.scan(column, color);
+        }
+        true
+    }
+
+    /// Median color of the area in front of the robot.
+    fn near_color(&mut self) -> Lab {
+        let [columns, rows] = self.cells.size();
+        let from_row = (rows as f64 * NEAR_TOP) as usize;
+        let [left, right] = NEAR_SIDES.map(|share| (columns as f64 * share) as usize);
+        std::array::from_fn(|channel| {
+            self.sorted.clear();
+            for row in from_row..rows - 1 {
+                self.sorted.extend(self.cells.row(row)[left..right].iter().map(|color| color[channel]));
+            }
+            let middle = self.sorted.len() / 2;
+            *self.sorted.select_nth_unstable_by(middle, f32::total_cmp).1
+        })
+    }
+
+    /// Scans a column. Returns the row where the floor ends: its lowest row that differs from the floor over the height
+    /// of an obstacle, or the first row scanned.
+    fn scan(&mut self, column: usize, mut color: Lab) -> usize {
+        let rows = self.cells.size()[1];
+        let follow = 1.0 - (1.0 - self.rules.follow).powf(240.0 / rows as f32);
+        for row in (self.top..rows - 1).rev() {
+            let seen = self.cells.row(row)[column];
+            let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
+            let differs =
+                off.iter().zip(&self.rules.tolerance).any(|(off, tolerance)| off.abs() > *tolerance);
+            self.differs[row] = differs;
+            if !differs {
+                for (color, off) in color.iter_mut().zip(off) {
+                    *color += follow * off;
+                }
+            }
+        }
+        let is_end = |row: usize| {
+            let from = (row + 1).saturating_sub(self.height_rows[row]).max(self.top);
+            let covered = &self.differs[from..=row];
+            let count = covered.iter().filter(|differs| **differs).count();
+            self.differs[row] && count as f32 > self.rules.min_share * covered.len() as f32
+        };
+        (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top)
+    }
+
+    /// Places on the floor where it ends, robot frame, m: the feet of obstacles and walls.
+    pub fn ends(&self) -> impl Iterator<Item = Point2<f64>> {
+        let last = self.cells.size()[1] - BORDER_ROWS - 1;
+        let columns = self.ends.iter().enumerate();
+        columns
+            .filter(move |&(_, &row)| row > self.top && row < last)
+            .map(|(column, &row)| self.place(column, row))
+    }
+
+    /// Places of floor before its end, robot frame, m.
+    pub fn free(&self) -> impl Iterator<Item = Point2<f64>> {
+        let rows = self.cells.size()[1];
+        let columns = self.ends.iter().enumerate();
+        columns.flat_map(move |(column, &end)| (end + 2..rows - 1).map(move |row| self.place(column, row)))
+    }
+
+    fn place(&self, column: usize, row: usize) -> Point2<f64> {
+        self.floor[row * self.cells.size()[0] + column]
+    }
+
+    /// Ends of the floor as pixels, for pictures of what was seen.
+    pub fn end_pixels(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.ends.iter().enumerate().map(|(column, &row)| self.cells.middle(column, row))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_geometry::camera::Intrinsics;
+    use yamabico_geometry::image::ImageView;
+
+    const SIZE: (usize, usize) = (256, 240);
+
+    fn columns() -> FloorColumns {
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.15), ColumnRules::default()).expect("floor in view")
+    }
+
+    /// A floor with a shade that grows slowly to the right and up, and a box in columns 100 to 139 from row `top` to row
+    /// `bottom`.
+    fn picture(top: usize, bottom: usize) -> Vec<u8> {
+        let shade = |u: usize, v: usize| match (u, v) {
+            (100..140, v) if (top..bottom).contains(&v) => 60,
+            (u, v) => (110 + (240 - v) / 6 + u / 40) as u8,
+        };
+        (0..SIZE.0 * SIZE.1).map(|i| shade(i % SIZE.0, i / SIZE.0)).collect()
+    }
+
+    fn look(columns: &mut FloorColumns, pixels: &[u8]) -> bool {
+        let (width, height) = SIZE;
+        columns.look(Picture::Gray(ImageView::new(pixels, width, height, width).expect("an image")), true)
+    }
+
+    #[test]
+    fn a_box_ends_the_floor_at_its_foot() {
+        let mut columns = columns();
+        assert!(look(&mut columns, &picture(100, 180)));
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        let mount = Mount::tilted(0.5, 0.15);
+        let ray = mount.rotation_body_from_camera()
+            * pinhole.ray_from_pixel(Vector2::new(120.0, 179.0)).expect("a ray");
+        let foot_m = 0.5 * ray.x / -ray.z;
+        let ends: Vec<_> = columns.ends().collect();
+        assert!((8..=11).contains(&ends.len()), "{}", ends.len());
+        for end in ends {
+            assert!(
+                (end.x - foot_m).abs() < 0.06 && end.y.abs() < 0.15,
+                "{end:?} instead of {foot_m:.2} m ahead"
+            );
+        }
+        let beyond = columns.free().filter(|place| place.x > foot_m + 0.1 && place.y.abs() < 0.02).count();
+        assert_eq!(beyond, 0, "nothing behind the box is free");
+        assert!(columns.free().count() > 1500);
+    }
+
+    #[test]
+    fn a_joint_and_slow_shades_are_floor() {
+        let mut columns = columns();
+        assert!(look(&mut columns, &picture(170, 174)));
+        assert_eq!(columns.ends().count(), 0);
+    }
+
+    #[test]
+    fn a_camera_that_sees_no_floor_is_refused() {
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 0.8));
+        let rules = ColumnRules::default();
+        assert!(FloorColumns::new(&pinhole, &Mount::tilted(0.5, -0.6), rules).is_none());
+        assert!(FloorColumns::new(&pinhole, &Mount::level(0.0), rules).is_none());
+    }
+
+    #[test]
+    fn the_color_is_learned_only_where_nothing_stands() {
+        let mut columns = columns();
+        assert!(look(&mut columns, &picture(0, 0)));
+        let covered = vec![60_u8; SIZE.0 * SIZE.1];
+        let view = ImageView::new(&covered, SIZE.0, SIZE.1, SIZE.0).expect("an image");
+        for _ in 0..20 {
+            assert!(columns.look(Picture::Gray(view), false));
+        }
+        assert_eq!(columns.free().count(), 0);
+        for _ in 0..20 {
+            assert!(columns.look(Picture::Gray(view), true));
+        }
+        assert!(columns.free().count() > 1000, "a floor of another brightness is learned");
+    }
+}
