@@ -283,8 +283,8 @@ fn unsuitable_cameras_are_rejected_with_a_remedy() {
     let camera = field::camera();
     let image = camera.image().with_ring(22.0, 90.0).expect("a ring");
     let small = MirrorCamera::new(image, camera.mirror().clone()).expect("a camera");
-    assert!(refused(field::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
-    assert!(refused(setup(), "farthest_m = 0.2\nrings = 40").problem.contains("fewer rings"));
+    assert!(refused(field::setup(small, Axes::ALL), "").problem.contains("smaller max_range_m"));
+    assert!(refused(setup(), "max_range_m = 0.2\nrings = 40").problem.contains("fewer rings"));
     assert_eq!(refused(setup(), "rings = 1").key, "rings");
     assert_eq!(refused(setup(), "floor_colors = 'nowhere.toml'").key, "floor_colors");
 }

@@ -48,9 +48,9 @@ pub struct Config {
     pub ladder: Vec<Rung>,
     /// Time without progress after which the robot is stuck.
     #[default(12.0)]
-    #[schemars(range(min = 0.5, max = 600.0))]
-    pub patience_s: f64,
-    /// Time without progress after which the next rung is tried; of it and of `patience_s` this much is without a halt of
+    #[schemars(range(min = 0.5, max = 600.0), extend("former_name" = "patience_s"))]
+    pub progress_timeout_s: f64,
+    /// Time without progress after which the next rung is tried; of it and of `progress_timeout_s` this much is without a halt of
     /// everything.
     #[default(3.0)]
     #[schemars(range(min = 0.5, max = 600.0))]

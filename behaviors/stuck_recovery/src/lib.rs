@@ -6,7 +6,7 @@
 //! use yamabico_core::testing::Bench;
 //! use yamabico_stuck_recovery::{DECISION, ODOMETRY, StuckRecovery};
 //!
-//! let mut bench = Bench::<StuckRecovery>::new("patience_s = 2.0", Setup::default())?;
+//! let mut bench = Bench::<StuckRecovery>::new("progress_timeout_s = 2.0", Setup::default())?;
 //! let mut proposal = None;
 //! for stamp_ns in (0..=3_000_000_000).step_by(100_000_000) {
 //!     let wished = Twist::planar(0.4, 0.0);

@@ -24,7 +24,7 @@ struct Scene {
 
 impl Scene {
     fn new(parameters: &str) -> Self {
-        let parameters = format!("patience_s = 2.0\nretry_s = 1.0\n{parameters}");
+        let parameters = format!("progress_timeout_s = 2.0\nretry_s = 1.0\n{parameters}");
         let setup = Setup { name: "stuck-recovery".into(), ..Setup::default() };
         let driver = Verdict {
             behavior: "wall-follower".into(),

@@ -88,7 +88,7 @@ impl NavelGridAvoider {
             path,
             radius_m: setup.robot.radius_m,
             observer,
-            steering: Steering::new(config.patience_s),
+            steering: Steering::new(config.blocked_timeout_s),
             open_floor,
             heading: None,
             odometry: OdometryTrack::default(),
