@@ -27,3 +27,11 @@ pub use pinhole::{
     Distortion, Intrinsics, IntrinsicsConfig, NEAR_PLANE_M, Pinhole, ProjectionError, clip_to_near_plane,
 };
 pub use radial_model::{RadialModel, RadialProfile};
+
+/// Returns true if the pixel lies in an image of this width and height: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
+fn is_in_image(pixel: nalgebra::Vector2<f64>, [width, height]: [u32; 2]) -> bool {
+    pixel.x >= -0.5
+        && pixel.y >= -0.5
+        && pixel.x < f64::from(width) - 0.5
+        && pixel.y < f64::from(height) - 0.5
+}

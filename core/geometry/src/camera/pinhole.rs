@@ -6,6 +6,8 @@ use serde::{Deserialize, Serialize};
 use serde_inline_default::serde_inline_default;
 use thiserror::Error;
 
+use super::is_in_image;
+
 /// Minimum depth of a projected point along the optical axis, m.
 pub const NEAR_PLANE_M: f64 = 0.1;
 
@@ -79,10 +81,7 @@ impl Intrinsics {
     /// Returns true if the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
     #[must_use]
     pub fn contains(&self, pixel: Vector2<f64>) -> bool {
-        pixel.x >= -0.5
-            && pixel.y >= -0.5
-            && pixel.x < f64::from(self.width) - 0.5
-            && pixel.y < f64::from(self.height) - 0.5
+        is_in_image(pixel, [self.width, self.height])
     }
 
     /// Returns true for finite numbers, positive focal lengths and an image of at least one pixel.
