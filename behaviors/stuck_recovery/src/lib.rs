@@ -152,7 +152,7 @@ impl StuckRecovery {
         self.trail.push(pose);
         match (situation.halter, self.ladder.long_halted_s()) {
             (Some(halter), Some(halted_s)) => Proposal::abstain(Reason::PassageBlocked)
-                .with_note(format_args!("waits, for {halted_s:.0} s, because {halter} halts")),
+                .with_note(format_args!("waiting for {halted_s:.0} s, halted by {halter}")),
             _ => Proposal::abstain(Reason::Clear),
         }
     }
@@ -182,7 +182,7 @@ impl StuckRecovery {
         self.ladder.finish(pose, now);
         self.acting = None;
         Proposal::abstain(Reason::Clear)
-            .with_note(format_args!("{} tried, the others drive", attempt.rung.as_str()))
+            .with_note(format_args!("{} done, handing back", attempt.rung.as_str()))
     }
 
     fn twist(&mut self, attempt: &Attempt, pose: &Pose2, is_held: bool, now: Time) -> Option<Twist> {

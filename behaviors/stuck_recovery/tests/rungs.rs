@@ -223,7 +223,7 @@ fn a_halt_is_never_fought() {
         assert_eq!(proposal.kind(), Some(Kind::Abstain));
     }
     let waiting = scene.step();
-    assert_eq!(waiting.note.as_str(), "waits, for 20 s, because sonar-halt halts");
+    assert_eq!(waiting.note.as_str(), "waiting for 20 s, halted by sonar-halt");
     scene.halted = Axes::from(Axis::Linear);
     for _ in 0..19 {
         assert_eq!(scene.step().kind(), Some(Kind::Abstain), "the others have their time");
