@@ -209,7 +209,7 @@ fn a_moved_mirror_is_detected() {
         let proposal = show_often(&mut bench, 1.2, &shifted(by), 5);
         assert!(is_standing(&proposal), "{by}");
         assert_eq!(proposal.reason(), Some(Reason::Inconsistent), "{by}");
-        assert!(proposal.note.as_str().contains("px beside"), "{}", proposal.note);
+        assert!(proposal.note.as_str().contains("px off its"), "{}", proposal.note);
     }
     let mut bench = bench("");
     let proposal = show_often(&mut bench, 1.0, &shifted(Vector2::new(0.5, -0.5)), 5);

@@ -80,7 +80,7 @@ impl Ladder {
         self.anchor.map_or(0.0, |(_, since)| now.seconds_after(since))
     }
 
-    /// Returns the time (s) for which everything has been halted, once it exceeds the patience.
+    /// Returns the time (s) for which all axes have been halted, once it exceeds the progress timeout.
     #[must_use]
     pub fn long_halted_s(&self) -> Option<f64> {
         (self.halted_s >= self.progress_timeout_s).then_some(self.halted_s)
@@ -91,7 +91,7 @@ impl Ladder {
         self.stuck_s(now) >= progress_timeout_s && self.free_s >= progress_timeout_s.min(self.retry_s)
     }
 
-    /// Takes in the robot's pose (odometry frame) and situation, and returns the attempt in progress or a new one.
+    /// Updates progress with the robot's pose (odometry frame) and situation; returns the attempt in progress or a new one.
     pub fn advance(&mut self, pose: &Pose2, situation: &Situation, now: Time) -> Option<Attempt> {
         let step = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last));
         let step_s = step.as_secs_f64();
@@ -130,13 +130,13 @@ impl Ladder {
         self.attempt
     }
 
-    /// Ends the attempt: the other behaviors drive again, and the next time it is the next rung's turn.
+    /// Ends the attempt: the other behaviors drive again, and the next attempt is the next rung.
     pub fn finish(&mut self, pose: &Pose2, now: Time) {
         self.next = self.attempt.take().map_or(self.next, |attempt| attempt.index + 1);
         self.watch_from(pose, now);
     }
 
-    /// Goes on to the next rung at once.
+    /// Starts the next rung at once.
     pub fn skip(&mut self, pose: &Pose2) -> Option<Attempt> {
         let index = (self.attempt?.index + 1) % self.rungs.len();
         self.attempt = Some(Attempt { index, rung: self.rungs[index], start: *pose, elapsed_s: 0.0 });

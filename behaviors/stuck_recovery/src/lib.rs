@@ -1,4 +1,4 @@
-//! Gets a robot going again that wants to drive and does not progress.
+//! Recovers a robot that is commanded to drive but makes no progress.
 //!
 //! ```
 //! use yamabico_core::behavior::Setup;
@@ -74,13 +74,16 @@ pub struct StuckRecovery {
 impl Plugin for StuckRecovery {
     type Config = Config;
     const NAME: &'static str = "stuck-recovery";
-    const SUMMARY: &'static str = "Gets a robot going again that wants to drive and does not progress.";
+    const SUMMARY: &'static str = "Recovers a robot that is commanded to drive but makes no progress.";
     const INPUTS: &'static [SlotInfo] = &[ODOMETRY.info(), DECISION.info(), SONAR.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         if config.away_m <= config.back_m.max(config.side_m) {
-            let problem = "must be above `back_m` and `side_m`: a rung's own motion is no progress";
+            let problem = format!(
+                "must be above back_m, {} m, and side_m, {} m, which the robot drives itself, but is {} m: raise it",
+                config.back_m, config.side_m, config.away_m
+            );
             return Err(ParameterError::new("away_m", problem));
         }
         Ok(Self {
@@ -146,7 +149,7 @@ impl StuckRecovery {
         age_s <= self.config.stale_ms * 1e-3 && age_s >= -FUTURE_TOLERANCE_S
     }
 
-    /// Abstains, and remembers the way.
+    /// Abstains, and extends the trail.
     fn watch(&mut self, pose: &Pose2, situation: &Situation) -> Proposal {
         self.acting = None;
         self.trail.push(pose);
@@ -157,7 +160,7 @@ impl StuckRecovery {
         }
     }
 
-    /// Tries a rung. One that has nothing to do is skipped.
+    /// Executes a rung; one without motion or waiting time is skipped.
     fn attempt(&mut self, attempt: Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
         let mut attempt = attempt;
         if let Some(halter) = situation.halter {
