@@ -1,4 +1,4 @@
-//! Stops that no behavior can override: the emergency stop, silence of a critical part, a clock that runs backwards.
+//! Stops that no behavior can override: the emergency stop, silence of a critical behavior or sensor, a clock that runs backwards.
 
 use std::time::Duration;
 
@@ -63,7 +63,7 @@ impl StopRequests {
     }
 }
 
-/// Watchdog of a critical part: time of its last sign of life and maximum silence.
+/// Watchdog of a critical behavior or sensor: time of its last sign of life and maximum silence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Watchdog {
     max_silence: Duration,

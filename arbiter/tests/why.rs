@@ -129,7 +129,7 @@ fn a_halting_behavior_is_disabled() {
 fn the_sonar_halts_the_robot() {
     let mut hallway = Hallway::under_way();
     let halt = Proposal::halt(Axes::LINEAR.union(Axes::LATERAL), Reason::Echo);
-    hallway.propose(SONAR_HALT, halt.with_note(format_args!("echo at 0.42 m; 2 clean readings to go")));
+    hallway.propose(SONAR_HALT, halt.with_note(format_args!("echo at 0.42 m; 2 clean scans to release")));
     hallway.repeat_for(MOMENT, &[]);
     insta::assert_snapshot!(hallway.why());
 }

@@ -54,7 +54,9 @@ impl Failure {
     pub fn report(&self, print: Print) -> ExitCode {
         match self {
             Failure::Message(problem, code) => {
-                complain(&format!("error: {}", printable(problem)));
+                // Errors with an excerpt of their file begin with a title of their own.
+                let title = if problem.starts_with("Error: ") { "" } else { "error: " };
+                complain(&format!("{title}{}", printable(problem)));
                 *code
             }
             Failure::Configuration(problems) => {

@@ -17,6 +17,25 @@ fn check_says_how_many_errors_there_are() {
 }
 
 #[test]
+fn a_former_name_of_a_parameter_is_answered_with_its_name() {
+    for (task, behavior, former, name) in [
+        ("corridor.toml", "wall-follower", "largest_turn_radps", "max_turn_radps"),
+        ("corridor.toml", "wall-follower", "largest_offset_m", "max_offset_m"),
+        ("corridor.toml", "stuck-recovery", "patience_s", "progress_timeout_s"),
+        ("intersection.toml", "intersection-tracker", "largest_turn_radps", "max_turn_radps"),
+        ("localization.toml", "map-localizer", "largest_turn_radps", "max_turn_radps"),
+        ("hallway.toml", "stationary-obstacle-avoider", "largest_turn_radps", "max_turn_radps"),
+        ("office.toml", "free-space-avoider", "patience_s", "blocked_timeout_s"),
+        ("field.toml", "free-space-avoider", "farthest_m", "max_range_m"),
+    ] {
+        let set = format!("behaviors.{behavior}.{former}=1.0");
+        let checked = yamabico().arg("check").arg(config(task)).args(["--set", &set]).output().unwrap();
+        let error = format!("unknown key `{former}`");
+        assert_exit(&checked, 2, &[&error, &format!("did you mean `{name}`?"), "\n1 error\n"]);
+    }
+}
+
+#[test]
 fn a_missing_task_is_named_without_an_excerpt() {
     let missing = yamabico().args(["run", "missing.toml"]).output().unwrap();
     assert_exit(&missing, 2, &["Error: file missing.toml does not exist\n  Help: ", "nothing was opened"]);

@@ -74,7 +74,7 @@ pub(super) fn allocate(
         let rule = &state.rules[row];
         if allocation.rejects(&state.candidates[row]) {
             let ruling = &mut decision.rulings[usize::from(rule.slot)];
-            (ruling.outcome, ruling.by) = (Outcome::OutRanked, allocation.holder);
+            (ruling.outcome, ruling.by) = (Outcome::Outranked, allocation.holder);
             next += 1;
             continue;
         }
@@ -198,7 +198,7 @@ impl Allocation {
         let impossible = unsupported.iter().any(|axis| proposal.twist.get(axis) != 0.0);
         let Some(first) = lost.iter().next() else {
             return match (impossible, proposal.coupled != 0) {
-                _ if free.is_empty() => (free, Outcome::OutRanked, None),
+                _ if free.is_empty() => (free, Outcome::Outranked, None),
                 (true, true) => (Axes::NONE, Outcome::GaveUp, None),
                 (true, false) => (free, Outcome::WonPart, None),
                 (false, _) => (free, Outcome::Won, None),
@@ -207,7 +207,7 @@ impl Allocation {
         let (why, by) = if candidate.suppressed.contains(first) {
             (Outcome::Suppressed, Some(state.rules[usize::from(candidate.suppressor)].slot))
         } else if self.taken.contains(first) {
-            (Outcome::OutRanked, decision.source[first as usize])
+            (Outcome::Outranked, decision.source[first as usize])
         } else {
             let reserver = usize::from(self.reserver[first as usize]);
             (Outcome::Waiting, Some(state.rules[reserver].slot))

@@ -9,7 +9,7 @@ fn the_highest_priority_drives_and_reaches_its_speed() {
     let decision = bench.repeat_for(ms(2000));
     assert_eq!(decision.commanded, Twist::planar(0.3, 0.0));
     assert_eq!((decision.mode, decision.source), (Mode::Driving, [Some(0), None, Some(0)]));
-    assert_eq!((bench.outcome(0), bench.outcome(1)), (Outcome::Won, Outcome::OutRanked));
+    assert_eq!((bench.outcome(0), bench.outcome(1)), (Outcome::Won, Outcome::Outranked));
     assert_eq!(bench.decision.rulings[1].by, Some(0));
 }
 
@@ -130,7 +130,7 @@ fn a_motion_along_an_axis_that_the_drive_lacks_is_given_up() {
     assert_eq!(bench.decide().wanted, Twist::ZERO);
     assert_eq!(bench.outcome(0), Outcome::GaveUp);
     bench.propose(0, Proposal::drive(Axes::LATERAL, Twist { lateral: 0.2, ..Twist::ZERO })).decide();
-    assert_eq!((bench.outcome(0), bench.decision.rulings[0].by), (Outcome::OutRanked, None));
+    assert_eq!((bench.outcome(0), bench.decision.rulings[0].by), (Outcome::Outranked, None));
     bench.propose(0, Proposal::drive(Axes::ALL, Twist::planar(0.3, 0.0))).decide();
     assert_eq!(bench.outcome(0), Outcome::Won);
 }

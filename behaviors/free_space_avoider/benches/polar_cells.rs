@@ -32,7 +32,7 @@ use yamabico_vision::morphology::Morphology;
 const POSES: u32 = 12;
 const RUNS: usize = 300;
 const SCENES: u32 = 3000;
-const GREEN: ColorBox = ColorBox { least: [30, 110, 50], most: [115, 210, 140] };
+const GREEN: ColorBox = ColorBox { min: [30, 110, 50], max: [115, 210, 140] };
 
 fn images() -> Vec<Vec<u8>> {
     let scene = field::scene();

@@ -68,8 +68,8 @@ pub struct Config {
     /// Time for which the robot is blocked before it looks around (navel-grid) or reports that it is blocked
     /// (polar-cells).
     #[default(3.0)]
-    #[schemars(range(min = 0.1, max = 600.0))]
-    pub patience_s: f64,
+    #[schemars(range(min = 0.1, max = 600.0), extend("former_name" = "patience_s"))]
+    pub blocked_timeout_s: f64,
     /// Number of rings of cells (polar-cells).
     #[default(6)]
     #[schemars(range(min = 2, max = 64))]
@@ -80,8 +80,8 @@ pub struct Config {
     pub directions: u32,
     /// Distance on the floor from the mirror's axis to the outer border of the last ring (polar-cells).
     #[default(1.25)]
-    #[schemars(range(min = 0.2, max = 10.0))]
-    pub farthest_m: f64,
+    #[schemars(range(min = 0.2, max = 10.0), extend("former_name" = "farthest_m"))]
+    pub max_range_m: f64,
     /// Minimum fraction of floor pixels in a free cell (polar-cells).
     #[default(0.8)]
     #[schemars(range(min = 0.1, max = 1.0))]

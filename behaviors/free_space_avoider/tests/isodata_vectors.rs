@@ -4,11 +4,7 @@ use serde_json::Value;
 use yamabico_free_space_avoider::navel_grid::isodata::{
     IsodataError, threshold_of_histogram, threshold_of_pixels,
 };
-use yamabico_testkit::vectors::perspective;
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("no number: {value}"))
-}
+use yamabico_testkit::vectors::{number, perspective};
 
 fn integer(value: &Value) -> u64 {
     value.as_u64().unwrap_or_else(|| panic!("no integer: {value}"))

@@ -209,7 +209,7 @@ fn a_moved_mirror_is_detected() {
         let proposal = show_often(&mut bench, 1.2, &shifted(by), 5);
         assert!(is_standing(&proposal), "{by}");
         assert_eq!(proposal.reason(), Some(Reason::Inconsistent), "{by}");
-        assert!(proposal.note.as_str().contains("px beside"), "{}", proposal.note);
+        assert!(proposal.note.as_str().contains("px off its"), "{}", proposal.note);
     }
     let mut bench = bench("");
     let proposal = show_often(&mut bench, 1.0, &shifted(Vector2::new(0.5, -0.5)), 5);
@@ -283,8 +283,8 @@ fn unsuitable_cameras_are_rejected_with_a_remedy() {
     let camera = field::camera();
     let image = camera.image().with_ring(22.0, 90.0).expect("a ring");
     let small = MirrorCamera::new(image, camera.mirror().clone()).expect("a camera");
-    assert!(refused(field::setup(small, Axes::ALL), "").problem.contains("smaller farthest_m"));
-    assert!(refused(setup(), "farthest_m = 0.2\nrings = 40").problem.contains("fewer rings"));
+    assert!(refused(field::setup(small, Axes::ALL), "").problem.contains("smaller max_range_m"));
+    assert!(refused(setup(), "max_range_m = 0.2\nrings = 40").problem.contains("fewer rings"));
     assert_eq!(refused(setup(), "rings = 1").key, "rings");
     assert_eq!(refused(setup(), "floor_colors = 'nowhere.toml'").key, "floor_colors");
 }

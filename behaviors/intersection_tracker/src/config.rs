@@ -22,16 +22,16 @@ pub struct Config {
     pub turn_gain: f64,
     /// Maximum turn rate.
     #[default(0.6)]
-    #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_radps: f64,
+    #[schemars(range(min = 0.1, max = 3.0), extend("former_name" = "largest_turn_radps"))]
+    pub max_turn_radps: f64,
     /// Distance at which the behavior stops steering and hands over.
     #[default(1.2)]
-    #[schemars(range(min = 0.5, max = 5.0))]
-    pub nearest_m: f64,
+    #[schemars(range(min = 0.5, max = 5.0), extend("former_name" = "nearest_m"))]
+    pub handover_m: f64,
     /// Maximum distance at which intersections are detected.
     #[default(12.0)]
-    #[schemars(range(min = 2.0, max = 30.0))]
-    pub farthest_m: f64,
+    #[schemars(range(min = 2.0, max = 30.0), extend("former_name" = "farthest_m"))]
+    pub max_range_m: f64,
     /// Distance between an edge and the border of the image below which the behavior hands over as well.
     #[default(15.0)]
     #[schemars(range(min = 1.0, max = 100.0))]
@@ -72,13 +72,13 @@ impl Config {
     /// # Errors
     /// The key to change.
     pub fn check(&self) -> Result<(), ParameterError> {
-        let min_m = self.nearest_m + MIN_TRACKED_M;
-        if self.farthest_m < min_m {
+        let min_m = self.handover_m + MIN_TRACKED_M;
+        if self.max_range_m < min_m {
             let problem = format!(
-                "must be at least nearest_m + {MIN_TRACKED_M} m = {min_m} m, but is {} m: raise it",
-                self.farthest_m
+                "must be at least handover_m + {MIN_TRACKED_M} m = {min_m} m, but is {} m: raise it",
+                self.max_range_m
             );
-            return Err(ParameterError::new("farthest_m", problem));
+            return Err(ParameterError::new("max_range_m", problem));
         }
         if self.lost_misses <= self.reacquire_misses {
             let problem = format!(

@@ -130,7 +130,7 @@ impl Plugin for IntersectionTracker {
             observer: CorridorObserver::new(camera, rule),
             finder: EndFinder::default(),
             rule: FinderRule {
-                range_m: [config.nearest_m + APART.0, config.farthest_m],
+                range_m: [config.handover_m + APART.0, config.max_range_m],
                 border_px: config.border_px + APART.1,
                 pair_m: config.pair_m,
             },
@@ -268,7 +268,7 @@ impl IntersectionTracker {
 
     fn hands_over(&self, pose: &Pose2, camera: &CorridorCamera) -> bool {
         let is_near =
-            self.ahead(pose).is_some_and(|ahead| ahead.distance_m - camera.mount.x < self.config.nearest_m);
+            self.ahead(pose).is_some_and(|ahead| ahead.distance_m - camera.mount.x < self.config.handover_m);
         is_near || self.track.leaves_image(pose, camera)
     }
 

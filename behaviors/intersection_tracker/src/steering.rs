@@ -38,7 +38,7 @@ pub fn steer(ahead: &Ahead, track: &IntersectionTrack, config: &Config) -> Propo
         false => (1.0, Reason::Nominal),
     };
     let speed = share * config.speed_mps * (1.0 - ahead.bearing.abs() / 0.5).max(0.3);
-    let max_turn = config.largest_turn_radps;
+    let max_turn = config.max_turn_radps;
     let turn = (config.turn_gain * ahead.bearing).clamp(-max_turn, max_turn);
     Proposal::drive(Axes::PLANAR, Twist::planar(speed, turn)).with_reason(reason).with_note(note)
 }

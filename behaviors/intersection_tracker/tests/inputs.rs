@@ -147,8 +147,8 @@ fn a_camera_without_calibration_is_refused() {
 #[test]
 fn keys_out_of_range_are_refused() {
     for (text, key) in [
-        ("nearest_m = 0.1", "nearest_m"),
-        ("nearest_m = 4\nfarthest_m = 3", "farthest_m"),
+        ("handover_m = 0.1", "handover_m"),
+        ("handover_m = 4\nmax_range_m = 3", "max_range_m"),
         ("reacquire_misses = 9\nlost_misses = 5", "lost_misses"),
         ("min_correlation = nan", "min_correlation"),
     ] {

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 use serde_json::Value;
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_intersection_tracker::pair::{across_in_camera, bearing, level_slope, partner, slope};
-use yamabico_testkit::vectors::perspective;
+use yamabico_testkit::vectors::{number, perspective};
 use yamabico_vision::corridor::heading::CameraAttitude;
 use yamabico_vision::corridor::wall_distance::{CorridorView, line_through};
 
@@ -64,10 +64,6 @@ fn intrinsics(camera: &Value) -> Intrinsics {
         cx: number(&camera["cx"]),
         cy: number(&camera["cy"]),
     }
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().expect("a number")
 }
 
 fn point(value: &Value) -> Vector2<f64> {

@@ -43,8 +43,8 @@ pub struct Config {
     pub speed_mps: f64,
     /// Maximum turn rate.
     #[default(0.8)]
-    #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_radps: f64,
+    #[schemars(range(min = 0.1, max = 3.0), extend("former_name" = "largest_turn_radps"))]
+    pub max_turn_radps: f64,
     /// Distance along the path to the point that the robot steers toward.
     #[default(0.8)]
     #[schemars(range(min = 0.2, max = 5.0))]

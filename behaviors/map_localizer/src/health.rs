@@ -128,7 +128,7 @@ impl Health {
                 if self.gated_images >= IMAGES_BEFORE_INFLATION {
                     self.gated_images = 0;
                     self.inflations += 1;
-                    self.reason = Reason::OverConfident;
+                    self.reason = Reason::Overconfident;
                     return if self.inflations > MAX_INFLATIONS { self.lose() } else { Advice::Inflate };
                 }
             }

@@ -3,10 +3,14 @@
 //! Ohya, Kosaka & Kak (1998), section 3: the result for an image taken at t0 corrects the pose at t0, and the dead
 //! reckoning since then is repeated from there.
 
-use nalgebra::{Matrix2, Matrix3};
+mod motion_since;
+
+use nalgebra::Matrix3;
 use thiserror::Error;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::time::Time;
+
+use motion_since::MotionSince;
 
 use crate::belief::Belief;
 use crate::motion::{Increment, MotionNoise, SLIP_INTERVAL_S, Speeds};
@@ -298,44 +302,6 @@ impl History {
         let last = self.entries.len().checked_sub(1)?;
         let index = self.index(last);
         self.entries.get_mut(index)
-    }
-}
-
-/// Accumulated motion since an image was taken, which propagates a correction in one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct MotionSince {
-    /// Prior pose at the capture time.
-    before: Pose2,
-    /// Current pose, propagated from `before`.
-    pose: Pose2,
-    /// Distance driven since the capture time, m.
-    driven_m: f64,
-    /// Covariance added by the motion.
-    noise: Matrix3<f64>,
-}
-
-impl MotionSince {
-    /// Appends a motion.
-    fn advance(&mut self, increment: &Increment, noise: &MotionNoise) {
-        self.noise = increment.move_covariance(&self.noise, self.pose.theta, self.driven_m, noise);
-        self.driven_m += increment.forward_m.abs();
-        self.pose = increment.move_pose(&self.pose);
-    }
-
-    /// Returns the current belief, given the posterior at the capture time.
-    fn propagate(&self, posterior: &Belief) -> Belief {
-        let turn = posterior.pose.theta - self.before.theta;
-        let (sin, cos) = turn.sin_cos();
-        let moved = (self.pose.x - self.before.x, self.pose.y - self.before.y);
-        let moved = (cos * moved.0 - sin * moved.1, sin * moved.0 + cos * moved.1);
-        let state = Matrix3::new(1.0, 0.0, -moved.1, 0.0, 1.0, moved.0, 0.0, 0.0, 1.0);
-        let mut turned = Matrix3::identity();
-        turned.fixed_view_mut::<2, 2>(0, 0).copy_from(&Matrix2::new(cos, -sin, sin, cos));
-        Belief {
-            pose: Pose2::new(posterior.pose.x + moved.0, posterior.pose.y + moved.1, self.pose.theta + turn),
-            covariance: state * posterior.covariance * state.transpose()
-                + turned * self.noise * turned.transpose(),
-        }
     }
 }
 

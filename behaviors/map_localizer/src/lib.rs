@@ -312,6 +312,6 @@ fn look_around(search: &LookAround, heading: f64) -> Proposal {
             .with_reason(Reason::Searching)
             .with_note(format_args!("pose lost, looking around")),
         None => Proposal::halt(Axes::PLANAR, Reason::Lost)
-            .with_note(format_args!("pose lost, and nothing of the map is recognized")),
+            .with_note(format_args!("pose lost; no place on the map recognized")),
     }
 }

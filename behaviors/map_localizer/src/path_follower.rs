@@ -87,7 +87,7 @@ impl PathFollower {
             law: PurePursuit {
                 speed_mps: config.speed_mps,
                 look_ahead_m: config.look_ahead_m,
-                max_turn_radps: config.largest_turn_radps,
+                max_turn_radps: config.max_turn_radps,
             },
             waypoints: corners.iter().copied().take(MAX_CORNERS - 2).collect(),
             route: Route::new(corners, config.tolerance_m),

@@ -13,27 +13,10 @@ use yamabico_map_localizer::floor_outline::{
     Fit, FitRule, FloorLocalizer, FloorOutline, FloorPlan, FloorProblem, FloorRule, LineMeasurement,
     NormalEquations, OutlineFitter, OutlineRule, PlanPlacement,
 };
-use yamabico_testkit::vectors::omni;
+use yamabico_testkit::vectors::{for_each_case, hash_of_mask, list, number, omni};
 use yamabico_vision::azimuth_profile::EdgeSign;
 use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::polygon::{contains, convex_hull};
-
-fn for_each_case(name: &str, mut check: impl FnMut(&Value, &str)) {
-    let file = omni(name);
-    let cases = file["cases"].as_array().unwrap();
-    assert!(!cases.is_empty(), "{name} has no case");
-    for case in cases {
-        check(case, case["id"].as_str().unwrap());
-    }
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
-}
-
-fn list(value: &Value) -> &[Value] {
-    value.as_array().unwrap_or_else(|| panic!("a list, not {value}"))
-}
 
 fn point(value: &Value) -> Point2<f64> {
     Point2::new(number(&value[0]), number(&value[1]))
@@ -76,7 +59,7 @@ fn close_matrix(actual: &Matrix3<f64>, expected: &Value, tolerance: f64, what: &
 
 #[test]
 fn copis_association() {
-    for_each_case("copis_association", |case, id| {
+    for_each_case(&omni("copis_association"), |case, id| {
         let belief = Belief { pose: pose(&case["predicted"]), covariance: matrix(&case["cov"]) };
         let landmarks: Vec<_> = list(&case["landmarks"])
             .iter()
@@ -108,7 +91,7 @@ fn copis_association() {
 
 #[test]
 fn copis_localize() {
-    for_each_case("copis_localize", |case, id| {
+    for_each_case(&omni("copis_localize"), |case, id| {
         let sigma_rad = number(&case["sigma"]);
         let pairs = |list_of: &Value| -> Vec<BearingPair> {
             list(list_of)
@@ -151,7 +134,7 @@ fn copis_localize() {
 
 #[test]
 fn sek_linstep() {
-    for_each_case("sek_linstep", |case, id| {
+    for_each_case(&omni("sek_linstep"), |case, id| {
         let mut equations = NormalEquations::default();
         for (i, at) in list(&case["points"]).iter().enumerate() {
             equations.add(&LineMeasurement {
@@ -278,21 +261,17 @@ fn render(truth: &Pose2, boxes: &[Value], height_mm: f64, camera: &MirrorCamera)
     mask
 }
 
+/// Returns the hash of all pixels, row by row.
 fn hash(mask: &BitImage) -> String {
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    for v in 0..mask.height() {
-        for u in 0..mask.width() {
-            hash = (hash ^ u64::from(mask.get(u, v))).wrapping_mul(0x0100_0000_01b3);
-        }
-    }
-    format!("{hash:016x}")
+    let rows = (0..mask.height()).flat_map(|v| (0..mask.width()).map(move |u| mask.get(u, v)));
+    hash_of_mask(rows)
 }
 
 #[test]
 fn sek_selfloc() {
     let camera = camera();
     let mut rendered = 0;
-    for_each_case("sek_selfloc", |case, id| {
+    for_each_case(&omni("sek_selfloc"), |case, id| {
         let hull = points(&case["hull"]);
         let expect = &case["expect"];
         if case["kind"] == "failure" {
@@ -358,7 +337,7 @@ fn sek_selfloc() {
 
 #[test]
 fn sek_selfloc_bias() {
-    for_each_case("sek_selfloc_bias", |case, id| {
+    for_each_case(&omni("sek_selfloc_bias"), |case, id| {
         let hull = points(&case["hull"]);
         let truth = pose(&case["true_pose"]);
         let find = |rule: &FitRule| {

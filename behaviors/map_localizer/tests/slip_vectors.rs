@@ -6,11 +6,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_map_localizer::belief::Belief;
 use yamabico_map_localizer::motion::SlipNoise;
 use yamabico_map_localizer::slip::{Angle, SlipGates};
-use yamabico_testkit::vectors::{cases, evidence};
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
-}
+use yamabico_testkit::vectors::{cases, evidence, number};
 
 fn close(actual: f64, expected: &Value, tolerance: f64, what: &str) {
     let expected = number(expected);

@@ -51,7 +51,7 @@ pub struct Config {
     #[default(2.5)]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub slow_s: f64,
-    /// Speed limit while something comes nearer.
+    /// Speed limit while an obstacle approaches.
     #[default(0.2)]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub slow_mps: f64,

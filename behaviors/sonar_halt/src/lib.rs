@@ -226,7 +226,7 @@ impl SonarHalt {
         if self.slow.is_holding() {
             let speed = self.config.slow_mps;
             let limit = Proposal::limit(TRANSLATION, Twist::new(speed, speed, 0.0), Reason::Echo);
-            return limit.with_evidence(evidence).with_note(format_args!("something comes nearer"));
+            return limit.with_evidence(evidence).with_note(format_args!("obstacle approaching"));
         }
         Proposal::abstain(Reason::Clear).with_evidence(evidence)
     }
@@ -236,13 +236,13 @@ impl SonarHalt {
         match self.cause {
             Cause::Fault(reason) => Proposal::halt(axes, reason).with_note(format_args!("{reason}")),
             Cause::Echo { range_m, path_m: None } => Proposal::halt(axes, Reason::Echo)
-                .with_note(format_args!("echo at {range_m:.2} m; {missing} clean readings to go")),
+                .with_note(format_args!("echo at {range_m:.2} m; {missing} clean scans to release")),
             Cause::Echo { range_m, path_m: Some(path_m) } => Proposal::halt(axes, Reason::Echo).with_note(
-                format_args!("echo at {range_m:.2} m, {path_m:.2} m to contact; {missing} clean to go"),
+                format_args!("echo at {range_m:.2} m, {path_m:.2} m to contact; {missing} clean scans to release"),
             ),
             Cause::Approach(Approach { time_s, closing_mps }) => Proposal::halt(axes, Reason::Echo)
                 .with_note(format_args!(
-                    "closing at {closing_mps:.1} m/s, {time_s:.1} s to contact; {missing} clean to go"
+                    "closing at {closing_mps:.1} m/s, {time_s:.1} s to contact; {missing} clean scans to release"
                 )),
         }
     }

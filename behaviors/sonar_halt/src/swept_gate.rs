@@ -1,4 +1,4 @@
-//! The gate that halts for what stands on the swept path, as far as the robot needs to stop.
+//! Gate that halts for echoes on the swept path within the stopping distance.
 
 use yamabico_core::message::{Axes, Axis, Beam, Twist};
 
@@ -40,7 +40,7 @@ pub struct SweptGate {
 }
 
 impl SweptGate {
-    /// Classifies one scan for a robot that has the motions `twists`, such as the measured and the wished one. Does not
+    /// Classifies one scan for a robot with the motions `twists`, such as the measured twist and the wish. Does not
     /// panic on any input.
     #[must_use]
     pub fn read(&self, beams: &[Beam], twists: &[Twist]) -> Reading {

@@ -10,7 +10,7 @@ use yamabico_core::message::{Beam, Twist};
 /// Ratio of speed to turn rate (m/rad) above which an arc counts as straight.
 const STRAIGHT_M: f64 = 1e6;
 
-/// Maximum number of points that stand for an echo.
+/// Maximum number of points that represent an echo.
 const MAX_POINTS: f64 = 2000.0;
 
 /// Path of a disc that moves with constant twist.
@@ -85,8 +85,8 @@ impl SweptPath {
         shortest(echo_points(beam, range_m, step_m).map(|point| self.contact_m(point)))
     }
 
-    /// Same as [`contact_with_echo_m`](Self::contact_with_echo_m), but points in the disc that the motion leaves do not
-    /// count.
+    /// Same as [`contact_with_echo_m`](Self::contact_with_echo_m), but ignores points inside the disc from which the motion
+    /// leads away.
     #[must_use]
     pub fn approach_to_echo_m(&self, beam: &Beam, range_m: f64, step_m: f64) -> Option<f64> {
         let ahead = echo_points(beam, range_m, step_m)

@@ -79,7 +79,7 @@ fn walls_beside_a_narrow_passage_do_not_halt_and_one_across_it_does() {
     let halt = scene.scan(AHEAD);
     assert_eq!((halt.kind(), halt.reason()), (Some(Kind::Halt), Some(Reason::Echo)));
     assert!(!halt.axes.contains(Axis::Angular), "turning in place stays open");
-    assert_eq!(halt.note.as_str(), "echo at 0.30 m, 0.22 m to contact; 3 clean to go");
+    assert_eq!(halt.note.as_str(), "echo at 0.30 m, 0.22 m to contact; 3 clean scans to release");
     let mut scene = Scene::new("gate = 'range'");
     assert_eq!(scene.scan([Some(0.42), None, Some(0.42)]).kind(), Some(Kind::Halt), "the old gate");
 }

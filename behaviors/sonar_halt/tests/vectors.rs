@@ -5,11 +5,7 @@ use yamabico_core::message::{Beam, Twist};
 use yamabico_sonar_halt::swept_gate::StoppingDistance;
 use yamabico_sonar_halt::swept_path::SweptPath;
 use yamabico_sonar_halt::time_to_contact::{RangeFit, time_to_contact_from_size_s};
-use yamabico_testkit::vectors::{cases, evidence};
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
-}
+use yamabico_testkit::vectors::{cases, evidence, number};
 
 /// Asserts that `actual` is within the tolerance of `expected`, absolute below 1 and relative above; null is none.
 fn close(actual: Option<f64>, expected: &Value, tolerance: f64, what: &str) {

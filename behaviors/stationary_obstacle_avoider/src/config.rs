@@ -58,8 +58,8 @@ pub struct Config {
     pub blind_speed_mps: f64,
     /// Maximum turn rate.
     #[serde_inline_default(0.7)]
-    #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_radps: f64,
+    #[schemars(range(min = 0.1, max = 3.0), extend("former_name" = "largest_turn_radps"))]
+    pub max_turn_radps: f64,
     /// Clearance kept on both sides of the robot's circle.
     #[serde_inline_default(0.03)]
     #[schemars(range(min = 0.0, max = 1.0))]

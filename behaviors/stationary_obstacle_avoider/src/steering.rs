@@ -70,13 +70,13 @@ impl PassageAvoider {
         let target = self.order.target_heading.unwrap_or(robot.theta);
         let off = angle_difference(target, robot.theta);
         if self.order.v_zero {
-            return turn(off, self.config.largest_turn_radps)
+            return turn(off, self.config.max_turn_radps)
                 .with_reason(Reason::Nominal)
                 .with_note(format_args!("turns to a passage at {:+.0} deg", off.to_degrees()));
         }
         let goal_m = off.clamp(-0.8, 0.8).tan() * PLANE_M;
         let Some(aim) = self.aim(robot, goal_m) else {
-            return turn(off, self.config.largest_turn_radps)
+            return turn(off, self.config.max_turn_radps)
                 .with_reason(Reason::PassageBlocked)
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
         };
@@ -84,8 +84,7 @@ impl PassageAvoider {
         let fastest =
             if self.failure.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
         let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
-        let rate =
-            (TURN_GAIN * bearing).clamp(-self.config.largest_turn_radps, self.config.largest_turn_radps);
+        let rate = (TURN_GAIN * bearing).clamp(-self.config.max_turn_radps, self.config.max_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
             "past {} things, {:+.0} deg",
             self.known_obstacles.confirmed().count(),
@@ -100,7 +99,7 @@ impl PassageAvoider {
         if off.abs() <= DIRECTION_REACHED_RAD {
             self.search.mark_reached(now);
         }
-        turn(off, self.config.largest_turn_radps).with_reason(Reason::Searching)
+        turn(off, self.config.max_turn_radps).with_reason(Reason::Searching)
     }
 
     /// Passes an unusable vision result to the state machine if the current search direction gives no usable frame in

@@ -41,33 +41,35 @@ impl Rung {
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Rungs to try, in this order; after the last it begins anew. Any of `wait`, `look-again`, `turn`, `back-off`, `other-side`
+    /// Recovery maneuvers (rungs), tried in this order; after the last, the first again. Any of `wait`, `look-again`, `turn`,
+    /// `back-off`, `other-side`
     /// and `ask`.
     #[default(vec![Rung::Wait, Rung::LookAgain, Rung::Turn, Rung::BackOff, Rung::OtherSide, Rung::Ask])]
     #[schemars(length(min = 1, max = 20))]
     pub ladder: Vec<Rung>,
     /// Time without progress after which the robot is stuck.
     #[default(12.0)]
-    #[schemars(range(min = 0.5, max = 600.0))]
-    pub patience_s: f64,
-    /// Time without progress after which the next rung is tried; of it and of `patience_s` this much is without a halt of
-    /// everything.
+    #[schemars(range(min = 0.5, max = 600.0), extend("former_name" = "patience_s"))]
+    pub progress_timeout_s: f64,
+    /// Time without progress after which the next rung is tried; at least this much of it, and of `progress_timeout_s`, must be
+    /// without a halt of all axes.
     #[default(3.0)]
     #[schemars(range(min = 0.5, max = 600.0))]
     pub retry_s: f64,
-    /// Distance from where it stood that counts as progress.
+    /// Minimum distance from the last position that counts as progress.
     #[default(0.15)]
     #[schemars(range(min = 0.02, max = 10.0))]
     pub progress_m: f64,
-    /// Distance from where it was stuck at which the ladder begins anew; must be above `back_m` and `side_m`.
+    /// Distance from the position where it was stuck after which the ladder starts again at its first rung; must be above
+    /// `back_m` and `side_m`.
     #[default(1.0)]
     #[schemars(range(min = 0.05, max = 20.0))]
     pub away_m: f64,
-    /// Time for which `wait` stands; what the robot stood before counts.
+    /// Duration of `wait`, including the time for which the robot has already stood still.
     #[default(2.0)]
     #[schemars(range(min = 0.0, max = 600.0))]
     pub wait_s: f64,
-    /// Time for which `look-again` stands; what the robot stood before counts.
+    /// Duration of `look-again`, including the time for which the robot has already stood still.
     #[default(1.0)]
     #[schemars(range(min = 0.0, max = 600.0))]
     pub look_s: f64,
@@ -79,7 +81,7 @@ pub struct Config {
     #[default(25.0)]
     #[schemars(range(min = 1.0, max = 180.0))]
     pub turn_deg: f64,
-    /// Angle of `other-side`, measured from its beginning.
+    /// Angle of `other-side` from the heading at its start.
     #[default(50.0)]
     #[schemars(range(min = 1.0, max = 180.0))]
     pub side_deg: f64,
@@ -91,7 +93,7 @@ pub struct Config {
     #[default(0.5)]
     #[schemars(range(min = 0.05, max = 0.6))]
     pub back_m: f64,
-    /// Distance ahead of `other-side`, where the sonar shows that much room.
+    /// Distance that `other-side` drives ahead if the sonar shows that much free range.
     #[default(0.4)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub side_m: f64,

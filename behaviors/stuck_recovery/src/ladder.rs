@@ -25,7 +25,7 @@ pub struct Attempt {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ladder {
     rungs: Vec<Rung>,
-    patience_s: f64,
+    progress_timeout_s: f64,
     retry_s: f64,
     progress_m: f64,
     away_m: f64,
@@ -48,7 +48,7 @@ impl Ladder {
     pub fn new(config: &Config) -> Self {
         Self {
             rungs: config.ladder.clone(),
-            patience_s: config.patience_s,
+            progress_timeout_s: config.progress_timeout_s,
             retry_s: config.retry_s,
             progress_m: config.progress_m,
             away_m: config.away_m,
@@ -80,18 +80,18 @@ impl Ladder {
         self.anchor.map_or(0.0, |(_, since)| now.seconds_after(since))
     }
 
-    /// Returns the time (s) for which everything has been halted, once it exceeds the patience.
+    /// Returns the time (s) for which all axes have been halted, once it exceeds the progress timeout.
     #[must_use]
     pub fn long_halted_s(&self) -> Option<f64> {
-        (self.halted_s >= self.patience_s).then_some(self.halted_s)
+        (self.halted_s >= self.progress_timeout_s).then_some(self.halted_s)
     }
 
     fn is_stuck(&self, now: Time) -> bool {
-        let patience_s = if self.place.is_some() { self.retry_s } else { self.patience_s };
-        self.stuck_s(now) >= patience_s && self.free_s >= patience_s.min(self.retry_s)
+        let progress_timeout_s = if self.place.is_some() { self.retry_s } else { self.progress_timeout_s };
+        self.stuck_s(now) >= progress_timeout_s && self.free_s >= progress_timeout_s.min(self.retry_s)
     }
 
-    /// Takes in the robot's pose (odometry frame) and situation, and returns the attempt in progress or a new one.
+    /// Updates progress with the robot's pose (odometry frame) and situation; returns the attempt in progress or a new one.
     pub fn advance(&mut self, pose: &Pose2, situation: &Situation, now: Time) -> Option<Attempt> {
         let step = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last));
         let step_s = step.as_secs_f64();
@@ -130,13 +130,13 @@ impl Ladder {
         self.attempt
     }
 
-    /// Ends the attempt: the other behaviors drive again, and the next time it is the next rung's turn.
+    /// Ends the attempt: the other behaviors drive again, and the next attempt is the next rung.
     pub fn finish(&mut self, pose: &Pose2, now: Time) {
         self.next = self.attempt.take().map_or(self.next, |attempt| attempt.index + 1);
         self.watch_from(pose, now);
     }
 
-    /// Goes on to the next rung at once.
+    /// Starts the next rung at once.
     pub fn skip(&mut self, pose: &Pose2) -> Option<Attempt> {
         let index = (self.attempt?.index + 1) % self.rungs.len();
         self.attempt = Some(Attempt { index, rung: self.rungs[index], start: *pose, elapsed_s: 0.0 });
@@ -163,7 +163,7 @@ mod tests {
     fn ladder() -> Ladder {
         Ladder::new(&Config {
             ladder: vec![Rung::Wait, Rung::Turn],
-            patience_s: 10.0,
+            progress_timeout_s: 10.0,
             retry_s: 3.0,
             ..Config::default()
         })

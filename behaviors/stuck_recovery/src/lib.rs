@@ -1,4 +1,4 @@
-//! Gets a robot going again that wants to drive and does not progress.
+//! Recovers a robot that is commanded to drive but makes no progress.
 //!
 //! ```
 //! use yamabico_core::behavior::Setup;
@@ -6,7 +6,7 @@
 //! use yamabico_core::testing::Bench;
 //! use yamabico_stuck_recovery::{DECISION, ODOMETRY, StuckRecovery};
 //!
-//! let mut bench = Bench::<StuckRecovery>::new("patience_s = 2.0", Setup::default())?;
+//! let mut bench = Bench::<StuckRecovery>::new("progress_timeout_s = 2.0", Setup::default())?;
 //! let mut proposal = None;
 //! for stamp_ns in (0..=3_000_000_000).step_by(100_000_000) {
 //!     let wished = Twist::planar(0.4, 0.0);
@@ -74,13 +74,16 @@ pub struct StuckRecovery {
 impl Plugin for StuckRecovery {
     type Config = Config;
     const NAME: &'static str = "stuck-recovery";
-    const SUMMARY: &'static str = "Gets a robot going again that wants to drive and does not progress.";
+    const SUMMARY: &'static str = "Recovers a robot that is commanded to drive but makes no progress.";
     const INPUTS: &'static [SlotInfo] = &[ODOMETRY.info(), DECISION.info(), SONAR.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
         if config.away_m <= config.back_m.max(config.side_m) {
-            let problem = "must be above `back_m` and `side_m`: a rung's own motion is no progress";
+            let problem = format!(
+                "must be above back_m, {} m, and side_m, {} m, which the robot drives itself, but is {} m: raise it",
+                config.back_m, config.side_m, config.away_m
+            );
             return Err(ParameterError::new("away_m", problem));
         }
         Ok(Self {
@@ -146,18 +149,18 @@ impl StuckRecovery {
         age_s <= self.config.stale_ms * 1e-3 && age_s >= -FUTURE_TOLERANCE_S
     }
 
-    /// Abstains, and remembers the way.
+    /// Abstains, and extends the trail.
     fn watch(&mut self, pose: &Pose2, situation: &Situation) -> Proposal {
         self.acting = None;
         self.trail.push(pose);
         match (situation.halter, self.ladder.long_halted_s()) {
             (Some(halter), Some(halted_s)) => Proposal::abstain(Reason::PassageBlocked)
-                .with_note(format_args!("waits, for {halted_s:.0} s, because {halter} halts")),
+                .with_note(format_args!("waiting for {halted_s:.0} s, halted by {halter}")),
             _ => Proposal::abstain(Reason::Clear),
         }
     }
 
-    /// Tries a rung. One that has nothing to do is skipped.
+    /// Executes a rung; one without motion or waiting time is skipped.
     fn attempt(&mut self, attempt: Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
         let mut attempt = attempt;
         if let Some(halter) = situation.halter {
@@ -182,7 +185,7 @@ impl StuckRecovery {
         self.ladder.finish(pose, now);
         self.acting = None;
         Proposal::abstain(Reason::Clear)
-            .with_note(format_args!("{} tried, the others drive", attempt.rung.as_str()))
+            .with_note(format_args!("{} done, handing back", attempt.rung.as_str()))
     }
 
     fn twist(&mut self, attempt: &Attempt, pose: &Pose2, is_held: bool, now: Time) -> Option<Twist> {

@@ -18,10 +18,10 @@ const SLACK_S: f64 = 1.5;
 const LOOK_BACK_M: f64 = 0.15;
 /// Angle of that point from straight behind above which the robot turns in place first, rad.
 const ASKEW_RAD: f64 = 0.6;
-/// Room that must remain between the footprint and an echo, m.
+/// Clearance to keep between the footprint and an echo, m.
 const CLEAR_M: f64 = 0.15;
 
-/// Knowledge that a maneuver needs besides the attempt.
+/// State of the robot that a maneuver needs.
 #[derive(Debug)]
 pub struct Surroundings<'a> {
     /// Pose, odometry frame.
@@ -32,7 +32,7 @@ pub struct Surroundings<'a> {
     pub room: Room,
     /// True while a halt stops the translation.
     pub is_held: bool,
-    /// Way on which the robot came.
+    /// Path on which the robot came.
     pub trail: &'a mut Trail,
     /// 1 if `turn` turns to the left, -1 if to the right.
     pub side: f64,

@@ -2,17 +2,17 @@
 
 use yamabico_core::message::{Axes, DecisionHeader, Kind, Mode, Name, Outcome, Reason, Verdict, View};
 
-/// Translation below which a wish is to stand, m/s.
+/// Speed of a wish below which it counts as standing, m/s.
 const STANDING_MPS: f64 = 0.02;
-/// Turn rate below which a wish is to stand, rad/s.
+/// Turn rate of a wish below which it counts as standing, rad/s.
 const STANDING_RADPS: f64 = 0.05;
 
-/// Wishes of the other behaviors, and the halts of them.
+/// Motion that the other behaviors ask for, and their halts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Situation {
-    /// True if another behavior wants to drive, or would if it saw better.
+    /// True if another behavior asks for motion, or abstains only because it does not see or recognize enough.
     pub wants_to_drive: bool,
-    /// True if a higher priority drives, or an emergency stops the robot.
+    /// True if a behavior of higher priority drives, or an emergency stops the robot.
     pub is_overruled: bool,
     /// True if a halt stops the translation.
     pub is_held: bool,

@@ -1,4 +1,4 @@
-//! The way on which the robot came, from odometry.
+//! The path on which the robot came, from odometry.
 
 use nalgebra::Point2;
 use yamabico_core::geometry::Pose2;
@@ -7,7 +7,7 @@ const CAPACITY: usize = 32;
 /// Distance between two points of the trail, m.
 const SPACING_M: f64 = 0.05;
 
-/// The last 1.6 m of the robot's way, odometry frame. Never allocates.
+/// The last 1.6 m of the robot's path, odometry frame. Never allocates.
 #[derive(Clone, Debug)]
 pub struct Trail {
     points: [Point2<f64>; CAPACITY],

@@ -68,7 +68,8 @@ fn drive(seconds: f64, recovers: bool) -> Outcomes {
     let robot = Robot { radius_m: RADIUS_M, ..Robot::default() };
     let setup = |name: &str| Setup { name: name.into(), robot: robot.clone(), ..Setup::default() };
     let mut halt = Bench::<SonarHalt>::new("", setup("sonar-halt")).unwrap();
-    let mut recovery = Bench::<StuckRecovery>::new("patience_s = 4.0", setup("stuck-recovery")).unwrap();
+    let mut recovery =
+        Bench::<StuckRecovery>::new("progress_timeout_s = 4.0", setup("stuck-recovery")).unwrap();
     let mut pose = Pose2::default();
     let mut twist = Twist::ZERO;
     let mut outcomes = Outcomes { pose, halted_s: 0.0, tried: Vec::new() };

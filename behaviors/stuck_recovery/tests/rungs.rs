@@ -24,7 +24,7 @@ struct Scene {
 
 impl Scene {
     fn new(parameters: &str) -> Self {
-        let parameters = format!("patience_s = 2.0\nretry_s = 1.0\n{parameters}");
+        let parameters = format!("progress_timeout_s = 2.0\nretry_s = 1.0\n{parameters}");
         let setup = Setup { name: "stuck-recovery".into(), ..Setup::default() };
         let driver = Verdict {
             behavior: "wall-follower".into(),
@@ -223,7 +223,7 @@ fn a_halt_is_never_fought() {
         assert_eq!(proposal.kind(), Some(Kind::Abstain));
     }
     let waiting = scene.step();
-    assert_eq!(waiting.note.as_str(), "waits, for 20 s, because sonar-halt halts");
+    assert_eq!(waiting.note.as_str(), "waiting for 20 s, halted by sonar-halt");
     scene.halted = Axes::from(Axis::Linear);
     for _ in 0..19 {
         assert_eq!(scene.step().kind(), Some(Kind::Abstain), "the others have their time");

@@ -79,14 +79,14 @@ impl Plugin for Teleop {
 impl Behavior for Teleop {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let Some(stick) = inputs.latest(&STICK).map(|stick| *stick.header) else {
-            return Proposal::abstain(Reason::NoInput).with_note(format_args!("nobody holds the stick"));
+            return Proposal::abstain(Reason::NoInput).with_note(format_args!("no teleop command"));
         };
         let held = Time(stick.stamp_ns);
         let age_s = inputs.now().seconds_after(held);
         if age_s > self.config.dead_man_ms * 1e-3 {
             return Proposal::abstain(Reason::StaleInput)
                 .with_evidence(inputs.now())
-                .with_note(format_args!("the stick was let go {age_s:.1} s ago"));
+                .with_note(format_args!("no teleop command for {age_s:.1} s"));
         }
         match twist(&stick, &self.config).filter(|_| age_s > -FUTURE_TOLERANCE_S) {
             Some(twist) => Proposal::drive(self.axes, twist).with_evidence(held).with_note(format_args!(

@@ -25,12 +25,12 @@ pub struct Config {
     pub damping: f64,
     /// Lateral offset at which the steering saturates.
     #[default(0.6)]
-    #[schemars(range(min = 0.1, max = 2.0))]
-    pub largest_offset_m: f64,
+    #[schemars(range(min = 0.1, max = 2.0), extend("former_name" = "largest_offset_m"))]
+    pub max_offset_m: f64,
     /// Maximum turn rate.
     #[default(0.8)]
-    #[schemars(range(min = 0.1, max = 3.0))]
-    pub largest_turn_radps: f64,
+    #[schemars(range(min = 0.1, max = 3.0), extend("former_name" = "largest_turn_radps"))]
+    pub max_turn_radps: f64,
     /// Distance kept from the only visible wall while the corridor's width is unknown.
     #[default(0.6)]
     #[schemars(range(min = 0.2, max = 3.0))]

@@ -137,8 +137,8 @@ impl Plugin for WallFollower {
             law: Centering {
                 length_m: config.convergence_m,
                 damping: config.damping,
-                largest_offset_m: config.largest_offset_m,
-                largest_turn_radps: config.largest_turn_radps,
+                largest_offset_m: config.max_offset_m,
+                largest_turn_radps: config.max_turn_radps,
             },
             radius_m: setup.robot.radius_m,
             sight: Sight::new(config.method, camera, stated_sigma_rad, rule),
@@ -377,7 +377,7 @@ impl WallFollower {
         let walls = &estimate.walls;
         let clearance_m = walls.nearest_m() - self.radius_m;
         if estimate.heading.abs() > TURN_FIRST_RAD || share <= 0.0 {
-            return turn_in_place(estimate.heading, 0.0, self.config.largest_turn_radps)
+            return turn_in_place(estimate.heading, 0.0, self.config.max_turn_radps)
                 .with_reason(Reason::EdgeOn);
         }
         if clearance_m < self.config.near_wall_m {
@@ -413,7 +413,7 @@ impl WallFollower {
         let is_left = left_m <= estimate.walls.nearest_m();
         let target = if is_left { -STEER_AWAY_RAD } else { STEER_AWAY_RAD };
         let leads_away = estimate.heading * target.signum() > 0.5 * STEER_AWAY_RAD;
-        let turn = align_in_place(estimate.heading, target, self.config.largest_turn_radps);
+        let turn = align_in_place(estimate.heading, target, self.config.max_turn_radps);
         let speed = if clearance_m < self.config.stop_wall_m && !leads_away {
             0.0
         } else {
@@ -435,7 +435,7 @@ impl WallFollower {
         }
         let target = self.turning_to?;
         if angle_difference(target, pose.theta).abs() > TURNED_RAD {
-            let turn = turn_in_place(pose.theta, target, self.config.largest_turn_radps);
+            let turn = turn_in_place(pose.theta, target, self.config.max_turn_radps);
             return Some(turn.with_reason(Reason::CorridorEnds));
         }
         self.turning_to = None;

@@ -10,6 +10,10 @@ use super::problem::{Problem, Span};
 use super::shape::Shape;
 use super::units::{meant, number, unit_of};
 
+/// Schema keyword of a parameter that was renamed: the name that is no longer accepted, for which the error suggests the
+/// parameter.
+const FORMER_NAME: &str = "former_name";
+
 /// Checks every key of `table` against the union of `shapes`. `owner` names the table in errors; missing keys are
 /// reported at `header`.
 pub fn check_table(
@@ -28,8 +32,10 @@ pub fn check_table(
         match property.or_else(free) {
             Some(shape) => check_value(&entry.key, &entry.node, shape, owner, problems),
             None => {
-                let absent = known.iter().map(|(key, _)| *key).filter(|key| table.entry(key).is_none());
-                let help = match nearest(&entry.key, absent) {
+                let absent = known.iter().filter(|(key, _)| table.entry(key).is_none());
+                let renamed = absent.clone().find(|(_, shape)| shape.text(FORMER_NAME) == Some(&entry.key));
+                let similar = || nearest(&entry.key, absent.map(|(key, _)| *key));
+                let help = match renamed.map(|(key, _)| *key).or_else(similar) {
                     Some(key) => {
                         suggested.insert(key);
                         format!("did you mean `{key}`?")

@@ -81,7 +81,7 @@ class Reason(IntEnum):
     INTERSECTION_LOST = 35
     TOO_FEW_MATCHES = 36
     GATED = 37
-    OVER_CONFIDENT = 38
+    OVERCONFIDENT = 38
     INCONSISTENT = 39
     LOST = 40
     TOO_OLD = 41
@@ -158,7 +158,7 @@ class Outcome(IntEnum):
     MALFORMED = 24
     INHIBITED = 25
     SUPPRESSED = 26
-    OUT_RANKED = 27
+    OUTRANKED = 27
     GAVE_UP = 28
     WAITING = 29
     STOPPED = 30

@@ -41,7 +41,7 @@ code_enum! {
         /// A halt stops at least one axis.
         Halted = 2 "halted",
         /// A critical behavior or sensor is silent.
-        CriticalSilent = 3 "critical part silent",
+        CriticalSilent = 3 "critical behavior or sensor silent",
         /// The emergency stop is latched.
         EmergencyStop = 4 "emergency stop",
         /// The run is ending and the robot is being stopped.
@@ -133,7 +133,7 @@ code_enum! {
         /// Suppressed by another behavior on every axis that it claims.
         Suppressed = 26 "suppressed",
         /// A higher priority drives every axis that it claims.
-        OutRanked = 27 "out-ranked",
+        Outranked = 27 "outranked",
         /// Coupled: it lost one axis and gave up the others.
         GaveUp = 28 "gave up, coupled",
         /// Waiting for its dwell time before it takes over from a higher priority.

@@ -170,7 +170,7 @@ code_enum! {
         /// No wall is visible.
         NoWall = 27 "no wall",
         /// The wall lies across the view.
-        EdgeOn = 28 "edge on",
+        EdgeOn = 28 "edge-on",
         /// The camera's height is unknown.
         NoHeightCalibration = 29 "no height calibration",
         /// The two views have no parallax.
@@ -178,7 +178,7 @@ code_enum! {
         /// A wall line lies above the camera.
         NegativeHeight = 31 "negative height",
         /// Only one edge of a pair was found.
-        OneSided = 32 "one sided",
+        OneSided = 32 "one-sided",
         /// The template has no contrast.
         FlatTemplate = 33 "flat template",
         /// The correlation of the best match is too low.
@@ -190,7 +190,7 @@ code_enum! {
         /// The measurement lies outside its gate.
         Gated = 37 "gated",
         /// The covariance is too small for the measured error.
-        OverConfident = 38 "over-confident",
+        Overconfident = 38 "overconfident",
         /// Measurements contradict each other.
         Inconsistent = 39 "inconsistent",
         /// The pose is lost.
@@ -206,13 +206,13 @@ code_enum! {
         /// No part of the map is in view.
         NoModel = 45 "no model",
         /// Image and map do not register.
-        MisRegistered = 46 "mis-registered",
+        MisRegistered = 46 "misregistered",
         /// The passage is blocked.
         PassageBlocked = 47 "passage blocked",
         /// Floor and obstacles have similar colors.
         LowContrast = 48 "low contrast",
         /// The floor model classifies the floor as an obstacle.
-        FloorModelBroken = 49 "floor model broken",
+        FloorModelBroken = 49 "floor model invalid",
         /// A wall is nearer than is safe.
         WallNear = 50 "wall near",
         /// No corridor is in view.

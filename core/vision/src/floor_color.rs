@@ -19,11 +19,11 @@ pub type Color = [u8; 3];
 #[serde(deny_unknown_fields)]
 pub struct ColorBox {
     /// Lower thresholds of red, green and blue.
-    #[schemars(inner(range(min = 0, max = 255)))]
-    pub least: Color,
+    #[schemars(inner(range(min = 0, max = 255)), extend("former_name" = "least"))]
+    pub min: Color,
     /// Upper thresholds of red, green and blue.
-    #[schemars(inner(range(min = 0, max = 255)))]
-    pub most: Color,
+    #[schemars(inner(range(min = 0, max = 255)), extend("former_name" = "most"))]
+    pub max: Color,
 }
 
 impl ColorBox {
@@ -32,7 +32,7 @@ impl ColorBox {
     #[must_use]
     pub fn contains(&self, color: Color) -> bool {
         // No short-circuit evaluation, so that it vectorizes.
-        let within = |i: usize| (color[i] >= self.least[i]) & (color[i] <= self.most[i]);
+        let within = |i: usize| (color[i] >= self.min[i]) & (color[i] <= self.max[i]);
         within(0) & within(1) & within(2)
     }
 
@@ -40,8 +40,8 @@ impl ColorBox {
     #[must_use]
     pub fn widened(&self, levels: u8) -> Self {
         Self {
-            least: self.least.map(|level| level.saturating_sub(levels)),
-            most: self.most.map(|level| level.saturating_add(levels)),
+            min: self.min.map(|level| level.saturating_sub(levels)),
+            max: self.max.map(|level| level.saturating_add(levels)),
         }
     }
 
@@ -50,15 +50,15 @@ impl ColorBox {
     pub fn towards(&self, other: &ColorBox, levels: u8) -> Self {
         let step = |from: u8, to: u8| to.clamp(from.saturating_sub(levels), from.saturating_add(levels));
         Self {
-            least: std::array::from_fn(|i| step(self.least[i], other.least[i])),
-            most: std::array::from_fn(|i| step(self.most[i], other.most[i])),
+            min: std::array::from_fn(|i| step(self.min[i], other.min[i])),
+            max: std::array::from_fn(|i| step(self.max[i], other.max[i])),
         }
     }
 
     /// Maximum width of a channel, gray levels.
     #[must_use]
     pub fn spread(&self) -> u8 {
-        let spread = |i: usize| self.most[i].saturating_sub(self.least[i]);
+        let spread = |i: usize| self.max[i].saturating_sub(self.min[i]);
         spread(0).max(spread(1)).max(spread(2))
     }
 }
@@ -98,7 +98,7 @@ impl ColorTable {
 
     /// Marks every class that overlaps the box as floor.
     pub fn insert_box(&mut self, colors: &ColorBox) {
-        let classes = |i: usize| colors.least[i] >> 3..=colors.most[i] >> 3;
+        let classes = |i: usize| colors.min[i] >> 3..=colors.max[i] >> 3;
         for red in classes(0) {
             for green in classes(1) {
                 classes(2).for_each(|blue| self.insert([red << 3, green << 3, blue << 3]));
@@ -193,7 +193,7 @@ impl Classes for &ColorTable {
 /// Box with its thresholds repeated for 64 interleaved pixels: all channels are compared alike, then the three bits of
 /// each pixel are combined.
 struct Thresholds {
-    least: [u8; 192],
+    min: [u8; 192],
     /// Upper minus lower threshold. Meaningless for an empty channel: the box is then empty.
     span: [u8; 192],
     is_empty: bool,
@@ -202,9 +202,9 @@ struct Thresholds {
 impl Thresholds {
     fn new(colors: &ColorBox) -> Self {
         let channels = |levels: Color| std::array::from_fn(|i| levels[i % 3]);
-        let span = std::array::from_fn(|i| colors.most[i].wrapping_sub(colors.least[i]));
-        let is_empty = (0..3).any(|i| colors.most[i] < colors.least[i]);
-        Self { least: channels(colors.least), span: channels(span), is_empty }
+        let span = std::array::from_fn(|i| colors.max[i].wrapping_sub(colors.min[i]));
+        let is_empty = (0..3).any(|i| colors.max[i] < colors.min[i]);
+        Self { min: channels(colors.min), span: channels(span), is_empty }
     }
 }
 
@@ -216,8 +216,8 @@ impl Classes for Thresholds {
         }
         let bytes = colors.as_flattened();
         let mut flags = [0; 192];
-        for (((flag, &byte), &least), &span) in flags.iter_mut().zip(bytes).zip(&self.least).zip(&self.span) {
-            *flag = u8::from(byte.wrapping_sub(least) <= span);
+        for (((flag, &byte), &min), &span) in flags.iter_mut().zip(bytes).zip(&self.min).zip(&self.span) {
+            *flag = u8::from(byte.wrapping_sub(min) <= span);
         }
         let [a, b, c] = [0, 1, 2].map(|i| pack(flags.as_chunks::<64>().0.get(i).unwrap_or(&[0; 64])));
         // Combines the three bits of a pixel at the position of its first.
@@ -281,7 +281,7 @@ impl<C: Classes> Kernel for Mark<'_, C> {
 mod tests {
     use super::*;
 
-    const GREEN: ColorBox = ColorBox { least: [16, 80, 24], most: [79, 255, 103] };
+    const GREEN: ColorBox = ColorBox { min: [16, 80, 24], max: [79, 255, 103] };
 
     #[test]
     fn a_table_of_a_box_marks_what_the_box_marks() {
@@ -311,7 +311,7 @@ mod tests {
         let data: Vec<u8> = (0..3 * 64).map(|i| i as u8).collect();
         let image = RgbView::new(&data, 64, 1, 192).unwrap();
         let mut mask = BitImage::default();
-        let empty = ColorBox { least: [0, 9, 0], most: [255, 8, 255] };
+        let empty = ColorBox { min: [0, 9, 0], max: [255, 8, 255] };
         FloorColors::Box(empty).mark(image, std::slice::from_ref(&(0..64)), &mut mask);
         assert_eq!(mask.count(), 0);
         assert_eq!(every_third(1 | 1 << 3 | 1 << 30 | 1 << 63), 1 | 2 | 1 << 10 | 1 << 21);
@@ -319,9 +319,9 @@ mod tests {
 
     #[test]
     fn a_box_moves_step_by_step() {
-        let moved = GREEN.towards(&ColorBox { least: [10, 200, 24], most: [255, 255, 0] }, 20);
-        assert_eq!(moved, ColorBox { least: [10, 100, 24], most: [99, 255, 83] });
-        assert_eq!(GREEN.widened(30), ColorBox { least: [0, 50, 0], most: [109, 255, 133] });
+        let moved = GREEN.towards(&ColorBox { min: [10, 200, 24], max: [255, 255, 0] }, 20);
+        assert_eq!(moved, ColorBox { min: [10, 100, 24], max: [99, 255, 83] });
+        assert_eq!(GREEN.widened(30), ColorBox { min: [0, 50, 0], max: [109, 255, 133] });
         assert_eq!((GREEN.spread(), moved.spread()), (175, 155));
     }
 

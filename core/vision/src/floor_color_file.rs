@@ -48,12 +48,12 @@ impl ColorFile {
     /// Neither or both of thresholds and table, a lower threshold above its upper one, or lines that are not a table.
     pub fn colors(&self) -> Result<FloorColors, ParameterError> {
         match (&self.thresholds, &self.table) {
-            (Some(thresholds), None) if (0..3).all(|i| thresholds.least[i] <= thresholds.most[i]) => {
+            (Some(thresholds), None) if (0..3).all(|i| thresholds.min[i] <= thresholds.max[i]) => {
                 Ok(FloorColors::Box(*thresholds))
             }
             (Some(_), None) => Err(ParameterError::new(
                 "thresholds",
-                "has a `least` above its `most`, so that no color is floor: swap them",
+                "has a `min` above its `max`, so that no color is floor: swap them",
             )),
             (None, Some(lines)) => {
                 let table = ColorTable::from_lines(lines).ok_or_else(|| {
@@ -85,14 +85,15 @@ mod tests {
     #[test]
     fn invalid_files_are_rejected() {
         let problem = |text: &str| FLOOR_COLORS_FILE.read("floor.toml", text).err().map(|p| p.to_string());
-        assert_eq!(problem("thresholds = { least = [0, 80, 0], most = [90, 255, 90] }"), None);
+        assert_eq!(problem("thresholds = { min = [0, 80, 0], max = [90, 255, 90] }"), None);
         let reports = |text: &str, expected: &str| {
             let message = problem(text).expect("a problem");
             assert!(message.contains(expected), "{message}");
         };
         reports("", "either");
-        reports("thresholds = { least = [0, 80, 0], most = [90, 70, 90] }", "above");
-        reports("thresholds = { least = [0, 80, 0], most = [90, 256, 90] }", "255");
+        reports("thresholds = { min = [0, 80, 0], max = [90, 70, 90] }", "above");
+        reports("thresholds = { min = [0, 80, 0], max = [90, 256, 90] }", "255");
+        reports("thresholds = { least = [0, 80, 0], max = [90, 255, 90] }", "did you mean `min`?");
         reports(&format!("table = [{}]", "'00',".repeat(32)), "256 hexadecimal");
         reports("tabel = []", "table");
     }

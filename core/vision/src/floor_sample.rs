@@ -48,10 +48,10 @@ impl FloorSample {
     #[must_use]
     pub fn quantile_range(&self, share: f64) -> Option<ColorBox> {
         let skipped = (share.clamp(0.0, 0.5) * f64::from(self.count)) as u32;
-        let mut colors = ColorBox { least: [0; 3], most: [0; 3] };
+        let mut colors = ColorBox { min: [0; 3], max: [0; 3] };
         for (i, channel) in self.channels.iter().enumerate() {
-            colors.least[i] = first_level(channel.iter().enumerate(), skipped)?;
-            colors.most[i] = first_level(channel.iter().enumerate().rev(), skipped)?;
+            colors.min[i] = first_level(channel.iter().enumerate(), skipped)?;
+            colors.max[i] = first_level(channel.iter().enumerate().rev(), skipped)?;
         }
         Some(colors)
     }
@@ -76,8 +76,8 @@ mod tests {
         let mut sample = FloorSample::default();
         assert_eq!(sample.quantile_range(0.1), None);
         (0..100).for_each(|i| sample.add([i, 40, 255 - i]));
-        assert_eq!(sample.quantile_range(0.0), Some(ColorBox { least: [0, 40, 156], most: [99, 40, 255] }));
-        assert_eq!(sample.quantile_range(0.1), Some(ColorBox { least: [10, 40, 166], most: [89, 40, 245] }));
+        assert_eq!(sample.quantile_range(0.0), Some(ColorBox { min: [0, 40, 156], max: [99, 40, 255] }));
+        assert_eq!(sample.quantile_range(0.1), Some(ColorBox { min: [10, 40, 166], max: [89, 40, 245] }));
         sample.clear();
         assert_eq!(sample.count(), 0);
     }

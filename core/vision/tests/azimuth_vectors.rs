@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Point2};
 use serde_json::Value;
 use yamabico_geometry::{Pose2, wrap_angle};
-use yamabico_testkit::vectors::omni;
+use yamabico_testkit::vectors::{for_each_case, list, number, omni};
 use yamabico_vision::azimuth_map::{
     AdjacencyTable, CyclicMatcher, Inflation, LocatedEdge, MatchingRule, ObservedEdge, ObstacleClusters,
     PathError, PredictedEdge, RangeReading, ReadingClass, RelinkRule, Sighting, SurfaceCheck,
@@ -12,23 +12,6 @@ use yamabico_vision::azimuth_map::{
 };
 use yamabico_vision::azimuth_profile::{AzimuthProfile, EdgePoint, EdgeSign, ProfileRule};
 use yamabico_vision::polygon::{PolygonMoments, convex_hull, sides, signed_area};
-
-fn for_each_case(name: &str, mut check: impl FnMut(&Value, &str)) {
-    let file = omni(name);
-    let cases = file["cases"].as_array().unwrap();
-    assert!(!cases.is_empty(), "{name} has no case");
-    for case in cases {
-        check(case, case["id"].as_str().unwrap());
-    }
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
-}
-
-fn list(value: &Value) -> &[Value] {
-    value.as_array().unwrap_or_else(|| panic!("a list, not {value}"))
-}
 
 fn sign(value: &Value) -> EdgeSign {
     if number(value) > 0.0 { EdgeSign::Brighter } else { EdgeSign::Darker }
@@ -43,7 +26,7 @@ fn close(actual: f64, expected: &Value, tolerance: f64, what: &str) {
 
 #[test]
 fn copis_azimuth() {
-    for_each_case("copis_azimuth", |case, id| {
+    for_each_case(&omni("copis_azimuth"), |case, id| {
         let rule = ProfileRule { min_length_px: 8.0, ..ProfileRule::default() };
         let mut profile = AzimuthProfile::new(rule);
         for pixel in list(&case["pixels"]) {
@@ -104,7 +87,7 @@ fn indices(value: &Value) -> Vec<i64> {
 
 #[test]
 fn sek_hull() {
-    for_each_case("sek_hull", |case, id| {
+    for_each_case(&omni("sek_hull"), |case, id| {
         let mut hull = Vec::new();
         convex_hull(&mut points(&case["points"]), &mut hull);
         assert_eq!(hull, points(&case["hull"]), "{id}");
@@ -113,7 +96,7 @@ fn sek_hull() {
 
 #[test]
 fn sek_moments() {
-    for_each_case("sek_moments", |case, id| {
+    for_each_case(&omni("sek_moments"), |case, id| {
         let polygon = points(&case["polygon"]);
         let moments = PolygonMoments::of(&polygon).unwrap();
         // Sums over large coordinates cancel: the accuracy is relative to the largest of them.
@@ -143,7 +126,7 @@ fn sek_moments() {
 
 #[test]
 fn copis_locus() {
-    for_each_case("copis_locus", |case, id| {
+    for_each_case(&omni("copis_locus"), |case, id| {
         let expected: Vec<_> = list(&case["tracks"])
             .iter()
             .map(|track| PredictedEdge {
@@ -171,7 +154,7 @@ fn copis_locus() {
 
 #[test]
 fn copis_relink() {
-    for_each_case("copis_relink", |case, id| {
+    for_each_case(&omni("copis_relink"), |case, id| {
         let edge = |name: &str| LocatedEdge {
             position: point(&case[name]),
             covariance: matrix(&case[format!("cov_{name}")]),
@@ -188,7 +171,7 @@ fn copis_relink() {
 
 #[test]
 fn copis_triangulation() {
-    for_each_case("copis_triangulation", |case, id| {
+    for_each_case(&omni("copis_triangulation"), |case, id| {
         let sightings: Vec<_> = list(&case["obs"])
             .iter()
             .map(|seen| Sighting { sensor: pose(seen), azimuth_rad: number(&seen[3]) })
@@ -213,7 +196,7 @@ fn copis_triangulation() {
 
 #[test]
 fn copis_surface() {
-    for_each_case("copis_surface", |case, id| {
+    for_each_case(&omni("copis_surface"), |case, id| {
         let ends = [point(&case["a"]), point(&case["b"])];
         let mut check = SurfaceCheck::new(ends, SurfaceCheckRule::ray());
         let mut decided_at = -1;
@@ -251,7 +234,7 @@ fn copis_surface() {
 
 #[test]
 fn copis_freespace() {
-    for_each_case("copis_freespace", |case, id| {
+    for_each_case(&omni("copis_freespace"), |case, id| {
         let mut table = AdjacencyTable::default();
         for frame in list(&case["frames"]) {
             table.update(list(frame).iter().map(|edge| (number(&edge[0]) as u32, number(&edge[1]))));
@@ -286,7 +269,7 @@ fn copis_freespace() {
 
 #[test]
 fn copis_replan() {
-    for_each_case("copis_replan", |case, id| {
+    for_each_case(&omni("copis_replan"), |case, id| {
         let edges = points(&case["edges"]);
         let mut clusters = ObstacleClusters::default();
         let labels = clusters.label(&edges, 0.35, |_, _| false).to_vec();

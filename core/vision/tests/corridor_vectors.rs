@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Vector2};
 use serde_json::Value;
 use yamabico_geometry::camera::{Calibration, Mount};
-use yamabico_testkit::vectors::{cases, corridor};
+use yamabico_testkit::vectors::{cases, corridor, number};
 use yamabico_vision::corridor_evidence::false_alarms::{Agreement, log10_false_alarms};
 use yamabico_vision::corridor_evidence::features::Features;
 use yamabico_vision::corridor_evidence::foot_line::{FootLine, FootLineFinder, WallAhead};
@@ -67,10 +67,6 @@ fn for_each_case(name: &str, check: impl Fn(&Case<'_>)) {
         let (id, tolerance) = (case["id"].as_str().unwrap(), &case["tol"]);
         check(&Case { id, input: &case["input"], expect: &case["expect"], tolerance, of_file });
     }
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
 fn point(value: &Value) -> Vector2<f64> {

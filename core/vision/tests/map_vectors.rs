@@ -4,12 +4,8 @@ use nalgebra::{Point2, Point3};
 use serde_json::Value;
 use yamabico_geometry::Pose2;
 use yamabico_geometry::camera::{Intrinsics, Mount};
-use yamabico_testkit::vectors::perspective;
+use yamabico_testkit::vectors::{number, perspective};
 use yamabico_vision::map::{Edge, EdgeKind, MapView, Wall};
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap()
-}
 
 fn point<const N: usize>(value: &Value) -> [f64; N] {
     std::array::from_fn(|i| number(&value[i]))

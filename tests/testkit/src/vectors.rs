@@ -49,6 +49,43 @@ pub fn cases(file: &Value) -> &[Value] {
     cases
 }
 
+/// Calls `check` with each case of a file of known answers, and with its id.
+///
+/// # Panics
+/// If there is no case, or a case without id.
+pub fn for_each_case(file: &Value, mut check: impl FnMut(&Value, &str)) {
+    for case in cases(file) {
+        check(case, case["id"].as_str().unwrap_or_else(|| panic!("a case without id: {case}")));
+    }
+}
+
+/// Returns the number `value`.
+///
+/// # Panics
+/// If it is none.
+#[must_use]
+pub fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
+}
+
+/// Returns the items of the list `value`.
+///
+/// # Panics
+/// If it is none.
+#[must_use]
+pub fn list(value: &Value) -> &[Value] {
+    value.as_array().unwrap_or_else(|| panic!("a list, not {value}"))
+}
+
+/// Returns the FNV-1a hash (64 bits) of a mask, one byte a pixel, by which known answers name masks.
+#[must_use]
+pub fn hash_of_mask(pixels: impl IntoIterator<Item = bool>) -> String {
+    let hash = pixels.into_iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, pixel| {
+        (hash ^ u64::from(pixel)).wrapping_mul(0x0100_0000_01b3)
+    });
+    format!("{hash:016x}")
+}
+
 fn read(group: &str, name: &str) -> Value {
     let folder = std::env::var("YAMABICO_VECTORS").unwrap_or_else(|_| "tests/vectors".into());
     let path = crate::workspace().join(folder).join(group).join(name).with_extension("json");

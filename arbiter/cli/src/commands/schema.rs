@@ -21,14 +21,17 @@ pub struct Arguments {
     /// Task file whose external programs are asked for the keys of their behaviors, which the schema of tasks then has.
     #[arg(long, value_name = "FILE")]
     task: Option<PathBuf>,
+    /// Robot file whose external programs are asked for the keys of their devices, sensors and drives, which the schema of
+    /// robots then has.
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
 }
 
 /// Prints or writes the schemas.
 pub fn schema(arguments: &Arguments) -> CommandResult {
-    let all = match &arguments.task {
-        Some(task) => config::schema_with_task(task, &plugins()).map_err(Failure::usage)?,
-        None => config::schema(&plugins()),
-    };
+    let Arguments { task, robot, .. } = arguments;
+    let all = config::schema_with_programs(task.as_deref(), robot.as_deref(), &plugins());
+    let all = all.map_err(Failure::usage)?;
     let none = Map::new();
     let kinds = all.as_object().unwrap_or(&none);
     if let Some(folder) = &arguments.out {

@@ -163,7 +163,7 @@ mod tests {
         assert_eq!(changes.proposal("p", &silent).unwrap().message, "halt: no input");
         assert!(changes.proposal("p", &Proposal::abstain(Reason::Clear)).is_some());
         let decision = DecisionHeader { mode: Mode::CriticalSilent.code(), ..Default::default() };
-        assert_eq!(changes.decision("d", &decision).unwrap().message, "critical part silent");
+        assert_eq!(changes.decision("d", &decision).unwrap().message, "critical behavior or sensor silent");
         assert!(changes.decision("d", &decision).is_none());
     }
 }

@@ -20,7 +20,7 @@ use super::writer::under;
 #[derive(Debug, thiserror::Error)]
 pub enum PlaybackError {
     /// The file cannot be opened.
-    #[error("cannot play back {}: {source}", path.display())]
+    #[error("recording {} cannot be opened: {source}", path.display())]
     NotReadable {
         /// File.
         path: PathBuf,
@@ -28,7 +28,7 @@ pub enum PlaybackError {
         source: std::io::Error,
     },
     /// The file is not a recording.
-    #[error("cannot play back {}: not an MCAP recording ({reason})", path.display())]
+    #[error("{} is not an MCAP recording: {reason}", path.display())]
     NoRecording {
         /// File.
         path: PathBuf,

@@ -35,7 +35,7 @@ pub struct ControlTime {
     pub by_owner_s: BTreeMap<String, f64>,
     /// Time in which no behavior was in control, s.
     pub idle_s: f64,
-    /// Time at the start in which critical parts waited for their first readings, s.
+    /// Time at the start in which critical behaviors and sensors waited for their first readings, s.
     pub waiting_s: f64,
 }
 
@@ -46,7 +46,7 @@ enum Owner {
     Named(String),
     /// No behavior.
     Nobody,
-    /// No behavior, since critical parts wait for their first readings.
+    /// No behavior, since critical behaviors and sensors wait for their first readings.
     FirstReadings,
 }
 

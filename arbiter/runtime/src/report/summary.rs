@@ -119,7 +119,7 @@ pub struct RunSummary {
     pub control_s: BTreeMap<String, f64>,
     /// Time in which no behavior was in control, s.
     pub idle_s: f64,
-    /// Time at the start in which critical parts waited for their first readings, s.
+    /// Time at the start in which critical behaviors and sensors waited for their first readings, s.
     pub waiting_s: f64,
     /// Summary of each behavior, by name.
     pub behaviors: BTreeMap<String, BehaviorSummary>,

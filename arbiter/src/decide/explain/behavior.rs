@@ -67,8 +67,8 @@ fn why(message: &DecisionMessage, verdict: &Verdict, context: &ExplainContext) -
         Outcome::Malformed => "ignored, because its proposal is malformed".to_owned(),
         Outcome::Inhibited => format!("inhibited by {by}{}", remaining(verdict)),
         Outcome::Suppressed => format!("suppressed by {by} on {axes}{}", remaining(verdict)),
-        Outcome::OutRanked if by.is_empty() => "claims no axis that the drive has".to_owned(),
-        Outcome::OutRanked => format!("outranked on {axes}{}", winner(message, verdict)),
+        Outcome::Outranked if by.is_empty() => "claims no axis that the drive has".to_owned(),
+        Outcome::Outranked => format!("outranked on {axes}{}", winner(message, verdict)),
         Outcome::GaveUp if by.is_empty() => {
             "gives up, because the drive lacks an axis that it needs".to_owned()
         }

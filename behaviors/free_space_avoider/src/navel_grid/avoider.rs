@@ -88,7 +88,7 @@ impl NavelGridAvoider {
             path,
             radius_m: setup.robot.radius_m,
             observer,
-            steering: Steering::new(config.patience_s),
+            steering: Steering::new(config.blocked_timeout_s),
             open_floor,
             heading: None,
             odometry: OdometryTrack::default(),
@@ -210,15 +210,15 @@ impl NavelGridAvoider {
                 match self.failure {
                     None => format_args!("both sides are blocked"),
                     Some(GridFailure::LowContrast) => format_args!("floor and obstacles look alike"),
-                    Some(GridFailure::FloorModelBroken) => format_args!("hardly any floor in view"),
+                    Some(GridFailure::FloorModelBroken) => format_args!("too little floor in view"),
                     Some(GridFailure::NoFloorAhead) => {
-                        format_args!("no floor right ahead at the start: is `polarity` right?")
+                        format_args!("no floor ahead at the start: check `polarity`")
                     }
                 },
             ),
             Motion::Enclosed => drive(0.0, 0.0)
                 .with_reason(Reason::PassageBlocked)
-                .with_note(format_args!("a full turn has shown no way forward")),
+                .with_note(format_args!("no free path in a full turn")),
         }
     }
 }

@@ -138,16 +138,16 @@ impl PolarCellsAvoider {
             let stop = stop(failure.reason());
             return match failure {
                 RingFailure::NoFloorAhead => {
-                    stop.with_note(format_args!("no single color right before the robot at the start"))
+                    stop.with_note(format_args!("no uniform floor color ahead at the start"))
                 }
                 RingFailure::MaskUnreliable => {
-                    stop.with_note(format_args!("hardly any floor color around it"))
+                    stop.with_note(format_args!("too little floor color around the robot"))
                 }
                 RingFailure::LowContrast => {
-                    stop.with_note(format_args!("even the robot itself is floor-colored"))
+                    stop.with_note(format_args!("the robot's body has the floor's color"))
                 }
                 RingFailure::MirrorMoved { offset_px } => {
-                    stop.with_note(format_args!("the mirror is seen {offset_px:.1} px beside its place"))
+                    stop.with_note(format_args!("mirror {offset_px:.1} px off its calibrated center"))
                 }
             };
         }
@@ -162,11 +162,11 @@ impl PolarCellsAvoider {
             Maneuver::Drive { twist, share } => {
                 drive(twist).with_note(format_args!("{:.0} % of the speed", 100.0 * share))
             }
-            Maneuver::BackOut(twist) => drive(twist).with_note(format_args!("away from what is too near")),
+            Maneuver::BackOut(twist) => drive(twist).with_note(format_args!("backing away from an obstacle")),
             Maneuver::Turn(turn_radps) => drive(Twist::planar(0.0, turn_radps))
                 .uncoupled()
                 .with_reason(Reason::Searching)
-                .with_note(format_args!("turns to where the floor is free")),
+                .with_note(format_args!("turning toward free floor")),
             Maneuver::Wait { blocked_s } => {
                 stop(Reason::Searching).with_note(format_args!("no free direction for {blocked_s:.1} s"))
             }
@@ -174,7 +174,7 @@ impl PolarCellsAvoider {
                 stop(Reason::PassageBlocked).with_note(format_args!("no free direction for {blocked_s:.0} s"))
             }
             Maneuver::Brake => Proposal::halt(self.axes, Reason::PassageBlocked)
-                .with_note(format_args!("something is nearer than it can stop")),
+                .with_note(format_args!("obstacle within the stopping distance")),
         }
     }
 }

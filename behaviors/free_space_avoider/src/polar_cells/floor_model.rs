@@ -125,8 +125,8 @@ fn take(
     sample.clear();
     patch.iter().for_each(|&(u, v)| sample.add(image.pixel(usize::from(u), usize::from(v))));
     let seen: ColorBox = sample.quantile_range(OUTLIERS)?;
-    let is_dark = seen.most.iter().all(|&level| level <= DARK);
-    let is_glare = seen.least.iter().all(|&level| level >= GLARE);
+    let is_dark = seen.max.iter().all(|&level| level <= DARK);
+    let is_glare = seen.min.iter().all(|&level| level >= GLARE);
     if seen.spread() > MAX_SPREAD || is_dark || is_glare {
         return None;
     }

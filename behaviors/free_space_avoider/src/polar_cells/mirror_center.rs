@@ -71,7 +71,7 @@ mod tests {
     use super::*;
     use yamabico_vision::floor_color::ColorBox;
 
-    const GREEN: FloorColors = FloorColors::Box(ColorBox { least: [0, 100, 0], most: [90, 255, 90] });
+    const GREEN: FloorColors = FloorColors::Box(ColorBox { min: [0, 100, 0], max: [90, 255, 90] });
 
     /// Returns a green image with a black disc, and black to the left of column `hidden_below`.
     fn image_with_disc(disc: Vector2<f64>, radius_px: f64, hidden_below: usize) -> Vec<u8> {

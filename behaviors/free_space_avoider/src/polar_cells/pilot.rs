@@ -133,7 +133,7 @@ impl Pilot {
             heading,
             is_holonomic,
             radius_m: robot.radius_m,
-            blocked_timeout_s: config.patience_s,
+            blocked_timeout_s: config.blocked_timeout_s,
             previous: PreviousChoice::default(),
             blocked_since: None,
         })

@@ -267,17 +267,17 @@ fn ring_edges_px(
     };
     // The edge of the robot's own image is blurred.
     let first = first.max(image.blind_radius_px() + 1.0).ceil();
-    let last = camera.radius_px(config.farthest_m, -height_m).map_err(|problem| {
+    let last = camera.radius_px(config.max_range_m, -height_m).map_err(|problem| {
         format!(
-            "does not show the floor {:.2} m from its axis: {problem}: set a smaller farthest_m",
-            config.farthest_m
+            "does not show the floor {:.2} m from its axis: {problem}: set a smaller max_range_m",
+            config.max_range_m
         )
     })?;
     let last = last.floor();
     if last - first < 2.0 * f64::from(config.rings) {
         return Err(format!(
             "must have at least {} px from the robot to the farthest floor for {} rings, but has {:.0} px: set fewer \
-             rings or a larger farthest_m",
+             rings or a larger max_range_m",
             2 * config.rings,
             config.rings,
             last - first

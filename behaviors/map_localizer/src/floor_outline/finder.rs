@@ -13,7 +13,8 @@ use yamabico_vision::map::{Wall, WireFrame};
 use yamabico_vision::morphology::Morphology;
 use yamabico_vision::polygon::sides;
 
-use super::localizer::{FloorFix, FloorLocalizer, FloorProblem, FloorRule, FloorSolution};
+use super::floor_fix::{FloorFix, FloorProblem, FloorSolution};
+use super::localizer::{FloorLocalizer, FloorRule};
 use super::outline::OutlineRule;
 use super::plan_file::FloorPlanFile;
 use crate::CAMERA;

@@ -8,6 +8,7 @@
 
 mod finder;
 mod fit;
+mod floor_fix;
 mod floor_plan;
 mod localizer;
 mod normal_equations;
@@ -16,8 +17,9 @@ mod plan_file;
 
 pub use finder::FloorFinder;
 pub use fit::{Fit, FitRule, OutlineFitter, PlanPlacement, Robust};
+pub use floor_fix::{FloorFix, FloorProblem, FloorSolution};
 pub use floor_plan::{FloorPlan, FloorPlanError, OutlineSegment};
-pub use localizer::{FloorFix, FloorLocalizer, FloorProblem, FloorRule, FloorSolution};
+pub use localizer::{FloorLocalizer, FloorRule};
 pub use normal_equations::{LineMeasurement, NormalEquations};
 pub use outline::{FloorOutline, OutlineError, OutlineRule, OutlineVertex};
 pub use plan_file::{FLOOR_PLAN_FILE, FloorPlanFile};

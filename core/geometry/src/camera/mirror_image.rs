@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_inline_default::serde_inline_default;
 
+use super::is_in_image;
 use super::mirror_camera::MirrorError;
 
 /// Orientation with the robot's forward direction up in the image, and its left on the left.
@@ -161,10 +162,7 @@ impl MirrorImage {
     /// Returns true if the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
     #[must_use]
     pub fn contains(&self, pixel: Vector2<f64>) -> bool {
-        pixel.x >= -0.5
-            && pixel.y >= -0.5
-            && pixel.x < f64::from(self.width) - 0.5
-            && pixel.y < f64::from(self.height) - 0.5
+        is_in_image(pixel, [self.width, self.height])
     }
 }
 

@@ -1,10 +1,10 @@
 //! The pinhole camera with Brown-Conrady distortion.
 
-use nalgebra::{Matrix2, Matrix3, Point3, Vector2, Vector3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use serde_inline_default::serde_inline_default;
+use nalgebra::{Point3, Vector2, Vector3};
 use thiserror::Error;
+
+use super::distortion::Distortion;
+use super::intrinsics::Intrinsics;
 
 /// Minimum depth of a projected point along the optical axis, m.
 pub const NEAR_PLANE_M: f64 = 0.1;
@@ -12,163 +12,6 @@ pub const NEAR_PLANE_M: f64 = 0.1;
 /// Maximum residual of the undistortion, normalized image units.
 const UNDISTORTION_TOLERANCE: f64 = 1e-14;
 const UNDISTORTION_STEPS: usize = 60;
-
-/// Intrinsic parameters without distortion, and the image size; pixels, with pixel centers on integers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Intrinsics {
-    /// Horizontal focal length, pixels.
-    pub fx: f64,
-    /// Vertical focal length, pixels.
-    pub fy: f64,
-    /// Column of the principal point, pixels.
-    pub cx: f64,
-    /// Row of the principal point, pixels.
-    pub cy: f64,
-    /// Image width, pixels.
-    pub width: u32,
-    /// Image height, pixels.
-    pub height: u32,
-}
-
-impl Intrinsics {
-    /// Returns columns and rows of the image.
-    #[must_use]
-    pub fn size(&self) -> [u32; 2] {
-        [self.width, self.height]
-    }
-
-    /// Creates intrinsics with square pixels and a centered principal point from the horizontal field of view (rad, in
-    /// (0, pi)) across the whole width: `fx = (width/2) / tan(fov/2)`.
-    #[must_use]
-    pub fn from_horizontal_fov(width: u32, height: u32, fov_rad: f64) -> Self {
-        let focal = 0.5 * f64::from(width) / (0.5 * fov_rad).tan();
-        Self {
-            fx: focal,
-            fy: focal,
-            cx: 0.5 * (f64::from(width) - 1.0),
-            cy: 0.5 * (f64::from(height) - 1.0),
-            width,
-            height,
-        }
-    }
-
-    /// Returns the horizontal field of view across the whole width, rad.
-    #[must_use]
-    pub fn horizontal_fov(&self) -> f64 {
-        2.0 * (0.5 * f64::from(self.width) / self.fx).atan()
-    }
-
-    /// Returns the matrix K, which maps a point of the plane z = 1 to its undistorted pixel.
-    #[must_use]
-    pub fn matrix(&self) -> Matrix3<f64> {
-        Matrix3::new(self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
-    }
-
-    /// Returns the normalized coordinates ((u - cx)/fx, (v - cy)/fy) of an undistorted pixel.
-    #[must_use]
-    pub fn normalized_from_pixel(&self, pixel: Vector2<f64>) -> Vector2<f64> {
-        Vector2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy)
-    }
-
-    /// Returns the undistorted pixel of normalized coordinates.
-    #[must_use]
-    pub fn pixel_from_normalized(&self, normalized: Vector2<f64>) -> Vector2<f64> {
-        Vector2::new(self.fx * normalized.x + self.cx, self.fy * normalized.y + self.cy)
-    }
-
-    /// Returns true if the pixel lies in the image: within [-0.5, width - 0.5) and [-0.5, height - 0.5).
-    #[must_use]
-    pub fn contains(&self, pixel: Vector2<f64>) -> bool {
-        pixel.x >= -0.5
-            && pixel.y >= -0.5
-            && pixel.x < f64::from(self.width) - 0.5
-            && pixel.y < f64::from(self.height) - 0.5
-    }
-
-    /// Returns true for finite numbers, positive focal lengths and an image of at least one pixel.
-    #[must_use]
-    pub fn is_valid(&self) -> bool {
-        [self.fx, self.fy, self.cx, self.cy].iter().all(|value| value.is_finite())
-            && self.fx > 0.0
-            && self.fy > 0.0
-            && self.width > 0
-            && self.height > 0
-    }
-}
-
-/// Brown-Conrady distortion of normalized coordinates: radial k1, k2, k3 and tangential p1, p2; all zero means none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Distortion {
-    /// Radial coefficient of r².
-    #[schemars(range(min = -10.0, max = 10.0))]
-    pub k1: f64,
-    /// Radial coefficient of r⁴.
-    #[schemars(range(min = -10.0, max = 10.0))]
-    pub k2: f64,
-    /// First tangential coefficient.
-    #[schemars(range(min = -1.0, max = 1.0))]
-    pub p1: f64,
-    /// Second tangential coefficient.
-    #[schemars(range(min = -1.0, max = 1.0))]
-    pub p2: f64,
-    /// Radial coefficient of r⁶.
-    #[schemars(range(min = -10.0, max = 10.0))]
-    pub k3: f64,
-}
-
-impl Distortion {
-    /// No distortion.
-    pub const NONE: Self = Self { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
-
-    /// Returns the distorted normalized coordinates of an ideal point.
-    #[must_use]
-    pub fn distort(&self, ideal: Vector2<f64>) -> Vector2<f64> {
-        let (x, y) = (ideal.x, ideal.y);
-        let r2 = x * x + y * y;
-        let radial = self.radial(r2);
-        Vector2::new(
-            x * radial + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
-            y * radial + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
-        )
-    }
-
-    /// Returns the Jacobian of [`Distortion::distort`] at an ideal point.
-    #[must_use]
-    pub fn jacobian(&self, ideal: Vector2<f64>) -> Matrix2<f64> {
-        let (x, y) = (ideal.x, ideal.y);
-        let r2 = x * x + y * y;
-        let radial = self.radial(r2);
-        let slope = 2.0 * (self.k1 + r2 * (2.0 * self.k2 + 3.0 * self.k3 * r2));
-        let cross = slope * x * y + 2.0 * (self.p1 * x + self.p2 * y);
-        Matrix2::new(
-            radial + slope * x * x + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
-            cross,
-            cross,
-            radial + slope * y * y + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
-        )
-    }
-
-    /// Returns the squared ideal radius up to which the radial distortion is monotonic, or infinity if it is
-    /// everywhere.
-    fn valid_radius_squared(&self) -> f64 {
-        let derivative = |q: f64| 1.0 + q * (3.0 * self.k1 + q * (5.0 * self.k2 + q * 7.0 * self.k3));
-        let (steps, end) = (400, 16.0);
-        let first_negative =
-            (1..=steps).map(|i| end * f64::from(i) / f64::from(steps)).find(|&q| derivative(q) <= 0.0);
-        let Some(mut high) = first_negative else { return f64::INFINITY };
-        let mut low = high - end / f64::from(steps);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if derivative(middle) > 0.0 { low = middle } else { high = middle }
-        }
-        low
-    }
-
-    fn radial(&self, r2: f64) -> f64 {
-        1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-    }
-}
 
 /// Reason why a point cannot be projected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -291,65 +134,6 @@ pub fn clip_to_near_plane(start: Point3<f64>, end: Point3<f64>) -> Option<(Point
     }
 }
 
-/// A pinhole camera as a robot file writes it: image size, field of view in degrees or focal lengths in pixels, and the
-/// distortion.
-#[serde_inline_default]
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct IntrinsicsConfig {
-    /// Image width, pixels.
-    #[schemars(range(min = 16, max = 8192))]
-    pub width: u32,
-    /// Image height, pixels.
-    #[schemars(range(min = 16, max = 8192))]
-    pub height: u32,
-    /// Horizontal field of view, which gives a focal length that is not set.
-    #[serde_inline_default(60.0)]
-    #[schemars(range(min = 5.0, max = 170.0))]
-    pub fov_deg: f64,
-    /// Horizontal focal length, pixels; without it, from `fov_deg`.
-    #[serde(default)]
-    #[schemars(range(min = 1.0, max = 1e5))]
-    pub fx: Option<f64>,
-    /// Vertical focal length, pixels; without it, `fx`.
-    #[serde(default)]
-    #[schemars(range(min = 1.0, max = 1e5))]
-    pub fy: Option<f64>,
-    /// Column of the principal point, pixels; without it, (width - 1)/2.
-    #[serde(default)]
-    #[schemars(range(min = -8192.0, max = 16_384.0))]
-    pub cx: Option<f64>,
-    /// Row of the principal point, pixels; without it, (height - 1)/2.
-    #[serde(default)]
-    #[schemars(range(min = -8192.0, max = 16_384.0))]
-    pub cy: Option<f64>,
-    /// Brown-Conrady coefficients.
-    #[serde(default)]
-    pub distortion: Distortion,
-}
-
-impl IntrinsicsConfig {
-    /// Returns the intrinsics.
-    #[must_use]
-    pub fn intrinsics(&self) -> Intrinsics {
-        let from_fov = Intrinsics::from_horizontal_fov(self.width, self.height, self.fov_deg.to_radians());
-        let fx = self.fx.unwrap_or(from_fov.fx);
-        Intrinsics {
-            fx,
-            fy: self.fy.unwrap_or(fx),
-            cx: self.cx.unwrap_or(from_fov.cx),
-            cy: self.cy.unwrap_or(from_fov.cy),
-            ..from_fov
-        }
-    }
-
-    /// The whole camera.
-    #[must_use]
-    pub fn pinhole(&self) -> Pinhole {
-        Pinhole::new(self.intrinsics(), self.distortion)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -357,29 +141,6 @@ mod tests {
 
     fn vga() -> Intrinsics {
         Intrinsics::from_horizontal_fov(640, 480, 60.0_f64.to_radians())
-    }
-
-    #[test]
-    fn field_of_view_gives_the_focal_length() {
-        let intrinsics = vga();
-        assert!((intrinsics.fx - 554.256_258_422_040_8).abs() < 1e-9);
-        assert_eq!((intrinsics.cx, intrinsics.cy), (319.5, 239.5));
-        assert!((intrinsics.horizontal_fov().to_degrees() - 60.0).abs() < 1e-12);
-        let config: IntrinsicsConfig = toml::from_str("width = 640\nheight = 480\nfov_deg = 60.0").unwrap();
-        assert_eq!(config.intrinsics(), intrinsics);
-        assert!(toml::from_str::<IntrinsicsConfig>("width = 640\nheight = 480\nfov = 60.0").is_err());
-    }
-
-    #[test]
-    fn every_number_of_a_camera_has_a_range() {
-        let schema = schemars::schema_for!(IntrinsicsConfig).to_value();
-        let distortion = &schema["$defs"]["Distortion"];
-        for properties in [&schema["properties"], &distortion["properties"]] {
-            for (key, part) in properties.as_object().unwrap().iter().filter(|(key, _)| *key != "distortion")
-            {
-                assert!(part["minimum"].is_number() && part["maximum"].is_number(), "{key}: {part}");
-            }
-        }
     }
 
     #[test]

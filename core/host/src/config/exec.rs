@@ -11,6 +11,9 @@ use super::paths::Home;
 use super::read_file::read_text;
 use crate::process::{BehaviorDescription, DESCRIBE, DriverDescription, query};
 
+/// Name of a device, and its driver, which is an external program.
+pub(crate) type ExternalDriver = (String, Arc<dyn Driver>);
+
 /// Returns the program and its arguments in `exec` of `table`, or an empty list. Paths are made absolute: a program with a
 /// `/` in it, and arguments that begin with `./` or `../`.
 pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::checks::{check_goal, check_watchdog, extent_m, find_too_fast, report_too_fast};
+use super::exec::{ExternalDriver, ask_driver, program_of};
 use super::overrides::{Change, Overrides};
 use super::paths::{Home, tidy};
 use super::read_file::read_text;
@@ -30,6 +31,36 @@ pub fn load(path: &Path, overrides: &Overrides, plugins: &Plugins) -> Result<Tas
         }
         _ => Err(problems),
     }
+}
+
+/// Gets the drivers in the robot file `path` that are external programs.
+///
+/// # Errors
+/// A file cannot be read, is not valid TOML or no robot file, or a program does not describe itself.
+pub(crate) fn external_drivers(path: &Path) -> Result<Vec<ExternalDriver>, Problems> {
+    let mut loader = Loader::default();
+    let source = loader.shelve(path.display().to_string(), String::new());
+    loader.robot_tree = loader.read(path, source, None).unwrap_or_default();
+    if role(&loader.robot_tree) == Role::Task {
+        let top = Span { source, start: 0, end: 0 };
+        loader.problems.push(
+            Problem::new(top, "this is a task file, not a robot file")
+                .label("a robot file has the tables [devices], [sensors] and [drive]")
+                .help("name a robot file"),
+        );
+    }
+    loader.include_parts(path, source);
+    let Loader { sources, robot_tree, mut problems, parts, .. } = loader;
+    let home = Home { source, path, parts: &parts };
+    let mut drivers = Vec::new();
+    for entry in robot_tree.table("devices").map_or(&[][..], |devices| devices.entries.as_slice()) {
+        let program = entry.node.as_table().map_or_else(Vec::new, |table| program_of(table, home));
+        if !program.is_empty() {
+            drivers
+                .extend(ask_driver(&program, entry, &mut problems).map(|driver| (entry.key.clone(), driver)));
+        }
+    }
+    if problems.is_empty() { Ok(drivers) } else { Err(Problems { sources, problems }) }
 }
 
 #[derive(Default)]

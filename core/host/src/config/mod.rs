@@ -32,7 +32,7 @@ pub use load::load;
 pub use overrides::Overrides;
 pub use retune::{assignments, retune};
 pub use robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
-pub use schema::{robot_schema, schema, schema_with_task, task_schema};
+pub use schema::{robot_schema, schema, schema_with_programs, task_schema};
 pub use source_map::Part;
 pub(crate) use tables::{ArbiterKeys, BehaviorKeys, DeviceKeys};
 pub use tables::{Clock, Isolation, Policy};

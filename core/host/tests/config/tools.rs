@@ -1,6 +1,8 @@
 //! Descriptions, schemas and graphs of plugins and tasks.
 
-use yamabico_host::config::{describe, graph, list, schema};
+use std::path::Path;
+
+use yamabico_host::config::{describe, graph, list, schema, schema_with_programs};
 
 use super::fakes::{check, plugins};
 
@@ -36,18 +38,24 @@ fn everything_that_is_listed_can_be_described() {
 #[test]
 fn every_reference_of_the_schema_resolves() {
     let schema = schema(&plugins());
-    for file in ["task", "robot"] {
-        let whole = &schema[file];
-        let mut references = Vec::new();
-        collect(whole, &mut references);
-        assert!(references.len() > 5, "{file}: {references:?}");
-        for reference in references {
-            assert!(whole.pointer(reference.trim_start_matches('#')).is_some(), "{file}: {reference}");
-        }
-    }
+    assert_references_resolve(&schema["task"]);
+    assert_references_resolve(&schema["robot"]);
     insta::assert_snapshot!(
         serde_json::to_string_pretty(&schema["task"]["properties"]["behaviors"]).unwrap()
     );
+}
+
+fn assert_references_resolve(schema: &serde_json::Value) {
+    let mut references = Vec::new();
+    collect(schema, &mut references);
+    assert!(references.len() > 5, "{}: {references:?}", schema["title"]);
+    for reference in references {
+        assert!(
+            schema.pointer(reference.trim_start_matches('#')).is_some(),
+            "{}: {reference}",
+            schema["title"]
+        );
+    }
 }
 
 fn collect(json: &serde_json::Value, found: &mut Vec<String>) {
@@ -63,6 +71,27 @@ fn collect(json: &serde_json::Value, found: &mut Vec<String>) {
         serde_json::Value::Array(values) => values.iter().for_each(|value| collect(value, found)),
         _ => {}
     }
+}
+
+#[test]
+fn the_schema_of_robots_has_the_keys_of_an_external_driver() {
+    let with = |path: &str| schema_with_programs(None, Some(Path::new(path)), &plugins());
+    let schema = with("tests/valid/external_robot.toml").unwrap();
+    for kind in ["robot", "robot_part"] {
+        let schema = &schema[kind];
+        assert_references_resolve(schema);
+        let mast = &schema["properties"]["devices"]["properties"]["mast"];
+        assert_eq!(mast["unevaluatedProperties"], false, "{mast}");
+        let own = |name: &str| &schema["$defs"][name]["properties"];
+        assert_eq!(own("program.mast")["port"]["type"], "string");
+        assert_eq!(own("program.mast.sensor.lidar")["beams"]["minimum"], 1);
+        assert_eq!(own("program.mast.drive.tracks")["gear"]["type"], "integer");
+    }
+    insta::assert_snapshot!(serde_json::to_string_pretty(&schema["robot"]["$defs"]["sensor.any"]).unwrap());
+    let task = with("tests/valid/hallway.toml").unwrap_err();
+    assert!(task.contains("this is a task file, not a robot file"), "{task}");
+    let missing = with("tests/valid/missing.toml").unwrap_err();
+    assert!(missing.contains("file tests/valid/missing.toml does not exist"), "{missing}");
 }
 
 #[test]

@@ -16,7 +16,8 @@ const SAME_EDGE_PX: f64 = 2.0;
 /// Maximum angle between a fragment and its edge, rad.
 const SAME_EDGE_RAD: f64 = 1.5 * PI / 180.0;
 
-/// Logarithm to base 10 of the number of false alarms of a point that `aligned` of `edges` edges agree on, two of which made it.
+/// Decimal logarithm of the expected number of false alarms of a point at which `aligned` of `edges` edges point, including the
+/// two that define it.
 /// `probability` is the mean probability that an edge agrees by chance.
 #[must_use]
 pub fn log10_false_alarms(edges: usize, aligned: usize, probability: f64) -> f64 {
@@ -38,14 +39,14 @@ fn divergence(share: f64, p: f64) -> f64 {
     share * (share / p).ln() + against
 }
 
-/// Independent edges of one image, and how many of them agree with a point.
+/// Number of independent edges in one image, and of those that point at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// Number of edges, fragments of one edge counted once.
     pub edges: usize,
     /// Number of edges that point at the point.
     pub aligned: usize,
-    /// Mean probability that an edge does so by chance.
+    /// Mean probability that an edge points at the point by chance.
     pub probability: f64,
 }
 

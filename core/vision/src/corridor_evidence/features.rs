@@ -7,9 +7,9 @@ use nalgebra::Vector2;
 
 /// Length per quadrant that counts as full support, px.
 const QUADRANT_PX: f64 = 0.1 * WIDTH;
-/// Length added to the total, px, so that few segments are not much evidence.
+/// Length added to the total length, px, so that a few segments alone are weak evidence.
 const FEW_SEGMENTS_PX: f64 = 0.3 * WIDTH;
-/// Angle between two hypotheses above which they compete, rad.
+/// Minimum angle between two competing hypotheses, rad.
 const APART_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 /// Maximum margin.
 const MAX_MARGIN: f64 = 4.0;
@@ -19,7 +19,7 @@ const MAX_MARGIN: f64 = 4.0;
 pub struct Features {
     /// Share of the voters' length that points at the hypothesis, 0 to 1.
     pub support_share: f64,
-    /// Sum over the four quadrants around the point of the support, each at most 1: two walls, floor and ceiling.
+    /// Support in the four quadrants around the point, each at most 1, summed: a corridor has two walls, a floor and a ceiling.
     pub quadrants: f64,
     /// Distance of the point from the image, in half widths and heights; 0 inside.
     pub outside: f64,
@@ -27,7 +27,7 @@ pub struct Features {
     pub margin: f64,
     /// Logarithm of 1 plus the negative decimal logarithm of the number of false alarms; 0 if chance explains the point.
     pub not_by_chance: f64,
-    /// Share of the image's width that a foot line across the way covers, 0 to 1.
+    /// Share of the image's width that the foot line of a wall ahead covers, 0 to 1.
     pub foot: f64,
 }
 

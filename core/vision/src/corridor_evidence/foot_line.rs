@@ -1,4 +1,4 @@
-//! Foot line of a wall across the way: a chain of nearly horizontal segments below the horizon.
+//! Foot line of a wall ahead: a chain of nearly horizontal segments below the horizon.
 
 use super::picture::{Picture, WIDTH};
 use super::scene_lines::{MIN_LENGTH_PX, RESERVED};
@@ -43,7 +43,7 @@ impl FootLine {
     }
 }
 
-/// Wall across the way.
+/// Wall that closes the corridor ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallAhead {
     /// Distance to its foot line, camera heights above the floor.
@@ -58,7 +58,7 @@ impl WallAhead {
     const MIN_CENTRAL: f64 = 0.6;
     const MIN_DEPTH: f64 = 0.08;
 
-    /// Returns the wall whose foot is `foot`, for a horizon at `row` (px); `None` if the line does not lie across the way.
+    /// Returns the wall whose foot is `foot`, for a horizon at `row` (px); `None` if the line does not cross the corridor.
     #[must_use]
     pub fn of(foot: &FootLine, row: f64, picture: &Picture) -> Option<Self> {
         let depth_px = foot.row - row;

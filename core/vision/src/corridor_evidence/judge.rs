@@ -17,14 +17,14 @@ use nalgebra::Vector2;
 
 /// Lower bound of the weight of a hypothesis away from the predicted heading.
 const MIN_PREDICTION: f64 = 0.05;
-/// Corridor, or none, in one image.
+/// Judgment of one image: a corridor, or none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sighting {
     /// Most likely vanishing point, pixels of an image 640 px wide; `None` if no lines meet.
     pub hypothesis: Option<Hypothesis>,
     /// Its features.
     pub features: Features,
-    /// Probability that a corridor is in view and that the point is its own, 0 to 1.
+    /// Probability that a corridor is in view and that the point is its vanishing point, 0 to 1.
     pub probability: f64,
     /// Roll and horizon by plumb lines, if there are any.
     pub plumb: Option<PlumbHorizon>,
@@ -73,8 +73,8 @@ impl CorridorJudge {
         }
     }
 
-    /// Judges the segments of an image (pixels of the camera, undistorted). A prediction weighs in the choice between hypotheses,
-    /// never in the probability of the chosen one.
+    /// Judges the segments of an image (pixels of the camera, undistorted). A prediction influences which hypothesis is chosen,
+    /// never its probability.
     pub fn look(
         &mut self,
         segments: &[Segment],
@@ -168,7 +168,7 @@ impl CorridorJudge {
         }
     }
 
-    /// Returns the foot line of something across the way below a horizon at `row`, pixels of an image 640 px wide.
+    /// Returns the foot line of a wall ahead, below a horizon at `row`, pixels of an image 640 px wide.
     pub fn foot_line(&mut self, segments: &[Segment], picture: &Picture, row: f64) -> Option<FootLine> {
         self.foot.find(segments, picture, row)
     }

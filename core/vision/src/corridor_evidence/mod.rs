@@ -1,5 +1,5 @@
-//! Evidence for a corridor in one image and over time: a vanishing point without a presumed horizon, and the probability that a
-//! corridor is in view and that the point is its own.
+//! Evidence for a corridor in one image and over time: a vanishing point, found without presuming the horizon, and the
+//! probability that a corridor is in view and that the point belongs to it.
 //!
 //! | Step | Modules |
 //! |---|---|

@@ -32,8 +32,8 @@ impl Picture {
         }
     }
 
-    /// Angle of a column from the optical axis, rad, positive to the right: the heading of a level camera whose corridor
-    /// ends there, positive to the left.
+    /// Angle of a column from the optical axis, rad, positive to the right. If it is the column of the vanishing point, this is
+    /// the heading of a level camera in the corridor, positive to the left.
     #[must_use]
     pub fn heading_of(&self, u: f64) -> f64 {
         ((u - self.center.x) / self.focal).atan()

@@ -1,6 +1,6 @@
 //! Roll and horizon from the nearly vertical segments of one image.
 //!
-//! Plumb lines give the camera's tilt, not its principal row: of a cropped frame they say nothing about the row of the horizon.
+//! Plumb lines give the camera's tilt, not its principal row: in a cropped frame they do not determine the row of the horizon.
 
 use super::picture::Picture;
 use super::scene_lines::{MIN_LENGTH_PX, RESERVED};
@@ -25,10 +25,10 @@ const CENTER_SIGMA_PX: f64 = 3.0;
 /// Standard deviation of a guessed principal row, heights of the image.
 const CENTER_SIGMA_HEIGHTS: f64 = 0.35;
 
-/// Number of plumb lines, and standard deviation of their roll (rad), from which on it classifies segments.
+/// Minimum number of plumb lines, and maximum standard deviation of their roll (rad), for the roll to classify segments.
 const MIN_LINES: usize = 6;
 const MAX_ROLL_SIGMA_RAD: f64 = 0.035;
-/// Roll below which the classes of segments, 10 degrees wide, are left as they are, rad.
+/// Minimum roll that is corrected for when segments are classified, rad; the classes are 10 degrees wide.
 const MIN_ROLL_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
 /// Direction of gravity in the camera, from plumb lines.
@@ -45,7 +45,7 @@ pub struct PlumbHorizon {
 }
 
 impl PlumbHorizon {
-    /// Lean of plumb lines in the image, rad, du/dv.
+    /// Slope of plumb lines in the image, du/dv, rad.
     #[must_use]
     pub fn roll(&self) -> f64 {
         self.a.atan()

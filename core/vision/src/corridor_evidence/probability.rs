@@ -4,8 +4,8 @@ use super::features::Features;
 
 /// Coefficients of the logistic regression on [`Features`].
 ///
-/// They belong to one segment detector: after any change of the detector they must be fitted again, as a new constant with the next
-/// number, and the reliability over recorded images must be measured again.
+/// Valid for one segment detector. After a change of the detector, fit them again as a constant with the next number, and
+/// measure the reliability on recorded images again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
     /// Constant term.
@@ -17,7 +17,7 @@ pub struct Coefficients {
 impl Coefficients {
     /// For this project's segments of at least 15 px, at most 600 of an image; first fit. Fitted to photographs and drives through
     /// corridors and to pictures without any, by L2-regularized regression with classes of equal weight, in eight folds by neighboring
-    /// pictures. The margin got no sensible coefficient and is left out.
+    /// pictures. The fitted coefficient of the margin was not plausible; it is set to zero.
     pub const SEGMENTS_1: Self = Self {
         constant: -6.762,
         features: Features {
@@ -70,7 +70,7 @@ pub enum Action {
     Drive,
     /// Drive slowly.
     Slow,
-    /// Do not follow: there may be no corridor.
+    /// Do not follow the hypothesis: there may be no corridor.
     #[default]
     Abstain,
 }

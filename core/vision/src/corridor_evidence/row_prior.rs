@@ -1,4 +1,4 @@
-//! Prior of the vanishing point's row: the horizon, as far as it is known. Never of its column.
+//! Prior of the vanishing point's row, from what is known of the horizon. The column has no prior.
 
 use super::picture::Picture;
 use nalgebra::{Vector2, Vector3};
@@ -6,9 +6,10 @@ use yamabico_geometry::camera::{Calibration, Mount};
 
 /// Standard deviation of a measured mount's tilt, rad.
 pub const MOUNT_SIGMA_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
-/// Standard deviation of the horizon of a guessed camera, heights of the image. It settles ties only: a frame may be cropped.
+/// Standard deviation of the horizon of a guessed camera, heights of the image. It only breaks ties, since the frame may be
+/// cropped.
 pub const GUESSED_SIGMA_HEIGHTS: f64 = 1.0;
-/// Share of the prior that a tracked row leaves to any other.
+/// Weight of all other rows in the prior of a tracked row.
 const ANYWHERE: f64 = 0.05;
 /// Standard deviation added to a tracked row, heights of the image.
 const TRACKED_SIGMA_HEIGHTS: f64 = 0.03;
@@ -22,7 +23,7 @@ pub struct RowPrior {
     pub variance: f64,
     /// Descent of the horizon line per column: dv/du = -tan(roll).
     pub slope: f64,
-    /// True once a vanishing point was accepted: a tracked row never excludes another.
+    /// True once a vanishing point has been accepted. A tracked row does not exclude other rows.
     pub is_tracked: bool,
 }
 

@@ -16,7 +16,7 @@ const PEAK_RADIUS: usize = 3;
 /// Distance below which two refined points are one, px.
 const SAME_POINT_PX: f64 = 5.0;
 
-/// Rule of the refinement.
+/// Parameters of the refinement.
 pub const REFINE: RefineRule = RefineRule {
     sigma_end_px: 0.5,
     sigma_floor_px: 2.0,

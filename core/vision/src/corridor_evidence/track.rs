@@ -5,7 +5,7 @@ use super::probability::{log_odds, probability};
 use super::row_prior::RowPrior;
 use nalgebra::Vector2;
 
-/// Share of an image's evidence that is independent of the images before.
+/// Share of an image's evidence that is independent of the preceding images.
 const INDEPENDENT: f64 = 0.5;
 /// Probability, per image and per [`CHANGE_M`] driven, that a corridor ends or begins.
 const CHANGE: f64 = 0.05;
@@ -21,16 +21,16 @@ const ROW_SIGMA_PX: f64 = 4.0;
 const ROW_SIGMA_HEIGHTS: f64 = 0.01;
 /// Growth of the row's variance per image, px^2.
 const ROW_DRIFT_PX2: f64 = 4.0;
-/// Change of the heading below which an image is never refused, rad.
+/// Change of the heading up to which a measurement is always accepted, rad.
 const HEADING_GATE_RAD: f64 = 0.045;
-/// Number of refused images after which the state starts from the last.
+/// Number of consecutive rejected images after which the state is reset to the last one.
 const REFUSALS: u32 = 3;
 /// Probability of an image without any hypothesis.
 pub const NO_HYPOTHESIS: f64 = 0.02;
-/// Evidence of one image by which the track may exceed it.
+/// Maximum log-odds by which the track may exceed the evidence of a single image.
 const AHEAD_OF_IMAGE: f64 = 0.4;
 
-/// Scalar state with its variance and the number of refused images in a row.
+/// Scalar state with its variance and the number of consecutive rejected images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Scalar {
     value: f64,
@@ -43,7 +43,7 @@ impl Scalar {
         Self { value, variance, refused: 0 }
     }
 
-    /// Takes a measurement if `|innovation| <= gate`, and starts from it after [`REFUSALS`].
+    /// Accepts a measurement if `|innovation| <= gate`; after [`REFUSALS`] rejections, resets the state to it.
     fn update(&mut self, measured: f64, variance: f64, gate: f64) {
         let innovation = measured - self.value;
         if innovation.abs() <= gate {
@@ -114,7 +114,7 @@ impl EvidenceTrack {
         }
     }
 
-    /// Sets the lean of plumb lines in the image, rad, du/dv.
+    /// Sets the slope of plumb lines in the image, du/dv, rad.
     pub fn set_roll(&mut self, roll: f64) {
         self.start.slope = -roll.tan();
     }
@@ -134,7 +134,7 @@ impl EvidenceTrack {
         probability(self.log_odds)
     }
 
-    /// Probability by which to act after an image of this probability: an end of the corridor counts at once.
+    /// Probability to act on after an image of this probability; the end of a corridor takes effect at once.
     #[must_use]
     pub fn acting_probability(&self, of_image: f64) -> f64 {
         self.probability().min(of_image + AHEAD_OF_IMAGE)

@@ -11,7 +11,7 @@ use super::learned::LearnedLook;
 const CAPACITY: usize = 4096;
 /// Distance from the robot's center up to which blocks are remembered, m.
 const FARTHEST_M: f64 = 2.0;
-/// Motion after which blocks are remembered again, m and rad.
+/// Minimum motion between two images whose blocks are remembered, m and rad.
 const MOTION: (f64, f64) = (0.1, 0.25);
 
 /// A block seen on the floor.
@@ -91,8 +91,9 @@ impl FloorSamples {
         }
     }
 
-    /// Teaches `look` every remembered block whose place (odometry frame, m) `is_floor`, and forgets it: places that the
-    /// robot's circle covers, or in front of which a sonar sees nothing. Returns the number of blocks learned.
+    /// Adds every remembered block whose place (odometry frame, m) `is_floor` to `look`, and forgets the block. Such places are
+    /// covered by the robot's footprint, or lie in the free range of a sonar. Returns the number of
+    /// blocks learned.
     pub fn confirm(&mut self, is_floor: impl Fn(Point2<f64>) -> bool, look: &mut LearnedLook) -> usize {
         let (mut i, mut learned) = (0, 0);
         while i < self.samples.len() {

@@ -27,7 +27,7 @@ impl Default for LearnedLook {
 }
 
 impl LearnedLook {
-    /// Creates a look from saved modes; only the four heaviest count.
+    /// Creates a look from saved modes; only the four with the most mass count.
     #[must_use]
     pub fn from_modes(modes: &[Mode]) -> Self {
         let mut sorted = modes.to_vec();
@@ -49,15 +49,15 @@ impl LearnedLook {
         self.modes.iter().map(|mode| mode.mass).sum::<f32>() >= TRUSTED_MASS
     }
 
-    /// Lets older samples fade by `elapsed_s` (at most 1 s counts). Call it only while learning, so that a robot at rest
+    /// Decays the mass of all modes over `elapsed_s` (at most 1 s counts). Call it only while learning, so that a robot at rest
     /// forgets nothing.
     pub fn fade(&mut self, elapsed_s: f64) {
         let share = (-elapsed_s.clamp(0.0, MAX_STEP_S) / MEMORY_S).exp() as f32;
         self.modes.iter_mut().for_each(|mode| mode.mass *= share);
     }
 
-    /// Learns the feature of a block that is floor. A look that no mode describes becomes a mode of its own, in place of the
-    /// lightest.
+    /// Learns the feature of a block that is floor. A feature that no mode describes becomes a new mode, in place of the one
+    /// with the least mass.
     pub fn learn(&mut self, feature: &Feature, is_color: bool) {
         let distances = self.modes.iter_mut().map(|mode| (mode.distance_squared(feature, is_color), mode));
         match distances.min_by(|a, b| a.0.total_cmp(&b.0)) {

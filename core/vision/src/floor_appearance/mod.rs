@@ -8,8 +8,8 @@
 //! disconnect.
 //!
 //! Blocks whose pixels saturate (lamps, windows, and their mirror images in a polished floor) have no likelihood; their
-//! place and their neighbors decide. Where walls look like the floor, the ratio says nothing, and only the near floor
-//! up to the first boundary remains. Gray images have no chromaticity: their ratio counts half.
+//! place and their neighbors decide. Where walls look like the floor, the ratio is uninformative, and only the near floor up to
+//! the first boundary is found. Gray images have no chromaticity; their ratio has half the weight.
 //!
 //! ```
 //! use yamabico_geometry::image::RgbView;

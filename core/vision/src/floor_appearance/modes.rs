@@ -49,9 +49,9 @@ pub struct Surfaces {
 }
 
 impl Surfaces {
-    /// Floor: few looks, in light that changes along the floor.
+    /// Floor: few materials, in light that varies along the floor.
     pub const FLOOR: Self = Self { max_modes: 4, min_deviation: [0.006, 0.006, 0.15, 0.25], outliers: 0.01 };
-    /// Everything else: more looks, and things never seen.
+    /// Everything else: more materials, and objects never seen before.
     pub const OTHER: Self = Self { max_modes: 8, min_deviation: SCALE, outliers: 0.4 };
 }
 

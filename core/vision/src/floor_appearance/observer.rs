@@ -20,7 +20,7 @@ const ANCHOR: f32 = 0.1;
 const FIRM_ANCHOR: f32 = 1.0;
 /// Minimum probability of the foreground while it is presumed to be floor.
 const FOREGROUND_PROBABILITY: f32 = 0.95;
-/// Rounds: the second one fits the looks to the result of the first.
+/// Number of rounds; the second fits the modes to the result of the first.
 const ROUNDS: usize = 2;
 /// Probability above which a block shows the floor's look in the next round.
 const SURE_FLOOR: f32 = 0.8;
@@ -77,7 +77,7 @@ impl FloorAppearance {
     /// Observes an image and returns its votes.
     ///
     /// # Errors
-    /// The image is too small, or its foreground shows nothing.
+    /// The image is too small, or its foreground is dark or saturated.
     pub fn observe(&mut self, picture: Picture, place: &FloorPlace) -> Result<&FloorVotes, AppearanceError> {
         self.blocks.measure(picture);
         let grid = self.blocks.grid();
@@ -125,7 +125,7 @@ impl FloorAppearance {
         &self.look
     }
 
-    /// Returns the learned look, to teach it.
+    /// Returns the learned look, to add samples to it.
     pub fn look_mut(&mut self) -> &mut LearnedLook {
         &mut self.look
     }
@@ -190,7 +190,7 @@ impl FloorAppearance {
         2 * known >= count
     }
 
-    /// Fits the looks of the floor and of everything else.
+    /// Fits the modes of the floor and of everything else.
     fn fit(&mut self) {
         let is_color = self.blocks.is_color();
         let probabilities = self.probabilities.iter().copied().map(Some).chain(std::iter::repeat(None));
@@ -216,7 +216,7 @@ impl FloorAppearance {
         self.other.fit(&self.samples, &Surfaces::OTHER, is_color);
     }
 
-    /// Computes each block's own probability, and how firmly it holds to it.
+    /// Computes each block's own probability, and its anchor: the strength with which it keeps it.
     fn weigh(&mut self) {
         let is_color = self.blocks.is_color();
         let weight = if is_color { LOOK_WEIGHT } else { 0.5 * LOOK_WEIGHT };

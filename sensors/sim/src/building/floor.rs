@@ -7,7 +7,7 @@ use super::{BEYOND_M, START_X_M};
 use crate::random::{Stream, stream};
 use crate::world::{Color, Floor, Grain, Patch, Reflection, World};
 
-/// Lays the floor of `world`, with its stripes and papers.
+/// Adds the floor of `world`, with its stripes and sheets of paper.
 pub fn lay(world: &mut World, p: &Properties, seed: u64) {
     let mut rng = stream(seed, "building floor");
     world.floor = floor(p, &mut rng);
@@ -19,7 +19,7 @@ pub fn lay(world: &mut World, p: &Properties, seed: u64) {
 
 fn floor(p: &Properties, rng: &mut Stream) -> Floor {
     let tone = rng.random_range(0.12..0.55_f32);
-    let lino = Floor {
+    let linoleum = Floor {
         color: tinted(rng, tone, 0.08),
         speckle: rng.random_range(0.02..0.12),
         grain_m: rng.random_range(0.004..0.01),
@@ -33,13 +33,13 @@ fn floor(p: &Properties, rng: &mut Stream) -> Floor {
         1.0 - p.joint_contrast
     };
     match p.floor {
-        FloorKind::Lino | FloorKind::Stripes => lino,
+        FloorKind::Linoleum | FloorKind::Stripes => linoleum,
         FloorKind::Mirror => Floor {
             speckle: rng.random_range(0.01..0.05),
             gloss: 1.0,
             reflectance: rng.random_range(0.05..0.2),
             reflection: Reflection::Sharp,
-            ..lino
+            ..linoleum
         },
         FloorKind::Tiles => {
             let side = rng.random_range(0.2..0.6_f32);
@@ -53,7 +53,7 @@ fn floor(p: &Properties, rng: &mut Stream) -> Floor {
                 joint_width_m: rng.random_range(0.003..0.01),
                 joint_tone,
                 tile_contrast: rng.random_range(0.0..0.08),
-                ..lino
+                ..linoleum
             }
         }
         FloorKind::Carpet => {
@@ -65,7 +65,7 @@ fn floor(p: &Properties, rng: &mut Stream) -> Floor {
                 speckle: rng.random_range(0.12..0.3),
                 grain_m: rng.random_range(0.003..0.006),
                 gloss: 0.0,
-                ..lino
+                ..linoleum
             }
         }
         FloorKind::Planks => {
@@ -80,7 +80,7 @@ fn floor(p: &Properties, rng: &mut Stream) -> Floor {
                 joint_tone: 1.0 - p.joint_contrast,
                 stagger: 1.0,
                 tile_contrast: rng.random_range(0.04..0.18),
-                ..lino
+                ..linoleum
             }
         }
         FloorKind::Terrazzo => Floor {
@@ -91,7 +91,7 @@ fn floor(p: &Properties, rng: &mut Stream) -> Floor {
             reflection: one_of(rng, &[Reflection::Blurred, Reflection::Sharp]),
             joint_spacing_m: one_of(rng, &[[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]]),
             joint_tone,
-            ..lino
+            ..linoleum
         },
     }
 }

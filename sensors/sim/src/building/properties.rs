@@ -83,9 +83,9 @@ pub struct Properties {
 pub enum Skirting {
     /// No baseboards.
     None,
-    /// Low ones, nearly of the color of the wall.
+    /// Low, with nearly the color of the wall.
     Faint,
-    /// Dark or white ones.
+    /// Dark or white.
     Strong,
 }
 
@@ -94,7 +94,7 @@ pub enum Skirting {
 #[serde(rename_all = "kebab-case")]
 pub enum FloorKind {
     /// Linoleum with a soft gloss.
-    Lino,
+    Linoleum,
     /// Polished linoleum that mirrors lamps, doors and things exactly.
     Mirror,
     /// Tiles.
@@ -190,7 +190,7 @@ impl Properties {
             floor: one_of(
                 &mut of("floor"),
                 &[
-                    FloorKind::Lino,
+                    FloorKind::Linoleum,
                     FloorKind::Mirror,
                     FloorKind::Tiles,
                     FloorKind::Carpet,
@@ -239,7 +239,7 @@ impl Properties {
     }
 }
 
-/// Returns the least tilt at which the image shows the floor close to the robot, degrees.
+/// Returns the minimum tilt at which the image shows the floor close to the robot, degrees.
 fn least_tilt_deg(camera_m: f64, view_deg: f64) -> f64 {
     let half = (0.5 * view_deg.to_radians()).tan() * f64::from(PICTURE[1]) / f64::from(PICTURE[0]);
     hundredths(((camera_m / MAX_NEAREST_FLOOR_M).atan() - half.atan()).to_degrees().max(0.0))

@@ -13,7 +13,7 @@ use crate::world::{
 
 /// Minimum distance between openings, posters and the ends of a wall, m.
 const PILLAR_M: f64 = 0.25;
-/// Width that a room behind a door needs beside its neighbors, m.
+/// Width of a room behind a door, with its distance from the neighbors, m.
 const ROOM_M: f64 = 1.1;
 /// Spacing of lamps under which a white surface has brightness 1, m.
 const LAMP_SPACING_M: f64 = 2.4;

@@ -6,7 +6,7 @@ use clap::Args;
 use nalgebra::Vector2;
 
 use super::answers::{Answer, Looker, Summary};
-use super::draw_answer;
+use super::{draw_answer, table_lines};
 use crate::arguments::Data;
 use crate::images::{Output, load_gray};
 use crate::report::{Cell, Report, Table, number, percent};
@@ -94,10 +94,8 @@ fn row(name: &str, frames: &[Frame], point: impl Fn(&Frame) -> Option<Vector2<f6
 
 /// Reads name and labeled vanishing point of every frame that has one.
 fn labels(folder: &Path) -> Result<Vec<(String, Vector2<f64>)>, String> {
-    let path = folder.join("labels.csv");
-    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let mut labels = Vec::new();
-    for line in text.lines().skip(1) {
+    for line in table_lines(folder, "labels.csv")? {
         // The polygons between the quotes contain commas; the point is the last two fields.
         let name = line.split(',').next().unwrap_or_default();
         let mut last = line.rsplit(',');

@@ -9,10 +9,19 @@ pub mod no_corridor;
 pub mod reliability;
 pub mod york_urban;
 
+use std::path::Path;
+
 use nalgebra::Vector2;
 use yamabico_drawing::Canvas;
 
 use self::answers::Look;
+
+/// Reads the lines of the table `name` of a data set, without its header.
+fn table_lines(folder: &Path, name: &str) -> Result<Vec<String>, String> {
+    let path = folder.join(name);
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    Ok(text.lines().skip(1).map(str::to_owned).collect())
+}
 
 /// Draws segments yellow, those that meet at the vanishing point green, the vanishing point red and the true one blue, with the
 /// probability of a corridor.

@@ -6,7 +6,7 @@ use clap::Args;
 use nalgebra::Vector2;
 
 use super::answers::{Answer, Looker, Summary};
-use super::draw_answer;
+use super::{draw_answer, table_lines};
 use crate::arguments::Data;
 use crate::images::{Output, load_gray};
 use crate::report::{Report, Table, number, optional};
@@ -39,10 +39,9 @@ impl Arguments {
 
 /// Answers about every frame, in order.
 pub fn answers(folder: &Path, out: &Output) -> Result<Vec<Answer>, String> {
-    let path = folder.join("vanishing_points.csv");
-    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let (mut answers, mut looker, mut floor) = (Vec::new(), None, "");
-    for line in text.lines().skip(1) {
+    let lines = table_lines(folder, "vanishing_points.csv")?;
+    for line in &lines {
         let mut fields = line.split(',').map(str::trim);
         let file = fields.next().unwrap_or_default();
         let mut coordinate = || fields.next().and_then(|field| field.parse::<f64>().ok());

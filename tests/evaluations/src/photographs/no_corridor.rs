@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::Args;
 
 use super::answers::{Answer, Looker, Summary};
-use super::draw_answer;
+use super::{draw_answer, table_lines};
 use crate::arguments::Data;
 use crate::images::{Output, load_gray};
 use crate::report::{Report, Table, number};
@@ -35,10 +35,8 @@ impl Arguments {
 
 /// Answers about every photograph.
 pub fn answers(folder: &Path, out: &Output) -> Result<Vec<Answer>, String> {
-    let path = folder.join("index.csv");
-    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let mut answers = Vec::new();
-    for line in text.lines().skip(1) {
+    for line in table_lines(folder, "index.csv")? {
         let file = line.split(',').next().unwrap_or_default();
         let image = load_gray(&folder.join("images").join(file))?;
         let view = image.view().map_err(|error| format!("{file}: {error}"))?;

@@ -1,16 +1,14 @@
 //! A world as each kind of mirror camera shows it.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
 use serde::Deserialize;
 use yamabico_core::camera::mirror_camera::mirror_camera;
 use yamabico_core::camera::{MirrorConfig, MirrorImageConfig, Mount};
-use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, Scene, random};
+use yamabico_sim::{MirrorRenderer, MirrorView, Photometry, random};
 
-use super::{read_world, require_output};
-use crate::arguments::At;
+use super::{SceneFile, require_output};
 use crate::images::Output;
 use crate::report::{Report, Table, number};
 
@@ -48,21 +46,15 @@ struct Tables {
 /// Render a world file with each kind of mirror camera, and measure the time per image.
 #[derive(Args)]
 pub struct Arguments {
-    /// World file, such as configs/worlds/room.toml.
-    world: PathBuf,
     #[command(flatten)]
-    at: At,
-    /// Time since the start, which moves people, s.
-    #[arg(long, default_value_t = 0.0)]
-    time_s: f64,
+    file: SceneFile,
 }
 
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
         require_output(out)?;
-        let mut scene = Scene::new(&read_world(&self.world)?, 1).map_err(|error| error.to_string())?;
-        scene.set_time(self.time_s).map_err(|error| error.to_string())?;
-        let robot = self.at.or([0.0; 3]);
+        let scene = self.file.scene()?;
+        let robot = self.file.at.or([0.0; 3]);
         let mut table = Table::new("Time per color image", &["mirror", "width", "height", "ms"]);
         for (name, height_m, tables) in CAMERAS {
             let tables: Tables = toml::from_str(tables).map_err(|error| error.to_string())?;

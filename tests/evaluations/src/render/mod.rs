@@ -6,11 +6,12 @@ mod map;
 mod mirrors;
 mod view;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use clap::Subcommand;
-use yamabico_sim::World;
+use clap::{Args, Subcommand};
+use yamabico_sim::{Scene, World};
 
+use crate::arguments::At;
 use crate::images::Output;
 use crate::report::Report;
 
@@ -34,6 +35,27 @@ impl Command {
             Self::Map(arguments) => arguments.run(out),
             Self::Buildings(arguments) => arguments.run(out),
         }
+    }
+}
+
+/// A world at an instant, and the robot in it.
+#[derive(Args)]
+struct SceneFile {
+    /// World file, such as configs/worlds/hallway.toml.
+    world: PathBuf,
+    #[command(flatten)]
+    at: At,
+    /// Time since the start, which moves people, s.
+    #[arg(long, default_value_t = 0.0)]
+    time_s: f64,
+}
+
+impl SceneFile {
+    /// Reads the world and moves its people.
+    fn scene(&self) -> Result<Scene, String> {
+        let mut scene = Scene::new(&read_world(&self.world)?, 1).map_err(|error| error.to_string())?;
+        scene.set_time(self.time_s).map_err(|error| error.to_string())?;
+        Ok(scene)
     }
 }
 

@@ -1,5 +1,7 @@
 //! The intersection tracker on one image.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::{Calibration, Intrinsics, Mount, Pinhole};
@@ -16,7 +18,6 @@ use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
 use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver};
 
-use super::ImageFile;
 use super::navel_grid::proposal_table;
 use crate::images::{Output, load_gray, view};
 use crate::report::{Report, Table, number};
@@ -27,8 +28,8 @@ use crate::report::{Report, Table, number};
 /// both walls green, tracked edges and their center red.
 #[derive(Args)]
 pub struct Arguments {
-    #[command(flatten)]
-    file: ImageFile,
+    /// Image of the robot's camera [default: rendered].
+    image: Option<PathBuf>,
     /// Horizontal field of view, degrees.
     #[arg(long, default_value_t = 60.0)]
     fov_deg: f64,
@@ -52,7 +53,7 @@ struct Shot {
 
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
-        let shot = match &self.file.image {
+        let shot = match &self.image {
             Some(path) => {
                 let image = load_gray(path)?;
                 let (intrinsics, mount) = self.camera(image.width() as u32, image.height() as u32);

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 pub use self::navel_grid::overlay as navel_grid_overlay;
+use crate::arguments::At;
 use crate::images::Output;
 use crate::report::Report;
 
@@ -40,10 +41,12 @@ impl Command {
     }
 }
 
-/// An image file.
+/// An image file, and the pose from which it was taken or is rendered.
 #[derive(Args)]
 struct ImageFile {
     /// Image of the robot's camera [default: rendered].
     #[arg(value_name = "IMAGE")]
     image: Option<PathBuf>,
+    #[command(flatten)]
+    at: At,
 }

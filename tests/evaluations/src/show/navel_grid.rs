@@ -15,7 +15,7 @@ use yamabico_sim::Renderer;
 use yamabico_sim::random::stream;
 
 use super::ImageFile;
-use crate::arguments::{At, Parameters};
+use crate::arguments::Parameters;
 use crate::images::{Output, load_gray, posterize};
 use crate::report::{Report, Table, number};
 
@@ -28,8 +28,6 @@ pub struct Arguments {
     #[command(flatten)]
     file: ImageFile,
     #[command(flatten)]
-    at: At,
-    #[command(flatten)]
     parameters: Parameters,
 }
 
@@ -39,7 +37,7 @@ impl Arguments {
             Some(path) => load_gray(path)?,
             None => {
                 let mut renderer = Renderer::new(office::photometry(), stream(1, "noise"));
-                let robot = self.at.or([3.3, 3.0, 170.0]);
+                let robot = self.file.at.or([3.3, 3.0, 170.0]);
                 office::render(&mut renderer, &office::scene(), office::camera(340, 180), robot)?
             }
         };

@@ -12,7 +12,6 @@ use yamabico_stationary_obstacle_avoider::threshold_table::ThresholdTable;
 use yamabico_vision::map::WireFrame;
 
 use super::ImageFile;
-use crate::arguments::At;
 use crate::images::{Output, load_gray, view};
 use crate::report::{Report, Table, number};
 
@@ -28,13 +27,11 @@ const HALF_WIDTH_M: f64 = 0.23;
 pub struct Arguments {
     #[command(flatten)]
     file: ImageFile,
-    #[command(flatten)]
-    at: At,
 }
 
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
-        let robot = self.at.or([3.0, 0.0, 0.0]);
+        let robot = self.file.at.or([3.0, 0.0, 0.0]);
         let (intrinsics, mount) = forward_camera(SIZE.0, SIZE.1, 60.0, 6.0);
         let pixels = match &self.file.image {
             Some(path) => load_gray(path)?.pixels().to_vec(),

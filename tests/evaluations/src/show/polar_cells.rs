@@ -11,7 +11,7 @@ use yamabico_rigs::field;
 
 use super::ImageFile;
 use super::navel_grid::proposal_table;
-use crate::arguments::{At, Parameters};
+use crate::arguments::Parameters;
 use crate::images::{Output, load_rgb, posterize};
 use crate::report::{Report, Table, number};
 
@@ -24,8 +24,6 @@ const SCALE: usize = 2;
 pub struct Arguments {
     #[command(flatten)]
     file: ImageFile,
-    #[command(flatten)]
-    at: At,
     #[command(flatten)]
     parameters: Parameters,
 }
@@ -46,7 +44,7 @@ impl Arguments {
                 rgb.into_raw()
             }
             None => {
-                let robot = self.at.or([-0.75, 0.0, 0.0]);
+                let robot = self.file.at.or([-0.75, 0.0, 0.0]);
                 field::render(&mut field::renderer(field::camera()), &field::scene(), robot)
             }
         };

@@ -18,7 +18,6 @@ use yamabico_vision::map::{ExpectationMap, ExpectationRules, MapView};
 
 use super::ImageFile;
 use super::navel_grid::proposal_table;
-use crate::arguments::At;
 use crate::images::{Output, load_gray, view};
 use crate::report::{Cell, Report, Table, number};
 
@@ -35,13 +34,11 @@ const RED: [u8; 3] = [255, 0, 70];
 pub struct Arguments {
     #[command(flatten)]
     file: ImageFile,
-    #[command(flatten)]
-    at: At,
 }
 
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
-        let estimate = self.at.or([2.6, 0.1, 3.0]);
+        let estimate = self.file.at.or([2.6, 0.1, 3.0]);
         let (pixels, width, height) = match &self.file.image {
             Some(path) => {
                 let image = load_gray(path)?;

@@ -5,12 +5,30 @@ pub mod runs;
 pub mod settings;
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::ScopedJoinHandle;
 
+use clap::Args;
 use yamabico::plugins::plugins;
 use yamabico_host::config::{Overrides, Task, load};
+
+use crate::arguments::Seeds;
+
+/// A task, and the seeds for which it runs.
+#[derive(Args)]
+struct TaskRuns {
+    /// Task file, such as configs/hallway.toml.
+    task: PathBuf,
+    #[command(flatten)]
+    seeds: Seeds,
+    /// Number of runs at a time.
+    #[arg(long, default_value_t = 1)]
+    jobs: usize,
+    /// Change a key of the task; may be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
 
 /// Loads a task file with changed keys.
 pub fn load_task(file: &Path, set: &[String]) -> Result<Task, String> {

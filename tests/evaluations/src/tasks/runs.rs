@@ -1,6 +1,5 @@
 //! One task, run for many seeds.
 
-use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -10,8 +9,7 @@ use yamabico_runtime::execution::RunEnd;
 use yamabico_runtime::record::Tap;
 use yamabico_runtime::run::{Options, RunResult, run};
 
-use super::{load_task, sweep};
-use crate::arguments::Seeds;
+use super::{TaskRuns, load_task, sweep};
 use crate::report::{Cell, Report, Table, number, optional};
 
 /// Distance in which a robot that starts beside its reference line reaches it, m.
@@ -20,32 +18,24 @@ const SETTLING_M: f64 = 5.0;
 /// Run a task for many seeds, with a row for each; fails unless the robot arrives without contact.
 #[derive(Args)]
 pub struct Arguments {
-    /// Task file, such as configs/hallway.toml.
-    task: PathBuf,
     #[command(flatten)]
-    seeds: Seeds,
-    /// Number of runs at a time.
-    #[arg(long, default_value_t = 1)]
-    jobs: usize,
+    runs: TaskRuns,
     /// Number of runs that must arrive without contact [default: all].
     #[arg(long, value_name = "COUNT")]
     min_clean: Option<usize>,
-    /// Change a key of the task; may be repeated.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
 }
 
 impl Arguments {
     pub fn run(&self) -> Result<Report, String> {
-        let task = load_task(&self.task, &self.set)?;
-        let results = sweep(self.seeds.or(1..21), self.jobs, |seed| {
+        let task = load_task(&self.runs.task, &self.runs.set)?;
+        let results = sweep(self.runs.seeds.or(1..21), self.runs.jobs, |seed| {
             let options = Options { seed, ..Options::default() };
             let mut settled = SettledOffset::default();
             let result = run(&task, &options, &AtomicBool::new(false), &mut settled, &mut |_| {});
             Ok((result.map_err(|error| error.to_string())?, settled.rms_m()))
         })?;
         let mut runs = Table::new(
-            format!("{}", self.task.display()),
+            format!("{}", self.runs.task.display()),
             &[
                 "seed",
                 "end",

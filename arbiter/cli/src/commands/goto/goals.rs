@@ -61,7 +61,7 @@ pub fn read(arguments: &Arguments) -> Result<Vec<Goal>, Failure> {
     };
     let text = std::fs::read_to_string(file).map_err(|error| {
         let file = file.display();
-        Failure::usage(format!("cannot read {file}: {error}; give X and Y in meters, or a file of goals"))
+        Failure::usage(format!("file of goals {file} cannot be read: {error}; write `goto X Y` in meters, or name a file of goals"))
     })?;
     let table = GOAL_FILE.read(&file.display().to_string(), &text)?;
     let goals: Result<GoalFile, toml::de::Error> = table.try_into();

@@ -23,7 +23,7 @@ use crate::report::{Report, Table, number};
 const LABELS: &str = include_str!("labels.txt");
 /// Parameters of the behavior. At 8.5 m a pixel covers half a meter.
 const CONFIG: &str =
-    "method = 'polar-cells'\nrings = 24\nfarthest_m = 8.5\nclosing_px = 3\ncolor_tolerance = 40\n";
+    "method = 'polar-cells'\nrings = 24\nmax_range_m = 8.5\nclosing_px = 3\ncolor_tolerance = 40\n";
 /// Height of the viewpoint, m: arbitrary, since the mirrors were calibrated on the floor.
 const HEIGHT_M: f64 = 0.6;
 /// Distance from a label within which a pixel is not used for training, px.

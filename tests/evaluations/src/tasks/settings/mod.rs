@@ -3,7 +3,6 @@
 mod plot;
 mod trajectory;
 
-use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -12,8 +11,7 @@ use yamabico_runtime::run::{Options, run};
 
 use self::plot::{Setting, draw};
 use self::trajectory::{Trajectory, TrajectoryTap};
-use super::{load_task, sweep};
-use crate::arguments::Seeds;
+use super::{TaskRuns, load_task, sweep};
 use crate::images::Output;
 use crate::report::{Report, Table, number};
 use crate::statistics::mean;
@@ -26,32 +24,24 @@ use crate::statistics::mean;
 /// 'behaviors.free-space-avoider.velocity="ignored"'
 #[derive(Args)]
 pub struct Arguments {
-    /// Task file, such as configs/corner.toml.
-    task: PathBuf,
     #[command(flatten)]
-    seeds: Seeds,
-    /// Number of runs at a time.
-    #[arg(long, default_value_t = 1)]
-    jobs: usize,
+    runs: TaskRuns,
     /// Setting: a key and its value; repeat for each setting.
     #[arg(long, required = true, value_name = "KEY=VALUE")]
     with: Vec<String>,
-    /// Change a key in every setting; may be repeated.
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
 }
 
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
-        let seeds = self.seeds.or(1..21);
+        let seeds = self.runs.seeds.or(1..21);
         let (mut settings, mut walls) = (Vec::new(), Vec::new());
         for with in &self.with {
-            let set: Vec<String> = [with].into_iter().chain(&self.set).cloned().collect();
-            let task = load_task(&self.task, &set)?;
+            let set: Vec<String> = [with].into_iter().chain(&self.runs.set).cloned().collect();
+            let task = load_task(&self.runs.task, &set)?;
             let plan = Plan::new(&task, seeds.start);
             let robot = Lockstep::open(plan, task.run.step, 1).map_err(|error| error.to_string())?;
             walls = robot.walls();
-            let trajectories = sweep(seeds.clone(), self.jobs, |seed| {
+            let trajectories = sweep(seeds.clone(), self.runs.jobs, |seed| {
                 let options = Options { seed, ..Options::default() };
                 let mut tap = TrajectoryTap::default();
                 let result = run(&task, &options, &AtomicBool::new(false), &mut tap, &mut |_| {})
