@@ -172,7 +172,7 @@ fn corridor_judgement(criterion: &mut Criterion) {
     let camera = Intrinsics { fx: 674.918, fy: 674.918, cx: 307.551, cy: 251.454, width: 640, height: 480 };
     let picture = corridor_evidence::Picture::of(&camera);
     let prior = RowPrior::of_mount(&picture, &Mount::level(1.0), Calibration::Measured, None);
-    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
+    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_2, 0.5);
     let mut detector = SegmentDetector::new(SegmentConfig::for_evidence());
     let mut times_us = Vec::new();
     for image in &images {

@@ -54,7 +54,7 @@ fn judge(path: &Path, known: Option<Intrinsics>, track: &mut Option<EvidenceTrac
     let start = RowPrior::of_mount(&picture, &Mount::level(1.0), calibration, None);
     let mut detector = SegmentDetector::new(SegmentConfig::for_evidence());
     let segments = detector.detect(view).unwrap_or_default();
-    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
+    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_2, 0.5);
     let track = track.get_or_insert(EvidenceTrack::new(start));
     track.predict(0.0, 10_f64.to_radians(), 0.0);
     let tracked = judge.look(segments, &picture, &track.row_prior(), None);

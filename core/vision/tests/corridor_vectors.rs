@@ -86,6 +86,7 @@ fn features_of(value: &Value) -> Features {
         margin: number(&value["margin"]),
         not_by_chance: number(&value["lnfa"]),
         foot: number(&value["foot"]),
+        clear_share: 0.0,
     }
 }
 

@@ -42,7 +42,7 @@ fn frames_after_the_first_do_not_allocate() {
     let mut finder = VanishingPointFinder::new(VanishingPointConfig::default());
     let picture = corridor_evidence::Picture::of(&camera);
     let prior = RowPrior::of_mount(&picture, &Mount::level(0.5), Calibration::Measured, None);
-    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
+    let mut judge = CorridorJudge::new(Coefficients::SEGMENTS_2, 0.5);
     let mut members = Vec::new();
     let (mut median, mut scharr) = (Median3::default(), Scharr::default());
     let (mut filtered, mut gray, mut gradient) =

@@ -295,7 +295,7 @@ impl LaneAvoider {
             gate_m: self.config.gate_m,
             clearance_m: self.clearance_m,
             speed_mps: self.config.speed_mps,
-            max_turn_radps: self.config.largest_turn_radps,
+            max_turn_radps: self.config.max_turn_radps,
             is_arrived: self.is_arrived(),
             room_m: [1.0, -1.0].map(|side| room_aside(&scene, side)),
         };

@@ -80,7 +80,7 @@ impl EvidenceObserver {
         let picture = Picture::of(pinhole.intrinsics());
         let mount_prior = RowPrior::of_mount(&picture, mount, *calibration, stated_sigma_rad);
         Self {
-            judge: CorridorJudge::new(Coefficients::SEGMENTS_1, PRIOR),
+            judge: CorridorJudge::new(Coefficients::SEGMENTS_2, PRIOR),
             picture,
             mount_prior,
             track: EvidenceTrack::new(mount_prior),

@@ -1,7 +1,8 @@
-//! Evidence for a hypothesis: six features.
+//! Evidence for a hypothesis: its features.
 
 use super::picture::{Picture, WIDTH};
 use super::search::Hypothesis;
+use crate::segments::Segment;
 use crate::vanishing_point::VotingLine;
 use nalgebra::Vector2;
 
@@ -9,6 +10,10 @@ use nalgebra::Vector2;
 const QUADRANT_PX: f64 = 0.1 * WIDTH;
 /// Length added to the total length, px, so that a few segments alone are weak evidence.
 const FEW_SEGMENTS_PX: f64 = 0.3 * WIDTH;
+/// Gradient from which on an edge is clear, gray levels: edges of walls and floors, not the grain of a floor.
+const CLEAR_GRADIENT: f64 = 40.0;
+/// Length of clear edges added to their total, px.
+const FEW_CLEAR_PX: f64 = 100.0;
 /// Minimum angle between two competing hypotheses, rad.
 const APART_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 /// Maximum margin.
@@ -29,11 +34,14 @@ pub struct Features {
     pub not_by_chance: f64,
     /// Share of the image's width that the foot line of a wall ahead covers, 0 to 1.
     pub foot: f64,
+    /// Share of the voters' length that points at the hypothesis, each weighted by its contrast, 0 to 1: few long edges of walls
+    /// count for more than much texture.
+    pub clear_share: f64,
 }
 
 impl Features {
-    /// Computes the features of `chosen`, with the supports `kappas` of the `voters`; `others` are the other hypotheses of
-    /// the same image.
+    /// Computes the features of `chosen` but for its clear edges, with the supports `kappas` of the `voters`; `others` are the other
+    /// hypotheses of the same image.
     pub fn of<'a>(
         chosen: &Hypothesis,
         others: impl Iterator<Item = &'a Hypothesis>,
@@ -61,7 +69,21 @@ impl Features {
             margin: margin(chosen, others, picture),
             not_by_chance: (-log10_false_alarms).max(0.0).ln_1p(),
             foot: foot_coverage,
+            clear_share: 0.0,
         }
+    }
+
+    /// Adds the share of clear edges. `segments` are those that `voters` refer to.
+    #[must_use]
+    pub fn with_clear_edges(self, voters: &[VotingLine], kappas: &[f64], segments: &[Segment]) -> Self {
+        let (mut supporting, mut total) = (0.0, 0.0);
+        for (line, kappa) in voters.iter().zip(kappas) {
+            let gradient = segments.get(line.segment).map_or(0.0, |segment| segment.mean_gradient);
+            let weight = line.length * (gradient / CLEAR_GRADIENT).min(1.0);
+            supporting += kappa * weight;
+            total += weight;
+        }
+        Self { clear_share: supporting / (total + FEW_CLEAR_PX), ..self }
     }
 }
 

@@ -156,6 +156,7 @@ impl CorridorJudge {
             foot.map_or(0.0, |foot| foot.coverage),
             picture,
         )
+        .with_clear_edges(voters, &self.kappas, segments)
     }
 
     /// Fills `members` with the segments of the last image that meet at `point`.

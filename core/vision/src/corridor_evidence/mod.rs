@@ -6,7 +6,7 @@
 //! | Segments by direction, at one scale | [`picture`], [`scene_lines`] |
 //! | Hypotheses: votes, refinement, score | [`search`], [`support`], [`row_prior`] |
 //! | Horizon and roll from plumb lines | [`plumb_lines`] |
-//! | Six features of a hypothesis | [`features`], [`false_alarms`], [`foot_line`] |
+//! | Features of a hypothesis | [`features`], [`false_alarms`], [`foot_line`] |
 //! | Probability and action | [`probability`] |
 //! | From image to image | [`track`] |
 //! | All of them on the segments of one image | [`judge`] |

@@ -79,7 +79,7 @@ impl Looker {
     pub fn new(camera: Intrinsics, calibration: Calibration) -> Self {
         let picture = Picture::of(&camera);
         let start = RowPrior::of_mount(&picture, &Mount::level(1.0), calibration, None);
-        let judge = CorridorJudge::new(Coefficients::SEGMENTS_1, 0.5);
+        let judge = CorridorJudge::new(Coefficients::SEGMENTS_2, 0.5);
         Self { camera, picture, start, track: EvidenceTrack::new(start), judge }
     }
 
