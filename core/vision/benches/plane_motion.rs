@@ -12,6 +12,7 @@ use yamabico_vision::plane_motion::direct_alignment::{AlignmentPrior, DirectAlig
 use yamabico_vision::plane_motion::floor_view::FloorView;
 use yamabico_vision::plane_motion::look_history::LookHistory;
 use yamabico_vision::plane_motion::motion_prior::motion_prior;
+use yamabico_vision::plane_motion::wheel_lag::WheelLag;
 
 #[path = "../tests/rendered_floor.rs"]
 mod rendered_floor;
@@ -88,9 +89,9 @@ fn judge(criterion: &mut Criterion<ThreadTime>) {
             height as usize,
             DirectAligner::top_row(&FloorView::new(intrinsics, mount)) / 2,
         );
-        for (robot, data) in &pictures {
+        for (i, (robot, data)) in pictures.iter().enumerate() {
             if let Ok(view) = view_of(data) {
-                history.push(view, *robot);
+                history.push(view, *robot, 0.1 * i as f64, &WheelLag::default());
             }
         }
         let mut aligner = DirectAligner::new(FloorView::new(intrinsics, mount));

@@ -19,6 +19,8 @@ pub const REACH_M: f64 = 2.5;
 const SPACING_PX: [f64; 2] = [4.0, 3.0];
 /// Maximum number of steps in the coarse and in the fine picture.
 const ROUNDS: [usize; 2] = [4, 6];
+/// Standard deviations of distance (m) and turn (rad) up to which the fine picture alone is aligned.
+const FINE_SIGMAS: [f64; 2] = [5e-3, 2.8e-3];
 /// Area that tells as much as one independent pixel, square pixels at a width of 256 px, for a sigma of 1 px.
 const CORRELATED_PX2: f64 = 36.0;
 /// Fewest pixels in both pictures.
@@ -151,7 +153,9 @@ impl DirectAligner {
         let expected = CommonMode::new(0.0, 0.0, 0.0, -0.5 * prior.tilt, -0.5 * prior.roll);
         let mut offset = CommonMode::zeros();
         let mut best = kept;
-        for scale in 0..2 {
+        let is_near = prior.covariance[(0, 0)] < FINE_SIGMAS[0] * FINE_SIGMAS[0]
+            && prior.covariance[(2, 2)] < FINE_SIGMAS[1] * FINE_SIGMAS[1];
+        for scale in usize::from(is_near)..2 {
             let homography = Homography::new(&self.view, prior, &offset);
             self.scales[scale].prepare(&current[scale], &previous[scale], &homography);
             for _ in 0..ROUNDS[scale] {

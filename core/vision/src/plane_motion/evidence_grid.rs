@@ -6,6 +6,8 @@ use nalgebra::{Point2, Vector2};
 use yamabico_geometry::Pose2;
 
 use super::log_odds::CellRules;
+use super::motion_point::MotionPoint;
+use super::sequential_test::PointClass;
 
 /// Side of a cell, m.
 pub const CELL_M: f64 = 0.1;
@@ -26,6 +28,13 @@ const ECHO_FREE: f64 = -0.4;
 const ECHO_RANGE_M: f64 = 2.0;
 /// Distance before an echo that is not free, m.
 const ECHO_DEPTH_M: f64 = 0.1;
+
+/// Distance up to which points count, m.
+const RANGE_M: f64 = 4.0;
+/// Maximum standard deviation of a thing's distance, m.
+const MAX_RANGE_SIGMA_M: f64 = 0.35;
+/// Weights of a thing's foot at one standard deviation nearer, at it, and at one farther.
+const SPREAD: [(f64, f64); 3] = [(-1.0, 0.25), (0.0, 0.5), (1.0, 0.25)];
 
 /// A sonar echo in the odometry frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,6 +152,37 @@ impl EvidenceGrid {
         if let Some(slot) = self.slot(point) {
             self.free[slot] += evidence as f32;
         }
+    }
+
+    /// Adds the points of a picture taken by a camera above `camera` (robot frame) from a robot at `robot` (odometry
+    /// frame): floor and mirror images clear the place that shows them, things mark their feet.
+    pub fn add_points(&mut self, points: &[MotionPoint], camera: Point2<f64>, robot: &Pose2) {
+        self.begin_picture();
+        for point in points {
+            let is_near = (point.floor - camera).norm() < RANGE_M;
+            match point.class {
+                PointClass::Floor if is_near => {
+                    self.add_floor(robot.transform_point(point.floor), point.advantage());
+                }
+                PointClass::Below if is_near => {
+                    self.add_below(robot.transform_point(point.floor), point.advantage());
+                }
+                PointClass::Above if point.range_sigma_m < MAX_RANGE_SIGMA_M => {
+                    let way = point.foot - camera;
+                    let range_m = way.norm();
+                    if range_m >= RANGE_M {
+                        continue;
+                    }
+                    for (deviations, weight) in SPREAD {
+                        let share = 1.0 + deviations * point.range_sigma_m / range_m.max(0.1);
+                        let foot = robot.transform_point(camera + way * share);
+                        self.add_above(foot, point.advantage(), weight);
+                    }
+                }
+                _ => {}
+            }
+        }
+        self.end_picture();
     }
 
     /// Ends a picture: adds the evidence of its points to the cells.

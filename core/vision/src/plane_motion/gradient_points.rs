@@ -1,6 +1,6 @@
 //! Points whose gradient runs along their parallax line: only these measure height.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use yamabico_geometry::image::ImageView;
 
 use crate::gradient::{Gradient, Scharr};
@@ -30,6 +30,9 @@ pub struct GradientPoint {
     pub v: u32,
     /// Energy of the gradient along the parallax line, squared gray levels per pixel, summed over 7 x 7 pixels.
     pub energy: f32,
+    /// Displacement along the parallax line (px) that changes the image like one of 1 px across it: 0 for an edge square
+    /// to the line, large for one along it. Counted in the sense of the line turned by a quarter turn from u to v.
+    pub skew: f32,
 }
 
 /// Finds gradient points. Allocates for its first image only.
@@ -81,6 +84,11 @@ impl GradientPoints {
             vectorize::run(cells);
             v += cell;
         }
+        for point in &mut self.points {
+            point.skew = skew(&self.gradient, epipole.cast(), point);
+            point.energy /= 1.0 + point.skew * point.skew;
+        }
+        self.points.retain(|point| point.energy > MIN_ENERGY);
         let far = (center_v + FAR_ROWS_PX * scale).max(0.0) as u32;
         self.keep_strongest(far);
         &self.points
@@ -104,6 +112,28 @@ impl GradientPoints {
         self.points.copy_within(far_count..far_count + kept_near.min(near_count), kept_far);
         self.points.truncate(kept_far + kept_near.min(near_count));
     }
+}
+
+/// Ratio of the mixed and the pure sum of gradient products along and across the parallax line around a point.
+fn skew(gradient: &Gradient, epipole: Vector3<f32>, point: &GradientPoint) -> f32 {
+    let (u, v) = (point.u as usize, point.v as usize);
+    let line = Vector2::new(u as f32 * epipole.z - epipole.x, v as f32 * epipole.z - epipole.y);
+    let along = line.try_normalize(1e-12).unwrap_or(Vector2::x());
+    let (mut xx, mut xy, mut yy) = (0.0_f32, 0.0_f32, 0.0_f32);
+    for v in v.saturating_sub(RADIUS)..=v + RADIUS {
+        let row = v * gradient.width();
+        let window = row + u.saturating_sub(RADIUS)..row + u + RADIUS + 1;
+        let (Some(gx), Some(gy)) = (gradient.gx().get(window.clone()), gradient.gy().get(window)) else {
+            continue;
+        };
+        for (&gx, &gy) in gx.iter().zip(gy) {
+            let (gx, gy) = (f32::from(gx), f32::from(gy));
+            (xx, xy, yy) = (xx + gx * gx, xy + gx * gy, yy + gy * gy);
+        }
+    }
+    let pure = xx * along.x * along.x + 2.0 * xy * along.x * along.y + yy * along.y * along.y;
+    let mixed = (yy - xx) * along.x * along.y + xy * (along.x * along.x - along.y * along.y);
+    mixed / pure.max(1e-6)
 }
 
 /// One row of cells.
@@ -157,11 +187,16 @@ impl Kernel for Cells<'_> {
         let cell = self.rows.len();
         let mut u = self.border;
         while u + cell + self.border <= width {
-            let mut best = GradientPoint { u: 0, v: 0, energy: MIN_ENERGY };
+            let mut best = GradientPoint { u: 0, v: 0, energy: MIN_ENERGY, skew: 0.0 };
             for (i, row) in self.energy.chunks_exact(width).enumerate() {
                 for (k, &energy) in row[u..u + cell].iter().enumerate() {
                     if energy > best.energy {
-                        best = GradientPoint { u: (u + k) as u32, v: (self.rows.start + i) as u32, energy };
+                        best = GradientPoint {
+                            u: (u + k) as u32,
+                            v: (self.rows.start + i) as u32,
+                            energy,
+                            skew: 0.0,
+                        };
                     }
                 }
             }

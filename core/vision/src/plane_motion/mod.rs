@@ -11,10 +11,18 @@
 //! | Correction of motion and mount, from features | [`motion_prior`], [`sparse_alignment`] |
 //! | Height of a point and its covariance | [`parallax`], [`point_height`] |
 //! | Correction of motion and mount, from pictures | [`band_pass`], [`look_history`], [`direct_alignment`] |
+//! | Delay of the wheels | [`wheel_lag`] |
 //! | Search along parallax lines | [`gradient_points`], [`quad_image`], [`parallax_search`], [`motion_point`] |
+//! | Judged points of each picture | [`PictureJudge`] |
 //! | Decision over time | [`sequential_test`], [`log_odds`], [`evidence_grid`] |
 //! | Things and walkers | [`grid_obstacles`], [`movers`] |
-//! | All of it | [`PlaneMotion`] |
+//! | Judge, grid and walkers together | [`PlaneMotion`] |
+//!
+//! A grid of its own takes [`PictureJudge::judge`]: each [`motion_point::MotionPoint`] has its class, its log odds
+//! ([`motion_point::MotionPoint::advantage`]), its floor point and foot in the robot frame at the capture, and its height,
+//! with deviations. [`PictureJudge::pose`] places that frame in the odometry frame. [`movers::MoverTracker::update`] takes
+//! the same points. A grid sums evidence by place; [`sequential_test::SequentialTest`] sums it by feature, for those who
+//! follow features from picture to picture instead.
 
 pub mod band_pass;
 pub mod detector;
@@ -30,9 +38,12 @@ pub mod motion_prior;
 pub mod movers;
 pub mod parallax;
 pub mod parallax_search;
+pub mod picture_judge;
 pub mod point_height;
 pub mod quad_image;
 pub mod sequential_test;
 pub mod sparse_alignment;
+pub mod wheel_lag;
 
-pub use detector::{NotJudged, PlaneMotion};
+pub use detector::PlaneMotion;
+pub use picture_judge::{NotJudged, PictureJudge};

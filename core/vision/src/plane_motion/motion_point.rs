@@ -10,6 +10,9 @@ use super::sequential_test::{ClassCosts, PointClass};
 const MIN_ADVANTAGE: f64 = 4.0;
 /// Multiple of the expected cost above which nothing fits.
 const FIT_LIMIT: f64 = 2.5;
+/// Distance of the floor point from which a point may be a thing, m: nearer, the search does not reach mirror images of
+/// lamps.
+const MIN_THING_FLOOR_M: f64 = 1.3;
 /// Heights of things, m: lower ones are floor, higher ones do not stand in the way.
 const THING_M: std::ops::Range<f64> = 0.06..0.9;
 
@@ -30,6 +33,8 @@ pub struct MotionPoint {
     pub range_sigma_m: f64,
     /// Height if the point stands above the floor, m.
     pub height_m: f64,
+    /// Standard deviation of `height_m`, m.
+    pub height_sigma_m: f64,
 }
 
 impl MotionPoint {
@@ -49,7 +54,11 @@ impl MotionPoint {
         let way = (floor - camera) / ratio;
         let fits = |cost: f64| cost <= FIT_LIMIT * costs.expected;
         let [floor_advantage, above_advantage, below_advantage] = costs.advantages();
-        let is_thing = THING_M.contains(&height_m) && !found.is_at_end;
+        let contradicts_floor = found.is_agreed && on_floor > costs.expected;
+        let is_thing = THING_M.contains(&height_m)
+            && !found.is_at_end
+            && contradicts_floor
+            && (floor - camera).norm() > MIN_THING_FLOOR_M;
         let class = if above_advantage > MIN_ADVANTAGE && fits(above) && is_thing {
             PointClass::Above
         } else if floor_advantage > MIN_ADVANTAGE && fits(on_floor) {
@@ -69,6 +78,7 @@ impl MotionPoint {
             foot: camera + way,
             range_sigma_m: (way.norm() * f64::from(found.ratio_sigma) / ratio).max(0.03),
             height_m,
+            height_sigma_m: camera_height_m * f64::from(found.ratio_sigma) / (ratio * ratio),
         }
     }
 

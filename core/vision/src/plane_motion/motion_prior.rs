@@ -1,6 +1,6 @@
 //! Uncertainty of odometry and mount between two pictures.
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector2};
 
 /// Motion x, y (m) and theta (rad), mount tilt and roll (rad).
 pub type CommonMode = SVector<f64, 5>;
@@ -32,4 +32,13 @@ pub fn motion_prior(way_m: f64, theta: f64, yaw: f64) -> CommonCovariance {
     covariance[(1, 2)] = half * sigma_theta * sigma_theta;
     covariance[(2, 1)] = covariance[(1, 2)];
     covariance
+}
+
+/// Covariance of the motion between two pictures from a lag of the wheels with the deviation `sigma_s` (s), while the
+/// velocity along x (m/s) and about the vertical (rad/s) changed by `change`.
+#[must_use]
+pub fn lag_covariance(sigma_s: f64, change: Vector2<f64>, way_m: f64) -> CommonCovariance {
+    let [along, turn] = [change.x * sigma_s, change.y * sigma_s];
+    let slope = CommonMode::new(along, 0.5 * way_m * turn, turn, 0.0, 0.0);
+    slope * slope.transpose()
 }

@@ -34,6 +34,9 @@ const MODEL_ERROR: f32 = 0.1;
 const SAMPLES: usize = 24;
 /// Expected cost of the right candidate: samples over the number of them that tell as much as one independent one.
 pub const EXPECTED_COST: f32 = 49.0 / 3.0;
+/// Advantage from which a baseline by itself prefers a candidate, and from which it contradicts.
+const MIN_AGREEMENT: f32 = 1.0;
+const MAX_CONTRADICTION: f32 = 4.0;
 /// Cost of a candidate that was not or could not be compared.
 const NONE: f32 = 1e9;
 const MAX_CANDIDATES: usize = 64;
@@ -49,6 +52,16 @@ pub struct Baseline<'a> {
     pub motion: Pose2,
 }
 
+/// A point to search for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchPoint {
+    /// Pixel of the current picture.
+    pub pixel: Vector2<f32>,
+    /// Displacement along the parallax line that fits as well as one of 1 px across it; see
+    /// [`super::gradient_points::GradientPoint::skew`].
+    pub skew: f32,
+}
+
 /// Best candidates for a point: on the floor, above and below it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SearchResult {
@@ -56,10 +69,12 @@ pub struct SearchResult {
     pub costs: [f32; 3],
     /// Foot ratio of the best candidate above the floor, refined.
     pub ratio: f32,
-    /// Standard deviation of `ratio`.
+    /// Standard deviation of `ratio`, that of motion and mount included.
     pub ratio_sigma: f32,
     /// True if that candidate lies at the end of the search.
     pub is_at_end: bool,
+    /// True if two baselines by themselves prefer that candidate to the floor, and none contradicts.
+    pub is_agreed: bool,
 }
 
 /// Search along parallax lines for one camera.
@@ -95,7 +110,7 @@ impl ParallaxSearch {
         current: &QuadImage,
         baselines: &[Baseline],
         covariance: &CommonCovariance,
-        points: &[Vector2<f32>],
+        points: &[SearchPoint],
         results: &mut Vec<Option<SearchResult>>,
     ) {
         results.clear();
@@ -177,7 +192,7 @@ struct Points<'a> {
     baselines: &'a [Baseline<'a>],
     projections: &'a [Projection],
     planes: Planes,
-    points: &'a [Vector2<f32>],
+    points: &'a [SearchPoint],
     results: &'a mut Vec<Option<SearchResult>>,
 }
 
@@ -207,13 +222,17 @@ struct Sweep<'a> {
     /// Steps of w between candidates.
     ratio_step: f32,
     parallax: f32,
+    /// Uncertainty of the floor along the parallax line, px.
+    slack_px: f32,
     tolerance_px: f32,
     costs: [f32; MAX_CANDIDATES],
+    of_baselines: [[f32; MAX_BASELINES]; MAX_CANDIDATES],
 }
 
 impl<'a> Sweep<'a> {
     #[inline(always)]
-    fn new(points: &'a Points<'a>, at: Vector2<f32>) -> Option<Self> {
+    fn new(points: &'a Points<'a>, point: SearchPoint) -> Option<Self> {
+        let at = point.pixel;
         let Points { search, view, planes, .. } = points;
         let at_pixel = at.cast::<f64>();
         let ray = view.ray(at_pixel);
@@ -224,9 +243,11 @@ impl<'a> Sweep<'a> {
         let (one, more) = (longest.pixel(&pixel, inverse_depth), longest.pixel(&pixel, 1.05 * inverse_depth));
         let line = more - one;
         let parallax = (line.norm() / 0.05).max(MIN_PARALLAX);
-        // Uncertainty of the floor along the line.
+        // Uncertainty of the floor along the line; an edge that is not square to it turns errors across into such along.
         let along = line.cast::<f64>() / f64::from(line.norm().max(1e-9));
-        let slope = warped.jacobian.fixed_columns::<5>(0).tr_mul(&along);
+        let across = Vector2::new(-along.y, along.x);
+        let felt = along + across * f64::from(point.skew);
+        let slope = warped.jacobian.fixed_columns::<5>(0).tr_mul(&felt);
         let slack = slope.dot(&(points.covariance * slope)).max(0.0).sqrt() as f32;
         let identity = [search.spacing_px, 0.0, 0.0, search.spacing_px];
         let patch = patch(points.current, at, &identity)?;
@@ -243,8 +264,10 @@ impl<'a> Sweep<'a> {
             upright: planes.upright.dot(&pixel),
             ratio_step: search.step_px / parallax,
             parallax,
-            tolerance_px: search.tolerance_px + 2.0 * slack,
+            slack_px: slack,
+            tolerance_px: search.tolerance_px * point.skew.hypot(1.0) + 2.0 * slack,
             costs: [NONE; MAX_CANDIDATES],
+            of_baselines: [[NONE; MAX_BASELINES]; MAX_CANDIDATES],
         })
     }
 
@@ -287,6 +310,7 @@ impl<'a> Sweep<'a> {
             ratio,
             ratio_sigma,
             is_at_end: above >= half - 1,
+            is_agreed: self.is_agreed(above, floor),
         }
     }
 
@@ -319,6 +343,19 @@ impl<'a> Sweep<'a> {
         best
     }
 
+    /// True if two baselines prefer a candidate to another one, and none the other to it.
+    #[inline(always)]
+    fn is_agreed(&self, candidate: i32, other: i32) -> bool {
+        let of = |candidate: i32| self.of_baselines.get(self.index(candidate));
+        let (Some(costs), Some(others)) = (of(candidate), of(other)) else { return false };
+        let (mut agreed, mut is_contradicted) = (0, false);
+        for (cost, other) in costs.iter().zip(others).filter(|(a, b)| a.max(**b) < NONE) {
+            agreed += u32::from(other - cost > MIN_AGREEMENT);
+            is_contradicted |= cost - other > MAX_CONTRADICTION;
+        }
+        agreed >= 2 && !is_contradicted
+    }
+
     /// Foot ratio at the vertex of the parabola through three costs, and its standard deviation from their curvature.
     #[inline(always)]
     fn refine(&self, candidate: i32) -> (f32, f32) {
@@ -331,12 +368,12 @@ impl<'a> Sweep<'a> {
         });
         let curvature = left - 2.0 * here + right;
         if left >= NONE || right >= NONE || curvature < 1e-9 {
-            return (self.ratio(candidate), 10.0 / self.parallax);
+            return (self.ratio(candidate), self.slack_px.hypot(10.0) / self.parallax);
         }
         let shift = (0.5 * (left - right) / curvature).clamp(-0.5, 0.5);
         let step = self.points.search.step_px;
         let sigma_px = 1.0 / (curvature / (step * step)).max(1e-2).sqrt();
-        (1.0 + (candidate as f32 + shift) * self.ratio_step, sigma_px / self.parallax)
+        (1.0 + (candidate as f32 + shift) * self.ratio_step, self.slack_px.hypot(sigma_px) / self.parallax)
     }
 
     /// Compares the patch with all baselines under a candidate.
@@ -353,7 +390,9 @@ impl<'a> Sweep<'a> {
             if is_level { (&planes.level, self.level) } else { (&planes.upright, self.upright) };
         let across = if across.abs() < 1e-4 { 1e-4 } else { across };
         let (mut sum, mut count) = (0.0, 0);
-        for (projection, baseline) in self.points.projections.iter().zip(self.points.baselines) {
+        let mut of_baselines = [NONE; MAX_BASELINES];
+        let baselines = self.points.projections.iter().zip(self.points.baselines).zip(&mut of_baselines);
+        for ((projection, baseline), of_baseline) in baselines {
             let Projection { turn, shift, gain } = projection;
             let p = turn * self.pixel + shift * inverse_depth;
             if p.z * ratio < 0.05 * ratio.max(inverse_depth) {
@@ -376,12 +415,14 @@ impl<'a> Sweep<'a> {
                 squares[lane % 8] += difference * difference;
             }
             let (total, squares) = (total.iter().sum::<f32>(), squares.iter().sum::<f32>());
-            sum += squares - total * total / SAMPLES as f32;
+            *of_baseline = (squares - total * total / SAMPLES as f32) * self.weight;
+            sum += *of_baseline;
             count += 1;
         }
         if count >= self.points.projections.len().saturating_sub(1).max(1) {
             let index = self.index(candidate);
-            self.costs[index] = sum * self.weight / count as f32;
+            self.costs[index] = sum / count as f32;
+            self.of_baselines[index] = of_baselines;
         }
     }
 }
