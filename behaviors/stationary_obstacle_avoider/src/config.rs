@@ -9,7 +9,7 @@ use yamabico_vision::map::WireFrame;
 use crate::threshold_table::ThresholdTable;
 use crate::{CORRIDOR, PATH, POSE};
 
-/// How obstacles are avoided.
+/// Way of avoiding obstacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
@@ -143,6 +143,14 @@ impl Config {
 
     /// Returns what people should know about the thresholds.
     pub(crate) fn notes(&self, setup: &Setup) -> Vec<String> {
+        if self.method == Method::Lanes {
+            let unused = self.thresholds.as_ref().map(|file| {
+                format!(
+                    "{file} is not used: only method = \"passages\" compares edges with learned thresholds"
+                )
+            });
+            return unused.into_iter().collect();
+        }
         let effect = match self.requires_thresholds {
             true => {
                 format!("it drives at most at {} m/s, and detects nothing by vision", self.blind_speed_mps)

@@ -3,6 +3,7 @@
 mod allocations;
 mod corridor;
 mod inputs;
+mod lanes;
 mod release;
 mod rig;
 mod vectors;

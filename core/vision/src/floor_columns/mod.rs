@@ -1,4 +1,4 @@
-//! Where the floor ends in each column of a picture, by a color that follows slow changes.
+//! End of the floor in each column of a picture, by a color that follows slow changes.
 //!
 //! The color of the floor in front of the robot is carried up each column of the picture. Lamp pools, vignetting and
 //! patterns of low contrast change it slowly, so that it follows; the foot of an obstacle changes it at once, and for as

@@ -1,0 +1,134 @@
+//! Method `lanes`: evidence in a grid, lanes beside the path, and ways out.
+
+use crate::rig::{Situation, camera, feed, render, setup, tick};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::{Kind, Proposal, Reason};
+use yamabico_core::testing::{Bench, allocations};
+use yamabico_stationary_obstacle_avoider::{LaneAvoider, StationaryObstacleAvoider};
+
+type Avoider = Bench<StationaryObstacleAvoider>;
+
+fn avoider() -> Avoider {
+    Bench::new("map = \"maps/hallway.toml\"\ngate_m = 0.3", setup(camera().0)).expect("a valid configuration")
+}
+
+fn lanes(bench: &Avoider) -> &LaneAvoider {
+    bench.behavior.lanes().expect("method `lanes`")
+}
+
+/// Stands at `robot` from `from_s` on for `duration_s` with 20 scans and 10 pictures a second; returns the last proposal.
+fn stand(
+    bench: &mut Avoider,
+    robot: Pose2,
+    from_s: f64,
+    duration_s: f64,
+    obstacle: Option<[f64; 2]>,
+) -> Proposal {
+    let pixels = render(robot, obstacle);
+    let range_m = obstacle.map(|[x, _]| (x - robot.x - 0.37).max(0.05)).filter(|range_m| *range_m < 0.5);
+    let steps = (duration_s * 20.0) as u32;
+    let proposals = (0..steps).map(|i| {
+        let situation =
+            Situation { seconds: from_s + 0.05 * f64::from(i), robot, range_m, ..Situation::default() };
+        tick(bench, &situation, (i % 2 == 0).then_some(&pixels[..]))
+    });
+    proposals.last().expect("a proposal")
+}
+
+#[test]
+fn an_empty_hallway_leaves_the_driving_to_others() {
+    for (i, (x, y, theta)) in [(3.0, 0.0, 0.0), (4.0, 0.2, 0.1), (5.0, -0.2, -0.1)].into_iter().enumerate() {
+        let mut bench = avoider();
+        let proposal = stand(&mut bench, Pose2::new(x, y, theta), i as f64, 2.0, None);
+        let answer = (proposal.kind(), proposal.reason());
+        assert_eq!(answer, (Some(Kind::Abstain), Some(Reason::Clear)), "{}", proposal.note.as_str());
+    }
+}
+
+#[test]
+fn a_box_ahead_is_driven_around_on_its_wider_side() {
+    for (y, side) in [(0.25, -1.0), (-0.25, 1.0)] {
+        let mut bench = avoider();
+        let proposal = stand(&mut bench, Pose2::new(3.0, 0.0, 0.0), 0.0, 1.0, Some([4.6, y]));
+        assert_eq!(proposal.kind(), Some(Kind::Drive), "{}", proposal.note.as_str());
+        assert!(proposal.twist.linear > 0.05 && proposal.twist.angular * side > 0.02, "{:?}", proposal.twist);
+        let places = lanes(&bench).occupied();
+        let near = places
+            .iter()
+            .filter(|place| (place.x - 1.5).abs() < 0.35 && (f64::from(place.y) - y).abs() < 0.35);
+        assert!(near.count() >= 3, "the box must be on the grid: {places:?}");
+    }
+}
+
+#[test]
+fn a_robot_before_an_obstacle_waits_and_then_backs_off_the_way_it_came() {
+    let mut bench = avoider();
+    for i in 0..8 {
+        let seconds = 0.2 * f64::from(i);
+        stand(&mut bench, Pose2::new(3.0 + 0.1 * f64::from(i), 0.0, 0.0), seconds, 0.2, Some([4.3, 0.0]));
+    }
+    let robot = Pose2::new(3.7, 0.0, 0.0);
+    let waits = stand(&mut bench, robot, 1.6, 0.5, Some([4.3, 0.0]));
+    assert_eq!((waits.kind(), waits.twist.linear), (Some(Kind::Drive), 0.0), "{}", waits.note.as_str());
+    let mut fastest_back: f64 = 0.0;
+    for i in 0..12 {
+        let proposal = stand(&mut bench, robot, 2.1 + 0.5 * f64::from(i), 0.5, Some([4.3, 0.0]));
+        assert!(proposal.twist.linear <= 0.0, "never toward the obstacle: {}", proposal.note.as_str());
+        fastest_back = fastest_back.min(proposal.twist.linear);
+    }
+    assert!(fastest_back < -0.05, "{fastest_back}");
+    // A robot that did not come this way does not know that it is free behind.
+    let mut fresh = avoider();
+    for i in 0..12 {
+        let proposal = stand(&mut fresh, robot, 0.5 * f64::from(i), 0.5, Some([4.3, 0.0]));
+        assert!(proposal.twist.linear >= 0.0, "{}", proposal.note.as_str());
+    }
+}
+
+#[test]
+fn an_arrived_robot_is_left_alone() {
+    let mut bench = avoider();
+    let proposal = stand(&mut bench, Pose2::new(12.4, 0.0, 0.0), 0.0, 8.0, Some([12.95, 0.0]));
+    assert_ne!(proposal.kind(), Some(Kind::Drive), "{}", proposal.note.as_str());
+}
+
+#[test]
+fn without_pictures_the_speed_is_limited_and_without_scans_the_robot_stands() {
+    let mut bench = avoider();
+    let situation = |seconds: f64| Situation { seconds, ..Situation::default() };
+    let blind =
+        (0..40).map(|i| tick(&mut bench, &situation(0.05 * f64::from(i)), None)).last().expect("a proposal");
+    assert_eq!((blind.kind(), blind.reason()), (Some(Kind::Limit), Some(Reason::StaleInput)));
+    stand(&mut bench, Pose2::new(3.0, 0.0, 0.0), 2.0, 1.0, None);
+    let silent = bench.at(4.0).propose();
+    assert_eq!((silent.kind(), silent.twist.linear), (Some(Kind::Drive), 0.0), "{}", silent.note.as_str());
+}
+
+#[test]
+fn a_picture_of_the_wrong_size_and_nonsense_as_saved_state_are_survived() {
+    let mut bench = avoider();
+    let short = vec![90_u8; 100];
+    let proposal = tick(&mut bench, &Situation::default(), Some(&short));
+    assert_eq!((proposal.kind(), proposal.reason()), (Some(Kind::Limit), Some(Reason::MalformedInput)));
+    for nonsense in ["", "null", "[1, 2]", "[{\"mode\": \"Dance\"}, null]"] {
+        use yamabico_core::behavior::Behavior;
+        bench.behavior.restore_state(nonsense.as_bytes());
+    }
+    let proposal = stand(&mut bench, Pose2::new(3.0, 0.0, 0.0), 1.0, 1.0, None);
+    assert_eq!(proposal.kind(), Some(Kind::Abstain), "{}", proposal.note.as_str());
+}
+
+#[test]
+fn a_call_allocates_nothing_after_warm_up() {
+    let mut bench = avoider();
+    let robot = Pose2::new(3.0, 0.1, 0.0);
+    let pixels = render(robot, Some([4.6, 0.2]));
+    for i in 0..200_u32 {
+        let situation = Situation { seconds: 0.05 * f64::from(i), robot, ..Situation::default() };
+        feed(&mut bench, &situation, (i % 2 == 0).then_some(&pixels[..]));
+        let (proposal, asked) = allocations(|| bench.propose());
+        let drives = proposal.kind() == Some(Kind::Drive);
+        assert!(i < 10 || drives, "call {i}: {}", proposal.note.as_str());
+        assert!(i < 100 || asked.calls == 0, "call {i}: {asked:?}");
+    }
+}
