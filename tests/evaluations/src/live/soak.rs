@@ -12,8 +12,8 @@ use super::program;
 use crate::report::{Report, Table, number};
 
 /// Plugins of the hallway task.
-const PLUGINS: [&str; 5] =
-    ["sim", "sonar-halt", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
+const PLUGINS: [&str; 6] =
+    ["sim", "sonar-halt", "stuck-recovery", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
 const SUPERVISOR: &str = "arbiter and supervisor";
 const PERIOD: Duration = Duration::from_millis(10);
 /// Unit of computing time of the kernel, s.
