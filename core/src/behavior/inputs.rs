@@ -85,7 +85,7 @@ pub trait InputSource {
     fn slot(&self, index: usize) -> Option<&dyn SlotSource>;
 }
 
-/// Input messages of one call of [`Behavior::propose`].
+/// Input messages of one call of [`Behavior::propose`](super::Behavior::propose).
 pub struct Inputs<'a> {
     now: Time,
     source: &'a dyn InputSource,
