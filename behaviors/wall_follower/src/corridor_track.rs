@@ -6,6 +6,7 @@ use nalgebra::Vector2;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 
 use crate::centering::Walls;
+use crate::width_memory::{Rival, WidthMemory};
 use yamabico_core::odometry_track::travel;
 use yamabico_vision::corridor::floor_lines::WallEstimate;
 use yamabico_vision::corridor::observer::{CorridorObservation, CorridorPrediction};
@@ -26,17 +27,11 @@ const HEADING_LOST_RAD: f64 = 0.175;
 /// Jump of a wall distance (m) above which it may be a recess, until it lasts for [`WALL_CONFIRM_M`].
 const WALL_JUMP_M: f64 = 0.15;
 /// Driven distance that confirms a changed wall distance or width, m.
-const WALL_CONFIRM_M: f64 = 0.5;
+pub(crate) const WALL_CONFIRM_M: f64 = 0.5;
 /// Driven distance without an observation after which a wall is dropped, m.
 const WALL_FORGET_M: f64 = 1.0;
 /// Growth of a wall distance's standard deviation per meter driven without an observation, m.
 const WALL_DRIFT_PER_METER: f64 = 0.04;
-/// Number of width measurements of which the median is taken.
-const WIDTHS: usize = 15;
-/// Driven distance without both walls after which the width is dropped, m.
-const WIDTH_FORGET_M: f64 = 3.0;
-/// Maximum difference between a measured and the known width, m.
-const WIDTH_TOLERANCE_M: f64 = 0.15;
 
 /// State of the robot in the corridor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,13 +80,6 @@ struct Wall {
     distance_m: f64,
     variance: f64,
     unobserved_m: f64,
-}
-
-/// A distance or width that contradicts the known one, waiting to be confirmed.
-#[derive(Clone, Copy, Debug)]
-struct Rival {
-    distance_m: f64,
-    for_m: f64,
 }
 
 /// Motion of the robot between two frames.
@@ -286,61 +274,6 @@ impl CorridorTrack {
 fn across(axis_angle: f64, from: &Pose2, to: &Pose2) -> f64 {
     let (sin, cos) = axis_angle.sin_cos();
     Vector2::new(-sin, cos).dot(&(to.position() - from.position()))
-}
-
-/// Width of the corridor: the median of the last pairs of walls.
-#[derive(Clone, Debug, Default)]
-struct WidthMemory {
-    widths: [f64; WIDTHS],
-    count: usize,
-    next: usize,
-    unobserved_m: f64,
-    rival: Option<Rival>,
-}
-
-impl WidthMemory {
-    fn fits(&self, width_m: f64) -> bool {
-        self.median_m().is_none_or(|known| (width_m - known).abs() <= WIDTH_TOLERANCE_M)
-    }
-
-    /// Registers a contradicting width. Once it is confirmed, drops the known width and returns true.
-    fn contradict(&mut self, width_m: f64) -> bool {
-        let rival = self
-            .rival
-            .filter(|rival| (rival.distance_m - width_m).abs() < WIDTH_TOLERANCE_M)
-            .unwrap_or(Rival { distance_m: width_m, for_m: 0.0 });
-        if rival.for_m >= WALL_CONFIRM_M {
-            *self = Self::default();
-            return true;
-        }
-        self.rival = Some(rival);
-        false
-    }
-
-    fn add(&mut self, width_m: f64) {
-        self.rival = None;
-        self.widths[self.next] = width_m;
-        self.next = (self.next + 1) % WIDTHS;
-        self.count = (self.count + 1).min(WIDTHS);
-        self.unobserved_m = 0.0;
-    }
-
-    fn drive(&mut self, meters: f64) {
-        self.unobserved_m += meters;
-        if let Some(rival) = &mut self.rival {
-            rival.for_m += meters;
-        }
-        if self.unobserved_m > WIDTH_FORGET_M {
-            *self = Self::default();
-        }
-    }
-
-    fn median_m(&self) -> Option<f64> {
-        let mut sorted = self.widths;
-        let known = &mut sorted[..self.count];
-        known.sort_by(f64::total_cmp);
-        known.get(self.count / 2).copied()
-    }
 }
 
 #[cfg(test)]

@@ -38,6 +38,7 @@ pub mod motion_prior;
 pub mod movers;
 pub mod parallax;
 pub mod parallax_search;
+mod patch;
 pub mod picture_judge;
 pub mod point_height;
 pub mod quad_image;

@@ -9,6 +9,7 @@ use yamabico_geometry::Pose2;
 
 use super::floor_view::FloorView;
 use super::motion_prior::CommonCovariance;
+use super::patch::{SAMPLES, patch};
 use super::quad_image::QuadImage;
 use crate::vectorize::{self, Kernel};
 
@@ -30,8 +31,6 @@ const LEVEL_M: f32 = 0.03;
 const NOISE: f32 = 2.5;
 /// Error of a patch's model, as a share of its contrast.
 const MODEL_ERROR: f32 = 0.1;
-/// Samples of a patch: five by five without the middle, over 7 x 7 pixels.
-const SAMPLES: usize = 24;
 /// Expected cost of the right candidate: samples over the number of them that tell as much as one independent one.
 pub const EXPECTED_COST: f32 = 49.0 / 3.0;
 /// Advantage from which a baseline by itself prefers a candidate, and from which it contradicts.
@@ -425,43 +424,4 @@ impl<'a> Sweep<'a> {
             self.of_baselines[index] = of_baselines;
         }
     }
-}
-
-/// Samples around `center`, where one sample to the right is (`a[0]`, `a[2]`) px away and one below (`a[1]`, `a[3]`);
-/// `None` too near to the border.
-#[inline(always)]
-fn patch(image: &QuadImage, center: Vector2<f32>, a: &[f32; 4]) -> Option<[f32; SAMPLES]> {
-    let (reach_x, reach_y) = (2.0 * (a[0].abs() + a[1].abs()), 2.0 * (a[2].abs() + a[3].abs()));
-    let (right, bottom) = (image.width() as f32 - 2.0, image.height() as f32 - 2.0);
-    let inside = center.x - reach_x > 1.0
-        && center.x + reach_x < right
-        && center.y - reach_y > 1.0
-        && center.y + reach_y < bottom;
-    if !inside {
-        return None;
-    }
-    let (mut x, mut y) = ([0_f32; SAMPLES], [0_f32; SAMPLES]);
-    for i in 0..SAMPLES {
-        x[i] = center.x + a[0] * ACROSS[i] + a[1] * DOWN[i];
-        y[i] = center.y + a[2] * ACROSS[i] + a[3] * DOWN[i];
-    }
-    Some(image.sample(&x, &y))
-}
-
-/// Places of the samples.
-const ACROSS: [f32; SAMPLES] = places().0;
-const DOWN: [f32; SAMPLES] = places().1;
-
-const fn places() -> ([f32; SAMPLES], [f32; SAMPLES]) {
-    let (mut across, mut down) = ([0.0; SAMPLES], [0.0; SAMPLES]);
-    let (mut cell, mut i) = (0, 0);
-    while cell < 25 {
-        if cell != 12 {
-            across[i] = (cell % 5) as f32 - 2.0;
-            down[i] = (cell / 5) as f32 - 2.0;
-            i += 1;
-        }
-        cell += 1;
-    }
-    (across, down)
 }
