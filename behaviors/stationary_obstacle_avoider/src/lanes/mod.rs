@@ -37,8 +37,10 @@ use stations::PathAhead;
 /// Log odds of floor, and of the place where it ends, in one picture.
 const FLOOR: f32 = -0.7;
 const FLOOR_END: f32 = 1.3;
-/// Log odds of an end of the floor where a sonar sees farther: a mirror image, or something below the beam.
-const FLOOR_END_IN_BEAM: f32 = 0.2;
+/// Log odds of an end of the floor before an echo: a mirror image, or something below the beam; and in a beam without an
+/// echo, which a smooth surface at an angle does not give.
+const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
+const FLOOR_END_IN_SILENCE: f32 = 0.7;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
 const FLOOR_END_M: f64 = 2.4;
@@ -202,22 +204,28 @@ impl LaneAvoider {
         self.advance(stamp, &robot);
         let to_odometry = |place: Point2<f64>| robot.transform_point(place);
         let (columns, beams) = (&self.columns, self.sonar.beams());
-        let is_in_beam = |place: &Point2<f64>| {
-            beams.iter().any(|beam| {
+        // Log odds of an end of the floor by the beams that it lies in.
+        let end = |place: Point2<f64>| {
+            let inside = beams.iter().filter(|beam| {
                 let off = place - Point2::new(beam.x_m, beam.y_m);
                 let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
-                is_inside && off.norm() + 0.15 < beam.echo_m().unwrap_or(f64::INFINITY)
-            })
+                is_inside && beam.echo_m().is_none_or(|echo_m| off.norm() + 0.15 < echo_m)
+            });
+            let has_echo = inside.map(|beam| beam.echo_m().is_some()).max();
+            match has_echo {
+                None => FLOOR_END,
+                Some(false) => FLOOR_END_IN_SILENCE,
+                Some(true) => FLOOR_END_BEFORE_ECHO,
+            }
         };
         let floor = columns.free().filter(|place| place.x < FLOOR_M);
         self.grid.add(floor.map(to_odometry), FLOOR);
-        let ends = || columns.ends().filter(|place| place.x < FLOOR_END_M);
-        // An obstacle is deeper than its foot.
-        let deep = |place: Point2<f64>| [place, Point2::new(place.x + occupancy::CELL_M, place.y)];
-        let seen = ends().filter(|place| !is_in_beam(place)).flat_map(deep).map(to_odometry);
-        self.grid.add(seen, FLOOR_END);
-        let doubtful = ends().filter(is_in_beam).map(to_odometry);
-        self.grid.add(doubtful, FLOOR_END_IN_BEAM);
+        for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
+            let ends = columns.ends().filter(|place| place.x < FLOOR_END_M && end(*place) == weight);
+            // An obstacle is deeper than its foot.
+            let deep = ends.flat_map(|place| [place, Point2::new(place.x + occupancy::CELL_M, place.y)]);
+            self.grid.add(deep.map(to_odometry), weight);
+        }
         Ok(())
     }
 

@@ -18,9 +18,10 @@ const LIMITS: (f32, f32) = (-2.0, 6.0);
 const OCCUPIED: f32 = 2.0;
 /// Change of the log odds toward zero, per second.
 const FADE_PER_S: f32 = 0.7;
-/// Log odds of the arc of an echo, and of the cone before it.
+/// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
 const ECHO: f32 = 1.0;
 const BEFORE_ECHO: f32 = -0.3;
+const SILENCE: f32 = -0.1;
 /// Distance before an echo that is not free, m.
 const ECHO_DEPTH_M: f64 = 0.1;
 /// Share of a beam's opening angle that is marked: most of the energy is there.
@@ -90,8 +91,9 @@ impl OccupancyGrid {
         let azimuths = move || (0..FAN).map(move |i| half_rad * (2.0 * i as f64 / (FAN - 1) as f64 - 1.0));
         let free_m = (echo_m - ECHO_DEPTH_M).min(MAX_FREE_M);
         let steps = (free_m / CELL_M) as usize;
+        let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
         let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
-        self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), BEFORE_ECHO);
+        self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), free_odds);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
             let arc = azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
