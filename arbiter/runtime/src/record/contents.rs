@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use mcap::records::op;
@@ -21,6 +21,9 @@ const MAX_FILES_BYTES: usize = 64 << 20;
 /// Name of the record with the facts of a run.
 pub(super) const RUN: &str = "run";
 
+/// Fact of a repaired recording: the cause why it broke off.
+pub(super) const BROKE_OFF: &str = "broke_off";
+
 /// Facts and attached files of a recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contents {
@@ -35,6 +38,14 @@ pub(super) fn reader_options() -> LinearReaderOptions {
     LinearReaderOptions::default()
         .with_prevalidate_chunk_crcs(true)
         .with_record_length_limit(MAX_RECORD_BYTES)
+}
+
+/// Cause why a recording that was read without an error ends early; `None` if it has its end.
+pub(super) fn missing_end(file: &mut (impl Read + Seek)) -> Option<String> {
+    let mut end = [0; mcap::MAGIC.len()];
+    let offset = -(mcap::MAGIC.len() as i64);
+    let read = file.seek(SeekFrom::End(offset)).and_then(|_| file.read_exact(&mut end));
+    (read.is_err() || end != mcap::MAGIC).then(|| "it has no end, as after a kill".to_owned())
 }
 
 impl Contents {

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use yamabico_core::message::{Axes, DecisionHeader, Name, Outcome, Proposal, Reason, Verdict};
+use yamabico_core::message::{Axes, Axis, DecisionHeader, Name, Outcome, Proposal, Reason, Verdict};
 
 /// Axes in the order of a decision's sources.
 const AXES: [Axes; 3] = [Axes::LINEAR, Axes::LATERAL, Axes::ANGULAR];
@@ -61,7 +61,7 @@ impl ControlLog {
 
 /// Names of axes, such as `linear and angular`.
 fn named(axes: Axes) -> String {
-    let names: Vec<&str> = axes.iter().map(|axis| axis.as_str()).collect();
+    let names: Vec<&str> = axes.iter().map(Axis::as_str).collect();
     match names.as_slice() {
         [names @ .., last] if !names.is_empty() => format!("{} and {last}", names.join(", ")),
         names => names.concat(),

@@ -14,7 +14,7 @@ use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
 use yamabico_core::time::Time;
 
 use super::Tap;
-use super::contents::{Contents, reader_options};
+use super::contents::{BROKE_OFF, Contents, missing_end, reader_options};
 use super::schema::{self, Bytes};
 use super::writer::under;
 
@@ -59,13 +59,14 @@ pub struct PlaybackResult {
 /// # Errors
 /// The file cannot be read or is no recording. A recording that ends early is played up to its end.
 pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> {
-    let origin = Contents::read(path)?.origin();
+    let contents = Contents::read(path)?;
+    let origin = contents.origin();
     let file =
         File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
-    let messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
+    let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
     let mut player = Player { tap, origin, frame: None, played: PlaybackResult::default() };
     let mut has_begun = false;
-    for message in messages {
+    for message in &mut messages {
         match message {
             Ok(message) => player.take(&message),
             Err(error) if has_begun => {
@@ -80,7 +81,13 @@ pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<PlaybackResult, PlaybackEr
         has_begun = true;
     }
     player.miss_image();
-    Ok(player.played)
+    let mut played = player.played;
+    if played.broken_off.is_none() {
+        // A repaired file has an end, and still not the end of its run.
+        let missing = missing_end(&mut messages.into_inner());
+        played.broken_off = missing.or_else(|| contents.facts.get(BROKE_OFF).cloned());
+    }
+    Ok(played)
 }
 
 struct Player<'a> {

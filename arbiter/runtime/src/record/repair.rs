@@ -9,7 +9,7 @@ use mcap::records::Metadata;
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 use serde::Serialize;
 
-use super::contents::{Contents, RUN, reader_options};
+use super::contents::{BROKE_OFF, Contents, RUN, missing_end, reader_options};
 use super::{PlaybackError, RecordError};
 
 /// Result of a repair.
@@ -59,20 +59,18 @@ pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
         Ok(())
     })?;
     repaired.seconds = span.map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9);
-    if repaired.broken_off.is_none() {
-        return Ok(repaired);
-    }
+    let Some(cause) = &repaired.broken_off else { return Ok(repaired) };
     let (new, kept) = (beside(path, "repairing"), beside(path, "broken"));
     let opening = |error| RecordError::opening(&new, error);
-    write(path, &new).inspect_err(|_| drop(std::fs::remove_file(&new)))?;
+    write(path, cause, &new).inspect_err(|_| drop(std::fs::remove_file(&new)))?;
     std::fs::rename(path, &kept).map_err(opening)?;
     std::fs::rename(&new, path).map_err(opening)?;
     repaired.kept = Some(kept);
     Ok(repaired)
 }
 
-/// Writes everything readable in `path` to `new`.
-fn write(path: &Path, new: &Path) -> Result<(), RepairError> {
+/// Writes everything readable in `path`, which broke off for this `cause`, to `new`.
+fn write(path: &Path, cause: &str, new: &Path) -> Result<(), RepairError> {
     let format = |error: McapError| RepairError::Format { path: new.to_owned(), reason: error.to_string() };
     let contents = Contents::read(path)?;
     let file = File::create(new).map_err(|error| RecordError::opening(new, error))?;
@@ -88,10 +86,10 @@ fn write(path: &Path, new: &Path) -> Result<(), RepairError> {
         };
         writer.attach(&attachment).map_err(format)?;
     }
-    if !contents.facts.is_empty() {
-        let metadata = Metadata { name: RUN.to_owned(), metadata: contents.facts };
-        writer.write_metadata(&metadata).map_err(format)?;
-    }
+    let mut facts = contents.facts;
+    facts.insert(BROKE_OFF.to_owned(), cause.to_owned());
+    let metadata = Metadata { name: RUN.to_owned(), metadata: facts };
+    writer.write_metadata(&metadata).map_err(format)?;
     read(path, |message| writer.write(message).map_err(format))?;
     writer.finish().map_err(format)?;
     Ok(())
@@ -106,7 +104,8 @@ fn read(
     let file =
         File::open(&path).map_err(|source| PlaybackError::NotReadable { path: path.clone(), source })?;
     let mut has_begun = false;
-    for message in MessageReader::new_with_options(BufReader::new(file), reader_options()) {
+    let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
+    for message in &mut messages {
         match message {
             Ok(message) => take(&message)?,
             Err(error) if has_begun => return Ok(Some(error.to_string())),
@@ -117,7 +116,7 @@ fn read(
         }
         has_begun = true;
     }
-    Ok(None)
+    Ok(missing_end(&mut messages.into_inner()))
 }
 
 /// File beside `path` with one more extension.

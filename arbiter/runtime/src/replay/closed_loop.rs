@@ -61,13 +61,14 @@ pub fn close_loop(
             error => ReplayError::Unsupported { path: path.to_owned(), reason: error.to_string() },
         })?;
     let pairs = before.0.iter().zip(&after.0);
-    let distances = pairs.map(|((time, a), (_, b))| ((a[0] - b[0]).hypot(a[1] - b[1]), time.as_secs_f64()));
+    let mut distances =
+        pairs.map(|((time, a), (_, b))| ((a[0] - b[0]).hypot(a[1] - b[1]), time.as_secs_f64()));
     Ok(ClosedLoop {
         recorded: summary.finish(RunFacts::default()),
         changed: ran.summary,
         end: ran.end,
         largest_deviation: distances.clone().max_by(|a, b| a.0.total_cmp(&b.0)),
-        final_deviation_m: distances.last().map(|(distance_m, _)| distance_m),
+        final_deviation_m: distances.next_back().map(|(distance_m, _)| distance_m),
     })
 }
 
