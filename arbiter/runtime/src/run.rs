@@ -12,7 +12,7 @@ use yamabico_host::config::{GoalArea, Overrides, Task};
 use crate::execution::{
     CallStats, HostError, Live, Lockstep, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
 };
-use crate::record::{McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
+use crate::record::{Identity, McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
 use crate::report::{
     ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_trajectory,
 };
@@ -27,6 +27,8 @@ pub struct Options {
     pub threads: usize,
     /// File of the recording; `None` for no recording. Its folder is created if it is missing.
     pub recording: Option<PathBuf>,
+    /// If set, an existing recording is replaced; otherwise it is refused.
+    pub overwrite: bool,
     /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
     /// Folder of `trajectory.png`; `None` for no plot. It is created if it is missing.
@@ -46,6 +48,7 @@ impl Default for Options {
             threads: 1,
             pace,
             recording: None,
+            overwrite: false,
             plots: None,
             overrides: Overrides::default(),
             program: None,
@@ -70,6 +73,9 @@ pub enum RunError {
         /// Cause.
         source: std::io::Error,
     },
+    /// The working directory is unknown, so that the recording cannot name its files; nothing moved.
+    #[error("the working directory is unknown: {0}; start in an existing folder")]
+    WorkingDirectory(std::io::Error),
     /// A device failed during the run.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -165,7 +171,7 @@ pub fn run(
 ) -> Result<RunResult, RunError> {
     let recording_folder = options.recording.as_deref().and_then(Path::parent);
     [recording_folder, options.plots.as_deref()].into_iter().flatten().try_for_each(create_folder)?;
-    // An earlier recording is replaced only once everything is open: a run that is still going on may be writing it.
+    // The file is created only once everything is open: a run that cannot start leaves no recording.
     let mut robot = Opened::open(task, options)?;
     let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
     let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
@@ -177,9 +183,10 @@ pub fn run(
     };
     let wall_s = began.elapsed().as_secs_f64();
     let (lost_messages, walls) = (robot.lost(), robot.walls());
-    let facts = [("digest".to_owned(), summary.digest().hex())];
-    let recording =
-        recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts.into()), lost_messages));
+    let ended = end.as_ref().map_or("failed", RunEnd::as_str);
+    let facts = [("digest", summary.digest().hex()), ("end", ended.to_owned())];
+    let facts: BTreeMap<String, String> = facts.map(|(key, fact)| (key.to_owned(), fact)).into();
+    let recording = recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts), lost_messages));
     let end = end?;
     let stats = robot.finish();
     let run_facts = RunFacts {
@@ -269,20 +276,15 @@ fn create_folder(folder: &Path) -> Result<(), RunError> {
 }
 
 fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
-    let files = [&task.path, &task.robot.path].into_iter().chain(&task.robot.parts);
-    let text =
-        |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
+    let identity = Identity::of(task, &options.overrides, options.seed, options.pace);
+    let (identity, files) = identity.map_err(RunError::WorkingDirectory)?;
     let sensors = task.robot.sensors.iter();
-    let facts = [
-        ("seed", options.seed.to_string()),
-        ("overrides", options.overrides.set.join("\n")),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
-    ];
     let recording = Recording {
+        replaces: options.overwrite,
         robot: task.robot.robot.clone(),
         sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
-        files: files.map(text).collect(),
-        facts: facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+        files,
+        facts: identity.facts(),
         ..Recording::new(path, options.pace)
     };
     Ok(McapRecorder::create(recording)?)

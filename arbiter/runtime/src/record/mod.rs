@@ -5,28 +5,44 @@
 //! file and passes its messages to a tap again.
 
 mod code_text;
+mod contents;
+mod control_log;
 mod digest;
 mod error;
 mod file;
 mod frames;
+mod identity;
 mod images;
 mod mcap;
 mod playback;
 mod queue;
 mod ranges;
+mod repair;
+mod run_file;
+mod run_folder;
 mod scene;
 mod schema;
+mod utc;
 mod writer;
 
+pub use contents::Contents;
 pub use digest::Digest;
 pub use error::RecordError;
+pub(crate) use identity::digest_of_program;
+pub use identity::{Execution, Identity, RecordedIdentity};
 pub use images::ImageFormat;
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
 pub use playback::{PlaybackError, PlaybackResult, play};
+pub use repair::{RepairError, Repaired, repair};
+pub use run_folder::RunFolder;
 pub use schema::to_json;
+pub use utc::utc;
 
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
+
+/// Beginning of the topics with the messages of a what-if.
+pub const WHAT_IF: &str = "/what-if/";
 
 /// Receives every message of a run, in the order of the run.
 pub trait Tap {
