@@ -10,7 +10,7 @@ use yamabico_core::sensor::DeviceError;
 use yamabico_host::config::{GoalArea, Overrides, Task};
 
 use crate::execution::{
-    CallStats, HostError, Live, Lockstep, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
+    CallStats, HostError, Live, Lockstep, Overlays, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
 };
 use crate::record::{McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
 use crate::report::{
@@ -27,6 +27,8 @@ pub struct Options {
     pub threads: usize,
     /// File of the recording; `None` for no recording. Its folder is created if it is missing.
     pub recording: Option<PathBuf>,
+    /// Overlays of the behaviors, if there is a recording.
+    pub overlays: Overlays,
     /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
     /// Folder of `trajectory.png`; `None` for no plot. It is created if it is missing.
@@ -38,7 +40,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Seed 1, lockstep on one thread, no recording, no plot, no changes.
+    /// Seed 1, lockstep on one thread, no recording, no plot, no changes; a recording would hold overlays.
     fn default() -> Options {
         let pace = Pace::Lockstep;
         Options {
@@ -46,6 +48,7 @@ impl Default for Options {
             threads: 1,
             pace,
             recording: None,
+            overlays: Overlays::Recorded,
             plots: None,
             overrides: Overrides::default(),
             program: None,
@@ -214,7 +217,8 @@ enum Opened {
 
 impl Opened {
     fn open(task: &Task, options: &Options) -> Result<Opened, HostError> {
-        let plan = Plan::new(task, options.seed);
+        let overlays = if options.recording.is_some() { options.overlays } else { Overlays::OnRequest };
+        let plan = Plan { overlays, ..Plan::new(task, options.seed) };
         Ok(match options.pace {
             Pace::Lockstep => {
                 Opened::Lockstep(Box::new(Lockstep::open(plan, task.run.step, options.threads)?))

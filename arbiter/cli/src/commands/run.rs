@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use yamabico_runtime::execution::Overlays;
 use yamabico_runtime::record::{Pace, Tee};
 use yamabico_runtime::run::{Options, run as run_task};
 use yamabico_runtime::supervisor::Program;
@@ -30,6 +31,9 @@ pub struct Arguments {
     /// Recording to write; by default `run.mcap` in the output folder.
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    /// Record without the overlays of the behaviors: what each of them saw, drawn over its input.
+    #[arg(long)]
+    no_overlays: bool,
     /// Output folder; by default `out/` followed by the name of the task.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -47,6 +51,7 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
         seed: arguments.seed,
         threads: usize::from(arguments.threads),
         recording: Some(arguments.record.clone().unwrap_or_else(|| out.join("run.mcap"))),
+        overlays: if arguments.no_overlays { Overlays::OnRequest } else { Overlays::Recorded },
         pace: if arguments.live { Pace::Live } else { Pace::Lockstep },
         plots: Some(out),
         overrides: arguments.task.overrides(),

@@ -11,6 +11,7 @@ mod file;
 mod frames;
 mod images;
 mod mcap;
+mod overlays;
 mod playback;
 mod queue;
 mod ranges;
