@@ -6,6 +6,7 @@
 //! | [`execution`] | the plan of a run, lockstep and live execution, the manifest of a live robot |
 //! | [`supervisor`] | plugins in processes of their own: started, watched and restarted |
 //! | [`record`] | taps on the messages of a run: digest, MCAP recording, playback |
+//! | [`overlay_painter`] | what behaviors drew, on the pictures in which they saw it |
 //! | [`report`] | the summary of a run and the plot of its trajectory |
 //! | [`client`] | the client of a running robot, for every live command |
 //!
@@ -27,6 +28,7 @@
 
 pub mod client;
 pub mod execution;
+pub mod overlay_painter;
 pub mod record;
 pub mod report;
 pub mod run;

@@ -194,7 +194,7 @@ pub fn run(
         restarts: stats.restarts,
     };
     let plot = options.plots.as_deref().map(|folder| folder.join("trajectory.png"));
-    let written = plot.as_deref().map(|path| write_trajectory(path, &trace, &walls));
+    let written = plot.as_deref().map(|path| write_trajectory(path, &trace, &walls, task.run.goal.as_ref()));
     let trajectory_problem = written.and_then(Result::err).map(|error| error.to_string());
     Ok(RunResult {
         task: task.name.clone(),

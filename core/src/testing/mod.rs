@@ -44,7 +44,7 @@ pub use published::Published;
 use crate::behavior::{InputSource, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotSource};
 use crate::camera::{Calibration, Distortion, Intrinsics, Mount};
 use crate::message::{FrameHeader, Message, Proposal};
-use crate::overlay::Overlay;
+use crate::overlay::{Overlay, layers};
 use crate::sensor::{SensorInfo, SensorKind};
 use crate::time::Time;
 use inbox::Inbox;
@@ -146,6 +146,17 @@ impl<B: Plugin> Bench<B> {
     /// Returns the overlay of the last call; `None` if the behavior drew nothing or [`Bench::draw`] was not called.
     pub fn overlay(&self) -> Option<&Overlay> {
         self.overlay.as_ref().filter(|overlay| overlay.is_drawn())
+    }
+
+    /// Returns name and number of marks of each layer of that overlay, in the order of drawing; empty without an overlay.
+    pub fn layers(&self) -> Vec<(String, usize)> {
+        let marks = self.overlay().map_or(&[][..], Overlay::marks);
+        layers(marks).map(|layer| (layer.name.to_string(), layer.marks.len())).collect()
+    }
+
+    /// Returns the number of marks in the layer `name` of that overlay; zero without such a layer.
+    pub fn marks(&self, name: &str) -> usize {
+        self.layers().iter().find(|(layer, _)| layer == name).map_or(0, |(_, marks)| *marks)
     }
 
     /// Returns header and items of the messages that the last call published on output `name`.

@@ -5,9 +5,9 @@
 
 mod control;
 mod encounter;
+mod figure;
 mod labels;
 mod latency;
-mod lettering;
 mod summary;
 mod trace;
 mod trajectory;
@@ -16,11 +16,12 @@ use control::ControlLog;
 pub use control::Halt;
 pub use encounter::Encounter;
 use encounter::Encounters;
+pub use figure::Figure;
 pub(crate) use latency::Latency;
 pub use latency::{LatencyFigures, Spread};
 pub use summary::{BehaviorSummary, ReferenceLine, RunFacts, RunSummary, SummaryTap, Timing};
 pub use trace::{HaltMark, Trace, TracePoint, Track};
-pub use trajectory::{Corner, PlotError, write_trajectory};
+pub use trajectory::{Corner, PlotError, draw_trajectory, write_trajectory};
 
 /// Speed below which the robot stands, m/s.
 const STANDING_MPS: f64 = 0.01;
