@@ -14,7 +14,7 @@ use crate::execution::{
 };
 use crate::record::{McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
 use crate::report::{
-    ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_trajectory,
+    ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_report, write_trajectory,
 };
 use crate::supervisor::Program;
 
@@ -31,6 +31,8 @@ pub struct Options {
     pub overlays: Overlays,
     /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
+    /// Report beside the recording, an HTML file.
+    pub report: Report,
     /// Folder of `trajectory.png`; `None` for no plot. It is created if it is missing.
     pub plots: Option<PathBuf>,
     /// Changes of the task from the command line, for the recording.
@@ -49,11 +51,22 @@ impl Default for Options {
             pace,
             recording: None,
             overlays: Overlays::Recorded,
+            report: Report::None,
             plots: None,
             overrides: Overrides::default(),
             program: None,
         }
     }
+}
+
+/// Report of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Report {
+    /// No report.
+    #[default]
+    None,
+    /// Beside the recording, with the extension `html`.
+    BesideRecording,
 }
 
 /// Failure of a run.
@@ -108,6 +121,10 @@ pub struct RunResult {
     pub lost_messages: u64,
     /// Recording, if there is one.
     pub recording: Option<RecordingSummary>,
+    /// Report, if there is one.
+    pub report: Option<PathBuf>,
+    /// Cause why the requested report is missing.
+    pub report_problem: Option<String>,
     /// Plot of the trajectory, if there is one.
     pub trajectory: Option<PathBuf>,
     /// Cause why the requested plot is missing.
@@ -180,18 +197,27 @@ pub fn run(
     };
     let wall_s = began.elapsed().as_secs_f64();
     let (lost_messages, walls) = (robot.lost(), robot.walls());
-    let facts = [("digest".to_owned(), summary.digest().hex())];
-    let recording =
-        recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts.into()), lost_messages));
-    let end = end?;
     let stats = robot.finish();
     let run_facts = RunFacts {
-        arrived: end == RunEnd::Arrived,
+        arrived: end == Ok(RunEnd::Arrived),
         wall_s,
         timings: stats.behaviors.into_iter().map(|(name, record)| (name, timing(&record))).collect(),
         latencies: stats.latencies,
         tick_lateness: Spread::of(&stats.lateness),
         restarts: stats.restarts,
+    };
+    let summary = summary.finish(run_facts);
+    let facts = result_facts(&summary, end.as_ref(), &walls);
+    let recording = recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts), lost_messages));
+    let end = end?;
+    let wants_report = options.report == Report::BesideRecording;
+    let report = recording.as_ref().filter(|_| wants_report).map(|recording| {
+        let page = recording.path.with_extension("html");
+        write_report(&recording.path, &page).map(|()| page)
+    });
+    let (report, report_problem) = match report.transpose() {
+        Ok(report) => (report, None),
+        Err(error) => (None, Some(error.to_string())),
     };
     let plot = options.plots.as_deref().map(|folder| folder.join("trajectory.png"));
     let written = plot.as_deref().map(|path| write_trajectory(path, &trace, &walls, task.run.goal.as_ref()));
@@ -201,12 +227,36 @@ pub fn run(
         seed: options.seed,
         goal: task.run.goal,
         end,
-        summary: summary.finish(run_facts),
+        summary,
         lost_messages,
         recording,
+        report,
+        report_problem,
         trajectory: plot.filter(|_| trajectory_problem.is_none()),
         trajectory_problem,
     })
+}
+
+/// Facts known after a run, for its recording.
+fn result_facts(
+    summary: &RunSummary,
+    end: Result<&RunEnd, &DeviceError>,
+    walls: &[Vec<[f64; 2]>],
+) -> BTreeMap<String, String> {
+    // Neither can fail to become JSON; a report gets along without them.
+    let json = |value: serde_json::Result<String>| value.unwrap_or_default();
+    let end = match end {
+        Ok(end) => end.as_str().to_owned(),
+        Err(error) => error.to_string(),
+    };
+    [
+        ("digest", summary.digest.clone()),
+        ("end", end),
+        ("summary", json(serde_json::to_string(summary))),
+        ("walls", json(serde_json::to_string(walls))),
+    ]
+    .map(|(key, value)| (key.to_owned(), value))
+    .into()
 }
 
 /// A robot at a standstill with everything open.
@@ -280,6 +330,11 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
     let facts = [
         ("seed", options.seed.to_string()),
         ("overrides", options.overrides.set.join("\n")),
+        ("task", task.name.clone()),
+        ("robot", task.robot.robot.name.clone()),
+        ("radius_m", task.robot.robot.radius_m.to_string()),
+        ("pace", if options.pace == Pace::Live { "live" } else { "lockstep" }.to_owned()),
+        ("goal", serde_json::to_string(&task.run.goal).unwrap_or_default()),
         ("version", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     let recording = Recording {

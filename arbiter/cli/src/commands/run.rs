@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use yamabico_runtime::execution::Overlays;
 use yamabico_runtime::record::{Pace, Tee};
-use yamabico_runtime::run::{Options, run as run_task};
+use yamabico_runtime::run::{Options, Report, run as run_task};
 use yamabico_runtime::supervisor::Program;
 
 use super::run_table::run_table;
@@ -34,6 +34,9 @@ pub struct Arguments {
     /// Record without the overlays of the behaviors: what each of them saw, drawn over its input.
     #[arg(long)]
     no_overlays: bool,
+    /// Do not write a report, an HTML file beside the recording.
+    #[arg(long)]
+    no_report: bool,
     /// Output folder; by default `out/` followed by the name of the task.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -52,6 +55,7 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
         threads: usize::from(arguments.threads),
         recording: Some(arguments.record.clone().unwrap_or_else(|| out.join("run.mcap"))),
         overlays: if arguments.no_overlays { Overlays::OnRequest } else { Overlays::Recorded },
+        report: if arguments.no_report { Report::None } else { Report::BesideRecording },
         pace: if arguments.live { Pace::Live } else { Pace::Lockstep },
         plots: Some(out),
         overrides: arguments.task.overrides(),
@@ -66,7 +70,7 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
         false => Failure::usage(error),
     })?;
     print.show(&result, run_table);
-    if let Some(problem) = &result.trajectory_problem {
+    for problem in [&result.trajectory_problem, &result.report_problem].into_iter().flatten() {
         complain(&format!("warning: {}", printable(problem)));
     }
     Ok(if result.is_done() { DONE } else { NOT_DONE })

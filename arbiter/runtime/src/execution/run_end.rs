@@ -29,6 +29,18 @@ pub enum RunEnd {
     Interrupted,
 }
 
+impl RunEnd {
+    /// Text for reports.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            RunEnd::Arrived => "arrived",
+            RunEnd::SensorsEnded => "all sensors ended",
+            RunEnd::TimeOver => "time over",
+            RunEnd::Interrupted => "interrupted",
+        }
+    }
+}
+
 /// Progress of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {

@@ -7,6 +7,7 @@
 mod code_text;
 mod digest;
 mod error;
+mod facts;
 mod file;
 mod frames;
 mod images;
@@ -21,8 +22,10 @@ mod writer;
 
 pub use digest::Digest;
 pub use error::RecordError;
+pub use facts::{RecordedFacts, read_facts};
 pub use images::ImageFormat;
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
+pub(crate) use playback::play_compressed;
 pub use playback::{PlaybackError, PlaybackResult, play};
 pub use schema::to_json;
 

@@ -191,7 +191,8 @@ fn legend_rows(legend: &[Legend], max_width: i32) -> i32 {
     rows
 }
 
-fn owner_color(owner: Option<usize>) -> Color {
+/// Color of a behavior in control, by its index in [`Trace::owners`].
+pub(super) fn owner_color(owner: Option<usize>) -> Color {
     owner.map_or(INK, |index| OWNERS[index % OWNERS.len()])
 }
 
