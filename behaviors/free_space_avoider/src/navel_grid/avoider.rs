@@ -11,6 +11,7 @@ use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::{AppearanceFile, LearnedLook, Picture};
 
 use super::ground::Swath;
+use super::overlay;
 use super::{GridFailure, Motion, Observation, OpenFloor, Passage, PathObserver, Steering};
 use crate::config::{Config, HeadingRule};
 use crate::direction::HeadingChoice;
@@ -108,6 +109,11 @@ impl NavelGridAvoider {
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             self.process_frame(&frame, now);
             self.publish(outputs);
+            if !self.is_malformed {
+                outputs.draw(&CAMERA, frame.header, |overlay| {
+                    overlay::draw(overlay, &self.observer, &self.intrinsics, self.heading.as_ref());
+                });
+            }
         }
         match self.last_frame {
             Some(stamp) if self.is_malformed => {

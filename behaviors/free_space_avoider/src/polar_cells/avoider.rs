@@ -9,6 +9,7 @@ use yamabico_core::time::Time;
 use yamabico_vision::floor_color_file::ColorFile;
 
 use super::destination::{Destination, Objective};
+use super::overlay;
 use super::pilot::{Maneuver, Pilot};
 use super::ring_observer::{RingFailure, RingObserver};
 use crate::config::Config;
@@ -82,6 +83,9 @@ impl PolarCellsAvoider {
         inputs.fresh(&GOAL).for_each(|goal| self.destination.take_goal(goal.header));
         if inputs.is_fresh(&CAMERA) && self.process_frame(inputs, now) {
             self.publish(outputs);
+            if let Some(frame) = inputs.latest(&CAMERA) {
+                outputs.draw(&CAMERA, frame.header, |overlay| overlay::draw(overlay, &self.observer));
+            }
         }
         let Some(stamp) = self.last_frame else {
             let reason = if self.is_malformed { Reason::MalformedInput } else { Reason::NoInput };
