@@ -17,6 +17,7 @@ mod set;
 mod switch;
 mod teleop;
 mod topic;
+mod view;
 mod why;
 
 use clap::Subcommand;
@@ -45,8 +46,10 @@ pub enum Command {
     /// Learn thresholds, a map or floor colors.
     #[command(subcommand)]
     Learn(learn::Learn),
-    /// Explain what a running robot does, and why.
+    /// Explain what a running robot does, or did in a recording, and why.
     Why(why::Arguments),
+    /// Show a running robot or a recording in the browser.
+    View(view::Arguments),
     /// List the plugins of a running robot and their state.
     Ps(ps::Arguments),
     /// List, print and measure the topics of a running robot.
@@ -84,6 +87,7 @@ impl Command {
             Command::New(new) => new::new(&new, print),
             Command::Learn(learn) => learn::learn(&learn, print),
             Command::Why(arguments) => why::why(&arguments, print),
+            Command::View(arguments) => view::view(&arguments, print),
             Command::Ps(arguments) => ps::ps(&arguments, print),
             Command::Topic(topic) => topic::topic(&topic, print),
             Command::Goto(arguments) => goto::goto(&arguments, print),

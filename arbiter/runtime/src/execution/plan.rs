@@ -60,6 +60,8 @@ pub struct Plan {
     pub step: Duration,
     /// Maximum absolute coordinate of a goal, m; `None` without a map.
     pub max_goal_m: Option<f64>,
+    /// Radius of the circle around the robot's footprint, m.
+    pub radius_m: f64,
 }
 
 impl Plan {
@@ -74,6 +76,7 @@ impl Plan {
             clock: task.robot.clock,
             step: task.run.step,
             max_goal_m: task.max_goal_m,
+            radius_m: task.robot.robot.radius_m,
         }
     }
 

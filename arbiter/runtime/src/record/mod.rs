@@ -20,10 +20,10 @@ mod writer;
 
 pub use digest::Digest;
 pub use error::RecordError;
-pub use images::ImageFormat;
+pub use images::{ImageFormat, compress};
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
 pub use playback::{PlaybackError, PlaybackResult, play};
-pub use schema::to_json;
+pub use schema::{Bytes, from_json, to_json};
 
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
