@@ -15,6 +15,7 @@ mod language;
 mod localization;
 mod obstacle;
 mod office;
+mod overlays;
 mod photos;
 mod room;
 mod support;

@@ -71,6 +71,7 @@ pub mod drive;
 pub mod driver;
 pub mod message;
 pub mod odometry_track;
+pub mod overlay;
 pub mod plugins;
 pub mod sensor;
 pub mod testing;

@@ -10,11 +10,11 @@ use yamabico_core::sensor::DeviceError;
 use yamabico_host::config::{GoalArea, Overrides, Task};
 
 use crate::execution::{
-    CallStats, HostError, Live, Lockstep, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
+    CallStats, HostError, Live, Lockstep, Overlays, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
 };
 use crate::record::{Identity, McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
 use crate::report::{
-    ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_trajectory,
+    ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_report, write_trajectory,
 };
 use crate::supervisor::Program;
 
@@ -29,8 +29,12 @@ pub struct Options {
     pub recording: Option<PathBuf>,
     /// If set, an existing recording is replaced; otherwise it is refused.
     pub overwrite: bool,
+    /// Overlays of the behaviors, if there is a recording.
+    pub overlays: Overlays,
     /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
+    /// Report beside the recording, an HTML file.
+    pub report: Report,
     /// Folder of `trajectory.png`; `None` for no plot. It is created if it is missing.
     pub plots: Option<PathBuf>,
     /// Changes of the task from the command line, for the recording.
@@ -40,7 +44,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Seed 1, lockstep on one thread, no recording, no plot, no changes.
+    /// Seed 1, lockstep on one thread, no recording, no plot, no changes; a recording would hold overlays.
     fn default() -> Options {
         let pace = Pace::Lockstep;
         Options {
@@ -49,11 +53,23 @@ impl Default for Options {
             pace,
             recording: None,
             overwrite: false,
+            overlays: Overlays::Recorded,
+            report: Report::None,
             plots: None,
             overrides: Overrides::default(),
             program: None,
         }
     }
+}
+
+/// Report of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Report {
+    /// No report.
+    #[default]
+    None,
+    /// Beside the recording, with the extension `html`.
+    BesideRecording,
 }
 
 /// Failure of a run.
@@ -111,6 +127,10 @@ pub struct RunResult {
     pub lost_messages: u64,
     /// Recording, if there is one.
     pub recording: Option<RecordingSummary>,
+    /// Report, if there is one.
+    pub report: Option<PathBuf>,
+    /// Cause why the requested report is missing.
+    pub report_problem: Option<String>,
     /// Plot of the trajectory, if there is one.
     pub trajectory: Option<PathBuf>,
     /// Cause why the requested plot is missing.
@@ -183,34 +203,66 @@ pub fn run(
     };
     let wall_s = began.elapsed().as_secs_f64();
     let (lost_messages, walls) = (robot.lost(), robot.walls());
-    let ended = end.as_ref().map_or("failed", RunEnd::as_str);
-    let facts = [("digest", summary.digest().hex()), ("end", ended.to_owned())];
-    let facts: BTreeMap<String, String> = facts.map(|(key, fact)| (key.to_owned(), fact)).into();
-    let recording = recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts), lost_messages));
-    let end = end?;
     let stats = robot.finish();
     let run_facts = RunFacts {
-        arrived: end == RunEnd::Arrived,
+        arrived: end == Ok(RunEnd::Arrived),
         wall_s,
         timings: stats.behaviors.into_iter().map(|(name, record)| (name, timing(&record))).collect(),
         latencies: stats.latencies,
         tick_lateness: Spread::of(&stats.lateness),
         restarts: stats.restarts,
     };
+    let summary = summary.finish(run_facts);
+    let facts = result_facts(&summary, end.as_ref(), &walls);
+    let recording = recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts), lost_messages));
+    let end = end?;
+    let wants_report = options.report == Report::BesideRecording;
+    let report = recording.as_ref().filter(|_| wants_report).map(|recording| {
+        let page = recording.path.with_extension("html");
+        write_report(&recording.path, &page).map(|()| page)
+    });
+    let (report, report_problem) = match report.transpose() {
+        Ok(report) => (report, None),
+        Err(error) => (None, Some(error.to_string())),
+    };
     let plot = options.plots.as_deref().map(|folder| folder.join("trajectory.png"));
-    let written = plot.as_deref().map(|path| write_trajectory(path, &trace, &walls));
+    let written = plot.as_deref().map(|path| write_trajectory(path, &trace, &walls, task.run.goal.as_ref()));
     let trajectory_problem = written.and_then(Result::err).map(|error| error.to_string());
     Ok(RunResult {
         task: task.name.clone(),
         seed: options.seed,
         goal: task.run.goal,
         end,
-        summary: summary.finish(run_facts),
+        summary,
         lost_messages,
         recording,
+        report,
+        report_problem,
         trajectory: plot.filter(|_| trajectory_problem.is_none()),
         trajectory_problem,
     })
+}
+
+/// Facts known after a run, for its recording.
+fn result_facts(
+    summary: &RunSummary,
+    end: Result<&RunEnd, &DeviceError>,
+    walls: &[Vec<[f64; 2]>],
+) -> BTreeMap<String, String> {
+    // Neither can fail to become JSON; a report gets along without them.
+    let json = |value: serde_json::Result<String>| value.unwrap_or_default();
+    let end = match end {
+        Ok(end) => end.as_str().to_owned(),
+        Err(error) => error.to_string(),
+    };
+    [
+        ("digest", summary.digest.clone()),
+        ("end", end),
+        ("summary", json(serde_json::to_string(summary))),
+        ("walls", json(serde_json::to_string(walls))),
+    ]
+    .map(|(key, value)| (key.to_owned(), value))
+    .into()
 }
 
 /// A robot at a standstill with everything open.
@@ -221,7 +273,8 @@ enum Opened {
 
 impl Opened {
     fn open(task: &Task, options: &Options) -> Result<Opened, HostError> {
-        let plan = Plan::new(task, options.seed);
+        let overlays = if options.recording.is_some() { options.overlays } else { Overlays::OnRequest };
+        let plan = Plan { overlays, ..Plan::new(task, options.seed) };
         Ok(match options.pace {
             Pace::Lockstep => {
                 Opened::Lockstep(Box::new(Lockstep::open(plan, task.run.step, options.threads)?))
@@ -279,12 +332,19 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
     let identity = Identity::of(task, &options.overrides, options.seed, options.pace);
     let (identity, files) = identity.map_err(RunError::WorkingDirectory)?;
     let sensors = task.robot.sensors.iter();
+    let mut facts = identity.facts();
+    let robot = &task.robot.robot;
+    facts.extend([
+        ("robot_name".to_owned(), robot.name.clone()),
+        ("radius_m".to_owned(), robot.radius_m.to_string()),
+        ("goal".to_owned(), serde_json::to_string(&task.run.goal).unwrap_or_default()),
+    ]);
     let recording = Recording {
         replaces: options.overwrite,
         robot: task.robot.robot.clone(),
         sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
         files,
-        facts: identity.facts(),
+        facts,
         ..Recording::new(path, options.pace)
     };
     Ok(McapRecorder::create(recording)?)

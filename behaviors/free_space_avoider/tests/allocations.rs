@@ -1,4 +1,4 @@
-//! Memory allocations of method navel-grid: none after warm-up.
+//! Memory allocations of method navel-grid, with an overlay of the grid: none after warm-up.
 
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{FrameHeader, FreeSpaceHeader, Kind};
@@ -17,6 +17,7 @@ fn a_frame_allocates_nothing_after_warm_up() {
         let camera = office::camera(width, height);
         let mut bench =
             Bench::<FreeSpaceAvoider>::new("", office::setup(camera.0, camera.1)).expect("defaults");
+        bench.draw();
         let images: Vec<_> = [0.0, 0.4, -0.4]
             .map(|heading| {
                 office::render(&mut renderer, &scene, camera, Pose2::new(1.7, 2.6, heading))
@@ -33,6 +34,9 @@ fn a_frame_allocates_nothing_after_warm_up() {
             assert!(i < 3 || asked.calls == 0, "call {i} of {width}x{height}: {asked:?}");
             let published = bench.published::<FreeSpaceHeader>("free-space");
             assert_eq!((published.len(), published[0].1.len()), (1, 17));
+            // A line and a digit for each column, a side for each direction.
+            assert_eq!([bench.marks("free cells by column"), bench.marks("free space")], [34, 17]);
+            assert!(bench.marks("obstacle cells") > 40 && bench.marks("free cells of the path") > 40);
         }
     }
 }

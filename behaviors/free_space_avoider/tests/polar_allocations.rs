@@ -17,6 +17,7 @@ fn a_frame_allocates_nothing_after_warm_up() {
     for axes in [Axes::ALL, Axes::PLANAR] {
         let mut bench = Bench::<FreeSpaceAvoider>::new(field::CONFIG, field::setup(field::camera(), axes))
             .expect("valid");
+        bench.draw();
         for i in 0..60_usize {
             let seconds = 1.0 + 0.04 * i as f64;
             let header = field::frame_header(seconds);
@@ -26,6 +27,8 @@ fn a_frame_allocates_nothing_after_warm_up() {
             let (proposal, asked) = allocations(|| bench.propose());
             assert_ne!(proposal.kind(), Some(Kind::Abstain), "{:?}", proposal.reason());
             assert!(i < 12 || asked.calls == 0, "call {i}: {asked:?}");
+            let marks = ["rings", "first obstacle cells", "free space"].map(|layer| bench.marks(layer));
+            assert!(marks.iter().all(|&marks| marks >= 7), "{:?}", bench.layers());
         }
     }
 }

@@ -24,6 +24,7 @@ pub mod foot;
 pub mod frame;
 pub mod handover;
 pub mod landmarks;
+pub mod overlay;
 pub mod pair;
 pub mod snap;
 pub mod steering;
@@ -41,7 +42,8 @@ use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
+use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
@@ -99,6 +101,8 @@ pub struct IntersectionTracker {
     /// Intersection that the robot has reached and not yet passed.
     handed_over: Option<Handover>,
     failure: Option<Reason>,
+    /// True if the ends of the walls were looked for in the last frame.
+    has_looked_for_ends: bool,
 }
 
 impl Plugin for IntersectionTracker {
@@ -145,6 +149,7 @@ impl Plugin for IntersectionTracker {
             lost_at: None,
             handed_over: None,
             failure: None,
+            has_looked_for_ends: false,
         })
     }
 }
@@ -162,6 +167,9 @@ impl Behavior for IntersectionTracker {
         }
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             self.process_frame(&frame, now);
+            if self.last_frame.is_some_and(|last| last.stamp == Time(frame.header.stamp_ns)) {
+                outputs.draw(&CAMERA, frame.header, |overlay| self.draw(overlay));
+            }
         }
         let Some(frame) = self.last_frame else {
             return Proposal::abstain(self.failure.unwrap_or(Reason::NoInput));
@@ -210,16 +218,25 @@ impl IntersectionTracker {
         Some(Ahead { bearing: 0.5 * (left + right), distance_m: middle.x, sigma_m })
     }
 
+    /// Draws what was seen in the last frame.
+    fn draw(&self, overlay: &mut Overlay) {
+        if self.has_looked_for_ends {
+            overlay::draw_ends(overlay, &self.observer, self.finder.ends());
+        }
+        let pose = self.last_frame.and_then(|frame| frame.pose).unwrap_or_default();
+        overlay::draw_track(overlay, &self.observer, &self.track, &pose, self.ahead(&pose).as_ref());
+    }
+
     fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last.stamp);
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !stamp.is_next(self.last_frame.map(|last| last.stamp), now) {
             self.failure = Some(Reason::MalformedInput);
             return;
         }
         let taken = Frame { stamp, pose: self.odometry.pose_at(stamp) };
         let motion = taken.motion_since(self.last_frame.as_ref());
         self.last_frame = Some(taken);
+        self.has_looked_for_ends = false;
         match motion {
             Ok(motion) => self.track.predict(motion),
             Err(reason) => {
@@ -284,6 +301,7 @@ impl IntersectionTracker {
             })
         });
         let sighting = self.observer.observe(image, expectation).map_err(heading_failure)?;
+        self.has_looked_for_ends = true;
         self.axis = Some((wrap_angle(pose.theta - sighting.heading), taken.stamp));
         let camera = *self.observer.camera();
         self.finder.find(image, &self.observer, &sighting, &self.rule);

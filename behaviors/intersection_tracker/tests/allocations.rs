@@ -17,6 +17,8 @@ fn a_frame_allocates_nothing_after_warm_up() {
     let images: Vec<_> = (0..10).map(|_| drive.render()).collect();
     let dark = vec![0; 640 * 480];
     let mut bench = Bench::<IntersectionTracker>::new("", setup(seen_by)).expect("defaults");
+    bench.draw();
+    let mut drawn = std::collections::BTreeSet::new();
     let mut driven = 0;
     for i in 0..120_usize {
         let seconds = 1.0 + i as f64 * 0.1;
@@ -29,6 +31,12 @@ fn a_frame_allocates_nothing_after_warm_up() {
         if i >= 60 {
             assert_eq!(asked.calls, 0, "call {i}");
         }
+        drawn.extend(bench.layers().into_iter().filter(|(_, marks)| *marks > 0).map(|(name, _)| name));
     }
     assert!(driven > 80, "{driven}");
+    for layer in
+        ["segments along the corridor", "ends of walls", "tracked edges", "predicted edges", "intersection"]
+    {
+        assert!(drawn.contains(layer), "{layer}: {drawn:?}");
+    }
 }

@@ -1,6 +1,7 @@
 //! Pose correction from one image, independent of the method.
 
 use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_core::overlay::Overlay;
 use yamabico_vision::map::WireFrame;
 
 use crate::belief::Belief;
@@ -95,6 +96,9 @@ pub trait PoseFinder {
 
     /// Tracks the features of the observed image that are not on the map, using the pose of the fix.
     fn track_unknown(&mut self) {}
+
+    /// Draws the features of the last image and those of the map that it should show.
+    fn draw(&self, _overlay: &mut Overlay) {}
 
     /// Returns the located edges that are not on the map.
     fn unknown_edges(&self) -> &[UnknownEdge] {

@@ -214,6 +214,9 @@ impl MapLocalizer {
         let was_lost = self.tracker.search().is_some();
         let before = self.lateral_error_m();
         self.tracker.process_image(&frame, inputs.now());
+        if self.tracker.last_image_at() == Some(Time(frame.header.stamp_ns)) {
+            outputs.draw(&CAMERA, frame.header, |overlay| self.tracker.finder().method().draw(overlay));
+        }
         if was_lost && self.tracker.search().is_none() {
             self.follower.forget_progress();
         } else if let (Some(before), Some(after)) = (before, self.lateral_error_m()) {

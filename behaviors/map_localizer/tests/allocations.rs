@@ -25,6 +25,7 @@ fn a_frame_allocates_nothing_after_warm_up() {
         })
         .collect();
     let mut bench = Bench::<MapLocalizer>::new(&toml("route = [[12.5, 0.0]]"), setup(256, 240)).unwrap();
+    bench.draw();
     let mut counted = 0;
     for i in 0..150_usize {
         let seconds = i as f64 * 0.1;
@@ -37,6 +38,8 @@ fn a_frame_allocates_nothing_after_warm_up() {
         assert_eq!(proposal.kind(), Some(Kind::Drive), "{:?}", proposal.reason());
         if i >= 50 {
             assert_eq!(made.calls, 0, "call {i}");
+            let matched = ["expected, matched", "matched segments"].map(|layer| bench.marks(layer));
+            assert!(matched[0] > 4 && matched[1] >= matched[0], "{:?}", bench.layers());
             counted += 1;
         }
         assert_eq!(bench.published::<Pose>("pose").len(), 1);

@@ -22,6 +22,7 @@ pub mod approach_watch;
 pub mod config;
 pub mod latch;
 pub mod motion;
+pub mod overlay;
 pub mod range_gate;
 pub mod reading;
 pub mod swept_gate;
@@ -39,6 +40,7 @@ use crate::approach_watch::{Approach, ApproachWatch};
 use crate::config::{Config, GateRule};
 use crate::latch::Latch;
 use crate::motion::Motion;
+use crate::overlay::Gate;
 use crate::range_gate::RangeGate;
 use crate::reading::{Reading, TRANSLATION};
 use crate::swept_gate::{StoppingDistance, SweptGate};
@@ -51,9 +53,6 @@ pub const ODOMETRY: Slot<Odometry> =
 /// Input: the motion that is wished.
 pub const DECISION: Slot<DecisionHeader> =
     Slot::preferred("decision", "wished motion; without it, straight ahead at full speed");
-
-/// Tolerance for stamps in the future, s.
-const FUTURE_TOLERANCE_S: f64 = 0.02;
 
 /// The behavior: halts for an echo that forbids the motion, and while there is no valid scan.
 #[derive(Clone, Debug)]
@@ -123,7 +122,7 @@ impl Plugin for SonarHalt {
 }
 
 impl Behavior for SonarHalt {
-    fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
+    fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let motion = Motion::read(inputs, self.config.stale_ms * 1e-3);
         self.check_losses(inputs);
         for scan in inputs.fresh(&SONAR) {
@@ -136,6 +135,16 @@ impl Behavior for SonarHalt {
             self.read_scan(&scan, &motion, inputs.now());
         }
         self.check_age(inputs.now());
+        if let Some(scan) = inputs.latest(&SONAR) {
+            outputs.draw(&SONAR, scan.header, |overlay| {
+                let twists = self.twists(&motion);
+                let gate = match &twists {
+                    Some(twists) => Gate::Swept(&self.swept_gate, twists),
+                    None => Gate::Range(&self.range_gate),
+                };
+                overlay::draw(overlay, &scan, gate, self.translation.is_holding());
+            });
+        }
         self.proposal()
     }
 }
@@ -150,12 +159,12 @@ impl SonarHalt {
 
     fn read_scan(&mut self, scan: &View<'_, RangeScanHeader>, motion: &Motion, now: Time) {
         let stamp = Time(scan.header.stamp_ns);
-        if stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if stamp.is_future(now) {
             self.fail(Reason::MalformedInput);
             return;
         }
         let is_newer = self.last_stamp.is_none_or(|last| stamp > last);
-        let twists = motion.twists(&self.limits).filter(|_| self.config.gate == GateRule::SweptPath);
+        let twists = self.twists(motion);
         let reading = match &twists {
             Some(twists) => self.swept_gate.read(scan.items, twists),
             None => self.range_gate.read(scan.items),
@@ -183,6 +192,11 @@ impl SonarHalt {
         update(&mut self.translation, stops.contains(Axis::Linear), is_newer);
         update(&mut self.turning, stops.contains(Axis::Angular), is_newer);
         update(&mut self.slow, is_slow, is_newer);
+    }
+
+    /// Twists whose swept path must be free; `None` if the fixed range holds.
+    fn twists(&self, motion: &Motion) -> Option<[Twist; 2]> {
+        motion.twists(&self.limits).filter(|_| self.config.gate == GateRule::SweptPath)
     }
 
     /// Finds what moves towards the robot; nothing while the robot's own motion is not known.

@@ -1,4 +1,4 @@
-//! After warm-up `propose` does not allocate.
+//! After warm-up `propose` does not allocate, with an overlay of beams, gate and echoes.
 
 use yamabico_core::behavior::Setup;
 use yamabico_core::geometry::Pose2;
@@ -10,6 +10,7 @@ use yamabico_sonar_halt::{DECISION, ODOMETRY, SONAR, SonarHalt};
 #[test]
 fn propose_does_not_allocate() {
     let mut bench = Bench::<SonarHalt>::new("", Setup::default()).unwrap();
+    bench.draw();
     for i in 0..20_u32 {
         let seconds = 0.05 * f64::from(i);
         let stamp_ns = Time::from_secs_f64(seconds).0;
@@ -21,5 +22,7 @@ fn propose_does_not_allocate() {
         bench.feed(&ODOMETRY, &Odometry::new(stamp_ns, &Pose2::default(), &twist), &[]);
         let (_, counted) = allocations(|| bench.propose());
         assert!(i < 2 || counted.calls == 0, "call {i}: {counted:?}");
+        // Three cones, two edges of the path of each twist with its end, three echoes with the nearest range.
+        assert_eq!([bench.marks("beams"), bench.marks("gate"), bench.marks("echoes")], [6, 50, 25]);
     }
 }

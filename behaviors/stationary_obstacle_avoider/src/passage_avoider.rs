@@ -1,10 +1,11 @@
 //! The avoider with method `passages`: halts for echoes, looks, turns to a passage and drives through it.
 
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Obstacle, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
+use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 
@@ -22,7 +23,7 @@ use crate::search::Search;
 use crate::sonar_watch::SonarWatch;
 use crate::threshold_table::ThresholdTable;
 use crate::view_history::ViewHistory;
-use crate::{CAMERA, ODOMETRY, SONAR};
+use crate::{CAMERA, ODOMETRY, SONAR, overlay};
 
 /// Time for a person in the way to leave before a search starts, s.
 const WAIT_S: f64 = 3.0;
@@ -206,13 +207,27 @@ impl PassageAvoider {
         if is_due && self.frames.taken_at(localized.evidence).is_some() {
             self.evaluate(&localized, inputs.now());
             self.publish(inputs.now(), outputs);
+            // The frame lies some calls back: the pose was estimated from it since.
+            let frame = FrameHeader { stamp_ns: localized.evidence.0, ..FrameHeader::default() };
+            outputs.draw(&CAMERA, &frame, |overlay| self.draw(overlay));
+        }
+    }
+
+    /// Draws what was found in the frame that was evaluated last.
+    fn draw(&self, overlay: &mut Overlay) {
+        if self.failure.is_none() {
+            overlay::draw_evidence(overlay, &self.detector);
+        }
+        if let Some(robot) = self.robot() {
+            let heading = self.odometry.newest().map_or(0.0, |newest| newest.pose.theta);
+            let aim_rad = self.order.target_heading.map(|target| angle_difference(target, heading));
+            overlay::draw_known(overlay, self.known_obstacles.all().iter(), &robot, aim_rad);
         }
     }
 
     fn store_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.frames.newest().is_none_or(|last| stamp > last);
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !stamp.is_next(self.frames.newest(), now) {
             self.failure = Some(Reason::MalformedInput);
             return;
         }

@@ -20,6 +20,7 @@ pub mod ahead;
 pub mod centering;
 pub mod config;
 pub mod corridor_track;
+pub mod overlay;
 pub mod recovery;
 pub mod sight;
 mod steering;
@@ -31,7 +32,7 @@ use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin,
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, Corridor, FrameHeader, Kind, Odometry, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
@@ -84,6 +85,8 @@ pub struct WallFollower {
     /// Heading (rad, odometry frame) of a turn at the end of the corridor.
     turning_to: Option<f64>,
     is_mount_wrong: bool,
+    /// What was seen in the last frame; `None` before the first.
+    seen: Option<Seen>,
 }
 
 /// The last frame with a vanishing point.
@@ -146,6 +149,7 @@ impl Plugin for WallFollower {
             found_in_row: 0,
             turning_to: None,
             is_mount_wrong: false,
+            seen: None,
         })
     }
 }
@@ -162,7 +166,13 @@ impl Behavior for WallFollower {
             self.track.lose();
         }
         let result = match inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
-            Some(frame) => self.process_frame(&frame, now),
+            Some(frame) => {
+                let result = self.process_frame(&frame, now);
+                if let Some(seen) = &self.seen {
+                    outputs.draw(&CAMERA, frame.header, |overlay| overlay::draw(overlay, &self.sight, seen));
+                }
+                result
+            }
             None => FrameResult::Nothing,
         };
         let Some(last_frame) = self.last_frame else {
@@ -211,8 +221,8 @@ impl WallFollower {
 
     fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) -> FrameResult {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last);
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        self.seen = None;
+        if !stamp.is_next(self.last_frame, now) {
             self.failure = Some(Reason::MalformedInput);
             return FrameResult::Nothing;
         }
@@ -231,6 +241,7 @@ impl WallFollower {
             return FrameResult::NotFound;
         };
         let seen = self.sight.look(image, self.track.prediction());
+        self.seen = Some(seen);
         self.ahead.update(seen.wall, self.sight.nearest_floor_m(), elapsed_s);
         self.is_mount_wrong = seen.is_mount_wrong;
         let before = self.evidence.map_or(Action::default(), |(_, action)| action);

@@ -70,13 +70,19 @@ impl Sight {
         given_rad.unwrap_or(HORIZON_SIGMA_RAD)
     }
 
+    /// Observer that measures.
+    #[must_use]
+    pub fn observer(&self) -> &CorridorObserver {
+        match self {
+            Self::Evidence(evidence) => evidence.observer(),
+            Self::PresumedHorizon(observer) => observer,
+        }
+    }
+
     /// Camera model, mount and calibration.
     #[must_use]
     pub fn camera(&self) -> &CorridorCamera {
-        match self {
-            Self::Evidence(evidence) => evidence.observer().camera(),
-            Self::PresumedHorizon(observer) => observer.camera(),
-        }
+        self.observer().camera()
     }
 
     /// Height of the camera above the floor, m: assumed where it is unknown.

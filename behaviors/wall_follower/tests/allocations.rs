@@ -14,6 +14,7 @@ fn a_frame_allocates_nothing_after_warm_up() {
     let (intrinsics, mount) = camera(640, 480);
     let mut bench =
         Bench::<WallFollower>::new("", setup(intrinsics, mount, Calibration::Measured)).expect("defaults");
+    bench.draw();
     let images: Vec<_> = [0.0, 0.1, -0.1]
         .into_iter()
         .map(|heading| (heading, render(intrinsics, mount, Pose2::new(0.0, 0.0, heading))))
@@ -30,6 +31,14 @@ fn a_frame_allocates_nothing_after_warm_up() {
         assert_eq!(proposal.kind(), Some(Kind::Drive), "{:?}", proposal.reason());
         if i >= 50 {
             assert_eq!(asked.calls, 0, "call {i}");
+            // A ring, a cross and a text; twelve lines for the floor line of each wall, a line and a text from above.
+            assert_eq!(
+                [bench.marks("vanishing point"), bench.marks("walls")],
+                [4, 4],
+                "{:?}",
+                bench.layers()
+            );
+            assert!(bench.marks("segments along the corridor") > 3 && bench.marks("floor lines") > 12);
             counted += 1;
         }
     }

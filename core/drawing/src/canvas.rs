@@ -42,6 +42,54 @@ impl<'a> Canvas<'a> {
         }
     }
 
+    /// Mixes `color` into the pixel nearest to `at`: 0 leaves the pixel, 1 replaces it.
+    pub fn mix(&mut self, at: Vector2<f64>, color: Color, share: f64) {
+        let (u, v) = (at.x.round(), at.y.round());
+        if u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64 {
+            let start = 3 * (v as usize * self.width + u as usize);
+            for (old, new) in self.data[start..start + 3].iter_mut().zip(color) {
+                let mixed = f64::from(*old) + share.clamp(0.0, 1.0) * (f64::from(new) - f64::from(*old));
+                *old = mixed.round() as u8;
+            }
+        }
+    }
+
+    /// Draws a smooth line between two points, `thickness` pixels wide, clipped to the canvas.
+    pub fn stroke(&mut self, from: Vector2<f64>, to: Vector2<f64>, thickness: f64, color: Color) {
+        let Some((from, to)) = self.clip(from, to) else { return };
+        let along = to - from;
+        let length = along.norm();
+        let across =
+            if length > 0.0 { Vector2::new(-along.y, along.x) / length } else { Vector2::new(0.0, 1.0) };
+        // Step along the longer axis; in each step, cover the pixels on the other.
+        let is_flat = along.x.abs() >= along.y.abs();
+        let half = 0.5 * thickness;
+        let steps = along.amax().round().max(1.0);
+        let lean = if is_flat { across.y.abs() } else { across.x.abs() };
+        let reach = ((half + 1.0) / lean.max(0.5)).ceil();
+        for i in 0..=steps as usize {
+            let at = (from + along * (i as f64 / steps)).map(f64::round);
+            for side in -(reach as i32)..=reach as i32 {
+                let side = f64::from(side);
+                let pixel = at + if is_flat { Vector2::new(0.0, side) } else { Vector2::new(side, 0.0) };
+                let distance = (pixel - from).dot(&across).abs();
+                self.mix(pixel, color, half + 0.5 - distance);
+            }
+        }
+    }
+
+    /// Draws a smooth circle, `thickness` pixels wide.
+    pub fn ring(&mut self, center: Vector2<f64>, radius: f64, thickness: f64, color: Color) {
+        let corners = (radius.abs().min(1e4).sqrt() * 8.0).ceil().max(8.0);
+        let corner = |i: usize| {
+            let (sin, cos) = (i as f64 / corners * std::f64::consts::TAU).sin_cos();
+            center + radius * Vector2::new(cos, sin)
+        };
+        for i in 0..corners as usize {
+            self.stroke(corner(i), corner(i + 1), thickness, color);
+        }
+    }
+
     /// Draws a line between two points, one pixel wide, clipped to the canvas.
     pub fn line(&mut self, from: Vector2<f64>, to: Vector2<f64>, color: Color) {
         let Some((from, to)) = self.clip(from, to) else { return };
@@ -59,11 +107,11 @@ impl<'a> Canvas<'a> {
         self.line(at - down, at + down, color);
     }
 
-    /// Draws a line of text with its upper left corner at `at`.
+    /// Draws a line of text, [`font::TEXT_PX`] in size, with the upper left corner of its capitals at `at`.
     pub fn text(&mut self, at: Vector2<f64>, text: &str, color: Color) {
-        for (right, below) in font::pixels(text) {
-            self.dot(at + Vector2::new(f64::from(right), f64::from(below)), color);
-        }
+        font::pixels(text, font::TEXT_PX, [at.x, at.y], |x, y, coverage| {
+            self.mix(Vector2::new(f64::from(x), f64::from(y)), color, coverage);
+        });
     }
 
     /// Draws the outline of a box between two opposite corners.
@@ -97,6 +145,25 @@ impl<'a> Canvas<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_stroke_is_as_wide_as_its_thickness_in_every_direction() {
+        for to in [[59.0, 10.0], [10.0, 59.0], [59.0, 40.0], [20.0, 59.0], [0.0, 59.0]] {
+            let mut data = vec![0; 3 * 60 * 60];
+            let from = Vector2::new(10.0, 10.0);
+            let to = Vector2::from(to);
+            Canvas::new(&mut data, 60, 60).unwrap().stroke(from, to, 3.0, [255, 255, 255]);
+            let ink: f64 = data.iter().step_by(3).map(|&level| f64::from(level) / 255.0).sum();
+            let wanted = 3.0 * (to - from).norm();
+            assert!((ink / wanted - 1.0).abs() < 0.12, "{to}: {ink} of {wanted}");
+        }
+        let mut data = vec![0; 3 * 8 * 8];
+        let mut canvas = Canvas::new(&mut data, 8, 8).unwrap();
+        canvas.stroke(Vector2::new(f64::NAN, 0.0), Vector2::new(1.0, 1.0), 3.0, [255; 3]);
+        canvas.ring(Vector2::new(1e9, 1e9), 1e300, 2.0, [255; 3]);
+        canvas.ring(Vector2::new(4.0, 4.0), f64::NAN, 2.0, [255; 3]);
+        assert!(data.iter().all(|&level| level == 0));
+    }
 
     #[test]
     fn lines_are_clipped_to_the_canvas() {

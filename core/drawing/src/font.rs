@@ -1,102 +1,80 @@
-//! A bitmap font for machines without fonts: 5 pixels wide, 7 high, with 2 pixels below the baseline.
+//! The font of plots and pictures: DejaVu Sans, embedded, so that a machine needs no fonts.
 
-/// Horizontal distance between two letters, pixels.
-pub const ADVANCE: i32 = 6;
-/// Height of a line above its baseline, pixels.
-pub const ASCENT: i32 = 7;
+use std::sync::OnceLock;
 
-/// Returns the pixels of `text` as offsets (right, down) from its upper left corner. Capitals are drawn as small
-/// letters, unknown characters as boxes.
-pub fn pixels(text: &str) -> impl Iterator<Item = (i32, i32)> {
-    text.chars().zip(0..).flat_map(|(letter, position)| {
-        let rows = glyph(letter.to_ascii_lowercase());
-        (0..).zip(rows).flat_map(move |(y, row)| {
-            let lit = (0..5).filter(move |x| row & (0b10000 >> x) != 0);
-            lit.map(move |x| (position * ADVANCE + x, y))
-        })
-    })
+use ab_glyph::{Font as _, FontRef, PxScale, PxScaleFont, ScaleFont as _, point};
+
+/// Size of a text in a picture (its em), px.
+pub const TEXT_PX: f64 = 11.0;
+/// Height of a capital above the baseline, as a fraction of the size.
+pub const CAPITAL: f64 = 0.73;
+
+/// The file of the font, TrueType: ASCII and a few signs.
+const FILE: &[u8] = include_bytes!("../font/DejaVuSans-subset.ttf");
+
+/// Returns the width of `text` at this size, px.
+#[must_use]
+pub fn width(text: &str, size_px: f64) -> f64 {
+    let Some(font) = scaled(size_px) else { return 0.0 };
+    text.chars().map(|letter| f64::from(font.h_advance(font.glyph_id(letter)))).sum()
 }
 
-/// Returns the width of `text`, pixels.
-pub fn width(text: &str) -> i32 {
-    i32::try_from(text.chars().count()).unwrap_or(i32::MAX / ADVANCE).saturating_mul(ADVANCE)
-}
-
-fn glyph(letter: char) -> [u8; 9] {
-    if letter == ' ' {
-        return [0; 9];
+/// Calls `draw` with each pixel (right, down) of `text` and its coverage, 0 to 1. The text begins at `upper_left` of its
+/// capitals; characters that the font lacks are boxes.
+pub fn pixels(text: &str, size_px: f64, upper_left: [f64; 2], mut draw: impl FnMut(i32, i32, f64)) {
+    let Some(font) = scaled(size_px) else { return };
+    let [mut right, down] = upper_left;
+    let baseline = (down + CAPITAL * size_px).round();
+    for letter in text.chars() {
+        let glyph = font.glyph_id(letter);
+        let placed = glyph.with_scale_and_position(font.scale(), point(right as f32, baseline as f32));
+        if let Some(outline) = font.outline_glyph(placed) {
+            let corner = outline.px_bounds().min;
+            outline.draw(|x, y, coverage| {
+                draw(corner.x as i32 + x as i32, corner.y as i32 + y as i32, f64::from(coverage).min(1.0));
+            });
+        }
+        right += f64::from(font.h_advance(glyph));
     }
-    let known = GLYPHS.iter().find(|(known, _)| *known == letter);
-    known.map_or([0b11111, 0b10001, 0b10001, 0b10001, 0b10001, 0b10001, 0b11111, 0, 0], |(_, rows)| *rows)
 }
 
-/// Nine rows per letter, the leftmost pixel in the highest bit.
-#[rustfmt::skip]
-const GLYPHS: [(char, [u8; 9]); 45] = [
-    ('a', [0b00000, 0b00000, 0b01110, 0b00001, 0b01111, 0b10001, 0b01111, 0b00000, 0b00000]),
-    ('b', [0b10000, 0b10000, 0b10110, 0b11001, 0b10001, 0b11001, 0b10110, 0b00000, 0b00000]),
-    ('c', [0b00000, 0b00000, 0b01110, 0b10001, 0b10000, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('d', [0b00001, 0b00001, 0b01101, 0b10011, 0b10001, 0b10011, 0b01101, 0b00000, 0b00000]),
-    ('e', [0b00000, 0b00000, 0b01110, 0b10001, 0b11111, 0b10000, 0b01111, 0b00000, 0b00000]),
-    ('f', [0b00110, 0b01001, 0b01000, 0b11110, 0b01000, 0b01000, 0b01000, 0b00000, 0b00000]),
-    ('g', [0b00000, 0b00000, 0b01101, 0b10011, 0b10001, 0b10011, 0b01101, 0b00001, 0b01110]),
-    ('h', [0b10000, 0b10000, 0b10110, 0b11001, 0b10001, 0b10001, 0b10001, 0b00000, 0b00000]),
-    ('i', [0b00100, 0b00000, 0b01100, 0b00100, 0b00100, 0b00100, 0b01110, 0b00000, 0b00000]),
-    ('j', [0b00010, 0b00000, 0b00110, 0b00010, 0b00010, 0b00010, 0b00010, 0b10010, 0b01100]),
-    ('k', [0b10000, 0b10000, 0b10010, 0b10100, 0b11000, 0b10100, 0b10010, 0b00000, 0b00000]),
-    ('l', [0b01100, 0b00100, 0b00100, 0b00100, 0b00100, 0b00100, 0b01110, 0b00000, 0b00000]),
-    ('m', [0b00000, 0b00000, 0b11010, 0b10101, 0b10101, 0b10101, 0b10101, 0b00000, 0b00000]),
-    ('n', [0b00000, 0b00000, 0b10110, 0b11001, 0b10001, 0b10001, 0b10001, 0b00000, 0b00000]),
-    ('o', [0b00000, 0b00000, 0b01110, 0b10001, 0b10001, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('p', [0b00000, 0b00000, 0b10110, 0b11001, 0b10001, 0b11001, 0b10110, 0b10000, 0b10000]),
-    ('q', [0b00000, 0b00000, 0b01101, 0b10011, 0b10001, 0b10011, 0b01101, 0b00001, 0b00001]),
-    ('r', [0b00000, 0b00000, 0b10110, 0b11001, 0b10000, 0b10000, 0b10000, 0b00000, 0b00000]),
-    ('s', [0b00000, 0b00000, 0b01111, 0b10000, 0b01110, 0b00001, 0b11110, 0b00000, 0b00000]),
-    ('t', [0b01000, 0b01000, 0b11110, 0b01000, 0b01000, 0b01001, 0b00110, 0b00000, 0b00000]),
-    ('u', [0b00000, 0b00000, 0b10001, 0b10001, 0b10001, 0b10011, 0b01101, 0b00000, 0b00000]),
-    ('v', [0b00000, 0b00000, 0b10001, 0b10001, 0b10001, 0b01010, 0b00100, 0b00000, 0b00000]),
-    ('w', [0b00000, 0b00000, 0b10101, 0b10101, 0b10101, 0b10101, 0b01010, 0b00000, 0b00000]),
-    ('x', [0b00000, 0b00000, 0b10001, 0b01010, 0b00100, 0b01010, 0b10001, 0b00000, 0b00000]),
-    ('y', [0b00000, 0b00000, 0b10001, 0b10001, 0b10001, 0b10011, 0b01101, 0b00001, 0b01110]),
-    ('z', [0b00000, 0b00000, 0b11111, 0b00010, 0b00100, 0b01000, 0b11111, 0b00000, 0b00000]),
-    ('0', [0b01110, 0b10001, 0b10011, 0b10101, 0b11001, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('1', [0b00100, 0b01100, 0b10100, 0b00100, 0b00100, 0b00100, 0b11111, 0b00000, 0b00000]),
-    ('2', [0b01110, 0b10001, 0b00001, 0b00110, 0b01000, 0b10000, 0b11111, 0b00000, 0b00000]),
-    ('3', [0b01110, 0b10001, 0b00001, 0b00110, 0b00001, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('4', [0b00010, 0b00110, 0b01010, 0b10010, 0b11111, 0b00010, 0b00010, 0b00000, 0b00000]),
-    ('5', [0b11111, 0b10000, 0b11110, 0b00001, 0b00001, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('6', [0b01110, 0b10000, 0b10000, 0b11110, 0b10001, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('7', [0b11111, 0b00001, 0b00010, 0b00100, 0b00100, 0b01000, 0b01000, 0b00000, 0b00000]),
-    ('8', [0b01110, 0b10001, 0b10001, 0b01110, 0b10001, 0b10001, 0b01110, 0b00000, 0b00000]),
-    ('9', [0b01110, 0b10001, 0b10001, 0b01111, 0b00001, 0b00001, 0b01110, 0b00000, 0b00000]),
-    ('-', [0b00000, 0b00000, 0b00000, 0b01110, 0b00000, 0b00000, 0b00000, 0b00000, 0b00000]),
-    ('+', [0b00000, 0b00100, 0b00100, 0b11111, 0b00100, 0b00100, 0b00000, 0b00000, 0b00000]),
-    ('.', [0b00000, 0b00000, 0b00000, 0b00000, 0b00000, 0b01100, 0b01100, 0b00000, 0b00000]),
-    (',', [0b00000, 0b00000, 0b00000, 0b00000, 0b00000, 0b01100, 0b01100, 0b00100, 0b01000]),
-    (':', [0b00000, 0b00000, 0b01100, 0b01100, 0b00000, 0b01100, 0b01100, 0b00000, 0b00000]),
-    ('/', [0b00001, 0b00001, 0b00010, 0b00100, 0b01000, 0b10000, 0b10000, 0b00000, 0b00000]),
-    ('(', [0b00010, 0b00100, 0b01000, 0b01000, 0b01000, 0b00100, 0b00010, 0b00000, 0b00000]),
-    (')', [0b01000, 0b00100, 0b00010, 0b00010, 0b00010, 0b00100, 0b01000, 0b00000, 0b00000]),
-    ('_', [0b00000, 0b00000, 0b00000, 0b00000, 0b00000, 0b00000, 0b00000, 0b11111, 0b00000]),];
+/// Returns the font at this size; `None` only if the embedded file were broken.
+fn scaled(size_px: f64) -> Option<PxScaleFont<&'static FontRef<'static>>> {
+    static FONT: OnceLock<Option<FontRef<'static>>> = OnceLock::new();
+    let font = FONT.get_or_init(|| FontRef::try_from_slice(FILE).ok()).as_ref()?;
+    let lines_per_em = font.height_unscaled() / font.units_per_em()?;
+    Some(font.as_scaled(PxScale::from(size_px as f32 * lines_per_em)))
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn every_letter_and_digit_has_its_own_glyph() {
-        let letters: Vec<char> = ('a'..='z').chain('0'..='9').chain("-+.,:/()_".chars()).collect();
-        for (i, &letter) in letters.iter().enumerate() {
-            assert!(glyph(letter).iter().all(|row| *row < 32) && glyph(letter) != [0; 9]);
-            assert!(letters[..i].iter().all(|&other| glyph(other) != glyph(letter)), "{letter}");
-        }
+    fn drawn(text: &str) -> Vec<(i32, i32)> {
+        let mut drawn = Vec::new();
+        pixels(text, 20.0, [3.0, 4.0], |x, y, coverage| {
+            if coverage > 0.5 {
+                drawn.push((x, y));
+            }
+        });
+        drawn
     }
 
     #[test]
-    fn text_runs_to_the_right() {
-        let second: Vec<_> = pixels("il").filter(|(x, _)| *x >= ADVANCE).collect();
-        assert_eq!((second[0], width("il")), ((ADVANCE + 1, 0), 2 * ADVANCE));
-        assert_eq!(pixels(" ").count(), 0);
-        assert_eq!(pixels("\u{e9}").count(), pixels("\u{2603}").count(), "unknown letters are boxes");
+    fn a_capital_fills_its_height_from_the_upper_left_corner() {
+        let letter = drawn("H");
+        let rows: Vec<i32> = letter.iter().map(|(_, y)| *y).collect();
+        assert_eq!((rows.iter().min(), rows.iter().max()), (Some(&4), Some(&18)), "15 px high");
+        assert!(letter.iter().all(|(x, _)| (3..3 + width("H", 20.0) as i32).contains(x)));
+    }
+
+    #[test]
+    fn widths_add_up_and_signs_are_there() {
+        assert!((width("il", 20.0) - width("i", 20.0) - width("l", 20.0)).abs() < 1e-4);
+        assert!(width("m", 20.0) > 2.0 * width("i", 20.0) && width("", 20.0) == 0.0);
+        for sign in ["\u{b0}", "\u{b1}", "\u{d7}", "g"] {
+            assert_ne!(drawn(sign), drawn("\u{2603}"), "{sign}");
+        }
+        assert!(drawn(" ").is_empty());
     }
 }

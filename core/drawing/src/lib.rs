@@ -1,4 +1,5 @@
-//! Drawing into RGB images, for plots and debug images: a [`Canvas`] with lines, marks and text in a bitmap [`font`].
+//! Drawing into RGB images, for plots and debug images: a [`Canvas`] with lines, marks and text in an
+//! embedded [`font`].
 //!
 //! ```
 //! use nalgebra::Vector2;

@@ -11,6 +11,7 @@ use crate::error::HostError;
 use crate::histogram::DurationHistogram;
 use crate::input_ports::InputPorts;
 use crate::output_ports::OutputPorts;
+use crate::overlay_port::OverlayPort;
 use crate::topics;
 use yamabico_core::behavior::{Behavior, BehaviorFactory, Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::message::{
@@ -73,6 +74,7 @@ pub struct BehaviorHost {
     decisions: Option<Subscriber<DecisionHeader>>,
     sleeps: bool,
     outputs: OutputPorts,
+    overlay: OverlayPort,
     proposals: Publisher<Proposal>,
     name: Name,
     sequence: u64,
@@ -111,6 +113,7 @@ impl BehaviorHost {
             decisions: may_sleep.then(|| bus.subscriber(topics::DECISION)).transpose()?,
             sleeps: false,
             outputs: OutputPorts::open(bus, &outputs)?,
+            overlay: OverlayPort::open(bus, instance, &plan.inputs)?,
             proposals: bus.publisher(&topics::proposal(instance))?,
             name: Name::new(instance),
             sequence: 0,
@@ -218,8 +221,10 @@ impl BehaviorHost {
         let Some(behavior) = &mut self.behavior else { return Ok(()) };
         let started = Instant::now();
         let (inputs, outputs, state) = (&self.inputs, &mut self.outputs, &mut self.saved_state);
+        let canvas = self.overlay.canvas();
         let outcome = catch_unwind(AssertUnwindSafe(|| {
-            let proposal = behavior.propose(&Inputs::new(now, inputs), &mut Outputs::new(outputs));
+            let mut outputs = Outputs::new(outputs).with_overlay(canvas);
+            let proposal = behavior.propose(&Inputs::new(now, inputs), &mut outputs);
             state.clear();
             behavior.save_state(state);
             proposal
@@ -233,7 +238,8 @@ impl BehaviorHost {
         let (outcome, proposal) = match outcome {
             Ok(proposal) => {
                 self.survived_a_call = true;
-                (self.publish(proposal, now, evidence_ns), self.sequence)
+                let published = self.publish(proposal, now, evidence_ns);
+                (published.and_then(|()| self.overlay.publish()), self.sequence)
             }
             Err(_) => {
                 self.rebuild();

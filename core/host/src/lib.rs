@@ -42,6 +42,7 @@ mod histogram;
 mod input_ports;
 mod loops;
 mod output_ports;
+mod overlay_port;
 pub mod process;
 mod reporter;
 mod scheduling;

@@ -57,6 +57,11 @@ pub fn proposal(name: &str) -> String {
     format!("behaviors/{name}/proposal")
 }
 
+/// Returns the topic of the overlays of the behavior `name`.
+pub fn overlay(name: &str) -> String {
+    format!("behaviors/{name}/overlay")
+}
+
 /// Returns the topic of an output of the behavior `name`.
 pub fn output(name: &str, output: &str) -> String {
     format!("behaviors/{name}/{output}")

@@ -682,6 +682,53 @@ class Corridor(Message):
 assert ctypes.sizeof(Corridor) == 80 and ctypes.alignment(Corridor) == 8
 
 
+class OverlayMark(Item):
+    """A mark of an overlay, or the begin of a layer. Coordinates are pixels (right, down) or m (forward, left), by the layer."""
+
+    _fields_ = [
+        # A MarkKind code.
+        ("kind", ctypes.c_uint32),
+        # Color, 0xRRGGBB.
+        ("color", ctypes.c_uint32),
+        # First coordinate of the first point.
+        ("x", ctypes.c_double),
+        # Second coordinate of the first point.
+        ("y", ctypes.c_double),
+        # First coordinate of the second point; radius of a circle.
+        ("x2", ctypes.c_double),
+        # Second coordinate of the second point.
+        ("y2", ctypes.c_double),
+        # Name of a layer, or the text of a mark.
+        ("_text", ctypes.c_char * 32),
+    ]
+    text = text("_text")
+
+
+assert ctypes.sizeof(OverlayMark) == 72
+
+
+class OverlayHeader(Message):
+    """Overlay of one call of a behavior. Its items are marks in layers; layers reads them."""
+
+    _fields_ = [
+        # Stamp of the message that is drawn over; the capture of a frame.
+        ("stamp_ns", ctypes.c_uint64),
+        # Sequence number.
+        ("sequence", ctypes.c_uint64),
+        # Topic of the message that is drawn over.
+        ("_topic", ctypes.c_char * 64),
+        # Number of marks that found no room.
+        ("omitted", ctypes.c_uint64),
+    ]
+    topic = text("_topic")
+    NAME = "yamabico.OverlayHeader.v1"
+    CHANNEL = "latest"
+    ITEM = OverlayMark
+
+
+assert ctypes.sizeof(OverlayHeader) == 88 and ctypes.alignment(OverlayHeader) == 8
+
+
 class Twist(Item):
     """A planar velocity in the robot frame."""
 
@@ -1225,6 +1272,7 @@ MESSAGES = {
     "yamabico.LandmarksHeader.v1": LandmarksHeader,
     "yamabico.Intersection.v1": Intersection,
     "yamabico.Corridor.v1": Corridor,
+    "yamabico.OverlayHeader.v1": OverlayHeader,
     "yamabico.Proposal.v2": Proposal,
     "yamabico.Command.v2": Command,
     "yamabico.DecisionHeader.v3": DecisionHeader,

@@ -1,6 +1,8 @@
 //! Outputs of a behavior or a driver, and the reasons why a message is not published.
 
+use super::Slot;
 use crate::message::{Message, MessageType};
+use crate::overlay::Overlay;
 
 /// Destination of a plugin's messages.
 pub trait OutputSink {
@@ -87,12 +89,28 @@ impl PublishError {
 /// Outputs of a plugin.
 pub struct Outputs<'a> {
     sink: &'a mut dyn OutputSink,
+    overlay: Option<&'a mut Overlay>,
 }
 
 impl<'a> Outputs<'a> {
     /// Creates outputs that publish to `sink`.
     pub fn new(sink: &'a mut dyn OutputSink) -> Outputs<'a> {
-        Outputs { sink }
+        Outputs { sink, overlay: None }
+    }
+
+    /// Sets where [`Outputs::draw`] draws; `None` while nobody looks.
+    #[must_use]
+    pub fn with_overlay(self, overlay: Option<&'a mut Overlay>) -> Outputs<'a> {
+        Outputs { overlay, ..self }
+    }
+
+    /// Draws what the behavior saw in the message `header` of `slot`. `draw` is called only if somebody looks: it must not
+    /// change what the behavior proposes. The overlay of a call belongs to one message, the last one that it draws over.
+    pub fn draw<M: Message>(&mut self, slot: &Slot<M>, header: &M, draw: impl FnOnce(&mut Overlay)) {
+        if let Some(overlay) = &mut self.overlay {
+            overlay.begin(slot.name, header.stamp());
+            draw(overlay);
+        }
     }
 
     /// Publishes a header and its items on output `name`.

@@ -14,6 +14,7 @@ mod frame;
 mod from_json;
 mod layout;
 mod operator;
+mod overlay;
 mod perception;
 mod plugin;
 mod proposal;
@@ -27,6 +28,7 @@ pub use call::{CallEvent, CallHeader, CallInput, Heard, HeardHeader, HeardKind, 
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
 pub use layout::{Field, HasLayout, Layout, StructLayout};
 pub use operator::{RetuneHeader, RetuneOutcome, RetuneStep, RetunedHeader, Stick};
+pub use overlay::{MarkKind, OverlayHeader, OverlayMark};
 pub use perception::{
     Corridor, FreeDirection, FreeSpaceHeader, Goal, Intersection, Landmark, LandmarksHeader, Obstacle,
     ObstaclesHeader, PathHeader, PathPoint, Pose, PoseStatus,

@@ -99,6 +99,7 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<LandmarksHeader>(),
     MessageType::of::<Intersection>(),
     MessageType::of::<Corridor>(),
+    MessageType::of::<OverlayHeader>(),
     MessageType::of::<Proposal>(),
     MessageType::of::<Command>(),
     MessageType::of::<DecisionHeader>(),

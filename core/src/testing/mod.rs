@@ -44,6 +44,7 @@ pub use published::Published;
 use crate::behavior::{InputSource, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotSource};
 use crate::camera::{Calibration, Distortion, Intrinsics, Mount};
 use crate::message::{FrameHeader, Message, Proposal};
+use crate::overlay::{Overlay, layers};
 use crate::sensor::{SensorInfo, SensorKind};
 use crate::time::Time;
 use inbox::Inbox;
@@ -71,6 +72,7 @@ pub struct Bench<B: Plugin> {
     now: Time,
     slots: Slots,
     published: Published,
+    overlay: Option<Overlay>,
 }
 
 impl<B: Plugin> Bench<B> {
@@ -93,7 +95,7 @@ impl<B: Plugin> Bench<B> {
         let behavior = B::new(yamabico_parameters::read(&table)?, &setup)?;
         let slots = B::INPUTS.iter().map(|slot| Inbox::new(&*slot.name, slot.message.channel)).collect();
         let published = Published::declared(B::OUTPUTS);
-        Ok(Bench { behavior, now: Time::ZERO, slots: Slots(slots), published })
+        Ok(Bench { behavior, now: Time::ZERO, slots: Slots(slots), published, overlay: None })
     }
 
     /// Sets the time of the next calls, s.
@@ -124,13 +126,37 @@ impl<B: Plugin> Bench<B> {
     /// Calls the behavior once. Messages fed since the last call are fresh in this call only.
     pub fn propose(&mut self) -> Proposal {
         self.published.clear();
-        let proposal = self
-            .behavior
-            .propose(&Inputs::new(self.now, &self.slots), &mut Outputs::new(&mut self.published));
+        if let Some(overlay) = &mut self.overlay {
+            overlay.clear();
+        }
+        let mut outputs = Outputs::new(&mut self.published).with_overlay(self.overlay.as_mut());
+        let proposal = self.behavior.propose(&Inputs::new(self.now, &self.slots), &mut outputs);
         for queue in &mut self.slots.0 {
             queue.mark_read();
         }
         proposal
+    }
+
+    /// Makes the behavior draw its overlay in every call from now on.
+    pub fn draw(&mut self) -> &mut Self {
+        self.overlay.get_or_insert_default();
+        self
+    }
+
+    /// Returns the overlay of the last call; `None` if the behavior drew nothing or [`Bench::draw`] was not called.
+    pub fn overlay(&self) -> Option<&Overlay> {
+        self.overlay.as_ref().filter(|overlay| overlay.is_drawn())
+    }
+
+    /// Returns name and number of marks of each layer of that overlay, in the order of drawing; empty without an overlay.
+    pub fn layers(&self) -> Vec<(String, usize)> {
+        let marks = self.overlay().map_or(&[][..], Overlay::marks);
+        layers(marks).map(|layer| (layer.name.to_string(), layer.marks.len())).collect()
+    }
+
+    /// Returns the number of marks in the layer `name` of that overlay; zero without such a layer.
+    pub fn marks(&self, name: &str) -> usize {
+        self.layers().iter().find(|(layer, _)| layer == name).map_or(0, |(_, marks)| *marks)
     }
 
     /// Returns header and items of the messages that the last call published on output `name`.

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder, RgbImage};
+use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage};
 use yamabico_core::image::{GrayImage, ImageView};
+use yamabico_core::overlay::Overlay;
 use yamabico_drawing::Canvas;
+use yamabico_runtime::overlay_painter::with_overlays;
 
 /// Folder that images are written to, if any.
 pub struct Output(Option<PathBuf>);
@@ -50,6 +52,14 @@ impl Output {
         canvas.copy_gray(image);
         draw(&mut canvas);
         self.rgb(name, &pixels, width as u32, height as u32)
+    }
+
+    /// Writes a gray image with the layers of an overlay.
+    pub fn layers(&self, name: &str, image: ImageView, overlay: &Overlay) -> Result<(), String> {
+        let pixel = |u: u32, v: u32| Rgb([image.row(v as usize)[u as usize]; 3]);
+        let picture = RgbImage::from_fn(image.width() as u32, image.height() as u32, pixel);
+        let drawn = with_overlays(&picture, &[overlay.marks()], &|_| true);
+        self.rgb(name, &drawn, drawn.width(), drawn.height())
     }
 
     fn write(

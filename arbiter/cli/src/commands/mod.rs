@@ -12,6 +12,7 @@ mod plugin;
 mod ps;
 mod repair;
 mod replay;
+mod report;
 mod run;
 mod run_table;
 mod schema;
@@ -47,6 +48,8 @@ pub enum Command {
     /// Learn thresholds, a map or floor colors.
     #[command(subcommand)]
     Learn(learn::Learn),
+    /// Write a report on a recording: one HTML file with path, control, halts and latencies.
+    Report(report::Arguments),
     /// Explain what a running robot does, and why.
     Why(why::Arguments),
     /// List the plugins of a running robot and their state.
@@ -89,6 +92,7 @@ impl Command {
             Command::Schema(arguments) => schema::schema(&arguments),
             Command::New(new) => new::new(&new, print),
             Command::Learn(learn) => learn::learn(&learn, print),
+            Command::Report(arguments) => report::report(&arguments, print),
             Command::Why(arguments) => why::why(&arguments, print),
             Command::Ps(arguments) => ps::ps(&arguments, print),
             Command::Topic(topic) => topic::topic(&topic, print),

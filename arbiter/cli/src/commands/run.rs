@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use yamabico_runtime::execution::Overlays;
 use yamabico_runtime::record::{Pace, RunFolder, Tee};
-use yamabico_runtime::run::{Options, run as run_task};
+use yamabico_runtime::run::{Options, Report, run as run_task};
 use yamabico_runtime::supervisor::Program;
 
 use super::run_table::run_table;
@@ -30,6 +31,12 @@ pub struct Arguments {
     /// Recording to write; by default `run.mcap` in the output folder.
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    /// Record without the overlays of the behaviors: what each of them saw, drawn over its input.
+    #[arg(long)]
+    no_overlays: bool,
+    /// Do not write a report, an HTML file beside the recording.
+    #[arg(long)]
+    no_report: bool,
     /// Output folder; by default a new one for each run, `out/TASK/TIME`, to which the link `out/TASK/latest` points.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -55,6 +62,8 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
         threads: usize::from(arguments.threads),
         recording: Some(arguments.record.clone().unwrap_or_else(|| out.join("run.mcap"))),
         overwrite: arguments.overwrite,
+        overlays: if arguments.no_overlays { Overlays::OnRequest } else { Overlays::Recorded },
+        report: if arguments.no_report { Report::None } else { Report::BesideRecording },
         pace: if arguments.live { Pace::Live } else { Pace::Lockstep },
         plots: Some(out.to_owned()),
         overrides: arguments.task.overrides(),
@@ -76,7 +85,7 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
         }
     })?;
     print.show(&result, run_table);
-    if let Some(problem) = &result.trajectory_problem {
+    for problem in [&result.trajectory_problem, &result.report_problem].into_iter().flatten() {
         complain(&format!("warning: {}", printable(problem)));
     }
     Ok(if result.is_done() { DONE } else { NOT_DONE })

@@ -169,6 +169,9 @@ fn files(ran: &RunResult) -> String {
         // Writing to a `String` cannot fail.
         let _ = writeln!(text, "trajectory {}", trajectory.display());
     }
+    if let Some(report) = &ran.report {
+        let _ = writeln!(text, "report {}", report.display());
+    }
     if let Some(recording) = &ran.recording {
         let megabytes = recording.bytes as f64 / 1e6;
         let _ = writeln!(text, "recording {} ({megabytes:.1} MB)", recording.path.display());

@@ -15,7 +15,7 @@ use yamabico_core::behavior::ParameterError;
 use yamabico_core::message::MessageType;
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::{Time, TimeSource};
-use yamabico_host::bus::{Bus, BusError, RawSubscriber, WaitSet};
+use yamabico_host::bus::{Bus, RawSubscriber, WaitSet};
 use yamabico_host::config::{Clock, Run};
 use yamabico_host::{
     DurationHistogram, HostError, Scheduling, follow_steps, panic_text, run_behavior, run_device,
@@ -104,11 +104,7 @@ impl Live {
         let mut plan = plan.live();
         let bus = Bus::ipc(robot)?;
         plan.create_topics(&bus)?;
-        let taps = plan
-            .topics
-            .iter()
-            .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
-        let taps = taps.collect::<Result<Vec<_>, BusError>>()?;
+        let taps = plan.taps(&bus)?;
         let devices: Vec<String> = plan.devices.iter().map(|device| device.spec.name.clone()).collect();
         let policy = if program.is_some() { ProcessPolicy::Separate } else { ProcessPolicy::Threads };
         let manifest = ManifestPublisher::start(&bus, &RobotManifest::new(&plan, robot, policy))?;

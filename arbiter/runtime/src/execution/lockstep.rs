@@ -54,11 +54,7 @@ impl Lockstep {
     pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, HostError> {
         let bus = Bus::local("lockstep")?;
         plan.create_topics(&bus)?;
-        let taps = plan
-            .topics
-            .iter()
-            .map(|topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?)));
-        let taps = taps.collect::<Result<_, BusError>>()?;
+        let taps = plan.taps(&bus)?;
         let arbiter = ArbiterHost::open(&plan, &bus)?;
         let behaviors = plan.behaviors.into_iter().map(|behavior| BehaviorHost::open(behavior, &bus));
         let workers = WorkerPool::new(behaviors.collect::<Result<_, _>>()?, threads)?;

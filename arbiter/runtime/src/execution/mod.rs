@@ -22,7 +22,7 @@ mod worker_pool;
 pub(crate) use arbiter_core::ArbiterCore;
 pub use live::Live;
 pub use lockstep::{Lockstep, SensorSupply};
-pub use plan::{Plan, Topic};
+pub use plan::{Overlays, Plan, Topic};
 pub use robot_manifest::{BehaviorEntry, PluginEntry, RobotManifest, TopicEntry};
 pub(crate) use run_end::run_lockstep;
 pub use run_end::{Progress, RunEnd};

@@ -7,11 +7,12 @@ use yamabico_core::behavior::MAX_SAVED_STATE_BYTES;
 use yamabico_core::behavior::SlotInfo;
 use yamabico_core::message::{
     self, CallBucket, CallHeader, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader,
-    Goal, HeardHeader, Heartbeat, Message, MessageType, Name, Process, ProcessesHeader, Proposal,
-    RetuneHeader, RetunedHeader, RobotManifestHeader, SavedStateHeader, StepSignal, Stick, Truth, Verdict,
-    WallPoint, WallsHeader,
+    Goal, HeardHeader, Heartbeat, Message, MessageType, Name, OverlayHeader, OverlayMark, Process,
+    ProcessesHeader, Proposal, RetuneHeader, RetunedHeader, RobotManifestHeader, SavedStateHeader,
+    StepSignal, Stick, Truth, Verdict, WallPoint, WallsHeader,
 };
-use yamabico_host::bus::{Bus, BusError, Notification, STREAM_DEPTH, TopicSpec};
+use yamabico_core::overlay::MAX_MARKS;
+use yamabico_host::bus::{Bus, BusError, Notification, RawSubscriber, STREAM_DEPTH, TopicSpec};
 use yamabico_host::config::{self, Clock, InputSource, Task};
 use yamabico_host::{
     BehaviorPlan, BehaviorSettings, DevicePlan, DurationHistogram, MAX_CALL_INPUTS, MAX_FAILURE_TEXT_BYTES,
@@ -27,7 +28,7 @@ use yamabico_arbiter::policy::{BehaviorPolicy, CriticalSensor, LatencyPolicy, Po
 const MAX_OUTPUT_ITEMS: usize = 1024;
 /// Messages of a stream that the recorder may lag behind.
 const STREAM_TAP_DEPTH: usize = 1024;
-/// Frames that the recorder may lag behind.
+/// Frames and overlays that the recorder may lag behind.
 const FRAME_TAP_DEPTH: usize = 8;
 /// Subscribers of a topic besides behaviors: arbiter, drive, recorder, tools, and dead processes.
 const SPARE_READERS: usize = 12;
@@ -62,6 +63,18 @@ pub struct Plan {
     pub step: Duration,
     /// Maximum absolute coordinate of a goal, m; `None` without a map.
     pub max_goal_m: Option<f64>,
+    /// Use of the behaviors' overlays.
+    pub overlays: Overlays,
+}
+
+/// Use of the behaviors' overlays in a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overlays {
+    /// Behaviors draw only for other subscribers, such as a live view.
+    #[default]
+    OnRequest,
+    /// Behaviors draw in every call, for the recording.
+    Recorded,
 }
 
 impl Plan {
@@ -76,6 +89,7 @@ impl Plan {
             clock: task.robot.clock,
             step: task.run.step,
             max_goal_m: task.max_goal_m,
+            overlays: Overlays::default(),
         }
     }
 
@@ -159,12 +173,25 @@ impl Plan {
     pub fn create_topics(&self, bus: &Bus) -> Result<(), BusError> {
         self.topics.iter().try_for_each(|topic| bus.create_raw(&topic.name, &topic.message, &topic.spec))
     }
+
+    /// Opens a tap on every topic; on overlays only if they are recorded, since a subscriber makes behaviors draw.
+    ///
+    /// # Errors
+    /// The bus fails.
+    pub fn taps(&self, bus: &Bus) -> Result<Vec<(String, MessageType, RawSubscriber)>, BusError> {
+        let is_tapped =
+            |topic: &&Topic| topic.message.name != OverlayHeader::NAME || self.overlays == Overlays::Recorded;
+        let tap =
+            |topic: &Topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?));
+        self.topics.iter().filter(is_tapped).map(tap).collect()
+    }
 }
 
 fn topics(task: &Task) -> Vec<Topic> {
     let readers = task.behaviors.len() + SPARE_READERS;
     let topic = |name: String, message: MessageType, publishers: usize, list_bytes: usize| {
-        let depth = if message.name == FrameHeader::NAME { FRAME_TAP_DEPTH } else { STREAM_TAP_DEPTH };
+        let is_large = [FrameHeader::NAME, OverlayHeader::NAME].contains(&message.name);
+        let depth = if is_large { FRAME_TAP_DEPTH } else { STREAM_TAP_DEPTH };
         Topic {
             name,
             message,
@@ -192,6 +219,8 @@ fn topics(task: &Task) -> Vec<Topic> {
             topic(topics::output(&behavior.name, &slot.name), slot.message, 2, bytes)
         };
         all.extend(behavior.factory.info().outputs.iter().map(output));
+        let marks = MAX_MARKS * size_of::<OverlayMark>();
+        all.push(topic(topics::overlay(&behavior.name), MessageType::of::<OverlayHeader>(), 2, marks));
         all.push(topic(topics::proposal(&behavior.name), MessageType::of::<Proposal>(), 1, 0));
     }
     let verdicts = task.behaviors.len() * size_of::<Verdict>();

@@ -59,12 +59,35 @@ pub struct PlaybackResult {
 /// # Errors
 /// The file cannot be read or is no recording. A recording that ends early is played up to its end.
 pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> {
+    play_to(path, tap, None)
+}
+
+/// Receives a frame whose image is still compressed: topic, header, image file.
+pub(crate) type FrameSink<'a> = &'a mut dyn FnMut(&str, &FrameHeader, &[u8]);
+
+/// Same as [`play`], but passes frames to `frames`, without decompressing them.
+///
+/// # Errors
+/// Same as [`play`].
+pub(crate) fn play_compressed(
+    path: &Path,
+    tap: &mut dyn Tap,
+    frames: FrameSink<'_>,
+) -> Result<PlaybackResult, PlaybackError> {
+    play_to(path, tap, Some(frames))
+}
+
+fn play_to<'a>(
+    path: &Path,
+    tap: &'a mut dyn Tap,
+    frames: Option<FrameSink<'a>>,
+) -> Result<PlaybackResult, PlaybackError> {
     let contents = Contents::read(path)?;
     let origin = contents.origin();
     let file =
         File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
     let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
-    let mut player = Player { tap, origin, frame: None, played: PlaybackResult::default() };
+    let mut player = Player { tap, frames, origin, frame: None, played: PlaybackResult::default() };
     let mut has_begun = false;
     for message in &mut messages {
         match message {
@@ -94,6 +117,8 @@ struct Player<'a> {
     tap: &'a mut dyn Tap,
     /// Stamp at time zero of the recording.
     origin: Time,
+    /// Receives frames instead of the tap.
+    frames: Option<FrameSink<'a>>,
     /// Frame whose image follows.
     frame: Option<Frame>,
     played: PlaybackResult,
@@ -137,6 +162,13 @@ impl Player<'_> {
 
     fn take_image(&mut self, data: &[u8]) {
         let Some(Frame { topic, time, header }) = self.frame.take() else { return };
+        if let Some(frames) = &mut self.frames {
+            match CompressedImage::decode(data) {
+                Ok(image) => frames(&topic, &header, &image.data),
+                Err(_) => drop(self.played.left_out.insert(format!("{topic}: an image that cannot be read"))),
+            }
+            return;
+        }
         match CompressedImage::decode(data).ok().and_then(|image| pixels(&header, &image.data)) {
             Some(pixels) => {
                 let kind = MessageType::of::<FrameHeader>();

@@ -9,7 +9,7 @@ use foxglove::{Context, Encode, PartialMetadata, RawChannel, Schema};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
     Beam, Command, Control, DecisionHeader, FrameHeader, Heartbeat, Layout, Message, MessageType, Odometry,
-    Pose, Proposal, RangeScanHeader, Truth, Verdict,
+    OverlayHeader, OverlayMark, Pose, Proposal, RangeScanHeader, Truth, Verdict,
 };
 use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_core::time::Time;
@@ -19,7 +19,7 @@ use super::frames::{self, FrameTree, MAP, ODOM};
 use super::images::{ImageFormat, compressed};
 use super::queue::{Batch, Entry, Queue};
 use super::run_file::RunFile;
-use super::{WHAT_IF, ranges, scene, schema};
+use super::{WHAT_IF, overlays, ranges, scene, schema};
 
 /// Channel of the coordinate frames.
 const TRANSFORMS: &str = "/tf";
@@ -133,6 +133,16 @@ impl Writer {
                 self.frame_tree.truth(&at);
                 self.pose(topic, time, truth.stamp_ns, MAP, &at);
                 if let Some(scene) = scene::truth(topic, &truth, self.radius_m) {
+                    self.standard(&under(topic, "scene"), time, &scene);
+                }
+            }
+            OverlayHeader::NAME => {
+                let Some(header) = header::<OverlayHeader>(entry) else { return };
+                let marks = items::<OverlayMark>(entry);
+                if let Some(annotations) = overlays::annotations(&header, &marks) {
+                    self.standard(&under(topic, "annotations"), time, &annotations);
+                }
+                if let Some(scene) = overlays::scene(topic, &header, &marks) {
                     self.standard(&under(topic, "scene"), time, &scene);
                 }
             }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use yamabico_arbiter::decide::ExplainContext;
-use yamabico_core::message::{DecisionHeader, Message, Mode, RawMessage, View};
+use yamabico_core::message::{DecisionHeader, Message, Mode, OverlayHeader, RawMessage, View};
 use yamabico_core::time::Time;
 
 use super::comparison::Comparison;
@@ -14,7 +14,7 @@ use super::recorded_task::{RecordedTask, ReplayError};
 use super::report::{Options, Report, computed};
 use super::steps::{Step, Steps};
 use super::what_if_recorder::WhatIfRecorder;
-use crate::execution::{Lockstep, Plan};
+use crate::execution::{Lockstep, Plan, Topic};
 use crate::record::{Tap, Tee};
 
 /// Replays the lockstep run of `recorded` from the recording `path`.
@@ -29,7 +29,9 @@ pub(super) fn replay_lockstep(
     let plan = Plan { devices: Vec::new(), ..Plan::new(&recorded.task, recorded.identity.run.seed) };
     let context = ExplainContext::of(&plan.policy, &[]);
     let mut comparison = Comparison::new(computed(&plan), &context);
-    let fed: BTreeSet<String> = plan.topics.iter().map(|topic| topic.name.clone()).collect();
+    // Overlays are drawings, which nobody draws here.
+    let is_fed = |topic: &&Topic| topic.message.name != OverlayHeader::NAME;
+    let fed: BTreeSet<String> = plan.topics.iter().filter(is_fed).map(|topic| topic.name.clone()).collect();
     let mut lockstep = Lockstep::open(plan, recorded.identity.run.step, options.threads)?;
     let mut output = match &options.output {
         Some(file) => Some(WhatIfRecorder::create(file, path, recorded, comparison.computed().clone())?),

@@ -1,6 +1,6 @@
 //! Places of labels beside the marks of a plot.
 
-use super::lettering::Pixel;
+use super::figure::Pixel;
 
 /// Rows of labels above and below a mark in which a free place is searched.
 const MAX_ROWS: i32 = 8;

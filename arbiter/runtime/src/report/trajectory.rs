@@ -2,55 +2,50 @@
 
 use std::path::{Path, PathBuf};
 
-use plotters::prelude::{BitMapBackend, Circle, IntoDrawingArea, PathElement, Rectangle};
-use plotters::style::{Color, RGBColor, ShapeStyle};
-
 use super::Trace;
+use super::figure::{Figure, LETTER_HEIGHT, Pixel, text_width};
 use super::labels::{self, Labels};
-use super::lettering::{Area, DrawResult, LETTER_HEIGHT_PX, Pixel, draw_text, text_width};
 use super::trace::TracePoint;
-use yamabico_drawing::palette;
+use yamabico_core::geometry::Pose2;
+use yamabico_drawing::{Color, palette};
+use yamabico_host::config::GoalArea;
 
 /// Corner of a wall, map frame, m.
 pub type Corner = [f64; 2];
 
-/// Factor by which everything is drawn larger and then reduced, to smooth slanted lines. All sizes below are those of the
-/// large drawing.
-const OVERSAMPLING: i32 = 2;
-/// Maximum width of the map, px.
-const MAX_WIDTH_PX: f64 = 2400.0;
-/// Maximum height of the map, px.
-const MAX_HEIGHT_PX: f64 = 1800.0;
-/// Maximum scale, px per m.
+/// Maximum width of the map. All sizes are in units of the figure, half a pixel each.
+const MAX_WIDTH: f64 = 2400.0;
+/// Maximum height of the map.
+const MAX_HEIGHT: f64 = 1800.0;
+/// Maximum scale, units per m.
 const MAX_SCALE: f64 = 300.0;
-/// Minimum distance between the corners of a drawn track, px.
-const STRIDE_PX: i32 = 8;
-/// Maximum distance outside of the map at which a point is drawn, px.
-const MAX_OUTSIDE_PX: f64 = 8000.0;
-const MARGIN_PX: i32 = 112;
+/// Minimum distance between the corners of a drawn track.
+const STRIDE: i32 = 8;
+/// Maximum distance outside of the map at which a point is drawn.
+const MAX_OUTSIDE: f64 = 8000.0;
+const MARGIN: i32 = 112;
 /// Margin around everything that is drawn, m.
 const MARGIN_M: f64 = 0.3;
-const LINE_PX: i32 = 52;
+const LINE: i32 = 52;
 /// Half the side of the square of a halt.
-const HALT_PX: i32 = 10;
+const HALT_SIZE: i32 = 10;
 /// Radius of the ring of a person.
-const PERSON_PX: i32 = 26;
+const PERSON_RADIUS: i32 = 26;
 
-const INK: RGBColor = rgb(palette::INK);
-const GRID: RGBColor = rgb(palette::GRID);
-const WALL: RGBColor = rgb(palette::WALL);
-const WHEELS: RGBColor = RGBColor(170, 170, 170);
-const HALT: RGBColor = RGBColor(200, 30, 30);
-const PERSON: RGBColor = RGBColor(235, 130, 20);
+/// Radius of the ring of the start, and the smallest one of the goal.
+const END: i32 = 14;
+
+const INK: Color = palette::INK;
+const GRID: Color = palette::GRID;
+const WALL: Color = palette::WALL;
+const WHEELS: Color = [170, 170, 170];
+const PERSON: Color = [235, 130, 20];
+const GOAL: Color = [20, 130, 60];
+/// Color of a halt.
+pub(super) const HALT: Color = [200, 30, 30];
 /// Colors of the behaviors in control, in the order of appearance.
-const OWNERS: [RGBColor; 6] = [
-    RGBColor(30, 90, 200),
-    RGBColor(150, 60, 170),
-    RGBColor(20, 140, 90),
-    RGBColor(190, 160, 20),
-    RGBColor(20, 160, 190),
-    RGBColor(120, 80, 40),
-];
+const OWNERS: [Color; 6] =
+    [[30, 90, 200], [150, 60, 170], [20, 140, 90], [190, 160, 20], [20, 160, 190], [120, 80, 40]];
 
 /// Failure to draw or write a plot.
 #[derive(Debug, thiserror::Error)]
@@ -68,39 +63,53 @@ pub enum PlotError {
     },
 }
 
-/// Draws a run and writes the plot to a PNG file.
+/// Draws a run and writes the plot to a PNG file, and to an SVG file beside it.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn write_trajectory(path: &Path, trace: &Trace, walls: &[Vec<Corner>]) -> Result<(), PlotError> {
-    let plot = draw_trajectory(trace, walls)?;
-    let failed =
-        |error: image::ImageError| PlotError::Writing { path: path.to_owned(), reason: error.to_string() };
-    plot.save_with_format(path, image::ImageFormat::Png).map_err(failed)
+/// A file cannot be written.
+pub fn write_trajectory(
+    path: &Path,
+    trace: &Trace,
+    walls: &[Vec<Corner>],
+    goal: Option<&GoalArea>,
+) -> Result<(), PlotError> {
+    let plot = draw_trajectory(trace, walls, goal);
+    let failed = |path: &Path, reason: String| PlotError::Writing { path: path.to_owned(), reason };
+    let pixels = plot.pixels().ok_or_else(|| PlotError::Drawing("the plot has no size".to_owned()))?;
+    pixels
+        .save_with_format(path, image::ImageFormat::Png)
+        .map_err(|error| failed(path, error.to_string()))?;
+    let vectors = path.with_extension("svg");
+    std::fs::write(&vectors, plot.svg()).map_err(|error| failed(&vectors, error.to_string()))
 }
 
 /// Draws a run between `walls` (polylines): the true track in the colors of the behaviors in control, the odometry in gray (in
-/// these colors if there is no truth), halts as red squares with their duration, people as orange rings with the smallest
-/// distance. Labels do not overlap. Axes in m.
-///
-/// # Errors
-/// The drawing library fails.
-fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>]) -> Result<image::RgbImage, PlotError> {
+/// these colors if there is no truth), start and goal as rings, halts as red squares with their duration, people as orange rings
+/// with the smallest distance. Labels do not overlap. Axes in m.
+pub fn draw_trajectory(trace: &Trace, walls: &[Vec<Corner>], goal: Option<&GoalArea>) -> Figure {
     let odometry = trace.odometry();
-    let map = Map::around(trace, &odometry, walls);
+    let map = Map::around(trace, &odometry, walls, goal);
     let legend = legend(trace, &odometry);
-    let size =
-        (map.width_px() as u32, (map.height_px() + legend_rows(&legend, map.width_px()) * LINE_PX) as u32);
-    let mut bytes = vec![255; size.0 as usize * size.1 as usize * 3];
-    draw(&mut bytes, size, trace, &odometry, walls, &map, &legend)
-        .map_err(|error| PlotError::Drawing(error.to_string()))?;
-    let large = image::RgbImage::from_raw(size.0, size.1, bytes)
-        .ok_or_else(|| PlotError::Drawing("the plot has no size".to_owned()))?;
-    let (width, height) = (size.0 / OVERSAMPLING as u32, size.1 / OVERSAMPLING as u32);
-    Ok(image::imageops::thumbnail(&large, width, height))
+    let height = map.height() + legend_rows(&legend, map.width()) * LINE;
+    let mut figure = Figure::new(map.width(), height);
+    draw_axes(&mut figure, &map);
+    for wall in walls {
+        figure.line(wall.iter().map(|&[x, y]| map.pixel(x, y)).collect(), 7, WALL);
+    }
+    if trace.truth().is_empty() {
+        draw_track(&mut figure, &map, &odometry, 6);
+    } else {
+        figure.line(path(&map, &odometry), 4, WHEELS);
+        draw_track(&mut figure, &map, trace.truth(), 6);
+    }
+    let mut labels = empty_labels(trace, &odometry, walls, &map);
+    let start = trace.truth().first().or(odometry.first()).map(|point| point.pose);
+    draw_marks(&mut figure, &marks(trace, &map, start, goal), &mut labels);
+    draw_legend(&mut figure, &map, &legend);
+    figure
 }
 
-/// Conversion from meters to pixels.
+/// Conversion from meters to units of the figure.
 struct Map {
     left_m: f64,
     right_m: f64,
@@ -110,9 +119,10 @@ struct Map {
 }
 
 impl Map {
-    fn around(trace: &Trace, odometry: &[TracePoint], walls: &[Vec<Corner>]) -> Map {
+    fn around(trace: &Trace, odometry: &[TracePoint], walls: &[Vec<Corner>], goal: Option<&GoalArea>) -> Map {
         let tracks = trace.truth().iter().chain(odometry).map(|point| [point.pose.x, point.pose.y]);
-        let corners = walls.iter().flatten().copied().chain(tracks);
+        let goal = goal.map(|goal| [goal.x_m, goal.y_m]);
+        let corners = walls.iter().flatten().copied().chain(tracks).chain(goal);
         let mut bounds = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
         for [x, y] in corners.filter(|corner| corner.iter().all(|value| value.is_finite())) {
             bounds = [bounds[0].min(x), bounds[1].max(x), bounds[2].min(y), bounds[3].max(y)];
@@ -122,29 +132,28 @@ impl Map {
         }
         let [left_m, right_m] = [bounds[0] - MARGIN_M, bounds[1] + MARGIN_M];
         let [bottom_m, top_m] = [bounds[2] - MARGIN_M, bounds[3] + MARGIN_M];
-        let scale =
-            (MAX_WIDTH_PX / (right_m - left_m)).min(MAX_HEIGHT_PX / (top_m - bottom_m)).min(MAX_SCALE);
+        let scale = (MAX_WIDTH / (right_m - left_m)).min(MAX_HEIGHT / (top_m - bottom_m)).min(MAX_SCALE);
         Map { left_m, right_m, bottom_m, top_m, scale }
     }
 
-    fn width_px(&self) -> i32 {
-        (((self.right_m - self.left_m) * self.scale) as i32 + 2 * MARGIN_PX).max(960)
+    fn width(&self) -> i32 {
+        (((self.right_m - self.left_m) * self.scale) as i32 + 2 * MARGIN).max(960)
     }
 
-    fn height_px(&self) -> i32 {
-        ((self.top_m - self.bottom_m) * self.scale) as i32 + 2 * MARGIN_PX
+    fn height(&self) -> i32 {
+        ((self.top_m - self.bottom_m) * self.scale) as i32 + 2 * MARGIN
     }
 
     fn pixel(&self, x: f64, y: f64) -> Pixel {
-        let right = ((x - self.left_m) * self.scale).clamp(-MAX_OUTSIDE_PX, MAX_OUTSIDE_PX);
-        let down = ((self.top_m - y) * self.scale).clamp(-MAX_OUTSIDE_PX, MAX_OUTSIDE_PX);
-        (MARGIN_PX + right.round() as i32, MARGIN_PX + down.round() as i32)
+        let right = ((x - self.left_m) * self.scale).clamp(-MAX_OUTSIDE, MAX_OUTSIDE);
+        let down = ((self.top_m - y) * self.scale).clamp(-MAX_OUTSIDE, MAX_OUTSIDE);
+        (MARGIN + right.round() as i32, MARGIN + down.round() as i32)
     }
 }
 
 struct Legend {
     text: String,
-    color: RGBColor,
+    color: Color,
 }
 
 fn legend(trace: &Trace, odometry: &[TracePoint]) -> Vec<Legend> {
@@ -172,46 +181,19 @@ fn legend_width(entry: &Legend) -> i32 {
 }
 
 fn legend_rows(legend: &[Legend], max_width: i32) -> i32 {
-    let (mut rows, mut x) = (1, MARGIN_PX);
+    let (mut rows, mut x) = (1, MARGIN);
     for entry in legend {
-        if x + legend_width(entry) > max_width && x > MARGIN_PX {
-            (rows, x) = (rows + 1, MARGIN_PX);
+        if x + legend_width(entry) > max_width && x > MARGIN {
+            (rows, x) = (rows + 1, MARGIN);
         }
         x += legend_width(entry);
     }
     rows
 }
 
-fn owner_color(owner: Option<usize>) -> RGBColor {
+/// Color of a behavior in control, by its index in [`Trace::owners`].
+pub(super) fn owner_color(owner: Option<usize>) -> Color {
     owner.map_or(INK, |index| OWNERS[index % OWNERS.len()])
-}
-
-fn draw(
-    bytes: &mut [u8],
-    size: (u32, u32),
-    trace: &Trace,
-    odometry: &[TracePoint],
-    walls: &[Vec<Corner>],
-    map: &Map,
-    legend: &[Legend],
-) -> DrawResult {
-    let area = BitMapBackend::with_buffer(bytes, size).into_drawing_area();
-    draw_axes(&area, map)?;
-    for wall in walls {
-        let corners: Vec<_> = wall.iter().map(|&[x, y]| map.pixel(x, y)).collect();
-        draw_line(&area, corners, WALL.stroke_width(7))?;
-    }
-    if trace.truth().is_empty() {
-        draw_track(&area, map, odometry, 6)?;
-    } else {
-        draw_line(&area, path(map, odometry), WHEELS.stroke_width(4))?;
-        draw_track(&area, map, trace.truth(), 6)?;
-    }
-    let mut labels = empty_labels(trace, odometry, walls, map);
-    draw_marks(&area, map, trace, &mut labels)?;
-    draw_legend(&area, map, legend)?;
-    area.present()?;
-    Ok(())
 }
 
 /// Returns a plot without labels, with the walls and tracks that labels avoid.
@@ -227,55 +209,69 @@ fn empty_labels(trace: &Trace, odometry: &[TracePoint], walls: &[Vec<Corner>], m
     labels
 }
 
-/// Draws halts and people, each with its label.
-fn draw_marks(area: &Area<'_>, map: &Map, trace: &Trace, labels: &mut Labels) -> DrawResult {
-    let people = trace.encounters().into_iter().map(|encounter| Mark {
-        center: map.pixel(encounter.x, encounter.y),
-        radius_px: PERSON_PX,
-        text: format!("{:.2} m", encounter.nearest_m),
-        color: PERSON,
+/// Marks of the plot, in the order in which labels find their places.
+fn marks(trace: &Trace, map: &Map, start: Option<Pose2>, goal: Option<&GoalArea>) -> Vec<Mark> {
+    let ring = |x: f64, y: f64, radius: i32, text: String, color: Color| Mark {
+        center: map.pixel(x, y),
+        radius,
+        text,
+        color,
+        is_square: false,
+    };
+    let goal = goal.map(|goal| {
+        let radius = ((goal.tolerance_m * map.scale) as i32).clamp(END, 200);
+        ring(goal.x_m, goal.y_m, radius, "goal".into(), GOAL)
+    });
+    let start = start.map(|start| ring(start.x, start.y, END, "start".into(), INK));
+    let people = trace.encounters().into_iter().map(|encounter| {
+        ring(encounter.x, encounter.y, PERSON_RADIUS, format!("{:.2} m", encounter.nearest_m), PERSON)
     });
     let halts = trace.halts().into_iter().map(|halt| Mark {
-        center: map.pixel(halt.pose.x, halt.pose.y),
-        radius_px: HALT_PX,
-        text: format!("{:.1} s", halt.halt.duration_s),
-        color: HALT,
+        is_square: true,
+        ..ring(halt.pose.x, halt.pose.y, HALT_SIZE, format!("{:.1} s", halt.halt.duration_s), HALT)
     });
-    let marks: Vec<Mark> = people.chain(halts).collect();
-    marks.iter().for_each(|mark| labels.add_mark(mark.rectangle()));
-    for mark in &marks {
-        let (x, y) = mark.center;
-        if mark.color == PERSON {
-            area.draw(&Circle::new(mark.center, PERSON_PX, PERSON.stroke_width(6)))?;
-        } else {
-            let corners = [(x - HALT_PX, y - HALT_PX), (x + HALT_PX, y + HALT_PX)];
-            area.draw(&Rectangle::new(corners, HALT.filled()))?;
-        }
-        let label = labels.place(mark.rectangle(), text_width(&mark.text), LETTER_HEIGHT_PX);
-        if label.is_remote {
-            let near_y = if label.text.bottom < y { label.text.bottom + 4 } else { label.text.top - 4 };
-            draw_line(area, vec![mark.center, (x, near_y)], mark.color.stroke_width(2))?;
-        }
-        draw_text(area, &mark.text, (label.text.left, label.text.top), mark.color)?;
-    }
-    Ok(())
+    start.into_iter().chain(goal).chain(people).chain(halts).collect()
 }
 
-/// Halt or person in the plot.
+/// Draws marks, each with its label.
+fn draw_marks(figure: &mut Figure, marks: &[Mark], labels: &mut Labels) {
+    marks.iter().for_each(|mark| labels.add_mark(mark.rectangle()));
+    for mark in marks {
+        let (x, y) = mark.center;
+        if mark.is_square {
+            figure.rectangle(
+                (x - mark.radius, y - mark.radius),
+                (2 * mark.radius, 2 * mark.radius),
+                mark.color,
+            );
+        } else {
+            figure.ring(mark.center, mark.radius, 6, mark.color);
+        }
+        let label = labels.place(mark.rectangle(), text_width(&mark.text), LETTER_HEIGHT);
+        if label.is_remote {
+            let near_y = if label.text.bottom < y { label.text.bottom + 4 } else { label.text.top - 4 };
+            figure.line(vec![mark.center, (x, near_y)], 2, mark.color);
+        }
+        figure.text((label.text.left, label.text.top), mark.text.as_str(), mark.color);
+    }
+}
+
+/// Start, goal, halt or person in the plot.
 struct Mark {
     center: Pixel,
-    radius_px: i32,
+    radius: i32,
     text: String,
-    color: RGBColor,
+    color: Color,
+    is_square: bool,
 }
 
 impl Mark {
     fn rectangle(&self) -> labels::Rectangle {
-        labels::Rectangle::around(self.center, self.radius_px)
+        labels::Rectangle::around(self.center, self.radius)
     }
 }
 
-fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
+fn draw_axes(figure: &mut Figure, map: &Map) {
     let step = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 1000.0];
     let step = step.into_iter().find(|step| step * map.scale >= 120.0).unwrap_or(10_000.0);
     let ticks = |low: f64, high: f64| {
@@ -285,33 +281,32 @@ fn draw_axes(area: &Area<'_>, map: &Map) -> DrawResult {
     let (right, bottom) = map.pixel(map.right_m, map.bottom_m);
     for x in ticks(map.left_m, map.right_m) {
         let at = map.pixel(x, 0.0).0;
-        draw_line(area, vec![(at, top), (at, bottom)], GRID.stroke_width(2))?;
+        figure.line(vec![(at, top), (at, bottom)], 2, GRID);
         let text = format!("{x}");
-        draw_text(area, &text, (at - text_width(&text) / 2, bottom + 16), INK)?;
+        figure.text((at - text_width(&text) / 2, bottom + 16), text, INK);
     }
     for y in ticks(map.bottom_m, map.top_m) {
         let at = map.pixel(0.0, y).1;
-        draw_line(area, vec![(left, at), (right, at)], GRID.stroke_width(2))?;
+        figure.line(vec![(left, at), (right, at)], 2, GRID);
         let text = format!("{y}");
-        draw_text(area, &text, (left - text_width(&text) - 14, at - LETTER_HEIGHT_PX / 2), INK)?;
+        figure.text((left - text_width(&text) - 14, at - LETTER_HEIGHT / 2), text, INK);
     }
     let frame = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top)];
-    draw_line(area, frame, INK.stroke_width(2))?;
-    draw_text(area, "x (m)", (right - text_width("x (m)"), bottom + 60), INK)?;
-    draw_text(area, "y (m)", (16, top - 52), INK)
+    figure.line(frame, 2, INK);
+    figure.text((right - text_width("x (m)"), bottom + 60), "x (m)", INK);
+    figure.text((16, top - 52), "y (m)", INK);
 }
 
 /// Draws a track, each piece in the color of the behavior in control.
-fn draw_track(area: &Area<'_>, map: &Map, points: &[TracePoint], thickness: u32) -> DrawResult {
+fn draw_track(figure: &mut Figure, map: &Map, points: &[TracePoint], thickness: i32) {
     let mut begin = 0;
     for end in 1..=points.len() {
         if end == points.len() || points[end].owner != points[begin].owner {
             let piece = &points[begin..points.len().min(end + 1)];
-            draw_line(area, path(map, piece), owner_color(points[begin].owner).stroke_width(thickness))?;
+            figure.line(path(map, piece), thickness, owner_color(points[begin].owner));
             begin = end;
         }
     }
-    Ok(())
 }
 
 /// Pixels of a track, without those that are too close together to show a direction.
@@ -319,7 +314,7 @@ fn path(map: &Map, points: &[TracePoint]) -> Vec<Pixel> {
     let mut path: Vec<Pixel> = Vec::new();
     for (i, point) in points.iter().enumerate() {
         let (x, y) = map.pixel(point.pose.x, point.pose.y);
-        let is_apart = |last: &Pixel| (x - last.0).abs() + (y - last.1).abs() >= STRIDE_PX;
+        let is_apart = |last: &Pixel| (x - last.0).abs() + (y - last.1).abs() >= STRIDE;
         if i + 1 == points.len() || path.last().is_none_or(is_apart) {
             path.push((x, y));
         }
@@ -327,26 +322,16 @@ fn path(map: &Map, points: &[TracePoint]) -> Vec<Pixel> {
     path
 }
 
-fn draw_legend(area: &Area<'_>, map: &Map, legend: &[Legend]) -> DrawResult {
-    let (mut x, mut y) = (MARGIN_PX, map.height_px());
+fn draw_legend(figure: &mut Figure, map: &Map, legend: &[Legend]) {
+    let (mut x, mut y) = (MARGIN, map.height());
     for entry in legend {
-        if x + legend_width(entry) > map.width_px() && x > MARGIN_PX {
-            (x, y) = (MARGIN_PX, y + LINE_PX);
+        if x + legend_width(entry) > map.width() && x > MARGIN {
+            (x, y) = (MARGIN, y + LINE);
         }
-        area.draw(&Rectangle::new([(x, y), (x + 40, y + 28)], entry.color.filled()))?;
-        draw_text(area, &entry.text, (x + 56, y), INK)?;
+        figure.rectangle((x, y), (40, 28), entry.color);
+        figure.text((x + 56, y), &entry.text, INK);
         x += legend_width(entry);
     }
-    Ok(())
-}
-
-fn draw_line(area: &Area<'_>, path: Vec<Pixel>, style: ShapeStyle) -> DrawResult {
-    Ok(area.draw(&PathElement::new(path, style))?)
-}
-
-/// Converts a color for `plotters`.
-const fn rgb([red, green, blue]: yamabico_drawing::Color) -> RGBColor {
-    RGBColor(red, green, blue)
 }
 
 #[cfg(test)]
@@ -394,14 +379,16 @@ mod tests {
         (trace, walls)
     }
 
-    fn count(plot: &image::RgbImage, color: RGBColor) -> usize {
-        plot.pixels().filter(|pixel| pixel.0 == [color.0, color.1, color.2]).count()
+    const GOAL_AREA: GoalArea = GoalArea { x_m: 12.0, y_m: 0.0, tolerance_m: 0.3 };
+
+    fn count(plot: &image::RgbImage, color: Color) -> usize {
+        plot.pixels().filter(|pixel| pixel.0 == color).count()
     }
 
     #[test]
     fn track_walls_halts_and_people_are_drawn() {
         let (trace, walls) = hallway();
-        let plot = draw_trajectory(&trace, &walls).unwrap();
+        let plot = draw_trajectory(&trace, &walls, Some(&GOAL_AREA)).pixels().unwrap();
         if let Some(folder) = std::env::var_os("YAMABICO_PICTURES") {
             plot.save(Path::new(&folder).join("trajectory.png")).unwrap();
         }
@@ -411,29 +398,27 @@ mod tests {
         {
             assert!(count(&plot, color) >= min, "{color:?}: {}", count(&plot, color));
         }
-        let map = Map::around(&trace, &[], &walls);
+        let map = Map::around(&trace, &[], &walls, Some(&GOAL_AREA));
         let halt = map.pixel(trace.halts()[0].pose.x, trace.halts()[0].pose.y);
-        assert_eq!(
-            plot.get_pixel((halt.0 / OVERSAMPLING) as u32, (halt.1 / OVERSAMPLING) as u32).0,
-            [HALT.0, HALT.1, HALT.2]
-        );
+        assert_eq!(plot.get_pixel((halt.0 / 2) as u32, (halt.1 / 2) as u32).0, HALT);
     }
 
     #[test]
     fn left_is_up_and_an_empty_run_is_drawn_too() {
         let (_, walls) = hallway();
-        let map = Map::around(&Trace::default(), &[], &walls);
+        let map = Map::around(&Trace::default(), &[], &walls, None);
         assert!(
             map.pixel(1.0, 1.0).1 < map.pixel(1.0, -1.0).1 && map.pixel(0.0, 0.0).0 < map.pixel(1.0, 0.0).0
         );
-        assert!(draw_trajectory(&Trace::default(), &[]).unwrap().width() > 100);
+        assert!(draw_trajectory(&Trace::default(), &[], None).pixels().unwrap().width() > 100);
         let hostile = vec![vec![[f64::NAN, 0.0], [f64::INFINITY, 1.0]]];
-        assert!(draw_trajectory(&Trace::default(), &hostile).is_ok());
+        assert!(draw_trajectory(&Trace::default(), &hostile, None).pixels().is_some());
     }
 
     #[test]
     fn a_missing_folder_is_an_error() {
-        let error = write_trajectory(Path::new("/nowhere/at/all.png"), &Trace::default(), &[]).unwrap_err();
+        let error =
+            write_trajectory(Path::new("/nowhere/at/all.png"), &Trace::default(), &[], None).unwrap_err();
         assert!(error.to_string().contains("cannot write /nowhere/at/all.png"), "{error}");
     }
 }

@@ -16,6 +16,7 @@ pub mod ground;
 pub mod isodata;
 pub mod look_cells;
 pub mod open_floor;
+pub mod overlay;
 pub mod path_observer;
 pub mod steering;
 pub mod weights;

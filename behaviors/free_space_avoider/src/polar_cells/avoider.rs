@@ -4,11 +4,12 @@ use nalgebra::Vector2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Axes, Axis, FreeDirection, FreeSpaceHeader, Proposal, Reason};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::time::Time;
 use yamabico_vision::floor_color_file::ColorFile;
 
 use super::destination::{Destination, Objective};
+use super::overlay;
 use super::pilot::{Maneuver, Pilot};
 use super::ring_observer::{RingFailure, RingObserver};
 use crate::config::Config;
@@ -82,6 +83,9 @@ impl PolarCellsAvoider {
         inputs.fresh(&GOAL).for_each(|goal| self.destination.take_goal(goal.header));
         if inputs.is_fresh(&CAMERA) && self.process_frame(inputs, now) {
             self.publish(outputs);
+            if let Some(frame) = inputs.latest(&CAMERA) {
+                outputs.draw(&CAMERA, frame.header, |overlay| overlay::draw(overlay, &self.observer));
+            }
         }
         let Some(stamp) = self.last_frame else {
             let reason = if self.is_malformed { Reason::MalformedInput } else { Reason::NoInput };
@@ -110,9 +114,8 @@ impl PolarCellsAvoider {
     fn process_frame(&mut self, inputs: &Inputs<'_>, now: Time) -> bool {
         let Some(frame) = inputs.latest(&CAMERA) else { return false };
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last);
         let size = self.observer.mirror().size();
-        let image = frame.rgb(size).filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
+        let image = frame.rgb(size).filter(|_| stamp.is_next(self.last_frame, now));
         self.is_malformed = image.is_none();
         let Some(image) = image else { return false };
         self.last_frame = Some(stamp);

@@ -11,6 +11,7 @@ pub mod destination;
 pub mod floor_model;
 pub mod free_cells;
 pub mod mirror_center;
+pub mod overlay;
 pub mod pilot;
 pub mod ring_cells;
 pub mod ring_observer;

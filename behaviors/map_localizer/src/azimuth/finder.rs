@@ -2,6 +2,7 @@ use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedMirror;
 use yamabico_vision::azimuth_map::{EdgeMap, ObservedEdge};
 use yamabico_vision::azimuth_profile::{AzimuthEdge, ProfileRule};
@@ -187,6 +188,13 @@ impl PoseFinder for AzimuthFinder {
             found.raise_variances([position * position, position * position, heading * heading]);
             found
         })
+    }
+
+    fn draw(&self, overlay: &mut Overlay) {
+        let known = self.localizer.edge_of_seen().iter().map(Option::is_some).chain(std::iter::repeat(false));
+        let seen = self.seen().iter().zip(known);
+        let landmarks = self.localizer.expected().iter().map(|landmark| landmark.position);
+        super::overlay::draw(overlay, &self.mirror.camera, seen, landmarks, self.camera.as_ref());
     }
 
     fn track_unknown(&mut self) {

@@ -136,6 +136,12 @@ impl AzimuthLocalizer {
         self.visible.len()
     }
 
+    /// Returns the map edges expected in view by the last call of [`AzimuthLocalizer::locate`].
+    #[must_use]
+    pub fn expected(&self) -> &[EdgeLandmark] {
+        &self.visible
+    }
+
     /// Returns the map edge of each observed edge, or `None`, from the last call of [`AzimuthLocalizer::locate`].
     #[must_use]
     pub fn edge_of_seen(&self) -> &[Option<usize>] {

@@ -9,6 +9,7 @@ mod chi_square;
 mod finder;
 mod joint_compatibility;
 mod localizer;
+pub mod overlay;
 mod pan_search;
 mod solver;
 

@@ -6,6 +6,7 @@ use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::camera::{MirrorCamera, MirrorImage};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_core::overlay::Overlay;
 use yamabico_vision::bit_image::BitImage;
 use yamabico_vision::floor_color::FloorColors;
 use yamabico_vision::floor_color_file::ColorFile;
@@ -148,6 +149,11 @@ impl PoseFinder for FloorFinder {
         result.lines = fix.corners;
         result.nis = fix.corners as f64 * distance / 3.0;
         result
+    }
+
+    fn draw(&self, overlay: &mut Overlay) {
+        let camera = self.last.as_ref().map(|fix| fix.belief.pose);
+        super::overlay::draw(overlay, &self.localizer, &self.walls, camera.as_ref());
     }
 
     fn search(&mut self, prior: &Belief, _: NoiseFactors) -> Option<Belief> {

@@ -78,6 +78,18 @@ impl FloorLocalizer {
         }
     }
 
+    /// Returns the camera.
+    #[must_use]
+    pub fn camera(&self) -> &MirrorCamera {
+        &self.camera
+    }
+
+    /// Returns the height of the mirror above the floor, m.
+    #[must_use]
+    pub fn height_m(&self) -> f64 {
+        self.rule.outline.height_m
+    }
+
     /// Returns the floor plan.
     #[must_use]
     pub fn plan(&self) -> &FloorPlan {

@@ -13,6 +13,7 @@ mod floor_plan;
 mod localizer;
 mod normal_equations;
 mod outline;
+pub mod overlay;
 mod plan_file;
 
 pub use finder::FloorFinder;

@@ -2,6 +2,7 @@ use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::geometry::angle_difference;
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_vision::map::WireFrame;
 
@@ -101,6 +102,10 @@ impl PoseFinder for WireFrameFinder {
         let straight = self.fixer.fix(prior, &noise);
         let fix = self.fixer.fix(&turned, &noise);
         if fix.is_better_than(&straight) { fix } else { self.fixer.fix(prior, &noise) }
+    }
+
+    fn draw(&self, overlay: &mut Overlay) {
+        super::overlay::draw(overlay, &self.fixer);
     }
 
     fn can_recover(&self) -> bool {

@@ -11,6 +11,7 @@ pub mod consensus;
 mod finder;
 pub mod fixer;
 pub mod matching;
+pub mod overlay;
 pub mod projected_line;
 pub mod recovery;
 pub mod relocalize;

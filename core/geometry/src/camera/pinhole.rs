@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use super::distortion::Distortion;
 use super::intrinsics::Intrinsics;
+use super::mount::Mount;
 
 /// Minimum depth of a projected point along the optical axis, m.
 pub const NEAR_PLANE_M: f64 = 0.1;
@@ -109,6 +110,20 @@ impl Pinhole {
     #[must_use]
     pub fn undistort_pixel(&self, pixel: Vector2<f64>) -> Option<Vector2<f64>> {
         self.normalized_from_pixel(pixel).map(|ideal| self.intrinsics.pixel_from_normalized(ideal))
+    }
+
+    /// Returns the pixel at which this camera observes the ray of an undistorted pixel, or `None` outside of the lens model.
+    #[must_use]
+    pub fn distort_pixel(&self, undistorted: Vector2<f64>) -> Option<Vector2<f64>> {
+        let ideal = self.intrinsics.normalized_from_pixel(undistorted);
+        self.project(&Point3::new(ideal.x, ideal.y, 1.0)).ok()
+    }
+
+    /// Returns the distorted pixel of a point in the body frame, m, seen from `mount`; `None` if it is behind the camera or
+    /// outside of the lens model.
+    #[must_use]
+    pub fn project_from_body(&self, mount: &Mount, point_in_body: &Point3<f64>) -> Option<Vector2<f64>> {
+        self.project(&mount.body_from_camera().inverse_transform_point(point_in_body)).ok()
     }
 
     fn is_invertible_at(&self, ideal: Vector2<f64>) -> bool {

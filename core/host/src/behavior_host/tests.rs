@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 use yamabico_core::behavior::BehaviorInfo;
-use yamabico_core::message::{Axes, Odometry, Reason};
+use yamabico_core::message::{Axes, Odometry, OverlayHeader, Reason};
 
 struct Broken;
 
@@ -55,6 +55,7 @@ fn plan(build: Build) -> BehaviorPlan {
 fn bus() -> Bus {
     let bus = Bus::local("host").unwrap();
     bus.create::<Proposal>(&topics::proposal("broken"), &TopicSpec::default()).unwrap();
+    bus.create::<OverlayHeader>(&topics::overlay("broken"), &TopicSpec::default()).unwrap();
     bus
 }
 

@@ -30,6 +30,7 @@
 //! # Ok::<(), yamabico_host::bus::BusError>(())
 //! ```
 
+mod audience;
 mod clean_up;
 mod error;
 mod inbox;
@@ -47,6 +48,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+pub use audience::Audience;
 pub use clean_up::{CleanUpReport, Cleaner, Janitor};
 pub use error::BusError;
 pub use inbox::Inbox;
@@ -236,6 +238,14 @@ impl Bus {
     /// See [`Bus::subscriber`].
     pub fn subscriber_raw(&self, topic: &str, message: &MessageType) -> Result<RawSubscriber, BusError> {
         RawSubscriber::open(self, topic, message, Depth::Default)
+    }
+
+    /// Opens the [`Audience`] of a topic.
+    ///
+    /// # Errors
+    /// See [`Bus::subscriber`].
+    pub fn audience(&self, topic: &str, message: &MessageType) -> Result<Audience, BusError> {
+        Audience::open(self, topic, message)
     }
 
     /// Opens a wait set for at most [`MAX_WAIT_TOPICS`] topics that were created with [`Notification::On`].

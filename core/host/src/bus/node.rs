@@ -1,7 +1,7 @@
 //! Node of the transport: its topics, and the settings that every process of a robot shares.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use iceoryx2::config::Config;
@@ -36,7 +36,7 @@ pub(super) struct Node<S: Service> {
 }
 
 struct Inner<S: Service> {
-    topics: HashMap<String, Topic<S>>,
+    topics: HashMap<String, Arc<Topic<S>>>,
     events: HashMap<String, EventFactory<S>>,
     node: IoxNode<S>,
 }
@@ -109,7 +109,7 @@ impl<S: Service> Node<S> {
                 .map_err(|e| BusError::transport("create the event service of", topic, e))?;
             inner.events.insert(topic.into(), event);
         }
-        inner.topics.insert(topic.into(), factory);
+        inner.topics.insert(topic.into(), Arc::new(factory));
         Ok(())
     }
 
@@ -125,12 +125,12 @@ impl<S: Service> Node<S> {
         &self,
         topic: &str,
         message: &MessageType,
-        work: impl FnOnce(&Topic<S>) -> Result<R, BusError>,
+        work: impl FnOnce(&Arc<Topic<S>>) -> Result<R, BusError>,
     ) -> Result<R, BusError> {
         let mut inner = self.inner();
         if !inner.topics.contains_key(topic) {
             let opened = self.open(&inner.node, topic, message)?;
-            inner.topics.insert(topic.into(), opened);
+            inner.topics.insert(topic.into(), Arc::new(opened));
         }
         let Some(factory) = inner.topics.get(topic) else {
             return Err(BusError::NoSuchTopic { topic: topic.into() });

@@ -5,6 +5,7 @@ use rand_distr::StandardNormal;
 use yamabico_core::camera::{Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
+use yamabico_core::overlay::Overlay;
 use yamabico_rigs::camera::{forward_camera, world};
 use yamabico_sim::random::{Stream, stream};
 use yamabico_sim::world::{BoxItem, Color};
@@ -158,7 +159,9 @@ impl<'a> Hallway<'a> {
     pub fn draw(&self, pixels: &[u8], name: &str) {
         let image = image_of(pixels);
         let detector = &self.detector;
-        self.out.overlay(name, image, |canvas| overlay::draw(detector, image, canvas)).unwrap();
+        let mut evidence = Overlay::default();
+        overlay::draw_evidence(&mut evidence, detector);
+        self.out.layers(name, image, &evidence).unwrap();
     }
 
     /// Draws from the standard normal distribution.

@@ -33,13 +33,13 @@ pub fn plot(out: &Output, curves: &[Curve<'_>], max: f64) -> Result<(), String> 
     for share in (0..=100).step_by(10).map(f64::from) {
         canvas.line(at(0.0, share), at(max, share), if share == 0.0 { INK } else { GRID });
         let text = format!("{share:.0}");
-        let left = LEFT - 8.0 - f64::from(font::width(&text));
+        let left = LEFT - 8.0 - font::width(&text, font::TEXT_PX);
         canvas.text(Vector2::new(left, at(0.0, share).y - 4.0), &text, INK);
     }
     for contrast in (0..=max as u32).step_by(4).map(f64::from) {
         canvas.line(at(contrast, 0.0), at(contrast, 100.0), if contrast == 0.0 { INK } else { GRID });
         let text = format!("{contrast:.0}");
-        let left = at(contrast, 0.0).x - 0.5 * f64::from(font::width(&text));
+        let left = at(contrast, 0.0).x - 0.5 * font::width(&text, font::TEXT_PX);
         canvas.text(Vector2::new(left, TOP + HEIGHT + 8.0), &text, INK);
     }
     let n = |pick: fn(usize, usize) -> usize| {

@@ -110,7 +110,7 @@ fn plot(out: &Output, bins: &[Bin]) -> Result<(), String> {
         canvas.line(at(0.0, tick), at(1.0, tick), color);
         canvas.line(at(tick, 0.0), at(tick, 1.0), color);
         let text = format!("{tick:.1}");
-        let width = f64::from(font::width(&text));
+        let width = font::width(&text, font::TEXT_PX);
         canvas.text(at(0.0, tick) + Vector2::new(-8.0 - width, -4.0), &text, INK);
         canvas.text(at(tick, 0.0) + Vector2::new(-0.5 * width, 8.0), &text, INK);
     }

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use yamabico_core::camera::Pinhole;
+use yamabico_core::overlay::Overlay;
 use yamabico_rigs::camera::{forward_camera, render, world};
 use yamabico_sim::world::BoxItem;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, random};
@@ -22,7 +23,7 @@ const HALF_WIDTH_M: f64 = 0.23;
 /// Obstacles that the stationary-obstacle avoider detects in one image of the hallway robot (256 x 240, 60 degrees).
 ///
 /// The image must be taken at the given pose of the map; by default the hallway is rendered with a box in it. Image: edges explained by
-/// the map green, edges that it lets expect blue, edges that it does not contain red, obstacles yellow, start of the bare floor violet.
+/// the map green, edges that it lets expect blue, edges that it does not contain red, obstacles yellow, with counts and limits.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -84,7 +85,9 @@ impl Arguments {
             Some(_) => "straight on".into(),
             None => "none in view: the robot looks around".into(),
         }]);
-        out.overlay("obstacles", image, |canvas| overlay::draw(&detector, image, canvas))?;
+        let mut evidence = Overlay::default();
+        overlay::draw_evidence(&mut evidence, &detector);
+        out.layers("obstacles", image, &evidence)?;
         Ok(Report::new([regions, result]))
     }
 }

@@ -24,7 +24,7 @@ type DrawResult = Result<(), Box<dyn std::error::Error>>;
 const OVERSAMPLING: u32 = 2;
 const PANEL_PX: f64 = 800.0;
 const MARGIN_PX: f64 = 60.0;
-const LETTER_SCALE: i32 = 3;
+const TEXT_PX: f64 = 30.0;
 /// Height of the curves, px.
 const CURVE_PX: f64 = 220.0;
 /// Maximum of the curves, m/s^2.
@@ -154,16 +154,14 @@ fn curve(area: &Area<'_>, trajectory: &Trajectory, dark: RGBColor, (left, top): 
 }
 
 fn text(area: &Area<'_>, label: &str, (x, y): (i32, i32), color: RGBColor) -> DrawResult {
-    for (right, down) in pixels(label) {
-        for part in 0..LETTER_SCALE * LETTER_SCALE {
-            let at = (
-                x + LETTER_SCALE * right + part % LETTER_SCALE,
-                y + LETTER_SCALE * down + part / LETTER_SCALE,
-            );
-            area.draw_pixel(at, &color)?;
+    let mut drawn = Ok(());
+    pixels(label, TEXT_PX, [f64::from(x), f64::from(y)], |u, v, coverage| {
+        let result = area.draw_pixel((u, v), &color.mix(coverage));
+        if drawn.is_ok() {
+            drawn = result;
         }
-    }
-    Ok(())
+    });
+    Ok(drawn?)
 }
 
 /// Converts a color for `plotters`.
