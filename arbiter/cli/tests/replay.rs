@@ -218,6 +218,10 @@ impl LiveRun {
         let mut run = yamabico();
         run.args(["run", "--live"]).arg(config(task)).arg("--out").arg(folder.path());
         run.args(["--set", &format!("robot.name={robot}")]).args(["--set", "run.duration_s=100000"]);
+        // A busy machine must not look like a hanging plugin.
+        for behavior in ["map-localizer", "wall-follower", "sonar-halt", "stationary-obstacle-avoider"] {
+            run.args(["--set", &format!("behaviors.{behavior}.deadline_ms=20000")]);
+        }
         for set in set {
             run.args(["--set", set]);
         }
@@ -265,7 +269,7 @@ fn a_live_run_with_requests_and_kills_replays_to_the_byte() {
     let mut live = LiveRun::start(&folder, "hallway.toml", &["run.goal.y_m=15"]);
     let pause = || std::thread::sleep(Duration::from_millis(700));
     let ask = |arguments: &[&str]| {
-        assert_exit(&live.call(arguments), 0, &[]);
+        await_true("a request is not answered", || live.call(arguments).status.success());
         pause();
     };
     pause();

@@ -9,8 +9,8 @@ use yamabico_core::message::{
 use yamabico_core::time::Time;
 use yamabico_host::topics;
 
-use super::behavior_replay::{Past, Published, raw};
-use super::steps::RecordedMessage;
+use super::behavior_replay::{Past, Published};
+use super::steps::{RecordedMessage, raw};
 use crate::execution::ArbiterCore;
 
 /// The arbiter under replay.

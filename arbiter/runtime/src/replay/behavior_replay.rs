@@ -3,14 +3,14 @@
 use std::rc::Rc;
 
 use yamabico_core::message::{
-    CallEvent, CallHeader, CallInput, MessageType, Proposal, RawMessage, RetuneHeader, RetuneStep,
-    SavedStateHeader, View, state_hash,
+    CallEvent, CallHeader, CallInput, MessageType, Proposal, RetuneHeader, RetuneStep, SavedStateHeader,
+    View, state_hash,
 };
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, RawPublisher, RawSubscriber, TopicSpec};
 use yamabico_host::{BehaviorHost, BehaviorPlan, HostError, topics};
 
-use super::steps::RecordedMessage;
+use super::steps::{RecordedMessage, raw};
 use super::window::Window;
 use crate::execution::Plan;
 
@@ -229,9 +229,4 @@ impl From<HostError> for Failure {
     fn from(error: HostError) -> Failure {
         Failure::Host(error)
     }
-}
-
-/// Header and items of a message.
-pub(super) fn raw(message: &RecordedMessage) -> RawMessage<'_> {
-    RawMessage { header: &message.header, items: &message.items }
 }

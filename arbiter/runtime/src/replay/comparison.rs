@@ -8,7 +8,7 @@ use yamabico_core::message::{DecisionHeader, Message, MessageType, Proposal, Raw
 use yamabico_core::time::Time;
 
 use super::difference::{self, FieldDifference, author};
-use super::steps::{RecordedMessage, Step};
+use super::steps::{RecordedMessage, Step, raw};
 use crate::record::Tap;
 
 /// Comparison of the messages of one topic.
@@ -171,9 +171,9 @@ impl Comparison {
     /// Compares a replayed message with the recorded one.
     pub fn pair(&mut self, time: Time, replayed: &RecordedMessage, recorded: Option<&RecordedMessage>) {
         let RecordedMessage { topic, message, header, items } = replayed;
-        self.replayed.take(message, RawMessage { header, items });
+        self.replayed.take(message, raw(replayed));
         if let Some(recorded) = recorded {
-            self.recorded.take(message, RawMessage { header: &recorded.header, items: &recorded.items });
+            self.recorded.take(message, raw(recorded));
         }
         self.judge(time, topic, message, recorded, (header, items));
     }

@@ -18,12 +18,12 @@ use yamabico_host::bus::Bus;
 use yamabico_host::{HostError, topics};
 
 use super::arbiter_replay::ArbiterReplay;
-use super::behavior_replay::{BehaviorReplay, Past, Published, raw};
+use super::behavior_replay::{BehaviorReplay, Past, Published};
 use super::comparison::Comparison;
 use super::control_change::ControlChanges;
 use super::recorded_task::{RecordedTask, ReplayError};
 use super::report::{Options, Report, computed};
-use super::steps::{RecordedMessage, Steps};
+use super::steps::{RecordedMessage, Steps, raw};
 use super::what_if_recorder::WhatIfRecorder;
 use super::window::{Window, key};
 use crate::execution::Plan;

@@ -5,14 +5,14 @@ use std::path::Path;
 use std::time::Instant;
 
 use yamabico_arbiter::decide::ExplainContext;
-use yamabico_core::message::{DecisionHeader, Message, Mode, OverlayHeader, RawMessage, View};
+use yamabico_core::message::{DecisionHeader, Message, Mode, OverlayHeader, View};
 use yamabico_core::time::Time;
 
 use super::comparison::Comparison;
 use super::control_change::ControlChanges;
 use super::recorded_task::{RecordedTask, ReplayError};
 use super::report::{Options, Report, computed};
-use super::steps::{Step, Steps};
+use super::steps::{Step, Steps, raw};
 use super::what_if_recorder::WhatIfRecorder;
 use crate::execution::{Lockstep, Plan, Topic};
 use crate::record::{Tap, Tee};
@@ -76,9 +76,7 @@ pub(super) fn replay_lockstep(
 /// Returns true if the run was ending in this step. An emergency stop hides it, and makes it unnecessary.
 fn ends(step: &Step) -> bool {
     let decisions = step.messages.iter().filter(|message| message.message.name == DecisionHeader::NAME);
-    let mut decisions = decisions.filter_map(|message| {
-        View::<DecisionHeader>::of(RawMessage { header: &message.header, items: &message.items })
-            .map(|view| view.header.mode())
-    });
+    let mut decisions = decisions
+        .filter_map(|message| View::<DecisionHeader>::of(raw(message)).map(|view| view.header.mode()));
     decisions.any(|mode| mode == Some(Mode::ShuttingDown))
 }
