@@ -5,6 +5,7 @@ mod describe;
 mod estop;
 mod goto;
 mod graph;
+mod info;
 mod learn;
 mod list;
 mod new;
@@ -74,6 +75,8 @@ pub enum Command {
     Estop(estop::Arguments),
     /// Release the emergency stop of a running robot.
     Reset(estop::Arguments),
+    /// List the topics of an MCAP file, and the facts of its run.
+    Info(info::Arguments),
     /// Run a recording again, and compare every proposal and decision to the byte.
     Replay(replay::Arguments),
     /// Give a recording whose run was killed an index and an end.
@@ -107,6 +110,7 @@ impl Command {
             Command::Teleop(arguments) => teleop::teleop(&arguments),
             Command::Estop(arguments) => estop::estop(&arguments, print),
             Command::Reset(arguments) => estop::reset(&arguments, print),
+            Command::Info(arguments) => info::info(&arguments, print),
             Command::Replay(arguments) => replay::replay(&arguments, print),
             Command::Repair(arguments) => repair::repair(&arguments, print),
             Command::Plugin(arguments) => plugin::plugin(&arguments),
