@@ -2,7 +2,7 @@
 
     python3 -m venv venv && . venv/bin/activate && pip install mcap pillow numpy
     cargo run --release -- run configs/hallway.toml --seed 1
-    python configs/pictures/hallway_gif.py out/hallway/run.mcap configs/pictures/hallway.gif
+    python configs/pictures/hallway_gif.py out/hallway/latest/run.mcap configs/pictures/hallway.gif
 """
 
 import io

@@ -6,9 +6,6 @@ use crate::time::Time;
 
 const CAPACITY: usize = 256;
 
-/// Maximum time by which a stamp may lie in the future, s. Later messages are rejected.
-pub const FUTURE_TOLERANCE_S: f64 = 0.02;
-
 /// A ring buffer of odometry readings. Never allocates.
 #[derive(Clone, Debug)]
 pub struct OdometryTrack {
@@ -35,17 +32,16 @@ impl Default for OdometryTrack {
 }
 
 impl OdometryTrack {
-    /// Adds a reading. Returns false, and ignores the reading, if it is not finite, not newer than the last one, or
-    /// stamped more than [`FUTURE_TOLERANCE_S`] after `now`.
+    /// Adds a reading. Returns false, and ignores the reading, if it is not finite, not newer than the last one, or from the
+    /// future ([`Time::is_next`]).
     pub fn push(&mut self, odometry: &Odometry, now: Time) -> bool {
         let reading = Reading {
             stamp: Time(odometry.stamp_ns),
             pose: Pose2::new(odometry.x, odometry.y, odometry.theta),
             twist: Twist::new(odometry.vx, odometry.vy, odometry.omega),
         };
-        let is_newer = self.newest().is_none_or(|last| reading.stamp > last.stamp);
-        let is_future = reading.stamp.seconds_after(now) > FUTURE_TOLERANCE_S;
-        if !is_newer || is_future || !reading.pose.is_finite() || !reading.twist.is_finite() {
+        let is_next = reading.stamp.is_next(self.newest().map(|last| last.stamp), now);
+        if !is_next || !reading.pose.is_finite() || !reading.twist.is_finite() {
             return false;
         }
         self.newest = (self.newest + 1) % CAPACITY;

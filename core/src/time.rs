@@ -8,6 +8,9 @@ use bytemuck::{Pod, Zeroable};
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
+/// Time by which the stamp of a usable message may lie in the future, s: clocks of devices are not read at once.
+const FUTURE_TOLERANCE_S: f64 = 0.02;
+
 /// A time stamp: nanoseconds on the clock of the run (`CLOCK_MONOTONIC` in live runs, time since the start in
 /// lockstep).
 ///
@@ -48,6 +51,17 @@ impl Time {
     /// Returns the signed time from `other` to `self`, s.
     pub fn seconds_after(self, other: Time) -> f64 {
         (self.0 as i128 - other.0 as i128) as f64 * 1e-9
+    }
+
+    /// Returns true if a message with this stamp lies too far in the future to be used at `now`: by more than 20 ms.
+    pub fn is_future(self, now: Time) -> bool {
+        self.seconds_after(now) > FUTURE_TOLERANCE_S
+    }
+
+    /// Returns true if a message with this stamp may follow at `now` the message stamped `last`: it is newer, and not from
+    /// the future.
+    pub fn is_next(self, last: Option<Time>, now: Time) -> bool {
+        last.is_none_or(|last| self > last) && !self.is_future(now)
     }
 }
 
@@ -105,5 +119,16 @@ mod tests {
         assert_eq!(a.seconds_after(b), -0.5);
         assert_eq!(Time::from_secs_f64(-3.0), Time::ZERO);
         assert_eq!(Time::from_secs_f64(f64::NAN), Time::ZERO);
+    }
+
+    #[test]
+    fn messages_follow_each_other_and_do_not_come_from_the_future() {
+        let [last, now] = [1.0, 2.0].map(Time::from_secs_f64);
+        for (seconds, is_next) in
+            [(0.9, false), (1.0, false), (1.1, true), (2.0, true), (2.019, true), (2.03, false)]
+        {
+            assert_eq!(Time::from_secs_f64(seconds).is_next(Some(last), now), is_next, "{seconds} s");
+        }
+        assert!(Time::ZERO.is_next(None, now) && !Time::MAX.is_next(None, now));
     }
 }

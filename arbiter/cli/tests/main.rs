@@ -12,6 +12,7 @@ mod live_control;
 mod parameter_tables;
 mod program;
 mod python;
+mod replay;
 mod report;
 mod run;
 mod scheduling;

@@ -42,11 +42,12 @@ pub fn await_true(problem: &str, condition: impl Fn() -> bool) {
     }
 }
 
-/// Builds an example of the workspace in the profile of the program, and returns its path.
-pub fn example(package: &str, name: &str) -> PathBuf {
+/// Builds an example of the workspace in the profile of the program, and returns its path. With the features of the whole
+/// workspace, since a selection of packages would build all dependencies once more.
+pub fn example(name: &str) -> PathBuf {
     let target = binary().parent().unwrap();
     let mut build = Command::new(env!("CARGO"));
-    build.args(["build", "--quiet", "--offline", "--package", package, "--example", name]);
+    build.args(["build", "--quiet", "--offline", "--workspace", "--example", name]);
     if target.ends_with("release") {
         build.arg("--release");
     }

@@ -37,7 +37,7 @@ impl Crate {
 
 /// The behavior of the template, built as an example of this crate, as a TOML string.
 fn program() -> String {
-    format!("\"{}\"", example("yamabico", "new-behavior").display())
+    format!("\"{}\"", example("new-behavior").display())
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn wrong_names_existing_folders_and_wrong_repositories_are_refused() {
 fn with_external_simulator(new: &Crate, clock: &str) -> String {
     let configs = configs().canonicalize().unwrap();
     let robot = config_text("robots/sim-corridor.toml");
-    let exec = format!("exec = [\"{}\"]", example("yamabico-sim", "sim_program").display());
+    let exec = format!("exec = [\"{}\"]", example("sim_program").display());
     let world = format!("world = \"{}/worlds", configs.display());
     let parts = format!("\"{}/robots/parts/", configs.display());
     let robot = robot.replace("driver = \"sim\"", &exec).replace("world = \"../worlds", &world);

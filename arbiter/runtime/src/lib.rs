@@ -7,6 +7,7 @@
 //! | [`supervisor`] | plugins in processes of their own: started, watched and restarted |
 //! | [`record`] | taps on the messages of a run: digest, MCAP recording, playback |
 //! | [`overlay_painter`] | what behaviors drew, on the pictures in which they saw it |
+//! | [`replay`] | a recorded run again: compared to the byte, or changed |
 //! | [`report`] | the summary of a run and the plot of its trajectory |
 //! | [`client`] | the client of a running robot, for every live command |
 //!
@@ -30,6 +31,7 @@ pub mod client;
 pub mod execution;
 pub mod overlay_painter;
 pub mod record;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod supervisor;

@@ -12,7 +12,7 @@ use yamabico_host::config::{GoalArea, Overrides, Task};
 use crate::execution::{
     CallStats, HostError, Live, Lockstep, Overlays, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
 };
-use crate::record::{McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
+use crate::record::{Identity, McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
 use crate::report::{
     ReferenceLine, RunFacts, RunSummary, Spread, SummaryTap, Timing, Trace, write_report, write_trajectory,
 };
@@ -29,6 +29,8 @@ pub struct Options {
     pub recording: Option<PathBuf>,
     /// Overlays of the behaviors, if there is a recording.
     pub overlays: Overlays,
+    /// If set, an existing recording is replaced; otherwise it is refused.
+    pub overwrite: bool,
     /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
     /// Report beside the recording, an HTML file.
@@ -52,6 +54,7 @@ impl Default for Options {
             recording: None,
             overlays: Overlays::Recorded,
             report: Report::None,
+            overwrite: false,
             plots: None,
             overrides: Overrides::default(),
             program: None,
@@ -86,6 +89,9 @@ pub enum RunError {
         /// Cause.
         source: std::io::Error,
     },
+    /// The working directory is unknown, so that the recording cannot name its files; nothing moved.
+    #[error("the working directory is unknown: {0}; start in an existing folder")]
+    WorkingDirectory(std::io::Error),
     /// A device failed during the run.
     #[error(transparent)]
     Device(#[from] DeviceError),
@@ -185,7 +191,7 @@ pub fn run(
 ) -> Result<RunResult, RunError> {
     let recording_folder = options.recording.as_deref().and_then(Path::parent);
     [recording_folder, options.plots.as_deref()].into_iter().flatten().try_for_each(create_folder)?;
-    // An earlier recording is replaced only once everything is open: a run that is still going on may be writing it.
+    // The file is created only once everything is open: a run that cannot start leaves no recording.
     let mut robot = Opened::open(task, options)?;
     let mut recorder = options.recording.as_deref().map(|path| record(task, options, path)).transpose()?;
     let (mut summary, mut trace) = (SummaryTap::new(ReferenceLine::default()), Trace::default());
@@ -249,7 +255,7 @@ fn result_facts(
     let json = |value: serde_json::Result<String>| value.unwrap_or_default();
     let end = match end {
         Ok(end) => end.as_str().to_owned(),
-        Err(error) => error.to_string(),
+        Err(_) => "failed".to_owned(),
     };
     [
         ("digest", summary.digest.clone()),
@@ -325,25 +331,21 @@ fn create_folder(folder: &Path) -> Result<(), RunError> {
 }
 
 fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
-    let files = [&task.path, &task.robot.path].into_iter().chain(&task.robot.parts);
-    let text =
-        |path: &PathBuf| (path.display().to_string(), std::fs::read_to_string(path).unwrap_or_default());
+    let identity = Identity::of(task, &options.overrides, options.seed, options.pace);
+    let (identity, files) = identity.map_err(RunError::WorkingDirectory)?;
     let sensors = task.robot.sensors.iter();
-    let facts = [
-        ("seed", options.seed.to_string()),
-        ("overrides", options.overrides.set.join("\n")),
-        ("task", task.name.clone()),
-        ("robot", task.robot.robot.name.clone()),
-        ("radius_m", task.robot.robot.radius_m.to_string()),
-        ("pace", if options.pace == Pace::Live { "live" } else { "lockstep" }.to_owned()),
+    // A report needs both, also on a recording that was killed.
+    let places = [
         ("goal", serde_json::to_string(&task.run.goal).unwrap_or_default()),
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("radius_m", task.robot.robot.radius_m.to_string()),
     ];
+    let places = places.map(|(key, value)| (key.to_owned(), value));
     let recording = Recording {
+        replaces: options.overwrite,
         robot: task.robot.robot.clone(),
         sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
-        files: files.map(text).collect(),
-        facts: facts.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+        files,
+        facts: identity.facts().into_iter().chain(places).collect(),
         ..Recording::new(path, options.pace)
     };
     Ok(McapRecorder::create(recording)?)

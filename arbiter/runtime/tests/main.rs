@@ -4,6 +4,7 @@
 
 mod client;
 mod hostile;
+mod hostile_recordings;
 mod live;
 mod lockstep;
 mod recording;

@@ -10,11 +10,12 @@ use foxglove::Encode;
 use foxglove::messages::{CompressedImage, LaserScan, Log, PoseInFrame, SceneUpdate};
 use yamabico_core::message::{
     Axes, Beam, Command, DecisionHeader, Encoding, FrameHeader, Kind, Message, MessageType, Mode, Name,
-    Odometry, Proposal, RangeScanHeader, Reason, Truth, Twist, Verdict,
+    Odometry, Pose, Proposal, RangeScanHeader, Reason, Truth, Twist, Verdict,
 };
 use yamabico_core::time::Time;
 use yamabico_runtime::record::{
-    Digest, McapRecorder, Pace, PlaybackError, RecordError, Recording, RecordingResult, Tap, Tee, play,
+    Contents, Digest, McapRecorder, Pace, PlaybackError, RecordError, Recording, RecordingResult, Tap, Tee,
+    play, utc,
 };
 
 const STEPS: u64 = 100;
@@ -130,6 +131,58 @@ fn a_recording_plays_back_to_the_byte() {
     assert!(matches!(error, PlaybackError::NoRecording { .. }), "{error}");
     std::fs::remove_dir_all(&folder).unwrap();
     assert!(matches!(play(&path, &mut Digest::new()).unwrap_err(), PlaybackError::NotReadable { .. }));
+}
+
+#[test]
+fn times_count_from_the_first_message_and_the_start_is_known() {
+    let folder = folder("origin");
+    let path = folder.join("run.mcap");
+    let origin = 1_286_000_000_000;
+    let mut recorder = McapRecorder::create(Recording::new(&path, Pace::Live)).unwrap();
+    for stamp_ns in [origin, origin + 40_000_000] {
+        let pose = Pose { stamp_ns, ..Default::default() };
+        send(&mut recorder, "pose", Time(stamp_ns), &pose, &[]);
+    }
+    recorder.finish(BTreeMap::new());
+    let read = read(&path);
+    let times: Vec<u64> =
+        read.messages.iter().filter(|(topic, ..)| topic == "/pose/pose").map(|(_, time, _)| *time).collect();
+    assert_eq!(times, [0, 40_000_000]);
+    assert!(read.messages.iter().all(|(_, time, _)| *time <= 40_000_000), "every topic has this base");
+    let (_, _, last) = read.messages.iter().rfind(|(topic, ..)| topic == "/pose/pose").unwrap();
+    let stamp = PoseInFrame::decode_from(last).timestamp.unwrap();
+    assert_eq!((stamp.sec(), stamp.nsec()), (0, 40_000_000));
+    let contents = Contents::read(&path).unwrap();
+    assert_eq!(contents.origin(), Time(origin));
+    let (started, now) = (&contents.facts["started"], utc(std::time::SystemTime::now()));
+    assert_eq!((started.len(), &started[..4]), (now.len(), &now[..4]));
+    assert_eq!(contents.facts["program_sha256"].len(), 64);
+
+    // A playback has the times of the run again.
+    #[derive(Default)]
+    struct Times(Vec<Time>);
+    impl Tap for Times {
+        fn message(&mut self, _: &str, _: &MessageType, time: Time, _: &[u8], _: &[u8]) {
+            self.0.push(time);
+        }
+    }
+    let mut times = Times::default();
+    play(&path, &mut times).unwrap();
+    assert_eq!(times.0, [Time(origin), Time(origin + 40_000_000)]);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn an_existing_recording_is_replaced_only_on_request() {
+    let folder = folder("exists");
+    let path = folder.join("run.mcap");
+    std::fs::write(&path, "precious").unwrap();
+    let refused = McapRecorder::create(Recording::new(&path, Pace::Lockstep)).err().unwrap();
+    assert!(matches!(refused, RecordError::Exists { .. }), "{refused}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+    let replacing = Recording { replaces: true, ..Recording::new(&path, Pace::Lockstep) };
+    assert!(McapRecorder::create(replacing).unwrap().finish(BTreeMap::new()).bytes > 0);
+    std::fs::remove_dir_all(folder).unwrap();
 }
 
 fn bus_topics(counts: &BTreeMap<String, u64>) -> BTreeMap<String, u64> {

@@ -42,7 +42,7 @@ use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
 use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
@@ -229,8 +229,7 @@ impl IntersectionTracker {
 
     fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last.stamp);
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !stamp.is_next(self.last_frame.map(|last| last.stamp), now) {
             self.failure = Some(Reason::MalformedInput);
             return;
         }

@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason, View};
-use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
 use yamabico_core::sensor::Robot;
 use yamabico_core::time::Time;
 
@@ -182,7 +181,7 @@ impl Tracker {
     /// ignored.
     pub fn take_odometry(&mut self, odometry: &Odometry, now: Time) {
         let (stamp, pose) = (Time(odometry.stamp_ns), Pose2::new(odometry.x, odometry.y, odometry.theta));
-        if !pose.is_finite() || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !pose.is_finite() || stamp.is_future(now) {
             return self.health.doubt(Reason::MalformedInput);
         }
         let Some((last_stamp, last_pose)) = self.odometry else {
@@ -221,7 +220,7 @@ impl Tracker {
         if self.last_image.is_some_and(|last| stamp <= last) {
             return self.health.miss(Reason::OutOfOrder);
         }
-        if stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if stamp.is_future(now) {
             return self.health.miss(Reason::MalformedInput);
         }
         let prior = match self.history.at(stamp) {

@@ -54,9 +54,6 @@ pub const ODOMETRY: Slot<Odometry> =
 pub const DECISION: Slot<DecisionHeader> =
     Slot::preferred("decision", "wished motion; without it, straight ahead at full speed");
 
-/// Tolerance for stamps in the future, s.
-const FUTURE_TOLERANCE_S: f64 = 0.02;
-
 /// The behavior: halts for an echo that forbids the motion, and while there is no valid scan.
 #[derive(Clone, Debug)]
 pub struct SonarHalt {
@@ -162,7 +159,7 @@ impl SonarHalt {
 
     fn read_scan(&mut self, scan: &View<'_, RangeScanHeader>, motion: &Motion, now: Time) {
         let stamp = Time(scan.header.stamp_ns);
-        if stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if stamp.is_future(now) {
             self.fail(Reason::MalformedInput);
             return;
         }

@@ -5,7 +5,7 @@ use yamabico_core::message::Twist;
 use yamabico_core::sensor::MotionLimits;
 use yamabico_core::time::Time;
 
-use crate::{DECISION, FUTURE_TOLERANCE_S, ODOMETRY};
+use crate::{DECISION, ODOMETRY};
 
 /// Motion of the robot as far as it is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -21,8 +21,9 @@ impl Motion {
     #[must_use]
     pub fn read(inputs: &Inputs<'_>, max_age_s: f64) -> Self {
         let known = |stamp_ns: u64, twist: Twist| {
-            let age_s = inputs.now().seconds_after(Time(stamp_ns));
-            (twist.is_finite() && age_s <= max_age_s && age_s >= -FUTURE_TOLERANCE_S).then_some(twist)
+            let (now, stamp) = (inputs.now(), Time(stamp_ns));
+            let is_usable = now.seconds_after(stamp) <= max_age_s && !stamp.is_future(now);
+            (twist.is_finite() && is_usable).then_some(twist)
         };
         let odometry = inputs.latest(&ODOMETRY).map(|odometry| *odometry.header);
         let decision = inputs.latest(&DECISION).map(|decision| *decision.header);

@@ -35,16 +35,16 @@ pub struct Config {
     #[serde(default)]
     #[schemars(extend("format" = "file"))]
     pub map: Option<String>,
-    /// Path of the table of learned thresholds, relative to the task file. Where none were learned within 1 m, only edges
-    /// on the floor show obstacles.
+    /// Method `passages`: path of the table of learned thresholds, relative to the task file. Where none were learned within
+    /// 1 m, only edges on the floor show obstacles.
     #[serde(default)]
     #[schemars(extend("format" = "file"))]
     pub thresholds: Option<String>,
-    /// If set, a place without learned thresholds counts as not observed, and the speed is limited to
+    /// Method `passages`: if set, a place without learned thresholds counts as not observed, and the speed is limited to
     /// `blind_speed_mps` there.
     #[serde(default)]
     pub requires_thresholds: bool,
-    /// If set, the motion of the floor between frames tells things from joints, shadows and mirror images: edges on
+    /// Method `passages`: if set, the motion of the floor between frames tells things from joints, shadows and mirror images: edges on
     /// proven floor are ignored, and things are found without thresholds. Has no effect with a lens that distorts.
     #[serde(default)]
     pub plane_motion: bool,
@@ -64,7 +64,7 @@ pub struct Config {
     #[serde_inline_default(0.03)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub margin_m: f64,
-    /// Additional clearance in a gap that is wide enough for it, so that the sonar's gate stays clear.
+    /// Method `passages`: additional clearance in a gap that is wide enough for it, so that the sonar's gate stays clear.
     #[serde_inline_default(0.1)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gap_margin_m: f64,
@@ -76,15 +76,15 @@ pub struct Config {
     #[serde_inline_default(300.0)]
     #[schemars(range(min = 20.0, max = 2000.0))]
     pub stale_ms: f64,
-    /// Distance driven along the path after which an obstacle behind the robot counts as passed.
+    /// Method `passages`: distance driven along the path after which an obstacle behind the robot counts as passed.
     #[serde_inline_default(0.5)]
     #[schemars(range(min = 0.1, max = 10.0))]
     pub passing_m: f64,
-    /// Time after which a blocked robot searches for a passage again.
+    /// Method `passages`: time after which a blocked robot searches for a passage again.
     #[serde_inline_default(10.0)]
     #[schemars(range(min = 1.0, max = 600.0))]
     pub retry_s: f64,
-    /// Fraction by which a difference of edges may exceed the learned one.
+    /// Method `passages`: fraction by which a difference of edges may exceed the learned one.
     #[serde_inline_default(0.5)]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub epsilon: f64,
@@ -144,12 +144,15 @@ impl Config {
     /// Returns what people should know about the thresholds.
     pub(crate) fn notes(&self, setup: &Setup) -> Vec<String> {
         if self.method == Method::Lanes {
-            let unused = self.thresholds.as_ref().map(|file| {
-                format!(
-                    "{file} is not used: only method = \"passages\" compares edges with learned thresholds"
-                )
-            });
-            return unused.into_iter().collect();
+            let keys = [
+                (self.thresholds.is_some(), "thresholds"),
+                (self.plane_motion, "plane_motion"),
+                (self.requires_thresholds, "requires_thresholds"),
+            ];
+            let unused = keys.into_iter().filter(|(is_set, _)| *is_set);
+            return unused
+                .map(|(_, key)| format!("`{key}` has no effect: only method = \"passages\" uses it"))
+                .collect();
         }
         let effect = match self.requires_thresholds {
             true => {

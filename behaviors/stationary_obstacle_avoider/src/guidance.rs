@@ -3,7 +3,7 @@
 use yamabico_core::behavior::Inputs;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Corridor, PathHeader, PathPoint, Pose, PoseStatus, Reason};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::time::Time;
 use yamabico_vision::map::WireFrame;
 
@@ -151,7 +151,7 @@ impl Guidance {
         );
         let (stamp, evidence) = (Time(pose.stamp_ns), Time(pose.evidence_ns));
         let Some(odometry) = self.odometry_at(stamp, odometry) else { return Ok(None) };
-        if !on_map.is_finite() || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !on_map.is_finite() || stamp.is_future(now) {
             return Err(Reason::MalformedInput);
         }
         let heading_sigma = pose.covariance[8].sqrt();
@@ -175,7 +175,7 @@ impl Guidance {
     ) -> Result<Option<Localized>, Reason> {
         let (stamp, evidence) = (Time(corridor.stamp_ns), Time(corridor.evidence_ns));
         let Some(odometry) = self.odometry_at(stamp, odometry) else { return Ok(None) };
-        if stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if stamp.is_future(now) {
             return Err(Reason::MalformedInput);
         }
         let frame = self.corridor.get_or_insert_with(|| CorridorFrame::new(odometry));

@@ -4,7 +4,7 @@ use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{FrameHeader, Obstacle, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
@@ -227,8 +227,7 @@ impl PassageAvoider {
 
     fn store_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.frames.newest().is_none_or(|last| stamp > last);
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !stamp.is_next(self.frames.newest(), now) {
             self.failure = Some(Reason::MalformedInput);
             return;
         }

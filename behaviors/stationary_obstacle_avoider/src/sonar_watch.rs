@@ -1,11 +1,11 @@
 //! Newest sonar scan, and whether an echo in it is on the robot's path; a silent, lost or malformed scan counts as one.
 
 use std::f64::consts::FRAC_PI_2;
+use std::ops::Range;
 
 use yamabico_core::behavior::{Inputs, Slot};
 use yamabico_core::geometry::wrap_angle;
 use yamabico_core::message::{Beam, RangeScanHeader};
-use yamabico_core::odometry_track::FUTURE_TOLERANCE_S;
 use yamabico_core::time::Time;
 
 /// Maximum number of beams; a scan with more counts as an echo.
@@ -32,8 +32,7 @@ impl SonarWatch {
         let now = inputs.now();
         for scan in inputs.fresh(slot) {
             let stamp = Time(scan.header.stamp_ns);
-            let is_newer = self.newest.is_none_or(|last| stamp > last);
-            if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+            if !stamp.is_next(self.newest, now) {
                 continue;
             }
             must_step = true;
@@ -60,6 +59,19 @@ impl SonarWatch {
             echo_m.is_some_and(|range_m| reaches_strip(beam, range_m, half_width_m))
         };
         self.beams.is_empty() || self.beams.iter().any(is_on_path)
+    }
+
+    /// Returns the range of the nearest echo of a beam whose azimuth lies in `azimuths` (rad), m from its sensor; infinite
+    /// without one. An echo whose range or azimuth is NaN has the range 0.
+    #[must_use]
+    pub fn nearest_m(&self, azimuths: Range<f64>) -> f64 {
+        let range_m = |beam: &Beam| {
+            let azimuth = wrap_angle(beam.azimuth_rad);
+            let is_inside = azimuth.is_nan() || azimuths.contains(&azimuth);
+            let range_m = beam.echo_m().filter(|_| is_inside)?;
+            Some(if azimuth.is_nan() || range_m.is_nan() { 0.0 } else { range_m })
+        };
+        self.beams.iter().filter_map(range_m).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns the beams of the newest scan.
@@ -118,6 +130,17 @@ mod tests {
     #[test]
     fn an_echo_from_behind_is_not_on_the_path() {
         assert!(!has_echo(&[beam(180.0, 0.2), beam(-150.0, 0.2), beam(210.0, 0.1)], 0.23));
+    }
+
+    #[test]
+    fn the_nearest_echo_of_a_sector_is_found() {
+        let nearest_m =
+            |beams: &[Beam]| SonarWatch { beams: beams.to_vec(), newest: None }.nearest_m(-0.3..0.3);
+        assert_eq!(nearest_m(&[beam(0.0, 0.8), beam(10.0, 0.7), beam(30.0, 0.2)]), 0.7);
+        assert_eq!(nearest_m(&[Beam { flags: NO_ECHO, ..beam(0.0, 0.4) }]), f64::INFINITY);
+        assert_eq!(nearest_m(&[beam(0.0, 0.8), beam(5.0, f64::NAN)]), 0.0);
+        assert_eq!(nearest_m(&[Beam { azimuth_rad: f64::NAN, ..beam(0.0, 0.8) }]), 0.0);
+        assert_eq!(nearest_m(&[beam(60.0, f64::NAN)]), f64::INFINITY);
     }
 
     #[test]

@@ -30,7 +30,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
     Axes, DecisionHeader, Name, Odometry, Proposal, RangeScanHeader, Reason, Twist,
 };
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, travel};
+use yamabico_core::odometry_track::travel;
 use yamabico_core::time::Time;
 
 use crate::config::{Config, Rung};
@@ -124,8 +124,7 @@ impl StuckRecovery {
         for odometry in inputs.fresh(&ODOMETRY) {
             let (stamp, header) = (Time(odometry.header.stamp_ns), odometry.header);
             let pose = Pose2::new(header.x, header.y, header.theta);
-            let is_newer = self.odometry.is_none_or(|(last, _)| stamp > last);
-            if pose.is_finite() && is_newer && stamp.seconds_after(inputs.now()) <= FUTURE_TOLERANCE_S {
+            if pose.is_finite() && stamp.is_next(self.odometry.map(|(last, _)| last), inputs.now()) {
                 self.odometry = Some((stamp, pose));
                 let stands = |stood: &Pose2| {
                     let (moved_m, turned_rad) = travel(stood, &pose);
@@ -145,8 +144,7 @@ impl StuckRecovery {
     }
 
     fn is_fresh(&self, stamp: Time, now: Time) -> bool {
-        let age_s = now.seconds_after(stamp);
-        age_s <= self.config.stale_ms * 1e-3 && age_s >= -FUTURE_TOLERANCE_S
+        now.seconds_after(stamp) <= self.config.stale_ms * 1e-3 && !stamp.is_future(now)
     }
 
     /// Abstains, and extends the trail.

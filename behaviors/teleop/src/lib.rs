@@ -26,9 +26,6 @@ use yamabico_core::time::Time;
 pub const STICK: Slot<Stick> =
     Slot::required("stick", "position of the operator's stick, from `yamabico teleop`");
 
-/// Tolerance for stamps in the future, s.
-const FUTURE_TOLERANCE_S: f64 = 0.02;
-
 /// Parameters of [`Teleop`].
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema, SmartDefault)]
 #[serde(deny_unknown_fields, default)]
@@ -88,7 +85,7 @@ impl Behavior for Teleop {
                 .with_evidence(inputs.now())
                 .with_note(format_args!("no teleop command for {age_s:.1} s"));
         }
-        match twist(&stick, &self.config).filter(|_| age_s > -FUTURE_TOLERANCE_S) {
+        match twist(&stick, &self.config).filter(|_| !held.is_future(inputs.now())) {
             Some(twist) => Proposal::drive(self.axes, twist).with_evidence(held).with_note(format_args!(
                 "stick {:+.0} % forward, {:+.0} % left, {:+.0} % round",
                 100.0 * stick.forward,

@@ -32,7 +32,7 @@ use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin,
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, Corridor, FrameHeader, Kind, Odometry, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
@@ -221,9 +221,8 @@ impl WallFollower {
 
     fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) -> FrameResult {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last);
         self.seen = None;
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !stamp.is_next(self.last_frame, now) {
             self.failure = Some(Reason::MalformedInput);
             return FrameResult::Nothing;
         }

@@ -12,6 +12,7 @@
 //! | Floor or thing from motion | [`plane_motion`] |
 //! | Maps | [`map`]: wire frames and their visible edges; [`azimuth_map`]: bearing-only mapping, free space, paths |
 //! | Matching | [`azimuth_map::CyclicMatcher`]: tracked to observed edges; [`azimuth_map::relink`]: lost to recovered ones |
+//! | Grids around a robot | [`rolling_window`] |
 //! | Masks and filters | [`bit_image`], [`morphology`], [`median`] |
 //! | Geometry and kernels | [`polygon`], [`vectorize`] |
 //!
@@ -55,6 +56,7 @@ pub mod morphology;
 pub mod plane_motion;
 pub mod polygon;
 pub mod radial_edges;
+pub mod rolling_window;
 pub mod segment_fit;
 pub mod segments;
 pub mod vanishing_point;

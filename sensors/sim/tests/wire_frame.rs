@@ -2,6 +2,7 @@
 
 use nalgebra::Point2;
 use yamabico_sim::World;
+use yamabico_sim::building::Building;
 use yamabico_testkit::config;
 use yamabico_vision::map::{EdgeKind, WireFrame};
 
@@ -18,6 +19,17 @@ fn the_map_file_equals_the_map_of_the_world() {
         "write it again: cargo run --release -p yamabico-evaluations -- render map configs/worlds/hallway.toml configs/maps/hallway.toml"
     );
     assert!(map.edges().iter().filter(|edge| edge.kind == EdgeKind::Vertical).count() > 40);
+}
+
+#[test]
+fn the_map_of_every_building_can_be_read() {
+    for seed in 0..200 {
+        let building = Building::new(seed, &[]).unwrap();
+        let text = building.world.wire_frame().to_toml();
+        if let Err(problems) = WireFrame::from_toml(&text) {
+            panic!("seed {seed}: {problems}");
+        }
+    }
 }
 
 #[test]

@@ -10,6 +10,8 @@ mod list;
 mod new;
 mod plugin;
 mod ps;
+mod repair;
+mod replay;
 mod report;
 mod run;
 mod run_table;
@@ -69,6 +71,10 @@ pub enum Command {
     Estop(estop::Arguments),
     /// Release the emergency stop of a running robot.
     Reset(estop::Arguments),
+    /// Run a recording again, and compare every proposal and decision to the byte.
+    Replay(replay::Arguments),
+    /// Give a recording whose run was killed an index and an end.
+    Repair(repair::Arguments),
     /// Run one plugin of a running robot; started by its supervisor.
     #[command(hide = true)]
     Plugin(plugin::Arguments),
@@ -97,6 +103,8 @@ impl Command {
             Command::Teleop(arguments) => teleop::teleop(&arguments),
             Command::Estop(arguments) => estop::estop(&arguments, print),
             Command::Reset(arguments) => estop::reset(&arguments, print),
+            Command::Replay(arguments) => replay::replay(&arguments, print),
+            Command::Repair(arguments) => repair::repair(&arguments, print),
             Command::Plugin(arguments) => plugin::plugin(&arguments),
         }
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use yamabico_runtime::execution::Overlays;
-use yamabico_runtime::record::{Pace, Tee};
+use yamabico_runtime::record::{Pace, RunFolder, Tee};
 use yamabico_runtime::run::{Options, Report, run as run_task};
 use yamabico_runtime::supervisor::Program;
 
@@ -37,9 +37,12 @@ pub struct Arguments {
     /// Do not write a report, an HTML file beside the recording.
     #[arg(long)]
     no_report: bool,
-    /// Output folder; by default `out/` followed by the name of the task.
+    /// Output folder; by default a new one for each run, `out/TASK/TIME`, to which the link `out/TASK/latest` points.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace an existing recording.
+    #[arg(long)]
+    overwrite: bool,
 }
 
 /// Runs the task and prints its table.
@@ -49,25 +52,37 @@ pub fn run(arguments: &Arguments, print: Print) -> CommandResult {
         eprintln!("note: {}", printable(&note));
     }
     let interrupt = interrupt_flag()?;
-    let out = arguments.out.clone().unwrap_or_else(|| Path::new("out").join(&task.name));
+    let folder = match &arguments.out {
+        Some(_) => None,
+        None => Some(RunFolder::create(&Path::new("out").join(&task.name)).map_err(Failure::device)?),
+    };
+    let out = arguments.out.as_deref().or(folder.as_ref().map(RunFolder::path)).unwrap_or(Path::new("."));
     let options = Options {
         seed: arguments.seed,
         threads: usize::from(arguments.threads),
         recording: Some(arguments.record.clone().unwrap_or_else(|| out.join("run.mcap"))),
         overlays: if arguments.no_overlays { Overlays::OnRequest } else { Overlays::Recorded },
         report: if arguments.no_report { Report::None } else { Report::BesideRecording },
+        overwrite: arguments.overwrite,
         pace: if arguments.live { Pace::Live } else { Pace::Lockstep },
-        plots: Some(out),
+        plots: Some(out.to_owned()),
         overrides: arguments.task.overrides(),
         program: Some(Program::this()),
     };
     let bar = RunProgress::new(&task, "", print);
-    let result =
-        run_task(&task, &options, &interrupt, &mut Tee::default(), &mut |state| bar.show(&task, state));
+    // The newest run is one that has begun.
+    let mut unlinked = folder.as_ref();
+    let result = run_task(&task, &options, &interrupt, &mut Tee::default(), &mut |state| {
+        bar.show(&task, state);
+        unlinked.take().into_iter().for_each(RunFolder::link);
+    });
     drop(bar);
-    let result = result.map_err(|error| match error.is_of_a_device() {
-        true => Failure::device(error),
-        false => Failure::usage(error),
+    let result = result.map_err(|error| {
+        folder.iter().for_each(RunFolder::remove_if_empty);
+        match error.is_of_a_device() {
+            true => Failure::device(error),
+            false => Failure::usage(error),
+        }
     })?;
     print.show(&result, run_table);
     for problem in [&result.trajectory_problem, &result.report_problem].into_iter().flatten() {

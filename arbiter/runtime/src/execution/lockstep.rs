@@ -1,12 +1,13 @@
 //! Lockstep: simulated or recorded time. Every part acts once in a step, in a fixed order, so that the same run gives the same
 //! bytes.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use yamabico_core::message::MessageType;
 use yamabico_core::sensor::{DeviceError, Due};
 use yamabico_core::time::Time;
-use yamabico_host::bus::{Bus, BusError, RawSubscriber};
+use yamabico_host::bus::{Bus, BusError, RawPublisher, RawSubscriber};
 
 use super::arbiter_host::ArbiterHost;
 use super::plan::Plan;
@@ -22,8 +23,11 @@ pub struct Lockstep {
     workers: WorkerPool,
     arbiter: ArbiterHost,
     taps: Vec<(String, MessageType, RawSubscriber)>,
+    /// Publishers of recorded messages, by topic.
+    fed: BTreeMap<String, RawPublisher>,
     now: Time,
     step: Duration,
+    bus: Bus,
 }
 
 /// State of the sensors of a run.
@@ -60,8 +64,10 @@ impl Lockstep {
             workers,
             arbiter,
             taps,
+            fed: BTreeMap::new(),
             now: Time::ZERO,
             step,
+            bus,
         })
     }
 
@@ -70,14 +76,37 @@ impl Lockstep {
         self.now
     }
 
+    /// Sets the time of the next step, for a replay.
+    pub(crate) fn set_now(&mut self, now: Time) {
+        self.now = now;
+    }
+
+    /// Publishes a recorded message for the next step, in place of the device or operator that published it.
+    ///
+    /// # Errors
+    /// The plan has no such topic of this type, or the message is too long for it.
+    pub(crate) fn feed(
+        &mut self,
+        topic: &str,
+        message: &MessageType,
+        header: &[u8],
+        items: &[u8],
+    ) -> Result<(), DeviceError> {
+        if !self.fed.contains_key(topic) {
+            let publisher = self.bus.publisher_raw(topic, message).map_err(bus_failed)?;
+            self.fed.insert(topic.to_owned(), publisher);
+        }
+        self.fed[topic].publish(header, items).map_err(bus_failed)
+    }
+
     /// Walls reported by the devices, for plots.
     pub fn walls(&self) -> Vec<Vec<[f64; 2]>> {
         self.devices.iter().flat_map(|device| device.walls().to_vec()).collect()
     }
 
-    /// The arbiter.
-    pub(super) fn arbiter(&mut self) -> &mut ArbiterHost {
-        &mut self.arbiter
+    /// Brings the robot to a standstill for the end of the run.
+    pub(crate) fn shut_down(&mut self) {
+        self.arbiter.shut_down();
     }
 
     /// Makes one step: sensors that are due publish, behaviors propose, the arbiter decides, the drive applies the command,

@@ -30,12 +30,13 @@ pub enum RunEnd {
 }
 
 impl RunEnd {
-    /// Text for reports.
-    pub fn as_str(self) -> &'static str {
+    /// Name in recordings.
+    #[must_use]
+    pub fn as_str(&self) -> &'static str {
         match self {
             RunEnd::Arrived => "arrived",
-            RunEnd::SensorsEnded => "all sensors ended",
-            RunEnd::TimeOver => "time over",
+            RunEnd::SensorsEnded => "sensors-ended",
+            RunEnd::TimeOver => "time-over",
             RunEnd::Interrupted => "interrupted",
         }
     }
@@ -79,7 +80,7 @@ pub fn run_lockstep(
         };
         decided = decided.or_else(|| Some((over?, now)));
         let Some((end, since)) = decided else { continue };
-        lockstep.arbiter().shut_down();
+        lockstep.shut_down();
         if (monitor.stands() && now > since) || now.since(since) > STOPPING_TIMEOUT {
             return failure.map_or(Ok(end), Err);
         }

@@ -7,9 +7,10 @@ use foxglove::messages::log::Level;
 use serde_json::Value;
 use yamabico_core::message::{
     Control, ControlKind, DecisionHeader, Encoding, FrameHeader, Heartbeat, Kind, Message, MessageType, Mode,
-    Outcome, PluginState, Pose, PoseStatus, Proposal, Reason,
+    Outcome, PluginState, Pose, PoseStatus, Proposal, Reason, Verdict,
 };
 
+use super::control_log::ControlLog;
 use super::frames::timestamp;
 
 /// Conversion of a code to its text.
@@ -62,11 +63,13 @@ fn add(value: &mut Value, fields: &[Field]) {
 #[derive(Default)]
 pub(super) struct ChangeLog {
     last: HashMap<String, (u32, u32)>,
+    control: ControlLog,
 }
 
 impl ChangeLog {
     /// Line for a proposal whose kind or reason differs from the author's last.
     pub fn proposal(&mut self, topic: &str, proposal: &Proposal) -> Option<Log> {
+        self.control.proposal(proposal);
         self.changed(topic, (proposal.kind, proposal.reason)).then(|| {
             let kind = proposal.kind().map_or("unknown kind", Kind::as_str);
             let reason = proposal.reason().map_or("unknown reason", Reason::as_str);
@@ -78,9 +81,10 @@ impl ChangeLog {
         })
     }
 
-    /// Line for a decision whose mode or halted axes differ from the last.
-    pub fn decision(&mut self, topic: &str, decision: &DecisionHeader) -> Option<Log> {
-        self.changed(topic, (decision.mode, decision.halted.bits())).then(|| {
+    /// Lines for a decision: for a mode or halted axes that differ from the last, and for each change of control.
+    pub fn decision(&mut self, topic: &str, decision: &DecisionHeader, verdicts: &[Verdict]) -> Vec<Log> {
+        let stamp_ns = decision.stamp_ns;
+        let mode = self.changed(topic, (decision.mode, decision.halted.bits())).then(|| {
             let mode = decision.mode().map_or("unknown mode", Mode::as_str);
             let level = match decision.mode() {
                 Some(Mode::Driving | Mode::Idle | Mode::ShuttingDown) => Level::Info,
@@ -89,8 +93,12 @@ impl ChangeLog {
             };
             let note = decision.note.as_str();
             let note = if note.is_empty() { String::new() } else { format!(": {note}") };
-            line(decision.stamp_ns, level, "arbiter", format!("{mode}{note}"))
-        })
+            line(stamp_ns, level, "arbiter", format!("{mode}{note}"))
+        });
+        let changes = self.control.decision(decision, verdicts).into_iter();
+        mode.into_iter()
+            .chain(changes.map(|(who, text)| line(stamp_ns, Level::Info, who.as_str(), text)))
+            .collect()
     }
 
     /// Line for a heartbeat whose state or number of restarts differs from the plugin's last.
@@ -163,7 +171,8 @@ mod tests {
         assert_eq!(changes.proposal("p", &silent).unwrap().message, "halt: no input");
         assert!(changes.proposal("p", &Proposal::abstain(Reason::Clear)).is_some());
         let decision = DecisionHeader { mode: Mode::CriticalSilent.code(), ..Default::default() };
-        assert_eq!(changes.decision("d", &decision).unwrap().message, "critical behavior or sensor silent");
-        assert!(changes.decision("d", &decision).is_none());
+        let lines = changes.decision("d", &decision, &[]);
+        assert_eq!((lines.len(), lines[0].message.as_str()), (1, "critical behavior or sensor silent"));
+        assert!(changes.decision("d", &decision, &[]).is_empty());
     }
 }

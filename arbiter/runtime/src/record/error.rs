@@ -20,6 +20,12 @@ pub enum RecordError {
         /// Folder.
         path: PathBuf,
     },
+    /// The file exists and is not to be replaced.
+    #[error("cannot record to {}: it exists; choose another file, or replace it with --overwrite", path.display())]
+    Exists {
+        /// File.
+        path: PathBuf,
+    },
     /// The file is not writable.
     #[error("cannot record to {}: {source}; make it writable or choose another file", path.display())]
     NotWritable {
@@ -67,6 +73,8 @@ impl RecordError {
                 let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
                 RecordError::FolderMissing { folder: folder.unwrap_or(Path::new(".")).to_owned(), path }
             }
+            io::ErrorKind::AlreadyExists if path.is_dir() => RecordError::IsAFolder { path },
+            io::ErrorKind::AlreadyExists => RecordError::Exists { path },
             io::ErrorKind::IsADirectory => RecordError::IsAFolder { path },
             kind if is_full(kind) => RecordError::Full { path, written: 0, source },
             _ => RecordError::NotWritable { path, source },
@@ -98,6 +106,7 @@ mod tests {
         let cases = [
             (io::ErrorKind::NotFound, "the folder out does not exist; create it"),
             (io::ErrorKind::IsADirectory, "such as out/run.mcap/run.mcap"),
+            (io::ErrorKind::AlreadyExists, "it exists; choose another file"),
             (io::ErrorKind::PermissionDenied, "make it writable"),
             (io::ErrorKind::ReadOnlyFilesystem, "make it writable"),
             (io::ErrorKind::StorageFull, "free some space"),

@@ -61,9 +61,15 @@ impl Failure {
 }
 
 impl OutputFile {
-    /// Creates the file, or truncates it.
-    pub fn create(path: &Path) -> Result<OutputFile, RecordError> {
-        let file = File::create(path).map_err(|error| RecordError::opening(path, error))?;
+    /// Creates the file. An existing one is truncated if it is to be replaced, and refused otherwise; a device or a pipe is
+    /// neither.
+    pub fn create(path: &Path, replaces: bool) -> Result<OutputFile, RecordError> {
+        let is_special = path.metadata().is_ok_and(|data| !data.is_file() && !data.is_dir());
+        let opened = match replaces || is_special {
+            true => File::create(path),
+            false => File::create_new(path),
+        };
+        let file = opened.map_err(|error| RecordError::opening(path, error))?;
         Ok(OutputFile {
             file: BufWriter::with_capacity(1 << 18, file),
             path: path.to_owned(),
@@ -132,7 +138,7 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_one_failure_and_later_writes_are_discarded() {
-        let mut file = OutputFile::create(Path::new("/dev/full")).unwrap();
+        let mut file = OutputFile::create(Path::new("/dev/full"), false).unwrap();
         let failure = file.failure();
         file.write_all(&[1; 1 << 20]).unwrap();
         file.flush().unwrap();

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
+use std::time::SystemTime;
 
 use foxglove::{Context, McapAttachment, McapCompression, McapWriteOptions, McapWriterHandle};
 use yamabico_core::message::{FrameHeader, Message, MessageType};
@@ -12,10 +13,11 @@ use yamabico_core::time::Time;
 
 use super::file::{Failure, OutputFile};
 use super::queue::{Entry, Queue};
+use super::run_file::{Handle, RunFile};
 use super::writer::Writer;
 use super::{ImageFormat, RecordError, Tap};
 
-/// Size of a compressed chunk, bytes: the maximum that a crash can lose.
+/// Size of a compressed chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
 /// Behavior of a recording while its writer is slower than the run.
@@ -30,8 +32,10 @@ pub enum Pace {
 /// Contents and destination of a recording.
 #[derive(Clone, Debug)]
 pub struct Recording {
-    /// File; an existing one is replaced.
+    /// File.
     pub path: PathBuf,
+    /// If set, an existing file is replaced; otherwise it is refused.
+    pub replaces: bool,
     /// Pace of the run.
     pub pace: Pace,
     /// Compression of images.
@@ -40,9 +44,9 @@ pub struct Recording {
     pub robot: Robot,
     /// Sensors by topic, for their mounts.
     pub sensors: Vec<(String, SensorInfo)>,
-    /// Texts to attach, by name: the task file and the robot file.
+    /// Texts to attach, by name: the task file, the robot file, and the files that they name.
     pub files: Vec<(String, String)>,
-    /// Facts known before the run: overrides, seed, version.
+    /// Facts known before the run: its [`Identity`](super::Identity).
     pub facts: BTreeMap<String, String>,
 }
 
@@ -51,6 +55,7 @@ impl Recording {
     pub fn new(path: impl Into<PathBuf>, pace: Pace) -> Recording {
         Recording {
             path: path.into(),
+            replaces: false,
             pace,
             images: ImageFormat::Png,
             robot: Robot::default(),
@@ -81,8 +86,9 @@ pub struct RecordingResult {
 /// Writes every message of a run to an MCAP file, on a thread of its own.
 ///
 /// A message on topic `T` is written as JSON under `T`, and, if Foxglove has a schema for it, again under `/T/image`,
-/// `/T/scan`, `/T/pose`, `/T/annotations` and `/T/scene`; `/tf` holds the coordinate frames, `/log` the changes as text. A failure, such as a
-/// full disk, is logged once; the run goes on, and [`McapRecorder::finish`] reports it.
+/// `/T/scan`, `/T/pose`, `/T/annotations` and `/T/scene`; `/tf` holds the coordinate frames, `/log` the changes as text. Times count from the
+/// first message; the record `run` says when that was. A failure, such as a full disk, is logged once; the run goes on, and
+/// [`McapRecorder::finish`] reports it.
 pub struct McapRecorder {
     path: PathBuf,
     pace: Pace,
@@ -91,7 +97,8 @@ pub struct McapRecorder {
     topics: BTreeMap<String, Arc<str>>,
     images_dropped: u64,
     messages_offered: u64,
-    handle: Option<McapWriterHandle<OutputFile>>,
+    started: Arc<OnceLock<SystemTime>>,
+    handle: Option<Handle>,
     thread: Option<JoinHandle<BTreeMap<String, u64>>>,
     // Channels live only as long as their context.
     _context: Arc<Context>,
@@ -101,10 +108,10 @@ impl McapRecorder {
     /// Opens the file and starts the writer's thread.
     ///
     /// # Errors
-    /// The folder is missing, the path is a folder, or the file cannot be written.
+    /// The folder is missing, the path is a folder, the file exists or cannot be written.
     pub fn create(recording: Recording) -> Result<McapRecorder, RecordError> {
         let path = recording.path;
-        let file = OutputFile::create(&path)?;
+        let file = OutputFile::create(&path, recording.replaces)?;
         let failure = file.failure();
         let context = Context::new();
         let options = McapWriteOptions::new()
@@ -113,17 +120,16 @@ impl McapRecorder {
             .profile("")
             .disable_seeking(true);
         let handle = context.mcap_writer_with_options(options).create(file);
-        let handle = handle.map_err(|error| writer_error(&path, error))?;
+        let handle = Arc::new(handle.map_err(|error| writer_error(&path, error))?);
         attach(&handle, &recording.files).map_err(|error| writer_error(&path, error))?;
-        handle.write_metadata("run", recording.facts).map_err(|error| writer_error(&path, error))?;
 
-        let queue = Queue::default();
-        let mut writer = Writer::new(context.clone(), recording.images, &recording.robot);
+        let (queue, started) = (Queue::default(), Arc::<OnceLock<SystemTime>>::default());
+        let mut file = RunFile::new(handle.clone(), recording.facts, started.clone());
+        let writer = Writer::new(context.clone(), recording.images, &recording.robot);
         let (waiting, sensors, broken) = (queue.clone(), recording.sensors, failure.clone());
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
             let _closing = Closing(&waiting);
-            writer.begin(&sensors);
-            writer.run(&waiting, || broken.has_happened())
+            writer.run(&waiting, &mut file, &sensors, || broken.has_happened())
         });
         let thread = thread.map_err(|error| writer_error(&path, error))?;
         Ok(McapRecorder {
@@ -134,6 +140,7 @@ impl McapRecorder {
             topics: BTreeMap::new(),
             images_dropped: 0,
             messages_offered: 0,
+            started,
             handle: Some(handle),
             thread: Some(thread),
             _context: context,
@@ -157,7 +164,8 @@ impl McapRecorder {
             }
             None => BTreeMap::new(),
         };
-        if let Some(handle) = self.handle.take() {
+        // The thread has dropped its share, unless it never ended.
+        if let Some(handle) = self.handle.take().and_then(Arc::into_inner) {
             let closed = handle.write_metadata("result", facts).and_then(|()| handle.close());
             let flushed = closed.map(|mut file| std::io::Write::flush(&mut file));
             if let Err(reason) = flushed {
@@ -177,11 +185,12 @@ impl McapRecorder {
 
 impl Tap for McapRecorder {
     fn message(&mut self, topic: &str, message: &MessageType, time: Time, header: &[u8], items: &[u8]) {
+        self.started.get_or_init(SystemTime::now);
         let name = match self.topics.get(topic) {
             Some(name) => name.clone(),
             None => self.topics.entry(topic.to_owned()).or_insert(topic.into()).clone(),
         };
-        let mut entry = Entry { topic: &name, message, time, header, items };
+        let mut entry = Entry { topic: &name, message, time, origin: Time::ZERO, header, items };
         self.messages_offered += 1;
         match self.pace {
             Pace::Lockstep => self.queue.wait(&entry),

@@ -5,32 +5,48 @@
 //! file and passes its messages to a tap again.
 
 mod code_text;
+mod contents;
+mod control_log;
 mod digest;
 mod error;
 mod facts;
 mod file;
 mod frames;
+mod identity;
 mod images;
 mod mcap;
 mod overlays;
 mod playback;
 mod queue;
 mod ranges;
+mod repair;
+mod run_file;
+mod run_folder;
 mod scene;
 mod schema;
+mod utc;
 mod writer;
 
+pub use contents::Contents;
 pub use digest::Digest;
 pub use error::RecordError;
 pub use facts::{RecordedFacts, read_facts};
+pub(crate) use identity::digest_of_program;
+pub use identity::{Execution, Identity, RecordedIdentity};
 pub use images::ImageFormat;
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
 pub(crate) use playback::play_compressed;
 pub use playback::{PlaybackError, PlaybackResult, play};
+pub use repair::{RepairError, Repaired, repair};
+pub use run_folder::RunFolder;
 pub use schema::to_json;
+pub use utc::utc;
 
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
+
+/// Beginning of the topics with the messages of a what-if.
+pub const WHAT_IF: &str = "/what-if/";
 
 /// Receives every message of a run, in the order of the run.
 pub trait Tap {

@@ -2,19 +2,24 @@
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
 
 use foxglove::Decode;
 use foxglove::messages::CompressedImage;
+use image::ImageReader;
 use mcap::io::MessageReader;
 use serde_json::Value;
 use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
 use yamabico_core::time::Time;
 
 use super::Tap;
+use super::contents::{BROKE_OFF, Contents, missing_end, reader_options};
 use super::schema::{self, Bytes};
 use super::writer::under;
+
+/// Maximum size of an image, bytes; a larger one is left out.
+const MAX_PIXEL_BYTES: usize = 128 << 20;
 
 /// Failure of a playback.
 #[derive(Debug, thiserror::Error)]
@@ -48,7 +53,7 @@ pub struct PlaybackResult {
     pub broken_off: Option<String>,
 }
 
-/// Passes every message of a recording to `tap`. Losslessly compressed images come back byte for byte, except for the padding
+/// Passes every message of a recording to `tap`, with the times of its run. Losslessly compressed images come back byte for byte, except for the padding
 /// between rows; images that the recorder dropped are left out.
 ///
 /// # Errors
@@ -77,12 +82,14 @@ fn play_to<'a>(
     tap: &'a mut dyn Tap,
     frames: Option<FrameSink<'a>>,
 ) -> Result<PlaybackResult, PlaybackError> {
+    let contents = Contents::read(path)?;
+    let origin = contents.origin();
     let file =
         File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
-    let messages = MessageReader::new(BufReader::new(file));
-    let mut player = Player { tap, frames, frame: None, played: PlaybackResult::default() };
+    let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
+    let mut player = Player { tap, frames, origin, frame: None, played: PlaybackResult::default() };
     let mut has_begun = false;
-    for message in messages {
+    for message in &mut messages {
         match message {
             Ok(message) => player.take(&message),
             Err(error) if has_begun => {
@@ -97,13 +104,21 @@ fn play_to<'a>(
         has_begun = true;
     }
     player.miss_image();
-    Ok(player.played)
+    let mut played = player.played;
+    if played.broken_off.is_none() {
+        // A repaired file has an end, and still not the end of its run.
+        let missing = missing_end(&mut messages.into_inner());
+        played.broken_off = missing.or_else(|| contents.facts.get(BROKE_OFF).cloned());
+    }
+    Ok(played)
 }
 
 struct Player<'a> {
     tap: &'a mut dyn Tap,
     /// Receives frames instead of the tap.
     frames: Option<FrameSink<'a>>,
+    /// Stamp at time zero of the recording.
+    origin: Time,
     /// Frame whose image follows.
     frame: Option<Frame>,
     played: PlaybackResult,
@@ -131,7 +146,7 @@ impl Player<'_> {
             self.played.left_out.insert(format!("{topic}: {}", MessageType::unknown(&schema.name)));
             return;
         };
-        let time = Time(message.log_time);
+        let time = Time(self.origin.0.saturating_add(message.log_time));
         let json = serde_json::from_slice::<Value>(&message.data).ok();
         let Some(Bytes { header, items }) = json.and_then(|json| schema::from_json(kind, &json)) else {
             self.played.left_out.insert(format!("{topic}: a message that is not a {}", kind.name));
@@ -176,23 +191,31 @@ impl Player<'_> {
     }
 }
 
-/// Decompresses the rows of an image, with the stride of the header.
+/// Decompresses the rows of an image, with the stride of the header; `None` if they contradict each other.
 fn pixels(header: &FrameHeader, data: &[u8]) -> Option<Vec<u8>> {
-    let image = image::load_from_memory(data).ok()?;
-    if (image.width(), image.height()) != (header.width, header.height) {
+    let encoding = header.encoding()?;
+    let row = (header.width as usize).checked_mul(encoding.bytes_per_pixel() as usize)?;
+    let stride = header.stride as usize;
+    let size = stride.checked_mul(header.height as usize)?;
+    if row == 0 || stride < row || size > MAX_PIXEL_BYTES {
         return None;
     }
-    let encoding = header.encoding()?;
+    // Checked before memory is reserved for the pixels.
+    let reader = || ImageReader::new(Cursor::new(data)).with_guessed_format().ok();
+    if reader()?.into_dimensions().ok()? != (header.width, header.height) {
+        return None;
+    }
+    let image = reader()?.decode().ok()?;
     let packed = match encoding {
         Encoding::Gray8 => image.into_luma8().into_raw(),
         Encoding::Rgb8 => image.into_rgb8().into_raw(),
     };
-    let row = header.width as usize * encoding.bytes_per_pixel() as usize;
-    let gap = (header.stride as usize).checked_sub(row).filter(|_| row > 0)?;
-    if gap == 0 {
+    if stride == row {
         return Some(packed);
     }
-    Some(
-        packed.chunks(row).flat_map(|line| line.iter().copied().chain(std::iter::repeat_n(0, gap))).collect(),
-    )
+    let mut padded = vec![0; size];
+    for (line, packed) in padded.chunks_exact_mut(stride).zip(packed.chunks_exact(row)) {
+        line[..row].copy_from_slice(packed);
+    }
+    Some(padded)
 }

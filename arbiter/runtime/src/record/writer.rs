@@ -8,8 +8,8 @@ use bytemuck::Pod;
 use foxglove::{Context, Encode, PartialMetadata, RawChannel, Schema};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
-    Beam, Command, Control, DecisionHeader, FrameHeader, Heartbeat, Message, MessageType, Odometry,
-    OverlayHeader, OverlayMark, Pose, Proposal, RangeScanHeader, Truth,
+    Beam, Command, Control, DecisionHeader, FrameHeader, Heartbeat, Layout, Message, MessageType, Odometry,
+    OverlayHeader, OverlayMark, Pose, Proposal, RangeScanHeader, Truth, Verdict,
 };
 use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_core::time::Time;
@@ -18,12 +18,15 @@ use super::code_text::ChangeLog;
 use super::frames::{self, FrameTree, MAP, ODOM};
 use super::images::{ImageFormat, compressed};
 use super::queue::{Batch, Entry, Queue};
-use super::{overlays, ranges, scene, schema};
+use super::run_file::RunFile;
+use super::{WHAT_IF, overlays, ranges, scene, schema};
 
 /// Channel of the coordinate frames.
 const TRANSFORMS: &str = "/tf";
 /// Channel of changes as text.
 const LOG: &str = "/log";
+/// Field of every header with a stamp.
+const STAMP: &str = "stamp_ns";
 
 /// Turns messages into records and passes them to the channels of a context.
 pub(super) struct Writer {
@@ -53,8 +56,39 @@ impl Writer {
         }
     }
 
+    /// Writes everything from the queue to `file` until it ends or `has_failed` returns true; returns the number of messages
+    /// written on each topic. Times count from the first message.
+    pub fn run(
+        mut self,
+        queue: &Queue,
+        file: &mut RunFile,
+        sensors: &[(String, SensorInfo)],
+        has_failed: impl Fn() -> bool,
+    ) -> BTreeMap<String, u64> {
+        let mut batch = Batch::default();
+        let mut origin = None;
+        while queue.take(&mut batch) {
+            for entry in batch.entries() {
+                let origin = *origin.get_or_insert_with(|| {
+                    file.begin(entry.time);
+                    self.begin(sensors);
+                    entry.time
+                });
+                self.write(&Entry { time: after(origin, entry.time), origin, ..entry });
+                if has_failed() {
+                    return self.counts;
+                }
+            }
+            file.save_if_due();
+        }
+        if origin.is_none() {
+            file.begin(Time::ZERO);
+        }
+        self.counts
+    }
+
     /// Writes the constant records: the robot's outline and the mounts of its cameras.
-    pub fn begin(&mut self, sensors: &[(String, SensorInfo)]) {
+    fn begin(&mut self, sensors: &[(String, SensorInfo)]) {
         self.standard("/robot/scene", Time::ZERO, &scene::footprint(self.radius_m));
         for (topic, sensor) in sensors {
             if let Some(body_from_camera) = sensor.kind.body_from_camera() {
@@ -63,25 +97,14 @@ impl Writer {
         }
     }
 
-    /// Writes everything from the queue until it ends or `has_failed` returns true; returns the number of messages written on
-    /// each topic.
-    pub fn run(mut self, queue: &Queue, has_failed: impl Fn() -> bool) -> BTreeMap<String, u64> {
-        let mut batch = Batch::default();
-        while queue.take(&mut batch) {
-            for entry in batch.entries() {
-                self.write(&entry);
-                if has_failed() {
-                    return self.counts;
-                }
-            }
-        }
-        self.counts
-    }
-
     /// Writes one message: as JSON under its own topic, and in the standard schemas under `/topic/...`.
     fn write(&mut self, entry: &Entry) {
         let (topic, time) = (&**entry.topic, entry.time);
         self.json(entry);
+        if topic.starts_with(WHAT_IF) {
+            // Its poses must not move the frames of the recorded run.
+            return;
+        }
         match entry.message.name {
             FrameHeader::NAME => {
                 let Some(header) = header::<FrameHeader>(entry) else { return };
@@ -135,8 +158,9 @@ impl Writer {
             }
             DecisionHeader::NAME => {
                 let Some(decision) = header::<DecisionHeader>(entry) else { return };
-                let line = self.change_log.decision(topic, &decision);
-                self.log(time, line);
+                let verdicts = items::<Verdict>(entry);
+                let lines = self.change_log.decision(topic, &decision, &verdicts);
+                lines.into_iter().for_each(|line| self.log(time, Some(line)));
             }
             Heartbeat::NAME => {
                 let Some(heartbeat) = header::<Heartbeat>(entry) else { return };
@@ -221,8 +245,25 @@ pub(super) fn under(topic: &str, form: &str) -> String {
     format!("/{}/{form}", topic.trim_start_matches('/'))
 }
 
+/// Time `stamp` of a run on the clock of its recording.
+fn after(origin: Time, stamp: Time) -> Time {
+    Time(stamp.0.saturating_sub(origin.0))
+}
+
+fn entry_stamp(bytes: &[u8]) -> Time {
+    Time(bytes.try_into().map_or(0, u64::from_ne_bytes))
+}
+
+/// Header of a message, with its stamp on the clock of the recording.
 fn header<M: Message>(entry: &Entry) -> Option<M> {
-    bytemuck::try_pod_read_unaligned(entry.header).ok()
+    let mut header: M = bytemuck::try_pod_read_unaligned(entry.header).ok()?;
+    if let Layout::Struct(layout) = M::LAYOUT
+        && let Some(field) = layout.fields.iter().find(|field| field.name == STAMP)
+        && let Some(bytes) = bytemuck::bytes_of_mut(&mut header).get_mut(field.offset..field.offset + 8)
+    {
+        bytes.copy_from_slice(&after(entry.origin, entry_stamp(bytes)).0.to_ne_bytes());
+    }
+    Some(header)
 }
 
 fn items<T: Pod>(entry: &Entry) -> Vec<T> {

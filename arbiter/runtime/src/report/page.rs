@@ -73,7 +73,7 @@ impl<'a> Page<'a> {
     }
 
     fn html(mut self) -> String {
-        let name = self.fact("task").unwrap_or("run").to_owned();
+        let name = self.fact("name").unwrap_or("run").to_owned();
         self.add(format_args!(
             "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
@@ -113,9 +113,9 @@ impl<'a> Page<'a> {
         let (class, text) = match end {
             _ if self.run.broken_off.is_some() => ("bad", "recording cut off"),
             Some("arrived") => ("good", "arrived"),
-            Some("all sensors ended") => ("good", "all sensors ended"),
-            Some("time over") if self.run.goal.is_none() => ("good", "time over"),
-            Some("time over") => ("bad", "not arrived: time over"),
+            Some("sensors-ended") => ("good", "all sensors ended"),
+            Some("time-over") if self.run.goal.is_none() => ("good", "time over"),
+            Some("time-over") => ("bad", "not arrived: time over"),
             Some(other) => ("bad", other),
             None => ("bad", "end not recorded"),
         };
@@ -138,7 +138,7 @@ impl<'a> Page<'a> {
         let arrived = if end == "arrived" { " and arrived at its goal" } else { "" };
         let [distance, time] = ["distance_m", "time_s"].map(|key| self.number(key).unwrap_or(0.0));
         let _ = write!(story, "The robot drove {distance:.1} m in {time:.1} s{arrived}. ");
-        if end == "time over" && run.goal.is_some() {
+        if end == "time-over" && run.goal.is_some() {
             story += "Its time was over before it reached the goal. ";
         }
         let control = run.summary.get("control_s").and_then(Value::as_object);
@@ -364,7 +364,7 @@ impl<'a> Page<'a> {
 
     fn latency(&mut self) {
         let Some(figure) = charts::latencies(self.run.timeline.latencies()) else { return };
-        let lockstep = self.fact("pace") == Some("lockstep");
+        let lockstep = self.fact("execution") == Some("lockstep");
         let note = if lockstep { "in lockstep computing takes no time" } else { "by the machine's clock" };
         self.add(format_args!(
             "<h2>Latency <small>of the data behind each command, {note}</small></h2>\n<figure>{}</figure>\n",
@@ -451,7 +451,9 @@ impl<'a> Page<'a> {
             }
         };
         row("file", &run.path.display().to_string());
-        for key in ["task", "robot", "pace", "seed", "version", "overrides"] {
+        for key in
+            ["started", "task", "robot", "overrides", "seed", "execution", "version", "configuration_sha256"]
+        {
             row(key, run.facts.run.get(key).map_or("", String::as_str));
         }
         row("digest", run.facts.result.get("digest").map_or("", String::as_str));

@@ -47,7 +47,7 @@ impl Test {
     }
 
     fn options(&self) -> Options {
-        Options { pace: Pace::Live, recording: Some(self.recording()), ..Options::default() }
+        Options { pace: Pace::Live, recording: Some(self.recording()), overwrite: true, ..Options::default() }
     }
 
     fn run(&self) -> Result<RunResult, RunError> {

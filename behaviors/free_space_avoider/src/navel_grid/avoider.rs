@@ -5,7 +5,7 @@ use yamabico_core::camera::Intrinsics;
 use yamabico_core::geometry::{Twist, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Proposal, Reason, View};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::{AppearanceFile, LearnedLook, Picture};
@@ -154,11 +154,10 @@ impl NavelGridAvoider {
 
     fn process_frame(&mut self, frame: &View<'_, FrameHeader>, now: Time) {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last);
         let size = self.intrinsics.size();
         let color = frame.rgb(size).filter(|_| self.observer.uses_color()).map(Picture::Color);
         let picture = color.or_else(|| frame.gray(size, &mut self.gray).map(Picture::Gray));
-        let usable = picture.filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
+        let usable = picture.filter(|_| stamp.is_next(self.last_frame, now));
         self.is_malformed = usable.is_none();
         let Some(picture) = usable else { return };
         let (mut observation, failure) = self.observer.observe(picture);

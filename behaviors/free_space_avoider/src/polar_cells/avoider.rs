@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::geometry::{Pose2, Twist};
 use yamabico_core::message::{Axes, Axis, FreeDirection, FreeSpaceHeader, Proposal, Reason};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::time::Time;
 use yamabico_vision::floor_color_file::ColorFile;
 
@@ -114,9 +114,8 @@ impl PolarCellsAvoider {
     fn process_frame(&mut self, inputs: &Inputs<'_>, now: Time) -> bool {
         let Some(frame) = inputs.latest(&CAMERA) else { return false };
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_frame.is_none_or(|last| stamp > last);
         let size = self.observer.mirror().size();
-        let image = frame.rgb(size).filter(|_| is_newer && stamp.seconds_after(now) <= FUTURE_TOLERANCE_S);
+        let image = frame.rgb(size).filter(|_| stamp.is_next(self.last_frame, now));
         self.is_malformed = image.is_none();
         let Some(image) = image else { return false };
         self.last_frame = Some(stamp);

@@ -39,9 +39,13 @@ const VIEW_M: f64 = 0.9;
 const OUT_RADPS: f64 = 0.6;
 const OUT_MPS: f64 = 0.15;
 const OUT_M: f64 = 0.35;
-/// Speed of backing off, m/s; length, m. Only a way that the robot has just come is known to be free.
+/// Speed of backing off, m/s; smallest and largest length, m. Only a way that the robot has just come is known to be free,
+/// and a turn leaves it: the length that is lost per radian, m.
 const BACK_MPS: f64 = 0.12;
-const BACK_M: f64 = 0.3;
+const BACK_M: (f64, f64) = (0.15, 0.3);
+const TURN_LOSS_M: f64 = 0.5;
+/// Step of the odometry between two calls above which it has jumped, m.
+const JUMP_M: f64 = 0.2;
 /// Time after which a turn or a way out is given up, s.
 const MANEUVER_S: f64 = 5.0;
 /// Offset from the path up to which the drive is handed over, m.
@@ -97,13 +101,13 @@ pub(super) struct Situation {
     pub gate_m: f64,
     /// Distance kept from obstacles, m.
     pub clearance_m: f64,
-    /// Speed on a free lane, m/s, and maximum turn rate, rad/s.
+    /// Maximum speed, m/s, and turn rate, rad/s.
     pub speed_mps: f64,
     pub max_turn_radps: f64,
     /// True if the robot is at the end of its path: an obstacle ahead does not matter.
     pub is_arrived: bool,
-    /// Room to the left and to the right of the path, m.
-    pub room_m: [f64; 2],
+    /// Share of the places to the left and to the right of the path where the robot could stand.
+    pub room: [f64; 2],
 }
 
 impl Situation {
@@ -136,15 +140,15 @@ impl Drive {
         self.lane_m
     }
 
-    /// Takes a step, and returns the proposal: abstains where the path is free.
-    pub fn step(&mut self, at: &Situation) -> Proposal {
+    /// Takes a step, and returns the proposal; `None` where the path is free.
+    pub fn step(&mut self, at: &Situation) -> Option<Proposal> {
         self.lane_m = at.plan.best.offset_m;
         self.measure_advance(&at.odometry);
         self.mode = self.next(at);
-        match self.mode {
+        Some(match self.mode {
             Mode::Free => {
                 self.lane_m = 0.0;
-                Proposal::abstain(Reason::Clear)
+                return None;
             }
             Mode::Lane => self.drive_lane(at),
             Mode::Wait { .. } => {
@@ -153,24 +157,30 @@ impl Drive {
                     .with_reason(reason)
                     .with_note(format_args!("waits: {:.1} m free ahead", at.plan.best.free_m))
             }
-            Mode::Back { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(-BACK_MPS, 0.0))
-                .with_reason(Reason::Searching)
-                .with_note(format_args!("backs off the way it came")),
+            Mode::Back { .. } => {
+                Proposal::drive(Axes::PLANAR, Twist::planar(-BACK_MPS.min(at.speed_mps), 0.0))
+                    .with_reason(Reason::Searching)
+                    .with_note(format_args!("backs off the way it came"))
+            }
             Mode::Turn { side, .. } => Proposal::drive(Axes::PLANAR, Twist::planar(0.0, side * OUT_RADPS))
                 .uncoupled()
                 .with_reason(Reason::Searching)
                 .with_note(format_args!("turns to the side with more room")),
-            Mode::Out { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS, 0.0))
+            Mode::Out { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS.min(at.speed_mps), 0.0))
                 .with_reason(Reason::Searching)
                 .with_note(format_args!("leaves a place without a free lane")),
-        }
+        })
     }
 
     /// Measures how far the robot has driven forward, as far as it may back off.
     fn measure_advance(&mut self, odometry: &Pose2) {
-        if let Some(last) = self.last.replace(*odometry) {
-            self.advanced_m = (self.advanced_m + last.relative(odometry).x).clamp(0.0, BACK_M);
-        }
+        let Some(last) = self.last.replace(*odometry) else { return };
+        let step = last.relative(odometry);
+        self.advanced_m = if step.position().coords.norm() > JUMP_M {
+            0.0
+        } else {
+            (self.advanced_m + step.x - TURN_LOSS_M * step.theta.abs()).clamp(0.0, BACK_M.1)
+        };
     }
 
     fn next(&self, at: &Situation) -> Mode {
@@ -187,11 +197,11 @@ impl Drive {
                     Mode::Lane
                 } else if at.is_sonar_silent {
                     self.mode
-                } else if waited_s > BACK_OFF_S && self.advanced_m >= 0.9 * BACK_M {
+                } else if waited_s > BACK_OFF_S && self.advanced_m >= BACK_M.0 {
                     Mode::Back { since_s: at.now_s }
                 } else if waited_s > WAIT_S {
-                    let [left_m, right_m] = at.room_m;
-                    Mode::Turn { since_s: at.now_s, side: if left_m >= right_m { 1.0 } else { -1.0 } }
+                    let [left, right] = at.room;
+                    Mode::Turn { since_s: at.now_s, side: if left >= right { 1.0 } else { -1.0 } }
                 } else {
                     self.mode
                 }
@@ -241,5 +251,30 @@ impl Drive {
         }
         let rate = (speed * curvature).clamp(-at.max_turn_radps, at.max_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(note)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drive(poses: impl IntoIterator<Item = (f64, f64)>) -> f64 {
+        let mut drive = Drive::default();
+        for (x, theta) in poses {
+            drive.measure_advance(&Pose2::new(x, 0.0, theta));
+        }
+        drive.advanced_m
+    }
+
+    #[test]
+    fn only_the_way_that_it_came_is_known_to_be_free_behind() {
+        let ahead = || (0..=20).map(|i| (0.02 * f64::from(i), 0.0));
+        assert_eq!(drive(ahead()), BACK_M.1);
+        let then = |poses: &[(f64, f64)]| drive(ahead().chain(poses.iter().copied()));
+        assert!(then(&[(0.4, 0.2), (0.4, 0.4), (0.4, 0.6)]) < 1e-9, "a turn in place leaves the way");
+        assert!((then(&[(0.3, 0.0)]) - 0.2).abs() < 1e-9, "backing off uses it up");
+        assert_eq!(then(&[(1.4, 0.0)]), 0.0, "odometry that jumps tells nothing");
+        let curve = drive((0..=20).map(|i| (0.02 * f64::from(i), 0.02 * f64::from(i))));
+        assert!(curve > BACK_M.0, "a gentle curve does not: {curve}");
     }
 }

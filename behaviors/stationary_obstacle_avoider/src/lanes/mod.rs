@@ -7,17 +7,17 @@
 
 pub mod occupancy;
 pub mod planner;
+pub mod stations;
 
+mod clusters;
 mod drive;
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{
-    Axes, Beam, FrameHeader, Kind, Obstacle, ObstaclesHeader, Proposal, Reason, View,
-};
-use yamabico_core::odometry_track::{FUTURE_TOLERANCE_S, OdometryTrack};
+use yamabico_core::message::{Axes, FrameHeader, Kind, ObstaclesHeader, Proposal, Reason, View};
+use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::Picture;
@@ -26,18 +26,21 @@ use yamabico_vision::map::WireFrame;
 
 use crate::config::Config;
 use crate::guidance::Guidance;
-use crate::passage_finder::point_on_path;
 use crate::sonar_watch::SonarWatch;
 use crate::{CAMERA, OBSTACLES, ODOMETRY, SONAR};
+use clusters::Clusters;
 use drive::{Drive, Situation};
 use occupancy::OccupancyGrid;
-use planner::{Plan, STATIONS, Scene, Station, station_m};
+use planner::{Plan, Scene};
+use stations::PathAhead;
 
 /// Log odds of floor, and of the place where it ends, in one picture.
 const FLOOR: f32 = -0.7;
 const FLOOR_END: f32 = 1.3;
-/// Log odds of an end of the floor where a sonar sees farther: a mirror image, or something below the beam.
-const FLOOR_END_IN_BEAM: f32 = 0.2;
+/// Log odds of an end of the floor before an echo: a mirror image, or something below the beam; and in a beam without an
+/// echo, which a smooth surface at an angle does not give.
+const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
+const FLOOR_END_IN_SILENCE: f32 = 0.7;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
 const FLOOR_END_M: f64 = 2.4;
@@ -51,10 +54,13 @@ const AROUND_M: (f64, f64, f64) = (-0.5, 2.7, 2.0);
 const MAX_CELLS: usize = 2000;
 /// Area ahead in which nothing may stand where the color of the floor is learned, m: along, and to each side.
 const LEARN_AREA_M: (f64, f64) = (1.2, 0.4);
+/// Azimuths that part the beams that look ahead from those that look aside, and from those behind, rad.
+const AHEAD_RAD: f64 = 0.26;
+const ASIDE_RAD: f64 = 1.6;
 /// Distance from the end of the path at which the robot has arrived, m.
 const ARRIVED_M: f64 = 0.35;
 /// Age of the newest picture above which the speed is limited, s.
-const PICTURE_STALE_S: f64 = 1.0;
+const PICTURE_STALE_S: f64 = 0.5;
 
 /// Avoider that drives the best lane beside the path.
 #[derive(Clone, Debug)]
@@ -74,12 +80,12 @@ pub struct LaneAvoider {
     plan: Plan,
     /// Occupied places that are not walls, robot frame, m.
     occupied: Vec<Point2<f32>>,
-    stations: [Station; STATIONS],
+    path: PathAhead,
     last_picture: Option<Time>,
     last_scan: Option<Time>,
     last_update: Option<Time>,
     failure: Option<Reason>,
-    obstacles: Vec<Obstacle>,
+    clusters: Clusters,
     sequence: u64,
 }
 
@@ -96,7 +102,6 @@ impl LaneAvoider {
         })?;
         let map = config.read_map(setup)?;
         let half_width_m = setup.robot.radius_m + config.margin_m;
-        let station = Station { place: Point2::origin(), left: Vector2::y() };
         Ok(Self {
             clearance_m: half_width_m + GRID_ERROR_M,
             wall_clearance_m: half_width_m,
@@ -111,12 +116,12 @@ impl LaneAvoider {
             drive: Drive::default(),
             plan: Plan::default(),
             occupied: Vec::with_capacity(MAX_CELLS),
-            stations: [station; STATIONS],
+            path: PathAhead::default(),
             last_picture: None,
             last_scan: None,
             last_update: None,
             failure: None,
-            obstacles: Vec::with_capacity(MAX_OBSTACLES),
+            clusters: Clusters::default(),
             sequence: 0,
             config,
         })
@@ -129,17 +134,22 @@ impl LaneAvoider {
             self.odometry.push(odometry.header, now);
         }
         match self.guidance.update(inputs, &self.odometry) {
-            Ok(_) => self.guidance.draw(&mut self.map),
-            Err(reason) => self.failure = Some(reason),
+            Err(Reason::MalformedInput) => self.failure = Some(Reason::MalformedInput),
+            // A corridor that is out of view for a while is passed by odometry.
+            Ok(_) | Err(_) => self.guidance.draw(&mut self.map),
         }
-        if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
-            self.failure = self.look(&frame, now).err();
-            self.publish(outputs);
+        let picture = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA));
+        if let Some(frame) = &picture {
+            self.failure = self.look(frame, now).err();
         }
         if self.sonar.update(inputs, &SONAR, self.config.stale_ms * 1e-3) {
             self.add_scan();
         }
-        self.step(now)
+        let proposal = self.step(now);
+        if picture.is_some() {
+            self.publish(outputs);
+        }
+        proposal
     }
 
     /// Appends the state that a restarted avoider continues from.
@@ -180,8 +190,7 @@ impl LaneAvoider {
     /// Takes in a picture.
     fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) -> Result<(), Reason> {
         let stamp = Time(frame.header.stamp_ns);
-        let is_newer = self.last_picture.is_none_or(|last| stamp > last);
-        if !is_newer || stamp.seconds_after(now) > FUTURE_TOLERANCE_S {
+        if !stamp.is_next(self.last_picture, now) {
             return Err(Reason::MalformedInput);
         }
         let robot = self.odometry.pose_at(stamp).ok_or(Reason::NoInput)?;
@@ -195,22 +204,28 @@ impl LaneAvoider {
         self.advance(stamp, &robot);
         let to_odometry = |place: Point2<f64>| robot.transform_point(place);
         let (columns, beams) = (&self.columns, self.sonar.beams());
-        let is_in_beam = |place: &Point2<f64>| {
-            beams.iter().any(|beam| {
+        // Log odds of an end of the floor by the beams that it lies in.
+        let end = |place: Point2<f64>| {
+            let inside = beams.iter().filter(|beam| {
                 let off = place - Point2::new(beam.x_m, beam.y_m);
                 let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
-                is_inside && off.norm() + 0.15 < beam.echo_m().unwrap_or(f64::INFINITY)
-            })
+                is_inside && beam.echo_m().is_none_or(|echo_m| off.norm() + 0.15 < echo_m)
+            });
+            let has_echo = inside.map(|beam| beam.echo_m().is_some()).max();
+            match has_echo {
+                None => FLOOR_END,
+                Some(false) => FLOOR_END_IN_SILENCE,
+                Some(true) => FLOOR_END_BEFORE_ECHO,
+            }
         };
         let floor = columns.free().filter(|place| place.x < FLOOR_M);
         self.grid.add(floor.map(to_odometry), FLOOR);
-        let ends = || columns.ends().filter(|place| place.x < FLOOR_END_M);
-        // An obstacle is deeper than its foot.
-        let deep = |place: Point2<f64>| [place, Point2::new(place.x + occupancy::CELL_M, place.y)];
-        let seen = ends().filter(|place| !is_in_beam(place)).flat_map(deep).map(to_odometry);
-        self.grid.add(seen, FLOOR_END);
-        let doubtful = ends().filter(is_in_beam).map(to_odometry);
-        self.grid.add(doubtful, FLOOR_END_IN_BEAM);
+        for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
+            let ends = columns.ends().filter(|place| place.x < FLOOR_END_M && end(*place) == weight);
+            // An obstacle is deeper than its foot.
+            let deep = ends.flat_map(|place| [place, Point2::new(place.x + occupancy::CELL_M, place.y)]);
+            self.grid.add(deep.map(to_odometry), weight);
+        }
         Ok(())
     }
 
@@ -244,19 +259,7 @@ impl LaneAvoider {
         let is_near = |place: &Point2<f32>| {
             (0.2..along_m).contains(&f64::from(place.x)) && f64::from(place.y.abs()) < aside_m
         };
-        self.occupied.iter().any(is_near) || self.echo_ahead_m() < along_m - 0.3
-    }
-
-    /// Range of the nearest echo of a beam that looks ahead, m from its sensor; infinite without one.
-    fn echo_ahead_m(&self) -> f64 {
-        let ahead = self.sonar.beams().iter().filter(|beam| beam.azimuth_rad.abs() < 0.26);
-        ahead.filter_map(Beam::echo_m).fold(f64::INFINITY, f64::min)
-    }
-
-    /// Range of the nearest echo of a beam that looks to the left (`side` 1) or right (-1), m from its sensor.
-    fn echo_aside_m(&self, side: f64) -> f64 {
-        let aside = self.sonar.beams().iter().filter(|beam| (0.26..1.6).contains(&(side * beam.azimuth_rad)));
-        aside.filter_map(Beam::echo_m).fold(f64::INFINITY, f64::min)
+        self.occupied.iter().any(is_near) || self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD) < along_m - 0.3
     }
 
     /// Plans, and returns the proposal.
@@ -267,47 +270,63 @@ impl LaneAvoider {
         let on_map = self.map_from_odometry();
         self.gather_occupied(&newest.pose, on_map.as_ref());
         let robot = on_map.map(|on_map| on_map * newest.pose);
-        let lateral_m = self.place_stations(robot.as_ref());
+        self.path = PathAhead::of(&self.guidance, robot.as_ref());
         let map = &self.map;
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| map.clearance(robot.transform_point(place)))
         };
         let scene = Scene {
-            stations: &self.stations,
-            lateral_m,
+            path: &self.path,
             obstacles: &self.occupied,
             wall_m: &wall_m,
             clearance_m: self.clearance_m,
             wall_clearance_m: self.wall_clearance_m,
         };
         self.plan = scene.plan(self.drive.lane_m());
-        let aim = self.stations[drive::AIM_STATION].beside(self.plan.best.offset_m);
+        let blind = self.blindness(now);
         let situation = Situation {
             now_s: now.as_secs_f64(),
             plan: self.plan,
-            aim,
+            aim: self.path.stations[drive::AIM_STATION].beside(self.plan.best.offset_m),
             odometry: newest.pose,
-            path_heading: -self.stations[0].left.x.atan2(self.stations[0].left.y),
-            echo_ahead_m: self.echo_ahead_m(),
-            echo_left_m: self.echo_aside_m(1.0),
-            echo_right_m: self.echo_aside_m(-1.0),
+            path_heading: self.path.heading(),
+            echo_ahead_m: self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD),
+            echo_left_m: self.sonar.nearest_m(AHEAD_RAD..ASIDE_RAD),
+            echo_right_m: self.sonar.nearest_m(-ASIDE_RAD..-AHEAD_RAD),
             is_sonar_silent: self.sonar.beams().is_empty(),
             gate_m: self.config.gate_m,
             clearance_m: self.clearance_m,
-            speed_mps: self.config.speed_mps,
+            speed_mps: match blind {
+                Some(_) => self.config.speed_mps.min(self.config.blind_speed_mps),
+                None => self.config.speed_mps,
+            },
             max_turn_radps: self.config.max_turn_radps,
             is_arrived: self.is_arrived(),
-            room_m: [1.0, -1.0].map(|side| room_aside(&scene, side)),
+            room: [1.0, -1.0].map(|side| scene.room(side)),
         };
-        let proposal = match self.drive.step(&situation) {
-            proposal if proposal.kind() == Some(Kind::Abstain) => self.follow(now),
-            proposal => proposal,
+        let proposal = match (self.drive.step(&situation), blind) {
+            (Some(proposal), _) => proposal,
+            (None, Some(reason)) => {
+                Proposal::limit(Axes::LINEAR, Twist::planar(self.config.blind_speed_mps, 0.0), reason)
+                    .with_note(format_args!("no frame was evaluated: {reason}"))
+            }
+            (None, None) => Proposal::abstain(Reason::Clear),
         };
-        let evidence =
-            self.last_picture.map_or(now, |picture| picture.max(self.last_scan.unwrap_or(picture)));
-        let mut proposal = proposal.with_evidence(evidence.min(now));
+        // A drive without pictures rests on the scans; standing and limits rest on the present.
+        let evidence = match blind {
+            _ if proposal.twist == Twist::ZERO || proposal.kind() != Some(Kind::Drive) => Some(now),
+            Some(_) => self.last_scan,
+            None => self.last_picture,
+        };
+        let mut proposal = proposal.with_evidence(evidence.unwrap_or(now).min(now));
         proposal.stamp_ns = newest.stamp.0;
         proposal
+    }
+
+    /// Returns why vision gives no result; `None` if it does.
+    fn blindness(&self, now: Time) -> Option<Reason> {
+        let is_stale = self.last_picture.is_none_or(|stamp| now.seconds_after(stamp) > PICTURE_STALE_S);
+        self.failure.or(is_stale.then_some(Reason::StaleInput))
     }
 
     /// True if the path ends here.
@@ -315,19 +334,6 @@ impl LaneAvoider {
         let corners = self.guidance.path().windows(2);
         let length_m: f64 = corners.map(|pair| (pair[1].x - pair[0].x).hypot(pair[1].y - pair[0].y)).sum();
         length_m > 0.0 && length_m - self.guidance.path_header().progress_m < ARRIVED_M
-    }
-
-    /// Abstains, or limits the speed if vision gives no result.
-    fn follow(&self, now: Time) -> Proposal {
-        let is_stale = self.last_picture.is_none_or(|stamp| now.seconds_after(stamp) > PICTURE_STALE_S);
-        match self.failure.or(is_stale.then_some(Reason::StaleInput)) {
-            Some(reason) => {
-                let limits = Twist { angular: 0.0, ..Twist::planar(self.config.blind_speed_mps, 0.0) };
-                Proposal::limit(Axes::LINEAR, limits, reason)
-                    .with_note(format_args!("no frame was evaluated: {reason}"))
-            }
-            None => Proposal::abstain(Reason::Clear),
-        }
     }
 
     /// Gathers the occupied cells around the robot that are not walls.
@@ -345,89 +351,18 @@ impl LaneAvoider {
         }
     }
 
-    /// Places the stations along the path, or straight ahead if the pose or the path is unknown. Returns the distance of
-    /// the robot from the path, m, positive left.
-    fn place_stations(&mut self, robot: Option<&Pose2>) -> f64 {
-        let path = self.guidance.path();
-        let progress_m = self.guidance.path_header().progress_m;
-        let start = robot.filter(|_| path.len() > 1).and_then(|robot| {
-            let (place, heading) = point_on_path(path, progress_m, 0.0)?;
-            let off = robot.position() - place;
-            let along_m = off.x * heading.cos() + off.y * heading.sin();
-            let lateral_m = off.y * heading.cos() - off.x * heading.sin();
-            Some((robot.inverse(), progress_m + along_m, lateral_m))
-        });
-        for (i, station) in self.stations.iter_mut().enumerate() {
-            let on_path = start.and_then(|(to_robot, from_m, _)| {
-                let (place, heading) = point_on_path(path, from_m, station_m(i))?;
-                let left = Vector2::new(-heading.sin(), heading.cos());
-                Some(Station { place: to_robot.transform_point(place), left: to_robot.rotate_vector(left) })
-            });
-            *station =
-                on_path.unwrap_or(Station { place: Point2::new(station_m(i), 0.0), left: Vector2::y() });
-        }
-        start.map_or(0.0, |(.., lateral_m)| lateral_m)
-    }
-
     /// Publishes what stands around the robot, in the robot frame.
     fn publish(&mut self, outputs: &mut Outputs<'_>) {
         let (Some(newest), Some(picture)) = (self.odometry.newest(), self.last_picture) else { return };
-        self.obstacles.clear();
-        for place in self.occupied.iter().map(|place| place.cast::<f64>()) {
-            let has_room = self.obstacles.len() < MAX_OBSTACLES;
-            match self.obstacles.iter_mut().find(|obstacle| {
-                (Point2::new(obstacle.x, obstacle.y) - place).norm()
-                    < obstacle.radius_m + 2.0 * occupancy::CELL_M
-            }) {
-                // The circle grows to hold the cell.
-                Some(obstacle) => {
-                    let off = place - Point2::new(obstacle.x, obstacle.y);
-                    let beyond_m = 0.5 * (off.norm() + 0.5 * occupancy::CELL_M - obstacle.radius_m);
-                    if beyond_m > 0.0 {
-                        let step = off.normalize() * beyond_m;
-                        (obstacle.x, obstacle.y) = (obstacle.x + step.x, obstacle.y + step.y);
-                        obstacle.radius_m += beyond_m;
-                    }
-                }
-                None if has_room => {
-                    let variance = occupancy::CELL_M * occupancy::CELL_M;
-                    self.obstacles.push(Obstacle {
-                        x: place.x,
-                        y: place.y,
-                        radius_m: 0.5 * occupancy::CELL_M,
-                        covariance: [variance, 0.0, 0.0, variance],
-                        confidence: 0.9,
-                    });
-                }
-                None => {}
-            }
-        }
         self.sequence += 1;
         let header =
             ObstaclesHeader { stamp_ns: newest.stamp.0, evidence_ns: picture.0, sequence: self.sequence };
         // A missing subscriber or a full queue does not affect the proposal.
-        let _ = outputs.publish(OBSTACLES.name, &header, &self.obstacles);
+        let _ = outputs.publish(OBSTACLES.name, &header, self.clusters.group(&self.occupied));
     }
 }
-
-/// Maximum number of obstacles that are published.
-const MAX_OBSTACLES: usize = 32;
 
 /// Absolute difference of two angles, rad.
 fn angle_between(a: f64, b: f64) -> f64 {
     angle_difference(a, b).abs()
-}
-
-/// Room to the left (`side` 1) or right (-1) of the path in the next meter, m, at most 1: where the robot could stand.
-fn room_aside(scene: &Scene<'_>, side: f64) -> f64 {
-    const STEPS: usize = 10;
-    const AHEAD: [usize; 3] = [4, 8, 12];
-    let is_free = |place: Point2<f64>| {
-        let at = place.cast::<f32>();
-        (scene.wall_m)(place) > scene.wall_clearance_m
-            && scene.obstacles.iter().all(|cell| (cell - at).norm() > scene.clearance_m as f32)
-    };
-    let beside = |step: usize| side * (step + 1) as f64 / STEPS as f64;
-    let places = (0..STEPS).flat_map(|step| AHEAD.map(|i| scene.stations[i].beside(beside(step))));
-    places.filter(|&place| is_free(place)).count() as f64 / (STEPS * AHEAD.len()) as f64
 }

@@ -6,6 +6,7 @@
 use nalgebra::Point2;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Beam;
+use yamabico_vision::rolling_window::RollingWindow;
 
 /// Side of a cell, m.
 pub const CELL_M: f64 = 0.05;
@@ -17,9 +18,10 @@ const LIMITS: (f32, f32) = (-2.0, 6.0);
 const OCCUPIED: f32 = 2.0;
 /// Change of the log odds toward zero, per second.
 const FADE_PER_S: f32 = 0.7;
-/// Log odds of the arc of an echo, and of the cone before it.
+/// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
 const ECHO: f32 = 1.0;
 const BEFORE_ECHO: f32 = -0.3;
+const SILENCE: f32 = -0.1;
 /// Distance before an echo that is not free, m.
 const ECHO_DEPTH_M: f64 = 0.1;
 /// Share of a beam's opening angle that is marked: most of the energy is there.
@@ -30,12 +32,10 @@ const MAX_FREE_M: f64 = 2.6;
 const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
 const AHEAD_RAD: f64 = 0.26;
 
-/// Rolling window of cells.
+/// Log odds of the cells in a window around the robot.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
-    /// Cell numbers of the lower corner of the window.
-    corner: [i64; 2],
-    /// Log odds, stored at the cell's numbers modulo the size of the window.
+    window: RollingWindow,
     log_odds: Vec<f32>,
     /// Number of the update that changed a cell last: each update counts once.
     updated: Vec<u32>,
@@ -44,9 +44,8 @@ pub struct OccupancyGrid {
 
 impl Default for OccupancyGrid {
     fn default() -> Self {
-        let half = CELLS as i64 / 2;
         Self {
-            corner: [-half, -half],
+            window: RollingWindow::new(CELLS, CELL_M),
             log_odds: vec![0.0; CELLS * CELLS],
             updated: vec![0; CELLS * CELLS],
             update: 0,
@@ -57,28 +56,10 @@ impl Default for OccupancyGrid {
 impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64) {
-        let half = CELLS as i64 / 2;
-        let corner = [cell_number(position.x) - half, cell_number(position.y) - half];
-        for (axis, corner) in corner.into_iter().enumerate() {
-            self.roll(axis, corner);
-        }
+        self.window.advance(position, |slot| self.log_odds[slot] = 0.0);
         let fade = FADE_PER_S * dt_s.clamp(0.0, 60.0) as f32;
         for log_odds in &mut self.log_odds {
             *log_odds -= log_odds.clamp(-fade, fade);
-        }
-    }
-
-    /// Moves the window along an axis, and clears the cells that enter it.
-    fn roll(&mut self, axis: usize, new: i64) {
-        let size = CELLS as i64;
-        let old = std::mem::replace(&mut self.corner[axis], new);
-        let entered = if new > old { (old + size).max(new)..new + size } else { new..old.min(new + size) };
-        for number in entered {
-            let slot = number.rem_euclid(size) as usize;
-            for other in 0..CELLS {
-                let at = if axis == 0 { slot + other * CELLS } else { slot * CELLS + other };
-                self.log_odds[at] = 0.0;
-            }
         }
     }
 
@@ -86,7 +67,7 @@ impl OccupancyGrid {
     pub fn add(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
         self.update = self.update.wrapping_add(1);
         for place in places {
-            if let Some(slot) = self.slot(place)
+            if let Some(slot) = self.window.slot(place)
                 && std::mem::replace(&mut self.updated[slot], self.update) != self.update
             {
                 self.log_odds[slot] = (self.log_odds[slot] + evidence).clamp(LIMITS.0, LIMITS.1);
@@ -110,8 +91,9 @@ impl OccupancyGrid {
         let azimuths = move || (0..FAN).map(move |i| half_rad * (2.0 * i as f64 / (FAN - 1) as f64 - 1.0));
         let free_m = (echo_m - ECHO_DEPTH_M).min(MAX_FREE_M);
         let steps = (free_m / CELL_M) as usize;
+        let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
         let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
-        self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), BEFORE_ECHO);
+        self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), free_odds);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
             let arc = azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
@@ -121,35 +103,9 @@ impl OccupancyGrid {
 
     /// Middles of the occupied cells, odometry frame, m.
     pub fn occupied(&self) -> impl Iterator<Item = Point2<f64>> {
-        let size = CELLS as i64;
-        let middle = |number: i64| (number as f64 + 0.5) * CELL_M;
         let cells = self.log_odds.iter().enumerate().filter(|&(_, &log_odds)| log_odds >= OCCUPIED);
-        cells.map(move |(slot, _)| {
-            // The cell of the window whose number has this slot as its remainder.
-            let number = |axis: usize, slot: usize| {
-                self.corner[axis] + (slot as i64 - self.corner[axis]).rem_euclid(size)
-            };
-            Point2::new(middle(number(0, slot % CELLS)), middle(number(1, slot / CELLS)))
-        })
+        cells.map(|(slot, _)| self.window.place(slot))
     }
-
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.log_odds.fill(0.0);
-    }
-
-    fn slot(&self, place: Point2<f64>) -> Option<usize> {
-        let numbers = [cell_number(place.x), cell_number(place.y)];
-        let size = CELLS as i64;
-        let is_inside = |axis: usize| (0..size).contains(&(numbers[axis] - self.corner[axis]));
-        let slot = |axis: usize| numbers[axis].rem_euclid(size) as usize;
-        (place.x.is_finite() && place.y.is_finite() && is_inside(0) && is_inside(1))
-            .then(|| slot(0) + slot(1) * CELLS)
-    }
-}
-
-fn cell_number(meters: f64) -> i64 {
-    (meters / CELL_M).floor() as i64
 }
 
 #[cfg(test)]

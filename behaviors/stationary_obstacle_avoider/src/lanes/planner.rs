@@ -1,11 +1,9 @@
 //! The lane beside the path that leads on: lateral offsets from the path, rated by how far they are free.
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 
-/// Distance of two stations along the path, and their number: lanes are rated over 2.3 m.
-pub const STATION_M: f64 = 0.08;
-/// Number of stations.
-pub const STATIONS: usize = 29;
+use super::stations::{PathAhead, STATIONS, station_m};
+
 /// Distance along the path in which the robot changes to another lane, m.
 const CHANGE_M: f64 = 0.8;
 /// Offset of the outermost lanes and distance of two lanes, m.
@@ -22,27 +20,14 @@ const OFFSET_COST: f64 = 0.5;
 const CHANGE_COST: f64 = 0.35;
 const ROOM_COST: f64 = 2.5;
 const LENGTH_COST: f64 = 3.0;
+/// Cost of a lane on the other side of the path than the last one, and the offset from which a lane is on a side, m. An
+/// obstacle in the middle leaves both sides nearly as good, so that a robot without it wavers until it is too near.
+const SIDE_COST: f64 = 1.5;
+const SIDE_M: f64 = 0.15;
 /// Distance by which the robot may come nearer to an obstacle or a wall that it is already too near to, m; more to an
 /// obstacle that keeps most of the clearance, since a robot that veers away comes nearer at first.
 const APPROACH_M: f64 = 0.01;
 const VEER_M: f64 = 0.05;
-
-/// A place on the path, robot frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Station {
-    /// Position, m.
-    pub place: Point2<f64>,
-    /// Unit vector to the left of the path.
-    pub left: Vector2<f64>,
-}
-
-impl Station {
-    /// Returns the position `offset_m` (m) to the left of the path.
-    #[must_use]
-    pub fn beside(&self, offset_m: f64) -> Point2<f64> {
-        self.place + self.left * offset_m
-    }
-}
 
 /// A lane and what is known of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -75,9 +60,7 @@ pub struct Plan {
 /// Surroundings of a robot on its path. Positions are in the robot frame, m.
 pub struct Scene<'a> {
     /// Path ahead.
-    pub stations: &'a [Station; STATIONS],
-    /// Distance of the robot from the path, m, positive left.
-    pub lateral_m: f64,
+    pub path: &'a PathAhead,
     /// Places that are occupied.
     pub obstacles: &'a [Point2<f32>],
     /// Distance from a place to the nearest wall, m.
@@ -100,6 +83,7 @@ impl Scene<'_> {
             let missing_length_m = (FREE_M - lane.free_m).max(0.0);
             let cost = OFFSET_COST * lane.offset_m.abs()
                 + CHANGE_COST * (lane.offset_m - last_m).abs()
+                + if is_other_side(lane.offset_m, last_m) { SIDE_COST } else { 0.0 }
                 + ROOM_COST * missing_room_m
                 + LENGTH_COST * missing_length_m;
             if cost < best.0 {
@@ -109,6 +93,22 @@ impl Scene<'_> {
         Plan { best: best.1, nominal }
     }
 
+    /// Share of the places within one meter to the left (`side` 1) or right (-1) of the path, in the next meter, where the
+    /// robot could stand.
+    #[must_use]
+    pub fn room(&self, side: f64) -> f64 {
+        const STEPS: usize = 10;
+        const AHEAD: [usize; 3] = [4, 8, 12];
+        let is_free = |place: Point2<f64>| {
+            let at = place.cast::<f32>();
+            (self.wall_m)(place) > self.wall_clearance_m
+                && self.obstacles.iter().all(|cell| (cell - at).norm() > self.clearance_m as f32)
+        };
+        let beside = |step: usize| side * (step + 1) as f64 / STEPS as f64;
+        let places = (0..STEPS).flat_map(|step| AHEAD.map(|i| self.path.stations[i].beside(beside(step))));
+        places.filter(|&place| is_free(place)).count() as f64 / (STEPS * AHEAD.len()) as f64
+    }
+
     /// Rates the lane with an offset: how far it is free, and how near obstacles are.
     fn rate(&self, offset_m: f64) -> Lane {
         let here_wall_m = (self.wall_m)(Point2::origin());
@@ -116,11 +116,11 @@ impl Scene<'_> {
         let clearance = self.clearance_m as f32;
         let mut gap = f32::INFINITY;
         let mut free_m = None;
-        for (i, station) in self.stations.iter().enumerate() {
+        for (i, station) in self.path.stations.iter().enumerate() {
             let ahead_m = station_m(i);
             let share = (ahead_m / CHANGE_M).clamp(0.0, 1.0);
             let share = share * share * (3.0 - 2.0 * share);
-            let place = station.beside(self.lateral_m + share * (offset_m - self.lateral_m));
+            let place = station.beside(self.path.lateral_m + share * (offset_m - self.path.lateral_m));
             let at = place.cast::<f32>();
             let mut is_hit = false;
             for obstacle in self.obstacles {
@@ -140,15 +140,17 @@ impl Scene<'_> {
     }
 }
 
-/// Distance of a station ahead of the robot, m.
-#[must_use]
-pub fn station_m(index: usize) -> f64 {
-    0.05 + index as f64 * STATION_M
+/// True if two lanes lie on different sides of the path.
+fn is_other_side(a_m: f64, b_m: f64) -> bool {
+    a_m * b_m < 0.0 && a_m.abs().min(b_m.abs()) > SIDE_M
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector2;
+
     use super::*;
+    use crate::lanes::stations::Station;
 
     /// Plan of a robot at `lateral_m` in a straight corridor, 1.8 m wide, with obstacles of a few cells.
     fn plan(lateral_m: f64, boxes: &[[f32; 2]], last_m: f64) -> Plan {
@@ -156,6 +158,7 @@ mod tests {
             place: Point2::new(station_m(i), -lateral_m),
             left: Vector2::new(0.0, 1.0),
         });
+        let path = PathAhead { stations, lateral_m };
         let mut obstacles = Vec::new();
         for &[x, y] in boxes {
             for i in -3..=3 {
@@ -164,8 +167,7 @@ mod tests {
         }
         let wall_m = |place: Point2<f64>| 0.9 - (place.y + lateral_m).abs();
         let scene = Scene {
-            stations: &stations,
-            lateral_m,
+            path: &path,
             obstacles: &obstacles,
             wall_m: &wall_m,
             clearance_m: 0.29,
@@ -195,8 +197,12 @@ mod tests {
     #[test]
     fn the_side_once_chosen_is_kept() {
         for side in [1.0, -1.0] {
-            let plan = plan(0.0, &[[1.5, 0.0]], 0.3 * side);
-            assert!(plan.best.offset_m * side > 0.3, "{plan:?}");
+            for off in [-0.08, 0.0, 0.08] {
+                let plan = plan(0.0, &[[1.5, off]], 0.3 * side);
+                assert!(plan.best.offset_m * side > 0.3, "obstacle at {off}: {plan:?}");
+            }
+            let blocked = plan(0.0, &[[0.9, 0.35 * side as f32], [0.9, 0.0]], 0.3 * side);
+            assert!(blocked.best.offset_m * side < 0.0, "a side that is blocked is left: {blocked:?}");
         }
     }
 

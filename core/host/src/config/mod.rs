@@ -30,6 +30,7 @@ pub use describe::{Description, Listed, Listing, Parameter, Port, describe, desc
 pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
 pub use overrides::Overrides;
+pub use paths::absolute;
 pub use retune::{assignments, retune};
 pub use robot::{DeviceFile, DriveFile, RobotFile, SensorFile};
 pub use schema::{robot_schema, schema, schema_with_programs, task_schema};

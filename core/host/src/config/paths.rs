@@ -101,6 +101,14 @@ pub(crate) fn what_is_near(path: &Path) -> String {
     }
 }
 
+/// Returns the absolute form of `path` without `.` and `x/..`.
+///
+/// # Errors
+/// The working directory is unknown.
+pub fn absolute(path: &Path) -> std::io::Result<PathBuf> {
+    Ok(tidy(&std::path::absolute(path)?))
+}
+
 /// Removes `.` and `x/..` from a path.
 pub(crate) fn tidy(path: &Path) -> PathBuf {
     let mut tidy = PathBuf::new();

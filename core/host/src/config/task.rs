@@ -1,11 +1,12 @@
 //! Checked task file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use serde::Serialize;
 
+use super::paths::absolute;
 use super::robot::RobotFile;
 use super::tables::Policy;
 use crate::{BehaviorSettings, Scheduling};
@@ -147,6 +148,22 @@ impl Task {
     /// Returns the behavior with this name.
     pub fn behavior(&self, name: &str) -> Option<&BehaviorFile> {
         self.behaviors.iter().find(|behavior| behavior.name == name)
+    }
+
+    /// Returns the files that the task was read from, with their texts: task, robot, included files, and the maps, worlds
+    /// and tables that behaviors and devices name. Absolute paths, each once.
+    ///
+    /// # Errors
+    /// The working directory is unknown.
+    pub fn files(&self) -> std::io::Result<Vec<(PathBuf, &str)>> {
+        let mut files: Vec<(PathBuf, &str)> = Vec::new();
+        for source in self.source_map.sources.iter().filter(|source| !source.name.starts_with("--")) {
+            let path = absolute(Path::new(&source.name))?;
+            if files.iter().all(|(known, _)| *known != path) {
+                files.push((path, &source.text));
+            }
+        }
+        Ok(files)
     }
 
     /// Returns what people should know about the enabled behaviors before the robot starts: a text for each note, with

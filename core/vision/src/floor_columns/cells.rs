@@ -10,6 +10,8 @@ const COLUMNS: usize = 64;
 #[derive(Clone, Debug)]
 pub struct CellImage {
     tables: LabTables,
+    /// Width and height of the pictures, pixels.
+    picture: (usize, usize),
     /// Pixels of a cell, columns and rows.
     cell: [usize; 2],
     /// Numbers of cells, columns and rows.
@@ -31,6 +33,7 @@ impl CellImage {
         let blank = vec![Lab::default(); size[0] * size[1]];
         Self {
             tables: LabTables::default(),
+            picture: (width, height),
             cell: [across, down],
             size,
             sums: vec![[0; 3]; size[0]],
@@ -62,11 +65,11 @@ impl CellImage {
     pub fn fill(&mut self, picture: Picture) -> bool {
         let [across, down] = self.cell;
         let [columns, rows] = self.size;
-        let (width, height) = match picture {
+        let size = match picture {
             Picture::Gray(image) => (image.width(), image.height()),
             Picture::Color(image) => (image.width(), image.height()),
         };
-        if width / across != columns || height / down != rows {
+        if size != self.picture {
             return false;
         }
         let share = 1.0 / (across * down) as f32;
@@ -202,7 +205,9 @@ mod tests {
                 assert!((a[0] - of_gray.row(0)[0][0]).abs() < 0.01, "the spot is gone");
             }
         }
-        let small = ImageView::new(&gray, 128, 96, 256).expect("an image");
-        assert!(!of_gray.fill(Picture::Gray(small)));
+        for (width, height) in [(128, 96), (255, 192), (256, 191)] {
+            let other = ImageView::new(&gray, width, height, 256).expect("an image");
+            assert!(!of_gray.fill(Picture::Gray(other)));
+        }
     }
 }

@@ -105,11 +105,6 @@ impl FloorColumns {
         })
     }
 
-    /// Forgets the color of the floor.
-    pub fn clear(&mut self) {
-        self.color = None;
-    }
-
     /// Takes in a picture. The color of the area in front of the robot is learned if `learns` is set: nothing stands
     /// there. Returns false if the picture has another size; the results are then those of the last one.
     pub fn look(&mut self, picture: Picture, learns: bool) -> bool {

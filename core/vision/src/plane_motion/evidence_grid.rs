@@ -8,6 +8,7 @@ use yamabico_geometry::Pose2;
 use super::log_odds::CellRules;
 use super::motion_point::MotionPoint;
 use super::sequential_test::PointClass;
+use crate::rolling_window::RollingWindow;
 
 /// Side of a cell, m.
 pub const CELL_M: f64 = 0.1;
@@ -51,8 +52,7 @@ pub struct Echo {
 #[derive(Clone, Debug)]
 pub struct EvidenceGrid {
     rules: CellRules,
-    /// Cell numbers of the lower corner of the window.
-    corner: [i64; 2],
+    window: RollingWindow,
     /// Log odds by vision, and by sonars, which never clear the evidence of vision.
     vision: Vec<f32>,
     sonar: Vec<f32>,
@@ -67,10 +67,9 @@ impl EvidenceGrid {
     #[must_use]
     pub fn new(rules: CellRules) -> Self {
         let blank = vec![0.0; CELLS * CELLS];
-        let half = CELLS as i64 / 2;
         Self {
             rules,
-            corner: [-half, -half],
+            window: RollingWindow::new(CELLS, CELL_M),
             vision: blank.clone(),
             sonar: blank.clone(),
             hit: blank.clone(),
@@ -89,40 +88,15 @@ impl EvidenceGrid {
 
     /// Moves the window to a robot at `position` and fades all evidence by `dt_s` seconds.
     pub fn advance(&mut self, position: Vector2<f64>, dt_s: f64) {
-        let half = CELLS as i64 / 2;
-        let corner = [cell_number(position.x) - half, cell_number(position.y) - half];
-        if corner != self.corner {
-            for (axis, (old, new)) in self.corner.into_iter().zip(corner).enumerate() {
-                self.roll(axis, old, new);
-            }
-            self.corner = corner;
-        }
+        let (vision, sonar) = (&mut self.vision, &mut self.sonar);
+        self.window.advance(Point2::from(position), |slot| {
+            vision[slot] = 0.0;
+            sonar[slot] = 0.0;
+        });
         let factor = self.rules.decay(dt_s.max(0.0)) as f32;
         for log_odds in self.vision.iter_mut().chain(&mut self.sonar) {
             *log_odds *= factor;
         }
-    }
-
-    /// Clears the rows or columns that enter the window. Cells are stored at their number modulo the window's size.
-    fn roll(&mut self, axis: usize, old: i64, new: i64) {
-        let size = CELLS as i64;
-        let entered = if new > old { (old + size).max(new)..new + size } else { new..old.min(new + size) };
-        for number in entered {
-            let slot = number.rem_euclid(size) as usize;
-            for other in 0..CELLS {
-                let at = if axis == 0 { slot + other * CELLS } else { slot * CELLS + other };
-                self.vision[at] = 0.0;
-                self.sonar[at] = 0.0;
-            }
-        }
-    }
-
-    fn slot(&self, point: Point2<f64>) -> Option<usize> {
-        let numbers = [cell_number(point.x), cell_number(point.y)];
-        let size = CELLS as i64;
-        let is_inside = |axis: usize| (0..size).contains(&(numbers[axis] - self.corner[axis]));
-        let slot = |axis: usize| numbers[axis].rem_euclid(size) as usize;
-        (is_inside(0) && is_inside(1)).then(|| slot(0) + slot(1) * CELLS)
     }
 
     /// Starts a picture.
@@ -133,7 +107,7 @@ impl EvidenceGrid {
 
     /// Adds a point above the floor, with its foot, log likelihood ratio and weight.
     pub fn add_above(&mut self, foot: Point2<f64>, log_ratio: f64, weight: f64) {
-        if let Some(slot) = self.slot(foot) {
+        if let Some(slot) = self.window.slot(foot) {
             self.hit[slot] += (weight * self.rules.evidence(self.rules.above, log_ratio)) as f32;
         }
     }
@@ -149,7 +123,7 @@ impl EvidenceGrid {
     }
 
     fn add_free(&mut self, point: Point2<f64>, evidence: f64) {
-        if let Some(slot) = self.slot(point) {
+        if let Some(slot) = self.window.slot(point) {
             self.free[slot] += evidence as f32;
         }
     }
@@ -198,7 +172,7 @@ impl EvidenceGrid {
     /// Vote of an edge count or a color that `point` is a thing; never enough alone, and ignored where plane motion
     /// has said floor.
     pub fn vote_thing(&mut self, point: Point2<f64>) {
-        let Some(slot) = self.slot(point) else { return };
+        let Some(slot) = self.window.slot(point) else { return };
         let log_odds = f64::from(self.vision[slot]);
         if log_odds > FLOOR_SAID && log_odds < VOTE_CAP {
             self.vision[slot] = (log_odds + VOTE).min(VOTE_CAP) as f32;
@@ -207,7 +181,7 @@ impl EvidenceGrid {
 
     /// Vote of a color that `point` is floor; never clears a thing.
     pub fn vote_floor(&mut self, point: Point2<f64>) {
-        let Some(slot) = self.slot(point) else { return };
+        let Some(slot) = self.window.slot(point) else { return };
         let log_odds = f64::from(self.vision[slot]);
         if log_odds > FLOOR_SAID && log_odds < VOTE_CAP {
             self.vision[slot] = (log_odds - VOTE).max(FLOOR_SAID) as f32;
@@ -222,13 +196,13 @@ impl EvidenceGrid {
         }
         let reach_m = echo.range_m.min(ECHO_RANGE_M);
         let reach = (reach_m / CELL_M).ceil() as i64 + 1;
-        let at = [cell_number(echo.sensor.x), cell_number(echo.sensor.y)];
+        let at = [self.window.number(echo.sensor.x), self.window.number(echo.sensor.y)];
         for y in at[1] - reach..=at[1] + reach {
             for x in at[0] - reach..=at[0] + reach {
-                let center = Point2::new(cell_center(x), cell_center(y));
+                let center = self.window.middle([x, y]);
                 let seen = echo.sensor.inverse().transform_point(center);
                 let (range, bearing) = (seen.x.hypot(seen.y), seen.y.atan2(seen.x));
-                let Some(slot) = self.slot(center).filter(|_| bearing.abs() <= echo.half_cone) else {
+                let Some(slot) = self.window.slot(center).filter(|_| bearing.abs() <= echo.half_cone) else {
                     continue;
                 };
                 let change = if range < echo.range_m - ECHO_DEPTH_M {
@@ -247,13 +221,13 @@ impl EvidenceGrid {
     /// Log odds of the cell at a point by vision and sonar; 0 outside the window.
     #[must_use]
     pub fn log_odds(&self, point: Point2<f64>) -> f64 {
-        self.slot(point).map_or(0.0, |slot| f64::from(self.vision[slot] + self.sonar[slot].max(0.0)))
+        self.window.slot(point).map_or(0.0, |slot| f64::from(self.vision[slot] + self.sonar[slot].max(0.0)))
     }
 
     /// True if plane motion has said that there is floor at a point.
     #[must_use]
     pub fn is_floor(&self, point: Point2<f64>) -> bool {
-        self.slot(point).is_some_and(|slot| f64::from(self.vision[slot]) <= FLOOR_SAID)
+        self.window.slot(point).is_some_and(|slot| f64::from(self.vision[slot]) <= FLOOR_SAID)
     }
 
     /// Smooths the window over 5 x 5 cells, for [`EvidenceGrid::smoothed`].
@@ -262,9 +236,8 @@ impl EvidenceGrid {
         const KERNEL: [f32; 3] = [0.569_9, 0.205_4, 0.009_65];
         const N: usize = CELLS;
         for y in 0..N {
-            let from = self.storage_row(y);
             for x in 0..N {
-                let at = from + self.storage_column(x);
+                let at = self.window.slot_of(x, y);
                 self.row[x] = self.vision[at] + self.sonar[at].max(0.0);
             }
             let (row, out) = (&self.row, &mut self.hit[y * N..(y + 1) * N]);
@@ -284,14 +257,6 @@ impl EvidenceGrid {
         }
     }
 
-    fn storage_row(&self, y: usize) -> usize {
-        (self.corner[1] + y as i64).rem_euclid(CELLS as i64) as usize * CELLS
-    }
-
-    fn storage_column(&self, x: usize) -> usize {
-        (self.corner[0] + x as i64).rem_euclid(CELLS as i64) as usize
-    }
-
     /// Smoothed log odds, row by row from the lower corner of the window, as of the last [`EvidenceGrid::smooth`].
     #[must_use]
     pub fn smoothed(&self) -> &[f32] {
@@ -301,15 +266,6 @@ impl EvidenceGrid {
     /// Center of the window's cell with this index of [`EvidenceGrid::smoothed`], odometry frame, m.
     #[must_use]
     pub fn center(&self, index: usize) -> Point2<f64> {
-        let (x, y) = ((index % CELLS) as i64, (index / CELLS) as i64);
-        Point2::new(cell_center(self.corner[0] + x), cell_center(self.corner[1] + y))
+        self.window.place(self.window.slot_of(index % CELLS, index / CELLS))
     }
-}
-
-fn cell_number(meters: f64) -> i64 {
-    (meters / CELL_M).floor() as i64
-}
-
-fn cell_center(number: i64) -> f64 {
-    (number as f64 + 0.5) * CELL_M
 }

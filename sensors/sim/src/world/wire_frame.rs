@@ -171,8 +171,11 @@ impl Draft {
         self.draw(Edge::between(from, to).detail());
     }
 
-    /// Adds an edge unless it exists, since walls share their corners.
-    fn draw(&mut self, edge: Edge) {
+    /// Adds an edge unless it exists, since walls share their corners. Ends are rounded to millimeters, as map files state
+    /// them, so that edges that a file tells apart are told apart here.
+    fn draw(&mut self, mut edge: Edge) {
+        let rounded = |p: Point3<f64>| p.map(|meters| (meters * 1000.0).round() / 1000.0);
+        (edge.from, edge.to) = (rounded(edge.from), rounded(edge.to));
         let whole = |p: Point3<f64>| [p.x, p.y, p.z].map(|meters| (meters * 1000.0).round() as i64);
         let mut ends = [whole(edge.from), whole(edge.to)];
         ends.sort_unstable();

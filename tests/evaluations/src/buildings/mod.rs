@@ -23,6 +23,7 @@ use crate::arguments::Seeds;
 use crate::report::Report;
 use crate::tasks::{load_task, sweep};
 
+const AVOIDER: &str = "behaviors.stationary-obstacle-avoider";
 /// Distance between places where thresholds are learned, m.
 const PLACE_SPACING_M: f64 = 0.5;
 
@@ -42,7 +43,7 @@ pub struct Arguments {
     /// Only the task without a map.
     #[arg(long)]
     no_map: bool,
-    /// Learn the avoider's thresholds in each empty building before the task with a map.
+    /// Learn the avoider's thresholds in each empty building before the task with a map, and use its method `passages`.
     #[arg(long)]
     learn: bool,
     /// People who do not see the robot and never wait for it.
@@ -148,8 +149,8 @@ impl Arguments {
     }
 }
 
-/// Learns thresholds in the empty building; returns the change of the task that names them, if there are any.
-fn learned(file: &Path, seed: u64) -> Result<Option<String>, String> {
+/// Learns thresholds in the empty building; returns the changes of the task that use them.
+fn learned(file: &Path, seed: u64) -> Result<Vec<String>, String> {
     let set = vec!["robot.devices.sim.clutter=\"none\"".to_owned()];
     let source = TaskSource {
         file: file.to_owned(),
@@ -166,9 +167,11 @@ fn learned(file: &Path, seed: u64) -> Result<Option<String>, String> {
         recording: None,
     };
     let learned = learn(&source, &options, &mut |_, _| {}).map_err(|error| error.to_string())?;
-    // Paths of changes are relative to the working directory.
-    let Some(table) = learned.table else { return Ok(None) };
-    let table = std::path::absolute(table).map_err(|error| error.to_string())?;
-    let named = format!("behaviors.stationary-obstacle-avoider.thresholds={:?}", table.display().to_string());
-    Ok((!learned.places.is_empty()).then_some(named))
+    let mut set = vec![format!("{AVOIDER}.method=\"passages\"")];
+    if let Some(table) = learned.table.filter(|_| !learned.places.is_empty()) {
+        // Paths of changes are relative to the working directory.
+        let table = std::path::absolute(table).map_err(|error| error.to_string())?;
+        set.push(format!("{AVOIDER}.thresholds={:?}", table.display().to_string()));
+    }
+    Ok(set)
 }

@@ -1,0 +1,107 @@
+//! Messages of a recording, one step after the other, read on a thread of their own.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use yamabico_core::message::MessageType;
+use yamabico_core::time::Time;
+
+use crate::record::{PlaybackError, PlaybackResult, Tap, play};
+
+/// Steps that the reader is ahead.
+const AHEAD: usize = 16;
+
+/// A recorded message.
+#[derive(Clone, Debug)]
+pub(super) struct RecordedMessage {
+    pub topic: String,
+    pub message: MessageType,
+    pub header: Vec<u8>,
+    pub items: Vec<u8>,
+}
+
+/// Messages with the same time, in the order of the recording.
+#[derive(Clone, Debug)]
+pub(super) struct Step {
+    pub time: Time,
+    pub messages: Vec<RecordedMessage>,
+}
+
+/// Steps of a recording.
+pub(super) struct Steps {
+    steps: Option<Receiver<Step>>,
+    reader: Option<JoinHandle<Result<PlaybackResult, PlaybackError>>>,
+}
+
+impl Steps {
+    /// Begins to read the recording `path`.
+    pub fn read(path: &Path) -> Steps {
+        let (sender, steps) = sync_channel(AHEAD);
+        let path: PathBuf = path.to_owned();
+        let reader = std::thread::spawn(move || {
+            let mut grouper = Grouper { sender, step: None, is_wanted: true };
+            let played = play(&path, &mut grouper)?;
+            // The last step of a recording that breaks off is incomplete.
+            if played.broken_off.is_none() {
+                grouper.send();
+            }
+            Ok(played)
+        });
+        Steps { steps: Some(steps), reader: Some(reader) }
+    }
+
+    /// Result of the reading, after the last step.
+    ///
+    /// # Errors
+    /// The file is no recording.
+    pub fn finish(mut self) -> Result<PlaybackResult, PlaybackError> {
+        self.steps = None;
+        match self.reader.take().map(JoinHandle::join) {
+            Some(Ok(read)) => read,
+            Some(Err(panic)) => std::panic::resume_unwind(panic),
+            None => Ok(PlaybackResult::default()),
+        }
+    }
+}
+
+impl Iterator for Steps {
+    type Item = Step;
+
+    fn next(&mut self) -> Option<Step> {
+        self.steps.as_ref()?.recv().ok()
+    }
+}
+
+/// Groups messages by their time.
+struct Grouper {
+    sender: SyncSender<Step>,
+    step: Option<Step>,
+    is_wanted: bool,
+}
+
+impl Grouper {
+    fn send(&mut self) {
+        if let Some(step) = self.step.take() {
+            self.is_wanted &= self.sender.send(step).is_ok();
+        }
+    }
+}
+
+impl Tap for Grouper {
+    fn message(&mut self, topic: &str, message: &MessageType, time: Time, header: &[u8], items: &[u8]) {
+        if !self.is_wanted {
+            return;
+        }
+        if self.step.as_ref().is_some_and(|step| step.time != time) {
+            self.send();
+        }
+        let step = self.step.get_or_insert_with(|| Step { time, messages: Vec::new() });
+        step.messages.push(RecordedMessage {
+            topic: topic.to_owned(),
+            message: *message,
+            header: header.to_vec(),
+            items: items.to_vec(),
+        });
+    }
+}
