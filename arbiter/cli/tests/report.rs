@@ -104,7 +104,7 @@ fn of_something_else_is_refused_clearly() {
     for (path, problem) in [
         (file.as_path(), "is not an MCAP recording"),
         (&folder.file("missing.mcap"), "cannot be opened"),
-        (folder.path(), "cannot"),
+        (folder.path(), "Is a directory"),
     ] {
         let (code, text) = report(path);
         assert_eq!(code, Some(2), "{text}");
