@@ -28,13 +28,13 @@ pub const MAX_MARKS: usize = 2048;
 /// A color: red, green, blue.
 pub type Color = [u8; 3];
 
-/// What a behavior uses or accepts.
+/// Something that a behavior uses or accepts.
 pub const GREEN: Color = [60, 220, 90];
 /// An obstacle, or something that forbids a motion.
 pub const RED: Color = [255, 60, 50];
 /// A measurement before it is judged.
 pub const YELLOW: Color = [255, 210, 0];
-/// What a map or a model lets expect.
+/// Something that a map or a model lets expect.
 pub const BLUE: Color = [70, 150, 255];
 /// The result: a direction, an aim or a target.
 pub const MAGENTA: Color = [255, 70, 230];
@@ -42,7 +42,7 @@ pub const MAGENTA: Color = [255, 70, 230];
 pub const ORANGE: Color = [255, 150, 30];
 /// A second result, such as a lane or a weighted cell.
 pub const CYAN: Color = [40, 215, 230];
-/// What is seen and has no effect.
+/// Something that is seen and has no effect.
 pub const GRAY: Color = [165, 165, 165];
 
 /// Coordinates of a layer.

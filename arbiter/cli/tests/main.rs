@@ -13,6 +13,7 @@ mod parameter_tables;
 mod program;
 mod python;
 mod replay;
+mod report;
 mod run;
 mod scheduling;
 mod texts;

@@ -13,9 +13,13 @@ const LINE_PX: f64 = 1.6;
 /// Radius of the ring that stands for a point, px.
 const POINT_PX: f64 = 2.0;
 /// Size of a text (its em), px.
-const TEXT_PX: f64 = 13.0;
-/// Color behind a text.
-const SHADOW: Color = [20; 3];
+const TEXT_PX: f64 = 17.0;
+/// Color around a text.
+const SHADOW: Color = [15; 3];
+/// Places of the shadows of a text around it, px.
+const AROUND: [[f64; 2]; 4] = [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]];
+/// Opacity of each shadow.
+const SHADE: f64 = 0.55;
 
 /// Returns `picture`, enlarged by a whole factor to a readable size, with the layers in pixels drawn on it that `shows` accepts.
 pub fn with_overlays(
@@ -59,15 +63,14 @@ pub fn paint(
     for layer in drawn() {
         for mark in layer.marks.iter().filter(|mark| mark.kind() == Some(MarkKind::Text)) {
             let corner = at(mark.x, mark.y);
-            for (shift, color) in [([-1.0, 0.0], SHADOW), ([1.0, 0.0], SHADOW), ([0.0, -1.0], SHADOW)]
-                .into_iter()
-                .chain([([0.0, 1.0], SHADOW), ([0.0, 0.0], layer.color)])
-            {
-                let [x, y] = [corner.x + shift[0], corner.y + shift[1]];
-                font::pixels(mark.text.as_str(), TEXT_PX, [x, y], |u, v, coverage| {
-                    canvas.mix(Vector2::new(f64::from(u), f64::from(v)), color, coverage);
+            let mut write = |shift: [f64; 2], color: Color, opacity: f64| {
+                let upper_left = [corner.x + shift[0], corner.y + shift[1]];
+                font::pixels(mark.text.as_str(), TEXT_PX, upper_left, |u, v, coverage| {
+                    canvas.mix(Vector2::new(f64::from(u), f64::from(v)), color, opacity * coverage);
                 });
-            }
+            };
+            AROUND.iter().for_each(|shift| write(*shift, SHADOW, SHADE));
+            write([0.0; 2], layer.color, 1.0);
         }
     }
 }
@@ -86,7 +89,8 @@ mod tests {
         let picture = RgbImage::from_pixel(160, 120, image::Rgb([100; 3]));
         let drawn = with_overlays(&picture, &[overlay.marks()], &|layer| layer.name.as_str() != "hidden");
         assert_eq!(drawn.dimensions(), (640, 480));
-        assert_eq!(drawn.get_pixel(4 * 50 + 1, 4 * 20 + 1).0, RED);
+        let [red, green, _] = drawn.get_pixel(4 * 50 + 1, 4 * 20 + 1).0;
+        assert!(red > 200 && green < 90, "{red} {green}");
         assert!(drawn.pixels().all(|pixel| pixel.0 != GREEN));
     }
 
@@ -105,7 +109,7 @@ mod tests {
             }));
         }
         let picture = RgbImage::from_pixel(64, 48, image::Rgb([100; 3]));
-        assert_eq!(with_overlays(&picture, &[&marks], &|_| true).width(), 640);
+        assert_eq!(with_overlays(&picture, &[&marks], &|_| true).width(), 512);
         assert_eq!(with_overlays(&RgbImage::new(0, 0), &[&marks], &|_| true).width(), 0);
     }
 }

@@ -217,7 +217,9 @@ pub fn run(
     let recording = recorder.map(|recorder| RecordingSummary::of(recorder.finish(facts), lost_messages));
     let end = end?;
     let wants_report = options.report == Report::BesideRecording;
-    let report = recording.as_ref().filter(|_| wants_report).map(|recording| {
+    // A recording that failed would only give a report of its beginning.
+    let whole = recording.as_ref().filter(|recording| wants_report && recording.problem.is_none());
+    let report = whole.map(|recording| {
         let page = recording.path.with_extension("html");
         write_report(&recording.path, &page).map(|()| page)
     });
@@ -253,7 +255,7 @@ fn result_facts(
     let json = |value: serde_json::Result<String>| value.unwrap_or_default();
     let end = match end {
         Ok(end) => end.as_str().to_owned(),
-        Err(error) => error.to_string(),
+        Err(_) => "failed".to_owned(),
     };
     [
         ("digest", summary.digest.clone()),

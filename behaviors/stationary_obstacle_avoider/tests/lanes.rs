@@ -61,6 +61,21 @@ fn a_box_ahead_is_driven_around_on_its_wider_side() {
 }
 
 #[test]
+fn floor_ends_cells_and_lanes_are_drawn() {
+    let (mut bench, robot, obstacle) = (avoider(), Pose2::new(3.0, 0.0, 0.0), Some([4.6, 0.25]));
+    stand(&mut bench, robot, 0.0, 1.0, obstacle);
+    let (pixels, situation) =
+        (render(robot, obstacle), Situation { seconds: 1.0, robot, ..Situation::default() });
+    tick(bench.draw(), &situation, Some(&pixels));
+    // Two edges of a lane along the stations, with a text.
+    assert_eq!(
+        ["path", "best lane", "lane of the path", "aim"].map(|name| bench.marks(name)),
+        [28, 57, 57, 2]
+    );
+    assert!(bench.marks("occupied cells") >= 3 && bench.marks("floor ends") > 10, "{:?}", bench.layers());
+}
+
+#[test]
 fn a_robot_before_an_obstacle_waits_and_then_backs_off_the_way_it_came() {
     let mut bench = avoider();
     for i in 0..8 {

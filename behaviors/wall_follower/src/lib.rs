@@ -85,7 +85,7 @@ pub struct WallFollower {
     /// Heading (rad, odometry frame) of a turn at the end of the corridor.
     turning_to: Option<f64>,
     is_mount_wrong: bool,
-    /// What was seen in the last frame; `None` before the first.
+    /// Result of the last frame; `None` before the first.
     seen: Option<Seen>,
 }
 

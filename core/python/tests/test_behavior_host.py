@@ -34,25 +34,25 @@ class Counter(Behavior):
 class Bus:
     """A bus whose topics are lists of messages."""
 
-    def __init__(self):
-        self.published, self.pending = {}, {}
+    def __init__(self, is_watched=False):
+        self.published, self.pending, self.is_watched = {}, {}, is_watched
 
     def publisher(self, topic, message):
         published = self.published.setdefault(topic, [])
-        return Mock(publish=lambda header, items=b"": published.append(header))
+        return Mock(publish=lambda header, items=b"": published.append(header), is_watched=lambda: self.is_watched)
 
     def subscriber(self, topic, message):
         pending = self.pending.setdefault(topic, [])
         return Mock(message=message, receive=lambda: pending.pop(0) if pending else None)
 
 
-def hosted(memory="", **keys):
-    bus = Bus()
+def hosted(memory="", plugin_class=Counter, is_watched=False, **keys):
+    bus = Bus(is_watched)
     settings = {"plugin": "counter", "priority": 5, "proposal": "p", "folder": ".", "parameters": {}, "robot": {}, "period_ms": 10, **keys}
     settings |= {"inputs": [{"name": "wheels", "topic": "w", "message": Odometry.NAME}], "outputs": []}
     reporter = Mock()
     launch = {"name": "me", "saved_state": memory, "role": {"behavior": settings}}
-    return BehaviorHost(Counter, launch, bus, reporter), bus, reporter
+    return BehaviorHost(plugin_class, launch, bus, reporter), bus, reporter
 
 
 class Hosts(unittest.TestCase):

@@ -6,6 +6,7 @@ Derive a class from `Behavior` or `Driver` and pass it to `main`.
 from .behavior import PLANAR, Behavior, Output, Setup, SetupError, Slot, abstain, drive, halt, limit
 from .device import Drive, Driver, Sensor, pinhole
 from .messages import Axes, Kind, Reason
+from .overlay import Overlay
 from .parameters import Group, Integer, Number, Numbers, Switch, Word
 from .plugin import main
 
@@ -21,6 +22,7 @@ __all__ = [
     "Number",
     "Numbers",
     "Output",
+    "Overlay",
     "Reason",
     "Sensor",
     "Setup",

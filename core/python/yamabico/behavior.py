@@ -62,6 +62,13 @@ class Behavior:
         """Publishes a message on `output`."""
         self.setup.publish(output, header, items)
 
+    def draw(self, slot, header, function):
+        """Draws what the behavior saw in the message `header` of `slot`: `function` receives an `Overlay`.
+
+        It is called only while somebody looks, and must not change what the behavior proposes.
+        """
+        self.setup.draw(slot, header, function)
+
     @classmethod
     def slots(cls):
         """Returns the slots in the order of their declaration."""
@@ -93,7 +100,7 @@ class Behavior:
 class Setup:
     """Context in which a behavior is built."""
 
-    def __init__(self, name="behavior", parameters=None, robot=None, sensors=None, folder=".", publish=None):
+    def __init__(self, name="behavior", parameters=None, robot=None, sensors=None, folder=".", publish=None, draw=None):
         #: Name of this instance in the task file.
         self.name = name
         #: Parameters set in the task file.
@@ -105,10 +112,11 @@ class Setup:
         #: Folder against which relative paths are resolved.
         self.folder = folder
         self.publish = publish or (lambda output, header, items: None)
+        self.draw = draw or (lambda slot, header, function: None)
 
     def with_parameters(self, parameters):
         """Returns a copy with other parameters."""
-        return Setup(self.name, parameters, self.robot, self.sensors, self.folder, self.publish)
+        return Setup(self.name, parameters, self.robot, self.sensors, self.folder, self.publish, self.draw)
 
     def camera(self, slot):
         """Returns intrinsics and mount of the pinhole camera in `slot`, as dictionaries in pixels, m and rad.

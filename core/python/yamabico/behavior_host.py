@@ -8,7 +8,8 @@ from .behavior import Inputs, LaunchError, Setup
 from .bus import items_of, message_class
 from .feed import Feed
 from .lent import Lease
-from .messages import DECISION_TOPIC, DecisionHeader, Kind, Outcome, PluginState, Proposal
+from .messages import DECISION_TOPIC, DecisionHeader, Kind, Outcome, OverlayHeader, PluginState, Proposal
+from .overlay import Overlay
 from .reporter import Calls
 
 #: Number of exceptions after which a behavior is disabled.
@@ -42,7 +43,12 @@ class BehaviorHost:
             sensors={port["name"]: port["sensor"] for port in settings["inputs"] if "sensor" in port},
             folder=settings["folder"],
             publish=lambda output, header, items: ports[output.name].publish(header, items),
+            draw=self._draw,
         )
+        #: What the behavior draws in this call: overlay, stamp and topic of the message.
+        self._drawn = None
+        self._overlays, self._overlay_sequence = bus.publisher(f"behaviors/{self.name}/overlay", OverlayHeader), 0
+        self._is_watched = False
         self.behavior = plugin_class(self._setup)
         self._restore(launch.get("saved_state", "").encode())
         self._feed = Feed(bus, self.slots)
@@ -83,6 +89,7 @@ class BehaviorHost:
         self._fresh, self._last_ns = False, now_ns
         evidence_ns = self._feed.evidence_ns()
         leases = []
+        self._drawn, self._is_watched = None, self._overlays.is_watched()
         started = time.monotonic_ns()
         try:
             proposal = self._call(now_ns, leases)
@@ -96,6 +103,7 @@ class BehaviorHost:
         if proposal is not None:
             self._survived = True
             self._publish(proposal, now_ns, now_ns if evidence_ns is None else evidence_ns, clock)
+            self._publish_overlay()
 
     def build(self, parameters):
         """Builds the behavior with other parameters while the current one keeps running. Raises the errors of its constructor."""
@@ -132,6 +140,21 @@ class BehaviorHost:
         proposal.evidence_ns = proposal.evidence_ns or evidence_ns
         proposal.received_ns, proposal.proposed_ns = now_ns, clock()
         self._proposals.publish(proposal)
+
+    def _draw(self, slot, header, function):
+        if not self._is_watched:
+            return
+        topic = next((topic for name, topic, _ in self.slots if name == slot.name), "")
+        message = (header.stamp_ns, topic)
+        if self._drawn is None or self._drawn[1] != message:
+            self._drawn = Overlay(), message
+        function(self._drawn[0])
+
+    def _publish_overlay(self):
+        if self._drawn is not None:
+            overlay, (stamp_ns, topic) = self._drawn
+            self._overlay_sequence += 1
+            self._overlays.publish(*overlay.message(stamp_ns, self._overlay_sequence, topic))
 
     def _rebuild(self, error):
         traceback.print_exc()

@@ -82,6 +82,11 @@ class Publisher:
             .create()
         )
         self._notifier = event and event.notifier_builder().create()
+        self._service = service
+
+    def is_watched(self):
+        """Returns true if the topic has a subscriber in any process."""
+        return self._service.dynamic_config.number_of_subscribers > 0
 
     def publish(self, header, items=b""):
         """Publishes `header` and `items`: bytes, a ctypes array, or a contiguous numpy array."""

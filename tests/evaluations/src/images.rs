@@ -9,6 +9,9 @@ use yamabico_core::overlay::Overlay;
 use yamabico_drawing::Canvas;
 use yamabico_runtime::overlay_painter::with_overlays;
 
+/// Distance between the levels of an image with an overlay.
+const POSTERIZED: u8 = 17;
+
 /// Folder that images are written to, if any.
 pub struct Output(Option<PathBuf>);
 
@@ -54,11 +57,23 @@ impl Output {
         self.rgb(name, &pixels, width as u32, height as u32)
     }
 
-    /// Writes a gray image with the layers of an overlay.
-    pub fn layers(&self, name: &str, image: ImageView, overlay: &Overlay) -> Result<(), String> {
+    /// Writes a gray image with the layers of an overlay, if a behavior drew one.
+    pub fn layers(&self, name: &str, image: ImageView, overlay: Option<&Overlay>) -> Result<(), String> {
         let pixel = |u: u32, v: u32| Rgb([image.row(v as usize)[u as usize]; 3]);
         let picture = RgbImage::from_fn(image.width() as u32, image.height() as u32, pixel);
-        let drawn = with_overlays(&picture, &[overlay.marks()], &|_| true);
+        self.rgb_layers(name, picture, overlay)
+    }
+
+    /// Same as [`Output::layers`], for an image in color.
+    pub fn rgb_layers(
+        &self,
+        name: &str,
+        mut picture: RgbImage,
+        overlay: Option<&Overlay>,
+    ) -> Result<(), String> {
+        let marks = overlay.map_or(&[][..], Overlay::marks);
+        posterize(&mut picture, POSTERIZED);
+        let drawn = with_overlays(&picture, &[marks], &|_| true);
         self.rgb(name, &drawn, drawn.width(), drawn.height())
     }
 
@@ -101,7 +116,7 @@ pub fn view(pixels: &[u8], width: u32, height: u32) -> Result<ImageView<'_>, Str
     ImageView::new(pixels, width, height as usize, width).map_err(|error| error.to_string())
 }
 
-/// Reduces the number of gray levels, for small files.
-pub fn posterize(pixels: &mut [u8], step: u8) {
+/// Reduces the number of levels, for small files.
+fn posterize(pixels: &mut [u8], step: u8) {
     pixels.iter_mut().for_each(|level| *level = *level / step * step);
 }

@@ -10,6 +10,7 @@ mod boxes;
 mod buildings;
 mod images;
 mod live;
+mod overlay_cost;
 mod photographs;
 mod recording_speed;
 mod recordings;
@@ -65,6 +66,7 @@ enum Command {
     Localization(tasks::localization::Arguments),
     Settings(tasks::settings::Arguments),
     RecordingSpeed(recording_speed::Arguments),
+    OverlayCost(overlay_cost::Arguments),
     Chaos(live::chaos::Arguments),
     Soak(live::soak::Arguments),
     PythonFailures(live::python_failures::Arguments),
@@ -99,6 +101,7 @@ impl Command {
             Self::Localization(arguments) => arguments.run(),
             Self::Settings(arguments) => arguments.run(out),
             Self::RecordingSpeed(arguments) => arguments.run(),
+            Self::OverlayCost(arguments) => arguments.run(),
             Self::Chaos(arguments) => arguments.run(),
             Self::Soak(arguments) => arguments.run(),
             Self::PythonFailures(arguments) => arguments.run(),

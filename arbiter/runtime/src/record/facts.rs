@@ -5,10 +5,11 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-use mcap::records::Record;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::{Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
 
-use super::PlaybackError;
+use super::contents::reader_options;
+use super::{Contents, PlaybackError};
 
 /// Bytes that are read at once.
 const READ_BYTES: usize = 1 << 20;
@@ -16,7 +17,7 @@ const READ_BYTES: usize = 1 << 20;
 /// Facts known before a run, and those known after it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RecordedFacts {
-    /// Facts known before the run: seed, version, overrides.
+    /// Facts known before the run, such as its seed.
     pub run: BTreeMap<String, String>,
     /// Facts known after the run, such as its digest; empty if its recorder was killed.
     pub result: BTreeMap<String, String>,
@@ -29,32 +30,24 @@ pub struct RecordedFacts {
 pub fn read_facts(path: &Path) -> Result<RecordedFacts, PlaybackError> {
     let unreadable = |source| PlaybackError::NotReadable { path: path.to_owned(), source };
     let mut file = BufReader::new(File::open(path).map_err(unreadable)?);
-    let mut reader = LinearReader::new_with_options(LinearReaderOptions::default().with_emit_chunks(true));
-    let (mut facts, mut has_begun) = (RecordedFacts::default(), false);
+    let mut reader = LinearReader::new_with_options(reader_options().with_emit_chunks(true));
+    let mut facts = RecordedFacts { run: Contents::read(path)?.facts, ..RecordedFacts::default() };
     while let Some(event) = reader.next_event() {
         match event {
             Ok(LinearReadEvent::ReadRequest(bytes)) => {
                 let read = file.read(reader.insert(bytes.min(READ_BYTES))).map_err(unreadable)?;
                 reader.notify_read(read);
             }
-            Ok(LinearReadEvent::Record { data, opcode }) => {
-                has_begun = true;
-                if opcode == mcap::records::op::METADATA
-                    && let Ok(Record::Metadata(metadata)) = mcap::parse_record(opcode, data)
+            Ok(LinearReadEvent::Record { data, opcode: op::METADATA }) => {
+                if let Ok(Record::Metadata(metadata)) = mcap::parse_record(op::METADATA, data)
+                    && metadata.name == "result"
                 {
-                    match metadata.name.as_str() {
-                        "run" => facts.run = metadata.metadata,
-                        "result" => facts.result = metadata.metadata,
-                        _ => {}
-                    }
+                    facts.result = metadata.metadata;
                 }
             }
+            Ok(LinearReadEvent::Record { .. }) => {}
             // What was read so far holds.
-            Err(_) if has_begun => break,
-            Err(error) => {
-                let reason = error.to_string();
-                return Err(PlaybackError::NoRecording { path: path.to_owned(), reason });
-            }
+            Err(_) => break,
         }
     }
     Ok(facts)

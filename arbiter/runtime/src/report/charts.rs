@@ -24,6 +24,9 @@ const NOBODY: Color = [235; 3];
 const SPEEDS: [(&str, Color); 3] =
     [("wanted", [70, 150, 255]), ("allowed", [235, 150, 30]), ("commanded", [30, 30, 30])];
 
+/// Speeds of one kind: wanted, allowed and commanded.
+type Pick = fn(&Speeds) -> [f64; 3];
+
 /// Time axis of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TimeAxis {
@@ -93,11 +96,11 @@ pub(super) fn strips<'a>(
 pub(super) fn speeds(axis: &TimeAxis, speeds: &[Speeds]) -> Figure {
     let mut figure = Figure::new(WIDTH, 2 * PLOT + 130);
     axis.draw(&mut figure, 0, 2 * PLOT);
-    let plots: [(&str, fn(&Speeds) -> [f64; 3]); 2] =
+    let plots: [(&str, Pick); 2] =
         [("forward, m/s", |speeds| speeds.linear), ("turn, rad/s", |speeds| speeds.angular)];
     for (row, (name, pick)) in plots.into_iter().enumerate() {
         let top = PLOT * row as i32;
-        let values = || speeds.iter().flat_map(|at| pick(at)).filter(|value| value.is_finite());
+        let values = || speeds.iter().flat_map(pick).filter(|value| value.is_finite());
         let high = values().fold(0.1, f64::max);
         let low = values().fold(if row == 0 { 0.0 } else { -0.1 }, f64::min);
         let y = |value: f64| {
@@ -105,7 +108,7 @@ pub(super) fn speeds(axis: &TimeAxis, speeds: &[Speeds]) -> Figure {
             top + PLOT - 20 - (share * f64::from(PLOT - 40)).round() as i32
         };
         figure.text((0, top + 20), name, INK);
-        for value in [high, 0.0, low].into_iter().filter(|value| value.abs() > 1e-9 || *value == 0.0) {
+        for value in [high, low].into_iter().filter(|value| value.abs() > 1e-9).chain([0.0]) {
             figure.line(vec![(LEFT, y(value)), (WIDTH - RIGHT, y(value))], 2, GRID);
             let text = format!("{value:.2}");
             figure.text((LEFT - text_width(&text) - 14, y(value) - LETTER_HEIGHT / 2), text, INK);
@@ -170,15 +173,16 @@ pub(super) fn latencies(counts: &[u32]) -> Option<Figure> {
     Some(figure)
 }
 
-/// The floor around the robot, 3 m to each side, forward up: the layers in the robot frame. `None` without any.
+/// The floor around the robot, forward up: the layers in the robot frame. `None` without any.
 pub(super) fn from_above(overlays: &[(String, Vec<OverlayMark>)], radius_m: f64) -> Option<Figure> {
-    const SIDE: i32 = 760;
-    const REACH_M: f64 = 3.0;
-    let scale = f64::from(SIDE) / (2.0 * REACH_M);
+    const SIDE: i32 = 900;
+    /// Distances that are shown to each side of the robot, and behind it, m.
+    const REACH_M: [f64; 2] = [1.6, 0.7];
+    let scale = f64::from(SIDE) / (2.0 * REACH_M[0]);
     let at = |x: f64, y: f64| {
         let units =
             |meters: f64| (meters * scale).clamp(-4.0 * f64::from(SIDE), 4.0 * f64::from(SIDE)) as i32;
-        (SIDE / 2 - units(y), SIDE * 3 / 4 - units(x))
+        (SIDE / 2 - units(y), SIDE - units(REACH_M[1]) - units(x))
     };
     let mut figure = Figure::new(SIDE, SIDE);
     for meters in -3..=4 {

@@ -55,7 +55,6 @@ pub(super) struct Moments {
     proposals: BTreeMap<String, Proposal>,
     control: ControlLog,
     moments: Vec<Moment>,
-    omitted: usize,
 }
 
 impl Moments {
@@ -75,7 +74,6 @@ impl Moments {
 
     fn capture(&mut self, at: Time, by: &str) {
         if self.moments.len() == MAX_MOMENTS {
-            self.omitted += 1;
             return;
         }
         let is_recent = |header: &OverlayHeader| at.seconds_after(Time(header.stamp_ns)) <= MAX_AGE_S;

@@ -107,15 +107,15 @@ impl<'a> Page<'a> {
         self.run.summary.get(key)?.as_f64()
     }
 
-    /// How the run ended, as a colored label.
+    /// End of the run, as a colored label.
     fn badge(&self) -> String {
         let end = self.run.facts.result.get("end").map(String::as_str);
         let (class, text) = match end {
             _ if self.run.broken_off.is_some() => ("bad", "recording cut off"),
             Some("arrived") => ("good", "arrived"),
-            Some("all sensors ended") => ("good", "all sensors ended"),
-            Some("time over") if self.run.goal.is_none() => ("good", "time over"),
-            Some("time over") => ("bad", "not arrived: time over"),
+            Some("sensors-ended") => ("good", "all sensors ended"),
+            Some("time-over") if self.run.goal.is_none() => ("good", "time over"),
+            Some("time-over") => ("bad", "not arrived: time over"),
             Some(other) => ("bad", other),
             None => ("bad", "end not recorded"),
         };
@@ -138,7 +138,7 @@ impl<'a> Page<'a> {
         let arrived = if end == "arrived" { " and arrived at its goal" } else { "" };
         let [distance, time] = ["distance_m", "time_s"].map(|key| self.number(key).unwrap_or(0.0));
         let _ = write!(story, "The robot drove {distance:.1} m in {time:.1} s{arrived}. ");
-        if end == "time over" && run.goal.is_some() {
+        if end == "time-over" && run.goal.is_some() {
             story += "Its time was over before it reached the goal. ";
         }
         let control = run.summary.get("control_s").and_then(Value::as_object);
@@ -164,8 +164,9 @@ impl<'a> Page<'a> {
             let times = if halts.len() == 1 { "once".to_owned() } else { format!("{} times", halts.len()) };
             let _ = write!(
                 story,
-                "It was halted {times}, {total:.1} s in all; first at {:.1} s by <b>{}</b>{reason}. ",
+                "It was halted {times}, {total:.1} s in all; first at {:.1} s{} <b>{}</b>{reason}. ",
                 self.axis.seconds(yamabico_core::time::Time::from_secs_f64(first.begin_s)),
+                if is_behavior(&first.by) { " by" } else { ":" },
                 escaped(&first.by)
             );
         }
@@ -281,7 +282,12 @@ impl<'a> Page<'a> {
             let at = self.axis.seconds(yamabico_core::time::Time::from_secs_f64(mark.halt.begin_s));
             let reason = self.run.moments.list().get(index).map_or("", |moment| moment.reason.as_str());
             let reason = if reason.is_empty() { String::new() } else { format!(": {reason}") };
-            let text = format!("{} halted the robot for {:.1} s{reason}", mark.halt.by, mark.halt.duration_s);
+            let text = match is_behavior(&mark.halt.by) {
+                true => {
+                    format!("{} halted the robot for {:.1} s{reason}", mark.halt.by, mark.halt.duration_s)
+                }
+                false => format!("the robot was halted for {:.1} s: {}", mark.halt.duration_s, mark.halt.by),
+            };
             rows.push((at, "halt", text));
         }
         rows.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -372,7 +378,7 @@ impl<'a> Page<'a> {
         ));
     }
 
-    /// What was late, and what was restarted.
+    /// Behaviors with their calls, latencies, late commands and restarts.
     fn behaviors(&mut self) {
         let run = self.run;
         let Some(behaviors) = run.summary.get("behaviors").and_then(Value::as_object) else { return };
@@ -462,6 +468,11 @@ impl<'a> Page<'a> {
         row("left out", &run.left_out.join("; "));
         self.add(format_args!("<h2>Recording</h2>\n<table>{rows}</table>\n"));
     }
+}
+
+/// True if a halt was caused by a behavior; otherwise its cause is a sentence, such as "sonar is silent".
+fn is_behavior(by: &str) -> bool {
+    !by.contains(' ')
 }
 
 fn swatch(color: Color, name: &str) -> String {

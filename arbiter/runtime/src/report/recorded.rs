@@ -30,7 +30,7 @@ pub(super) struct Recorded {
     pub walls: Vec<Vec<Corner>>,
     /// Goal area.
     pub goal: Option<GoalArea>,
-    /// Why the recording ends early.
+    /// Cause why the recording ends early.
     pub broken_off: Option<String>,
     /// Messages that were left out.
     pub left_out: Vec<String>,

@@ -1,11 +1,11 @@
-//! What happened in a run, in the order of time: control of each axis, hand-overs, speeds, ends of processes.
+//! Events of a run in the order of time: control of each axis, hand-overs, speeds, ends of processes.
 
 use std::collections::BTreeMap;
 
 use bytemuck::Pod;
 use yamabico_core::message::{
-    Axis, Command, DecisionHeader, FailureHeader, Kind, Message, MessageType, Mode, OverlayHeader, Process,
-    ProcessesHeader, Proposal, Reason, Verdict,
+    Axis, Command, DecisionHeader, FailureHeader, Kind, Message, MessageType, Mode, Outcome, OverlayHeader,
+    Process, ProcessesHeader, Proposal, Reason, Verdict,
 };
 use yamabico_core::time::Time;
 
@@ -13,6 +13,8 @@ use crate::record::Tap;
 
 /// Number of speeds above which every second one is dropped.
 const MAX_SPEEDS: usize = 4000;
+/// Number of spans of an axis above which every second one is joined to the one before.
+const MAX_SPANS: usize = 4000;
 /// Maximum number of events that are kept.
 const MAX_EVENTS: usize = 2000;
 /// Width of a bucket of latencies, ms.
@@ -27,7 +29,7 @@ pub(super) struct Span {
     pub begin: Time,
     /// End.
     pub end: Time,
-    /// Who had control.
+    /// Holder of the control.
     pub holder: Holder,
 }
 
@@ -38,7 +40,7 @@ pub(super) enum Holder {
     Behavior(String),
     /// Stopped by this behavior, or by the mode.
     Halt(String),
-    /// Nobody drives it.
+    /// No behavior drives it.
     Nobody,
 }
 
@@ -89,7 +91,6 @@ pub(super) struct Timeline {
     drivers: Option<[String; 3]>,
     ended: BTreeMap<String, u64>,
     latencies: Vec<u32>,
-    latency_count: u64,
 }
 
 impl Default for Timeline {
@@ -108,7 +109,6 @@ impl Default for Timeline {
             drivers: None,
             ended: BTreeMap::new(),
             latencies: vec![0; BUCKETS],
-            latency_count: 0,
         }
     }
 }
@@ -167,6 +167,9 @@ impl Timeline {
                         span.end = at;
                     }
                     self.axes[index].push(Span { begin: at, end: at, holder });
+                    if self.axes[index].len() > MAX_SPANS {
+                        thin(&mut self.axes[index]);
+                    }
                 }
             }
         }
@@ -213,11 +216,12 @@ impl Timeline {
 
     /// Explains a hand-over by the proposals of both behaviors.
     fn why(&self, taker: &str, loser: &str, verdicts: &[Verdict]) -> String {
-        let priority = |name: &str| {
-            let verdict = verdicts.iter().find(|verdict| verdict.behavior.as_str() == name)?;
-            Some(verdict.priority)
-        };
+        let verdict = |name: &str| verdicts.iter().find(|verdict| verdict.behavior.as_str() == name);
+        let priority = |name: &str| verdict(name).map(|verdict| verdict.priority);
         let outranks = !loser.is_empty() && priority(taker) > priority(loser);
+        if !outranks && let Some(fault) = verdict(loser).and_then(Verdict::outcome).filter(is_fault) {
+            return format!(": {loser} is {fault}");
+        }
         let gave_up = self.proposals.get(loser).filter(|proposal| proposal.kind() == Some(Kind::Abstain));
         let cause = if outranks { None } else { gave_up.map(|proposal| (loser, proposal)) };
         let cause = cause.or_else(|| Some((taker, self.proposals.get(taker)?)));
@@ -250,7 +254,6 @@ impl Timeline {
         let latency_ms = Time(command.sent_ns).seconds_after(Time(command.evidence_ns)) * 1e3;
         let bucket = (latency_ms / BUCKET_MS).clamp(0.0, (BUCKETS - 1) as f64) as usize;
         self.latencies[bucket] = self.latencies[bucket].saturating_add(1);
-        self.latency_count += 1;
     }
 }
 
@@ -290,6 +293,27 @@ impl Tap for Timeline {
     }
 }
 
+/// True if a behavior with this outcome has a proposal that does not count.
+fn is_fault(outcome: &Outcome) -> bool {
+    use Outcome::{Disabled, FromTheFuture, Inhibited, Malformed, Silent, Stale, StaleEvidence, Suppressed};
+    let faults = [Silent, Disabled, Stale, StaleEvidence, FromTheFuture, Malformed, Inhibited, Suppressed];
+    faults.contains(outcome)
+}
+
+/// Joins every second span to the one before it.
+fn thin(spans: &mut Vec<Span>) {
+    let mut index = 0;
+    let ends: Vec<Time> = spans.iter().map(|span| span.end).collect();
+    spans.retain_mut(|span| {
+        let is_kept = index % 2 == 0;
+        if let Some(end) = ends.get(index + 1).filter(|_| is_kept) {
+            span.end = *end;
+        }
+        index += 1;
+        is_kept
+    });
+}
+
 /// Reason and note of a proposal; empty if it has neither.
 pub(super) fn because(proposal: &Proposal) -> String {
     let reason = proposal.reason().filter(|reason| ![Reason::None, Reason::Nominal].contains(reason));
@@ -321,4 +345,113 @@ fn read<T: Pod>(bytes: &[u8]) -> Option<T> {
 
 fn list<T: Pod>(items: &[u8]) -> Vec<T> {
     items.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use yamabico_core::message::{Axes, Name, Twist};
+
+    fn send<M: Message>(timeline: &mut Timeline, seconds: f64, header: &M, items: &[M::Item]) {
+        let (header, items) = (bytemuck::bytes_of(header), bytemuck::cast_slice(items));
+        timeline.message("t", &MessageType::of::<M>(), Time::from_secs_f64(seconds), header, items);
+    }
+
+    fn proposal(name: &str, proposal: Proposal) -> Proposal {
+        Proposal { behavior: Name::new(name), ..proposal }
+    }
+
+    fn decision(seconds: f64, driver: &str, halter: &str) -> DecisionHeader {
+        let of = |name| [Name::new(name), Name::default(), Name::new(name)];
+        DecisionHeader {
+            stamp_ns: Time::from_secs_f64(seconds).0,
+            axes: Axes::PLANAR,
+            halted: if halter.is_empty() { Axes::NONE } else { Axes::ALL },
+            source: of(driver),
+            halter: of(halter),
+            wanted: Twist::planar(0.4, 0.0),
+            ..DecisionHeader::default()
+        }
+    }
+
+    /// A localizer drives, an avoider with a higher priority takes over and gives back; a halt lies between.
+    fn run() -> Timeline {
+        let mut timeline = Timeline::default();
+        let drive = Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.0));
+        let verdicts = [("avoider", 60), ("localizer", 20)];
+        let verdicts = verdicts.map(|(name, priority)| Verdict {
+            behavior: Name::new(name),
+            priority,
+            outcome: Outcome::Won.code(),
+            ..Verdict::default()
+        });
+        send(&mut timeline, 0.0, &proposal("localizer", drive), &[]);
+        send(&mut timeline, 0.0, &decision(0.0, "localizer", ""), &verdicts);
+        let evades = drive.with_note(format_args!("obstacle at 1.6 m"));
+        send(&mut timeline, 1.0, &proposal("avoider", evades), &[]);
+        send(&mut timeline, 1.0, &decision(1.0, "avoider", ""), &verdicts);
+        send(&mut timeline, 2.0, &decision(2.0, "", "sonar-halt"), &verdicts);
+        send(&mut timeline, 3.0, &proposal("avoider", Proposal::abstain(Reason::Clear)), &[]);
+        send(&mut timeline, 3.0, &decision(3.0, "localizer", ""), &verdicts);
+        timeline
+    }
+
+    #[test]
+    fn hand_overs_say_who_took_what_and_why() {
+        let mut timeline = run();
+        let outcome = Outcome::Stale.code();
+        let verdict = Verdict { behavior: Name::new("localizer"), outcome, ..Verdict::default() };
+        send(&mut timeline, 4.0, &decision(4.0, "wall-follower", ""), &[verdict]);
+        let texts: Vec<&str> = timeline.events().0.iter().map(|event| event.text.as_str()).collect();
+        let expected = [
+            "localizer took linear and angular",
+            "avoider took linear and angular from localizer: obstacle at 1.6 m",
+            "localizer took linear and angular from avoider: avoider abstains, clear",
+            "wall-follower took linear and angular from localizer: localizer is stale",
+        ];
+        assert_eq!(texts, expected);
+    }
+
+    #[test]
+    fn spans_cover_the_run_without_gaps() {
+        let timeline = run();
+        let axes: Vec<_> = timeline.axes().collect();
+        assert_eq!(axes.iter().map(|(axis, _)| *axis).collect::<Vec<_>>(), [Axis::Linear, Axis::Angular]);
+        let spans = axes[0].1;
+        assert_eq!(spans[2].holder, Holder::Halt("sonar-halt".to_owned()));
+        assert!(spans.windows(2).all(|pair| pair[0].end == pair[1].begin), "{spans:?}");
+        assert_eq!((timeline.first(), timeline.last()), (Time::ZERO, Time::from_secs_f64(3.0)));
+    }
+
+    #[test]
+    fn an_ended_process_is_one_event() {
+        let mut timeline = run();
+        let process = Process {
+            plugin: Name::new("localizer"),
+            ended: "killed by signal 9".into(),
+            ended_ns: Time::from_secs_f64(2.5).0,
+            ..Process::default()
+        };
+        for seconds in [2.6, 2.7] {
+            send(&mut timeline, seconds, &ProcessesHeader::default(), &[process]);
+        }
+        let events = timeline.events().0;
+        assert_eq!((events.len(), events[3].kind), (4, EventKind::Failure));
+        assert_eq!(events[3].text, "process of localizer: killed by signal 9; restarted");
+        assert_eq!(events[3].at, Time::from_secs_f64(2.5));
+    }
+
+    #[test]
+    fn memory_is_bounded_in_a_long_run() {
+        let mut timeline = Timeline::default();
+        for step in 0..40_000_u32 {
+            let driver = if step % 2 == 0 { "a" } else { "b" };
+            let seconds = 0.02 * f64::from(step);
+            send(&mut timeline, seconds, &decision(seconds, driver, ""), &[]);
+        }
+        assert!(timeline.speeds().len() <= MAX_SPEEDS);
+        let (events, omitted) = timeline.events();
+        assert_eq!(events.len() as u64 + omitted, 40_000);
+        assert!(timeline.axes().all(|(_, spans)| spans.len() <= MAX_SPANS), "spans");
+    }
 }

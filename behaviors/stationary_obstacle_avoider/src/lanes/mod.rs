@@ -11,6 +11,7 @@ pub mod stations;
 
 mod clusters;
 mod drive;
+mod overlay;
 
 use nalgebra::Point2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
@@ -146,8 +147,14 @@ impl LaneAvoider {
             self.add_scan();
         }
         let proposal = self.step(now);
-        if picture.is_some() {
+        if let Some(frame) = &picture {
             self.publish(outputs);
+            outputs.draw(&CAMERA, frame.header, |overlay| {
+                if self.failure.is_none() {
+                    overlay::draw_columns(overlay, &self.columns);
+                }
+                overlay::draw_lanes(overlay, &self.occupied, &self.path, &self.plan, self.clearance_m);
+            });
         }
         proposal
     }

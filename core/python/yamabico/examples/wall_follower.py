@@ -9,6 +9,7 @@ import numpy as np
 
 from yamabico import PLANAR, Behavior, Number, Reason, Slot, abstain, drive, main
 from yamabico.messages import Encoding, FrameHeader
+from yamabico.overlay import BLUE, MAGENTA
 
 #: Bins of the histogram of intersections of edges with the horizon: tangent of the azimuth.
 AZIMUTHS = np.arange(-0.8, 0.8, 0.01)
@@ -53,6 +54,7 @@ class WallFollower(Behavior):
         tangent, along = vanishing_point(points, normals)
         if tangent is None:
             return abstain(Reason.NO_VANISHING_POINT)
+        self.draw(self.camera, frame.header, lambda overlay: self.overlay(overlay, points[along], tangent))
         # The vanishing point lies right of the image center if the robot is turned to the left.
         heading = math.atan(tangent) + self.mount["pan"]
         sides = wall_offsets(points[along], tangent, self.mount["z"])
@@ -63,6 +65,16 @@ class WallFollower(Behavior):
         turn = max(-self.max_turn_radps, min(self.max_turn_radps, turn))
         note = f"heading {math.degrees(heading):+.1f} deg, {self.side_m:+.2f} m left"
         return drive(self.speed_mps * max(0.3, math.cos(2 * heading)), turn, note=note)
+
+    def overlay(self, overlay, edges, tangent):
+        """Draws edges along the corridor and their vanishing point."""
+        k = self.intrinsics
+        in_camera = level(np.vstack([[[tangent, 0.0]], edges[:500]]), -self.mount["tilt"])
+        (vanishing_point, *others) = in_camera * [k["fx"], k["fy"]] + [k["cx"], k["cy"]]
+        layer = overlay.image("edges along the corridor", BLUE)
+        for pixel in others:
+            layer.point(pixel)
+        overlay.image("vanishing point", MAGENTA).circle(vanishing_point, 8.0)
 
     def edges(self, pixels):
         """Finds edge points: points (n, 2), right and down on the plane z = 1 of a level camera, and their normals."""

@@ -161,7 +161,7 @@ impl<'a> Hallway<'a> {
         let detector = &self.detector;
         let mut evidence = Overlay::default();
         overlay::draw_evidence(&mut evidence, detector);
-        self.out.layers(name, image, &evidence).unwrap();
+        self.out.layers(name, image, Some(&evidence)).unwrap();
     }
 
     /// Draws from the standard normal distribution.

@@ -8,10 +8,10 @@ use clap::Args;
 use rand::RngExt;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::Proposal;
+use yamabico_core::overlay::Overlay;
 use yamabico_free_space_avoider::Config;
 use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
-use yamabico_free_space_avoider::navel_grid::{Decision, Observation, Side, decide};
+use yamabico_free_space_avoider::navel_grid::{Decision, Observation, Side, decide, overlay};
 use yamabico_rigs::office;
 use yamabico_sim::clearance::to_solids;
 use yamabico_sim::random::{Stream, stream};
@@ -23,7 +23,6 @@ use self::reference::{Answer, Reference};
 use crate::arguments::{Parameters, Samples};
 use crate::images::Output;
 use crate::report::{Report, Table, percent};
-use crate::show::navel_grid_overlay;
 
 /// Four-way decisions of the navel grid on rendered scenes, compared with the geometry of the world.
 ///
@@ -88,13 +87,9 @@ impl Arguments {
                     "{index}: {ours}, not {best}; blocked {is_blocked}, {ahead_m:.2} m ahead, sides occupied {occupied:.2?}, \
                      borderline {borderline:?}; {outlook:?} {trouble:?}"
                 );
-                navel_grid_overlay(
-                    out,
-                    &format!("{index:03}_{ours}_not_{best}"),
-                    view,
-                    &observer,
-                    &Proposal::default(),
-                )?;
+                let mut grid = Overlay::default();
+                overlay::draw(&mut grid, &observer, &camera.0, None);
+                out.layers(&format!("{index:03}_{ours}_not_{best}"), view, Some(&grid))?;
             }
         }
         Ok(tally.report(scenes))

@@ -3,14 +3,12 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use nalgebra::{Vector2, Vector3};
 use yamabico_core::camera::{Calibration, Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{FrameHeader, Odometry, Proposal};
 use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
-use yamabico_drawing::Canvas;
-use yamabico_intersection_tracker::finder::{EndFinder, FinderRule, Side, floor_line};
+use yamabico_intersection_tracker::finder::{EndFinder, FinderRule};
 use yamabico_intersection_tracker::{CAMERA, IntersectionTracker, ODOMETRY};
 use yamabico_sim::random::stream;
 use yamabico_sim::world::{Branch, Side as WallSide};
@@ -90,26 +88,7 @@ impl Arguments {
                 number(end.point_in_robot.y, 2),
             ]);
         }
-        out.overlay("intersection", image, |canvas| {
-            if let Ok(observation) = &observation {
-                for line in observer.along_corridor() {
-                    canvas.line(line.p0, line.p1, [60, 120, 255]);
-                }
-                if let Some(view) = observer.view() {
-                    for wall in [observation.left, observation.right].into_iter().flatten() {
-                        let line: Vector3<f64> = floor_line(view, wall.distance_m);
-                        let at = |v: f64| Vector2::new(-(line.y * v + line.z) / line.x, v);
-                        let bottom = at(f64::from(shot.intrinsics.height));
-                        canvas.line(at(observation.vanishing_point.y), bottom, [0, 255, 60]);
-                    }
-                }
-                for end in &found {
-                    canvas.line(end.base, end.base - Vector2::new(0.0, end.length_px), [255, 220, 0]);
-                }
-                canvas.cross(observation.vanishing_point, 8.0, [255, 0, 255]);
-            }
-            draw_track(canvas, &bench);
-        })?;
+        out.layers("intersection", image, bench.overlay())?;
         Ok(Report::new([proposal_table(&proposal), ends]))
     }
 
@@ -141,6 +120,7 @@ fn propose(shot: &Shot) -> Result<(Bench<IntersectionTracker>, Proposal), String
     let mut bench = Bench::<IntersectionTracker>::new("", camera_setup(intrinsics, mount))
         .map_err(|error| error.to_string())?;
     let mut proposal = Proposal::default();
+    bench.draw();
     for call in 1..=4 {
         let seconds = 0.1 * f64::from(call);
         let stamp_ns = Time::from_secs_f64(seconds).0;
@@ -149,14 +129,4 @@ fn propose(shot: &Shot) -> Result<(Bench<IntersectionTracker>, Proposal), String
         proposal = bench.feed(&CAMERA, &header, &shot.pixels).propose();
     }
     Ok((bench, proposal))
-}
-
-fn draw_track(canvas: &mut Canvas, bench: &Bench<IntersectionTracker>) {
-    let track = bench.behavior.track();
-    if let (Some(left), Some(right)) = (track.observed_at(Side::Left), track.observed_at(Side::Right)) {
-        for at in [left, right] {
-            canvas.outline(at - Vector2::new(10.0, 20.0), at + Vector2::new(10.0, 20.0), [255, 0, 0]);
-        }
-        canvas.cross(0.5 * (left + right), 12.0, [255, 0, 0]);
-    }
 }

@@ -11,7 +11,6 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-pub use self::navel_grid::overlay as navel_grid_overlay;
 use crate::arguments::At;
 use crate::images::Output;
 use crate::report::Report;

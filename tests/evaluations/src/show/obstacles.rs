@@ -87,7 +87,7 @@ impl Arguments {
         }]);
         let mut evidence = Overlay::default();
         overlay::draw_evidence(&mut evidence, &detector);
-        out.layers("obstacles", image, &evidence)?;
+        out.layers("obstacles", image, Some(&evidence))?;
         Ok(Report::new([regions, result]))
     }
 }

@@ -1,35 +1,25 @@
 //! The map-localizer's wire-frame method on one image.
 
 use clap::Args;
-use nalgebra::Vector2;
 use yamabico_core::behavior::Setup;
-use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{FrameHeader, Odometry};
 use yamabico_core::sensor::Robot;
 use yamabico_core::testing::{Bench, camera_setup};
-use yamabico_drawing::Canvas;
-use yamabico_map_localizer::finder::Finder;
 use yamabico_map_localizer::{CAMERA, MapLocalizer, ODOMETRY};
 use yamabico_rigs::camera::{forward_camera, render, world};
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene};
-use yamabico_vision::map::{ExpectationMap, ExpectationRules, MapView};
 
 use super::ImageFile;
 use super::navel_grid::proposal_table;
 use crate::images::{Output, load_gray, view};
 use crate::report::{Cell, Report, Table, number};
 
-const YELLOW: [u8; 3] = [255, 200, 0];
-const GREEN: [u8; 3] = [0, 255, 60];
-const RED: [u8; 3] = [255, 0, 70];
-
 /// Pose that the map-localizer finds by its wire-frame map in one image of the hallway, and its proposal.
 ///
 /// The image must be of a camera 60 degrees wide, 0.6 m above the floor, 6 degrees down; by default one is rendered 5 cm and 1 degree
-/// from the estimate `--at`. Image: edges expected from the estimate yellow, matched segments green, matched edges from the new pose
-/// red.
+/// from the estimate `--at`. Image: expected edges blue if matched, else yellow; matched segments green, others gray.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -69,7 +59,7 @@ impl Arguments {
         let mut bench = Bench::<MapLocalizer>::new(&parameters, setup).map_err(|error| error.to_string())?;
         let frame = FrameHeader::gray(width, height, 0);
         bench.feed(&ODOMETRY, &Odometry::default(), &[]).feed(&CAMERA, &frame, &pixels);
-        let proposal = bench.propose();
+        let proposal = bench.draw().propose();
         let localizer = &bench.behavior;
         let (status, reason) = localizer.status();
         let mut poses = Table::new(
@@ -82,43 +72,11 @@ impl Arguments {
             poses.row(pose_row("after", &belief.pose));
             matches.row([fix.expected.into(), fix.lines.into(), format!("{:?}", fix.verdict).into()]);
         }
-        if localizer.belief().is_some() {
-            out.overlay("wire_frame", view(&pixels, width, height)?, |canvas| {
-                draw(canvas, localizer, &estimate, &intrinsics, &mount);
-            })?;
-        }
+        out.layers("wire_frame", view(&pixels, width, height)?, bench.overlay())?;
         Ok(Report::new([poses, matches, proposal_table(&proposal)]))
     }
 }
 
 fn pose_row(name: &str, pose: &Pose2) -> [Cell; 4] {
     [name.into(), number(pose.x, 3), number(pose.y, 3), number(pose.theta.to_degrees(), 2)]
-}
-
-fn draw(
-    canvas: &mut Canvas,
-    localizer: &MapLocalizer,
-    estimate: &Pose2,
-    intrinsics: &Intrinsics,
-    mount: &Mount,
-) {
-    let (Finder::Wireframe(finder), Some(belief)) = (localizer.finder(), localizer.belief()) else { return };
-    let fixer = finder.fixer();
-    let mut expectation = ExpectationMap::new(ExpectationRules::for_width(intrinsics.width));
-    for edge in expectation.compute(fixer.map(), fixer.pinhole(), mount, estimate) {
-        canvas.line(edge.from, edge.to, YELLOW);
-    }
-    let view = MapView::new(intrinsics, mount, &belief.pose);
-    for pair in fixer.used() {
-        let expected = fixer.expected()[pair.expected];
-        if let Some(clipped) = view.clip(&fixer.map().edges()[expected.edge]) {
-            // The visible part: the expected one, projected onto the new line.
-            let [p, q] = clipped.pixels;
-            let along = (q - p).normalize();
-            let onto = |point: Vector2<f64>| p + along * along.dot(&(point - p)).clamp(0.0, (q - p).norm());
-            canvas.line(onto(expected.from), onto(expected.to), RED);
-        }
-        let segment = &fixer.segments()[pair.segment];
-        canvas.line(segment.p0, segment.p1, GREEN);
-    }
 }
