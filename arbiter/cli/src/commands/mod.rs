@@ -20,6 +20,7 @@ mod schema;
 mod set;
 mod switch;
 mod teleop;
+mod top;
 mod topic;
 mod view;
 mod why;
@@ -56,6 +57,8 @@ pub enum Command {
     Why(why::Arguments),
     /// Show a running robot or a recording in the browser.
     View(view::Arguments),
+    /// Show a running robot in the terminal.
+    Top(top::Arguments),
     /// List the plugins of a running robot and their state.
     Ps(ps::Arguments),
     /// List, print and measure the topics of a running robot.
@@ -101,6 +104,7 @@ impl Command {
             Command::Report(arguments) => report::report(&arguments, print),
             Command::Why(arguments) => why::why(&arguments, print),
             Command::View(arguments) => view::view(&arguments, print),
+            Command::Top(arguments) => top::top(&arguments),
             Command::Ps(arguments) => ps::ps(&arguments, print),
             Command::Topic(topic) => topic::topic(&topic, print),
             Command::Goto(arguments) => goto::goto(&arguments, print),
