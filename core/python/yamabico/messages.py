@@ -1254,6 +1254,95 @@ class Stick(Message):
 assert ctypes.sizeof(Stick) == 40 and ctypes.alignment(Stick) == 8
 
 
+class CallInput(Item):
+    """A message that a call was handed for the first time."""
+
+    _fields_ = [
+        # Index of the slot among the behavior's connected slots.
+        ("slot", ctypes.c_uint32),
+        # Zero if it was received before the call, such as while the behavior slept, and is not fresh.
+        ("fresh", ctypes.c_uint32),
+        # Sequence number of the message.
+        ("sequence", ctypes.c_uint64),
+        # Stamp of the message.
+        ("stamp_ns", ctypes.c_uint64),
+    ]
+
+
+assert ctypes.sizeof(CallInput) == 24
+
+
+class CallHeader(Message):
+    """A call of a behavior, or another event in its life. Its items are the messages that the call was handed for the first time; it has the others of its slots from earlier calls."""
+
+    _fields_ = [
+        # Time of the event; for a call, the now that the behavior saw.
+        ("stamp_ns", ctypes.c_uint64),
+        # Sequence number since the behavior's last start.
+        ("sequence", ctypes.c_uint64),
+        # Name of the behavior.
+        ("_behavior", ctypes.c_char * 32),
+        # Sequence number of the proposal; zero if the call panicked, and for other events.
+        ("proposal", ctypes.c_uint64),
+        # Request of the parameters, for a CallEvent::Retune; zero for other events.
+        ("request", ctypes.c_uint64),
+        # Hash of the restored state, for a CallEvent::Start, see state_hash; zero if none was restored.
+        ("state", ctypes.c_uint64),
+        # A CallEvent code.
+        ("event", ctypes.c_uint32),
+        # Number of inputs that did not fit into this record; their call cannot be replayed.
+        ("left_out", ctypes.c_uint32),
+    ]
+    behavior = text("_behavior")
+    NAME = "yamabico.CallHeader.v1"
+    CHANNEL = "stream"
+    ITEM = CallInput
+
+
+assert ctypes.sizeof(CallHeader) == 80 and ctypes.alignment(CallHeader) == 8
+
+
+class Heard(Item):
+    """Something that the arbiter heard."""
+
+    _fields_ = [
+        # A HeardKind code.
+        ("kind", ctypes.c_uint32),
+        # Index of the behavior or critical sensor in the policy; zero for other kinds.
+        ("index", ctypes.c_uint32),
+        # Sequence number of the message; zero for a sensor.
+        ("sequence", ctypes.c_uint64),
+        # Stamp of the message.
+        ("stamp_ns", ctypes.c_uint64),
+        # Time at which it was heard.
+        ("heard_ns", ctypes.c_uint64),
+    ]
+
+
+assert ctypes.sizeof(Heard) == 32
+
+
+class HeardHeader(Message):
+    """A decision of the arbiter with the times that it read. Its items are what it heard before, in this order."""
+
+    _fields_ = [
+        # Time of the decision.
+        ("stamp_ns", ctypes.c_uint64),
+        # Sequence number of the decision.
+        ("sequence", ctypes.c_uint64),
+        # Time at which the command was sent.
+        ("sent_ns", ctypes.c_uint64),
+        # Number of items that did not fit into this record; the decision cannot be replayed.
+        ("left_out", ctypes.c_uint64),
+    ]
+    NAME = "yamabico.HeardHeader.v1"
+    CHANNEL = "stream"
+    ITEM = Heard
+
+
+assert ctypes.sizeof(HeardHeader) == 32 and ctypes.alignment(HeardHeader) == 8
+
+
 #: Message classes by versioned name.
 MESSAGES = {
     "yamabico.FrameHeader.v1": FrameHeader,
@@ -1287,4 +1376,6 @@ MESSAGES = {
     "yamabico.RetuneHeader.v1": RetuneHeader,
     "yamabico.RetunedHeader.v1": RetunedHeader,
     "yamabico.Stick.v1": Stick,
+    "yamabico.CallHeader.v1": CallHeader,
+    "yamabico.HeardHeader.v1": HeardHeader,
 }

@@ -73,13 +73,12 @@ struct Stamp {
 }
 
 #[derive(Deserialize)]
-struct Header<'a> {
+struct Header {
     stamp: Stamp,
-    #[serde(borrow)]
-    _frame_id: &'a str,
+    _frame_id: String,
 }
 
-impl Header<'_> {
+impl Header {
     fn stamp_ns(&self) -> u64 {
         let seconds = u64::try_from(self.stamp.sec).unwrap_or(0);
         seconds * 1_000_000_000 + u64::from(self.stamp.nanosec)
@@ -88,10 +87,8 @@ impl Header<'_> {
 
 #[derive(Deserialize)]
 struct CompressedImage<'a> {
-    #[serde(borrow)]
-    header: Header<'a>,
-    #[serde(borrow)]
-    _format: &'a str,
+    header: Header,
+    _format: String,
     #[serde(borrow)]
     data: &'a [u8],
 }
@@ -104,12 +101,10 @@ fn compressed(message: &CompressedImage<'_>) -> Result<Measurement, Refusal> {
 
 #[derive(Deserialize)]
 struct Image<'a> {
-    #[serde(borrow)]
-    header: Header<'a>,
+    header: Header,
     height: u32,
     width: u32,
-    #[serde(borrow)]
-    encoding: &'a str,
+    encoding: String,
     _is_bigendian: u8,
     step: u32,
     #[serde(borrow)]
@@ -117,7 +112,7 @@ struct Image<'a> {
 }
 
 fn raw(message: &Image<'_>) -> Result<Measurement, Refusal> {
-    let bytes = match message.encoding {
+    let bytes = match message.encoding.as_str() {
         "mono8" => 1,
         "rgb8" | "bgr8" => 3,
         other => return Err(Refusal::Encoding(other.to_owned())),
@@ -140,7 +135,7 @@ fn raw(message: &Image<'_>) -> Result<Measurement, Refusal> {
     Ok(gray(&message.header, message.width, message.height, pixels))
 }
 
-fn gray(header: &Header<'_>, width: u32, height: u32, pixels: Vec<u8>) -> Measurement {
+fn gray(header: &Header, width: u32, height: u32, pixels: Vec<u8>) -> Measurement {
     let encoding = Encoding::Gray8.code();
     let stamp_ns = header.stamp_ns();
     let frame = FrameHeader { stamp_ns, width, height, stride: width, encoding, exposure: 1.0, sequence: 0 };
@@ -148,9 +143,8 @@ fn gray(header: &Header<'_>, width: u32, height: u32, pixels: Vec<u8>) -> Measur
 }
 
 #[derive(Deserialize)]
-struct LaserScan<'a> {
-    #[serde(borrow)]
-    header: Header<'a>,
+struct LaserScan {
+    header: Header,
     angle_min: f32,
     _angle_max: f32,
     angle_increment: f32,
@@ -161,7 +155,7 @@ struct LaserScan<'a> {
     ranges: Vec<f32>,
 }
 
-fn scan(message: &LaserScan<'_>) -> Result<Measurement, Refusal> {
+fn scan(message: &LaserScan) -> Result<Measurement, Refusal> {
     let angles = [message.angle_min, message.angle_increment, message.range_min, message.range_max];
     if !angles.iter().all(|number| number.is_finite()) || message.ranges.len() > MAX_BEAMS {
         return Err(Refusal::Malformed(format!("a scan of {} ranges", message.ranges.len())));
@@ -185,9 +179,8 @@ fn scan(message: &LaserScan<'_>) -> Result<Measurement, Refusal> {
 }
 
 #[derive(Deserialize)]
-struct Range<'a> {
-    #[serde(borrow)]
-    header: Header<'a>,
+struct Range {
+    header: Header,
     _radiation_type: u8,
     field_of_view: f32,
     min_range: f32,
@@ -195,7 +188,7 @@ struct Range<'a> {
     range: f32,
 }
 
-fn range(message: &Range<'_>) -> Measurement {
+fn range(message: &Range) -> Measurement {
     let (min_m, max_m, range_m) =
         (f64::from(message.min_range), f64::from(message.max_range), f64::from(message.range));
     let has_echo = range_m.is_finite() && (min_m..=max_m).contains(&range_m);
@@ -225,11 +218,9 @@ struct Quaternion {
 }
 
 #[derive(Deserialize)]
-struct Odometry<'a> {
-    #[serde(borrow)]
-    header: Header<'a>,
-    #[serde(borrow)]
-    _child_frame_id: &'a str,
+struct Odometry {
+    header: Header,
+    _child_frame_id: String,
     position: Vector,
     orientation: Quaternion,
     /// 6x6; serde has no arrays of 36.
@@ -238,7 +229,7 @@ struct Odometry<'a> {
     angular: Vector,
 }
 
-fn odometry(message: &Odometry<'_>) -> Result<Measurement, Refusal> {
+fn odometry(message: &Odometry) -> Result<Measurement, Refusal> {
     let Quaternion { x, y, z, w } = message.orientation;
     let theta = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
     // Rows and columns x, y and yaw of a 6x6 matrix.
@@ -268,9 +259,8 @@ fn odometry(message: &Odometry<'_>) -> Result<Measurement, Refusal> {
 }
 
 #[derive(Deserialize)]
-struct Imu<'a> {
-    #[serde(borrow)]
-    header: Header<'a>,
+struct Imu {
+    header: Header,
     _orientation: Quaternion,
     _orientation_covariance: [f64; 9],
     angular_velocity: Vector,
@@ -279,7 +269,7 @@ struct Imu<'a> {
     _linear_acceleration_covariance: [f64; 9],
 }
 
-fn imu(message: &Imu<'_>) -> Measurement {
+fn imu(message: &Imu) -> Measurement {
     let array = |vector: &Vector| [vector.x, vector.y, vector.z];
     Measurement::Imu(ImuReading {
         stamp_ns: message.header.stamp_ns(),

@@ -1,4 +1,4 @@
-//! Measurements of one topic of an MCAP file, in the order of the file.
+//! Measurements of one topic of an MCAP file, in the order of time.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -78,8 +78,13 @@ pub struct Recorded {
     pub measurement: Measurement,
 }
 
-/// Reads one topic of an MCAP file.
+/// Maximum size of a topic that is sorted in memory, bytes.
+const MAX_SORTED_BYTES: u64 = 512 << 20;
+
+/// Reads one topic of an MCAP file, in the order of the recorded times.
 pub struct TopicReader {
+    /// All measurements, if the file does not hold them in the order of time.
+    sorted: Option<std::vec::IntoIter<Recorded>>,
     messages: MessageReader<BufReader<File>>,
     topic: String,
     source: Source,
@@ -114,7 +119,8 @@ impl TopicReader {
         };
         let open = || File::open(path).map(BufReader::new).map_err(|error| failed(&error));
         let origin_ns = origin(&mut open()?).map_err(|error| failed(&error))?;
-        let (mut begin_ns, mut found, mut known) = (None, None, std::collections::BTreeSet::new());
+        let (mut begin_ns, mut found, mut known) = (None::<u64>, None, std::collections::BTreeSet::new());
+        let (mut newest_ns, mut is_sorted, mut bytes) = (0, true, 0);
         for read in MessageReader::new_with_options(open()?, options()) {
             let read = match read {
                 Ok(read) => read,
@@ -122,15 +128,19 @@ impl TopicReader {
                 Err(_) if begin_ns.is_some() => break,
                 Err(error) => return Err(failed(&error)),
             };
-            begin_ns.get_or_insert(read.log_time);
-            known.insert(read.channel.topic.clone());
+            begin_ns = Some(begin_ns.map_or(read.log_time, |begin_ns| begin_ns.min(read.log_time)));
+            if !known.contains(&read.channel.topic) {
+                known.insert(read.channel.topic.clone());
+            }
             if read.channel.topic == topic {
+                is_sorted &= read.log_time >= newest_ns;
+                newest_ns = read.log_time;
+                bytes += read.data.len() as u64;
                 let schema = read.channel.schema.as_ref().map_or("", |schema| &schema.name).to_owned();
                 found = Some(match read.channel.message_encoding.as_str() {
                     "cdr" => Source::Ros2(schema),
                     _ => Source::Yamabico(schema),
                 });
-                break;
             }
         }
         let has: Vec<String> = known.into_iter().filter(|name| !name.ends_with("/scene")).collect();
@@ -148,7 +158,11 @@ impl TopicReader {
             let expected = ros2::expected(message);
             return Err(RecordingError::Type { topic: topic.to_owned(), found: found.clone(), expected });
         }
-        Ok(TopicReader {
+        if !is_sorted && bytes > MAX_SORTED_BYTES {
+            return Err(failed(&"its messages are not in the order of time, and too many to sort"));
+        }
+        let mut reader = TopicReader {
+            sorted: None,
             messages: MessageReader::new_with_options(open()?, options()),
             topic: topic.to_owned(),
             source,
@@ -159,7 +173,13 @@ impl TopicReader {
             refused: 0,
             first_refusal: None,
             broken_off: None,
-        })
+        };
+        if !is_sorted {
+            let mut all: Vec<Recorded> = std::iter::from_fn(|| reader.read()).collect();
+            all.sort_by_key(|recorded| recorded.arrived_ns);
+            reader.sorted = Some(all.into_iter());
+        }
+        Ok(reader)
     }
 
     /// Number of messages left out so far, and a description of the first with its number.
@@ -214,6 +234,23 @@ impl TopicReader {
         }
     }
 
+    /// Next measurement in the order of the file.
+    fn read(&mut self) -> Option<Recorded> {
+        loop {
+            match self.messages.next()? {
+                Ok(message) => {
+                    if let Some(recorded) = self.convert(&message) {
+                        return Some(recorded);
+                    }
+                }
+                Err(error) => {
+                    self.broken_off = Some(error.to_string());
+                    return None;
+                }
+            }
+        }
+    }
+
     /// Stamp of a recorded run, ns after the beginning of the file.
     fn on_file_clock(&self, stamp_ns: u64) -> u64 {
         stamp_ns.saturating_sub(self.origin_ns).saturating_sub(self.begin_ns)
@@ -243,18 +280,9 @@ impl Iterator for TopicReader {
     type Item = Recorded;
 
     fn next(&mut self) -> Option<Recorded> {
-        loop {
-            match self.messages.next()? {
-                Ok(message) => {
-                    if let Some(recorded) = self.convert(&message) {
-                        return Some(recorded);
-                    }
-                }
-                Err(error) => {
-                    self.broken_off = Some(error.to_string());
-                    return None;
-                }
-            }
+        match &mut self.sorted {
+            Some(sorted) => sorted.next(),
+            None => self.read(),
         }
     }
 }

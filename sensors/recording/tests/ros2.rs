@@ -154,7 +154,7 @@ fn files_of_another_program_are_read_completely() {
     let mut scans = TopicReader::open(&path, "/scan", RangeScanHeader::NAME).unwrap();
     let first = scans.next().unwrap();
     let Measurement::Scan(_, beams) = first.measurement else { panic!("no scan") };
-    assert_eq!((beams.len(), stamps_grow(&mut scans)), (180, 77));
+    assert_eq!((beams.len(), stamps_grow(&mut scans)), (180, 77), "{beams:?}");
     let mut odometry = TopicReader::open(&path, "/odom", Odometry::NAME).unwrap();
     assert_eq!((stamps_grow(&mut odometry), odometry.left_out().0), (2425, 0));
 
