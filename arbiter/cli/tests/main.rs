@@ -16,4 +16,5 @@ mod run;
 mod scheduling;
 mod texts;
 mod third_party;
+#[cfg(feature = "view")]
 mod view;
