@@ -18,6 +18,7 @@ pub struct RobotArgument {
 
 impl RobotArgument {
     /// The robot of this name; without one, as if the argument were absent.
+    #[cfg(feature = "view")]
     pub fn named(robot: Option<String>) -> RobotArgument {
         RobotArgument { robot }
     }

@@ -18,4 +18,5 @@ mod run;
 mod scheduling;
 mod texts;
 mod third_party;
+#[cfg(feature = "view")]
 mod view;

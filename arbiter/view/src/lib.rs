@@ -13,5 +13,7 @@ pub mod live;
 pub mod model;
 pub mod recent;
 pub mod recording;
+#[cfg(feature = "page")]
 pub mod server;
+#[cfg(feature = "terminal")]
 pub mod top;

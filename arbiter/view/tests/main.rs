@@ -4,5 +4,7 @@
 
 mod fixture;
 mod recordings;
+#[cfg(feature = "page")]
 mod server;
+#[cfg(feature = "terminal")]
 mod top;

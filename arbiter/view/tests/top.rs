@@ -8,9 +8,9 @@ use yamabico_view::top::{Pane, Screen, draw};
 
 use crate::fixture::{Folder, HALT_S};
 
-/// Text of the screen with 110 columns and 30 rows.
+/// Text of the screen with 110 columns and 32 rows.
 fn render(model: &Model, screen: &Screen) -> String {
-    let mut terminal = Terminal::new(TestBackend::new(110, 30)).unwrap();
+    let mut terminal = Terminal::new(TestBackend::new(110, 32)).unwrap();
     terminal.draw(|frame| draw(frame, model, screen)).unwrap();
     terminal.backend().to_string()
 }

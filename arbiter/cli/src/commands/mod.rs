@@ -20,9 +20,13 @@ mod schema;
 mod set;
 mod switch;
 mod teleop;
+#[cfg(feature = "view")]
 mod top;
 mod topic;
+#[cfg(feature = "view")]
 mod view;
+#[cfg(not(feature = "view"))]
+mod view_missing;
 mod why;
 
 use clap::Subcommand;
@@ -56,9 +60,17 @@ pub enum Command {
     /// Explain what a running robot does, or did in a recording, and why.
     Why(why::Arguments),
     /// Show a running robot or a recording in the browser.
+    #[cfg(feature = "view")]
     View(view::Arguments),
+    /// Show a running robot or a recording in the browser (not in this build).
+    #[cfg(not(feature = "view"))]
+    View(view_missing::Arguments),
     /// Show a running robot in the terminal.
+    #[cfg(feature = "view")]
     Top(top::Arguments),
+    /// Show a running robot in the terminal (not in this build).
+    #[cfg(not(feature = "view"))]
+    Top(view_missing::Arguments),
     /// List the plugins of a running robot and their state.
     Ps(ps::Arguments),
     /// List, print and measure the topics of a running robot.
@@ -103,8 +115,12 @@ impl Command {
             Command::Learn(learn) => learn::learn(&learn, print),
             Command::Report(arguments) => report::report(&arguments, print),
             Command::Why(arguments) => why::why(&arguments, print),
+            #[cfg(feature = "view")]
             Command::View(arguments) => view::view(&arguments, print),
+            #[cfg(feature = "view")]
             Command::Top(arguments) => top::top(&arguments),
+            #[cfg(not(feature = "view"))]
+            Command::View(_) | Command::Top(_) => Err(view_missing::failure()),
             Command::Ps(arguments) => ps::ps(&arguments, print),
             Command::Topic(topic) => topic::topic(&topic, print),
             Command::Goto(arguments) => goto::goto(&arguments, print),

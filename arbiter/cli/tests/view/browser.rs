@@ -51,7 +51,10 @@ impl Browser {
         // The rest of what it prints is read, so that it does not block.
         std::thread::spawn(move || lines.for_each(drop));
         let host = address.split('/').next().unwrap();
-        let (page, _) = connect(page_address(host)).unwrap();
+        let (mut page, _) = connect(page_address(host)).unwrap();
+        if let MaybeTlsStream::Plain(stream) = page.get_mut() {
+            stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+        }
         let mut browser = Browser { process, profile, page, calls: 0 };
         for domain in ["Page", "Runtime"] {
             browser.call(&format!("{domain}.enable"), json!({}));
@@ -135,11 +138,22 @@ impl Drop for Browser {
 /// Address of the first page.
 fn page_address(host: &str) -> String {
     let mut stream = TcpStream::connect(host).unwrap();
-    write!(stream, "GET /json/list HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    let _ = stream.read_to_string(&mut answer);
-    let json = answer.split_once("\r\n\r\n").unwrap().1;
-    let pages: Vec<Value> = serde_json::from_str(json.trim()).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
+    write!(stream, "GET /json/list HTTP/1.1\r\nHost: {host}\r\n\r\n").unwrap();
+    let mut stream = BufReader::new(stream);
+    let mut length = 0;
+    loop {
+        let mut line = String::new();
+        stream.read_line(&mut line).unwrap();
+        match line.trim_end().to_lowercase().split_once(':') {
+            Some(("content-length", value)) => length = value.trim().parse().unwrap(),
+            None if line.trim_end().is_empty() => break,
+            _ => {}
+        }
+    }
+    let mut json = vec![0; length];
+    stream.read_exact(&mut json).unwrap();
+    let pages: Vec<Value> = serde_json::from_slice(&json).unwrap();
     let page = pages.iter().find(|page| page["type"] == "page").unwrap();
     page["webSocketDebuggerUrl"].as_str().unwrap().to_owned()
 }

@@ -4,7 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style, Stylize};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Cell, Paragraph, Row, Table};
+use ratatui::widgets::{Block, Paragraph, Row, Table};
 
 use crate::model::{BehaviorView, EventKind, Model, STAGES, Sample, Snapshot};
 
@@ -120,7 +120,7 @@ impl Screen {
 /// Draws the state of the robot.
 pub fn draw(frame: &mut Frame<'_>, model: &Model, screen: &Screen) {
     let snapshot = model.snapshot();
-    let rows = snapshot.behaviors.len() as u16 + 3;
+    let rows = 2 * snapshot.behaviors.len() as u16 + 3;
     let [head, behaviors, rest, foot] = Layout::vertical([
         Constraint::Length(2 + snapshot.axes.len() as u16),
         Constraint::Length(rows),
@@ -160,65 +160,67 @@ fn draw_head(frame: &mut Frame<'_>, area: Rect, snapshot: &Snapshot, screen: &Sc
     frame.render_widget(Paragraph::new(lines), area);
 }
 
+/// Two lines a behavior: its figures, and why.
 fn draw_behaviors(frame: &mut Frame<'_>, area: Rect, snapshot: &Snapshot, screen: &Screen) {
-    let header = ["behavior", "outcome", "share", "age", "rate", "p99", "restarts", "why"];
-    let rows = snapshot.behaviors.iter().enumerate().map(|(index, behavior)| {
-        let row = behavior_row(index, behavior);
-        if index == screen.behavior { row.style(Style::new().add_modifier(Modifier::REVERSED)) } else { row }
-    });
-    let widest = snapshot.behaviors.iter().map(|behavior| behavior.name.chars().count()).max().unwrap_or(8);
-    let widths = [
-        Constraint::Length(widest as u16 + 8),
-        Constraint::Length(14),
-        Constraint::Length(5),
-        Constraint::Length(BAR_CELLS as u16 + 8),
-        Constraint::Length(8),
-        Constraint::Length(16),
-        Constraint::Length(8),
-        Constraint::Min(10),
-    ];
-    let table = Table::new(rows, widths).header(Row::new(header).dim()).block(Block::bordered());
-    frame.render_widget(table, area);
+    let names = snapshot.behaviors.iter().map(|behavior| label(behavior).chars().count());
+    let widest = names.max().unwrap_or(8);
+    let header = format!(
+        "  {:<widest$}  {:<19}{:>6}  {:<19}{:>9}  {:<16}restarts",
+        "behavior", "outcome", "share", "age of proposal", "rate", "call p99"
+    );
+    let mut lines = vec![Line::from(header).dim()];
+    for (index, behavior) in snapshot.behaviors.iter().enumerate() {
+        let mut line = figures(index, behavior, widest);
+        if index == screen.behavior {
+            line = line.style(Style::new().add_modifier(Modifier::REVERSED));
+        }
+        let why = match behavior.because.as_str() {
+            "" => behavior.why.clone(),
+            because => format!("{}: {because}", behavior.why),
+        };
+        lines.extend([line, Line::from(format!("    {why}")).dim()]);
+    }
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered()), area);
 }
 
-fn behavior_row(index: usize, behavior: &BehaviorView) -> Row<'static> {
-    let outcome = Style::new().fg(if behavior.drives { Color::Green } else { Color::Reset });
+fn figures(index: usize, behavior: &BehaviorView, widest: usize) -> Line<'static> {
     let p99 = behavior.calls.map_or(String::new(), |calls| match behavior.budget_ms {
         Some(budget_ms) => format!("{:.1} of {budget_ms:.0} ms", calls.p99_ms),
         None => format!("{:.1} ms", calls.p99_ms),
     });
-    let why = match behavior.because.as_str() {
-        "" => behavior.why.clone(),
-        because => format!("{}: {because}", behavior.why),
-    };
-    let name = vec![
+    let restarts = if behavior.restarts == 0 { String::new() } else { behavior.restarts.to_string() };
+    let outcome = Span::from(format!("  {:<19}", behavior.outcome));
+    let mut spans = vec![
         Span::from("■ ").fg(COLORS[index % COLORS.len()]),
-        Span::from(format!("{} ({})", behavior.name, behavior.priority)),
+        Span::from(format!("{:<widest$}", label(behavior))),
+        if behavior.drives { outcome.fg(Color::Green).bold() } else { outcome },
+        Span::from(format!("{:>4.0} %  ", 100.0 * behavior.control_share)),
     ];
-    Row::new([
-        Cell::from(Line::from(name)),
-        Cell::from(behavior.outcome).style(outcome),
-        Cell::from(format!("{:>3.0} %", 100.0 * behavior.control_share)),
-        Cell::from(age_bar(behavior.age_s, behavior.max_age_s)),
-        Cell::from(format!("{:>5.1} Hz", behavior.rate_hz)),
-        Cell::from(p99),
-        Cell::from(if behavior.restarts == 0 { String::new() } else { behavior.restarts.to_string() }),
-        Cell::from(why),
-    ])
+    spans.extend(age_bar(behavior.age_s, behavior.max_age_s));
+    spans.push(Span::from(format!("{:>6.1} Hz  {p99:<16}{restarts}", behavior.rate_hz)));
+    Line::from(spans)
+}
+
+/// Name and priority.
+fn label(behavior: &BehaviorView) -> String {
+    format!("{} ({})", behavior.name, behavior.priority)
 }
 
 /// Bar of an age against its maximum, and the age.
-fn age_bar(age_s: Option<f64>, max_s: Option<f64>) -> Line<'static> {
-    let Some(age_s) = age_s else { return Line::from("-") };
-    let share = age_s / max_s.unwrap_or(0.2).max(1e-6);
+fn age_bar(age_s: Option<f64>, max_s: Option<f64>) -> [Span<'static>; 3] {
+    let share = age_s.unwrap_or(0.0) / max_s.unwrap_or(0.2).max(1e-6);
     let full = ((share * BAR_CELLS as f64).round().clamp(0.0, BAR_CELLS as f64)) as usize;
     let color = if share > 1.0 { Color::Red } else { Color::Blue };
-    let text = if age_s < 9.995 { format!("{:>4.0} ms", age_s * 1e3) } else { format!("{age_s:>5.0} s") };
-    Line::from(vec![
+    let text = match age_s {
+        None => "-".to_owned(),
+        Some(age_s) if age_s < 9.995 => format!("{:.0} ms", age_s * 1e3),
+        Some(age_s) => format!("{age_s:.0} s"),
+    };
+    [
         Span::from("█".repeat(full)).fg(color),
         Span::from("░".repeat(BAR_CELLS - full)).dim(),
-        Span::from(text),
-    ])
+        Span::from(format!("{text:>9}")),
+    ]
 }
 
 fn draw_overview(frame: &mut Frame<'_>, area: Rect, model: &Model, snapshot: &Snapshot) {
