@@ -6,7 +6,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Folders of the crates that each crate's library may depend on. All behaviors share one entry, and so do all sensors.
-const LAYERS: [(&str, &[&str]); 13] = [
+const LAYERS: [(&str, &[&str]); 14] = [
     ("core/parameters", &[]),
     ("core/geometry", &[]),
     ("core/drawing", &["core/geometry"]),
@@ -17,6 +17,8 @@ const LAYERS: [(&str, &[&str]); 13] = [
     ("sensors", &["core", "core/vision"]),
     ("arbiter", &["core"]),
     ("arbiter/runtime", &["core", "core/parameters", "core/host", "core/drawing", "arbiter"]),
+    // It shows what the runtime's client and its recordings tell.
+    ("arbiter/view", &["core", "core/host", "arbiter", "arbiter/runtime"]),
     ("arbiter/learning", ANY_BUT_CLI),
     ("arbiter/cli", ANY_BUT_CLI),
     ("tests", ANY),

@@ -17,6 +17,11 @@ pub struct RobotArgument {
 }
 
 impl RobotArgument {
+    /// The robot of this name; without one, as if the argument were absent.
+    pub fn named(robot: Option<String>) -> RobotArgument {
+        RobotArgument { robot }
+    }
+
     /// Returns the name of the chosen robot.
     ///
     /// # Errors

@@ -6,8 +6,8 @@
 //! | [`execution`] | the plan of a run, lockstep and live execution, the manifest of a live robot |
 //! | [`supervisor`] | plugins in processes of their own: started, watched and restarted |
 //! | [`record`] | taps on the messages of a run: digest, MCAP recording, playback |
-//! | [`overlay_painter`] | what behaviors drew, on the pictures in which they saw it |
 //! | [`replay`] | a recorded run again: compared to the byte, or changed |
+//! | [`overlay_painter`] | what behaviors drew, on the pictures in which they saw it |
 //! | [`report`] | the summary of a run and the plot of its trajectory |
 //! | [`client`] | the client of a running robot, for every live command |
 //!

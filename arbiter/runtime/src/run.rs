@@ -27,10 +27,10 @@ pub struct Options {
     pub threads: usize,
     /// File of the recording; `None` for no recording. Its folder is created if it is missing.
     pub recording: Option<PathBuf>,
-    /// Overlays of the behaviors, if there is a recording.
-    pub overlays: Overlays,
     /// If set, an existing recording is replaced; otherwise it is refused.
     pub overwrite: bool,
+    /// Overlays of the behaviors, if there is a recording.
+    pub overlays: Overlays,
     /// Real time, or lockstep as fast as possible.
     pub pace: Pace,
     /// Report beside the recording, an HTML file.
@@ -52,9 +52,9 @@ impl Default for Options {
             threads: 1,
             pace,
             recording: None,
+            overwrite: false,
             overlays: Overlays::Recorded,
             report: Report::None,
-            overwrite: false,
             plots: None,
             overrides: Overrides::default(),
             program: None,
@@ -334,18 +334,19 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
     let identity = Identity::of(task, &options.overrides, options.seed, options.pace);
     let (identity, files) = identity.map_err(RunError::WorkingDirectory)?;
     let sensors = task.robot.sensors.iter();
-    // A report needs both, also on a recording that was killed.
-    let places = [
-        ("goal", serde_json::to_string(&task.run.goal).unwrap_or_default()),
-        ("radius_m", task.robot.robot.radius_m.to_string()),
-    ];
-    let places = places.map(|(key, value)| (key.to_owned(), value));
+    let mut facts = identity.facts();
+    let robot = &task.robot.robot;
+    facts.extend([
+        ("robot_name".to_owned(), robot.name.clone()),
+        ("radius_m".to_owned(), robot.radius_m.to_string()),
+        ("goal".to_owned(), serde_json::to_string(&task.run.goal).unwrap_or_default()),
+    ]);
     let recording = Recording {
         replaces: options.overwrite,
         robot: task.robot.robot.clone(),
         sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
         files,
-        facts: identity.facts().into_iter().chain(places).collect(),
+        facts,
         ..Recording::new(path, options.pace)
     };
     Ok(McapRecorder::create(recording)?)

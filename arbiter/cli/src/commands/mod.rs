@@ -20,6 +20,7 @@ mod set;
 mod switch;
 mod teleop;
 mod topic;
+mod view;
 mod why;
 
 use clap::Subcommand;
@@ -50,8 +51,10 @@ pub enum Command {
     Learn(learn::Learn),
     /// Write a report on a recording: one HTML file with path, control, halts and latencies.
     Report(report::Arguments),
-    /// Explain what a running robot does, and why.
+    /// Explain what a running robot does, or did in a recording, and why.
     Why(why::Arguments),
+    /// Show a running robot or a recording in the browser.
+    View(view::Arguments),
     /// List the plugins of a running robot and their state.
     Ps(ps::Arguments),
     /// List, print and measure the topics of a running robot.
@@ -94,6 +97,7 @@ impl Command {
             Command::Learn(learn) => learn::learn(&learn, print),
             Command::Report(arguments) => report::report(&arguments, print),
             Command::Why(arguments) => why::why(&arguments, print),
+            Command::View(arguments) => view::view(&arguments, print),
             Command::Ps(arguments) => ps::ps(&arguments, print),
             Command::Topic(topic) => topic::topic(&topic, print),
             Command::Goto(arguments) => goto::goto(&arguments, print),

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use yamabico_arbiter::decide::{DecisionMessage, ExplainContext, ProposalTerms};
+use yamabico_arbiter::decide::{DecisionMessage, ExplainContext};
 use yamabico_core::message::{DecisionHeader, ProcessesHeader, Proposal};
 use yamabico_host::bus::{Bus, BusError, Subscriber, WaitSet};
 
@@ -65,21 +65,15 @@ impl RobotClient {
 
 impl DecisionObserver {
     fn open(bus: &Bus, manifest: &RobotManifest) -> Result<DecisionObserver, BusError> {
-        let behaviors = || manifest.plugins.iter().filter_map(|plugin| Some((plugin, plugin.behavior?)));
-        let proposals = behaviors().map(|(plugin, _)| bus.subscriber(&topics::proposal(&plugin.name)));
-        let terms = behaviors().map(|(plugin, behavior)| ProposalTerms {
-            behavior: plugin.name.clone(),
-            max_age_s: behavior.max_age_s,
-            max_evidence_age_s: behavior.max_evidence_age_s,
-            deadline_s: behavior.deadline_s,
-        });
+        let behaviors = manifest.plugins.iter().filter(|plugin| plugin.behavior.is_some());
+        let proposals = behaviors.map(|plugin| bus.subscriber(&topics::proposal(&plugin.name)));
         Ok(DecisionObserver {
             wait_set: bus.wait_set(&[topics::DECISION])?,
             decisions: bus.subscriber(topics::DECISION)?,
             proposals: proposals.collect::<Result<_, _>>()?,
             processes: bus.subscriber(topics::PROCESSES)?,
             has_processes: manifest.plugins.iter().any(|plugin| plugin.own_process),
-            context: ExplainContext { terms: terms.collect(), ..ExplainContext::default() },
+            context: ExplainContext { terms: manifest.terms(), ..ExplainContext::default() },
         })
     }
 

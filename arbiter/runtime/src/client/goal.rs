@@ -163,7 +163,14 @@ mod tests {
     use crate::execution::{BehaviorEntry, PluginEntry, TopicEntry};
 
     fn robot(behaviors: &[&str], planners: &[&str]) -> RobotManifest {
-        let entry = BehaviorEntry { priority: 1, max_age_s: 0.2, max_evidence_age_s: 1.0, deadline_s: None };
+        let entry = BehaviorEntry {
+            priority: 1,
+            max_age_s: 0.2,
+            max_evidence_age_s: 1.0,
+            deadline_s: None,
+            latency_budget_s: None,
+            budget_s: None,
+        };
         let plugin = |name: &&str| PluginEntry {
             name: (*name).to_owned(),
             plugin: (*name).to_owned(),
@@ -171,6 +178,7 @@ mod tests {
             exec: Vec::new(),
             hang_timeout_s: 1.0,
             behavior: Some(entry),
+            parameters: Vec::new(),
         };
         let topic = |name: &&str| TopicEntry {
             name: path_topic(name),

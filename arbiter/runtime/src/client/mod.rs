@@ -5,6 +5,7 @@
 
 mod decisions;
 mod error;
+mod feed;
 mod goal;
 mod parameters;
 mod plugin_status;
@@ -19,6 +20,7 @@ use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher, Subscriber};
 
 pub use error::ClientError;
+pub use feed::RobotFeed;
 pub use goal::{GoalProgress, GoalRequest};
 pub use plugin_status::{CallSummary, PluginStatus, TimedText};
 pub use request::{Request, RequestResult};

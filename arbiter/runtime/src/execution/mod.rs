@@ -21,7 +21,7 @@ mod worker_pool;
 pub use live::Live;
 pub use lockstep::{Lockstep, SensorSupply};
 pub use plan::{Overlays, Plan, Topic};
-pub use robot_manifest::{BehaviorEntry, PluginEntry, RobotManifest, TopicEntry};
+pub use robot_manifest::{BehaviorEntry, ParameterEntry, PluginEntry, RobotManifest, TopicEntry};
 pub(crate) use run_end::run_lockstep;
 pub use run_end::{Progress, RunEnd};
 pub use run_stats::RunStats;

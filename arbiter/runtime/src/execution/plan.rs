@@ -62,6 +62,8 @@ pub struct Plan {
     pub step: Duration,
     /// Maximum absolute coordinate of a goal, m; `None` without a map.
     pub max_goal_m: Option<f64>,
+    /// Radius of the circle around the robot's footprint, m.
+    pub radius_m: f64,
     /// Use of the behaviors' overlays.
     pub overlays: Overlays,
 }
@@ -89,6 +91,7 @@ impl Plan {
             step: task.run.step,
             max_goal_m: task.max_goal_m,
             overlays: Overlays::default(),
+            radius_m: task.robot.robot.radius_m,
         }
     }
 

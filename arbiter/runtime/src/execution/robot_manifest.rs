@@ -1,11 +1,13 @@
 //! Manifest of a live robot: its plugins and topics, for clients.
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+use yamabico_arbiter::decide::ProposalTerms;
 use yamabico_core::message::RobotManifestHeader;
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher};
-use yamabico_host::config::Isolation;
-use yamabico_host::{HostSettings, topics};
+use yamabico_host::config::{Isolation, Parameter, describe_parameters};
+use yamabico_host::{BehaviorPlan, HostSettings, topics};
 
 use super::plan::Plan;
 
@@ -25,6 +27,8 @@ pub struct RobotManifest {
     pub topics: Vec<TopicEntry>,
     /// Maximum absolute coordinate of a goal, m; `None` without a map.
     pub max_goal_m: Option<f64>,
+    /// Radius of the circle around the robot's footprint, m.
+    pub radius_m: f64,
 }
 
 /// A plugin of a manifest.
@@ -42,6 +46,25 @@ pub struct PluginEntry {
     pub hang_timeout_s: f64,
     /// Arbitration settings of a behavior; `None` for a device.
     pub behavior: Option<BehaviorEntry>,
+    /// Parameters of a behavior, with their values at the start of the run.
+    pub parameters: Vec<ParameterEntry>,
+}
+
+/// A parameter of a manifest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEntry {
+    /// Key; dotted inside a table.
+    pub key: String,
+    /// Type, or the allowed strings.
+    pub takes: String,
+    /// Unit.
+    pub unit: Option<String>,
+    /// Minimum and maximum, such as `0.05 to 10`.
+    pub range: Option<String>,
+    /// Value, or its default; `None` if it has neither.
+    pub value: Option<Json>,
+    /// Meaning.
+    pub summary: String,
 }
 
 /// Arbitration settings of a behavior of a manifest.
@@ -55,6 +78,10 @@ pub struct BehaviorEntry {
     pub max_evidence_age_s: f64,
     /// Maximum silence of a critical behavior, s; `None` if it is not critical.
     pub deadline_s: Option<f64>,
+    /// Age of the data behind a command above which it is late, s; `None` without such a budget.
+    pub latency_budget_s: Option<f64>,
+    /// Computing time of one call above which it is an overrun, s; `None` without a budget.
+    pub budget_s: Option<f64>,
 }
 
 /// A topic of a manifest.
@@ -89,6 +116,7 @@ impl RobotManifest {
             exec: Vec::new(),
             hang_timeout_s: device.settings.deadline.hang_timeout().as_secs_f64(),
             behavior: None,
+            parameters: Vec::new(),
         });
         let behaviors = plan.behaviors.iter().map(|behavior| PluginEntry {
             name: behavior.setup.name.clone(),
@@ -96,7 +124,8 @@ impl RobotManifest {
             own_process: own_process(&behavior.settings.host),
             exec: behavior.settings.host.exec.clone(),
             hang_timeout_s: behavior.settings.host.deadline.hang_timeout().as_secs_f64(),
-            behavior: behavior_entry(plan, &behavior.setup.name),
+            behavior: behavior_entry(plan, behavior),
+            parameters: parameters(&behavior.factory.info().parameters, &behavior.table),
         });
         let topics = plan.topics.iter().map(|topic| TopicEntry {
             name: topic.name.clone(),
@@ -109,17 +138,63 @@ impl RobotManifest {
             plugins: devices.chain(behaviors).collect(),
             topics: topics.collect(),
             max_goal_m: plan.max_goal_m,
+            radius_m: plan.radius_m,
         }
+    }
+
+    /// Maximum ages and deadlines of the behaviors, to explain decisions.
+    pub fn terms(&self) -> Vec<ProposalTerms> {
+        let behaviors = self.plugins.iter().filter_map(|plugin| Some((plugin, plugin.behavior?)));
+        let terms = behaviors.map(|(plugin, behavior)| ProposalTerms {
+            behavior: plugin.name.clone(),
+            max_age_s: behavior.max_age_s,
+            max_evidence_age_s: behavior.max_evidence_age_s,
+            deadline_s: behavior.deadline_s,
+        });
+        terms.collect()
+    }
+
+    /// JSON for the bus; without parameters if they take too much space.
+    fn to_json(&self) -> String {
+        let text = serde_json::to_string(self).unwrap_or_default();
+        if text.len() <= MAX_MANIFEST_BYTES {
+            return text;
+        }
+        let mut short = self.clone();
+        short.plugins.iter_mut().for_each(|plugin| plugin.parameters.clear());
+        serde_json::to_string(&short).unwrap_or_default()
     }
 }
 
-fn behavior_entry(plan: &Plan, behavior: &str) -> Option<BehaviorEntry> {
-    let policy = &plan.policy.behaviors[plan.policy.find(behavior)?];
+/// Parameters of this schema with their values in `table`.
+fn parameters(schema: &Json, table: &toml::Table) -> Vec<ParameterEntry> {
+    let value = |key: &str| {
+        let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
+        let found = table.get(first)?;
+        let keys = rest.into_iter().flat_map(|rest| rest.split('.'));
+        let found = keys.into_iter().try_fold(found, |value, key| value.get(key))?;
+        serde_json::to_value(found).ok()
+    };
+    let entry = |parameter: Parameter| ParameterEntry {
+        value: value(&parameter.key).or(parameter.default),
+        key: parameter.key,
+        takes: parameter.takes,
+        unit: parameter.unit.map(str::to_owned),
+        range: parameter.range,
+        summary: parameter.summary,
+    };
+    describe_parameters(schema).into_iter().map(entry).collect()
+}
+
+fn behavior_entry(plan: &Plan, behavior: &BehaviorPlan) -> Option<BehaviorEntry> {
+    let policy = &plan.policy.behaviors[plan.policy.find(&behavior.setup.name)?];
     Some(BehaviorEntry {
         priority: policy.priority,
         max_age_s: policy.max_age.as_secs_f64(),
         max_evidence_age_s: policy.max_evidence_age.as_secs_f64(),
         deadline_s: policy.critical.then_some(policy.deadline.as_secs_f64()),
+        latency_budget_s: policy.latency_budget.map(|budget| budget.as_secs_f64()),
+        budget_s: behavior.settings.budget.map(|budget| budget.as_secs_f64()),
     })
 }
 
@@ -154,7 +229,7 @@ impl ManifestPublisher {
     /// Publishes `manifest` for the first time.
     pub fn start(bus: &Bus, manifest: &RobotManifest) -> Result<ManifestPublisher, BusError> {
         let publisher = bus.publisher(topics::MANIFEST)?;
-        let text = serde_json::to_string(manifest).unwrap_or_default();
+        let text = manifest.to_json();
         let header = RobotManifestHeader { stamp_ns: Time::monotonic_now().0, sequence: 1 };
         publisher.publish(&header, text.as_bytes())?;
         Ok(ManifestPublisher(publisher))

@@ -30,13 +30,13 @@ pub enum RunEnd {
 }
 
 impl RunEnd {
-    /// Name in recordings.
+    /// Text for reports and recordings.
     #[must_use]
-    pub fn as_str(&self) -> &'static str {
+    pub fn as_str(self) -> &'static str {
         match self {
             RunEnd::Arrived => "arrived",
-            RunEnd::SensorsEnded => "sensors-ended",
-            RunEnd::TimeOver => "time-over",
+            RunEnd::SensorsEnded => "all sensors ended",
+            RunEnd::TimeOver => "time over",
             RunEnd::Interrupted => "interrupted",
         }
     }

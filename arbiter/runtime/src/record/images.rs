@@ -28,13 +28,23 @@ impl ImageFormat {
     }
 }
 
-/// Compresses a frame; `None` if its header and its bytes contradict each other.
+/// Compresses a frame for a recording; `None` if its header and its bytes contradict each other.
 pub(super) fn compressed(
     header: &FrameHeader,
     pixels: &[u8],
     format: ImageFormat,
     frame_id: &str,
 ) -> Option<CompressedImage> {
+    Some(CompressedImage {
+        timestamp: Some(timestamp(header.stamp_ns)),
+        frame_id: frame_id.to_owned(),
+        data: Bytes::from(compress(header, pixels, format)?),
+        format: format.name().to_owned(),
+    })
+}
+
+/// Compresses the pixels of a frame; `None` if its header and its bytes contradict each other.
+pub fn compress(header: &FrameHeader, pixels: &[u8], format: ImageFormat) -> Option<Vec<u8>> {
     let row = (header.width as usize).checked_mul(header.encoding()?.bytes_per_pixel() as usize)?;
     let (stride, height) = (header.stride as usize, header.height as usize);
     if row == 0 || height == 0 || stride < row || pixels.len() < stride * (height - 1) + row {
@@ -59,12 +69,7 @@ pub(super) fn compressed(
             .write_image(pixels, header.width, header.height, color),
     };
     written.ok()?;
-    Some(CompressedImage {
-        timestamp: Some(timestamp(header.stamp_ns)),
-        frame_id: frame_id.to_owned(),
-        data: Bytes::from(data),
-        format: format.name().to_owned(),
-    })
+    Some(data)
 }
 
 #[cfg(test)]

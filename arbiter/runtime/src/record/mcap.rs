@@ -86,9 +86,9 @@ pub struct RecordingResult {
 /// Writes every message of a run to an MCAP file, on a thread of its own.
 ///
 /// A message on topic `T` is written as JSON under `T`, and, if Foxglove has a schema for it, again under `/T/image`,
-/// `/T/scan`, `/T/pose`, `/T/annotations` and `/T/scene`; `/tf` holds the coordinate frames, `/log` the changes as text. Times count from the
-/// first message; the record `run` says when that was. A failure, such as a full disk, is logged once; the run goes on, and
-/// [`McapRecorder::finish`] reports it.
+/// `/T/scan`, `/T/pose`, `/T/annotations` and `/T/scene`; `/tf` holds the coordinate frames, `/log` the changes as text. Times
+/// count from the first message; the record `run` says when that was. A failure, such as a full disk, is logged once; the run
+/// goes on, and [`McapRecorder::finish`] reports it.
 pub struct McapRecorder {
     path: PathBuf,
     pace: Pace,

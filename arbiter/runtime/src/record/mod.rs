@@ -33,13 +33,13 @@ pub use error::RecordError;
 pub use facts::{RecordedFacts, read_facts};
 pub(crate) use identity::digest_of_program;
 pub use identity::{Execution, Identity, RecordedIdentity};
-pub use images::ImageFormat;
+pub use images::{ImageFormat, compress};
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
 pub(crate) use playback::play_compressed;
 pub use playback::{PlaybackError, PlaybackResult, play};
 pub use repair::{RepairError, Repaired, repair};
 pub use run_folder::RunFolder;
-pub use schema::to_json;
+pub use schema::{Bytes, from_json, to_json};
 pub use utc::utc;
 
 use yamabico_core::message::MessageType;

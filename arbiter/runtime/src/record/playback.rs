@@ -115,10 +115,10 @@ fn play_to<'a>(
 
 struct Player<'a> {
     tap: &'a mut dyn Tap,
-    /// Receives frames instead of the tap.
-    frames: Option<FrameSink<'a>>,
     /// Stamp at time zero of the recording.
     origin: Time,
+    /// Receives frames instead of the tap.
+    frames: Option<FrameSink<'a>>,
     /// Frame whose image follows.
     frame: Option<Frame>,
     played: PlaybackResult,

@@ -24,14 +24,16 @@ pub fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
     value
 }
 
-/// Bytes of header and items.
-pub(super) struct Bytes {
+/// Bytes of a message.
+pub struct Bytes {
+    /// Header.
     pub header: Vec<u8>,
+    /// Items; of a frame none.
     pub items: Vec<u8>,
 }
 
 /// Converts the JSON of [`to_json`] back to a message; `None` if it does not fit.
-pub(super) fn from_json(message: &MessageType, json: &Value) -> Option<Bytes> {
+pub fn from_json(message: &MessageType, json: &Value) -> Option<Bytes> {
     let raw = |name: &str| json.get(name)?.as_str().and_then(bytes);
     let (header, items) = match raw(HEADER_BYTES) {
         Some(header) => (header, raw(ITEM_BYTES)?),

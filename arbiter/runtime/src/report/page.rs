@@ -113,9 +113,9 @@ impl<'a> Page<'a> {
         let (class, text) = match end {
             _ if self.run.broken_off.is_some() => ("bad", "recording cut off"),
             Some("arrived") => ("good", "arrived"),
-            Some("sensors-ended") => ("good", "all sensors ended"),
-            Some("time-over") if self.run.goal.is_none() => ("good", "time over"),
-            Some("time-over") => ("bad", "not arrived: time over"),
+            Some("all sensors ended") => ("good", "all sensors ended"),
+            Some("time over") if self.run.goal.is_none() => ("good", "time over"),
+            Some("time over") => ("bad", "not arrived: time over"),
             Some(other) => ("bad", other),
             None => ("bad", "end not recorded"),
         };
@@ -138,7 +138,7 @@ impl<'a> Page<'a> {
         let arrived = if end == "arrived" { " and arrived at its goal" } else { "" };
         let [distance, time] = ["distance_m", "time_s"].map(|key| self.number(key).unwrap_or(0.0));
         let _ = write!(story, "The robot drove {distance:.1} m in {time:.1} s{arrived}. ");
-        if end == "time-over" && run.goal.is_some() {
+        if end == "time over" && run.goal.is_some() {
             story += "Its time was over before it reached the goal. ";
         }
         let control = run.summary.get("control_s").and_then(Value::as_object);
@@ -457,10 +457,12 @@ impl<'a> Page<'a> {
             }
         };
         row("file", &run.path.display().to_string());
-        for key in
-            ["started", "task", "robot", "overrides", "seed", "execution", "version", "configuration_sha256"]
-        {
-            row(key, run.facts.run.get(key).map_or("", String::as_str));
+        let fact = |key: &str| run.facts.run.get(key).map_or("", String::as_str);
+        row("task", fact("name"));
+        row("robot", fact("robot_name"));
+        row("overrides", Some(fact("overrides")).filter(|set| *set != "[]").unwrap_or_default());
+        for key in ["execution", "seed", "version", "started"] {
+            row(key, fact(key));
         }
         row("digest", run.facts.result.get("digest").map_or("", String::as_str));
         row("left out", &run.left_out.join("; "));

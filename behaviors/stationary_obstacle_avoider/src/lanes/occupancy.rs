@@ -3,7 +3,7 @@
 //!
 //! Moravec & Elfes (1985).
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Beam;
 use yamabico_vision::rolling_window::RollingWindow;
@@ -96,9 +96,22 @@ impl OccupancyGrid {
         self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), free_odds);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
-            let arc = azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
-            self.add(arc, ECHO);
+            let arc = || azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
+            // An echo says that something is on its arc, not that all of it is occupied: what is known to stand there
+            // explains it.
+            let mut known = [None; 9 * FAN];
+            let near = arc().flat_map(neighbors).filter(|&place| self.is_occupied(place));
+            known.iter_mut().zip(near).for_each(|(known, place)| *known = Some(place));
+            if known[0].is_some() {
+                self.add(known.into_iter().flatten(), ECHO);
+            } else {
+                self.add(arc(), ECHO);
+            }
         }
+    }
+
+    fn is_occupied(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.log_odds[slot] >= OCCUPIED)
     }
 
     /// Middles of the occupied cells, odometry frame, m.
@@ -106,6 +119,12 @@ impl OccupancyGrid {
         let cells = self.log_odds.iter().enumerate().filter(|&(_, &log_odds)| log_odds >= OCCUPIED);
         cells.map(|(slot, _)| self.window.place(slot))
     }
+}
+
+/// Places in the cell of `place` and in the eight around it.
+fn neighbors(place: Point2<f64>) -> impl Iterator<Item = Point2<f64>> {
+    const STEPS: [f64; 3] = [-CELL_M, 0.0, CELL_M];
+    STEPS.into_iter().flat_map(move |x| STEPS.map(|y| place + Vector2::new(x, y)))
 }
 
 #[cfg(test)]
@@ -146,6 +165,20 @@ mod tests {
         grid.advance(Point2::new(9.0, 0.0), 0.0);
         grid.advance(Point2::new(3.0, 0.0), 0.0);
         assert!(occupied(&grid).is_empty(), "what left the window is forgotten");
+    }
+
+    #[test]
+    fn an_echo_of_a_known_obstacle_does_not_widen_it() {
+        let mut grid = OccupancyGrid::default();
+        for _ in 0..3 {
+            grid.add([Point2::new(0.98, -0.17)].into_iter(), 1.3);
+        }
+        let beam = Beam { cone_rad: 0.6, range_m: 1.0, ..Beam::default() };
+        for _ in 0..20 {
+            grid.add_beam(&beam, &Pose2::IDENTITY, |_| true);
+        }
+        let found = occupied(&grid);
+        assert!(found.iter().all(|place| place.y < -0.05) && !found.is_empty(), "{found:?}");
     }
 
     #[test]

@@ -131,12 +131,12 @@ pub fn describe(name: &str, plugins: &Plugins) -> Result<Description, String> {
                 summary: plugin.summary.clone(),
             };
             let own = plain(name, "sensor", &plugin.summary, &plugin.parameters);
-            let common = parameters(&schemars::schema_for!(SensorKeys).to_value());
+            let common = describe_parameters(&schemars::schema_for!(SensorKeys).to_value());
             return Ok(Description { outputs: vec![gives], common, ..own });
         }
         if let Some(plugin) = driver.info().drive(kind) {
             let own = plain(name, "drive", &plugin.summary, &plugin.parameters);
-            let common = parameters(&schemars::schema_for!(PartKeys).to_value());
+            let common = describe_parameters(&schemars::schema_for!(PartKeys).to_value());
             return Ok(Description { axes: Some(plugin.axes.to_string()), common, ..own });
         }
     }
@@ -180,7 +180,7 @@ fn describe_behavior(name: &str, info: &BehaviorInfo) -> Description {
             Axes::NONE => "none; it only halts or limits the motion of others".to_owned(),
             claims => claims.to_string(),
         }),
-        common: parameters(&schemars::schema_for!(BehaviorKeys).to_value()),
+        common: describe_parameters(&schemars::schema_for!(BehaviorKeys).to_value()),
         ..plain(name, "behavior", &info.summary, &info.parameters)
     }
 }
@@ -212,7 +212,7 @@ fn plain(name: &str, what: &'static str, summary: &str, schema: &Json) -> Descri
         inputs: Vec::new(),
         outputs: Vec::new(),
         axes: None,
-        parameters: parameters(schema),
+        parameters: describe_parameters(schema),
         common: Vec::new(),
     }
 }
@@ -228,7 +228,8 @@ fn ports(slots: &[SlotInfo]) -> Vec<Port> {
     slots.iter().map(port).collect()
 }
 
-fn parameters(schema: &Json) -> Vec<Parameter> {
+/// Returns the keys of the plugin's parameters, `schema`.
+pub fn describe_parameters(schema: &Json) -> Vec<Parameter> {
     let mut found = Vec::new();
     collect("", Shape::new(schema), 0, &mut found);
     found

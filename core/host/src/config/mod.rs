@@ -26,7 +26,9 @@ mod tables;
 mod task;
 mod wires;
 
-pub use describe::{Description, Listed, Listing, Parameter, Port, describe, describe_in_task, list};
+pub use describe::{
+    Description, Listed, Listing, Parameter, Port, describe, describe_in_task, describe_parameters, list,
+};
 pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
 pub use overrides::Overrides;

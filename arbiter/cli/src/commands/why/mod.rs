@@ -1,6 +1,9 @@
-//! `yamabico why`: the newest decision of a running robot, explained.
+//! `yamabico why`: the decisions of a running robot or of a recording, explained.
+
+mod recording;
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -24,6 +27,15 @@ const TIMEOUT: Duration = Duration::from_secs(3);
 /// Arguments of `why`.
 #[derive(Args)]
 pub struct Arguments {
+    /// Recording; by default a running robot.
+    #[arg(value_name = "FILE.mcap", conflicts_with_all = ["robot", "follow"])]
+    recording: Option<PathBuf>,
+    /// Time of the decision in the recording, s; by default its end.
+    #[arg(long, value_name = "S", requires = "recording")]
+    at: Option<f64>,
+    /// Explain every decision of the recording that differs from the one before in more than its numbers.
+    #[arg(long, requires = "recording", conflicts_with = "at")]
+    every_change: bool,
     /// Explain again whenever the decision changes, until Ctrl-C.
     #[arg(long, short)]
     follow: bool,
@@ -31,8 +43,13 @@ pub struct Arguments {
     robot: RobotArgument,
 }
 
-/// Explains the newest decision.
+/// Explains the newest decision, or those of a recording.
 pub fn why(arguments: &Arguments, print: Print) -> CommandResult {
+    match &arguments.recording {
+        Some(file) if arguments.every_change => return recording::explain_every_change(file, print),
+        Some(file) => return recording::explain_at(file, arguments.at, print),
+        None => {}
+    }
     let robot = arguments.robot.choose()?;
     let interrupt = interrupt_flag()?;
     let mut client = RobotClient::join(&robot)?;

@@ -1,0 +1,200 @@
+//! Chunks of an MCAP file: found without its index, so that a recording whose writer was killed is read up to its end.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::read::{ChunkReader, parse_record};
+use mcap::records::{Record, op};
+use yamabico_core::message::MessageType;
+use yamabico_core::time::Time;
+
+use super::RecordingError;
+
+/// Maximum size of a chunk, attachment or definition, bytes.
+const MAX_RECORD_BYTES: u64 = 256 << 20;
+/// Size of the code and the length before each record.
+const HEAD_BYTES: usize = 9;
+
+/// Contents of a channel.
+#[derive(Clone, Debug)]
+pub(crate) enum Contents {
+    /// Messages of the bus, as JSON.
+    Message(&'static MessageType),
+    /// Pictures of the camera whose topic this is, as `foxglove.CompressedImage`.
+    Pictures(Arc<str>),
+}
+
+/// A channel that is shown.
+#[derive(Clone, Debug)]
+pub(crate) struct Channel {
+    pub topic: Arc<str>,
+    pub contents: Contents,
+}
+
+/// A record of a channel that is shown.
+#[derive(Clone, Debug)]
+pub(crate) struct Entry {
+    pub channel: Arc<Channel>,
+    pub time: Time,
+    pub data: Vec<u8>,
+}
+
+/// Position and time of one chunk.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chunk {
+    offset: u64,
+    size: u64,
+    /// Time of its last record.
+    pub end: Time,
+}
+
+/// The chunks of a file in their order.
+pub(crate) struct Chunks {
+    path: PathBuf,
+    file: BufReader<File>,
+    pub chunks: Vec<Chunk>,
+    /// Attached texts by name.
+    pub attachments: Vec<(String, String)>,
+    /// Cause why the file ends early.
+    pub broken_off: Option<String>,
+    schemas: BTreeMap<u16, String>,
+    channels: BTreeMap<u16, Arc<Channel>>,
+}
+
+impl Chunks {
+    /// Finds the chunks of the file.
+    pub fn open(path: &Path) -> Result<Chunks, RecordingError> {
+        let unreadable = |source| RecordingError::NotReadable { path: path.to_owned(), source };
+        let file = BufReader::new(File::open(path).map_err(unreadable)?);
+        let mut chunks = Chunks {
+            path: path.to_owned(),
+            file,
+            chunks: Vec::new(),
+            attachments: Vec::new(),
+            broken_off: None,
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+        };
+        let mut magic = [0; mcap::MAGIC.len()];
+        if chunks.file.read_exact(&mut magic).is_err() || magic != *mcap::MAGIC {
+            return Err(chunks.no_recording("it is not an MCAP file"));
+        }
+        chunks.scan().map_err(unreadable)?;
+        if chunks.chunks.is_empty() {
+            let reason = chunks.broken_off.clone().unwrap_or("it has no chunks".to_owned());
+            return Err(chunks.no_recording(&reason));
+        }
+        Ok(chunks)
+    }
+
+    pub fn no_recording(&self, reason: &str) -> RecordingError {
+        RecordingError::NoRecording { path: self.path.clone(), reason: reason.to_owned() }
+    }
+
+    fn scan(&mut self) -> std::io::Result<()> {
+        let length = self.file.get_ref().metadata()?.len();
+        let mut offset = mcap::MAGIC.len() as u64;
+        loop {
+            let mut head = [0; HEAD_BYTES];
+            self.file.seek(SeekFrom::Start(offset))?;
+            if self.file.read_exact(&mut head).is_err() {
+                self.broken_off =
+                    Some("its end is missing: its writer was killed, or the disk was full".to_owned());
+                return Ok(());
+            }
+            let [code, size @ ..] = head;
+            let size = u64::from_le_bytes(size);
+            let begin = offset + HEAD_BYTES as u64;
+            if size > length.saturating_sub(begin) {
+                self.broken_off = Some(
+                    "its last part is incomplete: its writer was killed, or the disk was full".to_owned(),
+                );
+                return Ok(());
+            }
+            match code {
+                op::DATA_END | op::FOOTER => return Ok(()),
+                op::CHUNK => {
+                    let mut times = [0; 16];
+                    self.file.read_exact(&mut times)?;
+                    let [.., a, b, c, d, e, f, g, h] = times;
+                    let end = Time(u64::from_le_bytes([a, b, c, d, e, f, g, h]));
+                    self.chunks.push(Chunk { offset: begin, size, end });
+                }
+                op::ATTACHMENT | op::SCHEMA | op::CHANNEL if size <= MAX_RECORD_BYTES => {
+                    let mut body = vec![0; size as usize];
+                    self.file.read_exact(&mut body)?;
+                    if let Ok(record) = parse_record(code, &body) {
+                        self.define(&record);
+                    }
+                }
+                _ => {}
+            }
+            offset = begin + size;
+        }
+    }
+
+    /// Passes every record of the chunk at `index` to `each`, in the order of the file.
+    pub fn read(&mut self, index: usize, each: &mut dyn FnMut(Entry)) -> Result<(), RecordingError> {
+        let Some(Chunk { offset, size, .. }) = self.chunks.get(index).copied() else { return Ok(()) };
+        if size > MAX_RECORD_BYTES {
+            return Err(self.no_recording("it has a chunk of more than 256 MiB"));
+        }
+        let unreadable = |source| RecordingError::NotReadable { path: self.path.clone(), source };
+        self.file.seek(SeekFrom::Start(offset)).map_err(unreadable)?;
+        let mut body = vec![0; size as usize];
+        self.file.read_exact(&mut body).map_err(unreadable)?;
+        let Ok(Record::Chunk { header, data }) = parse_record(op::CHUNK, &body) else {
+            return Err(self.no_recording("it has a damaged chunk"));
+        };
+        if header.uncompressed_size > MAX_RECORD_BYTES {
+            return Err(self.no_recording("it has a chunk of more than 256 MiB"));
+        }
+        let records =
+            ChunkReader::new(header, &data).map_err(|error| self.no_recording(&error.to_string()))?;
+        for record in records {
+            match record {
+                Ok(Record::Message { header, data }) => {
+                    if let Some(channel) = self.channels.get(&header.channel_id) {
+                        let channel = Arc::clone(channel);
+                        each(Entry { channel, time: Time(header.log_time), data: data.into_owned() });
+                    }
+                }
+                Ok(record) => self.define(&record),
+                Err(error) => {
+                    self.broken_off.get_or_insert(error.to_string());
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in a definition or an attachment.
+    fn define(&mut self, record: &Record<'_>) {
+        match record {
+            Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name.clone())),
+            Record::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
+                let camera = channel.topic.strip_suffix("/image").map(|topic| topic.trim_start_matches('/'));
+                let contents = match (MessageType::find(schema), camera) {
+                    (Some(message), _) => Contents::Message(message),
+                    (None, Some(camera)) if schema == "foxglove.CompressedImage" => {
+                        Contents::Pictures(camera.into())
+                    }
+                    _ => return,
+                };
+                let topic = channel.topic.as_str().into();
+                self.channels.insert(channel.id, Arc::new(Channel { topic, contents }));
+            }
+            Record::Attachment { header, data, .. } => {
+                if let Ok(text) = std::str::from_utf8(data) {
+                    self.attachments.push((header.name.clone(), text.to_owned()));
+                }
+            }
+            _ => {}
+        }
+    }
+}
