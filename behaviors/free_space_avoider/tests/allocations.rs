@@ -34,8 +34,8 @@ fn a_frame_allocates_nothing_after_warm_up() {
             assert!(i < 3 || asked.calls == 0, "call {i} of {width}x{height}: {asked:?}");
             let published = bench.published::<FreeSpaceHeader>("free-space");
             assert_eq!((published.len(), published[0].1.len()), (1, 17));
-            // A line and a digit for each column, a side for each direction.
-            assert_eq!([bench.marks("free cells by column"), bench.marks("free space")], [34, 17]);
+            // A line and a digit for each column, a side for each direction and the robot's center.
+            assert_eq!([bench.marks("free cells by column"), bench.marks("free space")], [34, 18]);
             assert!(bench.marks("obstacle cells") > 40 && bench.marks("free cells of the path") > 40);
         }
     }

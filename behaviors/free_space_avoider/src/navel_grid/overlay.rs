@@ -52,19 +52,23 @@ pub fn draw(
         digits.line(end, end + Vector2::new(cell.x, 0.0));
         digits.text(end + Vector2::new(0.25 * cell.x, -0.9 * cell.y), format_args!("{}", free(column)));
     }
-    draw_free_space(overlay, observer.directions().iter().copied());
+    draw_free_space(overlay, Some(Vector2::zeros()), observer.directions().iter().copied());
     if let Some(heading) = heading {
         draw_motion(overlay, heading);
     }
 }
 
-/// Draws the free floor around the robot, from its center to the end in each direction.
-pub(crate) fn draw_free_space(overlay: &mut Overlay, ends: impl Iterator<Item = FreeDirection>) {
-    let mut polygon = overlay.robot("free space", GREEN);
-    polygon.polygon(ends.map(|end| {
+/// Draws the outline of the free floor: the end in each direction, and the robot's center if it is seen from there ahead only.
+pub(crate) fn draw_free_space(
+    overlay: &mut Overlay,
+    center: Option<Vector2<f64>>,
+    ends: impl Iterator<Item = FreeDirection>,
+) {
+    let ends = ends.map(|end| {
         let (sin, cos) = end.azimuth_rad.sin_cos();
         Vector2::new(end.distance_m * cos, end.distance_m * sin)
-    }));
+    });
+    overlay.robot("free space", GREEN).polygon(center.into_iter().chain(ends));
 }
 
 fn draw_motion(overlay: &mut Overlay, heading: &HeadingChoice) {

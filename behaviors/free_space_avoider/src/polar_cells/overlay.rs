@@ -25,7 +25,7 @@ pub fn draw(overlay: &mut Overlay, observer: &RingObserver) {
     for (sector, free) in free().filter(|(_, free)| free + 1 < observer.edges_px().len()) {
         cells(&mut red, observer, sector, free..free + 1);
     }
-    draw_free_space(overlay, observer.distances().ends());
+    draw_free_space(overlay, None, observer.distances().ends());
 }
 
 /// Draws the frame of the cells of one sector from the first ring to the last.
