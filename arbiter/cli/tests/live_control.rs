@@ -9,14 +9,15 @@ use yamabico_testkit::config;
 use crate::program::{TIMEOUT, TestFolder, assert_exit, text, yamabico};
 
 /// A robot that drives down an empty hallway without ever arriving; stopped when dropped.
-struct Robot {
+pub struct Robot {
     name: String,
     folder: TestFolder,
     run: Child,
 }
 
 impl Robot {
-    fn start(test: &str, arguments: &[&str]) -> Robot {
+    /// Starts the robot and waits until it decides.
+    pub fn start(test: &str, arguments: &[&str]) -> Robot {
         let name = format!("control-{test}-{}", std::process::id());
         let folder = TestFolder::new(&format!("control-{test}"));
         let mut command = yamabico();
@@ -37,6 +38,11 @@ impl Robot {
             std::thread::sleep(Duration::from_millis(200));
         }
         robot
+    }
+
+    /// Name of the robot.
+    pub fn name(&self) -> &str {
+        &self.name
     }
 
     /// Calls a command for this robot.

@@ -18,3 +18,4 @@ mod run;
 mod scheduling;
 mod texts;
 mod third_party;
+mod view;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
 
 use serde_json::Value;
@@ -204,4 +204,102 @@ fn what_is_no_recording_of_a_run_is_refused() {
     let plain = McapRecorder::create(Recording::new(folder.file("plain.mcap"), Pace::Lockstep)).unwrap();
     plain.finish(BTreeMap::new());
     assert_exit(&replay(&folder.file("plain.mcap"), &[]), 2, &["the fact `execution`"]);
+}
+
+/// A live run in a folder; killed when dropped.
+struct LiveRun {
+    robot: String,
+    run: Child,
+}
+
+impl LiveRun {
+    fn start(folder: &TestFolder, task: &str, set: &[&str]) -> LiveRun {
+        let robot = format!("replay-{}-{task}", std::process::id()).replace('.', "-");
+        let mut run = yamabico();
+        run.args(["run", "--live"]).arg(config(task)).arg("--out").arg(folder.path());
+        run.args(["--set", &format!("robot.name={robot}")]).args(["--set", "run.duration_s=100000"]);
+        // A busy machine must not look like a hanging plugin.
+        for behavior in ["map-localizer", "wall-follower", "sonar-halt", "stationary-obstacle-avoider"] {
+            run.args(["--set", &format!("behaviors.{behavior}.deadline_ms=20000")]);
+        }
+        for set in set {
+            run.args(["--set", set]);
+        }
+        let run = run.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let live = LiveRun { robot, run };
+        await_true("the robot does not start", || live.call(&["ps"]).status.success());
+        live
+    }
+
+    fn call(&self, arguments: &[&str]) -> Output {
+        yamabico().args(arguments).args(["--robot", &self.robot]).output().unwrap()
+    }
+
+    fn pid(&self, plugin: &str) -> Option<u64> {
+        let plugins: Value = serde_json::from_slice(&self.call(&["ps", "--json"]).stdout).ok()?;
+        plugins.as_array()?.iter().find(|status| status["name"] == plugin)?["pid"].as_u64()
+    }
+
+    /// Kills the process of a plugin and waits for the next one.
+    fn kill(&self, plugin: &str) {
+        let pid = self.pid(plugin).unwrap();
+        assert!(Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success());
+        let is_next = || self.pid(plugin).is_some_and(|next| next != pid);
+        await_true("the plugin is not restarted", is_next);
+    }
+
+    /// Ends the run as Ctrl-C does.
+    fn interrupt(&mut self) {
+        let pid = self.run.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        self.run.wait().unwrap();
+    }
+}
+
+impl Drop for LiveRun {
+    fn drop(&mut self) {
+        let _ = self.run.kill();
+        let _ = self.run.wait();
+    }
+}
+
+#[test]
+fn a_live_run_with_requests_and_kills_replays_to_the_byte() {
+    let folder = TestFolder::new("replay-live");
+    let mut live = LiveRun::start(&folder, "hallway.toml", &["run.goal.y_m=15"]);
+    let pause = || std::thread::sleep(Duration::from_millis(700));
+    let ask = |arguments: &[&str]| {
+        await_true("a request is not answered", || live.call(arguments).status.success());
+        pause();
+    };
+    pause();
+    ask(&["set", "wall-follower.speed_mps=0.3"]);
+    ask(&["disable", "wall-follower"]);
+    for plugin in ["map-localizer", "wall-follower", "sonar-halt"] {
+        live.kill(plugin);
+        pause();
+    }
+    ask(&["enable", "wall-follower"]);
+    ask(&["estop"]);
+    ask(&["reset"]);
+    pause();
+    live.interrupt();
+    let file = folder.file("run.mcap");
+    let report = json(&replay(&file, &["--json"]));
+    assert!(report["first"].is_null(), "{report:#}");
+    let compared = |topic: &str| report["topics"][topic]["compared"].as_u64().unwrap_or(0);
+    for (topic, count) in [
+        ("decision", 200),
+        ("command", 200),
+        ("behaviors/map-localizer/proposal", 20),
+        ("behaviors/map-localizer/pose", 20),
+        ("behaviors/wall-follower/proposal", 20),
+        ("behaviors/sonar-halt/proposal", 50),
+    ] {
+        assert!(compared(topic) >= count, "{topic}: {report:#}");
+    }
+    let output = replay(&file, &["--set", "wall-follower.speed_mps=0.1"]);
+    assert_exit(&output, 0, &["open loop", "decisions differ"]);
+    let without = replay(&file, &["--without", "wall-follower"]);
+    assert_exit(&without, 0, &["open loop"]);
 }

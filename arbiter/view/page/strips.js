@@ -19,18 +19,18 @@ export class Strips {
     const host = document.getElementById(id);
     const css = (name) => () => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
     const line = (label, color, width, dash) => ({
-      label: `${label} ${unit}`, stroke: css(color), width, dash, points: { show: false },
-      value: (_, value) => (value == null ? "" : value.toFixed(2)),
+      label, stroke: css(color), width, dash, points: { show: false },
     });
     const axis = { stroke: css("--faint"), grid: { stroke: css("--grid"), width: 1 }, ticks: { show: false }, font: "11px system-ui" };
     return new uPlot({
       width: host.clientWidth || 600,
       height: 130,
       cursor: { drag: { x: false, y: false } },
+      legend: { live: false },
       scales: { x: { time: false }, y: { range: (_, min, max) => [Math.min(min, -0.05), Math.max(max, 0.1) * 1.05] } },
       axes: [{ ...axis, size: 22 }, { ...axis, size: 52, label: `${name}, ${unit}`, labelSize: 16, labelFont: "11px system-ui" }],
       series: [
-        { label: "s", value: (_, value) => (value == null ? "" : value.toFixed(1)) },
+        { label: "" },
         line("wanted", "--faint", 1, [4, 3]), line("allowed", "--warn", 1), line("commanded", "--accent", 2),
       ],
     }, [[], [], [], []], host);

@@ -7,9 +7,11 @@
 //! | [`recording`] | a recording: its events, and the state at any time |
 //! | [`recent`] | the last minute of a running robot, to be saved |
 //! | [`server`] | the page in the browser |
+//! | [`top`] | the dashboard in the terminal |
 
 pub mod live;
 pub mod model;
 pub mod recent;
 pub mod recording;
 pub mod server;
+pub mod top;

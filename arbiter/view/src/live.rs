@@ -22,6 +22,7 @@ pub struct LiveRobot {
     model: Model,
     recent: Arc<Mutex<Recent>>,
     joins: u64,
+    has_overlays: bool,
 }
 
 /// Passes messages to the model and to the buffer of recent messages; a frame is compressed once for both.
@@ -48,6 +49,7 @@ impl LiveRobot {
             model: Model::default(),
             recent: Arc::default(),
             joins: 1,
+            has_overlays: false,
         })
     }
 
@@ -79,6 +81,9 @@ impl LiveRobot {
     /// Asks the behaviors to draw overlays, or no longer; while nobody asks, drawing costs them nothing.
     pub fn ask_for_overlays(&mut self, is_wanted: bool) {
         let Some((_, feed)) = &mut self.connection else { return };
+        if std::mem::replace(&mut self.has_overlays, is_wanted) == is_wanted {
+            return;
+        }
         let of_type = |message: &MessageType| message.name == OVERLAY;
         if let Err(error) = feed.subscribe_to(&of_type, is_wanted) {
             tracing::warn!("overlays are not shown: {error}");
@@ -120,6 +125,7 @@ impl LiveRobot {
             self.model = Model::default();
             *self.recent.lock().unwrap_or_else(PoisonError::into_inner) = Recent::default();
             self.joins += 1;
+            self.has_overlays = false;
         }
     }
 }

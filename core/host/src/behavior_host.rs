@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use crate::BehaviorSettings;
 use crate::bus::{Bus, BusError, Publisher, Subscriber, WaitSet};
+use crate::call_log::CallLog;
 use crate::error::HostError;
 use crate::histogram::DurationHistogram;
 use crate::input_ports::InputPorts;
@@ -13,7 +14,9 @@ use crate::output_ports::OutputPorts;
 use crate::overlay_port::OverlayPort;
 use crate::topics;
 use yamabico_core::behavior::{Behavior, BehaviorFactory, Inputs, Outputs, ParameterError, Setup};
-use yamabico_core::message::{DecisionHeader, Kind, MessageType, Name, Outcome, Proposal, Verdict};
+use yamabico_core::message::{
+    DecisionHeader, Kind, MessageType, Name, Outcome, Proposal, Verdict, state_hash,
+};
 use yamabico_core::time::{Time, TimeSource};
 
 /// Panics after which a behavior is no longer rebuilt.
@@ -81,6 +84,10 @@ pub struct BehaviorHost {
     stats: CallStats,
     /// State that the behavior saved after its last call.
     pub(super) saved_state: Vec<u8>,
+    /// Hash of the restored state; zero if none was.
+    restored: u64,
+    /// Log of the calls of a live run.
+    calls: Option<CallLog>,
     /// Set after the first call since the behavior was built that did not panic.
     survived_a_call: bool,
 }
@@ -115,6 +122,8 @@ impl BehaviorHost {
             time: TimeSource::Step,
             stats: CallStats::default(),
             saved_state: Vec::new(),
+            restored: 0,
+            calls: None,
             survived_a_call: false,
             plan,
         })
@@ -144,7 +153,27 @@ impl BehaviorHost {
     pub fn restore_state(&mut self, state: &[u8]) {
         if let Some(behavior) = &mut self.behavior {
             behavior.restore_state(state);
+            self.restored = state_hash(state);
         }
+    }
+
+    /// Logs every call from now on, so that the run can be replayed, if the run has a topic for that.
+    pub(super) fn log_calls(&mut self, bus: &Bus) {
+        self.calls = CallLog::open(bus, &self.plan.setup.name, self.restored);
+    }
+
+    /// Log of the calls, if the run is logged.
+    pub(super) fn call_log(&mut self) -> Option<&mut CallLog> {
+        self.calls.as_mut()
+    }
+
+    /// Replaces the behavior by one with the parameters `table`, as a change of parameters during a run does.
+    ///
+    /// # Errors
+    /// The constructor rejects the parameters, or the inputs cannot be reopened.
+    pub fn retune(&mut self, table: toml::Table, bus: &Bus) -> Result<(), HostError> {
+        let candidate = self.build(table)?;
+        Ok(self.replace(candidate, bus)?)
     }
 
     /// Receives every waiting input, and the newest decision.
@@ -180,7 +209,16 @@ impl BehaviorHost {
     /// The bus failed.
     pub fn propose(&mut self, now: Time) -> Result<(), BusError> {
         let due = !self.sleeps && (self.has_new_input || self.next_call().is_some_and(|at| at <= now));
-        let Some(behavior) = self.behavior.as_mut().filter(|_| due) else { return Ok(()) };
+        if due { self.call(now) } else { Ok(()) }
+    }
+
+    /// Calls the behavior, whether it is due or not, and publishes its proposal; otherwise like
+    /// [`BehaviorHost::propose`].
+    ///
+    /// # Errors
+    /// The bus failed.
+    pub fn call(&mut self, now: Time) -> Result<(), BusError> {
+        let Some(behavior) = &mut self.behavior else { return Ok(()) };
         let started = Instant::now();
         let (inputs, outputs, state) = (&self.inputs, &mut self.outputs, &mut self.saved_state);
         let canvas = self.overlay.canvas();
@@ -197,17 +235,21 @@ impl BehaviorHost {
         self.has_new_input = false;
         self.last_call = Some(now);
         let evidence_ns = self.inputs.evidence_ns().unwrap_or(now.0);
-        match outcome {
+        let (outcome, proposal) = match outcome {
             Ok(proposal) => {
                 self.survived_a_call = true;
-                self.publish(proposal, now, evidence_ns)?;
-                self.overlay.publish()
+                let published = self.publish(proposal, now, evidence_ns);
+                (published.and_then(|()| self.overlay.publish()), self.sequence)
             }
             Err(_) => {
                 self.rebuild();
-                Ok(())
+                (Ok(()), 0)
             }
+        };
+        if let Some(calls) = &mut self.calls {
+            calls.called(&self.inputs, now, proposal);
         }
+        outcome
     }
 
     fn publish(&mut self, mut proposal: Proposal, now: Time, evidence_ns: u64) -> Result<(), BusError> {

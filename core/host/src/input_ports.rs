@@ -34,6 +34,11 @@ impl InputPorts {
         Ok(any)
     }
 
+    /// Inboxes, in the order of the connected slots.
+    pub fn slots(&self) -> &[Inbox] {
+        &self.slots
+    }
+
     /// Oldest evidence stamp of the newest messages of all slots, ns; none before the first message. Goals and
     /// decisions do not count: they contain no sensor data of their own.
     pub fn evidence_ns(&self) -> Option<u64> {

@@ -33,6 +33,7 @@
 
 mod behavior_host;
 pub mod bus;
+mod call_log;
 mod candidate;
 pub mod config;
 mod device_host;
@@ -51,6 +52,7 @@ pub mod topics;
 mod tuner;
 
 pub use behavior_host::{BehaviorHost, BehaviorPlan, CallStats};
+pub use call_log::MAX_CALL_INPUTS;
 pub use device_host::{DeviceHost, DevicePlan, panic_text};
 pub use error::HostError;
 pub use histogram::DurationHistogram;

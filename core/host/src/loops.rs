@@ -26,6 +26,7 @@ pub fn run_behavior(
 ) {
     let max_wait = MAX_WAIT.min(reporter.heartbeat_period());
     host.set_time_source(TimeSource::Machine);
+    host.log_calls(reporter.bus());
     let mut tuner = Tuner::open(host, reporter.bus());
     while !is_over() {
         if let Some(tuner) = &mut tuner {

@@ -108,7 +108,9 @@ impl PluginReporter {
             restarts: self.restarts,
         };
         let published = self.heartbeats.publish(&heartbeat, &[]);
-        self.log_first_error(published);
+        // Programs that connect later see the walls, too.
+        let resent = self.walls.as_ref().map_or(Ok(()), Publisher::resend_to_new_subscribers);
+        self.log_first_error(published.and(resent));
     }
 
     /// Publishes a failure of the plugin. `key` is the key of its table to change; empty if no key is the cause.

@@ -96,6 +96,7 @@ pub fn follow_steps(
     is_over: &dyn Fn() -> bool,
 ) {
     let max_wait = MAX_WAIT.min(reporter.heartbeat_period());
+    host.log_calls(reporter.bus());
     let mut tuner = Tuner::open(host, reporter.bus());
     while !is_over() {
         if let Some(tuner) = &mut tuner {

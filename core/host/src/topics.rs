@@ -39,6 +39,14 @@ pub const RETUNED: &str = "plugins/retuned";
 /// Commands of a manual control stick.
 pub const STICK: &str = "stick";
 
+/// Log of what the arbiter heard before each decision.
+pub const HEARD: &str = "replay/arbiter";
+
+/// Returns the topic of the log of the calls of the behavior `name`.
+pub fn calls_of(name: &str) -> String {
+    format!("replay/behaviors/{name}")
+}
+
 /// Returns the topic of the sensor `name`.
 pub fn sensor(name: &str) -> String {
     format!("sensors/{name}")

@@ -97,6 +97,9 @@ impl Tuner {
         if let Err(error) = host.replace(candidate, &self.bus) {
             tracing::error!("could not reopen the inputs of behavior `{}`: {error}", host.name());
         }
+        if let Some(calls) = host.call_log() {
+            calls.retuned(request);
+        }
         Ok(RetuneOutcome::Applied)
     }
 

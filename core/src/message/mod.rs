@@ -8,6 +8,7 @@
 //! Stamps are [`Time`] values; results derived from sensor data have two, `stamp_ns` (the time that the result is valid
 //! for) and `evidence_ns` (the stamp of the oldest sensor data behind it).
 
+mod call;
 mod command;
 mod frame;
 mod from_json;
@@ -23,6 +24,7 @@ mod text;
 mod view;
 
 pub use crate::geometry::{Axis, Twist};
+pub use call::{CallEvent, CallHeader, CallInput, Heard, HeardHeader, HeardKind, state_hash};
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
 pub use layout::{Field, HasLayout, Layout, StructLayout};
 pub use operator::{RetuneHeader, RetuneOutcome, RetuneStep, RetunedHeader, Stick};

@@ -114,6 +114,8 @@ pub static ALL: &[MessageType] = &[
     MessageType::of::<RetuneHeader>(),
     MessageType::of::<RetunedHeader>(),
     MessageType::of::<Stick>(),
+    MessageType::of::<CallHeader>(),
+    MessageType::of::<HeardHeader>(),
 ];
 
 fn stamps<M: Message>(header: &[u8]) -> (Time, Time) {

@@ -5,6 +5,7 @@ mod describe;
 mod estop;
 mod goto;
 mod graph;
+mod info;
 mod learn;
 mod list;
 mod new;
@@ -19,6 +20,7 @@ mod schema;
 mod set;
 mod switch;
 mod teleop;
+mod top;
 mod topic;
 mod view;
 mod why;
@@ -55,6 +57,8 @@ pub enum Command {
     Why(why::Arguments),
     /// Show a running robot or a recording in the browser.
     View(view::Arguments),
+    /// Show a running robot in the terminal.
+    Top(top::Arguments),
     /// List the plugins of a running robot and their state.
     Ps(ps::Arguments),
     /// List, print and measure the topics of a running robot.
@@ -74,6 +78,8 @@ pub enum Command {
     Estop(estop::Arguments),
     /// Release the emergency stop of a running robot.
     Reset(estop::Arguments),
+    /// List the topics of an MCAP file, and the facts of its run.
+    Info(info::Arguments),
     /// Run a recording again, and compare every proposal and decision to the byte.
     Replay(replay::Arguments),
     /// Give a recording whose run was killed an index and an end.
@@ -98,6 +104,7 @@ impl Command {
             Command::Report(arguments) => report::report(&arguments, print),
             Command::Why(arguments) => why::why(&arguments, print),
             Command::View(arguments) => view::view(&arguments, print),
+            Command::Top(arguments) => top::top(&arguments),
             Command::Ps(arguments) => ps::ps(&arguments, print),
             Command::Topic(topic) => topic::topic(&topic, print),
             Command::Goto(arguments) => goto::goto(&arguments, print),
@@ -107,6 +114,7 @@ impl Command {
             Command::Teleop(arguments) => teleop::teleop(&arguments),
             Command::Estop(arguments) => estop::estop(&arguments, print),
             Command::Reset(arguments) => estop::reset(&arguments, print),
+            Command::Info(arguments) => info::info(&arguments, print),
             Command::Replay(arguments) => replay::replay(&arguments, print),
             Command::Repair(arguments) => repair::repair(&arguments, print),
             Command::Plugin(arguments) => plugin::plugin(&arguments),

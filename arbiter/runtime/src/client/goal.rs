@@ -179,6 +179,7 @@ mod tests {
             hang_timeout_s: 1.0,
             behavior: Some(entry),
             parameters: Vec::new(),
+            folder: std::path::PathBuf::new(),
         };
         let topic = |name: &&str| TopicEntry {
             name: path_topic(name),

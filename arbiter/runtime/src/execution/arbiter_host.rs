@@ -3,26 +3,19 @@
 use std::collections::BTreeMap;
 
 use yamabico_core::message::{
-    Command, Control, ControlKind, DecisionHeader, Goal, MessageType, Proposal, Verdict,
+    Command, Control, DecisionHeader, Goal, Heard, HeardHeader, HeardKind, MessageType, Proposal,
 };
 use yamabico_core::time::{Time, TimeSource};
 use yamabico_host::bus::{Bus, BusError, Publisher, RawSubscriber, Subscriber};
 
+use super::arbiter_core::{ArbiterCore, MAX_HEARD};
 use super::plan::Plan;
-use crate::report::{Latency, LatencyFigures};
-use yamabico_arbiter::decide::{ArbiterState, Decision, decide};
-use yamabico_arbiter::policy::Policy;
+use crate::report::LatencyFigures;
 use yamabico_host::topics;
 
 /// The arbiter between proposals and commands. It alone holds the publisher of commands.
 pub(super) struct ArbiterHost {
-    policy: Policy,
-    state: ArbiterState,
-    decision: Decision,
-    proposals: Vec<Option<Proposal>>,
-    /// Time at which each proposal was received, and whether a command has used it.
-    received: Vec<(Time, Novelty)>,
-    latencies: Vec<Latency>,
+    core: ArbiterCore,
     time: TimeSource,
     incoming: Vec<Subscriber<Proposal>>,
     sensors: Vec<(RawSubscriber, MessageType)>,
@@ -30,16 +23,42 @@ pub(super) struct ArbiterHost {
     goals: Publisher<Goal>,
     commands: Publisher<Command>,
     decisions: Publisher<DecisionHeader>,
-    verdicts: Vec<Verdict>,
+    /// Log of what was heard, in a live run.
+    log: Option<HearingLog>,
     /// Set once a decision could not be published.
     has_failed_to_publish: bool,
 }
 
-/// State of a proposal: used by a command or not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Novelty {
-    New,
-    Used,
+/// Log of what the arbiter heard, from which its decisions can be replayed.
+struct HearingLog {
+    publisher: Publisher<HeardHeader>,
+    heard: Vec<Heard>,
+    left_out: u64,
+    is_shutting_down: bool,
+}
+
+impl HearingLog {
+    fn add(&mut self, kind: HeardKind, index: usize, message: (u64, u64), at: Time) {
+        if self.heard.len() == MAX_HEARD {
+            self.left_out += 1;
+            return;
+        }
+        let ((sequence, stamp_ns), heard_ns) = (message, at.0);
+        self.heard.push(Heard { kind: kind.code(), index: index as u32, sequence, stamp_ns, heard_ns });
+    }
+
+    /// Publishes what was heard before a decision.
+    fn publish(&mut self, decision: &DecisionHeader, sent: Time) -> Result<(), BusError> {
+        let header = HeardHeader {
+            stamp_ns: decision.stamp_ns,
+            sequence: decision.sequence,
+            sent_ns: sent.0,
+            left_out: std::mem::take(&mut self.left_out),
+        };
+        let published = self.publisher.publish(&header, &self.heard);
+        self.heard.clear();
+        published
+    }
 }
 
 impl ArbiterHost {
@@ -52,17 +71,21 @@ impl ArbiterHost {
         let commands = bus.publisher(topics::COMMAND)?;
         let incoming =
             policy.behaviors.iter().map(|behavior| bus.subscriber(&topics::proposal(behavior.name.as_str())));
+        let find = |name: &str| plan.topics.iter().find(|topic| topic.name == name);
         let sensors = policy.sensors.iter().filter_map(|sensor| {
             let name = topics::sensor(sensor.name.as_str());
-            let message = plan.topics.iter().find(|topic| topic.name == name)?.message;
+            let message = find(&name)?.message;
             Some(bus.subscriber_raw(&name, &message).map(|subscriber| (subscriber, message)))
         });
+        let log = find(topics::HEARD).map(|topic| {
+            Ok(HearingLog {
+                publisher: bus.publisher(&topic.name)?,
+                heard: Vec::with_capacity(MAX_HEARD),
+                left_out: 0,
+                is_shutting_down: false,
+            })
+        });
         Ok(ArbiterHost {
-            state: ArbiterState::new(&policy),
-            decision: Decision::new(&policy),
-            proposals: vec![None; policy.behaviors.len()],
-            received: vec![(Time::ZERO, Novelty::Used); policy.behaviors.len()],
-            latencies: vec![Latency::default(); policy.behaviors.len()],
             time: TimeSource::Step,
             incoming: incoming.collect::<Result<_, _>>()?,
             sensors: sensors.collect::<Result<_, _>>()?,
@@ -70,9 +93,9 @@ impl ArbiterHost {
             goals: bus.publisher(topics::GOAL)?,
             commands,
             decisions: bus.publisher(topics::DECISION)?,
-            verdicts: vec![Verdict::default(); policy.behaviors.len()],
+            log: log.transpose()?,
             has_failed_to_publish: false,
-            policy,
+            core: ArbiterCore::new(policy),
         })
     }
 
@@ -87,13 +110,14 @@ impl ArbiterHost {
         self.receive(now);
         // Not earlier than anything received.
         let now = self.time.now(now);
-        decide(&self.policy, &mut self.state, &self.proposals, now, &mut self.decision);
-        let command = self.command(now);
-        self.commands.publish(&command, &[])?;
-        self.count(Time(command.sent_ns));
-        let count = self.decision.write_verdicts(&self.policy, &mut self.verdicts);
-        let published = self.decisions.publish(&self.decision.header(&self.policy), &self.verdicts[..count]);
-        if let Err(error) = published
+        self.core.decide(now);
+        let sent = self.time.now(now);
+        self.commands.publish(&self.core.command(sent), &[])?;
+        self.core.count(sent);
+        let (header, verdicts) = self.core.message();
+        let published = self.decisions.publish(&header, verdicts);
+        let logged = self.log.as_mut().map_or(Ok(()), |log| log.publish(&header, sent));
+        if let Err(error) = published.and(logged)
             && !std::mem::replace(&mut self.has_failed_to_publish, true)
         {
             tracing::error!("could not publish decisions: {error}");
@@ -101,53 +125,25 @@ impl ArbiterHost {
         Ok(())
     }
 
-    /// Command with the times of its stages, from the proposal with the oldest data.
-    fn command(&self, now: Time) -> Command {
-        let command = self.decision.command(&self.policy);
-        let oldest = self.decision.evidence_of.map(usize::from);
-        let staged = oldest.and_then(|i| Some((self.proposals.get(i)?.as_ref()?, self.received.get(i)?.0)));
-        let sent_ns = self.time.now(now).0;
-        match staged {
-            Some((proposal, received)) => Command {
-                received_ns: proposal.received_ns,
-                proposed_ns: proposal.proposed_ns,
-                accepted_ns: received.0,
-                sent_ns,
-                ..command
-            },
-            None => Command { sent_ns, ..command },
-        }
-    }
-
-    /// Counts the latencies of proposals that the command sent at `sent` is the first to use, and a late command.
-    fn count(&mut self, sent: Time) {
-        let proposals = self.proposals.iter().zip(&mut self.received).zip(&mut self.latencies);
-        for ((proposal, (received, novelty)), latency) in proposals {
-            if std::mem::replace(novelty, Novelty::Used) == Novelty::New
-                && let Some(proposal) = proposal
-            {
-                latency.add(proposal, *received, sent);
-            }
-        }
-        if let Some(latency) =
-            self.decision.late.and_then(|late| self.latencies.get_mut(usize::from(late.behavior)))
-        {
-            latency.add_late();
-        }
-    }
-
     fn receive(&mut self, step: Time) {
-        for ((slot, received), incoming) in
-            self.proposals.iter_mut().zip(&mut self.received).zip(&self.incoming)
-        {
+        let ArbiterHost { core, time, log, .. } = self;
+        let mut note = |kind, index, message, at| {
+            if let Some(log) = log.as_mut() {
+                log.add(kind, index, message, at);
+            }
+        };
+        for (index, incoming) in self.incoming.iter().enumerate() {
             if let Ok(Some(newest)) = incoming.newest() {
-                *slot = Some(*newest.header());
-                *received = (self.time.now(step), Novelty::New);
+                let (proposal, at) = (*newest.header(), time.now(step));
+                core.hear_proposal(index, proposal, at);
+                note(HeardKind::Proposal, index, (proposal.sequence, proposal.stamp_ns), at);
             }
         }
         for (index, (sensor, message)) in self.sensors.iter().enumerate() {
             if let Ok(Some(newest)) = sensor.newest() {
-                self.state.sensor_measured(index, (message.stamps)(newest.header()).0);
+                let stamp = (message.stamps)(newest.header()).0;
+                core.hear_sensor(index, stamp);
+                note(HeardKind::Sensor, index, (0, stamp.0), stamp);
             }
         }
         if let Err(error) = self.goals.resend_to_new_subscribers() {
@@ -156,36 +152,26 @@ impl ArbiterHost {
         loop {
             let control = self.controls.receive();
             match control.map(|control| control.map(|control| *control.header())) {
-                Ok(Some(control)) => self.carry_out(&control, self.time.now(step)),
+                Ok(Some(control)) => {
+                    let at = time.now(step);
+                    note(HeardKind::Control, 0, (control.sequence, control.stamp_ns), at);
+                    if let Some(goal) = core.hear_control(&control, at)
+                        && let Err(error) = self.goals.publish(&goal, &[])
+                    {
+                        tracing::error!("could not publish the goal: {error}");
+                    }
+                }
                 Ok(None) => break,
                 Err(error) => {
                     // The lost request may have been an emergency stop.
                     tracing::error!("emergency stop, because receiving requests failed: {error}");
-                    self.state.emergency_stop();
+                    core.emergency_stop();
+                    if let Some(log) = &mut self.log {
+                        log.left_out += 1;
+                    }
                     break;
                 }
             }
-        }
-    }
-
-    fn carry_out(&mut self, control: &Control, now: Time) {
-        let target = self.policy.find(control.target.as_str());
-        match (control.kind(), target) {
-            (Some(ControlKind::EmergencyStop), _) => self.state.emergency_stop(),
-            (Some(ControlKind::Reset), _) => self.state.reset(),
-            (Some(ControlKind::Enable), Some(index)) => self.state.enable(index),
-            (Some(ControlKind::Disable), Some(index)) => self.state.disable(index),
-            (Some(ControlKind::Goal), _) if is_goal(control.goal) => {
-                let [x, y, theta, tolerance_m] = control.goal;
-                let (stamp_ns, sequence) = (now.0, control.sequence);
-                let goal = Goal { stamp_ns, sequence, x, y, theta, tolerance_m };
-                if let Err(error) = self.goals.publish(&goal, &[]) {
-                    tracing::error!("could not publish the goal: {error}");
-                }
-            }
-            // Parameter updates have a server of their own.
-            (Some(ControlKind::Retune), _) => {}
-            _ => tracing::warn!("refused an invalid request: {control:?}"),
         }
     }
 
@@ -196,21 +182,16 @@ impl ArbiterHost {
 
     /// Latencies of each behavior's proposals, by name.
     pub fn latencies(&self) -> BTreeMap<String, LatencyFigures> {
-        let behaviors = self.policy.behaviors.iter().zip(&self.latencies);
-        behaviors
-            .map(|(behavior, latency)| {
-                (behavior.name.as_str().to_owned(), latency.figures(behavior.latency_budget))
-            })
-            .collect()
+        self.core.latencies()
     }
 
     /// Brings the robot to a standstill for the end of the run.
     pub fn shut_down(&mut self) {
-        self.state.shut_down();
+        self.core.shut_down();
+        if let Some(log) = &mut self.log
+            && !std::mem::replace(&mut log.is_shutting_down, true)
+        {
+            log.add(HeardKind::ShutDown, 0, (0, 0), Time::ZERO);
+        }
     }
-}
-
-/// Returns true if x, y, theta (NaN for any heading) and tolerance make a goal.
-fn is_goal([x, y, theta, tolerance_m]: [f64; 4]) -> bool {
-    x.is_finite() && y.is_finite() && !theta.is_infinite() && tolerance_m.is_finite() && tolerance_m > 0.0
 }

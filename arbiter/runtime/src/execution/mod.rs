@@ -3,6 +3,7 @@
 //! [`Plan`] turns a checked task into topics, devices, behaviors and a policy. [`Lockstep`] or [`Live`] opens the plan and runs
 //! it; [`crate::run`] does all of that with recording and summary.
 
+mod arbiter_core;
 mod arbiter_host;
 mod driver_clock;
 mod goal_monitor;
@@ -18,6 +19,7 @@ mod run_stats;
 mod separate_processes;
 mod worker_pool;
 
+pub(crate) use arbiter_core::ArbiterCore;
 pub use live::Live;
 pub use lockstep::{Lockstep, SensorSupply};
 pub use plan::{Overlays, Plan, Topic};

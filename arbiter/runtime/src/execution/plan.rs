@@ -6,19 +6,20 @@ use std::time::Duration;
 use yamabico_core::behavior::MAX_SAVED_STATE_BYTES;
 use yamabico_core::behavior::SlotInfo;
 use yamabico_core::message::{
-    self, CallBucket, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader, Goal,
-    Heartbeat, Message, MessageType, Name, OverlayHeader, OverlayMark, Process, ProcessesHeader, Proposal,
-    RetuneHeader, RetunedHeader, RobotManifestHeader, SavedStateHeader, StepSignal, Stick, Truth, Verdict,
-    WallPoint, WallsHeader,
+    self, CallBucket, CallHeader, CallsHeader, Command, Control, DecisionHeader, FailureHeader, FrameHeader,
+    Goal, HeardHeader, Heartbeat, Message, MessageType, Name, OverlayHeader, OverlayMark, Process,
+    ProcessesHeader, Proposal, RetuneHeader, RetunedHeader, RobotManifestHeader, SavedStateHeader,
+    StepSignal, Stick, Truth, Verdict, WallPoint, WallsHeader,
 };
 use yamabico_core::overlay::MAX_MARKS;
 use yamabico_host::bus::{Bus, BusError, Notification, RawSubscriber, STREAM_DEPTH, TopicSpec};
 use yamabico_host::config::{self, Clock, InputSource, Task};
 use yamabico_host::{
-    BehaviorPlan, BehaviorSettings, DevicePlan, DurationHistogram, MAX_FAILURE_TEXT_BYTES,
+    BehaviorPlan, BehaviorSettings, DevicePlan, DurationHistogram, MAX_CALL_INPUTS, MAX_FAILURE_TEXT_BYTES,
     MAX_PARAMETER_BYTES, MAX_WALL_POINTS, Scheduling, topics,
 };
 
+use super::arbiter_core::MAX_HEARD;
 use super::robot_manifest::MAX_MANIFEST_BYTES;
 use yamabico_arbiter::kinematics::Kinematics;
 use yamabico_arbiter::policy::{BehaviorPolicy, CriticalSensor, LatencyPolicy, Policy, TieRule, Wire};
@@ -127,6 +128,24 @@ impl Plan {
             message,
             spec: spec(list_bytes),
         }));
+        // The recorder alone reads them.
+        let logged = |name: String, message: MessageType, items: usize| Topic {
+            name,
+            message,
+            spec: TopicSpec {
+                publishers: 4,
+                subscribers: 2,
+                list_bytes: items * message.item_size,
+                depth: STREAM_TAP_DEPTH / 2,
+                ..TopicSpec::default()
+            },
+        };
+        let calls = MessageType::of::<CallHeader>();
+        let names = self.behaviors.iter().map(|behavior| topics::calls_of(&behavior.setup.name));
+        let heard = logged(topics::HEARD.to_owned(), MessageType::of::<HeardHeader>(), MAX_HEARD);
+        let logs: Vec<Topic> =
+            names.map(|name| logged(name, calls, MAX_CALL_INPUTS)).chain([heard]).collect();
+        self.topics.extend(logs);
         if self.clock == Clock::Driver {
             let readers = self.behaviors.len() * 2 + SPARE_READERS;
             let turn = MessageType::of::<StepSignal>();

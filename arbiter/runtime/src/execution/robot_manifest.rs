@@ -1,5 +1,7 @@
 //! Manifest of a live robot: its plugins and topics, for clients.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use yamabico_arbiter::decide::ProposalTerms;
@@ -48,6 +50,8 @@ pub struct PluginEntry {
     pub behavior: Option<BehaviorEntry>,
     /// Parameters of a behavior, with their values at the start of the run.
     pub parameters: Vec<ParameterEntry>,
+    /// Folder that paths in these parameters start from.
+    pub folder: PathBuf,
 }
 
 /// A parameter of a manifest.
@@ -117,6 +121,7 @@ impl RobotManifest {
             hang_timeout_s: device.settings.deadline.hang_timeout().as_secs_f64(),
             behavior: None,
             parameters: Vec::new(),
+            folder: PathBuf::new(),
         });
         let behaviors = plan.behaviors.iter().map(|behavior| PluginEntry {
             name: behavior.setup.name.clone(),
@@ -126,6 +131,7 @@ impl RobotManifest {
             hang_timeout_s: behavior.settings.host.deadline.hang_timeout().as_secs_f64(),
             behavior: behavior_entry(plan, behavior),
             parameters: parameters(&behavior.factory.info().parameters, &behavior.table),
+            folder: std::path::absolute(&behavior.setup.folder).unwrap_or_default(),
         });
         let topics = plan.topics.iter().map(|topic| TopicEntry {
             name: topic.name.clone(),

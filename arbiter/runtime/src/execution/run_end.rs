@@ -30,13 +30,13 @@ pub enum RunEnd {
 }
 
 impl RunEnd {
-    /// Text for reports and recordings.
+    /// Name in recordings.
     #[must_use]
     pub fn as_str(self) -> &'static str {
         match self {
             RunEnd::Arrived => "arrived",
-            RunEnd::SensorsEnded => "all sensors ended",
-            RunEnd::TimeOver => "time over",
+            RunEnd::SensorsEnded => "sensors-ended",
+            RunEnd::TimeOver => "time-over",
             RunEnd::Interrupted => "interrupted",
         }
     }

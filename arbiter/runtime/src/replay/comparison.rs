@@ -8,7 +8,7 @@ use yamabico_core::message::{DecisionHeader, Message, MessageType, Proposal, Raw
 use yamabico_core::time::Time;
 
 use super::difference::{self, FieldDifference, author};
-use super::steps::{RecordedMessage, Step};
+use super::steps::{RecordedMessage, Step, raw};
 use crate::record::Tap;
 
 /// Comparison of the messages of one topic.
@@ -145,9 +145,19 @@ impl Comparison {
             .map(|(topic, queue)| (topic.clone(), queue.drain(..).count() as u64))
             .collect();
         for (topic, count) in missing {
-            self.count(&topic, time, |topic| topic.missing += count);
-            self.note(&topic, time, "the replay publishes nothing", Vec::new());
+            self.missing(time, &topic, count);
         }
+        self.resolve();
+    }
+
+    /// Counts recorded messages that the replay does not publish.
+    pub fn missing(&mut self, time: Time, topic: &str, count: u64) {
+        self.count(topic, time, |topic| topic.missing += count);
+        self.note(topic, time, "the replay publishes nothing", Vec::new());
+    }
+
+    /// Ends a step, or one event of a live run: its decisions are known, and with them the explanations.
+    pub fn resolve(&mut self) {
         if let Some(mut first) = self.pending.take()
             && self.first.is_none()
         {
@@ -156,6 +166,40 @@ impl Comparison {
             self.first = Some(first);
         }
         self.steps += 1;
+    }
+
+    /// Compares a replayed message with the recorded one.
+    pub fn pair(&mut self, time: Time, replayed: &RecordedMessage, recorded: Option<&RecordedMessage>) {
+        let RecordedMessage { topic, message, header, items } = replayed;
+        self.replayed.take(message, raw(replayed));
+        if let Some(recorded) = recorded {
+            self.recorded.take(message, raw(recorded));
+        }
+        self.judge(time, topic, message, recorded, (header, items));
+    }
+
+    fn judge(
+        &mut self,
+        time: Time,
+        topic: &str,
+        message: &MessageType,
+        recorded: Option<&RecordedMessage>,
+        replayed: (&[u8], &[u8]),
+    ) {
+        let Some(recorded) = recorded else {
+            self.count(topic, time, |topic| topic.extra += 1);
+            return self.note(topic, time, "the recording has no such message", Vec::new());
+        };
+        let recorded = (&recorded.header[..], &recorded.items[..]);
+        let is_equal = recorded == replayed;
+        self.count(topic, time, |topic| {
+            topic.compared += 1;
+            topic.different += u64::from(!is_equal);
+        });
+        if !is_equal && self.first.is_none() && self.pending.is_none() {
+            let fields = difference::fields(message, recorded, replayed);
+            self.note(topic, time, "the messages differ", fields);
+        }
     }
 
     /// Topics that the replay computes.
@@ -205,19 +249,7 @@ impl Tap for Comparison {
             return;
         }
         self.replayed.take(message, RawMessage { header, items });
-        let Some(recorded) = self.expected.get_mut(topic).and_then(VecDeque::pop_front) else {
-            self.count(topic, time, |topic| topic.extra += 1);
-            return self.note(topic, time, "the recording has no such message", Vec::new());
-        };
-        let is_equal = recorded.header == header && recorded.items == items;
-        self.count(topic, time, |topic| {
-            topic.compared += 1;
-            topic.different += u64::from(!is_equal);
-        });
-        if !is_equal && self.first.is_none() && self.pending.is_none() {
-            let sides = ((&recorded.header[..], &recorded.items[..]), (header, items));
-            let fields = difference::fields(message, sides.0, sides.1);
-            self.note(topic, time, "the messages differ", fields);
-        }
+        let recorded = self.expected.get_mut(topic).and_then(VecDeque::pop_front);
+        self.judge(time, topic, message, recorded.as_ref(), (header, items));
     }
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use yamabico_arbiter::policy::Policy;
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::driver::{Device, DeviceSpec, Driver, DriverInfo, PartSpec, SensorDescription};
 use yamabico_core::plugins::Plugins;
@@ -14,6 +15,7 @@ use yamabico_host::HostError;
 use yamabico_host::config::{InputSource, Overrides, Task, absolute, load};
 use yamabico_parameters::Problems;
 
+use crate::execution::Plan;
 use crate::record::{Contents, Execution, PlaybackError, RecordError, RecordedIdentity, digest_of_program};
 
 /// Failure of a replay.
@@ -104,6 +106,8 @@ pub struct RecordedTask {
     pub task: Task,
     /// Identity of the recorded run.
     pub identity: RecordedIdentity,
+    /// Arbitration policy of the recorded run.
+    pub(super) policy: Policy,
     /// Attached files: name and text.
     pub files: Vec<(String, String)>,
     /// Facts of the run.
@@ -163,6 +167,7 @@ impl RecordedTask {
             load(&task_file, &Overrides { set, ..overrides.clone() }, &plugins).map_err(ReplayError::Task)
         };
         let recorded = load_with(&[])?;
+        let policy = Plan::new(&recorded, identity.run.seed).policy;
         let set: Vec<String> = changes.set.iter().map(|set| in_full(set, &recorded)).collect();
         let mut task = if set.is_empty() { recorded } else { load_with(&set)? };
         for name in &changes.without {
@@ -170,7 +175,7 @@ impl RecordedTask {
         }
         let Contents { facts, files: attached } = contents;
         let overrides = Overrides { set: [overrides.set, set].concat(), ..overrides };
-        Ok(RecordedTask { task, identity, files: attached, facts, overrides, _files: files })
+        Ok(RecordedTask { task, identity, policy, files: attached, facts, overrides, _files: files })
     }
 
     /// Circumstances that may explain differences from the recorded run.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-use yamabico_core::message::MessageType;
+use yamabico_core::message::{MessageType, RawMessage};
 use yamabico_core::time::Time;
 
 use crate::record::{PlaybackError, PlaybackResult, Tap, play};
@@ -19,6 +19,13 @@ pub(super) struct RecordedMessage {
     pub message: MessageType,
     pub header: Vec<u8>,
     pub items: Vec<u8>,
+}
+
+/// Header and items of a message. A list without items is aligned as well, which an empty vector of bytes is not.
+pub(super) fn raw(message: &RecordedMessage) -> RawMessage<'_> {
+    const NO_ITEMS: &[u64] = &[];
+    let items = if message.items.is_empty() { bytemuck::cast_slice(NO_ITEMS) } else { &message.items };
+    RawMessage { header: &message.header, items }
 }
 
 /// Messages with the same time, in the order of the recording.

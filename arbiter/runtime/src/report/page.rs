@@ -113,9 +113,9 @@ impl<'a> Page<'a> {
         let (class, text) = match end {
             _ if self.run.broken_off.is_some() => ("bad", "recording cut off"),
             Some("arrived") => ("good", "arrived"),
-            Some("all sensors ended") => ("good", "all sensors ended"),
-            Some("time over") if self.run.goal.is_none() => ("good", "time over"),
-            Some("time over") => ("bad", "not arrived: time over"),
+            Some("sensors-ended") => ("good", "all sensors ended"),
+            Some("time-over") if self.run.goal.is_none() => ("good", "time over"),
+            Some("time-over") => ("bad", "not arrived: time over"),
             Some(other) => ("bad", other),
             None => ("bad", "end not recorded"),
         };
@@ -138,7 +138,7 @@ impl<'a> Page<'a> {
         let arrived = if end == "arrived" { " and arrived at its goal" } else { "" };
         let [distance, time] = ["distance_m", "time_s"].map(|key| self.number(key).unwrap_or(0.0));
         let _ = write!(story, "The robot drove {distance:.1} m in {time:.1} s{arrived}. ");
-        if end == "time over" && run.goal.is_some() {
+        if end == "time-over" && run.goal.is_some() {
             story += "Its time was over before it reached the goal. ";
         }
         let control = run.summary.get("control_s").and_then(Value::as_object);

@@ -153,9 +153,9 @@ impl Model {
         self.setup_version + self.scene.walls_version()
     }
 
-    /// Adds the lines of a map file.
-    pub fn add_map(&mut self, text: &str) {
-        self.setup.add_map(text);
+    /// Takes in a file that a recording has attached: a map, or the task file.
+    pub(crate) fn add_file(&mut self, text: &str) {
+        self.setup.add_file(text);
         self.setup_version += 1;
     }
 
@@ -242,7 +242,11 @@ impl Model {
                 self.events.set_latency_budget(name, budget_s);
             }
         }
-        let setup = Setup::of(manifest);
+        let mut setup = Setup::of(manifest);
+        if !self.setup.map.is_empty() {
+            // The maps that a recording has attached are those of its time.
+            setup.map.clone_from(&self.setup.map);
+        }
         if setup != self.setup {
             self.setup = setup;
             self.setup_version += 1;

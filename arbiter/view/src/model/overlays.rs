@@ -1,6 +1,7 @@
 //! Newest overlays: what behaviors drew over the pictures that they saw.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
@@ -15,7 +16,7 @@ struct Overlay {
     behavior: String,
     topic: String,
     stamp_ns: u64,
-    layers: Value,
+    layers: Arc<Value>,
 }
 
 /// Newest overlays.
@@ -30,7 +31,7 @@ impl Overlays {
         let behavior = topic.split('/').nth(1).unwrap_or(topic).to_owned();
         let text = |field: &str| message.get(field).and_then(Value::as_str).unwrap_or_default().to_owned();
         let Some(stamp_ns) = message.get("stamp_ns").and_then(Value::as_u64) else { return };
-        let overlay = Overlay { behavior, topic: text("topic"), stamp_ns, layers: layers(message) };
+        let overlay = Overlay { behavior, topic: text("topic"), stamp_ns, layers: layers(message).into() };
         if self.kept.len() == KEPT {
             self.kept.pop_front();
         }
@@ -40,7 +41,7 @@ impl Overlays {
     /// Overlays over the message on `topic` with this stamp, one a behavior: its name and its layers.
     pub fn over(&self, topic: &str, stamp_ns: u64) -> Vec<Value> {
         let of_message = self.kept.iter().filter(|kept| kept.topic == topic && kept.stamp_ns == stamp_ns);
-        of_message.map(|kept| json!({ "behavior": kept.behavior, "layers": kept.layers })).collect()
+        of_message.map(|kept| json!({ "behavior": kept.behavior, "layers": *kept.layers })).collect()
     }
 
     /// Returns true if there is an overlay over the message on `topic` with this stamp.

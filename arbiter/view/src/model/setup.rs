@@ -1,10 +1,9 @@
 //! Description of the robot: its plugins, their parameters and the map.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::Serialize;
-use serde_json::Value as Json;
 use yamabico_core::message::{RetuneHeader, RetuneStep};
 use yamabico_runtime::execution::{ParameterEntry, RobotManifest};
 
@@ -47,20 +46,33 @@ impl Setup {
             behavior: plugin.name.clone(),
             parameters: plugin.parameters.clone(),
         });
-        let mut setup = Setup {
+        Setup {
             robot: manifest.robot.clone(),
             radius_m: manifest.radius_m,
             topics: manifest.topics.iter().map(|topic| [topic.name.clone(), topic.message.clone()]).collect(),
             parameters: parameters.collect(),
-            ..Setup::default()
-        };
-        setup.map = setup.read_maps();
-        setup
+            map: read_maps(manifest),
+            walls: Vec::new(),
+        }
     }
 
-    /// Adds the lines of a map file that a recording has attached.
-    pub(super) fn add_map(&mut self, text: &str) {
-        self.map.extend(map::lines(text));
+    /// Takes in a file that a recording has attached: a map, or the task file with the parameters that it sets.
+    pub(super) fn add_file(&mut self, text: &str) {
+        let Ok(file) = text.parse::<toml::Table>() else { return };
+        self.map.extend(map::lines(&file));
+        let behaviors = file.get("behaviors").and_then(toml::Value::as_table).into_iter().flatten();
+        let written = behaviors.filter_map(|(name, table)| {
+            let parameters = table.as_table()?.iter().map(|(key, value)| ParameterEntry {
+                key: key.clone(),
+                takes: value.type_str().to_owned(),
+                unit: None,
+                range: None,
+                value: serde_json::to_value(value).ok(),
+                summary: String::new(),
+            });
+            Some(BehaviorParameters { behavior: name.clone(), parameters: parameters.collect() })
+        });
+        self.parameters.extend(written);
     }
 
     /// Takes in new parameters of a behavior.
@@ -81,15 +93,19 @@ impl Setup {
         }
         true
     }
+}
 
-    /// Lines of the distinct files that parameters called `map` or `plan` name.
-    fn read_maps(&self) -> Vec<[[f64; 2]; 2]> {
-        let parameters = self.parameters.iter().flat_map(|behavior| &behavior.parameters);
-        let files = parameters.filter(|parameter| matches!(parameter.key.as_str(), "map" | "plan"));
-        let files = files.filter_map(|parameter| parameter.value.as_ref().and_then(Json::as_str));
-        let files: BTreeMap<&str, ()> = files.map(|file| (file, ())).collect();
-        files.keys().filter_map(|file| read(Path::new(file))).flat_map(|text| map::lines(&text)).collect()
-    }
+/// Lines of the distinct files that parameters called `map` or `plan` name.
+fn read_maps(manifest: &RobotManifest) -> Vec<[[f64; 2]; 2]> {
+    let parameters = manifest
+        .plugins
+        .iter()
+        .flat_map(|plugin| plugin.parameters.iter().map(move |parameter| (plugin, parameter)));
+    let maps = parameters.filter(|(_, parameter)| matches!(parameter.key.as_str(), "map" | "plan"));
+    let files: BTreeSet<_> = maps
+        .filter_map(|(plugin, parameter)| Some(plugin.folder.join(parameter.value.as_ref()?.as_str()?)))
+        .collect();
+    files.iter().filter_map(|file| read(file)?.parse().ok()).flat_map(|file| map::lines(&file)).collect()
 }
 
 fn read(file: &Path) -> Option<String> {

@@ -6,8 +6,9 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use mcap::read::{ChunkReader, parse_record};
+use mcap::read::parse_record;
 use mcap::records::{Record, op};
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
 
@@ -126,8 +127,9 @@ impl Chunks {
                 op::ATTACHMENT | op::SCHEMA | op::CHANNEL if size <= MAX_RECORD_BYTES => {
                     let mut body = vec![0; size as usize];
                     self.file.read_exact(&mut body)?;
-                    if let Ok(record) = parse_record(code, &body) {
-                        self.define(&record);
+                    match code {
+                        op::ATTACHMENT => self.attachments.extend(attachment(&body)),
+                        _ => drop(parse_record(code, &body).map(|record| self.define(&record))),
                     }
                 }
                 _ => {}
@@ -143,26 +145,24 @@ impl Chunks {
             return Err(self.no_recording("it has a chunk of more than 256 MiB"));
         }
         let unreadable = |source| RecordingError::NotReadable { path: self.path.clone(), source };
-        self.file.seek(SeekFrom::Start(offset)).map_err(unreadable)?;
-        let mut body = vec![0; size as usize];
-        self.file.read_exact(&mut body).map_err(unreadable)?;
-        let Ok(Record::Chunk { header, data }) = parse_record(op::CHUNK, &body) else {
-            return Err(self.no_recording("it has a damaged chunk"));
-        };
-        if header.uncompressed_size > MAX_RECORD_BYTES {
-            return Err(self.no_recording("it has a chunk of more than 256 MiB"));
-        }
-        let records =
-            ChunkReader::new(header, &data).map_err(|error| self.no_recording(&error.to_string()))?;
-        for record in records {
-            match record {
-                Ok(Record::Message { header, data }) => {
-                    if let Some(channel) = self.channels.get(&header.channel_id) {
-                        let channel = Arc::clone(channel);
-                        each(Entry { channel, time: Time(header.log_time), data: data.into_owned() });
-                    }
+        // The whole record, with its code and length.
+        self.file.seek(SeekFrom::Start(offset - HEAD_BYTES as u64)).map_err(unreadable)?;
+        let mut record = vec![0; size as usize + HEAD_BYTES];
+        self.file.read_exact(&mut record).map_err(unreadable)?;
+        let options = LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_record_length_limit(MAX_RECORD_BYTES as usize);
+        let (mut reader, mut rest) = (LinearReader::new_with_options(options), &record[..]);
+        while let Some(event) = reader.next_event() {
+            match event {
+                Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                    let (now, later) = rest.split_at(wanted.min(rest.len()));
+                    reader.insert(now.len()).copy_from_slice(now);
+                    reader.notify_read(now.len());
+                    rest = later;
                 }
-                Ok(record) => self.define(&record),
+                Ok(LinearReadEvent::Record { data, opcode }) => self.record(opcode, data, each),
                 Err(error) => {
                     self.broken_off.get_or_insert(error.to_string());
                     return Ok(());
@@ -172,14 +172,30 @@ impl Chunks {
         Ok(())
     }
 
-    /// Takes in a definition or an attachment.
+    /// Takes in one record of a chunk.
+    fn record(&mut self, code: u8, body: &[u8], each: &mut dyn FnMut(Entry)) {
+        match parse_record(code, body) {
+            Ok(Record::Message { header, data }) => {
+                if let Some(channel) = self.channels.get(&header.channel_id) {
+                    let channel = Arc::clone(channel);
+                    each(Entry { channel, time: Time(header.log_time), data: data.into_owned() });
+                }
+            }
+            Ok(record) => self.define(&record),
+            Err(_) => {}
+        }
+    }
+
+    /// Takes in a definition.
     fn define(&mut self, record: &Record<'_>) {
         match record {
             Record::Schema { header, .. } => drop(self.schemas.insert(header.id, header.name.clone())),
             Record::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).map_or("", String::as_str);
                 let camera = channel.topic.strip_suffix("/image").map(|topic| topic.trim_start_matches('/'));
-                let contents = match (MessageType::find(schema), camera) {
+                // Topics of the bus have no slash in front; others are made from them.
+                let of_bus = MessageType::find(schema).filter(|_| !channel.topic.starts_with('/'));
+                let contents = match (of_bus, camera) {
                     (Some(message), _) => Contents::Message(message),
                     (None, Some(camera)) if schema == "foxglove.CompressedImage" => {
                         Contents::Pictures(camera.into())
@@ -189,12 +205,24 @@ impl Chunks {
                 let topic = channel.topic.as_str().into();
                 self.channels.insert(channel.id, Arc::new(Channel { topic, contents }));
             }
-            Record::Attachment { header, data, .. } => {
-                if let Ok(text) = std::str::from_utf8(data) {
-                    self.attachments.push((header.name.clone(), text.to_owned()));
-                }
-            }
             _ => {}
         }
     }
+}
+
+/// Name and text of an attachment; `None` if it is incomplete or no text.
+fn attachment(body: &[u8]) -> Option<(String, String)> {
+    // Two times, then name, media type and data, each behind its length.
+    let (name, rest) = counted::<4>(body.get(16..)?)?;
+    let (_, rest) = counted::<4>(rest)?;
+    let (data, _) = counted::<8>(rest)?;
+    let text = |bytes: &[u8]| std::str::from_utf8(bytes).ok().map(str::to_owned);
+    Some((text(name)?, text(data)?))
+}
+
+/// Splits off bytes behind their number, an integer of `N` bytes.
+fn counted<const N: usize>(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (count, rest) = bytes.split_at_checked(N)?;
+    let count = count.iter().rev().fold(0_u64, |count, byte| count << 8 | u64::from(*byte));
+    rest.split_at_checked(usize::try_from(count).ok()?)
 }

@@ -193,7 +193,7 @@ impl Recording {
     fn state(&mut self, at: Time) -> Result<Model, RecordingError> {
         let mut model = Model::of_recording(self.begin, at, self.strips.until(at));
         for (_, text) in &self.chunks.attachments {
-            model.add_map(text);
+            model.add_file(text);
         }
         for rare in self.rare.iter().filter(|rare| rare.time <= at) {
             model.message(&rare.topic, rare.message, rare.time, &rare.bytes.header, &rare.bytes.items);
