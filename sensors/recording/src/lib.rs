@@ -34,7 +34,7 @@ use yamabico_core::sensor::{DeviceError, Sensor, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
 
 /// Maximum number of beams of a scan.
-const MAX_BEAMS: usize = 4096;
+const MAX_BEAMS: usize = 2880;
 
 /// Returns the driver `recording`.
 #[must_use]

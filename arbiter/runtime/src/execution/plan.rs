@@ -30,6 +30,8 @@ const MAX_OUTPUT_ITEMS: usize = 1024;
 const STREAM_TAP_DEPTH: usize = 1024;
 /// Frames and overlays that the recorder may lag behind.
 const FRAME_TAP_DEPTH: usize = 8;
+/// Length of a list above which the recorder may lag behind by [`STREAM_DEPTH`] messages only, bytes.
+const LONG_LIST_BYTES: usize = 128 * 1024;
 /// Subscribers of a topic besides behaviors: arbiter, drive, recorder, tools, and dead processes.
 const SPARE_READERS: usize = 12;
 
@@ -194,7 +196,12 @@ fn topics(task: &Task) -> Vec<Topic> {
     let readers = task.behaviors.len() + SPARE_READERS;
     let topic = |name: String, message: MessageType, publishers: usize, list_bytes: usize| {
         let is_large = [FrameHeader::NAME, OverlayHeader::NAME].contains(&message.name);
-        let depth = if is_large { FRAME_TAP_DEPTH } else { STREAM_TAP_DEPTH };
+        let depth = match is_large {
+            true => FRAME_TAP_DEPTH,
+            // Memory is reserved for every message that a tap may lag behind.
+            false if list_bytes > LONG_LIST_BYTES => STREAM_DEPTH,
+            false => STREAM_TAP_DEPTH,
+        };
         Topic {
             name,
             message,

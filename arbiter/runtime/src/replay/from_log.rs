@@ -42,7 +42,7 @@ struct LogReplay {
     kept: Vec<Rc<RecordedMessage>>,
     /// Events that are still to be repeated, in the order of their stamps.
     events: BTreeMap<(u64, u64), Rc<RecordedMessage>>,
-    /// What a what-if computed otherwise, by topic and sequence number.
+    /// Messages that a what-if computed otherwise, by topic and sequence number.
     replayed: BTreeMap<(String, u64), Rc<RecordedMessage>>,
     is_what_if: bool,
     comparison: Comparison,

@@ -17,19 +17,19 @@ pub struct Arguments {
     /// Recording.
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
-    /// What if: change a key of the recorded task, such as `wall-follower.speed_mps=0.2`. May be repeated.
+    /// Change a key of the recorded task and ask "what if", such as `wall-follower.speed_mps=0.2`. May be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// What if: another task on the recorded inputs.
+    /// Ask "what if" with another task on the recorded inputs.
     #[arg(long, value_name = "FILE.toml")]
     task: Option<PathBuf>,
-    /// What if: without this behavior. May be repeated.
+    /// Ask "what if" without this behavior. May be repeated.
     #[arg(long, value_name = "BEHAVIOR")]
     without: Vec<String>,
-    /// What if: with the behaviors of this file, tables as in a task file. May be repeated.
+    /// Ask "what if" with the behaviors of this file, tables as in a task file. In lockstep only. May be repeated.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "task")]
     with: Vec<PathBuf>,
-    /// What if, for each of these values: a table.
+    /// Ask "what if" for each of these values: a table.
     #[arg(long, value_name = "KEY=A,B,C", conflicts_with = "out")]
     sweep: Option<String>,
     /// Close the loop: run the recorded simulation again with the changes, so that the world reacts.

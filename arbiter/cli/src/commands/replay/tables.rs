@@ -8,7 +8,7 @@ use yamabico_runtime::report::RunSummary;
 
 use crate::output::table;
 
-/// What every output of a what-if says.
+/// Reminder in every output of a what-if.
 const OPEN_LOOP: &str = "open loop: the inputs are the recorded ones, the world did not react to the changes";
 /// Maximum number of changes of control that are printed; JSON has them all.
 const MAX_CHANGES: usize = 20;
