@@ -72,7 +72,7 @@ fn step(tap: &mut dyn Tap, tick: u64) {
     let mut send = |topic: &str, message: MessageType, header: &[u8], items: &[u8]| {
         tap.message(topic, &message, time, header, items);
     };
-    if tick % 10 == 0 {
+    if tick.is_multiple_of(10) {
         let frame = FrameHeader { sequence: tick, ..FrameHeader::gray(32, 24, stamp_ns) };
         send("sensors/front", MessageType::of::<FrameHeader>(), bytes_of(&frame), &[tick as u8; 32 * 24]);
     }

@@ -97,7 +97,7 @@ impl Recording {
         match message.name {
             Pose::NAME => *pose = header::<Pose>(&bytes.header).map(|pose| [pose.x as f32, pose.y as f32]),
             Truth::NAME => {
-                *truth = header::<Truth>(&bytes.header).map(|truth| [truth.x as f32, truth.y as f32])
+                *truth = header::<Truth>(&bytes.header).map(|truth| [truth.x as f32, truth.y as f32]);
             }
             DecisionHeader::NAME => {
                 let Some(header) = header::<DecisionHeader>(&bytes.header) else { return };
