@@ -273,12 +273,13 @@ impl EventLog {
             }
             _ => format!("{what} {}", control.target).trim_end().to_owned(),
         };
+        let text = format!("operator: {text}");
         // A request without effect is repeated every 100 ms.
         let is_repeated = |event: &Event| {
             event.kind == EventKind::Operator && event.text == text && at.seconds_after(event.at) < 2.0
         };
         if !self.events.iter().rev().take(8).any(is_repeated) {
-            self.add(at, EventKind::Operator, control.target.as_str(), format!("operator: {text}"));
+            self.add(at, EventKind::Operator, control.target.as_str(), text);
         }
     }
 }

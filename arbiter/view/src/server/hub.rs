@@ -59,7 +59,7 @@ struct Shared {
     events_before: u64,
 }
 
-/// What is shown: a robot, or a recording.
+/// Title of the page: a robot, or a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Title {
     /// Name of the robot, or of the file.

@@ -1,4 +1,4 @@
-//! Who may look, and who may command.
+//! Rules: who may look, and who may command.
 //!
 //! A web page from elsewhere must not drive the robot. The browser names the page's site in `Origin`, which has to be the address
 //! that it asked; a site whose name was bound to this machine's address afterwards (DNS rebinding) is found by `Host`, which has to
