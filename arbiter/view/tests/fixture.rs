@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use bytemuck::bytes_of;
 use yamabico_core::message::{
@@ -20,15 +21,36 @@ pub const HALT_S: (f64, f64) = (5.0, 7.0);
 /// Time at which the avoider takes over, s.
 pub const HAND_OVER_S: f64 = 9.0;
 
-/// A folder that is removed when it is dropped.
-pub struct Folder(pub PathBuf);
+/// Held by each test for its duration: a test that measures the memory of the process runs alone.
+static TESTS: RwLock<()> = RwLock::new(());
+
+/// A folder of a test, removed when it is dropped.
+pub struct Folder(pub PathBuf, #[expect(dead_code, reason = "held until the end of the test")] Turn);
+
+/// The time of a test.
+#[expect(dead_code, reason = "held until the end of the test")]
+enum Turn {
+    Beside(RwLockReadGuard<'static, ()>),
+    Alone(RwLockWriteGuard<'static, ()>),
+}
 
 impl Folder {
-    /// Makes an empty folder.
+    /// Makes an empty folder for a test that runs beside others.
     pub fn new(name: &str) -> Folder {
+        let turn = Turn::Beside(TESTS.read().unwrap_or_else(PoisonError::into_inner));
+        Folder::make(name, turn)
+    }
+
+    /// Makes an empty folder for a test that runs alone.
+    pub fn alone(name: &str) -> Folder {
+        let turn = Turn::Alone(TESTS.write().unwrap_or_else(PoisonError::into_inner));
+        Folder::make(name, turn)
+    }
+
+    fn make(name: &str, turn: Turn) -> Folder {
         let path = std::env::temp_dir().join(format!("yamabico-view-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
-        Folder(path)
+        Folder(path, turn)
     }
 
     /// Records the run to a file in the folder.

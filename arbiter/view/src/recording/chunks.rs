@@ -11,6 +11,7 @@ use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
+use yamabico_runtime::record;
 
 use super::RecordingError;
 
@@ -57,6 +58,8 @@ pub(crate) struct Chunks {
     path: PathBuf,
     file: BufReader<File>,
     pub chunks: Vec<Chunk>,
+    /// Stamp on the clock of the run at time zero of the recording: times here are those of the run, as stamps are.
+    origin: Time,
     /// Attached texts by name.
     pub attachments: Vec<(String, String)>,
     /// Cause why the file ends early.
@@ -74,6 +77,7 @@ impl Chunks {
             path: path.to_owned(),
             file,
             chunks: Vec::new(),
+            origin: record::Contents::read(path).map_or(Time::ZERO, |contents| contents.origin()),
             attachments: Vec::new(),
             broken_off: None,
             schemas: BTreeMap::new(),
@@ -89,6 +93,11 @@ impl Chunks {
             return Err(chunks.no_recording(&reason));
         }
         Ok(chunks)
+    }
+
+    /// Time of the recording on the clock of the run.
+    fn on_run(&self, log_time_ns: u64) -> Time {
+        Time(self.origin.0.saturating_add(log_time_ns))
     }
 
     pub fn no_recording(&self, reason: &str) -> RecordingError {
@@ -121,7 +130,7 @@ impl Chunks {
                     let mut times = [0; 16];
                     self.file.read_exact(&mut times)?;
                     let [.., a, b, c, d, e, f, g, h] = times;
-                    let end = Time(u64::from_le_bytes([a, b, c, d, e, f, g, h]));
+                    let end = self.on_run(u64::from_le_bytes([a, b, c, d, e, f, g, h]));
                     self.chunks.push(Chunk { offset: begin, size, end });
                 }
                 op::ATTACHMENT | op::SCHEMA | op::CHANNEL if size <= MAX_RECORD_BYTES => {
@@ -178,7 +187,7 @@ impl Chunks {
             Ok(Record::Message { header, data }) => {
                 if let Some(channel) = self.channels.get(&header.channel_id) {
                     let channel = Arc::clone(channel);
-                    each(Entry { channel, time: Time(header.log_time), data: data.into_owned() });
+                    each(Entry { channel, time: self.on_run(header.log_time), data: data.into_owned() });
                 }
             }
             Ok(record) => self.define(&record),

@@ -128,7 +128,7 @@ fn malformed_commands_and_requests_do_no_harm() {
 
 #[test]
 fn clients_that_do_not_read_disturb_nobody() {
-    let folder = Folder::new("slow");
+    let folder = Folder::alone("slow");
     let server = serve(&folder, None);
     assert_eq!(command(&server, r#"{"command":"play","pace":0.5}"#, &[]).status, 200);
     let before = memory_bytes();
