@@ -20,6 +20,7 @@ pub mod ahead;
 pub mod centering;
 pub mod config;
 pub mod corridor_track;
+pub mod direction;
 pub mod overlay;
 pub mod recovery;
 pub mod sight;
@@ -42,6 +43,7 @@ use yamabico_vision::corridor_evidence::Action;
 use crate::ahead::AheadTrack;
 use crate::centering::Centering;
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
+use crate::direction::Direction;
 use crate::recovery::{Loss, Recoverer, Recovery};
 use crate::sight::{Seen, Sight};
 use crate::steering::{presumed_confidence, turn_in_place};
@@ -72,6 +74,7 @@ pub struct WallFollower {
     track: CorridorTrack,
     ahead: AheadTrack,
     recoverer: Recoverer,
+    direction: Direction,
     gray: GrayImage,
     sequence: u64,
     last_frame: Option<Time>,
@@ -139,6 +142,7 @@ impl Plugin for WallFollower {
             track: CorridorTrack::default(),
             ahead: AheadTrack::default(),
             recoverer: Recoverer::default(),
+            direction: Direction::default(),
             gray: GrayImage::default(),
             sequence: 0,
             last_frame: None,
@@ -250,6 +254,11 @@ impl WallFollower {
         if result == FrameResult::Found {
             self.last_found = Some(Found { stamp, pose });
             self.found_in_row += u32::from(!seen.is_far);
+            if let (Some(pose), Ok(observation)) = (pose, &seen.observation)
+                && self.found_in_row >= ESTABLISHED_FRAMES
+            {
+                self.direction.follow(&pose, observation.heading);
+            }
         }
         result
     }
@@ -258,8 +267,10 @@ impl WallFollower {
     fn accept(&mut self, seen: &Seen) -> FrameResult {
         let abstains = self.evidence.is_some_and(|(_, action)| action == Action::Abstain);
         // Who has followed a corridor looks for it, and does not turn toward a direction that no point in view confirms.
+        let leads_back = |heading: f64| self.last_pose.is_some_and(|pose| self.direction.leads_back(&pose, heading));
         let observation = match seen.observation {
             Ok(_) if seen.is_far && self.found_in_row > 0 => Err(Reason::NoVanishingPoint),
+            Ok(seen) if leads_back(seen.heading) => Err(Reason::Gated),
             observation => observation,
         };
         let verdict = observation.map(|observation| self.track.update(&observation));
@@ -317,6 +328,7 @@ impl WallFollower {
             heading: pose
                 .map(|pose| pose.theta)
                 .filter(|_| self.failure.is_some_and(|why| why != Reason::MalformedInput)),
+            along: pose.and_then(|pose| self.direction.heading(&pose)),
             has_new_frame: matches!(result, FrameResult::NotFound | FrameResult::Held),
         };
         let recovery = self.recoverer.step(&loss, &self.config.lost);

@@ -40,6 +40,8 @@ pub struct Loss {
     pub for_m: f64,
     /// Heading in the odometry frame, rad; `None` without odometry.
     pub heading: Option<f64>,
+    /// Heading along the corridor that was followed last, odometry frame, rad; `None` if it is unknown.
+    pub along: Option<f64>,
     /// True if a frame without a vanishing point arrived since the last call.
     pub has_new_frame: bool,
 }
@@ -56,8 +58,8 @@ impl Recoverer {
             return Recovery::Coast;
         }
         let Some(heading) = loss.heading else { return Recovery::GiveUp };
-        let search =
-            self.search.get_or_insert(Search { start_heading: heading, step: 0, has_arrived: false });
+        let start_heading = loss.along.unwrap_or(heading);
+        let search = self.search.get_or_insert(Search { start_heading, step: 0, has_arrived: false });
         let Some(offset) = search_offset(search.step, rules) else { return Recovery::GiveUp };
         let target = search.start_heading + offset;
         if search.has_arrived && loss.has_new_frame {
@@ -70,16 +72,17 @@ impl Recoverer {
     }
 }
 
-/// Returns a direction of the search relative to its start (rad): steps to the left, then to the right, then back; `None`
-/// after the last.
+/// Returns a direction of the search relative to its start (rad): straight ahead, steps to the left, then to the right,
+/// then back; `None` after the last.
 fn search_offset(step: u32, rules: &Lost) -> Option<f64> {
     let looks = (rules.search_deg / rules.step_deg).floor() as u32;
-    let (number, side) = if step < looks { (step + 1, 1.0) } else { (step + 1 - looks.min(step + 1), -1.0) };
-    match step {
-        _ if looks == 0 || step > 2 * looks => None,
-        _ if step == 2 * looks => Some(0.0),
-        _ => Some(side * f64::from(number) * rules.step_deg.to_radians()),
-    }
+    let steps = match step {
+        _ if looks == 0 || step > 2 * looks + 1 => return None,
+        _ if step == 2 * looks + 1 => 0.0,
+        _ if step <= looks => f64::from(step),
+        _ => -f64::from(step - looks),
+    };
+    Some(steps * rules.step_deg.to_radians())
 }
 
 #[cfg(test)]
@@ -87,7 +90,7 @@ mod tests {
     use super::*;
 
     fn loss(for_s: f64, for_m: f64, heading: Option<f64>) -> Loss {
-        Loss { for_s, for_m, heading, has_new_frame: true }
+        Loss { for_s, for_m, heading, along: None, has_new_frame: true }
     }
 
     #[test]
@@ -116,7 +119,7 @@ mod tests {
                 other => assert_eq!(other, Recovery::GiveUp),
             }
         }
-        assert_eq!(seen, [10.0, 20.0, 30.0, -10.0, -20.0, -30.0, 0.0]);
+        assert_eq!(seen, [0.0, 10.0, 20.0, 30.0, -10.0, -20.0, -30.0, 0.0]);
         assert_eq!(recoverer.step(&loss(2.0, 0.0, Some(heading)), &rules), Recovery::GiveUp);
         recoverer.found();
         assert_eq!(recoverer.step(&loss(0.1, 0.0, Some(heading)), &rules), Recovery::Coast);

@@ -119,6 +119,7 @@ impl WallFollower {
         }
         self.turning_to = None;
         self.ahead.forget();
+        self.direction.forget();
         self.track.lose();
         self.sight.forget();
         None

@@ -21,8 +21,9 @@ const MIN_ECHO_SHARE: f64 = 0.35;
 const NEAR_ASIDE_M: f64 = 0.25;
 const VEER_PER_M: f64 = 1.5;
 const VEER_MPS: f64 = 0.15;
-/// Bearing of the aim above which the robot turns in place, rad.
+/// Bearing of the aim above which the robot turns in place, rad: driving, and waiting before a free lane.
 const TURN_IN_PLACE_RAD: f64 = 0.9;
+const TURN_WAITING_RAD: f64 = 0.15;
 /// Turn rate per radian, 1/s.
 const TURN_GAIN: f64 = 2.0;
 /// Time that the robot stands at least, s; time after which it backs off the way it came, and tries another way, s.
@@ -74,6 +75,8 @@ enum Mode {
 pub(super) struct Drive {
     mode: Mode,
     lane_m: f64,
+    /// Side of the last turn in place since the path was free, 1 left, -1 right; 0 without one.
+    tried: f64,
     /// Pose by odometry at the last step, and distance driven forward to it, m: at most as much as it can back off.
     last: Option<Pose2>,
     advanced_m: f64,
@@ -122,6 +125,23 @@ impl Situation {
             && self.plan.best.free_m > RELEASE_FREE_M
     }
 
+    fn bearing(&self) -> f64 {
+        self.aim.y.atan2(self.aim.x)
+    }
+
+    /// True if something ahead makes the robot stand, but its lane is free and leads past it.
+    fn is_beside_lane(&self) -> bool {
+        !self.is_sonar_silent
+            && self.must_stand()
+            && self.plan.best.free_m > RELEASE_FREE_M
+            && self.bearing().abs() > TURN_WAITING_RAD
+    }
+
+    fn turn_to_aim(&self) -> Twist {
+        let rate = TURN_GAIN * angle_difference(self.bearing(), 0.0);
+        Twist::planar(0.0, rate.clamp(-self.max_turn_radps, self.max_turn_radps))
+    }
+
     fn is_path_open(&self) -> bool {
         self.plan.nominal.is_open(self.clearance_m) && self.plan.best.offset_m.abs() <= HAND_OVER_M
     }
@@ -147,10 +167,15 @@ impl Drive {
         self.mode = self.next(at);
         Some(match self.mode {
             Mode::Free => {
-                self.lane_m = 0.0;
+                (self.lane_m, self.tried) = (0.0, 0.0);
                 return None;
             }
             Mode::Lane => self.drive_lane(at),
+            // The beam of a sonar is wider than the robot.
+            Mode::Wait { .. } if at.is_beside_lane() => Proposal::drive(Axes::PLANAR, at.turn_to_aim())
+                .uncoupled()
+                .with_reason(Reason::Echo)
+                .with_note(format_args!("turns to the lane {:+.2} m beside the path", self.lane_m)),
             Mode::Wait { .. } => {
                 let reason = if at.must_stand() { Reason::Echo } else { Reason::PassageBlocked };
                 Proposal::drive(Axes::PLANAR, Twist::ZERO)
@@ -162,10 +187,13 @@ impl Drive {
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("backs off the way it came"))
             }
-            Mode::Turn { side, .. } => Proposal::drive(Axes::PLANAR, Twist::planar(0.0, side * OUT_RADPS))
-                .uncoupled()
-                .with_reason(Reason::Searching)
-                .with_note(format_args!("turns to the side with more room")),
+            Mode::Turn { side, .. } => {
+                self.tried = side;
+                Proposal::drive(Axes::PLANAR, Twist::planar(0.0, side * OUT_RADPS))
+                    .uncoupled()
+                    .with_reason(Reason::Searching)
+                    .with_note(format_args!("turns to the side with more room"))
+            }
             Mode::Out { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS.min(at.speed_mps), 0.0))
                 .with_reason(Reason::Searching)
                 .with_note(format_args!("leaves a place without a free lane")),
@@ -201,7 +229,10 @@ impl Drive {
                     Mode::Back { since_s: at.now_s }
                 } else if waited_s > WAIT_S {
                     let [left, right] = at.room;
-                    Mode::Turn { since_s: at.now_s, side: if left >= right { 1.0 } else { -1.0 } }
+                    let roomier = if left >= right { 1.0 } else { -1.0 };
+                    // The side that led to no way is not tried twice in a row.
+                    let side = if self.tried == roomier { -roomier } else { roomier };
+                    Mode::Turn { since_s: at.now_s, side }
                 } else {
                     self.mode
                 }
@@ -235,13 +266,10 @@ impl Drive {
     }
 
     fn drive_lane(&self, at: &Situation) -> Proposal {
-        let bearing = at.aim.y.atan2(at.aim.x);
         let note =
             format_args!("lane {:+.2} m beside the path, {:.1} m free", self.lane_m, at.plan.best.free_m);
-        if bearing.abs() > TURN_IN_PLACE_RAD {
-            let rate =
-                (TURN_GAIN * angle_difference(bearing, 0.0)).clamp(-at.max_turn_radps, at.max_turn_radps);
-            return Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate)).uncoupled().with_note(note);
+        if at.bearing().abs() > TURN_IN_PLACE_RAD {
+            return Proposal::drive(Axes::PLANAR, at.turn_to_aim()).uncoupled().with_note(note);
         }
         let mut speed = at.speed_mps * at.share();
         let mut curvature = 2.0 * at.aim.y / at.aim.coords.norm_squared();

@@ -11,6 +11,7 @@ pub mod stations;
 
 mod clusters;
 mod drive;
+mod motion;
 mod overlay;
 
 use nalgebra::Point2;
@@ -22,7 +23,7 @@ use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::Picture;
-use yamabico_vision::floor_columns::{ColumnRules, FloorColumns};
+use yamabico_vision::floor_columns::{ColumnRules, FloorColumns, FloorEnd};
 use yamabico_vision::map::WireFrame;
 
 use crate::config::Config;
@@ -31,6 +32,7 @@ use crate::sonar_watch::SonarWatch;
 use crate::{CAMERA, OBSTACLES, ODOMETRY, SONAR};
 use clusters::Clusters;
 use drive::{Drive, Situation};
+use motion::FloorMotion;
 use occupancy::OccupancyGrid;
 use planner::{Plan, Scene};
 use stations::PathAhead;
@@ -42,6 +44,8 @@ const FLOOR_END: f32 = 1.3;
 /// echo, which a smooth surface at an angle does not give.
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
+/// Log odds of the foot of what moves as a thing.
+const MOVES_AS_THING: f32 = 0.8;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
 const FLOOR_END_M: f64 = 2.4;
@@ -72,6 +76,7 @@ pub struct LaneAvoider {
     size: [u32; 2],
     map: WireFrame,
     columns: FloorColumns,
+    motion: Option<FloorMotion>,
     grid: OccupancyGrid,
     gray: GrayImage,
     odometry: OdometryTrack,
@@ -107,6 +112,7 @@ impl LaneAvoider {
             clearance_m: half_width_m + GRID_ERROR_M,
             wall_clearance_m: half_width_m,
             size: pinhole.intrinsics().size(),
+            motion: FloorMotion::new(&pinhole, mount),
             map,
             columns,
             grid: OccupancyGrid::default(),
@@ -210,7 +216,16 @@ impl LaneAvoider {
         self.last_picture = Some(stamp);
         self.advance(stamp, &robot);
         let to_odometry = |place: Point2<f64>| robot.transform_point(place);
-        let (columns, beams) = (&self.columns, self.sonar.beams());
+        if let Some(motion) = &mut self.motion
+            && let Some(image) = frame.gray(self.size, &mut self.gray)
+        {
+            motion.look(image, robot, stamp.as_secs_f64(), self.columns.ends());
+        }
+        let (columns, beams, motion) = (&self.columns, self.sonar.beams(), &self.motion);
+        let is_thing = |end: &FloorEnd| {
+            end.place.x < FLOOR_END_M
+                && motion.as_ref().is_none_or(|motion| !motion.is_flat(to_odometry(end.place)))
+        };
         // Log odds of an end of the floor by the beams that it lies in.
         let end = |place: Point2<f64>| {
             let inside = beams.iter().filter(|beam| {
@@ -228,10 +243,14 @@ impl LaneAvoider {
         let floor = columns.free().filter(|place| place.x < FLOOR_M);
         self.grid.add(floor.map(to_odometry), FLOOR);
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
-            let ends = columns.ends().filter(|place| place.x < FLOOR_END_M && end(*place) == weight);
+            let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);
+            let ends = ends.filter(|&place| end(place) == weight);
             // An obstacle is deeper than its foot.
             let deep = ends.flat_map(|place| [place, Point2::new(place.x + occupancy::CELL_M, place.y)]);
             self.grid.add(deep.map(to_odometry), weight);
+        }
+        if let Some(motion) = motion {
+            self.grid.add(motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ pub(super) fn draw_columns(overlay: &mut Overlay, columns: &FloorColumns) {
         pixels.point(Vector2::from(pixel));
     }
     let mut places = overlay.robot("floor ends", YELLOW);
-    for place in columns.ends() {
+    for place in columns.ends().map(|end| end.place) {
         places.line(
             place.coords - Vector2::new(0.0, 0.5 * CELL_M),
             place.coords + Vector2::new(0.0, 0.5 * CELL_M),

@@ -13,4 +13,4 @@ mod scan;
 
 pub use cells::CellImage;
 pub use lab::Lab;
-pub use scan::{ColumnRules, FloorColumns};
+pub use scan::{ColumnRules, FloorColumns, FloorEnd};

@@ -39,6 +39,17 @@ const LEARN_OTHER: f32 = 0.02;
 /// Change of color up to which the area is still the same floor.
 const SAME_COLOR: f32 = 8.0;
 
+/// Stretch of a column that does not look like the floor before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloorEnd {
+    /// Place on the floor where it ends, robot frame, m.
+    pub place: Point2<f64>,
+    /// Middle of the column, pixels.
+    pub u: f64,
+    /// Rows from the first that looks like the floor again, or the highest scanned, to the last of the floor, pixels.
+    pub rows: [f64; 2],
+}
+
 /// Finds the end of the floor in each column. Allocates when it is created and no more.
 #[derive(Clone, Debug)]
 pub struct FloorColumns {
@@ -55,6 +66,8 @@ pub struct FloorColumns {
     differs: Vec<bool>,
     /// Row of the last floor cell before the end of the floor, if it ends within the range; else the first row scanned.
     ends: Vec<usize>,
+    /// Row above the end from which on the column looks like the floor again; else the first row scanned.
+    tops: Vec<usize>,
     sorted: Vec<f32>,
 }
 
@@ -100,6 +113,7 @@ impl FloorColumns {
             color: None,
             differs: vec![false; rows],
             ends: vec![rows - 1; columns],
+            tops: vec![0; columns],
             sorted: Vec::with_capacity(columns * rows),
             cells,
         })
@@ -124,6 +138,9 @@ impl FloorColumns {
         self.color = Some(color);
         for column in 0..self.cells.size()[0] {
             self.ends[column] = self.scan(column, color);
+            // Two rows in a row: one may be noise, or a joint.
+            let mut above = self.differs[self.top..self.ends[column]].windows(2);
+            self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
         }
         true
     }
@@ -170,12 +187,13 @@ impl FloorColumns {
     }
 
     /// Places on the floor where it ends, robot frame, m: the feet of obstacles and walls.
-    pub fn ends(&self) -> impl Iterator<Item = Point2<f64>> {
+    pub fn ends(&self) -> impl Iterator<Item = FloorEnd> {
         let last = self.cells.size()[1] - BORDER_ROWS - 1;
-        let columns = self.ends.iter().enumerate();
-        columns
-            .filter(move |&(_, &row)| row > self.top && row < last)
-            .map(|(column, &row)| self.place(column, row))
+        let columns = self.ends.iter().zip(&self.tops).enumerate();
+        columns.filter(move |&(_, (&row, _))| row > self.top && row < last).map(|(column, (&row, &top))| {
+            let [[u, from], [_, to]] = [top, row].map(|row| self.cells.middle(column, row));
+            FloorEnd { place: self.place(column, row), u, rows: [from, to] }
+        })
     }
 
     /// Places of floor before its end, robot frame, m.
@@ -232,7 +250,7 @@ mod tests {
         let ray = mount.rotation_body_from_camera()
             * pinhole.ray_from_pixel(Vector2::new(120.0, 179.0)).expect("a ray");
         let foot_m = 0.5 * ray.x / -ray.z;
-        let ends: Vec<_> = columns.ends().collect();
+        let ends: Vec<_> = columns.ends().map(|end| end.place).collect();
         assert!((8..=11).contains(&ends.len()), "{}", ends.len());
         for end in ends {
             assert!(

@@ -72,6 +72,8 @@ pub struct PictureJudge {
     /// Odometry of the last picture that was not taken at standstill.
     moved: Option<Pose2>,
     alignment: Option<Alignment>,
+    /// Number of older pictures that the last one was compared with.
+    baselines: usize,
 }
 
 impl PictureJudge {
@@ -96,6 +98,7 @@ impl PictureJudge {
             points: Vec::with_capacity(MAX_POINTS),
             moved: None,
             alignment: None,
+            baselines: 0,
         }
     }
 
@@ -113,7 +116,7 @@ impl PictureJudge {
         at_s: f64,
     ) -> Result<&[MotionPoint], NotJudged> {
         self.points.clear();
-        self.alignment = None;
+        (self.alignment, self.baselines) = (None, 0);
         let [width, height] = self.view.intrinsics().size();
         if (image.width(), image.height()) != (width as usize, height as usize) || !odometry.is_finite() {
             return Err(NotJudged::NoFeatures);
@@ -131,6 +134,7 @@ impl PictureJudge {
         let count = aligned?;
         let Some(alignment) = self.alignment else { return Err(NotJudged::NoBaseline) };
         self.search(image, &partners[..count], &alignment)?;
+        self.baselines = count;
         Ok(&self.points)
     }
 
@@ -289,6 +293,12 @@ impl PictureJudge {
     #[must_use]
     pub fn alignment(&self) -> Option<&Alignment> {
         self.alignment.as_ref()
+    }
+
+    /// True if the last picture was compared with two older ones or more: one alone shows no things.
+    #[must_use]
+    pub fn shows_things(&self) -> bool {
+        self.baselines >= 2
     }
 
     /// Estimated tilt and roll of the camera beyond its mount, rad.

@@ -1,0 +1,114 @@
+//! Paint, light and mirror images told from things by their motion between pictures.
+//!
+//! Where the color of the floor ends, something stands there, or the floor only looks different: a patch of sunlight, a
+//! sheet of paper, a lamp's mirror image. Points above the foot of a thing move as things do; those of a patch move as the
+//! floor, or as if they lay below it.
+
+use nalgebra::Point2;
+use yamabico_core::camera::{Distortion, Mount, Pinhole};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_vision::floor_columns::FloorEnd;
+use yamabico_vision::plane_motion::PictureJudge;
+use yamabico_vision::plane_motion::motion_point::MotionPoint;
+use yamabico_vision::plane_motion::sequential_test::PointClass;
+use yamabico_vision::rolling_window::RollingWindow;
+
+/// Side of a cell, m, and cells on each side of the window.
+const CELL_M: f64 = 0.1;
+const CELLS: usize = 64;
+/// Points beside a column that count for it, px at a width of 256 px.
+const BESIDE_PX: f64 = 10.0;
+/// Rows above the end of the floor that may show the floor before it, px at a width of 256 px.
+const FOOT_PX: f64 = 4.0;
+/// Votes of a point that moves as the floor or a mirror image, and of one that moves as a thing; and their maximum in a picture.
+const FLAT: f32 = 1.0;
+const THING: f32 = -4.0;
+const MAX_VOTES: f32 = 3.0;
+/// Sum of votes from which a place is flat, its limits, and its change toward zero per second.
+const IS_FLAT: f32 = 3.0;
+const LIMITS: (f32, f32) = (-8.0, 8.0);
+const FADE_PER_S: f32 = 0.15;
+/// Standard deviation of the distance of a thing up to which its place counts, m.
+const MAX_RANGE_SIGMA_M: f64 = 0.15;
+
+/// Places whose look differs from the floor, and whether they are flat. Allocates when it is created and for its first
+/// picture.
+#[derive(Clone, Debug)]
+pub(super) struct FloorMotion {
+    judge: PictureJudge,
+    scale: f64,
+    window: RollingWindow,
+    votes: Vec<f32>,
+    /// Time of the last picture, s.
+    last_s: Option<f64>,
+}
+
+impl FloorMotion {
+    /// Creates the judge of a camera; `None` if its lens distorts or it stands on the floor.
+    pub fn new(pinhole: &Pinhole, mount: Mount) -> Option<Self> {
+        let is_usable = *pinhole.distortion() == Distortion::NONE && mount.z > 0.0;
+        is_usable.then(|| Self {
+            judge: PictureJudge::new(*pinhole.intrinsics(), mount),
+            scale: f64::from(pinhole.intrinsics().width) / 256.0,
+            window: RollingWindow::new(CELLS, CELL_M),
+            votes: vec![0.0; CELLS * CELLS],
+            last_s: None,
+        })
+    }
+
+    /// Takes in a picture captured at `odometry` and the time `at_s` (s), in which the floor ends at `ends`.
+    pub fn look(
+        &mut self,
+        image: ImageView,
+        odometry: Pose2,
+        at_s: f64,
+        ends: impl Iterator<Item = FloorEnd>,
+    ) {
+        let elapsed_s = at_s - self.last_s.replace(at_s).unwrap_or(at_s);
+        self.window.advance(odometry.position(), |slot| self.votes[slot] = 0.0);
+        let fade = FADE_PER_S * elapsed_s.clamp(0.0, 60.0) as f32;
+        for votes in &mut self.votes {
+            *votes -= votes.clamp(-fade, fade);
+        }
+        // A picture that cannot be judged says nothing, and one that shows no things does not show that there are none.
+        if self.judge.judge(image, odometry, at_s).is_err() || !self.judge.shows_things() {
+            return;
+        }
+        let points = self.judge.points();
+        for end in ends {
+            let votes: f32 = points.iter().map(|point| vote(point, &end, self.scale)).sum();
+            if let Some(slot) = self.window.slot(odometry.transform_point(end.place)) {
+                let sum = self.votes[slot] + votes.clamp(-MAX_VOTES, MAX_VOTES);
+                self.votes[slot] = sum.clamp(LIMITS.0, LIMITS.1);
+            }
+        }
+    }
+
+    /// Feet of things in the last picture within `range_m` of the robot, robot frame at the capture, m.
+    pub fn things(&self, range_m: f64) -> impl Iterator<Item = Point2<f64>> {
+        let is_known = |point: &&MotionPoint| {
+            point.class == PointClass::Above && point.range_sigma_m < MAX_RANGE_SIGMA_M
+        };
+        let feet = self.judge.points().iter().filter(is_known).map(|point| point.foot);
+        feet.filter(move |foot| foot.x < range_m)
+    }
+
+    /// True if the floor at `place` (odometry frame, m) only looks different.
+    pub fn is_flat(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.votes[slot] >= IS_FLAT)
+    }
+}
+
+/// Vote of a point on the stretch of a column that looks different.
+fn vote(point: &MotionPoint, end: &FloorEnd, scale: f64) -> f32 {
+    let [u, v] = [point.pixel.x, point.pixel.y].map(f64::from);
+    let is_inside = (u - end.u).abs() < BESIDE_PX * scale
+        && (end.rows[0] - FOOT_PX * scale..end.rows[1] - FOOT_PX * scale).contains(&v);
+    match point.class {
+        _ if !is_inside => 0.0,
+        PointClass::Floor | PointClass::Below => FLAT,
+        PointClass::Above => THING,
+        PointClass::Moving | PointClass::Undecided => 0.0,
+    }
+}
