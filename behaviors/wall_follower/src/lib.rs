@@ -267,7 +267,8 @@ impl WallFollower {
     fn accept(&mut self, seen: &Seen) -> FrameResult {
         let abstains = self.evidence.is_some_and(|(_, action)| action == Action::Abstain);
         // Who has followed a corridor looks for it, and does not turn toward a direction that no point in view confirms.
-        let leads_back = |heading: f64| self.last_pose.is_some_and(|pose| self.direction.leads_back(&pose, heading));
+        let leads_back =
+            |heading: f64| self.last_pose.is_some_and(|pose| self.direction.leads_back(&pose, heading));
         let observation = match seen.observation {
             Ok(_) if seen.is_far && self.found_in_row > 0 => Err(Reason::NoVanishingPoint),
             Ok(seen) if leads_back(seen.heading) => Err(Reason::Gated),

@@ -45,7 +45,7 @@ const FLOOR_END: f32 = 1.3;
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
 /// Log odds of the foot of what moves as a thing.
-const MOVES_AS_THING: f32 = 0.8;
+const MOVES_AS_THING: f32 = 1.0;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
 const FLOOR_END_M: f64 = 2.4;
@@ -240,7 +240,8 @@ impl LaneAvoider {
                 Some(true) => FLOOR_END_BEFORE_ECHO,
             }
         };
-        let floor = columns.free().filter(|place| place.x < FLOOR_M);
+        let is_hidden = |place: Point2<f64>| motion.as_ref().is_some_and(|motion| motion.is_hidden(place));
+        let floor = columns.free().filter(|&place| place.x < FLOOR_M && !is_hidden(place));
         self.grid.add(floor.map(to_odometry), FLOOR);
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);

@@ -4,7 +4,7 @@
 //! sheet of paper, a lamp's mirror image. Points above the foot of a thing move as things do; those of a patch move as the
 //! floor, or as if they lay below it.
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use yamabico_core::camera::{Distortion, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
@@ -31,6 +31,11 @@ const LIMITS: (f32, f32) = (-8.0, 8.0);
 const FADE_PER_S: f32 = 0.15;
 /// Standard deviation of the distance of a thing up to which its place counts, m.
 const MAX_RANGE_SIGMA_M: f64 = 0.15;
+/// Depth of a thing around the foot of a point, m.
+const DEPTH_M: f64 = 0.05;
+/// Directions of the fan in which things hide the floor, and its largest slope to each side.
+const BINS: usize = 96;
+const MAX_SLOPE: f64 = 1.2;
 
 /// Places whose look differs from the floor, and whether they are flat. Allocates when it is created and for its first
 /// picture.
@@ -40,6 +45,8 @@ pub(super) struct FloorMotion {
     scale: f64,
     window: RollingWindow,
     votes: Vec<f32>,
+    /// Distances from which things in the last picture hide the floor, by direction, m.
+    hidden_m: [f64; BINS],
     /// Time of the last picture, s.
     last_s: Option<f64>,
 }
@@ -53,6 +60,7 @@ impl FloorMotion {
             scale: f64::from(pinhole.intrinsics().width) / 256.0,
             window: RollingWindow::new(CELLS, CELL_M),
             votes: vec![0.0; CELLS * CELLS],
+            hidden_m: [f64::INFINITY; BINS],
             last_s: None,
         })
     }
@@ -71,10 +79,18 @@ impl FloorMotion {
         for votes in &mut self.votes {
             *votes -= votes.clamp(-fade, fade);
         }
+        self.hidden_m = [f64::INFINITY; BINS];
         // A picture that cannot be judged says nothing, and one that shows no things does not show that there are none.
         if self.judge.judge(image, odometry, at_s).is_err() || !self.judge.shows_things() {
             return;
         }
+        let mut hidden_m = self.hidden_m;
+        for off in self.feet().map(|foot| foot - self.camera()) {
+            for bin in bin(off).into_iter().flat_map(|bin| bin.saturating_sub(1)..(bin + 2).min(BINS)) {
+                hidden_m[bin] = hidden_m[bin].min(off.norm() - DEPTH_M);
+            }
+        }
+        self.hidden_m = hidden_m;
         let points = self.judge.points();
         for end in ends {
             let votes: f32 = points.iter().map(|point| vote(point, &end, self.scale)).sum();
@@ -85,19 +101,45 @@ impl FloorMotion {
         }
     }
 
-    /// Feet of things in the last picture within `range_m` of the robot, robot frame at the capture, m.
+    /// Places of things in the last picture within `range_m` of the camera, robot frame at the capture, m: along the ray
+    /// around the foot of each point.
     pub fn things(&self, range_m: f64) -> impl Iterator<Item = Point2<f64>> {
+        let camera = self.camera();
+        let near = self.feet().filter(move |foot| (foot - camera).norm() < range_m);
+        near.flat_map(move |foot| {
+            let along = (foot - camera).normalize() * DEPTH_M;
+            [foot - along, foot, foot + along]
+        })
+    }
+
+    /// True if a thing in the last picture hides the floor at `place`, robot frame at the capture, m.
+    pub fn is_hidden(&self, place: Point2<f64>) -> bool {
+        let off = place - self.camera();
+        bin(off).is_some_and(|bin| off.norm() > self.hidden_m[bin])
+    }
+
+    /// Feet of the things in the last picture, robot frame at the capture, m.
+    fn feet(&self) -> impl Iterator<Item = Point2<f64>> {
         let is_known = |point: &&MotionPoint| {
             point.class == PointClass::Above && point.range_sigma_m < MAX_RANGE_SIGMA_M
         };
-        let feet = self.judge.points().iter().filter(is_known).map(|point| point.foot);
-        feet.filter(move |foot| foot.x < range_m)
+        self.judge.points().iter().filter(is_known).map(|point| point.foot)
+    }
+
+    fn camera(&self) -> Point2<f64> {
+        self.judge.view().position().xy().into()
     }
 
     /// True if the floor at `place` (odometry frame, m) only looks different.
     pub fn is_flat(&self, place: Point2<f64>) -> bool {
         self.window.slot(place).is_some_and(|slot| self.votes[slot] >= IS_FLAT)
     }
+}
+
+/// Direction in the fan, of an offset from the camera; `None` if it is not in it.
+fn bin(off: Vector2<f64>) -> Option<usize> {
+    let share = 0.5 + 0.5 * off.y / (off.x * MAX_SLOPE);
+    (off.x > 0.0 && (0.0..1.0).contains(&share)).then(|| (share * BINS as f64) as usize)
 }
 
 /// Vote of a point on the stretch of a column that looks different.
