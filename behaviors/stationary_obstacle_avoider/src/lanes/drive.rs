@@ -40,6 +40,8 @@ const VIEW_M: f64 = 0.9;
 const OUT_RADPS: f64 = 0.6;
 const OUT_MPS: f64 = 0.15;
 const OUT_M: f64 = 0.35;
+/// Free distance ahead at which a way out ends, m.
+const OUT_STOP_M: f64 = 0.05;
 /// Speed of backing off, m/s; smallest and largest length, m. Only a way that the robot has just come is known to be free,
 /// and a turn leaves it: the length that is lost per radian, m.
 const BACK_MPS: f64 = 0.12;
@@ -104,6 +106,8 @@ pub(super) struct Situation {
     pub gate_m: f64,
     /// Distance kept from obstacles, m.
     pub clearance_m: f64,
+    /// Distance that is free straight ahead, m.
+    pub straight_m: f64,
     /// Maximum speed, m/s, and turn rate, rad/s.
     pub speed_mps: f64,
     pub max_turn_radps: f64,
@@ -249,7 +253,8 @@ impl Drive {
             }
             Mode::Turn { since_s, side } => {
                 let turned = side * -at.path_heading;
-                let sees_way = turned > TURN_RAD.0 && at.echo_ahead_m > VIEW_M;
+                let sees_way =
+                    turned > TURN_RAD.0 && at.echo_ahead_m > VIEW_M && at.straight_m > OUT_M + OUT_STOP_M;
                 let is_over = turned > TURN_RAD.1 || at.now_s - since_s > MANEUVER_S;
                 if sees_way || is_over {
                     Mode::Out { since_s: at.now_s, from: at.odometry }
@@ -257,7 +262,7 @@ impl Drive {
                     self.mode
                 }
             }
-            Mode::Out { .. } if at.must_stand() => wait,
+            Mode::Out { .. } if at.must_stand() || at.straight_m < OUT_STOP_M => wait,
             Mode::Out { since_s, from } => {
                 let is_over = from.distance(&at.odometry) > OUT_M || at.now_s - since_s > MANEUVER_S;
                 if is_over { Mode::Lane } else { self.mode }

@@ -53,6 +53,8 @@ const FLOOR_END_M: f64 = 2.4;
 const WALL_M: f64 = 0.16;
 /// Clearance beyond the robot and its margin that covers errors of the grid, m.
 const GRID_ERROR_M: f64 = 0.06;
+/// Error of the walls of a corridor that is seen, m.
+const SEEN_WALL_ERROR_M: f64 = 0.05;
 /// Area around the robot whose obstacles matter for planning, m: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-0.5, 2.7, 2.0);
 /// Maximum number of occupied cells that are planned with; nearer ones first come first.
@@ -110,7 +112,7 @@ impl LaneAvoider {
         let half_width_m = setup.robot.radius_m + config.margin_m;
         Ok(Self {
             clearance_m: half_width_m + GRID_ERROR_M,
-            wall_clearance_m: half_width_m,
+            wall_clearance_m: half_width_m + if config.map.is_some() { 0.0 } else { SEEN_WALL_ERROR_M },
             size: pinhole.intrinsics().size(),
             motion: FloorMotion::new(&pinhole, mount),
             map,
@@ -320,6 +322,7 @@ impl LaneAvoider {
             echo_ahead_m: self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD),
             echo_left_m: self.sonar.nearest_m(AHEAD_RAD..ASIDE_RAD),
             echo_right_m: self.sonar.nearest_m(-ASIDE_RAD..-AHEAD_RAD),
+            straight_m: scene.straight_m(),
             is_sonar_silent: self.sonar.beams().is_empty(),
             gate_m: self.config.gate_m,
             clearance_m: self.clearance_m,

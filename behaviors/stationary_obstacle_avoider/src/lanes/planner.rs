@@ -109,6 +109,17 @@ impl Scene<'_> {
         places.filter(|&place| is_free(place)).count() as f64 / (STEPS * AHEAD.len()) as f64
     }
 
+    /// Distance that the robot can drive straight ahead before it touches an obstacle, m.
+    #[must_use]
+    pub fn straight_m(&self) -> f64 {
+        let reach = |obstacle: &Point2<f32>| {
+            let (ahead_m, aside_m) = (f64::from(obstacle.x), f64::from(obstacle.y));
+            let before_m = self.wall_clearance_m * self.wall_clearance_m - aside_m * aside_m;
+            (ahead_m > 0.0 && before_m > 0.0).then(|| ahead_m - before_m.sqrt())
+        };
+        self.obstacles.iter().filter_map(reach).fold(f64::INFINITY, f64::min)
+    }
+
     /// Rates the lane with an offset: how far it is free, and how near obstacles are.
     fn rate(&self, offset_m: f64) -> Lane {
         let here_wall_m = (self.wall_m)(Point2::origin());
