@@ -17,11 +17,11 @@ const LIMITS: (f32, f32) = (-2.0, 6.0);
 /// Log odds from which a cell is occupied.
 const OCCUPIED: f32 = 2.0;
 /// Change of the log odds toward zero, per second.
-const FADE_PER_S: f32 = 0.4;
+const FADE_PER_S: f32 = 0.3;
 /// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
 const ECHO: f32 = 1.0;
 const BEFORE_ECHO: f32 = -0.3;
-const SILENCE: f32 = -0.03;
+const SILENCE: f32 = 0.0;
 /// Distance before an echo that is not free, m.
 const ECHO_DEPTH_M: f64 = 0.1;
 /// Share of a beam's opening angle that is marked: most of the energy is there.

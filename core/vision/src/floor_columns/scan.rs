@@ -28,6 +28,10 @@ impl Default for ColumnRules {
     }
 }
 
+/// Lightness from which a cell is overexposed, and that of a floor up to which this is no color of a thing: a lamp's mirror
+/// image, or sunlight.
+const OVEREXPOSED: f32 = 248.0;
+const MAX_DARK_FLOOR: f32 = 220.0;
 /// Rows at the lower border of the picture where no end of the floor is found, cells.
 const BORDER_ROWS: usize = 2;
 /// The area whose floor color starts each column: shares of the picture's height and width.
@@ -168,10 +172,11 @@ impl FloorColumns {
         for row in (self.top..rows - 1).rev() {
             let seen = self.cells.row(row)[column];
             let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
-            let differs =
+            let is_overexposed = seen[0] > OVEREXPOSED && color[0] < MAX_DARK_FLOOR;
+            let is_other =
                 off.iter().zip(&self.rules.tolerance).any(|(off, tolerance)| off.abs() > *tolerance);
-            self.differs[row] = differs;
-            if !differs {
+            self.differs[row] = is_other && !is_overexposed;
+            if !is_other {
                 for (color, off) in color.iter_mut().zip(off) {
                     *color += follow * off;
                 }
