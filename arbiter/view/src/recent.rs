@@ -3,13 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime};
 
-use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
+use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
-use yamabico_runtime::record::{ImageFormat, McapRecorder, Pace, Recording, Tap};
-
-use crate::model::{JPEG_QUALITY, header};
+use yamabico_runtime::record::{ImageFormat, McapRecorder, Pace, Recording, Tap, utc};
 
 /// Time that is kept.
 pub const KEPT: Duration = Duration::from_secs(60);
@@ -74,63 +72,28 @@ impl Recent {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<u64, String> {
-        let recording =
-            Recording { images: ImageFormat::Jpeg(JPEG_QUALITY), ..Recording::new(path, Pace::Lockstep) };
+        let recording = Recording { images: ImageFormat::IsJpeg, ..Recording::new(path, Pace::Lockstep) };
         let mut recorder = McapRecorder::create(recording).map_err(|error| error.to_string())?;
         for Entry { topic, message, time, header, items } in &self.entries {
-            if message.name == FrameHeader::NAME {
-                if let Some((header, pixels)) = decompress(header, items) {
-                    recorder.message(topic, message, *time, bytemuck::bytes_of(&header), &pixels);
-                }
-            } else {
-                recorder.message(topic, message, *time, header, items);
-            }
+            recorder.message(topic, message, *time, header, items);
         }
         let result = recorder.finish(BTreeMap::new());
         result.error.map_or(Ok(result.bytes), |error| Err(error.to_string()))
     }
 }
 
-/// Frame without padding between its rows, from its compressed picture.
-fn decompress(bytes: &[u8], picture: &[u8]) -> Option<(FrameHeader, Vec<u8>)> {
-    let frame: FrameHeader = header(bytes)?;
-    let encoding = frame.encoding()?;
-    let image = image::load_from_memory(picture).ok()?;
-    let (width, height) = (image.width(), image.height());
-    let pixels = match encoding {
-        Encoding::Gray8 => image.into_luma8().into_raw(),
-        Encoding::Rgb8 => image.into_rgb8().into_raw(),
-    };
-    Some((FrameHeader { width, height, stride: width * encoding.bytes_per_pixel(), ..frame }, pixels))
-}
-
 /// File name for a recording of `robot` that is saved at `now`, such as `kame-2026-11-23T18-04-05Z.mcap`.
 pub fn file_name(robot: &str, now: SystemTime) -> String {
-    let seconds = now.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
-    let (days, second) = ((seconds / 86_400) as i64, seconds % 86_400);
-    let (year, month, day) = civil(days);
-    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
     let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let robot: String = robot.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
-    format!("{robot}-{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}Z.mcap")
-}
-
-/// Year, month and day of the day `days` after 1970-01-01, in the Gregorian calendar: from the number of days in its eras of 400
-/// years, which begin on March 1.
-fn civil(days: i64) -> (i64, i64, i64) {
-    let days = days + 719_468;
-    let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    (year_of_era + era * 400 + i64::from(month <= 2), month, day)
+    let time = utc(now).replace(':', "-");
+    format!("{robot}-{}Z.mcap", time.get(..19).unwrap_or_default())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::UNIX_EPOCH;
     use yamabico_core::message::Odometry;
 
     #[test]
