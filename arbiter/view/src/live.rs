@@ -42,6 +42,7 @@ impl LiveRobot {
     pub fn join(robot: &str) -> Result<LiveRobot, ClientError> {
         let mut client = RobotClient::join(robot)?;
         let manifest = client.manifest()?.clone();
+        let recent = Arc::new(Mutex::new(Recent::new(&manifest)));
         let feed = open_feed(&mut client)?;
         for left_out in feed.unknown() {
             tracing::warn!("not shown: {left_out}");
@@ -52,7 +53,7 @@ impl LiveRobot {
             manifest,
             checked: Instant::now(),
             model: Model::default(),
-            recent: Arc::default(),
+            recent,
             joins: 1,
             has_overlays: false,
         })
@@ -143,7 +144,7 @@ impl LiveRobot {
             self.connection = Some(connection);
             self.manifest = manifest;
             self.model = Model::default();
-            *self.recent.lock().unwrap_or_else(PoisonError::into_inner) = Recent::default();
+            *self.recent.lock().unwrap_or_else(PoisonError::into_inner) = Recent::new(&self.manifest);
             self.joins += 1;
             self.has_overlays = false;
         }

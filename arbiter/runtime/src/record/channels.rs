@@ -6,9 +6,9 @@ use foxglove::messages::{
 };
 use foxglove::{Encode, Schema};
 use yamabico_core::message::{
-    Channel as Delivery, Command, FrameHeader, FreeSpaceHeader, Goal, Message, MessageType, ObstaclesHeader,
-    Odometry, OverlayHeader, PathHeader, Pose, Proposal, RangeScanHeader, RobotManifestHeader, Truth,
-    WallsHeader,
+    Channel as Delivery, Command, DecisionHeader, FrameHeader, FreeSpaceHeader, Goal, Imu, Message,
+    MessageType, ObstaclesHeader, Odometry, OverlayHeader, PathHeader, Pose, Proposal, RangeScanHeader,
+    RobotManifestHeader, Truth, WallsHeader,
 };
 use yamabico_core::time::Time;
 
@@ -72,8 +72,16 @@ pub fn channels<'a>(topics: impl IntoIterator<Item = (&'a str, &'a MessageType)>
         lasting(MAP_SCENE.to_owned(), format_of::<SceneUpdate>()),
     ];
     for (topic, message) in topics {
-        let is_lasting = [Goal::NAME, WallsHeader::NAME, RobotManifestHeader::NAME].contains(&message.name);
-        let is_state = matches!(message.name, Odometry::NAME | Truth::NAME | RangeScanHeader::NAME);
+        let is_lasting = is_lasting(message);
+        let states = [
+            Odometry::NAME,
+            Imu::NAME,
+            Truth::NAME,
+            RangeScanHeader::NAME,
+            DecisionHeader::NAME,
+            Command::NAME,
+        ];
+        let is_state = states.contains(&message.name);
         let may_skip = !is_lasting && (is_state || message.channel == Delivery::Latest);
         let forms = forms(message).into_iter().map(|(form, format)| (under(topic, form), format));
         let own = (topic.to_owned(), json_format(message));
@@ -83,6 +91,12 @@ pub fn channels<'a>(topics: impl IntoIterator<Item = (&'a str, &'a MessageType)>
         }));
     }
     channels
+}
+
+/// Returns true for a message that is published once and holds until the next one, such as the goal.
+#[must_use]
+pub fn is_lasting(message: &MessageType) -> bool {
+    [Goal::NAME, WallsHeader::NAME, RobotManifestHeader::NAME].contains(&message.name)
 }
 
 /// Standard forms of a message type.

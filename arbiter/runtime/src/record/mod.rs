@@ -34,7 +34,7 @@ mod surroundings;
 mod utc;
 mod writer;
 
-pub use channels::{Channel, Format, Records, channels};
+pub use channels::{Channel, Format, Records, channels, is_lasting};
 pub use contents::Contents;
 
 pub use digest::Digest;

@@ -94,8 +94,14 @@ impl Setup {
     }
 }
 
-/// Lines of the distinct files that parameters called `map` or `plan` name.
+/// Lines of the maps of a robot.
 pub(crate) fn read_maps(manifest: &RobotManifest) -> Vec<[[f64; 2]; 2]> {
+    let files = map_files(manifest).into_iter();
+    files.filter_map(|(_, text)| text.parse().ok()).flat_map(|file| map_lines(&file)).collect()
+}
+
+/// Name and text of the distinct files that parameters called `map` or `plan` name.
+pub(crate) fn map_files(manifest: &RobotManifest) -> Vec<(String, String)> {
     let parameters = manifest
         .plugins
         .iter()
@@ -104,7 +110,8 @@ pub(crate) fn read_maps(manifest: &RobotManifest) -> Vec<[[f64; 2]; 2]> {
     let files: BTreeSet<_> = maps
         .filter_map(|(plugin, parameter)| Some(plugin.folder.join(parameter.value.as_ref()?.as_str()?)))
         .collect();
-    files.iter().filter_map(|file| read(file)?.parse().ok()).flat_map(|file| map_lines(&file)).collect()
+    let name = |file: &Path| file.file_name().map(|name| name.to_string_lossy().into_owned());
+    files.iter().filter_map(|file| Some((name(file)?, read(file)?))).collect()
 }
 
 fn read(file: &Path) -> Option<String> {
