@@ -195,7 +195,7 @@ fn foxglove_sees_and_commands_a_running_robot() {
     let drawn: ImageAnnotations = viewer.message(
         "/behaviors/map-localizer/overlay/annotations",
         "foxglove.ImageAnnotations",
-        |drawn| !drawn.points.is_empty(),
+        |drawn: &ImageAnnotations| !drawn.points.is_empty(),
     );
     let stamp = drawn.points[0].timestamp.unwrap();
     let now_s = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs_f64();

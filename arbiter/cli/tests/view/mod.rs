@@ -3,6 +3,7 @@
 mod browser;
 mod foxglove;
 mod layout;
+mod overlays;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Stdio};
