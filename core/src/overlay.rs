@@ -199,7 +199,7 @@ impl Layer<'_> {
         self.mark(MarkKind::Circle, center, Vector2::new(radius, 0.0), Name::default())
     }
 
-    /// Draws a text that begins at `at`, truncated to 32 bytes.
+    /// Draws a text, truncated to 32 bytes; in a picture, `at` is its upper left corner.
     pub fn text(&mut self, at: Vector2<f64>, text: fmt::Arguments<'_>) -> &mut Self {
         let mut name = Name::default();
         // Writing to a `Text` cannot fail.

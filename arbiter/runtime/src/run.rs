@@ -10,7 +10,7 @@ use yamabico_core::sensor::DeviceError;
 use yamabico_host::config::{GoalArea, Overrides, Task};
 
 use crate::execution::{
-    CallStats, HostError, Live, Lockstep, Overlays, Plan, Progress, RunEnd, RunStats, run_lockstep, topics,
+    CallStats, HostError, Live, Lockstep, Overlays, Plan, Progress, RunEnd, RunStats, run_lockstep, sensors,
 };
 use crate::record::{Identity, McapRecorder, Pace, RecordError, Recording, RecordingResult, Tap, Tee};
 use crate::report::{
@@ -333,7 +333,6 @@ fn create_folder(folder: &Path) -> Result<(), RunError> {
 fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, RunError> {
     let identity = Identity::of(task, &options.overrides, options.seed, options.pace);
     let (identity, files) = identity.map_err(RunError::WorkingDirectory)?;
-    let sensors = task.robot.sensors.iter();
     let mut facts = identity.facts();
     let robot = &task.robot.robot;
     facts.extend([
@@ -344,7 +343,7 @@ fn record(task: &Task, options: &Options, path: &Path) -> Result<McapRecorder, R
     let recording = Recording {
         replaces: options.overwrite,
         robot: task.robot.robot.clone(),
-        sensors: sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect(),
+        sensors: sensors(task),
         files,
         facts,
         ..Recording::new(path, options.pace)

@@ -347,7 +347,7 @@ export function drawMark(context, kind, a, b, radius, text, color) {
     case 2: context.arc(...a, 2, 0, 7); context.fill(); break;
     case 3: context.moveTo(...a); context.lineTo(...b); context.stroke(); break;
     case 4: context.arc(...a, Math.max(1, radius), 0, 7); context.stroke(); break;
-    case 5: context.font = "12px system-ui, sans-serif"; context.fillText(text, ...a); break;
+    case 5: context.font = "12px system-ui, sans-serif"; context.textBaseline = "top"; context.fillText(text, ...a); context.textBaseline = "alphabetic"; break;
   }
 }
 

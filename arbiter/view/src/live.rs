@@ -3,9 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use yamabico_core::message::{FrameHeader, Message, MessageType};
+use yamabico_core::message::{CallHeader, FrameHeader, HeardHeader, Message, MessageType};
 use yamabico_core::time::Time;
 use yamabico_runtime::client::{ClientError, RobotClient, RobotFeed};
+use yamabico_runtime::execution::RobotManifest;
 use yamabico_runtime::record::Tap;
 
 use crate::model::{Model, OVERLAY, header};
@@ -18,6 +19,7 @@ const CHECK_PERIOD: Duration = Duration::from_secs(1);
 pub struct LiveRobot {
     robot: String,
     connection: Option<(RobotClient, RobotFeed)>,
+    manifest: RobotManifest,
     checked: Instant,
     model: Model,
     recent: Arc<Mutex<Recent>>,
@@ -25,10 +27,11 @@ pub struct LiveRobot {
     has_overlays: bool,
 }
 
-/// Passes messages to the model and to the buffer of recent messages; a frame is compressed once for both.
-struct Both<'a> {
+/// Passes messages to the model, to the buffer of recent messages and to viewers; a frame is compressed once for all.
+struct Receivers<'a, 'v> {
     model: &'a mut Model,
     recent: &'a mut Recent,
+    viewers: Option<&'v mut dyn Tap>,
 }
 
 impl LiveRobot {
@@ -38,6 +41,8 @@ impl LiveRobot {
     /// No such robot is running, or it publishes no manifest.
     pub fn join(robot: &str) -> Result<LiveRobot, ClientError> {
         let mut client = RobotClient::join(robot)?;
+        let manifest = client.manifest()?.clone();
+        let recent = Arc::new(Mutex::new(Recent::new(&manifest)));
         let feed = open_feed(&mut client)?;
         for left_out in feed.unknown() {
             tracing::warn!("not shown: {left_out}");
@@ -45,9 +50,10 @@ impl LiveRobot {
         Ok(LiveRobot {
             robot: robot.to_owned(),
             connection: Some((client, feed)),
+            manifest,
             checked: Instant::now(),
             model: Model::default(),
-            recent: Arc::default(),
+            recent,
             joins: 1,
             has_overlays: false,
         })
@@ -56,6 +62,17 @@ impl LiveRobot {
     /// Name of the robot.
     pub fn robot(&self) -> &str {
         &self.robot
+    }
+
+    /// Plugins and topics of the robot.
+    pub fn manifest(&self) -> &RobotManifest {
+        &self.manifest
+    }
+
+    /// Time on the robot's clock; zero while it does not run.
+    pub fn now(&mut self) -> Time {
+        let connection = self.connection.as_mut();
+        connection.and_then(|(_, feed)| feed.now().ok()).unwrap_or(Time::ZERO)
     }
 
     /// State of the robot; after its end, the last one.
@@ -90,11 +107,13 @@ impl LiveRobot {
         }
     }
 
-    /// Takes in everything that the robot has published since the last call.
-    pub fn step(&mut self) {
+    /// Takes in everything that the robot has published since the last call, and passes it to `viewers`: instead of its
+    /// pixels, a frame has its picture as a JPEG.
+    pub fn step(&mut self, viewers: Option<&mut dyn Tap>) {
         if let Some((_, feed)) = &mut self.connection {
             let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
-            let received = feed.receive(&mut Both { model: &mut self.model, recent: &mut recent });
+            let received =
+                feed.receive(&mut Receivers { model: &mut self.model, recent: &mut recent, viewers });
             match received {
                 Ok(now) => self.model.set_time(now),
                 Err(error) => {
@@ -117,34 +136,44 @@ impl LiveRobot {
             return;
         }
         let joined = RobotClient::join(&self.robot).and_then(|mut client| {
+            let manifest = client.manifest()?.clone();
             let feed = open_feed(&mut client)?;
-            Ok((client, feed))
+            Ok((manifest, (client, feed)))
         });
-        if let Ok(connection) = joined {
+        if let Ok((manifest, connection)) = joined {
             self.connection = Some(connection);
+            self.manifest = manifest;
             self.model = Model::default();
-            *self.recent.lock().unwrap_or_else(PoisonError::into_inner) = Recent::default();
+            *self.recent.lock().unwrap_or_else(PoisonError::into_inner) = Recent::new(&self.manifest);
             self.joins += 1;
             self.has_overlays = false;
         }
     }
 }
 
-/// Feed of every topic but the overlays.
+/// Feed of every topic but the overlays, and but the logs of calls, which have room for the recorder alone.
 fn open_feed(client: &mut RobotClient) -> Result<RobotFeed, ClientError> {
-    client.feed(&|message| message.name != OVERLAY)
+    client.feed(&|message| ![OVERLAY, CallHeader::NAME, HeardHeader::NAME].contains(&message.name))
 }
 
-impl Tap for Both<'_> {
+impl Tap for Receivers<'_, '_> {
     fn message(&mut self, topic: &str, message: &MessageType, time: Time, bytes: &[u8], list: &[u8]) {
         self.model.message(topic, message, time, bytes, list);
-        if message.name != FrameHeader::NAME {
-            return self.recent.add(topic, message, time, bytes, list.into());
+        let is_frame = message.name == FrameHeader::NAME;
+        let items = if is_frame { self.picture(topic, bytes) } else { Some(list.into()) };
+        let Some(items) = items else { return };
+        if let Some(viewers) = &mut self.viewers {
+            viewers.message(topic, message, time, bytes, &items);
         }
-        let stamp_ns = header::<FrameHeader>(bytes).map(|header| header.stamp_ns);
-        let picture = self.model.pictures().get(topic, stamp_ns);
-        if let Some(picture) = picture.filter(|picture| Some(picture.header.stamp_ns) == stamp_ns) {
-            self.recent.add(topic, message, time, bytes, Arc::clone(&picture.data));
-        }
+        self.recent.add(topic, message, time, bytes, items);
+    }
+}
+
+impl Receivers<'_, '_> {
+    /// Picture of a frame; `None` if there is none, since the last one is too new.
+    fn picture(&self, topic: &str, bytes: &[u8]) -> Option<Arc<[u8]>> {
+        let stamp_ns = header::<FrameHeader>(bytes)?.stamp_ns;
+        let picture = self.model.pictures().get(topic, Some(stamp_ns))?;
+        (picture.header.stamp_ns == stamp_ns).then(|| Arc::clone(&picture.data))
     }
 }

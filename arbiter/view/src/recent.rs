@@ -3,13 +3,15 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime};
 
-use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
+use yamabico_core::message::MessageType;
+use yamabico_core::sensor::Robot;
 use yamabico_core::time::Time;
-use yamabico_runtime::record::{ImageFormat, McapRecorder, Pace, Recording, Tap};
+use yamabico_runtime::execution::RobotManifest;
+use yamabico_runtime::record::{ImageFormat, McapRecorder, Pace, Recording, Tap, is_lasting, utc};
 
-use crate::model::{JPEG_QUALITY, header};
+use crate::model::map_files;
 
 /// Time that is kept.
 pub const KEPT: Duration = Duration::from_secs(60);
@@ -18,10 +20,12 @@ const MAX_BYTES: usize = 64 << 20;
 /// Memory of a message besides its bytes.
 const OVERHEAD: usize = 128;
 
-/// Messages of the last minute; images are compressed.
+/// Messages of the last minute, and older ones that still hold, such as the goal; images are compressed.
 #[derive(Clone, Default)]
 pub struct Recent {
+    robot: RobotManifest,
     entries: VecDeque<Entry>,
+    lasting: BTreeMap<Arc<str>, Entry>,
     topics: BTreeMap<String, Arc<str>>,
     bytes: usize,
 }
@@ -42,6 +46,11 @@ impl Entry {
 }
 
 impl Recent {
+    /// Buffer for the messages of this robot.
+    pub fn new(robot: &RobotManifest) -> Recent {
+        Recent { robot: robot.clone(), ..Recent::default() }
+    }
+
     /// Takes in a message; the items of a frame are its compressed picture.
     pub fn add(&mut self, topic: &str, message: &MessageType, time: Time, header: &[u8], items: Arc<[u8]>) {
         let topic = match self.topics.get(topic) {
@@ -55,7 +64,11 @@ impl Recent {
             && (self.bytes > MAX_BYTES || time.since(oldest.time) > KEPT)
         {
             self.bytes -= oldest.size();
-            self.entries.pop_front();
+            if let Some(oldest) = self.entries.pop_front()
+                && is_lasting(&oldest.message)
+            {
+                self.lasting.insert(Arc::clone(&oldest.topic), oldest);
+            }
         }
     }
 
@@ -74,64 +87,43 @@ impl Recent {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<u64, String> {
-        let recording =
-            Recording { images: ImageFormat::Jpeg(JPEG_QUALITY), ..Recording::new(path, Pace::Lockstep) };
+        let recording = Recording {
+            images: ImageFormat::IsJpeg,
+            robot: Robot {
+                name: self.robot.robot.clone(),
+                radius_m: self.robot.radius_m,
+                ..Robot::default()
+            },
+            sensors: self.robot.sensors.clone(),
+            files: map_files(&self.robot),
+            facts: BTreeMap::from([("robot_name".to_owned(), self.robot.robot.clone())]),
+            ..Recording::new(path, Pace::Lockstep)
+        };
         let mut recorder = McapRecorder::create(recording).map_err(|error| error.to_string())?;
-        for Entry { topic, message, time, header, items } in &self.entries {
-            if message.name == FrameHeader::NAME {
-                if let Some((header, pixels)) = decompress(header, items) {
-                    recorder.message(topic, message, *time, bytemuck::bytes_of(&header), &pixels);
-                }
-            } else {
-                recorder.message(topic, message, *time, header, items);
-            }
+        let begin = self.entries.front().map_or(Time::ZERO, |first| first.time);
+        for Entry { topic, message, time, header, items } in self.lasting.values().chain(&self.entries) {
+            recorder.message(topic, message, begin.max(*time), header, items);
         }
         let result = recorder.finish(BTreeMap::new());
         result.error.map_or(Ok(result.bytes), |error| Err(error.to_string()))
     }
 }
 
-/// Frame without padding between its rows, from its compressed picture.
-fn decompress(bytes: &[u8], picture: &[u8]) -> Option<(FrameHeader, Vec<u8>)> {
-    let frame: FrameHeader = header(bytes)?;
-    let encoding = frame.encoding()?;
-    let image = image::load_from_memory(picture).ok()?;
-    let (width, height) = (image.width(), image.height());
-    let pixels = match encoding {
-        Encoding::Gray8 => image.into_luma8().into_raw(),
-        Encoding::Rgb8 => image.into_rgb8().into_raw(),
-    };
-    Some((FrameHeader { width, height, stride: width * encoding.bytes_per_pixel(), ..frame }, pixels))
-}
-
 /// File name for a recording of `robot` that is saved at `now`, such as `kame-2026-11-23T18-04-05Z.mcap`.
 pub fn file_name(robot: &str, now: SystemTime) -> String {
-    let seconds = now.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
-    let (days, second) = ((seconds / 86_400) as i64, seconds % 86_400);
-    let (year, month, day) = civil(days);
-    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
     let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let robot: String = robot.chars().map(|c| if is_plain(c) { c } else { '_' }).collect();
-    format!("{robot}-{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}Z.mcap")
-}
-
-/// Year, month and day of the day `days` after 1970-01-01, in the Gregorian calendar: from the number of days in its eras of 400
-/// years, which begin on March 1.
-fn civil(days: i64) -> (i64, i64, i64) {
-    let days = days + 719_468;
-    let (era, day_of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    (year_of_era + era * 400 + i64::from(month <= 2), month, day)
+    let time = utc(now).replace(':', "-");
+    format!("{robot}-{}Z.mcap", time.get(..19).unwrap_or_default())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use yamabico_core::message::Odometry;
+    use crate::recording::{Player, Recording};
+    use std::time::UNIX_EPOCH;
+    use yamabico_core::message::{FrameHeader, Goal, Odometry};
+    use yamabico_runtime::record::{ImageFormat, compress};
 
     #[test]
     fn a_file_is_named_after_the_robot_and_the_time() {
@@ -152,5 +144,35 @@ mod tests {
             recent.add("front", &message, Time(200_000_000_000), &[], vec![0; 1 << 20].into());
         }
         assert!(recent.bytes <= MAX_BYTES && recent.len() == 63, "{}", recent.len());
+    }
+    #[test]
+    fn what_still_holds_is_saved_with_the_last_minute() {
+        let mut recent = Recent::default();
+        let (goal, odometry) = (MessageType::of::<Goal>(), MessageType::of::<Odometry>());
+        let at = |second: u64| Time(second * 1_000_000_000);
+        let far = Goal { x: 7.0, ..Goal::default() };
+        recent.add("goal", &goal, at(1), bytemuck::bytes_of(&far), vec![].into());
+        let picture = FrameHeader::gray(16, 12, at(250).0);
+        let jpeg = compress(&picture, &[90; 16 * 12], ImageFormat::Jpeg(85)).unwrap();
+        for second in 200..=300 {
+            let header = Odometry { stamp_ns: at(second).0, sequence: second, ..Odometry::default() };
+            recent.add("wheels", &odometry, at(second), bytemuck::bytes_of(&header), vec![].into());
+            if second == 250 {
+                let message = MessageType::of::<FrameHeader>();
+                recent.add("front", &message, at(second), bytemuck::bytes_of(&picture), jpeg.clone().into());
+            }
+        }
+        let path = std::env::temp_dir().join(format!("yamabico-recent-{}.mcap", std::process::id()));
+        assert!(recent.save(&path).unwrap() > 0);
+        let saved = Recording::open(&path).unwrap();
+        let _ = std::fs::remove_file(&path);
+        assert_eq!((saved.duration_s(), saved.left_out()), (60.0, 0));
+        let mut player = Player::new(saved).unwrap();
+        player.seek(51.0).unwrap();
+        let model = player.model();
+        assert_eq!(model.snapshot().scene.goal.map(|goal| goal[0]), Some(7.0));
+        let shown = model.pictures().get("front", Some(picture.stamp_ns)).unwrap();
+        assert_eq!(&*shown.data, &*jpeg, "the picture is not compressed again");
+        assert!(recent.save(&path.join("missing")).is_err());
     }
 }

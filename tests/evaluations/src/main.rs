@@ -69,6 +69,7 @@ enum Command {
     OverlayCost(overlay_cost::Arguments),
     Chaos(live::chaos::Arguments),
     Soak(live::soak::Arguments),
+    Viewing(live::viewing::Arguments),
     PythonFailures(live::python_failures::Arguments),
     /// Run a behavior on one image, and draw what it detected.
     #[command(subcommand)]
@@ -104,6 +105,7 @@ impl Command {
             Self::OverlayCost(arguments) => arguments.run(),
             Self::Chaos(arguments) => arguments.run(),
             Self::Soak(arguments) => arguments.run(),
+            Self::Viewing(arguments) => arguments.run(),
             Self::PythonFailures(arguments) => arguments.run(),
             Self::Show(command) => command.run(out),
             Self::Render(command) => command.run(out),

@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::json;
 use yamabico_view::live::LiveRobot;
 use yamabico_view::recording::{Player, Recording};
-use yamabico_view::server::{DEFAULT_PORT, Server, ServerSettings, Source};
+use yamabico_view::server::{DEFAULT_PORT, FoxglovePort, Server, ServerSettings, Source};
 
 use crate::interrupt::interrupt_flag;
 use crate::output::{CommandResult, DONE, Failure, Print, complain};
@@ -30,6 +30,15 @@ pub struct Arguments {
     /// Port; 0 takes a free one.
     #[arg(long, value_name = "PORT", default_value_t = DEFAULT_PORT)]
     port: u16,
+    /// Port for Foxglove and Lichtblick, 0 for a free one [default: 8765, unless it is taken].
+    #[arg(long, value_name = "PORT")]
+    foxglove: Option<u16>,
+    /// Do not serve Foxglove and Lichtblick.
+    #[arg(long, conflicts_with = "foxglove")]
+    no_foxglove: bool,
+    /// Site whose page may connect like Foxglove, such as http://lichtblick.lan; may be repeated.
+    #[arg(long, value_name = "SITE")]
+    viewer: Vec<String>,
 }
 
 /// Serves the page until Ctrl-C.
@@ -42,16 +51,28 @@ pub fn view(arguments: &Arguments, print: Print) -> CommandResult {
             (Source::Robot(Box::new(LiveRobot::join(&robot)?)), format!("robot {robot}"))
         }
     };
-    let settings =
-        ServerSettings { listen: arguments.listen, port: arguments.port, folder: PathBuf::from(".") };
+    let foxglove = match arguments.foxglove {
+        _ if arguments.no_foxglove => FoxglovePort::Off,
+        Some(port) => FoxglovePort::At(port),
+        None => FoxglovePort::IfFree,
+    };
+    let settings = ServerSettings {
+        listen: arguments.listen,
+        port: arguments.port,
+        folder: PathBuf::from("."),
+        foxglove,
+        viewers: arguments.viewer.clone(),
+    };
     let server = Server::start(source, &settings).map_err(Failure::device)?;
-    let answer = json!({ "url": server.url(), "token": server.token() });
+    let answer = json!({ "url": server.url(), "foxglove": server.foxglove_url(), "token": server.token() });
     print.show(&answer, |_| {
         let who = match server.token() {
             Some(_) => "other machines may look; only this address may command, keep it to yourself",
             None => "only this machine may look",
         };
-        format!("{what}: {} ({who}); press Ctrl-C to end", server.url())
+        let foxglove =
+            server.foxglove_url().map_or(String::new(), |url| format!("; Foxglove, Lichtblick: {url}"));
+        format!("{what}: {}{foxglove} ({who}); press Ctrl-C to end", server.url())
     });
     while !interrupt.load(Ordering::Relaxed) {
         std::thread::sleep(INTERRUPT_CHECK);

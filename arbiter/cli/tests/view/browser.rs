@@ -105,11 +105,31 @@ impl Browser {
 
     /// Clicks at the middle of the element `selector`.
     pub fn click(&mut self, selector: &str) {
+        let [x, y] = self.middle(selector);
+        self.click_at(x, y);
+    }
+
+    /// Replaces the text of the field `selector`, by a triple click and the keys of `text` and Enter.
+    pub fn enter(&mut self, selector: &str, text: &str) {
+        let [x, y] = self.middle(selector);
+        for kind in ["mousePressed", "mouseReleased"] {
+            let event = json!({ "type": kind, "x": x, "y": y, "button": "left", "clickCount": 3 });
+            self.call("Input.dispatchMouseEvent", event);
+        }
+        self.call("Input.insertText", json!({ "text": text }));
+        for kind in ["keyDown", "keyUp"] {
+            let event = json!({ "type": kind, "key": "Enter", "code": "Enter", "text": "\r", "windowsVirtualKeyCode": 13 });
+            self.call("Input.dispatchKeyEvent", event);
+        }
+    }
+
+    /// Middle of an element, which is brought into view.
+    fn middle(&mut self, selector: &str) -> [f64; 2] {
         let middle = self.evaluate(&format!(
             "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{ block: 'center' }}); \
              const r = e.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; }})()"
         ));
-        self.click_at(middle[0].as_f64().unwrap(), middle[1].as_f64().unwrap());
+        [0, 1].map(|axis| middle[axis].as_f64().unwrap())
     }
 
     fn call(&mut self, method: &str, parameters: Value) -> Value {

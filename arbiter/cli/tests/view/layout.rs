@@ -13,7 +13,7 @@ use crate::program::{TestFolder, yamabico};
 const LAYOUT: &str = include_str!("../../../view/layouts/yamabico.json");
 
 /// Fields of a layout that hold a topic, or a path that begins with one.
-const FIELDS: [&str; 4] = ["imageTopic", "value", "topicToRender", "topicPath"];
+const FIELDS: [&str; 5] = ["imageTopic", "calibrationTopic", "value", "topicToRender", "topicPath"];
 
 #[test]
 fn every_topic_of_the_layout_is_recorded() {
@@ -40,7 +40,7 @@ fn collect(value: &Value, topics: &mut BTreeSet<String>) {
         Value::Object(fields) => {
             for (name, value) in fields {
                 match (name.as_str(), value) {
-                    ("topics", Value::Object(shown)) => topics.extend(shown.keys().cloned()),
+                    ("topics" | "annotations", Value::Object(shown)) => topics.extend(shown.keys().cloned()),
                     (name, Value::String(path)) if FIELDS.contains(&name) => {
                         topics.extend(path.split(['.', '[']).next().map(str::to_owned));
                     }

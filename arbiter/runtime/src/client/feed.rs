@@ -62,20 +62,24 @@ impl RobotFeed {
         Ok(())
     }
 
+    /// Time on the robot's clock.
+    ///
+    /// # Errors
+    /// The bus fails.
+    pub fn now(&mut self) -> Result<Time, BusError> {
+        let Some((clock, now)) = &mut self.clock else { return Ok(Time::monotonic_now()) };
+        while let Some(instant) = clock.receive()? {
+            *now = Time(instant.header().stamp_ns);
+        }
+        Ok(*now)
+    }
+
     /// Passes `tap` every message received since the last call, sorted by topic; returns the time on the robot's clock.
     ///
     /// # Errors
     /// The bus fails.
     pub fn receive(&mut self, tap: &mut dyn Tap) -> Result<Time, BusError> {
-        let now = match &mut self.clock {
-            None => Time::monotonic_now(),
-            Some((clock, now)) => {
-                while let Some(instant) = clock.receive()? {
-                    *now = Time(instant.header().stamp_ns);
-                }
-                *now
-            }
-        };
+        let now = self.now()?;
         for (topic, message, subscriber) in &self.topics {
             let Some(subscriber) = subscriber else { continue };
             while let Some(sample) = subscriber.receive()? {

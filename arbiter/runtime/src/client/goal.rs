@@ -180,6 +180,7 @@ mod tests {
             behavior: Some(entry),
             parameters: Vec::new(),
             folder: std::path::PathBuf::new(),
+            inputs: Vec::new(),
         };
         let topic = |name: &&str| TopicEntry {
             name: path_topic(name),

@@ -22,6 +22,7 @@ mod worker_pool;
 pub(crate) use arbiter_core::ArbiterCore;
 pub use live::Live;
 pub use lockstep::{Lockstep, SensorSupply};
+pub(crate) use plan::sensors;
 pub use plan::{Overlays, Plan, Topic};
 pub use robot_manifest::{BehaviorEntry, ParameterEntry, PluginEntry, RobotManifest, TopicEntry};
 pub(crate) use run_end::run_lockstep;

@@ -12,6 +12,7 @@ use yamabico_core::message::{
     StepSignal, Stick, Truth, Verdict, WallPoint, WallsHeader,
 };
 use yamabico_core::overlay::MAX_MARKS;
+use yamabico_core::sensor::SensorInfo;
 use yamabico_host::bus::{Bus, BusError, Notification, RawSubscriber, STREAM_DEPTH, TopicSpec};
 use yamabico_host::config::{self, Clock, InputSource, Task};
 use yamabico_host::{
@@ -67,6 +68,8 @@ pub struct Plan {
     pub max_goal_m: Option<f64>,
     /// Radius of the circle around the robot's footprint, m.
     pub radius_m: f64,
+    /// Sensors by topic.
+    pub sensors: Vec<(String, SensorInfo)>,
     /// Use of the behaviors' overlays.
     pub overlays: Overlays,
 }
@@ -95,6 +98,7 @@ impl Plan {
             max_goal_m: task.max_goal_m,
             overlays: Overlays::default(),
             radius_m: task.robot.robot.radius_m,
+            sensors: sensors(task),
         }
     }
 
@@ -190,6 +194,12 @@ impl Plan {
             |topic: &Topic| Ok((topic.name.clone(), topic.message, bus.tap(&topic.name, &topic.message)?));
         self.topics.iter().filter(is_tapped).map(tap).collect()
     }
+}
+
+/// Sensors of a task by topic.
+pub(crate) fn sensors(task: &Task) -> Vec<(String, SensorInfo)> {
+    let sensors = task.robot.sensors.iter();
+    sensors.map(|sensor| (topics::sensor(&sensor.part.name), sensor.info.clone())).collect()
 }
 
 fn topics(task: &Task) -> Vec<Topic> {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use yamabico_arbiter::decide::ProposalTerms;
 use yamabico_core::message::RobotManifestHeader;
+use yamabico_core::sensor::SensorInfo;
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher};
 use yamabico_host::config::{Isolation, Parameter, describe_parameters};
@@ -31,6 +32,8 @@ pub struct RobotManifest {
     pub max_goal_m: Option<f64>,
     /// Radius of the circle around the robot's footprint, m.
     pub radius_m: f64,
+    /// Sensors by topic.
+    pub sensors: Vec<(String, SensorInfo)>,
 }
 
 /// A plugin of a manifest.
@@ -52,6 +55,8 @@ pub struct PluginEntry {
     pub parameters: Vec<ParameterEntry>,
     /// Folder that paths in these parameters start from.
     pub folder: PathBuf,
+    /// Topics that it receives.
+    pub inputs: Vec<String>,
 }
 
 /// A parameter of a manifest.
@@ -122,6 +127,7 @@ impl RobotManifest {
             behavior: None,
             parameters: Vec::new(),
             folder: PathBuf::new(),
+            inputs: Vec::new(),
         });
         let behaviors = plan.behaviors.iter().map(|behavior| PluginEntry {
             name: behavior.setup.name.clone(),
@@ -132,6 +138,7 @@ impl RobotManifest {
             behavior: behavior_entry(plan, behavior),
             parameters: parameters(&behavior.factory.info().parameters, &behavior.table),
             folder: std::path::absolute(&behavior.setup.folder).unwrap_or_default(),
+            inputs: behavior.inputs.iter().map(|(_, topic, _)| topic.clone()).collect(),
         });
         let topics = plan.topics.iter().map(|topic| TopicEntry {
             name: topic.name.clone(),
@@ -145,6 +152,7 @@ impl RobotManifest {
             topics: topics.collect(),
             max_goal_m: plan.max_goal_m,
             radius_m: plan.radius_m,
+            sensors: plan.sensors.clone(),
         }
     }
 
@@ -160,7 +168,7 @@ impl RobotManifest {
         terms.collect()
     }
 
-    /// JSON for the bus; without parameters if they take too much space.
+    /// JSON for the bus; without parameters and sensors if they take too much space.
     fn to_json(&self) -> String {
         let text = serde_json::to_string(self).unwrap_or_default();
         if text.len() <= MAX_MANIFEST_BYTES {
@@ -168,6 +176,7 @@ impl RobotManifest {
         }
         let mut short = self.clone();
         short.plugins.iter_mut().for_each(|plugin| plugin.parameters.clear());
+        short.sensors.clear();
         serde_json::to_string(&short).unwrap_or_default()
     }
 }

@@ -1,8 +1,11 @@
 //! Coordinate frames of a recording, and poses in them.
 
-use foxglove::messages::{FrameTransform, Pose, PoseInFrame, Quaternion, Timestamp, Vector3};
+use foxglove::messages::{
+    FrameTransform, FrameTransforms, Pose, PoseInFrame, PosesInFrame, Quaternion, Timestamp, Vector3,
+};
 use nalgebra::Isometry3;
 use yamabico_core::geometry::Pose2;
+use yamabico_core::message::PathPoint;
 
 /// Frame of the building.
 pub(super) const MAP: &str = "map";
@@ -41,6 +44,18 @@ pub(super) fn pose_in_frame(stamp_ns: u64, frame_id: &str, at: &Pose2) -> Option
     })
 }
 
+/// Path on the floor in the map frame: each corner heads for the next one.
+pub(super) fn path(stamp_ns: u64, corners: &[PathPoint]) -> PosesInFrame {
+    let known = |corner: &&PathPoint| corner.x.is_finite() && corner.y.is_finite();
+    let corners: Vec<&PathPoint> = corners.iter().filter(known).collect();
+    let headings = corners.windows(2).map(|ends| (ends[1].y - ends[0].y).atan2(ends[1].x - ends[0].x));
+    let mut headings: Vec<f64> = headings.collect();
+    headings.push(headings.last().copied().unwrap_or(0.0));
+    let poses =
+        corners.iter().zip(headings).map(|(corner, theta)| pose(&Pose2::new(corner.x, corner.y, theta)));
+    PosesInFrame { timestamp: Some(timestamp(stamp_ns)), frame_id: MAP.to_owned(), poses: poses.collect() }
+}
+
 fn transform(stamp_ns: u64, parent: &str, child: &str, parent_from_child: &Pose2) -> FrameTransform {
     FrameTransform {
         timestamp: Some(timestamp(stamp_ns)),
@@ -52,10 +67,10 @@ fn transform(stamp_ns: u64, parent: &str, child: &str, parent_from_child: &Pose2
 }
 
 /// Mount of a camera: its frame in the robot's frame.
-pub(super) fn mounted(frame_id: &str, body_from_camera: &Isometry3<f64>) -> FrameTransform {
+fn mounted(stamp_ns: u64, frame_id: &str, body_from_camera: &Isometry3<f64>) -> FrameTransform {
     let (position, turn) = (body_from_camera.translation.vector, body_from_camera.rotation);
     FrameTransform {
-        timestamp: Some(timestamp(0)),
+        timestamp: Some(timestamp(stamp_ns)),
         parent_frame_id: BASE.to_owned(),
         child_frame_id: frame_id.to_owned(),
         translation: Some(vector(position.x, position.y, position.z)),
@@ -66,23 +81,41 @@ pub(super) fn mounted(frame_id: &str, body_from_camera: &Isometry3<f64>) -> Fram
 /// Tree of the frames map, odom and base, from poses that arrive one by one.
 ///
 /// Until a behavior publishes a pose on the map, the odometry starts at the first ground truth, or at the map's origin without
-/// one.
+/// one. Each message holds the whole tree, so that a viewer that begins anywhere has it.
 #[derive(Default)]
 pub(super) struct FrameTree {
+    mounts: Vec<(String, Isometry3<f64>)>,
     odom_from_base: Option<Pose2>,
     map_from_odom: Option<Pose2>,
     localized: bool,
 }
 
 impl FrameTree {
-    /// Takes in odometry; returns the transforms.
-    pub fn odometry(&mut self, stamp_ns: u64, odom_from_base: Pose2) -> Vec<FrameTransform> {
+    /// Tree with these cameras: frame, and its pose on the robot.
+    pub fn new(mounts: Vec<(String, Isometry3<f64>)>) -> FrameTree {
+        FrameTree { mounts, ..FrameTree::default() }
+    }
+
+    /// Transforms of the cameras on the robot; `None` if there is no camera.
+    pub fn cameras(&self, stamp_ns: u64) -> Option<FrameTransforms> {
+        let mounted = |(frame_id, at): &(String, Isometry3<f64>)| mounted(stamp_ns, frame_id, at);
+        let transforms: Vec<_> = self.mounts.iter().map(mounted).collect();
+        (!transforms.is_empty()).then_some(FrameTransforms { transforms })
+    }
+
+    /// Takes in odometry; returns all transforms, or `None` if it is not finite.
+    pub fn odometry(&mut self, stamp_ns: u64, odom_from_base: Pose2) -> Option<FrameTransforms> {
         if !odom_from_base.is_finite() {
-            return Vec::new();
+            return None;
         }
         self.odom_from_base = Some(odom_from_base);
         let map_from_odom = *self.map_from_odom.get_or_insert(Pose2::IDENTITY);
-        vec![transform(stamp_ns, MAP, ODOM, &map_from_odom), transform(stamp_ns, ODOM, BASE, &odom_from_base)]
+        let mut transforms = vec![
+            transform(stamp_ns, MAP, ODOM, &map_from_odom),
+            transform(stamp_ns, ODOM, BASE, &odom_from_base),
+        ];
+        transforms.extend(self.cameras(stamp_ns).unwrap_or_default().transforms);
+        Some(FrameTransforms { transforms })
     }
 
     /// Takes in a pose estimate.
@@ -111,8 +144,8 @@ mod tests {
     use super::*;
     use yamabico_core::camera::Mount;
 
-    fn translation(transforms: &[FrameTransform], index: usize) -> (f64, f64) {
-        let translation = transforms[index].translation.as_ref().unwrap();
+    fn translation(transforms: &Option<FrameTransforms>, index: usize) -> (f64, f64) {
+        let translation = transforms.as_ref().unwrap().transforms[index].translation.as_ref().unwrap();
         (translation.x, translation.y)
     }
 
@@ -132,13 +165,19 @@ mod tests {
     #[test]
     fn poses_that_are_not_finite_are_left_out() {
         let nowhere = Pose2 { x: f64::NAN, y: 0.0, theta: 0.0 };
-        assert!(FrameTree::default().odometry(1, nowhere).is_empty());
+        assert!(FrameTree::default().odometry(1, nowhere).is_none());
         assert!(pose_in_frame(1, MAP, &nowhere).is_none());
+        let corners = [(0.0, 0.0), (f64::NAN, 1.0), (0.0, 2.0)].map(|(x, y)| PathPoint { x, y });
+        let poses = path(1, &corners).poses;
+        let upward = yaw(std::f64::consts::FRAC_PI_2);
+        assert!(poses.len() == 2 && poses.iter().all(|pose| pose.orientation == Some(upward)), "{poses:?}");
+        assert!(path(1, &[]).poses.is_empty());
     }
 
     #[test]
     fn a_level_camera_looks_along_the_robot() {
-        let transform = mounted("front", &Mount::level(0.6).body_from_camera());
+        let mut tree = FrameTree::new(vec![("front".to_owned(), Mount::level(0.6).body_from_camera())]);
+        let transform = tree.odometry(1, Pose2::IDENTITY).unwrap().transforms[2].clone();
         let q = transform.rotation.unwrap();
         // The optical axis (0, 0, 1) turned by the quaternion.
         let axis = (

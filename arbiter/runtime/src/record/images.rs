@@ -16,6 +16,8 @@ pub enum ImageFormat {
     Png,
     /// Lossy and smaller; quality from 1 to 100.
     Jpeg(u8),
+    /// None: instead of its pixels, a frame has its picture as a JPEG.
+    IsJpeg,
 }
 
 impl ImageFormat {
@@ -23,7 +25,7 @@ impl ImageFormat {
     fn name(self) -> &'static str {
         match self {
             ImageFormat::Png => "png",
-            ImageFormat::Jpeg(_) => "jpeg",
+            ImageFormat::Jpeg(_) | ImageFormat::IsJpeg => "jpeg",
         }
     }
 }
@@ -45,6 +47,11 @@ pub(super) fn compressed(
 
 /// Compresses the pixels of a frame; `None` if its header and its bytes contradict each other.
 pub fn compress(header: &FrameHeader, pixels: &[u8], format: ImageFormat) -> Option<Vec<u8>> {
+    let quality = match format {
+        ImageFormat::IsJpeg => return (!pixels.is_empty()).then(|| pixels.to_vec()),
+        ImageFormat::Png => None,
+        ImageFormat::Jpeg(quality) => Some(quality),
+    };
     let row = (header.width as usize).checked_mul(header.encoding()?.bytes_per_pixel() as usize)?;
     let (stride, height) = (header.stride as usize, header.height as usize);
     if row == 0 || height == 0 || stride < row || pixels.len() < stride * (height - 1) + row {
@@ -62,12 +69,17 @@ pub fn compress(header: &FrameHeader, pixels: &[u8], format: ImageFormat) -> Opt
         Encoding::Rgb8 => ExtendedColorType::Rgb8,
     };
     let mut data = Vec::with_capacity(pixels.len());
-    let written = match format {
-        ImageFormat::Png => PngEncoder::new_with_quality(&mut data, CompressionType::Fast, FilterType::Sub)
-            .write_image(pixels, header.width, header.height, color),
-        ImageFormat::Jpeg(quality) => JpegEncoder::new_with_quality(&mut data, quality.clamp(1, 100))
-            .write_image(pixels, header.width, header.height, color),
-    };
+    let written =
+        match quality {
+            None => PngEncoder::new_with_quality(&mut data, CompressionType::Fast, FilterType::Sub)
+                .write_image(pixels, header.width, header.height, color),
+            Some(quality) => JpegEncoder::new_with_quality(&mut data, quality.clamp(1, 100)).write_image(
+                pixels,
+                header.width,
+                header.height,
+                color,
+            ),
+        };
     written.ok()?;
     Some(data)
 }

@@ -11,11 +11,12 @@ use yamabico_core::message::{FrameHeader, Message, MessageType};
 use yamabico_core::sensor::{Robot, SensorInfo};
 use yamabico_core::time::Time;
 
+use super::encoder::{Encoder, RobotSetup};
 use super::file::{Failure, OutputFile};
 use super::queue::{Entry, Queue};
 use super::run_file::{Handle, RunFile};
 use super::writer::Writer;
-use super::{ImageFormat, RecordError, Tap};
+use super::{ImageFormat, RecordError, Tap, map_lines};
 
 /// Size of a compressed chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
@@ -85,10 +86,8 @@ pub struct RecordingResult {
 
 /// Writes every message of a run to an MCAP file, on a thread of its own.
 ///
-/// A message on topic `T` is written as JSON under `T`, and, if Foxglove has a schema for it, again under `/T/image`,
-/// `/T/scan`, `/T/pose`, `/T/annotations` and `/T/scene`; `/tf` holds the coordinate frames, `/log` the changes as text. Times
-/// count from the first message; the record `run` says when that was. A failure, such as a full disk, is logged once; the run
-/// goes on, and [`McapRecorder::finish`] reports it.
+/// The records are those of an [`Encoder`]. Times count from the first message; the record `run` says when that was. A failure,
+/// such as a full disk, is logged once; the run goes on, and [`McapRecorder::finish`] reports it.
 pub struct McapRecorder {
     path: PathBuf,
     pace: Pace,
@@ -125,11 +124,16 @@ impl McapRecorder {
 
         let (queue, started) = (Queue::default(), Arc::<OnceLock<SystemTime>>::default());
         let mut file = RunFile::new(handle.clone(), recording.facts, started.clone());
-        let writer = Writer::new(context.clone(), recording.images, &recording.robot);
-        let (waiting, sensors, broken) = (queue.clone(), recording.sensors, failure.clone());
+        let setup = RobotSetup {
+            radius_m: recording.robot.radius_m,
+            sensors: recording.sensors,
+            map: recording.files.iter().flat_map(|(_, text)| lines_of(text)).collect(),
+        };
+        let writer = Writer::new(context.clone(), Encoder::new(setup, recording.images));
+        let (waiting, broken) = (queue.clone(), failure.clone());
         let thread = std::thread::Builder::new().name("recorder".into()).spawn(move || {
             let _closing = Closing(&waiting);
-            writer.run(&waiting, &mut file, &sensors, || broken.has_happened())
+            writer.run(&waiting, &mut file, || broken.has_happened())
         });
         let thread = thread.map_err(|error| writer_error(&path, error))?;
         Ok(McapRecorder {
@@ -190,7 +194,7 @@ impl Tap for McapRecorder {
             Some(name) => name.clone(),
             None => self.topics.entry(topic.to_owned()).or_insert(topic.into()).clone(),
         };
-        let mut entry = Entry { topic: &name, message, time, origin: Time::ZERO, header, items };
+        let mut entry = Entry { topic: &name, message, time, header, items };
         self.messages_offered += 1;
         match self.pace {
             Pace::Lockstep => self.queue.wait(&entry),
@@ -222,6 +226,11 @@ impl Drop for Closing<'_> {
     fn drop(&mut self) {
         self.0.close();
     }
+}
+
+/// Lines of a map file; none of another file.
+fn lines_of(file: &str) -> Vec<[[f64; 2]; 2]> {
+    file.parse().map_or_else(|_| Vec::new(), |table| map_lines(&table))
 }
 
 fn attach(

@@ -4,17 +4,22 @@
 //! runs; [`McapRecorder`] writes them to a file that Foxglove, Lichtblick and the Python package `mcap` open; [`play`] reads the
 //! file and passes its messages to a tap again.
 
+mod calibration;
+mod channels;
 mod code_text;
 mod contents;
 mod control_log;
 mod digest;
+mod encoder;
 mod error;
 mod facts;
 mod file;
 mod frames;
 mod identity;
 mod images;
+mod incoming;
 mod info;
+mod map_lines;
 mod mcap;
 mod overlays;
 mod playback;
@@ -25,17 +30,22 @@ mod run_file;
 mod run_folder;
 mod scene;
 mod schema;
+mod surroundings;
 mod utc;
 mod writer;
 
+pub use channels::{Channel, Format, Records, channels, is_lasting};
 pub use contents::Contents;
+
 pub use digest::Digest;
+pub use encoder::{Encoder, RobotSetup};
 pub use error::RecordError;
 pub use facts::{RecordedFacts, read_facts};
 pub(crate) use identity::digest_of_program;
 pub use identity::{Execution, Identity, RecordedIdentity};
 pub use images::{ImageFormat, compress};
 pub use info::{Info, TopicInfo, info};
+pub use map_lines::map_lines;
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
 pub(crate) use playback::play_compressed;
 pub use playback::{PlaybackError, PlaybackResult, play};

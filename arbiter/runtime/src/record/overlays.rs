@@ -57,7 +57,8 @@ pub(super) fn annotations(header: &OverlayHeader, marks: &[OverlayMark]) -> Opti
         }));
         all.texts.extend(of(MarkKind::Text).map(|mark| TextAnnotation {
             timestamp: stamp,
-            position: Some(at(mark)),
+            // The schema wants the lower left corner.
+            position: Some(Point2 { x: mark.x, y: mark.y + LETTER_PX }),
             text: mark.text.as_str().to_owned(),
             font_size: LETTER_PX,
             text_color: color,

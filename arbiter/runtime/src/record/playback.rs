@@ -14,9 +14,9 @@ use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
 use yamabico_core::time::Time;
 
 use super::Tap;
+use super::channels::under;
 use super::contents::{BROKE_OFF, Contents, missing_end, reader_options};
 use super::schema::{self, Bytes};
-use super::writer::under;
 
 /// Maximum size of an image, bytes; a larger one is left out.
 const MAX_PIXEL_BYTES: usize = 128 << 20;

@@ -21,8 +21,6 @@ pub(super) struct Entry<'a> {
     pub topic: &'a Arc<str>,
     pub message: &'a MessageType,
     pub time: Time,
-    /// Stamp at time zero of the recording.
-    pub origin: Time,
     pub header: &'a [u8],
     pub items: &'a [u8],
 }
@@ -50,7 +48,6 @@ impl Batch {
             topic: &slot.topic,
             message: &slot.message,
             time: slot.time,
-            origin: Time::ZERO,
             header: &self.bytes[slot.header.clone()],
             items: &self.bytes[slot.items.clone()],
         })
@@ -177,7 +174,6 @@ mod tests {
             topic: &topic.into(),
             message: &message,
             time: Time::ZERO,
-            origin: Time::ZERO,
             header: &[1, 2],
             items: &items,
         })

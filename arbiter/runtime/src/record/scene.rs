@@ -26,8 +26,8 @@ const GREEN: Color = Color { r: 0.1, g: 0.6, b: 0.3, a: 1.0 };
 const BLUE: Color = Color { r: 0.15, g: 0.35, b: 0.8, a: 1.0 };
 
 /// Outline of the robot: the circle around its footprint, with a mark at the front.
-pub(super) fn footprint(radius_m: f64) -> SceneUpdate {
-    let mut entity = entity(0, BASE, "footprint");
+pub(super) fn footprint(stamp_ns: u64, radius_m: f64) -> SceneUpdate {
+    let mut entity = entity(stamp_ns, BASE, "footprint");
     entity.lines = vec![
         line(circle(radius_m), LineType::LineLoop, 0.02, BLACK),
         line(vec![point(0.0, 0.0), point(radius_m, 0.0)], LineType::LineStrip, 0.02, BLACK),
@@ -123,16 +123,19 @@ fn motion(entity: &mut SceneEntity, twist: &Twist, color: Color, thickness: f64)
     }
 }
 
-fn circle(radius_m: f64) -> Vec<Point3> {
+/// Corners of a circle about the origin.
+pub(super) fn circle(radius_m: f64) -> Vec<Point3> {
     let corner = |i: usize| (i as f64 / CORNERS as f64 * std::f64::consts::TAU).sin_cos();
     (0..CORNERS).map(corner).map(|(sin, cos)| point(radius_m * cos, radius_m * sin)).collect()
 }
 
-fn point(x: f64, y: f64) -> Point3 {
+/// Point on the floor.
+pub(super) fn point(x: f64, y: f64) -> Point3 {
     Point3 { x, y, z: 0.0 }
 }
 
-fn line(points: Vec<Point3>, kind: LineType, thickness: f64, color: Color) -> LinePrimitive {
+/// Line in the frame of its entity.
+pub(super) fn line(points: Vec<Point3>, kind: LineType, thickness: f64, color: Color) -> LinePrimitive {
     LinePrimitive {
         r#type: kind as i32,
         pose: Some(pose(&Pose2::IDENTITY)),
@@ -155,7 +158,8 @@ fn label(text: String, color: Color) -> TextPrimitive {
     }
 }
 
-fn entity(stamp_ns: u64, frame_id: &str, id: &str) -> SceneEntity {
+/// Empty entity that moves with its frame.
+pub(super) fn entity(stamp_ns: u64, frame_id: &str, id: &str) -> SceneEntity {
     SceneEntity {
         timestamp: Some(timestamp(stamp_ns)),
         frame_id: frame_id.to_owned(),
@@ -165,7 +169,8 @@ fn entity(stamp_ns: u64, frame_id: &str, id: &str) -> SceneEntity {
     }
 }
 
-fn shown(entity: SceneEntity) -> SceneUpdate {
+/// Scene with this entity, which replaces the one of the same name on its topic.
+pub(super) fn shown(entity: SceneEntity) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities: vec![entity] }
 }
 

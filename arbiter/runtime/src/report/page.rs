@@ -19,6 +19,8 @@ use crate::record::PlaybackError;
 const JPEG_QUALITY: u8 = 80;
 /// Radius of the robot in the drawing from above, if the recording does not tell it, m.
 const RADIUS_M: f64 = 0.2;
+/// Number of failures that are told in the summary.
+const MAX_TOLD: usize = 3;
 /// Number of events that are listed.
 const MAX_LISTED: usize = 200;
 
@@ -170,10 +172,19 @@ impl<'a> Page<'a> {
                 escaped(&first.by)
             );
         }
-        let failures =
-            run.timeline.events().0.iter().filter(|event| event.kind == EventKind::Failure).count();
-        if failures > 0 {
-            let _ = write!(story, "<b>{failures} failures or ends of processes</b> are in the log below. ");
+        let failures: Vec<_> =
+            run.timeline.events().0.iter().filter(|event| event.kind == EventKind::Failure).collect();
+        for event in failures.iter().take(MAX_TOLD) {
+            let _ = write!(
+                story,
+                "<b>At {:.1} s {}.</b> ",
+                self.axis.seconds(event.at),
+                escaped(event.text.trim_end_matches('.'))
+            );
+        }
+        if failures.len() > MAX_TOLD {
+            let more = failures.len() - MAX_TOLD;
+            let _ = write!(story, "<b>{more} more failures</b> are in the log below. ");
         }
         match self.number("contacts") {
             Some(0.0) => story += "It touched nothing. ",

@@ -192,9 +192,13 @@ impl Timeline {
         self.note_hand_over(at, header, verdicts);
     }
 
-    /// Notes a change of the behaviors that drive; a halt changes nothing.
+    /// Notes a change of the behaviors that drive. A halt changes nothing: who would drive without it does not drive.
     fn note_hand_over(&mut self, at: Time, header: &DecisionHeader, verdicts: &[Verdict]) {
-        let drivers = header.source.map(|name| name.as_str().to_owned());
+        let drivers = Axis::ALL.map(|axis| match (holder(header, axis), &self.drivers) {
+            (Holder::Halt(_), Some(before)) => before[axis as usize].clone(),
+            (Holder::Halt(_), None) => String::new(),
+            _ => header.source[axis as usize].as_str().to_owned(),
+        });
         if drivers.iter().all(String::is_empty) || self.drivers.as_ref() == Some(&drivers) {
             return;
         }
@@ -242,8 +246,12 @@ impl Timeline {
             let at = Time(process.ended_ns).min(at);
             let failure = process.failure.as_str();
             let failure = if failure.is_empty() { String::new() } else { format!(" ({failure})") };
-            let ended = if process.ended.is_empty() { "it ended" } else { process.ended.as_str() };
-            self.add(at, EventKind::Failure, format!("process of {name}: {ended}{failure}; restarted"));
+            let ended = if process.ended.is_empty() { "ended" } else { process.ended.as_str() };
+            self.add(
+                at,
+                EventKind::Failure,
+                format!("the process of {name} {ended}{failure}; it was restarted"),
+            );
         }
     }
 
@@ -390,7 +398,9 @@ mod tests {
         let evades = drive.with_note(format_args!("obstacle at 1.6 m"));
         send(&mut timeline, 1.0, &proposal("avoider", evades), &[]);
         send(&mut timeline, 1.0, &decision(1.0, "avoider", ""), &verdicts);
-        send(&mut timeline, 2.0, &decision(2.0, "", "sonar-halt"), &verdicts);
+        // The localizer would drive, but for the halt.
+        send(&mut timeline, 2.0, &decision(2.0, "localizer", "sonar-halt"), &verdicts);
+        send(&mut timeline, 2.5, &decision(2.5, "avoider", "sonar-halt"), &verdicts);
         send(&mut timeline, 3.0, &proposal("avoider", Proposal::abstain(Reason::Clear)), &[]);
         send(&mut timeline, 3.0, &decision(3.0, "localizer", ""), &verdicts);
         timeline
@@ -428,7 +438,7 @@ mod tests {
         let mut timeline = run();
         let process = Process {
             plugin: Name::new("localizer"),
-            ended: "killed by signal 9".into(),
+            ended: "was killed by signal 9".into(),
             ended_ns: Time::from_secs_f64(2.5).0,
             ..Process::default()
         };
@@ -437,7 +447,7 @@ mod tests {
         }
         let events = timeline.events().0;
         assert_eq!((events.len(), events[3].kind), (4, EventKind::Failure));
-        assert_eq!(events[3].text, "process of localizer: killed by signal 9; restarted");
+        assert_eq!(events[3].text, "the process of localizer was killed by signal 9; it was restarted");
         assert_eq!(events[3].at, Time::from_secs_f64(2.5));
     }
 

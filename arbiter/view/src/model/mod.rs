@@ -6,7 +6,6 @@
 
 mod events;
 mod latency;
-mod map;
 mod overlays;
 mod pictures;
 mod plugins;
@@ -32,12 +31,12 @@ pub(crate) use events::makes_events;
 pub use events::{Event, EventKind, EventLog, MAX_EVENTS};
 pub use latency::{LatencySummary, STAGES, StageLatency};
 pub use overlays::Overlays;
-pub(crate) use pictures::JPEG_QUALITY;
 pub use pictures::{Picture, PictureView, Pictures};
 pub use plugins::{BehaviorView, CallFigures, Motion, SensorView};
 pub(crate) use read::header;
 pub use scene::{ObstacleView, PoseView, ScanView, SceneView};
 pub use setup::{BehaviorParameters, Setup};
+pub(crate) use setup::{map_files, read_maps};
 pub use strips::{STRIP_S, Sample, Strips};
 
 use latency::Latency;

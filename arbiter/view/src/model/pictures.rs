@@ -16,7 +16,7 @@ const MAX_CAMERAS: usize = 16;
 /// Minimum time between two pictures of one camera that are compressed, s.
 const MIN_INTERVAL_S: f64 = 0.06;
 /// Quality of the pictures.
-pub(crate) const JPEG_QUALITY: u8 = 85;
+const JPEG_QUALITY: u8 = 85;
 
 /// A compressed picture.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,8 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 use yamabico_core::message::{RetuneHeader, RetuneStep};
 use yamabico_runtime::execution::{ParameterEntry, RobotManifest};
-
-use super::map;
+use yamabico_runtime::record::map_lines;
 
 /// Maximum size of a map file, bytes.
 const MAX_MAP_BYTES: u64 = 16 << 20;
@@ -59,7 +58,7 @@ impl Setup {
     /// Takes in a file that a recording has attached: a map, or the task file with the parameters that it sets.
     pub(super) fn add_file(&mut self, text: &str) {
         let Ok(file) = text.parse::<toml::Table>() else { return };
-        self.map.extend(map::lines(&file));
+        self.map.extend(map_lines(&file));
         let behaviors = file.get("behaviors").and_then(toml::Value::as_table).into_iter().flatten();
         let written = behaviors.filter_map(|(name, table)| {
             let parameters = table.as_table()?.iter().map(|(key, value)| ParameterEntry {
@@ -95,8 +94,14 @@ impl Setup {
     }
 }
 
-/// Lines of the distinct files that parameters called `map` or `plan` name.
-fn read_maps(manifest: &RobotManifest) -> Vec<[[f64; 2]; 2]> {
+/// Lines of the maps of a robot.
+pub(crate) fn read_maps(manifest: &RobotManifest) -> Vec<[[f64; 2]; 2]> {
+    let files = map_files(manifest).into_iter();
+    files.filter_map(|(_, text)| text.parse().ok()).flat_map(|file| map_lines(&file)).collect()
+}
+
+/// Name and text of the distinct files that parameters called `map` or `plan` name.
+pub(crate) fn map_files(manifest: &RobotManifest) -> Vec<(String, String)> {
     let parameters = manifest
         .plugins
         .iter()
@@ -105,7 +110,8 @@ fn read_maps(manifest: &RobotManifest) -> Vec<[[f64; 2]; 2]> {
     let files: BTreeSet<_> = maps
         .filter_map(|(plugin, parameter)| Some(plugin.folder.join(parameter.value.as_ref()?.as_str()?)))
         .collect();
-    files.iter().filter_map(|file| read(file)?.parse().ok()).flat_map(|file| map::lines(&file)).collect()
+    let name = |file: &Path| file.file_name().map(|name| name.to_string_lossy().into_owned());
+    files.iter().filter_map(|file| Some((name(file)?, read(file)?))).collect()
 }
 
 fn read(file: &Path) -> Option<String> {

@@ -5,7 +5,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
+use yamabico_runtime::record::Tap;
+
 use super::command::{Answer, Command, Job};
+use super::foxglove::{Feed, Foxglove};
 use super::hub::{Hub, SourceState};
 use crate::live::LiveRobot;
 use crate::model::Event;
@@ -16,14 +19,18 @@ const STEP: Duration = Duration::from_millis(10);
 /// Time between two states for the clients.
 const PUBLISH_PERIOD: Duration = Duration::from_millis(100);
 
-/// Follows the robot until `is_over`.
-pub(super) fn follow(mut robot: LiveRobot, hub: &Hub, is_over: &AtomicBool) {
+/// Follows the robot until `is_over`, for the page and for viewers.
+pub(super) fn follow(mut robot: LiveRobot, hub: &Hub, viewers: Option<Arc<Foxglove>>, is_over: &AtomicBool) {
+    let mut feed = viewers.map(|viewers| Feed::new(viewers, &mut robot));
     let mut published = Instant::now();
     while !is_over.load(Ordering::Relaxed) {
-        robot.step();
+        robot.step(feed.as_mut().map(|feed| feed as &mut dyn Tap));
+        if let Some(feed) = &mut feed {
+            feed.update(&mut robot);
+        }
         if published.elapsed() >= PUBLISH_PERIOD {
             published = Instant::now();
-            robot.ask_for_overlays(hub.is_watched());
+            robot.ask_for_overlays(hub.is_watched() || feed.as_ref().is_some_and(Feed::wants_overlays));
             let state = SourceState::Robot { is_running: robot.is_running() };
             hub.publish(robot.model(), robot.joins(), &state, None);
         }

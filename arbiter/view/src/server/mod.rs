@@ -1,10 +1,12 @@
-//! The page at `http://127.0.0.1:8080`: a web server for a running robot or a recording.
+//! The page at `http://127.0.0.1:8080`: a web server for a running robot or a recording; and the server for Foxglove and
+//! Lichtblick at `ws://127.0.0.1:8765` for a running robot.
 //!
 //! The state goes to each client as fast as it takes it, newest only: a slow client skips, one that does not read is dropped.
 //! Nothing that a client does reaches the robot except through the commands, which a few workers carry out.
 
 mod command;
 mod feeder;
+mod foxglove;
 mod hub;
 mod operator;
 mod page;
@@ -12,9 +14,10 @@ mod routes;
 mod security;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -28,7 +31,9 @@ use tokio::time::{sleep, timeout};
 
 use crate::live::LiveRobot;
 use crate::recording::Player;
-use command::{Commander, Line};
+use command::{Commander, Job, Line};
+pub use foxglove::FOXGLOVE_PORT;
+use foxglove::{Deflection, Foxglove};
 use hub::{Hub, Title};
 pub use routes::TOKEN_HEADER;
 use routes::{Connection, Shared};
@@ -66,13 +71,29 @@ pub struct ServerSettings {
     pub port: u16,
     /// Folder for recordings of the last minute.
     pub folder: PathBuf,
+    /// Server for Foxglove and Lichtblick; there is none for a recording, which they open themselves.
+    pub foxglove: FoxglovePort,
+    /// Sites whose pages are admitted as viewers besides the known ones, such as `http://lichtblick.lan`.
+    pub viewers: Vec<String>,
+}
+
+/// Port for Foxglove and Lichtblick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FoxglovePort {
+    /// No server.
+    Off,
+    /// The one that Foxglove proposes; if it is taken, no server.
+    #[default]
+    IfFree,
+    /// This port; zero takes a free one.
+    At(u16),
 }
 
 /// Failure to start a server.
 #[derive(Debug, thiserror::Error)]
 pub enum ServerError {
     /// The address is taken, or is none of this machine.
-    #[error("cannot serve at {address}: {source}; choose another with --port or --listen")]
+    #[error("cannot serve at {address}: {source}; choose another with --port, --foxglove or --listen")]
     Address {
         /// Address.
         address: SocketAddr,
@@ -87,6 +108,7 @@ pub enum ServerError {
 /// A running server; it ends when it is dropped.
 pub struct Server {
     address: SocketAddr,
+    foxglove: Option<SocketAddr>,
     token: Option<String>,
     is_over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
@@ -98,28 +120,39 @@ impl Server {
     /// # Errors
     /// The address is taken, or the system refused something.
     pub fn start(source: Source, settings: &ServerSettings) -> Result<Server, ServerError> {
-        let address = SocketAddr::new(settings.listen.unwrap_or(Ipv4Addr::LOCALHOST.into()), settings.port);
-        let listener =
-            TcpListener::bind(address).map_err(|source| ServerError::Address { address, source })?;
-        listener.set_nonblocking(true)?;
-        let address = listener.local_addr()?;
+        let ip = settings.listen.unwrap_or(Ipv4Addr::LOCALHOST.into());
+        let (listener, address) = listen(ip, settings.port)?;
         let security = if settings.listen.is_some() { Security::open()? } else { Security::local() };
+        let security = security.with_viewers(&settings.viewers);
         let token = security.token().map(str::to_owned);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
         let (hub, is_over) = (Arc::new(Hub::new(title(&source))), Arc::new(AtomicBool::new(false)));
-        let mut server = Server { address, token, is_over: Arc::clone(&is_over), threads: Vec::new() };
-        let commander = match source {
-            Source::Robot(robot) => server.start_robot(*robot, &hub, &settings.folder)?,
+        let threads = Vec::new();
+        let mut server = Server { address, foxglove: None, token, is_over: Arc::clone(&is_over), threads };
+        let (shared, viewers) = match source {
+            Source::Robot(robot) => {
+                let (commander, lines) = Commander::open([Line::Stop, Line::Robot]);
+                let shared = Arc::new(Shared { hub, commander, security });
+                let for_viewers = listen_for_viewers(ip, settings.foxglove)?;
+                server.foxglove = for_viewers.as_ref().map(|(_, address)| *address);
+                let foxglove = for_viewers.as_ref().map(|_| Foxglove::new(Arc::clone(&shared)));
+                let foxglove = server.start_robot(*robot, &shared, lines, &settings.folder, foxglove)?;
+                (shared, for_viewers.map(|(listener, _)| listener).zip(foxglove))
+            }
             Source::Recording(player) => {
                 let (commander, [jobs]) = Commander::open([Line::Playback]);
-                let (hub, is_over) = (Arc::clone(&hub), Arc::clone(&is_over));
+                let shared = Arc::new(Shared { hub, commander, security });
+                let (hub, is_over) = (Arc::clone(&shared.hub), Arc::clone(&is_over));
                 server.start_thread("playback", move || feeder::play(*player, &hub, &jobs, &is_over))?;
-                commander
+                (shared, None)
             }
         };
-        let router = routes::router(Arc::new(Shared { hub, commander, security }));
+        let router = routes::router(shared);
         server.start_thread("server", move || {
             runtime.block_on(async {
+                if let Some((listener, viewers)) = viewers {
+                    tokio::spawn(accept(listener, foxglove::router(viewers)));
+                }
                 tokio::select! {
                     () = accept(listener, router) => {}
                     () = end(&is_over) => {}
@@ -130,20 +163,30 @@ impl Server {
         Ok(server)
     }
 
+    /// Starts the threads of a running robot.
     fn start_robot(
         &mut self,
         robot: LiveRobot,
-        hub: &Arc<Hub>,
-        folder: &std::path::Path,
-    ) -> Result<Commander, ServerError> {
-        let (commander, [stops, jobs]) = Commander::open([Line::Stop, Line::Robot]);
+        shared: &Arc<Shared>,
+        [stops, jobs]: [Receiver<Job>; 2],
+        folder: &Path,
+        foxglove: Option<(Foxglove, Receiver<Deflection>)>,
+    ) -> Result<Option<Arc<Foxglove>>, ServerError> {
         let (name, recent) = (robot.robot().to_owned(), robot.recent());
-        let (for_stops, folder) = (name.clone(), folder.to_owned());
+        let (for_stops, for_teleop, folder) = (name.clone(), name.clone(), folder.to_owned());
         self.start_thread("stops", move || operator::stop(&for_stops, &stops))?;
         self.start_thread("operator", move || operator::operate(&name, &recent, &folder, &jobs))?;
-        let (hub, is_over) = (Arc::clone(hub), Arc::clone(&self.is_over));
-        self.start_thread("robot", move || feeder::follow(robot, &hub, &is_over))?;
-        Ok(commander)
+        let foxglove = match foxglove {
+            Some((foxglove, deflections)) => {
+                self.start_thread("teleop", move || foxglove::drive(&for_teleop, &deflections))?;
+                Some(Arc::new(foxglove))
+            }
+            None => None,
+        };
+        let (hub, is_over) = (Arc::clone(&shared.hub), Arc::clone(&self.is_over));
+        let viewers = foxglove.clone();
+        self.start_thread("robot", move || feeder::follow(robot, &hub, viewers, &is_over))?;
+        Ok(foxglove)
     }
 
     fn start_thread(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> std::io::Result<()> {
@@ -156,6 +199,11 @@ impl Server {
         self.address
     }
 
+    /// Address for Foxglove and Lichtblick, with the token; `None` if there is none.
+    pub fn foxglove_url(&self) -> Option<String> {
+        self.foxglove.map(|address| format!("ws://{address}/{}", self.query()))
+    }
+
     /// Token that commands need; `None` if they need none.
     pub fn token(&self) -> Option<&str> {
         self.token.as_deref()
@@ -163,8 +211,11 @@ impl Server {
 
     /// Address of the page, with the token.
     pub fn url(&self) -> String {
-        let token = self.token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
-        format!("http://{}/{token}", self.address)
+        format!("http://{}/{}", self.address, self.query())
+    }
+
+    fn query(&self) -> String {
+        self.token.as_ref().map_or(String::new(), |token| format!("?token={token}"))
     }
 }
 
@@ -174,6 +225,29 @@ impl Drop for Server {
         // In the reverse order: the workers end when the server has dropped their channels.
         while let Some(thread) = self.threads.pop() {
             let _ = thread.join();
+        }
+    }
+}
+
+fn listen(ip: IpAddr, port: u16) -> Result<(TcpListener, SocketAddr), ServerError> {
+    let address = SocketAddr::new(ip, port);
+    let listener = TcpListener::bind(address).map_err(|source| ServerError::Address { address, source })?;
+    listener.set_nonblocking(true)?;
+    let address = listener.local_addr()?;
+    Ok((listener, address))
+}
+
+/// Listener for Foxglove and Lichtblick, if there is to be one.
+fn listen_for_viewers(
+    ip: IpAddr,
+    port: FoxglovePort,
+) -> Result<Option<(TcpListener, SocketAddr)>, ServerError> {
+    match port {
+        FoxglovePort::Off => Ok(None),
+        FoxglovePort::At(port) => listen(ip, port).map(Some),
+        FoxglovePort::IfFree => {
+            let problem = |error: &ServerError| tracing::warn!("not served for Foxglove: {error}");
+            Ok(listen(ip, FOXGLOVE_PORT).inspect_err(problem).ok())
         }
     }
 }

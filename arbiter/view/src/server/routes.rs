@@ -30,9 +30,9 @@ const MAX_SOCKET_BYTES: usize = 4 * 1024;
 /// Number of unexpected messages after which a client is dropped.
 const MAX_UNEXPECTED: u32 = 100;
 /// Time within which a client takes a message; a slower one is dropped.
-const CLIENT_TIMEOUT: Duration = Duration::from_secs(5);
+pub(super) const CLIENT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest wait for the answer to a command.
-const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
+pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Headers of every answer: the page loads nothing from elsewhere, is shown in no other page's frame, and its address, which
 /// may hold the token, is told to nobody.

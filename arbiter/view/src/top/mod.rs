@@ -50,7 +50,7 @@ fn run(
     let mut echo: Option<Echo> = None;
     let mut drawn: Option<Instant> = None;
     while !interrupt.load(Ordering::Relaxed) {
-        robot.step();
+        robot.step(None);
         let mut has_key = false;
         while event::poll(Duration::ZERO)? {
             if let Event::Key(key) = event::read()?

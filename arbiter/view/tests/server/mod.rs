@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use yamabico_view::recording::{Player, Recording};
-use yamabico_view::server::{Server, ServerSettings, Source, TOKEN_HEADER};
+use yamabico_view::server::{FoxglovePort, Server, ServerSettings, Source, TOKEN_HEADER};
 
 use crate::fixture::Folder;
 use client::{Answer, WebSocket, connect, get, request};
@@ -16,7 +16,13 @@ use client::{Answer, WebSocket, connect, get, request};
 /// Serves a recording.
 fn serve(folder: &Folder, listen: Option<IpAddr>) -> Server {
     let player = Player::new(Recording::open(&folder.record()).unwrap()).unwrap();
-    let settings = ServerSettings { listen, port: 0, folder: folder.0.clone() };
+    let settings = ServerSettings {
+        listen,
+        port: 0,
+        folder: folder.0.clone(),
+        foxglove: FoxglovePort::Off,
+        viewers: Vec::new(),
+    };
     Server::start(Source::Recording(Box::new(player)), &settings).unwrap()
 }
 

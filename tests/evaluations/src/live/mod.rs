@@ -3,8 +3,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failure here is the result")]
 
 pub mod chaos;
+mod process_use;
 pub mod python_failures;
 pub mod soak;
+mod viewers;
+pub mod viewing;
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -1,13 +1,13 @@
 //! Resources of a long live run.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::Value;
 use yamabico_live_robot::robot::{BareTimer, LiveRobot, Resources};
 
+use super::process_use::ProcessUse;
 use super::program;
 use crate::report::{Report, Table, number};
 
@@ -16,8 +16,6 @@ const PLUGINS: [&str; 6] =
     ["sim", "sonar-halt", "stuck-recovery", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
 const SUPERVISOR: &str = "arbiter and supervisor";
 const PERIOD: Duration = Duration::from_millis(10);
-/// Unit of computing time of the kernel, s.
-const JIFFY_S: f64 = 0.01;
 /// Tolerated growth of memory between the two parts of a run: share, and KiB.
 const TOLERANCE: (f64, f64) = (0.01, 256.0);
 /// Growth of the supervisor's memory by the index of the recording and the plotted path, KiB/s.
@@ -34,41 +32,6 @@ pub struct Arguments {
     minutes: f64,
 }
 
-/// Resources of one process.
-#[derive(Clone, Copy, Debug)]
-struct Sample {
-    at: Instant,
-    /// Private memory, without shared segments and mapped files, KiB.
-    private_kib: f64,
-    resident_kib: f64,
-    descriptors: usize,
-    threads: usize,
-    computed_s: f64,
-}
-
-impl Sample {
-    /// Reads the resources of a process; `None` if it does not exist.
-    fn read(pid: u32) -> Option<Sample> {
-        let folder = PathBuf::from(format!("/proc/{pid}"));
-        let status = std::fs::read_to_string(folder.join("status")).ok()?;
-        let number = |key: &str| {
-            let line = status.lines().find_map(|line| line.strip_prefix(key))?;
-            line.split_whitespace().next()?.parse::<f64>().ok()
-        };
-        let stat = std::fs::read_to_string(folder.join("stat")).ok()?;
-        let fields: Vec<&str> = stat[stat.rfind(')')? + 2..].split_whitespace().collect();
-        let jiffies = |field: usize| fields.get(field - 3)?.parse::<f64>().ok();
-        Some(Sample {
-            at: Instant::now(),
-            private_kib: number("RssAnon:")?,
-            resident_kib: number("VmRSS:")?,
-            descriptors: std::fs::read_dir(folder.join("fd")).ok()?.count(),
-            threads: number("Threads:")? as usize,
-            computed_s: (jiffies(14)? + jiffies(15)?) * JIFFY_S,
-        })
-    }
-}
-
 impl Arguments {
     pub fn run(&self) -> Result<Report, String> {
         let program = program()?;
@@ -82,7 +45,7 @@ impl Arguments {
         let mut robot = LiveRobot::start(&program, "hallway.toml", &name, PLUGINS.len(), &set);
         let timer = BareTimer::start(PERIOD);
         let begun = Instant::now();
-        let mut samples: BTreeMap<&str, Vec<Sample>> = BTreeMap::new();
+        let mut samples: BTreeMap<&str, Vec<ProcessUse>> = BTreeMap::new();
         let mut resources: Vec<Resources> = Vec::new();
         while begun.elapsed().as_secs_f64() < 60.0 * self.minutes {
             robot.observe(Duration::from_secs(1));
@@ -92,7 +55,7 @@ impl Arguments {
             resources.push(robot.resources());
             let plugins = PLUGINS.iter().map(|plugin| (*plugin, robot.process_of(plugin)));
             for (name, pid) in plugins.chain([(SUPERVISOR, Some(robot.supervisor()))]) {
-                samples.entry(name).or_default().extend(pid.and_then(Sample::read));
+                samples.entry(name).or_default().extend(pid.and_then(ProcessUse::read));
             }
         }
         let timer = timer.stop().max;
@@ -131,7 +94,7 @@ impl Arguments {
 }
 
 /// Returns the resources of each process, and true if none grows.
-fn processes(samples: &BTreeMap<&str, Vec<Sample>>) -> (Table, bool) {
+fn processes(samples: &BTreeMap<&str, Vec<ProcessUse>>) -> (Table, bool) {
     let mut table = Table::new(
         "Processes (medians of two parts of the run)",
         &[
@@ -147,13 +110,13 @@ fn processes(samples: &BTreeMap<&str, Vec<Sample>>) -> (Table, bool) {
     );
     let mut is_flat = true;
     for name in PLUGINS.into_iter().chain([SUPERVISOR]) {
-        let samples = samples.get(name).map_or(&[] as &[Sample], Vec::as_slice);
+        let samples = samples.get(name).map_or(&[] as &[ProcessUse], Vec::as_slice);
         let (Some(first), Some(last)) = (samples.first(), samples.last()) else {
             is_flat = false;
             continue;
         };
         let (before, after) = halves(samples);
-        let median = |part: &[Sample], value: fn(&Sample) -> f64| {
+        let median = |part: &[ProcessUse], value: fn(&ProcessUse) -> f64| {
             let mut values: Vec<f64> = part.iter().map(value).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied().unwrap_or_default()

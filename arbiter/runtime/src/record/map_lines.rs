@@ -1,4 +1,4 @@
-//! Lines of a map file, for the top view.
+//! Lines of a map file, as people look at it from above.
 
 use toml::{Table, Value};
 
@@ -7,7 +7,8 @@ const MAX_LINES: usize = 20_000;
 
 /// Returns the walls of a map file (or, without walls, its edges) and the outline of a floor plan: lines on the floor, m. A file
 /// that is no map has none.
-pub(crate) fn lines(map: &Table) -> Vec<[[f64; 2]; 2]> {
+#[must_use]
+pub fn map_lines(map: &Table) -> Vec<[[f64; 2]; 2]> {
     let walls: Vec<_> = entries(map, "wall").filter_map(line).take(MAX_LINES).collect();
     let outline = corners(map);
     if walls.is_empty() && outline.is_empty() {
@@ -48,7 +49,7 @@ fn point(value: &Value) -> Option<[f64; 2]> {
 mod tests {
     #[test]
     fn walls_come_before_edges_and_an_outline_is_closed() {
-        let lines = |text: &str| super::lines(&text.parse().unwrap());
+        let lines = |text: &str| super::map_lines(&text.parse().unwrap());
         let walls = "wall = [{ from_m = [0, 0], to_m = [1.5, 0] }]\nedge = [{ from_m = [9, 9, 0], to_m = [9, 8, 0] }]";
         assert_eq!(lines(walls), [[[0.0, 0.0], [1.5, 0.0]]]);
         let edges =
