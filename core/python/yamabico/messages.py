@@ -191,6 +191,14 @@ class RetuneOutcome(IntEnum):
     APPLIED = 3
 
 
+class CallEvent(IntEnum):
+    """Event in the life of a behavior."""
+
+    CALL = 0
+    START = 1
+    RETUNE = 2
+
+
 class FrameHeader(Message):
     """A camera frame. Its items are the pixels, row by row."""
 
