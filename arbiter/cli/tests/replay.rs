@@ -11,7 +11,7 @@ use yamabico_core::time::Time;
 use yamabico_runtime::record::{Contents, McapRecorder, Pace, Recording, Tap, play};
 use yamabico_testkit::config;
 
-use crate::program::{TestFolder, assert_exit, await_true, yamabico};
+use crate::program::{TestFolder, assert_exit, await_true, text, yamabico};
 
 /// Duration of the recorded runs.
 const SHORT: [&str; 2] = ["--set", "run.duration_s=3"];
@@ -44,9 +44,39 @@ fn a_recording_replays_to_the_byte_without_its_configuration() {
     let output = yamabico().arg("replay").arg(&file).current_dir(&elsewhere).output().unwrap();
     assert_exit(&output, 0, &["messages are equal to the byte", "map-localizer", "decision", "command"]);
     let report = json(&replay(&file, &["--json", "--threads", "1"]));
-    assert!(report["first"].is_null() && report["notes"].as_array().unwrap().is_empty(), "{report}");
+    let notes = report["notes"].as_array().unwrap();
+    assert!(notes.len() == 1 && notes[0].as_str().unwrap().contains("--overlays"), "{report}");
+    assert!(report["first"].is_null(), "{report}");
     assert!(report["topics"]["decision"]["compared"].as_u64() >= Some(150), "{report}");
     assert!(report["topics"]["behaviors/map-localizer/pose"]["compared"].as_u64() >= Some(20), "{report}");
+    let report = json(&replay(&file, &["--json", "--overlays"]));
+    assert!(report["first"].is_null() && report["notes"].as_array().unwrap().is_empty(), "{report}");
+    assert!(report["topics"]["behaviors/wall-follower/overlay"]["compared"].as_u64() > Some(20), "{report}");
+    let report = json(&replay(&file, &["--json", "--decisions"]));
+    assert!(report["first"].is_null(), "{report}");
+    let topics = report["topics"].as_object().unwrap();
+    assert!(topics["decision"]["compared"].as_u64() >= Some(150), "{report}");
+    assert!(topics.keys().all(|topic| !topic.starts_with("behaviors/")), "{report}");
+}
+
+#[test]
+fn a_replay_begins_in_the_middle_and_says_what_is_exact() {
+    let folder = TestFolder::new("replay-from");
+    let file = record(&folder, "run.mcap", "hallway.toml", &["--set", "run.duration_s=6"]);
+    let report = json(&replay(&file, &["--json", "--from", "4"]));
+    let notes: Vec<&str> = report["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    let of = |name: &str| {
+        let note = notes.iter().find(|note| note.starts_with(name));
+        note.copied().unwrap_or_else(|| panic!("{name}: {notes:#?}"))
+    };
+    assert!(of("map-localizer").contains("continues from its saved state"), "{notes:#?}");
+    assert!(of("sonar-halt").contains("begins without a saved state"), "{notes:#?}");
+    let compared = |topic: &str| report["topics"][topic]["compared"].as_u64().unwrap();
+    assert!((75..=115).contains(&compared("behaviors/sonar-halt/proposal")), "{report:#}");
+    // The arbiter is replayed from the beginning.
+    assert!(compared("decision") >= 300, "{report:#}");
+    let late = replay(&file, &["--from", "100"]);
+    assert_exit(&late, 0, &["no behavior is replayed: the recording ends at"]);
 }
 
 #[test]
@@ -204,6 +234,24 @@ fn what_is_no_recording_of_a_run_is_refused() {
     let plain = McapRecorder::create(Recording::new(folder.file("plain.mcap"), Pace::Lockstep)).unwrap();
     plain.finish(BTreeMap::new());
     assert_exit(&replay(&folder.file("plain.mcap"), &[]), 2, &["the fact `execution`"]);
+}
+
+#[test]
+fn topics_of_a_recording_are_listed_printed_and_measured() {
+    let folder = TestFolder::new("replay-topics");
+    let file = record(&folder, "run.mcap", "corridor.toml", &SHORT);
+    let topic = |arguments: &[&str]| {
+        let mut topic = yamabico();
+        topic.arg("topic").args(arguments).arg("--recording").arg(&file).output().unwrap()
+    };
+    assert_exit(&topic(&["list"]), 0, &["sensors/front", "yamabico.FrameHeader.v1", "50.0 Hz"]);
+    let echoed = topic(&["echo", "behaviors/wall-follower/proposal", "-n", "2"]);
+    assert_exit(&echoed, 0, &["kind: abstain", "before arrival"]);
+    assert_eq!(text(&echoed).matches("---").count(), 2);
+    assert_exit(&topic(&["hz", "decision"]), 0, &["50.00 Hz", "interval min 20.00 ms"]);
+    let rate = json(&topic(&["hz", "sensors/front", "--json"]));
+    assert!((rate["rate_hz"].as_f64().unwrap() - 10.0).abs() < 0.1 && rate["lost"] == 0, "{rate}");
+    assert_exit(&topic(&["echo", "sensors/frnt"]), 2, &["did you mean `sensors/front`"]);
 }
 
 /// A live run in a folder; killed when dropped.

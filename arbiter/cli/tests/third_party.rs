@@ -109,10 +109,42 @@ fn a_program_that_is_not_a_behavior_is_refused_before_anything_opens() {
         assert_eq!(checked.status.code(), Some(2), "{exec}: {}", text(&checked));
         assert!(text(&checked).contains(part), "{exec}: {}", text(&checked));
     }
+}
+
+#[test]
+fn a_program_in_lockstep_has_a_digest_and_replays() {
+    let new = Crate::new("lockstep");
     let task = new.with_exec(&program());
-    let lockstep = new.yamabico(&["run", &task]);
-    assert_eq!(lockstep.status.code(), Some(2), "{}", text(&lockstep));
-    assert!(text(&lockstep).contains("add --live"), "{}", text(&lockstep));
+    let run = |name: &str, threads: &str| {
+        let ran = new.yamabico(&[
+            "run",
+            &task,
+            "--json",
+            "--out",
+            name,
+            "--threads",
+            threads,
+            "--set",
+            "run.duration_s=4",
+        ]);
+        assert!(ran.status.success(), "{}", text(&ran));
+        serde_json::from_slice::<Value>(&ran.stdout).unwrap()
+    };
+    let (first, second) = (run("a", "1"), run("b", "2"));
+    assert_eq!(first["digest"], second["digest"]);
+    assert!(first["distance_m"].as_f64() > Some(0.3), "{first}");
+    assert!(first["behaviors"]["creeper"]["calls"].as_u64() > Some(20), "{first}");
+    // Loading the recorded task starts the program, which needs consent.
+    assert_exit(&new.yamabico(&["replay", "a/run.mcap"]), 2, &["new-behavior", "--programs"]);
+    let replay = |arguments: &[&str]| {
+        let replay = new.yamabico(&[&["replay", "a/run.mcap", "--programs", "--json"], arguments].concat());
+        serde_json::from_slice::<Value>(&replay.stdout).unwrap_or_else(|_| panic!("{}", text(&replay)))
+    };
+    let report = replay(&[]);
+    assert!(report["first"].is_null(), "{report:#}");
+    assert!(report["topics"]["behaviors/creeper/proposal"]["compared"].as_u64() > Some(20), "{report:#}");
+    let slower = replay(&["--set", "creeper.speed_mps=0.1"]);
+    assert_eq!(slower["first"]["author"], "creeper", "{slower:#}");
 }
 
 #[test]

@@ -39,7 +39,8 @@ pub struct Options {
     pub plots: Option<PathBuf>,
     /// Changes of the task from the command line, for the recording.
     pub overrides: Overrides,
-    /// Program of the plugins' processes in a live run; without it, every plugin gets a thread.
+    /// Program of the plugins' processes in a live run; without it, every plugin gets a thread. In lockstep, it starts the
+    /// behaviors that are external programs; without it they are refused.
     pub program: Option<Program>,
 }
 
@@ -279,7 +280,8 @@ impl Opened {
         let plan = Plan { overlays, ..Plan::new(task, options.seed) };
         Ok(match options.pace {
             Pace::Lockstep => {
-                Opened::Lockstep(Box::new(Lockstep::open(plan, task.run.step, options.threads)?))
+                let program = options.program.as_ref();
+                Opened::Lockstep(Box::new(Lockstep::open(plan, task.run.step, options.threads, program)?))
             }
             Pace::Live => {
                 Opened::Live(Box::new(Live::open(plan, &task.robot.robot.name, options.program.clone())?))

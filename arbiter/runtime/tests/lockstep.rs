@@ -185,7 +185,7 @@ impl Tap for Decisions {
 }
 
 fn run(test: &str, task: &str, threads: usize) -> (Vec<DecisionHeader>, Digest) {
-    let mut lockstep = Lockstep::open(plan(test, task), PERIOD, threads).unwrap();
+    let mut lockstep = Lockstep::open(plan(test, task), PERIOD, threads, None).unwrap();
     let (mut decisions, mut digest) = (Decisions::default(), Digest::new());
     while lockstep.step(&mut Tee(vec![&mut decisions, &mut digest])).unwrap() == SensorSupply::Active {}
     (decisions.0, digest)

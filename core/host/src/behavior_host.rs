@@ -13,9 +13,11 @@ use crate::input_ports::InputPorts;
 use crate::output_ports::OutputPorts;
 use crate::overlay_port::OverlayPort;
 use crate::topics;
-use yamabico_core::behavior::{Behavior, BehaviorFactory, Inputs, Outputs, ParameterError, Setup};
+use yamabico_core::behavior::{
+    Behavior, BehaviorFactory, Inputs, MAX_SAVED_STATE_BYTES, Outputs, ParameterError, Setup,
+};
 use yamabico_core::message::{
-    DecisionHeader, Kind, MessageType, Name, Outcome, Proposal, Verdict, state_hash,
+    DecisionHeader, Kind, MessageType, Name, Outcome, Proposal, SavedStateHeader, Verdict, state_hash,
 };
 use yamabico_core::time::{Time, TimeSource};
 
@@ -86,6 +88,10 @@ pub struct BehaviorHost {
     pub(super) saved_state: Vec<u8>,
     /// Hash of the restored state; zero if none was.
     restored: u64,
+    /// Request of the parameters that it was started with; zero for those of the task file.
+    request: u64,
+    /// Publisher of its saved state in lockstep, with the state that was published last.
+    states: Option<(Publisher<SavedStateHeader>, Vec<u8>, u64)>,
     /// Log of the calls of a live run.
     calls: Option<CallLog>,
     /// Set after the first call since the behavior was built that did not panic.
@@ -123,6 +129,8 @@ impl BehaviorHost {
             stats: CallStats::default(),
             saved_state: Vec::new(),
             restored: 0,
+            request: 0,
+            states: None,
             calls: None,
             survived_a_call: false,
             plan,
@@ -157,9 +165,28 @@ impl BehaviorHost {
         }
     }
 
+    /// Sets the request of the parameters that the behavior was started with, for the log of its calls.
+    pub(super) fn set_request(&mut self, request: u64) {
+        self.request = request;
+    }
+
+    /// Continues the count of an earlier instance, whose last proposal had this number, for a replay from the middle of a run.
+    pub fn resume(&mut self, sequence: u64) {
+        self.sequence = sequence;
+    }
+
+    /// Publishes the saved state after each call that changes it, on [`topics::SAVED_STATES`].
+    ///
+    /// # Errors
+    /// The topic does not exist.
+    pub fn publish_states(&mut self, bus: &Bus) -> Result<(), BusError> {
+        self.states = Some((bus.publisher(topics::SAVED_STATES)?, Vec::new(), 0));
+        Ok(())
+    }
+
     /// Logs every call from now on, so that the run can be replayed, if the run has a topic for that.
     pub(super) fn log_calls(&mut self, bus: &Bus) {
-        self.calls = CallLog::open(bus, &self.plan.setup.name, self.restored);
+        self.calls = CallLog::open(bus, &self.plan.setup.name, (self.restored, self.request));
     }
 
     /// Log of the calls, if the run is logged.
@@ -249,7 +276,19 @@ impl BehaviorHost {
         if let Some(calls) = &mut self.calls {
             calls.called(&self.inputs, now, proposal);
         }
-        outcome
+        outcome.and_then(|()| self.publish_state(now))
+    }
+
+    fn publish_state(&mut self, now: Time) -> Result<(), BusError> {
+        let Some((publisher, published, sequence)) = &mut self.states else { return Ok(()) };
+        let state = &self.saved_state;
+        if state == published || state.len() > MAX_SAVED_STATE_BYTES {
+            return Ok(());
+        }
+        published.clone_from(state);
+        *sequence += 1;
+        publisher
+            .publish(&SavedStateHeader { stamp_ns: now.0, sequence: *sequence, plugin: self.name }, state)
     }
 
     fn publish(&mut self, mut proposal: Proposal, now: Time, evidence_ns: u64) -> Result<(), BusError> {

@@ -24,10 +24,11 @@ pub(crate) struct CallLog {
 }
 
 impl CallLog {
-    /// Opens the log of the behavior `name`, which begins with the state of this hash. Returns none if the run is not
-    /// logged.
-    pub fn open(bus: &Bus, name: &str, state: u64) -> Option<CallLog> {
-        let start = CallHeader { event: CallEvent::Start.code(), state, ..CallHeader::default() };
+    /// Opens the log of the behavior `name`, which begins with the state of this hash and the parameters of this request.
+    /// Returns none if the run is not logged.
+    pub fn open(bus: &Bus, name: &str, (state, request): (u64, u64)) -> Option<CallLog> {
+        let event = CallEvent::Start.code();
+        let start = CallHeader { event, state, request, ..CallHeader::default() };
         Some(CallLog {
             publisher: bus.publisher(&topics::calls_of(name)).ok()?,
             name: Name::new(name),

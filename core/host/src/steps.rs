@@ -103,8 +103,7 @@ pub fn follow_steps(
             tuner.step(host);
         }
         reporter.publish_heartbeat(PluginState::Running, Time::monotonic_now());
-        let called = run_phases(host, follower);
-        reporter.publish_saved_state(host.saved_state(), Time::monotonic_now());
+        let called = run_phases(host, follower, reporter);
         reporter.publish_calls(host.stats(), Time::monotonic_now());
         let waited = called.and_then(|()| follower.wait_set.wait(max_wait));
         if let Err(error) = waited {
@@ -116,14 +115,22 @@ pub fn follow_steps(
     reporter.publish_final_calls(host.stats(), Time::monotonic_now());
 }
 
-fn run_phases(host: &mut BehaviorHost, follower: &mut StepFollower) -> Result<(), BusError> {
+fn run_phases(
+    host: &mut BehaviorHost,
+    follower: &mut StepFollower,
+    reporter: &mut PluginReporter,
+) -> Result<(), BusError> {
     loop {
         let Some(signal) = follower.announcements.receive()?.map(|signal| *signal.header()) else {
             return Ok(());
         };
         match signal.phase() {
             Some(StepPhase::Collect) => host.collect()?,
-            Some(StepPhase::Propose) => host.propose(Time(signal.stamp_ns))?,
+            Some(StepPhase::Propose) => {
+                host.propose(Time(signal.stamp_ns))?;
+                // Before the acknowledgment, so that the state of a step is known at its end.
+                reporter.publish_saved_state(host.saved_state(), Time::monotonic_now());
+            }
             Some(StepPhase::Done) | None => continue,
         }
         follower.acknowledge(signal)?;

@@ -6,6 +6,7 @@ import traceback
 
 from .behavior import Inputs, LaunchError, Setup
 from .bus import items_of, message_class
+from .call_log import CallLog
 from .feed import Feed
 from .lent import Lease
 from .messages import DECISION_TOPIC, DecisionHeader, Kind, Outcome, OverlayHeader, PluginState, Proposal
@@ -50,7 +51,10 @@ class BehaviorHost:
         self._overlays, self._overlay_sequence = bus.publisher(f"behaviors/{self.name}/overlay", OverlayHeader), 0
         self._is_watched = False
         self.behavior = plugin_class(self._setup)
-        self._restore(launch.get("saved_state", "").encode())
+        restored = launch.get("saved_state", "").encode()
+        self._restore(restored)
+        #: Log of the calls, from which a live run can be replayed.
+        self.call_log = CallLog(bus, self.name, restored, launch.get("request", 0))
         self._feed = Feed(bus, self.slots)
         #: True if the behavior is not called while inhibited, and true if it is inhibited now.
         self.may_sleep, self.sleeps = settings.get("sleeps_while_inhibited", False), False
@@ -104,6 +108,7 @@ class BehaviorHost:
             self._survived = True
             self._publish(proposal, now_ns, now_ns if evidence_ns is None else evidence_ns, clock)
             self._publish_overlay()
+        self.call_log.called(self._feed.inboxes, now_ns, 0 if proposal is None else self._sequence)
 
     def build(self, parameters):
         """Builds the behavior with other parameters while the current one keeps running. Raises the errors of its constructor."""

@@ -35,6 +35,15 @@ class Inbox:
             del sample, received
         return self._fresh > 0
 
+    @property
+    def fresh(self):
+        """Number of messages of the last `collect`."""
+        return self._fresh
+
+    def keys(self):
+        """Returns sequence number and stamp of each message at hand, oldest first."""
+        return [(sequence_of(header), getattr(header, "stamp_ns", 0)) for header, _ in self._held]
+
     def newest(self):
         """Returns the newest header, or None if no message has arrived."""
         return self._held[-1][0] if self._held else None
@@ -57,10 +66,15 @@ class Inbox:
         return View(header, rest)
 
     def _count(self, header):
-        sequence = getattr(header, "sequence", 0)
+        sequence = sequence_of(header)
         if not self._latest and self._last is not None:
             self._lost += max(sequence - self._last - 1, 0)
         self._last = sequence
+
+
+def sequence_of(header):
+    """Returns the sequence number of a message; zero if it has none."""
+    return getattr(header, "sequence", 0)
 
 
 class Feed:
@@ -77,6 +91,11 @@ class Feed:
     def inputs(self, lease_of):
         """Returns the `Input` of each slot by name; `lease_of(slot)` guards the pixels of frames."""
         return {inbox.slot: inbox.input(lease_of(inbox.slot)) for inbox in self._inboxes}
+
+    @property
+    def inboxes(self):
+        """Inboxes in the order of the connected slots."""
+        return self._inboxes
 
     def evidence_ns(self):
         """Returns the oldest evidence stamp among the newest messages of all slots, or None if none has arrived."""

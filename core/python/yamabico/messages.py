@@ -191,6 +191,14 @@ class RetuneOutcome(IntEnum):
     APPLIED = 3
 
 
+class CallEvent(IntEnum):
+    """Event in the life of a behavior."""
+
+    CALL = 0
+    START = 1
+    RETUNE = 2
+
+
 class FrameHeader(Message):
     """A camera frame. Its items are the pixels, row by row."""
 
@@ -1284,7 +1292,7 @@ class CallHeader(Message):
         ("_behavior", ctypes.c_char * 32),
         # Sequence number of the proposal; zero if the call panicked, and for other events.
         ("proposal", ctypes.c_uint64),
-        # Request of the parameters, for a CallEvent::Retune; zero for other events.
+        # Request of the parameters, for a CallEvent::Retune or a CallEvent::Start; zero for those of the task file, and for other events.
         ("request", ctypes.c_uint64),
         # Hash of the restored state, for a CallEvent::Start, see state_hash; zero if none was restored.
         ("state", ctypes.c_uint64),

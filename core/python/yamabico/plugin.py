@@ -153,12 +153,13 @@ def _run_in_steps(host, tuner, launch, bus, reporter, lifetime, max_wait_s):
                 host.collect()
             elif step.phase == StepPhase.PROPOSE:
                 host.propose(step.stamp_ns, lambda: step.stamp_ns)
+                # Before the acknowledgment, so that the state of a step is known at its end.
+                reporter.report_saved_state(host.saved_state)
             else:
                 continue
             sequence += 1
             step.plugin, step.sequence = launch["name"], sequence
             acknowledged.publish(step)
-        reporter.report_saved_state(host.saved_state)
         reporter.report_calls(host.calls)
         wait_set.wait(max_wait_s)
     reporter.report_final_calls(host.calls)

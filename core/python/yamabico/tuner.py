@@ -50,6 +50,7 @@ class Tuner:
                 return RetuneOutcome.APPLIED
             candidate = self._host.build(parameters)
         self._host.replace(candidate)
+        self._host.call_log.retuned(request)
         return RetuneOutcome.APPLIED
 
     def _respond(self, request, outcome, key, problem):

@@ -27,7 +27,8 @@ message! {
         pub behavior: Name,
         /// Sequence number of the proposal; zero if the call panicked, and for other events.
         pub proposal: u64,
-        /// Request of the parameters, for a [`CallEvent::Retune`]; zero for other events.
+        /// Request of the parameters, for a [`CallEvent::Retune`] or a [`CallEvent::Start`]; zero for those of the task file, and
+        /// for other events.
         pub request: u64,
         /// Hash of the restored state, for a [`CallEvent::Start`], see [`state_hash`]; zero if none was restored.
         pub state: u64,

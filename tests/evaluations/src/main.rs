@@ -16,6 +16,7 @@ mod recording_speed;
 mod recordings;
 mod render;
 mod rendered;
+mod replays;
 mod report;
 mod scenes;
 mod show;
@@ -67,6 +68,7 @@ enum Command {
     Settings(tasks::settings::Arguments),
     RecordingSpeed(recording_speed::Arguments),
     OverlayCost(overlay_cost::Arguments),
+    Replays(replays::Arguments),
     Chaos(live::chaos::Arguments),
     Soak(live::soak::Arguments),
     Viewing(live::viewing::Arguments),
@@ -103,6 +105,7 @@ impl Command {
             Self::Settings(arguments) => arguments.run(out),
             Self::RecordingSpeed(arguments) => arguments.run(),
             Self::OverlayCost(arguments) => arguments.run(),
+            Self::Replays(arguments) => arguments.run(),
             Self::Chaos(arguments) => arguments.run(),
             Self::Soak(arguments) => arguments.run(),
             Self::Viewing(arguments) => arguments.run(),

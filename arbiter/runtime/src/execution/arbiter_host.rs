@@ -175,6 +175,14 @@ impl ArbiterHost {
         }
     }
 
+    /// Gives subscribers that came late the newest decision and command.
+    pub fn serve_new_subscribers(&self) {
+        let served = self.decisions.resend_to_new_subscribers();
+        if let Err(error) = served.and(self.commands.resend_to_new_subscribers()) {
+            tracing::error!("could not resend decisions to new subscribers: {error}");
+        }
+    }
+
     /// Sets the clock that stamps the stages of commands; without it, time stands still within a step.
     pub fn keep_time_by(&mut self, time: TimeSource) {
         self.time = time;

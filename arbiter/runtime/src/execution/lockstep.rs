@@ -10,11 +10,13 @@ use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, RawPublisher, RawSubscriber};
 
 use super::arbiter_host::ArbiterHost;
+use super::hosted_behavior::{HostedBehavior, Hosting};
 use super::plan::Plan;
 use super::run_stats::RunStats;
 use super::worker_pool::WorkerPool;
 use crate::record::Tap;
-use yamabico_host::{BehaviorHost, DeviceHost, HostError};
+use crate::supervisor::Program;
+use yamabico_host::{DeviceHost, HostError};
 
 /// A run in lockstep.
 pub struct Lockstep {
@@ -27,7 +29,18 @@ pub struct Lockstep {
     fed: BTreeMap<String, RawPublisher>,
     now: Time,
     step: Duration,
+    /// Plan, without what has been opened of it.
+    plan: Plan,
     bus: Bus,
+}
+
+/// Life of a behavior before a replay takes it over.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Life {
+    /// State that it saved last; empty if it saved none.
+    pub saved_state: Vec<u8>,
+    /// Number of its last proposal; zero before the first.
+    pub sequence: u64,
 }
 
 /// State of the sensors of a run.
@@ -47,28 +60,85 @@ impl SensorSupply {
 }
 
 impl Lockstep {
-    /// Opens everything on a bus within this process; the first step is at time zero.
+    /// Opens everything on a bus within this process; the first step is at time zero. Behaviors that are external programs
+    /// become processes of `program`; without it they are refused.
     ///
     /// # Errors
     /// A device or behavior does not open.
-    pub fn open(plan: Plan, step: Duration, threads: usize) -> Result<Lockstep, HostError> {
+    pub fn open(
+        plan: Plan,
+        step: Duration,
+        threads: usize,
+        program: Option<&Program>,
+    ) -> Result<Lockstep, HostError> {
+        let mut lockstep = Lockstep::open_arbiter(plan, step)?;
+        lockstep.open_behaviors(threads, program, None)?;
+        let devices = std::mem::take(&mut lockstep.plan.devices).into_iter();
+        let devices = devices.map(|device| DeviceHost::open(device, &lockstep.bus));
+        lockstep.devices = devices.collect::<Result<_, _>>()?;
+        Ok(lockstep)
+    }
+
+    /// Opens the arbiter alone, for a replay that begins with recorded proposals.
+    ///
+    /// # Errors
+    /// The bus fails.
+    pub(crate) fn open_arbiter(plan: Plan, step: Duration) -> Result<Lockstep, HostError> {
+        let plan = plan.with_saved_states();
         let bus = Bus::local("lockstep")?;
         plan.create_topics(&bus)?;
-        let taps = plan.taps(&bus)?;
-        let arbiter = ArbiterHost::open(&plan, &bus)?;
-        let behaviors = plan.behaviors.into_iter().map(|behavior| BehaviorHost::open(behavior, &bus));
-        let workers = WorkerPool::new(behaviors.collect::<Result<_, _>>()?, threads)?;
-        let devices = plan.devices.into_iter().map(|device| DeviceHost::open(device, &bus));
         Ok(Lockstep {
-            devices: devices.collect::<Result<_, _>>()?,
-            workers,
-            arbiter,
-            taps,
+            devices: Vec::new(),
+            workers: WorkerPool::empty(),
+            taps: plan.taps(&bus)?,
+            arbiter: ArbiterHost::open(&plan, &bus)?,
             fed: BTreeMap::new(),
             now: Time::ZERO,
             step,
+            plan,
             bus,
         })
+    }
+
+    /// Opens every behavior with the state that it saved last. With a life, each takes part once it is resumed, and then has the
+    /// newest message of every input, as after a restart.
+    ///
+    /// # Errors
+    /// A behavior does not open.
+    pub(crate) fn open_behaviors(
+        &mut self,
+        threads: usize,
+        program: Option<&Program>,
+        lives: Option<&BTreeMap<String, Life>>,
+    ) -> Result<(), HostError> {
+        // A topic of proposals admits one publisher.
+        self.fed.clear();
+        let hosting = Hosting { plan: &self.plan, bus: &self.bus, program, publishes_states: true };
+        let behaviors = self.plan.behaviors.iter().map(|behavior| {
+            let life = lives.and_then(|lives| lives.get(&behavior.setup.name));
+            let saved_state = life.map_or(&[][..], |life| &life.saved_state);
+            HostedBehavior::open(behavior.clone(), &hosting, saved_state)
+        });
+        self.workers = WorkerPool::new(behaviors.collect::<Result<_, _>>()?, threads, lives.is_none())?;
+        self.arbiter.serve_new_subscribers();
+        Ok(())
+    }
+
+    /// Lets these behaviors take part from the next step on.
+    ///
+    /// # Errors
+    /// A thread died.
+    pub(crate) fn resume(&mut self, lives: BTreeMap<String, Life>) -> Result<(), DeviceError> {
+        self.workers.resume(lives)
+    }
+
+    /// Makes one step of the arbiter alone, with the proposals that have been fed; `tap` receives every message.
+    ///
+    /// # Errors
+    /// The bus failed.
+    pub(crate) fn decide(&mut self, tap: &mut dyn Tap) -> Result<(), DeviceError> {
+        self.arbiter.step(self.now).map_err(bus_failed)?;
+        self.show(tap)
     }
 
     /// Time of the next step.
@@ -128,6 +198,14 @@ impl Lockstep {
         for device in &mut self.devices {
             outcome = outcome.and(device.drive(self.now));
         }
+        outcome = outcome.and(self.show(tap));
+        self.now = self.now + self.step;
+        outcome.map(|()| SensorSupply::of(measuring, ended))
+    }
+
+    /// Passes `tap` what has been published since the last time.
+    pub(crate) fn show(&self, tap: &mut dyn Tap) -> Result<(), DeviceError> {
+        let mut outcome = Ok(());
         for (topic, message, subscriber) in &self.taps {
             outcome = outcome.and(loop {
                 match subscriber.receive() {
@@ -139,8 +217,7 @@ impl Lockstep {
                 }
             });
         }
-        self.now = self.now + self.step;
-        outcome.map(|()| SensorSupply::of(measuring, ended))
+        outcome
     }
 
     /// Number of messages that the taps lost to buffer overflow.

@@ -6,7 +6,9 @@
 mod arbiter_core;
 mod arbiter_host;
 mod driver_clock;
+mod external_program;
 mod goal_monitor;
+mod hosted_behavior;
 mod hosts;
 mod live;
 mod lockstep;
@@ -20,7 +22,9 @@ mod separate_processes;
 mod worker_pool;
 
 pub(crate) use arbiter_core::ArbiterCore;
+pub(crate) use hosted_behavior::{HostedBehavior, Hosting};
 pub use live::Live;
+pub(crate) use lockstep::Life;
 pub use lockstep::{Lockstep, SensorSupply};
 pub(crate) use plan::sensors;
 pub use plan::{Overlays, Plan, Topic};

@@ -169,7 +169,7 @@ impl ParameterServer {
                         parameters.clone_from(table);
                     }
                     if let Some(supervisor) = supervisor {
-                        supervisor.set_parameters(name, table.clone());
+                        supervisor.set_parameters(name, table.clone(), update.request);
                     }
                 }
                 update.step = RetuneStep::Apply;

@@ -102,6 +102,36 @@ impl Plan {
         }
     }
 
+    /// Adds the topic of saved states, if it is missing, with room for every behavior.
+    #[must_use]
+    pub(crate) fn with_saved_states(mut self) -> Plan {
+        if !self.topics.iter().any(|topic| topic.name == topics::SAVED_STATES) {
+            let spec = TopicSpec {
+                publishers: 2 * self.behaviors.len().max(1),
+                subscribers: SPARE_READERS,
+                list_bytes: MAX_SAVED_STATE_BYTES,
+                ..TopicSpec::default()
+            };
+            let message = MessageType::of::<SavedStateHeader>();
+            self.topics.push(Topic { name: topics::SAVED_STATES.to_owned(), message, spec });
+        }
+        self
+    }
+
+    /// The part of the plan that concerns the behavior `name`: its topics, and those that every behavior may use.
+    #[must_use]
+    pub(crate) fn of_behavior(&self, name: &str) -> Plan {
+        let behaviors = self.behaviors.iter().filter(|behavior| behavior.setup.name == name);
+        let behaviors: Vec<BehaviorPlan> = behaviors.cloned().collect();
+        let inputs = behaviors.iter().flat_map(|behavior| behavior.inputs.iter().map(|(_, topic, _)| topic));
+        let inputs: Vec<String> =
+            inputs.cloned().chain([topics::COMMAND, topics::DECISION].map(str::to_owned)).collect();
+        let own = topics::output(name, "");
+        let is_used = |topic: &&Topic| inputs.contains(&topic.name) || topic.name.starts_with(&own);
+        let topics = self.topics.iter().filter(is_used).cloned().collect();
+        Plan { topics, behaviors, devices: Vec::new(), ..self.clone() }
+    }
+
     /// Turns the plan into that of a live run: publishers notify subscribers, and plugins report on themselves.
     #[must_use]
     pub fn live(mut self) -> Plan {

@@ -70,6 +70,7 @@ impl SeparateProcesses {
             heartbeat_ms: host.deadline.heartbeat_period().as_secs_f64() * 1e3,
             start: Start::OnFirstCommand,
             saved_state: String::new(),
+            request: 0,
             clock: self.clock,
             role,
         };

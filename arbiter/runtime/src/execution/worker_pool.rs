@@ -1,50 +1,83 @@
 //! Worker threads for the behaviors of a lockstep run.
 
+use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use yamabico_core::sensor::DeviceError;
 use yamabico_core::time::Time;
-use yamabico_host::bus::BusError;
+use yamabico_host::{CallStats, HostError};
 
-use yamabico_host::{BehaviorHost, CallStats, HostError};
+use super::hosted_behavior::HostedBehavior;
+use super::lockstep::Life;
 
 /// Behaviors on one or several threads that receive together and propose together.
 pub(super) struct WorkerPool {
     /// Behaviors on the calling thread.
-    here: Vec<BehaviorHost>,
+    here: Vec<Member>,
     workers: Vec<Worker>,
 }
 
 struct Worker {
     jobs: Sender<Job>,
-    done: Receiver<Result<(), BusError>>,
-    thread: JoinHandle<Vec<BehaviorHost>>,
+    done: Receiver<Result<(), DeviceError>>,
+    thread: JoinHandle<Vec<Member>>,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 enum Job {
     Collect,
     Propose(Time),
+    /// Continue the lives of these behaviors, by name.
+    Resume(BTreeMap<String, Life>),
 }
 
-fn run_job(hosts: &mut [BehaviorHost], job: Job) -> Result<(), BusError> {
-    hosts.iter_mut().try_for_each(|host| match job {
-        Job::Collect => host.collect(),
-        Job::Propose(now) => host.propose(now),
-    })
+/// A behavior of the pool.
+struct Member {
+    behavior: HostedBehavior,
+    /// Set once it takes part; until then its inputs wait for it.
+    is_awake: bool,
+}
+
+/// Does the job with every behavior, even if one fails; returns the first failure.
+fn run_job(members: &mut [Member], job: Job) -> Result<(), DeviceError> {
+    let for_each = |members: &mut [Member], work: &dyn Fn(&mut HostedBehavior) -> Result<(), DeviceError>| {
+        let awake = members.iter_mut().filter(|member| member.is_awake);
+        awake.fold(Ok(()), |outcome: Result<(), DeviceError>, member| outcome.and(work(&mut member.behavior)))
+    };
+    match job {
+        Job::Collect => for_each(members, &HostedBehavior::collect),
+        Job::Propose(now) => {
+            let prepared = for_each(members, &|behavior| behavior.prepare(now));
+            prepared.and(for_each(members, &|behavior| behavior.propose(now)))
+        }
+        Job::Resume(lives) => {
+            for member in members {
+                if let Some(life) = lives.get(member.behavior.name()) {
+                    member.behavior.resume(life.sequence);
+                    member.is_awake = true;
+                }
+            }
+            Ok(())
+        }
+    }
 }
 
 impl WorkerPool {
-    /// Distributes the behaviors over `threads` threads, the calling thread included.
+    /// Distributes the behaviors over `threads` threads, the calling thread included. Unless they are awake, each takes part
+    /// once it is resumed.
     ///
     /// # Errors
     /// A thread does not start.
-    pub fn new(hosts: Vec<BehaviorHost>, threads: usize) -> Result<WorkerPool, HostError> {
-        let threads = threads.clamp(1, hosts.len().max(1));
-        let mut shares: Vec<Vec<BehaviorHost>> = (0..threads).map(|_| Vec::new()).collect();
-        for (i, host) in hosts.into_iter().enumerate() {
-            shares[i % threads].push(host);
+    pub fn new(
+        behaviors: Vec<HostedBehavior>,
+        threads: usize,
+        is_awake: bool,
+    ) -> Result<WorkerPool, HostError> {
+        let threads = threads.clamp(1, behaviors.len().max(1));
+        let mut shares: Vec<Vec<Member>> = (0..threads).map(|_| Vec::new()).collect();
+        for (i, behavior) in behaviors.into_iter().enumerate() {
+            shares[i % threads].push(Member { behavior, is_awake });
         }
         let here = shares.swap_remove(0);
         Ok(WorkerPool { here, workers: shares.into_iter().map(Worker::start).collect::<Result<_, _>>()? })
@@ -67,19 +100,30 @@ impl WorkerPool {
         self.run_all(Job::Propose(now))
     }
 
+    /// Wakes the behaviors with these names, which continue their lives.
+    ///
+    /// # Errors
+    /// A thread died.
+    pub fn resume(&mut self, lives: BTreeMap<String, Life>) -> Result<(), DeviceError> {
+        self.run_all(Job::Resume(lives))
+    }
+
     fn run_all(&mut self, job: Job) -> Result<(), DeviceError> {
         for worker in &self.workers {
             // If a worker died, its missing answer below is the error.
-            let _ = worker.jobs.send(job);
+            let _ = worker.jobs.send(job.clone());
         }
-        let bus_failed = |error| DeviceError::failed("bus", error);
-        let mut outcome = run_job(&mut self.here, job).map_err(bus_failed);
+        let mut outcome = run_job(&mut self.here, job);
         for worker in &self.workers {
             let died = |_| DeviceError::failed("worker pool", "a thread of behaviors died");
-            let answer = worker.done.recv().map_err(died).and_then(|answer| answer.map_err(bus_failed));
-            outcome = outcome.and(answer);
+            outcome = outcome.and(worker.done.recv().map_err(died).flatten());
         }
         outcome
+    }
+
+    /// Pool without behaviors.
+    pub fn empty() -> WorkerPool {
+        WorkerPool { here: Vec::new(), workers: Vec::new() }
     }
 
     /// Ends the threads; returns the call statistics of each behavior.
@@ -89,12 +133,13 @@ impl WorkerPool {
             drop((jobs, done));
             hosts.extend(thread.join().unwrap_or_default());
         }
-        hosts.iter().map(|host| (host.name().to_owned(), host.stats().clone())).collect()
+        let behaviors = hosts.iter().map(|member| &member.behavior);
+        behaviors.map(|behavior| (behavior.name().to_owned(), behavior.stats().clone())).collect()
     }
 }
 
 impl Worker {
-    fn start(mut hosts: Vec<BehaviorHost>) -> Result<Worker, HostError> {
+    fn start(mut hosts: Vec<Member>) -> Result<Worker, HostError> {
         let (jobs, inbox) = channel();
         let (answer, done) = channel();
         let thread = std::thread::Builder::new().name("behaviors".into()).spawn(move || {

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use sha2::{Digest as _, Sha256};
-use yamabico_core::message::{Message, MessageType, OverlayHeader};
+use yamabico_core::message::{Message, MessageType, OverlayHeader, SavedStateHeader};
 use yamabico_core::time::Time;
 
 use super::Tap;
 
 /// SHA-256 over the topic, type name, header and items of all messages in order, and the number of messages on each topic.
-/// Overlays do not count: behaviors draw only while somebody looks.
+/// Overlays do not count: behaviors draw only while somebody looks. Nor do saved states: they enter no decision.
 ///
 /// Each part is preceded by its length (eight bytes, little endian), so that different runs hash different bytes.
 #[derive(Clone, Debug, Default)]
@@ -48,7 +48,7 @@ impl Digest {
 
 impl Tap for Digest {
     fn message(&mut self, topic: &str, message: &MessageType, _: Time, header: &[u8], items: &[u8]) {
-        if message.name == OverlayHeader::NAME {
+        if [OverlayHeader::NAME, SavedStateHeader::NAME].contains(&message.name) {
             return;
         }
         self.part(topic.as_bytes());

@@ -9,14 +9,14 @@ use foxglove::Decode;
 use foxglove::messages::CompressedImage;
 use image::ImageReader;
 use mcap::io::MessageReader;
-use serde_json::Value;
 use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
 use yamabico_core::time::Time;
 
 use super::Tap;
 use super::channels::under;
 use super::contents::{BROKE_OFF, Contents, missing_end, reader_options};
-use super::schema::{self, Bytes};
+use super::json_reader;
+use super::schema::Bytes;
 
 /// Maximum size of an image, bytes; a larger one is left out.
 const MAX_PIXEL_BYTES: usize = 128 << 20;
@@ -59,7 +59,19 @@ pub struct PlaybackResult {
 /// # Errors
 /// The file cannot be read or is no recording. A recording that ends early is played up to its end.
 pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> {
-    play_to(path, tap, None)
+    play_to(path, tap, None, &|_| true)
+}
+
+/// Same as [`play`], but passes on the messages of some topics only.
+///
+/// # Errors
+/// Same as [`play`].
+pub fn play_topics(
+    path: &Path,
+    tap: &mut dyn Tap,
+    is_wanted: &dyn Fn(&str) -> bool,
+) -> Result<PlaybackResult, PlaybackError> {
+    play_to(path, tap, None, is_wanted)
 }
 
 /// Receives a frame whose image is still compressed: topic, header, image file.
@@ -74,20 +86,22 @@ pub(crate) fn play_compressed(
     tap: &mut dyn Tap,
     frames: FrameSink<'_>,
 ) -> Result<PlaybackResult, PlaybackError> {
-    play_to(path, tap, Some(frames))
+    play_to(path, tap, Some(frames), &|_| true)
 }
 
 fn play_to<'a>(
     path: &Path,
     tap: &'a mut dyn Tap,
     frames: Option<FrameSink<'a>>,
+    is_wanted: &'a dyn Fn(&str) -> bool,
 ) -> Result<PlaybackResult, PlaybackError> {
     let contents = Contents::read(path)?;
     let origin = contents.origin();
     let file =
         File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
     let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
-    let mut player = Player { tap, frames, origin, frame: None, played: PlaybackResult::default() };
+    let mut player =
+        Player { tap, frames, is_wanted, origin, frame: None, played: PlaybackResult::default() };
     let mut has_begun = false;
     for message in &mut messages {
         match message {
@@ -119,6 +133,8 @@ struct Player<'a> {
     origin: Time,
     /// Receives frames instead of the tap.
     frames: Option<FrameSink<'a>>,
+    /// Selects the topics.
+    is_wanted: &'a dyn Fn(&str) -> bool,
     /// Frame whose image follows.
     frame: Option<Frame>,
     played: PlaybackResult,
@@ -142,13 +158,15 @@ impl Player<'_> {
             return;
         };
         self.miss_image();
+        if !(self.is_wanted)(topic) {
+            return;
+        }
         let Some(kind) = MessageType::find(&schema.name) else {
             self.played.left_out.insert(format!("{topic}: {}", MessageType::unknown(&schema.name)));
             return;
         };
         let time = Time(self.origin.0.saturating_add(message.log_time));
-        let json = serde_json::from_slice::<Value>(&message.data).ok();
-        let Some(Bytes { header, items }) = json.and_then(|json| schema::from_json(kind, &json)) else {
+        let Some(Bytes { header, items }) = json_reader::read(kind, &message.data) else {
             self.played.left_out.insert(format!("{topic}: a message that is not a {}", kind.name));
             return;
         };

@@ -5,8 +5,8 @@ use yamabico_core::message::MessageType;
 
 use super::code_text;
 
-const HEADER_BYTES: &str = "header_hex";
-const ITEM_BYTES: &str = "items_hex";
+pub(super) const HEADER_BYTES: &str = "header_hex";
+pub(super) const ITEM_BYTES: &str = "items_hex";
 
 /// Converts a message to JSON: the header's fields, its items under `items`, and the text of each code under `..._text`.
 ///
@@ -34,7 +34,7 @@ pub struct Bytes {
 
 /// Converts the JSON of [`to_json`] back to a message; `None` if it does not fit.
 pub fn from_json(message: &MessageType, json: &Value) -> Option<Bytes> {
-    let raw = |name: &str| json.get(name)?.as_str().and_then(bytes);
+    let raw = |name: &str| json.get(name)?.as_str().and_then(bytes_of_hexadecimal);
     let (header, items) = match raw(HEADER_BYTES) {
         Some(header) => (header, raw(ITEM_BYTES)?),
         None => message.from_json(json)?,
@@ -43,7 +43,8 @@ pub fn from_json(message: &MessageType, json: &Value) -> Option<Bytes> {
     is_whole.then_some(Bytes { header, items })
 }
 
-fn bytes(hexadecimal: &str) -> Option<Vec<u8>> {
+/// Bytes from two digits each; `None` for anything else.
+pub(super) fn bytes_of_hexadecimal(hexadecimal: &str) -> Option<Vec<u8>> {
     let digits: Option<Vec<u32>> = hexadecimal.chars().map(|digit| digit.to_digit(16)).collect();
     let digits = digits.filter(|digits| digits.len() % 2 == 0)?;
     Some(digits.chunks(2).map(|pair| (pair[0] * 16 + pair[1]) as u8).collect())
@@ -121,7 +122,7 @@ mod tests {
         let hex = value["header_hex"].as_str().unwrap();
         assert_eq!((&hex[..6], hex.len()), ("a20100", 2 * size_of::<Truth>()));
         assert_eq!(from_json(&message, &value).unwrap().header, bytemuck::bytes_of(&truth));
-        assert!(bytes("a").is_none() && bytes("0g").is_none());
+        assert!(bytes_of_hexadecimal("a").is_none() && bytes_of_hexadecimal("0g").is_none());
         let finite = to_json(&message, bytemuck::bytes_of(&Truth::default()), &[]);
         assert!(finite.get("header_hex").is_none());
     }

@@ -41,10 +41,11 @@ impl ArbiterReplay {
         if self.ended.is_some() {
             return Published::new();
         }
+        let gap = self.sequence.map(|last| header.sequence.saturating_sub(last + 1));
         let is_next = self.sequence.is_none_or(|last| header.sequence == last + 1);
         self.sequence = Some(header.sequence);
         let outcome = match (is_next, header.left_out) {
-            (false, _) => Err("the log of what it heard has a gap".to_owned()),
+            (false, _) => Err(format!("{} records of what it heard are lost", gap.unwrap_or(0))),
             (_, 0) => self.hear(heard, past),
             (_, left_out) => Err(format!("{left_out} of the things that it heard are not logged")),
         };

@@ -8,7 +8,8 @@ use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::plugins::Plugins;
 use yamabico_core::time::Time;
 
-use super::recorded_task::{Changes, Devices, RecordedTask, ReplayError};
+use super::recorded_task::{Devices, RecordedTask, ReplayError};
+use super::report::Options;
 use crate::execution::{Progress, RunEnd};
 use crate::record::{Tap, Tee, play};
 use crate::report::{ReferenceLine, RunFacts, RunSummary, SummaryTap};
@@ -29,19 +30,19 @@ pub struct ClosedLoop {
     pub final_deviation_m: Option<f64>,
 }
 
-/// Runs the simulation of the recording `path` again with `changes` and the same seed, and compares the ways.
+/// Runs the simulation of the recording `path` again with the changes of `options` and the same seed, and compares the ways.
 ///
 /// # Errors
 /// The recording cannot be read, was not simulated in lockstep, or the run fails.
 pub fn close_loop(
     path: &Path,
     plugins: &Plugins,
-    changes: &Changes,
-    threads: usize,
+    options: &Options,
     interrupt: &AtomicBool,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<ClosedLoop, ReplayError> {
-    let recorded = RecordedTask::open(path, changes, plugins, Devices::Open)?;
+    let programs = options.programs();
+    let recorded = RecordedTask::open(path, &options.changes, plugins, Devices::Open, programs)?;
     if !recorded.is_lockstep() {
         let reason = "only a simulation in lockstep can be run again in a closed loop".to_owned();
         return Err(ReplayError::Unsupported { path: path.to_owned(), reason });
@@ -52,7 +53,12 @@ pub fn close_loop(
         let reason = "it holds no truth of a simulator, so that its world cannot react".to_owned();
         return Err(ReplayError::Unsupported { path: path.to_owned(), reason });
     }
-    let options = run::Options { seed: recorded.identity.run.seed, threads, ..run::Options::default() };
+    let options = run::Options {
+        seed: recorded.identity.run.seed,
+        threads: options.threads,
+        program: options.program.clone(),
+        ..run::Options::default()
+    };
     let mut after = Way::default();
     let ran =
         run(&recorded.task, &options, interrupt, &mut after, progress).map_err(|error| match error {

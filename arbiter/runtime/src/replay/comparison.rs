@@ -4,10 +4,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use serde::Serialize;
 use yamabico_arbiter::decide::{DecisionMessage, ExplainContext, explain};
-use yamabico_core::message::{DecisionHeader, Message, MessageType, Proposal, RawMessage, View};
+use yamabico_core::message::{
+    DecisionHeader, Layout, Message, MessageType, OverlayHeader, Proposal, RawMessage, View,
+};
 use yamabico_core::time::Time;
 
-use super::difference::{self, FieldDifference, author};
+use super::difference::{self, ARBITER, FieldDifference, author};
+use super::prelude::Memory;
 use super::steps::{RecordedMessage, Step, raw};
 use crate::record::Tap;
 
@@ -24,6 +27,14 @@ pub struct TopicComparison {
     pub extra: u64,
     /// Time of the first difference of any kind, s.
     pub first_s: Option<f64>,
+    /// Time of the last difference, s.
+    pub last_s: Option<f64>,
+}
+
+impl TopicComparison {
+    fn differences(&self) -> u64 {
+        self.different + self.missing + self.extra
+    }
 }
 
 /// First difference of a replay.
@@ -102,6 +113,10 @@ pub(super) struct Comparison {
     pub first: Option<FirstDifference>,
     /// First difference of this step, before its decisions are known.
     pending: Option<FirstDifference>,
+    /// In a replay that began in the middle: by how much a behavior's count of an output is behind, by topic.
+    behind: Option<BTreeMap<String, u64>>,
+    /// Set if there are overlays that are not compared.
+    pub leaves_out_overlays: bool,
     steps: u64,
 }
 
@@ -117,8 +132,67 @@ impl Comparison {
             replayed: side(),
             first: None,
             pending: None,
+            behind: None,
+            leaves_out_overlays: false,
             steps: 0,
         }
+    }
+
+    /// Compares the messages on the topics `computed` from now on. Behaviors that begin now count their outputs from one, which is no
+    /// difference.
+    pub fn begin_in_the_middle(&mut self, computed: BTreeSet<String>) {
+        self.computed = computed;
+        self.behind = Some(BTreeMap::new());
+    }
+
+    /// Says of each behavior that began in the middle whether it went on as recorded.
+    pub fn continued(&self, memories: &BTreeMap<String, Memory>) -> Vec<String> {
+        let note = |(name, memory): (&String, &Memory)| {
+            let own = self.topics.iter().filter(|(topic, _)| author(topic) == name);
+            let (mut compared, mut differences, mut last_s) = (0, 0, 0.0_f64);
+            for (_, topic) in own {
+                compared += topic.compared;
+                differences += topic.differences();
+                last_s = last_s.max(topic.last_s.unwrap_or(0.0));
+            }
+            let memory = match memory {
+                Memory::NotNeeded => "begins here",
+                Memory::None => "begins without a saved state",
+                Memory::Restored => "continues from its saved state",
+            };
+            match (compared, differences) {
+                (0, 0) => format!("{name} {memory}: it was not called"),
+                (_, 0) => format!("{name} {memory}: exact"),
+                _ => format!(
+                    "{name} {memory}, which is not all that it remembers: {differences} of {compared} messages differ, \
+                     the last at {last_s:.3} s"
+                ),
+            }
+        };
+        memories.iter().map(note).collect()
+    }
+
+    /// Replayed header with the number that it would have if the behavior had counted from its beginning.
+    fn renumbered(
+        &mut self,
+        topic: &str,
+        message: &MessageType,
+        recorded: &[u8],
+        replayed: &[u8],
+    ) -> Option<Vec<u8>> {
+        let behind = self.behind.as_mut()?;
+        if author(topic) == ARBITER || message.name == Proposal::NAME {
+            return None;
+        }
+        let Layout::Struct(layout) = message.header else { return None };
+        let at = layout.fields.iter().find(|field| field.name == "sequence")?.offset;
+        let number = (message.sequence)(replayed);
+        let offset = *behind
+            .entry(topic.to_owned())
+            .or_insert_with(|| (message.sequence)(recorded).wrapping_sub(number));
+        let mut header = replayed.to_vec();
+        header.get_mut(at..at + 8)?.copy_from_slice(&number.wrapping_add(offset).to_ne_bytes());
+        Some(header)
     }
 
     /// Takes the recorded messages of a step that the replay is to compute; returns the others, its inputs.
@@ -132,6 +206,12 @@ impl Comparison {
                 Some(queue) => queue.push_back(message),
                 None => drop(self.expected.insert(message.topic.clone(), [message].into())),
             }
+        }
+        self.leaves_out_overlays |= inputs.iter().any(|input| input.message.name == OverlayHeader::NAME);
+        // Proposals that are not replayed explain the decisions of both sides.
+        for message in inputs.iter().filter(|message| message.message.name == Proposal::NAME) {
+            self.recorded.take(&message.message, raw(message));
+            self.replayed.take(&message.message, raw(message));
         }
         inputs
     }
@@ -191,6 +271,8 @@ impl Comparison {
             return self.note(topic, time, "the recording has no such message", Vec::new());
         };
         let recorded = (&recorded.header[..], &recorded.items[..]);
+        let renumbered = self.renumbered(topic, message, recorded.0, replayed.0);
+        let replayed = (renumbered.as_deref().unwrap_or(replayed.0), replayed.1);
         let is_equal = recorded == replayed;
         self.count(topic, time, |topic| {
             topic.compared += 1;
@@ -217,10 +299,11 @@ impl Comparison {
             self.topics.insert(topic.to_owned(), TopicComparison::default());
         }
         if let Some(comparison) = self.topics.get_mut(topic) {
-            let before = comparison.different + comparison.missing + comparison.extra;
+            let before = comparison.differences();
             add(comparison);
-            if before == 0 && comparison.different + comparison.missing + comparison.extra > 0 {
-                comparison.first_s = Some(time.as_secs_f64());
+            if comparison.differences() > before {
+                comparison.first_s.get_or_insert(time.as_secs_f64());
+                comparison.last_s = Some(time.as_secs_f64());
             }
         }
     }

@@ -9,7 +9,7 @@ use crate::record::to_json;
 /// Maximum number of fields that are listed.
 const MAX_FIELDS: usize = 12;
 /// Author of decisions, commands and goals.
-const ARBITER: &str = "arbiter";
+pub(super) const ARBITER: &str = "arbiter";
 
 /// A field that differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -11,21 +11,21 @@ use std::time::Instant;
 
 use yamabico_arbiter::decide::ExplainContext;
 use yamabico_core::message::{
-    CallHeader, HeardHeader, Message, Proposal, RetuneHeader, SavedStateHeader, View,
+    CallHeader, HeardHeader, Message, OverlayHeader, Proposal, RetuneHeader, SavedStateHeader, View,
 };
 use yamabico_core::time::Time;
-use yamabico_host::bus::Bus;
-use yamabico_host::{HostError, topics};
+use yamabico_host::topics;
 
 use super::arbiter_replay::ArbiterReplay;
 use super::behavior_replay::{BehaviorReplay, Past, Published};
 use super::comparison::Comparison;
 use super::control_change::ControlChanges;
+use super::losses::Losses;
 use super::recorded_task::{RecordedTask, ReplayError};
-use super::report::{Options, Report, computed};
+use super::report::{Options, Part, Report, computed, heard_by_arbiter, of_arbiter};
 use super::steps::{RecordedMessage, Steps, raw};
 use super::what_if_recorder::WhatIfRecorder;
-use super::window::{Window, key};
+use super::window::{Key, Window, key};
 use crate::execution::Plan;
 use crate::record::Tap;
 
@@ -45,6 +45,10 @@ struct LogReplay {
     /// Messages that a what-if computed otherwise, by topic and sequence number.
     replayed: BTreeMap<(String, u64), Rc<RecordedMessage>>,
     is_what_if: bool,
+    part: Part,
+    /// Time of the first message.
+    first: Time,
+    losses: Losses,
     comparison: Comparison,
     changes: ControlChanges,
     output: Option<WhatIfRecorder>,
@@ -63,13 +67,9 @@ pub(super) fn replay_log(
     recorded: &RecordedTask,
 ) -> Result<Report, ReplayError> {
     let plan = Plan::new(&recorded.task, recorded.identity.run.seed);
-    let bus = Bus::local("replay").map_err(HostError::from)?;
-    plan.create_topics(&bus).map_err(HostError::from)?;
     let behaviors = plan.behaviors.iter().map(|behavior| {
-        Ok((
-            behavior.setup.name.clone(),
-            BehaviorReplay::new(behavior, &plan, &bus).map_err(HostError::from)?,
-        ))
+        let name = &behavior.setup.name;
+        (name.clone(), BehaviorReplay::new(name, &plan, options.program.as_ref()))
     });
     let computed = computed(&plan);
     let output = match &options.output {
@@ -77,21 +77,33 @@ pub(super) fn replay_log(
         None => None,
     };
     let mut replay = LogReplay {
-        behaviors: behaviors.collect::<Result<_, ReplayError>>()?,
+        behaviors: behaviors.collect(),
         arbiter: ArbiterReplay::new(plan.policy.clone(), &recorded.policy),
         window: Window::default(),
         kept: Vec::new(),
         events: BTreeMap::new(),
         replayed: BTreeMap::new(),
         is_what_if: !options.changes.is_empty(),
-        comparison: Comparison::new(computed, &ExplainContext::of(&plan.policy, &[])),
+        part: options.part,
+        first: recorded.identity.origin,
+        losses: Losses::default(),
+        comparison: Comparison::new(computed.clone(), &ExplainContext::of(&plan.policy, &[])),
         changes: ControlChanges::default(),
         output,
         recorded: BTreeMap::new(),
         matched: BTreeMap::new(),
     };
+    if options.part != Part::Whole {
+        replay.comparison.begin_in_the_middle(computed);
+    }
     let (began, mut span, mut arrived) = (Instant::now(), None, 0);
-    let mut steps = Steps::read(path);
+    let mut steps = match options.part {
+        Part::Decisions => {
+            let heard = heard_by_arbiter(&plan).into_iter().chain([topics::HEARD.to_owned()]);
+            Steps::read_topics(path, heard.chain(of_arbiter()).collect())
+        }
+        Part::Whole | Part::From(_) => Steps::read(path),
+    };
     for step in &mut steps {
         let (first, newest) = span.unwrap_or((step.time, step.time));
         let newest: Time = newest.max(step.time);
@@ -106,7 +118,17 @@ pub(super) fn replay_log(
     let (first, newest) = span.unwrap_or_default();
     replay.repeat_until(newest, -LOOKAHEAD_S)?;
     let mut notes = recorded.notes();
+    notes.extend(replay.losses.note());
+    notes.extend(
+        replay.comparison.leaves_out_overlays.then(|| "overlays are not compared in a live run".to_owned()),
+    );
     notes.extend(replay.finish(newest));
+    let memories =
+        replay.behaviors.values().filter_map(|behavior| Some((behavior.name().to_owned(), behavior.memory?)));
+    notes.extend(replay.comparison.continued(&memories.collect()));
+    notes.extend(
+        options.part.note(span).filter(|_| replay.behaviors.values().all(|behavior| behavior.calls == 0)),
+    );
     notes.extend(played.left_out.into_iter().map(|what| format!("left out: {what}")));
     notes.extend(played.broken_off.map(|cause| format!("the recording breaks off: {cause}")));
     notes.extend(replay.output.take().and_then(WhatIfRecorder::finish));
@@ -131,6 +153,8 @@ impl LogReplay {
         } else if self.comparison.computed().contains(&message.topic) {
             self.recorded.insert(message.topic.clone(), 1);
         }
+        self.losses.count(&message);
+        self.comparison.leaves_out_overlays |= message.message.name == OverlayHeader::NAME;
         let kind = message.message.name;
         let message = self.window.push(time, message);
         match kind {
@@ -166,13 +190,19 @@ impl LogReplay {
         let past = Past { window: &self.window, replayed: &other, kept: &self.kept };
         if let Some(View { header, items }) = View::<CallHeader>::of(raw(event)) {
             let Some(behavior) = self.behaviors.get_mut(header.behavior.as_str()) else { return Ok(()) };
+            if !self.part.has_begun(self.first, time) {
+                behavior.pass(header, items, &past);
+                return Ok(());
+            }
             let mut published = behavior.repeat(header, items, &past)?;
             if header.event == 0 && header.proposal != 0 && behavior.ended.is_none() && published.is_empty() {
                 let topic = topics::proposal(behavior.name());
                 self.comparison.missing(time, &topic, 1);
             }
-            let recorded: Vec<_> =
-                published.iter_mut().map(|message| recorded_twin(&self.window, header, message)).collect();
+            let recorded: Vec<_> = published
+                .iter_mut()
+                .map(|message| recorded_twin(&self.window, header, message, self.part))
+                .collect();
             self.compare(time, published, recorded);
         } else if let Some(View { header, items }) = View::<HeardHeader>::of(raw(event)) {
             let published = self.arbiter.repeat(header, items, &past);
@@ -222,7 +252,7 @@ impl LogReplay {
                 None => (self.arbiter.ended.is_some(), 1),
             };
             let missing = recorded.saturating_sub(self.matched.get(&topic).copied().unwrap_or(0));
-            if missing == 0 || has_ended {
+            if missing == 0 || has_ended || (of_behavior.is_some() && self.part != Part::Whole) {
                 continue;
             }
             if missing <= cut_off {
@@ -242,9 +272,13 @@ fn recorded_twin(
     window: &Window,
     call: &CallHeader,
     message: &mut RecordedMessage,
+    part: Part,
 ) -> Option<Rc<RecordedMessage>> {
     let Some(proposal) = View::<Proposal>::of(raw(message)).map(|view| *view.header) else {
-        return window.find(&message.topic, key(message)).cloned();
+        let (number, stamp_ns) = key(message);
+        // A behavior that began in the middle counts its outputs from there.
+        let is_it = |known: &Key| known.1 == stamp_ns && (part != Part::Whole || known.0 == number);
+        return window.search(&message.topic, |known, _| is_it(known)).cloned();
     };
     let of = |recorded: &RecordedMessage| View::<Proposal>::of(raw(recorded)).map(|view| *view.header);
     let is_it =

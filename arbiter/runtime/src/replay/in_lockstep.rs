@@ -10,8 +10,9 @@ use yamabico_core::time::Time;
 
 use super::comparison::Comparison;
 use super::control_change::ControlChanges;
+use super::prelude::Prelude;
 use super::recorded_task::{RecordedTask, ReplayError};
-use super::report::{Options, Report, computed};
+use super::report::{Options, Part, Report, computed, heard_by_arbiter, of_arbiter};
 use super::steps::{Step, Steps, raw};
 use super::what_if_recorder::WhatIfRecorder;
 use crate::execution::{Lockstep, Plan, Topic};
@@ -26,43 +27,88 @@ pub(super) fn replay_lockstep(
     options: &Options,
     recorded: &RecordedTask,
 ) -> Result<Report, ReplayError> {
-    let plan = Plan { devices: Vec::new(), ..Plan::new(&recorded.task, recorded.identity.run.seed) };
+    let plan = Plan {
+        devices: Vec::new(),
+        overlays: options.overlays,
+        ..Plan::new(&recorded.task, recorded.identity.run.seed)
+    };
     let context = ExplainContext::of(&plan.policy, &[]);
-    let mut comparison = Comparison::new(computed(&plan), &context);
+    let all = computed(&plan);
     // Overlays are drawings, which nobody draws here.
     let is_fed = |topic: &&Topic| topic.message.name != OverlayHeader::NAME;
     let fed: BTreeSet<String> = plan.topics.iter().filter(is_fed).map(|topic| topic.name.clone()).collect();
-    let mut lockstep = Lockstep::open(plan, recorded.identity.run.step, options.threads)?;
+    let (step, program) = (recorded.identity.run.step, options.program.as_ref());
     let mut output = match &options.output {
-        Some(file) => Some(WhatIfRecorder::create(file, path, recorded, comparison.computed().clone())?),
+        Some(file) => Some(WhatIfRecorder::create(file, path, recorded, all.clone())?),
         None => None,
     };
+    let heard = heard_by_arbiter(&plan);
+    let mut prelude = Some(Prelude::new(&plan)).filter(|_| options.part != Part::Whole);
+    let (mut comparison, mut lockstep) = match prelude {
+        None => {
+            (Comparison::new(all.clone(), &context), Lockstep::open(plan, step, options.threads, program)?)
+        }
+        Some(_) => (Comparison::new(of_arbiter(), &context), Lockstep::open_arbiter(plan, step)?),
+    };
+    let (mut memories, mut asleep) = (None, None);
     let (began, mut span, mut changes) = (Instant::now(), None, ControlChanges::default());
-    let mut steps = Steps::read(path);
+    let mut steps = match options.part {
+        Part::Decisions => Steps::read_topics(path, heard.iter().cloned().chain(of_arbiter()).collect()),
+        Part::Whole | Part::From(_) => Steps::read(path),
+    };
     for step in &mut steps {
         let time = step.time;
         let (first, _) = span.unwrap_or((time, time));
         span = Some((first, time));
         lockstep.set_now(time);
+        if let Some(past) = prelude.take_if(|_| options.part.has_begun(first, time)) {
+            lockstep.open_behaviors(options.threads, program, Some(past.lives()))?;
+            for message in past.newest() {
+                lockstep.feed(&message.topic, &message.message, &message.header, &message.items)?;
+            }
+            lockstep.show(&mut Tee::default())?;
+            comparison.begin_in_the_middle(all.clone());
+            memories = Some(past.memories());
+            asleep = Some(past);
+        }
+        if let Some(asleep) = &mut asleep {
+            // Each goes on with its next recorded call.
+            lockstep.resume(asleep.take_lives(&step))?;
+        }
         if ends(&step) {
             lockstep.shut_down();
         }
         if let Some(output) = &mut output {
             step.messages.iter().for_each(|message| output.recorded(time, message));
         }
+        if let Some(prelude) = &mut prelude {
+            step.messages.iter().for_each(|message| prelude.take(message));
+        }
+        let is_fed =
+            |topic: &str| if prelude.is_some() { heard.contains(topic) } else { fed.contains(topic) };
         for input in comparison.expect(step) {
-            if fed.contains(&input.topic) {
+            if is_fed(&input.topic) {
                 lockstep.feed(&input.topic, &input.message, &input.header, &input.items)?;
             }
         }
         let mut taps: Vec<&mut dyn Tap> = vec![&mut comparison];
         taps.extend(output.as_mut().map(|output| output as &mut dyn Tap));
-        lockstep.step(&mut Tee(taps))?;
+        match prelude {
+            Some(_) => lockstep.decide(&mut Tee(taps))?,
+            None => drop(lockstep.step(&mut Tee(taps))?),
+        }
         comparison.settle(time);
         changes.compare(time, &comparison.recorded, &comparison.replayed);
     }
     let played = steps.finish()?;
     let mut notes = recorded.notes();
+    notes.extend(memories.iter().flat_map(|memories| comparison.continued(memories)));
+    notes.extend(prelude.as_ref().and_then(|_| options.part.note(span)));
+    notes.extend(
+        comparison
+            .leaves_out_overlays
+            .then(|| "overlays are not compared; --overlays compares them".to_owned()),
+    );
     notes.extend(played.left_out.into_iter().map(|what| format!("left out: {what}")));
     notes.extend(played.broken_off.map(|cause| format!("the recording breaks off: {cause}")));
     if let Some(output) = output {

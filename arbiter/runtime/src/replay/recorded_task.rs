@@ -15,6 +15,7 @@ use yamabico_host::HostError;
 use yamabico_host::config::{InputSource, Overrides, Task, absolute, load};
 use yamabico_parameters::Problems;
 
+use super::recorded_programs::{absolute_word, programs_of, words_of};
 use crate::execution::Plan;
 use crate::record::{Contents, Execution, PlaybackError, RecordError, RecordedIdentity, digest_of_program};
 
@@ -35,6 +36,18 @@ pub enum ReplayError {
         path: PathBuf,
         /// Missing or malformed fact.
         fact: String,
+    },
+    /// The task names external programs.
+    #[error(
+        "{} names {count} external program(s), such as `{program}`: read them, and add --programs if they may be started", path.display()
+    )]
+    Programs {
+        /// File.
+        path: PathBuf,
+        /// The first program, with its arguments.
+        program: String,
+        /// Number of programs.
+        count: usize,
     },
     /// The recorded run cannot be repeated.
     #[error("{} cannot be replayed: {reason}", path.display())]
@@ -99,6 +112,15 @@ pub enum Devices {
     Open,
 }
 
+/// External programs that a recorded task names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Programs {
+    /// Refused: a recording may come from anybody.
+    Refused,
+    /// Started.
+    Started,
+}
+
 /// Task of a recording, with the files that it names in a temporary folder.
 #[derive(Debug)]
 pub struct RecordedTask {
@@ -118,29 +140,31 @@ pub struct RecordedTask {
 }
 
 impl RecordedTask {
-    /// Opens the task of the recording `path` with `changes`.
+    /// Opens the task of the recording `path` with `changes`. Loading a task starts the external programs in it.
     ///
     /// # Errors
-    /// The file is no recording of a run, or its task is refused.
+    /// The file is no recording of a run, its task is refused, or it names programs that are not to be started.
     pub fn open(
         path: &Path,
         changes: &Changes,
         plugins: &Plugins,
         devices: Devices,
+        programs: Programs,
     ) -> Result<RecordedTask, ReplayError> {
         let contents = Contents::read(path)?;
         let no_identity = |fact: String| ReplayError::NoIdentity { path: path.to_owned(), fact };
         let identity = contents.identity().map_err(no_identity)?;
-        let sets_program = |set: &String| set.split('=').next().is_some_and(|key| key.contains("exec"));
-        if contents.files.iter().any(|(_, text)| names_program(text))
-            || identity.run.set.iter().any(sets_program)
-        {
-            let reason = "it has plugins that are external programs (`exec`)".to_owned();
-            return Err(ReplayError::Unsupported { path: path.to_owned(), reason });
+        let named = programs_of(&contents.files, &identity.run.set);
+        if let (Programs::Refused, Some(first)) = (programs, named.first()) {
+            let (path, program) = (path.to_owned(), first.words.join(" "));
+            return Err(ReplayError::Programs { path, program, count: named.len() });
         }
         let files = TemporaryFolder::create()?;
         let unpacking = |source| ReplayError::Unpack { folder: files.0.clone(), source };
         contents.unpack(&files.0).map_err(unpacking)?;
+        for program in &named {
+            program.link(&identity.run.root, &files.0).map_err(unpacking)?;
+        }
         let task_file = match &changes.task {
             Some(file) => file.clone(),
             None => files.0.join(&identity.run.task),
@@ -199,18 +223,14 @@ impl RecordedTask {
     }
 }
 
-/// Returns true if a configuration file names an external program. Such a file is not loaded from a recording: loading
-/// it would start the program.
-fn names_program(text: &str) -> bool {
-    fn has_key(table: &toml::Table) -> bool {
-        table.iter().any(|(key, value)| key == "exec" || value.as_table().is_some_and(has_key))
-    }
-    text.contains("exec") && text.parse::<toml::Table>().is_ok_and(|table| has_key(&table))
-}
-
-/// Assignment with the path in it, if it names an attached file, replaced by that of the unpacked one.
+/// Assignment with the path in it, if it names an attached file, replaced by that of the unpacked one; the paths of a program are
+/// those of the recorded run.
 fn unpacked(set: &str, identity: &RecordedIdentity, folder: &Path) -> String {
     let Some((key, value)) = set.split_once('=') else { return set.to_owned() };
+    if let Some(words) = words_of(set) {
+        let words: Vec<String> = words.iter().map(|word| absolute_word(word, &identity.run.folder)).collect();
+        return format!("{key}={}", toml::Value::from(words));
+    }
     let value = value.trim().trim_matches(['"', '\'']);
     let path = absolute(&identity.run.folder.join(value)).ok();
     let name = path.as_deref().and_then(|path| path.strip_prefix(&identity.run.root).ok());

@@ -4,21 +4,72 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use yamabico_core::time::Time;
 
 use super::comparison::{Comparison, FirstDifference, TopicComparison};
 use super::control_change::{ControlChange, ControlChanges};
-use super::recorded_task::{Changes, RecordedTask};
-use crate::execution::{Plan, topics};
+use super::recorded_task::{Changes, Programs, RecordedTask};
+use crate::execution::{Overlays, Plan, topics};
+use crate::supervisor::Program;
+
+/// Part of a recording that is replayed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Part {
+    /// Everything.
+    #[default]
+    Whole,
+    /// The decisions from the beginning, and the behaviors from this time on, s, with what they had saved by then.
+    From(f64),
+    /// The decisions alone, from the recorded proposals.
+    Decisions,
+}
+
+impl Part {
+    /// Returns true if the behaviors are replayed at `time` of a recording that begins at `first`.
+    pub(super) fn has_begun(self, first: Time, time: Time) -> bool {
+        match self {
+            Part::Whole => true,
+            Part::From(from_s) => time.seconds_after(first) >= from_s,
+            Part::Decisions => false,
+        }
+    }
+
+    /// Note on a replay in which no behavior was called; `span` is that of the recording.
+    pub(super) fn note(self, span: Option<(Time, Time)>) -> Option<String> {
+        let seconds = span.map_or(0.0, |(first, last)| last.seconds_after(first));
+        match self {
+            Part::Whole => None,
+            Part::From(from_s) => Some(format!(
+                "no behavior is replayed: the recording ends at {seconds:.2} s, before {from_s} s"
+            )),
+            Part::Decisions => Some("the decisions alone: proposals are the recorded ones".to_owned()),
+        }
+    }
+}
 
 /// Options of a replay.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
+    /// Part of the recording.
+    pub part: Part,
     /// Changes of the task: none compares the recording with itself, some ask "what if".
     pub changes: Changes,
     /// Number of threads for the behaviors.
     pub threads: usize,
+    /// Comparison of overlays in lockstep, which are drawn for that; in a live run they are not compared.
+    pub overlays: Overlays,
+    /// Program that starts the external programs of the recorded task; without it a recording that names any is refused, since
+    /// it may come from anybody.
+    pub program: Option<Program>,
     /// Recording to write: the recorded messages, and beside them the replayed ones under `/what-if/`.
     pub output: Option<PathBuf>,
+}
+
+impl Options {
+    /// Treatment of external programs.
+    pub(super) fn programs(&self) -> Programs {
+        if self.program.is_some() { Programs::Started } else { Programs::Refused }
+    }
 }
 
 /// Result of a replay.
@@ -93,13 +144,25 @@ impl Report {
     }
 }
 
+/// Topics that the arbiter publishes on.
+pub(super) fn of_arbiter() -> BTreeSet<String> {
+    [topics::DECISION, topics::COMMAND, topics::GOAL].map(str::to_owned).into()
+}
+
+/// Topics that the arbiter of `plan` subscribes to.
+pub(super) fn heard_by_arbiter(plan: &Plan) -> BTreeSet<String> {
+    let proposals = plan.behaviors.iter().map(|behavior| topics::proposal(&behavior.setup.name));
+    let sensors = plan.policy.sensors.iter().map(|sensor| topics::sensor(sensor.name.as_str()));
+    proposals.chain(sensors).chain([topics::CONTROL.to_owned()]).collect()
+}
+
 /// Topics that the behaviors and the arbiter of `plan` publish on.
 pub(super) fn computed(plan: &Plan) -> BTreeSet<String> {
-    let of_arbiter = [topics::DECISION, topics::COMMAND, topics::GOAL].map(str::to_owned);
     let of_behaviors = plan.behaviors.iter().flat_map(|behavior| {
         let name = &behavior.setup.name;
         let outputs = behavior.factory.info().outputs.iter().map(|slot| topics::output(name, &slot.name));
-        outputs.chain([topics::proposal(name)])
+        let overlay = (plan.overlays == Overlays::Recorded).then(|| topics::overlay(name));
+        outputs.chain([topics::proposal(name)]).chain(overlay)
     });
-    of_behaviors.chain(of_arbiter).collect()
+    of_behaviors.chain(of_arbiter()).collect()
 }

@@ -1,5 +1,6 @@
 //! Messages of a recording, one step after the other, read on a thread of their own.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -7,7 +8,7 @@ use std::thread::JoinHandle;
 use yamabico_core::message::{MessageType, RawMessage};
 use yamabico_core::time::Time;
 
-use crate::record::{PlaybackError, PlaybackResult, Tap, play};
+use crate::record::{PlaybackError, PlaybackResult, Tap, play, play_topics};
 
 /// Steps that the reader is ahead.
 const AHEAD: usize = 16;
@@ -44,6 +45,18 @@ pub(super) struct Steps {
 impl Steps {
     /// Begins to read the recording `path`.
     pub fn read(path: &Path) -> Steps {
+        Steps::read_from(path, play)
+    }
+
+    /// Begins to read these topics of the recording `path`.
+    pub fn read_topics(path: &Path, topics: BTreeSet<String>) -> Steps {
+        Steps::read_from(path, move |path, tap| play_topics(path, tap, &|topic| topics.contains(topic)))
+    }
+
+    fn read_from(
+        path: &Path,
+        play: impl FnOnce(&Path, &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> + Send + 'static,
+    ) -> Steps {
         let (sender, steps) = sync_channel(AHEAD);
         let path: PathBuf = path.to_owned();
         let reader = std::thread::spawn(move || {

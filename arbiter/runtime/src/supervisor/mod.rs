@@ -26,6 +26,7 @@ use clean_up::CleanUp;
 use janitor::JanitorThread;
 use process_reporter::ProcessReporter;
 pub use program::Program;
+pub(crate) use spawn::launch;
 pub use supervised_process::ProcessPlan;
 use supervised_process::{RunPhase, SupervisedProcess};
 
@@ -48,7 +49,7 @@ struct Requests {
     /// End every process.
     end: AtomicBool,
     /// Parameters that behaviors get when they restart.
-    parameters: Mutex<Vec<(String, toml::Table)>>,
+    parameters: Mutex<Vec<(String, toml::Table, u64)>>,
 }
 
 impl Supervisor {
@@ -79,10 +80,10 @@ impl Supervisor {
         self.requests.begun.store(true, Ordering::Relaxed);
     }
 
-    /// Sets the parameters that the behavior `name` gets when it restarts.
-    pub fn set_parameters(&self, name: &str, table: toml::Table) {
+    /// Sets the parameters that the behavior `name` gets when it restarts, and the request that changed them.
+    pub fn set_parameters(&self, name: &str, table: toml::Table, request: u64) {
         let mut parameters = self.requests.parameters.lock().unwrap_or_else(PoisonError::into_inner);
-        parameters.push((name.to_owned(), table));
+        parameters.push((name.to_owned(), table, request));
     }
 
     /// Asks every process to end.
@@ -151,9 +152,9 @@ impl Supervision {
 
     fn pass_parameters(&mut self) {
         let mut parameters = self.requests.parameters.lock().unwrap_or_else(PoisonError::into_inner);
-        for (name, table) in parameters.drain(..) {
+        for (name, table, request) in parameters.drain(..) {
             if let Some(process) = self.processes.iter_mut().find(|process| process.name() == name) {
-                process.set_parameters(table);
+                process.set_parameters(table, request);
             }
         }
     }

@@ -14,6 +14,18 @@ use super::supervised_process::ProcessPlan;
 /// Maximum size of a launch configuration, bytes: less than a pipe holds.
 const MAX_LAUNCH_BYTES: usize = 60_000;
 
+/// Starts `program` as the plugin of `plan`, and sends it its launch configuration.
+pub(crate) fn launch(program: &Program, plan: &ProcessPlan) -> std::io::Result<Child> {
+    let mut child = spawn(program, plan)?;
+    match send_launch_config(&mut child, &plan.launch) {
+        Ok(()) => Ok(child),
+        Err(error) => {
+            let _ = child.kill().and_then(|()| child.wait());
+            Err(error)
+        }
+    }
+}
+
 /// Starts `program` as the plugin of `plan`, in a process group of its own, so that Ctrl-C reaches the supervisor alone.
 ///
 /// The process waits for [`send_launch_config`]. The kernel ties its life to the calling thread, not to the calling process.
@@ -31,6 +43,8 @@ pub(super) fn spawn(program: &Program, plan: &ProcessPlan) -> std::io::Result<Ch
         .arg(format!("--scheduling={}", plan.scheduling))
         .arg("--")
         .args(&plan.exec)
+        // The order of sets of texts in Python must not change from process to process.
+        .env("PYTHONHASHSEED", std::env::var_os("PYTHONHASHSEED").unwrap_or_else(|| "0".into()))
         .stdin(Stdio::piped())
         .stdout(Stdio::from(std::io::stderr().as_fd().try_clone_to_owned()?))
         .process_group(0)

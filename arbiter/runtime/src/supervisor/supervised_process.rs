@@ -95,10 +95,11 @@ impl SupervisedProcess {
         &self.plan.launch.name
     }
 
-    /// Sets the parameters of a behavior for its next start.
-    pub fn set_parameters(&mut self, table: toml::Table) {
+    /// Sets the parameters of a behavior for its next start, and the request that changed them.
+    pub fn set_parameters(&mut self, table: toml::Table, request: u64) {
         if let Role::Behavior(part) = &mut self.plan.launch.role {
             part.parameters = table;
+            self.plan.launch.request = request;
         }
     }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use yamabico_core::message::{
-    ALL, Axis, Channel, ControlKind, Encoding, Kind, Layout, MessageType, Mode, NO_ECHO, Outcome,
+    ALL, Axis, CallEvent, Channel, ControlKind, Encoding, Kind, Layout, MessageType, Mode, NO_ECHO, Outcome,
     PluginState, PoseStatus, Reason, RetuneOutcome, RetuneStep, StepPhase, StructLayout,
 };
 use yamabico_host::process::PROTOCOL;
@@ -68,6 +68,7 @@ pub fn messages() -> String {
         ControlKind "Kind of an operator's request.",
         RetuneStep "Step of a two-phase change of parameters.",
         RetuneOutcome "Outcome of one step of a change of parameters.",
+        CallEvent "Event in the life of a behavior.",
     }
     let mut written = Vec::new();
     for message in ALL {

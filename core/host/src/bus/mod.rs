@@ -137,6 +137,21 @@ impl Bus {
         Ok(Bus(Arc::new(Inner { node, guard: Some(guard), files: Some(files), name: robot.into() })))
     }
 
+    /// Makes a bus in shared memory for the programs of one process, such as the behaviors of a run in lockstep. It has the
+    /// first free name of its own, and is no running robot; otherwise like [`Bus::ipc`].
+    ///
+    /// # Errors
+    /// See [`Bus::ipc`].
+    pub fn private() -> Result<Bus, BusError> {
+        let mut number = 0_u32;
+        loop {
+            match Bus::ipc(&format!("{}{number}", robot_files::PRIVATE)) {
+                Err(BusError::AlreadyRunning { .. }) => number += 1,
+                opened => return opened,
+            }
+        }
+    }
+
     /// Joins the bus of the robot `robot`, which another process runs. Topics are opened only, never created; an open
     /// waits for half a second at most for a topic that does not exist yet.
     ///

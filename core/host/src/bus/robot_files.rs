@@ -25,6 +25,8 @@ pub(super) struct RobotLock {
     path: PathBuf,
 }
 
+/// Start of the names of buses that are no robots.
+pub(super) const PRIVATE: &str = "_";
 /// Folder in which the operating system shows shared-memory segments.
 pub(super) const SEGMENTS: &str = "/dev/shm";
 /// Attempts to lock while another process only checks whether the robot runs.
@@ -67,6 +69,7 @@ impl RobotFiles {
         let locks = folder.flatten().map(|entry| entry.path());
         let locks = locks.filter(|path| path.extension().is_some_and(|extension| extension == "lock"));
         let names = locks.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()));
+        let names = names.filter(|name| !name.starts_with(PRIVATE));
         let mut running: Vec<String> =
             names.filter(|name| RobotFiles::of(name).is_ok_and(|files| files.owner().is_some())).collect();
         running.sort();

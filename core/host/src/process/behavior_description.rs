@@ -107,7 +107,7 @@ impl BehaviorFactory for ExternalBehavior {
     }
 
     fn build(&self, _: &toml::Table, _: &Setup) -> Result<Box<dyn Behavior>, ParameterError> {
-        Err(ParameterError::new("exec", "an external program runs only in a live run: add --live"))
+        Err(ParameterError::new("exec", "an external program is not built here, but started"))
     }
 }
 

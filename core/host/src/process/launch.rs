@@ -40,6 +40,9 @@ pub struct LaunchConfig {
     /// State that the plugin's last process saved, JSON; empty if there is none.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub saved_state: String,
+    /// Request that changed the parameters during the run, ns; zero for those of the task file.
+    #[serde(default)]
+    pub request: u64,
     /// Clock of the run.
     #[serde(default)]
     pub clock: Clock,

@@ -32,8 +32,9 @@
 //!    - With `clock = "driver"` the device owns the time. In each step it publishes its measurements and then a
 //!      `Clock` on `clock`. The arbiter then publishes the phases `collect`, `propose` and `done` on `clock/turns`. In
 //!      `collect` a behavior receives its inputs; in `propose` it proposes, stamped with the `stamp_ns` of the phase;
-//!      it acknowledges either on `clock/taken` with the same `StepSignal` and its own name. After `done` the driver
-//!      applies the newest command and begins the next step.
+//!      it acknowledges either on `clock/taken` with the same `StepSignal` and its own name, after everything that it
+//!      publishes in that phase, its saved state included. After `done` the driver applies the newest command and
+//!      begins the next step. A run in lockstep hosts a behavior's program in the same way, without a heartbeat limit.
 //! 7. **End.** On SIGTERM the plugin exits within a second. If the supervisor dies, the kernel sends SIGKILL to a
 //!    behavior and SIGHUP to a device, which stops its drive and then exits.
 

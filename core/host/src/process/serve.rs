@@ -111,6 +111,7 @@ fn run(
             if !launch.saved_state.is_empty() {
                 host.restore_state(launch.saved_state.as_bytes());
             }
+            host.set_request(launch.request);
             let mut follower = for_driver_clock(clock, || StepFollower::open(bus, &launch.name))?;
             wait_to_start(start, bus, reporter, &is_over)?;
             match &mut follower {

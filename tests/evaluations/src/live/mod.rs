@@ -20,7 +20,7 @@ use crate::report::{Cell, number};
 const ENDLESS: [&str; 2] = ["run.goal.y_m=15", "run.duration_s=100000"];
 
 /// Returns the program `yamabico` beside this one: build it first, in the same profile.
-fn program() -> Result<PathBuf, String> {
+pub fn program() -> Result<PathBuf, String> {
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     let program = own.with_file_name("yamabico");
     if program.is_file() {

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use yamabico::plugins::plugins;
-use yamabico_runtime::replay::{Changes, Options, ReplayError, close_loop, replay as replay_file};
+use yamabico_runtime::execution::Overlays;
+use yamabico_runtime::replay::{Changes, Options, Part, ReplayError, close_loop, replay as replay_file};
+use yamabico_runtime::supervisor::Program;
 
 use crate::interrupt::interrupt_flag;
 use crate::output::{CommandResult, DONE, Failure, NOT_DONE, Print};
@@ -32,12 +34,24 @@ pub struct Arguments {
     /// Ask "what if" for each of these values: a table.
     #[arg(long, value_name = "KEY=A,B,C", conflicts_with = "out")]
     sweep: Option<String>,
+    /// Replay the behaviors from this time on only, s; they continue from what they had saved by then.
+    #[arg(long, value_name = "S", conflicts_with = "closed")]
+    from: Option<f64>,
+    /// Replay the decisions alone, from the recorded proposals.
+    #[arg(long, conflicts_with_all = ["from", "closed"])]
+    decisions: bool,
     /// Close the loop: run the recorded simulation again with the changes, so that the world reacts.
     #[arg(long, conflicts_with = "out")]
     closed: bool,
     /// Recording to write, with the replayed messages under `/what-if/` beside the recorded ones.
     #[arg(long, value_name = "FILE.mcap")]
     out: Option<PathBuf>,
+    /// Start the external programs that the recording names by `exec`; it may come from anybody, so read them first.
+    #[arg(long)]
+    programs: bool,
+    /// Compare overlays, too, which every behavior then draws. In lockstep only.
+    #[arg(long)]
+    overlays: bool,
     /// Number of threads for the behaviors; by default one for each processor.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
@@ -53,9 +67,20 @@ impl Arguments {
         }
     }
 
-    fn threads(&self) -> usize {
+    fn options(&self, further: Option<String>) -> Options {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        self.threads.map_or(processors, usize::from)
+        Options {
+            part: match self.from {
+                Some(from_s) => Part::From(from_s),
+                None if self.decisions => Part::Decisions,
+                None => Part::Whole,
+            },
+            overlays: if self.overlays { Overlays::Recorded } else { Overlays::OnRequest },
+            changes: self.changes(further),
+            threads: self.threads.map_or(processors, usize::from),
+            program: self.programs.then(Program::this),
+            output: self.out.clone(),
+        }
     }
 }
 
@@ -64,14 +89,13 @@ pub fn replay(arguments: &Arguments, print: Print) -> CommandResult {
     if let Some(sweep) = &arguments.sweep {
         return sweep_values(arguments, sweep, print);
     }
-    let (changes, threads) = (arguments.changes(None), arguments.threads());
+    let options = arguments.options(None);
     if arguments.closed {
         let interrupt = interrupt_flag()?;
-        let closed = close_loop(&arguments.file, &plugins(), &changes, threads, &interrupt, &mut |_| ());
+        let closed = close_loop(&arguments.file, &plugins(), &options, &interrupt, &mut |_| ());
         print.show(&closed.map_err(failure)?, tables::closed_loop);
         return Ok(DONE);
     }
-    let options = Options { changes, threads, output: arguments.out.clone() };
     let report = replay_file(&arguments.file, &plugins(), &options).map_err(failure)?;
     print.show(&report, if report.open_loop { tables::what_if } else { tables::comparison });
     Ok(if report.open_loop || report.is_equal() { DONE } else { NOT_DONE })
@@ -84,15 +108,14 @@ fn sweep_values(arguments: &Arguments, sweep: &str, print: Print) -> CommandResu
             "`--sweep` takes KEY=A,B,C, such as --sweep wall-follower.speed_mps=0.2,0.3",
         ));
     };
-    let (interrupt, threads) = (interrupt_flag()?, arguments.threads());
+    let interrupt = interrupt_flag()?;
     let (mut open, mut closed) = (Vec::new(), Vec::new());
     for value in values.split(',') {
-        let changes = arguments.changes(Some(format!("{key}={value}")));
+        let options = arguments.options(Some(format!("{key}={value}")));
         if arguments.closed {
-            let ran = close_loop(&arguments.file, &plugins(), &changes, threads, &interrupt, &mut |_| ());
+            let ran = close_loop(&arguments.file, &plugins(), &options, &interrupt, &mut |_| ());
             closed.push((value.to_owned(), ran.map_err(failure)?));
         } else {
-            let options = Options { changes, threads, output: None };
             let report = replay_file(&arguments.file, &plugins(), &options).map_err(failure)?;
             open.push((value.to_owned(), report));
         }

@@ -10,6 +10,7 @@ use serde_json::Value;
 use yamabico_core::time::Time;
 use yamabico_runtime::record::to_json;
 
+use super::recording::{self, RecordingArgument};
 use super::{INTERRUPT_CHECK, WAITING, subscribe};
 use crate::output::{CommandResult, DONE, Print, complain, printable};
 use crate::robot_argument::RobotArgument;
@@ -34,15 +35,20 @@ pub struct Arguments {
     #[arg(long)]
     full: bool,
     #[command(flatten)]
+    file: RecordingArgument,
+    #[command(flatten)]
     robot: RobotArgument,
 }
 
 /// Prints messages.
 pub fn echo(arguments: &Arguments, print: Print) -> CommandResult {
-    let (mut subscriber, interrupt) = subscribe(&arguments.robot, &arguments.topic)?;
-    let message = *subscriber.message();
     let max_messages = if arguments.once { 1 } else { arguments.count.unwrap_or(u64::MAX) };
     let max_items = if arguments.full { usize::MAX } else { MAX_ITEMS };
+    if let Some(file) = &arguments.file.recording {
+        return recording::echo(file, &arguments.topic, max_messages, max_items, print);
+    }
+    let (mut subscriber, interrupt) = subscribe(&arguments.robot, &arguments.topic)?;
+    let message = *subscriber.message();
     let (mut printed, began) = (0, Instant::now());
     let mut is_informed = print == Print::Json;
     while !interrupt.load(Ordering::Relaxed) && printed < max_messages {
@@ -73,7 +79,7 @@ pub fn echo(arguments: &Arguments, print: Print) -> CommandResult {
 }
 
 /// The fields of a message received at `at`, one a line; of a long list only the first items.
-fn message_text(value: &Value, at: Time, max_items: usize) -> String {
+pub(super) fn message_text(value: &Value, at: Time, max_items: usize) -> String {
     let mut text = String::new();
     if let Some(fields) = value.as_object() {
         for (name, value) in fields {

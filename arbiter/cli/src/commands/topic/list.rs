@@ -1,10 +1,11 @@
-//! `yamabico topic list`: every topic of a running robot.
+//! `yamabico topic list`: every topic of a running robot or of a recording.
 
 use clap::Args;
 use yamabico_core::message::{Channel, MessageType};
 use yamabico_runtime::client::RobotClient;
 use yamabico_runtime::execution::TopicEntry;
 
+use super::recording::{self, RecordingArgument};
 use crate::output::{CommandResult, DONE, Print, table};
 use crate::robot_argument::RobotArgument;
 
@@ -12,11 +13,16 @@ use crate::robot_argument::RobotArgument;
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
+    file: RecordingArgument,
+    #[command(flatten)]
     robot: RobotArgument,
 }
 
 /// Lists the topics.
 pub fn list(arguments: &Arguments, print: Print) -> CommandResult {
+    if let Some(file) = &arguments.file.recording {
+        return recording::list(file, print);
+    }
     let robot = arguments.robot.choose()?;
     let mut topics = RobotClient::join(&robot)?.manifest()?.topics.clone();
     topics.sort_by(|a, b| a.name.cmp(&b.name));

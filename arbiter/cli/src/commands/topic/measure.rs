@@ -2,14 +2,18 @@
 
 use std::io::Write;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde_json::json;
+use yamabico_core::message::MessageType;
 use yamabico_core::time::Time;
 use yamabico_runtime::client::{ReceivedMessage, RollingWindow, Statistics};
+use yamabico_runtime::record::Tap;
 
+use super::recording::{self, RecordingArgument};
 use super::{INTERRUPT_CHECK, WAITING, subscribe};
 use crate::output::{CommandResult, DONE, Failure, Print, complain, printable};
 use crate::robot_argument::RobotArgument;
@@ -32,14 +36,19 @@ pub struct Arguments {
     robot: RobotArgument,
 }
 
+/// Arguments of `topic hz`.
+#[derive(Args)]
+pub struct RateArguments {
+    #[command(flatten)]
+    file: RecordingArgument,
+    #[command(flatten)]
+    measurement: Arguments,
+}
+
 /// Measures the rate of the messages.
-pub fn hz(arguments: &Arguments, print: Print) -> CommandResult {
-    let mut last: Option<Time> = None;
-    let interval_s = move |received: &ReceivedMessage<'_>, _: (Time, Time)| {
-        let before = last.replace(received.at);
-        before.map(|before| received.at.since(before).as_secs_f64())
-    };
-    measure(arguments, interval_s, print, &|statistics, lost| match print {
+pub fn hz(arguments: &RateArguments, print: Print) -> CommandResult {
+    let RateArguments { file, measurement: arguments } = arguments;
+    let line = move |statistics: &Statistics, lost| match print {
         Print::Json => {
             json!({ "rate_hz": 1.0 / statistics.mean, "interval_s": statistics, "lost": lost }).to_string()
         }
@@ -52,7 +61,52 @@ pub fn hz(arguments: &Arguments, print: Print) -> CommandResult {
             statistics.count,
             lost_text(lost),
         ),
-    })
+    };
+    if let Some(file) = &file.recording {
+        return recorded_rate(file, arguments, &line);
+    }
+    let mut last: Option<Time> = None;
+    let interval_s = move |received: &ReceivedMessage<'_>, _: (Time, Time)| {
+        let before = last.replace(received.at);
+        before.map(|before| received.at.since(before).as_secs_f64())
+    };
+    measure(arguments, interval_s, print, &line)
+}
+
+/// Prints the rate of a topic of a recording, over its last messages.
+fn recorded_rate(
+    file: &Path,
+    arguments: &Arguments,
+    line: &dyn Fn(&Statistics, u64) -> String,
+) -> CommandResult {
+    recording::check(file, &arguments.topic)?;
+    let window = RollingWindow::new(arguments.window as usize);
+    let mut intervals = Intervals { window, last: None, lost: 0 };
+    recording::read(file, &arguments.topic, &mut intervals)?;
+    let Some(statistics) = intervals.window.statistics() else {
+        return Err(Failure::not_done(format!("too few messages on `{}` to measure", arguments.topic)));
+    };
+    // A closed pipe ends the program elsewhere.
+    let _ = writeln!(std::io::stdout(), "{}", line(&statistics, intervals.lost));
+    Ok(DONE)
+}
+
+/// Times between the messages of a recording.
+struct Intervals {
+    window: RollingWindow,
+    /// Time and number of the last message.
+    last: Option<(Time, u64)>,
+    lost: u64,
+}
+
+impl Tap for Intervals {
+    fn message(&mut self, _: &str, message: &MessageType, time: Time, header: &[u8], _: &[u8]) {
+        let number = (message.sequence)(header);
+        if let Some((before, last)) = self.last.replace((time, number)) {
+            self.window.add(time.seconds_after(before));
+            self.lost += number.saturating_sub(last + 1);
+        }
+    }
 }
 
 /// Measures the age of the data in the messages on arrival.

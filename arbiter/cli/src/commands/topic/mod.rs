@@ -1,8 +1,9 @@
-//! `yamabico topic`: the topics of a running robot.
+//! `yamabico topic`: the topics of a running robot or of a recording.
 
 mod echo;
 mod list;
 mod measure;
+mod recording;
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -28,7 +29,7 @@ pub enum Topic {
     /// Print the messages of a topic.
     Echo(echo::Arguments),
     /// Measure the rate of the messages of a topic.
-    Hz(measure::Arguments),
+    Hz(measure::RateArguments),
     /// Measure the age of the data in the messages of a topic on arrival, since the sensor's measurement.
     Latency(measure::Arguments),
 }

@@ -39,7 +39,7 @@ impl Arguments {
             let set: Vec<String> = [with].into_iter().chain(&self.runs.set).cloned().collect();
             let task = load_task(&self.runs.task, &set)?;
             let plan = Plan::new(&task, seeds.start);
-            let robot = Lockstep::open(plan, task.run.step, 1).map_err(|error| error.to_string())?;
+            let robot = Lockstep::open(plan, task.run.step, 1, None).map_err(|error| error.to_string())?;
             walls = robot.walls();
             let trajectories = sweep(seeds.clone(), self.runs.jobs, |seed| {
                 let options = Options { seed, ..Options::default() };
