@@ -65,7 +65,7 @@ def image(message):
 def values(kind, data):
     """Stamp and values of a message that is a measurement."""
     if kind == "neato2_interfaces/msg/Bump":
-        states = struct.unpack("<4i", data[4:20])
+        states = struct.unpack("<4B", data[4:8])
         return 0, [sum(state << i for i, state in enumerate(states))]
     read = {
         "sensor_msgs/msg/LaserScan": scan,
