@@ -69,10 +69,12 @@
 pub mod behavior;
 pub mod drive;
 pub mod driver;
+mod gyro_track;
 pub mod message;
 pub mod odometry_track;
 pub mod overlay;
 pub mod plugins;
+pub mod range_scan;
 pub mod sensor;
 pub mod testing;
 pub mod time;

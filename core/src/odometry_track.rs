@@ -1,10 +1,13 @@
-//! Recent odometry, from which the pose at any recent time is interpolated.
+//! Recent odometry, from which the pose at any recent time is interpolated. A gyro replaces the turns of the wheels.
 
 use crate::geometry::{Pose2, Twist, angle_difference};
-use crate::message::Odometry;
+use crate::gyro_track::GyroTrack;
+use crate::message::{Imu, Odometry};
 use crate::time::Time;
 
 const CAPACITY: usize = 256;
+/// Speed (m/s) and turn rate (rad/s) of the wheels below which the robot stands.
+const STANDING: (f64, f64) = (0.002, 0.005);
 
 /// A ring buffer of odometry readings. Never allocates.
 #[derive(Clone, Debug)]
@@ -12,6 +15,12 @@ pub struct OdometryTrack {
     readings: [Reading; CAPACITY],
     len: usize,
     newest: usize,
+    gyro: GyroTrack,
+    /// Newest pose as the wheels measured it, and the pose in their frame of the frame of this track; none without a gyro.
+    wheels: Pose2,
+    correction: Option<Pose2>,
+    /// True if the wheels stand.
+    stands: bool,
 }
 
 /// One odometry reading.
@@ -27,7 +36,15 @@ pub struct Reading {
 
 impl Default for OdometryTrack {
     fn default() -> Self {
-        Self { readings: [Reading::default(); CAPACITY], len: 0, newest: 0 }
+        Self {
+            readings: [Reading::default(); CAPACITY],
+            len: 0,
+            newest: 0,
+            gyro: GyroTrack::default(),
+            wheels: Pose2::IDENTITY,
+            correction: None,
+            stands: false,
+        }
     }
 }
 
@@ -35,7 +52,7 @@ impl OdometryTrack {
     /// Adds a reading. Returns false, and ignores the reading, if it is not finite, not newer than the last one, or from the
     /// future ([`Time::is_next`]).
     pub fn push(&mut self, odometry: &Odometry, now: Time) -> bool {
-        let reading = Reading {
+        let mut reading = Reading {
             stamp: Time(odometry.stamp_ns),
             pose: Pose2::new(odometry.x, odometry.y, odometry.theta),
             twist: Twist::new(odometry.vx, odometry.vy, odometry.omega),
@@ -44,10 +61,50 @@ impl OdometryTrack {
         if !is_next || !reading.pose.is_finite() || !reading.twist.is_finite() {
             return false;
         }
+        if let Some(last) = self.newest().copied() {
+            self.turn_by_gyro(&last, &mut reading);
+        }
+        self.wheels = Pose2::new(odometry.x, odometry.y, odometry.theta);
+        let speed_mps = odometry.vx.hypot(odometry.vy);
+        self.stands = speed_mps < STANDING.0 && odometry.omega.abs() < STANDING.1;
         self.newest = (self.newest + 1) % CAPACITY;
         self.readings[self.newest] = reading;
         self.len = (self.len + 1).min(CAPACITY);
         true
+    }
+
+    /// Adds an inertial measurement; those up to a reading of the wheels must come before it. Its turn rate replaces that of the
+    /// wheels, and its turns theirs where it has measured all the time between two readings: the poses then are in a frame of
+    /// this track, which is that of the wheels at first. Its bias is learned while the wheels stand. Returns false if it is
+    /// ignored, for the causes of [`OdometryTrack::push`].
+    pub fn push_imu(&mut self, imu: &Imu, now: Time) -> bool {
+        let stamp = Time(imu.stamp_ns);
+        let turn_radps = imu.angular_velocity[2];
+        let is_next = stamp.is_next(self.gyro.newest(), now) && turn_radps.is_finite();
+        if is_next {
+            self.gyro.push(stamp, turn_radps, self.stands);
+        }
+        is_next
+    }
+
+    /// Replaces the turn of a new reading by that of the gyro since the reading `last`, if it is known.
+    fn turn_by_gyro(&mut self, last: &Reading, reading: &mut Reading) {
+        let span_s = reading.stamp.seconds_after(last.stamp);
+        let wheels = Twist::logarithm(&self.wheels.relative(&reading.pose), span_s);
+        // The gyro of a robot that stands measures its bias alone.
+        let stands = wheels.speed() < STANDING.0 && wheels.angular.abs() < STANDING.1;
+        match self.gyro.turn_rad(last.stamp, reading.stamp).filter(|_| !stands) {
+            Some(turn_rad) => {
+                let arc = Twist { angular: turn_rad / span_s, ..wheels };
+                let pose = last.pose.integrate(&arc, span_s);
+                self.correction = Some(pose * reading.pose.inverse());
+                reading.pose = pose;
+                reading.twist.angular = arc.angular;
+            }
+            None => {
+                reading.pose = self.correction.map_or(reading.pose, |correction| correction * reading.pose)
+            }
+        }
     }
 
     /// Returns the newest reading, or `None` if there is none.
@@ -126,5 +183,53 @@ mod tests {
         assert!(!track.push(&reading(2.0, f64::NAN, 0.0), now));
         assert!(!track.push(&reading(9.0, 5.0, 0.0), now), "stamped in the future");
         assert_eq!(track.newest().map(|reading| reading.pose.x), Some(0.0));
+    }
+
+    fn imu(seconds: f64, turn_radps: f64) -> Imu {
+        let stamp_ns = Time::from_secs_f64(seconds).0;
+        Imu { stamp_ns, angular_velocity: [0.0, 0.0, turn_radps], ..Imu::default() }
+    }
+
+    /// Heading after a drive of 10 s whose true turn rate is 0.2 rad/s while the wheels measure 0.25, after standing for 4 s;
+    /// the gyro has a bias of 0.03 and is silent during `gap_s`.
+    fn heading_after(gap_s: std::ops::Range<f64>) -> f64 {
+        let mut track = OdometryTrack::default();
+        for step in 0..1400 {
+            let seconds = 1.0 + 0.01 * f64::from(step);
+            let now = Time::from_secs_f64(seconds);
+            let driven_s = (seconds - 5.0).max(0.0);
+            let turn_radps = if driven_s > 0.0 { 0.2 } else { 0.0 };
+            if !gap_s.contains(&driven_s) {
+                assert!(track.push_imu(&imu(seconds, turn_radps + 0.03), now));
+            }
+            if step % 2 == 0 {
+                let twist = Twist::planar(if driven_s > 0.0 { 0.3 } else { 0.0 }, 1.25 * turn_radps);
+                let pose = Pose2::IDENTITY.integrate(&twist, driven_s);
+                assert!(track.push(&Odometry::new(now.0, &pose, &twist), now));
+            }
+        }
+        track.newest().unwrap().pose.theta
+    }
+
+    #[test]
+    fn a_gyro_measures_turns_better_than_wheels_that_slip() {
+        let heading = heading_after(20.0..20.0);
+        assert!((heading - 0.2 * 9.98).abs() < 0.02, "{heading}");
+        let heading = heading_after(2.0..6.0);
+        assert!(
+            (heading - (0.2 * 9.98 + 0.05 * 4.0)).abs() < 0.03,
+            "wheels turn while it is silent: {heading}"
+        );
+        let heading = heading_after(-10.0..20.0);
+        assert!((heading - 0.25 * 9.98).abs() < 1e-9, "without a gyro the wheels count alone: {heading}");
+    }
+
+    #[test]
+    fn invalid_inertial_measurements_are_refused() {
+        let mut track = OdometryTrack::default();
+        let now = Time::from_secs_f64(2.0);
+        assert!(track.push_imu(&imu(1.0, 0.1), now));
+        assert!(!track.push_imu(&imu(1.0, 0.1), now) && !track.push_imu(&imu(1.5, f64::NAN), now));
+        assert!(!track.push_imu(&imu(9.0, 0.1), now), "stamped in the future");
     }
 }

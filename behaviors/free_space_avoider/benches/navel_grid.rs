@@ -13,6 +13,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_free_space_avoider::Config;
+use yamabico_free_space_avoider::echoes::Echoes;
 use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_free_space_avoider::navel_grid::area_average::AreaAverage;
 use yamabico_free_space_avoider::navel_grid::dark_cells::DarkCells;
@@ -63,11 +64,12 @@ fn navel_grid(criterion: &mut Criterion) {
         let behavior = NavelGridAvoider::new(&Config::default(), &office::setup(intrinsics, mount)).unwrap();
         let mut observer = behavior.observer().clone();
         let images = images(width, height);
+        let none = Echoes::default();
         let mut bests_us: Vec<f64> = images
             .iter()
             .map(|image| {
                 best_us(|| {
-                    black_box(observer.observe(Picture::Gray(black_box(image.view().unwrap()))));
+                    black_box(observer.observe(Picture::Gray(black_box(image.view().unwrap())), &none));
                 })
             })
             .collect();
@@ -80,7 +82,7 @@ fn navel_grid(criterion: &mut Criterion) {
         group.bench_function(format!("image to weights, {width}x{height}"), |bencher| {
             bencher.iter(|| {
                 next = (next + 1) % images.len();
-                black_box(observer.observe(Picture::Gray(black_box(images[next].view().unwrap()))))
+                black_box(observer.observe(Picture::Gray(black_box(images[next].view().unwrap())), &none))
             });
         });
     }

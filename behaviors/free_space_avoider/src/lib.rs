@@ -23,6 +23,7 @@
 
 pub mod config;
 pub mod direction;
+pub mod echoes;
 pub mod navel_grid;
 pub mod polar_cells;
 pub mod stopping;
@@ -30,7 +31,9 @@ pub mod stopping;
 pub use config::Config;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
-use yamabico_core::message::{Axes, FrameHeader, FreeSpaceHeader, Goal, Odometry, Pose, Proposal};
+use yamabico_core::message::{
+    Axes, FrameHeader, FreeSpaceHeader, Goal, Imu, Odometry, Pose, Proposal, RangeScanHeader,
+};
 use yamabico_core::parameters::FileKind;
 
 use crate::config::Method;
@@ -46,16 +49,23 @@ pub const ODOMETRY: Slot<Odometry> = Slot::optional(
     "odometry",
     "motion of the robot; required by polar-cells, navel-grid measures turns and learns the floor by it",
 );
+/// Input: the gyro.
+pub const IMU: Slot<Imu> = Slot::optional("imu", "turn rate, in place of that of the wheels");
 /// Input: pose of the robot on the map.
 pub const POSE: Slot<Pose> =
     Slot::optional("pose", "polar-cells: pose of the robot in the map frame of the goals");
 /// Input: goal that replaces the configured one.
 pub const GOAL: Slot<Goal> = Slot::optional("goal", "polar-cells: goal that replaces the one in the task");
+/// Input: ranges that bound the free floor.
+pub const SONAR: Slot<RangeScanHeader> = Slot::optional(
+    "sonar",
+    "ranges of sonars or of a laser scanner: floor behind an echo is not free; without it, images alone count",
+);
 /// Output: free floor.
 pub const FREE_SPACE: Slot<FreeSpaceHeader> =
     Slot::optional("free-space", "free distance of the floor by direction");
 
-/// Age above which a frame is stale, s.
+/// Age above which a frame or a range scan is stale, s.
 const STALE_S: f64 = 0.5;
 
 /// Behavior that steers along free floor.
@@ -72,7 +82,8 @@ impl Plugin for FreeSpaceAvoider {
     const NAME: &'static str = "free-space-avoider";
     const SUMMARY: &'static str =
         "Finds the free floor in each camera image, and steers along it without a map.";
-    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info()];
+    const INPUTS: &'static [SlotInfo] =
+        &[CAMERA.info(), ODOMETRY.info(), POSE.info(), GOAL.info(), SONAR.info(), IMU.info()];
     const OUTPUTS: &'static [SlotInfo] = &[FREE_SPACE.info()];
     const FILES: &'static [FileKind] = &[FLOOR_COLORS_FILE, FLOOR_APPEARANCE_FILE];
     const CLAIMS: Axes = Axes::ALL;

@@ -3,10 +3,13 @@
 use yamabico_core::camera::{Intrinsics, Mount};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{FrameHeader, FreeSpaceHeader, Kind, Odometry, Proposal, Reason};
+use yamabico_core::message::{
+    Beam, FrameHeader, FreeSpaceHeader, Kind, Odometry, Proposal, RangeScanHeader, Reason,
+};
+use yamabico_core::range_scan::LaserScanner;
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
-use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, ODOMETRY};
+use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, ODOMETRY, SONAR};
 use yamabico_rigs::office;
 use yamabico_sim::Renderer;
 use yamabico_sim::random::stream;
@@ -272,4 +275,61 @@ fn headings_by_clearance_agree_with_the_decisions() {
     assert!(proposal.twist.linear > 0.05 && proposal.twist.angular.abs() <= 0.4, "{:?}", proposal.twist);
     let proposal = show(&mut bench, 1.1, &render(BLOCKED));
     assert_eq!((proposal.twist.linear, proposal.twist.angular.abs()), (0.0, 0.4));
+}
+
+/// Scan of a laser scanner, 3 m free all around but for one thing of 6 degrees ahead.
+fn scan(ahead_m: f32) -> Vec<Beam> {
+    let mount = Pose2::new(0.1, 0.0, 0.0);
+    let step_rad = std::f64::consts::TAU / 360.0;
+    let laser = LaserScanner { first_rad: 0.0, step_rad, min_m: 0.1, max_m: 5.0, mount };
+    let ranges: Vec<f32> = (0..360).map(|i| if !(3..357).contains(&i) { ahead_m } else { 3.0 }).collect();
+    let mut beams = Vec::new();
+    laser.beams(ranges.into_iter(), &mut beams).expect("a scan");
+    beams
+}
+
+fn show_with_scan(
+    bench: &mut Bench<FreeSpaceAvoider>,
+    seconds: f64,
+    image: &GrayImage,
+    ahead_m: f32,
+) -> Proposal {
+    let header = RangeScanHeader { stamp_ns: Time::from_secs_f64(seconds).0, ..RangeScanHeader::default() };
+    bench.at(seconds).feed(&SONAR, &header, &scan(ahead_m));
+    show(bench, seconds, image)
+}
+
+#[test]
+fn floor_behind_an_echo_is_not_free() {
+    let mut bench = bench("");
+    let drives = show_with_scan(&mut bench, 1.0, &render(FREE), 2.9);
+    assert!(drives.twist.linear > 0.2, "{:?}", drives.twist);
+    let directions =
+        |bench: &Bench<FreeSpaceAvoider>| bench.published::<FreeSpaceHeader>("free-space")[0].1.clone();
+    let without = directions(&bench);
+    // What the camera does not see, such as a pane of glass.
+    let stops = show_with_scan(&mut bench, 1.1, &render(FREE), 0.4);
+    assert_eq!((stops.kind(), stops.twist.linear), (Some(Kind::Drive), 0.0));
+    let with = directions(&bench);
+    assert_eq!(with.len(), without.len());
+    for (with, without) in with.iter().zip(&without) {
+        let is_ahead = without.azimuth_rad.abs() < 0.04;
+        assert!(
+            with.distance_m <= without.distance_m + 1e-9 && (!is_ahead || with.distance_m < 0.6),
+            "{with:?}"
+        );
+        assert!(is_ahead || without.azimuth_rad.abs() < 0.2 || with.distance_m > without.distance_m - 1.0);
+    }
+}
+
+#[test]
+fn a_scanner_that_falls_silent_stops_the_behavior() {
+    let mut bench = bench("");
+    assert_eq!(show_with_scan(&mut bench, 1.0, &render(FREE), 2.9).kind(), Some(Kind::Drive));
+    let image = render(FREE);
+    for tenths in 11..15 {
+        assert_eq!(show(&mut bench, 0.1 * f64::from(tenths), &image).kind(), Some(Kind::Drive));
+    }
+    let stale = show(&mut bench, 1.6, &image);
+    assert_eq!((stale.kind(), stale.reason()), (Some(Kind::Abstain), Some(Reason::StaleInput)));
 }

@@ -4,12 +4,13 @@ use nalgebra::Vector2;
 use yamabico_core::camera::{Intrinsics, MirrorCamera, Mount};
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::message::{
-    Axes, Encoding, FrameHeader, FreeSpaceHeader, Goal, Kind, Odometry, Pose, PoseStatus, Proposal, Reason,
+    Axes, Beam, Encoding, FrameHeader, FreeSpaceHeader, Goal, Kind, Odometry, Pose, PoseStatus, Proposal,
+    RangeScanHeader, Reason,
 };
 use yamabico_core::sensor::SensorKind;
 use yamabico_core::testing::{Bench, camera_setup};
 use yamabico_core::time::Time;
-use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, GOAL, ODOMETRY, POSE};
+use yamabico_free_space_avoider::{CAMERA, FreeSpaceAvoider, GOAL, ODOMETRY, POSE, SONAR};
 use yamabico_rigs::field;
 use yamabico_sim::Scene;
 
@@ -287,4 +288,30 @@ fn unsuitable_cameras_are_rejected_with_a_remedy() {
     assert!(refused(setup(), "max_range_m = 0.2\nrings = 40").problem.contains("fewer rings"));
     assert_eq!(refused(setup(), "rings = 1").key, "rings");
     assert_eq!(refused(setup(), "floor_colors = 'nowhere.toml'").key, "floor_colors");
+}
+
+#[test]
+fn an_echo_bounds_the_free_directions() {
+    let open = Pose2 { x: 0.75, y: 0.0, theta: 0.0 };
+    let pixels = render(open);
+    let ends = |beams: &[Beam]| {
+        let mut bench = bench("");
+        for time in 0..3 {
+            let seconds = 1.0 + 0.04 * f64::from(time);
+            let stamp_ns = Time::from_secs_f64(seconds).0;
+            bench.at(seconds).feed(&SONAR, &RangeScanHeader { stamp_ns, ..Default::default() }, beams);
+            show(&mut bench, seconds, &pixels);
+        }
+        bench.published::<FreeSpaceHeader>("free-space")[0].1.clone()
+    };
+    let beam = Beam { azimuth_rad: 1.0, cone_rad: 0.2, range_m: 0.5, ..Beam::default() };
+    let far = Beam { range_m: 3.0, ..beam };
+    let mut blocked = 0;
+    for (near, far) in ends(&[beam]).iter().zip(ends(&[far])) {
+        let is_blocked = wrap_angle(near.azimuth_rad - 1.0).abs() < 0.12;
+        assert!(near.distance_m <= far.distance_m + 1e-9);
+        assert!(!is_blocked || near.distance_m <= 0.55, "{near:?}");
+        blocked += u32::from(is_blocked);
+    }
+    assert!(blocked > 0);
 }

@@ -41,7 +41,7 @@ use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin,
 use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 use yamabico_core::image::{GrayImage, ImageView};
-use yamabico_core::message::{Axes, FrameHeader, Intersection, Odometry, Proposal, Reason, View};
+use yamabico_core::message::{Axes, FrameHeader, Imu, Intersection, Odometry, Proposal, Reason, View};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::overlay::Overlay;
 use yamabico_core::sensor::MountedPinhole;
@@ -60,6 +60,8 @@ use crate::track::{IntersectionTrack, Sides};
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the corridor ahead");
 /// Input: wheel odometry.
 pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "motion between frames");
+/// Input: the gyro.
+pub const IMU: Slot<Imu> = Slot::optional("imu", "turn rate, in place of that of the wheels");
 /// Output: the tracked intersection.
 pub const INTERSECTION: Slot<Intersection> =
     Slot::required("intersection", "bearing and distance of the intersection ahead");
@@ -110,7 +112,7 @@ impl Plugin for IntersectionTracker {
     const NAME: &'static str = "intersection-tracker";
     const SUMMARY: &'static str =
         "Steers toward the middle between the edges where the walls of a corridor end.";
-    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info()];
+    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), IMU.info()];
     const OUTPUTS: &'static [SlotInfo] = &[INTERSECTION.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
@@ -158,6 +160,9 @@ impl Behavior for IntersectionTracker {
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
         let had_odometry = self.odometry.newest().is_some();
+        for imu in inputs.fresh(&IMU) {
+            self.odometry.push_imu(imu.header, now);
+        }
         for odometry in inputs.fresh(&ODOMETRY) {
             self.odometry.push(odometry.header, now);
         }

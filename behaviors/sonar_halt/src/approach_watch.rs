@@ -1,6 +1,7 @@
-//! Things that move toward the robot by themselves, beam by beam.
+//! Things that move toward the robot by themselves, beam by beam; sector by sector in scans of many beams.
 
 use yamabico_core::message::{Beam, Twist};
+use yamabico_core::range_scan::{MAX_SECTORS, sectors};
 use yamabico_core::time::Time;
 
 use crate::time_to_contact::RangeFit;
@@ -24,28 +25,42 @@ pub struct Approach {
 }
 
 /// The last scans with the motion of the robot at each.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct ApproachWatch {
     /// Time of each scan, the newest last; none before the first scans.
     stamps: [Option<Time>; SCANS],
     /// Measured twist at each scan.
     twists: [Twist; SCANS],
+    /// Newest scan.
+    beams: Vec<Beam>,
     /// Range of each beam in each scan, m; infinite without an echo.
     ranges: Vec<[f64; SCANS]>,
 }
 
+impl Default for ApproachWatch {
+    fn default() -> Self {
+        Self {
+            stamps: [None; SCANS],
+            twists: [Twist::ZERO; SCANS],
+            beams: Vec::with_capacity(MAX_SECTORS),
+            ranges: Vec::with_capacity(MAX_SECTORS),
+        }
+    }
+}
+
 impl ApproachWatch {
-    /// Adds a scan and the measured twist. Allocates only when the number of beams changes.
+    /// Adds a scan and the measured twist. Does not allocate.
     pub fn push(&mut self, stamp: Time, twist: Twist, beams: &[Beam]) {
-        if self.ranges.len() != beams.len() {
+        sectors(beams, &mut self.beams);
+        if self.ranges.len() != self.beams.len() {
             self.forget();
-            self.ranges.resize(beams.len(), [f64::INFINITY; SCANS]);
+            self.ranges.resize(self.beams.len(), [f64::INFINITY; SCANS]);
         }
         self.stamps.rotate_left(1);
         self.twists.rotate_left(1);
         self.stamps[SCANS - 1] = Some(stamp);
         self.twists[SCANS - 1] = twist;
-        for (ranges, beam) in self.ranges.iter_mut().zip(beams) {
+        for (ranges, beam) in self.ranges.iter_mut().zip(&self.beams) {
             ranges.rotate_left(1);
             ranges[SCANS - 1] = beam.echo_m().filter(|range_m| range_m.is_finite()).unwrap_or(f64::INFINITY);
         }
@@ -57,11 +72,11 @@ impl ApproachWatch {
     }
 
     /// Returns the approach with the shortest time to contact: of something that closes faster than the robot moves towards
-    /// it, and than its turning changes the range of a wall. `beams` is the newest scan.
+    /// it, and than its turning changes the range of a wall.
     #[must_use]
-    pub fn soonest(&self, beams: &[Beam]) -> Option<Approach> {
+    pub fn soonest(&self) -> Option<Approach> {
         let approaches =
-            self.ranges.iter().zip(beams).filter_map(|(ranges, beam)| self.approach(ranges, beam));
+            self.ranges.iter().zip(&self.beams).filter_map(|(ranges, beam)| self.approach(ranges, beam));
         approaches.min_by(|a, b| a.time_s.total_cmp(&b.time_s))
     }
 
@@ -97,7 +112,7 @@ mod tests {
             beam.range_m = range_m.unwrap_or_default();
             watch.push(Time::from_secs_f64(0.05 * i as f64), twist, &[beam]);
         }
-        watch.soonest(&[beam])
+        watch.soonest()
     }
 
     fn closing(at_mps: f64) -> [Option<f64>; 8] {

@@ -1,4 +1,4 @@
-//! Halts the robot before it drives into what a sonar sees.
+//! Halts the robot before it drives into what sonars or a laser scanner see, and while a bumper is pressed.
 //!
 //! ```
 //! use yamabico_core::behavior::Setup;
@@ -20,6 +20,7 @@
 
 pub mod approach_watch;
 pub mod config;
+pub mod contact;
 pub mod latch;
 pub mod motion;
 pub mod overlay;
@@ -31,13 +32,14 @@ pub mod time_to_contact;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::message::{
-    Axes, Axis, Beam, DecisionHeader, Odometry, Proposal, RangeScanHeader, Reason, Twist, View,
+    Axes, Axis, Beam, Bumper, DecisionHeader, Odometry, Proposal, RangeScanHeader, Reason, Twist, View,
 };
 use yamabico_core::sensor::{MotionLimits, SensorKind};
 use yamabico_core::time::Time;
 
 use crate::approach_watch::{Approach, ApproachWatch};
 use crate::config::{Config, GateRule};
+use crate::contact::Contact;
 use crate::latch::Latch;
 use crate::motion::Motion;
 use crate::overlay::Gate;
@@ -46,13 +48,16 @@ use crate::reading::{Reading, TRANSLATION};
 use crate::swept_gate::{StoppingDistance, SweptGate};
 
 /// Input: the range scans.
-pub const SONAR: Slot<RangeScanHeader> = Slot::required("sonar", "ranges ahead of the robot");
+pub const SONAR: Slot<RangeScanHeader> =
+    Slot::required("sonar", "ranges ahead of the robot, of sonars or of a laser scanner");
 /// Input: the motion that the robot has.
 pub const ODOMETRY: Slot<Odometry> =
     Slot::preferred("odometry", "measured motion; without it `gate_m` holds");
 /// Input: the motion that is wished.
 pub const DECISION: Slot<DecisionHeader> =
     Slot::preferred("decision", "wished motion; without it, straight ahead at full speed");
+/// Input: the bumpers at the front of the robot.
+pub const BUMPER: Slot<Bumper> = Slot::preferred("bumper", "contacts ahead; without it, only ranges halt");
 
 /// The behavior: halts for an echo that forbids the motion, and while there is no valid scan.
 #[derive(Clone, Debug)]
@@ -62,6 +67,7 @@ pub struct SonarHalt {
     range_gate: RangeGate,
     swept_gate: SweptGate,
     watch: ApproachWatch,
+    contact: Contact,
     translation: Latch,
     turning: Latch,
     slow: Latch,
@@ -77,6 +83,8 @@ enum Cause {
     Echo { range_m: f64, path_m: Option<f64> },
     /// Something that comes nearer by itself.
     Approach(Approach),
+    /// A pressed bumper.
+    Contact,
     /// No valid scan.
     Fault(Reason),
 }
@@ -84,8 +92,9 @@ enum Cause {
 impl Plugin for SonarHalt {
     type Config = Config;
     const NAME: &'static str = "sonar-halt";
-    const SUMMARY: &'static str = "Halts the robot before it drives into what a sonar sees.";
-    const INPUTS: &'static [SlotInfo] = &[SONAR.info(), ODOMETRY.info(), DECISION.info()];
+    const SUMMARY: &'static str =
+        "Halts the robot before it drives into what a sonar or a laser scanner sees.";
+    const INPUTS: &'static [SlotInfo] = &[SONAR.info(), ODOMETRY.info(), DECISION.info(), BUMPER.info()];
     const CLAIMS: Axes = Axes::NONE;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
@@ -110,6 +119,7 @@ impl Plugin for SonarHalt {
             range_gate: RangeGate { gate_m: config.gate_m, turning_radius_m },
             swept_gate: SweptGate { radius_m: robot.radius_m + config.margin_m, turning_radius_m, stopping },
             watch: ApproachWatch::default(),
+            contact: Contact::new(setup.sensor(&BUMPER).is_some()),
             translation: Latch::holding(config.clean_readings),
             turning: Latch::holding(config.clean_readings),
             slow: Latch::released(config.clean_readings),
@@ -135,6 +145,7 @@ impl Behavior for SonarHalt {
             self.read_scan(&scan, &motion, inputs.now());
         }
         self.check_age(inputs.now());
+        self.check_contact(inputs, &motion);
         if let Some(scan) = inputs.latest(&SONAR) {
             outputs.draw(&SONAR, scan.header, |overlay| {
                 let twists = self.twists(&motion);
@@ -205,7 +216,7 @@ impl SonarHalt {
         match measured {
             Some(measured) => {
                 self.watch.push(stamp, measured, beams);
-                self.approach = self.watch.soonest(beams);
+                self.approach = self.watch.soonest();
             }
             None => self.watch.forget(),
         }
@@ -219,6 +230,18 @@ impl SonarHalt {
                 self.fail(Reason::SonarStale);
             }
             Some(_) => {}
+        }
+    }
+
+    /// Reads the bumpers: a silent one is a fault; a contact holds the robot unless it backs off.
+    fn check_contact(&mut self, inputs: &Inputs<'_>, motion: &Motion) {
+        self.contact.update(inputs);
+        if self.contact.is_silent(inputs.now(), self.config.stale_ms * 1e-3) {
+            self.fail(Reason::StaleInput);
+        } else if self.contact.blocks(motion) {
+            self.translation.trip();
+            self.turning.trip();
+            self.cause = Cause::Contact;
         }
     }
 
@@ -254,6 +277,8 @@ impl SonarHalt {
             Cause::Echo { range_m, path_m: Some(path_m) } => Proposal::halt(axes, Reason::Echo).with_note(
                 format_args!("echo at {range_m:.2} m, {path_m:.2} m to contact; {missing} clean scans to release"),
             ),
+            Cause::Contact => Proposal::halt(axes, Reason::Echo)
+                .with_note(format_args!("a bumper is pressed: only backing off releases it")),
             Cause::Approach(Approach { time_s, closing_mps }) => Proposal::halt(axes, Reason::Echo)
                 .with_note(format_args!(
                     "closing at {closing_mps:.1} m/s, {time_s:.1} s to contact; {missing} clean scans to release"

@@ -8,8 +8,9 @@ use yamabico_core::overlay::{GRAY, ORANGE, Overlay, RED, YELLOW};
 use crate::range_gate::RangeGate;
 use crate::swept_gate::SweptGate;
 
-/// Number of lines of an arc.
+/// Maximum number of lines of an arc, and the angle from which on a line is drawn for each, rad.
 const ARC_LINES: u32 = 8;
+const ARC_LINE_RAD: f64 = 0.05;
 /// Number of poses along the swept path.
 const PATH_POSES: u32 = 12;
 
@@ -25,7 +26,8 @@ pub enum Gate<'a> {
 /// Draws the beams, the gate, and the echoes; those in the gate count as `is_blocked` says.
 pub fn draw(overlay: &mut Overlay, scan: &View<'_, RangeScanHeader>, gate: Gate<'_>, is_blocked: bool) {
     let mut beams = overlay.robot("beams", GRAY);
-    for beam in scan.items {
+    // The rays of a laser scanner would hide what they show.
+    for beam in scan.items.iter().filter(|beam| beam.cone_rad > ARC_LINE_RAD) {
         let range_m = beam.echo_m().unwrap_or(scan.header.max_m);
         let foot = Vector2::new(beam.x_m, beam.y_m);
         for side in [-0.5, 0.5] {
@@ -71,7 +73,8 @@ fn on_beam(beam: &Beam, range_m: f64, side: f64) -> Vector2<f64> {
 }
 
 fn arc(beam: &Beam, range_m: f64) -> impl Iterator<Item = Vector2<f64>> {
-    (0..=ARC_LINES).map(move |i| on_beam(beam, range_m, f64::from(i) / f64::from(ARC_LINES) - 0.5))
+    let lines = (beam.cone_rad / ARC_LINE_RAD).ceil().clamp(1.0, f64::from(ARC_LINES));
+    (0..=lines as u32).map(move |i| on_beam(beam, range_m, f64::from(i) / lines - 0.5))
 }
 
 /// Edge of the path of `length_m` with this twist, at `offset_m` to the left of its center.

@@ -2,7 +2,7 @@
 
 use yamabico_core::message::{Axes, Beam};
 
-use crate::reading::{Reading, TRANSLATION, distance_from_center, echoes};
+use crate::reading::{Reading, TRANSLATION, echoes, is_within};
 
 /// One gate for all beams.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +24,7 @@ impl RangeGate {
             if range_m < self.gate_m {
                 nearest = Some(nearest.map_or(range_m, |best| best.min(range_m)));
             }
-            if distance_from_center(beam, range_m) <= self.turning_radius_m {
+            if is_within(self.turning_radius_m, beam, range_m) {
                 stops = Axes::ALL;
             }
         }

@@ -30,14 +30,17 @@ pub(crate) fn echoes(beams: &[Beam]) -> Option<impl Iterator<Item = (&Beam, f64)
     are_sound.then(|| beams.iter().filter_map(|beam| Some((beam, beam.echo_m()?))))
 }
 
-/// Returns the minimum distance (m) from the robot's center to the points of the cone at this range; minus infinity if the
-/// beam's geometry is not finite.
-pub(crate) fn distance_from_center(beam: &Beam, range_m: f64) -> f64 {
-    let distance_at = |part: f64| {
+/// Returns true if a point of the cone at this range may lie within `radius_m` (m) of the robot's center; also if the beam's
+/// geometry is not finite.
+pub(crate) fn is_within(radius_m: f64, beam: &Beam, range_m: f64) -> bool {
+    let is_finite = beam.azimuth_rad.is_finite() && beam.cone_rad.is_finite();
+    if is_finite && range_m - beam.x_m.hypot(beam.y_m) > radius_m {
+        return false;
+    }
+    let is_near = |part: f64| {
         let azimuth = beam.azimuth_rad + part * 0.5 * beam.cone_rad;
-        (beam.x_m + range_m * azimuth.cos()).hypot(beam.y_m + range_m * azimuth.sin())
+        let distance_m = (beam.x_m + range_m * azimuth.cos()).hypot(beam.y_m + range_m * azimuth.sin());
+        distance_m.is_nan() || distance_m <= radius_m
     };
-    [-1.0, -0.5, 0.0, 0.5, 1.0].into_iter().map(distance_at).fold(f64::INFINITY, |nearest, distance| {
-        if distance.is_nan() { f64::NEG_INFINITY } else { nearest.min(distance) }
-    })
+    [-1.0, -0.5, 0.0, 0.5, 1.0].into_iter().any(is_near)
 }

@@ -2,7 +2,7 @@
 
 use yamabico_core::message::{Axes, Axis, Beam, Twist};
 
-use crate::reading::{Reading, TRANSLATION, distance_from_center, echoes};
+use crate::reading::{Reading, TRANSLATION, echoes, is_within};
 use crate::swept_path::SweptPath;
 
 /// Distance between two points of an echo's arc, m.
@@ -55,7 +55,7 @@ impl SweptGate {
                     first = Some((path_m, range_m));
                 }
             }
-            if distance_from_center(beam, range_m) <= self.turning_radius_m {
+            if is_within(self.turning_radius_m, beam, range_m) {
                 turning = Some(turning.map_or(range_m, |nearest| nearest.min(range_m)));
             }
         }

@@ -4,6 +4,7 @@
 
 mod allocations;
 mod halting;
+mod laser_and_bumper;
 mod swept_path;
 mod vectors;
 

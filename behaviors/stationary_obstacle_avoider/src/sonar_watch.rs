@@ -1,4 +1,4 @@
-//! Newest sonar scan, and whether an echo in it is on the robot's path; a silent, lost or malformed scan counts as one.
+//! Newest range scan, and whether an echo in it is on the robot's path; a silent, lost or malformed scan counts as one.
 
 use std::f64::consts::FRAC_PI_2;
 use std::ops::Range;
@@ -6,12 +6,10 @@ use std::ops::Range;
 use yamabico_core::behavior::{Inputs, Slot};
 use yamabico_core::geometry::wrap_angle;
 use yamabico_core::message::{Beam, RangeScanHeader};
+use yamabico_core::range_scan::{MAX_SECTORS, sectors};
 use yamabico_core::time::Time;
 
-/// Maximum number of beams; a scan with more counts as an echo.
-const MAX_BEAMS: usize = 64;
-
-/// Newest sonar scan. Without beams it counts as an echo.
+/// Newest scan of sonars, or of a laser scanner with its beams in sectors. Without beams it counts as an echo.
 #[derive(Clone, Debug)]
 pub struct SonarWatch {
     beams: Vec<Beam>,
@@ -20,7 +18,7 @@ pub struct SonarWatch {
 
 impl Default for SonarWatch {
     fn default() -> Self {
-        Self { beams: Vec::with_capacity(MAX_BEAMS), newest: None }
+        Self { beams: Vec::with_capacity(MAX_SECTORS), newest: None }
     }
 }
 
@@ -37,10 +35,7 @@ impl SonarWatch {
             }
             must_step = true;
             self.newest = Some(stamp);
-            self.beams.clear();
-            if scan.items.len() <= MAX_BEAMS {
-                self.beams.extend_from_slice(scan.items);
-            }
+            sectors(scan.items, &mut self.beams);
         }
         let is_silent = self.newest.is_none_or(|newest| now.seconds_after(newest) > stale_s);
         if is_silent || inputs.lost(slot) > 0 {

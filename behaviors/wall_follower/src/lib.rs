@@ -32,7 +32,7 @@ pub use config::Config;
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, Corridor, FrameHeader, Kind, Odometry, Proposal, Reason, View};
+use yamabico_core::message::{Axes, Corridor, FrameHeader, Imu, Kind, Odometry, Proposal, Reason, View};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
@@ -52,6 +52,8 @@ use crate::steering::{presumed_confidence, turn_in_place};
 pub const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames of the corridor ahead");
 /// Input: wheel odometry.
 pub const ODOMETRY: Slot<Odometry> = Slot::optional("odometry", "motion between frames");
+/// Input: the gyro.
+pub const IMU: Slot<Imu> = Slot::optional("imu", "turn rate, in place of that of the wheels");
 /// Output: the corridor that is followed.
 pub const CORRIDOR: Slot<Corridor> =
     Slot::required("corridor", "the corridor ahead: heading, walls, probability");
@@ -117,7 +119,7 @@ impl Plugin for WallFollower {
     const NAME: &'static str = "wall-follower";
     const SUMMARY: &'static str =
         "Follows a corridor by the vanishing point and the floor lines of its walls.";
-    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info()];
+    const INPUTS: &'static [SlotInfo] = &[CAMERA.info(), ODOMETRY.info(), IMU.info()];
     const OUTPUTS: &'static [SlotInfo] = &[CORRIDOR.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
@@ -162,6 +164,9 @@ impl Behavior for WallFollower {
     fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
         let had_odometry = self.odometry.newest().is_some();
+        for imu in inputs.fresh(&IMU) {
+            self.odometry.push_imu(imu.header, now);
+        }
         for odometry in inputs.fresh(&ODOMETRY) {
             self.odometry.push(odometry.header, now);
         }

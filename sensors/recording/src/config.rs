@@ -17,7 +17,8 @@ pub struct NoKeys {}
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceConfig {
-    /// MCAP file, of this program or of ROS 2; relative to the robot file, or to the working directory on the command line.
+    /// MCAP file of this program or of ROS 2, or folder of rosbag2; relative to the robot file, or to the working directory on
+    /// the command line.
     #[schemars(extend("format" = "file"))]
     pub file: String,
     /// Time in the recording at which it starts.
@@ -45,6 +46,33 @@ pub struct TopicConfig {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub latency_ms: f64,
+}
+
+/// Parameters of odometry from the recorded joints of two driven wheels.
+#[serde_inline_default]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WheelsConfig {
+    /// Topic in the file, such as `/joint_states`; `yamabico info` lists them.
+    pub topic: String,
+    /// Nominal rate of the measurements.
+    #[serde_inline_default(10.0)]
+    #[schemars(range(min = 0.1, max = 1000.0))]
+    pub rate_hz: f64,
+    /// Nominal delay from a measurement to its arrival; the recorded delay is kept.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub latency_ms: f64,
+    /// Name of the joint of the left wheel.
+    pub left: String,
+    /// Name of the joint of the right wheel.
+    pub right: String,
+    /// Radius of the wheels.
+    #[schemars(range(min = 0.005, max = 1.0))]
+    pub radius_m: f64,
+    /// Distance between the wheels.
+    #[schemars(range(min = 0.02, max = 3.0))]
+    pub track_m: f64,
 }
 
 /// Parameters of recorded sonars or of a recorded laser scanner.

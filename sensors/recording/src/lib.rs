@@ -1,21 +1,25 @@
-//! Recordings as sensors. The driver `recording` publishes the measurements of an MCAP file: a recording of this program, or
-//! one of ROS 2.
+//! Recordings as sensors. The driver `recording` publishes the measurements of a recording of this program or of ROS 2: an
+//! MCAP file, or a folder of rosbag2 with MCAP or SQLite files.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `config` | parameters of the device and of its sensors |
-//! | `topic_reader` | the messages of one topic |
+//! | `storage` | the messages of a file or folder |
+//! | `topic_reader` | the measurements of one topic |
 //! | `yamabico`, `ros2` | their conversion, by the encoding of the file |
 //! | `playback` | the sensor that publishes them in time |
 
 mod config;
 mod measurement;
 mod playback;
-mod ros2;
+pub mod robot_file;
+pub mod ros2;
+pub mod storage;
 mod topic_reader;
+mod wheels;
 mod yamabico;
 
-pub use config::{CameraConfig, DeviceConfig, NoKeys, RangeConfig, TopicConfig};
+pub use config::{CameraConfig, DeviceConfig, NoKeys, RangeConfig, TopicConfig, WheelsConfig};
 pub use measurement::{Measurement, Refusal};
 pub use playback::Playback;
 pub use topic_reader::{RecordingError, TopicReader};
@@ -28,13 +32,13 @@ use yamabico_core::drive::Drive;
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
 };
-use yamabico_core::message::{Axes, Beam, Command, FrameHeader, Imu, Message, Odometry, RangeScanHeader};
+use yamabico_core::message::{
+    Axes, Beam, Bumper, Command, FrameHeader, Imu, Message, Odometry, RangeScanHeader,
+};
 use yamabico_core::parameters::{read, schema_of};
+use yamabico_core::range_scan::MAX_BEAMS;
 use yamabico_core::sensor::{DeviceError, Sensor, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
-
-/// Maximum number of beams of a scan.
-const MAX_BEAMS: usize = 2880;
 
 /// Returns the driver `recording`.
 #[must_use]
@@ -46,14 +50,19 @@ pub fn driver() -> Arc<dyn Driver> {
             "Recorded sonars or a recorded laser scanner.",
         ),
         SensorOffer::new::<Odometry, TopicConfig>("odometry", "Recorded wheel odometry."),
+        SensorOffer::new::<Odometry, WheelsConfig>(
+            "wheel-joints",
+            "Odometry from the recorded joints of two driven wheels.",
+        ),
         SensorOffer::new::<Imu, TopicConfig>("imu", "A recorded inertial measurement unit."),
+        SensorOffer::new::<Bumper, TopicConfig>("bumper", "Recorded bumpers."),
     ];
     let drive =
         DriveOffer::new::<NoKeys>("none", "Ignores all commands: what was recorded is over.", Axes::PLANAR);
     Arc::new(RecordingDriver {
         info: DriverInfo {
             name: "recording".into(),
-            summary: "Sensors from an MCAP file: a recording of this program or of ROS 2.".into(),
+            summary: "Sensors from a recording of this program or of ROS 2.".into(),
             parameters: schema_of::<DeviceConfig>(),
             files: Vec::new(),
             sensors,
@@ -93,10 +102,15 @@ impl Driver for RecordingDriver {
                 let info = info(RangeScanHeader::NAME, config.rate_hz, config.latency_ms, kind);
                 SensorDescription { info, max_item_bytes: MAX_BEAMS * size_of::<Beam>() }
             }
-            kind => {
+            "wheel-joints" => {
+                let config: WheelsConfig = read(table)?;
+                let info = info(Odometry::NAME, config.rate_hz, config.latency_ms, SensorKind::Other);
+                SensorDescription { info, max_item_bytes: 0 }
+            }
+            _ => {
                 let config: TopicConfig = read(table)?;
-                let message = if kind == "imu" { Imu::NAME } else { Odometry::NAME };
-                let info = info(message, config.rate_hz, config.latency_ms, SensorKind::Other);
+                let info =
+                    info(self.message_of(sensor), config.rate_hz, config.latency_ms, SensorKind::Other);
                 SensorDescription { info, max_item_bytes: 0 }
             }
         })

@@ -1,6 +1,6 @@
 //! A recorded measurement, whatever file it comes from.
 
-use yamabico_core::message::{Beam, FrameHeader, Imu, Odometry, RangeScanHeader};
+use yamabico_core::message::{Beam, Bumper, FrameHeader, Imu, Odometry, RangeScanHeader};
 
 /// A measurement with the stamp of its sensor.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +13,15 @@ pub enum Measurement {
     Odometry(Odometry),
     /// Inertial measurement.
     Imu(Imu),
+    /// State of bumpers.
+    Bumper(Bumper),
+    /// Angles of joints.
+    Joints {
+        /// Time of the measurement, ns.
+        stamp_ns: u64,
+        /// Name and angle (rad) of each joint.
+        angles: Vec<(String, f64)>,
+    },
 }
 
 impl Measurement {
@@ -24,6 +33,8 @@ impl Measurement {
             Measurement::Scan(header, _) => header.stamp_ns,
             Measurement::Odometry(header) => header.stamp_ns,
             Measurement::Imu(header) => header.stamp_ns,
+            Measurement::Bumper(header) => header.stamp_ns,
+            Measurement::Joints { stamp_ns, .. } => *stamp_ns,
         }
     }
 }
@@ -35,8 +46,11 @@ pub enum Refusal {
     #[error("malformed: {0}")]
     Malformed(String),
     /// The encoding of an image is not supported.
-    #[error("an image in `{0}`: use PNG, JPEG, mono8, rgb8 or bgr8")]
+    #[error("an image in `{0}`: use PNG, JPEG, mono8, rgb8, bgr8 or yuv422")]
     Encoding(String),
+    /// The camera has a model that is not supported.
+    #[error("a camera with {0}: its images must be rectified, or calibrated anew as `plumb_bob`")]
+    CameraModel(String),
 }
 
 /// Maximum size of an image, bytes; a larger one is left out.

@@ -2,14 +2,15 @@
 
 use yamabico_core::behavior::{Outputs, ParameterError};
 use yamabico_core::driver::PartSpec;
-use yamabico_core::message::Beam;
+use yamabico_core::message::{Beam, NO_ECHO};
 use yamabico_core::parameters::read;
 use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
-use crate::config::{CameraConfig, DeviceConfig, RangeConfig};
+use crate::config::{CameraConfig, DeviceConfig, RangeConfig, WheelsConfig};
 use crate::measurement::Measurement;
 use crate::topic_reader::{Recorded, TopicReader};
+use crate::wheels::Wheels;
 
 /// Publishes recorded measurements with the delays that they had, on the clock of the run. All sensors of a device start at
 /// the same time of the recording, at their first poll.
@@ -32,8 +33,10 @@ enum Filter {
     Plain,
     /// Images of this size only.
     Size(u32, u32),
-    /// Beams from this position and direction, in m and rad.
-    Mount { x_m: f64, y_m: f64, yaw_rad: f64 },
+    /// Beams from this position and direction, in m and rad, with echoes between these ranges, m.
+    Mount { x_m: f64, y_m: f64, yaw_rad: f64, min_m: f64, max_m: f64 },
+    /// Joints of the wheels.
+    Wheels(Wheels),
 }
 
 impl Playback {
@@ -47,15 +50,23 @@ impl Playback {
         device: &DeviceConfig,
         part: &PartSpec,
     ) -> Result<Playback, ParameterError> {
+        let is_of_joints = reader.message_type() == "sensor_msgs/msg/JointState";
+        if is_of_joints != (part.kind == "wheel-joints") {
+            let right = if is_of_joints { "wheel-joints" } else { "odometry" };
+            let problem =
+                format!("does not fit `{}` on this topic: use kind = \"{right}\"", reader.message_type());
+            return Err(ParameterError::new("kind", problem));
+        }
         let filter = match part.kind.as_str() {
             "camera" => {
                 let camera: CameraConfig = read(&part.table)?;
                 Filter::Size(camera.intrinsics.width, camera.intrinsics.height)
             }
             "range" => {
-                let RangeConfig { x_m, y_m, yaw_deg, .. } = read(&part.table)?;
-                Filter::Mount { x_m, y_m, yaw_rad: yaw_deg.to_radians() }
+                let RangeConfig { x_m, y_m, yaw_deg, min_m, max_m, .. } = read(&part.table)?;
+                Filter::Mount { x_m, y_m, yaw_rad: yaw_deg.to_radians(), min_m, max_m }
             }
+            "wheel-joints" => Filter::Wheels(Wheels::new(read::<WheelsConfig>(&part.table)?)),
             _ => Filter::Plain,
         };
         Ok(Playback {
@@ -105,8 +116,14 @@ impl Playback {
                 outputs.publish(name, &header, &pixels)?;
             }
             Measurement::Scan(mut header, mut beams) => {
-                if let Filter::Mount { x_m, y_m, yaw_rad } = self.filter {
-                    beams.iter_mut().for_each(|beam| mount(beam, x_m, y_m, yaw_rad));
+                if let Filter::Mount { x_m, y_m, yaw_rad, min_m, max_m } = self.filter {
+                    for beam in &mut beams {
+                        mount(beam, x_m, y_m, yaw_rad);
+                        if beam.echo_m().is_some_and(|range_m| range_m < min_m || range_m > max_m) {
+                            (beam.range_m, beam.flags) = (max_m, NO_ECHO);
+                        }
+                    }
+                    (header.min_m, header.max_m) = (min_m, max_m);
                 }
                 self.sequence += 1;
                 (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
@@ -121,6 +138,19 @@ impl Playback {
                 self.sequence += 1;
                 (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
                 outputs.publish(name, &header, &[])?;
+            }
+            Measurement::Bumper(mut header) => {
+                self.sequence += 1;
+                (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
+                outputs.publish(name, &header, &[])?;
+            }
+            Measurement::Joints { angles, .. } => {
+                let Filter::Wheels(wheels) = &mut self.filter else { return Ok(()) };
+                if let Some(mut odometry) = wheels.odometry(stamp_ns, &angles) {
+                    self.sequence += 1;
+                    odometry.sequence = self.sequence;
+                    outputs.publish(name, &odometry, &[])?;
+                }
             }
         }
         Ok(())

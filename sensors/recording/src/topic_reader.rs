@@ -1,25 +1,17 @@
-//! Measurements of one topic of an MCAP file, in the order of time.
+//! Measurements of one topic of a recording, in the order of time.
 
-use std::fs::File;
-use std::io::{BufReader, Read};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use mcap::io::MessageReader;
-use mcap::records::{Record, op};
-use mcap::sans_io::LinearReaderOptions;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
-
 use crate::measurement::{Measurement, Refusal};
+use crate::storage::{Messages, StoredMessage, origin};
 use crate::{ros2, yamabico};
-
-/// Maximum length of one record, bytes; a longer one is refused before memory is reserved for it.
-const MAX_RECORD_BYTES: usize = 128 << 20;
 
 /// Failure to open a topic of a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The file cannot be read or is no MCAP file.
-    #[error("{}: {reason}; name an MCAP file that `yamabico info` reads", path.display())]
+    /// The file cannot be read or is no recording.
+    #[error("{}: {reason}; name an MCAP file, or a folder of rosbag2, that `yamabico info` reads", path.display())]
     File {
         /// File.
         path: PathBuf,
@@ -81,11 +73,10 @@ pub struct Recorded {
 /// Maximum size of a topic that is sorted in memory, bytes.
 const MAX_SORTED_BYTES: u64 = 512 << 20;
 
-/// Reads one topic of an MCAP file, in the order of the recorded times.
+/// Reads one topic of a recording, in the order of the recorded times.
 pub struct TopicReader {
-    /// All measurements, if the file does not hold them in the order of time.
-    sorted: Option<std::vec::IntoIter<Recorded>>,
-    messages: MessageReader<BufReader<File>>,
+    /// Messages of the recording; those of the topic alone if the recording does not hold them in the order of time.
+    messages: Box<dyn Iterator<Item = Result<StoredMessage, String>> + Send>,
     topic: String,
     source: Source,
     /// Time of the first message of the file, ns.
@@ -101,14 +92,8 @@ pub struct TopicReader {
     broken_off: Option<String>,
 }
 
-fn options() -> LinearReaderOptions {
-    LinearReaderOptions::default()
-        .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(MAX_RECORD_BYTES)
-}
-
 impl TopicReader {
-    /// Opens `topic` of the file `path`, whose messages must be convertible to messages of the type `message`.
+    /// Opens `topic` of the file or rosbag2 folder `path`, whose messages must be convertible to messages of the type `message`.
     ///
     /// # Errors
     /// The file cannot be read, or has no such topic of a fitting type.
@@ -117,11 +102,10 @@ impl TopicReader {
             path: path.to_owned(),
             reason: reason.to_string(),
         };
-        let open = || File::open(path).map(BufReader::new).map_err(|error| failed(&error));
-        let origin_ns = origin(&mut open()?).map_err(|error| failed(&error))?;
-        let (mut begin_ns, mut found, mut known) = (None::<u64>, None, std::collections::BTreeSet::new());
+        let open = || Messages::open(path).map_err(|error| failed(&error));
+        let (mut begin_ns, mut found, mut known) = (None::<u64>, None, BTreeSet::new());
         let (mut newest_ns, mut is_sorted, mut bytes) = (0, true, 0);
-        for read in MessageReader::new_with_options(open()?, options()) {
+        for read in open()? {
             let read = match read {
                 Ok(read) => read,
                 // The beginning of a file that breaks off counts.
@@ -129,15 +113,17 @@ impl TopicReader {
                 Err(error) => return Err(failed(&error)),
             };
             begin_ns = Some(begin_ns.map_or(read.log_time, |begin_ns| begin_ns.min(read.log_time)));
-            if !known.contains(&read.channel.topic) {
-                known.insert(read.channel.topic.clone());
+            if !known.contains(&read.topic.name) {
+                known.insert(read.topic.name.clone());
             }
-            if read.channel.topic == topic {
+            if read.topic.name == topic || read.topic.name == yamabico::image_topic(topic) {
+                bytes += read.data.len() as u64;
+            }
+            if read.topic.name == topic {
                 is_sorted &= read.log_time >= newest_ns;
                 newest_ns = read.log_time;
-                bytes += read.data.len() as u64;
-                let schema = read.channel.schema.as_ref().map_or("", |schema| &schema.name).to_owned();
-                found = Some(match read.channel.message_encoding.as_str() {
+                let schema = read.topic.message_type.clone();
+                found = Some(match read.topic.encoding.as_str() {
                     "cdr" => Source::Ros2(schema),
                     _ => Source::Yamabico(schema),
                 });
@@ -161,9 +147,17 @@ impl TopicReader {
         if !is_sorted && bytes > MAX_SORTED_BYTES {
             return Err(failed(&"its messages are not in the order of time, and too many to sort"));
         }
-        let mut reader = TopicReader {
-            sorted: None,
-            messages: MessageReader::new_with_options(open()?, options()),
+        // Stamps of this program count from the origin of its run.
+        let origin_ns = match &source {
+            Source::Yamabico(_) => origin(path).map_err(|error| failed(&error))?,
+            Source::Ros2(_) => 0,
+        };
+        let messages: Box<dyn Iterator<Item = _> + Send> = match is_sorted {
+            true => Box::new(open()?),
+            false => Box::new(sorted(open()?, topic).into_iter()),
+        };
+        Ok(TopicReader {
+            messages,
             topic: topic.to_owned(),
             source,
             begin_ns: begin_ns.unwrap_or(0),
@@ -173,13 +167,15 @@ impl TopicReader {
             refused: 0,
             first_refusal: None,
             broken_off: None,
-        };
-        if !is_sorted {
-            let mut all: Vec<Recorded> = std::iter::from_fn(|| reader.read()).collect();
-            all.sort_by_key(|recorded| recorded.arrived_ns);
-            reader.sorted = Some(all.into_iter());
+        })
+    }
+
+    /// Returns the name of the message type in the recording.
+    #[must_use]
+    pub fn message_type(&self) -> &str {
+        match &self.source {
+            Source::Yamabico(schema) | Source::Ros2(schema) => schema,
         }
-        Ok(reader)
     }
 
     /// Number of messages left out so far, and a description of the first with its number.
@@ -199,8 +195,8 @@ impl TopicReader {
     }
 
     /// Converts a message: nothing for one of another topic, or for the header of an image.
-    fn convert(&mut self, message: &mcap::Message<'_>) -> Option<Recorded> {
-        let topic = &message.channel.topic;
+    fn convert(&mut self, message: &StoredMessage) -> Option<Recorded> {
+        let topic = &message.topic.name;
         if let Some((log_time, header)) = self.frame.take_if(|_| *topic == yamabico::image_topic(&self.topic))
         {
             let stamp_ns = self.on_file_clock(header.stamp_ns);
@@ -234,23 +230,6 @@ impl TopicReader {
         }
     }
 
-    /// Next measurement in the order of the file.
-    fn read(&mut self) -> Option<Recorded> {
-        loop {
-            match self.messages.next()? {
-                Ok(message) => {
-                    if let Some(recorded) = self.convert(&message) {
-                        return Some(recorded);
-                    }
-                }
-                Err(error) => {
-                    self.broken_off = Some(error.to_string());
-                    return None;
-                }
-            }
-        }
-    }
-
     /// Stamp of a recorded run, ns after the beginning of the file.
     fn on_file_clock(&self, stamp_ns: u64) -> u64 {
         stamp_ns.saturating_sub(self.origin_ns).saturating_sub(self.begin_ns)
@@ -280,32 +259,27 @@ impl Iterator for TopicReader {
     type Item = Recorded;
 
     fn next(&mut self) -> Option<Recorded> {
-        match &mut self.sorted {
-            Some(sorted) => sorted.next(),
-            None => self.read(),
+        loop {
+            match self.messages.next()? {
+                Ok(message) => {
+                    if let Some(recorded) = self.convert(&message) {
+                        return Some(recorded);
+                    }
+                }
+                Err(error) => {
+                    self.broken_off = Some(error);
+                    return None;
+                }
+            }
         }
     }
 }
 
-/// Stamp at time zero of a recording of this program, from its facts; zero for other files.
-fn origin(source: &mut impl Read) -> Result<u64, String> {
-    let mut reader = LinearReader::new_with_options(options().with_emit_chunks(true));
-    while let Some(event) = reader.next_event() {
-        match event.map_err(|error| error.to_string())? {
-            LinearReadEvent::ReadRequest(need) => {
-                let read = source.read(reader.insert(need)).map_err(|error| error.to_string())?;
-                reader.notify_read(read);
-            }
-            LinearReadEvent::Record { opcode: op::METADATA, data } => {
-                if let Ok(Record::Metadata(record)) = mcap::parse_record(op::METADATA, data)
-                    && let Some(text) = record.metadata.get("origin_ns")
-                {
-                    return text.parse().map_err(|_| "the fact `origin_ns` is not a number".to_owned());
-                }
-            }
-            LinearReadEvent::Record { opcode: op::CHUNK | op::MESSAGE, .. } => break,
-            LinearReadEvent::Record { .. } => {}
-        }
-    }
-    Ok(0)
+/// Messages of a topic and of its images in the order of time, still encoded; last the cause why the recording breaks off.
+fn sorted(messages: Messages, topic: &str) -> Vec<Result<StoredMessage, String>> {
+    let images = yamabico::image_topic(topic);
+    let is_wanted = |message: &StoredMessage| message.topic.name == topic || message.topic.name == images;
+    let mut all: Vec<_> = messages.filter(|message| message.as_ref().map_or(true, is_wanted)).collect();
+    all.sort_by_key(|message| message.as_ref().map_or(u64::MAX, |message| message.log_time));
+    all
 }

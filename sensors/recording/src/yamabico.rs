@@ -5,7 +5,7 @@ use foxglove::Decode;
 use foxglove::messages::CompressedImage;
 use serde_json::Value;
 use yamabico_core::message::{
-    Beam, Encoding, FrameHeader, Imu, Message, MessageType, Odometry, RangeScanHeader,
+    Beam, Bumper, Encoding, FrameHeader, Imu, Message, MessageType, Odometry, RangeScanHeader,
 };
 
 use crate::measurement::{Measurement, Refusal, decode};
@@ -32,6 +32,7 @@ pub(crate) fn measurement(schema: &str, data: &[u8]) -> Result<Measurement, Refu
         RangeScanHeader::NAME => pod(&header).map(|header| Measurement::Scan(header, beams())),
         Odometry::NAME => pod(&header).map(Measurement::Odometry),
         Imu::NAME => pod(&header).map(Measurement::Imu),
+        Bumper::NAME => pod(&header).map(Measurement::Bumper),
         _ => None,
     };
     measurement.ok_or_else(malformed)

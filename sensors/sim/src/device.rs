@@ -1,8 +1,10 @@
 //! Driver of the simulator.
 
+mod bumpers;
 mod camera;
 mod frames;
 mod ground_truth;
+mod lidar;
 mod mirror_camera;
 mod motors;
 mod odometry;
@@ -21,7 +23,9 @@ use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
 };
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::{Axes, Beam, FrameHeader, Message, MessageType, Odometry, RangeScanHeader};
+use yamabico_core::message::{
+    Axes, Beam, Bumper, FrameHeader, Message, MessageType, Odometry, RangeScanHeader,
+};
 use yamabico_core::parameters::{read, schema_of};
 use yamabico_core::sensor::{DeviceError, Sensor, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
@@ -33,13 +37,15 @@ use crate::simulation::{Simulation, Skid};
 use crate::sonar::SonarConfig;
 use crate::world::{WORLD_FILE, World};
 
+pub use bumpers::BumperConfig;
 pub use camera::CameraConfig;
 pub use frames::PixelFormat;
+pub use lidar::LidarConfig;
 pub use mirror_camera::MirrorCameraConfig;
 pub use motors::MotorConfig;
 pub use sway::SwayConfig;
 
-/// Returns the driver `sim`, with cameras, mirror cameras, sonars, wheel encoders, and two kinds of drive.
+/// Returns the driver `sim`, with cameras, mirror cameras, sonars, laser scanners, bumpers, wheel encoders, and two kinds of drive.
 #[must_use]
 pub fn driver() -> Arc<dyn Driver> {
     let sensors = vec![
@@ -55,6 +61,11 @@ pub fn driver() -> Arc<dyn Driver> {
             "sonar",
             "Ranges of ultrasonic sonars with wide cones, lost echoes and noise.",
         ),
+        SensorOffer::new::<RangeScanHeader, LidarConfig>(
+            "lidar",
+            "Ranges of a laser scanner, in place of sonars, with lost ranges and noise.",
+        ),
+        SensorOffer::new::<Bumper, BumperConfig>("bumper", "A left and a right bumper at the front."),
         SensorOffer::new::<Odometry, EncoderConfig>(
             "encoders",
             "Wheel-encoder odometry with quantization, slip and wheel-radius errors.",
@@ -71,8 +82,9 @@ pub fn driver() -> Arc<dyn Driver> {
     Arc::new(SimDriver {
         info: DriverInfo {
             name: "sim".into(),
-            summary: "A simulated world with its own time, cameras, sonars, wheel encoders and a body."
-                .into(),
+            summary:
+                "A simulated world with its own time, cameras, ranges, bumpers, wheel encoders and a body."
+                    .into(),
             parameters: schema_of::<SimConfig>(),
             files: vec![WORLD_FILE],
             sensors,
@@ -104,6 +116,11 @@ impl Driver for SimDriver {
             "sonar" => {
                 let config: SonarConfig = read(table)?;
                 (sonars::info(&config, name)?, config.azimuths_deg.len() * size_of::<Beam>())
+            }
+            "lidar" => read::<LidarConfig>(table)?.info(name)?,
+            "bumper" => {
+                let config: BumperConfig = read(table)?;
+                (info::<Bumper>(name, config.period_ms, config.latency_ms, SensorKind::Other), 0)
             }
             "encoders" => {
                 let config: EncoderConfig = read(table)?;
@@ -219,6 +236,8 @@ fn open(spec: DeviceSpec) -> Result<Device, ParameterError> {
                 Box::new(mirror_camera::mirror_camera_sensor(name, &read(&part.table)?, sim, seed)?)
             }
             "sonar" => Box::new(sonars::Sonars::new(name, read(&part.table)?, sim, seed)),
+            "lidar" => Box::new(lidar::Lidar::new(name, read(&part.table)?, sim, seed)),
+            "bumper" => Box::new(bumpers::Bumpers::new(name, read(&part.table)?, sim)),
             "encoders" => {
                 let mut config: EncoderConfig = read(&part.table)?;
                 config.wheels.get_or_insert(if axes[1] { Wheels::Three } else { Wheels::Two });

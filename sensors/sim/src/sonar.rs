@@ -112,15 +112,18 @@ fn nearest_echo(
         let (sin, cos) = (robot.theta + azimuth_rad + across).sin_cos();
         let direction = Vector3::new(cos * up.cos(), sin * up.cos(), up.sin());
         let reach = nearest.unwrap_or(config.max_m + 0.2);
-        if let Some(range) = echo(scene, people, origin, direction, reach, config.specular_deg.to_radians()) {
+        if let Some(range) =
+            first_hit(scene, people, origin, direction, reach, config.specular_deg.to_radians())
+        {
             nearest = Some(range);
         }
     }
     nearest
 }
 
-/// Returns the distance of the first hit of a ray (m), if it is within `reach` and reflects sound back.
-fn echo(
+/// Returns the distance of the first hit of a ray (m), if it is within `reach` (m) and its angle of incidence is at most
+/// `specular_rad`.
+pub(crate) fn first_hit(
     scene: &Scene,
     people: &[PersonPose],
     origin: Vector3<f64>,

@@ -6,6 +6,7 @@ mod buildings;
 mod device;
 mod floors;
 mod hallway;
+mod lidar;
 mod mirror;
 mod passages;
 mod render;

@@ -1,8 +1,9 @@
-//! Files that tests, benches and evaluations share: known answers, configurations and recorded data sets.
+//! What tests, benches and evaluations share: known answers, configurations, recorded data sets, and inputs that are wrong.
 //!
 //! Depends on no crate of the workspace, so that every crate can use it in its tests.
 
 pub mod data;
+pub mod fuzz;
 pub mod vectors;
 
 use std::path::{Path, PathBuf};

@@ -32,7 +32,7 @@ const STREAM_TAP_DEPTH: usize = 1024;
 /// Frames and overlays that the recorder may lag behind.
 const FRAME_TAP_DEPTH: usize = 8;
 /// Length of a list above which the recorder may lag behind by [`STREAM_DEPTH`] messages only, bytes.
-const LONG_LIST_BYTES: usize = 128 * 1024;
+const LONG_LIST_BYTES: usize = 64 * 1024;
 /// Subscribers of a topic besides behaviors: arbiter, drive, recorder, tools, and dead processes.
 const SPARE_READERS: usize = 12;
 

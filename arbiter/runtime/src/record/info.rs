@@ -54,10 +54,73 @@ pub struct TopicInfo {
 }
 
 /// First and last time of a topic, ns.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Span {
     first_ns: u64,
     last_ns: u64,
+}
+
+/// Counts the messages of a recording, whatever stores them.
+#[derive(Clone, Debug, Default)]
+pub struct InfoCounter {
+    info: Info,
+    spans: BTreeMap<String, Span>,
+}
+
+impl InfoCounter {
+    /// Returns a counter for the file or folder `path` of `bytes` bytes.
+    #[must_use]
+    pub fn new(path: &Path, bytes: u64) -> InfoCounter {
+        InfoCounter { info: Info { path: path.to_owned(), bytes, ..Info::default() }, spans: BTreeMap::new() }
+    }
+
+    /// Counts a message of `bytes` bytes that was recorded at `at_ns`.
+    pub fn add(&mut self, name: &str, message_type: &str, encoding: &str, at_ns: u64, bytes: usize) {
+        self.info.messages += 1;
+        if !self.info.topics.contains_key(name) {
+            let (message_type, encoding) = (message_type.to_owned(), encoding.to_owned());
+            self.info
+                .topics
+                .insert(name.to_owned(), TopicInfo { message_type, encoding, ..TopicInfo::default() });
+            self.spans.insert(name.to_owned(), Span { first_ns: at_ns, last_ns: at_ns });
+        }
+        let (Some(topic), Some(span)) = (self.info.topics.get_mut(name), self.spans.get_mut(name)) else {
+            return;
+        };
+        topic.messages += 1;
+        topic.bytes += bytes as u64;
+        topic.steps_back += u64::from(at_ns < span.last_ns);
+        topic.largest_gap_s = topic.largest_gap_s.max(at_ns.saturating_sub(span.last_ns) as f64 * 1e-9);
+        *span = Span { first_ns: span.first_ns.min(at_ns), last_ns: span.last_ns.max(at_ns) };
+    }
+
+    /// Notes that the recording could not be read further.
+    ///
+    /// # Errors
+    /// The cause, if there was no message before.
+    pub fn break_off(&mut self, cause: String) -> Result<(), String> {
+        if self.info.messages == 0 {
+            return Err(cause);
+        }
+        self.info.broken_off = Some(format!("after message {}: {cause}", self.info.messages));
+        Ok(())
+    }
+
+    /// Returns the contents, with rates and times from the beginning of the recording.
+    #[must_use]
+    pub fn finish(self) -> Info {
+        let InfoCounter { mut info, spans } = self;
+        let begin = spans.values().map(|span| span.first_ns).min().unwrap_or(0);
+        let end = spans.values().map(|span| span.last_ns).max().unwrap_or(0);
+        info.seconds = (end - begin) as f64 * 1e-9;
+        for (name, topic) in &mut info.topics {
+            let Some(span) = spans.get(name) else { continue };
+            topic.first_s = (span.first_ns - begin) as f64 * 1e-9;
+            let length_s = (span.last_ns - span.first_ns) as f64 * 1e-9;
+            topic.rate_hz = (length_s > 0.0).then(|| (topic.messages - 1) as f64 / length_s);
+        }
+        info
+    }
 }
 
 /// Reads the contents of the MCAP file `path`, one of this program or of another.
@@ -68,54 +131,28 @@ pub fn info(path: &Path) -> Result<Info, PlaybackError> {
     let Contents { facts, files } = Contents::read(path)?;
     let unreadable = |source| PlaybackError::NotReadable { path: path.to_owned(), source };
     let file = File::open(path).map_err(unreadable)?;
-    let mut info = Info {
-        path: path.to_owned(),
-        bytes: file.metadata().map_err(unreadable)?.len(),
-        facts,
-        files: files.into_iter().map(|(name, text)| (name, text.len())).collect(),
-        ..Info::default()
-    };
-    let mut spans: BTreeMap<String, Span> = BTreeMap::new();
+    let mut counter = InfoCounter::new(path, file.metadata().map_err(unreadable)?.len());
     let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
     for message in &mut messages {
-        let message = match message {
-            Ok(message) => message,
-            Err(error) if info.messages > 0 => {
-                info.broken_off = Some(format!("after message {}: {error}", info.messages));
-                break;
+        match message {
+            Ok(message) => {
+                let (channel, schema) = (&message.channel, &message.channel.schema);
+                let message_type = schema.as_ref().map_or("", |schema| &schema.name);
+                let encoding = &channel.message_encoding;
+                counter.add(&channel.topic, message_type, encoding, message.log_time, message.data.len());
             }
             Err(error) => {
-                let reason = error.to_string();
-                return Err(PlaybackError::NoRecording { path: path.to_owned(), reason });
+                let refused = |reason| PlaybackError::NoRecording { path: path.to_owned(), reason };
+                counter.break_off(error.to_string()).map_err(refused)?;
+                break;
             }
-        };
-        info.messages += 1;
-        let (name, at_ns) = (&message.channel.topic, message.log_time);
-        if !info.topics.contains_key(name) {
-            let schema = message.channel.schema.as_ref().map_or("", |schema| &schema.name);
-            let encoding = message.channel.message_encoding.clone();
-            let topic = TopicInfo { message_type: schema.to_owned(), encoding, ..TopicInfo::default() };
-            info.topics.insert(name.clone(), topic);
         }
-        let Some(topic) = info.topics.get_mut(name) else { continue };
-        topic.messages += 1;
-        topic.bytes += message.data.len() as u64;
-        let span = spans.entry(name.clone()).or_insert(Span { first_ns: at_ns, last_ns: at_ns });
-        topic.steps_back += u64::from(at_ns < span.last_ns);
-        topic.largest_gap_s = topic.largest_gap_s.max(at_ns.saturating_sub(span.last_ns) as f64 * 1e-9);
-        *span = Span { first_ns: span.first_ns.min(at_ns), last_ns: span.last_ns.max(at_ns) };
     }
+    let mut info = counter.finish();
     if info.broken_off.is_none() {
         info.broken_off = missing_end(&mut messages.into_inner());
     }
-    let begin = spans.values().map(|span| span.first_ns).min().unwrap_or(0);
-    let end = spans.values().map(|span| span.last_ns).max().unwrap_or(0);
-    info.seconds = (end - begin) as f64 * 1e-9;
-    for (name, topic) in &mut info.topics {
-        let Some(span) = spans.get(name) else { continue };
-        topic.first_s = (span.first_ns - begin) as f64 * 1e-9;
-        let length_s = (span.last_ns - span.first_ns) as f64 * 1e-9;
-        topic.rate_hz = (length_s > 0.0).then(|| (topic.messages - 1) as f64 / length_s);
-    }
+    info.facts = facts;
+    info.files = files.into_iter().map(|(name, text)| (name, text.len())).collect();
     Ok(info)
 }

@@ -45,7 +45,7 @@ pub use facts::{RecordedFacts, read_facts};
 pub(crate) use identity::digest_of_program;
 pub use identity::{Execution, Identity, RecordedIdentity};
 pub use images::{ImageFormat, compress};
-pub use info::{Info, TopicInfo, info};
+pub use info::{Info, InfoCounter, TopicInfo, info};
 pub use map_lines::map_lines;
 pub use mcap::{McapRecorder, Pace, Recording, RecordingResult};
 pub(crate) use playback::play_compressed;

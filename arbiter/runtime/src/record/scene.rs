@@ -8,6 +8,7 @@ use foxglove::messages::{
 };
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Beam, Command, Kind, Proposal, RangeScanHeader, Reason, Truth, Twist};
+use yamabico_core::range_scan::sectors;
 
 use super::frames::{BASE, MAP, pose, timestamp};
 
@@ -35,10 +36,12 @@ pub(super) fn footprint(stamp_ns: u64, radius_m: f64) -> SceneUpdate {
     shown(entity)
 }
 
-/// Free part of each sonar cone: red up to an echo, gray up to the maximum range without one.
+/// Free part of each sonar cone, or of sectors of a laser scan: red up to an echo, gray up to the maximum range without one.
 pub(super) fn cones(topic: &str, header: &RangeScanHeader, beams: &[Beam]) -> SceneUpdate {
     let mut entity = entity(header.stamp_ns, BASE, topic);
-    entity.lines = beams.iter().filter_map(|beam| cone(header, beam)).collect();
+    let mut few = Vec::new();
+    sectors(beams, &mut few);
+    entity.lines = few.iter().filter_map(|beam| cone(header, beam)).collect();
     shown(entity)
 }
 

@@ -74,6 +74,20 @@ impl FreeDistances {
         for free in &mut self.free_m {
             *free = distances.next().map_or(0.0, |free| free.max(0.0));
         }
+        self.place_edges();
+    }
+
+    /// Lowers the free distance of each sector to `limit_m`, a function of the viewpoint (robot frame, m) and of the sector's
+    /// right and left border (rad); distances in m from the viewpoint.
+    pub fn bound(&mut self, limit_m: impl Fn(Vector2<f64>, (f64, f64)) -> f64) {
+        for sector in 0..self.len() {
+            let limit_m = limit_m(self.viewpoint, self.borders(sector));
+            self.free_m[sector] = self.free_m[sector].min(limit_m).max(0.0);
+        }
+        self.place_edges();
+    }
+
+    fn place_edges(&mut self) {
         self.edges.clear();
         let sectors = self.free_m.len();
         let occluded_from = |sector: usize| match self.free_m.get(sector) {

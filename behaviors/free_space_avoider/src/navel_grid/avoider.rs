@@ -15,8 +15,9 @@ use super::overlay;
 use super::{GridFailure, Motion, Observation, OpenFloor, Passage, PathObserver, Steering};
 use crate::config::{Config, HeadingRule};
 use crate::direction::HeadingChoice;
+use crate::echoes::Echoes;
 use crate::stopping::stopping_distance_m;
-use crate::{CAMERA, FREE_SPACE, ODOMETRY, STALE_S};
+use crate::{CAMERA, FREE_SPACE, IMU, ODOMETRY, STALE_S};
 
 /// Avoider that drives where the cells of a forward camera's image are free.
 #[derive(Clone, Debug)]
@@ -31,6 +32,7 @@ pub struct NavelGridAvoider {
     open_floor: Option<OpenFloor>,
     heading: Option<HeadingChoice>,
     odometry: OdometryTrack,
+    echoes: Echoes,
     gray: GrayImage,
     /// Absolute turn since the last frame, rad.
     turned_rad: f64,
@@ -93,6 +95,7 @@ impl NavelGridAvoider {
             open_floor,
             heading: None,
             odometry: OdometryTrack::default(),
+            echoes: Echoes::new(setup),
             gray: GrayImage::default(),
             turned_rad: 0.0,
             last_frame: None,
@@ -106,6 +109,7 @@ impl NavelGridAvoider {
     pub fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
         self.measure_turn(inputs, now);
+        self.echoes.update(inputs);
         if let Some(frame) = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA)) {
             self.process_frame(&frame, now);
             self.publish(outputs);
@@ -121,7 +125,7 @@ impl NavelGridAvoider {
             }
             None if self.is_malformed => Proposal::abstain(Reason::MalformedInput),
             None => Proposal::abstain(Reason::NoInput),
-            Some(stamp) if now.seconds_after(stamp) > STALE_S => {
+            Some(stamp) if now.seconds_after(stamp) > STALE_S || self.echoes.is_silent(now) => {
                 Proposal::abstain(Reason::StaleInput).with_evidence(stamp)
             }
             Some(stamp) => self.proposal().with_evidence(stamp),
@@ -142,6 +146,9 @@ impl NavelGridAvoider {
 
     /// Accumulates the turn between frames, if there is odometry.
     fn measure_turn(&mut self, inputs: &Inputs<'_>, now: Time) {
+        for imu in inputs.fresh(&IMU) {
+            self.odometry.push_imu(imu.header, now);
+        }
         for odometry in inputs.fresh(&ODOMETRY) {
             let before = self.odometry.newest().map(|reading| reading.pose.theta);
             if self.odometry.push(odometry.header, now)
@@ -160,7 +167,8 @@ impl NavelGridAvoider {
         let usable = picture.filter(|_| stamp.is_next(self.last_frame, now));
         self.is_malformed = usable.is_none();
         let Some(picture) = usable else { return };
-        let (mut observation, failure) = self.observer.observe(picture);
+        self.echoes.place(&self.odometry, stamp);
+        let (mut observation, failure) = self.observer.observe(picture, &self.echoes);
         self.failure = failure;
         if let (None, Some(seen_from), Some(newest)) =
             (failure, self.odometry.pose_at(stamp), self.odometry.newest())

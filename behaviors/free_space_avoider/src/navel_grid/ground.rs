@@ -106,6 +106,20 @@ impl GroundGrid {
     }
 }
 
+impl GroundGrid {
+    /// Returns the azimuths of the right and the left border of a column's farthest floor, rad, from the robot's center; `None`
+    /// for a column outside the grid.
+    #[must_use]
+    pub fn borders(&self, column: usize) -> Option<(f64, f64)> {
+        let azimuth = |column: usize| Some(self.end(column, self.size.rows as u32)?.azimuth_rad);
+        let middle = azimuth(column)?;
+        let to_left = column.checked_sub(1).and_then(azimuth).map(|left| left - middle);
+        let to_right = azimuth(column + 1).map(|right| middle - right);
+        let to_left = to_left.or(to_right)?;
+        Some((middle - 0.5 * to_right.unwrap_or(to_left), middle + 0.5 * to_left))
+    }
+}
+
 struct FloorProjection<'a> {
     camera: &'a Pinhole,
     mount: &'a Mount,

@@ -1,5 +1,6 @@
 //! Observation of the path ahead in the image of one camera.
 
+use nalgebra::Vector2;
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
@@ -14,6 +15,7 @@ use super::look_cells::LookCells;
 use super::steering::Observation;
 use super::weights::WeightSets;
 use crate::config::{Config, Evidence, PolarityRule};
+use crate::echoes::Echoes;
 
 /// Share of obstacles among the weighted cells above which the floor itself looks like an obstacle.
 const MAX_OBSTACLE_SHARE: f64 = 0.6;
@@ -119,9 +121,9 @@ impl PathObserver {
         })
     }
 
-    /// Observes the path ahead in an image of the camera. With [`GridFailure::FloorModelBroken`], the path is
+    /// Observes the path ahead in an image of the camera; floor behind an echo is not free. With [`GridFailure::FloorModelBroken`], the path is
     /// obstructed, but the weights still give the freer side.
-    pub fn observe(&mut self, picture: Picture) -> (Observation, Option<GridFailure>) {
+    pub fn observe(&mut self, picture: Picture, echoes: &Echoes) -> (Observation, Option<GridFailure>) {
         self.directions.clear();
         let cells = match self.detector.mark(picture) {
             Ok(cells) => cells,
@@ -129,6 +131,7 @@ impl PathObserver {
         };
         cells.profile(&mut self.free);
         let share = cells.obstacle_share(&self.sets.profile);
+        self.bound(echoes);
         let weights = self.sets.weigh(&self.free);
         if share > MAX_OBSTACLE_SHARE {
             return (Observation::Seen(weights, Passage::Obstructed), Some(GridFailure::FloorModelBroken));
@@ -190,6 +193,18 @@ impl PathObserver {
     #[must_use]
     pub fn size(&self) -> GridSize {
         self.cells().size()
+    }
+
+    /// Lowers the number of free cells of each column to those before the nearest echo in it.
+    fn bound(&mut self, echoes: &Echoes) {
+        for (column, free) in self.free.iter_mut().enumerate() {
+            let Some((right, left)) = self.ground.borders(column) else { continue };
+            let echo_m = echoes.nearest_m(Vector2::zeros(), (right, left));
+            let end_m = |free: u32| self.ground.end(column, free).map_or(0.0, |end| end.distance_m);
+            while *free > 0 && end_m(*free) > echo_m {
+                *free -= 1;
+            }
+        }
     }
 
     fn passage(&self) -> Passage {

@@ -13,7 +13,8 @@ use super::overlay;
 use super::pilot::{Maneuver, Pilot};
 use super::ring_observer::{RingFailure, RingObserver};
 use crate::config::Config;
-use crate::{CAMERA, FREE_SPACE, GOAL, ODOMETRY, POSE, STALE_S};
+use crate::echoes::Echoes;
+use crate::{CAMERA, FREE_SPACE, GOAL, IMU, ODOMETRY, POSE, STALE_S};
 
 /// Avoider that drives to a goal where the floor around the robot is free.
 #[derive(Clone, Debug)]
@@ -22,6 +23,7 @@ pub struct PolarCellsAvoider {
     pilot: Pilot,
     destination: Destination,
     odometry: OdometryTrack,
+    echoes: Echoes,
     axes: Axes,
     last_frame: Option<Time>,
     failure: Option<RingFailure>,
@@ -64,6 +66,7 @@ impl PolarCellsAvoider {
             pilot: Pilot::new(config, &setup.robot, &camera)?,
             destination: Destination::new(config.goal_m, config.tolerance_m),
             odometry: OdometryTrack::default(),
+            echoes: Echoes::new(setup),
             axes: if is_holonomic { Axes::ALL } else { Axes::PLANAR },
             last_frame: None,
             failure: None,
@@ -76,9 +79,13 @@ impl PolarCellsAvoider {
     /// Processes the inputs and returns a proposal.
     pub fn propose(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
+        inputs.fresh(&IMU).for_each(|reading| {
+            self.odometry.push_imu(reading.header, now);
+        });
         inputs.fresh(&ODOMETRY).for_each(|reading| {
             self.odometry.push(reading.header, now);
         });
+        self.echoes.update(inputs);
         inputs.fresh(&POSE).for_each(|pose| self.destination.take_pose(pose.header));
         inputs.fresh(&GOAL).for_each(|goal| self.destination.take_goal(goal.header));
         if inputs.is_fresh(&CAMERA) && self.process_frame(inputs, now) {
@@ -96,7 +103,8 @@ impl PolarCellsAvoider {
         if self.is_malformed {
             return abstain(Reason::MalformedInput);
         }
-        if now.seconds_after(stamp) > STALE_S || now.seconds_after(reading.stamp) > STALE_S {
+        let is_stale = |stamp: Time| now.seconds_after(stamp) > STALE_S;
+        if is_stale(stamp) || is_stale(reading.stamp) || self.echoes.is_silent(now) {
             return abstain(Reason::StaleInput);
         }
         let poses = (self.odometry.pose_at(stamp), self.odometry.pose_at(now));
@@ -120,6 +128,8 @@ impl PolarCellsAvoider {
         let Some(image) = image else { return false };
         self.last_frame = Some(stamp);
         self.failure = self.observer.observe(image).err();
+        self.echoes.place(&self.odometry, stamp);
+        self.observer.bound(&self.echoes);
         true
     }
 

@@ -15,6 +15,7 @@ use super::free_cells::FreeCells;
 use super::mirror_center::mirror_offset;
 use crate::config::Config;
 use crate::direction::FreeDistances;
+use crate::echoes::Echoes;
 
 /// Maximum tilt or roll of the mirror, rad; with more, its rings are not circles on the floor.
 const MAX_LEAN_RAD: f64 = 0.02;
@@ -196,6 +197,11 @@ impl RingObserver {
     fn update_distances(&mut self) {
         self.free.update(&self.counts);
         self.distances.set(self.free.rings().iter().map(|&rings| self.edges_m[rings]));
+    }
+
+    /// Lowers the free distances to those of the echoes.
+    pub fn bound(&mut self, echoes: &Echoes) {
+        self.distances.bound(|viewpoint, borders| echoes.nearest_m(viewpoint, borders));
     }
 
     /// Returns the free distances in an image, without checks for failures.

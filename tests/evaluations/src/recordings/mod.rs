@@ -1,6 +1,7 @@
-//! Scores on recorded bearings.
+//! Scores on recordings of robots.
 
 pub mod beacons;
+pub mod halts;
 pub mod landmarks;
 
 use std::fs::File;

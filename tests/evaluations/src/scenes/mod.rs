@@ -10,6 +10,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_core::overlay::Overlay;
 use yamabico_free_space_avoider::Config;
+use yamabico_free_space_avoider::echoes::Echoes;
 use yamabico_free_space_avoider::navel_grid::NavelGridAvoider;
 use yamabico_free_space_avoider::navel_grid::{Decision, Observation, Side, decide, overlay};
 use yamabico_rigs::office;
@@ -68,12 +69,12 @@ impl Arguments {
         // The foreground of the first image must be floor.
         let start = Scene::new(&room(&mut stream(0, "start")), 0).map_err(|error| error.to_string())?;
         let start = render(&mut rng, &start, Pose2::new(1.0, 1.0, 0.5))?;
-        observer.observe(Picture::Gray(start.view().map_err(|error| error.to_string())?));
+        observer.observe(Picture::Gray(start.view().map_err(|error| error.to_string())?), &Echoes::default());
         for index in 0..scenes {
             let (scene, robot) = place(&mut rng, &reference, &mut tally.drawn_again)?;
             let image = render(&mut rng, &scene, robot)?;
             let view = image.view().map_err(|error| error.to_string())?;
-            let (outlook, trouble) = observer.observe(Picture::Gray(view));
+            let (outlook, trouble) = observer.observe(Picture::Gray(view), &Echoes::default());
             let decision = match outlook {
                 Observation::Seen(weights, passage) => decide(&weights, passage, None),
                 Observation::Unclear => Decision::Stop,
