@@ -1,0 +1,68 @@
+//! Sensor that publishes the newest image of a stream.
+
+use std::time::Duration;
+
+use yamabico_core::behavior::Outputs;
+use yamabico_core::sensor::{DeviceError, Due, Sensor};
+use yamabico_core::time::Time;
+
+use crate::grabber::{Captured, Grabber};
+use crate::jpeg::{self, JpegError};
+use crate::live_config::LiveView;
+
+/// Time between two looks for a new image.
+const POLL_PERIOD: Duration = Duration::from_millis(3);
+/// Difference between the clock of the run and that of the machine above which the run is no live one.
+const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
+
+/// Camera whose images arrive as JPEG. Damaged ones are dropped; their numbers are missing.
+pub(crate) struct LiveCamera {
+    name: String,
+    view: LiveView,
+    grabber: Grabber,
+    captured: Captured,
+    damaged: u64,
+}
+
+impl LiveCamera {
+    /// Returns the sensor `name`.
+    pub fn new(name: &str, view: LiveView, grabber: Grabber) -> LiveCamera {
+        LiveCamera { name: name.to_owned(), view, grabber, captured: Captured::default(), damaged: 0 }
+    }
+}
+
+impl Sensor for LiveCamera {
+    fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
+        if now.seconds_after(Time::monotonic_now()).abs() > MAX_CLOCK_DIFFERENCE_S {
+            let reason = "a camera works only in real time: add --live to the command";
+            return Err(DeviceError::failed(&self.name, reason));
+        }
+        if self.grabber.newest(&mut self.captured) {
+            let Captured { arrival, sequence, jpeg } = &self.captured;
+            let stamp = *arrival - Duration::from_secs_f64(1e-3 * self.view.latency_ms);
+            let (header, bytes) = (self.view.header(stamp.0, *sequence), self.view.bytes());
+            let (size, encoding) = (self.view.size(), self.view.encoding);
+            let decoded =
+                outputs.try_publish_in_place(&self.name, &header, bytes, |pixels: &mut [u8]| {
+                    jpeg::decode(jpeg, size, encoding, pixels)
+                })?;
+            match decoded {
+                Ok(()) => {}
+                Err(wrong @ JpegError::WrongSize { .. }) => {
+                    return Err(DeviceError::failed(&self.name, wrong));
+                }
+                Err(damaged) => {
+                    self.damaged += 1;
+                    if self.damaged.is_power_of_two() {
+                        tracing::warn!(
+                            "sensor `{}`: {damaged}; {} images dropped so far",
+                            self.name,
+                            self.damaged
+                        );
+                    }
+                }
+            }
+        }
+        Ok(Due::At(now + POLL_PERIOD))
+    }
+}
