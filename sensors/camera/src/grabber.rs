@@ -1,6 +1,6 @@
 //! Thread that reads images from a source, and opens it again after it failed.
 
-use std::io::{self, Read};
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{JoinHandle, sleep};
@@ -8,16 +8,12 @@ use std::time::Duration;
 
 use yamabico_core::time::Time;
 
-use crate::jpeg_cutter::{Cut, JpegCutter};
+use crate::pixels::Pixels;
 
-/// Number of bytes read at once.
-const READ_SIZE: usize = 64 * 1024;
-/// Maximum size of an image, bytes.
-const MAX_IMAGE: usize = 8 << 20;
 /// Shortest and longest time between two attempts to open a source.
 const RETRY: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 
-/// Source of a stream of JPEG images.
+/// Source of images.
 pub(crate) trait Source: Send + 'static {
     /// Name for reports, such as an address.
     fn name(&self) -> String;
@@ -25,19 +21,30 @@ pub(crate) trait Source: Send + 'static {
     /// Opens the source, for the first time or again.
     ///
     /// # Errors
-    /// The source is not there.
-    fn open(&mut self) -> io::Result<Box<dyn Read>>;
+    /// The source is not there, or does not offer what is asked for.
+    fn open(&mut self) -> io::Result<Box<dyn Stream>>;
 }
 
-/// An image as it was captured.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Captured {
-    /// Arrival of its first byte.
-    pub arrival: Time,
-    /// Number of the image; missing numbers are images that a newer one replaced.
-    pub sequence: u64,
-    /// The image.
-    pub jpeg: Vec<u8>,
+/// Open source.
+pub(crate) trait Stream {
+    /// Waits for the next image.
+    ///
+    /// # Errors
+    /// The source has ended, failed, or is silent for too long.
+    fn next(&mut self) -> io::Result<Image>;
+}
+
+/// An image as a camera gave it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Image {
+    /// Time at which it was captured or, if the source does not know, at which it arrived.
+    pub stamp: Time,
+    /// Number of the image; missing ones were lost.
+    pub number: u64,
+    /// Arrangement of its bytes.
+    pub pixels: Pixels,
+    /// Its bytes.
+    pub data: Vec<u8>,
 }
 
 /// Grabber of images. Dropping it closes the source.
@@ -48,7 +55,7 @@ pub(crate) struct Grabber {
 
 #[derive(Default)]
 struct Shared {
-    newest: Mutex<Option<Captured>>,
+    newest: Mutex<Option<Image>>,
     is_over: AtomicBool,
 }
 
@@ -65,15 +72,9 @@ impl Grabber {
         Ok(Grabber { shared, thread: Some(thread) })
     }
 
-    /// Exchanges `captured` with the newest image. Returns false if there is none since the last call.
-    pub fn newest(&self, captured: &mut Captured) -> bool {
-        match self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner).take() {
-            Some(newest) => {
-                *captured = newest;
-                true
-            }
-            None => false,
-        }
+    /// Returns the newest image, once.
+    pub fn newest(&self) -> Option<Image> {
+        self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 
@@ -91,52 +92,38 @@ impl Shared {
     }
 
     fn run(&self, sensor: &str, mut source: impl Source) {
-        let (mut sequence, mut pause, mut told) = (0, RETRY[0], String::new());
+        let (mut count, mut pause, mut told) = (0, RETRY[0], String::new());
         while !self.is_over() {
-            let before = sequence;
+            let before = count;
+            let opened = source.open();
             let ended =
-                source.open().map_or_else(|error| error, |mut stream| self.read(&mut *stream, &mut sequence));
+                opened.map_or_else(|error| error, |mut stream| self.read(stream.as_mut(), &mut count));
             if self.is_over() {
                 return;
             }
             let text = format!("sensor `{sensor}`: {}: {ended}; trying again", source.name());
-            if text != told || sequence > before {
+            if text != told || count > before {
                 tracing::warn!("{text}");
                 told = text;
             }
-            pause = if sequence > before { RETRY[0] } else { (2 * pause).min(RETRY[1]) };
+            pause = if count > before { RETRY[0] } else { (2 * pause).min(RETRY[1]) };
             sleep(pause);
         }
     }
 
-    /// Reads images until the stream ends. Returns the reason.
-    fn read(&self, stream: &mut dyn Read, sequence: &mut u64) -> io::Error {
-        let mut bytes = vec![0; READ_SIZE];
-        let mut cutter = JpegCutter::new(MAX_IMAGE);
-        let mut arrival = Time::ZERO;
+    /// Reads images until the stream ends. Returns the reason. The numbers go on from stream to stream.
+    fn read(&self, stream: &mut dyn Stream, count: &mut u64) -> io::Error {
+        let begin = *count;
         while !self.is_over() {
-            let count = match stream.read(&mut bytes) {
-                Ok(0) => return io::Error::new(io::ErrorKind::UnexpectedEof, "the stream has ended"),
-                Ok(count) => count,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
-                    return io::Error::new(io::ErrorKind::TimedOut, "no image in time");
+            match stream.next() {
+                Ok(mut image) => {
+                    *count = begin + 1 + image.number;
+                    image.number = *count;
+                    *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(image);
                 }
                 Err(error) => return error,
-            };
-            let now = Time::monotonic_now();
-            cutter.push(&bytes[..count], |cut| match cut {
-                Cut::Begin => arrival = now,
-                Cut::Image(jpeg) => {
-                    *sequence += 1;
-                    self.put(Captured { arrival, sequence: *sequence, jpeg: jpeg.to_vec() });
-                }
-            });
+            }
         }
         io::Error::from(io::ErrorKind::Interrupted)
-    }
-
-    fn put(&self, captured: Captured) {
-        *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(captured);
     }
 }

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use yamabico_core::behavior::ParameterError;
 
-use crate::grabber::Source;
+use crate::grabber::{Source, Stream};
+use crate::jpeg_stream::JpegStream;
 use crate::live_config::live_camera;
 
 /// Maximum length of a response's head, bytes.
@@ -58,7 +59,7 @@ impl Source for HttpSource {
         format!("http://{}:{}{}", self.address.host, self.address.port, self.address.path)
     }
 
-    fn open(&mut self) -> io::Result<Box<dyn Read>> {
+    fn open(&mut self) -> io::Result<Box<dyn Stream>> {
         let mut failed = io::Error::new(io::ErrorKind::NotFound, "the host has no address");
         for address in (self.address.host.as_str(), self.address.port).to_socket_addrs()? {
             match TcpStream::connect_timeout(&address, self.timeout) {
@@ -76,7 +77,7 @@ impl Source for HttpSource {
 
 impl HttpSource {
     /// Sends the request, and returns the stream behind the response's head. HTTP 1.0: a server must not cut the body into chunks.
-    fn ask(&self, mut stream: TcpStream) -> io::Result<Box<dyn Read>> {
+    fn ask(&self, mut stream: TcpStream) -> io::Result<Box<dyn Stream>> {
         let Address { host, path, login, .. } = &self.address;
         let login =
             login.as_ref().map(|login| format!("Authorization: Basic {}\r\n", base64(login.as_bytes())));
@@ -95,7 +96,7 @@ impl HttpSource {
         while head.read_line(&mut line)? > 2 {
             line.clear();
         }
-        Ok(Box::new(reader))
+        Ok(Box::new(JpegStream::new(reader)))
     }
 }
 

@@ -20,10 +20,14 @@ mod grabber;
 mod http;
 pub mod jpeg;
 pub mod jpeg_cutter;
+mod jpeg_stream;
 mod live_camera;
 mod live_config;
+mod pixels;
 mod program;
 mod sequence;
+#[cfg(feature = "v4l2")]
+mod v4l2;
 
 pub use config::{ImageSequenceConfig, NoKeys};
 pub use files::SequenceError;
@@ -31,6 +35,8 @@ pub use http::HttpCameraConfig;
 pub use live_config::{LiveView, PixelFormat};
 pub use program::ProgramCameraConfig;
 pub use sequence::ImageSequence;
+#[cfg(feature = "v4l2")]
+pub use v4l2::V4l2CameraConfig;
 
 use grabber::{Grabber, Source};
 use http::HttpSource;
@@ -50,7 +56,8 @@ use yamabico_core::parameters::{read, schema_of};
 use yamabico_core::sensor::{DeviceError, Sensor};
 use yamabico_core::time::Time;
 
-/// Returns the driver `camera`, with sensors of the kinds `http`, `program` and `image-sequence`.
+/// Returns the driver `camera`, with sensors of the kinds `http`, `program` and `image-sequence`, and with the feature of that name
+/// `v4l2`.
 #[must_use]
 pub fn driver() -> Arc<dyn Driver> {
     let sensors = vec![
@@ -65,6 +72,11 @@ pub fn driver() -> Arc<dyn Driver> {
         SensorOffer::new::<FrameHeader, ProgramCameraConfig>(
             "program",
             "Motion JPEG from the output of a program, such as rpicam-vid, ffmpeg or GStreamer.",
+        ),
+        #[cfg(feature = "v4l2")]
+        SensorOffer::new::<FrameHeader, V4l2CameraConfig>(
+            "v4l2",
+            "USB and other cameras of the kernel; the format is chosen by size and rate, and the kernel stamps the frames.",
         ),
     ];
     let drive =
@@ -105,6 +117,8 @@ impl Driver for CameraDriver {
                 ProgramSource::new(&config)?;
                 live(config.view())
             }
+            #[cfg(feature = "v4l2")]
+            "v4l2" => live(read::<V4l2CameraConfig>(&sensor.table)?.view()),
             _ => {
                 let config: ImageSequenceConfig = read(&sensor.table)?;
                 Ok(SensorDescription { info: config.info(&sensor.name)?, max_item_bytes: config.bytes() })
@@ -131,6 +145,11 @@ impl Driver for CameraDriver {
                 "program" => {
                     let config: ProgramCameraConfig = read(&part.table)?;
                     Box::new(live(part, config.view(), ProgramSource::new(&config)?)?)
+                }
+                #[cfg(feature = "v4l2")]
+                "v4l2" => {
+                    let config: V4l2CameraConfig = read(&part.table)?;
+                    Box::new(live(part, config.view(), v4l2::V4l2Source::new(&config))?)
                 }
                 "image-sequence" => {
                     let config: ImageSequenceConfig = read(&part.table)?;

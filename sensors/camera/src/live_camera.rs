@@ -6,8 +6,8 @@ use yamabico_core::behavior::Outputs;
 use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
-use crate::grabber::{Captured, Grabber};
-use crate::jpeg::{self, JpegError};
+use crate::grabber::{Grabber, Image};
+use crate::jpeg::JpegError;
 use crate::live_config::LiveView;
 
 /// Time between two looks for a new image.
@@ -15,19 +15,18 @@ const POLL_PERIOD: Duration = Duration::from_millis(3);
 /// Difference between the clock of the run and that of the machine above which the run is no live one.
 const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
-/// Camera whose images arrive as JPEG. Damaged ones are dropped; their numbers are missing.
+/// Camera that sends by itself. Damaged ones are dropped; their numbers are missing.
 pub(crate) struct LiveCamera {
     name: String,
     view: LiveView,
     grabber: Grabber,
-    captured: Captured,
     damaged: u64,
 }
 
 impl LiveCamera {
     /// Returns the sensor `name`.
     pub fn new(name: &str, view: LiveView, grabber: Grabber) -> LiveCamera {
-        LiveCamera { name: name.to_owned(), view, grabber, captured: Captured::default(), damaged: 0 }
+        LiveCamera { name: name.to_owned(), view, grabber, damaged: 0 }
     }
 }
 
@@ -37,15 +36,13 @@ impl Sensor for LiveCamera {
             let reason = "a camera works only in real time: add --live to the command";
             return Err(DeviceError::failed(&self.name, reason));
         }
-        if self.grabber.newest(&mut self.captured) {
-            let Captured { arrival, sequence, jpeg } = &self.captured;
-            let stamp = *arrival - Duration::from_secs_f64(1e-3 * self.view.latency_ms);
-            let (header, bytes) = (self.view.header(stamp.0, *sequence), self.view.bytes());
+        if let Some(Image { stamp, number, pixels, data }) = self.grabber.newest() {
+            let stamp = stamp - Duration::from_secs_f64(1e-3 * self.view.latency_ms);
+            let (header, bytes) = (self.view.header(stamp.0, number), self.view.bytes());
             let (size, encoding) = (self.view.size(), self.view.encoding);
-            let decoded =
-                outputs.try_publish_in_place(&self.name, &header, bytes, |pixels: &mut [u8]| {
-                    jpeg::decode(jpeg, size, encoding, pixels)
-                })?;
+            let decoded = outputs.try_publish_in_place(&self.name, &header, bytes, |out: &mut [u8]| {
+                pixels.convert(&data, size, encoding, out)
+            })?;
             match decoded {
                 Ok(()) => {}
                 Err(wrong @ JpegError::WrongSize { .. }) => {

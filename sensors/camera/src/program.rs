@@ -6,7 +6,8 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use yamabico_core::behavior::ParameterError;
 
-use crate::grabber::Source;
+use crate::grabber::{Source, Stream};
+use crate::jpeg_stream::JpegStream;
 use crate::live_config::live_camera;
 
 live_camera! {
@@ -50,7 +51,7 @@ impl Source for ProgramSource {
         format!("`{}`", self.command.join(" "))
     }
 
-    fn open(&mut self) -> io::Result<Box<dyn Read>> {
+    fn open(&mut self) -> io::Result<Box<dyn Stream>> {
         let (program, arguments) = self.command.split_first().ok_or(io::ErrorKind::InvalidInput)?;
         let mut command = Command::new(program);
         // Its standard error appears beside that of this process.
@@ -62,7 +63,7 @@ impl Source for ProgramSource {
             _ => error,
         })?;
         let output = child.stdout.take().ok_or(io::ErrorKind::BrokenPipe)?;
-        Ok(Box::new(RunningProgram { child, output, timeout: self.timeout }))
+        Ok(Box::new(JpegStream::new(RunningProgram { child, output, timeout: self.timeout })))
     }
 }
 

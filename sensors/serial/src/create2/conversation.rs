@@ -166,6 +166,9 @@ impl Conversation for Create2 {
     fn receive(&mut self, bytes: &[u8], arrival: Time) {
         let mut frames = Vec::new();
         self.framer.push(bytes, |readings| frames.push(readings));
+        if frames.is_empty() {
+            return;
+        }
         let stamps = self.stamper.stamps(frames.len(), arrival);
         frames.iter().zip(stamps).for_each(|(readings, stamp)| self.take(readings, stamp, arrival));
     }
