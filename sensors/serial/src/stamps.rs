@@ -143,7 +143,7 @@ mod tests {
         let mut stamper = Stamper::default();
         let at = Time::from_secs_f64;
         assert_eq!(stamper.stamp(500.0, at(10.0)), at(10.0));
-        assert_eq!(stamper.stamp(500.1, at(10.13)), at(10.1));
+        assert!(stamper.stamp(500.1, at(10.13)).seconds_after(at(10.1)).abs() < 1e-6);
         assert_eq!(stamper.stamp(0.0, at(12.0)), at(12.0), "reset");
         assert!(stamper.stamp(0.0, at(12.0)) > at(12.0) - Duration::from_millis(1));
     }

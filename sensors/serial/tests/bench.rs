@@ -12,6 +12,9 @@ use yamabico_core::sensor::Robot;
 use yamabico_core::testing::Published;
 use yamabico_core::time::Time;
 
+/// Time in which a watchdog of 200 ms has stopped the robot, s, on a busy machine; an idle one takes 0.22.
+pub const MAX_STOP_S: f64 = 0.6;
+
 /// An open device.
 pub struct Bench {
     device: Device,

@@ -6,7 +6,7 @@ use yamabico_core::geometry::Twist;
 use yamabico_core::message::{Bumper, Odometry, RangeScanHeader};
 use yamabico_serial::create2::{Readings, driver};
 
-use crate::bench::{Bench, spec};
+use crate::bench::{Bench, MAX_STOP_S, spec};
 use crate::plug::{Device, Plug};
 
 const M_PER_COUNT: f64 = std::f64::consts::PI * 0.072 / 508.8;
@@ -190,7 +190,8 @@ fn it_stops_when_commands_stop() {
     bench.run_until(2.0, "does not drive", |_| plug.device().speeds[0] > 0.2);
     bench.twist = None;
     let took_s = bench.run_until(2.0, "drives on", |_| plug.device().speeds == [0.0; 2]);
-    assert!((0.1..0.35).contains(&took_s), "{took_s}");
+    println!("create2: stopped {took_s:.3} s after the last command");
+    assert!((0.1..MAX_STOP_S).contains(&took_s), "{took_s}");
 }
 
 #[test]
@@ -213,6 +214,7 @@ fn it_comes_back_after_its_cable_was_pulled_and_after_a_reset() {
         let back = |bench: &mut Bench| !bench.messages::<Odometry>("encoders").is_empty();
         let took_s = bench.run_until(4.0, "not back", back);
         assert!(plug.device().starts > starts, "stopped before it was driven again");
+        println!("create2: measures again {took_s:.2} s after its cable is back");
         assert!(took_s < 2.0, "round {round}: {took_s}");
         let after = bench.messages::<Odometry>("encoders")[0];
         let jump_m = (after.x - before.x).abs();

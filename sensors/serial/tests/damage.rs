@@ -42,7 +42,7 @@ fn torture<F: Frame>(name: &str, frame: &dyn Fn(u64) -> Vec<u8>) {
         damaged.push(&piece, |_| {});
     }
     let share = damaged.frames() as f64 / sent as f64;
-    assert!(share > 0.2, "{name}: {share} of the frames survive");
+    assert!(share > 0.1, "{name}: {share} of the frames survive");
 
     let (mut behind, mut late) = (0, 0);
     for round in 0..20_000 {

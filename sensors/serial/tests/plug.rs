@@ -10,6 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 /// A device as a test plays it.
 pub trait Device: Send + 'static {
@@ -110,6 +111,10 @@ impl DeviceLine {
         grantpt(&master).unwrap();
         unlockpt(&master).unwrap();
         rustix::io::ioctl_fionbio(&master, true).unwrap();
+        // A port that nobody has opened echoes nothing.
+        let mut settings = tcgetattr(&master).unwrap();
+        settings.make_raw();
+        tcsetattr(&master, OptionalActions::Now, &settings).unwrap();
         let name = ptsname(&master, Vec::new()).unwrap().into_string().unwrap();
         symlink(Path::new(&name), &self.path).unwrap();
         self.master = Some(File::from(master));

@@ -39,7 +39,8 @@ impl Packet {
     /// Returns the angle from the first to the last point, hundredths of a degree.
     #[must_use]
     pub fn span(&self) -> u16 {
-        (self.angles[1] + FULL_TURN - self.angles[0]) % FULL_TURN
+        let [first, last] = self.angles.map(|angle| angle % FULL_TURN);
+        if last >= first { last - first } else { FULL_TURN - first + last }
     }
 
     /// Returns the bytes of the packet, as the lidar sends it.
