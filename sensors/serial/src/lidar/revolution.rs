@@ -110,7 +110,7 @@ impl Revolution {
         let Some(beam) = self.ranges.get_mut((share * count as f64).round() as usize % count.max(1)) else {
             return;
         };
-        let range_m = 1e-3 * f64::from(distance_mm);
+        let range_m = f64::from(distance_mm) / 1000.0;
         let [min_m, max_m] = self.mounting.range_m;
         let is_echo = intensity > 0 && (min_m..=max_m).contains(&range_m);
         // NaN gives way to any range.

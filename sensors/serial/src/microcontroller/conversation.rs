@@ -151,7 +151,7 @@ impl SonarRing {
             let echo_m = match sonar {
                 Sonar::Unchanged => continue,
                 Sonar::Silent => None,
-                Sonar::Echo(range_mm) => Some(1e-3 * f64::from(*range_mm)),
+                Sonar::Echo(range_mm) => Some(f64::from(*range_mm) / 1000.0),
             };
             let [_, max_m] = self.range_m;
             let echo_m = echo_m.filter(|range_m| *range_m <= max_m);
