@@ -1,10 +1,12 @@
 //! Cameras of the kernel (Video4Linux 2), such as USB cameras.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use moq_v4l::buffer::{Flags, Type};
+use moq_v4l::control::{Control, Type as ControlType, Value};
 use moq_v4l::frameinterval::FrameIntervalEnum;
 use moq_v4l::framesize::FrameSizeEnum;
 use moq_v4l::io::mmap::Stream as Buffers;
@@ -34,6 +36,10 @@ live_camera! {
         #[serde_inline_default(2000.0)]
         #[schemars(range(min = 100.0, max = 60000.0))]
         pub timeout_ms: f64,
+        /// Controls of the camera and their values, such as `{ auto_exposure = 1, exposure_time_absolute = 100 }`; an unknown
+        /// one is refused with the list of those that the camera has.
+        #[serde(default)]
+        pub controls: BTreeMap<String, i64>,
     }
 }
 
@@ -43,6 +49,7 @@ pub(crate) struct V4l2Source {
     size: [u32; 2],
     rate_hz: f64,
     timeout_ms: i32,
+    controls: BTreeMap<String, i64>,
 }
 
 /// A format that a camera offers at one size.
@@ -61,6 +68,7 @@ impl V4l2Source {
             size: config.view().size(),
             rate_hz: config.rate_hz,
             timeout_ms: config.timeout_ms as i32,
+            controls: config.controls.clone(),
         }
     }
 }
@@ -90,10 +98,46 @@ impl Source for V4l2Source {
             b"MJPG" | b"JPEG" => Pixels::Jpeg,
             _ => Pixels::Luma(format.stride as usize),
         };
+        set_controls(&device, &self.controls)?;
         let buffers = Buffers::with_buffers(&device, Type::VideoCapture, BUFFERS)?;
         let (timeout_ms, first) = (self.timeout_ms, None);
-        Ok(Box::new(V4l2Stream { buffers, _device: device, pixels, timeout_ms, is_started: false, first }))
+        Ok(Box::new(V4l2Stream { buffers, pixels, timeout_ms, is_started: false, first }))
     }
+}
+
+/// Sets controls by their names in lowercase with `_`, in the order of the camera: a mode comes before the value that it frees.
+fn set_controls(device: &Device, wanted: &BTreeMap<String, i64>) -> io::Result<()> {
+    if wanted.is_empty() {
+        return Ok(());
+    }
+    let key = |name: &str| name.to_lowercase().replace([' ', ',', '-'], "_").replace("__", "_");
+    let known = device.query_controls()?;
+    if let Some(unknown) = wanted.keys().find(|name| known.iter().all(|control| key(&control.name) != **name))
+    {
+        let names: Vec<String> = known.iter().map(|control| key(&control.name)).collect();
+        return Err(io::Error::other(format!(
+            "the camera has no control `{unknown}`; it has {}",
+            names.join(", ")
+        )));
+    }
+    for control in &known {
+        let Some(value) = wanted.get(&key(&control.name)).copied() else { continue };
+        let value = if control.typ == ControlType::Boolean {
+            Value::Boolean(value != 0)
+        } else {
+            Value::Integer(value)
+        };
+        let told = format!(
+            "the camera refuses `{}` (range {} to {})",
+            key(&control.name),
+            control.minimum,
+            control.maximum
+        );
+        device
+            .set_control(Control { id: control.id, value })
+            .map_err(|error| io::Error::other(format!("{told}: {error}")))?;
+    }
+    Ok(())
 }
 
 /// Four characters of the format with luma alone.
@@ -162,7 +206,6 @@ fn choose(offers: &[Offer], size: [u32; 2], rate_hz: f64) -> Result<&Offer, Stri
 /// An open camera. Its process ends with it in the worst case: the buffers of the library panic when a driver refuses to stop.
 struct V4l2Stream {
     buffers: Buffers<'static>,
-    _device: Device,
     pixels: Pixels,
     timeout_ms: i32,
     is_started: bool,

@@ -16,6 +16,8 @@ use crate::port::{self, PortError};
 const REOPEN_PERIOD: Duration = Duration::from_millis(200);
 /// Length of the pulse on the control lines that wakes a device.
 const WAKE_PULSE: Duration = Duration::from_millis(300);
+/// Time without a valid frame after which the line is reported.
+const SILENCE: Duration = Duration::from_secs(3);
 /// Number of bytes read at once.
 const READ_SIZE: usize = 4096;
 
@@ -30,6 +32,9 @@ pub trait Conversation: Send + 'static {
     /// Appends the bytes to send at `now` to `out`. Called after bytes arrived and after a new command, and at least every 10 ms:
     /// this is where a watchdog stops the robot.
     fn turn(&mut self, now: Time, out: &mut Vec<u8>);
+
+    /// Returns the number of valid frames so far, and of the bytes that were part of none.
+    fn frames(&self) -> (u64, u64);
 
     /// Appends the bytes that stop the robot for good.
     fn end(&mut self, _out: &mut Vec<u8>) {}
@@ -159,6 +164,7 @@ impl<C: Conversation> Shared<C> {
     /// Reads and answers until the line is dropped. Returns the error that ended it.
     fn read(&self, port: &SerialPort) -> io::Error {
         let mut bytes = [0; READ_SIZE];
+        let mut silence = Silence { frames: 0, since: Time::monotonic_now(), is_told: false };
         while !self.is_over() {
             let count = match port.read(&mut bytes) {
                 // A terminal without its other side ends.
@@ -176,12 +182,39 @@ impl<C: Conversation> Shared<C> {
                 Err(error) if !is_pause(&error) => return error,
                 _ => {}
             }
+            if let Some(skipped) = silence.watch(end.conversation.frames(), now) {
+                let (device, port, baud) =
+                    (&self.config.device, self.config.port.display(), self.config.baud);
+                tracing::warn!(
+                    "device `{device}`: nothing valid arrives on {port} at {baud} baud ({skipped} other bytes so far): is it \
+                     switched on, and are port and baud rate right?"
+                );
+            }
             if end.conversation.wants_waking(now) {
                 drop(end);
                 wake(port);
             }
         }
         io::Error::from(io::ErrorKind::Interrupted)
+    }
+}
+
+/// Watch for a device that is connected but says nothing.
+struct Silence {
+    frames: u64,
+    since: Time,
+    is_told: bool,
+}
+
+impl Silence {
+    /// Returns the number of invalid bytes, once, when no valid frame has arrived for too long.
+    fn watch(&mut self, (frames, skipped): (u64, u64), now: Time) -> Option<u64> {
+        if frames != self.frames {
+            *self = Silence { frames, since: now, is_told: false };
+        }
+        let is_silent = now.since(self.since) > SILENCE && !self.is_told;
+        self.is_told |= is_silent;
+        is_silent.then_some(skipped)
     }
 }
 

@@ -184,6 +184,10 @@ impl Conversation for Create2 {
         }
     }
 
+    fn frames(&self) -> (u64, u64) {
+        (self.framer.frames(), self.framer.skipped())
+    }
+
     fn end(&mut self, out: &mut Vec<u8>) {
         out.extend([DRIVE_DIRECT, 0, 0, 0, 0]);
     }

@@ -144,4 +144,8 @@ impl Conversation for Lidar {
     }
 
     fn turn(&mut self, _: Time, _: &mut Vec<u8>) {}
+
+    fn frames(&self) -> (u64, u64) {
+        (self.framer.frames(), self.framer.skipped())
+    }
 }

@@ -191,6 +191,10 @@ impl Conversation for Microcontroller {
         }
     }
 
+    fn frames(&self) -> (u64, u64) {
+        (self.framer.frames(), self.framer.skipped())
+    }
+
     fn end(&mut self, out: &mut Vec<u8>) {
         self.drive_sequence = self.drive_sequence.wrapping_add(1);
         Line::Drive { sequence: self.drive_sequence, speeds: [0, 0] }.encode(out);

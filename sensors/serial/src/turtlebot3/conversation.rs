@@ -133,6 +133,10 @@ impl Conversation for TurtleBot3 {
         self.ask(now, out);
     }
 
+    fn frames(&self) -> (u64, u64) {
+        (self.framer.frames(), self.framer.skipped())
+    }
+
     fn end(&mut self, out: &mut Vec<u8>) {
         Packet::write(ID, VELOCITY, &velocity(0.0, 0.0)).encode(out);
     }
