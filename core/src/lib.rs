@@ -10,6 +10,7 @@
 //! | [`behavior`] | The interface of a behavior: [`Plugin`](behavior::Plugin), [`Behavior`](behavior::Behavior), its inputs and outputs |
 //! | [`sensor`], [`drive`] | The interfaces of a [`Sensor`](sensor::Sensor) and of a [`Drive`](drive::Drive) |
 //! | [`driver`] | The interface of a [`Driver`](driver::Driver), which opens devices with their sensors and drives |
+//! | [`device_file`] | Device files of the operating system, and the remedies for their errors |
 //! | [`message`] | All message types, such as [`FrameHeader`](message::FrameHeader), [`Proposal`](message::Proposal) and [`Command`](message::Command) |
 //! | [`testing`] | [`Bench`](testing::Bench), which runs one behavior without robot, bus and clock |
 //! | [`time`], [`odometry_track`] | Time stamps, and the robot's pose at a recent time |
@@ -67,6 +68,7 @@
 //! ```
 
 pub mod behavior;
+pub mod device_file;
 pub mod drive;
 pub mod driver;
 mod gyro_track;

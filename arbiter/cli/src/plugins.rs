@@ -17,6 +17,10 @@ pub fn plugins() -> Plugins {
             factory::<yamabico_teleop::Teleop>(),
             factory::<yamabico_wall_follower::WallFollower>(),
         ],
-        drivers: vec![yamabico_camera::driver(), yamabico_recording::driver(), yamabico_sim::driver()],
+        drivers: [
+            vec![yamabico_camera::driver(), yamabico_recording::driver(), yamabico_sim::driver()],
+            yamabico_serial::drivers(),
+        ]
+        .concat(),
     }
 }

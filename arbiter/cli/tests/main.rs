@@ -4,6 +4,7 @@
 
 mod broken_recordings;
 mod chaos;
+mod devices;
 mod documents;
 mod goto;
 mod learn_floor;

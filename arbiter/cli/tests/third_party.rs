@@ -222,6 +222,28 @@ fn an_external_driver_runs_on_the_machines_clock_or_its_own() {
 }
 
 #[test]
+fn a_new_driver_is_checked_and_driven() {
+    let new = Crate::new("new-driver");
+    assert_exit(
+        &new.yamabico(&["new", "driver", "wheels"]),
+        0,
+        &["created wheels", "src/main.rs", "robot.toml"],
+    );
+    let robot = new.folder.file("wheels/robot.toml");
+    let exec = format!("\"{}\"", example("new-driver").display());
+    let toml = std::fs::read_to_string(&robot).unwrap();
+    std::fs::write(&robot, toml.replace("\"target/debug/wheels\"", &exec)).unwrap();
+    let task = new.folder.file("wheels/task.toml");
+    let task = task.to_str().unwrap();
+    assert_exit(&new.yamabico(&["check", task]), 0, &["programs to start", "base ("]);
+    let wrong = new.yamabico(&["check", task, "--set", "robot.sensors.wheels.period_ms=0"]);
+    assert_exit(&wrong, 2, &["period_ms"]);
+    let name = format!("robot.name={}", new.name);
+    let ran = new.yamabico(&["run", task, "--live", "--json", "--set", &name, "--set", "run.duration_s=2"]);
+    assert!(ran.status.success(), "{}", text(&ran));
+}
+
+#[test]
 fn clock_driver_needs_a_driver_with_a_clock() {
     let new = Crate::new("clock");
     let task = config("corridor.toml");

@@ -1,5 +1,7 @@
 //! Outputs of one plugin: a publisher for each of them.
 
+use std::ops::ControlFlow;
+
 use crate::bus::{Bus, BusError, RawPublisher};
 use yamabico_core::behavior::{OutputSink, PublishError};
 use yamabico_core::message::MessageType;
@@ -46,9 +48,11 @@ impl OutputSink for OutputPorts {
         message: &MessageType,
         header: &[u8],
         len: usize,
-        fill: &mut dyn FnMut(&mut [u8]),
+        fill: &mut dyn FnMut(&mut [u8]) -> ControlFlow<()>,
     ) -> Result<(), PublishError> {
-        self.find(name, message)?.publish_in_place(header, len, fill).map_err(|error| refused(name, error))
+        self.find(name, message)?
+            .try_publish_in_place(header, len, fill)
+            .map_err(|error| refused(name, error))
     }
 }
 

@@ -1,5 +1,7 @@
 //! Outputs of a behavior or a driver, and the reasons why a message is not published.
 
+use std::ops::ControlFlow;
+
 use super::Slot;
 use crate::message::{Message, MessageType};
 use crate::overlay::Overlay;
@@ -18,7 +20,7 @@ pub trait OutputSink {
         items: &[u8],
     ) -> Result<(), PublishError>;
 
-    /// Publishes a message whose `len` bytes of items are written in place by `fill`.
+    /// Publishes a message whose `len` bytes of items are written in place by `fill`, unless `fill` breaks.
     ///
     /// # Errors
     /// Same as [`OutputSink::publish`].
@@ -28,7 +30,7 @@ pub trait OutputSink {
         message: &MessageType,
         header: &[u8],
         len: usize,
-        fill: &mut dyn FnMut(&mut [u8]),
+        fill: &mut dyn FnMut(&mut [u8]) -> ControlFlow<()>,
     ) -> Result<(), PublishError>;
 }
 
@@ -142,17 +144,42 @@ impl<'a> Outputs<'a> {
         len: usize,
         mut fill: impl FnMut(&mut [M::Item]),
     ) -> Result<(), PublishError> {
+        let filled = self.try_publish_in_place(name, header, len, |items| {
+            fill(items);
+            Ok::<(), std::convert::Infallible>(())
+        })?;
+        let Ok(()) = filled;
+        Ok(())
+    }
+
+    /// Publishes a message with `len` items that `fill` writes directly into shared memory, or nothing if `fill` fails. Returns the
+    /// result of `fill`.
+    ///
+    /// # Errors
+    /// See [`PublishError`].
+    pub fn try_publish_in_place<M: Message, E>(
+        &mut self,
+        name: &str,
+        header: &M,
+        len: usize,
+        mut fill: impl FnMut(&mut [M::Item]) -> Result<(), E>,
+    ) -> Result<Result<(), E>, PublishError> {
         let bytes = len.saturating_mul(size_of::<M::Item>());
+        let mut filled = Ok(());
         self.sink.publish_in_place(
             name,
             &MessageType::of::<M>(),
             bytemuck::bytes_of(header),
             bytes,
             &mut |bytes| match bytemuck::try_cast_slice_mut(bytes) {
-                Ok(items) => fill(items),
+                Ok(items) => {
+                    filled = fill(items);
+                    if filled.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+                }
                 // Shared memory may hold data of an earlier message: do not publish it.
-                Err(_) => bytes.fill(0),
+                Err(_) => ControlFlow::Break(()),
             },
-        )
+        )?;
+        Ok(filled)
     }
 }

@@ -1,5 +1,7 @@
 //! Messages published during a test.
 
+use std::ops::ControlFlow;
+
 use crate::behavior::{OutputSink, PublishError, SlotInfo};
 use crate::message::{Message, MessageType};
 use crate::message::{RawMessage, View};
@@ -69,10 +71,14 @@ impl OutputSink for Published {
         message: &MessageType,
         header: &[u8],
         len: usize,
-        fill: &mut dyn FnMut(&mut [u8]),
+        fill: &mut dyn FnMut(&mut [u8]) -> ControlFlow<()>,
     ) -> Result<(), PublishError> {
         let mut items = uncounted(|| vec![0_u64; len.div_ceil(8)]);
-        fill(&mut bytemuck::cast_slice_mut(&mut items)[..len]);
-        self.publish(name, message, header, &bytemuck::cast_slice(&items)[..len])
+        match fill(&mut bytemuck::cast_slice_mut(&mut items)[..len]) {
+            ControlFlow::Continue(()) => {
+                self.publish(name, message, header, &bytemuck::cast_slice(&items)[..len])
+            }
+            ControlFlow::Break(()) => Ok(()),
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Cost of overlays: of the seam while nobody looks, and of drawing.
 
 use std::hint::black_box;
+use std::ops::ControlFlow;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -129,7 +130,7 @@ impl OutputSink for NoSink {
         _: &MessageType,
         _: &[u8],
         _: usize,
-        _: &mut dyn FnMut(&mut [u8]),
+        _: &mut dyn FnMut(&mut [u8]) -> ControlFlow<()>,
     ) -> Result<(), PublishError> {
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! `yamabico new`: a behavior to start from, or a building to drive in.
+//! `yamabico new`: a behavior or a driver to start from, or a building to drive in.
 
 use std::path::{Path, PathBuf};
 
@@ -16,15 +16,17 @@ const MAX_NAME: usize = 32;
 #[derive(Subcommand)]
 pub enum New {
     /// Create a behavior as a program of its own, in Rust or Python, with a test and a task that runs it.
-    Behavior(BehaviorArguments),
+    Behavior(PluginArguments),
+    /// Create a driver as a program of its own, in Rust or Python, with a test, a robot and a task that drives it by hand.
+    Driver(PluginArguments),
     /// Draw a building from a seed: a simulated hallway with its map, a robot, and a task with the map and one without.
     Building(BuildingArguments),
 }
 
-/// Arguments of `new behavior`.
+/// Arguments of `new behavior` and `new driver`.
 #[derive(Args)]
-pub struct BehaviorArguments {
-    /// Name of the behavior and of its folder: lowercase letters, digits and `-`.
+pub struct PluginArguments {
+    /// Name of the plugin and of its folder: lowercase letters, digits and `-`.
     name: String,
     /// Write it in Python instead of Rust.
     #[arg(long)]
@@ -69,11 +71,11 @@ struct Created {
     run: String,
 }
 
-/// The files of a new behavior.
+/// The files of a new plugin.
 struct Template {
     /// Names and contents.
     files: &'static [(&'static str, &'static str)],
-    /// Value of `exec` in the task.
+    /// Value of `exec` in the task or the robot.
     exec: &'static str,
     /// Commands that test and build it.
     build: &'static [&'static str],
@@ -81,7 +83,7 @@ struct Template {
 
 const TASK: (&str, &str) = ("task.toml", include_str!("../../templates/behavior/task.toml"));
 
-const RUST: Template = Template {
+const RUST_BEHAVIOR: Template = Template {
     files: &[
         ("Cargo.toml", include_str!("../../templates/behavior/Cargo.toml.txt")),
         ("src/main.rs", include_str!("../../templates/behavior/main.rs")),
@@ -92,7 +94,7 @@ const RUST: Template = Template {
     build: &["cargo test", "cargo build"],
 };
 
-const PYTHON: Template = Template {
+const PYTHON_BEHAVIOR: Template = Template {
     files: &[
         ("behavior.py", include_str!("../../templates/python_behavior/behavior.py")),
         ("test_behavior.py", include_str!("../../templates/python_behavior/test_behavior.py")),
@@ -107,10 +109,39 @@ const PYTHON: Template = Template {
     ],
 };
 
+const DRIVER_TASK: [(&str, &str); 2] = [
+    ("robot.toml", include_str!("../../templates/driver/robot.toml")),
+    ("task.toml", include_str!("../../templates/driver/task.toml")),
+];
+
+const RUST_DRIVER: Template = Template {
+    files: &[
+        ("Cargo.toml", include_str!("../../templates/driver/Cargo.toml.txt")),
+        ("src/main.rs", include_str!("../../templates/driver/main.rs")),
+        DRIVER_TASK[0],
+        DRIVER_TASK[1],
+        (".gitignore", "/target\n/out\n"),
+    ],
+    ..RUST_BEHAVIOR
+};
+
+const PYTHON_DRIVER: Template = Template {
+    files: &[
+        ("driver.py", include_str!("../../templates/python_driver/driver.py")),
+        ("test_driver.py", include_str!("../../templates/python_driver/test_driver.py")),
+        DRIVER_TASK[0],
+        DRIVER_TASK[1],
+        (".gitignore", "/venv\n/out\n__pycache__\n"),
+    ],
+    exec: "\"venv/bin/python\", \"./driver.py\"",
+    ..PYTHON_BEHAVIOR
+};
+
 /// Creates it.
 pub fn new(new: &New, print: Print) -> CommandResult {
     match new {
-        New::Behavior(arguments) => new_behavior(arguments, print),
+        New::Behavior(arguments) => new_plugin(arguments, [RUST_BEHAVIOR, PYTHON_BEHAVIOR], print),
+        New::Driver(arguments) => new_plugin(arguments, [RUST_DRIVER, PYTHON_DRIVER], print),
         New::Building(arguments) => new_building(arguments, print),
     }
 }
@@ -142,8 +173,9 @@ fn create_building(arguments: &BuildingArguments) -> Result<CreatedBuilding, Str
     Ok(CreatedBuilding { folder, files, properties: building.properties })
 }
 
-fn new_behavior(arguments: &BehaviorArguments, print: Print) -> CommandResult {
-    let created = create_behavior(arguments).map_err(Failure::usage)?;
+/// Creates a plugin from one of the templates for Rust and Python.
+fn new_plugin(arguments: &PluginArguments, templates: [Template; 2], print: Print) -> CommandResult {
+    let created = create_plugin(arguments, templates).map_err(Failure::usage)?;
     print.show(&created, |created| {
         let files = created.files.iter().map(|file| format!("  {file}\n"));
         format!(
@@ -156,7 +188,7 @@ fn new_behavior(arguments: &BehaviorArguments, print: Print) -> CommandResult {
     Ok(DONE)
 }
 
-fn create_behavior(arguments: &BehaviorArguments) -> Result<Created, String> {
+fn create_plugin(arguments: &PluginArguments, [rust, python]: [Template; 2]) -> Result<Created, String> {
     let repository = find_repository(arguments.repository.as_deref())?;
     let name = arguments.name.as_str();
     let is_allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -173,7 +205,7 @@ fn create_behavior(arguments: &BehaviorArguments) -> Result<Created, String> {
         return Err(format!("{name} already exists here: choose another name, or change to another folder"));
     }
     let failed = |path: &Path, error| format!("cannot write {}: {error}", path.display());
-    let template = if arguments.python { PYTHON } else { RUST };
+    let template = if arguments.python { python } else { rust };
     let run = [template.build, &["yamabico run task.toml --live"]].concat().join(" && ");
     let fill = |text: &str| {
         let text = text.replace("@run@", &run).replace("@exec@", template.exec);

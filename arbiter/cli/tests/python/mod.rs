@@ -71,6 +71,28 @@ fn a_package_of_another_version_is_refused_and_both_versions_are_named() {
 }
 
 #[test]
+fn a_new_driver_in_python_passes_its_tests_and_is_checked() {
+    let Some(python) = venv::interpreter(binary()) else { return };
+    let place = std::env::temp_dir().join(format!("yamabico-python-driver-{}", std::process::id()));
+    std::fs::create_dir_all(&place).unwrap();
+    let mut begin = Command::new(binary());
+    let begin = begin
+        .args(["new", "driver", "wheels", "--python", "--repository"])
+        .arg(yamabico_testkit::workspace());
+    let begun = begin.current_dir(&place).output().unwrap();
+    assert!(begun.status.success(), "{}", text(&begun));
+    let folder = place.join("wheels");
+    let tests = Command::new(&python).args(["-m", "unittest"]).current_dir(&folder).output().unwrap();
+    assert!(tests.status.success() && text(&tests).contains("Ran 2 tests"), "{}", text(&tests));
+    let robot = folder.join("robot.toml");
+    let toml = std::fs::read_to_string(&robot).unwrap();
+    std::fs::write(&robot, toml.replace("venv/bin/python", python.to_str().unwrap())).unwrap();
+    let checked = yamabico(&python, &["check", folder.join("task.toml").to_str().unwrap()]);
+    let _ = std::fs::remove_dir_all(&place);
+    assert_exit(&checked, 0, &["base ("]);
+}
+
+#[test]
 fn a_new_behavior_in_python_passes_its_tests_and_drives() {
     let Some(python) = venv::interpreter(binary()) else { return };
     let name = format!("python-new-{}", std::process::id());

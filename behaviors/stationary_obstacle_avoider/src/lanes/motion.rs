@@ -139,7 +139,7 @@ impl FloorMotion {
 /// Direction in the fan, of an offset from the camera; `None` if it is not in it.
 fn bin(off: Vector2<f64>) -> Option<usize> {
     let share = 0.5 + 0.5 * off.y / (off.x * MAX_SLOPE);
-    (off.x > 0.0 && (0.0..1.0).contains(&share)).then(|| (share * BINS as f64) as usize)
+    (off.x > 0.0 && (0.0..1.0).contains(&share)).then_some((share * BINS as f64) as usize)
 }
 
 /// Vote of a point on the stretch of a column that looks different.

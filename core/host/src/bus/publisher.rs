@@ -1,6 +1,7 @@
 //! Publishers of a topic.
 
 use std::marker::PhantomData;
+use std::ops::ControlFlow;
 
 use iceoryx2::port::LoanError;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
@@ -156,9 +157,25 @@ impl RawPublisher {
         len: usize,
         fill: impl FnOnce(&mut [u8]),
     ) -> Result<(), BusError> {
+        self.try_publish_in_place(header, len, |bytes| {
+            fill(bytes);
+            ControlFlow::Continue(())
+        })
+    }
+
+    /// Like [`RawPublisher::publish_in_place`], but publishes nothing if `fill` breaks.
+    ///
+    /// # Errors
+    /// Like [`RawPublisher::publish`].
+    pub fn try_publish_in_place(
+        &self,
+        header: &[u8],
+        len: usize,
+        fill: impl FnOnce(&mut [u8]) -> ControlFlow<()>,
+    ) -> Result<(), BusError> {
         self.check(header, len)?;
-        either!(&self.port, port => self.send(port, header, len, fill))?;
-        if let Some(notifier) = &self.notifier {
+        let sent = either!(&self.port, port => self.send(port, header, len, fill))?;
+        if let (ControlFlow::Continue(()), Some(notifier)) = (sent, &self.notifier) {
             notifier.notify();
         }
         Ok(())
@@ -179,8 +196,8 @@ impl RawPublisher {
         port: &Port<S>,
         header: &[u8],
         len: usize,
-        fill: impl FnOnce(&mut [u8]),
-    ) -> Result<(), BusError> {
+        fill: impl FnOnce(&mut [u8]) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, BusError> {
         let mut sample = port.loan_slice_uninit(len).map_err(|e| match e {
             LoanError::ExceedsMaxLoanSize => self.too_long(len),
             e => BusError::transport("publish on", &self.topic, e),
@@ -203,11 +220,13 @@ impl RawPublisher {
             of the local service's heap, zeroed above"
         )]
         let items = unsafe { std::slice::from_raw_parts_mut(items.as_mut_ptr().cast::<u8>(), items.len()) };
-        fill(items);
+        if fill(items).is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
         #[allow(unsafe_code, reason = "header and items are bytes, for which every value is valid")]
         let sample = unsafe { sample.assume_init() };
         sample.send().map_err(|e| BusError::transport("publish on", &self.topic, e))?;
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     fn check(&self, header: &[u8], len: usize) -> Result<(), BusError> {

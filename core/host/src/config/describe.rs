@@ -11,7 +11,7 @@ use super::tables::{
     ArbiterKeys, BehaviorKeys, FootprintKeys, LimitsKeys, PartKeys, RunKeys, SensorKeys, WireKeys,
 };
 use yamabico_core::behavior::{BehaviorInfo, SlotInfo};
-use yamabico_core::driver::SensorOffer;
+use yamabico_core::driver::{DriveOffer, SensorOffer};
 use yamabico_core::message::Axes;
 use yamabico_core::plugins::Plugins;
 use yamabico_parameters::{Shape, instead, number, unit_of};
@@ -300,6 +300,18 @@ pub(crate) fn kinds_of_sensors(plugins: &Plugins) -> BTreeMap<&str, Vec<(&str, &
     for driver in &plugins.drivers {
         let info = driver.info();
         for offer in &info.sensors {
+            kinds.entry(&*offer.kind).or_default().push((&*info.name, offer));
+        }
+    }
+    kinds
+}
+
+/// Returns every kind of drive with the drivers that offer it.
+pub(crate) fn kinds_of_drives(plugins: &Plugins) -> BTreeMap<&str, Vec<(&str, &DriveOffer)>> {
+    let mut kinds = BTreeMap::<_, Vec<_>>::new();
+    for driver in &plugins.drivers {
+        let info = driver.info();
+        for offer in &info.drives {
             kinds.entry(&*offer.kind).or_default().push((&*info.name, offer));
         }
     }

@@ -1,11 +1,11 @@
 //! `yamabico teleop`: driving a running robot with the keyboard or a joystick.
 
-#[cfg(feature = "joystick")]
 mod joystick;
 mod keys;
 mod screen;
 
 use std::io::IsTerminal;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -20,6 +20,7 @@ use yamabico_runtime::client::{Request, RobotClient};
 use crate::interrupt::interrupt_flag;
 use crate::output::{CommandResult, DONE, Failure};
 use crate::robot_argument::RobotArgument;
+use joystick::{AxisMap, JoystickChoice};
 use keys::{KeyCommand, Keyboard, command};
 use screen::Screen;
 
@@ -34,10 +35,17 @@ const HELP: &str = "arrows or i , j l: drive while held   u o m .: arcs   J L: s
 /// Arguments of `teleop`.
 #[derive(Args)]
 pub struct Arguments {
-    /// Drives with a joystick instead of the keyboard, while its left upper trigger is held.
-    #[cfg(feature = "joystick")]
-    #[arg(long)]
-    joystick: bool,
+    /// Drives with a joystick instead of the keyboard, while its left upper trigger is held: with the first one, or with this
+    /// device file.
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
+    joystick: Option<Option<PathBuf>>,
+    /// Numbers of the joystick's axes that drive forward, left and turn left; a minus reverses one. The status line shows the
+    /// numbers.
+    #[arg(long, value_name = "AXES", default_value = "-1,-0,-3", allow_hyphen_values = true)]
+    axes: AxisMap,
+    /// Number of the joystick's button that is held to drive.
+    #[arg(long, value_name = "BUTTON", default_value_t = 4)]
+    hold: u8,
     #[command(flatten)]
     robot: RobotArgument,
 }
@@ -53,21 +61,20 @@ pub fn teleop(arguments: &Arguments) -> CommandResult {
              its task, as in configs/teleop.toml"
         )));
     }
-    #[cfg(feature = "joystick")]
-    let by_joystick = arguments.joystick;
-    #[cfg(not(feature = "joystick"))]
-    let by_joystick = false;
-    if !by_joystick && !std::io::stdin().is_terminal() {
+    let joystick = arguments.joystick.clone();
+    let joystick =
+        joystick.map(|device| JoystickChoice { device, axes: arguments.axes, hold: arguments.hold });
+    if joystick.is_none() && !std::io::stdin().is_terminal() {
         return Err(Failure::usage(
             "standard input is not a terminal, so no keys can be read: run it in a terminal",
         ));
     }
     let interrupt = interrupt_flag()?;
     let mut session = Session { robot, client, stick, sequence: 0, was_held: false };
-    #[cfg(feature = "joystick")]
-    let outcome = if by_joystick { session.by_joystick(&interrupt) } else { session.by_keys(&interrupt) };
-    #[cfg(not(feature = "joystick"))]
-    let outcome = session.by_keys(&interrupt);
+    let outcome = match joystick {
+        Some(choice) => session.by_joystick(&choice, &interrupt),
+        None => session.by_keys(&interrupt),
+    };
     outcome.map(|()| DONE).map_err(Failure::not_done)
 }
 

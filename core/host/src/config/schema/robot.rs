@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use super::super::describe::kinds_of_sensors;
+use super::super::describe::{kinds_of_drives, kinds_of_sensors};
 use super::super::exec::ExternalDriver;
 use super::super::tables::{DeviceKeys, PartKeys, RobotKeys, SensorKeys};
 use super::composite::{Composite, closed, free_with_exec, when};
@@ -78,11 +78,13 @@ fn built_in(whole: &mut Composite, plugins: &Plugins) -> DriverSchemas<Vec<Json>
     for driver in plugins.drivers.iter().map(|driver| driver.info()) {
         let own = whole.describe(&format!("device.{}", driver.name), &driver.parameters, &driver.summary);
         schemas.devices.push(when(&[("driver", &driver.name)], own));
-        for offer in &driver.drives {
-            let name = format!("drive.{}.{}", driver.name, offer.kind);
-            let own = whole.describe(&name, &offer.parameters, &offer.summary);
-            schemas.drives.push(when(&[("kind", &offer.kind)], own));
-        }
+    }
+    for (kind, offers) in kinds_of_drives(plugins) {
+        let any = offers.into_iter().map(|(driver, offer)| {
+            whole.describe(&format!("drive.{driver}.{kind}"), &offer.parameters, &offer.summary)
+        });
+        let any: Vec<Json> = any.collect();
+        schemas.drives.push(when(&[("kind", kind)], json!({ "anyOf": any })));
     }
     for (kind, offers) in kinds_of_sensors(plugins) {
         let any = offers.into_iter().map(|(driver, offer)| {

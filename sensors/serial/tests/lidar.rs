@@ -1,0 +1,82 @@
+//! A lidar that is played by a thread.
+
+use std::time::Instant;
+
+use yamabico_core::message::{Beam, RangeScanHeader};
+use yamabico_core::time::Time;
+use yamabico_serial::lidar::{POINTS, Packet, driver};
+
+use crate::bench::Bench;
+use crate::plug::{Device, Plug};
+
+/// An LD19 in the middle of a round room, with a box at its left.
+struct Ld19 {
+    begun: Instant,
+    sent: u64,
+}
+
+impl Device for Ld19 {
+    fn receive(&mut self, _: &[u8]) {}
+
+    fn turn(&mut self, out: &mut Vec<u8>) {
+        while self.begun.elapsed().as_secs_f64() >= 12.0 / 4500.0 * self.sent as f64 {
+            let angle = |point: u64| ((self.sent * 12 + point) * 80 % 36_000) as u16;
+            let mut packet = Packet {
+                speed: 3600,
+                angles: [angle(0), angle(11)],
+                distances: [0; POINTS],
+                intensities: [180; POINTS],
+                stamp_ms: (self.sent * 12_000 / 4500 % 30_000) as u16,
+            };
+            // Clockwise: 270 degrees are at the left.
+            packet.distances =
+                std::array::from_fn(
+                    |point| {
+                        if (packet.angle_deg(point) - 270.0).abs() < 10.0 { 700 } else { 2500 }
+                    },
+                );
+            out.extend(packet.encode());
+            self.sent += 1;
+        }
+    }
+}
+
+fn scans(bench: &mut Bench) -> Vec<(RangeScanHeader, Vec<Beam>)> {
+    bench.take::<RangeScanHeader>("lidar")
+}
+
+#[test]
+fn scans_come_ten_times_a_second_through_noise_and_pulled_cables() {
+    let plug = Plug::new(Ld19 { begun: Instant::now(), sent: 0 });
+    let mut bench = Bench::open(&driver(), &plug.port(), "", &[("lidar", "x_m = 0.1")], None);
+    bench.run(1.5);
+    let clean = scans(&mut bench);
+    assert!((11..=15).contains(&clean.len()), "{}", clean.len());
+    for (header, beams) in &clean {
+        assert_eq!((beams.len(), header.max_m), (240, 8.0));
+        let left = beams.iter().filter(|beam| beam.range_m == 0.7);
+        let left: Vec<f64> = left.map(|beam| beam.azimuth_rad.to_degrees()).collect();
+        assert!(
+            (11..=15).contains(&left.len()) && left.iter().all(|deg| (deg - 90.0).abs() < 12.0),
+            "{left:?}"
+        );
+        assert!(beams.iter().all(|beam| beam.echo_m().is_some() && beam.x_m == 0.1));
+    }
+    let steps = clean.windows(2).map(|pair| Time(pair[1].0.stamp_ns).seconds_after(Time(pair[0].0.stamp_ns)));
+    assert!(steps.skip(1).all(|step| (0.08..0.12).contains(&step)));
+
+    plug.set(|manners| manners.damage = 0.001);
+    bench.run(1.5);
+    let noisy = scans(&mut bench);
+    assert!(noisy.len() < clean.len(), "turns without a packet are dropped");
+    assert!(noisy.iter().all(|(_, beams)| beams.iter().all(|beam| [0.7, 2.5].contains(&beam.range_m))));
+
+    plug.set(|manners| (manners.damage, manners.is_pulled) = (0.0, true));
+    bench.run(0.3);
+    scans(&mut bench);
+    plug.set(|manners| manners.is_pulled = false);
+    let took_s =
+        bench.run_until(3.0, "not back", |bench| !bench.messages::<RangeScanHeader>("lidar").is_empty());
+    println!("lidar: {} of {} turns through noise; back after {took_s:.2} s", noisy.len(), clean.len());
+    assert!(took_s < 1.0, "{took_s}");
+}
