@@ -11,8 +11,8 @@
 //! assert!(aim.deviates && (aim.lateral_m - 0.15).abs() < 1e-9);
 //! ```
 //!
-//! Two methods. [`lanes`] (the default) adds up evidence of pictures and sonars in a grid around the robot, and drives the
-//! best lane beside the path ([`LaneAvoider`]). [`PassageAvoider`] follows Ohya, Kosaka & Kak (1998): vertical edges that the
+//! Two methods. [`lanes`] (the default) adds up evidence of pictures, their motion and sonars in a grid around the robot, and drives
+//! the best lane beside the path ([`LaneAvoider`]). [`PassageAvoider`] follows Ohya, Kosaka & Kak (1998): vertical edges that the
 //! map does not explain indicate obstacles; the robot turns to a safe passage, drives through it and returns to its path; any
 //! sonar echo halts it. Differs from \[1\]: obstacles are located by their foot on the floor and remembered on the map, walls
 //! of the map bound every passage, and faint boxes are detected by their sides on the bare floor.

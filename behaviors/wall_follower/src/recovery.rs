@@ -138,4 +138,10 @@ mod tests {
         let looked = Loss { heading: Some(first), has_new_frame: true, ..blind };
         assert_ne!(recoverer.step(&looked, &rules), Recovery::TurnTo(first));
     }
+
+    #[test]
+    fn the_search_starts_along_the_corridor() {
+        let loss = Loss { along: Some(-1.2), ..loss(2.0, 0.0, Some(0.4)) };
+        assert_eq!(Recoverer::default().step(&loss, &Lost::default()), Recovery::TurnTo(-1.2));
+    }
 }

@@ -45,7 +45,7 @@ const OUT_STOP_M: f64 = 0.05;
 /// Speed of backing off, m/s; smallest and largest length, m. Only a way that the robot has just come is known to be free,
 /// and a turn leaves it: the length that is lost per radian, m.
 const BACK_MPS: f64 = 0.12;
-const BACK_M: (f64, f64) = (0.15, 0.3);
+const BACK_M: (f64, f64) = (0.15, 0.5);
 const TURN_LOSS_M: f64 = 0.5;
 /// Step of the odometry between two calls above which it has jumped, m.
 const JUMP_M: f64 = 0.2;
@@ -289,6 +289,7 @@ impl Drive {
 
 #[cfg(test)]
 mod tests {
+    use super::super::planner::Lane;
     use super::*;
 
     fn drive(poses: impl IntoIterator<Item = (f64, f64)>) -> f64 {
@@ -309,5 +310,62 @@ mod tests {
         assert_eq!(then(&[(1.4, 0.0)]), 0.0, "odometry that jumps tells nothing");
         let curve = drive((0..=20).map(|i| (0.02 * f64::from(i), 0.02 * f64::from(i))));
         assert!(curve > BACK_M.0, "a gentle curve does not: {curve}");
+    }
+
+    /// A robot on its path before something that it hears 0.3 m ahead, with a lane that is `free_m` long and `offset_m` aside.
+    fn blocked(now_s: f64, free_m: f64, offset_m: f64, path_heading: f64) -> Situation {
+        let lane = |offset_m: f64| Lane { offset_m, free_m, gap_m: 0.4 };
+        Situation {
+            now_s,
+            plan: Plan { best: lane(offset_m), nominal: Lane { free_m: 0.2, ..lane(0.0) } },
+            aim: Point2::new(0.6, offset_m),
+            odometry: Pose2::IDENTITY,
+            path_heading,
+            echo_ahead_m: 0.3,
+            echo_left_m: f64::INFINITY,
+            echo_right_m: f64::INFINITY,
+            is_sonar_silent: false,
+            gate_m: 0.5,
+            clearance_m: 0.3,
+            straight_m: f64::INFINITY,
+            speed_mps: 0.25,
+            max_turn_radps: 0.7,
+            is_arrived: false,
+            room: [1.0, 0.0],
+        }
+    }
+
+    #[test]
+    fn a_robot_that_waits_turns_to_a_free_lane() {
+        let mut drive = Drive::default();
+        let proposal = drive.step(&blocked(0.0, 2.4, 0.4, 0.0)).expect("a proposal");
+        assert!(proposal.twist.linear == 0.0 && proposal.twist.angular > 0.3, "{:?}", proposal.twist);
+        let proposal = drive.step(&blocked(0.1, 0.3, 0.4, 0.0)).expect("a proposal");
+        assert_eq!(proposal.twist, Twist::ZERO, "the lane is not free");
+    }
+
+    #[test]
+    fn a_side_that_leads_nowhere_is_not_tried_twice_in_a_row() {
+        let mut drive = Drive::default();
+        let (mut sides, mut heading) = (Vec::new(), 0.0);
+        for step in 0..400 {
+            let at = blocked(0.1 * f64::from(step), 0.2, 0.0, -heading);
+            let rate = drive.step(&at).expect("a proposal").twist.angular;
+            heading += 0.1 * rate;
+            if rate != 0.0 && sides.last() != Some(&rate.signum()) {
+                sides.push(rate.signum());
+            }
+        }
+        assert!(sides.len() >= 3, "{sides:?}");
+        assert!(sides.windows(2).all(|pair| pair[0] == -pair[1]) && sides[0] == 1.0, "{sides:?}");
+    }
+
+    #[test]
+    fn a_way_out_ends_before_a_known_obstacle() {
+        let way = || Drive { mode: Mode::Out { since_s: 0.0, from: Pose2::IDENTITY }, ..Drive::default() };
+        let open = Situation { echo_ahead_m: f64::INFINITY, ..blocked(0.1, 0.2, 0.0, 0.0) };
+        assert!(way().step(&open).expect("a proposal").twist.linear > 0.0);
+        let near = Situation { straight_m: 0.02, ..open };
+        assert_eq!(way().step(&near).expect("a proposal").twist, Twist::ZERO);
     }
 }

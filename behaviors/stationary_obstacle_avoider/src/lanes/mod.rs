@@ -1,9 +1,9 @@
 //! The avoider with method `lanes`: evidence from every source in one grid around the robot, and the best lane beside the
 //! path.
 //!
-//! Each picture says where the floor ends in each column; sonars say what is free and what is not. The evidence is added up
-//! over pictures and scans, in the frame of the odometry, and fades. Walls of the map, or of the corridor, are left out.
-//! Where the path is free, other behaviors drive.
+//! Each picture says where the floor ends in each column, and by its motion what is flat and what stands; sonars say what is
+//! free and what is not. The evidence is added up over pictures and scans, in the frame of the odometry, and fades. Walls of
+//! the map, or of the corridor, are left out. Where the path is free, other behaviors drive.
 
 pub mod occupancy;
 pub mod planner;

@@ -154,3 +154,59 @@ fn vote(point: &MotionPoint, end: &FloorEnd, scale: f64) -> f32 {
         PointClass::Moving | PointClass::Undecided => 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use yamabico_core::camera::Intrinsics;
+    use yamabico_vision::plane_motion::sequential_test::ClassCosts;
+
+    use super::*;
+
+    fn point(class: PointClass, u: f32, v: f32) -> MotionPoint {
+        MotionPoint {
+            pixel: [u, v].into(),
+            class,
+            costs: ClassCosts { floor: 0.0, above: 0.0, below: 0.0, expected: 1.0 },
+            floor: Point2::new(2.0, 0.0),
+            foot: Point2::new(1.5, 0.0),
+            range_sigma_m: 0.03,
+            height_m: 0.2,
+            height_sigma_m: 0.02,
+        }
+    }
+
+    #[test]
+    fn points_on_the_stretch_vote_and_others_do_not() {
+        let end = FloorEnd { place: Point2::new(1.5, 0.0), u: 100.0, rows: [120.0, 160.0] };
+        let vote = |class, u, v| vote(&point(class, u, v), &end, 1.0);
+        assert_eq!(vote(PointClass::Floor, 104.0, 140.0), FLAT);
+        assert_eq!(vote(PointClass::Below, 96.0, 118.0), FLAT, "its upper edge belongs to it");
+        assert_eq!(vote(PointClass::Above, 100.0, 125.0), THING);
+        assert_eq!(vote(PointClass::Floor, 100.0, 159.0), 0.0, "the foot of a thing moves as the floor, too");
+        assert_eq!(vote(PointClass::Floor, 115.0, 140.0), 0.0, "another column");
+        assert_eq!(vote(PointClass::Moving, 100.0, 140.0), 0.0);
+    }
+
+    #[test]
+    fn pictures_that_cannot_be_judged_say_nothing() {
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.1));
+        let mut motion = FloorMotion::new(&pinhole, Mount::tilted(0.5, 0.15)).expect("usable");
+        let pixels = vec![90_u8; 256 * 240];
+        let image = ImageView::new(&pixels, 256, 240, 256).expect("an image");
+        let end = FloorEnd { place: Point2::new(1.5, 0.0), u: 100.0, rows: [120.0, 160.0] };
+        for i in 0..20 {
+            let odometry = Pose2::new(0.04 * f64::from(i), 0.0, 0.0);
+            motion.look(image, odometry, 0.1 * f64::from(i), std::iter::once(end));
+            assert!(!motion.is_flat(odometry.transform_point(end.place)), "without texture nothing is known");
+            assert!(motion.things(3.0).next().is_none() && !motion.is_hidden(Point2::new(2.0, 0.0)));
+        }
+    }
+
+    #[test]
+    fn directions_cover_the_fan() {
+        assert_eq!(bin(Vector2::new(1.0, 0.0)), Some(BINS / 2));
+        assert!(bin(Vector2::new(1.0, 1.1)).is_some_and(|bin| bin > BINS * 9 / 10));
+        assert_eq!(bin(Vector2::new(1.0, 1.3)), None);
+        assert_eq!(bin(Vector2::new(-1.0, 0.0)), None);
+    }
+}

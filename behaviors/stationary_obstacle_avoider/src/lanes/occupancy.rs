@@ -16,12 +16,16 @@ const CELLS: usize = 128;
 const LIMITS: (f32, f32) = (-2.0, 6.0);
 /// Log odds from which a cell is occupied.
 const OCCUPIED: f32 = 2.0;
-/// Change of the log odds toward zero, per second.
-const FADE_PER_S: f32 = 0.3;
+/// Log odds from which a cell is established: it has been seen occupied in several pictures.
+const ESTABLISHED: f32 = 3.0;
+/// Change of the log odds toward zero, per second, and that of an established cell: a thing below the view of the camera
+/// that sonars do not hear is still there.
+const FADE_PER_S: f32 = 0.7;
+const FADE_ESTABLISHED_PER_S: f32 = 0.15;
 /// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
 const ECHO: f32 = 1.0;
 const BEFORE_ECHO: f32 = -0.3;
-const SILENCE: f32 = 0.0;
+const SILENCE: f32 = -0.1;
 /// Distance before an echo that is not free, m.
 const ECHO_DEPTH_M: f64 = 0.1;
 /// Share of a beam's opening angle that is marked: most of the energy is there.
@@ -57,17 +61,25 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64) {
         self.window.advance(position, |slot| self.log_odds[slot] = 0.0);
-        let fade = FADE_PER_S * dt_s.clamp(0.0, 60.0) as f32;
+        let elapsed_s = dt_s.clamp(0.0, 60.0) as f32;
+        let (fade, slow_fade) = (FADE_PER_S * elapsed_s, FADE_ESTABLISHED_PER_S * elapsed_s);
         for log_odds in &mut self.log_odds {
+            let fade = if *log_odds > ESTABLISHED { slow_fade } else { fade };
             *log_odds -= log_odds.clamp(-fade, fade);
         }
     }
 
     /// Adds `evidence` to the cells at `places` (odometry frame, m), once to each cell.
     pub fn add(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        self.add_below(places, evidence, f32::INFINITY);
+    }
+
+    /// Adds `evidence` to those of the cells at `places` whose log odds are below `limit`.
+    fn add_below(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32, limit: f32) {
         self.update = self.update.wrapping_add(1);
         for place in places {
             if let Some(slot) = self.window.slot(place)
+                && self.log_odds[slot] < limit
                 && std::mem::replace(&mut self.updated[slot], self.update) != self.update
             {
                 self.log_odds[slot] = (self.log_odds[slot] + evidence).clamp(LIMITS.0, LIMITS.1);
@@ -93,7 +105,10 @@ impl OccupancyGrid {
         let steps = (free_m / CELL_M) as usize;
         let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
         let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
-        self.add(free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth)), free_odds);
+        let free = free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth));
+        // Silence says too little to clear an established cell.
+        let limit = if echo_m.is_finite() { f32::INFINITY } else { ESTABLISHED };
+        self.add_below(free, free_odds, limit);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
             let arc = || azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
@@ -205,5 +220,28 @@ mod tests {
         }
         grid.add([Point2::new(f64::NAN, 0.0)].into_iter(), 5.0);
         assert!(occupied(&grid).is_empty());
+    }
+
+    #[test]
+    fn what_was_seen_often_outlasts_silence_and_time() {
+        let mut grid = OccupancyGrid::default();
+        let place = Point2::new(0.42, 0.03);
+        let scan = Beam { cone_rad: 0.5, flags: NO_ECHO, ..Beam::default() };
+        for _ in 0..4 {
+            grid.add([place].into_iter(), 1.3);
+        }
+        for _ in 0..50 {
+            grid.advance(Point2::origin(), 0.1);
+            grid.add_beam(&scan, &Pose2::IDENTITY, |_| true);
+        }
+        assert_eq!(
+            occupied(&grid).len(),
+            1,
+            "a camera does not see below its view, and a smooth box gives no echo"
+        );
+        for _ in 0..200 {
+            grid.advance(Point2::origin(), 0.1);
+        }
+        assert!(occupied(&grid).is_empty(), "at last it is forgotten");
     }
 }

@@ -298,4 +298,19 @@ mod tests {
         }
         assert!(columns.free().count() > 1000, "a floor of another brightness is learned");
     }
+
+    #[test]
+    fn a_lamp_in_the_floor_is_floor_and_a_bright_box_is_not() {
+        let patch = |shade: u8| {
+            let mut pixels = picture(0, 0);
+            for v in 100..180 {
+                pixels[v * SIZE.0 + 100..v * SIZE.0 + 140].fill(shade);
+            }
+            let mut columns = columns();
+            assert!(look(&mut columns, &pixels));
+            columns.ends().count()
+        };
+        assert_eq!(patch(255), 0);
+        assert!(patch(200) > 5);
+    }
 }
