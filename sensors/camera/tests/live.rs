@@ -87,7 +87,7 @@ fn server(answer: impl Fn(u32, &mut TcpStream) + Send + 'static) -> (u16, Arc<At
 
 fn head(stream: &mut TcpStream) {
     let head = "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=part\r\n\r\n";
-    stream.write_all(head.as_bytes()).unwrap();
+    let _ = stream.write_all(head.as_bytes());
 }
 
 fn part(stream: &mut TcpStream, image: &[u8]) -> std::io::Result<()> {
@@ -130,7 +130,8 @@ fn a_stream_over_http_comes_back_from_refusals_cuts_stalls_and_damage() {
         frames.iter().filter(|(_, pixels)| pixels[9] > 190).count() > 5
     });
     let frames = frames.unwrap();
-    assert_eq!(connections.load(Ordering::Relaxed), 4);
+    // A stalled server accepts late what was given up meanwhile.
+    assert!(connections.load(Ordering::Relaxed) >= 4);
     let levels: Vec<u8> = frames.iter().map(|(_, pixels)| pixels[100]).collect();
     let is_near = |level: u8, expected: u8| level.abs_diff(expected) <= 2;
     assert!(is_near(levels[0], 50) && is_near(levels[1], 100) && is_near(levels[2], 200), "{levels:?}");

@@ -71,6 +71,7 @@ pub struct LineSensor<C: Conversation, M: Message> {
     name: String,
     line: Arc<Line<C>>,
     take: Take<C, M>,
+    has_begun: bool,
 }
 
 impl<C: Conversation, M: Message> LineSensor<C, M> {
@@ -79,7 +80,7 @@ impl<C: Conversation, M: Message> LineSensor<C, M> {
     where
         M: Send + 'static,
     {
-        let sensor = LineSensor { name: name.to_owned(), line: Arc::clone(line), take };
+        let sensor = LineSensor { name: name.to_owned(), line: Arc::clone(line), take, has_begun: false };
         (name.to_owned(), Box::new(sensor))
     }
 }
@@ -90,8 +91,12 @@ impl<C: Conversation, M: Message + Send> Sensor for LineSensor<C, M> {
             let reason = "a real device works only in real time: add --live to the command";
             return Err(DeviceError::failed(&self.name, reason));
         }
+        // Measurements from before the run are old.
+        let is_begin = !std::mem::replace(&mut self.has_begun, true);
         while let Some((header, items)) = self.line.with(self.take) {
-            outputs.publish(&self.name, &header, &items)?;
+            if !is_begin {
+                outputs.publish(&self.name, &header, &items)?;
+            }
         }
         Ok(Due::At(now + POLL_PERIOD))
     }

@@ -107,8 +107,9 @@ fn it_drives_through_noise() {
     bench.twist = Some(Twist::planar(0.2, 0.5));
     bench.run(1.5);
     assert_eq!(plug.device().speeds(), [750, 1250]);
-    let sonars = bench.messages::<RangeScanHeader>("sonars").len();
-    assert!(sonars > 8, "{sonars} scans");
+    let sonars = bench.messages::<RangeScanHeader>("sonars");
+    assert!(sonars.len() > 8, "{} scans", sonars.len());
+    assert!(sonars.windows(2).all(|pair| pair[1].sequence == pair[0].sequence + 1), "a gap counts as a loss");
     plug.set(|manners| manners.damage = 0.0);
     bench.run(0.3);
     let odometry = bench.messages::<Odometry>("encoders");

@@ -69,6 +69,8 @@ fn scans_come_ten_times_a_second_through_noise_and_pulled_cables() {
     bench.run(1.5);
     let noisy = scans(&mut bench);
     assert!(noisy.len() < clean.len(), "turns without a packet are dropped");
+    let numbers: Vec<u64> = noisy.iter().map(|(header, _)| header.sequence).collect();
+    assert!(numbers.windows(2).all(|pair| pair[1] == pair[0] + 1), "a gap counts as a loss: {numbers:?}");
     assert!(noisy.iter().all(|(_, beams)| beams.iter().all(|beam| [0.7, 2.5].contains(&beam.range_m))));
 
     plug.set(|manners| (manners.damage, manners.is_pulled) = (0.0, true));

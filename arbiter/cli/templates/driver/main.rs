@@ -14,7 +14,7 @@ use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
 };
 use yamabico_core::geometry::{Pose2, Twist};
-use yamabico_core::message::{Axes, Beam, Command, Message, MessageType, NO_ECHO, Odometry, RangeScanHeader};
+use yamabico_core::message::{Axes, Beam, Command, Message, NO_ECHO, Odometry, RangeScanHeader};
 use yamabico_core::parameters::{read, schema_of};
 use yamabico_core::sensor::{DeviceError, Due, Sensor, SensorInfo, SensorKind};
 use yamabico_core::time::Time;
@@ -157,7 +157,7 @@ impl Driver for MyDriver {
         let range = SensorKind::Range { min_m: 0.02, max_m: MAX_M };
         let info = SensorInfo {
             name: sensor.name.clone(),
-            message: if is_sonar { RangeScanHeader::NAME } else { MessageType::of::<Odometry>().name },
+            message: if is_sonar { RangeScanHeader::NAME } else { Odometry::NAME },
             period_s: 1e-3 * config.period_ms,
             latency_s: 0.0,
             kind: if is_sonar { range } else { SensorKind::Other },

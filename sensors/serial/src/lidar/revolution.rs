@@ -140,9 +140,13 @@ impl Revolution {
             flags: if range_m.is_finite() { 0 } else { NO_ECHO },
             reserved: 0,
         });
+        if !is_whole {
+            return None;
+        }
+        // A missing number would count as a scan that was measured and lost.
         self.sequence += 1;
         let header = RangeScanHeader { stamp_ns: middle.0, sequence: self.sequence, min_m, max_m };
-        is_whole.then(|| (header, beams.collect()))
+        Some((header, beams.collect()))
     }
 }
 

@@ -50,6 +50,7 @@ pub(crate) struct Microcontroller {
     odometer: DeadReckoning,
     ring: SonarRing,
     sequence: u64,
+    scan_sequence: u64,
     pub odometry: Outbox<(Odometry, Vec<u8>)>,
     pub bumpers: Outbox<(Bumper, Vec<u8>)>,
     pub scans: Outbox<(RangeScanHeader, Vec<Beam>)>,
@@ -74,6 +75,7 @@ impl Microcontroller {
             odometer: DeadReckoning::new(wheels),
             ring,
             sequence: 0,
+            scan_sequence: 0,
             odometry: Outbox::default(),
             bumpers: Outbox::default(),
             scans: Outbox::default(),
@@ -112,6 +114,9 @@ impl Microcontroller {
         self.bumpers.push((Bumper { stamp_ns, sequence, pressed }, Vec::new()));
         if let Some(oldest) = self.ring.take(&measurement.sonars, stamp) {
             let [min_m, max_m] = self.ring.range_m;
+            // Consecutive: a missing number would count as a lost scan.
+            self.scan_sequence += 1;
+            let sequence = self.scan_sequence;
             let header = RangeScanHeader { stamp_ns: oldest.0, sequence, min_m, max_m };
             self.scans.push((header, self.ring.beams.clone()));
         }
