@@ -17,6 +17,7 @@ mod config;
 mod file_image;
 mod files;
 mod sequence;
+mod stamps;
 
 pub use config::{ImageSequenceConfig, NoKeys};
 pub use files::SequenceError;
@@ -72,7 +73,10 @@ impl Driver for CameraDriver {
 
     fn check_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<(), ParameterError> {
         let refused = |error: SequenceError| ParameterError::new("files", error.to_string());
-        files::find(&read(&sensor.table)?, folder).map_err(refused).map(drop)
+        let config: ImageSequenceConfig = read(&sensor.table)?;
+        let files = files::find(&config, folder).map_err(refused)?;
+        let refused = |error: SequenceError| ParameterError::new("stamps", error.to_string());
+        stamps::read(&config.stamps, &files, folder).map_err(refused).map(drop)
     }
 
     fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {

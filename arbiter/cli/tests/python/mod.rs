@@ -1,6 +1,7 @@
 //! Behaviors and drivers in Python: the tests of the package, drives, and failures. Without Python, or without a network to install
 //! the package `iceoryx2`, the tests are skipped with a message.
 
+mod own_messages;
 mod worlds;
 
 use std::path::Path;

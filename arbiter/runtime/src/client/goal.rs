@@ -182,6 +182,7 @@ mod tests {
             folder: std::path::PathBuf::new(),
         };
         let topic = |name: &&str| TopicEntry {
+            declares: None,
             name: path_topic(name),
             message: PathHeader::NAME.to_owned(),
             publisher: (*name).to_owned(),

@@ -136,15 +136,17 @@ impl Player<'_> {
         if self.frame.as_ref().is_some_and(|frame| under(&frame.topic, "image") == *topic) {
             return self.take_image(&message.data);
         }
-        let Some(schema) =
-            message.channel.schema.as_ref().filter(|schema| schema.name.starts_with("yamabico."))
-        else {
+        let schema = message.channel.schema.as_ref().filter(|schema| schema.encoding == "jsonschema");
+        let Some(kind) = schema.and_then(|schema| schema::message_type(&schema.name, &schema.data)) else {
             return;
         };
         self.miss_image();
-        let Some(kind) = MessageType::find(&schema.name) else {
-            self.played.left_out.insert(format!("{topic}: {}", MessageType::unknown(&schema.name)));
-            return;
+        let kind = match kind {
+            Ok(kind) => kind,
+            Err(problem) => {
+                self.played.left_out.insert(format!("{topic}: {problem}"));
+                return;
+            }
         };
         let time = Time(self.origin.0.saturating_add(message.log_time));
         let json = serde_json::from_slice::<Value>(&message.data).ok();
