@@ -102,7 +102,7 @@ impl OdometryTrack {
                 reading.twist.angular = arc.angular;
             }
             None => {
-                reading.pose = self.correction.map_or(reading.pose, |correction| correction * reading.pose)
+                reading.pose = self.correction.map_or(reading.pose, |correction| correction * reading.pose);
             }
         }
     }

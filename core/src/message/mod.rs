@@ -139,7 +139,7 @@ macro_rules! message_type {
             type Item = $item;
             const NAME: &'static str = $name;
             const CHANNEL: $crate::message::Channel = $crate::message::Channel::$channel;
-            $(const IS_TEXT: bool = crate::message::message!(@$text);)?
+            $(const IS_TEXT: bool = $crate::message_type!(@$text);)?
             fn stamp(&self) -> $crate::time::Time {
                 $crate::time::Time(self.stamp_ns)
             }

@@ -185,7 +185,7 @@ impl Survey {
                 }
             }
             None => {
-                text += "# Its mount is not in the recording: x_m = 0, y_m = 0, yaw_deg = 0 is a guess.\n"
+                text += "# Its mount is not in the recording: x_m = 0, y_m = 0, yaw_deg = 0 is a guess.\n";
             }
         }
         text
