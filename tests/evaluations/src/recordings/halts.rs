@@ -9,7 +9,7 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
     Beam, Bumper, DecisionHeader, Kind, Message, Odometry, Proposal, RangeScanHeader, Twist,
 };
-use yamabico_core::sensor::{MotionLimits, Robot, SensorInfo, SensorKind};
+use yamabico_core::sensor::{Robot, SensorInfo, SensorKind};
 use yamabico_core::testing::Bench;
 use yamabico_drawing::font;
 use yamabico_drawing::palette::{GRID, INK};
@@ -24,9 +24,8 @@ use crate::arguments::{Data, Parameters};
 use crate::images::Output;
 use crate::report::{Report, Table, number};
 
-/// Radius (m) and maximum speed (m/s) of a Neato; faster commands do not make it faster.
+/// Radius of the robot, m.
 const RADIUS_M: f64 = 0.17;
-const MAX_MPS: f64 = 0.3;
 /// Parameters for a scanner of 5 Hz whose scans arrive 0.2 s late.
 const DEFAULTS: &str = "stale_ms = 700\nreaction_ms = 300";
 /// Age above which a command no longer counts, s.
@@ -159,8 +158,7 @@ fn replay(bag: &Path, parameters: &str) -> Result<Vec<Moment>, String> {
         latency_s: 0.2,
         kind: SensorKind::Range { min_m: 0.1, max_m: 5.0 },
     };
-    let limits = MotionLimits { speed: [MAX_MPS, 0.0, 2.0], ..MotionLimits::default() };
-    let robot = Robot { radius_m: RADIUS_M, limits, ..Robot::default() };
+    let robot = Robot { radius_m: RADIUS_M, ..Robot::default() };
     let setup = Setup { robot, sensors: vec![("sonar".into(), sensor)], ..Setup::default() };
     let mut bench = Bench::<SonarHalt>::new(parameters, setup).map_err(|error| error.to_string())?;
     let (mut command, mut measured_mps, mut bumped) = (None::<(f64, Twist)>, 0.0, false);
