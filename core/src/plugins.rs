@@ -21,6 +21,20 @@ impl Plugins {
         self.behaviors.iter().find(|plugin| plugin.info().name == name)
     }
 
+    /// Makes the message types that these plugins declare known by their names.
+    ///
+    /// # Errors
+    /// Two types have one name.
+    pub fn register_messages(&self) -> Result<(), String> {
+        let of_behaviors = self.behaviors.iter().flat_map(|behavior| {
+            let info = behavior.info();
+            info.inputs.iter().chain(&info.outputs).map(|slot| slot.message)
+        });
+        let of_drivers =
+            self.drivers.iter().flat_map(|driver| driver.info().sensors.iter().map(|offer| offer.message));
+        of_behaviors.chain(of_drivers).try_for_each(|message| message.register().map(drop))
+    }
+
     /// Returns the driver with this name, if any.
     #[must_use]
     pub fn driver(&self, name: &str) -> Option<&Arc<dyn Driver>> {

@@ -173,6 +173,13 @@ impl GrayImage {
     }
 }
 
+/// Returns the luma of ITU-R BT.601, as in JPEG: 0.299 R + 0.587 G + 0.114 B in units of 1/65536, rounded.
+#[must_use]
+pub fn jpeg_luma(red: u8, green: u8, blue: u8) -> u8 {
+    let sum = 19_595 * u32::from(red) + 38_470 * u32::from(green) + 7_471 * u32::from(blue);
+    ((sum + 32_768) >> 16) as u8
+}
+
 /// Returns the luma of ITU-R BT.601, in integer arithmetic of 1/256; white gives 255.
 fn luma(r: u8, g: u8, b: u8) -> u8 {
     ((77 * u16::from(r) + 150 * u16::from(g) + 29 * u16::from(b) + 127) >> 8) as u8

@@ -2,7 +2,7 @@
 
 import math
 
-from .messages import Axes, Kind, Proposal, Reason
+from .messages import MESSAGES, Axes, Kind, Proposal, Reason
 from .parameters import schema_of
 
 PLANAR = Axes.LINEAR | Axes.ANGULAR
@@ -83,7 +83,7 @@ class Behavior:
     def description(cls, protocol):
         """Returns the description of the behavior for `yamabico check` and `yamabico describe`."""
         ports = lambda ports: [
-            {"name": port.name, "summary": port.summary, "required": port.required, "message": port.message.NAME}
+            {"name": port.name, "summary": port.summary, "required": port.required, "message": port.message.NAME, **declared(port.message)}
             for port in ports
         ]
         return {
@@ -238,6 +238,11 @@ def _proposal(kind, axes, reason, evidence_ns, note):
     proposal.sector.half_width_rad = math.pi
     proposal.note = note
     return proposal
+
+
+def declared(message):
+    """Returns the entry with which a description declares a message type of the program's own; empty for one of this package."""
+    return {} if message.NAME in MESSAGES else {"declares": message.declaration()}
 
 
 def _attributes(cls, kind):

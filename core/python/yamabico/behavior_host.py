@@ -31,12 +31,13 @@ class BehaviorHost:
         self._plugin_class, self._bus, self._reporter = plugin_class, bus, reporter
         self._priority = settings["priority"]
         self._period_ns, self._budget_ns = _to_ns(settings.get("period_ms")), _to_ns(settings.get("budget_ms"))
-        self.slots = [(port["name"], port["topic"], message_class(port["message"])) for port in settings["inputs"]]
+        own = [port.message for port in plugin_class.slots() + plugin_class.outputs()]
+        self.slots = [(port["name"], port["topic"], message_class(port["message"], own)) for port in settings["inputs"]]
         for slot in plugin_class.slots():
             for name, _, message in self.slots:
                 if name == slot.name and message is not slot.message:
                     raise LaunchError(f"input `{name}` carries `{message.NAME}`, but this program takes `{slot.message.NAME}`")
-        ports = {port["name"]: bus.publisher(port["topic"], message_class(port["message"])) for port in settings["outputs"]}
+        ports = {port["name"]: bus.publisher(port["topic"], message_class(port["message"], own)) for port in settings["outputs"]}
         self._setup = Setup(
             name=launch["name"],
             parameters=settings["parameters"],

@@ -155,8 +155,14 @@ def items_of(message, sample):
     return (message.ITEM * (length // ctypes.sizeof(message.ITEM))).from_buffer_copy(data)
 
 
-def message_class(name):
-    """Returns the message class of a versioned name. Raises `BusError` if the name or its version is unknown."""
+def message_class(name, own=()):
+    """Returns the message class of a versioned name, one of this package or one of the program's `own`.
+
+    Raises `BusError` if the name or its version is unknown.
+    """
+    for message in own:
+        if message.NAME == name:
+            return message
     if name in MESSAGES:
         return MESSAGES[name]
     family = name.rpartition(".")[0]

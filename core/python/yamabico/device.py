@@ -2,7 +2,7 @@
 
 import math
 
-from .behavior import axes_text, summary_of
+from .behavior import axes_text, declared, summary_of
 from .messages import TRUTH_TOPIC, Axes, Odometry
 from .parameters import Number, schema_of
 
@@ -101,6 +101,7 @@ class Driver:
             "kind": kind.kind,
             "summary": summary_of(kind),
             "message": kind.message.NAME,
+            **declared(kind.message),
             "parameters": schema_of(kind),
         }
         drive = lambda kind: {

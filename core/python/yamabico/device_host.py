@@ -36,7 +36,8 @@ class DeviceHost:
         if settings["driver"] != plugin_class.name:
             raise ValueError(f"this program has no driver `{settings['driver']}`")
         self.stopping_time_s = settings["stopping_time_s"]
-        self._ports = {port["name"]: bus.publisher(port["topic"], message_class(port["message"])) for port in settings["outputs"]}
+        own = [kind.message for kind in plugin_class.sensors]
+        self._ports = {port["name"]: bus.publisher(port["topic"], message_class(port["message"], own)) for port in settings["outputs"]}
         self._ports[TRUTH_TOPIC] = bus.publisher(TRUTH_TOPIC, Truth)
         self._sequences = dict.fromkeys(self._ports, 0)
         drive = spec.get("drive")

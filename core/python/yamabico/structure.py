@@ -3,6 +3,10 @@
 import ctypes
 
 
+#: Names of the plain types in a declaration.
+_PLAIN = {ctypes.c_uint8: "u8", ctypes.c_uint32: "u32", ctypes.c_int32: "i32", ctypes.c_uint64: "u64", ctypes.c_double: "f64"}
+
+
 class Item(ctypes.Structure):
     """An item of a list, or a struct inside a header."""
 
@@ -22,6 +26,26 @@ class Message(Item):
     def type_name(cls):
         """Returns the type name that the transport compares."""
         return cls.NAME
+
+    @classmethod
+    def declaration(cls):
+        """Returns the layout of a message type of a program's own, with which other programs read it."""
+        declared = {"name": cls.NAME, "channel": cls.CHANNEL, "header": _fields(cls)}
+        return declared if cls.ITEM is None else {**declared, "items": _fields(cls.ITEM)}
+
+
+def _fields(structure):
+    return [{"name": name.lstrip("_"), "type": _type(kind)} for name, kind in structure._fields_]
+
+
+def _type(kind):
+    if kind in _PLAIN:
+        return _PLAIN[kind]
+    if issubclass(kind, ctypes.Structure):
+        return _fields(kind)
+    if issubclass(kind, ctypes.Array):
+        return f"text[{kind._length_}]" if kind._type_ is ctypes.c_char else f"{_type(kind._type_)}[{kind._length_}]"
+    raise TypeError(f"{kind.__name__} is no type of a message: use c_uint8, c_uint32, c_int32, c_uint64, c_double or c_char arrays")
 
 
 def text(field):

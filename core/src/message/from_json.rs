@@ -82,7 +82,7 @@ mod tests {
             if message.item != Layout::U8 {
                 (0..3).for_each(|_| fill(message.item, &mut items));
             }
-            let json = (message.to_json)(&header, &items);
+            let json = message.to_json(&header, &items);
             assert_eq!(message.from_json(&json), Some((header, items)), "{}: {json}", message.name);
         }
     }
@@ -91,7 +91,7 @@ mod tests {
     fn text_survives_the_round_trip() {
         let failure = MessageType::of::<FailureHeader>();
         let header = bytemuck::bytes_of(&FailureHeader::default()).to_vec();
-        let json = (failure.to_json)(&header, b"the lens is gone");
+        let json = failure.to_json(&header, b"the lens is gone");
         assert_eq!(failure.from_json(&json), Some((header, b"the lens is gone".to_vec())));
     }
 
@@ -99,7 +99,7 @@ mod tests {
     fn missing_or_wrong_fields_are_refused() {
         let scan = MessageType::of::<RangeScanHeader>();
         let header = RangeScanHeader { max_m: 3.0, ..Default::default() };
-        let json = (scan.to_json)(bytemuck::bytes_of(&header), bytemuck::bytes_of(&Beam::default()));
+        let json = scan.to_json(bytemuck::bytes_of(&header), bytemuck::bytes_of(&Beam::default()));
         let with = |change: &dyn Fn(&mut Value)| {
             let mut json = json.clone();
             change(&mut json);
@@ -112,7 +112,7 @@ mod tests {
         assert!(with(&|json| drop(json.as_object_mut().unwrap().remove("items"))).is_none());
         let proposal = MessageType::of::<Proposal>();
         let abstain = Proposal::abstain(Reason::Clear);
-        let mut json = (proposal.to_json)(bytemuck::bytes_of(&abstain), &[]);
+        let mut json = proposal.to_json(bytemuck::bytes_of(&abstain), &[]);
         json["axes"] = "sideways".into();
         assert!(proposal.from_json(&json).is_none());
     }

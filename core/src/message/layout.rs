@@ -78,29 +78,30 @@ impl<T: HasLayout, const N: usize> HasLayout for [T; N] {
 }
 
 /// Implements [`HasLayout`] for a struct from its fields and their doc comments.
+#[doc(hidden)]
+#[macro_export]
 macro_rules! struct_layout {
     (
         $(#[doc = $doc:literal])* struct $ty:ident {
             $($(#[doc = $field_doc:literal])* pub $field:ident: $field_ty:ty,)*
         }
     ) => {
-        impl crate::message::HasLayout for $ty {
-            const LAYOUT: crate::message::Layout =
-                crate::message::Layout::Struct(&crate::message::StructLayout {
+        impl $crate::message::HasLayout for $ty {
+            const LAYOUT: $crate::message::Layout =
+                $crate::message::Layout::Struct(&$crate::message::StructLayout {
                     name: stringify!($ty),
                     docs: concat!($($doc, "\n"),*),
                     size: size_of::<$ty>(),
-                    fields: &[$(crate::message::Field {
+                    fields: &[$($crate::message::Field {
                         name: stringify!($field),
                         docs: concat!($($field_doc, "\n"),*),
                         offset: std::mem::offset_of!($ty, $field),
-                        layout: <$field_ty as crate::message::HasLayout>::LAYOUT,
+                        layout: <$field_ty as $crate::message::HasLayout>::LAYOUT,
                     }),*],
                 });
         }
     };
 }
-pub(crate) use struct_layout;
 
 struct_layout! {
     /// A planar velocity in the robot frame.

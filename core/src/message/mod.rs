@@ -10,6 +10,7 @@
 
 mod call;
 mod command;
+mod declared;
 mod frame;
 mod from_json;
 mod layout;
@@ -21,11 +22,13 @@ mod proposal;
 mod registry;
 mod sensors;
 mod text;
+mod to_json;
 mod view;
 
 pub use crate::geometry::{Axis, Twist};
 pub use call::{CallEvent, CallHeader, CallInput, Heard, HeardHeader, HeardKind, state_hash};
 pub use command::{Command, Control, ControlKind, DecisionHeader, Mode, Outcome, Verdict};
+pub use declared::{FieldDeclaration, FieldType, MessageDeclaration};
 pub use layout::{Field, HasLayout, Layout, StructLayout};
 pub use operator::{RetuneHeader, RetuneOutcome, RetuneStep, RetunedHeader, Stick};
 pub use overlay::{MarkKind, OverlayHeader, OverlayMark};
@@ -47,12 +50,13 @@ pub use text::{Name, Note, Text};
 pub use view::{RawMessage, View};
 
 use bytemuck::Pod;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::time::Time;
 
 /// Delivery policy of a channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Channel {
     /// Keeps the newest message only; a new subscriber receives it at once.
     Latest,
@@ -81,7 +85,33 @@ pub trait Message: Pod + Serialize + HasLayout + std::fmt::Debug + 'static {
 }
 
 /// Declares the header of a message: `repr(C)`, plain old data, with its versioned name, channel and items.
-macro_rules! message {
+///
+/// A plugin of another program declares a message type of its own in the same way; its crate needs `bytemuck` with the feature
+/// `derive`, and `serde` with `derive`. Every field and the type have a doc comment, the fields lie without gaps, and the first two
+/// are `stamp_ns` and `sequence`:
+///
+/// ```
+/// use yamabico_core::message::{Message, MessageType};
+///
+/// yamabico_core::message_type! {
+///     /// Concentration of a gas.
+///     "acme.Smell.v1" Stream [u8]
+///     pub struct Smell {
+///         /// Time of the measurement.
+///         pub stamp_ns: u64,
+///         /// Sequence number.
+///         pub sequence: u64,
+///         /// Concentration, ppm.
+///         pub ppm: f64,
+///     }
+/// }
+///
+/// let smell = Smell { stamp_ns: 5, ppm: 0.5, ..Smell::default() };
+/// let json = MessageType::of::<Smell>().to_json(bytemuck::bytes_of(&smell), &[]);
+/// assert_eq!((Smell::NAME, json["ppm"].as_f64()), ("acme.Smell.v1", Some(0.5)));
+/// ```
+#[macro_export]
+macro_rules! message_type {
     (@text) => { true };
     (@sequence $header:ident) => { $header.sequence };
     (@sequence $header:ident $field:ident) => { $header.$field };
@@ -103,36 +133,37 @@ macro_rules! message {
             }
         }
 
-        crate::message::layout::struct_layout! { $(#[doc = $doc])* struct $ty { $($body)* } }
+        $crate::struct_layout! { $(#[doc = $doc])* struct $ty { $($body)* } }
 
-        impl crate::message::Message for $ty {
+        impl $crate::message::Message for $ty {
             type Item = $item;
             const NAME: &'static str = $name;
-            const CHANNEL: crate::message::Channel = crate::message::Channel::$channel;
-            $(const IS_TEXT: bool = crate::message::message!(@$text);)?
-            fn stamp(&self) -> crate::time::Time {
-                crate::time::Time(self.stamp_ns)
+            const CHANNEL: $crate::message::Channel = $crate::message::Channel::$channel;
+            $(const IS_TEXT: bool = $crate::message_type!(@$text);)?
+            fn stamp(&self) -> $crate::time::Time {
+                $crate::time::Time(self.stamp_ns)
             }
             fn sequence(&self) -> u64 {
-                crate::message::message!(@sequence self $($sequence)?)
+                $crate::message_type!(@sequence self $($sequence)?)
             }
-            $(fn evidence(&self) -> crate::time::Time {
-                crate::time::Time(self.$evidence)
+            $(fn evidence(&self) -> $crate::time::Time {
+                $crate::time::Time(self.$evidence)
             })?
         }
     };
 }
-pub(crate) use message;
+pub(crate) use message_type as message;
 
-/// Declares an item of a list: `repr(C)`, plain old data.
-macro_rules! item {
+/// Declares an item of a list: `repr(C)`, plain old data. See [`message_type`](crate::message_type).
+#[macro_export]
+macro_rules! message_item {
     ($(#[doc = $doc:literal])* pub struct $ty:ident { $($body:tt)* }) => {
         $(#[doc = $doc])*
         #[repr(C)]
         #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable, serde::Serialize)]
         pub struct $ty { $($body)* }
 
-        crate::message::layout::struct_layout! { $(#[doc = $doc])* struct $ty { $($body)* } }
+        $crate::struct_layout! { $(#[doc = $doc])* struct $ty { $($body)* } }
 
         impl Default for $ty {
             fn default() -> Self {
@@ -141,7 +172,7 @@ macro_rules! item {
         }
     };
 }
-pub(crate) use item;
+pub(crate) use message_item as item;
 
 /// Declares an enum that is sent as a `u32` code.
 macro_rules! code_enum {

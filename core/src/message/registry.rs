@@ -24,9 +24,8 @@ pub struct MessageType {
     pub stamps: fn(header: &[u8]) -> (Time, Time),
     /// Reads the sequence number from the bytes of a header; zero if their size is wrong.
     pub sequence: fn(header: &[u8]) -> u64,
-    /// Converts header and items to JSON, without the pixels of a frame; text becomes the field `text`. Null if a size
-    /// is wrong.
-    pub to_json: fn(header: &[u8], items: &[u8]) -> serde_json::Value,
+    /// Converts header and items to JSON; see [`MessageType::to_json`].
+    pub(super) json: fn(&MessageType, header: &[u8], items: &[u8]) -> serde_json::Value,
 }
 
 impl MessageType {
@@ -42,13 +41,8 @@ impl MessageType {
             item: <M::Item as HasLayout>::LAYOUT,
             stamps: stamps::<M>,
             sequence: sequence::<M>,
-            to_json: to_json::<M>,
+            json: to_json::<M>,
         }
-    }
-
-    /// Returns the type with this versioned name, or `None` if it is unknown.
-    pub fn find(name: &str) -> Option<&'static MessageType> {
-        ALL.iter().find(|message| message.name == name)
     }
 
     /// Returns an error text for the unknown type `name`, with the known version of it if there is one.
@@ -61,7 +55,9 @@ impl MessageType {
                 known.name
             ),
             None => {
-                format!("message type `{name}` is unknown: it is not a message of this version of Yamabico")
+                format!(
+                    "message type `{name}` is unknown: it is not a message of this version of Yamabico, and nobody declares it"
+                )
             }
         }
     }
@@ -129,7 +125,7 @@ fn sequence<M: Message>(header: &[u8]) -> u64 {
     bytemuck::try_pod_read_unaligned::<M>(header).map_or(0, |header| header.sequence())
 }
 
-fn to_json<M: Message>(header: &[u8], items: &[u8]) -> serde_json::Value {
+fn to_json<M: Message>(_: &MessageType, header: &[u8], items: &[u8]) -> serde_json::Value {
     let Ok(header) = bytemuck::try_pod_read_unaligned::<M>(header) else { return serde_json::Value::Null };
     let mut json = serde_json::to_value(header).unwrap_or_default();
     let size = size_of::<M::Item>();
@@ -169,7 +165,7 @@ mod tests {
         for message in ALL {
             let header = vec![0; message.header_size];
             let items = vec![0; if message.item_size > 1 { message.item_size } else { 0 }];
-            let json = (message.to_json)(&header, &items);
+            let json = message.to_json(&header, &items);
             let keys = |json: &serde_json::Value| {
                 json.as_object().map_or_else(String::new, |o| o.keys().cloned().collect::<Vec<_>>().join(" "))
             };
@@ -187,10 +183,8 @@ mod tests {
         let scan = RangeScanHeader { stamp_ns: 7, max_m: 3.0, ..Default::default() };
         let beams =
             [Beam { range_m: 0.4, ..Default::default() }, Beam { flags: NO_ECHO, ..Default::default() }];
-        let json = (MessageType::of::<RangeScanHeader>().to_json)(
-            bytemuck::bytes_of(&scan),
-            bytemuck::cast_slice(&beams),
-        );
+        let json = MessageType::of::<RangeScanHeader>()
+            .to_json(bytemuck::bytes_of(&scan), bytemuck::cast_slice(&beams));
         assert_eq!(json["stamp_ns"], 7);
         assert_eq!(json["items"][0]["range_m"], 0.4);
         assert_eq!(json["items"].as_array().unwrap().len(), 2);
@@ -209,7 +203,7 @@ mod tests {
     #[test]
     fn wrong_sizes_are_null_and_not_a_panic() {
         let odometry = MessageType::of::<Odometry>();
-        assert!((odometry.to_json)(&[1, 2, 3], &[]).is_null());
+        assert!(odometry.to_json(&[1, 2, 3], &[]).is_null());
         assert_eq!((odometry.stamps)(&[]), (Time::ZERO, Time::ZERO));
         assert_eq!((odometry.sequence)(&[1]), 0);
     }

@@ -22,7 +22,11 @@ pub struct ImageSequenceConfig {
     /// file, or to the working directory on the command line. Files are read in the order of their names.
     #[schemars(extend("format" = "path"))]
     pub files: String,
-    /// Frame rate.
+    /// Times of capture: `rate` for a constant rate; `names` where the name of each file is its time (seconds with a point, or ms,
+    /// us or ns since 1970); or the path of a CSV table with the name and the time of each file, relative like `files`.
+    #[serde_inline_default(crate::stamps::RATE.to_owned())]
+    pub stamps: String,
+    /// Frame rate; with `stamps`, the nominal one.
     #[serde_inline_default(10.0)]
     #[schemars(range(min = 0.1, max = 1000.0))]
     pub rate_hz: f64,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use image::DynamicImage;
+use yamabico_core::image::jpeg_luma;
 
 use crate::files::{SequenceError, is_complete};
 
@@ -53,17 +54,11 @@ impl FileImage {
             }
             FileImage::Color(color) => {
                 for (out, pixel) in out.iter_mut().zip(color.as_raw().chunks_exact(3)) {
-                    *out = luma(pixel[0], pixel[1], pixel[2]);
+                    *out = jpeg_luma(pixel[0], pixel[1], pixel[2]);
                 }
             }
         }
     }
-}
-
-/// Returns the luma of ITU-R BT.601, as in JPEG: 0.299 R + 0.587 G + 0.114 B in units of 1/65536, rounded.
-fn luma(red: u8, green: u8, blue: u8) -> u8 {
-    let sum = 19_595 * u32::from(red) + 38_470 * u32::from(green) + 7_471 * u32::from(blue);
-    ((sum + 32_768) >> 16) as u8
 }
 
 #[cfg(test)]
@@ -72,7 +67,7 @@ mod tests {
 
     #[test]
     fn luma_preserves_gray_and_weights_colors() {
-        assert!((0..=255).all(|level| luma(level, level, level) == level));
-        assert_eq!((luma(255, 0, 0), luma(0, 255, 0), luma(0, 0, 255)), (76, 150, 29));
+        assert!((0..=255).all(|level| jpeg_luma(level, level, level) == level));
+        assert_eq!((jpeg_luma(255, 0, 0), jpeg_luma(0, 255, 0), jpeg_luma(0, 0, 255)), (76, 150, 29));
     }
 }

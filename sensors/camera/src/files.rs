@@ -41,6 +41,14 @@ pub enum SequenceError {
     /// A file is truncated.
     #[error("{} is truncated: copy it again or remove it", .0.display())]
     Truncated(PathBuf),
+    /// The times of capture are unknown.
+    #[error("{}: {reason}; correct `stamps`, or leave it out for a constant rate", path.display())]
+    Stamps {
+        /// File.
+        path: PathBuf,
+        /// Cause.
+        reason: String,
+    },
     /// A file cannot be decoded.
     #[error("{} cannot be decoded: {reason}; save it again or remove it", path.display())]
     Corrupt {

@@ -26,6 +26,7 @@ mod live_config;
 mod pixels;
 mod program;
 mod sequence;
+mod stamps;
 #[cfg(feature = "v4l2")]
 mod v4l2;
 
@@ -131,7 +132,10 @@ impl Driver for CameraDriver {
         if sensor.kind != "image-sequence" {
             return Ok(());
         }
-        files::find(&read(&sensor.table)?, folder).map_err(refused).map(drop)
+        let config: ImageSequenceConfig = read(&sensor.table)?;
+        let files = files::find(&config, folder).map_err(refused)?;
+        let refused = |error: SequenceError| ParameterError::new("stamps", error.to_string());
+        stamps::read(&config.stamps, &files, folder).map_err(refused).map(drop)
     }
 
     fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {

@@ -11,13 +11,16 @@ use yamabico_core::time::Time;
 use crate::config::ImageSequenceConfig;
 use crate::file_image::FileImage;
 use crate::files::{self, SequenceError};
+use crate::stamps;
 
-/// Sensor that publishes one image file per period, from the first poll on. A late poll skips images that a newer one has
+/// Sensor that publishes one image file per period, or at the times of the files, from the first poll on. A late poll skips images that a newer one has
 /// already replaced; their sequence numbers are missing.
 pub struct ImageSequence {
     name: String,
     config: ImageSequenceConfig,
     files: Vec<PathBuf>,
+    /// Time of each file after the first, ns; none at a constant rate.
+    times: Option<Vec<u64>>,
     /// Time of the first poll.
     begin: Option<Time>,
     next: u64,
@@ -34,7 +37,8 @@ impl ImageSequence {
         folder: &Path,
     ) -> Result<ImageSequence, SequenceError> {
         let files = files::find(&config, folder)?;
-        Ok(ImageSequence { name: name.to_owned(), config, files, begin: None, next: 0 })
+        let times = stamps::read(&config.stamps, &files, folder)?;
+        Ok(ImageSequence { name: name.to_owned(), config, files, times, begin: None, next: 0 })
     }
 
     /// Returns the files in the order in which they are published.
@@ -49,7 +53,16 @@ impl ImageSequence {
     }
 
     fn stamp(&self, begin: Time, number: u64) -> Time {
-        begin + Duration::from_secs_f64(number as f64 / self.config.rate_hz)
+        let Some(times) = &self.times else {
+            return begin + Duration::from_secs_f64(number as f64 / self.config.rate_hz);
+        };
+        // The end is one nominal period after the last image.
+        let period_ns = (1e9 / self.config.rate_hz) as u64;
+        let count = times.len() as u64;
+        let length_ns = times.last().map_or(0, |last| last + period_ns);
+        let time_ns =
+            usize::try_from(number % count).ok().and_then(|index| times.get(index)).copied().unwrap_or(0);
+        begin + Duration::from_nanos(length_ns.saturating_mul(number / count).saturating_add(time_ns))
     }
 
     fn arrival(&self, begin: Time, number: u64) -> Time {

@@ -280,3 +280,35 @@ fn photographs_of_a_corridor_are_published() {
         assert!((40.0..220.0).contains(&mean), "frame {} has a mean of {mean}", header.sequence);
     }
 }
+
+#[test]
+fn stamps_come_from_the_names_or_from_a_table() {
+    let folder = Folder::new("stamps");
+    for (i, name) in ["1403636579.100.png", "1403636579.150.png", "1403636579.450.png"].iter().enumerate() {
+        folder.gray(name, i as u8);
+    }
+    std::fs::write(
+        folder.0.join("times.csv"),
+        "1403636579.100.png,5.0\n1403636579.150.png,5.1\n1403636579.450.png,5.2",
+    )
+    .unwrap();
+    let stamps_of = |keys: &str| {
+        let mut device = open(&folder.0, &format!("files = '*.png'\n{keys}")).unwrap();
+        let mut tape = Published::default();
+        for tick in 0..100 {
+            let now = Time::from_secs_f64(1.0 + 0.01 * f64::from(tick));
+            device.sensors[0].1.poll(now, &mut Outputs::new(&mut tape)).unwrap();
+        }
+        let frames = tape.of::<FrameHeader>("front");
+        frames.iter().map(|(header, _)| (header.stamp_ns - 1_000_000_000) / 1_000_000).collect::<Vec<_>>()
+    };
+    assert_eq!(stamps_of("stamps = 'names'"), [0, 50, 350]);
+    assert_eq!(stamps_of("stamps = 'times.csv'"), [0, 100, 200]);
+    assert_eq!(stamps_of("stamps = 'names'\nrepeat = true")[..5], [0, 50, 350, 450, 500]);
+    folder.gray("frame.png", 9);
+    for stamps in ["names", "times.csv"] {
+        let problem =
+            open(&folder.0, &format!("files = '*.png'\nstamps = '{stamps}'")).err().unwrap().to_string();
+        assert!(problem.contains("frame.png"), "{problem}");
+    }
+}

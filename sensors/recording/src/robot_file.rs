@@ -32,7 +32,7 @@ struct TopicSummary {
     example: Option<Measurement>,
 }
 
-/// What the robot file is made of.
+/// Contents of a recording that a robot file is made of.
 #[derive(Default)]
 struct Survey {
     topics: BTreeMap<String, TopicSummary>,

@@ -1,4 +1,4 @@
-//! Whatever a recording contains, it is read, refused or counted: no panic, no hang. See `yamabico_testkit::fuzz` for longer runs.
+//! Recordings of any bytes are read, refused or counted: no panic, no hang. See `yamabico_testkit::fuzz` for longer runs.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 

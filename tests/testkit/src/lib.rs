@@ -1,4 +1,4 @@
-//! What tests, benches and evaluations share: known answers, configurations, recorded data sets, and inputs that are wrong.
+//! Shared by tests, benches and evaluations: known answers, configurations, recorded data sets, and inputs that are wrong.
 //!
 //! Depends on no crate of the workspace, so that every crate can use it in its tests.
 

@@ -183,6 +183,7 @@ mod tests {
             inputs: Vec::new(),
         };
         let topic = |name: &&str| TopicEntry {
+            declares: None,
             name: path_topic(name),
             message: PathHeader::NAME.to_owned(),
             publisher: (*name).to_owned(),

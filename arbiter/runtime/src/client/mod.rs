@@ -15,7 +15,7 @@ mod topic;
 
 use std::time::{Duration, Instant};
 
-use yamabico_core::message::{Control, ControlKind, DecisionHeader, RobotManifestHeader, Stick};
+use yamabico_core::message::{Control, ControlKind, DecisionHeader, MessageType, RobotManifestHeader, Stick};
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher, Subscriber};
 
@@ -85,7 +85,13 @@ impl RobotClient {
     /// The robot does not publish its manifest in time.
     pub fn manifest(&mut self) -> Result<&RobotManifest, ClientError> {
         if self.manifest.is_none() {
-            self.manifest = Some(receive_manifest(&self.bus)?);
+            let manifest = receive_manifest(&self.bus)?;
+            for declaration in manifest.topics.iter().filter_map(|topic| topic.declares.as_ref()) {
+                if let Err(problem) = MessageType::declare(declaration) {
+                    tracing::warn!("{problem}");
+                }
+            }
+            self.manifest = Some(manifest);
         }
         self.manifest.as_ref().ok_or(ClientError::NoManifest)
     }

@@ -150,3 +150,105 @@ impl ArbiterCore {
 fn is_goal([x, y, theta, tolerance_m]: [f64; 4]) -> bool {
     x.is_finite() && y.is_finite() && !theta.is_infinite() && tolerance_m.is_finite() && tolerance_m > 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::bytes_of;
+    use yamabico_arbiter::kinematics::Kinematics;
+    use yamabico_arbiter::policy::{BehaviorPolicy, Wire};
+    use yamabico_core::message::{Axes, Reason, Twist};
+    use yamabico_core::sensor::MotionLimits;
+    use yamabico_testkit::fuzz;
+
+    /// Tags of what a script says: a proposal, a request, or the time until the next decision, ms.
+    const PROPOSAL: u8 = 0;
+    const CONTROL: u8 = 1;
+
+    fn policy() -> Policy {
+        let behaviors = vec![BehaviorPolicy::new("high", 30), BehaviorPolicy::new("low", 10)];
+        let mut policy = Policy::new(MotionLimits::default(), Kinematics::new(Axes::ALL, None), behaviors);
+        policy.wires.push(Wire::inhibit(0, 1, std::time::Duration::from_millis(100)));
+        policy
+    }
+
+    fn said(tag: u8, who: u8, message: &[u8]) -> Vec<u8> {
+        [&[tag, who], message].concat()
+    }
+
+    /// Makes an arbiter hear a script, and checks every command.
+    fn hear(script: &[u8]) {
+        let mut core = ArbiterCore::new(policy());
+        let limits = MotionLimits::default();
+        let (mut rest, mut now) = (script, Time(1_000_000_000));
+        while let [tag, who, message @ ..] = rest {
+            let size = match *tag {
+                PROPOSAL => size_of::<Proposal>(),
+                CONTROL => size_of::<Control>(),
+                _ => 0,
+            };
+            let Some((message, behind)) = message.split_at_checked(size) else { break };
+            rest = behind;
+            match *tag {
+                PROPOSAL => core.hear_proposal(usize::from(*who), bytemuck::pod_read_unaligned(message), now),
+                CONTROL => drop(core.hear_control(&bytemuck::pod_read_unaligned(message), now)),
+                _ => {
+                    now = Time(now.0 + 1_000_000 * u64::from(*who).max(1));
+                    core.hear_sensor(usize::from(*tag), now);
+                    core.decide(now);
+                    let twist = core.command(now).twist;
+                    assert!(twist.is_finite() && twist.linear.abs() <= limits.speed[0] + 1e-9, "{twist:?}");
+                    assert!(twist.angular.abs() <= limits.speed[2] + 1e-9, "{twist:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn fuzz_proposals_and_controls() {
+        let stamp = Time(1_000_000_000);
+        let drive = Proposal::drive(Axes::PLANAR, Twist::planar(0.4, 0.2)).with_evidence(stamp);
+        let stamped = |proposal: Proposal| Proposal { stamp_ns: stamp.0, ..proposal };
+        let proposals = [
+            stamped(drive),
+            stamped(Proposal::halt(Axes::LINEAR, Reason::Echo)),
+            stamped(Proposal::limit(Axes::PLANAR, Twist::planar(0.1, 0.1), Reason::Echo)),
+            stamped(Proposal::abstain(Reason::Clear)),
+        ];
+        let controls = [
+            ControlKind::EmergencyStop,
+            ControlKind::Reset,
+            ControlKind::Enable,
+            ControlKind::Disable,
+            ControlKind::Goal,
+        ];
+        let control =
+            |kind: ControlKind| Control { kind: kind.code(), target: "low".into(), ..Control::default() };
+        let decide = |ms: u8| vec![9, ms];
+        let scripts: Vec<Vec<u8>> = proposals
+            .iter()
+            .flat_map(|first| {
+                proposals.map(|second| {
+                    [
+                        said(PROPOSAL, 0, bytes_of(first)),
+                        decide(20),
+                        said(PROPOSAL, 1, bytes_of(&second)),
+                        decide(20),
+                        decide(200),
+                    ]
+                    .concat()
+                })
+            })
+            .chain(controls.map(|kind| {
+                [
+                    said(PROPOSAL, 1, bytes_of(&proposals[0])),
+                    decide(20),
+                    said(CONTROL, 0, bytes_of(&control(kind))),
+                    decide(20),
+                ]
+                .concat()
+            }))
+            .collect();
+        fuzz::run("proposals", &scripts, hear);
+    }
+}

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 use yamabico_arbiter::decide::ProposalTerms;
-use yamabico_core::message::RobotManifestHeader;
+use yamabico_core::message::{MessageDeclaration, RobotManifestHeader};
 use yamabico_core::sensor::SensorInfo;
 use yamabico_core::time::Time;
 use yamabico_host::bus::{Bus, BusError, Publisher};
@@ -102,6 +102,9 @@ pub struct TopicEntry {
     pub message: String,
     /// Publisher: the name of a plugin, or a group such as `operators`.
     pub publisher: String,
+    /// Layout of a message type that a plugin declares; none for one of Yamabico.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub declares: Option<MessageDeclaration>,
 }
 
 /// Placement of plugins whose settings ask for a process of their own.
@@ -144,6 +147,7 @@ impl RobotManifest {
             name: topic.name.clone(),
             message: topic.message.name.to_owned(),
             publisher: publisher(plan, &topic.name),
+            declares: (!topic.message.is_built_in()).then(|| topic.message.declaration()),
         });
         RobotManifest {
             robot: robot.to_owned(),

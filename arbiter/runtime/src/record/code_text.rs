@@ -152,7 +152,7 @@ mod tests {
     fn codes_get_texts_and_unknown_ones_are_marked() {
         let proposal = Proposal { reason: 4711, ..Proposal::halt(Axes::ALL, Reason::Echo) };
         let message = MessageType::of::<Proposal>();
-        let mut value = (message.to_json)(bytemuck::bytes_of(&proposal), &[]);
+        let mut value = message.to_json(bytemuck::bytes_of(&proposal), &[]);
         add_texts(&message, &mut value);
         assert_eq!((&value["kind_text"], &value["reason_text"]), (&"halt".into(), &"unknown".into()));
         assert_eq!(value["reason"], 4711);

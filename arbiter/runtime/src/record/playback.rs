@@ -16,7 +16,7 @@ use super::Tap;
 use super::channels::under;
 use super::contents::{BROKE_OFF, Contents, missing_end, reader_options};
 use super::json_reader;
-use super::schema::Bytes;
+use super::schema::{self, Bytes};
 
 /// Maximum size of an image, bytes; a larger one is left out.
 const MAX_PIXEL_BYTES: usize = 128 << 20;
@@ -152,18 +152,20 @@ impl Player<'_> {
         if self.frame.as_ref().is_some_and(|frame| under(&frame.topic, "image") == *topic) {
             return self.take_image(&message.data);
         }
-        let Some(schema) =
-            message.channel.schema.as_ref().filter(|schema| schema.name.starts_with("yamabico."))
-        else {
+        let schema = message.channel.schema.as_ref().filter(|schema| schema.encoding == "jsonschema");
+        let Some(kind) = schema.and_then(|schema| schema::message_type(&schema.name, &schema.data)) else {
             return;
         };
         self.miss_image();
         if !(self.is_wanted)(topic) {
             return;
         }
-        let Some(kind) = MessageType::find(&schema.name) else {
-            self.played.left_out.insert(format!("{topic}: {}", MessageType::unknown(&schema.name)));
-            return;
+        let kind = match kind {
+            Ok(kind) => kind,
+            Err(problem) => {
+                self.played.left_out.insert(format!("{topic}: {problem}"));
+                return;
+            }
         };
         let time = Time(self.origin.0.saturating_add(message.log_time));
         let Some(Bytes { header, items }) = json_reader::read(kind, &message.data) else {

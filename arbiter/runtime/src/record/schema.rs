@@ -1,19 +1,21 @@
 //! JSON form of a recorded message, and its JSON Schema.
 
 use serde_json::{Value, json};
-use yamabico_core::message::MessageType;
+use yamabico_core::message::{MessageDeclaration, MessageType};
 
 use super::code_text;
 
 pub(super) const HEADER_BYTES: &str = "header_hex";
 pub(super) const ITEM_BYTES: &str = "items_hex";
+/// Key of the layout of a message type that a plugin declares.
+const LAYOUT: &str = "x-yamabico-layout";
 
 /// Converts a message to JSON: the header's fields, its items under `items`, and the text of each code under `..._text`.
 ///
 /// Numbers have full precision. JSON cannot express a number that is not finite: it is null, and the bytes of header and items
 /// follow in hexadecimal under `header_hex` and `items_hex`, so that nothing is lost. Pixels are left out.
 pub fn to_json(message: &MessageType, header: &[u8], items: &[u8]) -> Value {
-    let mut value = (message.to_json)(header, items);
+    let mut value = message.to_json(header, items);
     if has_null(&value)
         && let Some(object) = value.as_object_mut()
     {
@@ -73,7 +75,27 @@ pub(super) fn of(message: &MessageType) -> Value {
     for name in [HEADER_BYTES, ITEM_BYTES] {
         schema["properties"][name] = json!({ "type": "string" });
     }
+    if !message.is_built_in() {
+        schema[LAYOUT] = json!(message.declaration());
+    }
     schema
+}
+
+/// Message type of a recorded topic, by the name and the text of its JSON Schema; `None` for a topic that holds something else.
+///
+/// # Errors
+/// The type is of another version, or its declaration is invalid.
+pub fn message_type(name: &str, schema: &[u8]) -> Option<Result<&'static MessageType, String>> {
+    if let Some(known) = MessageType::find(name).filter(|known| known.is_built_in()) {
+        return Some(Ok(known));
+    }
+    if name.starts_with("yamabico.") {
+        return Some(Err(MessageType::unknown(name)));
+    }
+    let layout = serde_json::from_slice::<Value>(schema).ok()?.get_mut(LAYOUT)?.take();
+    let declared =
+        serde_json::from_value::<MessageDeclaration>(layout).map_err(|error| format!("`{name}`: {error}"));
+    Some(declared.and_then(|declaration| MessageType::declare(&declaration)))
 }
 
 fn describe(example: &Value) -> Value {

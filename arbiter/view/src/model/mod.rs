@@ -278,7 +278,7 @@ impl Tap for Model {
                     self.pictures.add(topic, picture);
                 }
             }
-            OVERLAY => self.overlays.add(topic, &(message.to_json)(bytes, list)),
+            OVERLAY => self.overlays.add(topic, &message.to_json(bytes, list)),
             RobotManifestHeader::NAME => {
                 // A robot publishes it once, when it starts.
                 if let (None, Some(header)) = (self.decision.as_ref(), header::<RobotManifestHeader>(bytes)) {

@@ -7,7 +7,7 @@ use serde_json::Value as Json;
 
 use super::launch::PROTOCOL;
 use yamabico_core::behavior::{Behavior, BehaviorFactory, BehaviorInfo, ParameterError, Setup, SlotInfo};
-use yamabico_core::message::{Axes, MessageType};
+use yamabico_core::message::{Axes, MessageDeclaration, MessageType};
 
 /// Argument that makes a program print its description.
 pub const DESCRIBE: &str = "--describe";
@@ -46,6 +46,26 @@ pub struct SlotDescription {
     pub preferred: bool,
     /// Versioned name of its message type, such as `yamabico.Odometry.v1`.
     pub message: String,
+    /// Layout of a message type of the program's own; none for one of Yamabico.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub declares: Option<MessageDeclaration>,
+}
+
+/// Returns the message type `name`, which the program may declare.
+pub(super) fn message_type(name: &str, declares: Option<&MessageDeclaration>) -> Result<MessageType, String> {
+    // Another version of a message of Yamabico is no message of its own.
+    if let Some(declaration) = declares.filter(|_| !name.starts_with("yamabico.")) {
+        if declaration.name != name {
+            return Err(format!("declares `{}`, but its message is `{name}`", declaration.name));
+        }
+        return MessageType::declare(declaration).copied();
+    }
+    MessageType::find(name).copied().ok_or_else(|| MessageType::unknown(name))
+}
+
+/// Returns the declaration of a message type, unless it is one of Yamabico.
+pub(super) fn declares(message: &MessageType) -> Option<MessageDeclaration> {
+    (!message.is_built_in()).then(|| message.declaration())
 }
 
 impl BehaviorDescription {
@@ -119,13 +139,14 @@ impl SlotDescription {
             required: slot.required,
             preferred: slot.preferred,
             message: slot.message.name.to_owned(),
+            declares: declares(&slot.message),
         }
     }
 
     fn info(self) -> Result<SlotInfo, String> {
-        let SlotDescription { name, summary, required, preferred, message } = self;
-        let known = MessageType::find(&message);
-        let message = *known.ok_or_else(|| format!("`{name}`: {}", MessageType::unknown(&message)))?;
+        let SlotDescription { name, summary, required, preferred, message, declares } = self;
+        let message =
+            message_type(&message, declares.as_ref()).map_err(|problem| format!("`{name}`: {problem}"))?;
         Ok(SlotInfo { name: name.into(), summary: summary.into(), required, preferred, message })
     }
 }
@@ -141,6 +162,7 @@ mod tests {
             required: true,
             preferred: false,
             message: "yamabico.Odometry.v1".into(),
+            declares: None,
         };
         BehaviorDescription {
             protocol: PROTOCOL,

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
-use super::behavior_description::check_protocol;
+use super::behavior_description::{check_protocol, declares, message_type};
 use super::launch::PROTOCOL;
 use super::query::query;
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, DriverInfo, PartSpec, SensorDescription, SensorOffer,
 };
-use yamabico_core::message::{Axes, MessageType};
+use yamabico_core::message::{Axes, MessageDeclaration};
 use yamabico_core::sensor::SensorInfo;
 
 /// Argument that makes a program answer a [`SensorQuestion`] on standard input with a [`SensorAnswer`], both JSON.
@@ -45,6 +45,9 @@ pub struct SensorKindDescription {
     pub summary: String,
     /// Versioned name of its message type, such as `yamabico.Odometry.v1`.
     pub message: String,
+    /// Layout of a message type of the program's own; none for one of Yamabico.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub declares: Option<MessageDeclaration>,
     /// JSON Schema of its parameters.
     pub parameters: Json,
 }
@@ -106,6 +109,7 @@ impl DriverDescription {
             kind: offer.kind.clone(),
             summary: offer.summary.clone(),
             message: offer.message.name.to_owned(),
+            declares: declares(&offer.message),
             parameters: offer.parameters.clone(),
         };
         let drive = |offer: &DriveOffer| DriveKindDescription {
@@ -132,9 +136,9 @@ impl DriverDescription {
     pub fn driver(self, program: &[String]) -> Result<Arc<dyn Driver>, String> {
         check_protocol(self.protocol)?;
         let sensors = self.sensors.into_iter().map(|sensor| {
-            let SensorKindDescription { kind, summary, message, parameters } = sensor;
-            let known = MessageType::find(&message);
-            let message = *known.ok_or_else(|| format!("`{kind}`: {}", MessageType::unknown(&message)))?;
+            let SensorKindDescription { kind, summary, message, declares, parameters } = sensor;
+            let message = message_type(&message, declares.as_ref())
+                .map_err(|problem| format!("`{kind}`: {problem}"))?;
             Ok(SensorOffer { kind, summary, message, parameters })
         });
         let drives = self.drives.into_iter().map(|drive| {

@@ -137,6 +137,9 @@ pub struct DeviceLaunch {
 /// Launch configuration that does not match the program.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LaunchError {
+    /// The message types of the program contradict each other.
+    #[error("{0}")]
+    Messages(String),
     /// The protocol has another version.
     #[error(
         "the launch configuration has version {version} of the protocol, but this program has version \

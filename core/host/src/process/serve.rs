@@ -77,6 +77,7 @@ fn try_to_serve(plugins: &Plugins) -> Result<(), ServeError> {
     std::io::stdin().read_to_string(&mut text)?;
     let launch: LaunchConfig = toml::from_str(&text)?;
     launch.check()?;
+    plugins.register_messages().map_err(LaunchError::Messages)?;
     let (over, orphaned) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
     for (signal, flag) in [(SIGTERM, &over), (SIGHUP, &orphaned), (SIGHUP, &over)] {
         signal_hook::flag::register(signal, Arc::clone(flag))?;

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use proptest::prelude::*;
 use yamabico_host::config::{Overrides, load};
 use yamabico_parameters::Style;
+use yamabico_testkit::fuzz;
 
 use super::fakes::plugins;
 
@@ -121,4 +122,13 @@ fn deep_nesting_is_refused() {
     for text in [dots, header, lists, tables] {
         load_bytes(text.as_bytes(), text.as_bytes(), vec![text.clone()]).unwrap();
     }
+}
+
+#[test]
+fn fuzz_configuration() {
+    let (task, robot) = (TASK.as_bytes(), ROBOT.as_bytes());
+    fuzz::run("configuration", &[task.to_vec(), robot.to_vec()], |bytes| {
+        load_bytes(bytes, robot, Vec::new()).unwrap();
+        load_bytes(task, bytes, Vec::new()).unwrap();
+    });
 }

@@ -1,6 +1,8 @@
 //! Images of ROS 2. All become gray.
 
+use image::DynamicImage;
 use serde::Deserialize;
+use yamabico_core::image::jpeg_luma;
 use yamabico_core::message::{Encoding, FrameHeader};
 
 use super::Header;
@@ -17,7 +19,14 @@ pub(super) struct CompressedImage<'a> {
 pub(super) fn compressed(message: &CompressedImage<'_>) -> Result<Measurement, Refusal> {
     let image = decode(message.data)?;
     let (width, height) = (image.width(), image.height());
-    Ok(gray(&message.header, width, height, image.into_luma8().into_raw()))
+    let pixels = match image {
+        DynamicImage::ImageLuma8(gray) => gray.into_raw(),
+        other => {
+            let colors = other.into_rgb8().into_raw();
+            colors.chunks_exact(3).map(|pixel| jpeg_luma(pixel[0], pixel[1], pixel[2])).collect()
+        }
+    };
+    Ok(gray(&message.header, width, height, pixels))
 }
 
 #[derive(Deserialize)]
@@ -36,8 +45,8 @@ pub(super) struct Image<'a> {
 #[derive(Clone, Copy)]
 enum Pixel {
     Mono,
-    /// Weights of the channels for gray by ITU-R BT.601, in 256ths.
-    Color([u32; 3]),
+    Rgb,
+    Bgr,
     /// One luma per pixel at this byte, and every other pixel a chroma.
     Luma(usize),
 }
@@ -46,8 +55,8 @@ impl Pixel {
     fn of(encoding: &str) -> Option<Pixel> {
         Some(match encoding {
             "mono8" | "8UC1" => Pixel::Mono,
-            "rgb8" => Pixel::Color([77, 150, 29]),
-            "bgr8" | "8UC3" => Pixel::Color([29, 150, 77]),
+            "rgb8" => Pixel::Rgb,
+            "bgr8" | "8UC3" => Pixel::Bgr,
             "yuv422" | "uyvy" => Pixel::Luma(1),
             "yuv422_yuy2" | "yuyv" => Pixel::Luma(0),
             _ => return None,
@@ -57,7 +66,7 @@ impl Pixel {
     const fn bytes(self) -> usize {
         match self {
             Pixel::Mono => 1,
-            Pixel::Color(_) => 3,
+            Pixel::Rgb | Pixel::Bgr => 3,
             Pixel::Luma(_) => 2,
         }
     }
@@ -66,11 +75,8 @@ impl Pixel {
         match self {
             Pixel::Mono => pixel[0],
             Pixel::Luma(byte) => pixel[byte],
-            Pixel::Color(weights) => {
-                let sum: u32 =
-                    pixel.iter().zip(weights).map(|(value, weight)| u32::from(*value) * weight).sum();
-                (sum >> 8) as u8
-            }
+            Pixel::Rgb => jpeg_luma(pixel[0], pixel[1], pixel[2]),
+            Pixel::Bgr => jpeg_luma(pixel[2], pixel[1], pixel[0]),
         }
     }
 }

@@ -106,7 +106,9 @@ impl Arguments {
             }
             let seconds = |counts: &dyn Fn(&Moment) -> bool| -> f64 {
                 let steps = moments.windows(2).filter(|pair| counts(&pair[0]));
-                steps.map(|pair| (pair[1].time_s - pair[0].time_s).min(COMMAND_S)).sum()
+                steps
+                    .map(|pair| (pair[1].time_s - pair[0].time_s).min(COMMAND_S))
+                    .fold(0.0, |sum, step_s| sum + step_s)
             };
             let begins = |is: &dyn Fn(&Moment) -> bool| {
                 moments.windows(2).filter(|pair| !is(&pair[0]) && is(&pair[1])).count()
