@@ -56,7 +56,7 @@ pub struct PlaybackResult {
 }
 
 impl PlaybackResult {
-    /// What is missing, for people.
+    /// Notes on missing parts, for people.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let images =

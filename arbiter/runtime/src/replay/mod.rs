@@ -53,7 +53,7 @@ use crate::record::runs;
 /// Replays every run in the file `path`: one, or several recordings one after the other. See [`replay`].
 ///
 /// # Errors
-/// Those of [`replay`], for the first run that has one.
+/// See [`replay`]; the first run that fails ends it.
 pub fn replay_runs(path: &Path, plugins: &Plugins, options: &Options) -> Result<Vec<Report>, ReplayError> {
     let runs = runs(path)?;
     if runs.len() == 1 {

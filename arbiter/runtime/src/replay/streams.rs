@@ -232,7 +232,7 @@ fn replay_arbiter(
     Ok(Counted { topics, computing: Duration::ZERO })
 }
 
-/// What the arbiter publishes in a step, in the order of the topics.
+/// Messages that the arbiter publishes in a step, in the order of the topics.
 struct Decided {
     of_arbiter: BTreeSet<String>,
     published: Vec<RecordedMessage>,

@@ -132,7 +132,7 @@ impl Arguments {
     }
 }
 
-/// Where recordings are made.
+/// Place where recordings are made.
 struct Bench {
     program: PathBuf,
     folder: PathBuf,
