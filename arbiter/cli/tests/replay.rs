@@ -72,7 +72,7 @@ fn a_replay_begins_in_the_middle_and_says_what_is_exact() {
     assert!(of("map-localizer").contains("continues from its saved state"), "{notes:#?}");
     assert!(of("sonar-halt").contains("begins without a saved state"), "{notes:#?}");
     let compared = |topic: &str| report["topics"][topic]["compared"].as_u64().unwrap();
-    assert!((75..=115).contains(&compared("behaviors/sonar-halt/proposal")), "{report:#}");
+    assert!((100..=160).contains(&compared("behaviors/sonar-halt/proposal")), "{report:#}");
     // The arbiter is replayed from the beginning.
     assert!(compared("decision") >= 300, "{report:#}");
     let late = replay(&file, &["--from", "100"]);
@@ -234,6 +234,22 @@ fn what_is_no_recording_of_a_run_is_refused() {
     let plain = McapRecorder::create(Recording::new(folder.file("plain.mcap"), Pace::Lockstep)).unwrap();
     plain.finish(BTreeMap::new());
     assert_exit(&replay(&folder.file("plain.mcap"), &[]), 2, &["the fact `execution`"]);
+}
+
+#[test]
+fn several_runs_in_one_file_are_several_replays() {
+    let folder = TestFolder::new("replay-several");
+    let set = ["--set", "run.duration_s=1"];
+    let first = record(&folder, "a.mcap", "corridor.toml", &set);
+    let second = record(&folder, "b.mcap", "office.toml", &[&set[..], &["--overwrite"]].concat());
+    let both = folder.file("both.mcap");
+    std::fs::write(&both, [std::fs::read(first).unwrap(), std::fs::read(second).unwrap()].concat()).unwrap();
+    assert_exit(&replay(&both, &[]), 0, &["run 1 of 2", "corridor: all", "run 2 of 2", "office: all"]);
+    let reports = json(&replay(&both, &["--json"]));
+    let tasks: Vec<_> = reports.as_array().unwrap().iter().map(|report| &report["task"]).collect();
+    assert_eq!(tasks, ["corridor", "office"]);
+    let refused = replay(&both, &["--set", "run.duration_s=2", "--out", "x.mcap"]);
+    assert_exit(&refused, 2, &["it holds 2 runs"]);
 }
 
 #[test]

@@ -11,12 +11,18 @@ const OCTAVES: usize = 40;
 pub struct DurationHistogram {
     buckets: Vec<u64>,
     count: u64,
+    total: Duration,
     max: Duration,
 }
 
 impl Default for DurationHistogram {
     fn default() -> Self {
-        DurationHistogram { buckets: vec![0; PER_OCTAVE * OCTAVES], count: 0, max: Duration::ZERO }
+        DurationHistogram {
+            buckets: vec![0; PER_OCTAVE * OCTAVES],
+            count: 0,
+            total: Duration::ZERO,
+            max: Duration::ZERO,
+        }
     }
 }
 
@@ -25,6 +31,7 @@ impl DurationHistogram {
     pub fn add(&mut self, duration: Duration) {
         self.buckets[bucket(duration.as_nanos() as u64)] += 1;
         self.count += 1;
+        self.total += duration;
         self.max = self.max.max(duration);
     }
 
@@ -43,6 +50,7 @@ impl DurationHistogram {
         if let Some(bucket) = self.buckets.get_mut(index) {
             *bucket += count;
             self.count += count;
+            self.total += Duration::from_nanos(upper_edge(index).saturating_mul(count));
         }
     }
 
@@ -60,6 +68,11 @@ impl DurationHistogram {
     /// Number of durations added.
     pub fn count(&self) -> u64 {
         self.count
+    }
+
+    /// Sum of all durations; those from other histograms count with 1/32 of uncertainty.
+    pub fn total(&self) -> Duration {
+        self.total
     }
 
     /// Longest duration; zero before the first.

@@ -5,7 +5,8 @@ import unittest
 from unittest.mock import Mock
 
 from yamabico import PLANAR, Behavior, Number, Slot, drive
-from yamabico.messages import DECISION_TOPIC, DecisionHeader, Odometry, Outcome, PluginState, Verdict
+from yamabico.call_log import state_hash
+from yamabico.messages import CallEvent, DECISION_TOPIC, DecisionHeader, Odometry, Outcome, PluginState, Verdict
 from yamabico.behavior_host import BehaviorHost
 
 
@@ -76,6 +77,26 @@ class Hosts(unittest.TestCase):
         host.behavior.calls = 13
         host.replace(host.build({"speed_mps": 0.2}))
         self.assertEqual((host.behavior.calls, host.behavior.speed_mps), (2, 0.2))
+
+    def test_a_shorter_text_leaves_nothing_of_a_longer_one(self):
+        proposal = drive(0.1, note="a long note")
+        proposal.note = "short"
+        self.assertEqual(bytes(proposal), bytes(drive(0.1, note="short")))
+
+    def test_calls_are_logged_with_what_they_were_handed(self):
+        host, bus, _ = hosted(json.dumps({"calls": 4}))
+        log = bus.published["replay/behaviors/me"]
+        sample = Mock(payload_ptr=b"")
+        sample.payload().len.return_value = 0
+        for number in (7, 8):
+            bus.pending["w"].append((Odometry(sequence=number, stamp_ns=10 * number), sample))
+        host.collect()
+        host.propose(1, lambda: 2)
+        host.propose(20_000_000, lambda: 2)
+        self.assertEqual([entry.event for entry in log], [CallEvent.START, CallEvent.CALL, CallEvent.CALL])
+        self.assertEqual([entry.proposal for entry in log], [0, 1, 2])
+        # The hash of the restored state is 64-bit FNV-1a.
+        self.assertEqual((log[0].state, state_hash(b"foobar")), (state_hash(b'{"calls": 4}'), 0x85944171F73967E8))
 
     def test_it_sleeps_while_inhibited(self):
         host, bus, _ = hosted(sleeps_while_inhibited=True)

@@ -59,6 +59,8 @@ def text(field):
 
     def write(self, value):
         kind = dict((name, kind) for name, kind in self._fields_)[field]
+        # No byte of an earlier text remains behind a shorter one.
+        ctypes.memset(ctypes.addressof(self) + getattr(type(self), field).offset, 0, ctypes.sizeof(kind))
         if isinstance(value, str):
             setattr(self, field, _encoded(value, ctypes.sizeof(kind)))
             return

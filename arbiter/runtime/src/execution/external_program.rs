@@ -29,8 +29,8 @@ const DEADLINES: u32 = 40;
 const OPENING_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time within which a program ends on request; after that it is killed.
 const ENDING_TIMEOUT: Duration = Duration::from_secs(1);
-/// Longest wait without a look at the process.
-const MAX_WAIT: Duration = Duration::from_millis(20);
+/// Longest wait without a look at the process, and at messages that do not notify.
+const MAX_WAIT: Duration = Duration::from_millis(5);
 
 /// Program of one behavior.
 pub(crate) struct ExternalProgram {
@@ -130,7 +130,7 @@ impl ExternalProgram {
             requests: bus.publisher(topics::RETUNE)?,
             replies: bus.subscriber(topics::RETUNED)?,
             failures: bus.subscriber(topics::FAILURES)?,
-            wait_set: bus.wait_set(&[topics::STEP_ACKNOWLEDGMENTS, topics::RETUNED, topics::HEARTBEATS])?,
+            wait_set: bus.wait_set(&[topics::STEP_ACKNOWLEDGMENTS])?,
             timeout: (timeout * DEADLINES).max(Duration::from_millis(1)),
             awaited: None,
             sequence: 0,

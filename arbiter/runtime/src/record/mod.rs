@@ -29,6 +29,7 @@ mod ranges;
 mod repair;
 mod run_file;
 mod run_folder;
+mod runs;
 mod scene;
 mod schema;
 mod surroundings;
@@ -52,6 +53,7 @@ pub(crate) use playback::play_compressed;
 pub use playback::{PlaybackError, PlaybackResult, play, play_topics};
 pub use repair::{RepairError, Repaired, repair};
 pub use run_folder::RunFolder;
+pub use runs::runs;
 pub use schema::{Bytes, from_json, to_json};
 pub use utc::utc;
 

@@ -47,10 +47,24 @@ pub enum PlaybackError {
 pub struct PlaybackResult {
     /// Number of messages passed to the tap.
     pub messages: u64,
+    /// Number of images that the recorder dropped, since its writer was behind.
+    pub images_missing: u64,
     /// Messages that were left out, and why.
     pub left_out: BTreeSet<String>,
     /// Cause why the recording ends early, such as a killed writer or a full disk.
     pub broken_off: Option<String>,
+}
+
+impl PlaybackResult {
+    /// Notes on missing parts, for people.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let images =
+            (self.images_missing > 0).then(|| format!("{} images were not recorded", self.images_missing));
+        let left_out = self.left_out.iter().map(|what| format!("left out: {what}"));
+        let broken_off = self.broken_off.iter().map(|cause| format!("the recording breaks off: {cause}"));
+        images.into_iter().chain(left_out).chain(broken_off).collect()
+    }
 }
 
 /// Passes every message of a recording to `tap`, with the times of its run. Losslessly compressed images come back byte for byte, except for the padding
@@ -201,6 +215,7 @@ impl Player<'_> {
     /// Notes that the pending frame has no image.
     fn miss_image(&mut self) {
         if let Some(frame) = self.frame.take() {
+            self.played.images_missing += 1;
             self.played.left_out.insert(format!("{}: an image that was not recorded", frame.topic));
         }
     }

@@ -42,11 +42,11 @@ pub(super) struct BehaviorReplay {
     pub calls: u64,
     /// Memory with which it began in the middle of the recording, if it did.
     pub memory: Option<Memory>,
-    /// What the events that were passed over leave to the first call.
+    /// Remains of the events that were passed over, for the first call.
     passed: Option<Passed>,
 }
 
-/// What events that are not repeated leave to the first call that is.
+/// Remains of events that are not repeated, for the first call that is.
 #[derive(Default)]
 struct Passed {
     /// Newest message of each slot.

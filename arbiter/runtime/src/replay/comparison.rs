@@ -151,7 +151,7 @@ impl Comparison {
             let own = self.topics.iter().filter(|(topic, _)| author(topic) == name);
             let (mut compared, mut differences, mut last_s) = (0, 0, 0.0_f64);
             for (_, topic) in own {
-                compared += topic.compared;
+                compared += topic.compared + topic.missing + topic.extra;
                 differences += topic.differences();
                 last_s = last_s.max(topic.last_s.unwrap_or(0.0));
             }
@@ -282,6 +282,11 @@ impl Comparison {
             let fields = difference::fields(message, recorded, replayed);
             self.note(topic, time, "the messages differ", fields);
         }
+    }
+
+    /// Sets the number of steps of a comparison that was made elsewhere.
+    pub fn count_steps(&mut self, steps: u64) {
+        self.steps = steps;
     }
 
     /// Topics that the replay computes.

@@ -129,8 +129,7 @@ pub(super) fn replay_log(
     notes.extend(
         options.part.note(span).filter(|_| replay.behaviors.values().all(|behavior| behavior.calls == 0)),
     );
-    notes.extend(played.left_out.into_iter().map(|what| format!("left out: {what}")));
-    notes.extend(played.broken_off.map(|cause| format!("the recording breaks off: {cause}")));
+    notes.extend(played.notes());
     notes.extend(replay.output.take().and_then(WhatIfRecorder::finish));
     let calls: u64 = replay.behaviors.values().map(|behavior| behavior.calls).sum();
     let LogReplay { comparison, changes, .. } = replay;
@@ -139,7 +138,7 @@ pub(super) fn replay_log(
         return Err(ReplayError::Unsupported { path: path.to_owned(), reason });
     }
     let (seconds, wall_s) = (newest.seconds_after(first), began.elapsed().as_secs_f64());
-    Ok(Report::new(path, recorded, options, comparison, changes, notes, (seconds, wall_s)))
+    Ok(Report::new(path, recorded, options, comparison, changes, notes, (seconds, wall_s, None)))
 }
 
 impl LogReplay {

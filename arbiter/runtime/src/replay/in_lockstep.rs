@@ -12,10 +12,11 @@ use super::comparison::Comparison;
 use super::control_change::ControlChanges;
 use super::prelude::Prelude;
 use super::recorded_task::{RecordedTask, ReplayError};
-use super::report::{Options, Part, Report, computed, heard_by_arbiter, of_arbiter};
+use super::report::{OVERLAYS_LEFT_OUT, Options, Part, Report, computed, heard_by_arbiter, of_arbiter};
 use super::steps::{Step, Steps, raw};
+use super::streams::replay_streams;
 use super::what_if_recorder::WhatIfRecorder;
-use crate::execution::{Lockstep, Plan, Topic};
+use crate::execution::{Lockstep, Overlays, Plan, Topic};
 use crate::record::{Tap, Tee};
 
 /// Replays the lockstep run of `recorded` from the recording `path`.
@@ -32,6 +33,16 @@ pub(super) fn replay_lockstep(
         overlays: options.overlays,
         ..Plan::new(&recorded.task, recorded.identity.run.seed)
     };
+    let is_plain = options.changes.is_empty()
+        && options.part == Part::Whole
+        && options.output.is_none()
+        && options.overlays == Overlays::OnRequest;
+    if is_plain
+        && options.threads > 1
+        && let Some(report) = replay_streams(path, options, recorded, &plan)?
+    {
+        return Ok(report);
+    }
     let context = ExplainContext::of(&plan.policy, &[]);
     let all = computed(&plan);
     // Overlays are drawings, which nobody draws here.
@@ -104,23 +115,21 @@ pub(super) fn replay_lockstep(
     let mut notes = recorded.notes();
     notes.extend(memories.iter().flat_map(|memories| comparison.continued(memories)));
     notes.extend(prelude.as_ref().and_then(|_| options.part.note(span)));
-    notes.extend(
-        comparison
-            .leaves_out_overlays
-            .then(|| "overlays are not compared; --overlays compares them".to_owned()),
-    );
-    notes.extend(played.left_out.into_iter().map(|what| format!("left out: {what}")));
-    notes.extend(played.broken_off.map(|cause| format!("the recording breaks off: {cause}")));
+    notes.extend(comparison.leaves_out_overlays.then(|| OVERLAYS_LEFT_OUT.to_owned()));
+    notes.extend(played.notes());
     if let Some(output) = output {
         notes.extend(output.finish());
     }
     let seconds = span.map_or(0.0, |(first, last): (Time, Time)| last.seconds_after(first));
-    let times = (seconds, began.elapsed().as_secs_f64());
+    let wall_s = began.elapsed().as_secs_f64();
+    let calls = lockstep.finish().behaviors;
+    let calls_s: f64 = calls.iter().map(|(_, calls)| calls.calls.total().as_secs_f64()).sum();
+    let times = (seconds, wall_s, Some(calls_s).filter(|_| !calls.is_empty()));
     Ok(Report::new(path, recorded, options, comparison, changes, notes, times))
 }
 
 /// Returns true if the run was ending in this step. An emergency stop hides it, and makes it unnecessary.
-fn ends(step: &Step) -> bool {
+pub(super) fn ends(step: &Step) -> bool {
     let decisions = step.messages.iter().filter(|message| message.message.name == DecisionHeader::NAME);
     let mut decisions = decisions
         .filter_map(|message| View::<DecisionHeader>::of(raw(message)).map(|view| view.header.mode()));

@@ -8,7 +8,7 @@ use yamabico_host::topics;
 use super::steps::{RecordedMessage, Step, raw};
 use crate::execution::{Life, Plan};
 
-/// What was last recorded before the replay of the behaviors begins.
+/// State of the recording before the replay of the behaviors begins.
 #[derive(Default)]
 pub(super) struct Prelude {
     lives: BTreeMap<String, Life>,
@@ -69,7 +69,7 @@ impl Prelude {
         self.newest.values().flatten()
     }
 
-    /// What became of each behavior, for people: whether it continues from a state that it saved.
+    /// Memory with which each behavior begins.
     pub fn memories(&self) -> BTreeMap<String, Memory> {
         let memory = |life: &Life| match (life.sequence, life.saved_state.is_empty()) {
             (0, _) => Memory::NotNeeded,

@@ -290,10 +290,19 @@ impl Driver for Closed {
 
 /// Folder that is removed when dropped.
 #[derive(Debug)]
-struct TemporaryFolder(PathBuf);
+pub(super) struct TemporaryFolder(PathBuf);
 
 impl TemporaryFolder {
-    fn create() -> Result<TemporaryFolder, ReplayError> {
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// Creates a new folder in the system's folder for temporary files.
+    ///
+    /// # Errors
+    /// It cannot be created.
+    pub fn create() -> Result<TemporaryFolder, ReplayError> {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         loop {
             let next = NEXT.fetch_add(1, Ordering::Relaxed);

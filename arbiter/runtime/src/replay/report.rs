@@ -12,6 +12,9 @@ use super::recorded_task::{Changes, Programs, RecordedTask};
 use crate::execution::{Overlays, Plan, topics};
 use crate::supervisor::Program;
 
+/// Note on a recording in lockstep whose overlays are not replayed.
+pub(super) const OVERLAYS_LEFT_OUT: &str = "overlays are not compared; --overlays compares them";
+
 /// Part of a recording that is replayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Part {
@@ -83,8 +86,10 @@ pub struct Report {
     pub steps: u64,
     /// Time from the first step to the last, s.
     pub seconds: f64,
-    /// Computing time, s.
+    /// Time that the replay took, s.
     pub wall_s: f64,
+    /// Sum of the durations of all calls of behaviors, s: what they would take one after the other. `None` in a live run.
+    pub behaviors_s: Option<f64>,
     /// Messages compared on each topic.
     pub topics: BTreeMap<String, TopicComparison>,
     /// First difference; `None` if every message is equal to the byte.
@@ -116,7 +121,7 @@ impl Report {
         self.topics.values().map(|topic| topic.compared).sum()
     }
 
-    /// Report on a finished comparison; `times` are the time of the run and the computing time, s.
+    /// Report on a finished comparison; `times` are the time of the run, that of the replay and that of the calls, s.
     pub(super) fn new(
         path: &Path,
         recorded: &RecordedTask,
@@ -124,7 +129,7 @@ impl Report {
         comparison: Comparison,
         changes: ControlChanges,
         notes: Vec<String>,
-        times: (f64, f64),
+        times: (f64, f64, Option<f64>),
     ) -> Report {
         Report {
             recording: path.to_owned(),
@@ -132,6 +137,7 @@ impl Report {
             steps: comparison.steps(),
             seconds: times.0,
             wall_s: times.1,
+            behaviors_s: times.2,
             topics: comparison.topics,
             first: comparison.first,
             decisions: changes.decisions,

@@ -28,6 +28,8 @@
 //!    - A behavior with state to keep across a restart publishes it on `plugins/memories` whenever it changes: a
 //!      `SavedStateHeader` and at most 16 kB of JSON. The next launch configuration contains the last one as
 //!      `saved_state`.
+//!    - A behavior that logs its calls can be replayed: it publishes a `CallHeader` on `replay/behaviors/NAME` after each
+//!      call, with the numbers and stamps of the messages that it was handed for the first time.
 //!    - A device publishes its measurements and obeys `command`.
 //!    - With `clock = "driver"` the device owns the time. In each step it publishes its measurements and then a
 //!      `Clock` on `clock`. The arbiter then publishes the phases `collect`, `propose` and `done` on `clock/turns`. In

@@ -92,7 +92,7 @@ impl LiveRun {
 
     /// Makes the run and moves its recording to `file`; returns what happened, for people.
     pub fn record(&self, program: &Path, python: Option<&Path>, seconds: f64, file: &Path) -> String {
-        let name = format!("replays-{}", std::process::id());
+        let name = format!("replayed-{}", std::process::id());
         let mut set: Vec<String> = ENDLESS.map(str::to_owned).to_vec();
         if self.task == "flat-world.toml" {
             set.pop();

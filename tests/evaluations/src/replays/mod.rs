@@ -19,7 +19,7 @@ use crate::report::{Report, Table, number};
 const TASKS: [&str; 11] = [
     "corner",
     "corridor",
-    "corridor-photos",
+    PHOTOS,
     "field",
     "hallway",
     "intersection",
@@ -29,6 +29,8 @@ const TASKS: [&str; 11] = [
     "room",
     "teleop",
 ];
+/// Task that needs the photographs of the data folder.
+const PHOTOS: &str = "corridor-photos";
 /// Seeds of each of them.
 const SEEDS: [u64; 2] = [1, 2];
 /// Task with a behavior in Python, and its seeds in lockstep.
@@ -38,7 +40,7 @@ const PYTHON: (&str, [u64; 3]) = ("corridor-python", [1, 2, 3]);
 ///
 /// 40 recordings: every task in lockstep, live runs of the hallway with kills, with requests in their middle and on a busy
 /// machine, runs with a behavior in Python, and one with a simulator in Python that owns the clock. The recording of a replay that
-/// differs is kept. Needs `cargo build --release` first, and Python for some: without it they are left out.
+/// differs is kept. Needs `cargo build --release` first, and Python and `YAMABICO_DATA` for some: without them these are left out.
 #[derive(Args)]
 pub struct Arguments {
     /// Maximum duration of a run in lockstep, s; by default that of its task.
@@ -73,7 +75,8 @@ impl Arguments {
         std::fs::create_dir_all(&bench.folder).map_err(|error| error.to_string())?;
         let python = venv::interpreter(&bench.program);
         let mut replayed = Vec::new();
-        let is_wanted = |name: &str| name.contains(&self.only);
+        let has_photos = std::env::var_os("YAMABICO_DATA").is_some();
+        let is_wanted = |name: &str| name.contains(&self.only) && (has_photos || !name.contains(PHOTOS));
         let lockstep = TASKS.iter().flat_map(|task| SEEDS.map(|seed| (*task, seed, None)));
         let in_python =
             python.iter().flat_map(|python| PYTHON.1.map(|seed| (PYTHON.0, seed, Some(python.as_path()))));
@@ -112,6 +115,12 @@ impl Arguments {
             .arg(&bench.folder)
             .arg("--record")
             .arg(&file);
+        if task == PHOTOS
+            && let Some(data) = std::env::var_os("YAMABICO_DATA")
+        {
+            let images = Path::new(&data).join("corridor_drive/images");
+            run.args(["--set", &format!("robot.sensors.front.files={:?}", images.display().to_string())]);
+        }
         if let Some(seconds) = self.seconds {
             run.args(["--set", &format!("run.duration_s={seconds}")]);
         }
@@ -123,7 +132,7 @@ impl Arguments {
     }
 }
 
-/// Where recordings are made.
+/// Place where recordings are made.
 struct Bench {
     program: PathBuf,
     folder: PathBuf,

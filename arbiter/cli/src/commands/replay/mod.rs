@@ -7,7 +7,9 @@ use std::path::PathBuf;
 use clap::Args;
 use yamabico::plugins::plugins;
 use yamabico_runtime::execution::Overlays;
-use yamabico_runtime::replay::{Changes, Options, Part, ReplayError, close_loop, replay as replay_file};
+use yamabico_runtime::replay::{
+    Changes, Options, Part, ReplayError, Report, close_loop, replay as replay_file, replay_runs,
+};
 use yamabico_runtime::supervisor::Program;
 
 use crate::interrupt::interrupt_flag;
@@ -96,9 +98,17 @@ pub fn replay(arguments: &Arguments, print: Print) -> CommandResult {
         print.show(&closed.map_err(failure)?, tables::closed_loop);
         return Ok(DONE);
     }
-    let report = replay_file(&arguments.file, &plugins(), &options).map_err(failure)?;
-    print.show(&report, if report.open_loop { tables::what_if } else { tables::comparison });
-    Ok(if report.open_loop || report.is_equal() { DONE } else { NOT_DONE })
+    let reports = replay_runs(&arguments.file, &plugins(), &options).map_err(failure)?;
+    let text = |report: &Report| match report.open_loop {
+        true => tables::what_if(report),
+        false => tables::comparison(report),
+    };
+    match reports.as_slice() {
+        [report] => print.show(report, text),
+        _ => print.show(&reports, |several| tables::runs(several, text)),
+    }
+    let is_done = reports.iter().all(|report| report.open_loop || report.is_equal());
+    Ok(if is_done { DONE } else { NOT_DONE })
 }
 
 /// Answers one what-if for each value of `sweep`, and prints them as one table.

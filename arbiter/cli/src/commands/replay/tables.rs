@@ -27,6 +27,13 @@ pub fn comparison(report: &Report) -> String {
     text
 }
 
+/// Several runs of one file, each with its number.
+pub fn runs(reports: &[Report], text: impl Fn(&Report) -> String) -> String {
+    let numbered = reports.iter().enumerate();
+    let texts = numbered.map(|(i, report)| format!("run {} of {}\n{}", i + 1, reports.len(), text(report)));
+    texts.collect::<Vec<_>>().join("\n\n")
+}
+
 /// The answer to a what-if.
 pub fn what_if(report: &Report) -> String {
     let mut text = format!("{OPEN_LOOP}\n");
@@ -168,7 +175,9 @@ fn notes(report: &Report) -> String {
 fn speed(report: &Report) -> String {
     let Report { seconds, steps, wall_s, .. } = report;
     let factor = seconds / wall_s.max(1e-9);
-    format!("{seconds:.1} s in {steps} steps, computed in {wall_s:.1} s ({factor:.1} x real time)")
+    let calls =
+        report.behaviors_s.map_or(String::new(), |calls_s| format!(", {calls_s:.1} s of them in calls"));
+    format!("{seconds:.1} s in {steps} steps, computed in {wall_s:.1} s{calls} ({factor:.1} x real time)")
 }
 
 fn difference(first: &FirstDifference) -> String {
