@@ -1,5 +1,6 @@
 //! Commands for a running robot: `why`, `ps`, `topic`, `enable`, `disable`, `set`, `teleop`, `estop` and `reset`.
 
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -18,10 +19,15 @@ pub struct Robot {
 impl Robot {
     /// Starts the robot and waits until it decides.
     pub fn start(test: &str, arguments: &[&str]) -> Robot {
+        Robot::start_task(test, &config("hallway.toml"), arguments)
+    }
+
+    /// Starts the robot with a task like that of the hallway, and waits until it decides.
+    pub fn start_task(test: &str, task: &Path, arguments: &[&str]) -> Robot {
         let name = format!("control-{test}-{}", std::process::id());
         let folder = TestFolder::new(&format!("control-{test}"));
         let mut command = yamabico();
-        command.args(["run", "--live"]).arg(config("hallway.toml")).arg("--out").arg(folder.path());
+        command.args(["run", "--live"]).arg(task).arg("--out").arg(folder.path());
         command.args(["--set", &format!("robot.name={name}")]);
         for set in ["run.goal.y_m=15", "run.duration_s=600", "robot.devices.sim.clutter=\"none\""] {
             command.args(["--set", set]);

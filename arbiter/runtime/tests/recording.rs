@@ -208,7 +208,7 @@ fn every_message_is_there_once_under_its_own_topic() {
         ("/sonar/scene", "foxglove.SceneUpdate", STEPS),
         ("/odometry/pose", "foxglove.PoseInFrame", STEPS),
         ("/truth/pose", "foxglove.PoseInFrame", STEPS),
-        ("/tf", "foxglove.FrameTransform", 2 * STEPS),
+        ("/tf", "foxglove.FrameTransforms", STEPS),
         ("/proposal/wall-follower/scene", "foxglove.SceneUpdate", STEPS),
         ("/robot/scene", "foxglove.SceneUpdate", 1),
         // One line of the follower, three each of the sonar halt and the arbiter: nominal, halted, nominal.

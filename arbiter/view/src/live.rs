@@ -151,9 +151,14 @@ impl LiveRobot {
     }
 }
 
-/// Feed of every topic but the overlays, and but the logs of calls, which have room for the recorder alone.
+/// Returns true for messages that are shown: all but the logs of calls, whose topics have room for the recorder alone.
+pub(crate) fn is_shown(message: &MessageType) -> bool {
+    ![CallHeader::NAME, HeardHeader::NAME].contains(&message.name)
+}
+
+/// Feed of every topic that is shown but the overlays.
 fn open_feed(client: &mut RobotClient) -> Result<RobotFeed, ClientError> {
-    client.feed(&|message| ![OVERLAY, CallHeader::NAME, HeardHeader::NAME].contains(&message.name))
+    client.feed(&|message| is_shown(message) && message.name != OVERLAY)
 }
 
 impl Tap for Receivers<'_, '_> {

@@ -248,7 +248,7 @@ impl BehaviorHost {
         let Some(behavior) = &mut self.behavior else { return Ok(()) };
         let started = Instant::now();
         let (inputs, outputs, state) = (&self.inputs, &mut self.outputs, &mut self.saved_state);
-        let canvas = self.overlay.canvas();
+        let canvas = self.overlay.canvas(now);
         let outcome = catch_unwind(AssertUnwindSafe(|| {
             let mut outputs = Outputs::new(outputs).with_overlay(canvas);
             let proposal = behavior.propose(&Inputs::new(now, inputs), &mut outputs);

@@ -4,6 +4,7 @@ use crate::bus::{Audience, Bus, BusError, Publisher};
 use crate::topics;
 use yamabico_core::message::{MessageType, OverlayHeader};
 use yamabico_core::overlay::Overlay;
+use yamabico_core::time::Time;
 
 /// Publisher of a behavior's overlays.
 pub(crate) struct OverlayPort {
@@ -35,9 +36,9 @@ impl OverlayPort {
         })
     }
 
-    /// Returns an empty overlay for the next call; `None` while nobody subscribes. The first one is allocated.
-    pub fn canvas(&mut self) -> Option<&mut Overlay> {
-        if !self.audience.is_present() {
+    /// Returns an empty overlay for the call at `now`; `None` while nobody subscribes. The first one is allocated.
+    pub fn canvas(&mut self, now: Time) -> Option<&mut Overlay> {
+        if !self.audience.is_present(now) {
             return None;
         }
         let overlay = self.overlay.get_or_insert_default();

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::TcpStream;
+use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -14,6 +15,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket, connect};
 use yamabico_live_robot::venv;
+use yamabico_testkit::config;
 
 use super::View;
 use crate::live_control::Robot;
@@ -166,13 +168,24 @@ impl Viewer {
     }
 }
 
+/// The task of the hallway, with a teleop behavior.
+fn hallway_with_teleop(folder: &TestFolder) -> PathBuf {
+    let hallway = config("hallway.toml");
+    let configs = hallway.parent().unwrap().canonicalize().unwrap();
+    let text = std::fs::read_to_string(&hallway).unwrap();
+    let text = text.replace("\"robots/", &format!("\"{}/robots/", configs.display()));
+    let text = text.replace("\"maps/", &format!("\"{}/maps/", configs.display()));
+    let task = folder.file("hallway-teleop.toml");
+    std::fs::write(&task, text + "\n[behaviors.teleop]\npriority = 90\nperiod_ms = 50\n").unwrap();
+    task
+}
+
 #[test]
 fn foxglove_sees_and_commands_a_running_robot() {
     // On a busy machine late pictures make the avoider halt.
-    let teleop = ["--set", "behaviors.teleop.priority=90", "--set", "behaviors.teleop.period_ms=50"];
     let avoider = ["--set", "behaviors.stationary-obstacle-avoider.enabled=false"];
-    let robot = Robot::start("foxglove", &[&teleop[..], &avoider].concat());
     let folder = TestFolder::new("foxglove");
+    let robot = Robot::start_task("foxglove", &hallway_with_teleop(&folder), &avoider);
     let view = View::start(robot.name(), &folder);
     let mut viewer = Viewer::connect(&view.foxglove);
 
@@ -186,8 +199,6 @@ fn foxglove_sees_and_commands_a_running_robot() {
     assert_eq!(children, ["odom", "base", "sensors/front"]);
     let map: SceneUpdate = viewer.message("/map/scene", "foxglove.SceneUpdate", |_| true);
     assert!(map.entities[0].lines[0].points.len() > 20);
-    let goal: SceneUpdate = viewer.message("/goal/scene", "foxglove.SceneUpdate", |_| true);
-    assert_eq!(goal.entities[0].frame_id, "map");
     let path: PosesInFrame =
         viewer.message("/behaviors/map-localizer/path/path", "foxglove.PosesInFrame", |_| true);
     assert!(path.poses.len() >= 2);
@@ -232,6 +243,10 @@ fn foxglove_sees_and_commands_a_running_robot() {
     assert!(viewer.call("/enable", r#"{"behavior":"nobody"}"#).unwrap_err().contains("nobody"));
     assert!(viewer.call("/goto", r#"{"x_m":1}"#).unwrap_err().contains("y_m"));
     assert!(viewer.call("/goto", r#"{"x_m":6,"y_m":0}"#).unwrap().contains("(6.00, 0.00)"));
+    // A goal holds until the next one, so that a later subscriber receives it.
+    let goal: SceneUpdate = viewer.message("/goal/scene", "foxglove.SceneUpdate", |_| true);
+    let at = goal.entities[0].lines[0].pose.unwrap().position.unwrap();
+    assert_eq!((goal.entities[0].frame_id.as_str(), at.x), ("map", 6.0));
 
     // The teleop panel drives through the behavior, as long as it publishes.
     viewer.send(&json!({ "op": "advertise", "channels":

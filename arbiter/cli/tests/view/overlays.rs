@@ -63,6 +63,7 @@ fn the_page_draws_what_the_recording_holds() {
     let view = View::start(recording.to_str().unwrap(), &folder);
     browser.resize(1400, 1000);
     browser.open(&view.url);
+    browser.await_true("yamabico.memory.state.source.source == 'recording'");
     browser.evaluate("yamabico.command({ command: 'seek', at_s: 3 })");
     browser.await_true(
         "yamabico.memory.state.time_s > 2.9 && document.querySelectorAll('#layers input').length > 1",

@@ -41,6 +41,8 @@ pub(crate) struct Channel {
 pub(crate) struct Entry {
     pub channel: Arc<Channel>,
     pub time: Time,
+    /// Stamp on the clock of the run at time zero of the recording.
+    pub origin: Time,
     pub data: Vec<u8>,
 }
 
@@ -187,7 +189,8 @@ impl Chunks {
             Ok(Record::Message { header, data }) => {
                 if let Some(channel) = self.channels.get(&header.channel_id) {
                     let channel = Arc::clone(channel);
-                    each(Entry { channel, time: self.on_run(header.log_time), data: data.into_owned() });
+                    let time = self.on_run(header.log_time);
+                    each(Entry { channel, time, origin: self.origin, data: data.into_owned() });
                 }
             }
             Ok(record) => self.define(&record),

@@ -230,8 +230,10 @@ fn show(model: &mut Model, entry: &Entry) {
                 "png" => "image/png",
                 _ => "image/jpeg",
             };
+            // Its stamp is on the clock of the recording, those of the bus are on the clock of the run.
             let stamp_ns = image.timestamp.map_or(entry.time.0, |stamp| {
-                u64::from(stamp.sec()) * 1_000_000_000 + u64::from(stamp.nsec())
+                let since_ns = u64::from(stamp.sec()) * 1_000_000_000 + u64::from(stamp.nsec());
+                entry.origin.0.saturating_add(since_ns)
             });
             let (width, height) = size(&image.data).unwrap_or((0, 0));
             let header = FrameHeader { stamp_ns, width, height, ..FrameHeader::default() };

@@ -54,7 +54,11 @@ pub(super) async fn serve(
 ) {
     let mut sessions = foxglove.sessions.subscribe();
     let mut parameters = foxglove.parameters.subscribe();
-    let session = Arc::clone(&sessions.borrow_and_update());
+    // The robot's thread opens the first session a moment after the server has started.
+    let session = match timeout(CLIENT_TIMEOUT, sessions.wait_for(|session| session.number > 0)).await {
+        Ok(Ok(session)) => Arc::clone(&session),
+        _ => return,
+    };
     let (mut small, mut large) = session.follow();
     let (answers, mut answered) = mpsc::channel(MAX_ANSWERS);
     let mut client = Client {

@@ -12,6 +12,7 @@ use yamabico_runtime::execution::RobotManifest;
 use yamabico_runtime::record::{Channel, Format, Records, channels};
 
 use super::{graph, protocol, teleop};
+use crate::live::is_shown;
 use crate::model::OVERLAY;
 
 /// Size above which a record is large, such as a picture, bytes.
@@ -66,7 +67,7 @@ impl Session {
     pub fn new(manifest: &RobotManifest, number: u64) -> Session {
         let types = manifest.topics.iter();
         let types = types.filter_map(|topic| Some((topic.name.as_str(), MessageType::find(&topic.message)?)));
-        let types: Vec<(&str, &MessageType)> = types.collect();
+        let types: Vec<(&str, &MessageType)> = types.filter(|(_, message)| is_shown(message)).collect();
         let channels = channels(types.iter().copied());
         let topics = channels.iter().map(|channel| channel.topic.clone());
         let drawn = types.iter().filter(|(_, message)| message.name == OVERLAY).map(|(topic, _)| *topic);
