@@ -44,7 +44,7 @@ impl Pixels {
             match (encoding, pixel_bytes) {
                 (Encoding::Gray8, 1) => out.copy_from_slice(&row[..width]),
                 (Encoding::Gray8, _) => {
-                    out.iter_mut().zip(row.iter().step_by(2)).for_each(|(out, luma)| *out = *luma)
+                    out.iter_mut().zip(row.iter().step_by(2)).for_each(|(out, luma)| *out = *luma);
                 }
                 (Encoding::Rgb8, 1) => {
                     out.chunks_exact_mut(3).zip(row).for_each(|(out, luma)| out.fill(*luma));

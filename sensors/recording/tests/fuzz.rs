@@ -162,7 +162,7 @@ fn empty_and_cut_files_are_refused_or_read_up_to_the_cut() {
     let path = as_file("cut");
     let refused = |bytes: &[u8]| {
         std::fs::write(&path, bytes).unwrap();
-        Messages::open(&path).and_then(|messages| messages.collect::<Result<Vec<_>, _>>()).unwrap_err()
+        Messages::open(&path).and_then(Iterator::collect::<Result<Vec<_>, _>>).unwrap_err()
     };
     assert!(refused(b"").contains("empty"));
     assert!(refused(b"neither of them").contains("neither"));

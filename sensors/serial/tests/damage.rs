@@ -51,7 +51,7 @@ fn torture<F: Frame>(name: &str, frame: &dyn Fn(u64) -> Vec<u8>) {
         let mut stream = match round % 3 {
             0 => (0..random.next() % 300).map(|_| random.next() as u8).collect(),
             1 => cut[..random.next() as usize % cut.len()].to_vec(),
-            _ => cut.iter().map(|byte| byte ^ u8::from(random.next() % 8 == 0)).collect::<Vec<u8>>(),
+            _ => cut.iter().map(|byte| byte ^ u8::from(random.next().is_multiple_of(8))).collect::<Vec<u8>>(),
         };
         let good = frame(round + 1);
         stream.extend(&good);

@@ -74,7 +74,7 @@ impl Frame for Packet {
         }
         let Some(&[id, low, high]) = bytes.get(HEADER.len()..PREFIX_LEN) else { return Found::Incomplete };
         let len = PREFIX_LEN + usize::from(u16::from_le_bytes([low, high]));
-        if len > Self::MAX_LEN || len < PREFIX_LEN + 1 + CHECKSUM_LEN {
+        if !(PREFIX_LEN + 1 + CHECKSUM_LEN..=Self::MAX_LEN).contains(&len) {
             return Found::Nothing;
         }
         let Some(packet) = bytes.get(..len) else { return Found::Incomplete };

@@ -177,6 +177,7 @@ mod tests {
             name: name.to_owned(),
             message: message.to_owned(),
             publisher: String::new(),
+            declares: None,
         };
         let topics = vec![
             topic("sensors/wheels", "yamabico.Odometry.v1"),
