@@ -42,8 +42,11 @@ struct Member {
 /// Does the job with every behavior, even if one fails; returns the first failure.
 fn run_job(members: &mut [Member], job: Job) -> Result<(), DeviceError> {
     let for_each = |members: &mut [Member], work: &dyn Fn(&mut HostedBehavior) -> Result<(), DeviceError>| {
-        let awake = members.iter_mut().filter(|member| member.is_awake);
-        awake.fold(Ok(()), |outcome: Result<(), DeviceError>, member| outcome.and(work(&mut member.behavior)))
+        let mut outcome = Ok(());
+        for member in members.iter_mut().filter(|member| member.is_awake) {
+            outcome = outcome.and(work(&mut member.behavior));
+        }
+        outcome
     };
     match job {
         Job::Collect => for_each(members, &HostedBehavior::collect),

@@ -5,6 +5,7 @@
 //! step, in which each gets what the others just published: by induction over the steps. If any differs, only that replay tells
 //! what follows from it.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -132,13 +133,13 @@ impl BehaviorPart {
         let decisions = (topics::DECISION.to_owned(), MessageType::of::<DecisionHeader>());
         let mut feeds = BTreeMap::new();
         for (topic, message) in inputs.chain([decisions]).filter(|(topic, _)| !is_own(topic)) {
-            if !feeds.contains_key(&topic) {
-                let feed = bus.publisher_raw(&topic, &message).map_err(HostError::from)?;
-                feeds.insert(topic, feed);
+            if let Entry::Vacant(vacant) = feeds.entry(topic) {
+                let feed = bus.publisher_raw(vacant.key(), &message).map_err(HostError::from)?;
+                vacant.insert(feed);
             }
         }
         let hosting = Hosting { plan: &own, bus: &bus, program, publishes_states: false };
-        let behavior = own.behaviors.iter().cloned().next();
+        let behavior = own.behaviors.first().cloned();
         let missing = || HostError::Process { name: name.to_owned(), reason: "it is not in the task".into() };
         Ok(BehaviorPart {
             taps: taps.collect::<Result<_, _>>().map_err(HostError::from)?,
