@@ -64,23 +64,21 @@ mod tests {
         assert!(recorder.finish(Default::default()).error.is_none());
         let bytes = std::fs::read(&one).unwrap();
         let length = bytes.len() as u64;
+        // Ends of the runs; each starts where the one before ends.
         let of = |bytes: &[u8]| {
             let file = folder.join("file.mcap");
             std::fs::write(&file, bytes).unwrap();
-            runs(&file).unwrap()
+            let runs = runs(&file).unwrap();
+            let starts = [0].into_iter().chain(runs.iter().map(|run| run.end));
+            assert!(runs.iter().zip(starts).all(|(run, start)| run.start == start), "{runs:?}");
+            runs.iter().map(|run| run.end).collect::<Vec<_>>()
         };
-        assert_eq!(of(&bytes), [0..length]);
-        assert_eq!(
-            of(&[&bytes[..], &bytes, &bytes].concat()),
-            [0..length, length..2 * length, 2 * length..3 * length]
-        );
+        assert_eq!(of(&bytes), [length]);
+        assert_eq!(of(&[&bytes[..], &bytes, &bytes].concat()), [length, 2 * length, 3 * length]);
         // The second one was cut off.
-        assert_eq!(
-            of(&[&bytes[..], &bytes[..bytes.len() / 2]].concat()),
-            [0..length, length..length + length / 2]
-        );
-        assert_eq!(of(&bytes[..bytes.len() / 2]), [0..length / 2]);
-        assert_eq!((of(b""), of(b"no recording")), (vec![0..0], vec![0..12]));
+        assert_eq!(of(&[&bytes[..], &bytes[..bytes.len() / 2]].concat()), [length, length + length / 2]);
+        assert_eq!(of(&bytes[..bytes.len() / 2]), [length / 2]);
+        assert_eq!((of(b""), of(b"no recording")), (vec![0], vec![12]));
         std::fs::remove_dir_all(folder).unwrap();
     }
 }
