@@ -74,9 +74,14 @@ fn server(answer: impl Fn(u32, &mut TcpStream) + Send + 'static) -> (u16, Arc<At
     std::thread::spawn(move || {
         for stream in listener.incoming() {
             let mut stream = stream.unwrap();
-            let mut request = [0; 1024];
-            let len = stream.read(&mut request).unwrap_or(0);
-            let request = String::from_utf8_lossy(&request[..len]).into_owned();
+            let (mut request, mut part) = (Vec::new(), [0; 1024]);
+            while !request.ends_with(b"\r\n\r\n") {
+                match stream.read(&mut part) {
+                    Ok(len @ 1..) => request.extend_from_slice(&part[..len]),
+                    _ => break,
+                }
+            }
+            let request = String::from_utf8_lossy(&request).into_owned();
             assert!(request.starts_with("GET /stream?a=1 HTTP/1.0\r\n"), "{request}");
             assert!(request.contains("Authorization: Basic bWU6c2VjcmV0\r\n"), "{request}");
             answer(of_thread.fetch_add(1, Ordering::Relaxed), &mut stream);

@@ -182,7 +182,8 @@ mod tests {
         }
         let odometry = wheels.odometry(Time::ZERO, 0);
         assert!(odometry.x.hypot(odometry.y) < 0.002 && odometry.theta.abs() < 0.01, "{odometry:?}");
-        assert!((odometry.omega * 0.4 - odometry.vx).abs() < 0.01);
+        // A count more or less in the time of the mean.
+        assert!((odometry.omega * 0.4 - odometry.vx).abs() < 0.03, "{odometry:?}");
     }
 
     #[test]

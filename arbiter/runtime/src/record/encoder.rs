@@ -23,7 +23,7 @@ use super::images::{ImageFormat, compressed};
 use super::incoming::{Incoming, RunClock};
 use super::{WHAT_IF, calibration, overlays, ranges, scene, surroundings};
 
-/// What an encoder knows about the robot.
+/// Facts about the robot that an encoder needs.
 #[derive(Clone, Debug, Default)]
 pub struct RobotSetup {
     /// Radius of the footprint, m.

@@ -302,12 +302,12 @@ mod tests {
 
     #[test]
     fn only_the_way_that_it_came_is_known_to_be_free_behind() {
-        let ahead = || (0..=20).map(|i| (0.02 * f64::from(i), 0.0));
+        let ahead = || (0..=30).map(|i| (0.02 * f64::from(i), 0.0));
         assert_eq!(drive(ahead()), BACK_M.1);
         let then = |poses: &[(f64, f64)]| drive(ahead().chain(poses.iter().copied()));
-        assert!(then(&[(0.4, 0.2), (0.4, 0.4), (0.4, 0.6)]) < 1e-9, "a turn in place leaves the way");
-        assert!((then(&[(0.3, 0.0)]) - 0.2).abs() < 1e-9, "backing off uses it up");
-        assert_eq!(then(&[(1.4, 0.0)]), 0.0, "odometry that jumps tells nothing");
+        assert!(then(&[(0.6, 0.4), (0.6, 0.8), (0.6, 1.2)]) < 1e-9, "a turn in place leaves the way");
+        assert!((then(&[(0.5, 0.0)]) - 0.4).abs() < 1e-9, "backing off uses it up");
+        assert_eq!(then(&[(1.6, 0.0)]), 0.0, "odometry that jumps tells nothing");
         let curve = drive((0..=20).map(|i| (0.02 * f64::from(i), 0.02 * f64::from(i))));
         assert!(curve > BACK_M.0, "a gentle curve does not: {curve}");
     }

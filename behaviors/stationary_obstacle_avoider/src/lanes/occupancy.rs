@@ -202,7 +202,7 @@ mod tests {
             |range_m: f64, flags: u32| Beam { cone_rad: 0.4, range_m, x_m: 0.2, flags, ..Beam::default() };
         let mut grid = OccupancyGrid::default();
         let robot = Pose2::new(0.0, 0.0, 0.5);
-        for _ in 0..3 {
+        for _ in 0..2 {
             grid.add_beam(&beam(1.0, 0), &robot, |_| true);
         }
         let found = occupied(&grid);

@@ -85,9 +85,9 @@ impl Revolution {
             let angle_deg = packet.angle_deg(i);
             if angle_deg < before_deg {
                 scan = self.finish(stamp);
-                self.begun = Some(stamp);
-                // The first revolution, and one after a gap, lacks its beginning.
-                self.is_whole = self.last_deg.is_some() && gap_deg <= MAX_GAP_DEG;
+                // The first revolution lacks its beginning, and one after a gap, too: that one counts as lost.
+                self.begun = self.last_deg.map(|_| stamp);
+                self.is_whole = gap_deg <= MAX_GAP_DEG;
             }
             before_deg = angle_deg;
             self.add(angle_deg, packet.distances[i], packet.intensities[i]);
