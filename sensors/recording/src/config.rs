@@ -19,7 +19,7 @@ pub struct NoKeys {}
 pub struct DeviceConfig {
     /// MCAP file of this program or of ROS 2, or folder of rosbag2; relative to the robot file, or to the working directory on
     /// the command line.
-    #[schemars(extend("format" = "file"))]
+    #[schemars(extend("format" = "file or folder"))]
     pub file: String,
     /// Time in the recording at which it starts.
     #[serde(default)]

@@ -1,7 +1,8 @@
 //! Files and folders named by the parameters of plugins.
 //!
-//! A key whose schema has `"format": "file"` or `"folder"` names an existing one; `"path"` names anything, such as a
-//! pattern. A path is relative to the file that contains it, or to the working directory on the command line.
+//! A key whose schema has `"format": "file"` or `"folder"` names an existing one, with `"file or folder"` either; `"path"`
+//! names anything, such as a pattern. A path is relative to the file that contains it, or to the working directory on the
+//! command line.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -47,7 +48,7 @@ pub(crate) fn resolve_paths(
 ) {
     for (key, shape) in Shape::new(schema).resolved().properties() {
         let format = shape.resolved().text("format").or(shape.text("format"));
-        let Some(format @ ("file" | "folder" | "path")) = format else { continue };
+        let Some(format @ ("file" | "folder" | "file or folder" | "path")) = format else { continue };
         let Some(entry) = table.entry(key) else { continue };
         let Some(text) = entry.node.as_text() else { continue };
         let is_elsewhere = entry.node.span.source != home.source;
@@ -55,6 +56,7 @@ pub(crate) fn resolve_paths(
         let is_there = match format {
             "file" => path.is_file(),
             "folder" => path.is_dir(),
+            "file or folder" => path.exists(),
             _ => true,
         };
         if !is_there {
@@ -70,7 +72,7 @@ pub(crate) fn resolve_paths(
     }
 }
 
-/// Returns the error of a missing file or folder; `what` is "file" or "folder".
+/// Returns the error of a missing file or folder; `what` is "file", "folder" or "file or folder".
 pub(crate) fn missing(what: &str, path: &Path) -> String {
     format!("{what} {} does not exist", path.display())
 }
