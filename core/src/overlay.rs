@@ -1,6 +1,6 @@
 //! Overlays: what a behavior saw, drawn over the message in which it saw it.
 //!
-//! A behavior draws through [`Outputs::draw`](crate::behavior::Outputs::draw), which does nothing unless somebody looks. An
+//! A behavior draws through [`Outputs::draw`](crate::behavior::Outputs::draw), which does nothing without a viewer or recorder of overlays. An
 //! [`Overlay`] consists of named layers of one color, in pixels of the camera's image or in the robot frame.
 //!
 //! ```

@@ -156,7 +156,7 @@ fn a_task_drives_the_firmware_and_stops_it_when_the_supervisor_dies() {
     let turns = || firmware.speeds()[0] < -50 && firmware.speeds()[1] > 50;
     hold_until("does not turn", &turns);
 
-    // Killed, and never told to stop.
+    // Killed: no stop command is sent.
     run.0.kill().unwrap();
     let killed = Instant::now();
     while firmware.speeds() != [0, 0] {

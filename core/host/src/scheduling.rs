@@ -67,6 +67,9 @@ pub enum SchedulingError {
 pub struct CpuList(pub u128);
 
 impl Scheduling {
+    /// Scheduling of a program that must not slow a robot on the same machine: niceness 10.
+    pub const BACKGROUND: Scheduling = Scheduling { fifo: None, nice: Some(10), affinity: 0 };
+
     /// Applies every request to the calling thread, and to threads that it starts from now on. Returns those that the
     /// system refused.
     pub fn apply(&self) -> Vec<SchedulingError> {

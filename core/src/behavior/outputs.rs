@@ -100,13 +100,13 @@ impl<'a> Outputs<'a> {
         Outputs { sink, overlay: None }
     }
 
-    /// Sets where [`Outputs::draw`] draws; `None` while nobody looks.
+    /// Sets where [`Outputs::draw`] draws; `None` while nobody views overlays.
     #[must_use]
     pub fn with_overlay(self, overlay: Option<&'a mut Overlay>) -> Outputs<'a> {
         Outputs { overlay, ..self }
     }
 
-    /// Draws what the behavior saw in the message `header` of `slot`. `draw` is called only if somebody looks: it must not
+    /// Draws what the behavior saw in the message `header` of `slot`. `draw` is called only while overlays are viewed: it must not
     /// change what the behavior proposes. The overlay of a call belongs to one message, the last one that it draws over.
     pub fn draw<M: Message>(&mut self, slot: &Slot<M>, header: &M, draw: impl FnOnce(&mut Overlay)) {
         if let Some(overlay) = &mut self.overlay {

@@ -5,8 +5,11 @@ use crate::geometry::Pose2;
 
 code_enum! {
     /// Pixel format of a frame.
+    #[derive(Default, serde::Deserialize, schemars::JsonSchema)]
+    #[serde(rename_all = "kebab-case")]
     pub enum Encoding {
         /// Gray, one byte per pixel.
+        #[default]
         Gray8 = 1 "gray8",
         /// Red, green, blue; three bytes per pixel.
         Rgb8 = 2 "rgb8",
@@ -48,8 +51,15 @@ impl FrameHeader {
     /// Creates the header of a gray frame without padding between its rows.
     #[must_use]
     pub fn gray(width: u32, height: u32, stamp_ns: u64) -> Self {
-        let encoding = Encoding::Gray8.code();
-        Self { stamp_ns, width, height, stride: width, encoding, ..Self::default() }
+        Self { stamp_ns, ..Self::new(Encoding::Gray8, [width, height]) }
+    }
+
+    /// Creates the header of a frame of this size (width and height, pixels) without padding between its rows; its stamp and sequence
+    /// number are zero.
+    #[must_use]
+    pub fn new(encoding: Encoding, [width, height]: [u32; 2]) -> Self {
+        let stride = width * encoding.bytes_per_pixel();
+        Self { width, height, stride, encoding: encoding.code(), exposure: 1.0, ..Self::default() }
     }
 
     /// Returns the pixel format, or `None` if the code is undefined.

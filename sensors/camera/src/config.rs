@@ -3,10 +3,10 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
-use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, IntrinsicsConfig, MountConfig};
-use yamabico_core::message::{FrameHeader, Message};
-use yamabico_core::sensor::{SensorInfo, SensorKind};
+use yamabico_core::message::Encoding;
+
+use crate::description::CameraDescription;
 
 /// Empty parameters, of a device or drive without any.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
@@ -48,36 +48,24 @@ pub struct ImageSequenceConfig {
 }
 
 impl ImageSequenceConfig {
-    /// Returns the description of the sensor.
-    ///
-    /// # Errors
-    /// Invalid intrinsics.
-    pub fn info(&self, name: &str) -> Result<SensorInfo, ParameterError> {
-        if !self.intrinsics.intrinsics().is_valid() {
-            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
+    /// Returns the parameters that cameras of all kinds share.
+    #[must_use]
+    pub fn description(&self) -> CameraDescription {
+        CameraDescription {
+            rate_hz: self.rate_hz,
+            latency_ms: self.latency_ms,
+            encoding: Encoding::Gray8,
+            intrinsics: self.intrinsics,
+            calibration: self.calibration,
+            mount: self.mount,
         }
-        Ok(SensorInfo {
-            name: name.to_owned(),
-            message: FrameHeader::NAME,
-            period_s: 1.0 / self.rate_hz,
-            latency_s: 1e-3 * self.latency_ms,
-            kind: SensorKind::Camera {
-                intrinsics: self.intrinsics.intrinsics(),
-                distortion: self.intrinsics.distortion,
-                mount: self.mount.into(),
-                calibrated: self.calibration,
-            },
-        })
-    }
-
-    /// Returns the size of one image, bytes: one gray level per pixel.
-    pub fn bytes(&self) -> usize {
-        self.intrinsics.width as usize * self.intrinsics.height as usize
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::sensor::SensorKind;
+
     use super::*;
 
     fn config(text: &str) -> Result<ImageSequenceConfig, toml::de::Error> {
@@ -89,8 +77,8 @@ mod tests {
         let config =
             config("files = \"drive\"\nintrinsics = { width = 960, height = 540 }\nmount = { z_m = 0.3 }")
                 .unwrap();
-        let info = config.info("front").unwrap();
-        assert_eq!((info.period_s, info.latency_s, config.bytes()), (0.1, 0.0, 960 * 540));
+        let info = config.description().info("front").unwrap();
+        assert_eq!((info.period_s, info.latency_s, config.description().bytes()), (0.1, 0.0, 960 * 540));
         let SensorKind::Camera { intrinsics, calibrated, .. } = info.kind else { panic!("no camera") };
         assert_eq!(calibrated, Calibration::Guessed);
         assert!((intrinsics.horizontal_fov().to_degrees() - 60.0).abs() < 1e-9);
@@ -103,7 +91,7 @@ mod tests {
         assert!(config(&format!("files = \"a\"\nrate = 3\n{size}")).unwrap_err().message().contains("rate"));
         let flat =
             "files = \"a\"\nintrinsics = { width = 960, height = 540, fx = -1.0 }\nmount = { z_m = 0.3 }";
-        assert_eq!(config(flat).unwrap().info("front").unwrap_err().key, "intrinsics");
+        assert_eq!(config(flat).unwrap().description().info("front").unwrap_err().key, "intrinsics");
     }
 
     #[test]

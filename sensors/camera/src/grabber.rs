@@ -92,7 +92,7 @@ impl Shared {
     }
 
     fn run(&self, sensor: &str, mut source: impl Source) {
-        let (mut count, mut pause, mut told) = (0, RETRY[0], String::new());
+        let (mut count, mut pause, mut reported) = (0, RETRY[0], String::new());
         while !self.is_over() {
             let before = count;
             let opened = source.open();
@@ -102,9 +102,9 @@ impl Shared {
                 return;
             }
             let text = format!("sensor `{sensor}`: {}: {ended}; trying again", source.name());
-            if text != told || count > before {
+            if text != reported || count > before {
                 tracing::warn!("{text}");
-                told = text;
+                reported = text;
             }
             pause = if count > before { RETRY[0] } else { (2 * pause).min(RETRY[1]) };
             sleep(pause);

@@ -14,6 +14,7 @@
 //! ```
 
 mod config;
+mod description;
 mod file_image;
 mod files;
 mod grabber;
@@ -31,9 +32,9 @@ mod stamps;
 mod v4l2;
 
 pub use config::{ImageSequenceConfig, NoKeys};
+pub use description::CameraDescription;
 pub use files::SequenceError;
 pub use http::HttpCameraConfig;
-pub use live_config::{LiveView, PixelFormat};
 pub use program::ProgramCameraConfig;
 pub use sequence::ImageSequence;
 #[cfg(feature = "v4l2")]
@@ -104,27 +105,22 @@ impl Driver for CameraDriver {
     }
 
     fn describe_sensor(&self, sensor: &PartSpec, _: &Path) -> Result<SensorDescription, ParameterError> {
-        let live = |view: LiveView| {
-            Ok(SensorDescription { info: view.info(&sensor.name)?, max_item_bytes: view.bytes() })
-        };
-        match sensor.kind.as_str() {
+        let view = match sensor.kind.as_str() {
             "http" => {
                 let config: HttpCameraConfig = read(&sensor.table)?;
                 HttpSource::new(&config)?;
-                live(config.view())
+                config.description()
             }
             "program" => {
                 let config: ProgramCameraConfig = read(&sensor.table)?;
                 ProgramSource::new(&config)?;
-                live(config.view())
+                config.description()
             }
             #[cfg(feature = "v4l2")]
-            "v4l2" => live(read::<V4l2CameraConfig>(&sensor.table)?.view()),
-            _ => {
-                let config: ImageSequenceConfig = read(&sensor.table)?;
-                Ok(SensorDescription { info: config.info(&sensor.name)?, max_item_bytes: config.bytes() })
-            }
-        }
+            "v4l2" => read::<V4l2CameraConfig>(&sensor.table)?.description(),
+            _ => read::<ImageSequenceConfig>(&sensor.table)?.description(),
+        };
+        Ok(SensorDescription { info: view.info(&sensor.name)?, max_item_bytes: view.bytes() })
     }
 
     fn check_sensor(&self, sensor: &PartSpec, folder: &Path) -> Result<(), ParameterError> {
@@ -144,20 +140,20 @@ impl Driver for CameraDriver {
             let sensor: Box<dyn Sensor> = match part.kind.as_str() {
                 "http" => {
                     let config: HttpCameraConfig = read(&part.table)?;
-                    Box::new(live(part, config.view(), HttpSource::new(&config)?)?)
+                    Box::new(live(part, config.description(), HttpSource::new(&config)?)?)
                 }
                 "program" => {
                     let config: ProgramCameraConfig = read(&part.table)?;
-                    Box::new(live(part, config.view(), ProgramSource::new(&config)?)?)
+                    Box::new(live(part, config.description(), ProgramSource::new(&config)?)?)
                 }
                 #[cfg(feature = "v4l2")]
                 "v4l2" => {
                     let config: V4l2CameraConfig = read(&part.table)?;
-                    Box::new(live(part, config.view(), v4l2::V4l2Source::new(&config))?)
+                    Box::new(live(part, config.description(), v4l2::V4l2Source::new(&config))?)
                 }
                 "image-sequence" => {
                     let config: ImageSequenceConfig = read(&part.table)?;
-                    config.info(&part.name)?;
+                    config.description().info(&part.name)?;
                     let sequence = ImageSequence::open(&part.name, config, &spec.folder);
                     let refused = |error| format!("sensor `{}`: {error}", part.name);
                     Box::new(sequence.map_err(|error| ParameterError::new("files", refused(error)))?)
@@ -175,7 +171,7 @@ impl Driver for CameraDriver {
 }
 
 /// Opens a camera that sends by itself. One that is not there yet is waited for.
-fn live(part: &PartSpec, view: LiveView, source: impl Source) -> Result<LiveCamera, ParameterError> {
+fn live(part: &PartSpec, view: CameraDescription, source: impl Source) -> Result<LiveCamera, ParameterError> {
     view.info(&part.name)?;
     let grabber = Grabber::start(&part.name, source);
     let grabber = grabber.map_err(|error| ParameterError::new("kind", error.to_string()))?;

@@ -6,9 +6,9 @@ use yamabico_core::behavior::Outputs;
 use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
+use crate::description::CameraDescription;
 use crate::grabber::{Grabber, Image};
 use crate::jpeg::JpegError;
-use crate::live_config::LiveView;
 
 /// Time between two looks for a new image.
 const POLL_PERIOD: Duration = Duration::from_millis(3);
@@ -18,14 +18,14 @@ const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 /// Camera that sends by itself. Damaged ones are dropped; their numbers are missing.
 pub(crate) struct LiveCamera {
     name: String,
-    view: LiveView,
+    view: CameraDescription,
     grabber: Grabber,
     damaged: u64,
 }
 
 impl LiveCamera {
     /// Returns the sensor `name`.
-    pub fn new(name: &str, view: LiveView, grabber: Grabber) -> LiveCamera {
+    pub fn new(name: &str, view: CameraDescription, grabber: Grabber) -> LiveCamera {
         LiveCamera { name: name.to_owned(), view, grabber, damaged: 0 }
     }
 }

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use yamabico_core::behavior::Outputs;
-use yamabico_core::message::{Encoding, FrameHeader};
 use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
@@ -71,21 +70,13 @@ impl ImageSequence {
 
     fn publish(&self, number: u64, stamp: Time, outputs: &mut Outputs<'_>) -> Result<(), DeviceError> {
         let Some(file) = self.file(number) else { return Ok(()) };
-        let (width, height) = (self.config.intrinsics.width, self.config.intrinsics.height);
+        let view = self.config.description();
         let failed = |error: SequenceError| DeviceError::failed(&self.name, error);
         let image = FileImage::read(file).map_err(failed)?;
+        let [width, height] = view.size();
         files::check_size(file, image.size(), width, height).map_err(failed)?;
-        let header = FrameHeader {
-            stamp_ns: stamp.0,
-            sequence: number,
-            width,
-            height,
-            stride: width,
-            encoding: Encoding::Gray8.code(),
-            exposure: 1.0,
-        };
-        let pixels = self.config.bytes();
-        outputs.publish_in_place(&self.name, &header, pixels, |out| image.write_luma(out))?;
+        let header = view.header(stamp.0, number);
+        outputs.publish_in_place(&self.name, &header, view.bytes(), |out| image.write_luma(out))?;
         Ok(())
     }
 }

@@ -65,7 +65,7 @@ impl V4l2Source {
     pub fn new(config: &V4l2CameraConfig) -> V4l2Source {
         V4l2Source {
             device: config.device.clone(),
-            size: config.view().size(),
+            size: config.description().size(),
             rate_hz: config.rate_hz,
             timeout_ms: config.timeout_ms as i32,
             controls: config.controls.clone(),
@@ -127,7 +127,7 @@ fn set_controls(device: &Device, wanted: &BTreeMap<String, i64>) -> io::Result<(
         } else {
             Value::Integer(value)
         };
-        let told = format!(
+        let refusal = format!(
             "the camera refuses `{}` (range {} to {})",
             key(&control.name),
             control.minimum,
@@ -135,7 +135,7 @@ fn set_controls(device: &Device, wanted: &BTreeMap<String, i64>) -> io::Result<(
         );
         device
             .set_control(Control { id: control.id, value })
-            .map_err(|error| io::Error::other(format!("{told}: {error}")))?;
+            .map_err(|error| io::Error::other(format!("{refusal}: {error}")))?;
     }
     Ok(())
 }

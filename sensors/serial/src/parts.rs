@@ -32,7 +32,7 @@ const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 #[serde(deny_unknown_fields)]
 pub struct NoKeys {}
 
-/// Measurements that wait to be published. When nobody looks, the oldest are dropped.
+/// Measurements that wait to be published. Without a reader, the oldest are dropped.
 #[derive(Clone, Debug)]
 pub struct Outbox<T>(VecDeque<T>);
 

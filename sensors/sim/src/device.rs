@@ -39,7 +39,6 @@ use crate::world::{WORLD_FILE, World};
 
 pub use bumpers::BumperConfig;
 pub use camera::CameraConfig;
-pub use frames::PixelFormat;
 pub use lidar::LidarConfig;
 pub use mirror_camera::MirrorCameraConfig;
 pub use motors::MotorConfig;

@@ -62,10 +62,10 @@ fn the_robot_halts_for_a_crossing_person_without_contact() {
         let scene = Scene::new(&world, seed).unwrap();
         let (speed, delay_s) = [(0.4, 0.0), (0.4, 1.0), (0.36, 0.3)][seed as usize % 3];
         let (halts, nearest, seconds, contacts, struck) = drive(&scene, seed, speed, delay_s);
-        let told = format!(
+        let summary = format!(
             "seed {seed} at {speed} m/s after {delay_s} s: {halts} halts, nearest {nearest:.2} m, {seconds:.1} s"
         );
-        assert_eq!((contacts, struck), (0, 0), "{told}");
-        assert!(halts >= 1 && nearest > 0.2 && seconds < 60.0, "{told}");
+        assert_eq!((contacts, struck), (0, 0), "{summary}");
+        assert!(halts >= 1 && nearest > 0.2 && seconds < 60.0, "{summary}");
     }
 }

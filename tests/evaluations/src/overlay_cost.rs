@@ -1,4 +1,4 @@
-//! Cost of overlays: of the seam while nobody looks, and of drawing.
+//! Cost of overlays: of the seam without a viewer, and of drawing.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -24,11 +24,11 @@ const CALLS: u64 = 200_000;
 const ROUNDS: usize = 51;
 /// Time between two calls of a behavior.
 const CALL_PERIOD: Duration = Duration::from_millis(5);
-/// Maximum share of a call that the seam may cost while nobody looks.
+/// Maximum share of a call that the seam may cost without a viewer.
 const MAX_SHARE: f64 = 0.01;
 const CAMERA: Slot<FrameHeader> = Slot::required("camera", "frames");
 
-/// Cost of overlays in shipped tasks: of the seam while nobody looks, as a share of each behavior's median call, and of drawing, as the
+/// Cost of overlays in shipped tasks: of the seam without a viewer, as a share of each behavior's median call, and of drawing, as the
 /// ratio of medians and of the recording's size with and without overlays.
 ///
 /// Runs each task twice in lockstep in one process, and fails if the seam costs more than 1 % of a call.
@@ -46,7 +46,7 @@ impl Arguments {
     pub fn run(&self) -> Result<Report, String> {
         let seam_ns = seam_ns().map_err(|error| error.to_string())?;
         let mut table = Table::new(
-            format!("Overlays; the seam costs {seam_ns:.1} ns a call while nobody looks"),
+            format!("Overlays; the seam costs {seam_ns:.1} ns a call without a viewer"),
             &["task", "behavior", "call p50 without, us", "with, us", "ratio", "seam, % of a call"],
         );
         let mut files = Table::new("Recordings", &["task", "without, MB", "with, MB", "digests"]);
@@ -97,7 +97,7 @@ fn run_task(name: &str, seconds: f64, overlays: Overlays) -> Result<RunResult, S
     result.map_err(|error| error.to_string())
 }
 
-/// Time that a host and a behavior spend in a call to find that nobody looks, ns: the fastest of all rounds.
+/// Time that a host and a behavior spend in a call to find that there is no viewer, ns: the fastest of all rounds.
 fn seam_ns() -> Result<f64, yamabico_host::bus::BusError> {
     let bus = Bus::ipc(&format!("overlay-cost-{}", std::process::id()))?;
     bus.create::<OverlayHeader>("overlay", &TopicSpec::default())?;

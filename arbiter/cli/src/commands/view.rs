@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::Args;
 use serde_json::json;
+use yamabico_host::Scheduling;
 use yamabico_view::live::LiveRobot;
 use yamabico_view::recording::{Player, Recording};
 use yamabico_view::server::{DEFAULT_PORT, FoxglovePort, Server, ServerSettings, Source};
@@ -44,6 +45,9 @@ pub struct Arguments {
 /// Serves the page until Ctrl-C.
 pub fn view(arguments: &Arguments, print: Print) -> CommandResult {
     let interrupt = interrupt_flag()?;
+    for refused in Scheduling::BACKGROUND.apply() {
+        complain(&refused.to_string());
+    }
     let (source, what) = match arguments.source.as_deref() {
         Some(file) if is_recording(file) => (open(Path::new(file))?, file.to_owned()),
         name => {

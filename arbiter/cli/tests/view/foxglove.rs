@@ -204,7 +204,7 @@ fn foxglove_sees_and_commands_a_running_robot() {
     let path: PosesInFrame =
         viewer.message("/behaviors/map-localizer/path/path", "foxglove.PosesInFrame", |_| true);
     assert!(path.poses.len() >= 2);
-    // Behaviors draw only while somebody looks.
+    // Behaviors draw only while overlays are viewed.
     let drawn: ImageAnnotations = viewer.message(
         "/behaviors/map-localizer/overlay/annotations",
         "foxglove.ImageAnnotations",

@@ -270,7 +270,7 @@ impl ExternalProgram {
         self.announcements.publish(&signal, &[]).map_err(text)
     }
 
-    /// Waits until the program has done everything that it was told to.
+    /// Waits until the program has executed its last step.
     fn wait_for_answer(&mut self) -> Result<(), String> {
         let Some(awaited) = self.awaited.take() else { return Ok(()) };
         let begun = Instant::now();

@@ -10,7 +10,7 @@ use yamabico_core::time::Time;
 use super::Tap;
 
 /// SHA-256 over the topic, type name, header and items of all messages in order, and the number of messages on each topic.
-/// Overlays do not count: behaviors draw only while somebody looks. Nor do saved states: they enter no decision.
+/// Overlays do not count: behaviors draw only while overlays are viewed. Nor do saved states: they enter no decision.
 ///
 /// Each part is preceded by its length (eight bytes, little endian), so that different runs hash different bytes.
 #[derive(Clone, Debug, Default)]

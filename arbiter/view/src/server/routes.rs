@@ -35,7 +35,7 @@ pub(super) const CLIENT_TIMEOUT: Duration = Duration::from_secs(5);
 pub(super) const ANSWER_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Headers of every answer: the page loads nothing from elsewhere, is shown in no other page's frame, and its address, which
-/// may hold the token, is told to nobody.
+/// may hold the token, is sent to no other site.
 const HEADERS: [(header::HeaderName, &str); 5] = [
     (
         header::CONTENT_SECURITY_POLICY,

@@ -146,7 +146,7 @@ impl Create2 {
     fn drive(&mut self, now: Time, out: &mut Vec<u8>) {
         let speeds = wheel_speeds(&self.commanded.twist(now), self.wheels.track_m, self.wheels.max_mps);
         let [left, right] = speeds.map(|mps| (1000.0 * mps).round() as i16);
-        let is_due = |(at, told)| told != [left, right] || now.since(at) >= REPEAT;
+        let is_due = |(at, sent)| sent != [left, right] || now.since(at) >= REPEAT;
         if self.driven.is_none_or(is_due) {
             self.driven = Some((now, [left, right]));
             out.push(DRIVE_DIRECT);

@@ -42,7 +42,7 @@ pub struct Create2Config {
     /// Serial port; the names in `/dev/serial/by-id` stay the same when devices are connected in another order.
     #[schemars(extend("format" = "path"))]
     pub port: PathBuf,
-    /// Bits per second: 115200, or 19200 after the robot was told so by its BRC line.
+    /// Bits per second: 115200, or 19200 if its BRC line selected that rate.
     #[serde_inline_default(115_200)]
     #[schemars(range(min = 19200, max = 115_200))]
     pub baud: u32,

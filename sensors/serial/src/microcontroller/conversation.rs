@@ -36,7 +36,7 @@ pub(crate) struct Microcontroller {
     wheels: WheelGeometry,
     commanded: Commanded,
     framer: Framer<Line>,
-    /// True once the robot has told that it speaks this version.
+    /// True once the robot has confirmed this version.
     is_known: bool,
     is_refused: bool,
     asked: Time,
@@ -141,7 +141,7 @@ impl Microcontroller {
         }
         let speeds = wheel_speeds(&self.commanded.twist(now), self.wheels.track_m, self.wheels.max_mps);
         let speeds = speeds.map(|mps| (mps / self.wheels.m_per_count).round() as i32);
-        if self.driven.is_none_or(|(at, told)| told != speeds || now.since(at) >= REPEAT) {
+        if self.driven.is_none_or(|(at, sent)| sent != speeds || now.since(at) >= REPEAT) {
             self.driven = Some((now, speeds));
             self.drive_sequence = self.drive_sequence.wrapping_add(1);
             Line::Drive { sequence: self.drive_sequence, speeds }.encode(out);

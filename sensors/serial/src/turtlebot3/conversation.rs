@@ -89,7 +89,7 @@ impl TurtleBot3 {
         let twist = self.commanded.twist(now);
         let [left, right] = wheel_speeds(&twist, self.wheels.track_m, self.wheels.max_mps);
         let command = velocity(0.5 * (left + right), (right - left) / self.wheels.track_m);
-        if self.driven.is_none_or(|(at, told)| told != command || now.since(at) >= REPEAT) {
+        if self.driven.is_none_or(|(at, sent)| sent != command || now.since(at) >= REPEAT) {
             self.driven = Some((now, command));
             Packet::write(ID, VELOCITY, &command).encode(out);
         }

@@ -8,11 +8,11 @@ use serde_inline_default::serde_inline_default;
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, Distortion, IntrinsicsConfig, MountConfig};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::FrameHeader;
+use yamabico_core::message::{Encoding, FrameHeader};
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
 use super::Schedule;
-use super::frames::{self, FrameSensor, ImageRenderer, Losses, PixelFormat};
+use super::frames::{self, FrameSensor, ImageRenderer, Losses};
 use crate::Scene;
 use crate::render::{CameraView, Photometry, RenderError, Renderer};
 use crate::simulation::Simulation;
@@ -36,7 +36,7 @@ pub struct CameraConfig {
     pub dropout: f64,
     /// Pixel format.
     #[serde(default)]
-    pub encoding: PixelFormat,
+    pub encoding: Encoding,
     /// Image size, focal length and principal point; distortion is not supported.
     pub intrinsics: IntrinsicsConfig,
     /// Pose on the robot.
@@ -77,7 +77,7 @@ impl CameraConfig {
     }
 
     fn header(&self) -> FrameHeader {
-        self.encoding.header([self.intrinsics.width, self.intrinsics.height], &self.photometry)
+        frames::header(self.encoding, [self.intrinsics.width, self.intrinsics.height], &self.photometry)
     }
 }
 
@@ -99,7 +99,7 @@ pub fn camera_sensor(
         name: name.to_owned(),
         simulation,
         renderer: PinholeRenderer { config, renderer },
-        format: config.encoding,
+        encoding: config.encoding,
         header: config.header(),
         schedule: Schedule::new(config.period_ms, config.latency_ms),
         losses: Losses { share: config.dropout, seed },
@@ -112,14 +112,14 @@ impl ImageRenderer for PinholeRenderer {
         scene: &Scene,
         robot: Pose2,
         _: u64,
-        format: PixelFormat,
+        encoding: Encoding,
         pixels: &mut [u8],
     ) -> Result<(), RenderError> {
         let intrinsics = self.config.intrinsics.intrinsics();
         let view = CameraView { intrinsics, mount: self.config.mount.into(), robot };
-        match format {
-            PixelFormat::Gray8 => self.renderer.render(scene, &view, pixels),
-            PixelFormat::Rgb8 => self.renderer.render_rgb(scene, &view, pixels),
+        match encoding {
+            Encoding::Gray8 => self.renderer.render(scene, &view, pixels),
+            Encoding::Rgb8 => self.renderer.render_rgb(scene, &view, pixels),
         }
     }
 }

@@ -3,8 +3,6 @@
 use std::sync::{Arc, Mutex};
 
 use rand::RngExt;
-use schemars::JsonSchema;
-use serde::Deserialize;
 use yamabico_core::behavior::Outputs;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Encoding, FrameHeader};
@@ -16,37 +14,9 @@ use crate::Scene;
 use crate::render::{Photometry, RenderError};
 use crate::simulation::Simulation;
 
-/// Pixel format of a simulated camera.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum PixelFormat {
-    /// A gray level.
-    #[default]
-    Gray8,
-    /// Red, green and blue.
-    Rgb8,
-}
-
-impl PixelFormat {
-    fn encoding(self) -> Encoding {
-        match self {
-            Self::Gray8 => Encoding::Gray8,
-            Self::Rgb8 => Encoding::Rgb8,
-        }
-    }
-
-    /// Returns the header of an image of this size (px), without stamp and sequence number.
-    pub fn header(self, [width, height]: [u32; 2], photometry: &Photometry) -> FrameHeader {
-        let encoding = self.encoding();
-        FrameHeader {
-            width,
-            height,
-            stride: width * encoding.bytes_per_pixel(),
-            encoding: encoding as u32,
-            exposure: f64::from(photometry.exposure),
-            ..FrameHeader::default()
-        }
-    }
+/// Returns the header of an image of this size (px), without stamp and sequence number.
+pub fn header(encoding: Encoding, size: [u32; 2], photometry: &Photometry) -> FrameHeader {
+    FrameHeader { exposure: f64::from(photometry.exposure), ..FrameHeader::new(encoding, size) }
 }
 
 /// Returns the size of an image with this header, bytes.
@@ -62,7 +32,7 @@ pub trait ImageRenderer: Send {
         scene: &Scene,
         robot: Pose2,
         sequence: u64,
-        format: PixelFormat,
+        encoding: Encoding,
         pixels: &mut [u8],
     ) -> Result<(), RenderError>;
 }
@@ -72,7 +42,7 @@ pub struct FrameSensor<P> {
     pub(super) name: String,
     pub(super) simulation: Arc<Mutex<Simulation>>,
     pub(super) renderer: P,
-    pub(super) format: PixelFormat,
+    pub(super) encoding: Encoding,
     /// Header without stamp and sequence number.
     pub(super) header: FrameHeader,
     pub(super) schedule: Schedule,
@@ -113,10 +83,10 @@ impl<P: ImageRenderer> Sensor for FrameSensor<P> {
         let robot = simulation.at(stamp).pose;
         simulation.scene.set_time(seconds).map_err(|e| failed(&e))?;
         let header = FrameHeader { stamp_ns: stamp.0, sequence, ..self.header };
-        let (renderer, scene, format) = (&mut self.renderer, &simulation.scene, self.format);
+        let (renderer, scene, encoding) = (&mut self.renderer, &simulation.scene, self.encoding);
         let mut drawn: Result<(), RenderError> = Ok(());
         outputs.publish_in_place(&self.name, &header, frame_bytes(&header), |pixels: &mut [u8]| {
-            drawn = renderer.render(scene, robot, sequence, format, pixels);
+            drawn = renderer.render(scene, robot, sequence, encoding, pixels);
         })?;
         drawn.map_err(|e| failed(&e))?;
         Ok(Due::At(self.schedule.next(simulation.origin())))

@@ -9,11 +9,11 @@ use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::mirror_camera::mirror_camera;
 use yamabico_core::camera::{Calibration, MirrorCamera, MirrorConfig, MirrorImageConfig, Mount, MountConfig};
 use yamabico_core::geometry::Pose2;
-use yamabico_core::message::FrameHeader;
+use yamabico_core::message::{Encoding, FrameHeader};
 use yamabico_core::sensor::{SensorInfo, SensorKind};
 
 use super::Schedule;
-use super::frames::{self, FrameSensor, ImageRenderer, Losses, PixelFormat};
+use super::frames::{self, FrameSensor, ImageRenderer, Losses};
 use super::sway::{Sway, SwayConfig};
 use crate::Scene;
 use crate::render::{MirrorRenderer, MirrorView, Photometry, RenderError};
@@ -34,7 +34,7 @@ pub struct MirrorCameraConfig {
     pub latency_ms: f64,
     /// Pixel format.
     #[serde(default)]
-    pub encoding: PixelFormat,
+    pub encoding: Encoding,
     /// Image: its size, and the location and orientation of the mirror in it.
     pub picture: MirrorImageConfig,
     /// Shape of the mirror.
@@ -70,7 +70,7 @@ impl MirrorCameraConfig {
     }
 
     fn header(&self) -> FrameHeader {
-        self.encoding.header([self.picture.width, self.picture.height], &self.photometry)
+        frames::header(self.encoding, [self.picture.width, self.picture.height], &self.photometry)
     }
 
     fn camera(&self) -> Result<MirrorCamera, ParameterError> {
@@ -105,7 +105,7 @@ pub fn mirror_camera_sensor(
         name: name.to_owned(),
         simulation,
         renderer,
-        format: config.encoding,
+        encoding: config.encoding,
         header: config.header(),
         schedule: Schedule::new(config.period_ms, config.latency_ms),
         losses: Losses { share: 0.0, seed },
@@ -118,13 +118,13 @@ impl ImageRenderer for MirrorImageRenderer {
         scene: &Scene,
         robot: Pose2,
         sequence: u64,
-        format: PixelFormat,
+        encoding: Encoding,
         pixels: &mut [u8],
     ) -> Result<(), RenderError> {
         let view = MirrorView { mount: self.sway.mount(self.mount, sequence), robot };
-        match format {
-            PixelFormat::Gray8 => self.renderer.render(scene, &view, pixels),
-            PixelFormat::Rgb8 => self.renderer.render_rgb(scene, &view, pixels),
+        match encoding {
+            Encoding::Gray8 => self.renderer.render(scene, &view, pixels),
+            Encoding::Rgb8 => self.renderer.render_rgb(scene, &view, pixels),
         }
     }
 }

@@ -69,7 +69,7 @@ impl Moment {
         self.proposal.kind() == Some(Kind::Halt)
     }
 
-    /// True if the robot was told to drive into what made sonar-halt stop it.
+    /// True if the robot was commanded to drive into what made sonar-halt stop it.
     fn would_stop(&self) -> bool {
         self.halts() && self.commanded.linear > FORWARD_MPS
     }

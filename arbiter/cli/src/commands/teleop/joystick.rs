@@ -120,8 +120,8 @@ fn joysticks() -> Vec<PathBuf> {
 /// Returns the name that a joystick gives itself, or that of its file.
 fn name(path: &Path) -> String {
     let file = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let told = std::fs::read_to_string(format!("/sys/class/input/{file}/device/name"));
-    told.map_or_else(|_| path.display().to_string(), |name| name.trim().to_owned())
+    let own_name = std::fs::read_to_string(format!("/sys/class/input/{file}/device/name"));
+    own_name.map_or_else(|_| path.display().to_string(), |name| name.trim().to_owned())
 }
 
 /// Reads events on a thread of its own, until the joystick is unplugged.

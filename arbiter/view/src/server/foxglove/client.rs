@@ -219,7 +219,7 @@ impl Client {
         }
     }
 
-    /// Sets parameters one after the other; a refusal is told, and the values that hold are sent.
+    /// Sets parameters one after the other; a refusal is reported, and the current values are sent.
     fn set(&self, assignments: Vec<Assignment>, id: Option<String>) {
         let (foxglove, answers) = (Arc::clone(&self.foxglove), self.answers.clone());
         let names: Vec<String> = assignments.iter().map(|assignment| assignment.name.clone()).collect();

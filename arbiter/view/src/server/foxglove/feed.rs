@@ -13,7 +13,7 @@ use super::session::{Publisher, Session};
 use crate::live::LiveRobot;
 use crate::model::read_maps;
 
-/// Minimum time between two times that clients are told, s.
+/// Minimum time between two messages of the time, s.
 const TIME_PERIOD_S: f64 = 0.015;
 
 /// Makes records of a robot's messages for the clients; their times are those of the wall clock.
@@ -23,7 +23,7 @@ pub(in crate::server) struct Feed {
     publisher: Publisher,
     joins: u64,
     setup_version: Option<u64>,
-    told: Time,
+    time_sent: Time,
 }
 
 impl Feed {
@@ -43,7 +43,7 @@ impl Feed {
         encoder.begin(&mut publisher, robot.now(), start);
         foxglove.sessions.send_replace(session);
         let joins = robot.joins();
-        Feed { foxglove, encoder, publisher, joins, setup_version: None, told: Time::ZERO }
+        Feed { foxglove, encoder, publisher, joins, setup_version: None, time_sent: Time::ZERO }
     }
 
     /// Follows a step of the robot: its time, its parameters, and its restarts.
@@ -53,9 +53,9 @@ impl Feed {
         }
         let model = robot.model();
         let now = self.encoder.time(model.now());
-        if now.seconds_after(self.told) >= TIME_PERIOD_S {
-            self.told = now;
-            self.publisher.session().tell_time(now);
+        if now.seconds_after(self.time_sent) >= TIME_PERIOD_S {
+            self.time_sent = now;
+            self.publisher.session().send_time(now);
         }
         let version = model.setup_version();
         if self.setup_version.replace(version) != Some(version) {

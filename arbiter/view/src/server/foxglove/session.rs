@@ -115,8 +115,8 @@ impl Session {
         self.overlays.iter().any(|channel| self.is_wanted(*channel))
     }
 
-    /// Tells the clients the time.
-    pub fn tell_time(&self, time: Time) {
+    /// Sends the time to the clients.
+    pub fn send_time(&self, time: Time) {
         // Sending fails only without a client.
         let _ = self.small.send(News::Time(time));
     }
