@@ -14,6 +14,9 @@ use crate::belief::Belief;
 const STEP_M: f64 = 0.15;
 /// Lower and upper bound of the search range to each side of the prior, m.
 const REACH_M: [f64; 2] = [2.0, 10.0];
+/// Minimum standard deviation of the prior, m; matches are rated by their distance from it, with the long tails of a robot that
+/// was carried.
+const MIN_PRIOR_SIGMA_M: f64 = 0.3;
 /// Standard deviation of the position of a hypothesis, m.
 const HYPOTHESIS_SIGMA_M: f64 = 0.1;
 /// Minimum matched fraction of the total length of the vertical edges expected in view.
@@ -65,6 +68,11 @@ impl Relocalizer {
             // Weighted by the matched length: a full match of a short expected length is weak evidence.
             let fraction = matched / expected.max(1.0);
             if fix.uprights[1] >= MIN_MATCHED_UPRIGHTS { fraction * matched.sqrt() } else { 0.0 }
+        };
+        // Doors repeat along a corridor: of equal matches the one near the prior counts.
+        let sigma_m = MIN_PRIOR_SIGMA_M.max(prior.sigma_xy_m());
+        let score_along = |fixer: &mut Fixer, along: f64| {
+            score_along(fixer, along) / (1.0 + (0.5 * along / sigma_m).powi(2))
         };
         let along_m = self.best(reach, |along| score_along(fixer, along))?;
         let best = score_along(fixer, along_m);

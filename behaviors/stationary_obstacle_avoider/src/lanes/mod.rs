@@ -64,6 +64,8 @@ const LEARN_AREA_M: (f64, f64) = (1.2, 0.4);
 /// Azimuths that part the beams that look ahead from those that look aside, and from those behind, rad.
 const AHEAD_RAD: f64 = 0.26;
 const ASIDE_RAD: f64 = 1.6;
+/// Range of an echo below which a picture without floor shows a wall, m.
+const WALL_ECHO_M: f64 = 1.2;
 /// Distance from the end of the path at which the robot has arrived, m.
 const ARRIVED_M: f64 = 0.35;
 /// Age of the newest picture above which the speed is limited, s.
@@ -199,7 +201,12 @@ impl LaneAvoider {
         if self.last_update.is_none_or(|last| at > last) {
             self.last_update = Some(at);
         }
-        self.grid.advance(robot.position(), elapsed_s);
+        let (to_robot, columns) = (robot.inverse(), &self.columns);
+        let is_in_view = |place: Point2<f64>| {
+            let seen = to_robot.transform_point(place);
+            seen.x < FLOOR_END_M && columns.is_in_view(seen)
+        };
+        self.grid.advance(robot.position(), elapsed_s, is_in_view);
     }
 
     /// Takes in a picture.
@@ -214,6 +221,10 @@ impl LaneAvoider {
         let picture = color.or_else(|| frame.gray(self.size, &mut self.gray).map(Picture::Gray));
         if !self.columns.look(picture.ok_or(Reason::MalformedInput)?, learns) {
             return Err(Reason::MalformedInput);
+        }
+        // A wall so near gives an echo; without one it is the floor that looks different, as in sunlight.
+        if self.columns.shows_no_floor() && self.sonar.nearest_m(-ASIDE_RAD..ASIDE_RAD) > WALL_ECHO_M {
+            self.columns.relearn();
         }
         self.last_picture = Some(stamp);
         self.advance(stamp, &robot);

@@ -12,16 +12,19 @@ use yamabico_vision::rolling_window::RollingWindow;
 pub const CELL_M: f64 = 0.05;
 /// Cells on each side of the window: the robot sees 3.2 m in each direction.
 const CELLS: usize = 128;
-/// Limits of the log odds.
-const LIMITS: (f32, f32) = (-2.0, 6.0);
-/// Log odds from which a cell is occupied.
+/// Limits of the log odds by the camera.
+const CAMERA_LIMITS: (f32, f32) = (-2.0, 6.0);
+/// Log odds from which a cell is occupied: the sum of the two sensors.
 const OCCUPIED: f32 = 2.0;
-/// Log odds from which a cell is established: it has been seen occupied in several pictures.
+/// Log odds by the camera from which a cell is established: it has been seen occupied in several pictures.
 const ESTABLISHED: f32 = 3.0;
-/// Change of the log odds toward zero, per second, and that of an established cell: a thing below the view of the camera
-/// that sonars do not hear is still there.
+/// Limits of the log odds by the sonars.
+const SONAR_LIMITS: (f32, f32) = (-6.0, 6.0);
+/// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view:
+/// what stands there can be seen again only from elsewhere.
 const FADE_PER_S: f32 = 0.7;
 const FADE_ESTABLISHED_PER_S: f32 = 0.15;
+const FADE_UNSEEN_PER_S: f32 = 0.05;
 /// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
 const ECHO: f32 = 1.0;
 const BEFORE_ECHO: f32 = -0.3;
@@ -40,7 +43,8 @@ const AHEAD_RAD: f64 = 0.26;
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     window: RollingWindow,
-    log_odds: Vec<f32>,
+    camera: Vec<f32>,
+    sonar: Vec<f32>,
     /// Number of the update that changed a cell last: each update counts once.
     updated: Vec<u32>,
     update: u32,
@@ -50,7 +54,8 @@ impl Default for OccupancyGrid {
     fn default() -> Self {
         Self {
             window: RollingWindow::new(CELLS, CELL_M),
-            log_odds: vec![0.0; CELLS * CELLS],
+            camera: vec![0.0; CELLS * CELLS],
+            sonar: vec![0.0; CELLS * CELLS],
             updated: vec![0; CELLS * CELLS],
             update: 0,
         }
@@ -58,33 +63,43 @@ impl Default for OccupancyGrid {
 }
 
 impl OccupancyGrid {
-    /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds.
-    pub fn advance(&mut self, position: Point2<f64>, dt_s: f64) {
-        self.window.advance(position, |slot| self.log_odds[slot] = 0.0);
+    /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
+    /// is true for places that the camera sees.
+    pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
+        let Self { window, camera, sonar, .. } = self;
+        window.advance(position, |slot| (camera[slot], sonar[slot]) = (0.0, 0.0));
         let elapsed_s = dt_s.clamp(0.0, 60.0) as f32;
-        let (fade, slow_fade) = (FADE_PER_S * elapsed_s, FADE_ESTABLISHED_PER_S * elapsed_s);
-        for log_odds in &mut self.log_odds {
-            let fade = if *log_odds > ESTABLISHED { slow_fade } else { fade };
-            *log_odds -= log_odds.clamp(-fade, fade);
+        let fade = FADE_PER_S * elapsed_s;
+        for (slot, odds) in camera.iter_mut().enumerate() {
+            let fade = match *odds > ESTABLISHED {
+                false => fade,
+                true if is_in_view(window.place(slot)) => FADE_ESTABLISHED_PER_S * elapsed_s,
+                true => FADE_UNSEEN_PER_S * elapsed_s,
+            };
+            *odds -= odds.clamp(-fade, fade);
+        }
+        for odds in sonar {
+            *odds -= odds.clamp(-fade, fade);
         }
     }
 
-    /// Adds `evidence` to the cells at `places` (odometry frame, m), once to each cell.
+    /// Adds `evidence` of the camera to the cells at `places` (odometry frame, m), once to each cell.
     pub fn add(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
-        self.add_below(places, evidence, f32::INFINITY);
+        self.update = self.update.wrapping_add(1);
+        add(
+            &self.window,
+            &mut self.camera,
+            CAMERA_LIMITS,
+            (&mut self.updated, self.update),
+            places,
+            evidence,
+        );
     }
 
-    /// Adds `evidence` to those of the cells at `places` whose log odds are below `limit`.
-    fn add_below(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32, limit: f32) {
+    /// Adds evidence of a sonar.
+    fn add_sonar(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
         self.update = self.update.wrapping_add(1);
-        for place in places {
-            if let Some(slot) = self.window.slot(place)
-                && self.log_odds[slot] < limit
-                && std::mem::replace(&mut self.updated[slot], self.update) != self.update
-            {
-                self.log_odds[slot] = (self.log_odds[slot] + evidence).clamp(LIMITS.0, LIMITS.1);
-            }
-        }
+        add(&self.window, &mut self.sonar, SONAR_LIMITS, (&mut self.updated, self.update), places, evidence);
     }
 
     /// Adds a beam of a scan taken at `robot` (odometry frame): the cone before the echo is free, its arc is occupied at
@@ -106,9 +121,7 @@ impl OccupancyGrid {
         let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
         let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
         let free = free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth));
-        // Silence says too little to clear an established cell.
-        let limit = if echo_m.is_finite() { f32::INFINITY } else { ESTABLISHED };
-        self.add_below(free, free_odds, limit);
+        self.add_sonar(free, free_odds);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
             let arc = || azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
@@ -118,21 +131,38 @@ impl OccupancyGrid {
             let near = arc().flat_map(neighbors).filter(|&place| self.is_occupied(place));
             known.iter_mut().zip(near).for_each(|(known, place)| *known = Some(place));
             if known[0].is_some() {
-                self.add(known.into_iter().flatten(), ECHO);
+                self.add_sonar(known.into_iter().flatten(), ECHO);
             } else {
-                self.add(arc(), ECHO);
+                self.add_sonar(arc(), ECHO);
             }
         }
     }
 
     fn is_occupied(&self, place: Point2<f64>) -> bool {
-        self.window.slot(place).is_some_and(|slot| self.log_odds[slot] >= OCCUPIED)
+        self.window.slot(place).is_some_and(|slot| self.camera[slot] + self.sonar[slot] >= OCCUPIED)
     }
 
     /// Middles of the occupied cells, odometry frame, m.
     pub fn occupied(&self) -> impl Iterator<Item = Point2<f64>> {
-        let cells = self.log_odds.iter().enumerate().filter(|&(_, &log_odds)| log_odds >= OCCUPIED);
+        let sums = self.camera.iter().zip(&self.sonar).map(|(camera, sonar)| camera + sonar);
+        let cells = sums.enumerate().filter(|&(_, sum)| sum >= OCCUPIED);
         cells.map(|(slot, _)| self.window.place(slot))
+    }
+}
+
+/// Adds `evidence` to the log odds at `places`, once to each cell: `updated` holds the number of the update that changed it last.
+fn add(
+    window: &RollingWindow,
+    log_odds: &mut [f32],
+    limits: (f32, f32),
+    (updated, update): (&mut [u32], u32),
+    places: impl Iterator<Item = Point2<f64>>,
+    evidence: f32,
+) {
+    for slot in places.filter_map(|place| window.slot(place)) {
+        if std::mem::replace(&mut updated[slot], update) != update {
+            log_odds[slot] = (log_odds[slot] + evidence).clamp(limits.0, limits.1);
+        }
     }
 }
 
@@ -161,7 +191,7 @@ mod tests {
         let found = occupied(&grid);
         assert_eq!(found.len(), 1);
         assert!((found[0] - place).norm() < CELL_M);
-        grid.advance(Point2::origin(), 1.0);
+        grid.advance(Point2::origin(), 1.0, |_| true);
         assert!(occupied(&grid).is_empty(), "one second later it is forgotten");
     }
 
@@ -173,12 +203,12 @@ mod tests {
             grid.add([place].into_iter(), 1.3);
         }
         for step in 0..40 {
-            grid.advance(Point2::new(0.1 * f64::from(step), -0.03 * f64::from(step)), 0.0);
+            grid.advance(Point2::new(0.1 * f64::from(step), -0.03 * f64::from(step)), 0.0, |_| true);
             let found = occupied(&grid);
             assert!(found.len() == 1 && (found[0] - place).norm() < CELL_M, "step {step}: {found:?}");
         }
-        grid.advance(Point2::new(9.0, 0.0), 0.0);
-        grid.advance(Point2::new(3.0, 0.0), 0.0);
+        grid.advance(Point2::new(9.0, 0.0), 0.0, |_| true);
+        grid.advance(Point2::new(3.0, 0.0), 0.0, |_| true);
         assert!(occupied(&grid).is_empty(), "what left the window is forgotten");
     }
 
@@ -223,25 +253,39 @@ mod tests {
     }
 
     #[test]
-    fn what_was_seen_often_outlasts_silence_and_time() {
+    fn what_was_seen_often_outlasts_time_out_of_view() {
+        let remembers = |seconds: u32, is_in_view: bool| {
+            let mut grid = OccupancyGrid::default();
+            for _ in 0..4 {
+                grid.add([Point2::new(0.42, 0.03)].into_iter(), 1.3);
+            }
+            (0..seconds).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| is_in_view));
+            !occupied(&grid).is_empty()
+        };
+        assert!(remembers(30, false), "a camera does not see below its view");
+        assert!(!remembers(30, true) && !remembers(120, false), "at last it is forgotten");
+    }
+
+    #[test]
+    fn the_sensors_outvote_each_other_in_time() {
+        let place = Point2::new(0.52, 0.03);
+        let beyond = Beam { cone_rad: 0.5, range_m: 2.5, ..Beam::default() };
         let mut grid = OccupancyGrid::default();
-        let place = Point2::new(0.42, 0.03);
-        let scan = Beam { cone_rad: 0.5, flags: NO_ECHO, ..Beam::default() };
         for _ in 0..4 {
             grid.add([place].into_iter(), 1.3);
         }
-        for _ in 0..50 {
-            grid.advance(Point2::origin(), 0.1);
-            grid.add_beam(&scan, &Pose2::IDENTITY, |_| true);
+        for _ in 0..8 {
+            grid.add_beam(&beyond, &Pose2::IDENTITY, |_| true);
         }
-        assert_eq!(
-            occupied(&grid).len(),
-            1,
-            "a camera does not see below its view, and a smooth box gives no echo"
-        );
-        for _ in 0..200 {
-            grid.advance(Point2::origin(), 0.1);
+        assert_eq!(occupied(&grid).len(), 1, "an echo of what is beyond may have passed it");
+        for _ in 0..8 {
+            grid.add_beam(&beyond, &Pose2::IDENTITY, |_| true);
         }
-        assert!(occupied(&grid).is_empty(), "at last it is forgotten");
+        assert!(occupied(&grid).is_empty(), "but not so many");
+        grid.add_beam(&Beam { range_m: 0.5, ..beyond }, &Pose2::IDENTITY, |_| true);
+        for _ in 0..4 {
+            grid.add([place].into_iter(), 1.3);
+        }
+        assert!(!occupied(&grid).is_empty());
     }
 }

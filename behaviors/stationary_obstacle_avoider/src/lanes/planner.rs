@@ -6,11 +6,9 @@ use super::stations::{PathAhead, STATIONS, station_m};
 
 /// Distance along the path in which the robot changes to another lane, m.
 const CHANGE_M: f64 = 0.8;
-/// Offset of the outermost lanes and distance of two lanes, m.
-const MAX_OFFSET_M: f64 = 0.6;
+/// Distance of two lanes, m, and their number on each side: a box in the middle of a corridor of 2.5 m needs 0.7 m.
 const LANE_M: f64 = 0.05;
-/// Number of lanes.
-const LANES: usize = (2.0 * MAX_OFFSET_M / LANE_M) as usize + 1;
+const LANES_ASIDE: usize = 18;
 /// Length from which a lane counts as free, m.
 pub const FREE_M: f64 = 2.2;
 /// Distance from obstacles that is kept where there is room, m beyond the clearance.
@@ -77,8 +75,8 @@ impl Scene<'_> {
     pub fn plan(&self, last_m: f64) -> Plan {
         let nominal = self.rate(0.0);
         let mut best = (f64::INFINITY, nominal);
-        for i in 0..LANES {
-            let lane = self.rate(i as f64 * LANE_M - MAX_OFFSET_M);
+        for i in 0..=2 * LANES_ASIDE {
+            let lane = self.rate((i as f64 - LANES_ASIDE as f64) * LANE_M);
             let missing_room_m = (self.clearance_m + ROOM_M - lane.gap_m).max(0.0);
             let missing_length_m = (FREE_M - lane.free_m).max(0.0);
             let cost = OFFSET_COST * lane.offset_m.abs()
@@ -109,7 +107,8 @@ impl Scene<'_> {
         places.filter(|&place| is_free(place)).count() as f64 / (STEPS * AHEAD.len()) as f64
     }
 
-    /// Distance that the robot can drive straight ahead before it touches an obstacle, m.
+    /// Distance that the robot can drive straight ahead before it touches an obstacle or comes too near to a wall, m; infinite
+    /// without either on the length of the path.
     #[must_use]
     pub fn straight_m(&self) -> f64 {
         let reach = |obstacle: &Point2<f32>| {
@@ -117,7 +116,11 @@ impl Scene<'_> {
             let before_m = self.wall_clearance_m * self.wall_clearance_m - aside_m * aside_m;
             (ahead_m > 0.0 && before_m > 0.0).then(|| ahead_m - before_m.sqrt())
         };
-        self.obstacles.iter().filter_map(reach).fold(f64::INFINITY, f64::min)
+        let to_obstacle_m = self.obstacles.iter().filter_map(reach).fold(f64::INFINITY, f64::min);
+        let walls_m = (0..STATIONS).map(|i| (station_m(i), (self.wall_m)(Point2::new(station_m(i), 0.0))));
+        let min_wall_m = self.wall_clearance_m.min((self.wall_m)(Point2::origin()) - APPROACH_M);
+        let to_wall_m = walls_m.into_iter().find(|&(_, wall_m)| wall_m < min_wall_m);
+        to_wall_m.map_or(to_obstacle_m, |(ahead_m, _)| to_obstacle_m.min(ahead_m))
     }
 
     /// Rates the lane with an offset: how far it is free, and how near obstacles are.
@@ -133,22 +136,37 @@ impl Scene<'_> {
             let share = share * share * (3.0 - 2.0 * share);
             let place = station.beside(self.path.lateral_m + share * (offset_m - self.path.lateral_m));
             let at = place.cast::<f32>();
-            let mut is_hit = false;
-            for obstacle in self.obstacles {
-                let distance = (obstacle - at).norm();
-                gap = gap.min(distance);
-                if distance < clearance {
+            let nearest = distance_to_nearest(self.obstacles, at);
+            gap = gap.min(nearest);
+            let is_hit = nearest < clearance
+                && self.obstacles.iter().any(|obstacle| {
+                    let distance = (obstacle - at).norm();
                     let may_approach_m =
                         if distance < clearance - VEER_M as f32 { APPROACH_M } else { VEER_M };
-                    is_hit |= distance < obstacle.coords.norm() - may_approach_m as f32;
-                }
-            }
+                    distance < clearance && distance < obstacle.coords.norm() - may_approach_m as f32
+                });
             if free_m.is_none() && (is_hit || (self.wall_m)(place) < min_wall_m) {
                 free_m = Some(ahead_m);
             }
         }
         Lane { offset_m, free_m: free_m.unwrap_or(station_m(STATIONS)), gap_m: f64::from(gap) }
     }
+}
+
+/// Distance from `place` to the nearest obstacle, m; infinite without any.
+fn distance_to_nearest(obstacles: &[Point2<f32>], place: Point2<f32>) -> f32 {
+    // Several minima side by side: the processor takes them at once.
+    const SIDE_BY_SIDE: usize = 8;
+    let smaller = |a: f32, b: f32| if b < a { b } else { a };
+    let mut squares = [f32::INFINITY; SIDE_BY_SIDE];
+    let mut chunks = obstacles.chunks_exact(SIDE_BY_SIDE);
+    for chunk in &mut chunks {
+        for (square, obstacle) in squares.iter_mut().zip(chunk) {
+            *square = smaller(*square, (obstacle - place).norm_squared());
+        }
+    }
+    let rest = chunks.remainder().iter().map(|obstacle| (obstacle - place).norm_squared());
+    squares.into_iter().chain(rest).fold(f32::INFINITY, smaller).sqrt()
 }
 
 /// True if two lanes lie on different sides of the path.

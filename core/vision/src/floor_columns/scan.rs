@@ -37,6 +37,8 @@ const BORDER_ROWS: usize = 2;
 /// The area whose floor color starts each column: shares of the picture's height and width.
 const NEAR_TOP: f64 = 0.86;
 const NEAR_SIDES: [f64; 2] = [0.36, 0.64];
+/// Share of the columns without floor from which the picture shows none.
+const MIN_LOST_SHARE: f64 = 0.7;
 /// Shares by which the floor color follows that of the area, for a change of lightness alone and for another color.
 const LEARN: f32 = 0.3;
 const LEARN_OTHER: f32 = 0.02;
@@ -64,6 +66,11 @@ pub struct FloorColumns {
     /// First row from above that is scanned, and rows that an obstacle covers at least whose foot is in a row.
     top: usize,
     height_rows: Vec<usize>,
+    /// Camera on the floor, and direction of its view, robot frame.
+    camera: Point2<f64>,
+    forward: Vector2<f64>,
+    /// Nearest floor that is seen in each column, camera frame: slope to the left, rising, and distance ahead, m.
+    border: Vec<[f64; 2]>,
     /// Color of the floor in front of the robot.
     color: Option<Lab>,
     /// Cells that differ from the floor, column by column from above.
@@ -109,8 +116,15 @@ impl FloorColumns {
                 break;
             }
         }
+        let camera = Point2::new(mount.x, mount.y);
+        let left = Vector2::new(-forward.y, forward.x);
+        let nearest = (0..columns).rev().map(|column| floor[(rows - 1) * columns + column] - camera);
+        let border = nearest.map(|off| [left.dot(&off) / forward.dot(&off), forward.dot(&off)]).collect();
         (top + BORDER_ROWS + 2 < rows && mount.z > 0.0).then(|| Self {
             rules,
+            camera,
+            forward,
+            border,
             floor,
             top,
             height_rows,
@@ -121,6 +135,18 @@ impl FloorColumns {
             sorted: Vec::with_capacity(columns * rows),
             cells,
         })
+    }
+
+    /// True if the camera sees the floor at `place` (robot frame, m) where nothing hides it: it lies between the borders of the view,
+    /// and not below it.
+    #[must_use]
+    pub fn is_in_view(&self, place: Point2<f64>) -> bool {
+        let off = place - self.camera;
+        let ahead_m = self.forward.dot(&off);
+        let slope = self.forward.perp(&off) / ahead_m;
+        let column = self.border.partition_point(|[border, _]| *border < slope);
+        let is_beside = column == 0 || column == self.border.len();
+        ahead_m > 0.0 && !is_beside && ahead_m > self.border[column][1]
     }
 
     /// Takes in a picture. The color of the area in front of the robot is learned if `learns` is set: nothing stands
@@ -139,6 +165,26 @@ impl FloorColumns {
                 std::array::from_fn(|channel| color[channel] + share * (near[channel] - color[channel]))
             }
         };
+        self.scan_all(color);
+        true
+    }
+
+    /// True if most columns show no floor at all: something wide is before the camera, or the floor does not look as it did.
+    #[must_use]
+    pub fn shows_no_floor(&self) -> bool {
+        let last = self.cells.size()[1] - BORDER_ROWS - 1;
+        let without = self.ends.iter().filter(|&&row| row >= last).count();
+        without as f64 >= MIN_LOST_SHARE * self.ends.len() as f64
+    }
+
+    /// Takes the area in front of the robot in the last picture as floor, whatever was known before, and evaluates the picture again.
+    pub fn relearn(&mut self) {
+        let color = self.near_color();
+        self.scan_all(color);
+    }
+
+    /// Scans the columns with this color of the floor.
+    fn scan_all(&mut self, color: Lab) {
         self.color = Some(color);
         for column in 0..self.cells.size()[0] {
             self.ends[column] = self.scan(column, color);
@@ -146,7 +192,6 @@ impl FloorColumns {
             let mut above = self.differs[self.top..self.ends[column]].windows(2);
             self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
         }
-        true
     }
 
     /// Median color of the area in front of the robot.
@@ -276,6 +321,20 @@ mod tests {
     }
 
     #[test]
+    fn the_view_begins_below_the_picture_and_ends_at_its_sides() {
+        let columns = columns();
+        let is_in_view = |x, y| columns.is_in_view(Point2::new(x, y));
+        assert!(is_in_view(0.7, 0.0) && is_in_view(2.0, 0.8) && is_in_view(2.0, -0.8));
+        // The lower border of the picture is at 0.63 m.
+        assert!(
+            !is_in_view(0.6, 0.0)
+                && !is_in_view(1.0, 0.8)
+                && !is_in_view(1.0, -0.8)
+                && !is_in_view(-1.0, 0.0)
+        );
+    }
+
+    #[test]
     fn a_camera_that_sees_no_floor_is_refused() {
         let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 0.8));
         let rules = ColumnRules::default();
@@ -297,6 +356,18 @@ mod tests {
             assert!(columns.look(Picture::Gray(view), true));
         }
         assert!(columns.free().count() > 1000, "a floor of another brightness is learned");
+    }
+
+    #[test]
+    fn another_floor_is_learned_anew() {
+        let (mut columns, floor) = (columns(), picture(0, 0));
+        assert!(look(&mut columns, &floor) && !columns.shows_no_floor());
+        let sunny: Vec<u8> = floor.iter().map(|shade| shade + 60).collect();
+        let image = ImageView::new(&sunny, SIZE.0, SIZE.1, SIZE.0).expect("an image");
+        assert!(columns.look(Picture::Gray(image), false) && columns.shows_no_floor());
+        columns.relearn();
+        assert!(!columns.shows_no_floor() && columns.ends().count() == 0);
+        assert!(look(&mut columns, &picture(120, 160)), "the next picture is evaluated, too");
     }
 
     #[test]
