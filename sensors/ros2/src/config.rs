@@ -27,7 +27,7 @@ pub enum Reliability {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TwistType {
-    /// Those that the topic is subscribed with.
+    /// Each type that the topic is subscribed with.
     #[default]
     Auto,
     /// Twist.

@@ -143,7 +143,7 @@ impl Ros2Driver {
     }
 }
 
-/// What the keys of a sensor say.
+/// Contents of the keys of a sensor.
 struct Settings {
     topic: String,
     rate_hz: f64,

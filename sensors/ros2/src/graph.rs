@@ -1,4 +1,4 @@
-//! Who publishes and who subscribes what on the network, and why two of them do not match.
+//! Publishers and subscribers on the network, and why two of them do not match.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;

@@ -14,7 +14,7 @@
 //! | `driver`, `sensor`, `drive` | robots (feature `dds`) |
 //! | `velocity`, `lock`, `observer` | behaviors (feature `dds`) |
 //!
-//! What is received is decoded by [`yamabico_recording::ros2`], as in recordings.
+//! Received messages are decoded by [`yamabico_recording::ros2`], as in recordings.
 
 pub mod config;
 pub mod graph;

@@ -10,7 +10,7 @@ use yamabico_core::time::Time;
 /// State of a subscription.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Link {
-    /// Nobody publishes the topic.
+    /// The topic has no publisher.
     #[default]
     NoPublisher,
     /// It is published with another type.

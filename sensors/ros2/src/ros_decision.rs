@@ -93,7 +93,7 @@ fn is_faulty(verdict: &Verdict) -> bool {
     verdict.outcome().is_none_or(|outcome| faults.contains(&outcome))
 }
 
-/// Who drives, or why the robot stands.
+/// The behaviors that drive, or why the robot stands.
 fn summary(decision: &DecisionHeader) -> String {
     let mode = decision.mode().map_or("unknown", Mode::as_str);
     let note = decision.note.as_str();

@@ -76,11 +76,11 @@ pub(crate) struct Converter {
     pub inbox: Arc<Mutex<Inbox>>,
     pub clock: Arc<Mutex<RosClock>>,
     pub mount: ScannerMount,
-    /// What was told already, so that it is told once.
+    /// Told already, so that it is told once.
     pub told: Told,
 }
 
-/// What a converter has told on the log.
+/// Texts that a converter has put on the log.
 #[derive(Default)]
 pub(crate) struct Told {
     refusal: bool,

@@ -76,7 +76,7 @@ pub struct Subscription {
     pub reliability: Reliability,
     /// True to get what was published before.
     pub transient_local: bool,
-    /// Who needs it, for the log; nobody tells if a topic without one is silent.
+    /// Part of the robot that needs it, for the log; without one, its silence is not told.
     pub needed_by: Option<String>,
     /// Receiver of the messages.
     pub receive: Receiver,
@@ -94,7 +94,7 @@ pub struct Network {
     thread: Thread,
 }
 
-/// What the thread and its users share.
+/// Shared by the thread and its users.
 #[derive(Default)]
 struct Shared {
     graph: Mutex<Graph>,
