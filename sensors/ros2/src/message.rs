@@ -314,6 +314,6 @@ mod tests {
         let corners = [[0.0, 0.0], [0.0, 2.0], [3.0, 2.0]].map(|[x, y]| PathPoint { x, y });
         let path = Path::of(&corners, Header::new(0, "map"));
         let yaws = path.poses.iter().map(|pose| 2.0 * pose.pose.orientation.z.atan2(pose.pose.orientation.w));
-        assert_eq!(yaws.map(|yaw| (1e6 * yaw).round() * 1e-6).collect::<Vec<_>>(), [1.570796, 0.0, 0.0]);
+        assert_eq!(yaws.map(|yaw| yaw.to_degrees().round() as i64).collect::<Vec<_>>(), [90, 0, 0]);
     }
 }

@@ -87,33 +87,33 @@ mod tests {
 
     const CALENDAR_NS: u64 = 1_790_000_000_000_000_000;
 
-    fn capture(clock: &RosClock, stamp_ns: u64) -> (f64, StampSource) {
+    /// Capture time, ms, of a message that arrives at 100 s.
+    fn capture(clock: &RosClock, stamp_ns: u64) -> (i64, StampSource) {
         let (time, source) = clock.capture(stamp_ns, CALENDAR_NS, Time::from_secs_f64(100.0));
-        (time.as_secs_f64(), source)
+        ((1e3 * time.as_secs_f64()).round() as i64, source)
     }
 
     #[test]
     fn stamps_of_a_synchronized_clock_give_the_age() {
         let clock = RosClock::default();
-        assert_eq!(capture(&clock, CALENDAR_NS - 30_000_000), (99.97, StampSource::Calendar));
-        assert_eq!(capture(&clock, CALENDAR_NS + 5_000_000), (100.0, StampSource::Calendar));
+        assert_eq!(capture(&clock, CALENDAR_NS - 30_000_000), (99_970, StampSource::Calendar));
+        assert_eq!(capture(&clock, CALENDAR_NS + 5_000_000), (100_000, StampSource::Calendar));
     }
 
     #[test]
     fn stamps_of_other_clocks_count_from_arrival_and_are_told() {
         let clock = RosClock::default();
-        assert_eq!(capture(&clock, 0), (100.0, StampSource::Unstamped));
-        assert_eq!(capture(&clock, CALENDAR_NS + 300_000_000), (100.0, StampSource::Ahead(300_000_000)));
-        assert_eq!(capture(&clock, 12_000_000_000), (100.0, StampSource::Unknown));
-        assert_eq!(capture(&clock, u64::MAX), (100.0, StampSource::Unknown));
+        assert_eq!(capture(&clock, 0), (100_000, StampSource::Unstamped));
+        assert_eq!(capture(&clock, CALENDAR_NS + 300_000_000), (100_000, StampSource::Ahead(300_000_000)));
+        assert_eq!(capture(&clock, 12_000_000_000), (100_000, StampSource::Unknown));
+        assert_eq!(capture(&clock, u64::MAX), (100_000, StampSource::Unknown));
     }
 
     #[test]
     fn simulated_time_gives_the_age_while_it_ticks() {
         let mut clock = RosClock::default();
         clock.tick(12_000_000_000, Time::from_secs_f64(99.99));
-        let (time_s, source) = capture(&clock, 11_960_000_000);
-        assert!((time_s - 99.95).abs() < 1e-6 && source == StampSource::Simulated, "{time_s}");
+        assert_eq!(capture(&clock, 11_960_000_000), (99_950, StampSource::Simulated));
         clock.tick(12_000_000_000, Time::from_secs_f64(90.0));
         assert_eq!(capture(&clock, 11_960_000_000).1, StampSource::Unknown);
     }

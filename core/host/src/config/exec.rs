@@ -42,12 +42,18 @@ pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
     words.collect()
 }
 
+/// Returns the program that the key of a behavior or a device stands for, in place of `exec`: its name, and its argument.
+#[must_use]
+pub fn program_for(key: &str, value: &str) -> Option<[&'static str; 2]> {
+    let of_key = ROS2_KEYS.into_iter().find(|(name, _)| *name == key).map(|(_, argument)| argument);
+    let argument = of_key.or_else(|| (key == "driver" && value == ROS2_DRIVER).then_some("driver"))?;
+    Some([ROS2_PROGRAM, argument])
+}
+
 /// Returns the argument of the program for ROS 2 if the table is of one of its behaviors or devices.
 fn ros2_argument(table: &Table) -> Option<&'static str> {
-    let of_key =
-        ROS2_KEYS.into_iter().find(|(key, _)| table.entry(key).is_some()).map(|(_, argument)| argument);
-    let driver = table.entry("driver").and_then(|entry| entry.node.as_text());
-    of_key.or_else(|| driver.filter(|name| *name == ROS2_DRIVER).map(|_| "driver"))
+    let named = |entry: &Entry| program_for(&entry.key, entry.node.as_text().unwrap_or_default());
+    table.entries.iter().find_map(named).map(|[_, argument]| argument)
 }
 
 /// Path of the program for ROS 2: beside this program, or its name, which is then looked for in PATH.

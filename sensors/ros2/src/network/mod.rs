@@ -187,7 +187,7 @@ impl Publisher {
     /// Waits until all reliable subscribers have what was sent, at most for `timeout`.
     pub fn flush(&self, timeout: Duration) {
         // Best-effort subscribers acknowledge nothing: a moment for the thread that sends.
-        let _ = self.writer.wait_for_acknowledgments(DdsDuration::from_std(timeout).to_std());
+        let _ = self.writer.wait_for_acknowledgments(timeout);
         std::thread::sleep(Duration::from_millis(20).min(timeout));
     }
 }

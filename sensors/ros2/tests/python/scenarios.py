@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 
 import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
@@ -139,7 +140,7 @@ class Program:
         with open(f"{folder}/task.toml", "w") as file:
             file.write(task.format(lock_timeout_ms=lock_timeout_ms))
         self.log = f"{folder}/log"
-        arguments = [program, "run", f"{folder}/task.toml", "--live", "--no-overlays", "--out", f"{folder}/out"]
+        arguments = [program, "run", f"{folder}/task.toml", "--live", "--no-overlays", "--overwrite", "--out", f"{folder}/out"]
         self.process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=open(self.log, "w"),
                                         preexec_fn=with_me)
 
@@ -345,8 +346,12 @@ def main():
             restarted_base()
         case [name, program, folder]:
             rclpy.init()
-            result = globals()[name](program, folder)
-            print(json.dumps(result), flush=True)
+            try:
+                print(json.dumps(globals()[name](program, folder)), flush=True)
+            except BaseException:
+                traceback.print_exc()
+                # Threads of rclpy may hang at the end.
+                os._exit(1)
             os._exit(0)
 
 
