@@ -168,6 +168,9 @@ pub struct DriveConfig {
     #[serde_inline_default(50.0)]
     #[schemars(range(min = 5.0, max = 200.0))]
     pub rate_hz: f64,
+    /// Maximum speed that is sent; a faster motion is slowed down on its curve. Without it, the limits of the robot count.
+    #[schemars(range(min = 0.01, max = 10.0))]
+    pub max_mps: Option<f64>,
     /// Time without a command of the arbiter after which zero is sent.
     #[serde_inline_default(200.0)]
     #[schemars(range(min = 20.0, max = 5000.0))]

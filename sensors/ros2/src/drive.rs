@@ -117,7 +117,7 @@ impl Drive for TwistDrive {
             [&self.plain, &self.stamped].into_iter().flatten().for_each(|publisher| publisher.flush(FLUSH));
             return Ok(());
         }
-        let twist = self.commanded.twist(now);
+        let twist = slowed(&self.commanded.twist(now), self.config.max_mps.unwrap_or(f64::INFINITY));
         let period = Duration::from_secs_f64(1.0 / self.config.rate_hz);
         let is_due = self.sent.is_none_or(|(at, last)| {
             let stops = twist == BodyTwist::ZERO && last != BodyTwist::ZERO;
@@ -131,6 +131,13 @@ impl Drive for TwistDrive {
     }
 }
 
+/// Returns the same curve at a speed of at most `max_mps`.
+fn slowed(twist: &BodyTwist, max_mps: f64) -> BodyTwist {
+    let speed_mps = twist.linear.hypot(twist.lateral);
+    let share = if speed_mps > max_mps { max_mps / speed_mps } else { 1.0 };
+    BodyTwist::new(share * twist.linear, share * twist.lateral, share * twist.angular)
+}
+
 /// Opens a publisher unless it is open.
 fn open<M: RosMessage>(network: &Network, topic: &str, publisher: &mut Option<Publisher>) {
     if publisher.is_some() {
@@ -142,5 +149,19 @@ fn open<M: RosMessage>(network: &Network, topic: &str, publisher: &mut Option<Pu
             *publisher = Some(opened);
         }
         Err(error) => tracing::warn!("{error}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fast_motion_keeps_its_curve() {
+        let twist = BodyTwist::planar(0.4, 0.8);
+        let slow = slowed(&twist, 0.3);
+        assert!((slow.linear - 0.3).abs() < 1e-12 && (slow.angular / slow.linear - 2.0).abs() < 1e-12);
+        assert_eq!(slowed(&twist, 0.4), twist);
+        assert_eq!(slowed(&BodyTwist::ZERO, 0.3), BodyTwist::ZERO);
     }
 }
