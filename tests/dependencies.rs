@@ -6,7 +6,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Folders of the crates that each crate's library may depend on. All behaviors share one entry, and so do all sensors.
-const LAYERS: [(&str, &[&str]); 14] = [
+const LAYERS: [(&str, &[&str]); 15] = [
     ("core/parameters", &[]),
     ("core/geometry", &[]),
     ("core/drawing", &["core/geometry"]),
@@ -15,6 +15,8 @@ const LAYERS: [(&str, &[&str]); 14] = [
     ("core/host", &["core", "core/parameters"]),
     ("behaviors", &["core", "core/vision", "core/drawing"]),
     ("sensors", &["core", "core/vision"]),
+    // A program of its own, which decodes messages as recordings do.
+    ("sensors/ros2", &["core", "core/host", "sensors"]),
     ("arbiter", &["core"]),
     ("arbiter/runtime", &["core", "core/parameters", "core/host", "core/drawing", "arbiter"]),
     // It shows what the runtime's client and its recordings tell.

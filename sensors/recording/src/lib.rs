@@ -8,10 +8,12 @@
 //! | `topic_reader` | the measurements of one topic |
 //! | `yamabico`, `ros2` | their conversion, by the encoding of the file |
 //! | `playback` | the sensor that publishes them in time |
+//! | `publication` | their publication, which live sensors share |
 
 mod config;
 mod measurement;
 mod playback;
+mod publication;
 pub mod robot_file;
 pub mod ros2;
 pub mod storage;
@@ -22,7 +24,9 @@ mod yamabico;
 pub use config::{CameraConfig, DeviceConfig, NoKeys, RangeConfig, TopicConfig, WheelsConfig};
 pub use measurement::{Measurement, Refusal};
 pub use playback::Playback;
+pub use publication::{Filter, Publication, mount_beams};
 pub use topic_reader::{RecordingError, TopicReader};
+pub use wheels::Wheels;
 
 use std::path::Path;
 use std::sync::Arc;

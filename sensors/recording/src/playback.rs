@@ -2,13 +2,13 @@
 
 use yamabico_core::behavior::{Outputs, ParameterError};
 use yamabico_core::driver::PartSpec;
-use yamabico_core::message::{Beam, NO_ECHO};
+use yamabico_core::geometry::Pose2;
 use yamabico_core::parameters::read;
 use yamabico_core::sensor::{DeviceError, Due, Sensor};
 use yamabico_core::time::Time;
 
 use crate::config::{CameraConfig, DeviceConfig, RangeConfig, WheelsConfig};
-use crate::measurement::Measurement;
+use crate::publication::{Filter, Publication};
 use crate::topic_reader::{Recorded, TopicReader};
 use crate::wheels::Wheels;
 
@@ -19,24 +19,11 @@ pub struct Playback {
     reader: TopicReader,
     from_ns: u64,
     pace: f64,
-    filter: Filter,
+    publication: Publication,
     /// Time of the first poll.
     begin: Option<Time>,
     next: Option<Recorded>,
-    sequence: u64,
     has_ended: bool,
-}
-
-/// Adaption of measurements to the sensor of the robot file.
-enum Filter {
-    /// As they are.
-    Plain,
-    /// Images of this size only.
-    Size(u32, u32),
-    /// Beams from this position and direction, in m and rad, with echoes between these ranges, m.
-    Mount { x_m: f64, y_m: f64, yaw_rad: f64, min_m: f64, max_m: f64 },
-    /// Joints of the wheels.
-    Wheels(Wheels),
 }
 
 impl Playback {
@@ -60,11 +47,11 @@ impl Playback {
         let filter = match part.kind.as_str() {
             "camera" => {
                 let camera: CameraConfig = read(&part.table)?;
-                Filter::Size(camera.intrinsics.width, camera.intrinsics.height)
+                Filter::Size { width: camera.intrinsics.width, height: camera.intrinsics.height }
             }
             "range" => {
                 let RangeConfig { x_m, y_m, yaw_deg, min_m, max_m, .. } = read(&part.table)?;
-                Filter::Mount { x_m, y_m, yaw_rad: yaw_deg.to_radians(), min_m, max_m }
+                Filter::Mount { mount: Pose2::new(x_m, y_m, yaw_deg.to_radians()), min_m, max_m }
             }
             "wheel-joints" => Filter::Wheels(Wheels::new(read::<WheelsConfig>(&part.table)?)),
             _ => Filter::Plain,
@@ -74,10 +61,9 @@ impl Playback {
             reader,
             from_ns: (device.from_s * 1e9) as u64,
             pace: device.pace,
-            filter,
+            publication: Publication::new(name, filter),
             begin: None,
             next: None,
-            sequence: 0,
             has_ended: false,
         })
     }
@@ -99,61 +85,7 @@ impl Playback {
     fn publish(&mut self, begin: Time, outputs: &mut Outputs<'_>) -> Result<(), DeviceError> {
         let Some(Recorded { stamp_ns, measurement, .. }) = self.next.take() else { return Ok(()) };
         let stamp_ns = self.on_run_clock(begin, stamp_ns).0;
-        let name = &self.name;
-        match measurement {
-            Measurement::Frame(mut header, pixels) => {
-                if matches!(self.filter, Filter::Size(width, height) if (width, height) != (header.width, header.height))
-                {
-                    tracing::warn!(
-                        "`{name}`: an image of {}x{} pixels is left out",
-                        header.width,
-                        header.height
-                    );
-                    return Ok(());
-                }
-                self.sequence += 1;
-                (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
-                outputs.publish(name, &header, &pixels)?;
-            }
-            Measurement::Scan(mut header, mut beams) => {
-                if let Filter::Mount { x_m, y_m, yaw_rad, min_m, max_m } = self.filter {
-                    for beam in &mut beams {
-                        mount(beam, x_m, y_m, yaw_rad);
-                        if beam.echo_m().is_some_and(|range_m| range_m < min_m || range_m > max_m) {
-                            (beam.range_m, beam.flags) = (max_m, NO_ECHO);
-                        }
-                    }
-                    (header.min_m, header.max_m) = (min_m, max_m);
-                }
-                self.sequence += 1;
-                (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
-                outputs.publish(name, &header, &beams)?;
-            }
-            Measurement::Odometry(mut header) => {
-                self.sequence += 1;
-                (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
-                outputs.publish(name, &header, &[])?;
-            }
-            Measurement::Imu(mut header) => {
-                self.sequence += 1;
-                (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
-                outputs.publish(name, &header, &[])?;
-            }
-            Measurement::Bumper(mut header) => {
-                self.sequence += 1;
-                (header.stamp_ns, header.sequence) = (stamp_ns, self.sequence);
-                outputs.publish(name, &header, &[])?;
-            }
-            Measurement::Joints { angles, .. } => {
-                let Filter::Wheels(wheels) = &mut self.filter else { return Ok(()) };
-                if let Some(mut odometry) = wheels.odometry(stamp_ns, &angles) {
-                    self.sequence += 1;
-                    odometry.sequence = self.sequence;
-                    outputs.publish(name, &odometry, &[])?;
-                }
-            }
-        }
-        Ok(())
+        self.publication.publish(measurement, stamp_ns, outputs)
     }
 
     /// Reports once what was left out.
@@ -185,13 +117,4 @@ impl Sensor for Playback {
             self.publish(begin, outputs)?;
         }
     }
-}
-
-/// Moves a beam from the frame of its sensor to that of the robot.
-fn mount(beam: &mut Beam, x_m: f64, y_m: f64, yaw_rad: f64) {
-    let (sin, cos) = yaw_rad.sin_cos();
-    let (x, y) = (beam.x_m, beam.y_m);
-    (beam.x_m, beam.y_m) = (x_m + cos * x - sin * y, y_m + sin * x + cos * y);
-    let azimuth_rad = beam.azimuth_rad + yaw_rad;
-    beam.azimuth_rad = azimuth_rad.sin().atan2(azimuth_rad.cos());
 }

@@ -5,6 +5,7 @@ mod describe;
 mod estop;
 mod goto;
 mod graph;
+mod import;
 mod info;
 mod learn;
 mod list;
@@ -92,6 +93,8 @@ pub enum Command {
     Reset(estop::Arguments),
     /// List the topics of an MCAP file, and the facts of its run.
     Info(info::Arguments),
+    /// Print a task that does what a configuration of twist_mux (ROS 2) does.
+    Import(import::Arguments),
     /// Run a recording again, and compare every proposal and decision to the byte.
     Replay(replay::Arguments),
     /// Give a recording whose run was killed an index and an end.
@@ -131,6 +134,7 @@ impl Command {
             Command::Estop(arguments) => estop::estop(&arguments, print),
             Command::Reset(arguments) => estop::reset(&arguments, print),
             Command::Info(arguments) => info::info(&arguments, print),
+            Command::Import(arguments) => import::import(&arguments, print),
             Command::Replay(arguments) => replay::replay(&arguments, print),
             Command::Repair(arguments) => repair::repair(&arguments, print),
             Command::Plugin(arguments) => plugin::plugin(&arguments),

@@ -3,6 +3,8 @@
 use std::os::unix::fs::symlink;
 use std::path::{Component, Path, PathBuf};
 
+use yamabico_host::config::program_for;
+
 /// An external program in an attached file or in a change of the task.
 pub(super) struct RecordedProgram {
     /// Folder of the file that names it, relative to the root of the attached files.
@@ -18,6 +20,7 @@ pub(super) fn programs_of(files: &[(String, String)], set: &[String]) -> Vec<Rec
         let folder = Path::new(name).parent().unwrap_or(Path::new("")).to_owned();
         if let Ok(table) = text.parse::<toml::Table>() {
             collect(&table, &folder, &mut found);
+            collect_without_exec(&table, &mut found);
         }
     }
     let changes = set.iter().filter_map(|set| words_of(set));
@@ -37,6 +40,20 @@ fn collect(table: &toml::Table, folder: &Path, found: &mut Vec<RecordedProgram>)
                 items.iter().filter_map(toml::Value::as_table).for_each(|item| collect(item, folder, found));
             }
             _ => {}
+        }
+    }
+}
+
+/// Collects the programs that other keys stand for.
+fn collect_without_exec(table: &toml::Table, found: &mut Vec<RecordedProgram>) {
+    for (key, value) in table {
+        match value {
+            toml::Value::Table(inner) => collect_without_exec(inner, found),
+            other => {
+                let program = program_for(key, other.as_str().unwrap_or_default());
+                let words = program.map(|words| words.map(str::to_owned).to_vec());
+                found.extend(words.map(|words| RecordedProgram { folder: PathBuf::new(), words }));
+            }
         }
     }
 }
@@ -106,6 +123,10 @@ mod tests {
             (absolute_word("bin/b", Path::new("/x")), absolute_word("b", Path::new("/x"))),
             ("/x/bin/b".into(), "b".into())
         );
+        let text = "[behaviors.nav2]\nros2_twist = \"/cmd_vel\"\n[devices.base]\ndriver = \"ros2\"\n[devices.arm]\ndriver = \"sim\"\n";
+        let found = programs_of(&[("t.toml".into(), text.into())], &[]);
+        let words: Vec<_> = found.iter().map(|program| program.words.join(" ")).collect();
+        assert_eq!(words, ["yamabico-ros2 twist", "yamabico-ros2 driver"]);
         assert!(words_of("run.duration_s=3").is_none() && words_of("nonsense").is_none());
     }
 

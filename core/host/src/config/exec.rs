@@ -14,10 +14,21 @@ use crate::process::{BehaviorDescription, DESCRIBE, DriverDescription, query};
 /// Name of a device, and its driver, which is an external program.
 pub(crate) type ExternalDriver = (String, Arc<dyn Driver>);
 
-/// Returns the program and its arguments in `exec` of `table`, or an empty list. Paths are made absolute: a program with a
-/// `/` in it, and arguments that begin with `./` or `../`.
+/// Program that connects robots and behaviors to ROS 2.
+const ROS2_PROGRAM: &str = "yamabico-ros2";
+/// Keys of a behavior that the program for ROS 2 brings along, and its argument for each.
+pub(crate) const ROS2_KEYS: [(&str, &str); 3] =
+    [("ros2_twist", "twist"), ("ros2_lock", "lock"), ("ros2_publish", "publish")];
+/// Name of the driver that it brings along.
+pub(crate) const ROS2_DRIVER: &str = "ros2";
+
+/// Returns the program and its arguments in `exec` of `table`, or those that a key or the driver stands for, or an empty list.
+/// Paths are made absolute: a program with a `/` in it, and arguments that begin with `./` or `../`.
 pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
-    let Some(node) = table.entry("exec").map(|entry| &entry.node) else { return Vec::new() };
+    let Some(node) = table.entry("exec").map(|entry| &entry.node) else {
+        return ros2_argument(table)
+            .map_or_else(Vec::new, |argument| vec![ros2_program(), argument.to_owned()]);
+    };
     let Value::List(items) = &node.value else { return Vec::new() };
     let words = items.iter().filter_map(|item| item.as_text()).enumerate().map(|(place, word)| {
         let is_path =
@@ -29,6 +40,27 @@ pub(crate) fn program_of(table: &Table, home: Home<'_>) -> Vec<String> {
         std::path::absolute(&path).unwrap_or(path).to_string_lossy().into_owned()
     });
     words.collect()
+}
+
+/// Returns the program that the key of a behavior or a device stands for, in place of `exec`: its name, and its argument.
+#[must_use]
+pub fn program_for(key: &str, value: &str) -> Option<[&'static str; 2]> {
+    let of_key = ROS2_KEYS.into_iter().find(|(name, _)| *name == key).map(|(_, argument)| argument);
+    let argument = of_key.or_else(|| (key == "driver" && value == ROS2_DRIVER).then_some("driver"))?;
+    Some([ROS2_PROGRAM, argument])
+}
+
+/// Returns the argument of the program for ROS 2 if the table is of one of its behaviors or devices.
+fn ros2_argument(table: &Table) -> Option<&'static str> {
+    let named = |entry: &Entry| program_for(&entry.key, entry.node.as_text().unwrap_or_default());
+    table.entries.iter().find_map(named).map(|[_, argument]| argument)
+}
+
+/// Path of the program for ROS 2: beside this program, or its name, which is then looked for in PATH.
+fn ros2_program() -> String {
+    let own = std::env::current_exe().ok();
+    let beside = own.and_then(|own| Some(own.parent()?.join(ROS2_PROGRAM))).filter(|path| path.is_file());
+    beside.map_or_else(|| ROS2_PROGRAM.to_owned(), |path| path.to_string_lossy().into_owned())
 }
 
 /// Reads the tree of a task file without checking it.
@@ -82,9 +114,12 @@ pub(crate) fn ask_driver(
 
 fn refused(program: &[String], entry: &Entry, what: &str, problem: String) -> Problem {
     let table = entry.node.as_table();
+    let is_ros2 = table.is_some_and(|table| table.entry("exec").is_none());
     let span = table.and_then(|table| table.span_of("exec")).unwrap_or(entry.node.span);
     let whole = program.join(" ");
-    Problem::new(span, format!("`{whole}` cannot be the {what} `{}`", entry.key))
-        .label(problem)
-        .help("name a program that was built with this version, such as one created by `yamabico new`")
+    let help = match is_ros2 {
+        true => "install the program for ROS 2: cargo install --path sensors/ros2 --features dds",
+        false => "name a program that was built with this version, such as one created by `yamabico new`",
+    };
+    Problem::new(span, format!("`{whole}` cannot be the {what} `{}`", entry.key)).label(problem).help(help)
 }

@@ -169,7 +169,7 @@ impl Loader {
     fn check_files_of_behaviors(&mut self, home: Home<'_>, plugins: &Plugins) -> Vec<String> {
         let entries = self.task_tree.table("behaviors").map_or(&[][..], |table| table.entries.as_slice());
         let named = entries.iter().filter_map(|entry| {
-            let table = entry.node.as_table().filter(|table| table.entry("exec").is_none())?;
+            let table = entry.node.as_table().filter(|table| program_of(table, home).is_empty())?;
             let named = table.entry("type").and_then(|named| named.node.as_text());
             let plugin = plugins.behavior(named.unwrap_or(&entry.key))?;
             Some((entry.key.clone(), named_files(table, &plugin.info().files, home)))

@@ -29,6 +29,7 @@ mod wires;
 pub use describe::{
     Description, Listed, Listing, Parameter, Port, describe, describe_in_task, describe_parameters, list,
 };
+pub use exec::program_for;
 pub use graph::{Graph, GraphEdge, GraphLine, GraphNode, GraphPart, graph};
 pub use load::load;
 pub use overrides::Overrides;

@@ -11,7 +11,7 @@ use serde_json::{Map, Value as Json, json};
 use super::exec::{ask_behavior, read_tree};
 use super::load::external_drivers;
 use super::tables::{BehaviorKeys, TaskKeys};
-use composite::{Composite, closed, describe_as, free_with_exec, when};
+use composite::{Composite, closed, describe_as, free_with_exec, has_program, when};
 use robot::{robot_part, schema_of_robots};
 use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
 use yamabico_core::plugins::Plugins;
@@ -72,7 +72,7 @@ fn schema_of_tasks(plugins: &Plugins, programs: &[(String, Arc<dyn BehaviorFacto
         let plugin = behavior.info();
         let own = whole.include(&format!("behavior.{}", plugin.name), own_keys(plugin));
         choices.push(when(&[("type", &plugin.name)], own.clone()));
-        let is_unnamed = json!({ "not": { "anyOf": [{ "required": ["type"] }, { "required": ["exec"] }] } });
+        let is_unnamed = json!({ "not": { "anyOf": [{ "required": ["type"] }, has_program()] } });
         unnamed.push((plugin.name.clone(), json!({ "if": is_unnamed, "then": own })));
     }
     let every = whole.define("behavior.any", json!({ "type": "object", "allOf": choices }));

@@ -3,7 +3,7 @@
 //! A plugin in any language needs to follow this page only. (Plugins in Rust call [`main`] or [`main_of_driver`];
 //! those in Python, `yamabico.main`.)
 //!
-//! 1. **Describe.** With the single argument `--describe` the program prints its [`BehaviorDescription`] or
+//! 1. **Describe.** With `--describe` as its last argument the program prints its [`BehaviorDescription`] or
 //!    [`DriverDescription`] as JSON and exits. A driver's program also answers `--sensor`: it reads a
 //!    [`SensorQuestion`] as JSON from standard input and prints a [`SensorAnswer`].
 //! 2. **Launch.** The supervisor starts the program with the arguments of the task or robot file and writes one TOML
@@ -71,7 +71,7 @@ use yamabico_core::plugins::Plugins;
 /// Main function of a behavior's program: `fn main() -> ExitCode { process::main::<MyBehavior>() }`.
 pub fn main<B: Plugin>() -> ExitCode {
     let behavior = factory::<B>();
-    match std::env::args().nth(1) {
+    match std::env::args().next_back() {
         Some(argument) if argument == DESCRIBE => print(&BehaviorDescription::of(behavior.info())),
         _ => serve(&Plugins { behaviors: vec![behavior], drivers: Vec::new() }),
     }
@@ -79,7 +79,7 @@ pub fn main<B: Plugin>() -> ExitCode {
 
 /// Main function of a driver's program: `fn main() -> ExitCode { process::main_of_driver(driver()) }`.
 pub fn main_of_driver(driver: Arc<dyn Driver>) -> ExitCode {
-    match std::env::args().nth(1).as_deref() {
+    match std::env::args().next_back().as_deref() {
         Some(DESCRIBE) => print(&DriverDescription::of(driver.info())),
         Some(SENSOR) => {
             let mut text = String::new();

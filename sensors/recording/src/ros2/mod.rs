@@ -5,7 +5,7 @@
 //! | `image` | CompressedImage, Image |
 //! | `range` | LaserScan, Range |
 //! | `motion` | Odometry, Imu, JointState |
-//! | `bumper` | Bool, Bump of a Neato |
+//! | `bumper` | Bool, HazardDetectionVector of a Create 3, Bump of a Neato |
 //! | `camera_info` | CameraInfo |
 //! | `transforms` | TFMessage: the frames of the robot |
 
@@ -23,19 +23,24 @@ use yamabico_core::message::{Bumper, FrameHeader, Imu, Message, Odometry, RangeS
 
 use crate::measurement::{Measurement, Refusal};
 
-pub use motion::twist;
+pub use motion::{twist, twist_stamped};
 
 /// Longest delay between a stamp and its recording, ns; with a longer one, the stamp is of another clock.
 pub(crate) const MAX_LATENCY_NS: u64 = 2_000_000_000;
 
 /// Types of ROS 2 that give messages of the type `message`.
-fn types(message: &str) -> &'static [&'static str] {
+#[must_use]
+pub fn types(message: &str) -> &'static [&'static str] {
     match message {
         FrameHeader::NAME => &["sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"],
         RangeScanHeader::NAME => &["sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Range"],
         Odometry::NAME => &["nav_msgs/msg/Odometry", "sensor_msgs/msg/JointState"],
         Imu::NAME => &["sensor_msgs/msg/Imu"],
-        Bumper::NAME => &["std_msgs/msg/Bool", "neato2_interfaces/msg/Bump"],
+        Bumper::NAME => &[
+            "std_msgs/msg/Bool",
+            "irobot_create_msgs/msg/HazardDetectionVector",
+            "neato2_interfaces/msg/Bump",
+        ],
         _ => &[],
     }
 }
@@ -46,12 +51,13 @@ pub(crate) fn fits(schema: &str, message: &str) -> bool {
 }
 
 /// Description of what is expected for messages of the type `message`.
-pub(crate) fn expected(message: &str) -> &'static str {
+#[must_use]
+pub fn expected(message: &str) -> &'static str {
     match message {
         FrameHeader::NAME => "images (CompressedImage or Image)",
         RangeScanHeader::NAME => "range scans (LaserScan or Range)",
         Odometry::NAME => "odometry (Odometry, or JointState of the wheels)",
-        Bumper::NAME => "bumpers (Bool or Bump)",
+        Bumper::NAME => "bumpers (Bool, HazardDetectionVector or Bump)",
         _ => "inertial measurements",
     }
 }
@@ -70,6 +76,7 @@ pub fn measurement(schema: &str, data: &[u8]) -> Result<Measurement, Refusal> {
         "sensor_msgs/msg/Imu" => motion::imu(&read(data)?),
         "sensor_msgs/msg/JointState" => motion::joints(read(data)?),
         "std_msgs/msg/Bool" => bumper::contact(&read(data)?),
+        "irobot_create_msgs/msg/HazardDetectionVector" => bumper::hazards(&read(data)?),
         "neato2_interfaces/msg/Bump" => bumper::neato(&read(data)?),
         other => Err(Refusal::Malformed(format!("`{other}` is not supported"))),
     }
@@ -102,6 +109,12 @@ struct Stamp {
     nanosec: u32,
 }
 
+impl Stamp {
+    fn ns(&self) -> u64 {
+        u64::try_from(self.sec).unwrap_or(0) * 1_000_000_000 + u64::from(self.nanosec)
+    }
+}
+
 /// Head of most messages.
 #[derive(Deserialize)]
 struct Header {
@@ -111,9 +124,24 @@ struct Header {
 
 impl Header {
     fn stamp_ns(&self) -> u64 {
-        let seconds = u64::try_from(self.stamp.sec).unwrap_or(0);
-        seconds * 1_000_000_000 + u64::from(self.stamp.nanosec)
+        self.stamp.ns()
     }
+}
+
+/// Reads a `std_msgs/msg/Bool`.
+///
+/// # Errors
+/// [`Refusal`].
+pub fn flag(data: &[u8]) -> Result<bool, Refusal> {
+    read::<bumper::Bool>(data).map(|message| message.is_true())
+}
+
+/// Reads a `rosgraph_msgs/msg/Clock`, ns.
+///
+/// # Errors
+/// [`Refusal`].
+pub fn clock(data: &[u8]) -> Result<u64, Refusal> {
+    read::<Stamp>(data).map(|stamp| stamp.ns())
 }
 
 /// Returns the frame in which the message of a sensor is; `None` for a message without a header, or a malformed one.

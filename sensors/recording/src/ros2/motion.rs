@@ -104,3 +104,20 @@ pub fn twist(data: &[u8]) -> Result<Twist, Refusal> {
     finite(&[linear.x, linear.y, angular.z], "a command")?;
     Ok(Twist::new(linear.x, linear.y, angular.z))
 }
+
+#[derive(Deserialize)]
+struct TwistStamped {
+    header: Header,
+    linear: Vector,
+    angular: Vector,
+}
+
+/// Reads a command, `geometry_msgs/msg/TwistStamped`, with its stamp, ns.
+///
+/// # Errors
+/// [`Refusal`].
+pub fn twist_stamped(data: &[u8]) -> Result<(u64, Twist), Refusal> {
+    let TwistStamped { header, linear, angular } = read(data)?;
+    finite(&[linear.x, linear.y, angular.z], "a command")?;
+    Ok((header.stamp_ns(), Twist::new(linear.x, linear.y, angular.z)))
+}

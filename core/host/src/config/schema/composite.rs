@@ -2,6 +2,8 @@
 
 use serde_json::{Map, Value as Json, json};
 
+use super::super::exec::{ROS2_DRIVER, ROS2_KEYS};
+
 const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 
 /// Schema composed of others.
@@ -92,9 +94,17 @@ fn rename_references(schema: &mut Json, name: &str) {
     }
 }
 
-/// Allows any key if `exec` names a program, which defines its own keys.
+/// Allows any key if `exec` names a program, or a key stands for one: it defines its own keys.
 pub(super) fn free_with_exec() -> Json {
-    json!({ "if": { "required": ["exec"] }, "then": { "additionalProperties": true } })
+    json!({ "if": has_program(), "then": { "additionalProperties": true } })
+}
+
+/// True for a table whose behavior or driver is an external program.
+pub(super) fn has_program() -> Json {
+    let keys = ROS2_KEYS.iter().map(|(key, _)| *key).chain(["exec"]);
+    let mut choices: Vec<Json> = keys.map(|key| json!({ "required": [key] })).collect();
+    choices.push(json!({ "properties": { "driver": { "const": ROS2_DRIVER } }, "required": ["driver"] }));
+    json!({ "anyOf": choices })
 }
 
 /// Table with the keys of all `parts` and no others.

@@ -5,7 +5,7 @@ use serde_json::{Map, Value as Json, json};
 use super::super::describe::{kinds_of_drives, kinds_of_sensors};
 use super::super::exec::ExternalDriver;
 use super::super::tables::{DeviceKeys, PartKeys, RobotKeys, SensorKeys};
-use super::composite::{Composite, closed, free_with_exec, when};
+use super::composite::{Composite, closed, free_with_exec, has_program, when};
 use yamabico_core::plugins::Plugins;
 
 /// Returns the JSON Schema of a robot file; `programs` are its external drivers.
@@ -44,8 +44,7 @@ pub(super) fn schema_of_robots(plugins: &Plugins, programs: &[ExternalDriver]) -
     }
     // Sensors and the drive of an external program that was not asked may have unknown keys.
     let asked: Map<String, Json> = names.iter().map(|name| ((*name).to_owned(), json!(true))).collect();
-    let no_other =
-        json!({ "properties": asked, "additionalProperties": { "not": { "required": ["exec"] } } });
+    let no_other = json!({ "properties": asked, "additionalProperties": { "not": has_program() } });
     whole.json["if"] = json!({ "properties": { "devices": no_other } });
     whole.json["then"] = json!({
         "properties": { "sensors": { "additionalProperties": sensors }, "drive": drive }

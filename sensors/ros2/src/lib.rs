@@ -1,0 +1,41 @@
+//! ROS 2 without an installed ROS: robots whose sensors and drive are topics, velocity commands as behaviors, and observers.
+//!
+//! | Module | Contents |
+//! |---|---|
+//! | [`config`] | parameters of devices and behaviors |
+//! | [`names`] | names of topics and types, in ROS and in DDS |
+//! | [`graph`] | who publishes and subscribes what, and why two do not match |
+//! | [`ros_clock`] | capture times of messages that other clocks stamped |
+//! | [`message`] | messages that are sent |
+//! | [`reception`] | the newest message of a topic, with its age |
+//! | [`ros_decision`] | decisions of the arbiter as diagnostics and as JSON |
+//! | [`twist_mux`] | tasks from configuration files of twist_mux |
+//! | `network` | the network: participant, subscriptions, publishers (feature `dds`) |
+//! | `driver`, `sensor`, `drive` | robots (feature `dds`) |
+//! | `velocity`, `lock`, `observer` | behaviors (feature `dds`) |
+//!
+//! Received messages are decoded by [`yamabico_recording::ros2`], as in recordings.
+
+pub mod config;
+pub mod graph;
+pub mod message;
+pub mod names;
+pub mod reception;
+pub mod ros_clock;
+pub mod ros_decision;
+pub mod twist_mux;
+
+#[cfg(feature = "dds")]
+mod drive;
+#[cfg(feature = "dds")]
+pub mod driver;
+#[cfg(feature = "dds")]
+pub mod lock;
+#[cfg(feature = "dds")]
+pub mod network;
+#[cfg(feature = "dds")]
+pub mod observer;
+#[cfg(feature = "dds")]
+mod sensor;
+#[cfg(feature = "dds")]
+pub mod velocity;

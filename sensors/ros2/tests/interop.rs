@@ -1,0 +1,82 @@
+//! Live runs against rclpy with Fast DDS, each in a network namespace of its own.
+//!
+//! Needs a Python with `ros-jazzy-rclpy`, named by `YAMABICO_RCLPY`, and the program `yamabico` beside `yamabico-ros2`; skips without.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Runs a scenario of `python/scenarios.py` in the domain `domain`; `None` if something that it needs is missing.
+fn scenario(name: &str, domain: u16) -> Option<Value> {
+    let skip = |what: &str| {
+        println!("skipped {name}: {what}");
+        None
+    };
+    let Some(python) = std::env::var_os("YAMABICO_RCLPY") else {
+        return skip("YAMABICO_RCLPY names no Python with rclpy");
+    };
+    let yamabico = Path::new(env!("CARGO_BIN_EXE_yamabico-ros2")).with_file_name("yamabico");
+    if !yamabico.is_file() {
+        return skip("the program yamabico is not built");
+    }
+    let network =
+        "ip link set lo up && ip link set lo multicast on && ip route add 224.0.0.0/4 dev lo && exec \"$@\"";
+    let is_allowed = Command::new("unshare").args(["-rn", "sh", "-c", network, "sh", "true"]).status();
+    if !is_allowed.is_ok_and(|status| status.success()) {
+        return skip("network namespaces are not allowed here");
+    }
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("ros2-{name}-{domain}"));
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/scenarios.py");
+    let output = Command::new("unshare")
+        .args(["-rn", "sh", "-c", network, "sh"])
+        .arg(python)
+        .args([script.as_path(), Path::new(name), &yamabico, &folder])
+        .env("ROS_DOMAIN_ID", domain.to_string())
+        .output()
+        .unwrap();
+    let (told, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let log = std::fs::read_to_string(folder.join("log")).unwrap_or_default();
+    assert!(output.status.success(), "{name}: {told}\n{errors}\n{log}");
+    let result = told.lines().last().unwrap_or_default();
+    println!("{name} in domain {domain}: {result}");
+    Some(serde_json::from_str(result).unwrap())
+}
+
+#[test]
+fn a_robot_on_topics_drives_and_ends_with_zero() {
+    if let Some(result) = scenario("robot", 0) {
+        assert!(result["commands"].as_u64() > Some(50), "{result}");
+    }
+}
+
+#[test]
+fn the_drive_follows_the_type_of_the_base() {
+    scenario("stamped", 42);
+}
+
+#[test]
+fn mismatches_of_qos_are_told_with_the_topic() {
+    if let Some(result) = scenario("qos", 43) {
+        assert_eq!(result["told"].as_array().map(Vec::len), Some(2), "{result}");
+    }
+}
+
+#[test]
+fn another_domain_is_told() {
+    scenario("domains", 42);
+}
+
+#[test]
+fn velocities_and_a_lock_are_arbitrated_when_their_publishers_die() {
+    if let Some(result) = scenario("mux", 0) {
+        assert!(result["longest_gap_s"].as_f64() < Some(0.5), "{result}");
+    }
+}
+
+#[test]
+fn either_side_may_be_killed_and_come_back() {
+    if let Some(result) = scenario("restarts", 0) {
+        assert!(result["base"]["max_s"].as_f64() < Some(15.0), "{result}");
+    }
+}
