@@ -67,8 +67,8 @@ fn a_file_size_limit_ends_the_recording_and_not_the_run() {
     assert_exit(&replayed, 0, &["equal to the byte", "the recording breaks off"]);
 }
 
-/// Memory that a command may reserve, kB.
-const MAX_MEMORY_KB: u32 = 1 << 20;
+/// Memory that a command may reserve, kB: less than the 4 GB of the lie, more than the shared memory of a replay.
+const MAX_MEMORY_KB: u32 = 3 << 20;
 
 #[test]
 fn a_length_that_lies_reserves_no_memory() {

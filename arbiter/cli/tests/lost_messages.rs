@@ -45,7 +45,7 @@ fn a_live_recording_that_lost_messages_is_replayed_up_to_the_loss() {
     let robot = format!("robot.name=lost-{}", std::process::id());
     let mut run = yamabico();
     run.args(["run", "--live", "--no-report"]).arg(config("corridor.toml")).arg("--out").arg(folder.path());
-    run.args(["--set", "run.duration_s=4", "--set", &robot]);
+    run.args(["--set", "run.duration_s=8", "--set", &robot]);
     assert_exit(&run.output().unwrap(), 1, &[]);
     let (whole, lossy) = (folder.file("run.mcap"), folder.file("lossy.mcap"));
     let replay = |arguments: &[&str]| yamabico().arg("replay").args(arguments).output().unwrap();
@@ -53,7 +53,12 @@ fn a_live_recording_that_lost_messages_is_replayed_up_to_the_loss() {
     assert!(whole_report["first"].is_null(), "{whole_report:#}");
 
     // One scan in the middle, and one record of the calls of the wall-follower.
-    let middle_ns = 2_000_000_000;
+    let mut times = Vec::new();
+    let mut messages = Messages::open(&whole).unwrap();
+    while let Some(message) = messages.next().unwrap() {
+        times.extend((message.channel.topic == "replay/behaviors/wall-follower").then_some(message.log_time));
+    }
+    let middle_ns = times[times.len() / 2];
     let mut lost = Vec::new();
     copy_without(&whole, &lossy, &mut |message| {
         let topic = message.channel.topic.as_str();
