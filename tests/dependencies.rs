@@ -6,21 +6,22 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Folders of the crates that each crate's library may depend on. All behaviors share one entry, and so do all sensors.
-const LAYERS: [(&str, &[&str]); 15] = [
+const LAYERS: [(&str, &[&str]); 16] = [
     ("core/parameters", &[]),
     ("core/geometry", &[]),
+    ("core/mcap", &[]),
     ("core/drawing", &["core/geometry"]),
     ("core/vision", &["core/geometry", "core/parameters", "core/drawing"]),
     ("core", &["core/geometry", "core/parameters"]),
     ("core/host", &["core", "core/parameters"]),
     ("behaviors", &["core", "core/vision", "core/drawing"]),
-    ("sensors", &["core", "core/vision"]),
+    ("sensors", &["core", "core/vision", "core/mcap"]),
     // A program of its own, which decodes messages as recordings do.
     ("sensors/ros2", &["core", "core/host", "sensors"]),
     ("arbiter", &["core"]),
-    ("arbiter/runtime", &["core", "core/parameters", "core/host", "core/drawing", "arbiter"]),
+    ("arbiter/runtime", &["core", "core/parameters", "core/host", "core/mcap", "core/drawing", "arbiter"]),
     // It shows what the runtime's client and its recordings tell.
-    ("arbiter/view", &["core", "core/host", "arbiter", "arbiter/runtime"]),
+    ("arbiter/view", &["core", "core/host", "core/mcap", "arbiter", "arbiter/runtime"]),
     ("arbiter/learning", ANY_BUT_CLI),
     ("arbiter/cli", ANY_BUT_CLI),
     ("tests", ANY),

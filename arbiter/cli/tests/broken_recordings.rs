@@ -66,3 +66,58 @@ fn a_file_size_limit_ends_the_recording_and_not_the_run() {
     let replayed = yamabico().arg("replay").arg(folder.file("run.mcap")).output().unwrap();
     assert_exit(&replayed, 0, &["equal to the byte", "the recording breaks off"]);
 }
+
+/// Memory that a command may reserve, kB: less than the 4 GB of the lie, more than the shared memory of a replay.
+const MAX_MEMORY_KB: u32 = 3 << 20;
+
+#[test]
+fn a_length_that_lies_reserves_no_memory() {
+    let folder = TestFolder::new("broken-lengths");
+    let file = folder.file("run.mcap");
+    let mut run = yamabico();
+    run.args(["run", "--no-report", "--set", "run.duration_s=3"]).arg(config("corridor.toml"));
+    assert_exit(&run.arg("--out").arg(folder.path()).output().unwrap(), 1, &[]);
+    let whole = std::fs::read(&file).unwrap();
+    let mut places = yamabico_mcap::Records::open(&file).unwrap();
+    let mut chunks = Vec::new();
+    while let Some(record) = places.next().unwrap() {
+        chunks.extend((record.opcode == yamabico_mcap::Opcode::CHUNK).then_some(record.at as usize));
+    }
+    // A schema whose name claims 4 GB, before the first message and after it; and a file that a fuzzer found.
+    let lie = [&[3, 10, 0, 0, 0, 0, 0, 0, 0, 99, 0][..], &u32::MAX.to_le_bytes(), &[0; 4]].concat();
+    let with_lie = |at: usize| [&whole[..at], &lie, &whole[at..]].concat();
+    let seed = yamabico_testkit::workspace().join("sensors/recording/tests/seeds/mcap/lengths.mcap");
+    let commands: [&[&str]; 9] = [
+        &["info"],
+        &["info", "--robot-toml"],
+        &["replay"],
+        &["replay", "--decisions"],
+        &["why"],
+        &["report"],
+        &["repair"],
+        &["topic", "echo", "decision", "-n", "1", "--recording"],
+        &["view", "--port", "0", "--no-foxglove"],
+    ];
+    let files = [
+        (with_lie(chunks[0]), 2),
+        (with_lie(chunks[chunks.len() - 1]), 0),
+        (std::fs::read(seed).unwrap(), 2),
+    ];
+    for (index, (bytes, replayed)) in files.into_iter().enumerate() {
+        // A view of what can be read goes on until Ctrl-C.
+        for command in commands.into_iter().filter(|command| index == 2 || command[0] != "view") {
+            std::fs::write(&file, &bytes).unwrap();
+            let limited = format!("ulimit -v {MAX_MEMORY_KB}; exec '{}' \"$@\"", binary().display());
+            let mut limited_command = Command::new("sh");
+            limited_command.args(["-c", &limited, "sh"]).args(command).arg(&file).stdin(Stdio::null());
+            let output = limited_command.current_dir(folder.path()).output().unwrap();
+            let (said, code) = (text(&output), output.status.code());
+            println!("{command:?}: {code:?}: {}", said.trim_end().lines().last().unwrap_or_default());
+            assert!(
+                matches!(code, Some(0..=3)) && !said.contains("panicked"),
+                "{command:?}: {code:?}: {said}"
+            );
+            assert!(command[0] != "replay" || code == Some(replayed), "{command:?}: {code:?}: {said}");
+        }
+    }
+}

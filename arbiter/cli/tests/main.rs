@@ -11,6 +11,7 @@ mod learn_floor;
 mod learn_map;
 mod learn_thresholds;
 mod live_control;
+mod lost_messages;
 mod parameter_tables;
 mod program;
 mod python;

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use yamabico_core::geometry::{Axis, Twist};
-use yamabico_core::message::{DecisionHeader, Kind, Mode, Outcome, Reason, Verdict};
+use yamabico_core::message::{DecisionHeader, Kind, Mode, Name, Outcome, Reason, Verdict};
 
 use crate::message::{DiagnosticArray, DiagnosticStatus, Header, Level};
 
@@ -98,7 +98,7 @@ fn summary(decision: &DecisionHeader) -> String {
     let mode = decision.mode().map_or("unknown", Mode::as_str);
     let note = decision.note.as_str();
     let mut drivers: Vec<&str> =
-        decision.source.iter().map(|name| name.as_str()).filter(|name| !name.is_empty()).collect();
+        decision.source.iter().map(Name::as_str).filter(|name| !name.is_empty()).collect();
     drivers.dedup();
     match (drivers.is_empty(), note.is_empty()) {
         (false, _) => format!("{mode}: {}", drivers.join(", ")),

@@ -1,15 +1,12 @@
 //! Contents of any MCAP file at a glance: topics, types, rates, gaps, time span, facts.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use mcap::io::MessageReader;
 use serde::Serialize;
 
-use super::PlaybackError;
-use super::contents::{Contents, missing_end, reader_options};
+use super::playback::each_message;
+use super::{Contents, PlaybackError};
 
 /// Contents of an MCAP file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -129,29 +126,21 @@ impl InfoCounter {
 /// The file cannot be read or is no MCAP file.
 pub fn info(path: &Path) -> Result<Info, PlaybackError> {
     let Contents { facts, files } = Contents::read(path)?;
-    let unreadable = |source| PlaybackError::NotReadable { path: path.to_owned(), source };
-    let file = File::open(path).map_err(unreadable)?;
-    let mut counter = InfoCounter::new(path, file.metadata().map_err(unreadable)?.len());
-    let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
-    for message in &mut messages {
-        match message {
-            Ok(message) => {
-                let (channel, schema) = (&message.channel, &message.channel.schema);
-                let message_type = schema.as_ref().map_or("", |schema| &schema.name);
-                let encoding = &channel.message_encoding;
-                counter.add(&channel.topic, message_type, encoding, message.log_time, message.data.len());
-            }
-            Err(error) => {
-                let refused = |reason| PlaybackError::NoRecording { path: path.to_owned(), reason };
-                counter.break_off(error.to_string()).map_err(refused)?;
-                break;
-            }
-        }
+    let bytes = std::fs::metadata(path)
+        .map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?
+        .len();
+    let mut counter = InfoCounter::new(path, bytes);
+    let broken_off = each_message(path, |message| {
+        let channel = message.channel;
+        let message_type = channel.schema.as_ref().map_or("", |schema| &schema.name);
+        counter.add(&channel.topic, message_type, &channel.encoding, message.log_time, message.data.len());
+        Ok::<(), PlaybackError>(())
+    })?;
+    if let Some(cause) = broken_off {
+        let refused = |reason| PlaybackError::NoRecording { path: path.to_owned(), reason };
+        counter.break_off(cause).map_err(refused)?;
     }
     let mut info = counter.finish();
-    if info.broken_off.is_none() {
-        info.broken_off = missing_end(&mut messages.into_inner());
-    }
     info.facts = facts;
     info.files = files.into_iter().map(|(name, text)| (name, text.len())).collect();
     Ok(info)

@@ -1,20 +1,19 @@
 //! Playback of recordings: every message again, in order and byte for byte.
 
-use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::{BufReader, Cursor};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use foxglove::Decode;
 use foxglove::messages::CompressedImage;
 use image::ImageReader;
-use mcap::io::MessageReader;
 use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
 use yamabico_core::time::Time;
+use yamabico_mcap::{Channel, Messages, ReadError};
 
 use super::Tap;
 use super::channels::under;
-use super::contents::{BROKE_OFF, Contents, missing_end, reader_options};
+use super::contents::{BROKE_OFF, Contents};
 use super::json_reader;
 use super::schema::{self, Bytes};
 
@@ -40,6 +39,38 @@ pub enum PlaybackError {
         /// Cause.
         reason: String,
     },
+}
+
+impl PlaybackError {
+    /// Failure to read the recording `path`.
+    pub(super) fn new(path: &Path, error: ReadError) -> PlaybackError {
+        let path = path.to_owned();
+        match error {
+            ReadError::Io(source) => PlaybackError::NotReadable { path, source },
+            error => PlaybackError::NoRecording { path, reason: error.to_string() },
+        }
+    }
+}
+
+/// Passes every readable message of a file to `each`; returns the cause why the file breaks off, if it does.
+///
+/// # Errors
+/// The file cannot be read up to its first message, or `each` fails.
+pub(super) fn each_message<E: From<PlaybackError>>(
+    path: &Path,
+    mut each: impl FnMut(&yamabico_mcap::Message<'_>) -> Result<(), E>,
+) -> Result<Option<String>, E> {
+    let failed = |error| PlaybackError::new(path, error);
+    let (mut messages, mut has_begun) = (Messages::open(path).map_err(failed)?, false);
+    loop {
+        match messages.next() {
+            Ok(Some(message)) => each(&message)?,
+            Ok(None) => return Ok(None),
+            Err(error) if has_begun => return Ok(Some(error.to_string())),
+            Err(error) => return Err(failed(error).into()),
+        }
+        has_begun = true;
+    }
 }
 
 /// Result of a playback.
@@ -111,33 +142,17 @@ fn play_to<'a>(
 ) -> Result<PlaybackResult, PlaybackError> {
     let contents = Contents::read(path)?;
     let origin = contents.origin();
-    let file =
-        File::open(path).map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?;
-    let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
-    let mut player =
-        Player { tap, frames, is_wanted, origin, frame: None, played: PlaybackResult::default() };
-    let mut has_begun = false;
-    for message in &mut messages {
-        match message {
-            Ok(message) => player.take(&message),
-            Err(error) if has_begun => {
-                player.played.broken_off = Some(error.to_string());
-                break;
-            }
-            Err(error) => {
-                let reason = error.to_string();
-                return Err(PlaybackError::NoRecording { path: path.to_owned(), reason });
-            }
-        }
-        has_begun = true;
-    }
+    let kinds = BTreeMap::new();
+    let played = PlaybackResult::default();
+    let mut player = Player { tap, frames, is_wanted, origin, kinds, frame: None, played };
+    let broken_off = each_message(path, |message| {
+        player.take(message);
+        Ok::<(), PlaybackError>(())
+    })?;
     player.miss_image();
     let mut played = player.played;
-    if played.broken_off.is_none() {
-        // A repaired file has an end, and still not the end of its run.
-        let missing = missing_end(&mut messages.into_inner());
-        played.broken_off = missing.or_else(|| contents.facts.get(BROKE_OFF).cloned());
-    }
+    // A repaired file has an end, and still not the end of its run.
+    played.broken_off = broken_off.or_else(|| contents.facts.get(BROKE_OFF).cloned());
     Ok(played)
 }
 
@@ -149,9 +164,22 @@ struct Player<'a> {
     frames: Option<FrameSink<'a>>,
     /// Selects the topics.
     is_wanted: &'a dyn Fn(&str) -> bool,
+    /// Contents of the channels, by their numbers.
+    kinds: BTreeMap<u16, Kind>,
     /// Frame whose image follows.
     frame: Option<Frame>,
     played: PlaybackResult,
+}
+
+/// Contents of a channel.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// Messages of the bus.
+    Message(&'static MessageType),
+    /// Messages of the bus that nobody wants, or of an unknown type.
+    LeftOut,
+    /// Something else, such as images.
+    Other,
 }
 
 struct Frame {
@@ -161,28 +189,19 @@ struct Frame {
 }
 
 impl Player<'_> {
-    fn take(&mut self, message: &mcap::Message<'_>) {
+    fn take(&mut self, message: &yamabico_mcap::Message<'_>) {
         let topic = &message.channel.topic;
         if self.frame.as_ref().is_some_and(|frame| under(&frame.topic, "image") == *topic) {
-            return self.take_image(&message.data);
+            return self.take_image(message.data);
         }
-        let schema = message.channel.schema.as_ref().filter(|schema| schema.encoding == "jsonschema");
-        let Some(kind) = schema.and_then(|schema| schema::message_type(&schema.name, &schema.data)) else {
-            return;
+        let kind = match self.kind(message.channel) {
+            Kind::Message(kind) => kind,
+            Kind::LeftOut => return self.miss_image(),
+            Kind::Other => return,
         };
         self.miss_image();
-        if !(self.is_wanted)(topic) {
-            return;
-        }
-        let kind = match kind {
-            Ok(kind) => kind,
-            Err(problem) => {
-                self.played.left_out.insert(format!("{topic}: {problem}"));
-                return;
-            }
-        };
         let time = Time(self.origin.0.saturating_add(message.log_time));
-        let Some(Bytes { header, items }) = json_reader::read(kind, &message.data) else {
+        let Some(Bytes { header, items }) = json_reader::read(kind, message.data) else {
             self.played.left_out.insert(format!("{topic}: a message that is not a {}", kind.name));
             return;
         };
@@ -192,6 +211,24 @@ impl Player<'_> {
             }
             _ => self.show(topic, kind, time, &header, &items),
         }
+    }
+
+    fn kind(&mut self, channel: &Channel) -> Kind {
+        if let Some(kind) = self.kinds.get(&channel.id) {
+            return *kind;
+        }
+        let schema = channel.schema.as_ref().filter(|schema| schema.encoding == "jsonschema");
+        let kind = match schema.and_then(|schema| schema::message_type(&schema.name, &schema.data)) {
+            None => Kind::Other,
+            Some(_) if !(self.is_wanted)(&channel.topic) => Kind::LeftOut,
+            Some(Ok(kind)) => Kind::Message(kind),
+            Some(Err(problem)) => {
+                self.played.left_out.insert(format!("{}: {problem}", channel.topic));
+                Kind::LeftOut
+            }
+        };
+        self.kinds.insert(channel.id, kind);
+        kind
     }
 
     fn take_image(&mut self, data: &[u8]) {

@@ -1,16 +1,19 @@
 //! Repair of recordings whose process was killed: everything readable again, with an index and an end.
 
+use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, BufWriter};
+use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use mcap::io::MessageReader;
-use mcap::records::Metadata;
+use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions};
 use serde::Serialize;
 
-use super::contents::{BROKE_OFF, Contents, RUN, missing_end, reader_options};
-use super::{PlaybackError, RecordError};
+use yamabico_mcap::Channel;
+
+use super::contents::{BROKE_OFF, RUN};
+use super::playback::each_message;
+use super::{Contents, PlaybackError, RecordError};
 
 /// Result of a repair.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -52,11 +55,11 @@ pub enum RepairError {
 pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     let mut repaired = Repaired { messages: 0, seconds: 0.0, broken_off: None, kept: None };
     let mut span: Option<(u64, u64)> = None;
-    repaired.broken_off = read(path, |message| {
+    repaired.broken_off = each_message(path, |message| {
         repaired.messages += 1;
         let (first, last) = span.unwrap_or((message.log_time, message.log_time));
         span = Some((first.min(message.log_time), last.max(message.log_time)));
-        Ok(())
+        Ok::<(), RepairError>(())
     })?;
     repaired.seconds = span.map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9);
     let Some(cause) = &repaired.broken_off else { return Ok(repaired) };
@@ -90,33 +93,32 @@ fn write(path: &Path, cause: &str, new: &Path) -> Result<(), RepairError> {
     facts.insert(BROKE_OFF.to_owned(), cause.to_owned());
     let metadata = Metadata { name: RUN.to_owned(), metadata: facts };
     writer.write_metadata(&metadata).map_err(format)?;
-    read(path, |message| writer.write(message).map_err(format))?;
+    let mut channels = BTreeMap::new();
+    each_message(path, |message| {
+        let channel_id = match channels.get(&message.channel.id) {
+            Some(id) => *id,
+            None => {
+                let id = add(message.channel, &mut writer).map_err(format)?;
+                channels.insert(message.channel.id, id);
+                id
+            }
+        };
+        let yamabico_mcap::Message { sequence, log_time, publish_time, data, .. } = *message;
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+        writer.write_to_known_channel(&header, data).map_err(format)
+    })?;
     writer.finish().map_err(format)?;
     Ok(())
 }
 
-/// Passes every readable message to `take`; returns the cause why the file breaks off, if it does.
-fn read(
-    path: &Path,
-    mut take: impl FnMut(&mcap::Message<'_>) -> Result<(), RepairError>,
-) -> Result<Option<String>, RepairError> {
-    let path = path.to_owned();
-    let file =
-        File::open(&path).map_err(|source| PlaybackError::NotReadable { path: path.clone(), source })?;
-    let mut has_begun = false;
-    let mut messages = MessageReader::new_with_options(BufReader::new(file), reader_options());
-    for message in &mut messages {
-        match message {
-            Ok(message) => take(&message)?,
-            Err(error) if has_begun => return Ok(Some(error.to_string())),
-            Err(error) => {
-                let reason = error.to_string();
-                return Err(PlaybackError::NoRecording { path, reason }.into());
-            }
-        }
-        has_begun = true;
-    }
-    Ok(missing_end(&mut messages.into_inner()))
+/// Adds a channel to a file, and returns its number there.
+fn add<W: Write + Seek>(channel: &Channel, writer: &mut mcap::Writer<W>) -> Result<u16, McapError> {
+    let Channel { topic, encoding, schema, metadata, .. } = channel;
+    let schema = match schema.as_deref() {
+        Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data)?,
+        None => 0,
+    };
+    writer.add_channel(schema, topic, encoding, metadata)
 }
 
 /// File beside `path` with one more extension.

@@ -20,6 +20,7 @@ use super::arbiter_replay::ArbiterReplay;
 use super::behavior_replay::{BehaviorReplay, Past, Published};
 use super::comparison::Comparison;
 use super::control_change::ControlChanges;
+use super::difference::ARBITER;
 use super::losses::Losses;
 use super::recorded_task::{RecordedTask, ReplayError};
 use super::report::{Options, Part, Report, computed, heard_by_arbiter, of_arbiter};
@@ -52,6 +53,8 @@ struct LogReplay {
     comparison: Comparison,
     changes: ControlChanges,
     output: Option<WhatIfRecorder>,
+    /// Time of the last event that was repeated, by behavior and for the arbiter.
+    last_event: BTreeMap<String, Time>,
     /// Number of messages of each computed topic: recorded, and found again.
     recorded: BTreeMap<String, u64>,
     matched: BTreeMap<String, u64>,
@@ -90,6 +93,7 @@ pub(super) fn replay_log(
         comparison: Comparison::new(computed.clone(), &ExplainContext::of(&plan.policy, &[])),
         changes: ControlChanges::default(),
         output,
+        last_event: BTreeMap::new(),
         recorded: BTreeMap::new(),
         matched: BTreeMap::new(),
     };
@@ -122,7 +126,7 @@ pub(super) fn replay_log(
     notes.extend(
         replay.comparison.leaves_out_overlays.then(|| "overlays are not compared in a live run".to_owned()),
     );
-    notes.extend(replay.finish(newest));
+    notes.extend(replay.finish(newest, played.broken_off.is_some()));
     let memories =
         replay.behaviors.values().filter_map(|behavior| Some((behavior.name().to_owned(), behavior.memory?)));
     notes.extend(replay.comparison.continued(&memories.collect()));
@@ -193,6 +197,7 @@ impl LogReplay {
                 behavior.pass(header, items, &past);
                 return Ok(());
             }
+            self.last_event.insert(header.behavior.to_string(), time);
             let mut published = behavior.repeat(header, items, &past)?;
             if header.event == 0 && header.proposal != 0 && behavior.ended.is_none() && published.is_empty() {
                 let topic = topics::proposal(behavior.name());
@@ -204,6 +209,7 @@ impl LogReplay {
                 .collect();
             self.compare(time, published, recorded);
         } else if let Some(View { header, items }) = View::<HeardHeader>::of(raw(event)) {
+            self.last_event.insert(ARBITER.to_owned(), time);
             let published = self.arbiter.repeat(header, items, &past);
             let recorded =
                 published.iter().map(|message| self.window.find(&message.topic, key(message)).cloned());
@@ -234,8 +240,9 @@ impl LogReplay {
         self.comparison.resolve();
     }
 
-    /// Counts recorded messages that the replay did not find again; returns what limits the replay.
-    fn finish(&mut self, time: Time) -> Vec<String> {
+    /// Counts recorded messages that the replay did not find again; returns what limits the replay. In a recording that breaks off, the
+    /// log may end a little before the messages.
+    fn finish(&mut self, time: Time, is_broken_off: bool) -> Vec<String> {
         let mut notes: Vec<String> =
             self.behaviors.values().filter_map(|replay| replay.ended.clone()).collect();
         notes.extend(self.arbiter.ended.clone());
@@ -250,6 +257,10 @@ impl LogReplay {
                 Some(behavior) => (behavior.ended.is_some(), u64::from(behavior.restarts) + 1),
                 None => (self.arbiter.ended.is_some(), 1),
             };
+            let author = of_behavior.map_or(ARBITER, BehaviorReplay::name);
+            let logged_until = self.last_event.get(author).filter(|_| is_broken_off);
+            let not_logged = logged_until.map_or(0, |until| self.window.count_after(&topic, *until));
+            let cut_off = not_logged.max(cut_off);
             let missing = recorded.saturating_sub(self.matched.get(&topic).copied().unwrap_or(0));
             if missing == 0 || has_ended || (of_behavior.is_some() && self.part != Part::Whole) {
                 continue;

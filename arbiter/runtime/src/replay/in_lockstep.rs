@@ -10,6 +10,7 @@ use yamabico_core::time::Time;
 
 use super::comparison::Comparison;
 use super::control_change::ControlChanges;
+use super::decisions::replay_decisions;
 use super::prelude::Prelude;
 use super::recorded_task::{RecordedTask, ReplayError};
 use super::report::{OVERLAYS_LEFT_OUT, Options, Part, Report, computed, heard_by_arbiter, of_arbiter};
@@ -42,6 +43,9 @@ pub(super) fn replay_lockstep(
         && let Some(report) = replay_streams(path, options, recorded, &plan)?
     {
         return Ok(report);
+    }
+    if options.part == Part::Decisions && options.output.is_none() {
+        return replay_decisions(path, options, recorded, &plan);
     }
     let context = ExplainContext::of(&plan.policy, &[]);
     let all = computed(&plan);

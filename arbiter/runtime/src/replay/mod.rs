@@ -7,6 +7,7 @@
 //! | `steps`, `window` | the messages of a recording: step after step, and the last seconds of them |
 //! | `prelude` | the beginning of a recording that a replay from its middle passes over |
 //! | `in_lockstep` | the replay of a run in lockstep |
+//! | `decisions` | the decisions of a run in lockstep alone |
 //! | `streams` | the same on all processors, as long as every message is equal |
 //! | `from_log`, `behavior_replay`, `arbiter_replay` | the replay of a live run |
 //! | `losses` | messages that a live recording lacks |
@@ -20,6 +21,7 @@ mod behavior_replay;
 mod closed_loop;
 mod comparison;
 mod control_change;
+mod decisions;
 mod difference;
 mod from_log;
 mod in_lockstep;
@@ -48,7 +50,7 @@ use std::path::Path;
 use recorded_task::TemporaryFolder;
 use yamabico_core::plugins::Plugins;
 
-use crate::record::runs;
+use crate::record::{digest_of_program, runs};
 
 /// Replays every run in the file `path`: one, or several recordings one after the other. See [`replay`].
 ///
@@ -85,6 +87,8 @@ fn copy(from: &Path, part: Range<u64>, to: &Path) -> std::io::Result<()> {
 /// # Errors
 /// The recording cannot be read or replayed, or a part does not open.
 pub fn replay(path: &Path, plugins: &Plugins, options: &Options) -> Result<Report, ReplayError> {
+    // The digest of this program takes long, and is needed at the end.
+    std::thread::spawn(digest_of_program);
     let recorded = RecordedTask::open(path, &options.changes, plugins, Devices::Closed, options.programs())?;
     match recorded.is_lockstep() {
         true => in_lockstep::replay_lockstep(path, options, &recorded),

@@ -10,8 +10,10 @@ use yamabico_core::time::Time;
 
 use crate::record::{PlaybackError, PlaybackResult, Tap, play, play_topics};
 
-/// Steps that the reader is ahead.
-const AHEAD: usize = 16;
+/// Batches of steps by which the reader is ahead.
+const AHEAD: usize = 8;
+/// Size from which on a batch is complete, bytes: waking a thread for every step would take longer than the step.
+const BATCH_BYTES: usize = 64 << 10;
 
 /// A recorded message.
 #[derive(Clone, Debug)]
@@ -38,7 +40,8 @@ pub(super) struct Step {
 
 /// Steps of a recording.
 pub(super) struct Steps {
-    steps: Option<Receiver<Step>>,
+    batches: Option<Receiver<Vec<Step>>>,
+    batch: std::vec::IntoIter<Step>,
     reader: Option<JoinHandle<Result<PlaybackResult, PlaybackError>>>,
 }
 
@@ -57,18 +60,19 @@ impl Steps {
         path: &Path,
         play: impl FnOnce(&Path, &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> + Send + 'static,
     ) -> Steps {
-        let (sender, steps) = sync_channel(AHEAD);
+        let (sender, batches) = sync_channel(AHEAD);
         let path: PathBuf = path.to_owned();
         let reader = std::thread::spawn(move || {
-            let mut grouper = Grouper { sender, step: None, is_wanted: true };
+            let mut grouper = Grouper { sender, batch: Vec::new(), bytes: 0, step: None, is_wanted: true };
             let played = play(&path, &mut grouper)?;
             // The last step of a recording that breaks off is incomplete.
             if played.broken_off.is_none() {
-                grouper.send();
+                grouper.end_step();
             }
+            grouper.send();
             Ok(played)
         });
-        Steps { steps: Some(steps), reader: Some(reader) }
+        Steps { batches: Some(batches), batch: Vec::new().into_iter(), reader: Some(reader) }
     }
 
     /// Result of the reading, after the last step.
@@ -76,7 +80,7 @@ impl Steps {
     /// # Errors
     /// The file is no recording.
     pub fn finish(mut self) -> Result<PlaybackResult, PlaybackError> {
-        self.steps = None;
+        self.batches = None;
         match self.reader.take().map(JoinHandle::join) {
             Some(Ok(read)) => read,
             Some(Err(panic)) => std::panic::resume_unwind(panic),
@@ -89,22 +93,33 @@ impl Iterator for Steps {
     type Item = Step;
 
     fn next(&mut self) -> Option<Step> {
-        self.steps.as_ref()?.recv().ok()
+        loop {
+            if let Some(step) = self.batch.next() {
+                return Some(step);
+            }
+            self.batch = self.batches.as_ref()?.recv().ok()?.into_iter();
+        }
     }
 }
 
 /// Groups messages by their time.
 struct Grouper {
-    sender: SyncSender<Step>,
+    sender: SyncSender<Vec<Step>>,
+    /// Complete steps, and their size.
+    batch: Vec<Step>,
+    bytes: usize,
     step: Option<Step>,
     is_wanted: bool,
 }
 
 impl Grouper {
+    fn end_step(&mut self) {
+        self.batch.extend(self.step.take());
+    }
+
     fn send(&mut self) {
-        if let Some(step) = self.step.take() {
-            self.is_wanted &= self.sender.send(step).is_ok();
-        }
+        self.bytes = 0;
+        self.is_wanted &= self.sender.send(std::mem::take(&mut self.batch)).is_ok();
     }
 }
 
@@ -114,8 +129,12 @@ impl Tap for Grouper {
             return;
         }
         if self.step.as_ref().is_some_and(|step| step.time != time) {
-            self.send();
+            self.end_step();
+            if self.bytes >= BATCH_BYTES {
+                self.send();
+            }
         }
+        self.bytes += size_of::<RecordedMessage>() + header.len() + items.len();
         let step = self.step.get_or_insert_with(|| Step { time, messages: Vec::new() });
         step.messages.push(RecordedMessage {
             topic: topic.to_owned(),

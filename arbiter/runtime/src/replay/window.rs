@@ -49,6 +49,11 @@ impl Window {
         message
     }
 
+    /// Number of kept messages on `topic` that were recorded after `time`.
+    pub fn count_after(&self, topic: &str, time: Time) -> u64 {
+        self.order.iter().filter(|(recorded, known, _)| *recorded > time && known == topic).count() as u64
+    }
+
     /// Newest message on `topic` with this key.
     pub fn find(&self, topic: &str, key: Key) -> Option<&Rc<RecordedMessage>> {
         self.search(topic, |known, _| *known == key)
@@ -86,5 +91,7 @@ mod tests {
         assert!(window.find("wheels", (99, 990)).is_some() && window.find("wheels", (60, 600)).is_some());
         assert!(window.find("wheels", (99, 991)).is_none() && window.find("sonar", (99, 990)).is_none());
         assert!(window.find("wheels", (10, 100)).is_none(), "it is ten seconds old");
+        let after = |topic| window.count_after(topic, Time::from_secs_f64(9.75));
+        assert_eq!((after("wheels"), after("sonar")), (2, 0));
     }
 }

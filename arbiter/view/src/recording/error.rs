@@ -1,6 +1,8 @@
 //! Failures of a recording.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use yamabico_mcap::ReadError;
 
 /// Failure to open a recording, or to read from it.
 #[derive(Debug, thiserror::Error)]
@@ -33,4 +35,15 @@ pub enum RecordingError {
         /// End of the recording, s.
         end_s: f64,
     },
+}
+
+impl RecordingError {
+    /// Failure to read the recording `path`.
+    pub(super) fn new(path: &Path, error: ReadError) -> RecordingError {
+        let path = path.to_owned();
+        match error {
+            ReadError::Io(source) => RecordingError::NotReadable { path, source },
+            error => RecordingError::NoRecording { path, reason: error.to_string() },
+        }
+    }
 }

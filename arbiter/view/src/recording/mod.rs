@@ -69,18 +69,23 @@ impl Recording {
         let (mut pose, mut truth) = (None, None);
         for index in 0..recording.chunks.chunks.len() {
             let mut entries = Vec::new();
-            recording.chunks.read(index, &mut |entry| entries.push(entry))?;
+            recording.chunks.read(index, &mut |entry| {
+                if matches!(entry.channel.contents, Contents::Message(_)) {
+                    entries.push(entry.into_owned());
+                }
+            })?;
             for entry in &entries {
                 recording.index(entry, &mut pose, &mut truth);
             }
         }
         if recording.begin == Time::MAX {
-            return Err(recording.chunks.no_recording("it has no message of a robot"));
+            let reason = "it has no message of a robot".to_owned();
+            return Err(RecordingError::NoRecording { path: recording.path, reason });
         }
         Ok(recording)
     }
 
-    fn index(&mut self, entry: &Entry, pose: &mut Option<[f32; 2]>, truth: &mut Option<[f32; 2]>) {
+    fn index(&mut self, entry: &Entry<'_>, pose: &mut Option<[f32; 2]>, truth: &mut Option<[f32; 2]>) {
         let Contents::Message(message) = entry.channel.contents else { return };
         self.begin = self.begin.min(entry.time);
         self.end = self.end.max(entry.time);
@@ -217,7 +222,7 @@ impl Recording {
 }
 
 /// Passes an entry of a recording to `model`.
-fn show(model: &mut Model, entry: &Entry) {
+fn show(model: &mut Model, entry: &Entry<'_>) {
     match &entry.channel.contents {
         Contents::Message(message) => {
             if let Some(Bytes { header, items }) = bytes(message, &entry.data) {

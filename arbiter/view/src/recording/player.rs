@@ -19,7 +19,7 @@ pub struct Player {
     recording: Recording,
     model: Model,
     position: Time,
-    waiting: VecDeque<Entry>,
+    waiting: VecDeque<Entry<'static>>,
     next_chunk: usize,
     pace: f64,
     is_playing: bool,
@@ -167,7 +167,7 @@ impl Player {
         let waiting = &mut self.waiting;
         self.recording.chunks.read(self.next_chunk, &mut |entry| {
             if entry.time > after {
-                waiting.push_back(entry);
+                waiting.push_back(entry.into_owned());
             }
         })?;
         self.next_chunk += 1;
