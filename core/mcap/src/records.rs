@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use crate::error::ReadError;
@@ -83,8 +83,10 @@ impl Records {
         let (length, mut file) = (file.metadata()?.len(), BufReader::new(file));
         let (mut magic, position) = (MAGIC, MAGIC.len() as u64);
         magic.fill(0);
-        if length < position || file.read_exact(&mut magic).is_err() || magic != MAGIC {
-            return Err(ReadError::Magic);
+        match file.read_exact(&mut magic) {
+            Err(error) if error.kind() != ErrorKind::UnexpectedEof => return Err(error.into()),
+            Ok(()) if magic == MAGIC => {}
+            _ => return Err(ReadError::Magic),
         }
         Ok(Records { file, position, length, next: Some(position), body: Vec::new() })
     }

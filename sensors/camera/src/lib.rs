@@ -9,7 +9,7 @@
 //!     mount = { z_m = 0.3 }
 //! "#;
 //! let config: ImageSequenceConfig = toml::from_str(text)?;
-//! assert_eq!((config.rate_hz, config.bytes()), (10.0, 960 * 540));
+//! assert_eq!((config.rate_hz, config.description().bytes()), (10.0, 960 * 540));
 //! # Ok::<(), toml::de::Error>(())
 //! ```
 
