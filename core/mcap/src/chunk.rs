@@ -7,7 +7,7 @@ use crate::error::ReadError;
 use crate::fields::Fields;
 use crate::records::Opcode;
 
-/// Maximum length of the name of a compression that is told, bytes.
+/// Maximum length of the name of a compression in an error, bytes.
 const MAX_NAME_BYTES: usize = 32;
 
 /// Unpacks the body of the chunk at `at` into `records`, whole and with the right checksum.

@@ -30,7 +30,7 @@ pub struct Channel {
     pub topic: String,
     /// Encoding of the messages, such as `json` or `cdr`.
     pub encoding: String,
-    /// Type of the messages; `None` if the file does not tell.
+    /// Type of the messages; `None` if the file does not name it.
     pub schema: Option<Arc<Schema>>,
     /// Facts.
     pub metadata: BTreeMap<String, String>,

@@ -23,7 +23,7 @@ use crate::drive::TwistDrive;
 use crate::names::checked_topic;
 use crate::network::{Network, Receiver, Subscription};
 use crate::ros_clock::RosClock;
-use crate::sensor::{Converter, Inbox, ScannerMount, Told, TopicSensor, locked};
+use crate::sensor::{Converter, Inbox, Logged, ScannerMount, TopicSensor, locked};
 
 /// Name of the type of `/clock`.
 const CLOCK: &str = "rosgraph_msgs/msg/Clock";
@@ -123,7 +123,7 @@ impl Ros2Driver {
             inbox: Arc::clone(&inbox),
             clock: Arc::clone(clock),
             mount: if has_frame { ScannerMount::Frames(Arc::clone(frames)) } else { ScannerMount::Known },
-            told: Told::default(),
+            logged: Logged::default(),
         };
         // Joints are not odometry without the geometry of the wheels.
         let types = ros2::types(message).iter().copied().filter(|name| *name != "sensor_msgs/msg/JointState");

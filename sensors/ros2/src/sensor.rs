@@ -76,13 +76,13 @@ pub(crate) struct Converter {
     pub inbox: Arc<Mutex<Inbox>>,
     pub clock: Arc<Mutex<RosClock>>,
     pub mount: ScannerMount,
-    /// Told already, so that it is told once.
-    pub told: Told,
+    /// Problems that were logged: each is logged once.
+    pub logged: Logged,
 }
 
 /// Texts that a converter has put on the log.
 #[derive(Default)]
-pub(crate) struct Told {
+pub(crate) struct Logged {
     refusal: bool,
     stamp: bool,
     frame: bool,
@@ -93,7 +93,7 @@ impl Converter {
         let mut measurement = match ros2::measurement(message_type, data) {
             Ok(measurement) => measurement,
             Err(refusal) => {
-                if !std::mem::replace(&mut self.told.refusal, true) {
+                if !std::mem::replace(&mut self.logged.refusal, true) {
                     tracing::warn!("`{}`: a message on `{}` is left out: {refusal}", self.name, self.topic);
                 }
                 return;
@@ -102,7 +102,7 @@ impl Converter {
         if let (Measurement::Scan(_, beams), ScannerMount::Frames(frames)) = (&mut measurement, &self.mount) {
             let frame = ros2::frame_id(data).unwrap_or_default();
             let Some(pose) = scanner_pose(&locked(frames), &frame, beams) else {
-                if !std::mem::replace(&mut self.told.frame, true) {
+                if !std::mem::replace(&mut self.logged.frame, true) {
                     tracing::warn!(
                         "`{}`: the pose of the frame `{frame}` on the robot is not on /tf_static, or it is not level: \
                          give x_m, y_m and yaw_deg in the robot file",
@@ -133,7 +133,7 @@ impl Converter {
                 format!("the stamps on `{topic}` are of an unknown clock: the arrival counts")
             }
         };
-        if !std::mem::replace(&mut self.told.stamp, true) {
+        if !std::mem::replace(&mut self.logged.stamp, true) {
             tracing::warn!("{text}");
         }
     }

@@ -151,7 +151,7 @@ fn topic_keys(input: &Input) -> String {
     keys
 }
 
-/// A name without `/` is relative to the namespace of the node, which the file does not tell.
+/// A name without `/` is relative to the namespace of the node, which is not in the file.
 fn absolute(topic: &str) -> String {
     format!("/{}", topic.trim_start_matches('/'))
 }

@@ -35,10 +35,11 @@ fn scenario(name: &str, domain: u16) -> Option<Value> {
         .env("ROS_DOMAIN_ID", domain.to_string())
         .output()
         .unwrap();
-    let (told, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (printed, errors) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     let log = std::fs::read_to_string(folder.join("log")).unwrap_or_default();
-    assert!(output.status.success(), "{name}: {told}\n{errors}\n{log}");
-    let result = told.lines().last().unwrap_or_default();
+    assert!(output.status.success(), "{name}: {printed}\n{errors}\n{log}");
+    let result = printed.lines().last().unwrap_or_default();
     println!("{name} in domain {domain}: {result}");
     Some(serde_json::from_str(result).unwrap())
 }
@@ -58,7 +59,7 @@ fn the_drive_follows_the_type_of_the_base() {
 #[test]
 fn mismatches_of_qos_are_told_with_the_topic() {
     if let Some(result) = scenario("qos", 43) {
-        assert_eq!(result["told"].as_array().map(Vec::len), Some(2), "{result}");
+        assert_eq!(result["logged"].as_array().map(Vec::len), Some(2), "{result}");
     }
 }
 

@@ -26,7 +26,7 @@ const LOOK_PERIOD: Duration = Duration::from_millis(10);
 /// Time after which the log says that a needed topic is silent.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Maximum number of different texts on the log.
-const MAX_TOLD: usize = 200;
+const MAX_LOGGED: usize = 200;
 
 /// State of the thread.
 pub(super) struct Listener {
@@ -36,7 +36,7 @@ pub(super) struct Listener {
     domain: u16,
     shared: Arc<Shared>,
     subscribed: Vec<Subscribed>,
-    told: BTreeSet<String>,
+    logged: BTreeSet<String>,
 }
 
 /// A subscription with its reader, if the topic is published.
@@ -78,7 +78,7 @@ impl Listener {
             domain,
             shared,
             subscribed: Vec::new(),
-            told: BTreeSet::new(),
+            logged: BTreeSet::new(),
         })
     }
 
@@ -138,7 +138,7 @@ impl Listener {
                     }
                     mismatch(&topic.wanted.topic, qos(&requested_qos), qos(&offered_qos), true)
                 });
-                self.tell(text);
+                self.log_once(text);
             }
             Event::RemoteReaderQosIncompatible { local_writer, requested_qos, offered_qos, .. } => {
                 let own = locked(&self.shared.own);
@@ -146,7 +146,7 @@ impl Listener {
                 let text =
                     topic.map(|(_, topic)| mismatch(topic, qos(&requested_qos), qos(&offered_qos), false));
                 drop(own);
-                self.tell(text);
+                self.log_once(text);
             }
             _ => {}
         }
@@ -190,7 +190,7 @@ impl Listener {
                     wanted.topic,
                     wanted.types.join(" or ")
                 );
-                self.tell(Some(text));
+                self.log_once(Some(text));
                 Link::OtherType
             }
             (Some(reader), Some(_), _) if reader.matched.is_empty() && !reader.mismatched.is_empty() => {
@@ -212,7 +212,7 @@ impl Listener {
                     let (mismatched, matched) = (BTreeSet::new(), BTreeSet::new());
                     topic.reader = Some(Reader { message_type: right, reader, mismatched, matched });
                 }
-                Err(error) => self.tell(Some(format!("cannot subscribe `{}`: {error}", wanted.topic))),
+                Err(error) => self.log_once(Some(format!("cannot subscribe `{}`: {error}", wanted.topic))),
             }
         }
     }
@@ -225,16 +225,16 @@ impl Listener {
         topic.has_told = true;
         if let Some(who) = &topic.wanted.needed_by {
             let why = locked(&self.shared.graph).why_silent(&topic.wanted.topic, self.domain);
-            self.tell(Some(format!("{who}: {why}")));
+            self.log_once(Some(format!("{who}: {why}")));
         }
     }
 
     /// Tells a text on the log, once.
-    fn tell(&mut self, text: Option<String>) {
-        let Some(text) = text.filter(|text| !self.told.contains(text)) else { return };
+    fn log_once(&mut self, text: Option<String>) {
+        let Some(text) = text.filter(|text| !self.logged.contains(text)) else { return };
         tracing::warn!("{text}");
-        if self.told.len() < MAX_TOLD {
-            self.told.insert(text);
+        if self.logged.len() < MAX_LOGGED {
+            self.logged.insert(text);
         }
     }
 }

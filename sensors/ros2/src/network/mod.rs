@@ -1,7 +1,7 @@
 //! The network of ROS 2: the only module that names the DDS library.
 //!
 //! One thread receives. It follows who publishes what, subscribes a topic with the type that it is published with, hands each message to
-//! its receiver, and tells on the log what keeps a topic silent.
+//! its receiver, and logs what keeps a topic silent.
 
 mod listener;
 mod raw;
@@ -76,11 +76,11 @@ pub struct Subscription {
     pub reliability: Reliability,
     /// True to get what was published before.
     pub transient_local: bool,
-    /// Part of the robot that needs it, for the log; without one, its silence is not told.
+    /// Part of the robot that needs it, for the log; without one, its silence is not logged.
     pub needed_by: Option<String>,
     /// Receiver of the messages.
     pub receive: Receiver,
-    /// Told when the state of the subscription changes.
+    /// Called when the state of the subscription changes.
     pub on_link: Box<dyn FnMut(Link) + Send>,
 }
 

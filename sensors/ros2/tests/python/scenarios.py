@@ -220,20 +220,20 @@ def stamped(program, folder):
     nav.kill()
     time.sleep(0.3)
     assert base.commands[-1][1:] == (0.0, 0.0), base.commands[-1]
-    return {"told": run.wait_for_text("/cmd_vel", "TwistStamped")}
+    return {"logged": run.wait_for_text("/cmd_vel", "TwistStamped")}
 
 
 def qos(program, folder):
-    """Mismatches are told with the topic, in both directions."""
+    """Mismatches are logged with the topic, in both directions."""
     base = Base(durability=DurabilityPolicy.TRANSIENT_LOCAL)
     run = Program(program, folder, sonar='reliability = "reliable"')
-    told = [
+    logged = [
         run.wait_for_text("`/scan`", "reliability"),
         run.wait_for_text("`/cmd_vel`", "durability"),
     ]
     run.end()
     assert not base.commands
-    return {"told": told}
+    return {"logged": logged}
 
 
 def domains(program, folder):

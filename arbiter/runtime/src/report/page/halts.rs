@@ -7,7 +7,7 @@ use super::{Page, swatch};
 
 /// Quality of the pictures in the report, 1 to 100.
 const JPEG_QUALITY: u8 = 80;
-/// Radius of the robot in the drawing from above, if the recording does not tell it, m.
+/// Radius of the robot in the drawing from above, if it is not in the recording, m.
 const RADIUS_M: f64 = 0.2;
 
 impl Page<'_> {
