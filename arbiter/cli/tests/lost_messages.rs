@@ -70,14 +70,14 @@ fn a_live_recording_that_lost_messages_is_replayed_up_to_the_loss() {
     });
     assert_eq!(lost.len(), 2, "{lost:?}");
     let lossy = lossy.to_str().unwrap();
-    let told = [
+    let expected = [
         "the recording lacks 2 messages: 1 on replay/behaviors/wall-follower, 1 on sensors/sonar",
         "sonar-halt is replayed up to",
         "on sensors/sonar is not recorded",
         "wall-follower is replayed up to",
         "1 records of its calls are lost",
     ];
-    assert_exit(&replay(&[lossy]), 0, &told);
+    assert_exit(&replay(&[lossy]), 0, &expected);
     let lossy_report = report(&replay(&[lossy, "--json"]).stdout);
     assert!(lossy_report["first"].is_null(), "{lossy_report:#}");
     let compared = |report: &Value, topic: &str| report["topics"][topic]["compared"].as_u64().unwrap();

@@ -1,7 +1,7 @@
 //! Tasks from configuration files of twist_mux: its topics become behaviors, and so do its locks.
 //!
 //! twist_mux forwards the velocity of the topic with the highest priority that is fresh and not locked; a lock with the priority p
-//! keeps topics below p away. Where nothing is left it publishes nothing, and the robot relies on somebody else's timeout; here a
+//! keeps topics below p away. Where nothing is left it publishes nothing, and the robot relies on the timeout of its base; here a
 //! stop is commanded.
 
 use std::fmt::Write;

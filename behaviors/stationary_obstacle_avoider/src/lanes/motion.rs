@@ -1,4 +1,4 @@
-//! Paint, light and mirror images told from things by their motion between pictures.
+//! Paint, light and mirror images distinguished from things by their motion between pictures.
 //!
 //! Where the color of the floor ends, something stands there, or the floor only looks different: a patch of sunlight, a
 //! sheet of paper, a lamp's mirror image. Points above the foot of a thing move as things do; those of a patch move as the
