@@ -7,6 +7,8 @@ use crate::swept_path::SweptPath;
 
 /// Distance between two points of an echo's arc, m.
 const STEP_M: f64 = 0.01;
+/// Speed below which a robot stands, m/s.
+const STANDING_MPS: f64 = 0.02;
 
 /// Distance that the robot needs to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,15 +42,18 @@ pub struct SweptGate {
 }
 
 impl SweptGate {
-    /// Classifies one scan for a robot with the motions `twists`, such as the measured twist and the wish. Does not
-    /// panic on any input.
+    /// Classifies one scan for a robot with the motions `twists`, such as the measured twist and the wish. A standstill
+    /// counts only where no other motion is given: a robot that stands may leave what it touches. Does not panic on any input.
     #[must_use]
     pub fn read(&self, beams: &[Beam], twists: &[Twist]) -> Reading {
         let Some(echoes) = echoes(beams) else { return Reading::Malformed };
         let mut first: Option<(f64, f64)> = None;
         let mut turning: Option<f64> = None;
+        // A speed that is not a number counts as a motion.
+        let stands = |twist: &Twist| twist.speed() < STANDING_MPS;
+        let all_stand = twists.iter().all(stands);
         for (beam, range_m) in echoes {
-            for twist in twists {
+            for twist in twists.iter().filter(|twist| all_stand || !stands(twist)) {
                 if let Some(path_m) = self.blocked_after_m(beam, range_m, twist)
                     && first.is_none_or(|(shortest_m, _)| path_m < shortest_m)
                 {
@@ -124,6 +129,13 @@ mod tests {
         assert_eq!(stops(&[touching], &[Twist::planar(0.1, 0.0)]), Axes::ALL);
         assert_eq!(stops(&[touching], &[Twist::planar(-0.1, 0.0)]), Axes::from(Axis::Angular));
         assert_eq!(stops(&[beam(0.0, 0.06)], &[Twist::planar(-0.1, 0.0)]), Axes::NONE);
+        assert_eq!(
+            stops(&[beam(0.0, 0.06)], &[Twist::ZERO, Twist::planar(-0.1, 0.0)]),
+            Axes::NONE,
+            "from a standstill"
+        );
+        let moving = [Twist::planar(0.1, 0.0), Twist::planar(-0.1, 0.0)];
+        assert_eq!(stops(&[beam(0.0, 0.06)], &moving), TRANSLATION, "it stops first");
     }
 
     #[test]
