@@ -44,6 +44,8 @@ const FLOOR_END: f32 = 1.3;
 /// echo, which a smooth surface at an angle does not give.
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
+/// Cells behind the foot of an obstacle that count as its own.
+const HIDDEN_CELLS: u8 = 2;
 /// Log odds of the foot of what moves as a thing.
 const MOVES_AS_THING: f32 = 1.0;
 /// Distances up to which floor and its end count, m.
@@ -66,6 +68,8 @@ const AHEAD_RAD: f64 = 0.26;
 const ASIDE_RAD: f64 = 1.6;
 /// Range of an echo below which a picture without floor shows a wall, m.
 const WALL_ECHO_M: f64 = 1.2;
+/// Time after which a picture without floor, echo or wall shows another light although something is known to stand near, s.
+const NO_FLOOR_S: f64 = 4.0;
 /// Distance from the end of the path at which the robot has arrived, m.
 const ARRIVED_M: f64 = 0.35;
 /// Age of the newest picture above which the speed is limited, s.
@@ -92,6 +96,8 @@ pub struct LaneAvoider {
     occupied: Vec<Point2<f32>>,
     path: PathAhead,
     last_picture: Option<Time>,
+    /// Stamp of the first of the newest pictures that show no floor, although nothing is near.
+    no_floor_since: Option<Time>,
     last_scan: Option<Time>,
     last_update: Option<Time>,
     failure: Option<Reason>,
@@ -129,6 +135,7 @@ impl LaneAvoider {
             occupied: Vec::with_capacity(MAX_CELLS),
             path: PathAhead::default(),
             last_picture: None,
+            no_floor_since: None,
             last_scan: None,
             last_update: None,
             failure: None,
@@ -222,8 +229,13 @@ impl LaneAvoider {
         if !self.columns.look(picture.ok_or(Reason::MalformedInput)?, learns) {
             return Err(Reason::MalformedInput);
         }
-        // A wall so near gives an echo; without one it is the floor that looks different, as in sunlight.
-        if self.columns.shows_no_floor() && self.sonar.nearest_m(-ASIDE_RAD..ASIDE_RAD) > WALL_ECHO_M {
+        // A wall so near gives an echo; without one it is the floor that looks different, as in sunlight. What stands near
+        // and is known from before may fill the view, and give no echo at an angle.
+        let is_other_light =
+            self.columns.shows_no_floor() && self.sonar.nearest_m(-ASIDE_RAD..ASIDE_RAD) > WALL_ECHO_M;
+        if !is_other_light {
+            self.no_floor_since = None;
+        } else if learns || stamp.seconds_after(*self.no_floor_since.get_or_insert(stamp)) > NO_FLOOR_S {
             self.columns.relearn();
         }
         self.last_picture = Some(stamp);
@@ -259,8 +271,11 @@ impl LaneAvoider {
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);
             let ends = ends.filter(|&place| end(place) == weight);
-            // An obstacle is deeper than its foot.
-            let deep = ends.flat_map(|place| [place, Point2::new(place.x + occupancy::CELL_M, place.y)]);
+            // An obstacle is deeper than its foot, and how deep is not seen.
+            let deep = ends.flat_map(|place| {
+                let behind = place.coords.normalize() * occupancy::CELL_M;
+                (0..=HIDDEN_CELLS).map(move |step| place + behind * f64::from(step))
+            });
             self.grid.add(deep.map(to_odometry), weight);
         }
         if let Some(motion) = motion {
