@@ -33,12 +33,14 @@ impl Situation {
             || !matches!(header.mode(), Some(Mode::Driving | Mode::Idle | Mode::Halted));
         let moves = header.wished.speed() > STANDING_MPS || header.wished.angular.abs() > STANDING_RADPS;
         let is_blocked = others().any(|verdict| is_drive(verdict) && is(verdict, Reason::PassageBlocked));
+        // One that searches stands between two looks.
+        let searches = others().any(|verdict| is_drive(verdict) && is(verdict, Reason::Searching));
         let has_doubts = !others().any(is_drive) && others().any(doubts);
         let halted = header.halted.intersection(header.axes);
         let stops_all = !header.axes.is_empty() && header.axes.without(halted).is_empty();
         let halters = header.halter.iter().find(|name| !name.is_empty());
         Self {
-            wants_to_drive: moves || is_blocked || has_doubts,
+            wants_to_drive: moves || is_blocked || searches || has_doubts,
             is_overruled,
             is_held: !halted.without(Axes::ANGULAR).is_empty(),
             halter: halters.copied().filter(|_| stops_all),
