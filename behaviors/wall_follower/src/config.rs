@@ -51,6 +51,10 @@ pub struct Config {
     #[default(8.0)]
     #[schemars(range(min = 1.0, max = 100.0))]
     pub floor_contrast: f64,
+    /// Width of a corridor below which one of its two floor lines is taken for a joint, a shadow or a mirror image.
+    #[default(0.8)]
+    #[schemars(range(min = 0.0, max = 3.0))]
+    pub min_width_m: f64,
     /// Distance from the camera to a wall ahead at which the robot stops; of a camera whose height is unknown, for a height of 0.3 m.
     #[default(0.6)]
     #[schemars(range(min = 0.2, max = 3.0))]

@@ -66,6 +66,7 @@ pub struct CorridorTrack {
     rival_walls: [Option<Rival>; 2],
     widths: WidthMemory,
     rejected: Option<(f64, u32)>,
+    min_width_m: f64,
 }
 
 /// The corridor's axis in the odometry frame.
@@ -95,6 +96,12 @@ pub enum Motion {
 }
 
 impl CorridorTrack {
+    /// Creates the track of a corridor that is at least `min_width_m` wide.
+    #[must_use]
+    pub fn new(min_width_m: f64) -> Self {
+        Self { min_width_m, ..Self::default() }
+    }
+
     /// Returns true if the heading is known well enough to steer by.
     #[must_use]
     pub fn has_heading(&self) -> bool {
@@ -103,7 +110,7 @@ impl CorridorTrack {
 
     /// Drops everything but the width of the corridor.
     pub fn lose(&mut self) {
-        *self = Self { widths: self.widths.clone(), ..Self::default() };
+        *self = Self { widths: self.widths.clone(), ..Self::new(self.min_width_m) };
     }
 
     /// Propagates the state to the pose of the next frame.
@@ -171,7 +178,20 @@ impl CorridorTrack {
         if let [Some(left), Some(right)] = pair {
             self.widths.add(left.distance_m - right.distance_m);
         }
+        self.drop_impossible_wall(pair);
         Verdict::Accepted
+    }
+
+    /// Drops the wall that was not seen now of two that are too near to each other.
+    fn drop_impossible_wall(&mut self, seen: [Option<WallEstimate>; 2]) {
+        let [Some(left), Some(right)] = self.walls else { return };
+        if left.distance_m - right.distance_m < self.min_width_m {
+            match seen {
+                [None, Some(_)] => self.walls[0] = None,
+                [Some(_), None] => self.walls[1] = None,
+                _ => {}
+            }
+        }
     }
 
     /// Returns the state at a later pose in the odometry frame; `None` without a heading.

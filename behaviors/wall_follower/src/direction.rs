@@ -1,24 +1,29 @@
 //! Direction of travel: a corridor leads two ways, and the robot keeps its own.
 
 use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::time::Time;
 
 /// Distance from the place where the corridor was followed last up to which its direction is kept, m: farther away,
 /// another behavior has led the robot elsewhere.
 const KEPT_M: f64 = 1.5;
 /// Angle between directions from which one leads back, rad.
 const BACK_RAD: f64 = 1.9;
+/// Angle between directions from which one leads aside, rad, and time for which no such direction is believed, s: lines on a
+/// wall across the way meet beside the corridor; a bend is still there after the search.
+const ASIDE_RAD: f64 = 0.6;
+const ASIDE_S: f64 = 8.0;
 
 /// The direction in which the corridor was followed last, by odometry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Direction {
-    /// Position of the robot, and the heading along the corridor.
-    followed: Option<Pose2>,
+    /// Position of the robot, the heading along the corridor, and the time.
+    followed: Option<(Pose2, Time)>,
 }
 
 impl Direction {
     /// Keeps the direction of a corridor that the robot at `pose` follows with the heading `heading` relative to its axis.
-    pub fn follow(&mut self, pose: &Pose2, heading: f64) {
-        self.followed = Some(Pose2 { theta: pose.theta - heading, ..*pose });
+    pub fn follow(&mut self, pose: &Pose2, heading: f64, at: Time) {
+        self.followed = Some((Pose2 { theta: pose.theta - heading, ..*pose }, at));
     }
 
     /// Forgets the direction: the robot turns back on purpose.
@@ -29,14 +34,17 @@ impl Direction {
     /// Heading along the corridor for a robot at `pose`, odometry frame, rad; `None` if it is unknown here.
     #[must_use]
     pub fn heading(&self, pose: &Pose2) -> Option<f64> {
-        self.followed.filter(|followed| followed.distance(pose) < KEPT_M).map(|followed| followed.theta)
+        let (followed, _) = self.followed.filter(|(followed, _)| followed.distance(pose) < KEPT_M)?;
+        Some(followed.theta)
     }
 
-    /// True if a corridor seen from `pose` with the heading `heading` relative to its axis leads back.
+    /// True if a corridor seen from `pose` with the heading `heading` relative to its axis leads back, or, soon after the last
+    /// one was followed, aside.
     #[must_use]
-    pub fn leads_back(&self, pose: &Pose2, heading: f64) -> bool {
-        let along = pose.theta - heading;
-        self.heading(pose).is_some_and(|kept| angle_difference(along, kept).abs() > BACK_RAD)
+    pub fn leads_away(&self, pose: &Pose2, heading: f64, now: Time) -> bool {
+        let (Some(kept), Some((_, at))) = (self.heading(pose), self.followed) else { return false };
+        let off = angle_difference(pose.theta - heading, kept).abs();
+        off > BACK_RAD || (off > ASIDE_RAD && now.seconds_after(at) < ASIDE_S)
     }
 }
 
@@ -49,16 +57,20 @@ mod tests {
     #[test]
     fn the_other_way_is_told_from_a_bend_and_forgotten_elsewhere() {
         let mut direction = Direction::default();
+        let later = Time::from_secs_f64(10.0);
         let here = Pose2::new(1.0, 0.5, 0.2);
-        assert!(!direction.leads_back(&here, 0.0), "nothing was followed");
-        direction.follow(&here, 0.1);
+        assert!(!direction.leads_away(&here, 0.0, later), "nothing was followed");
+        direction.follow(&here, 0.1, Time(0));
         assert!((direction.heading(&here).expect("known") - 0.1).abs() < 1e-12);
         let turned = Pose2::new(1.2, 0.5, 3.0);
-        assert!(direction.leads_back(&turned, 0.0));
-        assert!(!direction.leads_back(&turned, PI), "the same axis the right way");
-        assert!(!direction.leads_back(&Pose2::new(1.2, 0.5, 1.6), 0.0), "a bend of a right angle");
-        assert!(!direction.leads_back(&Pose2::new(2.8, 0.5, 3.0), 0.0), "elsewhere");
+        assert!(direction.leads_away(&turned, 0.0, later));
+        assert!(!direction.leads_away(&turned, PI, later), "the same axis the right way");
+        let bend = Pose2::new(1.2, 0.5, 1.6);
+        assert!(!direction.leads_away(&bend, 0.0, later), "a bend of a right angle");
+        assert!(direction.leads_away(&bend, 0.0, Time::from_secs_f64(2.0)), "not at once");
+        assert!(!direction.leads_away(&Pose2::new(1.2, 0.5, 0.5), 0.0, Time(0)), "a correction");
+        assert!(!direction.leads_away(&Pose2::new(2.8, 0.5, 3.0), 0.0, later), "elsewhere");
         direction.forget();
-        assert!(!direction.leads_back(&turned, 0.0));
+        assert!(!direction.leads_away(&turned, 0.0, later));
     }
 }

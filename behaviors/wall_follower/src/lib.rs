@@ -129,7 +129,12 @@ impl Plugin for WallFollower {
         let stated_sigma_rad = config.horizon_sigma_deg.map(f64::to_radians);
         let horizon_sigma_rad = Sight::horizon_sigma(stated_sigma_rad);
         let camera = CorridorCamera { pinhole, mount, calibration, horizon_sigma_rad };
-        let rule = FloorLineRule { min_contrast: config.floor_contrast, ..FloorLineRule::default() };
+        let rule = FloorLineRule {
+            min_contrast: config.floor_contrast,
+            min_width_m: config.min_width_m,
+            ..FloorLineRule::default()
+        };
+        let track = CorridorTrack::new(config.min_width_m);
         Ok(Self {
             law: Centering {
                 length_m: config.convergence_m,
@@ -141,7 +146,7 @@ impl Plugin for WallFollower {
             sight: Sight::new(config.method, camera, stated_sigma_rad, rule),
             config,
             odometry: OdometryTrack::default(),
-            track: CorridorTrack::default(),
+            track,
             ahead: AheadTrack::default(),
             recoverer: Recoverer::default(),
             direction: Direction::default(),
@@ -262,7 +267,7 @@ impl WallFollower {
             if let (Some(pose), Ok(observation)) = (pose, &seen.observation)
                 && self.found_in_row >= ESTABLISHED_FRAMES
             {
-                self.direction.follow(&pose, observation.heading);
+                self.direction.follow(&pose, observation.heading, stamp);
             }
         }
         result
@@ -272,11 +277,13 @@ impl WallFollower {
     fn accept(&mut self, seen: &Seen) -> FrameResult {
         let abstains = self.evidence.is_some_and(|(_, action)| action == Action::Abstain);
         // Who has followed a corridor looks for it, and does not turn toward a direction that no point in view confirms.
-        let leads_back =
-            |heading: f64| self.last_pose.is_some_and(|pose| self.direction.leads_back(&pose, heading));
+        let poses = self.last_pose.zip(self.last_frame);
+        let leads_away = |heading: f64| {
+            poses.is_some_and(|(pose, stamp)| self.direction.leads_away(&pose, heading, stamp))
+        };
         let observation = match seen.observation {
             Ok(_) if seen.is_far && self.found_in_row > 0 => Err(Reason::NoVanishingPoint),
-            Ok(seen) if leads_back(seen.heading) => Err(Reason::Gated),
+            Ok(seen) if leads_away(seen.heading) => Err(Reason::Gated),
             observation => observation,
         };
         let verdict = observation.map(|observation| self.track.update(&observation));

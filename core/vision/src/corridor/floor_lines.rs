@@ -59,11 +59,14 @@ pub struct FloorLineRule {
     pub inner_contrast: f64,
     /// Length ratio for an outer line that is brighter on the wall side, as the upper edge of a dark skirting is.
     pub skirting_share: f64,
-    /// Minimum distance ratio of inner to outer line for `skirting_share` to apply: a skirting is low relative to the
-    /// camera height.
+    /// Minimum distance ratio of inner to outer line for the inner one to outrank the outer: a skirting is low relative to
+    /// the camera height.
     pub skirting_ratio: f64,
     /// Maximum difference in lateral distance between two pieces of the same floor line, m.
     pub same_wall_m: f64,
+    /// Minimum width of a corridor, m. Of two lines that are nearer to each other, one is a joint, the edge of a shadow, or a
+    /// mirror image.
+    pub min_width_m: f64,
 }
 
 impl Default for FloorLineRule {
@@ -79,6 +82,7 @@ impl Default for FloorLineRule {
             skirting_share: 0.3,
             skirting_ratio: 0.6,
             same_wall_m: 0.05,
+            min_width_m: 0.8,
         }
     }
 }
@@ -144,11 +148,34 @@ impl FloorLineFinder {
     ) -> DetectedWalls {
         self.candidates.clear();
         self.candidates.extend(lines.filter_map(|line| candidate(&line, view, rule)));
-        DetectedWalls { left: self.best(1.0, expected[0], rule), right: self.best(-1.0, expected[1], rule) }
+        let left = |from_m: f64| self.best(1.0, from_m, expected[0], rule);
+        let right = |from_m: f64| self.best(-1.0, from_m, expected[1], rule);
+        let nearest = (left(0.0), right(0.0));
+        let (Some((left_score, left_wall)), Some((right_score, right_wall))) = nearest else {
+            return DetectedWalls { left: nearest.0.map(wall), right: nearest.1.map(wall) };
+        };
+        if left_wall.distance_m - right_wall.distance_m >= rule.min_width_m {
+            return DetectedWalls { left: Some(left_wall), right: Some(right_wall) };
+        }
+        let outer_left = left(rule.min_width_m - right_wall.distance_m.abs());
+        let outer_right = right(rule.min_width_m - left_wall.distance_m.abs());
+        let score = |found: &Option<(f64, DetectedWall)>| found.map_or(0.0, |(score, _)| score);
+        if left_score + score(&outer_right) > right_score + score(&outer_left) {
+            DetectedWalls { left: Some(left_wall), right: outer_right.map(wall) }
+        } else {
+            DetectedWalls { left: outer_left.map(wall), right: Some(right_wall) }
+        }
     }
 
-    fn best(&self, side: f64, expected: Option<WallEstimate>, rule: &FloorLineRule) -> Option<DetectedWall> {
-        let on_side = || self.candidates.iter().filter(|line| line.distance_m * side > 0.0);
+    /// Finds the wall on a side (1 left, -1 right) among the lines at least `from_m` away, with its score.
+    fn best(
+        &self,
+        side: f64,
+        from_m: f64,
+        expected: Option<WallEstimate>,
+        rule: &FloorLineRule,
+    ) -> Option<(f64, DetectedWall)> {
+        let on_side = || self.candidates.iter().filter(|line| line.distance_m * side > from_m);
         let wall_of = |line: &Candidate| {
             let line = *line;
             on_side().filter(move |other| line.is_same_wall(other, rule))
@@ -160,8 +187,11 @@ impl FloorLineFinder {
             let is_expected =
                 expected.is_some_and(|wall| (line.distance_m - wall.distance_m).abs() < 3.0 * wall.sigma_m);
             let is_outer = on_side().any(|other| {
+                // A line much farther inside is no foot of the wall that `line` may be the skirting of, but a joint, or a mirror
+                // image of the ceiling.
+                let ratio = other.distance_m / line.distance_m;
                 let is_inside =
-                    other.distance_m.abs() < line.distance_m.abs() && !line.is_same_wall(other, rule);
+                    (rule.skirting_ratio..1.0).contains(&ratio) && !line.is_same_wall(other, rule);
                 is_inside && length(other) >= line.outranking_share(other, rule) * length_px
             });
             let darker = if line.is_darker_at_the_wall { 1.2 } else { 1.0 };
@@ -172,13 +202,18 @@ impl FloorLineFinder {
         let chosen = on_side().max_by(|a, b| score(a).total_cmp(&score(b)))?;
         let weight: f64 = wall_of(chosen).map(|line| line.weight).sum();
         let lowest = wall_of(chosen).max_by(|a, b| a.weight.total_cmp(&b.weight))?;
-        Some(DetectedWall {
+        let wall = DetectedWall {
             distance_m: wall_of(chosen).map(|line| line.weight * line.distance_m).sum::<f64>() / weight,
             ends: lowest.ends,
             is_darker_at_the_wall: lowest.is_darker_at_the_wall,
             length_px: length(chosen),
-        })
+        };
+        Some((score(chosen), wall))
     }
+}
+
+fn wall((_, wall): (f64, DetectedWall)) -> DetectedWall {
+    wall
 }
 
 impl Candidate {
@@ -192,7 +227,7 @@ impl Candidate {
     fn outranking_share(&self, inner: &Self, rule: &FloorLineRule) -> f64 {
         match (inner.is_darker_at_the_wall, self.is_darker_at_the_wall) {
             // `inner` is the foot of a skirting and `self` its upper edge.
-            (true, false) if inner.distance_m / self.distance_m > rule.skirting_ratio => rule.skirting_share,
+            (true, false) => rule.skirting_share,
             (false, true) => f64::INFINITY,
             _ => rule.inner_share,
         }
@@ -329,6 +364,20 @@ mod tests {
         assert!(find(&lines, [None, None]).left.unwrap().distance_m < 1.1);
         let only_outer = [line(1.0, 0.0, 2.6, 120.0, 40.0), line(1.6, 0.0, 6.0, 120.0, 40.0)];
         assert!(find(&only_outer, [Some(expected), None]).left.unwrap().distance_m > 1.5);
+    }
+
+    #[test]
+    fn a_corridor_is_not_narrower_than_one_can_pass() {
+        let (near, reflection, far) = (
+            line(-0.27, 0.0, 8.0, 120.0, 40.0),
+            line(0.27, 0.0, 8.0, 120.0, 160.0),
+            line(1.9, 0.0, 6.0, 120.0, 40.0),
+        );
+        let walls = find(&[near, reflection, far], [None, None]);
+        assert!((walls.left.unwrap().distance_m - 1.9).abs() < 1e-9, "{walls:?}");
+        assert!((walls.right.unwrap().distance_m + 0.27).abs() < 1e-9, "{walls:?}");
+        let walls = find(&[near, reflection], [None, None]);
+        assert!(walls.left.is_none() && walls.right.is_some(), "the weaker line is none: {walls:?}");
     }
 
     #[test]
