@@ -4,8 +4,10 @@ use nalgebra::Isometry3;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::behavior::{Outputs, PublishError};
-use crate::camera::{Calibration, Distortion, Intrinsics, MirrorCamera, Mount, Pinhole};
+use crate::behavior::{Outputs, ParameterError, PublishError};
+use crate::camera::{
+    Calibration, Distortion, Intrinsics, IntrinsicsConfig, MirrorCamera, Mount, MountConfig, Pinhole,
+};
 use crate::message::{Axes, MessageType};
 use crate::time::Time;
 
@@ -146,6 +148,23 @@ pub struct Robot {
 }
 
 impl SensorKind {
+    /// A pinhole camera with the parameters of a robot file.
+    ///
+    /// # Errors
+    /// Invalid intrinsics.
+    pub fn camera(
+        config: &IntrinsicsConfig,
+        mount: MountConfig,
+        calibrated: Calibration,
+    ) -> Result<SensorKind, ParameterError> {
+        let intrinsics = config.intrinsics();
+        if !intrinsics.is_valid() {
+            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
+        }
+        let (distortion, mount) = (config.distortion, mount.into());
+        Ok(SensorKind::Camera { intrinsics, distortion, mount, calibrated })
+    }
+
     /// Returns the rigid transform from the camera's own frame (a pinhole's optical frame, a mirror's frame) to the
     /// body frame, or `None` for other sensors.
     #[must_use]

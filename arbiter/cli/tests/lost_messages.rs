@@ -87,7 +87,7 @@ fn a_live_recording_that_lost_messages_is_replayed_up_to_the_loss() {
         // Half of the run; what comes later is not compared.
         assert!(up_to * 4 > all && up_to * 4 < all * 3, "{behavior}: {up_to} of {all} proposals");
     }
-    // Nobody lost anything that the arbiter heard.
+    // No message was lost that the arbiter heard.
     assert_eq!(compared(&lossy_report, "decision"), compared(&whole_report, "decision"));
 }
 

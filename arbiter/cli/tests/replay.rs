@@ -162,7 +162,7 @@ fn what_if_answers_by_behavior_and_closes_the_loop() {
     let file = record(&folder, "run.mcap", "corridor.toml", &SHORT);
     let both = folder.file("what-if.mcap");
     let output = replay(&file, &["--without", "wall-follower", "--out", both.to_str().unwrap()]);
-    assert_exit(&output, 0, &["open loop", "wall-follower", "nobody", "/what-if/"]);
+    assert_exit(&output, 0, &["open loop", "wall-follower", "no behavior", "/what-if/"]);
     let bytes = std::fs::read(&both).unwrap();
     let mut topics: BTreeMap<String, u64> = BTreeMap::new();
     for message in mcap::MessageStream::new(&bytes).unwrap() {

@@ -1,4 +1,4 @@
-//! Texts of errors, and output into a pipe that nobody reads.
+//! Texts of errors, and output into a pipe that is not read.
 
 use std::process::Stdio;
 

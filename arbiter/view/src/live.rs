@@ -95,7 +95,7 @@ impl LiveRobot {
         self.joins
     }
 
-    /// Asks the behaviors to draw overlays, or no longer; while nobody asks, drawing costs them nothing.
+    /// Asks the behaviors to draw overlays, or no longer; while no client asks, drawing costs them nothing.
     pub fn ask_for_overlays(&mut self, is_wanted: bool) {
         let Some((_, feed)) = &mut self.connection else { return };
         if std::mem::replace(&mut self.has_overlays, is_wanted) == is_wanted {

@@ -1,4 +1,4 @@
-//! Overlays of one behavior: drawn and published only while somebody subscribes to them.
+//! Overlays of one behavior: drawn and published only while they have a subscriber.
 
 use crate::bus::{Audience, Bus, BusError, Publisher};
 use crate::topics;
@@ -36,7 +36,7 @@ impl OverlayPort {
         })
     }
 
-    /// Returns an empty overlay for the call at `now`; `None` while nobody subscribes. The first one is allocated.
+    /// Returns an empty overlay for the call at `now`; `None` without a subscriber. The first one is allocated.
     pub fn canvas(&mut self, now: Time) -> Option<&mut Overlay> {
         if !self.audience.is_present(now) {
             return None;

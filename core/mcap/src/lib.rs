@@ -8,9 +8,13 @@
 //! | `records` | the records of a file, of which most are passed over |
 //! | `chunk` | the compressed records in one of them |
 //! | `definitions` | channels and schemas |
+//! | `blocks` | unpacked chunks, and other records with messages or definitions |
 //! | `messages` | messages with their channels, in the order of the file |
+//! | `ahead` | the same, unpacked by a thread of its own, for some channels |
 //! | `metadata` | facts and attached files |
 
+mod ahead;
+mod blocks;
 mod chunk;
 mod definitions;
 mod error;
@@ -19,6 +23,7 @@ mod messages;
 mod metadata;
 mod records;
 
+pub use ahead::MessagesAhead;
 pub use definitions::{Channel, Schema};
 pub use error::ReadError;
 pub use messages::{Message, Messages};

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::chunk::unpack;
+use crate::blocks::{Block, next_block, read_chunk};
 use crate::definitions::{Channel, Definitions};
 use crate::error::ReadError;
 use crate::fields::Fields;
@@ -29,12 +29,7 @@ pub struct Message<'a> {
 #[derive(Debug)]
 pub struct Messages {
     records: Records,
-    definitions: Definitions,
-    /// Records of the current chunk, and its place in the file.
-    chunk: Vec<u8>,
-    chunk_at: u64,
-    /// Part of the chunk that has been read, bytes.
-    read: usize,
+    unpacked: Unpacked,
     is_over: bool,
 }
 
@@ -50,14 +45,7 @@ impl Messages {
     /// Messages of the records that have not been read yet.
     #[must_use]
     pub fn of(records: Records) -> Messages {
-        Messages {
-            records,
-            definitions: Definitions::default(),
-            chunk: Vec::new(),
-            chunk_at: 0,
-            read: 0,
-            is_over: false,
-        }
+        Messages { records, unpacked: Unpacked::default(), is_over: false }
     }
 
     /// Returns the next message; `None` at the end of the file, and after an error.
@@ -71,28 +59,15 @@ impl Messages {
         }
         self.is_over = true;
         let body = loop {
-            if let Some(body) = self.next_in_chunk()? {
+            if let Some(body) = self.unpacked.next()? {
                 break body;
             }
-            let Some(record) = self.records.next()? else { return Ok(None) };
-            match record.opcode {
-                Opcode::CHUNK => self.load(&record)?,
-                Opcode::SCHEMA | Opcode::CHANNEL => {
-                    let body = self.records.body(&record)?;
-                    self.definitions.add(record.opcode, body, record.at)?;
-                }
-                Opcode::MESSAGE => {
-                    self.chunk.clear();
-                    (self.chunk_at, self.read) = (record.at, 0);
-                    self.chunk.extend_from_slice(self.records.body(&record)?);
-                    self.read = self.chunk.len();
-                    break 0..self.read;
-                }
-                _ => {}
+            if !next_block(&mut self.records, self.unpacked.renew())? {
+                return Ok(None);
             }
         };
-        self.is_over = self.message(body.clone()).is_err();
-        self.message(body).map(Some)
+        self.is_over = self.unpacked.message(body.clone()).is_err();
+        self.unpacked.message(body).map(Some)
     }
 
     /// Passes the messages of one chunk to `each`. Their channels are defined in it, or in what was read before.
@@ -100,41 +75,73 @@ impl Messages {
     /// # Errors
     /// The file cannot be read, or the chunk is damaged.
     pub fn of_chunk(&mut self, chunk: &Record, each: &mut dyn FnMut(&Message<'_>)) -> Result<(), ReadError> {
-        self.load(chunk)?;
-        while let Some(body) = self.next_in_chunk()? {
-            each(&self.message(body)?);
+        read_chunk(&mut self.records, chunk, self.unpacked.renew())?;
+        while let Some(body) = self.unpacked.next()? {
+            each(&self.unpacked.message(body)?);
         }
         Ok(())
     }
+}
 
-    fn load(&mut self, chunk: &Record) -> Result<(), ReadError> {
-        (self.chunk_at, self.read) = (chunk.at, 0);
-        unpack(self.records.body(chunk)?, chunk.at, &mut self.chunk)
+/// A block whose messages are read, and the definitions so far.
+#[derive(Debug, Default)]
+pub(crate) struct Unpacked {
+    definitions: Definitions,
+    block: Block,
+    /// Part of the block that has been read, bytes; `None` if the block is over.
+    read: Option<usize>,
+}
+
+impl Unpacked {
+    /// The block, to be filled with the next one.
+    pub fn renew(&mut self) -> &mut Block {
+        self.read = Some(0);
+        &mut self.block
     }
 
-    /// Finds the body of the next message in the chunk, and takes in the definitions before it.
-    fn next_in_chunk(&mut self) -> Result<Option<Range<usize>>, ReadError> {
-        let at = self.chunk_at;
-        while let Some(rest) = self.chunk.get(self.read..).filter(|rest| !rest.is_empty()) {
-            let malformed = ReadError::Malformed { opcode: Opcode::CHUNK, at };
-            let [opcode, l0, l1, l2, l3, l4, l5, l6, l7, rest @ ..] = rest else { return Err(malformed) };
+    /// Finds the body of the next message in the block, and takes in the definitions before it.
+    ///
+    /// # Errors
+    /// The block is malformed.
+    pub fn next(&mut self) -> Result<Option<Range<usize>>, ReadError> {
+        let Some(read) = self.read.take() else { return Ok(None) };
+        let Block { opcode, at, bytes } = &self.block;
+        if *opcode == Opcode::MESSAGE {
+            return Ok(Some(0..bytes.len()));
+        }
+        if *opcode != Opcode::CHUNK {
+            self.definitions.add(*opcode, bytes, *at)?;
+            return Ok(None);
+        }
+        let mut rest = bytes.get(read..).unwrap_or_default();
+        while !rest.is_empty() {
+            let malformed = ReadError::Malformed { opcode: Opcode::CHUNK, at: *at };
+            let [opcode, l0, l1, l2, l3, l4, l5, l6, l7, behind @ ..] = rest else { return Err(malformed) };
             let length = u64::from_le_bytes([*l0, *l1, *l2, *l3, *l4, *l5, *l6, *l7]);
-            let body = usize::try_from(length).ok().and_then(|length| rest.get(..length));
+            let body = usize::try_from(length).ok().and_then(|length| behind.get(..length));
             let Some(body) = body else { return Err(malformed) };
-            let begin = self.chunk.len() - rest.len();
-            self.read = begin + body.len();
+            let begin = bytes.len() - behind.len();
+            let end = begin + body.len();
+            rest = &bytes[end..];
             match Opcode(*opcode) {
-                Opcode::MESSAGE => return Ok(Some(begin..self.read)),
-                opcode @ (Opcode::SCHEMA | Opcode::CHANNEL) => self.definitions.add(opcode, body, at)?,
+                Opcode::MESSAGE => {
+                    self.read = Some(end);
+                    return Ok(Some(begin..end));
+                }
+                opcode @ (Opcode::SCHEMA | Opcode::CHANNEL) => self.definitions.add(opcode, body, *at)?,
                 _ => {}
             }
         }
         Ok(None)
     }
 
-    fn message(&self, body: Range<usize>) -> Result<Message<'_>, ReadError> {
+    /// Message with this body.
+    ///
+    /// # Errors
+    /// It is malformed, or its channel is not defined.
+    pub fn message(&self, body: Range<usize>) -> Result<Message<'_>, ReadError> {
         let read = || {
-            let mut fields = Fields(self.chunk.get(body)?);
+            let mut fields = Fields(self.block.bytes.get(body)?);
             Some(Message {
                 channel: self.definitions.channel(fields.u16()?)?,
                 sequence: fields.u32()?,
@@ -143,6 +150,6 @@ impl Messages {
                 data: fields.0,
             })
         };
-        read().ok_or(ReadError::Malformed { opcode: Opcode::MESSAGE, at: self.chunk_at })
+        read().ok_or(ReadError::Malformed { opcode: Opcode::MESSAGE, at: self.block.at })
     }
 }

@@ -8,7 +8,9 @@ use std::path::PathBuf;
 
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions};
-use yamabico_mcap::{MAGIC, MAX_RECORD_BYTES, Messages, Opcode, ReadError, Record, Records};
+use yamabico_mcap::{
+    Channel, MAGIC, MAX_RECORD_BYTES, Messages, MessagesAhead, Opcode, ReadError, Record, Records,
+};
 
 const MESSAGES: u32 = 40;
 
@@ -77,6 +79,42 @@ fn every_message_is_read_with_its_channel() {
     for bytes in every_kind() {
         let (count, error) = read("whole", &bytes);
         assert!(count == MESSAGES && error.is_none(), "{count} messages, {error:?}");
+    }
+}
+
+/// Numbers of the messages on `topic`, or on all, and the error behind them.
+fn read_ahead(name: &str, bytes: &[u8], topic: Option<&str>) -> (Vec<u32>, Option<ReadError>) {
+    let path = path(name);
+    std::fs::write(&path, bytes).unwrap();
+    let mut numbers = Vec::new();
+    let is_wanted = |channel: &Channel| topic.is_none_or(|topic| channel.topic == topic);
+    let outcome = MessagesAhead::open(&path, is_wanted).and_then(|mut messages| {
+        while let Some(message) = messages.next()? {
+            assert_eq!(message.data, [message.sequence as u8; 100]);
+            numbers.push(message.sequence);
+        }
+        assert!(messages.next()?.is_none(), "it is over");
+        Ok(())
+    });
+    std::fs::remove_file(path).unwrap();
+    (numbers, outcome.err())
+}
+
+#[test]
+fn a_thread_ahead_reads_the_same() {
+    for bytes in every_kind() {
+        let (all, error) = read_ahead("ahead", &bytes, None);
+        assert!(all == (0..MESSAGES).collect::<Vec<_>>() && error.is_none(), "{all:?}, {error:?}");
+        let (talk, error) = read_ahead("ahead", &bytes, Some("/talk"));
+        assert!(
+            talk == (0..MESSAGES).step_by(2).collect::<Vec<_>>() && error.is_none(),
+            "{talk:?}, {error:?}"
+        );
+        for end in (0..bytes.len()).step_by(37) {
+            let (cut, error) = read_ahead("ahead", &bytes[..end], Some("/other"));
+            let expected = read("cut-ahead", &bytes[..end]).0 / 2;
+            assert!(cut.len() as u32 == expected && error.is_some(), "{cut:?} of {end} bytes");
+        }
     }
 }
 

@@ -65,7 +65,7 @@ class Behavior:
     def draw(self, slot, header, function):
         """Draws what the behavior saw in the message `header` of `slot`: `function` receives an `Overlay`.
 
-        It is called only while somebody looks, and must not change what the behavior proposes.
+        It is called only while it has a viewer, and must not change what the behavior proposes.
         """
         self.setup.draw(slot, header, function)
 

@@ -100,7 +100,7 @@ impl<'a> Outputs<'a> {
         Outputs { sink, overlay: None }
     }
 
-    /// Sets where [`Outputs::draw`] draws; `None` while nobody views overlays.
+    /// Sets where [`Outputs::draw`] draws; `None` while overlays have no subscriber.
     #[must_use]
     pub fn with_overlay(self, overlay: Option<&'a mut Overlay>) -> Outputs<'a> {
         Outputs { overlay, ..self }

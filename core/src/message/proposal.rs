@@ -69,6 +69,16 @@ impl Axes {
         self.0 <= 7
     }
 
+    /// Reads the names of axes in their order, such as `linear+angular`, or `none`.
+    #[must_use]
+    pub fn from_names(text: &str) -> Option<Axes> {
+        let with = |axes: Axes, name: &str| {
+            let axis = Axes::from(Axis::ALL.into_iter().find(|axis| axis.as_str() == name)?);
+            (axes.bits() < axis.bits()).then(|| axes.union(axis))
+        };
+        if text == "none" { Some(Axes::NONE) } else { text.split('+').try_fold(Axes::NONE, with) }
+    }
+
     /// Iterates over the axes in the set.
     pub fn iter(self) -> impl Iterator<Item = Axis> {
         Axis::ALL.into_iter().filter(move |&axis| self.contains(axis))
@@ -105,8 +115,7 @@ impl Serialize for Axes {
 impl<'de> Deserialize<'de> for Axes {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Axes, D::Error> {
         let text = String::deserialize(deserializer)?;
-        let found = (0..8).filter_map(Axes::from_bits).find(|axes| axes.to_string() == text);
-        found.ok_or_else(|| {
+        Axes::from_names(&text).ok_or_else(|| {
             D::Error::custom(format!("`{text}` is not a set of axes such as `linear+angular`"))
         })
     }

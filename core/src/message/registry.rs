@@ -56,7 +56,7 @@ impl MessageType {
             ),
             None => {
                 format!(
-                    "message type `{name}` is unknown: it is not a message of this version of Yamabico, and nobody declares it"
+                    "message type `{name}` is unknown: it is not a message of this version of Yamabico, and no plugin declares it"
                 )
             }
         }

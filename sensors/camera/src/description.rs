@@ -28,20 +28,12 @@ impl CameraDescription {
     /// # Errors
     /// Invalid intrinsics.
     pub fn info(&self, name: &str) -> Result<SensorInfo, ParameterError> {
-        if !self.intrinsics.intrinsics().is_valid() {
-            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
-        }
         Ok(SensorInfo {
             name: name.to_owned(),
             message: FrameHeader::NAME,
             period_s: 1.0 / self.rate_hz,
             latency_s: 1e-3 * self.latency_ms,
-            kind: SensorKind::Camera {
-                intrinsics: self.intrinsics.intrinsics(),
-                distortion: self.intrinsics.distortion,
-                mount: self.mount.into(),
-                calibrated: self.calibration,
-            },
+            kind: SensorKind::camera(&self.intrinsics, self.mount, self.calibration)?,
         })
     }
 

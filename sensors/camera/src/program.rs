@@ -67,7 +67,7 @@ impl Source for ProgramSource {
     }
 }
 
-/// A running program, killed when it is no longer read. If this process is killed, the program ends at its next image: nobody
+/// A running program, killed when it is no longer read. If this process is killed, the program ends at its next image: no process
 /// reads its output.
 struct RunningProgram {
     child: Child,

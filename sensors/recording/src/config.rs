@@ -3,9 +3,7 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
-use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, IntrinsicsConfig, MountConfig};
-use yamabico_core::sensor::SensorKind;
 
 /// Empty parameters, of a drive without any.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
@@ -137,23 +135,6 @@ pub struct CameraConfig {
 }
 
 impl CameraConfig {
-    /// Returns the properties of the camera.
-    ///
-    /// # Errors
-    /// Invalid intrinsics.
-    pub fn kind(&self) -> Result<SensorKind, ParameterError> {
-        let intrinsics = self.intrinsics.intrinsics();
-        if !intrinsics.is_valid() {
-            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
-        }
-        Ok(SensorKind::Camera {
-            intrinsics,
-            distortion: self.intrinsics.distortion,
-            mount: self.mount.into(),
-            calibrated: self.calibration,
-        })
-    }
-
     /// Returns the maximum size of one image, bytes: three colors per pixel.
     pub fn bytes(&self) -> usize {
         3 * self.intrinsics.width as usize * self.intrinsics.height as usize

@@ -96,7 +96,7 @@ impl Driver for RecordingDriver {
         Ok(match sensor.kind.as_str() {
             "camera" => {
                 let config: CameraConfig = read(table)?;
-                let kind = config.kind()?;
+                let kind = SensorKind::camera(&config.intrinsics, config.mount, config.calibration)?;
                 let info = info(FrameHeader::NAME, config.rate_hz, config.latency_ms, kind);
                 SensorDescription { info, max_item_bytes: config.bytes() }
             }

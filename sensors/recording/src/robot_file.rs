@@ -13,7 +13,7 @@ use crate::ros2::camera_info::{CAMERA_INFO, CalibratedCamera, camera_info};
 use crate::ros2::transforms::{Frames, TF_MESSAGE};
 use crate::ros2::{self, frame_id};
 use crate::storage::{Messages, StoredMessage};
-use crate::yamabico;
+use crate::yamabico::{self, CAMERA_CALIBRATION, FRAME_TRANSFORMS};
 
 /// Name of the device in the robot file.
 const DEVICE: &str = "recording";
@@ -41,7 +41,7 @@ struct Survey {
 }
 
 /// Returns the text of a robot file whose sensors are the topics of the recording `path`: with mounts from `/tf_static`, and
-/// intrinsics from CameraInfo. What the recording does not tell is marked as a guess.
+/// intrinsics from CameraInfo; of a recording of this program, from its own records of both. What the recording does not tell is marked as a guess.
 ///
 /// # Errors
 /// The description of what cannot be read.
@@ -69,11 +69,19 @@ impl Survey {
         if is_ros2 && message_type == CAMERA_INFO && !self.cameras.contains_key(name) {
             self.cameras.insert(name.clone(), camera_info(&message.data));
         }
+        let is_first = !self.topics.contains_key(name);
+        if is_first && message_type == CAMERA_CALIBRATION {
+            self.cameras.insert(name.clone(), yamabico::calibration(&message.data));
+        }
+        if is_first && message_type == FRAME_TRANSFORMS {
+            let _ = yamabico::add_frames(&mut self.frames, &message.data);
+        }
         if !self.topics.contains_key(name) && self.topics.len() < MAX_TOPICS {
             let summary = TopicSummary {
                 message_type: message_type.clone(),
                 first_ns: message.log_time,
-                frame: frame_id(&message.data).filter(|_| is_ros2),
+                // In recordings of this program, a topic is the name of its frame.
+                frame: if is_ros2 { frame_id(&message.data) } else { Some(name.clone()) },
                 ..TopicSummary::default()
             };
             self.topics.insert(name.clone(), summary);
@@ -174,6 +182,8 @@ impl Survey {
         let mut text =
             format!("kind = \"range\"\nmin_m = {:.3}\nmax_m = {:.3}\n", header.min_m, header.max_m);
         match self.mount(summary) {
+            // Beams of this program say where they begin.
+            _ if summary.message_type == RangeScanHeader::NAME => {}
             Some(body_from_sensor) => {
                 let (x, y) = (body_from_sensor.translation.x, body_from_sensor.translation.y);
                 let (ahead, up) = (body_from_sensor * Vector3::x(), body_from_sensor * Vector3::z());

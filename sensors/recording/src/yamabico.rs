@@ -2,13 +2,20 @@
 
 use bytemuck::Pod;
 use foxglove::Decode;
-use foxglove::messages::CompressedImage;
+use foxglove::messages::{CameraCalibration, CompressedImage, FrameTransforms};
 use serde_json::Value;
 use yamabico_core::message::{
     Beam, Bumper, Encoding, FrameHeader, Imu, Message, MessageType, Odometry, RangeScanHeader,
 };
 
 use crate::measurement::{Measurement, Refusal, decode};
+use crate::ros2::camera_info::{CalibratedCamera, calibrated};
+use crate::ros2::transforms::Frames;
+
+/// Name of the type of messages with the lens of a camera.
+pub(crate) const CAMERA_CALIBRATION: &str = "foxglove.CameraCalibration";
+/// Name of the type of messages with frames.
+pub(crate) const FRAME_TRANSFORMS: &str = "foxglove.FrameTransforms";
 
 /// Returns true if a topic with this type of message gives messages of the type `message`.
 pub(crate) fn fits(schema: &str, message: &str) -> bool {
@@ -53,6 +60,23 @@ pub(crate) fn image(header: &FrameHeader, data: &[u8]) -> Result<Measurement, Re
     };
     let stride = header.width * encoding.bytes_per_pixel();
     Ok(Measurement::Frame(FrameHeader { stride, ..*header }, pixels))
+}
+
+/// Converts the lens of a camera; its frame is the topic of the camera.
+pub(crate) fn calibration(data: &[u8]) -> Result<CalibratedCamera, Refusal> {
+    let lens = CameraCalibration::decode(data).map_err(|error| Refusal::Malformed(error.to_string()))?;
+    calibrated(lens.frame_id, [lens.width, lens.height], &lens.distortion_model, &lens.d, &lens.k)
+}
+
+/// Adds the transforms of a message to `frames`.
+pub(crate) fn add_frames(frames: &mut Frames, data: &[u8]) -> Result<(), Refusal> {
+    let message = FrameTransforms::decode(data).map_err(|error| Refusal::Malformed(error.to_string()))?;
+    for transform in &message.transforms {
+        let (Some(t), Some(q)) = (&transform.translation, &transform.rotation) else { continue };
+        let (child, parent) = (&transform.child_frame_id, &transform.parent_frame_id);
+        frames.insert(child, parent, [t.x, t.y, t.z], [q.x, q.y, q.z, q.w])?;
+    }
+    Ok(())
 }
 
 /// Bytes of a message: from its fields, or as they are if a number is not finite.

@@ -5,7 +5,6 @@ use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, IntrinsicsConfig, MountConfig};
-use yamabico_core::sensor::SensorKind;
 
 /// Variable of the environment with the domain.
 pub const DOMAIN_VARIABLE: &str = "ROS_DOMAIN_ID";
@@ -129,25 +128,6 @@ pub struct CameraConfig {
     pub calibration: Calibration,
     /// Pose on the robot.
     pub mount: MountConfig,
-}
-
-impl CameraConfig {
-    /// Returns the properties of the camera.
-    ///
-    /// # Errors
-    /// Invalid intrinsics.
-    pub fn kind(&self) -> Result<SensorKind, ParameterError> {
-        let intrinsics = self.intrinsics.intrinsics();
-        if !intrinsics.is_valid() {
-            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
-        }
-        Ok(SensorKind::Camera {
-            intrinsics,
-            distortion: self.intrinsics.distortion,
-            mount: self.mount.into(),
-            calibrated: self.calibration,
-        })
-    }
 }
 
 /// Parameters of a drive that sends velocity commands.

@@ -18,7 +18,7 @@ use crate::ros_clock::calendar_now_ns;
 
 /// Time between two looks at who subscribes.
 const LOOK_PERIOD: Duration = Duration::from_millis(100);
-/// Time after which the log says that nobody subscribes.
+/// Time after which the log says that the topic has no subscriber.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Longest wait at the end until the last command, zero, has arrived.
 const FLUSH: Duration = Duration::from_millis(200);
@@ -84,7 +84,7 @@ impl TwistDrive {
             let domain = self.network.domain;
             match types.first() {
                 None => tracing::warn!(
-                    "nobody subscribes `{topic}` in domain {domain}: the robot gets no commands"
+                    "`{topic}` has no subscriber in domain {domain}: the robot gets no commands"
                 ),
                 Some(other) => tracing::warn!(
                     "`{topic}` is subscribed as {other}, but this drive sends {}: set `message` of the drive",

@@ -166,7 +166,7 @@ fn settings(part: &PartSpec) -> Result<Settings, ParameterError> {
                 rate_hz: config.rate_hz,
                 latency_ms: config.latency_ms,
                 reliability: config.reliability,
-                kind: config.kind()?,
+                kind: SensorKind::camera(&config.intrinsics, config.mount, config.calibration)?,
                 filter: Filter::Size { width, height },
                 has_frame: false,
                 max_item_bytes: width as usize * height as usize,

@@ -92,15 +92,15 @@ impl Graph {
         let published: Vec<&str> = published.into_iter().filter(|name| !own.contains(name)).collect();
         if published.is_empty() {
             return format!(
-                "nobody publishes `{topic}`, and nothing else is seen in domain {domain}: is the other side on, in the \
+                "`{topic}` has no publisher, and nothing else is seen in domain {domain}: is the other side on, in the \
                  same network, and its ROS_DOMAIN_ID {domain}?"
             );
         }
         match nearest(topic, published.iter().copied()) {
-            Some(near) => format!("nobody publishes `{topic}` in domain {domain}: did you mean `{near}`?"),
+            Some(near) => format!("`{topic}` has no publisher in domain {domain}: did you mean `{near}`?"),
             None => {
                 let some = published[..published.len().min(12)].join(", ");
-                format!("nobody publishes `{topic}` in domain {domain}, but {some}")
+                format!("`{topic}` has no publisher in domain {domain}, but {some}")
             }
         }
     }

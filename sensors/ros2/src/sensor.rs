@@ -19,7 +19,7 @@ const POLL_PERIOD: Duration = Duration::from_millis(2);
 /// Difference between the clock of the run and that of the machine above which the run is no live one.
 const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
-/// Measurements that wait to be published. When nobody looks, the oldest are dropped.
+/// Measurements that wait to be published. While the sensor is not polled, the oldest are dropped.
 pub(crate) struct Inbox {
     waiting: VecDeque<(Time, Measurement)>,
     capacity: usize,

@@ -59,7 +59,7 @@ impl Window {
 
 /// Estimate of the capture times of a device that sends at a constant period without telling the time.
 ///
-/// Measurements that arrive together were taken a period apart, also after a pause in which nobody read the line.
+/// Measurements that arrive together were taken a period apart, also after a pause in which the line was not read.
 #[derive(Clone, Debug)]
 pub struct PeriodicStamper {
     period: Duration,
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     /// True times and stamps, s, of a device with a period of 15 ms behind an adapter that hands over every 16 ms, without the
-    /// measurements that are `lost`; nobody reads the line from 3.0 to 3.2 s.
+    /// measurements that are `lost`; the line is not read from 3.0 to 3.2 s.
     fn batched(count: u32, lost: impl Fn(u32) -> bool) -> Vec<(f64, f64)> {
         let mut stamper = PeriodicStamper::new(Duration::from_millis(15));
         let arrival_s = |taken_s: f64| {

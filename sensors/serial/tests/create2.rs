@@ -203,7 +203,7 @@ fn it_comes_back_after_its_cable_was_pulled_and_after_a_reset() {
     for round in 0..3 {
         let (before, starts) = (newest(&bench), plug.device().starts);
         plug.set(|manners| manners.is_pulled = true);
-        // The robot drives on: it has no watchdog, and nobody can reach it.
+        // The robot drives on: it has no watchdog, and no command reaches it.
         bench.run(0.5);
         assert!(plug.device().speeds[0] > 0.1);
         if round == 2 {

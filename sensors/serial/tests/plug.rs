@@ -111,7 +111,7 @@ impl DeviceLine {
         grantpt(&master).unwrap();
         unlockpt(&master).unwrap();
         rustix::io::ioctl_fionbio(&master, true).unwrap();
-        // A port that nobody has opened echoes nothing.
+        // A port that is not open echoes nothing.
         let mut settings = tcgetattr(&master).unwrap();
         settings.make_raw();
         tcsetattr(&master, OptionalActions::Now, &settings).unwrap();

@@ -27,7 +27,7 @@ struct Viewer {
     /// Channels: identifier and schema by topic.
     channels: BTreeMap<String, (u64, String)>,
     services: BTreeMap<String, u64>,
-    /// Messages that nobody has asked for yet.
+    /// Messages that no test has asked for yet.
     waiting: VecDeque<Message>,
     calls: u32,
 }

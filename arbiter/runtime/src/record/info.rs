@@ -130,12 +130,22 @@ pub fn info(path: &Path) -> Result<Info, PlaybackError> {
         .map_err(|source| PlaybackError::NotReadable { path: path.to_owned(), source })?
         .len();
     let mut counter = InfoCounter::new(path, bytes);
-    let broken_off = each_message(path, |message| {
-        let channel = message.channel;
-        let message_type = channel.schema.as_ref().map_or("", |schema| &schema.name);
-        counter.add(&channel.topic, message_type, &channel.encoding, message.log_time, message.data.len());
-        Ok::<(), PlaybackError>(())
-    })?;
+    let broken_off = each_message(
+        path,
+        |_| true,
+        |message| {
+            let channel = message.channel;
+            let message_type = channel.schema.as_ref().map_or("", |schema| &schema.name);
+            counter.add(
+                &channel.topic,
+                message_type,
+                &channel.encoding,
+                message.log_time,
+                message.data.len(),
+            );
+            Ok::<(), PlaybackError>(())
+        },
+    )?;
     if let Some(cause) = broken_off {
         let refused = |reason| PlaybackError::NoRecording { path: path.to_owned(), reason };
         counter.break_off(cause).map_err(refused)?;

@@ -1,295 +1,239 @@
-//! Messages from the JSON of a recording, without a tree of values in between: most of the time of a replay of decisions.
+//! Messages from the JSON of a recording, in one pass over its text: most of the time of a replay of decisions.
 
-use std::fmt;
+use std::borrow::Cow;
 
-use serde::Deserializer;
-use serde::de::value::StrDeserializer;
-use serde::de::{
-    Deserialize, DeserializeSeed, Error, IgnoredAny, IntoDeserializer, MapAccess, SeqAccess, Visitor,
-};
-use yamabico_core::message::{Axes, Field, Layout, MessageType};
+use yamabico_core::message::{Axes, Layout, MessageType, StructLayout};
 
 use super::schema::{Bytes, HEADER_BYTES, ITEM_BYTES, bytes_of_hexadecimal};
 
 /// Reads the text of [`to_json`](super::to_json); `None` if it does not fit. Gives the same as [`from_json`](super::from_json).
 pub(super) fn read(message: &MessageType, text: &[u8]) -> Option<Bytes> {
-    let mut parts = Parts::of(message);
-    let mut json = serde_json::Deserializer::from_slice(text);
-    json.deserialize_map(&mut parts).ok()?;
-    json.end().ok()?;
-    let bytes = match parts.exact {
-        [Some(header), items] => Bytes { header, items: items? },
-        [None, _] if !parts.has_header || parts.has_null => return None,
-        [None, _] => {
-            let has_items = message.item == Layout::U8 || parts.has_items;
-            Bytes { header: parts.header, items: has_items.then_some(parts.items)? }
+    let Layout::Struct(layout) = message.header else { return None };
+    let is_list = message.item != Layout::U8;
+    let mut reader = Reader { json: Json(text), has_null: false };
+    let (mut header, mut items, mut has_items) = (vec![0; message.header_size], Vec::new(), !is_list);
+    // Header and items from their hexadecimal form.
+    let mut exact = [None, None];
+    let has_header = reader.table(layout, &mut header, &mut |reader, key| {
+        match key {
+            b"items" if is_list => {
+                reader.items(message.item, &mut items)?;
+                has_items = true;
+            }
+            b"text" if !is_list => items = reader.json.string()?.into_owned().into_bytes(),
+            key if key == HEADER_BYTES.as_bytes() => exact[0] = bytes_of_hexadecimal(&reader.json.string()?),
+            key if key == ITEM_BYTES.as_bytes() => exact[1] = bytes_of_hexadecimal(&reader.json.string()?),
+            _ => reader.json.skip()?,
         }
+        Some(())
+    })?;
+    reader.json.is_over().then_some(())?;
+    let bytes = match exact {
+        [Some(header), items] => Bytes { header, items: items? },
+        [None, _] => (has_header && has_items && !reader.has_null).then_some(Bytes { header, items })?,
     };
     let is_whole =
         bytes.header.len() == message.header_size && bytes.items.len() % message.item_size.max(1) == 0;
     is_whole.then_some(bytes)
 }
 
-/// Parts of a message, as far as they have been read.
-struct Parts<'a> {
-    message: &'a MessageType,
-    header: Vec<u8>,
-    items: Vec<u8>,
-    has_header: bool,
-    has_items: bool,
-    /// Set if a number is not finite.
+/// Receives what stands in a table besides the fields of its layout.
+type Others<'a, 't> = &'a mut dyn FnMut(&mut Reader<'t>, &[u8]) -> Option<()>;
+
+/// Reads values of known layouts.
+struct Reader<'t> {
+    json: Json<'t>,
+    /// Set if a number is not finite, which JSON writes as null.
     has_null: bool,
-    /// Header and items from their hexadecimal form.
-    exact: [Option<Vec<u8>>; 2],
 }
 
-impl<'a> Parts<'a> {
-    fn of(message: &'a MessageType) -> Parts<'a> {
-        Parts {
-            message,
-            header: vec![0; message.header_size],
-            items: Vec::new(),
-            has_header: false,
-            has_items: false,
-            has_null: false,
-            exact: [None, None],
+impl<'t> Reader<'t> {
+    /// Reads a value to `out`, which has its size.
+    fn value(&mut self, layout: Layout, out: &mut [u8]) -> Option<()> {
+        if self.json.next()? == b'n' {
+            self.has_null = true;
+            return self.json.word("null");
         }
-    }
-}
-
-impl<'de> Visitor<'de> for &mut Parts<'_> {
-    type Value = ();
-
-    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "a {}", self.message.name)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
-        let Layout::Struct(layout) = self.message.header else { return Err(A::Error::custom("no struct")) };
-        let mut missing = layout.fields.len();
-        while let Some(key) = map.next_key_seed(Key(layout.fields))? {
-            match key {
-                Found::Field(index) => {
-                    let field = &layout.fields[index];
-                    let end = field.offset + size(field.layout);
-                    let out =
-                        self.header.get_mut(field.offset..end).ok_or_else(|| A::Error::custom("size"))?;
-                    map.next_value_seed(Reader { layout: field.layout, out, has_null: &mut self.has_null })?;
-                    missing -= 1;
-                }
-                Found::Items if self.message.item != Layout::U8 => {
-                    let (layout, items) = (self.message.item, &mut self.items);
-                    map.next_value_seed(Items { layout, items, has_null: &mut self.has_null })?;
-                    self.has_items = true;
-                }
-                Found::Text if self.message.item == Layout::U8 => {
-                    self.items = map.next_value::<String>()?.into_bytes();
-                }
-                Found::Exact(part) => self.exact[part] = bytes_of_hexadecimal(&map.next_value::<String>()?),
-                Found::Items | Found::Text | Found::Other => drop(map.next_value::<IgnoredAny>()?),
+        match layout {
+            Layout::U8 => put(out, &[self.json.number()?.parse().ok()?]),
+            Layout::U32 if self.json.next()? == b'"' => {
+                put(out, &Axes::from_names(&self.json.string()?)?.bits().to_ne_bytes())
+            }
+            Layout::U32 => put(out, &self.json.number()?.parse::<u32>().ok()?.to_ne_bytes()),
+            Layout::I32 => put(out, &self.json.number()?.parse::<i32>().ok()?.to_ne_bytes()),
+            Layout::U64 => put(out, &self.json.number()?.parse::<u64>().ok()?.to_ne_bytes()),
+            Layout::F64 => {
+                let number: f64 = self.json.number()?.parse().ok()?;
+                put(out, &number.is_finite().then_some(number)?.to_ne_bytes())
+            }
+            Layout::Text(_) => {
+                let text = self.json.string()?;
+                put(out.get_mut(..text.len())?, text.as_bytes())
+            }
+            Layout::Array(element, len) => self.array(*element, len, out),
+            Layout::Struct(layout) => {
+                self.table(layout, out, &mut |reader, _| reader.json.skip())?.then_some(())
             }
         }
-        self.has_header = missing == 0;
-        Ok(())
-    }
-}
-
-/// Name of a field of a message, or of what stands beside them.
-struct Key<'a>(&'a [Field]);
-
-enum Found {
-    Field(usize),
-    Items,
-    Text,
-    Exact(usize),
-    Other,
-}
-
-impl<'de> DeserializeSeed<'de> for Key<'_> {
-    type Value = Found;
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Found, D::Error> {
-        deserializer.deserialize_str(self)
-    }
-}
-
-impl Visitor<'_> for Key<'_> {
-    type Value = Found;
-
-    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("the name of a field")
     }
 
-    fn visit_str<E: Error>(self, name: &str) -> Result<Found, E> {
-        Ok(match self.0.iter().position(|field| field.name == name) {
-            Some(index) => Found::Field(index),
-            None if name == "items" => Found::Items,
-            None if name == "text" => Found::Text,
-            None if name == HEADER_BYTES => Found::Exact(0),
-            None if name == ITEM_BYTES => Found::Exact(1),
-            None => Found::Other,
-        })
-    }
-}
-
-/// Items of a message, one after the other.
-struct Items<'a> {
-    layout: Layout,
-    items: &'a mut Vec<u8>,
-    has_null: &'a mut bool,
-}
-
-impl<'de> DeserializeSeed<'de> for Items<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_seq(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Items<'_> {
-    type Value = ();
-
-    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("a list of items")
+    fn array(&mut self, element: Layout, len: usize, out: &mut [u8]) -> Option<()> {
+        self.json.take(b'[')?;
+        for (index, out) in out.chunks_exact_mut(element.size().max(1)).take(len).enumerate() {
+            if index > 0 {
+                self.json.take(b',')?;
+            }
+            self.value(element, out)?;
+        }
+        self.json.take(b']')
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let Items { layout, items, has_null } = self;
-        let size = size(layout);
+    /// Reads a list of items.
+    fn items(&mut self, layout: Layout, items: &mut Vec<u8>) -> Option<()> {
+        self.json.take(b'[')?;
+        if self.json.next()? == b']' {
+            return self.json.take(b']');
+        }
         loop {
             let begin = items.len();
-            items.resize(begin + size, 0);
-            let out = &mut items[begin..];
-            if list.next_element_seed(Reader { layout, out, has_null: &mut *has_null })?.is_none() {
-                items.truncate(begin);
-                return Ok(());
+            items.resize(begin + layout.size(), 0);
+            self.value(layout, items.get_mut(begin..)?)?;
+            if self.json.next()? == b']' {
+                return self.json.take(b']');
+            }
+            self.json.take(b',')?;
+        }
+    }
+
+    /// Reads the fields of a struct to `out`; returns true if each is there once.
+    fn table(&mut self, layout: &StructLayout, out: &mut [u8], others: Others<'_, 't>) -> Option<bool> {
+        let (mut is_first, mut found, mut seen) = (true, 0, [0_u64; 4]);
+        self.json.take(b'{')?;
+        while self.json.next()? != b'}' {
+            if !std::mem::replace(&mut is_first, false) {
+                self.json.take(b',')?;
+            }
+            let key = self.json.quoted()?;
+            self.json.take(b':')?;
+            match layout.fields.iter().position(|field| field.name.as_bytes() == &*key) {
+                Some(index) => {
+                    let field = &layout.fields[index];
+                    let part = out.get_mut(field.offset..field.offset + field.layout.size())?;
+                    self.value(field.layout, part)?;
+                    let word = seen.get_mut(index / 64)?;
+                    (*word & (1 << (index % 64)) == 0).then_some(())?;
+                    *word |= 1 << (index % 64);
+                    found += 1;
+                }
+                None => others(self, &key)?,
+            }
+        }
+        self.json.take(b'}')?;
+        Some(found == layout.fields.len())
+    }
+}
+
+fn put(out: &mut [u8], bytes: &[u8]) -> Option<()> {
+    (out.len() == bytes.len()).then(|| out.copy_from_slice(bytes))
+}
+
+/// Text that has not been read yet.
+struct Json<'t>(&'t [u8]);
+
+impl<'t> Json<'t> {
+    /// Next byte that is no space.
+    fn next(&mut self) -> Option<u8> {
+        loop {
+            match self.0 {
+                [b' ' | b'\t' | b'\n' | b'\r', rest @ ..] => self.0 = rest,
+                rest => return rest.first().copied(),
             }
         }
     }
-}
 
-/// One value of a known layout, written to `out`.
-struct Reader<'a> {
-    layout: Layout,
-    out: &'a mut [u8],
-    has_null: &'a mut bool,
-}
-
-impl Reader<'_> {
-    fn put<E: Error>(self, bytes: &[u8]) -> Result<(), E> {
-        if self.out.len() != bytes.len() {
-            return Err(E::custom("size"));
-        }
-        self.out.copy_from_slice(bytes);
-        Ok(())
-    }
-}
-
-impl<'de> DeserializeSeed<'de> for Reader<'_> {
-    type Value = ();
-
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
-        deserializer.deserialize_any(self)
-    }
-}
-
-impl<'de> Visitor<'de> for Reader<'_> {
-    type Value = ();
-
-    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{:?}", self.layout)
+    fn is_over(&mut self) -> bool {
+        self.next().is_none()
     }
 
-    fn visit_u64<E: Error>(self, value: u64) -> Result<(), E> {
-        let too_large = |_| E::custom("too large");
-        match self.layout {
-            Layout::U8 => self.put(&[u8::try_from(value).map_err(too_large)?]),
-            Layout::U32 => self.put(&u32::try_from(value).map_err(too_large)?.to_ne_bytes()),
-            Layout::I32 => self.put(&i32::try_from(value).map_err(too_large)?.to_ne_bytes()),
-            Layout::U64 => self.put(&value.to_ne_bytes()),
-            Layout::F64 => self.put(&(value as f64).to_ne_bytes()),
-            _ => Err(E::custom("a number")),
+    /// Takes this byte.
+    fn take(&mut self, byte: u8) -> Option<()> {
+        (self.next()? == byte).then(|| self.0 = &self.0[1..])
+    }
+
+    fn word(&mut self, word: &str) -> Option<()> {
+        self.next()?;
+        self.0 = self.0.strip_prefix(word.as_bytes())?;
+        Some(())
+    }
+
+    /// Takes the bytes at the beginning that fit.
+    fn while_of(&mut self, fits: impl Fn(&u8) -> bool) -> &'t [u8] {
+        let length = self.0.iter().position(|byte| !fits(byte)).unwrap_or(self.0.len());
+        let (taken, rest) = self.0.split_at(length);
+        self.0 = rest;
+        taken
+    }
+
+    fn number(&mut self) -> Option<&'t str> {
+        self.next()?;
+        let number = self.while_of(|byte| matches!(byte, b'0'..=b'9' | b'-' | b'+' | b'.' | b'e' | b'E'));
+        std::str::from_utf8(number).ok()
+    }
+
+    fn string(&mut self) -> Option<Cow<'t, str>> {
+        match self.quoted()? {
+            Cow::Borrowed(text) => std::str::from_utf8(text).ok().map(Cow::Borrowed),
+            Cow::Owned(text) => String::from_utf8(text).ok().map(Cow::Owned),
         }
     }
 
-    fn visit_i64<E: Error>(self, value: i64) -> Result<(), E> {
-        match self.layout {
-            Layout::I32 => self.put(&i32::try_from(value).map_err(|_| E::custom("too large"))?.to_ne_bytes()),
-            Layout::F64 => self.put(&(value as f64).to_ne_bytes()),
-            _ => match u64::try_from(value) {
-                Ok(value) => self.visit_u64(value),
-                Err(_) => Err(E::custom("negative")),
-            },
+    /// Takes a text, which need not be UTF-8.
+    fn quoted(&mut self) -> Option<Cow<'t, [u8]>> {
+        self.take(b'"')?;
+        let begin = self.0;
+        let plain = self.while_of(|byte| !matches!(byte, b'"' | b'\\' | ..b' '));
+        if self.0.first() == Some(&b'"') {
+            self.0 = &self.0[1..];
+            return Some(Cow::Borrowed(plain));
         }
-    }
-
-    fn visit_f64<E: Error>(self, value: f64) -> Result<(), E> {
-        if self.layout != Layout::F64 {
-            return Err(E::custom("not an integer"));
+        // Escapes are rare.
+        while let [b'\\', _, rest @ ..] = self.0 {
+            self.0 = rest;
+            self.while_of(|byte| !matches!(byte, b'"' | b'\\'));
         }
-        self.put(&value.to_ne_bytes())
+        self.take(b'"')?;
+        let text = begin.get(..begin.len() - self.0.len() - 1)?;
+        let quoted = [&b"\""[..], text, b"\""].concat();
+        serde_json::from_slice::<String>(&quoted).ok().map(|text| Cow::Owned(text.into_bytes()))
     }
 
-    fn visit_unit<E: Error>(self) -> Result<(), E> {
-        *self.has_null = true;
-        Ok(())
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<(), E> {
-        match self.layout {
-            Layout::Text(size) if text.len() <= size => {
-                self.out[..text.len()].copy_from_slice(text.as_bytes());
-                Ok(())
+    /// Passes over a value.
+    fn skip(&mut self) -> Option<()> {
+        let mut depth = 0_usize;
+        loop {
+            match self.next()? {
+                b'"' => drop(self.quoted()?),
+                open @ (b'{' | b'[') => {
+                    self.take(open)?;
+                    depth += 1;
+                }
+                close @ (b'}' | b']') => {
+                    self.take(close)?;
+                    depth = depth.checked_sub(1)?;
+                }
+                between @ (b',' | b':') if depth > 0 => {
+                    self.take(between)?;
+                    continue;
+                }
+                _ => {
+                    let word = self.while_of(|byte| byte.is_ascii_alphanumeric() || b"+-.".contains(byte));
+                    (!word.is_empty()).then_some(())?;
+                }
             }
-            Layout::U32 => {
-                let text: StrDeserializer<'_, E> = text.into_deserializer();
-                let axes = Axes::deserialize(text)?;
-                self.put(&axes.bits().to_ne_bytes())
+            if depth == 0 {
+                return Some(());
             }
-            _ => Err(E::custom("a text")),
         }
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let Layout::Array(element, len) = self.layout else { return Err(A::Error::custom("a list")) };
-        for out in self.out.chunks_exact_mut(size(*element).max(1)).take(len) {
-            let read =
-                list.next_element_seed(Reader { layout: *element, out, has_null: &mut *self.has_null })?;
-            read.ok_or_else(|| A::Error::custom("too short"))?;
-        }
-        match list.next_element::<IgnoredAny>()? {
-            None => Ok(()),
-            Some(_) => Err(A::Error::custom("too long")),
-        }
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
-        let Layout::Struct(layout) = self.layout else { return Err(A::Error::custom("a table")) };
-        let mut missing = layout.fields.len();
-        while let Some(key) = map.next_key_seed(Key(layout.fields))? {
-            let Found::Field(index) = key else {
-                map.next_value::<IgnoredAny>()?;
-                continue;
-            };
-            let field = &layout.fields[index];
-            let out = self.out.get_mut(field.offset..field.offset + size(field.layout));
-            let out = out.ok_or_else(|| A::Error::custom("size"))?;
-            map.next_value_seed(Reader { layout: field.layout, out, has_null: &mut *self.has_null })?;
-            missing = missing.saturating_sub(1);
-        }
-        if missing == 0 { Ok(()) } else { Err(A::Error::custom("fields are missing")) }
-    }
-}
-
-fn size(layout: Layout) -> usize {
-    match layout {
-        Layout::U8 => 1,
-        Layout::U32 | Layout::I32 => 4,
-        Layout::U64 | Layout::F64 => 8,
-        Layout::Text(size) => size,
-        Layout::Array(element, len) => size(*element) * len,
-        Layout::Struct(layout) => layout.size,
     }
 }
 
@@ -310,10 +254,10 @@ mod tests {
             Layout::F64 => out.copy_from_slice(&(0.1 + f64::from(*next)).sin().to_ne_bytes()),
             Layout::Text(size) => out[..size / 3].fill(b'a' + (*next % 26) as u8),
             Layout::Array(element, _) => {
-                out.chunks_exact_mut(size(*element)).for_each(|out| fill(*element, out, next));
+                out.chunks_exact_mut(element.size()).for_each(|out| fill(*element, out, next));
             }
             Layout::Struct(layout) => layout.fields.iter().for_each(|field| {
-                fill(field.layout, &mut out[field.offset..field.offset + size(field.layout)], next);
+                fill(field.layout, &mut out[field.offset..field.offset + field.layout.size()], next);
             }),
         }
     }

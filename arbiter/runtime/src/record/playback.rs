@@ -9,7 +9,7 @@ use foxglove::messages::CompressedImage;
 use image::ImageReader;
 use yamabico_core::message::{Encoding, FrameHeader, Message, MessageType};
 use yamabico_core::time::Time;
-use yamabico_mcap::{Channel, Messages, ReadError};
+use yamabico_mcap::{Channel, MessagesAhead, ReadError};
 
 use super::Tap;
 use super::channels::under;
@@ -52,16 +52,17 @@ impl PlaybackError {
     }
 }
 
-/// Passes every readable message of a file to `each`; returns the cause why the file breaks off, if it does.
+/// Passes every readable message of the wanted channels of a file to `each`; returns the cause why the file breaks off, if it does.
 ///
 /// # Errors
 /// The file cannot be read up to its first message, or `each` fails.
 pub(super) fn each_message<E: From<PlaybackError>>(
     path: &Path,
+    is_wanted: impl Fn(&Channel) -> bool,
     mut each: impl FnMut(&yamabico_mcap::Message<'_>) -> Result<(), E>,
 ) -> Result<Option<String>, E> {
     let failed = |error| PlaybackError::new(path, error);
-    let (mut messages, mut has_begun) = (Messages::open(path).map_err(failed)?, false);
+    let (mut messages, mut has_begun) = (MessagesAhead::open(path, is_wanted).map_err(failed)?, false);
     loop {
         match messages.next() {
             Ok(Some(message)) => each(&message)?,
@@ -104,7 +105,7 @@ impl PlaybackResult {
 /// # Errors
 /// The file cannot be read or is no recording. A recording that ends early is played up to its end.
 pub fn play(path: &Path, tap: &mut dyn Tap) -> Result<PlaybackResult, PlaybackError> {
-    play_to(path, tap, None, &|_| true)
+    play_to(path, tap, Pictures::Decoded, &|_| true)
 }
 
 /// Same as [`play`], but passes on the messages of some topics only.
@@ -116,7 +117,19 @@ pub fn play_topics(
     tap: &mut dyn Tap,
     is_wanted: &dyn Fn(&str) -> bool,
 ) -> Result<PlaybackResult, PlaybackError> {
-    play_to(path, tap, None, is_wanted)
+    play_to(path, tap, Pictures::Decoded, is_wanted)
+}
+
+/// Same as [`play_topics`], but frames come without pixels.
+///
+/// # Errors
+/// Same as [`play`].
+pub(crate) fn play_headers(
+    path: &Path,
+    tap: &mut dyn Tap,
+    is_wanted: &dyn Fn(&str) -> bool,
+) -> Result<PlaybackResult, PlaybackError> {
+    play_to(path, tap, Pictures::LeftOut, is_wanted)
 }
 
 /// Receives a frame whose image is still compressed: topic, header, image file.
@@ -131,21 +144,36 @@ pub(crate) fn play_compressed(
     tap: &mut dyn Tap,
     frames: FrameSink<'_>,
 ) -> Result<PlaybackResult, PlaybackError> {
-    play_to(path, tap, Some(frames), &|_| true)
+    play_to(path, tap, Pictures::Compressed(frames), &|_| true)
+}
+
+/// Pictures of a playback.
+enum Pictures<'a> {
+    /// As pixels behind the headers of their frames.
+    Decoded,
+    /// As they are, with the headers of their frames.
+    Compressed(FrameSink<'a>),
+    /// None: the headers of their frames alone.
+    LeftOut,
 }
 
 fn play_to<'a>(
     path: &Path,
     tap: &'a mut dyn Tap,
-    frames: Option<FrameSink<'a>>,
+    pictures: Pictures<'a>,
     is_wanted: &'a dyn Fn(&str) -> bool,
 ) -> Result<PlaybackResult, PlaybackError> {
     let contents = Contents::read(path)?;
     let origin = contents.origin();
     let kinds = BTreeMap::new();
     let played = PlaybackResult::default();
-    let mut player = Player { tap, frames, is_wanted, origin, kinds, frame: None, played };
-    let broken_off = each_message(path, |message| {
+    let has_pictures = !matches!(pictures, Pictures::LeftOut);
+    let is_needed = |channel: &Channel| match pictured(&channel.topic) {
+        Some(topic) if !is_json(channel) => has_pictures && is_wanted(topic),
+        _ => is_json(channel) && is_wanted(&channel.topic),
+    };
+    let mut player = Player { tap, pictures, origin, kinds, frame: None, played };
+    let broken_off = each_message(path, is_needed, |message| {
         player.take(message);
         Ok::<(), PlaybackError>(())
     })?;
@@ -156,14 +184,21 @@ fn play_to<'a>(
     Ok(played)
 }
 
+/// Returns true for a channel with messages of the bus.
+fn is_json(channel: &Channel) -> bool {
+    channel.schema.as_ref().is_some_and(|schema| schema.encoding == "jsonschema")
+}
+
+/// Topic of the frames whose pictures a channel on this topic holds, if it does.
+fn pictured(topic: &str) -> Option<&str> {
+    topic.strip_prefix('/')?.strip_suffix("/image")
+}
+
 struct Player<'a> {
     tap: &'a mut dyn Tap,
     /// Stamp at time zero of the recording.
     origin: Time,
-    /// Receives frames instead of the tap.
-    frames: Option<FrameSink<'a>>,
-    /// Selects the topics.
-    is_wanted: &'a dyn Fn(&str) -> bool,
+    pictures: Pictures<'a>,
     /// Contents of the channels, by their numbers.
     kinds: BTreeMap<u16, Kind>,
     /// Frame whose image follows.
@@ -176,8 +211,8 @@ struct Player<'a> {
 enum Kind {
     /// Messages of the bus.
     Message(&'static MessageType),
-    /// Messages of the bus that nobody wants, or of an unknown type.
-    LeftOut,
+    /// Messages of the bus, of an unknown type.
+    Unknown,
     /// Something else, such as images.
     Other,
 }
@@ -196,7 +231,7 @@ impl Player<'_> {
         }
         let kind = match self.kind(message.channel) {
             Kind::Message(kind) => kind,
-            Kind::LeftOut => return self.miss_image(),
+            Kind::Unknown => return self.miss_image(),
             Kind::Other => return,
         };
         self.miss_image();
@@ -206,7 +241,7 @@ impl Player<'_> {
             return;
         };
         match bytemuck::try_pod_read_unaligned(&header) {
-            Ok(header) if kind.name == FrameHeader::NAME => {
+            Ok(header) if kind.name == FrameHeader::NAME && !matches!(self.pictures, Pictures::LeftOut) => {
                 self.frame = Some(Frame { topic: topic.clone(), time, header });
             }
             _ => self.show(topic, kind, time, &header, &items),
@@ -217,14 +252,13 @@ impl Player<'_> {
         if let Some(kind) = self.kinds.get(&channel.id) {
             return *kind;
         }
-        let schema = channel.schema.as_ref().filter(|schema| schema.encoding == "jsonschema");
+        let schema = channel.schema.as_ref().filter(|_| is_json(channel));
         let kind = match schema.and_then(|schema| schema::message_type(&schema.name, &schema.data)) {
             None => Kind::Other,
-            Some(_) if !(self.is_wanted)(&channel.topic) => Kind::LeftOut,
             Some(Ok(kind)) => Kind::Message(kind),
             Some(Err(problem)) => {
                 self.played.left_out.insert(format!("{}: {problem}", channel.topic));
-                Kind::LeftOut
+                Kind::Unknown
             }
         };
         self.kinds.insert(channel.id, kind);
@@ -233,7 +267,7 @@ impl Player<'_> {
 
     fn take_image(&mut self, data: &[u8]) {
         let Some(Frame { topic, time, header }) = self.frame.take() else { return };
-        if let Some(frames) = &mut self.frames {
+        if let Pictures::Compressed(frames) = &mut self.pictures {
             match CompressedImage::decode(data) {
                 Ok(image) => frames(&topic, &header, &image.data),
                 Err(_) => drop(self.played.left_out.insert(format!("{topic}: an image that cannot be read"))),

@@ -55,12 +55,16 @@ pub enum RepairError {
 pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     let mut repaired = Repaired { messages: 0, seconds: 0.0, broken_off: None, kept: None };
     let mut span: Option<(u64, u64)> = None;
-    repaired.broken_off = each_message(path, |message| {
-        repaired.messages += 1;
-        let (first, last) = span.unwrap_or((message.log_time, message.log_time));
-        span = Some((first.min(message.log_time), last.max(message.log_time)));
-        Ok::<(), RepairError>(())
-    })?;
+    repaired.broken_off = each_message(
+        path,
+        |_| true,
+        |message| {
+            repaired.messages += 1;
+            let (first, last) = span.unwrap_or((message.log_time, message.log_time));
+            span = Some((first.min(message.log_time), last.max(message.log_time)));
+            Ok::<(), RepairError>(())
+        },
+    )?;
     repaired.seconds = span.map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9);
     let Some(cause) = &repaired.broken_off else { return Ok(repaired) };
     let (new, kept) = (beside(path, "repairing"), beside(path, "broken"));
@@ -94,19 +98,23 @@ fn write(path: &Path, cause: &str, new: &Path) -> Result<(), RepairError> {
     let metadata = Metadata { name: RUN.to_owned(), metadata: facts };
     writer.write_metadata(&metadata).map_err(format)?;
     let mut channels = BTreeMap::new();
-    each_message(path, |message| {
-        let channel_id = match channels.get(&message.channel.id) {
-            Some(id) => *id,
-            None => {
-                let id = add(message.channel, &mut writer).map_err(format)?;
-                channels.insert(message.channel.id, id);
-                id
-            }
-        };
-        let yamabico_mcap::Message { sequence, log_time, publish_time, data, .. } = *message;
-        let header = MessageHeader { channel_id, sequence, log_time, publish_time };
-        writer.write_to_known_channel(&header, data).map_err(format)
-    })?;
+    each_message(
+        path,
+        |_| true,
+        |message| {
+            let channel_id = match channels.get(&message.channel.id) {
+                Some(id) => *id,
+                None => {
+                    let id = add(message.channel, &mut writer).map_err(format)?;
+                    channels.insert(message.channel.id, id);
+                    id
+                }
+            };
+            let yamabico_mcap::Message { sequence, log_time, publish_time, data, .. } = *message;
+            let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+            writer.write_to_known_channel(&header, data).map_err(format)
+        },
+    )?;
     writer.finish().map_err(format)?;
     Ok(())
 }

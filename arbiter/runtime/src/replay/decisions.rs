@@ -33,7 +33,7 @@ pub(super) fn replay_decisions(
     let mut comparison = Comparison::new(of_arbiter(), &ExplainContext::of(&plan.policy, &[]));
     let mut changes = ControlChanges::default();
     let mut steps =
-        Steps::read_topics(path, heard_by_arbiter(plan).into_iter().chain(of_arbiter()).collect());
+        Steps::read_headers(path, heard_by_arbiter(plan).into_iter().chain(of_arbiter()).collect());
     for step in &mut steps {
         let time = step.time;
         let (first, _) = span.unwrap_or((time, time));
@@ -47,7 +47,8 @@ pub(super) fn replay_decisions(
         changes.compare(time, &comparison.recorded, &comparison.replayed);
     }
     let played = steps.finish()?;
-    let notes = recorded.notes().into_iter().chain(options.part.note(span)).chain(played.notes()).collect();
+    let notes = recorded.notes(comparison.first.is_some()).into_iter();
+    let notes = notes.chain(options.part.note(span)).chain(played.notes()).collect();
     let seconds = span.map_or(0.0, |(first, last): (Time, Time)| last.seconds_after(first));
     let times = (seconds, began.elapsed().as_secs_f64(), None);
     Ok(Report::new(path, recorded, options, comparison, changes, notes, times))

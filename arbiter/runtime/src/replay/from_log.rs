@@ -104,7 +104,7 @@ pub(super) fn replay_log(
     let mut steps = match options.part {
         Part::Decisions => {
             let heard = heard_by_arbiter(&plan).into_iter().chain([topics::HEARD.to_owned()]);
-            Steps::read_topics(path, heard.chain(of_arbiter()).collect())
+            Steps::read_headers(path, heard.chain(of_arbiter()).collect())
         }
         Part::Whole | Part::From(_) => Steps::read(path),
     };
@@ -121,7 +121,7 @@ pub(super) fn replay_log(
     let played = steps.finish()?;
     let (first, newest) = span.unwrap_or_default();
     replay.repeat_until(newest, -LOOKAHEAD_S)?;
-    let mut notes = recorded.notes();
+    let mut notes = recorded.notes(replay.comparison.first.is_some());
     notes.extend(replay.losses.note());
     notes.extend(
         replay.comparison.leaves_out_overlays.then(|| "overlays are not compared in a live run".to_owned()),

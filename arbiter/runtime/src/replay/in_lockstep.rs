@@ -49,7 +49,7 @@ pub(super) fn replay_lockstep(
     }
     let context = ExplainContext::of(&plan.policy, &[]);
     let all = computed(&plan);
-    // Overlays are drawings, which nobody draws here.
+    // Overlays are drawings, which are not drawn here.
     let is_fed = |topic: &&Topic| topic.message.name != OverlayHeader::NAME;
     let fed: BTreeSet<String> = plan.topics.iter().filter(is_fed).map(|topic| topic.name.clone()).collect();
     let (step, program) = (recorded.identity.run.step, options.program.as_ref());
@@ -116,7 +116,7 @@ pub(super) fn replay_lockstep(
         changes.compare(time, &comparison.recorded, &comparison.replayed);
     }
     let played = steps.finish()?;
-    let mut notes = recorded.notes();
+    let mut notes = recorded.notes(comparison.first.is_some());
     notes.extend(memories.iter().flat_map(|memories| comparison.continued(memories)));
     notes.extend(prelude.as_ref().and_then(|_| options.part.note(span)));
     notes.extend(comparison.leaves_out_overlays.then(|| OVERLAYS_LEFT_OUT.to_owned()));

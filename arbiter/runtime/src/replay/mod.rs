@@ -50,7 +50,7 @@ use std::path::Path;
 use recorded_task::TemporaryFolder;
 use yamabico_core::plugins::Plugins;
 
-use crate::record::{digest_of_program, runs};
+use crate::record::runs;
 
 /// Replays every run in the file `path`: one, or several recordings one after the other. See [`replay`].
 ///
@@ -87,8 +87,6 @@ fn copy(from: &Path, part: Range<u64>, to: &Path) -> std::io::Result<()> {
 /// # Errors
 /// The recording cannot be read or replayed, or a part does not open.
 pub fn replay(path: &Path, plugins: &Plugins, options: &Options) -> Result<Report, ReplayError> {
-    // The digest of this program takes long, and is needed at the end.
-    std::thread::spawn(digest_of_program);
     let recorded = RecordedTask::open(path, &options.changes, plugins, Devices::Closed, options.programs())?;
     match recorded.is_lockstep() {
         true => in_lockstep::replay_lockstep(path, options, &recorded),

@@ -202,15 +202,15 @@ impl RecordedTask {
         Ok(RecordedTask { task, identity, policy, files: attached, facts, overrides, _files: files })
     }
 
-    /// Circumstances that may explain differences from the recorded run.
+    /// Circumstances that may explain differences from the recorded run: another version, and, if something differs, another build.
     #[must_use]
-    pub fn notes(&self) -> Vec<String> {
+    pub fn notes(&self, differs: bool) -> Vec<String> {
         let RecordedIdentity { run, program, .. } = &self.identity;
         let version = env!("CARGO_PKG_VERSION");
         let mut notes = Vec::new();
         if run.version != version {
             notes.push(format!("recorded by version {}, replayed by {version}", run.version));
-        } else if program != digest_of_program() {
+        } else if differs && program != digest_of_program() {
             notes.push("recorded by another build of this version".to_owned());
         }
         notes

@@ -8,7 +8,7 @@ use std::thread::JoinHandle;
 use yamabico_core::message::{MessageType, RawMessage};
 use yamabico_core::time::Time;
 
-use crate::record::{PlaybackError, PlaybackResult, Tap, play, play_topics};
+use crate::record::{PlaybackError, PlaybackResult, Tap, play, play_headers, play_topics};
 
 /// Batches of steps by which the reader is ahead.
 const AHEAD: usize = 8;
@@ -49,6 +49,11 @@ impl Steps {
     /// Begins to read the recording `path`.
     pub fn read(path: &Path) -> Steps {
         Steps::read_from(path, play)
+    }
+
+    /// Begins to read these topics of the recording `path`, without pixels.
+    pub fn read_headers(path: &Path, topics: BTreeSet<String>) -> Steps {
+        Steps::read_from(path, move |path, tap| play_headers(path, tap, &|topic| topics.contains(topic)))
     }
 
     /// Begins to read these topics of the recording `path`.

@@ -95,7 +95,7 @@ pub(super) fn replay_streams(
     }
     comparison.count_steps(count);
     let decisions = comparison.topics.get(topics::DECISION).map_or(0, |topic| topic.compared);
-    let mut notes = recorded.notes();
+    let mut notes = recorded.notes(false);
     notes.extend(has_overlays.then(|| OVERLAYS_LEFT_OUT.to_owned()));
     notes.extend(played.notes());
     let seconds = span.map_or(0.0, |(first, last): (Time, Time)| last.seconds_after(first));

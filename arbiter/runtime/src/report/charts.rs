@@ -19,7 +19,7 @@ const RIGHT: i32 = 40;
 const STRIP: i32 = 56;
 /// Height of one plot of speeds.
 const PLOT: i32 = 260;
-const NOBODY: Color = [235; 3];
+const IDLE: Color = [235; 3];
 /// Colors of wanted, allowed and commanded speeds.
 const SPEEDS: [(&str, Color); 3] =
     [("wanted", [70, 150, 255]), ("allowed", [235, 150, 30]), ("commanded", [30, 30, 30])];
@@ -84,7 +84,7 @@ pub(super) fn strips<'a>(
             let color = match &span.holder {
                 Holder::Behavior(name) => color(name),
                 Holder::Halt(_) => HALT,
-                Holder::Nobody => NOBODY,
+                Holder::NoBehavior => IDLE,
             };
             figure.rectangle((left, top + 6), ((right - left).max(2), STRIP - 12), color);
         }

@@ -45,7 +45,7 @@ enum Owner {
     /// Behavior, or a stop that no behavior asked for.
     Named(String),
     /// No behavior.
-    Nobody,
+    NoBehavior,
     /// No behavior, since critical behaviors and sensors wait for their first readings.
     FirstReadings,
 }
@@ -59,7 +59,7 @@ impl ControlLog {
         let owner = match halter.clone().or_else(|| driver(verdicts)) {
             _ if !self.ready => Owner::FirstReadings,
             Some(name) => Owner::Named(name),
-            None => Owner::Nobody,
+            None => Owner::NoBehavior,
         };
         match &mut self.current {
             Some((since, current)) => {
@@ -69,7 +69,7 @@ impl ControlLog {
                         Some(time) => *time += elapsed,
                         None => drop(self.time.by_owner_s.insert(name.clone(), elapsed)),
                     },
-                    Owner::Nobody => self.time.idle_s += elapsed,
+                    Owner::NoBehavior => self.time.idle_s += elapsed,
                     Owner::FirstReadings => self.time.waiting_s += elapsed,
                 }
                 *since = now;

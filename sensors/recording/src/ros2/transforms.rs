@@ -9,6 +9,7 @@ use serde::Deserialize;
 use super::{Header, Quaternion, Vector, finite, read};
 use crate::measurement::Refusal;
 use crate::storage::Messages;
+use crate::yamabico::{self, FRAME_TRANSFORMS};
 
 /// Name of the message type.
 pub const TF_MESSAGE: &str = "tf2_msgs/msg/TFMessage";
@@ -40,7 +41,8 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Reads the fixed frames of the recording `path`, from the topic `/tf_static`.
+    /// Reads the fixed frames of the recording `path`, from the topic `/tf_static`; of a recording of this program, the frames at its
+    /// beginning.
     ///
     /// # Errors
     /// The description of what cannot be read.
@@ -48,8 +50,11 @@ impl Frames {
         let mut frames = Frames::default();
         // Malformed messages are left out, and the beginning of a file that breaks off counts.
         for message in Messages::open(path)?.map_while(Result::ok) {
-            if message.topic.message_type == TF_MESSAGE && message.topic.name.ends_with("/tf_static") {
+            let topic = &message.topic;
+            if topic.message_type == TF_MESSAGE && topic.name.ends_with("/tf_static") {
                 let _ = frames.add(&message.data);
+            } else if topic.message_type == FRAME_TRANSFORMS && frames.parents.is_empty() {
+                let _ = yamabico::add_frames(&mut frames, &message.data);
             }
         }
         Ok(frames)
@@ -62,15 +67,29 @@ impl Frames {
     pub fn add(&mut self, data: &[u8]) -> Result<(), Refusal> {
         let message: TfMessage = read(data)?;
         for TransformStamped { header, child_frame_id, translation: t, rotation: q } in message.transforms {
-            finite(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w], "a transform")?;
-            let numbers = Numbers::new(q.w, q.x, q.y, q.z);
-            let rotation = UnitQuaternion::try_new(numbers, 1e-6);
-            let rotation = rotation.ok_or_else(|| Refusal::Malformed("a rotation of length 0".to_owned()))?;
-            let parent_from_child = Isometry3::from_parts(Translation3::new(t.x, t.y, t.z), rotation);
-            if self.parents.len() < MAX_FRAMES {
-                let plain = |name: &str| name.trim_start_matches('/').to_owned();
-                self.parents.insert(plain(&child_frame_id), (plain(&header.frame_id), parent_from_child));
-            }
+            self.insert(&child_frame_id, &header.frame_id, [t.x, t.y, t.z], [q.x, q.y, q.z, q.w])?;
+        }
+        Ok(())
+    }
+
+    /// Adds the transform of a frame to its parent: a translation, m, and a rotation as a quaternion x, y, z, w.
+    ///
+    /// # Errors
+    /// Numbers that are no transform.
+    pub(crate) fn insert(
+        &mut self,
+        child: &str,
+        parent: &str,
+        [x, y, z]: [f64; 3],
+        [i, j, k, w]: [f64; 4],
+    ) -> Result<(), Refusal> {
+        finite(&[x, y, z, i, j, k, w], "a transform")?;
+        let rotation = UnitQuaternion::try_new(Numbers::new(w, i, j, k), 1e-6);
+        let rotation = rotation.ok_or_else(|| Refusal::Malformed("a rotation of length 0".to_owned()))?;
+        let parent_from_child = Isometry3::from_parts(Translation3::new(x, y, z), rotation);
+        if self.parents.len() < MAX_FRAMES {
+            let plain = |name: &str| name.trim_start_matches('/').to_owned();
+            self.parents.insert(plain(child), (plain(parent), parent_from_child));
         }
         Ok(())
     }

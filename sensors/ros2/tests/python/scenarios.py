@@ -288,7 +288,7 @@ def mux(program, folder):
     lock = play("/pause", False)
     step("lock says false", 0.3)
     nav.kill()
-    step("navigation killed: nobody is left", 0.0)
+    step("navigation killed: none is left", 0.0)
     _, gap = base.gaps(begin)
     notes = {b["name"]: b["reason"] for b in base.decisions[-1]["behaviors"]}
     run.end()

@@ -149,7 +149,7 @@ pub enum Glare {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PersonKind {
-    /// Nobody.
+    /// No person.
     None,
     /// Comes out of a door, stops in the middle, and leaves through a door on the other side.
     Crosses,
@@ -206,7 +206,7 @@ impl Properties {
             glare,
             open_doors: between("open doors", 0.0, 0.6),
             boxes: of("boxes").random_range(1..=3),
-            // Nobody can pass in a narrow hallway.
+            // A narrow hallway has no room to pass.
             person: if width_m < 1.7 && person == PersonKind::Meets { PersonKind::Crosses } else { person },
             gives_way_m: 0.4,
             camera_m,

@@ -58,15 +58,7 @@ impl CameraConfig {
                 "is not supported by the simulator: remove it",
             ));
         }
-        if !self.intrinsics.intrinsics().is_valid() {
-            return Err(ParameterError::new("intrinsics", "width, height and focal lengths must be above 0"));
-        }
-        let kind = SensorKind::Camera {
-            intrinsics: self.intrinsics.intrinsics(),
-            distortion: Distortion::NONE,
-            mount: self.mount.into(),
-            calibrated: Calibration::Measured,
-        };
+        let kind = SensorKind::camera(&self.intrinsics, self.mount, Calibration::Measured)?;
         Ok(super::info::<FrameHeader>(name, self.period_ms, self.latency_ms, kind))
     }
 

@@ -44,13 +44,13 @@ pub fn what_if(report: &Report) -> String {
         table(&["from", "to", "axis", "recorded", "what if", "largest difference", "why"], 0..2);
     for change in report.changes.iter().take(MAX_CHANGES) {
         let ControlChange { axis, unit, recorded_winner, winner, recorded_why, why, .. } = change;
-        let nobody = |name: &str| if name.is_empty() { "nobody".to_owned() } else { name.to_owned() };
+        let shown = |name: &str| if name.is_empty() { "no behavior".to_owned() } else { name.to_owned() };
         changes.add_row([
             format!("{:.2} s", change.from_s),
             format!("{:.2} s", change.to_s),
             (*axis).to_owned(),
-            nobody(recorded_winner),
-            nobody(winner),
+            shown(recorded_winner),
+            shown(winner),
             format!("{:.3e} {unit}", change.max_difference),
             if why == recorded_why { why.clone() } else { format!("{why}\ninstead of: {recorded_why}") },
         ]);

@@ -149,7 +149,7 @@ impl<'a> Page<'a> {
         let mut legend = String::new();
         let halted = ("halted".to_owned(), trajectory::HALT);
         let names = self.drivers().into_iter().map(|name| (name.to_owned(), self.color(name)));
-        for (name, color) in names.chain([halted, ("nobody".to_owned(), [235; 3])]) {
+        for (name, color) in names.chain([halted, ("no behavior".to_owned(), [235; 3])]) {
             let _ = write!(legend, "{}", swatch(color, &name));
         }
         self.add(format_args!(

@@ -114,7 +114,7 @@ impl Page<'_> {
             ("smallest clearance", meters("smallest_clearance_m")),
             ("nearest person, moving", meters("smallest_person_moving_m")),
             ("nearest person, standing", meters("smallest_person_standing_m")),
-            ("nobody in control", seconds("idle_s")),
+            ("no behavior in control", seconds("idle_s")),
             ("waiting for first readings", seconds("waiting_s")),
         ];
         let mut html = String::from("<div class=\"figures\">");
