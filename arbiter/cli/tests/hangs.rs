@@ -1,15 +1,13 @@
 //! A process that hangs is killed; one that computes for long or waits for a processor is not.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use yamabico_core::message::PluginState;
 use yamabico_core::time::Time;
 use yamabico_host::Scheduling;
 use yamabico_live_robot::campaign::PERIOD;
 use yamabico_live_robot::laggard::{Hang, LAGGARD, LaggardRobot, write_task};
-use yamabico_live_robot::load::Load;
+use yamabico_live_robot::load::{Load, Probe};
 use yamabico_live_robot::robot::{BareTimer, TIMEOUT};
 
 use crate::program::{assert_exit, binary, example, text, yamabico};
@@ -21,34 +19,6 @@ fn start(test: &str, keys: &str) -> LaggardRobot {
     LaggardRobot::start(binary(), &example("laggard_program"), &name, keys)
 }
 
-/// A thread that always computes, to see what part of a processor a thread gets.
-struct Probe {
-    over: Arc<AtomicBool>,
-    begun: Instant,
-    computed_ns: Arc<AtomicU64>,
-}
-
-impl Probe {
-    fn start() -> Probe {
-        let (over, computed_ns) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
-        let (is_over, computed) = (Arc::clone(&over), Arc::clone(&computed_ns));
-        std::thread::spawn(move || {
-            while !is_over.load(Ordering::Relaxed) {
-                let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-                let ns = time.tv_sec.unsigned_abs() * 1_000_000_000 + time.tv_nsec.unsigned_abs();
-                computed.store(ns, Ordering::Relaxed);
-            }
-        });
-        Probe { over, begun: Instant::now(), computed_ns }
-    }
-
-    /// Share of a processor that it got, 0 to 1.
-    fn share(&self) -> f64 {
-        self.over.store(true, Ordering::Relaxed);
-        self.computed_ns.load(Ordering::Relaxed) as f64 * 1e-9 / self.begun.elapsed().as_secs_f64()
-    }
-}
-
 #[test]
 fn a_process_that_sleeps_or_loops_for_ever_is_killed_within_its_deadline_and_half() {
     let mut robot = start("laggard-hangs", &format!("deadline_ms = {}", DEADLINE.as_millis()));
@@ -57,7 +27,7 @@ fn a_process_that_sleeps_or_loops_for_ever_is_killed_within_its_deadline_and_hal
         robot.robot.observe(Duration::from_secs(1));
         let (timer, probe) = (BareTimer::start(PERIOD), Probe::start());
         let end = robot.hang(hang).expect("a restart");
-        let (late, share) = (timer.stop().max, probe.share());
+        let (late, share) = (timer.stop().max, probe.stop());
         println!(
             "{hang:?}: {end:?}; a bare timer was {late:?} late, a busy thread got {share:.2} of a processor"
         );
@@ -68,7 +38,7 @@ fn a_process_that_sleeps_or_loops_for_ever_is_killed_within_its_deadline_and_hal
         // Only a loop that has to share its processor has longer.
         let latest = match hang {
             Hang::Sleep => DEADLINE * 3 / 2,
-            Hang::Loop => (DEADLINE * 3 / 2).div_f64(share.clamp(0.1, 1.0)),
+            Hang::Loop => (DEADLINE * 3 / 2).div_f64(share.max(0.1)),
         };
         // The supervisor counts from the arrival of the heartbeat.
         assert!(end.silent >= earliest && end.silent < latest + 4 * late, "{end:?}, {share:.2}, {late:?}");
@@ -104,7 +74,7 @@ fn a_process_that_waits_for_a_processor_is_not_killed() {
             longest = longest.max(silent);
             silences += u32::from(silent > Duration::from_millis(1000));
         }
-        silences >= 3 || beat.restarts > 0
+        silences >= 2 || beat.restarts > 0
     });
     let process = robot.process().unwrap();
     println!("{silences} silences above the deadline of 1 s, the longest {longest:?}");

@@ -62,7 +62,7 @@ pub struct HostSettings {
 /// | [`overdue_timeout`][ot]   | 3/8 of the hang timeout                 | process without heartbeats is watched closely    |
 /// | [`kill_timeout`][kt]      | 7/8 of the hang timeout                 | process without heartbeats is killed             |
 /// | [`computing_timeout`][ct] | 5/4 of the hang timeout                 | ... also if it computes                          |
-/// | [`max_silence`][ms]       | ten hang timeouts                       | ... also if it waits for a processor             |
+/// | [`max_silence`][ms]       | forty hang timeouts                     | ... also if it waits for a processor             |
 /// | [`default_period`][dp]    | 1/3 of the proposal timeout             | call period of a critical behavior               |
 ///
 /// [pt]: Deadline::proposal_timeout
@@ -90,7 +90,7 @@ const HEARTBEATS: u32 = 4;
 /// The last part of the hang timeout, one in this many, is left for noticing the silence and ending the process.
 const KILL_PARTS: u32 = 8;
 /// Hang timeouts after which a process that always waited for a processor is killed nevertheless.
-const MAX_SILENCE: u32 = 10;
+const MAX_SILENCE: u32 = 40;
 /// Patience with processes whose calls are measured.
 const PATIENCE: u32 = 40;
 

@@ -18,7 +18,7 @@ pub struct Arguments {
     #[command(flatten)]
     task: TaskArguments,
     /// Run the task live for this time, with every behavior disabled, so that the robot stands; measure how long calls
-    /// take, and propose deadlines that suit this machine.
+    /// take with its present load, and propose deadlines that suit it.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, require_equals = true, default_missing_value = "10", value_parser = seconds)]
     measure: Option<Duration>,
 }

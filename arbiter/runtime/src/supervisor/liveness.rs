@@ -4,7 +4,7 @@
 //! (and without the time that the supervisor missed). What is left, its own time, is limited by its [`Deadline`]:
 //! - a process that mostly was idle, since it sleeps, is blocked or stopped, hangs after `kill_timeout`, 7/8 of the deadline;
 //! - one that mostly computed hangs after `computing_timeout`, 5/4 of it: a slow computation may still end, an endless loop does not;
-//! - any process hangs after a silence of `max_silence`, ten deadlines, however it spent them.
+//! - any process hangs after a silence of `max_silence`, forty deadlines, however it spent them.
 //!
 //! On a machine with processors to spare a hang therefore ends within one and a half deadlines. On a busy one a process that gets a
 //! third of a processor has three times as long, since killing it would only add the work of its restart.
@@ -162,7 +162,7 @@ mod tests {
     fn watch(computed_us: u64, is_runnable: bool, accounts: Accounts) -> (u64, Cause) {
         let mut liveness = Liveness::new(DEADLINE, at(0));
         liveness.beat(at(1_000));
-        for millis in (0..10_000).step_by(2) {
+        for millis in (0..20_000).step_by(2) {
             let now = at(1_000 + millis);
             if accounts == Accounts::Kept && liveness.is_reading_due(now) {
                 let computed = Duration::from_micros(millis * computed_us);
@@ -194,7 +194,11 @@ mod tests {
         // It gets a third of a processor from 120 ms on, when it is watched: 120 ms and 280 ms of its own are 120 + 840 ms.
         let (silent, cause) = watch(333, true, Accounts::Kept);
         assert!((950..980).contains(&silent) && cause == Cause::Computing, "{silent} {cause:?}");
-        assert_eq!(watch(0, true, Accounts::Kept), (3202, Cause::Starved), "none at all, for ten deadlines");
+        assert_eq!(
+            watch(0, true, Accounts::Kept),
+            (12_802, Cause::Starved),
+            "none at all, for forty deadlines"
+        );
     }
 
     #[test]

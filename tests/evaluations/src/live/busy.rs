@@ -11,7 +11,7 @@ use yamabico_core::time::Time;
 use yamabico_host::bus::Subscriber;
 use yamabico_host::{Scheduling, topics};
 use yamabico_live_robot::laggard::{Hang, LaggardRobot};
-use yamabico_live_robot::load::Load;
+use yamabico_live_robot::load::{Load, Probe};
 use yamabico_live_robot::robot::{LiveRobot, signal};
 use yamabico_runtime::client::RobotClient;
 
@@ -30,8 +30,8 @@ const LAGGARD_DEADLINE: Duration = Duration::from_millis(400);
 /// Kills, restarts and longest silences of a live run of the hallway beside busy loops; then each plugin is stopped, and the time until
 /// it is killed is measured, as for a behavior that sleeps or loops for ever.
 ///
-/// Fails if a plugin was killed that did not hang, or if one that hung lived longer than one and a half deadlines (a loop only without the
-/// busy loops, beside which it has longer). Needs `cargo build --release --workspace --example laggard_program` and `cargo build --release` first.
+/// Fails if a plugin was killed that did not hang, or if one that hung lived longer than one and a half deadlines. A loop has longer where
+/// it waits for a processor, and is judged without the busy loops, by the share of a processor that a thread gets. Needs `cargo build --release --workspace --example laggard_program` and `cargo build --release` first.
 #[derive(Args)]
 pub struct Arguments {
     /// Number of busy loops.
@@ -88,21 +88,34 @@ impl Arguments {
         }
         let mut hangs = Table::new(
             format!("Last heartbeat to death of a plugin that hangs, beside {} busy loops", self.loops),
-            &["plugin", "deadline, ms", "hangs", "p50, ms", "max, ms", "max, deadlines"],
+            &[
+                "plugin",
+                "deadline, ms",
+                "hangs",
+                "p50, ms",
+                "max, ms",
+                "max, deadlines",
+                "a busy thread got, CPUs",
+            ],
         );
         let mut longest = 0.0_f64;
         for (name, seen) in &observer.plugins {
             longest =
                 longest.max(seen.hangs.iter().max().map_or(0.0, |max| in_deadlines(*max, seen.deadline)));
-            hangs.row(hang_row(format!("{name}, stopped"), seen.deadline, &seen.hangs));
+            hangs.row(hang_row(format!("{name}, stopped"), seen.deadline, &seen.hangs, Cell::None));
         }
         let ended = robot.interrupt();
         let report: Value = serde_json::from_slice(&ended.stdout).map_err(|error| error.to_string())?;
         if let Some(laggard) = laggard(&program) {
             let mut of = |title: &str, hang| -> Result<f64, String> {
+                let probe = Probe::start();
                 let times = self.hang_laggard(&program, &laggard, hang)?;
-                hangs.row(hang_row(format!("laggard, {title}"), LAGGARD_DEADLINE, &times));
-                Ok(times.iter().max().map_or(0.0, |max| in_deadlines(*max, LAGGARD_DEADLINE)))
+                let share = probe.stop();
+                let row = hang_row(format!("laggard, {title}"), LAGGARD_DEADLINE, &times, number(share, 2));
+                hangs.row(row);
+                let longest = times.iter().max().map_or(0.0, |max| in_deadlines(*max, LAGGARD_DEADLINE));
+                // A loop has longer where it waits for a processor.
+                Ok(if hang == Hang::Loop { longest * share } else { longest })
             };
             longest = longest.max(of("sleeps", Hang::Sleep)?);
             of("loops", Hang::Loop)?;
@@ -236,7 +249,7 @@ fn in_deadlines(time: Duration, deadline: Duration) -> f64 {
     time.as_secs_f64() / deadline.as_secs_f64()
 }
 
-fn hang_row(name: String, deadline: Duration, times: &[Duration]) -> [Cell; 6] {
+fn hang_row(name: String, deadline: Duration, times: &[Duration], share: Cell) -> [Cell; 7] {
     let max = quantile(times, 1.0);
     [
         name.into(),
@@ -245,6 +258,7 @@ fn hang_row(name: String, deadline: Duration, times: &[Duration]) -> [Cell; 6] {
         milliseconds(quantile(times, 0.5)),
         milliseconds(max),
         number(in_deadlines(max, deadline), 2),
+        share,
     ]
 }
 
