@@ -7,6 +7,7 @@ mod chaos;
 mod devices;
 mod documents;
 mod goto;
+mod hangs;
 mod info;
 mod learn_floor;
 mod learn_map;

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`run`](mod@run) | a whole run: opens a task, runs it to its end, records and summarizes it |
 //! | [`execution`] | the plan of a run, lockstep and live execution, the manifest of a live robot |
+//! | [`deadlines`] | measured durations of the plugins' calls, and deadlines that suit the machine |
 //! | [`supervisor`] | plugins in processes of their own: started, watched and restarted |
 //! | [`record`] | taps on the messages of a run: digest, MCAP recording, playback |
 //! | [`replay`] | a recorded run again: compared to the byte, or changed |
@@ -28,6 +29,7 @@
 //! ```
 
 pub mod client;
+pub mod deadlines;
 pub mod execution;
 pub mod overlay_painter;
 pub mod record;

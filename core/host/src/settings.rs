@@ -54,23 +54,31 @@ pub struct HostSettings {
 
 /// Longest tolerated silence of a plugin, and every time that is derived from it.
 ///
-/// | Time                     | Value                                   | Meaning                                    |
-/// |--------------------------|-----------------------------------------|--------------------------------------------|
-/// | [`proposal_timeout`][pt] | `deadline_ms`, by default three periods | robot stops if critical and no proposal    |
-/// | [`hang_timeout`][ht]     | the same, by default at least 250 ms    | process without heartbeats has ended       |
-/// | [`heartbeat_period`][hp] | 1/4 of the hang timeout                 | longest time between two heartbeats        |
-/// | [`kill_timeout`][kt]     | 7/8 of the hang timeout                 | process without heartbeats is killed       |
-/// | [`default_period`][dp]   | 1/3 of the proposal timeout             | call period of a critical behavior         |
+/// | Time                      | Value                                   | Meaning                                          |
+/// |---------------------------|-----------------------------------------|--------------------------------------------------|
+/// | [`proposal_timeout`][pt]  | `deadline_ms`, by default three periods | robot stops if critical and no proposal          |
+/// | [`hang_timeout`][ht]      | the same, by default at least 250 ms    | process that is idle without heartbeats has ended |
+/// | [`heartbeat_period`][hp]  | 1/4 of the hang timeout                 | longest time between two heartbeats              |
+/// | [`overdue_timeout`][ot]   | 3/8 of the hang timeout                 | process without heartbeats is watched closely    |
+/// | [`kill_timeout`][kt]      | 7/8 of the hang timeout                 | process without heartbeats is killed             |
+/// | [`computing_timeout`][ct] | 5/4 of the hang timeout                 | ... also if it computes                          |
+/// | [`max_silence`][ms]       | forty hang timeouts                     | ... also if it waits for a processor             |
+/// | [`default_period`][dp]    | 1/3 of the proposal timeout             | call period of a critical behavior               |
 ///
 /// [pt]: Deadline::proposal_timeout
 /// [ht]: Deadline::hang_timeout
 /// [hp]: Deadline::heartbeat_period
+/// [ot]: Deadline::overdue_timeout
 /// [kt]: Deadline::kill_timeout
+/// [ct]: Deadline::computing_timeout
+/// [ms]: Deadline::max_silence
 /// [dp]: Deadline::default_period
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Deadline {
     proposal_timeout: Duration,
     hang_timeout: Duration,
+    /// Factor on the times after which a process has hung.
+    patience: u32,
 }
 
 /// Periods in the default deadline.
@@ -81,17 +89,27 @@ const MIN_HANG_TIMEOUT: Duration = Duration::from_millis(250);
 const HEARTBEATS: u32 = 4;
 /// The last part of the hang timeout, one in this many, is left for noticing the silence and ending the process.
 const KILL_PARTS: u32 = 8;
+/// Hang timeouts after which a process that always waited for a processor is killed nevertheless.
+const MAX_SILENCE: u32 = 40;
+/// Patience with processes whose calls are measured.
+const PATIENCE: u32 = 40;
 
 impl Deadline {
     /// Makes the deadline of a table that states `deadline_ms`.
-    pub fn new(deadline: Duration) -> Deadline {
-        Deadline { proposal_timeout: deadline, hang_timeout: deadline }
+    pub const fn new(deadline: Duration) -> Deadline {
+        Deadline { proposal_timeout: deadline, hang_timeout: deadline, patience: 1 }
     }
 
     /// Makes the default deadline of a behavior that is called every `period_ms`.
     pub fn of_period_ms(period_ms: f64) -> Deadline {
         let proposal_timeout = milliseconds(DEFAULT_PERIODS * period_ms);
-        Deadline { proposal_timeout, hang_timeout: proposal_timeout.max(MIN_HANG_TIMEOUT) }
+        Deadline { hang_timeout: proposal_timeout.max(MIN_HANG_TIMEOUT), ..Deadline::new(proposal_timeout) }
+    }
+
+    /// The same deadline, but a process counts as hung only after forty times as long: for measuring how long calls take.
+    #[must_use]
+    pub fn patient(self) -> Deadline {
+        Deadline { patience: PATIENCE, ..self }
     }
 
     /// Longest time without a proposal; a critical behavior that exceeds it stops the robot.
@@ -99,9 +117,9 @@ impl Deadline {
         self.proposal_timeout
     }
 
-    /// Time after its last heartbeat by which a hung process has ended.
+    /// Time after its last heartbeat by which a hung process that does not compute has ended.
     pub fn hang_timeout(self) -> Duration {
-        self.hang_timeout
+        self.hang_timeout * self.patience
     }
 
     /// Longest time between two heartbeats of a healthy plugin.
@@ -109,9 +127,24 @@ impl Deadline {
         self.hang_timeout / HEARTBEATS
     }
 
-    /// Time after its last heartbeat at which a hung process is killed.
+    /// Time after its last heartbeat from which on a process is watched closely: one and a half heartbeat periods.
+    pub fn overdue_timeout(self) -> Duration {
+        self.heartbeat_period() * 3 / 2
+    }
+
+    /// Time after its last heartbeat at which a hung process that does not compute is killed.
     pub fn kill_timeout(self) -> Duration {
-        self.hang_timeout - self.hang_timeout / KILL_PARTS
+        self.hang_timeout() - self.hang_timeout() / KILL_PARTS
+    }
+
+    /// Time after its last heartbeat at which a process that computes is killed.
+    pub fn computing_timeout(self) -> Duration {
+        self.hang_timeout() * 5 / 4
+    }
+
+    /// Time after its last heartbeat at which a process is killed even if it waited for a processor all the time.
+    pub fn max_silence(self) -> Duration {
+        self.hang_timeout() * MAX_SILENCE
     }
 
     /// Call period of a critical behavior that has none of its own.
@@ -170,5 +203,17 @@ mod tests {
         let default = Deadline::of_period_ms(20.0);
         assert_eq!((default.proposal_timeout().as_millis(), default.hang_timeout().as_millis()), (60, 250));
         assert_eq!(default.default_period().as_millis(), 20);
+    }
+
+    #[test]
+    fn a_process_is_watched_before_it_can_be_killed_and_ends_within_its_deadline_and_half() {
+        for deadline in [Deadline::new(Duration::from_millis(400)), Deadline::of_period_ms(20.0)] {
+            let idle = deadline.kill_timeout();
+            assert!(deadline.heartbeat_period() < deadline.overdue_timeout());
+            assert!(2 * deadline.overdue_timeout() < idle && idle < deadline.hang_timeout());
+            assert!(deadline.computing_timeout() * 11 / 10 < deadline.hang_timeout() * 3 / 2);
+            assert_eq!(deadline.patient().heartbeat_period(), deadline.heartbeat_period());
+            assert_eq!(deadline.patient().kill_timeout(), idle * 40);
+        }
     }
 }

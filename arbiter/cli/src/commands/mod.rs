@@ -33,15 +33,14 @@ mod why;
 use clap::Subcommand;
 
 use crate::output::{CommandResult, Print};
-use crate::task_arguments::TaskArguments;
 
 /// The subcommand and its arguments.
 #[derive(Subcommand)]
 pub enum Command {
     /// Run a task until its goal is reached, its time is up or its sensors end.
     Run(run::Arguments),
-    /// Check a task and list every error in it, without opening a device.
-    Check(TaskArguments),
+    /// Check a task and list every error in it, without opening a device; or measure what deadlines it needs.
+    Check(check::Arguments),
     /// Draw a task: sensors, behaviors, wires and drive.
     Graph(graph::Arguments),
     /// List behaviors and drivers.

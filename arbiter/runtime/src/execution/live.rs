@@ -40,7 +40,7 @@ use crate::supervisor::{Program, Supervisor};
 const SETTLING: Duration = Duration::from_millis(50);
 /// Period of the recorder.
 const RECORDER_PERIOD: Duration = Duration::from_millis(2);
-/// Time within which every process opens its parts.
+/// Time within which every process opens its parts, without the time for which it waits for a processor.
 const OPENING_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time within which every thread ends; a thread that does not is hung and abandoned.
 const ENDING_TIMEOUT: Duration = Duration::from_secs(1);
@@ -158,7 +158,8 @@ impl Live {
                 return Err(self.refusal(failure));
             }
             let Some(missing) = names.iter().find(|name| !self.plugins.is_up(name)) else { return Ok(()) };
-            if begun.elapsed() > OPENING_TIMEOUT {
+            let delay = self.supervisor.as_ref().map_or(Duration::ZERO, Supervisor::start_delay);
+            if begun.elapsed() > OPENING_TIMEOUT + delay {
                 let reason = format!("it sent no heartbeat within {} s", OPENING_TIMEOUT.as_secs());
                 return Err(HostError::Process { name: missing.clone(), reason });
             }

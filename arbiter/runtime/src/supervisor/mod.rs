@@ -2,6 +2,10 @@
 //!
 //! One thread does it, never for more than a few milliseconds at a time. The clean-up after a dead process may block, so it has
 //! a thread of its own; a new process waits for it for at most half a second. The supervisor is independent of the arbiter.
+//!
+//! A process that sends no heartbeat for too long is killed and restarted. A process that computes has longer, and time for which it
+//! waits for a processor does not count: a busy machine must not kill the processes that it slows down. `liveness` states the rule.
+//! Safety does not depend on it: proposals of a silent behavior expire by their age, and a silent device stops its drive.
 
 mod back_off;
 mod clean_up;
@@ -9,10 +13,12 @@ mod janitor;
 mod liveness;
 mod process_reporter;
 mod program;
+mod silence;
 mod spawn;
 mod supervised_process;
+mod thread_times;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -32,6 +38,8 @@ use supervised_process::{RunPhase, SupervisedProcess};
 
 /// Period of the supervisor: the delay with which it notices a death.
 const PERIOD: Duration = Duration::from_millis(2);
+/// Delay of the supervisor above which the machine stood still: the processes did, too. It is hardly ever as late on a busy one.
+const STANDSTILL: Duration = Duration::from_millis(20);
 /// Time within which plugins end on request; after that they are killed.
 const ENDING_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -41,7 +49,7 @@ pub struct Supervisor {
     thread: Option<JoinHandle<()>>,
 }
 
-/// Requests to the supervisor's thread.
+/// Requests to the supervisor's thread, and what it answers.
 #[derive(Default)]
 struct Requests {
     /// Plugins that start from now on begin at once.
@@ -50,6 +58,8 @@ struct Requests {
     end: AtomicBool,
     /// Parameters that behaviors get when they restart.
     parameters: Mutex<Vec<(String, toml::Table, u64)>>,
+    /// Longest time for which a process that starts has waited for a processor so far, ns.
+    start_delay_ns: AtomicU64,
 }
 
 impl Supervisor {
@@ -78,6 +88,11 @@ impl Supervisor {
     /// Reports the begin of the run: plugins that start from now on begin at once.
     pub fn begin(&self) {
         self.requests.begun.store(true, Ordering::Relaxed);
+    }
+
+    /// Longest time for which a process that starts has waited for a processor so far.
+    pub fn start_delay(&self) -> Duration {
+        Duration::from_nanos(self.requests.start_delay_ns.load(Ordering::Relaxed))
     }
 
     /// Sets the parameters that the behavior `name` gets when it restarts, and the request that changed them.
@@ -125,8 +140,10 @@ impl Supervision {
         let mut last = Time::monotonic_now();
         while !self.requests.end.load(Ordering::Relaxed) {
             let now = Time::monotonic_now();
-            // Time that the supervisor itself missed does not make a process hung.
-            let missed = now.since(last).saturating_sub(2 * PERIOD);
+            let passed = now.since(last);
+            if passed > STANDSTILL {
+                self.processes.iter_mut().for_each(|process| process.excuse(passed));
+            }
             last = now;
             if let Err(error) = self.receive(now) {
                 tracing::error!("receiving heartbeats failed: {error}");
@@ -138,9 +155,12 @@ impl Supervision {
                 false => RunPhase::Opening,
             };
             for process in &mut self.processes {
-                process.excuse(missed);
                 process.step(now, phase, &self.program, &mut self.clean_up);
             }
+            let delays = self.processes.iter().map(SupervisedProcess::start_delay);
+            let delay_ns =
+                delays.max().map_or(0, |delay| u64::try_from(delay.as_nanos()).unwrap_or(u64::MAX));
+            self.requests.start_delay_ns.fetch_max(delay_ns, Ordering::Relaxed);
             let reports = self.processes.iter().map(SupervisedProcess::report);
             if let Err(error) = self.reporter.report(reports, now) {
                 tracing::error!("could not publish the state of processes: {error}");

@@ -12,9 +12,10 @@ use yamabico_host::{Deadline, Scheduling};
 
 use super::back_off::BackOff;
 use super::clean_up::{CleanUp, CleanUpTicket};
-use super::liveness::Liveness;
+use super::liveness::{Hang, Liveness};
 use super::program::Program;
 use super::spawn::{send_launch_config, spawn};
+use super::thread_times::ThreadTimes;
 
 /// Time for which a new process waits for the clean-up after its predecessor; after that it tries to open its ports anyway.
 const CLEAN_UP_TIMEOUT: Duration = Duration::from_millis(500);
@@ -26,7 +27,7 @@ pub struct ProcessPlan {
     pub launch: LaunchConfig,
     /// Reaction of the process to the supervisor's death.
     pub on_parent_death: OnParentDeath,
-    /// Maximum silence before it is killed.
+    /// Longest tolerated silence.
     pub deadline: Deadline,
     /// Request to the operating system's scheduler.
     pub scheduling: Scheduling,
@@ -53,8 +54,10 @@ pub(super) struct SupervisedProcess {
     ended: Option<(Note, Time)>,
     /// Failure that it reported last, and the time of it.
     failure: Option<(Note, Time)>,
-    /// Duration of the silence for which its process is being killed.
-    hung_for: Option<Duration>,
+    /// Finding for which its process is being killed.
+    hang: Option<Hang>,
+    /// Set once a process of it was late, but not killed.
+    was_late: bool,
 }
 
 enum State {
@@ -87,7 +90,8 @@ impl SupervisedProcess {
             starts: 0,
             ended: None,
             failure: None,
-            hung_for: None,
+            hang: None,
+            was_late: false,
         }
     }
 
@@ -158,6 +162,14 @@ impl SupervisedProcess {
         }
     }
 
+    /// Time for which a process that starts has waited for a processor since its launch.
+    pub fn start_delay(&self) -> Duration {
+        match &self.state {
+            State::Up { liveness, .. } if !liveness.is_up() => liveness.waited(),
+            _ => Duration::ZERO,
+        }
+    }
+
     /// Starts, launches, kills or restarts the process, whatever is due.
     pub fn step(&mut self, now: Time, phase: RunPhase, program: &Program, clean_up: &mut CleanUp) {
         match &mut self.state {
@@ -191,11 +203,11 @@ impl SupervisedProcess {
             _ => Duration::ZERO,
         };
         let ticket = Some(clean_up.request(now));
-        let cause = match self.hung_for {
-            Some(silent) => format!("was killed after {silent:.2?} without a heartbeat"),
+        let cause = match self.hang {
+            Some(hang) => format!("was killed after {hang}"),
             None => describe(status),
         };
-        let killed_from_outside = status.signal() == Some(Signal::KILL.as_raw()) && self.hung_for.is_none();
+        let killed_from_outside = status.signal() == Some(Signal::KILL.as_raw()) && self.hang.is_none();
         self.schedule_restart(&End { cause, age, lived }, ticket, now);
         if self.back_off.is_crash_loop() && !killed_from_outside {
             // Saved state may be causing the crash: discard it.
@@ -212,14 +224,25 @@ impl SupervisedProcess {
                     self.launch(now, phase);
                 }
             }
-            State::Up { child, liveness, .. } => {
-                // Reported when the process has ended.
-                if let Some(silent) = liveness.hung_for(now).filter(|_| self.hung_for.is_none()) {
+            State::Up { child, liveness, .. } if self.hang.is_none() => {
+                if liveness.is_reading_due(now)
+                    && let Some(threads) = ThreadTimes::of_process(child.id())
+                {
+                    liveness.read(threads, now);
+                }
+                self.hang = liveness.hang(now);
+                if self.hang.is_some() {
+                    // Reported when the process has ended.
                     let _ = child.kill();
-                    self.hung_for = Some(silent);
+                } else if liveness.is_late(now) && !std::mem::replace(&mut self.was_late, true) {
+                    tracing::warn!(
+                        "`{}` is late, but not killed yet: it computes or waits for a processor. This machine is slow or \
+                         busy; `yamabico check --measure` proposes deadlines for it",
+                        self.plan.launch.name
+                    );
                 }
             }
-            State::Due { .. } | State::Ended => {}
+            State::Up { .. } | State::Due { .. } | State::Ended => {}
         }
     }
 
@@ -247,12 +270,12 @@ impl SupervisedProcess {
             RunPhase::Running => Start::Immediately,
         };
         self.starts += 1;
-        self.hung_for = None;
+        self.hang = None;
         if let Err(error) = send_launch_config(&mut child, launch) {
             tracing::error!("could not launch `{}`: {error}", launch.name);
             let _ = child.kill();
         }
-        let liveness = Liveness::new(self.plan.deadline.kill_timeout(), now);
+        let liveness = Liveness::new(self.plan.deadline, now);
         self.state = State::Up { child, started, liveness };
     }
 

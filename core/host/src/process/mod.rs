@@ -17,8 +17,9 @@
 //!    event service of the same name, which the publisher notifies after each message.
 //! 4. **Report.** The plugin publishes a `Heartbeat` on `plugins/heartbeats` at least every `heartbeat_ms`, from the
 //!    loop that does the work. The first one has the state `starting` and means that everything is open. A plugin
-//!    without a heartbeat for 3.5 times `heartbeat_ms` is killed and restarted (see [`Deadline`](crate::Deadline)). A
-//!    plugin that cannot start publishes the reason on `plugins/failures` and exits with code 2.
+//!    without a heartbeat for 3.5 times `heartbeat_ms`, 5 times if it computes, is killed and restarted; time for which it
+//!    waits for a processor does not count (see [`Deadline`](crate::Deadline)). A plugin that cannot start publishes the
+//!    reason on `plugins/failures` and exits with code 2.
 //! 5. **Start.** With `start = "on-first-command"` the plugin waits for a message on `command` before it proposes,
 //!    measures or moves. With `start = "immediately"` it does not wait.
 //! 6. **Run.** All stamps are `CLOCK_MONOTONIC` in nanoseconds.

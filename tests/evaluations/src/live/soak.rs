@@ -8,12 +8,9 @@ use serde_json::Value;
 use yamabico_live_robot::robot::{BareTimer, LiveRobot, Resources};
 
 use super::process_use::ProcessUse;
-use super::program;
+use super::{PLUGINS, program};
 use crate::report::{Report, Table, number};
 
-/// Plugins of the hallway task.
-const PLUGINS: [&str; 6] =
-    ["sim", "sonar-halt", "stuck-recovery", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
 const SUPERVISOR: &str = "arbiter and supervisor";
 const PERIOD: Duration = Duration::from_millis(10);
 /// Tolerated growth of memory between the two parts of a run: share, and KiB.

@@ -10,14 +10,11 @@ use serde_json::Value;
 use yamabico_live_robot::robot::LiveRobot;
 
 use super::process_use::ProcessUse;
-use super::program;
 use super::viewers::{Addresses, Viewers, deaf, send_nonsense};
+use super::{PLUGINS, program, start_slow_hallway};
 use crate::report::{Cell, Report, Table, number};
 use crate::statistics::nearest_rank;
 
-/// Plugins of the hallway task.
-const PLUGINS: [&str; 6] =
-    ["sim", "sonar-halt", "stuck-recovery", "stationary-obstacle-avoider", "map-localizer", "wall-follower"];
 /// Time before a measurement, for buffers to fill and behaviors to begin drawing.
 const SETTLING: Duration = Duration::from_secs(3);
 /// Clients beside nonsense: those that look, and those that never read.
@@ -126,7 +123,7 @@ impl Arguments {
         clients: Option<(usize, usize)>,
         disturb: impl FnOnce(&Addresses) + Send,
     ) -> Result<[Cell; 9], String> {
-        let (mut robot, name) = start(program);
+        let (mut robot, name) = start_slow_hallway(program, "viewing");
         let view = clients.map(|_| View::start(program, &name)).transpose()?;
         let followed = view.as_ref().zip(clients);
         let viewers = followed.map(|(view, (looking, _))| Viewers::start(&view.addresses, looking));
@@ -171,7 +168,7 @@ impl Arguments {
 
     /// Memory and computing time of the view with two clients, and true if its memory does not grow.
     fn memory(&self, program: &Path) -> Result<(Table, bool), String> {
-        let (mut robot, name) = start(program);
+        let (mut robot, name) = start_slow_hallway(program, "viewing");
         let view = View::start(program, &name)?;
         let viewers = Viewers::start(&view.addresses, 2);
         let (begun, mut samples) = (Instant::now(), vec![view.usage()?]);
@@ -206,13 +203,4 @@ impl Arguments {
         let [before, after] = [first, second].map(|part| median(part, |sample| sample.private_kib));
         Ok((table, after <= before * (1.0 + TOLERANCE.0) + TOLERANCE.1))
     }
-}
-
-/// Starts a robot that does not reach the end of the hallway; returns its name, too.
-fn start(program: &Path) -> (LiveRobot, String) {
-    let name = format!("viewing-{}", std::process::id());
-    let speed = |behavior: &str| format!("behaviors.{behavior}.speed_mps=0.02");
-    let (localizer, follower) = (speed("map-localizer"), speed("wall-follower"));
-    let set = ["run.goal.x_m=60", "run.duration_s=100000", &localizer, &follower];
-    (LiveRobot::start(program, "hallway.toml", &name, PLUGINS.len(), &set), name)
 }

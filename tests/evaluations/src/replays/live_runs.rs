@@ -3,10 +3,10 @@
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use yamabico_host::Scheduling;
+use yamabico_live_robot::load::Load;
 use yamabico_live_robot::robot::{LiveRobot, signal};
 
 /// Timeout for a restart.
@@ -115,7 +115,7 @@ impl LiveRun {
             set.extend(self.victims.iter().map(|victim| format!("behaviors.{victim}.deadline_ms=20000")));
         }
         let set: Vec<&str> = set.iter().map(String::as_str).collect();
-        let load = Load::start(if self.is_busy { 4 } else { 0 });
+        let load = Load::start(if self.is_busy { 4 } else { 0 }, Scheduling::default());
         let mut robot = LiveRobot::start(program, self.task, &name, self.plugins, &set);
         robot.keep = true;
         let folder = robot.folder.clone();
@@ -184,28 +184,4 @@ pub fn path_with(folder: &Path) -> OsString {
     let folders = std::env::var_os("PATH").unwrap_or_default();
     std::env::join_paths(std::iter::once(folder.to_owned()).chain(std::env::split_paths(&folders)))
         .expect("a path")
-}
-
-/// Threads that keep processors busy, until it is dropped.
-struct Load(Arc<AtomicBool>);
-
-impl Load {
-    fn start(threads: usize) -> Load {
-        let over = Arc::new(AtomicBool::new(false));
-        for _ in 0..threads {
-            let over = Arc::clone(&over);
-            std::thread::spawn(move || {
-                while !over.load(Ordering::Relaxed) {
-                    std::hint::spin_loop();
-                }
-            });
-        }
-        Load(over)
-    }
-}
-
-impl Drop for Load {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
 }
