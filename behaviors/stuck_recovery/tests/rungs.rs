@@ -115,6 +115,20 @@ fn a_robot_that_progresses_or_wants_to_stand_is_left_alone() {
 }
 
 #[test]
+fn a_robot_that_only_looks_about_is_stuck() {
+    let mut scene = Scene::new("");
+    scene.verdict.reason = Reason::Searching.code();
+    for step in 0..60 {
+        // A search stands between two looks.
+        scene.wished = Twist::planar(0.0, if step % 7 < 3 { 0.3 } else { 0.0 });
+        if scene.step().kind() == Some(Kind::Drive) {
+            return;
+        }
+    }
+    panic!("no rung was tried");
+}
+
+#[test]
 fn standing_rungs_stand_until_it_has_stood_for_their_time_and_tell_the_rung() {
     let mut scene =
         Scene::new("ladder = ['wait', 'look-again', 'ask']\nwait_s = 3.0\nlook_s = 5.0\nask_s = 2.0");

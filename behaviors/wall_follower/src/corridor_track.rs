@@ -318,6 +318,19 @@ mod tests {
     }
 
     #[test]
+    fn two_walls_that_nothing_could_pass_between_are_not_both_kept() {
+        let mut track = CorridorTrack::new(0.8);
+        let at = |x: f64| Pose2::new(x, 0.0, 0.0);
+        see(&mut track, at(0.0), Some(0.27), None);
+        see(&mut track, at(0.05), None, Some(-0.27));
+        let walls = track.estimate_at(&at(0.05)).expect("a heading").walls;
+        assert!(walls.left_m.is_none() && walls.right_m.is_some(), "the one that is seen is kept: {walls:?}");
+        see(&mut track, at(0.1), Some(0.9), None);
+        let walls = track.estimate_at(&at(0.1)).expect("a heading").walls;
+        assert!(walls.left_m.is_some() && walls.right_m.is_some(), "{walls:?}");
+    }
+
+    #[test]
     fn odometry_carries_the_estimate_to_now() {
         let mut track = CorridorTrack::default();
         assert!(track.estimate_at(&Pose2::IDENTITY).is_none());
