@@ -41,16 +41,16 @@ pub(super) struct Liveness {
 pub(super) struct Hang {
     /// Duration of its silence.
     pub silent: Duration,
-    /// What it did.
+    /// State of its threads in that silence.
     pub cause: Cause,
 }
 
-/// What a hung process did.
+/// State that a hung process was in for most of its silence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cause {
-    /// It mostly was idle.
+    /// Its threads slept, were blocked or stopped.
     Idle,
-    /// It mostly computed.
+    /// It computed.
     Computing,
     /// It waited for a processor for too long.
     Starved,

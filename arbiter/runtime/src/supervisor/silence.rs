@@ -1,4 +1,4 @@
-//! What a process does while it sends no heartbeat: it computes, it waits for a processor, or it is idle.
+//! Silences of a process, divided into times of computing, of waiting for a processor, and of being idle.
 
 use std::time::Duration;
 
@@ -71,7 +71,7 @@ struct Interval {
 }
 
 impl Interval {
-    /// What the threads did from the reading `before` to the reading `after`, a time `length` later. The process waited as long as
+    /// Interval from the reading `before` to the reading `after`, a time `length` later. The process waited as long as
     /// its runnable threads did on average.
     fn between(before: &[ThreadTimes], after: &[ThreadTimes], length: Duration) -> Interval {
         let computed_by = |thread: &ThreadTimes| {

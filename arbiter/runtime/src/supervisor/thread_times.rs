@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-/// What one thread of a process has done since it was started.
+/// Times of one thread of a process since it was started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ThreadTimes {
     /// Id of the thread.

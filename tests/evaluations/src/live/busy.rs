@@ -45,7 +45,7 @@ pub struct Arguments {
     hangs: usize,
 }
 
-/// What was seen of one plugin.
+/// Observations of one plugin.
 #[derive(Default)]
 struct Seen {
     deadline: Duration,
