@@ -21,6 +21,7 @@ mod replay;
 mod report;
 mod run;
 mod scheduling;
+mod service;
 mod texts;
 mod third_party;
 #[cfg(feature = "view")]

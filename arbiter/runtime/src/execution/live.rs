@@ -33,6 +33,7 @@ use super::robot_manifest::{ManifestPublisher, ProcessPolicy, RobotManifest};
 use super::run_end::{Progress, RunEnd, STOPPING_TIMEOUT, ended};
 use super::run_stats::RunStats;
 use super::separate_processes::SeparateProcesses;
+use super::service_manager::ServiceManager;
 use crate::record::{Tap, Tee};
 use crate::supervisor::{Program, Supervisor};
 
@@ -260,10 +261,12 @@ impl Live {
     ) -> Result<RunEnd, DeviceError> {
         self.failure = self.start().err();
         let mut monitor = GoalMonitor::new(run.goal);
+        let mut service_manager = ServiceManager::from_environment();
         let mut decided: Option<(RunEnd, Time)> = None;
         loop {
             let now = self.now();
-            self.show(&mut Tee(vec![&mut monitor, tap]), now);
+            self.show(&mut Tee(vec![&mut monitor, &mut service_manager, tap]), now);
+            service_manager.step(Instant::now());
             if let Err(error) = self.parameter_server.step(self.supervisor.as_ref(), now) {
                 tracing::error!("updating parameters failed: {error}");
             }
@@ -278,6 +281,7 @@ impl Live {
                 Some((failed.or_else(|| ended(run, &monitor, elapsed, supply, interrupt))?, now))
             });
             if let Some((end, since)) = decided {
+                service_manager.stopping();
                 self.flags.stop.store(true, Ordering::Relaxed);
                 let waited = now.since(since);
                 if (monitor.stands() && waited > SETTLING)

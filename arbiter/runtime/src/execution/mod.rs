@@ -19,6 +19,7 @@ mod robot_manifest;
 mod run_end;
 mod run_stats;
 mod separate_processes;
+mod service_manager;
 mod worker_pool;
 
 pub(crate) use arbiter_core::ArbiterCore;
