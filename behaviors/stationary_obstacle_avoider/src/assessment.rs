@@ -37,9 +37,6 @@ impl PassageAvoider {
         let robot = localized.pose * localized.odometry.relative(&at_capture);
         let result = self.detect(localized, &robot, now);
         self.failure = result.err();
-        if result.is_ok() {
-            self.understood = Some(localized.evidence);
-        }
         self.evaluated = Some(localized.evidence);
         if self.order.state == State::Search && !self.search.advance_if_shown(localized.evidence) {
             return;

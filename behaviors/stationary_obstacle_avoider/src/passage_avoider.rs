@@ -50,9 +50,6 @@ pub struct PassageAvoider {
     pub(crate) order: MotionOrder,
     pub(crate) pending: Option<VisionResult>,
     pub(crate) evaluated: Option<Time>,
-    /// Capture time of the newest frame that gave a result.
-    pub(crate) understood: Option<Time>,
-    /// Reason why the newest frame gave no result.
     pub(crate) failure: Option<Reason>,
     /// True if thresholds were learned where the last frame was captured.
     pub(crate) is_learned: bool,
@@ -127,7 +124,6 @@ impl PassageAvoider {
             machine,
             pending: None,
             evaluated: None,
-            understood: None,
             failure: None,
             is_learned: false,
             halt_reason: Reason::Echo,

@@ -12,8 +12,6 @@ use crate::safe_passage::PLANE_M;
 const TURN_GAIN: f64 = 1.8;
 /// Heading error below which a direction of the search is reached, rad.
 const DIRECTION_REACHED_RAD: f64 = 0.06;
-/// Age of the newest frame with a result above which frames without one limit the speed, s.
-const FAILING_S: f64 = 0.35;
 /// Age of the newest evaluated frame above which the speed is limited, s.
 const EVALUATION_STALE_S: f64 = 1.0;
 
@@ -29,7 +27,7 @@ impl PassageAvoider {
             // Without a map, no corridor in view is no reason to stand: another behavior may look for one.
             (State::Lost, _) if self.guidance.is_in_corridor() => self.creep(self.lost_reason()),
             (State::Lost, _) => Proposal::halt(translation, self.lost_reason()),
-            (State::Avoid, Some(robot)) => self.avoid(&robot, now),
+            (State::Avoid, Some(robot)) => self.avoid(&robot),
             (State::Search, Some(robot)) => self.turn_to_direction(&robot, now),
             (State::Blocked, _) => Proposal::halt(Axes::ALL, Reason::PassageBlocked),
             (State::Relook, _) => Proposal::halt(Axes::ALL, Reason::Searching),
@@ -47,7 +45,12 @@ impl PassageAvoider {
 
     /// Abstains, or limits the speed if vision gives no result.
     fn follow(&self, now: Time) -> Proposal {
-        match self.blindness(now) {
+        let failure = match self.failure {
+            Some(reason) => Some(reason),
+            None if self.is_evaluation_stale(now) => Some(Reason::StaleInput),
+            None => None,
+        };
+        match failure {
             Some(reason) => self.creep(reason),
             None if self.is_learned => Proposal::abstain(Reason::Clear),
             None => Proposal::abstain(Reason::Clear)
@@ -63,7 +66,7 @@ impl PassageAvoider {
     }
 
     /// Turns to the target heading, then drives through the passage nearest to it.
-    fn avoid(&mut self, robot: &Pose2, now: Time) -> Proposal {
+    fn avoid(&mut self, robot: &Pose2) -> Proposal {
         let target = self.order.target_heading.unwrap_or(robot.theta);
         let off = angle_difference(target, robot.theta);
         if self.order.v_zero {
@@ -79,7 +82,7 @@ impl PassageAvoider {
         };
         let bearing = aim.bearing();
         let fastest =
-            if self.blindness(now).is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
+            if self.failure.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
         let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
         let rate = (TURN_GAIN * bearing).clamp(-self.config.max_turn_radps, self.config.max_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(
@@ -109,17 +112,6 @@ impl PassageAvoider {
         };
         if is_blind {
             self.pending = Some(self.unusable(now));
-        }
-    }
-
-    /// Returns why vision gives no result. Two or three frames without a result do not count: what stands ahead was seen
-    /// before them.
-    fn blindness(&self, now: Time) -> Option<Reason> {
-        let is_new = |capture: Time| now.seconds_after(capture) <= FAILING_S;
-        match self.failure {
-            Some(_) if self.understood.is_some_and(is_new) => None,
-            None if self.is_evaluation_stale(now) => Some(Reason::StaleInput),
-            failure => failure,
         }
     }
 

@@ -177,24 +177,6 @@ fn dark_saturated_covered_and_blurred_frames_are_refused() {
 }
 
 #[test]
-fn a_single_refused_frame_does_not_limit_the_speed() {
-    let situation = Situation::default();
-    let (clear, covered) = (render(situation.robot, None), vec![17; 256 * 240]);
-    let mut bench = avoider();
-    drive(&mut bench, &situation, Some(&clear));
-    for i in 0..8 {
-        let seconds = situation.seconds + 1.0 + 0.1 * f64::from(i);
-        let proposal = tick(&mut bench, &Situation { seconds, ..situation.clone() }, Some(&covered));
-        match i {
-            // The poses lag behind the frames by a call or two.
-            0..2 => assert_eq!(answer(&proposal), (Some(Kind::Abstain), Some(Reason::Clear)), "{i}"),
-            6.. => creeps(&proposal, Reason::LowContrast),
-            _ => {}
-        }
-    }
-}
-
-#[test]
 fn without_frames_it_creeps() {
     creeps(&drive(&mut avoider(), &Situation::default(), None), Reason::StaleInput);
 }
