@@ -22,7 +22,7 @@ use yamabico_host::{
 };
 
 use super::arbiter_host::ArbiterHost;
-use super::driver_clock::{DriverTime, StepCoordinator};
+use super::driver_clock::StepCoordinator;
 use super::goal_monitor::GoalMonitor;
 use super::hosts::{ArbiterThread, BehaviorThread, DeviceThread, Hosts};
 use super::lockstep::SensorSupply;
@@ -31,6 +31,7 @@ use super::plan::Plan;
 use super::plugin_stats::{PluginFailure, PluginStats};
 use super::robot_manifest::{ManifestPublisher, ProcessPolicy, RobotManifest};
 use super::run_end::{Progress, RunEnd, STOPPING_TIMEOUT, ended};
+use super::run_flags::RunFlags;
 use super::run_stats::RunStats;
 use super::separate_processes::SeparateProcesses;
 use super::service_manager::ServiceManager;
@@ -72,17 +73,6 @@ pub struct Live {
     began: Time,
     // Dropped last: ports must go before their bus.
     _bus: Bus,
-}
-
-/// Flags for the threads.
-#[derive(Default)]
-struct RunFlags {
-    /// Bring the robot to a standstill.
-    stop: AtomicBool,
-    /// End.
-    end: AtomicBool,
-    /// Time of a clock that a driver owns.
-    time: DriverTime,
 }
 
 /// Reports of the threads.
@@ -385,12 +375,6 @@ impl Drop for Live {
     /// Ends every process and every thread, however the run ends.
     fn drop(&mut self) {
         self.end_everything(&mut Tee::default());
-    }
-}
-
-impl RunFlags {
-    fn is_over(&self) -> bool {
-        self.end.load(Ordering::Relaxed)
     }
 }
 

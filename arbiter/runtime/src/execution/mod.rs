@@ -17,6 +17,7 @@ mod plan;
 mod plugin_stats;
 mod robot_manifest;
 mod run_end;
+mod run_flags;
 mod run_stats;
 mod separate_processes;
 mod service_manager;
