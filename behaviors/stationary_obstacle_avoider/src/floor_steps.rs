@@ -1,9 +1,8 @@
 //! Faint vertical steps of brightness on the floor, such as the sides of a box nearly as bright as the floor.
 //!
-//! A step is averaged over the height of a box in the image, which suppresses noise. The derivative is sharpened so
-//! that smooth gradients, such as reflections of windows on the floor, give no response. Only bare floor, according
-//! to the map, is searched.
+//! A step is averaged over the height of a box in the image. Only bare floor, according to the map, is searched.
 
+use crate::plumb_lines::{HALF_WIDTH_PX, PlumbLines};
 use crate::regions::Regions;
 use nalgebra::{Point2, Vector2, Vector3};
 use yamabico_core::camera::{Mount, Pinhole};
@@ -23,10 +22,6 @@ const MIN_ROWS: usize = 8;
 /// Distance beyond the sides of the image up to which walls are considered, px: vertical lines may be inclined in the
 /// image.
 const BESIDE_PX: usize = 32;
-/// Half width of the derivative, px.
-const HALF_WIDTH_PX: usize = 4;
-/// Response of the derivative to a unit step.
-const UNIT: f64 = 3.0;
 /// Margin around the foot of a wall that is not searched, px.
 const WALL_MARGIN_PX: f64 = 3.0;
 /// Maximum position error of the pose when walls are projected, m.
@@ -54,18 +49,15 @@ pub struct FloorStepFinder {
     height: usize,
     /// First row that is searched.
     first: usize,
-    /// Column in each row from `first` of each vertical line; a line is identified by its column in the last row.
-    columns: Vec<u16>,
+    lines: PlumbLines,
     /// Row of the upper end of a step with its foot in each row from `first`; `None` if no foot is expected there.
     tops: Vec<Option<usize>>,
     /// Ray of each vertical line.
     rays: Vec<Ray>,
     position: Point2<f64>,
     focal_px: f64,
-    sums: Vec<i32>,
     eroded: Vec<usize>,
     feet: Vec<(usize, usize)>,
-    derivative: Vec<i16>,
 }
 
 /// Ray on the floor that a vertical image line corresponds to: its direction (robot frame), and the row of its point
@@ -96,11 +88,6 @@ impl FloorStepFinder {
         let body_from_camera = mount.rotation_body_from_camera();
         let camera_from_body = body_from_camera.transpose();
         let last = height as f64 - 1.0;
-        let nadir = k.matrix() * camera_from_body * Vector3::new(0.0, 0.0, -1.0);
-        let column = |c: f64, v: f64| {
-            let rise = nadir.y - last * nadir.z;
-            c + (v - last) * (nadir.x - c * nadir.z) / if rise.abs() < 1e-9 { 1e-9 } else { rise }
-        };
         let ray = |c: f64| {
             let pixel = k.normalized_from_pixel(Vector2::new(c, last));
             let direction = (body_from_camera * pixel.push(1.0)).xy();
@@ -132,23 +119,17 @@ impl FloorStepFinder {
                 .then(|| (raised(distance_m).round().max(first as f64)) as usize)
                 .filter(|&top| top + MIN_ROWS <= v)
         };
-        let columns = (first..height)
-            .flat_map(|v| (0..width).map(move |c| (c, v)))
-            .map(|(c, v)| column(c as f64, v as f64).round().clamp(0.0, width as f64 - 1.0) as u16)
-            .collect();
         Self {
             width,
             height,
             first,
-            columns,
+            lines: PlumbLines::new(camera, mount, first),
             tops: (first..height).map(top).collect(),
             rays,
             position: Point2::new(mount.x, mount.y),
             focal_px: k.fx,
-            sums: vec![0; (height - first) * width],
             eroded: vec![height; width],
             feet: vec![(0, 0); width],
-            derivative: vec![0; width],
         }
     }
 
@@ -168,27 +149,24 @@ impl FloorStepFinder {
             return;
         }
         self.find_floor(walls, map_from_robot);
-        self.sum(image);
+        let eroded = &self.eroded;
+        self.lines.sum(image, |line| eroded[line]);
         // Smallest of the strongest steps found so far: a weaker step cannot replace any of them.
         let mut weakest = 0.0;
         for (i, top) in self.tops.iter().enumerate() {
             let Some(top) = *top else { continue };
             let v = self.first + i;
             let min_rows = (MIN_SHARE * (v - top) as f64).max(MIN_ROWS as f64) as usize;
-            let row = i * self.width;
             for c in 0..self.width {
                 let from = top.max(self.eroded[c]);
                 if from + min_rows > v {
                     continue;
                 }
-                let above = (from - self.first) * self.width;
-                let sum = self.sums[row + c] - self.sums[above + c];
-                let (step, unit_step) = (f64::from(sum.abs()), UNIT * (v - from) as f64);
-                if step <= weakest * unit_step {
+                let contrast = self.lines.mean(c, from, v).abs();
+                if contrast <= weakest {
                     continue;
                 }
-                let contrast = step / unit_step;
-                let u = usize::from(self.columns[row + c]);
+                let u = self.lines.column(c, v);
                 let best = &mut strongest[regions.of_column(u)];
                 if contrast > best.contrast {
                     let foot = Vector2::new(u as f64, v as f64);
@@ -202,7 +180,7 @@ impl FloorStepFinder {
     /// Returns the pixels (column, row) at the upper boundary of the floor searched last.
     pub fn floor(&self) -> impl Iterator<Item = (usize, usize)> {
         let lines = self.eroded.iter().enumerate().filter(|&(_, &v)| v < self.height);
-        lines.map(|(c, &v)| (usize::from(self.columns[(v - self.first) * self.width + c]), v))
+        lines.map(|(c, &v)| (self.lines.column(c, v), v))
     }
 
     /// Returns the pixels (column, row) of the feet of the walls found last.
@@ -218,7 +196,7 @@ impl FloorStepFinder {
             mask.row_mut(v).fill(u64::MAX);
         }
         for i in farthest..self.height - self.first {
-            let columns = &self.columns[i * self.width..(i + 1) * self.width];
+            let columns = self.lines.columns(self.first + i);
             for (&u, _) in columns.iter().zip(&self.eroded).filter(|&(_, &floor)| self.first + i < floor) {
                 mask.set(usize::from(u), self.first + i);
             }
@@ -245,7 +223,7 @@ impl FloorStepFinder {
                 ray.row(nearest_m.min(HORIZON_M)).clamp(self.first as f64, self.height as f64 - 1.0) as usize;
             if let Some(place) = c.checked_sub(BESIDE_PX).and_then(|c| Some((c, self.feet.get_mut(c)?))) {
                 let (c, kept) = place;
-                *kept = (usize::from(self.columns[(foot - self.first) * self.width + c]), foot);
+                *kept = (self.lines.column(c, foot), foot);
             }
             let floor = floor.clamp(self.first as f64, self.height as f64) as usize;
             let reach = HALF_WIDTH_PX + 2 + reach;
@@ -253,21 +231,6 @@ impl FloorStepFinder {
                 (c.saturating_sub(reach + BESIDE_PX), (c + reach + 1).saturating_sub(BESIDE_PX));
             for near in &mut self.eroded[first.min(self.width)..end.min(self.width)] {
                 *near = floor.max(*near);
-            }
-        }
-    }
-
-    fn sum(&mut self, image: ImageView) {
-        let width = self.width;
-        self.sums[..width].fill(0);
-        for v in self.first + 1..self.height {
-            sharpened(image.row(v), &mut self.derivative);
-            let at = (v - self.first) * width;
-            let columns = &self.columns[at..at + width];
-            let (before, here) = self.sums[at - width..at + width].split_at_mut(width);
-            for c in 0..width {
-                let step = if v > self.eroded[c] { self.derivative[usize::from(columns[c])] } else { 0 };
-                here[c] = before[c] + i32::from(step);
             }
         }
     }
@@ -282,21 +245,4 @@ fn meeting(camera: Point2<f64>, direction: Vector2<f64>, wall: &Wall) -> Option<
     let (t, s) = (between.perp(&run) / cross, between.perp(&direction) / cross);
     let margin_m = (WALL_MARGIN_M * run.norm() / cross.abs()).min(MAX_MARGIN_M);
     (t > 0.0 && (0.0..=1.0).contains(&s)).then_some((t, margin_m))
-}
-
-/// Computes the step between the neighbors of each pixel less the slope around it: [`UNIT`] for a unit step, zero for
-/// a uniform slope.
-fn sharpened(row: &[u8], out: &mut [i16]) {
-    let width = row.len();
-    out.fill(0);
-    if width <= 2 * HALF_WIDTH_PX {
-        return;
-    }
-    let inner = width - 2 * HALF_WIDTH_PX;
-    let [a, b, c, d] =
-        [0, HALF_WIDTH_PX - 1, HALF_WIDTH_PX + 1, 2 * HALF_WIDTH_PX].map(|start| &row[start..start + inner]);
-    let out = &mut out[HALF_WIDTH_PX..HALF_WIDTH_PX + inner];
-    for u in 0..inner {
-        out[u] = 4 * (i16::from(c[u]) - i16::from(b[u])) - (i16::from(d[u]) - i16::from(a[u]));
-    }
 }

@@ -32,6 +32,7 @@ pub mod obstacle_regions;
 pub mod overlay;
 mod passage_avoider;
 pub mod passage_finder;
+mod plumb_lines;
 pub mod recent_frames;
 pub mod regions;
 pub mod safe_passage;

@@ -17,6 +17,10 @@ use crate::config::Config;
 use crate::fix::{Fix, NoiseFactors, PoseFinder};
 use crate::slip::{Angle, SLIP_GATES};
 
+/// Maximum angle by which wheels slip between two fixes, rad: braking hard turns a robot by less than half of it. What differs
+/// more is the vanishing point of something else, such as of tiles that lie diagonally.
+const MAX_SLIP_RAD: f64 = 0.3;
+
 /// Pose finder that matches the edges of a wire-frame map with the segments of an image.
 #[derive(Clone, Debug)]
 pub struct WireFrameFinder {
@@ -75,9 +79,9 @@ impl WireFrameFinder {
     fn after_slip(&mut self, prior: &Belief) -> Option<Belief> {
         let seen = self.seen_heading(prior).filter(|seen| seen.is_supported)?;
         let odometry = Angle { rad: prior.pose.theta, variance: prior.covariance[(2, 2)] };
-        let test = SLIP_GATES.compare_yaw(&odometry, &seen.heading);
-        test.has_slipped.then(|| {
-            let slip = angle_difference(seen.heading.rad, prior.pose.theta);
+        let slip = angle_difference(seen.heading.rad, prior.pose.theta);
+        let has_slipped = SLIP_GATES.compare_yaw(&odometry, &seen.heading).has_slipped;
+        (has_slipped && slip.abs() <= MAX_SLIP_RAD).then(|| {
             let mut turned = *prior;
             turned.covariance[(2, 2)] += slip * slip;
             turned.update_heading(seen.heading.rad, seen.heading.variance.sqrt(), f64::INFINITY);

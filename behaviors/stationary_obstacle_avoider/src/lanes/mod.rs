@@ -1,8 +1,8 @@
 //! The avoider with method `lanes`: evidence from every source in one grid around the robot, and the best lane beside the
 //! path.
 //!
-//! Each picture says where the floor ends in each column, and by its motion what is flat and what stands; sonars say what is
-//! free and what is not. The evidence is added up over pictures and scans, in the frame of the odometry, and fades. Walls of
+//! Each picture says where the floor ends in each column, where upright edges stand on it, and by its motion what is flat and
+//! what stands; sonars say what is free and what is not. The evidence is added up over pictures and scans, in the frame of the odometry, and fades. Walls of
 //! the map, or of the corridor, are left out. Where the path is free, other behaviors drive.
 
 pub mod occupancy;
@@ -11,8 +11,10 @@ pub mod stations;
 
 mod clusters;
 mod drive;
+mod hidden_fan;
 mod motion;
 mod overlay;
+mod upright_edges;
 
 use nalgebra::Point2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
@@ -32,10 +34,12 @@ use crate::sonar_watch::SonarWatch;
 use crate::{CAMERA, OBSTACLES, ODOMETRY, SONAR};
 use clusters::Clusters;
 use drive::{Drive, Situation};
+use hidden_fan::HiddenFan;
 use motion::FloorMotion;
-use occupancy::OccupancyGrid;
+use occupancy::{Evidence, OccupancyGrid};
 use planner::{Plan, Scene};
 use stations::PathAhead;
+use upright_edges::UprightEdges;
 
 /// Log odds of floor, and of the place where it ends, in one picture.
 const FLOOR: f32 = -0.7;
@@ -46,8 +50,12 @@ const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
 /// Cells behind the foot of an obstacle that count as its own.
 const HIDDEN_CELLS: u8 = 2;
-/// Log odds of the foot of what moves as a thing.
+/// Log odds of the foot of what moves as a thing, and of an upright edge.
 const MOVES_AS_THING: f32 = 1.0;
+const UPRIGHT_EDGE: f32 = 1.3;
+/// Motion between pictures whose upright edges count, m: the foot of a mirror image moves along by most of it, and from one place
+/// the same chance edge would count again and again.
+const EDGE_MOTION_M: f64 = 0.07;
 /// Distances up to which floor and its end count, m.
 const FLOOR_M: f64 = 2.6;
 const FLOOR_END_M: f64 = 2.4;
@@ -85,6 +93,10 @@ pub struct LaneAvoider {
     map: WireFrame,
     columns: FloorColumns,
     motion: Option<FloorMotion>,
+    edges: Option<UprightEdges>,
+    hidden: HiddenFan,
+    /// Pose at the last picture whose upright edges counted, odometry frame.
+    edges_from: Option<Pose2>,
     grid: OccupancyGrid,
     gray: GrayImage,
     odometry: OdometryTrack,
@@ -123,6 +135,9 @@ impl LaneAvoider {
             wall_clearance_m: half_width_m + if config.map.is_some() { 0.0 } else { SEEN_WALL_ERROR_M },
             size: pinhole.intrinsics().size(),
             motion: FloorMotion::new(&pinhole, mount),
+            edges: UprightEdges::new(&pinhole, &mount),
+            hidden: HiddenFan::new(Point2::new(mount.x, mount.y)),
+            edges_from: None,
             map,
             columns,
             grid: OccupancyGrid::default(),
@@ -169,8 +184,13 @@ impl LaneAvoider {
             outputs.draw(&CAMERA, frame.header, |overlay| {
                 if self.failure.is_none() {
                     overlay::draw_columns(overlay, &self.columns);
+                    overlay::draw_edges(overlay, self.edges.as_ref().map_or(&[], UprightEdges::found));
                 }
-                overlay::draw_lanes(overlay, &self.occupied, &self.path, &self.plan, self.clearance_m);
+                let robot = self.odometry.newest().map_or(Pose2::IDENTITY, |newest| newest.pose);
+                let is_upright =
+                    |place: &Point2<f32>| self.grid.is_upright(robot.transform_point(place.cast()));
+                overlay::draw_cells(overlay, &self.occupied, is_upright);
+                overlay::draw_lanes(overlay, &self.path, &self.plan, self.clearance_m);
             });
         }
         proposal
@@ -241,16 +261,19 @@ impl LaneAvoider {
         self.last_picture = Some(stamp);
         self.advance(stamp, &robot);
         let to_odometry = |place: Point2<f64>| robot.transform_point(place);
-        if let Some(motion) = &mut self.motion
-            && let Some(image) = frame.gray(self.size, &mut self.gray)
-        {
-            motion.look(image, robot, stamp.as_secs_f64(), self.columns.ends());
+        self.hidden.clear();
+        if let Some(image) = frame.gray(self.size, &mut self.gray) {
+            if let Some(motion) = &mut self.motion {
+                motion.look(image, robot, stamp.as_secs_f64(), self.columns.ends(), &mut self.hidden);
+            }
+            if let Some(edges) = &mut self.edges {
+                edges.look(image, &mut self.hidden);
+            }
         }
         let (columns, beams, motion) = (&self.columns, self.sonar.beams(), &self.motion);
-        let is_thing = |end: &FloorEnd| {
-            end.place.x < FLOOR_END_M
-                && motion.as_ref().is_none_or(|motion| !motion.is_flat(to_odometry(end.place)))
-        };
+        let is_raised =
+            |place: Point2<f64>| motion.as_ref().is_none_or(|motion| !motion.is_flat(to_odometry(place)));
+        let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && is_raised(end.place);
         // Log odds of an end of the floor by the beams that it lies in.
         let end = |place: Point2<f64>| {
             let inside = beams.iter().filter(|beam| {
@@ -265,9 +288,10 @@ impl LaneAvoider {
                 Some(true) => FLOOR_END_BEFORE_ECHO,
             }
         };
-        let is_hidden = |place: Point2<f64>| motion.as_ref().is_some_and(|motion| motion.is_hidden(place));
-        let floor = columns.free().filter(|&place| place.x < FLOOR_M && !is_hidden(place));
-        self.grid.add(floor.map(to_odometry), FLOOR);
+        let floor = || columns.free().filter(|&place| place.x < FLOOR_M && !self.hidden.is_hidden(place));
+        for kind in [Evidence::Look, Evidence::Geometry] {
+            self.grid.add(kind, floor().map(to_odometry), FLOOR);
+        }
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);
             let ends = ends.filter(|&place| end(place) == weight);
@@ -276,10 +300,18 @@ impl LaneAvoider {
                 let behind = place.coords.normalize() * occupancy::CELL_M;
                 (0..=HIDDEN_CELLS).map(move |step| place + behind * f64::from(step))
             });
-            self.grid.add(deep.map(to_odometry), weight);
+            self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
+        }
+        if let Some(edges) = &self.edges
+            && !edges.found().is_empty()
+            && self.edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)
+        {
+            self.edges_from = Some(robot);
+            let feet = edges.feet(self.path.heading(), is_raised);
+            self.grid.add(Evidence::Geometry, feet.map(to_odometry), UPRIGHT_EDGE);
         }
         if let Some(motion) = motion {
-            self.grid.add(motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
+            self.grid.add(Evidence::Geometry, motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
         }
         Ok(())
     }

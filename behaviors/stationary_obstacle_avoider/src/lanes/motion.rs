@@ -4,7 +4,7 @@
 //! sheet of paper, a lamp's mirror image. Points above the foot of a thing move as things do; those of a patch move as the
 //! floor, or as if they lay below it.
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use yamabico_core::camera::{Distortion, Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
@@ -13,6 +13,8 @@ use yamabico_vision::plane_motion::PictureJudge;
 use yamabico_vision::plane_motion::motion_point::MotionPoint;
 use yamabico_vision::plane_motion::sequential_test::PointClass;
 use yamabico_vision::rolling_window::RollingWindow;
+
+use super::hidden_fan::HiddenFan;
 
 /// Side of a cell, m, and cells on each side of the window.
 const CELL_M: f64 = 0.1;
@@ -33,9 +35,6 @@ const FADE_PER_S: f32 = 0.15;
 const MAX_RANGE_SIGMA_M: f64 = 0.15;
 /// Depth of a thing around the foot of a point, m.
 const DEPTH_M: f64 = 0.05;
-/// Directions of the fan in which things hide the floor, and its largest slope to each side.
-const BINS: usize = 96;
-const MAX_SLOPE: f64 = 1.2;
 
 /// Places whose look differs from the floor, and whether they are flat. Allocates when it is created and for its first
 /// picture.
@@ -45,8 +44,6 @@ pub(super) struct FloorMotion {
     scale: f64,
     window: RollingWindow,
     votes: Vec<f32>,
-    /// Distances from which things in the last picture hide the floor, by direction, m.
-    hidden_m: [f64; BINS],
     /// Time of the last picture, s.
     last_s: Option<f64>,
 }
@@ -60,18 +57,19 @@ impl FloorMotion {
             scale: f64::from(pinhole.intrinsics().width) / 256.0,
             window: RollingWindow::new(CELLS, CELL_M),
             votes: vec![0.0; CELLS * CELLS],
-            hidden_m: [f64::INFINITY; BINS],
             last_s: None,
         })
     }
 
-    /// Takes in a picture captured at `odometry` and the time `at_s` (s), in which the floor ends at `ends`.
+    /// Takes in a picture captured at `odometry` and the time `at_s` (s), in which the floor ends at `ends`; adds where its things
+    /// hide the floor to `hidden`.
     pub fn look(
         &mut self,
         image: ImageView,
         odometry: Pose2,
         at_s: f64,
         ends: impl Iterator<Item = FloorEnd>,
+        hidden: &mut HiddenFan,
     ) {
         let elapsed_s = at_s - self.last_s.replace(at_s).unwrap_or(at_s);
         self.window.advance(odometry.position(), |slot| self.votes[slot] = 0.0);
@@ -79,18 +77,11 @@ impl FloorMotion {
         for votes in &mut self.votes {
             *votes -= votes.clamp(-fade, fade);
         }
-        self.hidden_m = [f64::INFINITY; BINS];
         // A picture that cannot be judged says nothing, and one that shows no things does not show that there are none.
         if self.judge.judge(image, odometry, at_s).is_err() || !self.judge.shows_things() {
             return;
         }
-        let mut hidden_m = self.hidden_m;
-        for off in self.feet().map(|foot| foot - self.camera()) {
-            for bin in bin(off).into_iter().flat_map(|bin| bin.saturating_sub(1)..(bin + 2).min(BINS)) {
-                hidden_m[bin] = hidden_m[bin].min(off.norm() - DEPTH_M);
-            }
-        }
-        self.hidden_m = hidden_m;
+        self.feet().for_each(|foot| hidden.hide(foot, DEPTH_M));
         let points = self.judge.points();
         for end in ends {
             let votes: f32 = points.iter().map(|point| vote(point, &end, self.scale)).sum();
@@ -112,12 +103,6 @@ impl FloorMotion {
         })
     }
 
-    /// True if a thing in the last picture hides the floor at `place`, robot frame at the capture, m.
-    pub fn is_hidden(&self, place: Point2<f64>) -> bool {
-        let off = place - self.camera();
-        bin(off).is_some_and(|bin| off.norm() > self.hidden_m[bin])
-    }
-
     /// Feet of the things in the last picture, robot frame at the capture, m.
     fn feet(&self) -> impl Iterator<Item = Point2<f64>> {
         let is_known = |point: &&MotionPoint| {
@@ -134,12 +119,6 @@ impl FloorMotion {
     pub fn is_flat(&self, place: Point2<f64>) -> bool {
         self.window.slot(place).is_some_and(|slot| self.votes[slot] >= IS_FLAT)
     }
-}
-
-/// Direction in the fan, of an offset from the camera; `None` if it is not in it.
-fn bin(off: Vector2<f64>) -> Option<usize> {
-    let share = 0.5 + 0.5 * off.y / (off.x * MAX_SLOPE);
-    (off.x > 0.0 && (0.0..1.0).contains(&share)).then_some((share * BINS as f64) as usize)
 }
 
 /// Vote of a point on the stretch of a column that looks different.
@@ -196,17 +175,10 @@ mod tests {
         let end = FloorEnd { place: Point2::new(1.5, 0.0), u: 100.0, rows: [120.0, 160.0] };
         for i in 0..20 {
             let odometry = Pose2::new(0.04 * f64::from(i), 0.0, 0.0);
-            motion.look(image, odometry, 0.1 * f64::from(i), std::iter::once(end));
+            let mut hidden = HiddenFan::new(Point2::origin());
+            motion.look(image, odometry, 0.1 * f64::from(i), std::iter::once(end), &mut hidden);
             assert!(!motion.is_flat(odometry.transform_point(end.place)), "without texture nothing is known");
-            assert!(motion.things(3.0).next().is_none() && !motion.is_hidden(Point2::new(2.0, 0.0)));
+            assert!(motion.things(3.0).next().is_none() && !hidden.is_hidden(Point2::new(2.0, 0.0)));
         }
-    }
-
-    #[test]
-    fn directions_cover_the_fan() {
-        assert_eq!(bin(Vector2::new(1.0, 0.0)), Some(BINS / 2));
-        assert!(bin(Vector2::new(1.0, 1.1)).is_some_and(|bin| bin > BINS * 9 / 10));
-        assert_eq!(bin(Vector2::new(1.0, 1.3)), None);
-        assert_eq!(bin(Vector2::new(-1.0, 0.0)), None);
     }
 }

@@ -12,14 +12,16 @@ use yamabico_vision::rolling_window::RollingWindow;
 pub const CELL_M: f64 = 0.05;
 /// Cells on each side of the window: the robot sees 3.2 m in each direction.
 const CELLS: usize = 128;
-/// Limits of the log odds by the camera.
-const CAMERA_LIMITS: (f32, f32) = (-2.0, 6.0);
-/// Log odds from which a cell is occupied: the sum of the two sensors.
+/// Log odds from which a cell is occupied: the sum of all kinds of evidence.
 const OCCUPIED: f32 = 2.0;
-/// Log odds by the camera from which a cell is established: it has been seen occupied in several pictures.
-const ESTABLISHED: f32 = 3.0;
-/// Limits of the log odds by the sonars.
+/// Limits of the log odds by the floor's look, by geometry, and by the sonars.
+const LOOK_LIMITS: (f32, f32) = (-2.0, 6.0);
+const GEOMETRY_LIMITS: (f32, f32) = (-1.0, 4.0);
 const SONAR_LIMITS: (f32, f32) = (-6.0, 6.0);
+/// Part of the geometry that sonars can outvote: smooth surfaces at an angle give no echo.
+const GEOMETRY_IN_DOUBT: f32 = 1.0;
+/// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
+const ESTABLISHED: f32 = 3.0;
 /// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view:
 /// what stands there can be seen again only from elsewhere.
 const FADE_PER_S: f32 = 0.7;
@@ -39,25 +41,31 @@ const MAX_FREE_M: f64 = 2.6;
 const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
 const AHEAD_RAD: f64 = 0.26;
 
+/// Kind of evidence by the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Evidence {
+    /// The floor's look: where it ends.
+    Look,
+    /// Upright edges, and motion between pictures.
+    Geometry,
+}
+
 /// Log odds of the cells in a window around the robot.
 #[derive(Clone, Debug)]
 pub struct OccupancyGrid {
     window: RollingWindow,
-    camera: Vec<f32>,
-    sonar: Vec<f32>,
-    /// Number of the update that changed a cell last: each update counts once.
-    updated: Vec<u32>,
-    update: u32,
+    look: Layer,
+    geometry: Layer,
+    sonar: Layer,
 }
 
 impl Default for OccupancyGrid {
     fn default() -> Self {
         Self {
             window: RollingWindow::new(CELLS, CELL_M),
-            camera: vec![0.0; CELLS * CELLS],
-            sonar: vec![0.0; CELLS * CELLS],
-            updated: vec![0; CELLS * CELLS],
-            update: 0,
+            look: Layer::new(LOOK_LIMITS),
+            geometry: Layer::new(GEOMETRY_LIMITS),
+            sonar: Layer::new(SONAR_LIMITS),
         }
     }
 }
@@ -66,40 +74,30 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, camera, sonar, .. } = self;
-        window.advance(position, |slot| (camera[slot], sonar[slot]) = (0.0, 0.0));
+        let Self { window, look, geometry, sonar } = self;
+        window.advance(position, |slot| {
+            for layer in [&mut *look, geometry, sonar] {
+                layer.odds[slot] = 0.0;
+            }
+        });
         let elapsed_s = dt_s.clamp(0.0, 60.0) as f32;
-        let fade = FADE_PER_S * elapsed_s;
-        for (slot, odds) in camera.iter_mut().enumerate() {
-            let fade = match *odds > ESTABLISHED {
-                false => fade,
-                true if is_in_view(window.place(slot)) => FADE_ESTABLISHED_PER_S * elapsed_s,
-                true => FADE_UNSEEN_PER_S * elapsed_s,
-            };
-            *odds -= odds.clamp(-fade, fade);
-        }
-        for odds in sonar {
-            *odds -= odds.clamp(-fade, fade);
-        }
+        let rate = |slot: usize, odds: f32| match odds > ESTABLISHED {
+            false => FADE_PER_S,
+            true if is_in_view(window.place(slot)) => FADE_ESTABLISHED_PER_S,
+            true => FADE_UNSEEN_PER_S,
+        };
+        look.fade(|slot, odds| elapsed_s * rate(slot, odds));
+        geometry.fade(|slot, odds| elapsed_s * rate(slot, odds));
+        sonar.fade(|_, _| elapsed_s * FADE_PER_S);
     }
 
-    /// Adds `evidence` of the camera to the cells at `places` (odometry frame, m), once to each cell.
-    pub fn add(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
-        self.update = self.update.wrapping_add(1);
-        add(
-            &self.window,
-            &mut self.camera,
-            CAMERA_LIMITS,
-            (&mut self.updated, self.update),
-            places,
-            evidence,
-        );
-    }
-
-    /// Adds evidence of a sonar.
-    fn add_sonar(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
-        self.update = self.update.wrapping_add(1);
-        add(&self.window, &mut self.sonar, SONAR_LIMITS, (&mut self.updated, self.update), places, evidence);
+    /// Adds `evidence` (log odds) of the camera to the cells at `places` (odometry frame, m), once to each cell.
+    pub fn add(&mut self, kind: Evidence, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        let layer = match kind {
+            Evidence::Look => &mut self.look,
+            Evidence::Geometry => &mut self.geometry,
+        };
+        layer.add(&self.window, places, evidence);
     }
 
     /// Adds a beam of a scan taken at `robot` (odometry frame): the cone before the echo is free, its arc is occupied at
@@ -121,7 +119,7 @@ impl OccupancyGrid {
         let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
         let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
         let free = free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth));
-        self.add_sonar(free, free_odds);
+        self.sonar.add(&self.window, free, free_odds);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
             let arc = || azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
@@ -131,37 +129,66 @@ impl OccupancyGrid {
             let near = arc().flat_map(neighbors).filter(|&place| self.is_occupied(place));
             known.iter_mut().zip(near).for_each(|(known, place)| *known = Some(place));
             if known[0].is_some() {
-                self.add_sonar(known.into_iter().flatten(), ECHO);
+                self.sonar.add(&self.window, known.into_iter().flatten(), ECHO);
             } else {
-                self.add_sonar(arc(), ECHO);
+                self.sonar.add(&self.window, arc(), ECHO);
             }
         }
     }
 
+    /// Sum of all evidence of a cell: the sonars cannot outvote what geometry established.
+    fn sum(&self, slot: usize) -> f32 {
+        let [look, geometry, sonar] = [&self.look, &self.geometry, &self.sonar].map(|layer| layer.odds[slot]);
+        let certain = (geometry - GEOMETRY_IN_DOUBT).max(0.0);
+        (look + geometry + sonar).max(certain)
+    }
+
+    /// True if geometry alone makes a place occupied, odometry frame, m.
+    pub fn is_upright(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.geometry.odds[slot] - GEOMETRY_IN_DOUBT >= OCCUPIED)
+    }
+
     fn is_occupied(&self, place: Point2<f64>) -> bool {
-        self.window.slot(place).is_some_and(|slot| self.camera[slot] + self.sonar[slot] >= OCCUPIED)
+        self.window.slot(place).is_some_and(|slot| self.sum(slot) >= OCCUPIED)
     }
 
     /// Middles of the occupied cells, odometry frame, m.
     pub fn occupied(&self) -> impl Iterator<Item = Point2<f64>> {
-        let sums = self.camera.iter().zip(&self.sonar).map(|(camera, sonar)| camera + sonar);
-        let cells = sums.enumerate().filter(|&(_, sum)| sum >= OCCUPIED);
-        cells.map(|(slot, _)| self.window.place(slot))
+        let cells = (0..CELLS * CELLS).filter(|&slot| self.sum(slot) >= OCCUPIED);
+        cells.map(|slot| self.window.place(slot))
     }
 }
 
-/// Adds `evidence` to the log odds at `places`, once to each cell: `updated` holds the number of the update that changed it last.
-fn add(
-    window: &RollingWindow,
-    log_odds: &mut [f32],
+/// Log odds of the cells by one kind of evidence.
+#[derive(Clone, Debug)]
+struct Layer {
+    odds: Vec<f32>,
     limits: (f32, f32),
-    (updated, update): (&mut [u32], u32),
-    places: impl Iterator<Item = Point2<f64>>,
-    evidence: f32,
-) {
-    for slot in places.filter_map(|place| window.slot(place)) {
-        if std::mem::replace(&mut updated[slot], update) != update {
-            log_odds[slot] = (log_odds[slot] + evidence).clamp(limits.0, limits.1);
+    /// Number of the update that changed a cell last: each update counts once.
+    updated: Vec<u32>,
+    update: u32,
+}
+
+impl Layer {
+    fn new(limits: (f32, f32)) -> Self {
+        Self { odds: vec![0.0; CELLS * CELLS], limits, updated: vec![0; CELLS * CELLS], update: 0 }
+    }
+
+    /// Moves the log odds of each cell toward zero by `step`, which depends on the cell and its log odds.
+    fn fade(&mut self, step: impl Fn(usize, f32) -> f32) {
+        for (slot, odds) in self.odds.iter_mut().enumerate() {
+            let step = step(slot, *odds);
+            *odds -= odds.clamp(-step, step);
+        }
+    }
+
+    /// Adds `evidence` to the cells at `places`, once to each cell.
+    fn add(&mut self, window: &RollingWindow, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        self.update = self.update.wrapping_add(1);
+        for slot in places.filter_map(|place| window.slot(place)) {
+            if std::mem::replace(&mut self.updated[slot], self.update) != self.update {
+                self.odds[slot] = (self.odds[slot] + evidence).clamp(self.limits.0, self.limits.1);
+            }
         }
     }
 }
@@ -185,9 +212,9 @@ mod tests {
     fn evidence_counts_once_an_update_and_fades() {
         let mut grid = OccupancyGrid::default();
         let place = Point2::new(1.02, -0.33);
-        grid.add([place; 20].into_iter(), 1.3);
+        grid.add(Evidence::Look, [place; 20].into_iter(), 1.3);
         assert!(occupied(&grid).is_empty(), "one picture is not enough");
-        grid.add([place].into_iter(), 1.3);
+        grid.add(Evidence::Look, [place].into_iter(), 1.3);
         let found = occupied(&grid);
         assert_eq!(found.len(), 1);
         assert!((found[0] - place).norm() < CELL_M);
@@ -200,7 +227,7 @@ mod tests {
         let mut grid = OccupancyGrid::default();
         let place = Point2::new(2.01, 0.57);
         for _ in 0..5 {
-            grid.add([place].into_iter(), 1.3);
+            grid.add(Evidence::Look, [place].into_iter(), 1.3);
         }
         for step in 0..40 {
             grid.advance(Point2::new(0.1 * f64::from(step), -0.03 * f64::from(step)), 0.0, |_| true);
@@ -216,7 +243,7 @@ mod tests {
     fn an_echo_of_a_known_obstacle_does_not_widen_it() {
         let mut grid = OccupancyGrid::default();
         for _ in 0..3 {
-            grid.add([Point2::new(0.98, -0.17)].into_iter(), 1.3);
+            grid.add(Evidence::Look, [Point2::new(0.98, -0.17)].into_iter(), 1.3);
         }
         let beam = Beam { cone_rad: 0.6, range_m: 1.0, ..Beam::default() };
         for _ in 0..20 {
@@ -248,7 +275,7 @@ mod tests {
         for bad in [beam(f64::NAN, 0), beam(-1.0, 0), beam(1.0, 0)] {
             grid.add_beam(&Beam { cone_rad: f64::NAN, ..bad }, &robot, |_| true);
         }
-        grid.add([Point2::new(f64::NAN, 0.0)].into_iter(), 5.0);
+        grid.add(Evidence::Look, [Point2::new(f64::NAN, 0.0)].into_iter(), 5.0);
         assert!(occupied(&grid).is_empty());
     }
 
@@ -257,7 +284,7 @@ mod tests {
         let remembers = |seconds: u32, is_in_view: bool| {
             let mut grid = OccupancyGrid::default();
             for _ in 0..4 {
-                grid.add([Point2::new(0.42, 0.03)].into_iter(), 1.3);
+                grid.add(Evidence::Look, [Point2::new(0.42, 0.03)].into_iter(), 1.3);
             }
             (0..seconds).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| is_in_view));
             !occupied(&grid).is_empty()
@@ -267,12 +294,27 @@ mod tests {
     }
 
     #[test]
+    fn silent_sonars_outvote_the_look_but_not_the_geometry() {
+        let place = Point2::new(0.52, 0.03);
+        let is_kept = |kind: Evidence, pictures: usize| {
+            let mut grid = OccupancyGrid::default();
+            (0..pictures).for_each(|_| grid.add(kind, [place].into_iter(), 1.3));
+            let silent = Beam { cone_rad: 0.5, flags: NO_ECHO, ..Beam::default() };
+            (0..200).for_each(|_| grid.add_beam(&silent, &Pose2::IDENTITY, |_| true));
+            occupied(&grid).len() == 1
+        };
+        assert!(!is_kept(Evidence::Look, 9), "paint and mirror images end the floor, too");
+        assert!(is_kept(Evidence::Geometry, 3), "smooth surfaces at an angle give no echo");
+        assert!(!is_kept(Evidence::Geometry, 2), "two pictures may be wrong");
+    }
+
+    #[test]
     fn the_sensors_outvote_each_other_in_time() {
         let place = Point2::new(0.52, 0.03);
         let beyond = Beam { cone_rad: 0.5, range_m: 2.5, ..Beam::default() };
         let mut grid = OccupancyGrid::default();
         for _ in 0..4 {
-            grid.add([place].into_iter(), 1.3);
+            grid.add(Evidence::Look, [place].into_iter(), 1.3);
         }
         for _ in 0..8 {
             grid.add_beam(&beyond, &Pose2::IDENTITY, |_| true);
@@ -284,7 +326,7 @@ mod tests {
         assert!(occupied(&grid).is_empty(), "but not so many");
         grid.add_beam(&Beam { range_m: 0.5, ..beyond }, &Pose2::IDENTITY, |_| true);
         for _ in 0..4 {
-            grid.add([place].into_iter(), 1.3);
+            grid.add(Evidence::Look, [place].into_iter(), 1.3);
         }
         assert!(!occupied(&grid).is_empty());
     }

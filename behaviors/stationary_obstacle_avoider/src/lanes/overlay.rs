@@ -1,4 +1,4 @@
-//! Overlay of the method `lanes`: the floor's end in each column, and from above the occupied cells and the lanes.
+//! Overlay of the method `lanes`: the floor's end in each column, upright edges, and from above the occupied cells and the lanes.
 
 use nalgebra::{Point2, Vector2};
 use yamabico_core::overlay::{BLUE, Color, GRAY, GREEN, MAGENTA, Overlay, RED, YELLOW};
@@ -8,6 +8,7 @@ use super::drive::AIM_STATION;
 use super::occupancy::CELL_M;
 use super::planner::{Lane, Plan};
 use super::stations::PathAhead;
+use super::upright_edges::UprightEdge;
 
 /// Maximum number of occupied cells that are drawn.
 const MAX_CELLS: usize = 1200;
@@ -27,19 +28,31 @@ pub(super) fn draw_columns(overlay: &mut Overlay, columns: &FloorColumns) {
     }
 }
 
-/// Draws the occupied cells, the path, and the lanes that a robot of this clearance (m to each side) may take.
-pub(super) fn draw_lanes(
+/// Draws the upright edges of the last picture.
+pub(super) fn draw_edges(overlay: &mut Overlay, edges: &[UprightEdge]) {
+    let mut lines = overlay.image("upright edges", MAGENTA);
+    for edge in edges {
+        lines.line(edge.pixel, Vector2::new(edge.pixel.x, edge.top_row));
+    }
+}
+
+/// Draws the occupied cells, those that are occupied by geometry alone apart.
+pub(super) fn draw_cells(
     overlay: &mut Overlay,
     occupied: &[Point2<f32>],
-    path: &PathAhead,
-    plan: &Plan,
-    clearance_m: f64,
+    is_upright: impl Fn(&Point2<f32>) -> bool,
 ) {
-    let mut cells = overlay.robot("occupied cells", RED);
-    for cell in occupied.iter().take(MAX_CELLS) {
-        let (middle, half) = (cell.coords.cast::<f64>(), Vector2::new(0.5 * CELL_M, 0.0));
-        cells.line(middle - half, middle + half);
+    for (layer, color, upright) in [("occupied cells", RED, false), ("occupied, upright", MAGENTA, true)] {
+        let mut cells = overlay.robot(layer, color);
+        for cell in occupied.iter().filter(|cell| is_upright(cell) == upright).take(MAX_CELLS) {
+            let (middle, half) = (cell.coords.cast::<f64>(), Vector2::new(0.5 * CELL_M, 0.0));
+            cells.line(middle - half, middle + half);
+        }
     }
+}
+
+/// Draws the path, and the lanes that a robot of this clearance (m to each side) may take.
+pub(super) fn draw_lanes(overlay: &mut Overlay, path: &PathAhead, plan: &Plan, clearance_m: f64) {
     let beside = |offset_m: f64| path.stations.iter().map(move |station| station.beside(offset_m).coords);
     overlay.robot("path", GRAY).path(beside(0.0));
     let mut lane = |name: &str, color: Color, lane: &Lane| {
