@@ -63,8 +63,14 @@ const FLOOR_END_M: f64 = 2.4;
 const WALL_M: f64 = 0.16;
 /// Clearance beyond the robot and its margin that covers errors of the grid, m.
 const GRID_ERROR_M: f64 = 0.06;
-/// Error of the walls of a corridor that is seen, m.
+/// Part of that error that is risked in a narrow gap, m; the speed there, m/s; and the free length below which narrow gaps are
+/// tried, and that one must add, m.
+const NARROW_M: f64 = 0.04;
+const NARROW_MPS: f64 = 0.12;
+const NARROW_FREE_M: (f64, f64) = (1.0, 0.4);
+/// Error of the walls of a corridor that is seen, m, and of those of a map.
 const SEEN_WALL_ERROR_M: f64 = 0.05;
+const MAP_WALL_ERROR_M: f64 = 0.03;
 /// Area around the robot whose obstacles matter for planning, m: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-0.5, 2.7, 2.0);
 /// Maximum number of occupied cells that are planned with; nearer ones first come first.
@@ -132,7 +138,8 @@ impl LaneAvoider {
         let half_width_m = setup.robot.radius_m + config.margin_m;
         Ok(Self {
             clearance_m: half_width_m + GRID_ERROR_M,
-            wall_clearance_m: half_width_m + if config.map.is_some() { 0.0 } else { SEEN_WALL_ERROR_M },
+            wall_clearance_m: half_width_m
+                + if config.map.is_some() { MAP_WALL_ERROR_M } else { SEEN_WALL_ERROR_M },
             size: pinhole.intrinsics().size(),
             motion: FloorMotion::new(&pinhole, mount),
             edges: UprightEdges::new(&pinhole, &mount),
@@ -370,6 +377,15 @@ impl LaneAvoider {
             wall_clearance_m: self.wall_clearance_m,
         };
         self.plan = scene.plan(self.drive.lane_m());
+        let is_narrow = self.plan.best.free_m < NARROW_FREE_M.0 && {
+            let scene = Scene { clearance_m: self.clearance_m - NARROW_M, ..scene };
+            let best = scene.plan(self.drive.lane_m()).best;
+            let is_longer = best.free_m > self.plan.best.free_m + NARROW_FREE_M.1;
+            if is_longer {
+                self.plan.best = best;
+            }
+            is_longer
+        };
         let blind = self.blindness(now);
         let situation = Situation {
             now_s: now.as_secs_f64(),
@@ -384,10 +400,11 @@ impl LaneAvoider {
             is_sonar_silent: self.sonar.beams().is_empty(),
             gate_m: self.config.gate_m,
             clearance_m: self.clearance_m,
-            speed_mps: match blind {
-                Some(_) => self.config.speed_mps.min(self.config.blind_speed_mps),
-                None => self.config.speed_mps,
-            },
+            speed_mps: self
+                .config
+                .speed_mps
+                .min(if blind.is_some() { self.config.blind_speed_mps } else { f64::INFINITY })
+                .min(if is_narrow { NARROW_MPS } else { f64::INFINITY }),
             max_turn_radps: self.config.max_turn_radps,
             is_arrived: self.is_arrived(),
             room: [1.0, -1.0].map(|side| scene.room(side)),

@@ -16,10 +16,10 @@ const CELLS: usize = 128;
 const OCCUPIED: f32 = 2.0;
 /// Limits of the log odds by the floor's look, by geometry, and by the sonars.
 const LOOK_LIMITS: (f32, f32) = (-2.0, 6.0);
-const GEOMETRY_LIMITS: (f32, f32) = (-1.0, 4.0);
+const GEOMETRY_LIMITS: (f32, f32) = (-1.0, 6.0);
 const SONAR_LIMITS: (f32, f32) = (-6.0, 6.0);
 /// Part of the geometry that sonars can outvote: smooth surfaces at an angle give no echo.
-const GEOMETRY_IN_DOUBT: f32 = 1.0;
+const GEOMETRY_IN_DOUBT: f32 = 2.0;
 /// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
 const ESTABLISHED: f32 = 3.0;
 /// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view:
@@ -304,8 +304,8 @@ mod tests {
             occupied(&grid).len() == 1
         };
         assert!(!is_kept(Evidence::Look, 9), "paint and mirror images end the floor, too");
-        assert!(is_kept(Evidence::Geometry, 3), "smooth surfaces at an angle give no echo");
-        assert!(!is_kept(Evidence::Geometry, 2), "two pictures may be wrong");
+        assert!(is_kept(Evidence::Geometry, 4), "smooth surfaces at an angle give no echo");
+        assert!(!is_kept(Evidence::Geometry, 3), "a mirror image that moves passes a place in three pictures");
     }
 
     #[test]

@@ -26,7 +26,7 @@ const MIN_PART: f64 = 0.4;
 const FOOT_SHARE: f64 = 0.9;
 /// Ratio of a step above another on the same line to it from which the lower one is the mirror image of the upper one: anywhere
 /// above, and above a gap. Ratio below which there is a gap.
-const MIRROR_RATIO: f64 = 1.5;
+const MIRROR_RATIO: f64 = 1.3;
 const MIRROR_RATIO_ABOVE_GAP: f64 = 0.7;
 const GAP_RATIO: f64 = 0.25;
 /// Distance before its foot from which an edge hides the floor, m.
@@ -35,6 +35,9 @@ const DEPTH_M: f64 = 0.03;
 const ALONG_RAD: f64 = 0.03;
 /// Columns to each side in which only the strongest step counts.
 const BESIDE: usize = 4;
+/// Columns between the upper and the lower end of an edge up to which it follows its plumb line: a line on the floor that passes
+/// beside the camera is oblique.
+const MAX_SLANT: usize = 1;
 
 /// Lower end of an upright edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,6 +108,7 @@ impl UprightEdges {
         for line in HALF_WIDTH_PX..self.lines.count() - HALF_WIDTH_PX {
             if let Some((row, step)) = self.lowest[line]
                 && self.is_strongest(line, step.abs())
+                && self.is_plumb(line, row, step)
                 && let Some(edge) = self.edge(line, row)
             {
                 self.found.push(edge);
@@ -146,6 +150,18 @@ impl UprightEdges {
                 there < step || (there == step && other < line)
             })
         })
+    }
+
+    /// True if an edge with its foot in this row has its upper and its lower end on the same line.
+    fn is_plumb(&self, line: usize, row: usize, step: f64) -> bool {
+        let Some(top) = self.tops[row] else { return false };
+        let part = (row - top) / PARTS;
+        let beside = line.saturating_sub(BESIDE)..=(line + BESIDE).min(self.lines.count() - 1);
+        let strongest = |to: usize| {
+            let share = |line: &usize| self.lines.mean(*line, to - part, to) / step;
+            beside.clone().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(line)
+        };
+        strongest(row).abs_diff(strongest(top + part)) <= MAX_SLANT
     }
 
     fn edge(&self, line: usize, row: usize) -> Option<UprightEdge> {
