@@ -1,16 +1,17 @@
 """Program of the driver `mujoco-hall`; a robot file starts it with `exec`."""
 
+import importlib.util
 import sys
 
-REMEDY = "pip install ./core/python -r sensors/mujoco/requirements.txt    # in the Python environment whose python3 comes first in PATH"
+#: Modules that the driver needs, and the arguments of pip that install them.
+NEEDED = ("yamabico", "mujoco", "cv2")
+REMEDY = "in the Python environment of this `python3`: pip install ./core/python -r sensors/mujoco/requirements.txt"
 
 if __name__ == "__main__":
-    try:
-        from hall.device import MujocoHall
-        from yamabico import main
-    except ModuleNotFoundError as error:
-        sys.exit(f"the Python package `{error.name}` is missing: {REMEDY}")
-    except (ImportError, AttributeError) as error:
-        # Without a library for rendering, PyOpenGL fails with either.
-        sys.exit(f"MuJoCo cannot render in software: {error}; apt-get install libosmesa6")
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        sys.exit(f"Python modules are missing: {', '.join(missing)}; {REMEDY}")
+    from hall.device import MujocoHall
+    from yamabico import main
+
     main(MujocoHall)

@@ -1,26 +1,20 @@
 """Boxes, a person and the robot as MJCF bodies, and the model of all of them in a building. Lengths in m, masses in kg."""
 
-import mujoco
-
 from .building import INTANGIBLE, ROBOT, SHADE, SOLID, Building
+from .robot import HEIGHT_M, RADIUS_M, TRACK_M, WHEEL_RADIUS_M
+from .scenario import Box
 
-#: Wheels, nominal: the encoders' counts are converted with these.
-WHEEL_RADIUS_M, TRACK_M = 0.08, 0.34
-ROBOT_RADIUS_M, ROBOT_HEIGHT_M = 0.20, 0.30
 BOX_SIZE_M = (0.24, 0.24, 0.35)
 #: Time step of the physics.
 PHYSICS_STEP_S = 0.004
 PERSON = ("torso", "leg_l", "leg_r")
 
-#: A box on the floor: center along x and to the left (m), and a color of `building.BOX_COLORS`.
-Box = tuple[float, float, str]
 
-
-def compile_model(building: Building, boxes: tuple[Box, ...]) -> mujoco.MjModel:
-    """Compiles the model of a building with boxes, a person (below the floor until placed) and the robot."""
+def model(building: Building, boxes: tuple[Box, ...]) -> str:
+    """Returns the model of a building with boxes, a person (below the floor until placed) and the robot."""
     placed = "".join(_box(number, *box) for number, box in enumerate(boxes))
     drive = "".join(f'<velocity name="{w}" joint="{w}" kv="8" forcerange="-4 4"/>' for w in ("left", "right"))
-    mjcf = f"""<mujoco model="hallway">
+    return f"""<mujoco model="hallway">
   <compiler angle="degree"/>
   <option timestep="{PHYSICS_STEP_S}" integrator="implicitfast"/>
   <visual><global offwidth="1024" offheight="1024"/><quality shadowsize="1024" offsamples="0" numquads="3"/>
@@ -31,8 +25,6 @@ def compile_model(building: Building, boxes: tuple[Box, ...]) -> mujoco.MjModel:
     <camera name="eye" mode="fixed" pos="0 0 1"/></worldbody>
   <actuator>{drive}</actuator>
 </mujoco>"""
-    return mujoco.MjModel.from_xml_string(mjcf, building.assets)
-
 
 def _box(number: int, x: float, y: float, color: str) -> str:
     half_x, half_y, half_z = (size / 2 for size in BOX_SIZE_M)
@@ -66,9 +58,9 @@ def _person() -> str:
 
 
 def _robot() -> str:
-    half_height = (ROBOT_HEIGHT_M - 0.05) / 2
+    half_height = (HEIGHT_M - 0.05) / 2
     hull = (
-        f'<geom name="hull" type="cylinder" pos="0 0 {0.05 + half_height}" size="{ROBOT_RADIUS_M} {half_height}" '
+        f'<geom name="hull" type="cylinder" pos="0 0 {0.05 + half_height}" size="{RADIUS_M} {half_height}" '
         f'mass="1" rgba=".55 .12 .10 1" group="{ROBOT}" contype="2" conaffinity="1"/>'
     )
     # Low and behind the axle, so that the robot rests on both wheels and the rear caster.

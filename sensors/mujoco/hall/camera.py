@@ -1,11 +1,12 @@
 """A forward camera: rendering by MuJoCo in software, and the sensor's exposure, blur, vignette and noise."""
 
-from dataclasses import dataclass
-from math import atan, cos, degrees, radians, sin, tan
+from math import atan, cos, degrees, sin, tan
 
 import cv2
 import mujoco
 import numpy as np
+
+from .robot import Mount
 
 #: Mean gray level that the automatic exposure aims at, its bounds, and the share of the error that it removes per frame.
 TARGET_LEVEL, MIN_GAIN, MAX_GAIN, EXPOSURE_RATE = 115.0, 0.6, 1.8, 0.25
@@ -16,25 +17,6 @@ VIGNETTE = 0.10
 READ_VARIANCE, SHOT_VARIANCE = 2.0, 0.03
 
 
-@dataclass(frozen=True)
-class Mount:
-    """Size, field of view and mount of a camera with square pixels, on a robot with x forward and z up from the floor."""
-
-    width_px: int = 256
-    height_px: int = 240
-    #: Horizontal field of view.
-    fov_rad: float = radians(60.0)
-    x_m: float = 0.10
-    z_m: float = 0.55
-    #: Pitch of the optical axis, downward.
-    tilt_rad: float = radians(12.0)
-
-    @property
-    def fov_y_deg(self) -> float:
-        """Vertical field of view."""
-        return degrees(2 * atan(tan(self.fov_rad / 2) * self.height_px / self.width_px))
-
-
 class Camera:
     """A camera in a world. `exposure` is the gain of its automatic exposure."""
 
@@ -43,6 +25,7 @@ class Camera:
         self.exposure, self._tint = 1.0, np.ones(3)
         self._noise = np.random.default_rng(0)
         self._eye, self._robot = model.camera("eye").id, model.body("robot").id
+        self._fov_y_deg = degrees(2 * atan(tan(mount.fov_rad / 2) * mount.height_px / mount.width_px))
         self._renderer: mujoco.Renderer | None = None
         self._visible = mujoco.MjvOption()
         self._visible.geomgroup[:] = [1, 1, 1, 1, 0, 0]
@@ -78,7 +61,7 @@ class Camera:
         axes = np.column_stack([right, np.cross(backward, right), backward])
         mujoco.mju_mat2Quat(self.model.cam_quat[self._eye], axes.ravel())
         self.model.cam_pos[self._eye] = position + robot @ [self.mount.x_m, 0, self.mount.z_m]
-        self.model.cam_fovy[self._eye] = self.mount.fov_y_deg
+        self.model.cam_fovy[self._eye] = self._fov_y_deg
         mujoco.mj_camlight(self.model, data)
 
     def _sense(self, rendered: np.ndarray) -> np.ndarray:

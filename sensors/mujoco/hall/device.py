@@ -6,17 +6,23 @@ import math
 from collections import deque
 from pathlib import Path
 
-import cv2
 import numpy as np
 from yamabico import Axes, Drive, Driver, Integer, Number, Sensor, SetupError, Switch, Word, pinhole
 from yamabico.messages import NO_ECHO, Beam, Encoding, FrameHeader, Odometry, RangeScanHeader, Truth
 
-from . import sonar
-from .bodies import ROBOT_RADIUS_M, TRACK_M, WHEEL_RADIUS_M
-from .camera import Mount
-from .episode import DURATION_S, STEP_S, Episode
-from .scenario import CRUISE_MPS, FLOORS, TASKS, Surface, draw
-from .world import TICKS_PER_REVOLUTION, World
+from .robot import (
+    RADIUS_M,
+    SONAR_CONE_RAD,
+    SONAR_MAX_M,
+    SONAR_MIN_M,
+    SONARS_RAD,
+    STEP_S,
+    TICKS_PER_REVOLUTION,
+    TRACK_M,
+    WHEEL_RADIUS_M,
+    Mount,
+)
+from .scenario import CRUISE_MPS, DURATION_S, FLOORS, TASKS, Surface, draw
 
 #: Readings of the encoders between which speeds are measured: one tick is 0.25 mm.
 SPEED_READINGS = 4
@@ -54,10 +60,10 @@ class Sonar(Sensor):
     kind, message = "sonar", RangeScanHeader
 
     def describe(self):
-        return {"Range": {"min_m": sonar.MIN_M, "max_m": sonar.MAX_M}}
+        return {"Range": {"min_m": SONAR_MIN_M, "max_m": SONAR_MAX_M}}
 
     def max_item_bytes(self):
-        return len(sonar.BEARINGS_RAD) * ctypes.sizeof(Beam)
+        return len(SONARS_RAD) * ctypes.sizeof(Beam)
 
 
 class Encoders(Sensor):
@@ -87,6 +93,10 @@ class MujocoHall(Driver):
     pace = Number("Maximum ratio of simulated to real time.", 0.01, 1000, default=1000)
 
     def __init__(self, setup):
+        # Only here, so that the driver describes itself without them.
+        from .episode import Episode
+        from .world import World
+
         super().__init__(setup)
         if setup.step_ns != round(STEP_S * 1e9):
             raise SetupError("pace", f"the hallway has time steps of {STEP_S} s: set `rate_hz = {1 / STEP_S:.0f}` of the arbiter")
@@ -102,7 +112,7 @@ class MujocoHall(Driver):
         self.readings: deque[tuple[int, int, int]] = deque(maxlen=SPEED_READINGS)
 
     def poll(self, now_ns):
-        if self.now_ns is not None and self.episode.outcome is None:
+        if self.now_ns is not None:
             self.move()
         self.now_ns = now_ns
         measure = {Camera: self.see, Sonar: self.listen, Encoders: self.count}
@@ -128,20 +138,17 @@ class MujocoHall(Driver):
             change[0] = limits.get("deceleration", kind)[0]
         change *= STEP_S
         self.speed = self.speed + np.clip(self.target - self.speed, -change, change)
+        was_over = self.episode.outcome is not None
         self.episode.step(*self.speed.tolist())
-        if self.episode.outcome and self.result != "none":
+        if self.episode.outcome and not was_over and self.result != "none":
             path = Path(self.setup.folder, self.result)
             part = path.with_name(path.name + ".part")
             part.write_text(json.dumps(self.episode.result()))
             part.rename(path)
 
     def see(self, camera):
-        if self.episode.outcome:
-            return
         world = self.episode.world
-        image = world.image()
-        if not camera.color:
-            image = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+        image = world.image() if camera.color else world.gray_image()
         header = FrameHeader(
             stamp_ns=self.now_ns,
             width=image.shape[1],
@@ -153,12 +160,12 @@ class MujocoHall(Driver):
         self.publish(camera, header, image)
 
     def listen(self, sensor):
-        beams = (Beam * len(sonar.BEARINGS_RAD))()
-        for beam, azimuth, range_m in zip(beams, sonar.BEARINGS_RAD, self.episode.world.ranges(), strict=True):
-            beam.azimuth_rad, beam.cone_rad, beam.range_m = azimuth, sonar.CONE_RAD, range_m
-            beam.x_m, beam.y_m = ROBOT_RADIUS_M * math.cos(azimuth), ROBOT_RADIUS_M * math.sin(azimuth)
-            beam.flags = NO_ECHO if range_m >= sonar.MAX_M else 0
-        self.publish(sensor, RangeScanHeader(stamp_ns=self.now_ns, min_m=sonar.MIN_M, max_m=sonar.MAX_M), beams)
+        beams = (Beam * len(SONARS_RAD))()
+        for beam, azimuth, range_m in zip(beams, SONARS_RAD, self.episode.world.ranges(), strict=True):
+            beam.azimuth_rad, beam.cone_rad, beam.range_m = azimuth, SONAR_CONE_RAD, range_m
+            beam.x_m, beam.y_m = RADIUS_M * math.cos(azimuth), RADIUS_M * math.sin(azimuth)
+            beam.flags = NO_ECHO if range_m >= SONAR_MAX_M else 0
+        self.publish(sensor, RangeScanHeader(stamp_ns=self.now_ns, min_m=SONAR_MIN_M, max_m=SONAR_MAX_M), beams)
 
     def count(self, encoders):
         world = self.episode.world
@@ -172,9 +179,9 @@ class MujocoHall(Driver):
 
     def publish_ground_truth(self):
         pose, score, person = self.episode.pose, self.episode.score, self.episode.world.person
-        truth = Truth(stamp_ns=self.now_ns, x=pose.x, y=pose.y, theta=pose.theta, vx=score.speed_mps)
+        truth = Truth(stamp_ns=self.now_ns, x=pose.x, y=pose.y, theta=pose.theta, vx=self.episode.speed_mps)
         truth.distance_m, truth.clearance_m = score.path_m, score.min_clearance_m
-        truth.person_m = person.distance_m(pose.x, pose.y) - ROBOT_RADIUS_M
+        truth.person_m = person.distance_m(pose.x, pose.y) - RADIUS_M
         touched = self.episode.world.touched is not None
-        truth.contacts, truth.struck = int(touched and not self.episode.is_passive), int(touched and self.episode.is_passive)
+        truth.contacts, truth.struck = int(touched and not self.episode.is_passive), int(self.episode.is_passive)
         self.publish_truth(truth)

@@ -3,15 +3,12 @@
 from dataclasses import dataclass, field
 from math import cos, hypot, sin, sqrt
 
-from .scenario import Scenario, Surface
-from .world import Pose, World
+from .robot import STEP_S
+from .scenario import DURATION_S, Scenario, Surface
+from .world import World
 
-#: Time step of commands, odometry and score.
-STEP_S = 0.02
-CAMERA_PERIOD_S, SONAR_PERIOD_S = 0.1, 0.05
 #: End of the way, and end of a run that stays in a circle of `STUCK_M` for `STUCK_S`.
 GOAL_X_M, STUCK_M, STUCK_S = 11.0, 0.10, 30.0
-DURATION_S = 120.0
 #: Bounds of commands.
 MAX_MPS, MAX_RADPS = 1.0, 2.0
 #: Speeds below which the robot stands, and above which it drives; it has stopped after `STOP_S`.
@@ -34,8 +31,7 @@ class Score:
     free_square_m3: float = 0.0
     min_clearance_m: float = 9.9
     stops: int = 0
-    #: Smoothed forward speed, and the time for which it has been near zero.
-    speed_mps: float = 0.0
+    #: Time for which the robot has stood.
     standing_s: float = 0.0
     is_driving: bool = False
     #: Last place that the robot left by more than `STUCK_M`, and when.
@@ -50,7 +46,7 @@ class Score:
 
 @dataclass
 class Episode:
-    """A run in `world`. Advance it until `outcome` is set: `arrived`, `contact`, `stuck` or `timeout`."""
+    """A run in `world`. `outcome` is set at its end: `arrived`, `contact`, `stuck` or `timeout`; later steps do not count."""
 
     scenario: Scenario
     surface: Surface
@@ -59,6 +55,10 @@ class Episode:
     duration_s: float = DURATION_S
     time_s: float = 0.0
     outcome: str | None = None
+    #: Set if the contact was passive: the robot stood, and what touched it ran into it.
+    is_passive: bool = False
+    #: Smoothed forward speed.
+    speed_mps: float = 0.0
     score: Score = field(default_factory=Score)
 
     def __post_init__(self) -> None:
@@ -72,15 +72,14 @@ class Episode:
         speed_mps = min(max(speed_mps, -MAX_MPS), MAX_MPS)
         turn_radps = min(max(turn_radps, -MAX_RADPS), MAX_RADPS)
         before, self.pose = self.pose, self.world.step(speed_mps, turn_radps, STEP_S)
-        self.time_s += STEP_S
-        self._steps += 1
-        self._measure(before)
-        self._decide()
-
-    @property
-    def is_passive(self) -> bool:
-        """True if the robot stands: what touches it now ran into it."""
-        return abs(self.score.speed_mps) < PASSIVE_MPS and self.score.standing_s > PASSIVE_S
+        dx, dy = self.pose.x - before.x, self.pose.y - before.y
+        ahead = dx * cos(self.pose.theta) + dy * sin(self.pose.theta)
+        self.speed_mps += 0.3 * (ahead / STEP_S - self.speed_mps)
+        if self.outcome is None:
+            self.time_s += STEP_S
+            self._steps += 1
+            self._measure(hypot(dx, dy), ahead)
+            self._decide()
 
     def result(self) -> dict:
         """Returns the result as a JSON object."""
@@ -92,7 +91,7 @@ class Episode:
             "seed": self.seed,
             "outcome": self.outcome,
             "contact": contact,
-            "passive": bool(contact) and self.is_passive,
+            "passive": self.is_passive,
             "time_s": round(self.time_s, 2),
             "min_clearance_m": round(score.min_clearance_m, 3),
             "rms_offset_m": None if rms is None else round(rms, 3),
@@ -102,18 +101,15 @@ class Episode:
             "end": [round(value, 3) for value in self.pose],
         }
 
-    def _measure(self, before: Pose) -> None:
-        score, pose = self.score, self.pose
-        dx, dy = pose.x - before.x, pose.y - before.y
-        length, ahead = hypot(dx, dy), dx * cos(pose.theta) + dy * sin(pose.theta)
-        score.speed_mps += 0.3 * (ahead / STEP_S - score.speed_mps)
+    def _measure(self, length: float, ahead: float) -> None:
+        score = self.score
         score.path_m += length
         score.reverse_m += max(0.0, -ahead)
         if self._is_free():
             score.free_m += length
-            score.free_square_m3 += length * pose.y**2
-        score.standing_s = score.standing_s + STEP_S if abs(score.speed_mps) < STANDING_MPS else 0.0
-        if abs(score.speed_mps) > DRIVING_MPS:
+            score.free_square_m3 += length * self.pose.y**2
+        score.standing_s = score.standing_s + STEP_S if abs(self.speed_mps) < STANDING_MPS else 0.0
+        if abs(self.speed_mps) > DRIVING_MPS:
             score.is_driving = True
         if score.is_driving and score.standing_s > STOP_S:
             score.stops, score.is_driving = score.stops + 1, False
@@ -129,6 +125,7 @@ class Episode:
         score, pose = self.score, self.pose
         if self.world.touched:
             self.outcome, score.min_clearance_m = "contact", 0.0
+            self.is_passive = abs(self.speed_mps) < PASSIVE_MPS and score.standing_s > PASSIVE_S
         elif pose.x > GOAL_X_M:
             self.outcome = "arrived"
         elif hypot(pose.x - score.anchor[0], pose.y - score.anchor[1]) > STUCK_M:

@@ -1,6 +1,5 @@
 """A person who walks straight across the hallway when the robot comes near. Positions in m, speeds in m/s, world frame."""
 
-from dataclasses import dataclass
 from enum import Enum
 from math import atan2, cos, hypot, pi, sin
 
@@ -8,32 +7,12 @@ import mujoco
 import numpy as np
 
 from .bodies import PERSON
+from .scenario import Crossing
 
 #: Distance between the legs' centers and the middle, amplitude of their swing, and length of a double step.
 LEG_M, SWING_M, STRIDE_M = 0.1, 0.18, 1.3
 #: Route of a person who is not in the building.
 AWAY = ((40.0, 40.0), (41.0, 40.0))
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A walk across the hallway at `x_m`, from `far_m` on one side to as far on the other."""
-
-    x_m: float
-    #: Side of the start: 1 left, -1 right.
-    side: int
-    speed_mps: float
-    #: Distance ahead of the robot at which both would meet.
-    lead_m: float
-    #: Place and duration of a pause on the way; zero is none.
-    pause_y_m: float
-    pause_s: float
-    far_m: float = 2.4
-
-    @property
-    def route(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Begin and end of the walk."""
-        return (self.x_m, self.side * self.far_m), (self.x_m, -self.side * self.far_m)
 
 
 class Walk(Enum):
@@ -89,7 +68,7 @@ class Person:
         if self.walked_m == self._placed_m:
             return
         self._placed_m = self.walked_m
-        position = self._begin + self._along * min(self.walked_m / self._length_m, 1.0)
+        position = np.array(self.position)
         swing = SWING_M * sin(self.walked_m * 2 * pi / STRIDE_M)
         step = LEG_M * self._side + swing * self._ahead
         for part, offset in zip(PERSON, (0 * self._side, step, -LEG_M * self._side - swing * self._ahead), strict=True):
@@ -97,17 +76,18 @@ class Person:
             data.mocap_pos[mocap] = [*(position + offset), 0]
             data.mocap_quat[mocap] = self._rotation
 
+    @property
+    def position(self) -> tuple[float, float]:
+        """Position of the person's middle."""
+        x, y = (self._begin + self._along * min(self.walked_m / self._length_m, 1.0)).tolist()
+        return x, y
+
     def is_near(self, x_m: float) -> bool:
         """Returns true if the person is in or beside the hallway, within 1.5 m of `x_m` along it."""
-        if self.crossing is None:
-            return False
-        # The walk leads straight across.
-        y_m = self._begin[1] + self._along[1] * min(self.walked_m / self._length_m, 1.0)
-        return bool(abs(y_m) < 1.4 and abs(self.crossing.x_m - x_m) < 1.5)
+        x, y = self.position
+        return self.crossing is not None and abs(y) < 1.4 and abs(x - x_m) < 1.5
 
     def distance_m(self, x_m: float, y_m: float) -> float:
         """Returns the distance from a point to the person's middle; infinite if there is none."""
-        if self.crossing is None:
-            return float("inf")
-        position = self._begin + self._along * min(self.walked_m / self._length_m, 1.0)
-        return hypot(position[0] - x_m, position[1] - y_m)
+        x, y = self.position
+        return hypot(x - x_m, y - y_m) if self.crossing else float("inf")

@@ -4,15 +4,36 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .bodies import Box
-from .person import Crossing
-
 TASKS = ("empty", "boxes", "person", "full")
 FLOORS = ("linoleum", "glossy", "tile", "carpet")
 #: Share of light that a glossy floor mirrors; other floors mirror none.
 GLOSS = 0.25
-#: Speed at which robots are expected to drive.
-CRUISE_MPS = 0.4
+#: Speed at which robots are expected to drive, and time after which a run ends without a result.
+CRUISE_MPS, DURATION_S = 0.4, 120.0
+
+#: A box on the floor: center along x and to the left (m), and a color of `building.BOX_COLORS`.
+Box = tuple[float, float, str]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A walk across the hallway at `x_m`, from `far_m` on one side to as far on the other."""
+
+    x_m: float
+    #: Side of the start: 1 left, -1 right.
+    side: int
+    speed_mps: float
+    #: Distance ahead of the robot at which both would meet.
+    lead_m: float
+    #: Place and duration of a pause on the way; zero is none.
+    pause_y_m: float
+    pause_s: float
+    far_m: float = 2.4
+
+    @property
+    def route(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Begin and end of the walk."""
+        return (self.x_m, self.side * self.far_m), (self.x_m, -self.side * self.far_m)
 
 
 @dataclass(frozen=True)

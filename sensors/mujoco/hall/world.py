@@ -7,18 +7,19 @@ import atexit
 from math import atan2, cos, pi, radians, sin
 from typing import NamedTuple
 
+import cv2
 import mujoco
 import numpy as np
 
 from . import sonar
-from .bodies import PHYSICS_STEP_S, TRACK_M, WHEEL_RADIUS_M, compile_model
+from .bodies import PHYSICS_STEP_S, model
 from .building import SOLID, Building
-from .camera import Camera, Mount
+from .camera import Camera
 from .person import Person
 from .plan import Plan
+from .robot import TICKS_PER_REVOLUTION, TRACK_M, WHEEL_RADIUS_M, Mount
 from .scenario import Scenario, Surface
 
-TICKS_PER_REVOLUTION = 2000
 #: Start of the robot (m, m, rad) and the bounds of its random part.
 START, START_JITTER = (0.8, 0.0, 0.0), (0.05, 0.10, radians(4))
 #: Time constant of the motors, and time steps for the robot to settle on its wheels.
@@ -43,7 +44,7 @@ class World:
     def __init__(self, scenario: Scenario, surface: Surface, seed: int, mount: Mount | None = None):
         floor, gloss = surface.covering
         building = Building(Plan(crosses=scenario.crossing is not None), floor, gloss, surface.style)
-        self.model = compile_model(building, scenario.boxes)
+        self.model = mujoco.MjModel.from_xml_string(model(building, scenario.boxes), building.assets)
         self.data = mujoco.MjData(self.model)
         self.camera = Camera(self.model, mount or Mount())
         self.person = Person(self.model, scenario.crossing, scenario.robot_mps)
@@ -98,8 +99,12 @@ class World:
         """Returns an image of the camera: (height, width, 3), RGB, 8 bits."""
         return self.camera.image(self.data)
 
+    def gray_image(self) -> np.ndarray:
+        """Returns an image of the camera: (height, width), gray, 8 bits."""
+        return cv2.cvtColor(self.image(), cv2.COLOR_RGB2GRAY)
+
     def ranges(self) -> tuple[float, ...]:
-        """Returns the ranges of the sonars, m: left, ahead, right; `sonar.MAX_M` without an echo."""
+        """Returns the ranges of the sonars, m: left, ahead, right; `robot.SONAR_MAX_M` without an echo."""
         return sonar.ranges(self.model, self.data, self.pose(), self._sonar_noise)
 
     def clearance_m(self) -> float:
