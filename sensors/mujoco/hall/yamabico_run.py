@@ -16,8 +16,10 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 TASK_FILES = {"map": "mujoco-hall.toml", "unmapped": "mujoco-hall-unmapped.toml"}
 #: Tasks with a person, who comes from a crossing.
 CROSSING_TASKS = ("person", "full")
-#: Behaviors with a map.
-MAPPED = ("map-localizer", "stationary-obstacle-avoider")
+#: Behaviors with a map, and those of each task.
+MAPPED = ("stationary-obstacle-avoider", "map-localizer")
+UNMAPPED = ("sonar-halt", "stuck-recovery", "stationary-obstacle-avoider", "wall-follower")
+BEHAVIORS = {"map": (*UNMAPPED, "map-localizer"), "unmapped": UNMAPPED}
 #: Time after which a run is given up: a busy machine takes its time.
 TIMEOUT_S = 1800.0
 #: Time that a run has to stop.
@@ -32,6 +34,8 @@ def settings(job: Job, result: Path) -> list[str]:
     changes.append(f"robot.devices.hall.style={job.style}")
     # The world ends the run, not the task.
     changes.append(f"run.duration_s={DURATION_S + 10}")
+    # Each step waits for every behavior, however busy the machine is.
+    changes += [f"behaviors.{behavior}.deadline_ms=60000" for behavior in BEHAVIORS[job.controller]]
     # A name of its own lets several robots drive on one machine.
     changes.append(f'robot.name="hall-{os.getpid()}-{abs(hash(job)) % 10**6}"')
     if job.controller == "map" and job.task in CROSSING_TASKS:
@@ -46,7 +50,7 @@ def run(job: Job, program: str, folder: Path) -> dict:
     folder.mkdir(parents=True)
     result = folder.resolve() / "result.json"
     task = REPOSITORY / "configs" / TASK_FILES[job.controller]
-    command = [program, "run", str(task), "--live", "--json", "--no-report", "--seed", str(job.seed), "--out", str(folder)]
+    command = [program, "run", str(task), "--live", "--json", "--no-report", "--no-overlays", "--seed", str(job.seed), "--out", str(folder)]
     command += [word for change in settings(job, result) for word in ("--set", change)]
     with (folder / "out.json").open("w") as out, (folder / "errors.txt").open("w") as errors:
         process = subprocess.Popen(command, stdout=out, stderr=errors, stdin=subprocess.DEVNULL)
