@@ -82,6 +82,7 @@ class Grid:
 
     def _add(self, x: np.ndarray, y: np.ndarray, evidence: float) -> None:
         x0, y0, heading = self.odometry
+        x, y = np.asarray(x, float), np.asarray(y, float)
         i = ((x0 + cos(heading) * x - sin(heading) * y - BEGIN_X_M) / CELL_M).astype(int)
         j = ((y0 + sin(heading) * x + cos(heading) * y - BEGIN_Y_M) / CELL_M).astype(int)
         inside = (i >= 0) & (i < CELLS_X) & (j >= 0) & (j < CELLS_Y)

@@ -116,7 +116,7 @@ class HallLines:
         return FloorLines(pose.across(x, y), np.minimum(length[low], 80 * scale) / (40 * scale))
 
     def _stand(self, lines, length, slope, pose: HallPose, boundary: np.ndarray) -> np.ndarray:
-        """Lowers the boundary to upright lines that stand on the floor: edges of boxes, legs."""
+        """Lowers the boundary between pairs of upright lines that stand on the floor: edges of boxes, legs."""
         view, scale = self.view, self.view.scale
         foot = np.where((lines[:, 1] > lines[:, 3])[:, None], lines[:, :2], lines[:, 2:])
         x, y = view.floor_at(foot[:, 0], foot[:, 1])
@@ -132,8 +132,6 @@ class HallLines:
         u, v, x = foot[stands, 0], foot[stands, 1], x[stands]
         feet = np.zeros(len(view.columns))
         for i in range(len(u)):
-            near = np.abs(view.columns - u[i]) <= 3 * scale
-            feet[near] = np.maximum(feet[near], v[i])
             for j in range(i):
                 width_m = abs(u[i] - u[j]) * x[i] / view.focal_px
                 if 0.08 < width_m < 0.42 and abs(v[i] - v[j]) < 0.12 * abs(v[i] - view.horizon):

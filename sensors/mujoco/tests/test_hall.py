@@ -119,9 +119,9 @@ class Simulation(unittest.TestCase):
         crossing = episode.scenario.crossing
         while episode.outcome is None:
             pose = episode.pose
-            episode.step(0.4 if pose.x < crossing.x_m - 0.1 else 0.0, -2 * pose.theta - 1.5 * pose.y)
+            episode.step(0.8 if pose.x < crossing.x_m - 0.2 else 0.0, -2 * pose.theta - 1.5 * pose.y)
         result = episode.result()
-        self.assertEqual((result["outcome"], result["contact"]), ("contact", "person"))
+        self.assertEqual((result["outcome"], result["contact"], result["passive"]), ("contact", "person", True))
 
     def test_a_command_that_is_not_finite_is_refused(self):
         episode = self.episode("empty", 1)
