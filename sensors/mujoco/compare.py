@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
 
@@ -85,7 +85,8 @@ def main() -> None:
         return run(job, options) if time.monotonic() - begun < 60 * options.until else None
 
     with ThreadPoolExecutor(options.jobs) as pool:
-        for ran in pool.map(run_in_time, [job for job in wanted if not results.has(job)]):
+        runs = [pool.submit(run_in_time, job) for job in wanted if not results.has(job)]
+        for ran in (future.result() for future in as_completed(runs)):
             if ran is not None:
                 results.add(ran)
                 print(table.line(ran), flush=True)
