@@ -89,20 +89,25 @@ class MujocoHall(Driver):
     style = Integer("Seed of the textures.", 0, 1000, default=1)
     cruise_mps = Number("Speed of the robot that the person meets.", 0.02, 2, default=CRUISE_MPS)
     duration_s = Number("Time after which a run ends without a result.", 1, 10000, default=DURATION_S)
-    result = Word("JSON file that receives the score at the end; `none` for no file.", default="none")
+    result = Word("JSON file that receives the score at the end, relative to the robot file; `none` for no file.", default="none")
     pace = Number("Maximum ratio of simulated to real time.", 0.01, 1000, default=1000)
 
     def __init__(self, setup):
         # Only here, so that the driver describes itself without them.
-        from .episode import Episode
-        from .world import World
+        try:
+            from .episode import Episode
+            from .world import World
+        except (ImportError, AttributeError, RuntimeError) as error:
+            raise SetupError("", f"MuJoCo cannot render without a screen: {error}; remedy: apt-get install libosmesa6") from error
 
         super().__init__(setup)
         if setup.step_ns != round(STEP_S * 1e9):
-            raise SetupError("pace", f"the hallway has time steps of {STEP_S} s: set `rate_hz = {1 / STEP_S:.0f}` of the arbiter")
+            raise SetupError("", f"the hallway has time steps of {STEP_S} s: set `rate_hz = {1 / STEP_S:.0f}` of the arbiter")
         cameras = [sensor for sensor in setup.sensors if isinstance(sensor, Camera)]
         if len(cameras) > 1:
             raise SetupError("task", "the robot of the hallway has one camera, and the robot file names several")
+        if self.result != "none" and not self.result_path.parent.is_dir():
+            raise SetupError("result", f"there is no folder `{self.result_path.parent}`")
         scenario = draw(self.task, int(setup.seed), self.cruise_mps)
         surface = Surface(self.floor, self.style)
         world = World(scenario, surface, int(setup.seed), cameras[0].mount() if cameras else None)
@@ -110,6 +115,11 @@ class MujocoHall(Driver):
         self.now_ns = self.commanded_ns = None
         self.speed, self.target, self.braking = np.zeros(2), np.zeros(2), False
         self.readings: deque[tuple[int, int, int]] = deque(maxlen=SPEED_READINGS)
+
+    @property
+    def result_path(self) -> Path:
+        """Path of the score, relative to the robot file."""
+        return Path(self.setup.folder, self.result)
 
     def poll(self, now_ns):
         if self.now_ns is not None:
@@ -141,10 +151,9 @@ class MujocoHall(Driver):
         was_over = self.episode.outcome is not None
         self.episode.step(*self.speed.tolist())
         if self.episode.outcome and not was_over and self.result != "none":
-            path = Path(self.setup.folder, self.result)
-            part = path.with_name(path.name + ".part")
+            part = self.result_path.with_name(self.result_path.name + ".part")
             part.write_text(json.dumps(self.episode.result()))
-            part.rename(path)
+            part.rename(self.result_path)
 
     def see(self, camera):
         world = self.episode.world

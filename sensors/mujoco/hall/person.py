@@ -25,7 +25,7 @@ class Person:
     """A person in a world, who has walked `walked_m` of the route at `speed_mps`."""
 
     def __init__(self, model: mujoco.MjModel, crossing: Crossing | None, robot_mps: float):
-        """Places a crossing, or nobody; the walk begins so that a robot at `robot_mps` meets the person."""
+        """Takes the crossing, if there is one; it begins so that a robot at `robot_mps` meets the person."""
         self.crossing, self.state = crossing, Walk.WAITING
         self.speed_mps = self.walked_m = 0.0
         self._mocap = {part: model.body(part).mocapid[0] for part in PERSON}

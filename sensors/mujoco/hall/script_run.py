@@ -1,8 +1,9 @@
 """One run of a script in the hallway, in lockstep: each time step waits for its command.
 
 As a program, it takes a job as JSON and the path of the script, and prints the result. A script has a class `Controller` with
-`__init__(setup)`, where `setup` is that of `setup_of`, and `step(time_s, image, ranges, odometry)`, which returns a speed (m/s) and a turn
-rate (rad/s). `image` (RGB) and `ranges` (m: left, ahead, right) are `None` while there is no new one; `odometry` is the pose since the start.
+`__init__(setup)`, where `setup` is that of `setup_of`, and `step(time_s, image, ranges, odometry)`, which returns a speed (m/s) and
+a turn rate (rad/s). `image` (RGB) and `ranges` (m: left, ahead, right) are `None` while there is no new one; `odometry` is the pose
+since the start.
 """
 
 import importlib.util

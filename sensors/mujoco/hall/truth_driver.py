@@ -1,4 +1,4 @@
-"""A script that sees the truth: pure pursuit around the true boxes that yields to the true person. It shows that each task can be solved."""
+"""A script that sees the truth: pure pursuit around the boxes that yields to the person. It shows that each task can be solved."""
 
 from math import cos, sin
 

@@ -20,7 +20,9 @@ const SIMULATED: Duration = Duration::from_secs(8);
 fn interpreter() -> Option<PathBuf> {
     let named = std::env::var_os("YAMABICO_MUJOCO").map(PathBuf::from);
     if named.is_none() {
-        eprintln!("skipped, YAMABICO_MUJOCO names no Python interpreter with MuJoCo: sensors/mujoco/README.md");
+        eprintln!(
+            "skipped, YAMABICO_MUJOCO names no Python interpreter with MuJoCo: sensors/mujoco/README.md"
+        );
     }
     named
 }
@@ -34,7 +36,8 @@ fn the_unit_tests_of_the_hallway_pass() {
     let Some(python) = interpreter() else { return };
     let folder = yamabico_testkit::workspace().join("sensors/mujoco");
     let mut tests = Command::new(python);
-    let tests = tests.args(["-m", "unittest", "discover", "-s", "tests"]).current_dir(folder).output().unwrap();
+    let tests =
+        tests.args(["-m", "unittest", "discover", "-s", "tests"]).current_dir(folder).output().unwrap();
     assert_exit(&tests, 0, &["OK"]);
     assert!(!text(&tests).contains("skipped"), "{}", text(&tests));
 }
