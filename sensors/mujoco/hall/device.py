@@ -156,6 +156,7 @@ class MujocoHall(Driver):
             part.rename(self.result_path)
 
     def see(self, camera):
+        """Publishes an image with the gain of the exposure."""
         world = self.episode.world
         image = world.image() if camera.color else world.gray_image()
         header = FrameHeader(
@@ -169,6 +170,7 @@ class MujocoHall(Driver):
         self.publish(camera, header, image)
 
     def listen(self, sensor):
+        """Publishes a scan: ranges (m) from the rim of the hull."""
         beams = (Beam * len(SONARS_RAD))()
         for beam, azimuth, range_m in zip(beams, SONARS_RAD, self.episode.world.ranges(), strict=True):
             beam.azimuth_rad, beam.cone_rad, beam.range_m = azimuth, SONAR_CONE_RAD, range_m
@@ -177,6 +179,7 @@ class MujocoHall(Driver):
         self.publish(sensor, RangeScanHeader(stamp_ns=self.now_ns, min_m=SONAR_MIN_M, max_m=SONAR_MAX_M), beams)
 
     def count(self, encoders):
+        """Publishes the odometry since the start, with speeds over the last readings."""
         world = self.episode.world
         x, y, theta = world.odometry()
         self.readings.append((self.now_ns, *world.ticks()))
@@ -187,6 +190,7 @@ class MujocoHall(Driver):
         self.publish(encoders, Odometry(stamp_ns=self.now_ns, x=x, y=y, theta=theta, **speeds))
 
     def publish_ground_truth(self):
+        """Publishes the true pose and the score so far."""
         pose, score, person = self.episode.pose, self.episode.score, self.episode.world.person
         truth = Truth(stamp_ns=self.now_ns, x=pose.x, y=pose.y, theta=pose.theta, vx=self.episode.speed_mps)
         truth.distance_m, truth.clearance_m = score.path_m, score.min_clearance_m

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
+use yamabico_core::message::Command as MotorCommand;
 use yamabico_live_robot::robot::LiveRobot;
 use yamabico_live_robot::venv;
 
@@ -65,14 +66,16 @@ fn the_same_seed_gives_the_same_commands() {
         let robot = start(&python, &format!("mujoco-{run}-{}", std::process::id()), floor);
         worlds::first_commands(robot, SIMULATED)
     });
-    let bytes = |commands: &[_]| -> Vec<u8> {
-        let steps = commands.iter().filter(|command: &&yamabico_core::message::Command| command.stamp_ns > 0);
-        steps.flat_map(|command| bytemuck::bytes_of(command).to_vec()).collect()
-    };
     assert!(first.last().unwrap().stamp_ns > 7_000_000_000, "{} commands", first.len());
     assert!(first.iter().any(|command| command.twist.linear > 0.2), "it drives");
     assert_eq!(bytes(&first), bytes(&second));
     assert_ne!(bytes(&first), bytes(&other), "the floor is seen");
+}
+
+/// Bytes of the commands after time zero, whose command is published before the test subscribes.
+fn bytes(commands: &[MotorCommand]) -> Vec<u8> {
+    let steps = commands.iter().filter(|command| command.stamp_ns > 0);
+    steps.flat_map(|command| bytemuck::bytes_of(command).to_vec()).collect()
 }
 
 fn start(python: &Path, name: &str, floor: &str) -> LiveRobot {
