@@ -2,6 +2,7 @@
 //! the package `iceoryx2`, the tests are skipped with a message.
 
 mod lockstep;
+mod mujoco;
 mod own_messages;
 mod worlds;
 

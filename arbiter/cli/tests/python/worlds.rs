@@ -36,7 +36,11 @@ pub fn start(program: &Path, python: &Path, name: &str, pace: f64, more: &[&str]
 pub fn commands(program: &Path, python: &Path, name: &str, pace: f64, simulated: Duration) -> Vec<Command> {
     // A busy machine must not look like a hanging plugin.
     let patient = ["robot.devices.world.deadline_ms=60000", "behaviors.wall-follower.deadline_ms=60000"];
-    let mut robot = start(program, python, name, pace, &patient);
+    first_commands(start(program, python, name, pace, &patient), simulated)
+}
+
+/// The commands of the first `simulated` time of a run, which it ends.
+pub fn first_commands(mut robot: LiveRobot, simulated: Duration) -> Vec<Command> {
     let end = simulated.as_nanos() as u64;
     let is_there = |robot: &LiveRobot| robot.commands.last().is_some_and(|command| command.stamp_ns > end);
     assert!(robot.wait_until(TIMEOUT, is_there), "the simulator does not advance");
