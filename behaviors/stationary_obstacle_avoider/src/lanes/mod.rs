@@ -273,8 +273,12 @@ impl LaneAvoider {
             if let Some(motion) = &mut self.motion {
                 motion.look(image, robot, stamp.as_secs_f64(), self.columns.ends(), &mut self.hidden);
             }
-            if let Some(edges) = &mut self.edges {
-                edges.look(image, &mut self.hidden);
+            // A mirror shows the edges of what stands elsewhere.
+            let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
+            match &mut self.edges {
+                Some(edges) if is_matt => edges.look(image, &mut self.hidden),
+                Some(edges) => edges.clear(),
+                None => {}
             }
         }
         let (columns, beams, motion) = (&self.columns, self.sonar.beams(), &self.motion);
@@ -318,7 +322,9 @@ impl LaneAvoider {
             self.grid.add(Evidence::Geometry, feet.map(to_odometry), UPRIGHT_EDGE);
         }
         if let Some(motion) = motion {
-            self.grid.add(Evidence::Geometry, motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
+            // In a mirror, motion is as doubtful as looks.
+            let kind = if motion.is_matt() { Evidence::Geometry } else { Evidence::Look };
+            self.grid.add(kind, motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
         }
         Ok(())
     }

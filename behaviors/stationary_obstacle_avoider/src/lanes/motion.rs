@@ -33,6 +33,11 @@ const LIMITS: (f32, f32) = (-8.0, 8.0);
 const FADE_PER_S: f32 = 0.15;
 /// Standard deviation of the distance of a thing up to which its place counts, m.
 const MAX_RANGE_SIGMA_M: f64 = 0.15;
+/// Share of the points below the floor, among all that were decided lately, from which the floor is a mirror: other floors have at
+/// most half of it. Share of the counts that a picture keeps, and the number of points that it takes to know.
+const MIRROR_SHARE: f32 = 0.08;
+const KEPT: f32 = 0.95;
+const MIN_DECIDED: f32 = 50.0;
 /// Depth of a thing around the foot of a point, m.
 const DEPTH_M: f64 = 0.05;
 
@@ -44,6 +49,9 @@ pub(super) struct FloorMotion {
     scale: f64,
     window: RollingWindow,
     votes: Vec<f32>,
+    /// Points that were decided lately, and those of them that lie below the floor.
+    decided: f32,
+    below: f32,
     /// Time of the last picture, s.
     last_s: Option<f64>,
 }
@@ -57,6 +65,8 @@ impl FloorMotion {
             scale: f64::from(pinhole.intrinsics().width) / 256.0,
             window: RollingWindow::new(CELLS, CELL_M),
             votes: vec![0.0; CELLS * CELLS],
+            decided: 0.0,
+            below: 0.0,
             last_s: None,
         })
     }
@@ -83,6 +93,11 @@ impl FloorMotion {
         }
         self.feet().for_each(|foot| hidden.hide(foot, DEPTH_M));
         let points = self.judge.points();
+        let count =
+            |classes: &[PointClass]| points.iter().filter(|point| classes.contains(&point.class)).count();
+        let decided = count(&[PointClass::Floor, PointClass::Below, PointClass::Above]);
+        self.decided = KEPT * self.decided + decided as f32;
+        self.below = KEPT * self.below + count(&[PointClass::Below]) as f32;
         for end in ends {
             let votes: f32 = points.iter().map(|point| vote(point, &end, self.scale)).sum();
             if let Some(slot) = self.window.slot(odometry.transform_point(end.place)) {
@@ -90,6 +105,11 @@ impl FloorMotion {
                 self.votes[slot] = sum.clamp(LIMITS.0, LIMITS.1);
             }
         }
+    }
+
+    /// True if the floor is known not to mirror what stands on it.
+    pub fn is_matt(&self) -> bool {
+        self.decided > MIN_DECIDED && self.below < MIRROR_SHARE * self.decided
     }
 
     /// Places of things in the last picture within `range_m` of the camera, robot frame at the capture, m: along the ray

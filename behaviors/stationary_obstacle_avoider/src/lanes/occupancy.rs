@@ -305,7 +305,10 @@ mod tests {
         };
         assert!(!is_kept(Evidence::Look, 9), "paint and mirror images end the floor, too");
         assert!(is_kept(Evidence::Geometry, 4), "smooth surfaces at an angle give no echo");
-        assert!(!is_kept(Evidence::Geometry, 3), "a mirror image that moves passes a place in three pictures");
+        assert!(
+            !is_kept(Evidence::Geometry, 3),
+            "a mirror image that moves passes a place in three pictures"
+        );
     }
 
     #[test]

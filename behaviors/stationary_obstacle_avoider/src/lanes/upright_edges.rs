@@ -117,6 +117,11 @@ impl UprightEdges {
         }
     }
 
+    /// Forgets the edges of the last picture.
+    pub fn clear(&mut self) {
+        self.found.clear();
+    }
+
     /// Edges in the last picture, from left to right.
     pub fn found(&self) -> &[UprightEdge] {
         &self.found
