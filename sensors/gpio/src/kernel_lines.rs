@@ -123,3 +123,17 @@ impl Lines for KernelLines {
         Ok(self.request.value(echo).map_err(io::Error::other)? == Value::Active)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_chip_is_refused_with_the_remedy() {
+        let wiring = [Wiring { trigger: 23, echo: 24 }];
+        let refusal = |chip: &str| KernelLines::open(Path::new(chip), &wiring).err().unwrap();
+        assert!(refusal("/dev/null").contains("/dev/null is no GPIO chip"), "{}", refusal("/dev/null"));
+        let missing = refusal("/dev/gpiochip999");
+        assert!(missing.contains("/dev/gpiochip999 does not exist"), "{missing}");
+    }
+}

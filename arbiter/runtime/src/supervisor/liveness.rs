@@ -210,7 +210,8 @@ mod tests {
     /// Time of the silence at which a process that computes for ever is found to hang. It gets the first share of a processor, and
     /// the second once it is given precedence.
     fn watch_loop(shares: [f64; 2]) -> u64 {
-        let (mut liveness, mut computed_us, mut has_precedence) = (Liveness::new(DEADLINE, at(0)), 0.0, false);
+        let (mut liveness, mut computed_us, mut has_precedence) =
+            (Liveness::new(DEADLINE, at(0)), 0.0, false);
         liveness.beat(at(1_000));
         for millis in (0..20_000).step_by(2) {
             let now = at(1_000 + millis);

@@ -4,7 +4,7 @@
 //! Moravec & Elfes (1985).
 
 use nalgebra::{Point2, Vector2};
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Hypotenuse, Pose2};
 use yamabico_core::message::Beam;
 use yamabico_vision::rolling_window::RollingWindow;
 
@@ -174,6 +174,7 @@ fn neighbors(place: Point2<f64>) -> impl Iterator<Item = Point2<f64>> {
 
 #[cfg(test)]
 mod tests {
+
     use super::*;
     use yamabico_core::message::NO_ECHO;
 
@@ -239,7 +240,7 @@ mod tests {
         assert!(found.len() >= 3, "{found:?}");
         for place in found {
             let seen = robot.inverse().transform_point(place);
-            assert!(((seen.x - 0.2).hypot(seen.y) - 1.0).abs() < 0.06 && seen.y.abs() < 0.2, "{seen:?}");
+            assert!(((seen.x - 0.2).hypotenuse(seen.y) - 1.0).abs() < 0.06 && seen.y.abs() < 0.2, "{seen:?}");
         }
         for _ in 0..12 {
             grid.add_beam(&beam(2.0, NO_ECHO), &robot, |_| true);
