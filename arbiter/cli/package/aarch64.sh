@@ -4,10 +4,12 @@
 #
 #     rustup target add aarch64-unknown-linux-gnu
 #     sudo apt install gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user
-#     arbiter/cli/package/aarch64.sh                       # or only: arbiter/cli/package/aarch64.sh build | test | compare
+#     arbiter/cli/package/aarch64.sh                       # or with one of: build, test, functions, compare
 #
-# Environment: CARGO, the toolchain (cargo); PROFILE (release; `dev` compiles faster); FLAGS, additional arguments of cargo, such as
-# `--features view`; TASKS, the tasks to compare (corridor hallway); QEMU, the emulator with its arguments.
+# `functions` compares the functions of the C library, bit by bit; those that differ must not be called (clippy.toml).
+#
+# Environment: CARGO and RUSTC, the toolchain (cargo, rustc); PROFILE (release; `dev` compiles faster); FLAGS, additional arguments of
+# cargo, such as `--features view`; TASKS, the tasks to compare (corridor hallway); QEMU, the emulator with its arguments.
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
 
@@ -30,6 +32,20 @@ build() {
 run_tests() {
     "$cargo" test --profile "${PROFILE:-test}" --target "$target" --lib "${flags[@]}" \
         -p yamabico-geometry -p yamabico-core -p yamabico-arbiter
+}
+
+functions() {
+    local source=core/geometry/examples/math_functions.rs out
+    out=$(mktemp -d)
+    "${RUSTC:-rustc}" -O --edition 2024 "$source" -o "$out/here"
+    "${RUSTC:-rustc}" -O --edition 2024 --target "$target" \
+        -C linker="$CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER" "$source" -o "$out/there"
+    "$out/here" > "$out/here.txt"
+    # shellcheck disable=SC2086 # the emulator and its arguments
+    $qemu "$out/there" > "$out/there.txt"
+    echo "functions that differ between $(uname -m) and aarch64:"
+    { diff "$out/here.txt" "$out/there.txt" || true; } | sed -n 's/^< \(.*\):.*/    \1/p'
+    rm -r "$out"
 }
 
 # Digest of a task, by a program.
@@ -57,7 +73,8 @@ compare() {
 case ${1:-all} in
     build) build ;;
     test) run_tests ;;
+    functions) functions ;;
     compare) build && compare ;;
-    all) build && run_tests && compare ;;
-    *) sed -n '2,12p' "$0" && exit 2 ;;
+    all) build && run_tests && functions && compare ;;
+    *) sed -n '2,15p' "$0" && exit 2 ;;
 esac

@@ -149,6 +149,6 @@ pub(crate) fn first_hit(
         return person;
     }
     let wall = wall?;
-    let obliqueness = wall.normal.dot(glam(direction)).abs().clamp(0.0, 1.0).acos();
-    (f64::from(obliqueness) <= specular_rad).then_some(f64::from(wall.time_of_impact))
+    let obliqueness = f64::from(wall.normal.dot(glam(direction)).abs()).min(1.0).acos();
+    (obliqueness <= specular_rad).then_some(f64::from(wall.time_of_impact))
 }
