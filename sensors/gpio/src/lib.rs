@@ -67,6 +67,12 @@ impl Driver for GpioDriver {
 
     fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {
         let chip: ChipConfig = read(&spec.table)?;
+        if spec.sensors.len() > 1 {
+            // Two rings would hear each other.
+            let problem =
+                format!("device `{}` has one sensor of the kind `sonars`: put all sonars into it", spec.name);
+            return Err(ParameterError::new("kind", problem));
+        }
         let sensor = |part: &PartSpec| -> Result<(String, Box<dyn Sensor>), ParameterError> {
             let config: SonarConfig = read(&part.table)?;
             config.check()?;

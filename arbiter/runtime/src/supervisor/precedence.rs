@@ -1,7 +1,7 @@
 //! Precedence of an overdue process that lacks a processor: a larger share of one until its next heartbeat.
 //!
 //! It makes the difference between slow and hung plain sooner: a computation that was merely slowed down ends, and an endless loop uses
-//! up the time that its deadline allows.
+//! up the time that its deadline allows. Where the kernel groups processes (by session or by cgroup), it acts within the group only.
 
 use rustix::process::{Pid, getpriority_process, setpriority_process};
 
