@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use nalgebra::Vector2;
-use yamabico_core::geometry::{Hypotenuse, wrap_angle};
+use yamabico_core::geometry::wrap_angle;
 use yamabico_core::message::FreeDirection;
 
 /// Number of edges processed at a time.
@@ -229,6 +229,7 @@ impl Edges {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Hypotenuse;
 
     use super::*;
     use rand::{RngExt, SeedableRng};

@@ -4,7 +4,7 @@
 //! Moravec & Elfes (1985).
 
 use nalgebra::{Point2, Vector2};
-use yamabico_core::geometry::{Hypotenuse, Pose2};
+use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Beam;
 use yamabico_vision::rolling_window::RollingWindow;
 
@@ -174,6 +174,7 @@ fn neighbors(place: Point2<f64>) -> impl Iterator<Item = Point2<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Hypotenuse;
 
     use super::*;
     use yamabico_core::message::NO_ECHO;
