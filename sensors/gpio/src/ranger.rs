@@ -43,14 +43,11 @@ impl Ranger {
     ///
     /// # Errors
     /// The lines do not open, or no thread starts.
-    pub fn start<L: Lines>(
+    pub fn start<L: Lines + Send + 'static>(
         name: &str,
         ring: Ring,
         open: impl Fn() -> Result<L, String> + Send + 'static,
-    ) -> Result<Ranger, String>
-    where
-        L: Send + 'static,
-    {
+    ) -> Result<Ranger, String> {
         let lines = open()?;
         let shared = Arc::new(Shared::default());
         let (of_thread, sensor) = (Arc::clone(&shared), name.to_owned());

@@ -11,7 +11,6 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{DecisionHeader, Mode, Twist};
 use yamabico_core::time::Time;
 use yamabico_host::bus::Bus;
@@ -153,7 +152,7 @@ fn a_running_robot_is_shown_and_obeys() {
     ));
     browser.click_at(at[0].as_f64().unwrap(), at[1].as_f64().unwrap());
     browser.await_true(&format!(
-        "Math.hypotenuse(yamabico.memory.state.scene.goal[0] - {x_m}, yamabico.memory.state.scene.goal[1]) < 0.1"
+        "Math.hypot(yamabico.memory.state.scene.goal[0] - {x_m}, yamabico.memory.state.scene.goal[1]) < 0.1"
     ));
     browser.click("#reset");
     browser.await_true("yamabico.memory.state.mode != 'emergency stop'");

@@ -60,6 +60,12 @@ fn thread(id: u32) -> Option<Pid> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
+    use yamabico_core::time::Time;
+    use yamabico_host::Deadline;
+
+    use super::super::liveness::Liveness;
     use super::*;
 
     #[test]
@@ -83,5 +89,61 @@ mod tests {
             println!("skipped: this kernel does not account for threads in /proc");
         }
         sleeper.kill().and_then(|()| sleeper.wait()).unwrap();
+    }
+
+    /// Child that computes for ever.
+    struct Loop(std::process::Child);
+
+    impl Loop {
+        fn start() -> Loop {
+            Loop(std::process::Command::new("sh").args(["-c", "while :; do :; done"]).spawn().unwrap())
+        }
+    }
+
+    impl Drop for Loop {
+        fn drop(&mut self) {
+            self.0.kill().and_then(|()| self.0.wait()).unwrap();
+        }
+    }
+
+    /// Silence after which an endless loop with a deadline of 400 ms is found to hang, and whether it was given precedence.
+    fn silence_of_a_loop(may_raise: impl Fn() -> Precedence) -> (Duration, bool) {
+        let (child, mut precedence) = (Loop::start(), may_raise());
+        let mut liveness = Liveness::new(Deadline::new(Duration::from_millis(400)), Time::monotonic_now());
+        std::thread::sleep(Duration::from_millis(100));
+        liveness.beat(Time::monotonic_now());
+        let mut last = Time::monotonic_now();
+        loop {
+            let now = Time::monotonic_now();
+            if now.since(last) > super::super::STANDSTILL {
+                liveness.excuse(now.since(last));
+            }
+            last = now;
+            if liveness.is_reading_due(now)
+                && let Some(threads) = ThreadTimes::of_process(child.0.id())
+            {
+                liveness.read(&threads, now);
+                if liveness.lacks_processor() {
+                    precedence.raise(child.0.id(), &threads);
+                }
+            }
+            if let Some(hang) = liveness.hang(now) {
+                return (hang.silent, precedence.before.is_some());
+            }
+            std::thread::sleep(super::super::PERIOD);
+        }
+    }
+
+    #[test]
+    #[ignore = "a measurement beside four busy loops for each processor"]
+    fn an_endless_loop_on_a_busy_machine_is_found_sooner() {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        let _load: Vec<Loop> = (0..4 * processors).map(|_| Loop::start()).collect();
+        for _ in 0..3 {
+            let (without, _) = silence_of_a_loop(|| Precedence { is_refused: true, ..Precedence::default() });
+            let (with, is_raised) = silence_of_a_loop(Precedence::default);
+            println!("deadline 400 ms: {without:.2?} without precedence, {with:.2?} with ({is_raised})");
+            assert!(!is_raised || with < without);
+        }
     }
 }
