@@ -58,7 +58,8 @@ pub fn teleop(arguments: &Arguments) -> CommandResult {
     let joystick =
         joystick.map(|device| JoystickChoice { device, axes: arguments.axes, hold: arguments.hold });
     if let Some(choice) = joystick.as_ref().filter(|_| arguments.list) {
-        return joystick::list(choice, &interrupt_flag()?).map(|()| DONE).map_err(Failure::device);
+        let interrupt = interrupt_flag()?;
+        return joystick::list(choice, &interrupt).map(|()| DONE).map_err(Failure::device);
     }
     let robot = arguments.robot.choose()?;
     let mut client = RobotClient::join(&robot)?;
