@@ -9,6 +9,7 @@ use bytemuck::Pod;
 use yamabico::plugins::plugins;
 use yamabico_core::behavior::{Outputs, ParameterError, PublishError};
 use yamabico_core::driver::{Device, DeviceSpec, Driver, DriverInfo, PartSpec, SensorDescription};
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{
     Beam, Command, FrameHeader, Message, MessageType, Odometry, RangeScanHeader, RawMessage, Truth,
 };
@@ -168,7 +169,7 @@ impl Tap for Speeds {
         match message.name {
             Truth::NAME => {
                 let truth: Truth = bytemuck::pod_read_unaligned(header);
-                self.true_mps.push((time, truth.vx.hypot(truth.vy)));
+                self.true_mps.push((time, truth.vx.hypotenuse(truth.vy)));
             }
             Command::NAME => {
                 let command: Command = bytemuck::pod_read_unaligned(header);

@@ -4,7 +4,7 @@
 //! `YAMABICO_SEEDS=50` runs 50 seeds instead of 2.
 
 use nalgebra::{Matrix3, Vector3};
-use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
 use yamabico_core::message::{MessageType, Obstacle, Pose, PoseStatus, Truth};
 use yamabico_core::time::Time;
 use yamabico_host::config::Task;
@@ -66,7 +66,7 @@ impl PoseTap {
             let covariance = Matrix3::from_row_slice(&pose.covariance);
             errors.nees.push(error.dot(&(covariance.try_inverse().unwrap() * error)));
         }
-        let distance = |edge: &Obstacle, [x, y]: &[f64; 2]| (edge.x - x).hypot(edge.y - y);
+        let distance = |edge: &Obstacle, [x, y]: &[f64; 2]| (edge.x - x).hypotenuse(edge.y - y);
         let nearest =
             |edge| corners.iter().map(|corner| distance(edge, corner)).fold(f64::INFINITY, f64::min);
         errors.edges_m = self.obstacles.iter().map(nearest).collect();

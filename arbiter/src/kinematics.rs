@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use yamabico_core::drive::Wheels;
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Axes, Twist};
 
 /// Relation between wheel speeds and the motion of the body.
@@ -180,7 +181,7 @@ impl OmniWheels {
 
 /// Speed of translation, m/s.
 pub(crate) fn translation(twist: Twist) -> f64 {
-    twist.linear.hypot(twist.lateral)
+    twist.linear.hypotenuse(twist.lateral)
 }
 
 /// `twist` times `factor` on every axis.

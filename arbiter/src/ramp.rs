@@ -4,6 +4,7 @@
 //! and ends smoothly. Slowing down is limited in deceleration, and its onset in jerk; its end is not smoothed, and speeding
 //! up is aborted at once: so a lower target never gives a higher speed than a higher target would.
 
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Axes, Axis, Twist};
 use yamabico_core::sensor::MotionLimits;
 
@@ -122,7 +123,7 @@ const STANDING: f64 = 1e-12;
 /// Moves one step from velocity `now` towards `target` in a straight line.
 fn approach(now: [f64; 2], target: [f64; 2], rate: &mut f64, bounds: Bounds, step: Step) -> [f64; 2] {
     let gap = [target[0] - now[0], target[1] - now[1]];
-    let distance = gap[0].hypot(gap[1]);
+    let distance = gap[0].hypotenuse(gap[1]);
     if distance < STANDING {
         *rate = 0.0;
         return target;

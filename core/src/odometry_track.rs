@@ -1,6 +1,6 @@
 //! Recent odometry, from which the pose at any recent time is interpolated. A gyro replaces the turns of the wheels.
 
-use crate::geometry::{Pose2, Twist, angle_difference};
+use crate::geometry::{Hypotenuse, Pose2, Twist, angle_difference};
 use crate::gyro_track::GyroTrack;
 use crate::message::{Imu, Odometry};
 use crate::time::Time;
@@ -65,7 +65,7 @@ impl OdometryTrack {
             self.turn_by_gyro(&last, &mut reading);
         }
         self.wheels = Pose2::new(odometry.x, odometry.y, odometry.theta);
-        let speed_mps = odometry.vx.hypot(odometry.vy);
+        let speed_mps = odometry.vx.hypotenuse(odometry.vy);
         self.stands = speed_mps < STANDING.0 && odometry.omega.abs() < STANDING.1;
         self.newest = (self.newest + 1) % CAPACITY;
         self.readings[self.newest] = reading;

@@ -56,6 +56,20 @@ impl DeviceError {
     }
 }
 
+/// Difference between the clock of a run and that of the machine above which the run is no live one, s.
+const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
+
+/// Checks that `now`, on the clock of the run, is real time. A real device has no other.
+///
+/// # Errors
+/// The run is in lockstep: the device `device` fails, with the remedy.
+pub fn check_real_time(device: &str, now: Time) -> Result<(), DeviceError> {
+    if now.seconds_after(Time::monotonic_now()).abs() <= MAX_CLOCK_DIFFERENCE_S {
+        return Ok(());
+    }
+    Err(DeviceError::failed(device, "a real device works only in real time: add --live to the command"))
+}
+
 /// Description of a sensor, from the robot file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SensorInfo {

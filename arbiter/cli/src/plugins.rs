@@ -18,7 +18,12 @@ pub fn plugins() -> Plugins {
             factory::<yamabico_wall_follower::WallFollower>(),
         ],
         drivers: [
-            vec![yamabico_camera::driver(), yamabico_recording::driver(), yamabico_sim::driver()],
+            vec![
+                yamabico_camera::driver(),
+                yamabico_gpio::driver(),
+                yamabico_recording::driver(),
+                yamabico_sim::driver(),
+            ],
             yamabico_serial::drivers(),
         ]
         .concat(),

@@ -10,6 +10,7 @@ use yamabico_vision::azimuth_map::{EdgeMap, SurfaceState};
 use yamabico_vision::polygon::nearest_on_segment;
 
 use crate::program::{TestFolder, yamabico};
+use yamabico_core::geometry::Hypotenuse;
 
 /// Runs `yamabico COMMAND TASK --json` in `folder`.
 fn run(folder: &TestFolder, command: &[&str], task: &str, settings: &[&str]) -> Output {
@@ -29,7 +30,7 @@ fn json(output: &Output) -> Value {
 /// Distances (m) from the edges observed in more than `seen` frames to the nearest of `corners`.
 fn errors(map: &EdgeMap, corners: &[[f64; 2]], seen: u32) -> Vec<f64> {
     let nearest = |at: [f64; 2]| {
-        let distances = corners.iter().map(|corner| (corner[0] - at[0]).hypot(corner[1] - at[1]));
+        let distances = corners.iter().map(|corner| (corner[0] - at[0]).hypotenuse(corner[1] - at[1]));
         distances.fold(f64::INFINITY, f64::min)
     };
     map.edges.iter().filter(|edge| edge.seen > seen).map(|edge| nearest(edge.at_m)).collect()

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 use yamabico_core::camera::{Intrinsics, MirrorCamera, Mount};
-use yamabico_core::geometry::{Pose2, wrap_angle};
+use yamabico_core::geometry::{Hypotenuse, Pose2, wrap_angle};
 use yamabico_core::message::{
     Axes, Beam, Encoding, FrameHeader, FreeSpaceHeader, Goal, Kind, Odometry, Pose, PoseStatus, Proposal,
     RangeScanHeader, Reason,
@@ -50,7 +50,7 @@ fn show_often(bench: &mut Bench<FreeSpaceAvoider>, from_s: f64, pixels: &[u8], t
 }
 
 fn speed(proposal: &Proposal) -> f64 {
-    proposal.twist.linear.hypot(proposal.twist.lateral)
+    proposal.twist.linear.hypotenuse(proposal.twist.lateral)
 }
 
 fn is_standing(proposal: &Proposal) -> bool {

@@ -4,6 +4,7 @@
 
 use nalgebra::{Matrix2, Point2, Rotation2, Vector2, Vector3};
 use yamabico_core::camera::Intrinsics;
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::image::ImageView;
 use yamabico_vision::corridor::observer::{CorridorObservation, CorridorObserver};
 use yamabico_vision::corridor::wall_distance::CorridorView;
@@ -94,7 +95,7 @@ pub struct FinderRule {
 
 impl FinderRule {
     fn belong_together(&self, left: &WallEnd, right: &WallEnd) -> bool {
-        let sigma_m = left.ahead_sigma_m.hypot(right.ahead_sigma_m);
+        let sigma_m = left.ahead_sigma_m.hypotenuse(right.ahead_sigma_m);
         (left.ahead_m - right.ahead_m).abs() < self.pair_m.max(3.0 * sigma_m)
     }
 }
@@ -306,9 +307,9 @@ impl Scene<'_> {
         let from_camera = Vector2::new(x, y);
         let range_m = from_camera.norm();
         let bearing_sigma = COLUMN_SIGMA_PX / self.view.intrinsics.fx;
-        let wall_share = (wall.sigma_m / y).hypot(SKIRTING_SHARE);
-        let turned = bearing_sigma.hypot(self.sighting.heading_sigma) * x / y.abs();
-        let along = range_m * wall_share.hypot(turned);
+        let wall_share = (wall.sigma_m / y).hypotenuse(SKIRTING_SHARE);
+        let turned = bearing_sigma.hypotenuse(self.sighting.heading_sigma) * x / y.abs();
+        let along = range_m * wall_share.hypotenuse(turned);
         let across = range_m * bearing_sigma;
         let robot_from_corridor = Rotation2::new(-self.sighting.heading);
         let turn = (robot_from_corridor * Rotation2::new(y.atan2(x))).into_inner();

@@ -3,7 +3,7 @@
 use crate::rig::{Drive, drive, frame_header, pose_error, setup, toml};
 use nalgebra::{Matrix3, Vector3};
 use yamabico_core::behavior::Behavior;
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Hypotenuse, Pose2};
 use yamabico_core::message::{Goal, Kind, Odometry, PathHeader, Pose, PoseStatus, Reason};
 use yamabico_core::testing::Bench;
 use yamabico_core::time::Time;
@@ -105,7 +105,7 @@ fn a_jump_of_the_odometry_does_not_move_the_pose() {
     drive.wheels = Pose2::new(-40.0, 7.0, -1.0);
     drive.step();
     let after = drive.pose.unwrap();
-    assert!((after.x - before.x).hypot(after.y - before.y) < 0.02);
+    assert!((after.x - before.x).hypotenuse(after.y - before.y) < 0.02);
     assert_eq!(status(&drive).0, PoseStatus::Inconsistent);
     assert!(after.covariance[0] > 0.005 && drive.proposal.twist.linear <= 0.2);
     drive.run(1.5);
@@ -196,7 +196,7 @@ fn a_goal_replaces_the_route_but_not_through_walls() {
     drive.run(8.0);
     assert!(drive.proposal.note.as_str().contains("arrived"), "{}", drive.proposal.note.as_str());
     assert_eq!(drive.proposal.twist.linear, 0.0);
-    let off = (drive.robot.x - 1.5).hypot(drive.robot.y - 0.2);
+    let off = (drive.robot.x - 1.5).hypotenuse(drive.robot.y - 0.2);
     assert!(off < 0.15, "{off} m from the goal");
 }
 

@@ -1,7 +1,7 @@
 //! Invalid images of a mirror camera result in a reported status, never in a confident wrong pose.
 
 use nalgebra::{Matrix3, Vector3};
-use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
 use yamabico_core::message::{Pose, PoseStatus, Reason};
 use yamabico_core::testing::{Bench, allocations};
 use yamabico_map_localizer::MapLocalizer;
@@ -42,7 +42,7 @@ fn valid_images_are_tracked() {
     for (name, truth) in POSES {
         let (status, reason, pose) = localize(name, truth, |_| {});
         assert_eq!((status, reason), (PoseStatus::Tracking, Reason::Nominal), "{name}");
-        assert!((pose.x - truth.x).hypot(pose.y - truth.y) < 0.015, "{name}: {pose:?}");
+        assert!((pose.x - truth.x).hypotenuse(pose.y - truth.y) < 0.015, "{name}: {pose:?}");
         assert!(nees(&pose, &truth) < 16.3, "{name}");
     }
 }
@@ -92,7 +92,7 @@ fn a_displaced_or_tilted_mirror_is_reported_or_accurate() {
         let channels = if name == "field" { 3 } else { 1 };
         let (status, reason, pose) = localize(name, truth, |pixels| pixels.rotate_right(5 * channels));
         let is_reported = status != PoseStatus::Tracking || reason != Reason::Nominal;
-        let off = (pose.x - truth.x).hypot(pose.y - truth.y);
+        let off = (pose.x - truth.x).hypotenuse(pose.y - truth.y);
         assert!(is_reported || off < 0.06, "{name}, shifted: {status:?}, {off} m");
         robot.mount.tilt = 2_f64.to_radians();
         let mut bench =

@@ -1,7 +1,7 @@
 //! Wheels that slip: the pose is right again within a second, standing or slow.
 
 use crate::rig::{Drive, drive, pose_error};
-use yamabico_core::geometry::{Pose2, Twist, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, Twist, angle_difference};
 use yamabico_core::message::PoseStatus;
 
 /// Time in which the pose must be right again, s.
@@ -71,7 +71,7 @@ fn wheels_that_lag_behind_the_body_do_not_lose_the_pose() {
         reported.theta += share * lag;
         let moved = before.relative(&drive.robot);
         drive.wheels = Pose2 { theta: 2.0 + reported.theta, ..drive.wheels };
-        assert!(moved.x.hypot(moved.y) < 0.01);
+        assert!(moved.x.hypotenuse(moved.y) < 0.01);
         if drive.bench.behavior.status().0 == PoseStatus::Tracking {
             worst = worst.max(pose_error(&drive).1.to_degrees());
         }

@@ -1,7 +1,7 @@
 //! Overlay: the beams with the gate that they are held against.
 
 use nalgebra::Vector2;
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Hypotenuse, Pose2};
 use yamabico_core::message::{Beam, RangeScanHeader, Twist, View};
 use yamabico_core::overlay::{GRAY, ORANGE, Overlay, RED, YELLOW};
 
@@ -38,7 +38,7 @@ pub fn draw(overlay: &mut Overlay, scan: &View<'_, RangeScanHeader>, gate: Gate<
     match gate {
         Gate::Swept(gate, twists) => {
             for twist in twists {
-                let length_m = gate.stopping.from_speed_m(twist.linear.hypot(twist.lateral));
+                let length_m = gate.stopping.from_speed_m(twist.linear.hypotenuse(twist.lateral));
                 for side in [1.0, -1.0] {
                     lines.path(edge(twist, length_m, side * gate.radius_m));
                 }
@@ -79,7 +79,7 @@ fn arc(beam: &Beam, range_m: f64) -> impl Iterator<Item = Vector2<f64>> {
 
 /// Edge of the path of `length_m` with this twist, at `offset_m` to the left of its center.
 fn edge(twist: &Twist, length_m: f64, offset_m: f64) -> impl Iterator<Item = Vector2<f64>> {
-    let speed_mps = twist.linear.hypot(twist.lateral);
+    let speed_mps = twist.linear.hypotenuse(twist.lateral);
     let time_s = if speed_mps > 0.0 { length_m / speed_mps } else { 0.0 };
     let heading = twist.lateral.atan2(twist.linear);
     (0..=PATH_POSES).map(move |i| {

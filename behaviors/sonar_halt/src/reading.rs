@@ -1,5 +1,6 @@
 //! The class of one scan.
 
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Axes, Beam};
 
 /// Forward and sideways motion.
@@ -34,12 +35,12 @@ pub(crate) fn echoes(beams: &[Beam]) -> Option<impl Iterator<Item = (&Beam, f64)
 /// geometry is not finite.
 pub(crate) fn is_within(radius_m: f64, beam: &Beam, range_m: f64) -> bool {
     let is_finite = beam.azimuth_rad.is_finite() && beam.cone_rad.is_finite();
-    if is_finite && range_m - beam.x_m.hypot(beam.y_m) > radius_m {
+    if is_finite && range_m - beam.x_m.hypotenuse(beam.y_m) > radius_m {
         return false;
     }
     let is_near = |part: f64| {
         let azimuth = beam.azimuth_rad + part * 0.5 * beam.cone_rad;
-        let distance_m = (beam.x_m + range_m * azimuth.cos()).hypot(beam.y_m + range_m * azimuth.sin());
+        let distance_m = (beam.x_m + range_m * azimuth.cos()).hypotenuse(beam.y_m + range_m * azimuth.sin());
         distance_m.is_nan() || distance_m <= radius_m
     };
     [-1.0, -0.5, 0.0, 0.5, 1.0].into_iter().any(is_near)

@@ -1,5 +1,6 @@
 //! Gate that halts for echoes on the swept path within the stopping distance.
 
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Axes, Axis, Beam, Twist};
 
 use crate::reading::{Reading, TRANSLATION, echoes, is_within};
@@ -83,7 +84,7 @@ impl SweptGate {
         let path = SweptPath::new(twist, self.radius_m);
         let stopping_m = self.stopping.from_speed_m(path.speed_mps());
         // The path is at least as long as the straight line to the echo.
-        let is_far = range_m - beam.x_m.hypot(beam.y_m) - self.radius_m > stopping_m;
+        let is_far = range_m - beam.x_m.hypotenuse(beam.y_m) - self.radius_m > stopping_m;
         if is_far {
             return None;
         }

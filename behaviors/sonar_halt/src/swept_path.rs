@@ -5,6 +5,7 @@
 
 use std::f64::consts::TAU;
 
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Beam, Twist};
 
 /// Ratio of speed to turn rate (m/rad) above which an arc counts as straight.
@@ -29,7 +30,7 @@ impl SweptPath {
     /// Creates the path of a disc of this radius (m) about the robot's center.
     #[must_use]
     pub fn new(twist: &Twist, radius_m: f64) -> Self {
-        let speed_mps = twist.linear.hypot(twist.lateral);
+        let speed_mps = twist.linear.hypotenuse(twist.lateral);
         let direction =
             if speed_mps > 0.0 { [twist.linear / speed_mps, twist.lateral / speed_mps] } else { [0.0; 2] };
         Self { speed_mps, turn_radps: twist.angular, direction, radius_m }
@@ -45,7 +46,7 @@ impl SweptPath {
     /// one that is not finite, `None` if never.
     #[must_use]
     pub fn contact_m(&self, point: [f64; 2]) -> Option<f64> {
-        let distance_m = point[0].hypot(point[1]);
+        let distance_m = point[0].hypotenuse(point[1]);
         if distance_m <= self.radius_m || !distance_m.is_finite() {
             return Some(0.0);
         }
@@ -61,7 +62,7 @@ impl SweptPath {
         // The point seen from the turning center, at the angle `bearing` from the robot in the direction of travel.
         let center_y = self.speed_mps / self.turn_radps;
         let arc_m = center_y.abs();
-        let from_center_m = x.hypot(y - center_y);
+        let from_center_m = x.hypotenuse(y - center_y);
         let cosine = (from_center_m * from_center_m + arc_m * arc_m - radius_m * radius_m)
             / (2.0 * from_center_m * arc_m);
         if cosine.abs() > 1.0 || cosine.is_nan() {
@@ -90,7 +91,7 @@ impl SweptPath {
     #[must_use]
     pub fn approach_to_echo_m(&self, beam: &Beam, range_m: f64, step_m: f64) -> Option<f64> {
         let ahead = echo_points(beam, range_m, step_m)
-            .filter(|point| point[0].hypot(point[1]) > self.radius_m || !self.leaves(*point));
+            .filter(|point| point[0].hypotenuse(point[1]) > self.radius_m || !self.leaves(*point));
         shortest(ahead.map(|point| self.contact_m(point)))
     }
 }
@@ -134,7 +135,7 @@ mod tests {
             let twist = Twist::new(twist[0], twist[1], twist[2]);
             let length = SweptPath::new(&twist, 0.28).contact_m(point).unwrap();
             let pose = yamabico_core::geometry::Pose2::default().integrate(&twist, length / twist.speed());
-            assert!(((pose.x - point[0]).hypot(pose.y - point[1]) - 0.28).abs() < 1e-9);
+            assert!(((pose.x - point[0]).hypotenuse(pose.y - point[1]) - 0.28).abs() < 1e-9);
         }
     }
 

@@ -6,7 +6,7 @@
 
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Hypotenuse, Pose2};
 use yamabico_core::time::Time;
 
 /// Maximum number of remembered obstacles.
@@ -105,7 +105,7 @@ impl KnownObstacle {
         let (sin, cos) = bearing.sin_cos();
         let at = pose.inverse().transform_point(self.at);
         let (along, across) = (cos * at.x + sin * at.y, cos * at.y - sin * at.x);
-        let nearest = across.hypot(along - along.clamp(0.0, length_m));
+        let nearest = across.hypotenuse(along - along.clamp(0.0, length_m));
         along > 0.0 && nearest < self.radius_m + half_width_m
     }
 }

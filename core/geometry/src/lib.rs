@@ -32,12 +32,14 @@
 //! ```
 
 pub mod camera;
+mod hypotenuse;
 pub mod image;
 mod pose;
 mod twist;
 
 use std::f64::consts::{PI, TAU};
 
+pub use hypotenuse::Hypotenuse;
 pub use pose::Pose2;
 pub use twist::{Axis, Twist};
 

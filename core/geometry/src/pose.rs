@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Point2, Vector2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::Hypotenuse;
 use crate::{Twist, wrap_angle};
 
 /// A planar pose: position and heading of frame b in frame a, which is also the transform `a_from_b`.
@@ -78,7 +79,7 @@ impl Pose2 {
     /// Returns the distance between the two positions, m.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
-        (self.x - other.x).hypot(self.y - other.y)
+        (self.x - other.x).hypotenuse(self.y - other.y)
     }
 
     /// Returns the pose after moving with the constant twist for `duration_s`, which may be negative: an exact arc.

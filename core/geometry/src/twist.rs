@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use serde::Serialize;
 
+use crate::Hypotenuse;
 use crate::Pose2;
 
 /// Rotation, rad, below which sin(a)/a and (1 - cos(a))/a are computed from their series.
@@ -109,7 +110,7 @@ impl Twist {
     /// Returns the speed of translation, m/s, not negative.
     #[must_use]
     pub fn speed(&self) -> f64 {
-        self.linear.hypot(self.lateral)
+        self.linear.hypotenuse(self.lateral)
     }
 }
 

@@ -4,6 +4,7 @@
 
 use nalgebra::{Point3, Vector2, Vector3};
 use serde_json::Value;
+use yamabico_geometry::Hypotenuse;
 use yamabico_geometry::camera::{
     ConicMirror, FloorFormula, HyperboloidalMirror, Meridian, Mirror, MirrorCamera, MirrorImage,
     MirrorProjectionError,
@@ -31,7 +32,7 @@ fn copis_projection() {
         match case["kind"].as_str().unwrap() {
             "project" => {
                 let point: Point3<f64> = numbers::<3>(&case["P"]).into();
-                let way = Vector2::new(point.x.hypot(point.y), point.z - lens.z) - cone.viewpoint();
+                let way = Vector2::new(point.x.hypotenuse(point.y), point.z - lens.z) - cone.viewpoint();
                 let view_angle = way.x.atan2(way.y);
                 near(id, view_angle, case["view_angle"].as_f64().unwrap());
                 near(id, number("delta_deg").to_radians() - view_angle, case["eta"].as_f64().unwrap());
@@ -73,7 +74,7 @@ fn copis_projection() {
                 if !case["floor"].is_null() {
                     let floor = origin - direction * (origin.z / direction.z);
                     near_all(id, &[floor.x, floor.y], &numbers::<2>(&case["floor"]));
-                    near(id, camera.floor_radius_m(radius_px, lens.z).unwrap(), floor.x.hypot(floor.y));
+                    near(id, camera.floor_radius_m(radius_px, lens.z).unwrap(), floor.x.hypotenuse(floor.y));
                 }
             }
             other => panic!("{id}: {other}"),

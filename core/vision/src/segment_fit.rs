@@ -1,6 +1,7 @@
 //! Total least squares line fit from moments, which can be merged without the points.
 
 use nalgebra::Vector2;
+use yamabico_geometry::Hypotenuse;
 
 /// Lower bound of a fit's root mean square distance, px: quantization limits the accuracy of real edges.
 pub const RMS_FLOOR_PX: f64 = 0.1;
@@ -63,7 +64,7 @@ impl Moments {
     /// Fits the line with the minimum sum of squared perpendicular distances: angle atan2(2 Suv, Suu - Svv) / 2. `None`
     /// for fewer than two points, or for points without a dominant direction.
     pub fn line(&self) -> Option<FittedLine> {
-        let anisotropy = (self.uu - self.vv).hypot(2.0 * self.uv);
+        let anisotropy = (self.uu - self.vv).hypotenuse(2.0 * self.uv);
         let total = self.uu + self.vv;
         if self.count < 2.0 || anisotropy.is_nan() || anisotropy <= 1e-12 * total || total <= 0.0 {
             return None;

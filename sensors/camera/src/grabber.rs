@@ -72,6 +72,11 @@ impl Grabber {
         Ok(Grabber { shared, thread: Some(thread) })
     }
 
+    /// Returns true if the thread has ended although the source is wanted: it panicked.
+    pub fn has_failed(&self) -> bool {
+        self.thread.as_ref().is_some_and(JoinHandle::is_finished)
+    }
+
     /// Returns the newest image, once.
     pub fn newest(&self) -> Option<Image> {
         self.shared.newest.lock().unwrap_or_else(PoisonError::into_inner).take()
@@ -125,5 +130,47 @@ impl Shared {
             }
         }
         io::Error::from(io::ErrorKind::Interrupted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Source whose stream panics when it is closed, as a library may that meets an unexpected error.
+    struct Fragile;
+    struct FragileStream;
+
+    impl Source for Fragile {
+        fn name(&self) -> String {
+            "fragile".to_owned()
+        }
+
+        fn open(&mut self) -> io::Result<Box<dyn Stream>> {
+            Ok(Box::new(FragileStream))
+        }
+    }
+
+    impl Stream for FragileStream {
+        fn next(&mut self) -> io::Result<Image> {
+            Err(io::Error::from(io::ErrorKind::NotConnected))
+        }
+    }
+
+    impl Drop for FragileStream {
+        fn drop(&mut self) {
+            panic!("on purpose");
+        }
+    }
+
+    #[test]
+    fn a_panic_of_a_source_is_a_failure_and_no_silence() {
+        let grabber = Grabber::start("front", Fragile).unwrap();
+        let begun = std::time::Instant::now();
+        while !grabber.has_failed() {
+            assert!(begun.elapsed() < Duration::from_secs(30), "it goes on");
+            sleep(Duration::from_millis(5));
+        }
+        assert_eq!(grabber.newest(), None);
     }
 }

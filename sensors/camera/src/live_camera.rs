@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use yamabico_core::behavior::Outputs;
-use yamabico_core::sensor::{DeviceError, Due, Sensor};
+use yamabico_core::sensor::{DeviceError, Due, Sensor, check_real_time};
 use yamabico_core::time::Time;
 
 use crate::description::CameraDescription;
@@ -12,8 +12,6 @@ use crate::jpeg::JpegError;
 
 /// Time between two looks for a new image.
 const POLL_PERIOD: Duration = Duration::from_millis(3);
-/// Difference between the clock of the run and that of the machine above which the run is no live one.
-const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
 /// Camera that sends by itself. Damaged ones are dropped; their numbers are missing.
 pub(crate) struct LiveCamera {
@@ -32,9 +30,12 @@ impl LiveCamera {
 
 impl Sensor for LiveCamera {
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
-        if now.seconds_after(Time::monotonic_now()).abs() > MAX_CLOCK_DIFFERENCE_S {
-            let reason = "a camera works only in real time: add --live to the command";
-            return Err(DeviceError::failed(&self.name, reason));
+        check_real_time(&self.name, now)?;
+        if self.grabber.has_failed() {
+            return Err(DeviceError::failed(
+                &self.name,
+                "reading the camera failed by a bug; the log has its panic",
+            ));
         }
         if let Some(Image { stamp, number, pixels, data }) = self.grabber.newest() {
             let stamp = stamp - Duration::from_secs_f64(1e-3 * self.view.latency_ms);

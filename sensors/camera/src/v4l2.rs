@@ -81,7 +81,7 @@ impl Source for V4l2Source {
     fn open(&mut self) -> io::Result<Box<dyn Stream>> {
         let refused = |error: io::Error| io::Error::other(device_file::refusal(&self.device, &error));
         let device = Device::with_path(&self.device).map_err(refused)?;
-        let offers = offers(&device)?;
+        let offers = offers(&device, self.size)?;
         let offer = choose(&offers, self.size, self.rate_hz).map_err(io::Error::other)?;
         let [width, height] = self.size;
         let format = device.set_format(&Format::new(width, height, FourCC::new(&offer.fourcc)))?;
@@ -92,7 +92,14 @@ impl Source for V4l2Source {
             )));
         }
         // A camera without rates has one of its own.
-        let _ = device.set_params(&Parameters::new(Fraction::new(1000, (1000.0 * self.rate_hz) as u32)));
+        let wanted = Parameters::new(Fraction::new(1000, (1000.0 * self.rate_hz) as u32));
+        let set_hz = device.set_params(&wanted).map_or(self.rate_hz, |set| rate_hz(&set.interval));
+        if set_hz < 0.95 * self.rate_hz {
+            tracing::warn!(
+                "{} sends {set_hz:.1} images per second at this size, fewer than `rate_hz`: set that to it, or take a smaller size",
+                self.name()
+            );
+        }
         let pixels = match &offer.fourcc {
             b"YUYV" => Pixels::Yuyv(format.stride as usize),
             b"MJPG" | b"JPEG" => Pixels::Jpeg,
@@ -143,20 +150,21 @@ fn set_controls(device: &Device, wanted: &BTreeMap<String, i64>) -> io::Result<(
 /// Four characters of the format with luma alone.
 const LUMA: [u8; 4] = [b'G', b'R', b'E', b'Y'];
 
-/// Lists the usable formats of a camera.
-fn offers(device: &Device) -> io::Result<Vec<Offer>> {
-    let mut offers = Vec::new();
+/// Lists the usable formats of a camera. Of a range of sizes these are its ends, and `wanted` if it lies between them.
+fn offers(device: &Device, wanted: [u32; 2]) -> io::Result<Vec<Offer>> {
+    let (mut offers, mut others) = (Vec::new(), Vec::new());
     for format in device.enum_formats()? {
         let fourcc = format.fourcc;
         if ![*b"YUYV", LUMA, *b"MJPG", *b"JPEG"].contains(&fourcc.repr) {
+            others.push(fourcc.to_string());
             continue;
         }
         for size in device.enum_framesizes(fourcc)? {
-            // Of a range of sizes, the ends: another one is asked for by name.
             let sizes = match size.size {
                 FrameSizeEnum::Discrete(size) => vec![[size.width, size.height]],
                 FrameSizeEnum::Stepwise(range) => {
-                    vec![[range.min_width, range.min_height], [range.max_width, range.max_height]]
+                    let ends = [[range.min_width, range.min_height], [range.max_width, range.max_height]];
+                    sizes_of_range(ends, [range.step_width, range.step_height], wanted)
                 }
             };
             for size in sizes {
@@ -169,7 +177,28 @@ fn offers(device: &Device) -> io::Result<Vec<Offer>> {
             }
         }
     }
+    if offers.is_empty() {
+        let others = if others.is_empty() { "none".to_owned() } else { others.join(", ") };
+        return Err(io::Error::other(format!(
+            "it offers no luma, YUYV or JPEG (other formats: {others}): a camera may have several device files, try the next \
+             (`ls -l /dev/v4l/by-id`), or read it through a program (`kind = \"program\"`)"
+        )));
+    }
     Ok(offers)
+}
+
+/// Returns the ends of a range of sizes, and `wanted` if it is one of them.
+fn sizes_of_range(ends: [[u32; 2]; 2], step: [u32; 2], wanted: [u32; 2]) -> Vec<[u32; 2]> {
+    let [min, max] = ends;
+    let is_offered = (0..2).all(|i| {
+        let (wanted, step) = (wanted[i], step[i].max(1));
+        (min[i]..=max[i]).contains(&wanted) && (wanted - min[i]).is_multiple_of(step)
+    });
+    let mut sizes = ends.to_vec();
+    if is_offered && !ends.contains(&wanted) {
+        sizes.push(wanted);
+    }
+    sizes
 }
 
 fn rate_hz(interval: &Fraction) -> f64 {
@@ -203,7 +232,7 @@ fn choose(offers: &[Offer], size: [u32; 2], rate_hz: f64) -> Result<&Offer, Stri
     })
 }
 
-/// An open camera. Its process ends with it in the worst case: the buffers of the library panic when a driver refuses to stop.
+/// An open camera. The buffers of the library panic when a driver refuses to stop; the sensor then fails, and its process starts again.
 struct V4l2Stream {
     buffers: Buffers<'static>,
     pixels: Pixels,
@@ -218,10 +247,15 @@ impl Stream for V4l2Stream {
         loop {
             // After a timeout within `next` the library queues a buffer twice: wait before it. The first call starts the camera.
             let handle = self.buffers.handle();
-            if std::mem::replace(&mut self.is_started, true) && handle.poll(READABLE, self.timeout_ms)? == 0 {
-                return Err(io::Error::new(io::ErrorKind::TimedOut, "no image in time"));
+            if std::mem::replace(&mut self.is_started, true) {
+                match handle.poll(READABLE, self.timeout_ms) {
+                    Ok(0) => return Err(io::Error::new(io::ErrorKind::TimedOut, "no image in time")),
+                    // A signal.
+                    Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                    ready => drop(ready?),
+                }
             }
-            self.buffers.set_timeout(Duration::from_millis(self.timeout_ms as u64));
+            self.buffers.set_timeout(Duration::from_millis(u64::from(self.timeout_ms.unsigned_abs())));
             let (bytes, meta) = self.buffers.next()?;
             if meta.flags.contains(Flags::ERROR) {
                 continue;
@@ -259,5 +293,15 @@ mod tests {
         assert_eq!(chosen([640, 480], 90.0), *b"YUYV", "the fastest that there is");
         let none = choose(&offers, [800, 600], 30.0).unwrap_err();
         assert!(none.contains("800x600") && none.contains("1280x720 MJPG at 30 Hz"), "{none}");
+    }
+
+    #[test]
+    fn a_size_within_a_range_is_offered() {
+        let ends = [[32, 32], [2592, 1944]];
+        assert_eq!(sizes_of_range(ends, [2, 2], [640, 480]), [ends[0], ends[1], [640, 480]]);
+        for wanted in [[641, 480], [16, 480], [2594, 1944], [32, 32]] {
+            assert_eq!(sizes_of_range(ends, [2, 2], wanted), ends, "{wanted:?}");
+        }
+        assert_eq!(sizes_of_range(ends, [0, 0], [641, 480]).len(), 3, "a driver without steps");
     }
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use yamabico_core::drive::{Commanded, Drive};
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::geometry::Twist as BodyTwist;
 use yamabico_core::message::Command;
 use yamabico_core::sensor::DeviceError;
@@ -133,7 +134,7 @@ impl Drive for TwistDrive {
 
 /// Returns the same curve at a speed of at most `max_mps`.
 fn slowed(twist: &BodyTwist, max_mps: f64) -> BodyTwist {
-    let speed_mps = twist.linear.hypot(twist.lateral);
+    let speed_mps = twist.linear.hypotenuse(twist.lateral);
     let share = if speed_mps > max_mps { max_mps / speed_mps } else { 1.0 };
     BodyTwist::new(share * twist.linear, share * twist.lateral, share * twist.angular)
 }

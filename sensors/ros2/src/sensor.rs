@@ -7,7 +7,7 @@ use std::time::Duration;
 use yamabico_core::behavior::Outputs;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Beam;
-use yamabico_core::sensor::{DeviceError, Due, Sensor};
+use yamabico_core::sensor::{DeviceError, Due, Sensor, check_real_time};
 use yamabico_core::time::Time;
 use yamabico_recording::ros2::transforms::Frames;
 use yamabico_recording::{Measurement, Publication, mount_beams, ros2};
@@ -16,8 +16,6 @@ use crate::ros_clock::{RosClock, StampSource, calendar_now_ns};
 
 /// Time between two looks for new measurements.
 const POLL_PERIOD: Duration = Duration::from_millis(2);
-/// Difference between the clock of the run and that of the machine above which the run is no live one.
-const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
 /// Measurements that wait to be published. While the sensor is not polled, the oldest are dropped.
 pub(crate) struct Inbox {
@@ -47,10 +45,7 @@ pub(crate) struct TopicSensor {
 
 impl Sensor for TopicSensor {
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
-        if now.seconds_after(Time::monotonic_now()).abs() > MAX_CLOCK_DIFFERENCE_S {
-            let reason = "a robot on ROS 2 works only in real time: add --live to the command";
-            return Err(DeviceError::failed(&self.name, reason));
-        }
+        check_real_time(&self.name, now)?;
         loop {
             let next = locked(&self.inbox).waiting.pop_front();
             let Some((captured, measurement)) = next else { break };

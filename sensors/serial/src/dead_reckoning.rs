@@ -144,6 +144,8 @@ pub fn difference_of_32_bits(now: i64, before: i64) -> i64 {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Hypotenuse;
+
     use super::*;
 
     const WHEELS: WheelGeometry = WheelGeometry { m_per_count: 0.0005, track_m: 0.2, max_mps: 0.5 };
@@ -181,7 +183,7 @@ mod tests {
             wheels.read(0.05 * f64::from(i), counts, difference_of_32_bits);
         }
         let odometry = wheels.odometry(Time::ZERO, 0);
-        assert!(odometry.x.hypot(odometry.y) < 0.002 && odometry.theta.abs() < 0.01, "{odometry:?}");
+        assert!(odometry.x.hypotenuse(odometry.y) < 0.002 && odometry.theta.abs() < 0.01, "{odometry:?}");
         // A count more or less in the time of the mean.
         assert!((odometry.omega * 0.4 - odometry.vx).abs() < 0.03, "{odometry:?}");
     }

@@ -14,7 +14,7 @@ use yamabico_core::driver::{
 };
 use yamabico_core::message::{Command, Message};
 use yamabico_core::parameters::schema_of;
-use yamabico_core::sensor::{DeviceError, Due, Sensor, SensorInfo, SensorKind};
+use yamabico_core::sensor::{DeviceError, Due, Sensor, SensorInfo, SensorKind, check_real_time};
 use yamabico_core::time::Time;
 
 use crate::commanded::Commanded;
@@ -24,8 +24,6 @@ use crate::line::{Conversation, Line};
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 /// Number of measurements that wait for a look.
 const MAX_WAITING: usize = 64;
-/// Difference between the clock of the run and that of the machine above which the run is no live one.
-const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
 /// Empty parameters, of a sensor without any.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
@@ -87,10 +85,7 @@ impl<C: Conversation, M: Message> LineSensor<C, M> {
 
 impl<C: Conversation, M: Message + Send> Sensor for LineSensor<C, M> {
     fn poll(&mut self, now: Time, outputs: &mut Outputs<'_>) -> Result<Due, DeviceError> {
-        if now.seconds_after(Time::monotonic_now()).abs() > MAX_CLOCK_DIFFERENCE_S {
-            let reason = "a real device works only in real time: add --live to the command";
-            return Err(DeviceError::failed(&self.name, reason));
-        }
+        check_real_time(&self.name, now)?;
         // Measurements from before the run are old.
         let is_begin = !std::mem::replace(&mut self.has_begun, true);
         while let Some((header, items)) = self.line.with(self.take) {

@@ -1,6 +1,6 @@
 //! Motion model of the robot's body: limited accelerations, exact arcs, and a watchdog that brakes.
 
-use yamabico_core::geometry::{Pose2, Twist, wrap_angle};
+use yamabico_core::geometry::{Hypotenuse, Pose2, Twist, wrap_angle};
 
 /// Speed below which a turn is a turn in place, m/s.
 const IN_PLACE_MPS: f64 = 0.02;
@@ -77,7 +77,7 @@ impl Body {
 
     /// Sets the angle (rad) by which the body will have skidded when it stands.
     pub fn skid(&mut self, angle_rad: f64) {
-        let speed = self.twist.linear.hypot(self.twist.lateral);
+        let speed = self.twist.linear.hypotenuse(self.twist.lateral);
         self.skid_per_mps = if speed > 0.0 { angle_rad / speed } else { 0.0 };
     }
 
@@ -106,9 +106,10 @@ impl Body {
 
     /// Returns the angle by which the body turns beyond the motion of its wheels in `dt` seconds, rad.
     fn slip_rad(&self, next: &Twist, mean: &Twist, hard: bool, dt: f64) -> f64 {
-        let in_place = mean.linear.hypot(mean.lateral) < IN_PLACE_MPS;
+        let in_place = mean.linear.hypotenuse(mean.lateral) < IN_PLACE_MPS;
         let turning = if in_place { -self.limits.turn_slip * mean.angular * dt } else { 0.0 };
-        let lost_mps = self.twist.linear.hypot(self.twist.lateral) - next.linear.hypot(next.lateral);
+        let lost_mps =
+            self.twist.linear.hypotenuse(self.twist.lateral) - next.linear.hypotenuse(next.lateral);
         let braking = if hard { self.skid_per_mps * lost_mps.max(0.0) } else { 0.0 };
         turning + braking
     }

@@ -1,6 +1,7 @@
 //! Clearance of a circular footprint to solids and people.
 
 use crate::scene::{PERSON_RADIUS_M, PersonPose, Solid};
+use yamabico_core::geometry::Hypotenuse;
 
 /// Returns the distance from a circle to the nearest solid that reaches below `height_m`, m; negative inside a solid,
 /// infinite without solids.
@@ -12,7 +13,8 @@ pub fn to_solids(solids: &[Solid], center: [f64; 2], radius_m: f64, height_m: f6
 
 /// Returns the distance from a circle to the nearest person, m; negative if they overlap, infinite without people.
 pub fn to_people(people: impl Iterator<Item = PersonPose>, center: [f64; 2], radius_m: f64) -> f64 {
-    let gap = |p: PersonPose| (p.at[0] - center[0]).hypot(p.at[1] - center[1]) - PERSON_RADIUS_M - radius_m;
+    let gap =
+        |p: PersonPose| (p.at[0] - center[0]).hypotenuse(p.at[1] - center[1]) - PERSON_RADIUS_M - radius_m;
     people.map(gap).fold(f64::INFINITY, f64::min)
 }
 
@@ -22,12 +24,12 @@ fn to_base(base: &[[f64; 2]; 4], p: [f64; 2]) -> f64 {
     let along = [base[1][0] - base[0][0], base[1][1] - base[0][1]];
     let across = [base[3][0] - base[0][0], base[3][1] - base[0][1]];
     let excess = |axis: [f64; 2]| {
-        let length = axis[0].hypot(axis[1]);
+        let length = axis[0].hypotenuse(axis[1]);
         let coordinate = ((p[0] - middle[0]) * axis[0] + (p[1] - middle[1]) * axis[1]) / length;
         coordinate.abs() - length / 2.0
     };
     let (u, v) = (excess(along), excess(across));
-    if u > 0.0 && v > 0.0 { u.hypot(v) } else { u.max(v) }
+    if u > 0.0 && v > 0.0 { u.hypotenuse(v) } else { u.max(v) }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use smart_default::SmartDefault;
-use yamabico_core::geometry::{Pose2, Twist};
+use yamabico_core::geometry::{Hypotenuse, Pose2, Twist};
 
 /// Parameters of wheel encoders.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, SmartDefault)]
@@ -119,7 +119,7 @@ impl Odometer {
     }
 
     fn propagate(&mut self, d: Vector3<f64>) {
-        let distance = d.x.hypot(d.y);
+        let distance = d.x.hypotenuse(d.y);
         let (sin, cos) = (self.pose.theta + d.z / 2.0 + d.y.atan2(d.x)).sin_cos();
         let f = Matrix3::new(1.0, 0.0, -distance * sin, 0.0, 1.0, distance * cos, 0.0, 0.0, 1.0);
         let g = SMatrix::<f64, 3, 2>::new(cos, -distance / 2.0 * sin, sin, distance / 2.0 * cos, 0.0, 1.0);

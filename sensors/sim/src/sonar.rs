@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use smart_default::SmartDefault;
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Hypotenuse, Pose2};
 
 use crate::scene::{PersonPose, Scene, glam};
 
@@ -106,7 +106,7 @@ fn nearest_echo(
     let mut nearest: Option<f64> = None;
     for i in 0..n * n {
         let (across, up) = (tilt(i % n), tilt(i / n));
-        if across.hypot(up) > half * 1.0001 {
+        if across.hypotenuse(up) > half * 1.0001 {
             continue;
         }
         let (sin, cos) = (robot.theta + azimuth_rad + across).sin_cos();
@@ -149,6 +149,6 @@ pub(crate) fn first_hit(
         return person;
     }
     let wall = wall?;
-    let obliqueness = wall.normal.dot(glam(direction)).abs().clamp(0.0, 1.0).acos();
-    (f64::from(obliqueness) <= specular_rad).then_some(f64::from(wall.time_of_impact))
+    let obliqueness = f64::from(wall.normal.dot(glam(direction)).abs()).min(1.0).acos();
+    (obliqueness <= specular_rad).then_some(f64::from(wall.time_of_impact))
 }

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Control, ControlKind, Goal, Message, PathHeader};
 use yamabico_core::time::Time;
 use yamabico_host::bus::{BusError, Subscriber};
@@ -110,11 +111,14 @@ impl GoalProgress {
     pub fn to_go_m(&self, goal: &GoalRequest) -> Result<Option<f64>, ClientError> {
         let Some(path) = self.paths.newest()? else { return Ok(None) };
         let Some(end) = path.items().last() else { return Ok(None) };
-        if (end.x - goal.x_m).hypot(end.y - goal.y_m) > SAME_POINT_M {
+        if (end.x - goal.x_m).hypotenuse(end.y - goal.y_m) > SAME_POINT_M {
             return Ok(None);
         }
-        let length: f64 =
-            path.items().windows(2).map(|pair| (pair[1].x - pair[0].x).hypot(pair[1].y - pair[0].y)).sum();
+        let length: f64 = path
+            .items()
+            .windows(2)
+            .map(|pair| (pair[1].x - pair[0].x).hypotenuse(pair[1].y - pair[0].y))
+            .sum();
         Ok(Some((length - path.header().progress_m).max(0.0)))
     }
 

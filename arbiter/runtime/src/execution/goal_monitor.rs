@@ -1,5 +1,6 @@
 //! Monitors a run from its messages: where the robot is, whether it stands, whether it has reached the goal.
 
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Command, Message, MessageType, Odometry, RawMessage, Truth, Twist, View};
 use yamabico_core::time::Time;
 use yamabico_host::config::GoalArea;
@@ -40,12 +41,12 @@ impl GoalMonitor {
     /// Distance from the center of the robot to the goal, m; `None` without a goal or before the first position.
     pub fn to_go_m(&self) -> Option<f64> {
         let ([x, y], goal) = (self.position?, self.goal?);
-        Some((goal.x_m - x).hypot(goal.y_m - y))
+        Some((goal.x_m - x).hypotenuse(goal.y_m - y))
     }
 
     fn is_at(&mut self, time: Time, [x, y]: [f64; 2], [vx, vy, omega]: [f64; 3]) {
         self.position = Some([x, y]);
-        let speeds = [vx.hypot(vy), omega.abs()];
+        let speeds = [vx.hypotenuse(vy), omega.abs()];
         self.speed = if speeds.iter().all(|speed| speed.is_finite()) {
             speeds[0].max(speeds[1])
         } else {

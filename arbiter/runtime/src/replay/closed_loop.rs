@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::{Message, MessageType, RawMessage, Truth, View};
 use yamabico_core::plugins::Plugins;
 use yamabico_core::time::Time;
@@ -68,7 +69,7 @@ pub fn close_loop(
         })?;
     let pairs = before.0.iter().zip(&after.0);
     let mut distances =
-        pairs.map(|((time, a), (_, b))| ((a[0] - b[0]).hypot(a[1] - b[1]), time.as_secs_f64()));
+        pairs.map(|((time, a), (_, b))| ((a[0] - b[0]).hypotenuse(a[1] - b[1]), time.as_secs_f64()));
     Ok(ClosedLoop {
         recorded: summary.finish(RunFacts::default()),
         changed: ran.summary,

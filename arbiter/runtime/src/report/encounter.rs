@@ -1,6 +1,7 @@
 //! Encounters with people, from the ground truth.
 
 use serde::Serialize;
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::message::Truth;
 use yamabico_core::time::Time;
 
@@ -82,7 +83,7 @@ impl Encounters {
 
 /// Returns true if the robot stands.
 pub(super) fn is_standing(truth: &Truth) -> bool {
-    truth.vx.hypot(truth.vy) < STANDING_MPS
+    truth.vx.hypotenuse(truth.vy) < STANDING_MPS
 }
 
 #[cfg(test)]

@@ -7,7 +7,8 @@
 //! - any process hangs after a silence of `max_silence`, forty deadlines, however it spent them.
 //!
 //! On a machine with processors to spare a hang therefore ends within one and a half deadlines. On a busy one a process that gets a
-//! third of a processor has three times as long, since killing it would only add the work of its restart.
+//! third of a processor has three times as long, since killing it would only add the work of its restart. Where the supervisor may
+//! give precedence (`precedence`), it gets most of a processor, and a hang ends nearly as soon there.
 //!
 //! Threads are read only once a heartbeat is overdue, by one and a half heartbeat periods: a healthy process costs nothing. The time
 //! before counts as its own. Where the kernel does not account for threads, all of the silence does.
@@ -90,6 +91,11 @@ impl Liveness {
         self.silence.waited()
     }
 
+    /// Returns true if the process is overdue, and has waited for a processor since then, for more than the time between two readings.
+    pub fn lacks_processor(&self) -> bool {
+        self.silence.waited() > self.deadline().hang_timeout() / READINGS
+    }
+
     /// Returns true if the threads of the process are to be read now.
     pub fn is_reading_due(&self, now: Time) -> bool {
         let deadline = self.deadline();
@@ -99,8 +105,8 @@ impl Liveness {
     }
 
     /// Records a reading of the threads of the process.
-    pub fn read(&mut self, threads: Vec<ThreadTimes>, now: Time) {
-        self.silence.read(threads, now);
+    pub fn read(&mut self, threads: &[ThreadTimes], now: Time) {
+        self.silence.read(threads.to_vec(), now);
     }
 
     /// Returns the finding that the process hangs; `None` if it does not.
@@ -166,7 +172,7 @@ mod tests {
             let now = at(1_000 + millis);
             if accounts == Accounts::Kept && liveness.is_reading_due(now) {
                 let computed = Duration::from_micros(millis * computed_us);
-                liveness.read(vec![ThreadTimes { id: 1, computed, is_runnable }], now);
+                liveness.read(&[ThreadTimes { id: 1, computed, is_runnable }], now);
             }
             if let Some(hang) = liveness.hang(now) {
                 assert_eq!(hang.silent, ms(millis));
@@ -201,13 +207,43 @@ mod tests {
         );
     }
 
+    /// Time of the silence at which a process that computes for ever is found to hang. It gets the first share of a processor, and
+    /// the second once it is given precedence.
+    fn watch_loop(shares: [f64; 2]) -> u64 {
+        let (mut liveness, mut computed_us, mut has_precedence) =
+            (Liveness::new(DEADLINE, at(0)), 0.0, false);
+        liveness.beat(at(1_000));
+        for millis in (0..20_000).step_by(2) {
+            let now = at(1_000 + millis);
+            if liveness.is_reading_due(now) {
+                let computed = Duration::from_micros(computed_us as u64);
+                liveness.read(&[ThreadTimes { id: 1, computed, is_runnable: true }], now);
+                has_precedence |= liveness.lacks_processor();
+            }
+            if liveness.hang(now).is_some() {
+                return millis;
+            }
+            computed_us += 2000.0 * shares[usize::from(has_precedence)];
+        }
+        panic!("it is never found to hang");
+    }
+
+    #[test]
+    fn precedence_shows_a_hang_on_a_busy_machine_within_its_deadline_and_half() {
+        let without = watch_loop([0.14, 0.14]);
+        assert!((2_050..2_200).contains(&without), "{without}");
+        let with = watch_loop([0.14, 0.85]);
+        assert!(with <= 480, "{with}: one and a half deadlines of 320 ms");
+        assert_eq!(watch_loop([1.0, 0.0]), 402, "on a machine with processors to spare it is not asked for");
+    }
+
     #[test]
     fn a_heartbeat_begins_a_new_silence() {
         let mut liveness = Liveness::new(DEADLINE, at(0));
         liveness.beat(at(1_000));
         let thread = |computed| ThreadTimes { id: 1, computed, is_runnable: true };
-        liveness.read(vec![thread(ms(0))], at(1_200));
-        liveness.read(vec![thread(ms(0))], at(1_500));
+        liveness.read(&[thread(ms(0))], at(1_200));
+        liveness.read(&[thread(ms(0))], at(1_500));
         assert_eq!((liveness.waited(), liveness.hang(at(1_500))), (ms(300), None));
         assert!(liveness.is_late(at(1_500)));
         liveness.beat(at(1_510));
@@ -224,8 +260,8 @@ mod tests {
         assert!(liveness.hang(at(8_700)).is_none() && !liveness.is_up());
         assert_eq!(liveness.hang(at(8_751)), Some(Hang { silent: ms(8_751), cause: Cause::Idle }));
         let thread = |computed| ThreadTimes { id: 1, computed, is_runnable: true };
-        liveness.read(vec![thread(ms(0))], at(4_000));
-        liveness.read(vec![thread(ms(5_000))], at(19_000));
+        liveness.read(&[thread(ms(0))], at(4_000));
+        liveness.read(&[thread(ms(5_000))], at(19_000));
         assert_eq!(liveness.hang(at(19_000)), None, "it waited for ten of the 15 s");
         liveness.beat(at(20_000));
         assert!(liveness.is_up() && liveness.hang(at(20_281)).is_some());

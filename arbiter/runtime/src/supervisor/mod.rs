@@ -5,12 +5,14 @@
 //!
 //! A process that sends no heartbeat for too long is killed and restarted. A process that computes has longer, and time for which it
 //! waits for a processor does not count: a busy machine must not kill the processes that it slows down. `liveness` states the rule.
+//! Where that is permitted, an overdue process that lacks a processor is given precedence until its next heartbeat.
 //! Safety does not depend on it: proposals of a silent behavior expire by their age, and a silent device stops its drive.
 
 mod back_off;
 mod clean_up;
 mod janitor;
 mod liveness;
+mod precedence;
 mod process_reporter;
 mod program;
 mod silence;

@@ -13,6 +13,7 @@ use yamabico_host::{Deadline, Scheduling};
 use super::back_off::BackOff;
 use super::clean_up::{CleanUp, CleanUpTicket};
 use super::liveness::{Hang, Liveness};
+use super::precedence::Precedence;
 use super::program::Program;
 use super::spawn::{send_launch_config, spawn};
 use super::thread_times::ThreadTimes;
@@ -56,6 +57,8 @@ pub(super) struct SupervisedProcess {
     failure: Option<(Note, Time)>,
     /// Finding for which its process is being killed.
     hang: Option<Hang>,
+    /// Precedence of its process while it is overdue.
+    precedence: Precedence,
     /// Set once a process of it was late, but not killed.
     was_late: bool,
 }
@@ -91,6 +94,7 @@ impl SupervisedProcess {
             ended: None,
             failure: None,
             hang: None,
+            precedence: Precedence::default(),
             was_late: false,
         }
     }
@@ -134,7 +138,7 @@ impl SupervisedProcess {
 
     /// Records a heartbeat of the current process.
     pub fn beat(&mut self, beat: &Heartbeat, now: Time) {
-        if let State::Up { liveness, started, .. } = &mut self.state
+        if let State::Up { liveness, started, child } = &mut self.state
             && beat.restarts + 1 == self.starts
         {
             if !liveness.is_up() {
@@ -142,6 +146,7 @@ impl SupervisedProcess {
                 tracing::info!("`{}` is running, {took:?} after its start", self.plan.launch.name);
             }
             liveness.beat(now);
+            self.precedence.restore(child.id());
         }
     }
 
@@ -228,7 +233,11 @@ impl SupervisedProcess {
                 if liveness.is_reading_due(now)
                     && let Some(threads) = ThreadTimes::of_process(child.id())
                 {
-                    liveness.read(threads, now);
+                    liveness.read(&threads, now);
+                    // A plugin whose scheduling was chosen keeps it.
+                    if liveness.lacks_processor() && self.plan.scheduling == Scheduling::default() {
+                        self.precedence.raise(child.id(), &threads);
+                    }
                 }
                 self.hang = liveness.hang(now);
                 if self.hang.is_some() {
@@ -271,6 +280,7 @@ impl SupervisedProcess {
         };
         self.starts += 1;
         self.hang = None;
+        self.precedence = Precedence::default();
         if let Err(error) = send_launch_config(&mut child, launch) {
             tracing::error!("could not launch `{}`: {error}", launch.name);
             let _ = child.kill();

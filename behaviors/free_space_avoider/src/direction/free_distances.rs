@@ -229,6 +229,8 @@ impl Edges {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Hypotenuse;
+
     use super::*;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
@@ -287,7 +289,7 @@ mod tests {
         assert_eq!(free.free_m()[7], 0.0, "a sector without a distance is not free");
         let mut ahead = FreeDistances::between(Vector2::zeros(), vec![-0.5, 0.0, 0.5], 1.0);
         ahead.set([0.5, 0.5]);
-        assert!((ahead.clearance_m(Vector2::new(-1.0, 0.0)) - 1.5_f64.hypot(0.0)).abs() < 0.1);
+        assert!((ahead.clearance_m(Vector2::new(-1.0, 0.0)) - 1.5_f64.hypotenuse(0.0)).abs() < 0.1);
         assert!((ahead.clearance_m(Vector2::new(0.0, 0.0)) - 0.5).abs() < 1e-12);
         assert!(
             ahead.clearance_m(Vector2::new(-0.5, 0.0)) > 0.9

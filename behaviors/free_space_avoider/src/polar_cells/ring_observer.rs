@@ -4,6 +4,7 @@ use crate::polar_cells::ring_cells::RingCells;
 use nalgebra::{Matrix2, Vector2};
 use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{MirrorCamera, MirrorImage, Mount};
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::image::RgbView;
 use yamabico_core::message::Reason;
 use yamabico_vision::bit_image::BitImage;
@@ -103,7 +104,7 @@ impl RingObserver {
         let (sin, cos) = mount.pan.sin_cos();
         let turned = Matrix2::new(cos, -sin, sin, cos) * orientation(camera.image());
         let mirror = camera.image().with_orientation(turned).map_err(|e| broken(e.to_string()))?;
-        let nearest_m = radius_m + mount.x.hypot(mount.y) + BESIDE_ROBOT_M;
+        let nearest_m = radius_m + mount.x.hypotenuse(mount.y) + BESIDE_ROBOT_M;
         let edges_px = ring_edges_px(camera, mount.z, nearest_m, config).map_err(broken)?;
         let edges_m: Option<Vec<f64>> =
             edges_px.iter().map(|&edge| camera.floor_radius_m(edge, mount.z)).collect();

@@ -1,6 +1,6 @@
 use nalgebra::{Point2, Vector3};
 use thiserror::Error;
-use yamabico_core::geometry::{Pose2, wrap_angle};
+use yamabico_core::geometry::{Hypotenuse, Pose2, wrap_angle};
 use yamabico_vision::polygon::segments_cross;
 
 use super::bearing::{EdgeLandmark, LeverArm, SeenBearing};
@@ -257,7 +257,7 @@ fn is_better(a: &Result<AzimuthFix, AzimuthProblem>, b: &Result<AzimuthFix, Azim
 
 fn condition(belief: &Belief) -> f64 {
     let [a, b, c] = [belief.covariance[(0, 0)], belief.covariance[(0, 1)], belief.covariance[(1, 1)]];
-    let (middle, half) = (0.5 * (a + c), (0.5 * (a - c)).hypot(b));
+    let (middle, half) = (0.5 * (a + c), (0.5 * (a - c)).hypotenuse(b));
     (middle + half) / (middle - half).max(f64::MIN_POSITIVE)
 }
 

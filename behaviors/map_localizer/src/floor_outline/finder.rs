@@ -4,7 +4,7 @@ use std::ops::Range;
 use nalgebra::Vector2;
 use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_core::camera::{MirrorCamera, MirrorImage};
-use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
 use yamabico_core::message::{FrameHeader, Reason, View};
 use yamabico_core::overlay::Overlay;
 use yamabico_vision::bit_image::BitImage;
@@ -63,7 +63,7 @@ impl FloorFinder {
     pub fn new(config: &Config, setup: &Setup) -> Result<Self, ParameterError> {
         let mirror = setup.mirror_camera(&CAMERA)?;
         let refused = |problem: &str| ParameterError::new("inputs.camera", problem);
-        if mirror.mount.tilt.hypot(mirror.mount.roll) > MAX_LEAN_RAD {
+        if mirror.mount.tilt.hypotenuse(mirror.mount.roll) > MAX_LEAN_RAD {
             return Err(refused(
                 "method floor-outline requires an upright mirror camera, without tilt and roll",
             ));

@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 use yamabico_core::camera::MirrorCamera;
-use yamabico_core::geometry::wrap_angle;
+use yamabico_core::geometry::{Hypotenuse, wrap_angle};
 use yamabico_vision::polygon::PolygonMoments;
 
 use super::floor_plan::FloorPlan;
@@ -239,7 +239,7 @@ impl OutlineFitter {
             .map(|vertex| (vertex.point_in_robot - placement.center).norm_squared())
             .fold(0.0, f64::max)
             .sqrt();
-        step.x.hypot(step.y) + step.z.abs() * (farthest + step.x.hypot(step.y))
+        step.x.hypotenuse(step.y) + step.z.abs() * (farthest + step.x.hypotenuse(step.y))
     }
 }
 

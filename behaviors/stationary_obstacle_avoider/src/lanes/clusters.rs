@@ -57,6 +57,8 @@ impl Clusters {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Hypotenuse;
+
     use super::*;
 
     #[test]
@@ -67,7 +69,7 @@ mod tests {
         let circles = clusters.group(&places);
         assert_eq!(circles.len(), 2);
         for place in &places[..7] {
-            let off = (circles[0].x - f64::from(place.x)).hypot(circles[0].y - f64::from(place.y));
+            let off = (circles[0].x - f64::from(place.x)).hypotenuse(circles[0].y - f64::from(place.y));
             assert!(off <= circles[0].radius_m + 0.5 * CELL_M, "{place:?} is outside of {:?}", circles[0]);
         }
         assert!((circles[0].radius_m - 0.175).abs() < 0.06, "{}", circles[0].radius_m);

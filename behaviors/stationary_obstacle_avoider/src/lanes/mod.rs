@@ -18,7 +18,7 @@ mod upright_edges;
 
 use nalgebra::Point2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
-use yamabico_core::geometry::{Pose2, Twist, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, Twist, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, FrameHeader, Kind, ObstaclesHeader, Proposal, Reason, View};
 use yamabico_core::odometry_track::OdometryTrack;
@@ -443,7 +443,8 @@ impl LaneAvoider {
     /// True if the path ends here.
     fn is_arrived(&self) -> bool {
         let corners = self.guidance.path().windows(2);
-        let length_m: f64 = corners.map(|pair| (pair[1].x - pair[0].x).hypot(pair[1].y - pair[0].y)).sum();
+        let length_m: f64 =
+            corners.map(|pair| (pair[1].x - pair[0].x).hypotenuse(pair[1].y - pair[0].y)).sum();
         length_m > 0.0 && length_m - self.guidance.path_header().progress_m < ARRIVED_M
     }
 

@@ -201,6 +201,8 @@ fn neighbors(place: Point2<f64>) -> impl Iterator<Item = Point2<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Hypotenuse;
+
     use super::*;
     use yamabico_core::message::NO_ECHO;
 
@@ -266,7 +268,7 @@ mod tests {
         assert!(found.len() >= 3, "{found:?}");
         for place in found {
             let seen = robot.inverse().transform_point(place);
-            assert!(((seen.x - 0.2).hypot(seen.y) - 1.0).abs() < 0.06 && seen.y.abs() < 0.2, "{seen:?}");
+            assert!(((seen.x - 0.2).hypotenuse(seen.y) - 1.0).abs() < 0.06 && seen.y.abs() < 0.2, "{seen:?}");
         }
         for _ in 0..12 {
             grid.add_beam(&beam(2.0, NO_ECHO), &robot, |_| true);

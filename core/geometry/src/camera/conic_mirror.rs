@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mirror_camera::{Meridian, MirrorError};
+use crate::Hypotenuse;
 
 /// A cone coaxial with the camera, with its tip pointing down at the lens.
 ///
@@ -62,7 +63,7 @@ impl Meridian for ConicMirror {
 
     fn direction(&self, radius_px: f64) -> Option<Vector2<f64>> {
         // A ray that leaves the lens at eta from straight up is reflected to vertex angle - eta.
-        let hypotenuse = radius_px.hypot(self.focal_px);
+        let hypotenuse = radius_px.hypotenuse(self.focal_px);
         let (cos, sin) = (self.focal_px / hypotenuse, radius_px / hypotenuse);
         let inside = radius_px >= 0.0 && radius_px.atan2(self.focal_px) < 0.5 * self.vertex_angle;
         inside.then(|| Vector2::new(self.sin * cos - self.cos * sin, self.cos * cos + self.sin * sin))

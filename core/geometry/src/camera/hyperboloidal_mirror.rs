@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mirror_camera::{Meridian, MirrorError};
+use crate::Hypotenuse;
 
 /// One sheet of a hyperboloid, coaxial with the camera, whose lens lies in the other focus.
 ///
@@ -74,7 +75,7 @@ impl Meridian for HyperboloidalMirror {
         if !(radius_px >= 0.0 && radius_px.is_finite()) {
             return None;
         }
-        let slant = radius_px.hypot(self.focal_px);
+        let slant = radius_px.hypotenuse(self.focal_px);
         // The downward component is (k^2 + 1) F - 2 k sqrt(F^2 + R^2), expanded to avoid cancellation at the horizon.
         let horizon = self.below * self.focal_px;
         let drop = (horizon - self.twice * radius_px) * (horizon + self.twice * radius_px)
@@ -89,7 +90,7 @@ impl Meridian for HyperboloidalMirror {
     }
 
     fn nadir_slope(&self, radius_px: f64) -> f64 {
-        let slant = radius_px.hypot(self.focal_px);
+        let slant = radius_px.hypotenuse(self.focal_px);
         let (drop, across) = (self.above * self.focal_px - self.twice * slant, self.below * radius_px);
         self.below * (self.above * self.focal_px - self.twice * self.focal_px * self.focal_px / slant)
             / (drop * drop + across * across)

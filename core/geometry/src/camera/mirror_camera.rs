@@ -12,6 +12,7 @@ use super::conic_mirror::{ConicMirror, ConicMirrorConfig};
 use super::hyperboloidal_mirror::{HyperboloidalMirror, HyperboloidalMirrorConfig};
 use super::mirror_image::{MirrorImage, MirrorImageConfig};
 use super::radial_model::{RadialModel, RadialModelConfig};
+use crate::Hypotenuse;
 
 /// A mirror of revolution, described in the half-plane of one azimuth by coordinates (distance from the axis, height
 /// above the origin), m.
@@ -221,7 +222,7 @@ impl MirrorCamera {
         &self,
         point_in_mirror: &Point3<f64>,
     ) -> Result<Vector2<f64>, MirrorProjectionError> {
-        let distance = point_in_mirror.x.hypot(point_in_mirror.y);
+        let distance = point_in_mirror.x.hypotenuse(point_in_mirror.y);
         let radius_px = self.radius_px(distance, point_in_mirror.z)?;
         let share = if distance > 0.0 { point_in_mirror.xy().coords / distance } else { Vector2::x() };
         Ok(self.image.pixel_from_mirror(share * radius_px))
@@ -417,7 +418,7 @@ mod tests {
             let camera = camera(CONFIGS[which]).unwrap();
             if let Ok(pixel) = camera.pixel_from_point(&Point3::new(x, y, z)) {
                 let turn = camera.azimuth_from_pixel(pixel).unwrap_or(0.0) - f64::atan2(y, x);
-                prop_assert!(turn.sin().abs() < 1e-9 || x.hypot(y) < 1e-6);
+                prop_assert!(turn.sin().abs() < 1e-9 || x.hypotenuse(y) < 1e-6);
             }
         }
 

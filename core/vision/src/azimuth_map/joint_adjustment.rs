@@ -1,7 +1,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Point2, Vector2};
 use thiserror::Error;
 
-use yamabico_geometry::{Pose2, angle_difference, wrap_angle};
+use yamabico_geometry::{Hypotenuse, Pose2, angle_difference, wrap_angle};
 
 /// Azimuth of an edge measured from one pose, for the joint adjustment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -225,11 +225,11 @@ impl State {
     fn add_odometry(&self, sums: &mut Sums, i: usize, driven: &Pose2, rule: &AdjustmentRule) {
         let (from, to) = (&self.poses[i], &self.poses[i + 1]);
         let predicted = from.relative(to);
-        let distance_m = driven.x.hypot(driven.y);
-        let sigma_m = rule.min_translation_sigma_m.hypot(rule.translation_sigma_per_m * distance_m);
-        let turn =
-            (rule.rotation_sigma_per_rad * driven.theta).hypot(rule.rotation_sigma_per_m_rad * distance_m);
-        let sigma_rad = rule.min_rotation_sigma_rad.hypot(turn);
+        let distance_m = driven.x.hypotenuse(driven.y);
+        let sigma_m = rule.min_translation_sigma_m.hypotenuse(rule.translation_sigma_per_m * distance_m);
+        let turn = (rule.rotation_sigma_per_rad * driven.theta)
+            .hypotenuse(rule.rotation_sigma_per_m_rad * distance_m);
+        let sigma_rad = rule.min_rotation_sigma_rad.hypotenuse(turn);
         let (sin, cos) = from.theta.sin_cos();
         let (a, b) = (UNKNOWNS_PER_POSE * i, UNKNOWNS_PER_POSE * (i + 1));
         let along = [(a, -cos), (a + 1, -sin), (b, cos), (b + 1, sin), (a + 2, predicted.y)];

@@ -4,7 +4,7 @@ use super::cyclic_matching::{MatchingRule, ObservedEdge};
 use super::relink::{LocatedEdge, RelinkRule};
 use super::triangulation::{Sighting, Triangulated, TriangulationRule, most_likely_crossing, triangulate};
 use crate::azimuth_profile::EdgeSign;
-use yamabico_geometry::{Pose2, wrap_angle};
+use yamabico_geometry::{Hypotenuse, Pose2, wrap_angle};
 
 /// State of a locus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,7 +136,7 @@ impl Locus {
                 (azimuth, (3.0 * variance.sqrt()).max(rule.min_gate_rad))
             }
             None => {
-                let reach = step.x.hypot(step.y) / rule.nearest_m;
+                let reach = step.x.hypotenuse(step.y) / rule.nearest_m;
                 (self.azimuth_rad, reach.min(1.0).asin() + rule.min_gate_rad)
             }
         }

@@ -13,7 +13,7 @@ use super::relink::{LocatedEdge, RelinkRule, relink};
 use super::triangulation::Triangulated;
 use crate::azimuth_profile::{AzimuthEdge, EdgeSign};
 use crate::polygon::is_simple;
-use yamabico_geometry::Pose2;
+use yamabico_geometry::{Hypotenuse, Pose2};
 
 /// Parameters of mapping.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -128,7 +128,7 @@ impl Mapper {
         let (distance_m, turn_rad) = self.rule.key_frame;
         let is_new = self.poses.last().is_none_or(|last| {
             let moved = last.relative(camera);
-            moved.x.hypot(moved.y) >= distance_m || moved.theta.abs() >= turn_rad
+            moved.x.hypotenuse(moved.y) >= distance_m || moved.theta.abs() >= turn_rad
         });
         if !is_new || !camera.is_finite() {
             return;

@@ -162,6 +162,8 @@ fn crosses(polygon: &[Point2<f64>], [from, to]: [Point2<f64>; 2]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_geometry::Hypotenuse;
+
     use super::*;
 
     fn square(x: f64, y: f64, half: f64) -> Vec<Point2<f64>> {
@@ -176,7 +178,7 @@ mod tests {
         let (start, goal) = (Point2::new(0.0, 0.1), Point2::new(4.0, 0.1));
         let (path, length) = graph.shortest(start, goal, &[square(2.0, 0.0, 0.5)]).unwrap();
         assert_eq!(path, [start, Point2::new(1.5, 0.5), Point2::new(2.5, 0.5), goal]);
-        assert!((length - (2.0 * 1.5_f64.hypot(0.4) + 1.0)).abs() < 1e-12);
+        assert!((length - (2.0 * 1.5_f64.hypotenuse(0.4) + 1.0)).abs() < 1e-12);
         assert_eq!(graph.shortest(start, goal, &[] as &[Vec<_>]).unwrap().0, [start, goal]);
     }
 

@@ -5,6 +5,7 @@
 //! axis after tilting; a robot yaws about the world's vertical axis.
 
 use nalgebra::{Matrix2, Vector2, Vector3};
+use yamabico_geometry::Hypotenuse;
 use yamabico_geometry::camera::{Intrinsics, Mount};
 
 /// Orientation of the optical axis relative to the corridor.
@@ -73,7 +74,7 @@ impl RobotHeading {
     #[must_use]
     pub fn from_axis(axis_in_camera: Vector3<f64>, mount: &Mount) -> Self {
         let axis = mount.rotation_body_from_camera() * axis_in_camera;
-        Self { heading: -axis.y.atan2(axis.x), elevation: axis.z.atan2(axis.x.hypot(axis.y)) }
+        Self { heading: -axis.y.atan2(axis.x), elevation: axis.z.atan2(axis.x.hypotenuse(axis.y)) }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::picture::Picture;
 use nalgebra::{Vector2, Vector3};
+use yamabico_geometry::Hypotenuse;
 use yamabico_geometry::camera::{Calibration, Mount};
 
 /// Standard deviation of a measured mount's tilt, rad.
@@ -69,7 +70,7 @@ impl RowPrior {
     #[must_use]
     pub fn ln_likelihood(&self, picture: &Picture, point: Vector2<f64>) -> f64 {
         let horizon = self.row + self.slope * (point.x - picture.center.x);
-        let off = (point.y - horizon) / self.slope.hypot(1.0);
+        let off = (point.y - horizon) / self.slope.hypotenuse(1.0);
         if self.is_tracked { self.ln_tracked(picture, off) } else { -0.5 * off * off / self.variance }
     }
 

@@ -3,7 +3,7 @@
 //! Cells lie in the odometry frame. Points of plane motion decide; edges, colors and sonars vote beside them.
 
 use nalgebra::{Point2, Vector2};
-use yamabico_geometry::Pose2;
+use yamabico_geometry::{Hypotenuse, Pose2};
 
 use super::log_odds::CellRules;
 use super::motion_point::MotionPoint;
@@ -201,7 +201,7 @@ impl EvidenceGrid {
             for x in at[0] - reach..=at[0] + reach {
                 let center = self.window.middle([x, y]);
                 let seen = echo.sensor.inverse().transform_point(center);
-                let (range, bearing) = (seen.x.hypot(seen.y), seen.y.atan2(seen.x));
+                let (range, bearing) = (seen.x.hypotenuse(seen.y), seen.y.atan2(seen.x));
                 let Some(slot) = self.window.slot(center).filter(|_| bearing.abs() <= echo.half_cone) else {
                     continue;
                 };

@@ -1,7 +1,7 @@
 //! Recent pictures with their poses, spaced along the way, for baselines of chosen lengths.
 
 use yamabico_geometry::image::ImageView;
-use yamabico_geometry::{Pose2, Twist};
+use yamabico_geometry::{Hypotenuse, Pose2, Twist};
 
 use super::band_pass::{BandImage, BandPass};
 use super::quad_image::QuadImage;
@@ -117,7 +117,7 @@ impl LookHistory {
     fn is_spaced(&self) -> bool {
         let [.., before, newest] = self.valid_looks() else { return true };
         let motion = before.odometry.relative(&newest.odometry);
-        motion.x.hypot(motion.y) >= SPACING_M || motion.theta.abs() >= SPACING_RAD
+        motion.x.hypotenuse(motion.y) >= SPACING_M || motion.theta.abs() >= SPACING_RAD
     }
 
     fn valid_looks(&self) -> &[Look] {
@@ -137,7 +137,7 @@ impl LookHistory {
         let (newest, older) = self.valid_looks().split_last()?;
         older.iter().rposition(|look| {
             let motion = look.corrected.relative(&newest.corrected);
-            look.is_steady && motion.x.hypot(motion.y) >= way_m
+            look.is_steady && motion.x.hypotenuse(motion.y) >= way_m
         })
     }
 

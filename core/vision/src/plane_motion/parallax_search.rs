@@ -5,7 +5,7 @@
 //! of tiles and the aliasing of grain agree on none but the right w: Okutomi & Kanade (1993).
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use yamabico_geometry::Pose2;
+use yamabico_geometry::{Hypotenuse, Pose2};
 
 use super::floor_view::FloorView;
 use super::motion_prior::CommonCovariance;
@@ -264,7 +264,7 @@ impl<'a> Sweep<'a> {
             ratio_step: search.step_px / parallax,
             parallax,
             slack_px: slack,
-            tolerance_px: search.tolerance_px * point.skew.hypot(1.0) + 2.0 * slack,
+            tolerance_px: search.tolerance_px * point.skew.hypotenuse(1.0) + 2.0 * slack,
             costs: [NONE; MAX_CANDIDATES],
             of_baselines: [[NONE; MAX_BASELINES]; MAX_CANDIDATES],
         })
@@ -367,12 +367,15 @@ impl<'a> Sweep<'a> {
         });
         let curvature = left - 2.0 * here + right;
         if left >= NONE || right >= NONE || curvature < 1e-9 {
-            return (self.ratio(candidate), self.slack_px.hypot(10.0) / self.parallax);
+            return (self.ratio(candidate), self.slack_px.hypotenuse(10.0) / self.parallax);
         }
         let shift = (0.5 * (left - right) / curvature).clamp(-0.5, 0.5);
         let step = self.points.search.step_px;
         let sigma_px = 1.0 / (curvature / (step * step)).max(1e-2).sqrt();
-        (1.0 + (candidate as f32 + shift) * self.ratio_step, self.slack_px.hypot(sigma_px) / self.parallax)
+        (
+            1.0 + (candidate as f32 + shift) * self.ratio_step,
+            self.slack_px.hypotenuse(sigma_px) / self.parallax,
+        )
     }
 
     /// Compares the patch with all baselines under a candidate.

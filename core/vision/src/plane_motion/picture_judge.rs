@@ -2,9 +2,9 @@
 
 use nalgebra::{Point2, Vector2, Vector3};
 use thiserror::Error;
-use yamabico_geometry::Pose2;
 use yamabico_geometry::camera::{Intrinsics, Mount};
 use yamabico_geometry::image::ImageView;
+use yamabico_geometry::{Hypotenuse, Pose2};
 
 use super::direct_alignment::{Alignment, AlignmentPrior, DirectAligner};
 use super::floor_view::FloorView;
@@ -124,7 +124,7 @@ impl PictureJudge {
         self.history.push(image, odometry, at_s, &self.lag);
         let stands = self.moved.is_some_and(|last| {
             let step = last.relative(&odometry);
-            step.x.hypot(step.y) < MIN_STEP_M
+            step.x.hypotenuse(step.y) < MIN_STEP_M
         });
         if !stands {
             self.moved = Some(odometry);
@@ -190,7 +190,7 @@ impl PictureJudge {
         if motion.theta.abs() > MAX_TURN_RAD {
             return None;
         }
-        let way_m = motion.x.hypot(motion.y);
+        let way_m = motion.x.hypotenuse(motion.y);
         let change = Vector2::new(
             current.twist.linear - previous.twist.linear,
             current.twist.angular - previous.twist.angular,

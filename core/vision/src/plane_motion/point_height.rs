@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, SMatrix, Vector2, Vector3};
 use thiserror::Error;
-use yamabico_geometry::Pose2;
+use yamabico_geometry::{Hypotenuse, Pose2};
 
 use super::floor_view::{FloorView, turn};
 
@@ -91,7 +91,7 @@ pub fn fit_point(
     let start = linear_point(view, sightings)?;
     let from_camera = start.coords - view.position();
     let mut values =
-        Vector3::new(from_camera.y.atan2(from_camera.x), from_camera.x.hypot(from_camera.y), start.z);
+        Vector3::new(from_camera.y.atan2(from_camera.x), from_camera.x.hypotenuse(from_camera.y), start.z);
     for _ in 0..MAX_ROUNDS {
         let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
         for sighting in sightings {

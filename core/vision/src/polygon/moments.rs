@@ -1,4 +1,5 @@
 use nalgebra::Point2;
+use yamabico_geometry::Hypotenuse;
 
 /// Area moments of a polygon, independent of its orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +79,7 @@ impl PolygonMoments {
     #[must_use]
     pub fn principal(&self) -> [f64; 2] {
         let [xx, yy, xy] = self.central;
-        let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypot(xy));
+        let (middle, half) = (0.5 * (xx + yy), (0.5 * (xx - yy)).hypotenuse(xy));
         [middle - half, middle + half]
     }
 

@@ -112,6 +112,8 @@ fn steps(width: isize) -> Steps {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_geometry::Hypotenuse;
+
     use super::super::edges::UNITS_PER_LEVEL;
     use super::*;
     use yamabico_geometry::image::ImageView;
@@ -120,7 +122,7 @@ mod tests {
     fn closed_outlines_are_followed_all_around() {
         let (width, height) = (80, 70);
         let disc = |u: usize, v: usize| {
-            let radius = (u as f64 - 40.0).hypot(v as f64 - 35.0);
+            let radius = (u as f64 - 40.0).hypotenuse(v as f64 - 35.0);
             (50.0 + 150.0 * (25.5 - radius).clamp(0.0, 1.0)) as u8
         };
         let square =

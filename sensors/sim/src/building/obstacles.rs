@@ -7,6 +7,7 @@ use super::properties::{PersonKind, Properties, one_of};
 use crate::random::Stream;
 use crate::scene::PERSON_RADIUS_M;
 use crate::world::{BoxItem, Color, Person, World};
+use yamabico_core::geometry::Hypotenuse;
 
 /// Speed at which a robot is expected, m/s.
 const ROBOT_MPS: f64 = 0.4;
@@ -79,7 +80,7 @@ pub fn place_boxes(world: &mut World, p: &Properties, rng: &mut Stream) {
         for _ in 0..ATTEMPTS {
             let size_m =
                 [rng.random_range(0.2..0.38), rng.random_range(0.2..0.34), rng.random_range(0.22..0.6)];
-            let reach = 0.5 * f64::hypot(size_m[0], size_m[1]);
+            let reach = 0.5 * f64::hypotenuse(size_m[0], size_m[1]);
             let (min, max) = ((MIN_GAP_M + reach - p.width_m / 2.0).max(0.0), p.width_m / 2.0 - reach - 0.02);
             let x = rng.random_range(2.5..p.distance_m - 1.2);
             let is_free = occupied(world).iter().all(|other| (other - x).abs() >= MIN_SPACING_M);

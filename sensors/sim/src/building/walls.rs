@@ -10,6 +10,7 @@ use crate::random::{Stream, stream};
 use crate::world::{
     Baseboard, Branch, Ceiling, Color, Corridor, CorridorDoor, Dado, Patch, Poster, Side, Wall, Window, World,
 };
+use yamabico_core::geometry::Hypotenuse;
 
 /// Minimum distance between openings, posters and the ends of a wall, m.
 const PILLAR_M: f64 = 0.25;
@@ -219,7 +220,7 @@ fn hang(wall: &mut Wall, start: f64, end: f64, rng: &mut Stream) {
 
 /// Returns the stretches of a wall without doors and windows, m from its start.
 fn free(wall: &Wall) -> Vec<[f64; 2]> {
-    let length = f64::hypot(wall.to_m[0] - wall.from_m[0], wall.to_m[1] - wall.from_m[1]);
+    let length = f64::hypotenuse(wall.to_m[0] - wall.from_m[0], wall.to_m[1] - wall.from_m[1]);
     let doors = wall.doors.iter().map(|d| [d.at_m - d.width_m / 2.0, d.at_m + d.width_m / 2.0]);
     let windows = wall.windows.iter().map(|w| {
         let at = w.at_m.unwrap_or(length / 2.0);

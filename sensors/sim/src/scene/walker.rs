@@ -5,6 +5,7 @@ use rand::RngExt;
 use super::PERSON_RADIUS_M;
 use crate::random::stream;
 use crate::world::Person;
+use yamabico_core::geometry::Hypotenuse;
 
 /// Walk of a person along a path, with the jitter of the seed and the waits for the robot.
 #[derive(Clone, Debug)]
@@ -64,7 +65,7 @@ impl Walker {
             let (from, to) = (pair[0], pair[1]);
             let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
             let begins_s = time + pause(i);
-            let ends_s = begins_s + dx.hypot(dy) / person.speed_mps;
+            let ends_s = begins_s + dx.hypotenuse(dy) / person.speed_mps;
             legs.push(Leg { from, to, begins_s, ends_s, heading: dy.atan2(dx) });
             time = ends_s;
         }
@@ -88,14 +89,14 @@ impl Walker {
             return;
         }
         let PersonPose { at, velocity: [vx, vy], .. } = self.without_waits(from_s - self.waited_s(from_s));
-        let speed = vx.hypot(vy);
+        let speed = vx.hypotenuse(vy);
         if speed <= 0.0 {
             return;
         }
         let [dx, dy] = [center[0] - at[0], center[1] - at[1]];
         let (ahead, aside) = ((dx * vx + dy * vy) / speed, (dx * vy - dy * vx).abs() / speed);
         let touch = PERSON_RADIUS_M + radius_m;
-        let gap = dx.hypot(dy) - touch;
+        let gap = dx.hypotenuse(dy) - touch;
         if ahead <= 0.0 || aside > touch + LATERAL_CLEARANCE_M || gap > self.person.gives_way_m {
             self.has_timed_out = false;
             return;

@@ -2,6 +2,7 @@
 
 use schemars::schema_for;
 use yamabico_core::behavior::ParameterError;
+use yamabico_core::geometry::Hypotenuse;
 use yamabico_core::parameters::{FileKind, Problems};
 
 use super::{Corridor, Door, Side, Wall, Window, World};
@@ -101,7 +102,7 @@ impl Violations {
     }
 
     fn wall(&mut self, key: &str, w: &Wall) {
-        let length = (w.to_m[0] - w.from_m[0]).hypot(w.to_m[1] - w.from_m[1]);
+        let length = (w.to_m[0] - w.from_m[0]).hypotenuse(w.to_m[1] - w.from_m[1]);
         if !(0.01..=500.0).contains(&length) {
             self.push(
                 format!("{key}.to_m"),

@@ -20,7 +20,7 @@ use yamabico_runtime::client::{Request, RobotClient};
 use crate::interrupt::interrupt_flag;
 use crate::output::{CommandResult, DONE, Failure};
 use crate::robot_argument::RobotArgument;
-use joystick::{AxisMap, JoystickChoice};
+use joystick::{AxisMap, Button, JoystickChoice};
 use keys::{KeyCommand, Keyboard, command};
 use screen::Screen;
 
@@ -39,19 +39,28 @@ pub struct Arguments {
     /// device file.
     #[arg(long, value_name = "DEVICE", num_args = 0..=1)]
     joystick: Option<Option<PathBuf>>,
-    /// Numbers of the joystick's axes that drive forward, left and turn left; a minus reverses one. The status line shows the
-    /// numbers.
-    #[arg(long, value_name = "AXES", default_value = "-1,-0,-3", allow_hyphen_values = true)]
+    /// Axes of the joystick that drive forward, left and turn left; a minus reverses one.
+    #[arg(long, value_name = "AXES", default_value = "-y,-x,-rx", allow_hyphen_values = true)]
     axes: AxisMap,
-    /// Number of the joystick's button that is held to drive.
-    #[arg(long, value_name = "BUTTON", default_value_t = 4)]
-    hold: u8,
+    /// Button of the joystick that is held to drive.
+    #[arg(long, value_name = "BUTTON", default_value = "tl")]
+    hold: Button,
+    /// List the joysticks, and show axes and buttons as they move, without a robot.
+    #[arg(long, requires = "joystick")]
+    list: bool,
     #[command(flatten)]
     robot: RobotArgument,
 }
 
 /// Drives until `q`, Ctrl-C, or the end of the robot.
 pub fn teleop(arguments: &Arguments) -> CommandResult {
+    let joystick = arguments.joystick.clone();
+    let joystick =
+        joystick.map(|device| JoystickChoice { device, axes: arguments.axes, hold: arguments.hold });
+    if let Some(choice) = joystick.as_ref().filter(|_| arguments.list) {
+        let interrupt = interrupt_flag()?;
+        return joystick::list(choice, &interrupt).map(|()| DONE).map_err(Failure::device);
+    }
     let robot = arguments.robot.choose()?;
     let mut client = RobotClient::join(&robot)?;
     let stick = client.stick()?;
@@ -61,9 +70,6 @@ pub fn teleop(arguments: &Arguments) -> CommandResult {
              its task, as in configs/teleop.toml"
         )));
     }
-    let joystick = arguments.joystick.clone();
-    let joystick =
-        joystick.map(|device| JoystickChoice { device, axes: arguments.axes, hold: arguments.hold });
     if joystick.is_none() && !std::io::stdin().is_terminal() {
         return Err(Failure::usage(
             "standard input is not a terminal, so no keys can be read: run it in a terminal",
