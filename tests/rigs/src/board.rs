@@ -111,9 +111,7 @@ pub fn held_board(board: &Board, pinhole: &Pinhole, rng: &mut Pcg64) -> Isometry
             })
         };
         let outer = [-1.0, 1.0].map(|side| {
-            [-1.0, 1.0].map(|end| {
-                Vector2::new(center.x + 0.5 * side * width, center.y + 0.5 * end * height)
-            })
+            [-1.0, 1.0].map(|end| Vector2::new(center.x + 0.5 * side * width, center.y + 0.5 * end * height))
         });
         if outer.iter().flatten().all(is_seen) {
             return pose;

@@ -97,7 +97,8 @@ fn content(board: &Board, [page_width, page_height]: [f64; 2]) -> String {
     };
     for row in 0..=board.rows {
         for column in (row % 2..=board.columns).step_by(2) {
-            let (x, y) = (left + column as f64 * board.square_m, bottom + height - (row + 1) as f64 * board.square_m);
+            let (x, y) =
+                (left + column as f64 * board.square_m, bottom + height - (row + 1) as f64 * board.square_m);
             rectangle(x, y, board.square_m, board.square_m);
         }
     }
@@ -142,7 +143,8 @@ fn document([width, height]: [f64; 2], content: &str) -> Vec<u8> {
     for offset in offsets {
         let _ = write!(text, "{offset:010} 00000 n \n");
     }
-    let _ = write!(text, "trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{start}\n%%EOF\n", objects.len() + 1);
+    let _ =
+        write!(text, "trailer\n<< /Size {} /Root 1 0 R >>\nstartxref\n{start}\n%%EOF\n", objects.len() + 1);
     text.into_bytes()
 }
 
@@ -153,11 +155,14 @@ mod tests {
     #[test]
     fn a_page_has_true_scale_and_a_board_that_is_too_large_is_refused() {
         let board = Board::new("9x6", 0.025).unwrap();
-        for (paper, box_pt) in [(Paper::A4, "[0 0 841.890 595.276]"), (Paper::Letter, "[0 0 792.000 612.000]")] {
+        for (paper, box_pt) in
+            [(Paper::A4, "[0 0 841.890 595.276]"), (Paper::Letter, "[0 0 792.000 612.000]")]
+        {
             let text = String::from_utf8(page(&board, paper).unwrap()).unwrap();
             assert!(text.contains(box_pt), "{text}");
             assert_eq!(text.matches(" 70.8661 70.8661 re").count(), 35, "black squares of 25 mm");
-            let start: usize = text.rsplit("startxref\n").next().unwrap().split('\n').next().unwrap().parse().unwrap();
+            let start: usize =
+                text.rsplit("startxref\n").next().unwrap().split('\n').next().unwrap().parse().unwrap();
             assert!(text[start..].starts_with("xref"), "the table is where it is said to be");
         }
         let error = page(&Board::new("9x6", 0.03).unwrap(), Paper::A4).unwrap_err();

@@ -47,7 +47,8 @@ pub struct Learned {
 /// # Errors
 /// [`LearningError`]: the recording has no frames or no odometry, or its turns do not determine the offset.
 pub fn learn(recording: &Path, camera: &RobotCamera) -> Result<Learned, LearningError> {
-    let unsuitable = |problem: String| LearningError::Unsuitable(format!("{}: {problem}", recording.display()));
+    let unsuitable =
+        |problem: String| LearningError::Unsuitable(format!("{}: {problem}", recording.display()));
     let (pinhole, mount) = (camera.intrinsics.pinhole(), Mount::from(camera.mount));
     let (mut turns, mut last): (Vec<TimedTurn>, Option<(f64, HorizonBand)>) = (Vec::new(), None);
     let size = pinhole.intrinsics().size();
@@ -70,7 +71,8 @@ pub fn learn(recording: &Path, camera: &RobotCamera) -> Result<Learned, Learning
     drive.odometry.iter().for_each(|(seconds, pose)| headings.push(*seconds, pose.theta));
     let found = fit_clock_offset(&turns, &headings).map_err(|error| unsuitable(error.to_string()))?;
     let offset_ms = Measured::new(1e3 * found.offset_s, 1e3 * found.sigma_s);
-    let latency_ms = camera.latency_ms.map(|before| before + offset_ms.value).filter(|latency| *latency >= 0.0);
+    let latency_ms =
+        camera.latency_ms.map(|before| before + offset_ms.value).filter(|latency| *latency >= 0.0);
     Ok(Learned {
         offset_ms,
         correlation: found.correlation,

@@ -55,10 +55,12 @@ pub fn learn(
     overlay: &Path,
 ) -> Result<Learned, LearningError> {
     let pinhole = camera.intrinsics.pinhole();
-    let (mut found, mut reports, mut shown): (Vec<FoundBoard>, Vec<PictureReport>, Vec<usize>) = Default::default();
+    let (mut found, mut reports, mut shown): (Vec<FoundBoard>, Vec<PictureReport>, Vec<usize>) =
+        Default::default();
     for (index, picture) in pictures.iter().enumerate() {
         camera.check_size(&picture.name, picture.size())?;
-        let corners = picture.gray.view().map_err(|_| NotFound::NoBoard).and_then(|view| find_board(view, board));
+        let corners =
+            picture.gray.view().map_err(|_| NotFound::NoBoard).and_then(|view| find_board(view, board));
         let refused = corners.as_ref().err().map(ToString::to_string);
         reports.push(PictureReport { name: picture.name.clone(), rms_px: None, refused });
         if let Ok(corners) = corners {
@@ -74,7 +76,8 @@ pub fn learn(
         let title = format!("no picture shows the board of {}x{} inner corners", board.columns, board.rows);
         return Err(LearningError::Unsuitable(title + &refused.concat()));
     };
-    let mount = board_mount(&pinhole, board, &found).map_err(|error| LearningError::Unsuitable(error.to_string()))?;
+    let mount =
+        board_mount(&pinhole, board, &found).map_err(|error| LearningError::Unsuitable(error.to_string()))?;
     for (index, rms_px) in shown.iter().zip(&mount.rms_px) {
         reports[*index].rms_px = *rms_px;
         if rms_px.is_none() {

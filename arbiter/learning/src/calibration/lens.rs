@@ -66,14 +66,18 @@ pub fn learn(pictures: &[Picture], board: &Board, overlays: Option<&Path>) -> Re
     }
     let boards: Vec<FoundBoard> = found.iter().map(|(_, board)| board.clone()).collect();
     let calibrated = calibrate_lens(board, &boards, size);
-    let calibrated = calibrated.map_err(|error| LearningError::Unsuitable(refusal(&error, board, &reports, &others)))?;
+    let calibrated =
+        calibrated.map_err(|error| LearningError::Unsuitable(refusal(&error, board, &reports, &others)))?;
     for (at, rms_px) in calibrated.used.iter().zip(&calibrated.lens.rms_px) {
         reports[found[*at].0].rms_px = Some(*rms_px);
     }
     for (at, rms_px) in &calibrated.outliers {
         let report = &mut reports[found[*at].0];
         report.rms_px = Some(*rms_px);
-        report.refused = Some("its corners do not fit those of the other pictures: blurred by motion, or the board was bent".to_owned());
+        report.refused = Some(
+            "its corners do not fit those of the other pictures: blurred by motion, or the board was bent"
+                .to_owned(),
+        );
     }
     if let Some(folder) = overlays {
         std::fs::create_dir_all(folder).map_err(|error| LearningError::write(folder, error))?;
@@ -94,7 +98,8 @@ pub fn learn(pictures: &[Picture], board: &Board, overlays: Option<&Path>) -> Re
         ("p2", lens.p2),
         ("k3", lens.k3),
     ];
-    let parameters = values.iter().zip(sigmas).map(|((name, value), sigma)| (*name, Measured::new(*value, sigma)));
+    let parameters =
+        values.iter().zip(sigmas).map(|((name, value), sigma)| (*name, Measured::new(*value, sigma)));
     Ok(Learned {
         pinhole: Some(pinhole),
         size,
@@ -108,7 +113,12 @@ pub fn learn(pictures: &[Picture], board: &Board, overlays: Option<&Path>) -> Re
 }
 
 /// Text of a refusal: the cause, and what was wrong with each picture.
-fn refusal(error: &LensError, board: &Board, reports: &[PictureReport], others: &BTreeMap<[usize; 2], usize>) -> String {
+fn refusal(
+    error: &LensError,
+    board: &Board,
+    reports: &[PictureReport],
+    others: &BTreeMap<[usize; 2], usize>,
+) -> String {
     let refused: Vec<&PictureReport> = reports.iter().filter(|report| report.refused.is_some()).collect();
     let mut text = if refused.len() == reports.len() {
         format!("no picture shows the board of {}x{} inner corners", board.columns, board.rows)

@@ -104,7 +104,11 @@ struct Frame {
 ///
 /// # Errors
 /// [`LearningError`]: too few pictures show a corridor, or an argument is out of range.
-pub fn from_pictures(pictures: &[Picture], camera: &RobotCamera, options: &Options) -> Result<Learned, LearningError> {
+pub fn from_pictures(
+    pictures: &[Picture],
+    camera: &RobotCamera,
+    options: &Options,
+) -> Result<Learned, LearningError> {
     for picture in pictures {
         camera.check_size(&picture.name, picture.size())?;
     }
@@ -115,7 +119,11 @@ pub fn from_pictures(pictures: &[Picture], camera: &RobotCamera, options: &Optio
 ///
 /// # Errors
 /// [`LearningError`]: likewise, or the recording has no frames of the camera.
-pub fn from_recording(recording: &Path, camera: &RobotCamera, options: &Options) -> Result<Learned, LearningError> {
+pub fn from_recording(
+    recording: &Path,
+    camera: &RobotCamera,
+    options: &Options,
+) -> Result<Learned, LearningError> {
     let size = camera.intrinsics.intrinsics().size();
     let (mut frames, mut every_s): (Vec<Frame>, f64) = (Vec::new(), FRAME_EVERY_S);
     let drive = RecordedDrive::read(recording, &camera.sensor, size, &mut |seconds, image| {
@@ -139,7 +147,11 @@ pub fn from_recording(recording: &Path, camera: &RobotCamera, options: &Options)
     let pictures: Vec<Picture> = frames.into_iter().map(|frame| frame.picture).collect();
     let mut learned = learn(&pictures, Some(&poses), camera, options)?;
     if drive.odometry.is_empty() {
-        learned.notes.insert(0, "the recording has no odometry: height and pan by the motion of the floor are not known".to_owned());
+        learned.notes.insert(
+            0,
+            "the recording has no odometry: height and pan by the motion of the floor are not known"
+                .to_owned(),
+        );
     }
     learned.notes.extend(drive.warnings);
     Ok(learned)
@@ -164,7 +176,10 @@ fn learn(
     let by_width = options.corridor_width_m.and_then(|width_m| {
         let found = height_by_width(pictures, &sights, &pinhole, &mount, width_m);
         if found.is_none() {
-            notes.push("too few pictures show the foot of both walls: the width of the corridor gives no height".to_owned());
+            notes.push(
+                "too few pictures show the foot of both walls: the width of the corridor gives no height"
+                    .to_owned(),
+            );
         }
         found
     });
@@ -195,7 +210,8 @@ fn learn(
         tilt_deg: Some(fit.tilt.to_degrees()),
         roll_deg: Some(fit.roll.to_degrees()),
         pan_deg: pan_deg.map(|pan| pan.value),
-        is_complete: height_m.is_some() && (camera.intrinsics.fx.is_some() || camera.calibration == Calibration::Measured),
+        is_complete: height_m.is_some()
+            && (camera.intrinsics.fx.is_some() || camera.calibration == Calibration::Measured),
         ..Findings::default()
     };
     Ok(Learned {
@@ -222,10 +238,16 @@ fn learn(
 fn check(options: &Options) -> Result<(), String> {
     let widths = options.corridor_width_m.filter(|width| !WIDTHS_M.contains(width));
     if let Some(width_m) = widths {
-        return Err(format!("a corridor is {} to {} m wide, not {width_m} m", WIDTHS_M.start(), WIDTHS_M.end()));
+        return Err(format!(
+            "a corridor is {} to {} m wide, not {width_m} m",
+            WIDTHS_M.start(),
+            WIDTHS_M.end()
+        ));
     }
     match options.height_m.filter(|height| !HEIGHTS_M.contains(height)) {
-        Some(height_m) => Err(format!("a camera is {} to {} m high, not {height_m} m", HEIGHTS_M.start(), HEIGHTS_M.end())),
+        Some(height_m) => {
+            Err(format!("a camera is {} to {} m high, not {height_m} m", HEIGHTS_M.start(), HEIGHTS_M.end()))
+        }
         None => Ok(()),
     }
 }
@@ -238,7 +260,8 @@ fn sight(picture: &Picture, pinhole: &Pinhole) -> CorridorSight {
         calibration: Calibration::Guessed,
         horizon_sigma_rad: 1.0,
     };
-    let observer = CorridorObserver::with_segments(camera, FloorLineRule::default(), SegmentConfig::for_evidence());
+    let observer =
+        CorridorObserver::with_segments(camera, FloorLineRule::default(), SegmentConfig::for_evidence());
     let mut observer = EvidenceObserver::new(observer, None);
     let Ok(view) = picture.gray.view() else { return CorridorSight::default() };
     let seen = observer.observe(view, None);
@@ -305,8 +328,10 @@ fn by_floor_motion(
         .iter()
         .filter_map(|(a, b)| Some(([smooth(*a)?, smooth(*b)?], [poses[*a]?, poses[*b]?])))
         .collect();
-    let pairs: Vec<FloorPair<'_>> =
-        images.iter().map(|(images, poses)| FloorPair { pictures: [&images[0], &images[1]], poses: *poses }).collect();
+    let pairs: Vec<FloorPair<'_>> = images
+        .iter()
+        .map(|(images, poses)| FloorPair { pictures: [&images[0], &images[1]], poses: *poses })
+        .collect();
     fit_floor_motion(pinhole, mount, &pairs).map_err(|error| error.to_string())
 }
 
@@ -325,7 +350,9 @@ fn draw(
     let off = |point: &Vector2<f64>| (point.y - fit.horizon_row[0] - slope * (point.x - intrinsics.cx)).abs();
     let from_middle = |point: &Vector2<f64>| off(point) + 0.1 * (point.x - intrinsics.cx).abs();
     let seen = || sights.iter().enumerate().filter_map(|(index, sight)| Some((index, sight.point?)));
-    let Some((best, _)) = seen().min_by(|a, b| from_middle(&a.1).total_cmp(&from_middle(&b.1))) else { return Ok(()) };
+    let Some((best, _)) = seen().min_by(|a, b| from_middle(&a.1).total_cmp(&from_middle(&b.1))) else {
+        return Ok(());
+    };
     let gate = 3.0 * fit.point_rms_px.max(1.0);
     let points = seen().filter_map(|(_, point)| Some((pinhole.distort_pixel(point)?, off(&point) <= gate)));
     let drawing = GroundOverlay { pinhole: *pinhole, mount: *mount, height_m, points: points.collect() };

@@ -87,7 +87,11 @@ pub(super) fn ground(
             || "height unknown, squares of 1 height".to_owned(),
             |height| format!("height {height:.3} m, squares of {SQUARE_M} m"),
         );
-        let text = format!("tilt {:.2}°, roll {:.2}°, {height}", degrees(overlay.mount.tilt), degrees(overlay.mount.roll));
+        let text = format!(
+            "tilt {:.2}°, roll {:.2}°, {height}",
+            degrees(overlay.mount.tilt),
+            degrees(overlay.mount.roll)
+        );
         for (shift, color) in [(1.0, [0, 0, 0]), (0.0, [255, 255, 255])] {
             canvas.text(Vector2::new(6.0 + shift, 6.0 + shift), &text, color);
         }
@@ -95,7 +99,12 @@ pub(super) fn ground(
 }
 
 /// Draws the corners of a board, joined row by row, and writes a PNG with the name of the picture into `folder`.
-pub(super) fn corners(folder: &Path, picture: &Picture, board: &Board, corners: &[Vector2<f64>]) -> Result<(), LearningError> {
+pub(super) fn corners(
+    folder: &Path,
+    picture: &Picture,
+    board: &Board,
+    corners: &[Vector2<f64>],
+) -> Result<(), LearningError> {
     let stem = Path::new(&picture.name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     draw(&folder.join(format!("{stem}-corners.png")), picture, |canvas| {
         for row in corners.chunks(board.columns) {

@@ -63,7 +63,11 @@ fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, String> {
             return Err(format!("{} does not exist: name pictures or a folder of pictures", path.display()));
         }
     }
-    if files.is_empty() { Err("no picture is named: name pictures or a folder of pictures".to_owned()) } else { Ok(files) }
+    if files.is_empty() {
+        Err("no picture is named: name pictures or a folder of pictures".to_owned())
+    } else {
+        Ok(files)
+    }
 }
 
 fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, String> {
@@ -78,13 +82,21 @@ fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, String> {
     }
     found.sort();
     if found.is_empty() {
-        return Err(format!("the folder {} has no .png, .jpg or .jpeg file: add pictures or name another folder", folder.display()));
+        return Err(format!(
+            "the folder {} has no .png, .jpg or .jpeg file: add pictures or name another folder",
+            folder.display()
+        ));
     }
     Ok(found)
 }
 
 fn read_file(path: &Path) -> Result<Picture, String> {
-    let refused = |reason: String| format!("{} is no picture that can be read: {reason}; remove it or save it again as PNG or JPEG", path.display());
+    let refused = |reason: String| {
+        format!(
+            "{} is no picture that can be read: {reason}; remove it or save it again as PNG or JPEG",
+            path.display()
+        )
+    };
     let bytes = std::fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     let luma = image::load_from_memory(&bytes).map_err(|error| refused(error.to_string()))?.into_luma8();
     if luma.width() < 64 || luma.height() < 64 {

@@ -48,7 +48,8 @@ impl RecordedDrive {
         };
         let prefix = topics::sensor("");
         let played = play_topics(recording, &mut tap, &|topic| topic.starts_with(&prefix))?;
-        let unsuitable = |problem: String| LearningError::Unsuitable(format!("{}: {problem}", recording.display()));
+        let unsuitable =
+            |problem: String| LearningError::Unsuitable(format!("{}: {problem}", recording.display()));
         if let Some([width, height]) = tap.other_size {
             return Err(unsuitable(format!(
                 "frames of `{sensor}` have {width} x {height} pixels, but the robot file says {} x {}",
@@ -98,7 +99,11 @@ impl DriveTap<'_> {
     /// Time of a stamp, s from the first one.
     fn seconds(&mut self, stamp_ns: u64) -> f64 {
         let origin_ns = *self.origin_ns.get_or_insert(stamp_ns);
-        if stamp_ns >= origin_ns { (stamp_ns - origin_ns) as f64 * 1e-9 } else { (origin_ns - stamp_ns) as f64 * -1e-9 }
+        if stamp_ns >= origin_ns {
+            (stamp_ns - origin_ns) as f64 * 1e-9
+        } else {
+            (origin_ns - stamp_ns) as f64 * -1e-9
+        }
     }
 }
 

@@ -59,16 +59,26 @@ impl RobotCamera {
     /// # Errors
     /// [`LearningError::Unsuitable`]: the file cannot be read, is no TOML, or has no such camera.
     pub fn read(file: &Path, sensor: Option<&str>, plugins: &Plugins) -> Result<Self, LearningError> {
-        let text = std::fs::read_to_string(file)
-            .map_err(|error| LearningError::Unsuitable(format!("robot file {} cannot be read: {error}", file.display())))?;
-        let camera = Self::of_text(&text, &file.display().to_string(), sensor, plugins).map_err(LearningError::Unsuitable)?;
+        let text = std::fs::read_to_string(file).map_err(|error| {
+            LearningError::Unsuitable(format!("robot file {} cannot be read: {error}", file.display()))
+        })?;
+        let camera = Self::of_text(&text, &file.display().to_string(), sensor, plugins)
+            .map_err(LearningError::Unsuitable)?;
         Ok(Self { file: Some(file.to_owned()), ..camera })
     }
 
-    /// Finds the camera in the robot files that a recording has with it; `None` if it has none.
-    pub(crate) fn of_recording(recording: &Path, sensor: Option<&str>, plugins: &Plugins) -> Result<Option<Self>, LearningError> {
+    /// Finds the camera in the robot files attached to a recording; `None` if none has it.
+    ///
+    /// # Errors
+    /// The recording cannot be read.
+    pub fn of_recording(
+        recording: &Path,
+        sensor: Option<&str>,
+        plugins: &Plugins,
+    ) -> Result<Option<Self>, LearningError> {
         let contents = Contents::read(recording)?;
-        let cameras = contents.files.iter().filter_map(|(name, text)| Self::of_text(text, name, sensor, plugins).ok());
+        let cameras =
+            contents.files.iter().filter_map(|(name, text)| Self::of_text(text, name, sensor, plugins).ok());
         Ok(cameras.last())
     }
 
@@ -79,7 +89,16 @@ impl RobotCamera {
         Self {
             file: None,
             sensor: DEFAULT_NAME.to_owned(),
-            intrinsics: IntrinsicsConfig { width, height, fov_deg, fx, fy, cx, cy, distortion: Distortion::NONE },
+            intrinsics: IntrinsicsConfig {
+                width,
+                height,
+                fov_deg,
+                fx,
+                fy,
+                cx,
+                cy,
+                distortion: Distortion::NONE,
+            },
             mount: MountConfig::default(),
             calibration: Calibration::Guessed,
             latency_ms: None,
@@ -120,9 +139,12 @@ impl RobotCamera {
     /// # Errors
     /// [`LearningError`].
     pub fn write(&self, file: &Path, findings: &Findings) -> Result<(), LearningError> {
-        let unsuitable = |problem: String| LearningError::Unsuitable(format!("{}: {problem}", file.display()));
-        let text = std::fs::read_to_string(file).map_err(|error| unsuitable(format!("cannot be read: {error}")))?;
-        let mut document: DocumentMut = text.parse().map_err(|error| unsuitable(format!("is no TOML: {error}")))?;
+        let unsuitable =
+            |problem: String| LearningError::Unsuitable(format!("{}: {problem}", file.display()));
+        let text =
+            std::fs::read_to_string(file).map_err(|error| unsuitable(format!("cannot be read: {error}")))?;
+        let mut document: DocumentMut =
+            text.parse().map_err(|error| unsuitable(format!("is no TOML: {error}")))?;
         let sensor = document.get_mut("sensors").and_then(|sensors| sensors.get_mut(&self.sensor));
         let sensor = sensor.and_then(Item::as_table_like_mut);
         let sensor = sensor.ok_or_else(|| unsuitable(format!("has no sensor `{}`", self.sensor)))?;
@@ -150,9 +172,12 @@ impl RobotCamera {
             set(table, "cy", rounded(row, 1));
         }
         let Findings { height_m, tilt_deg, roll_deg, pan_deg, .. } = *findings;
-        for (key, number, decimals) in
-            [("z_m", height_m, 3), ("tilt_deg", tilt_deg, 2), ("roll_deg", roll_deg, 2), ("pan_deg", pan_deg, 2)]
-        {
+        for (key, number, decimals) in [
+            ("z_m", height_m, 3),
+            ("tilt_deg", tilt_deg, 2),
+            ("roll_deg", roll_deg, 2),
+            ("pan_deg", pan_deg, 2),
+        ] {
             if let Some(number) = number
                 && let Some(table) = group(sensor, "mount")
             {
@@ -168,39 +193,63 @@ impl RobotCamera {
     }
 
     fn of_text(text: &str, name: &str, sensor: Option<&str>, plugins: &Plugins) -> Result<Self, String> {
-        let tree: toml::Table = text.parse().map_err(|error: toml::de::Error| format!("{name} is no TOML: {error}"))?;
+        let tree: toml::Table =
+            text.parse().map_err(|error: toml::de::Error| format!("{name} is no TOML: {error}"))?;
         let sensors = tree.get("sensors").and_then(toml::Value::as_table).cloned().unwrap_or_default();
-        let is_camera = |table: &toml::Value| table.get("intrinsics").is_some_and(|lens| lens.get("width").is_some());
+        let is_camera =
+            |table: &toml::Value| table.get("intrinsics").is_some_and(|lens| lens.get("width").is_some());
         let cameras: Vec<&str> =
             sensors.iter().filter(|(_, table)| is_camera(table)).map(|(name, _)| name.as_str()).collect();
-        let hint = if tree.contains_key("include") { "; sensors of included parts are written there: name that file" } else { "" };
+        let hint = if tree.contains_key("include") {
+            "; sensors of included parts are written there: name that file"
+        } else {
+            ""
+        };
         let chosen = match sensor {
             Some(wanted) if cameras.contains(&wanted) => wanted,
             Some(wanted) if sensors.contains_key(wanted) => {
-                return Err(format!("{name}: the sensor `{wanted}` is no pinhole camera with `intrinsics`; its cameras: {}", listed(&cameras)));
+                return Err(format!(
+                    "{name}: the sensor `{wanted}` is no pinhole camera with `intrinsics`; its cameras: {}",
+                    listed(&cameras)
+                ));
             }
             Some(wanted) => {
-                return Err(format!("{name} has no sensor `{wanted}`; its cameras: {}{hint}", listed(&cameras)));
+                return Err(format!(
+                    "{name} has no sensor `{wanted}`; its cameras: {}{hint}",
+                    listed(&cameras)
+                ));
             }
             None => match cameras.as_slice() {
                 [only] => only,
                 [] => return Err(format!("{name} has no pinhole camera: a sensor with `intrinsics`{hint}")),
-                several => return Err(format!("{name} has several cameras: name one with --sensor: {}", listed(several))),
+                several => {
+                    return Err(format!(
+                        "{name} has several cameras: name one with --sensor: {}",
+                        listed(several)
+                    ));
+                }
             },
         };
         let table = &sensors[chosen];
-        let part = |key: &str| table.get(key).cloned().unwrap_or_else(|| toml::Value::Table(toml::Table::new()));
-        let refused = |key: &str, error: toml::de::Error| format!("{name}: `{key}` of the sensor `{chosen}`: {}", error.message());
-        let intrinsics: IntrinsicsConfig = part("intrinsics").try_into().map_err(|error| refused("intrinsics", error))?;
+        let part =
+            |key: &str| table.get(key).cloned().unwrap_or_else(|| toml::Value::Table(toml::Table::new()));
+        let refused = |key: &str, error: toml::de::Error| {
+            format!("{name}: `{key}` of the sensor `{chosen}`: {}", error.message())
+        };
+        let intrinsics: IntrinsicsConfig =
+            part("intrinsics").try_into().map_err(|error| refused("intrinsics", error))?;
         if !intrinsics.intrinsics().is_valid() {
-            return Err(format!("{name}: `intrinsics` of the sensor `{chosen}`: width, height and focal lengths must be above 0"));
+            return Err(format!(
+                "{name}: `intrinsics` of the sensor `{chosen}`: width, height and focal lengths must be above 0"
+            ));
         }
         let mount: MountConfig = part("mount").try_into().map_err(|error| refused("mount", error))?;
         let device = table.get("device").and_then(toml::Value::as_str).unwrap_or_default();
         let driver = tree.get("devices").and_then(|devices| devices.get(device)?.get("driver")?.as_str());
         let kind = table.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
         let driver = driver.and_then(|driver| plugins.driver(driver));
-        let keys = driver.and_then(|driver| driver.info().sensor(kind).map(|offer| &offer.parameters["properties"]));
+        let keys =
+            driver.and_then(|driver| driver.info().sensor(kind).map(|offer| &offer.parameters["properties"]));
         let latency_ms = table.get("latency_ms").and_then(number);
         let default_ms = || keys.and_then(|keys| keys["latency_ms"]["default"].as_f64());
         let class = table.get("calibration").and_then(toml::Value::as_str);
@@ -281,7 +330,10 @@ mod tests {
     fn findings_are_written_between_comments() {
         let plugins = Plugins::default();
         let camera = RobotCamera::of_text(FILE, "robot.toml", None, &plugins).unwrap();
-        assert_eq!((camera.sensor.as_str(), camera.latency_ms, camera.mount.x_m), ("front", Some(60.0), 0.15));
+        assert_eq!(
+            (camera.sensor.as_str(), camera.latency_ms, camera.mount.x_m),
+            ("front", Some(60.0), 0.15)
+        );
         let file = std::env::temp_dir().join(format!("yamabico-robot-camera-{}.toml", std::process::id()));
         std::fs::write(&file, FILE).unwrap();
         let findings = Findings {
@@ -294,8 +346,14 @@ mod tests {
         camera.write(&file, &findings).unwrap();
         let text = std::fs::read_to_string(&file).unwrap();
         std::fs::remove_file(&file).unwrap();
-        for part in ["# A robot.", "kind = \"http\"  # the phone", "latency_ms = 83.0   # measured once", "fov_deg = 60, cy = 431.0 } # a guess",
-            "mount = { x_m = 0.15, z_m = 0.392, tilt_deg = 14.24 }", "[sensors.sonar]\nkind = \"lidar\"\n"] {
+        for part in [
+            "# A robot.",
+            "kind = \"http\"  # the phone",
+            "latency_ms = 83.0   # measured once",
+            "fov_deg = 60, cy = 431.0 } # a guess",
+            "mount = { x_m = 0.15, z_m = 0.392, tilt_deg = 14.24 }",
+            "[sensors.sonar]\nkind = \"lidar\"\n",
+        ] {
             assert!(text.contains(part), "`{part}` is missing in\n{text}");
         }
         let pasted: toml::Table = camera.toml(&findings).parse().unwrap();
