@@ -115,6 +115,22 @@ pub fn from_pictures(
     learn(pictures, None, camera, options)
 }
 
+/// Measures the mount of `camera` from pictures of a drive with the pose of the robot at each, odometry frame, where it is known.
+///
+/// # Errors
+/// [`LearningError`]: likewise.
+pub fn from_drive(
+    pictures: &[Picture],
+    poses: &[Option<Pose2>],
+    camera: &RobotCamera,
+    options: &Options,
+) -> Result<Learned, LearningError> {
+    for picture in pictures {
+        camera.check_size(&picture.name, picture.size())?;
+    }
+    learn(pictures, Some(poses), camera, options)
+}
+
 /// Measures the mount of `camera` from a recording.
 ///
 /// # Errors

@@ -20,6 +20,8 @@ const MIN_WIDTH: usize = 200;
 const MIN_SIDE: usize = 3;
 /// Share of a border row that must be in view; a sparser one is not part of the grid.
 const MIN_ROW: f64 = 0.4;
+/// Mean distance of the corners of a grid from their places, as a share of their distance from each other, above which it is none.
+const MAX_IRREGULARITY: f64 = 0.08;
 /// Number of seeds that grids are grown from.
 const MAX_SEEDS: usize = 60;
 /// Distance of a corner from the plane that the others span, as a share of a square, above which the grid is no board.
@@ -133,7 +135,7 @@ fn find_in(image: &FloatImage, board: &Board) -> Result<Vec<Vector2<f64>>, NotFo
             continue;
         }
         let nodes = trimmed(grid.grow(seed, &|index| !is_taken[index]));
-        if sides(&nodes)[1] < MIN_SIDE {
+        if sides(&nodes)[1] < MIN_SIDE || !is_regular(&nodes, &points) {
             continue;
         }
         nodes.values().for_each(|&index| is_taken[index] = true);
@@ -304,6 +306,24 @@ fn trimmed(mut nodes: Nodes) -> Nodes {
         let Some((axis, value)) = sparse else { return nodes };
         nodes.retain(|node, _| node[axis] != value);
     }
+}
+
+/// Returns true if the points of a grid lie on a plane at equal distances, but for the distortion of a lens. Grids in noise do not.
+fn is_regular(nodes: &Nodes, points: &[SaddlePoint]) -> bool {
+    let on_grid: Vec<Vector2<f64>> = nodes.keys().map(|node| Vector2::from(node.map(f64::from))).collect();
+    let at: Vec<Vector2<f64>> = nodes.values().map(|&index| points[index].at).collect();
+    let Some(image_from_grid) = homography(&on_grid, &at) else { return false };
+    let spacing = |node: Vector2<f64>| {
+        let side = |step: Vector2<f64>| {
+            (apply(&image_from_grid, node + step) - apply(&image_from_grid, node)).norm()
+        };
+        side(Vector2::x()).min(side(Vector2::y()))
+    };
+    let off = |(node, at): (&Vector2<f64>, &Vector2<f64>)| {
+        (apply(&image_from_grid, *node) - at).norm() / spacing(*node)
+    };
+    let mean = on_grid.iter().zip(&at).map(off).sum::<f64>() / at.len() as f64;
+    mean < MAX_IRREGULARITY
 }
 
 /// Lowest and highest positions on a grid.
