@@ -48,13 +48,15 @@ fn a_lens_is_measured_and_written_into_the_robot_file() {
     std::fs::write(folder.file("cart.toml"), &before).unwrap();
     let output = calibrate(&folder, &["intrinsics", ".", "--write", "cart.toml", "--json"]);
     let found = json(&output);
-    for (index, name, truth, within) in [(0, "fx", 600.0, 3.0), (2, "cx", 325.0, 3.0), (4, "k1", -0.2, 0.02)] {
+    for (index, name, truth, within) in [(0, "fx", 600.0, 3.0), (2, "cx", 325.0, 3.0), (4, "k1", -0.2, 0.02)]
+    {
         let parameter = &found["parameters"][index];
         assert_eq!(parameter[0], name);
         assert!((parameter[1]["value"].as_f64().unwrap() - truth).abs() < within, "{parameter}");
     }
     let after = std::fs::read_to_string(folder.file("cart.toml")).unwrap();
-    let changed: Vec<(&str, &str)> = before.lines().zip(after.lines()).filter(|(old, new)| old != new).collect();
+    let changed: Vec<(&str, &str)> =
+        before.lines().zip(after.lines()).filter(|(old, new)| old != new).collect();
     assert_eq!((changed.len(), before.lines().count()), (1, after.lines().count()), "{changed:?}");
     assert!(changed[0].1.starts_with("intrinsics = { width = 640, height = 480, fx = "), "{changed:?}");
 }
@@ -72,16 +74,25 @@ fn unsuitable_pictures_are_refused_by_name() {
 
     pictures(&folder, 3);
     refused(&["intrinsics", "."], &["3 different views", "5 are needed"]);
-    refused(&["intrinsics", ".", "--corners", "8x5"], &["no picture shows the board of 8x5", "--corners 9x6"]);
+    refused(
+        &["intrinsics", ".", "--corners", "8x5"],
+        &["no picture shows the board of 8x5", "--corners 9x6"],
+    );
     refused(&["intrinsics", ".", "--corners", "9"], &["such as 9x6"]);
     save(folder.file("small.png"), 320, 240, &[90; 320 * 240]);
     refused(&["intrinsics", "."], &["small.png has 320 x 240 pixels", "board00.png has 640 x 480"]);
-    refused(&["intrinsics", "small.png"], &["no picture shows the board", "small.png: no checkerboard is in view"]);
+    refused(
+        &["intrinsics", "small.png"],
+        &["no picture shows the board", "small.png: no checkerboard is in view"],
+    );
     refused(&["mount", "small.png"], &["only 0 pictures show where a corridor leads"]);
     refused(&["mount", "small.png", "--board"], &["--board needs the lens"]);
     let cart = config("robots/usb-cart.toml").display().to_string();
     refused(&["mount", "small.png", "--robot", &cart], &["small.png has 320 x 240", "`front` has 640 x 480"]);
-    refused(&["mount", "board00.png", "--robot", &cart, "--sensor", "rear"], &["no sensor `rear`", "`front`"]);
+    refused(
+        &["mount", "board00.png", "--robot", &cart, "--sensor", "rear"],
+        &["no sensor `rear`", "`front`"],
+    );
     refused(&["clock", "small.png"], &["is not an MCAP recording"]);
     refused(&["board", "--square-mm", "40"], &["does not fit A4", "--square-mm 26"]);
 }
@@ -101,7 +112,9 @@ fn a_recorded_drive_gives_the_mount_of_the_simulated_camera() {
     let mount = robot["sensors"].as_table().unwrap().values().find_map(|sensor| sensor.get("mount")).cloned();
     let number = |key: &str| {
         let number = mount.as_ref().and_then(|mount| mount.get(key).cloned());
-        number.map_or(0.0, |number| number.as_float().or(number.as_integer().map(|number| number as f64)).unwrap())
+        number.map_or(0.0, |number| {
+            number.as_float().or(number.as_integer().map(|number| number as f64)).unwrap()
+        })
     };
     let value = |key: &str| found[key]["value"].as_f64().unwrap_or(f64::NAN);
     assert!((value("tilt_deg") - number("tilt_deg")).abs() < 0.5, "{found}");

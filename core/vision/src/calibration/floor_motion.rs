@@ -13,6 +13,8 @@ use super::spread::block_jackknife;
 
 /// Minimum number of pairs of pictures.
 pub const MIN_PAIRS: usize = 6;
+/// Number of pairs with which all heights are tried.
+const MAX_SEARCHED: usize = 8;
 /// Heights that are tried, m, each larger than the one before by this factor.
 const HEIGHTS_M: [f64; 2] = [0.04, 2.5];
 const HEIGHT_FACTOR: f64 = 1.04;
@@ -111,12 +113,15 @@ pub fn fit_floor_motion(
         let sum: f64 = pairs.iter().map(|pair| pair.correlation(pinhole, &level, mount, height, pan)).sum();
         sum / pairs.len() as f64
     };
+    // The search over all heights takes the most time; a few pairs are enough for it.
+    let few: Vec<PairPatches<'_>> =
+        patches.iter().step_by(patches.len().div_ceil(MAX_SEARCHED)).cloned().collect();
     let mut tried: Vec<(f64, f64, f64)> = Vec::new();
     let mut height = HEIGHTS_M[0];
     while height <= HEIGHTS_M[1] {
         let of_pan = |step: i32| {
             let pan = f64::from(step) * MAX_PAN_RAD / f64::from(PAN_STEPS);
-            (score(&patches, height, pan), height, pan)
+            (score(&few, height, pan), height, pan)
         };
         tried.extend((-PAN_STEPS..=PAN_STEPS).map(of_pan).max_by(|a, b| a.0.total_cmp(&b.0)));
         height *= HEIGHT_FACTOR;
@@ -129,8 +134,7 @@ pub fn fit_floor_motion(
         return Err(FloorMotionError::NoMatch { correlation });
     }
     let is_other = |height: f64| (height / height_m).max(height_m / height) > DIFFERENT;
-    let others =
-        tried.iter().filter(|(score, height, _)| is_other(*height) && *score > AMBIGUOUS * correlation);
+    let others = tried.iter().filter(|(score, height, _)| is_other(*height) && *score > AMBIGUOUS * best.0);
     if let Some(other) = others.max_by(|a, b| a.0.total_cmp(&b.0)) {
         return Err(FloorMotionError::Ambiguous { first_m: height_m, second_m: other.1 });
     }
