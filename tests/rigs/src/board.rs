@@ -49,8 +49,19 @@ pub fn render_board(
         let along = across.dot(&Vector2::new(shade_angle.cos(), shade_angle.sin())) + 0.5;
         1.0 - exposure.shade * along.clamp(0.0, 1.0)
     };
-    let level = |at: Vector2<f64>| -> f64 {
-        let Some(ray) = pinhole.ray_from_pixel(at) else { return ROOM };
+    // The lens is smooth over a pixel: rays are interpolated between its corners.
+    let at_corner = |index: usize| {
+        let (u, v) = (index % (width + 1), index / (width + 1));
+        pinhole.normalized_from_pixel(Vector2::new(u as f64 - 0.5, v as f64 - 0.5))
+    };
+    let rays: Vec<Option<Vector2<f64>>> = (0..(width + 1) * (height + 1)).map(at_corner).collect();
+    let ray_at = |index: usize, part: Vector2<f64>| -> Option<Vector3<f64>> {
+        let first = index + index / width;
+        let across = |start: usize| Some(rays[start]? * (1.0 - part.x) + rays[start + 1]? * part.x);
+        Some((across(first)? * (1.0 - part.y) + across(first + width + 1)? * part.y).push(1.0))
+    };
+    let level = |at: Vector2<f64>, ray: Option<Vector3<f64>>| -> f64 {
+        let Some(ray) = ray else { return ROOM };
         let ray = board_from_camera.rotation * ray;
         let range = -eye.z / ray.z;
         if !(range.is_finite() && range > 0.0) {
@@ -73,8 +84,8 @@ pub fn render_board(
         let pixel = Vector2::new((index % width) as f64, (index / width) as f64);
         let mut sum = 0.0;
         for sample in 0..SAMPLES * SAMPLES {
-            let part = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
-            sum += level(pixel + Vector2::new(part(sample % SAMPLES), part(sample / SAMPLES)));
+            let part = |i: usize| (i as f64 + 0.5) / SAMPLES as f64;
+            sum += level(pixel, ray_at(index, Vector2::new(part(sample % SAMPLES), part(sample / SAMPLES))));
         }
         *out = light(pixel) * sum / (SAMPLES * SAMPLES) as f64;
     }

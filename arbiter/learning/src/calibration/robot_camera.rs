@@ -309,7 +309,20 @@ fn set(table: &mut dyn TableLike, key: &str, new: Value) {
             *old = new;
             *old.decor_mut() = decor;
         }
-        None => drop(table.insert(key, value(new))),
+        None => {
+            // The space before the closing brace of an inline table belongs to its last value.
+            let last =
+                table.iter_mut().last().and_then(|(_, item)| item.as_value_mut().map(Value::decor_mut));
+            if let Some(decor) = last
+                && decor
+                    .suffix()
+                    .and_then(|suffix| suffix.as_str())
+                    .is_some_and(|suffix| suffix.trim().is_empty())
+            {
+                decor.set_suffix("");
+            }
+            table.insert(key, value(new));
+        }
     }
 }
 

@@ -120,6 +120,18 @@ pub fn find_board(image: ImageView<'_>, board: &Board) -> Result<FoundBoard, Not
             Err(_) => {}
         }
     }
+    // Squares of few pixels, as of a board that lies on the floor.
+    if levels[0].width <= SEARCH_WIDTH {
+        match find_in(&levels[0].doubled(), board) {
+            Ok(corners) => {
+                let corners: Vec<_> =
+                    corners.iter().map(|corner| 0.5 * corner - Vector2::repeat(0.25)).collect();
+                return Ok(FoundBoard { corners: measured(&levels[0], board, &corners) });
+            }
+            Err(reason) if reason.rank() > failure.rank() => failure = reason,
+            Err(_) => {}
+        }
+    }
     Err(failure)
 }
 

@@ -19,7 +19,7 @@ const MIN_CORRELATION: f64 = 0.7;
 /// Correlation of another peak, relative to the highest, from which on the offset is ambiguous; and the distance between two peaks, s.
 const AMBIGUOUS: f64 = 0.97;
 const APART_S: f64 = 0.15;
-/// Correlation of the turn rates of consecutive pictures; their errors count as this many fewer.
+/// Lower bound of the standard deviation, s.
 const MIN_SIGMA_S: f64 = 1e-3;
 
 /// Turn between two pictures, by their stamps.

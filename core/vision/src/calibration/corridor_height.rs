@@ -20,7 +20,7 @@ pub const MIN_WIDTHS: usize = 3;
 /// Number of consecutive pictures that count as one.
 const CORRELATED: f64 = 5.0;
 
-/// Height of the camera, or the reason why there is none.
+/// Height of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorridorHeight {
     /// Height, m.

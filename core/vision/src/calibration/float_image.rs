@@ -75,6 +75,19 @@ impl FloatImage {
         Self { data, width, height }
     }
 
+    /// Doubles width and height by interpolation; pixel (u, v) of this image then lies at (2u + 0.5, 2v + 0.5).
+    #[must_use]
+    pub fn doubled(&self) -> Self {
+        let (width, height) = (2 * self.width, 2 * self.height);
+        let last = Vector2::new(self.width as f64 - 1.0, self.height as f64 - 1.0);
+        let level = |index: usize| {
+            let at =
+                Vector2::new((index % width) as f64, (index / width) as f64).map(|place| 0.5 * place - 0.25);
+            self.sample(at.sup(&Vector2::zeros()).inf(&last)).unwrap_or(0.0) as f32
+        };
+        Self { data: (0..width * height).map(level).collect(), width, height }
+    }
+
     fn convolved(&self, weights: &[f32], reach: isize, [du, dv]: [isize; 2]) -> Self {
         let (width, height) = (self.width as isize, self.height as isize);
         let mut data = vec![0.0; self.data.len()];
@@ -107,6 +120,7 @@ mod tests {
         let image = FloatImage::of(ImageView::new(&pixels, 32, 24, 32).unwrap());
         let smooth = image.smoothed(1.5);
         assert!((smooth.sample(Vector2::new(15.25, 11.5)).unwrap() - 61.0).abs() < 1e-4);
+        assert!((image.doubled().at(21, 9) - 4.0 * 10.25).abs() < 1e-4);
         assert!((image.halved().at(4, 3) - 4.0 * 8.5).abs() < 1e-4);
         assert!(
             image.sample(Vector2::new(31.1, 3.0)).is_none()

@@ -10,16 +10,21 @@ use yamabico_sim::random::stream;
 use yamabico_vision::calibration::{Board, calibrate_lens, find_board};
 
 use super::{COLUMNS, errors_row};
-use crate::report::Table;
+use crate::images::Output;
+use crate::report::{Table, number};
 
 /// Number of pictures of each lens.
 const PICTURES: usize = 15;
 
 /// Errors of focal length, principal point, corners, and of the whole lens over the image.
-pub fn table(seeds: Range<u64>) -> Result<Table, String> {
+pub fn tables(seeds: Range<u64>, out: &Output) -> Result<[Table; 2], String> {
     let board = Board::new("9x6", 0.025).map_err(|error| error.to_string())?;
     let [mut focal, mut center, mut map, mut corners, mut sigmas] = [const { Vec::new() }; 5];
     let (mut shown, mut lenses) = (0, 0);
+    let mut each = Table::new(
+        "Lenses, true and measured",
+        &["seed", "fx", "fy", "cx", "cy", "measured fx", "fy", "cx", "cy"],
+    );
     for seed in seeds {
         let mut rng = stream(seed, "lens");
         let mut near = |middle: f64, range: f64| rng.random_range(middle - range..middle + range);
@@ -41,10 +46,18 @@ pub fn table(seeds: Range<u64>) -> Result<Table, String> {
         };
         let pinhole = Pinhole::new(truth, distortion);
         let mut found = Vec::new();
-        for _ in 0..PICTURES {
+        for picture_number in 0..PICTURES {
             let pose = held_board(&board, &pinhole, &mut rng);
             let picture = render_board(&board, &pinhole, &pose, INDOORS, &mut rng);
             let view = picture.view().map_err(|error| error.to_string())?;
+            if out.is_on() {
+                out.gray(
+                    &format!("lens_{seed}_{picture_number:02}"),
+                    picture.pixels(),
+                    truth.width,
+                    truth.height,
+                )?;
+            }
             shown += 1;
             let Ok(seen) = find_board(view, &board) else { continue };
             let at = |corner: Vector2<f64>| pinhole.project(&(pose * Point3::from(corner.push(0.0))));
@@ -61,6 +74,10 @@ pub fn table(seeds: Range<u64>) -> Result<Table, String> {
         focal.extend([at.fx - truth.fx, at.fy - truth.fy]);
         center.extend([at.cx - truth.cx, at.cy - truth.cy]);
         sigmas.push((at.fx - truth.fx) / calibrated.lens.sigmas[0]);
+        let numbers =
+            [truth.fx, truth.fy, truth.cx, truth.cy, at.fx, at.fy, at.cx, at.cy].map(|px| number(px, 2));
+        let [a, b, c, d, e, f, g, h] = numbers;
+        each.row([seed.into(), a, b, c, d, e, f, g, h]);
         // The same ray in both lenses, over the image.
         let off = |i: i32| {
             let pixel = Vector2::new(32.0 + 64.0 * f64::from(i % 10), 30.0 + 60.0 * f64::from(i / 10));
@@ -75,5 +92,5 @@ pub fn table(seeds: Range<u64>) -> Result<Table, String> {
     errors_row(&mut table, "principal point, px", &center, 2 * lenses);
     errors_row(&mut table, "whole lens, px over the image", &map, 80 * lenses);
     errors_row(&mut table, "focal length, standard deviations", &sigmas, lenses);
-    Ok(table)
+    Ok([table, each])
 }

@@ -15,7 +15,7 @@ use crate::report::Report;
 ///
 /// Lenses: 15 pictures of a held board for each seed, with noise, blur, uneven light and distortion. Mounts: 30 frames of a drive along
 /// a new corridor, half of them cropped; a board on the floor. Clocks: 20 s of turns. Real frames (`multi_floor/`): calibrated on one
-/// floor and scored on the other. Images: the overlays of the mounts.
+/// floor and scored on the other. Images: the pictures of the boards, and the overlays of the mounts.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
@@ -27,7 +27,7 @@ pub struct Arguments {
 impl Arguments {
     pub fn run(&self, out: &Output) -> Result<Report, String> {
         let seeds = self.seeds.or(101..121);
-        let mut tables = vec![lenses::table(seeds.clone())?];
+        let mut tables = Vec::from(lenses::tables(seeds.clone(), out)?);
         tables.extend(mounts::tables(seeds.clone(), out)?);
         tables.push(clocks::table(seeds)?);
         if let Some(folder) = self.data.set("multi_floor") {

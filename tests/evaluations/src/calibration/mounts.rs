@@ -130,7 +130,7 @@ fn boards(seeds: Range<u64>) -> Result<Table, String> {
             ..Mount::default()
         };
         let pinhole = Pinhole::new(Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, FOV_RAD), LENS);
-        let ahead_m = mount.z / (mount.tilt + 0.1).tan();
+        let ahead_m = mount.z / (mount.tilt + 0.2).tan();
         let shifts = [0.0, 0.05, -0.05].map(|shift| Vector2::new(ahead_m - 0.07, 0.1 + shift));
         let mut found = Vec::new();
         for shift in shifts {
