@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector2;
 use serde::Serialize;
-use yamabico_core::camera::{Calibration, Intrinsics, Mount, Pinhole};
+use yamabico_core::camera::{Calibration, Distortion, Intrinsics, Mount, Pinhole};
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_vision::calibration::corridor_height::{HEIGHTS_M, WIDTHS_M, height_of, width_in_heights};
@@ -36,6 +36,8 @@ const PAIR_RAD: f64 = 0.08;
 const MAX_PAIRS: usize = 32;
 /// Smoothing of frames whose floor is compared, px.
 const SMOOTHING_PX: f64 = 1.0;
+/// Number of times that pictures are straightened again about an estimated principal point.
+const CENTERINGS: usize = 3;
 /// Height assumed where nothing is known, m.
 const ASSUMED_M: f64 = 0.4;
 /// Difference of two heights from which on they contradict each other, standard deviations.
@@ -181,9 +183,23 @@ fn learn(
 ) -> Result<Learned, LearningError> {
     check(options).map_err(LearningError::Unsuitable)?;
     let given = camera.intrinsics.pinhole();
-    let sights: Vec<CorridorSight> = pictures.iter().map(|picture| sight(picture, &given)).collect();
-    let fit = fit_horizon(&sights, given.intrinsics(), camera.calibration, options.principal_row)
-        .map_err(|error| LearningError::Unsuitable(error.to_string()))?;
+    let look = |pinhole: &Pinhole| -> Vec<CorridorSight> {
+        pictures.iter().map(|picture| sight(picture, pinhole)).collect()
+    };
+    let fit_to = |sights: &[CorridorSight], row: PrincipalRow| {
+        let fit = fit_horizon(sights, given.intrinsics(), camera.calibration, row);
+        fit.map_err(|error| LearningError::Unsuitable(error.to_string()))
+    };
+    let mut sights = look(&given);
+    let mut fit = fit_to(&sights, options.principal_row)?;
+    if fit.is_cropped && *given.distortion() != Distortion::NONE {
+        // The lens bends lines about the principal point, so that they must be straightened about the right one.
+        for _ in 0..CENTERINGS {
+            let centered = Intrinsics { cy: fit.principal_row, ..*given.intrinsics() };
+            sights = look(&Pinhole::new(centered, *given.distortion()));
+            fit = fit_to(&sights, PrincipalRow::Estimated)?;
+        }
+    }
     let intrinsics = Intrinsics { cy: fit.principal_row, ..*given.intrinsics() };
     let pinhole = Pinhole::new(intrinsics, *given.distortion());
     let mount = fit.mount(&camera.mount.into());
