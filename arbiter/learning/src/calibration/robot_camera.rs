@@ -77,9 +77,9 @@ impl RobotCamera {
         plugins: &Plugins,
     ) -> Result<Option<Self>, LearningError> {
         let contents = Contents::read(recording)?;
-        let cameras =
+        let mut cameras =
             contents.files.iter().filter_map(|(name, text)| Self::of_text(text, name, sensor, plugins).ok());
-        Ok(cameras.last())
+        Ok(cameras.next_back())
     }
 
     /// Assumes a camera with pictures of this size and this horizontal field of view, degrees, at a height of 0.
@@ -258,7 +258,12 @@ impl RobotCamera {
             sensor: chosen.to_owned(),
             intrinsics,
             mount,
-            calibration: if class == Some("measured") { Calibration::Measured } else { Calibration::Guessed },
+            // A camera without this parameter, as that of the simulator, knows its lens and its mount.
+            calibration: match class {
+                Some("measured") => Calibration::Measured,
+                None if keys.is_some_and(|keys| keys.get("calibration").is_none()) => Calibration::Measured,
+                _ => Calibration::Guessed,
+            },
             latency_ms: latency_ms.or_else(default_ms),
             has_class: class.is_some() || keys.is_some_and(|keys| keys.get("calibration").is_some()),
         })

@@ -39,7 +39,7 @@ pub fn tables(seeds: Range<u64>, out: &Output) -> Result<[Table; 2], String> {
 
 fn drives(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
     let [mut tilt, mut roll, mut row, mut by_width, mut by_motion, mut pan] = [const { Vec::new() }; 6];
-    let (mut judged, mut drives) = (0, 0);
+    let (mut judged, mut drives, mut cropped) = (0, 0, 0);
     for seed in seeds {
         let mut rng = stream(seed, "mount");
         let mut near = |middle: f64, range: f64| rng.random_range(middle - range..middle + range);
@@ -86,6 +86,7 @@ fn drives(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
             overlay: overlay.clone(),
         };
         drives += 1;
+        cropped += usize::from(is_cropped);
         let Ok(found) = from_drive(&pictures, &poses, &camera, &options) else { continue };
         out.keep(&format!("mount_{seed}"), &overlay)?;
         tilt.push(found.tilt_deg.value - mount.tilt.to_degrees());
@@ -109,7 +110,7 @@ fn drives(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
         ("height by the floor's motion, mm", &by_motion),
         ("pan, degrees", &pan),
     ] {
-        let of = if name.contains("cropped") { drives / 2 } else { drives };
+        let of = if name.contains("cropped") { cropped } else { drives };
         errors_row(&mut table, name, errors, of);
     }
     Ok(table)
