@@ -82,7 +82,7 @@ impl NotFound {
         }
     }
 
-    /// How much of a board was seen.
+    /// Number of corners that were seen.
     fn rank(&self) -> usize {
         match *self {
             Self::NoBoard => 0,
