@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod broken_recordings;
+mod calibrate;
 mod chaos;
 mod devices;
 mod documents;

@@ -6,7 +6,9 @@
 //! | [`edge_map`] | a map of vertical edges, and which surfaces between them are solid | a drive with a mirror camera, or a recording | `map-localizer`, method azimuth |
 //! | [`floor`] | the colors of a floor | images with masks | `free-space-avoider`; `map-localizer`, method floor-outline |
 //!
-//! Each module has one function `learn`, which writes a TOML file and returns what was learned.
+//! [`calibration`] measures the robot itself: the lens, the mount and the clock of its camera.
+//!
+//! Each module in the table has one function `learn`, which writes a TOML file and returns what was learned.
 //!
 //! ```no_run
 //! use std::path::Path;
@@ -19,6 +21,7 @@
 //! # Ok::<(), yamabico_learning::LearningError>(())
 //! ```
 
+pub mod calibration;
 pub mod edge_map;
 mod error;
 pub mod floor;

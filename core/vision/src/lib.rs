@@ -13,6 +13,7 @@
 //! | Maps | [`map`]: wire frames and their visible edges; [`azimuth_map`]: bearing-only mapping, free space, paths |
 //! | Matching | [`azimuth_map::CyclicMatcher`]: tracked to observed edges; [`azimuth_map::relink`]: lost to recovered ones |
 //! | Grids around a robot | [`rolling_window`] |
+//! | Calibration of cameras | [`calibration`]: lens, mount and clock |
 //! | Masks and filters | [`bit_image`], [`morphology`], [`median`] |
 //! | Geometry and kernels | [`polygon`], [`vectorize`] |
 //!
@@ -41,6 +42,7 @@
 pub mod azimuth_map;
 pub mod azimuth_profile;
 pub mod bit_image;
+pub mod calibration;
 pub mod corridor;
 pub mod corridor_evidence;
 pub mod floor_appearance;

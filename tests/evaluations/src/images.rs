@@ -39,6 +39,15 @@ impl Output {
         self.write(name, pixels, width, height, ExtendedColorType::L8)
     }
 
+    /// Moves an image that was written elsewhere to `NAME.png`, or removes it.
+    pub fn keep(&self, name: &str, file: &Path) -> Result<(), String> {
+        let failed = |error: std::io::Error| format!("{}: {error}", file.display());
+        if let Some(folder) = &self.0 {
+            std::fs::copy(file, folder.join(format!("{name}.png"))).map_err(failed)?;
+        }
+        std::fs::remove_file(file).map_err(failed)
+    }
+
     /// Writes a gray image as `NAME.png`, in color, with what `draw` draws on it.
     pub fn overlay(
         &self,

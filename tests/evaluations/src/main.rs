@@ -8,6 +8,7 @@
 mod arguments;
 mod boxes;
 mod buildings;
+mod calibration;
 mod images;
 mod live;
 mod overlay_cost;
@@ -50,6 +51,7 @@ enum Command {
     YorkUrban(photographs::york_urban::Arguments),
     CorridorDrive(photographs::corridor_drive::Arguments),
     MultiFloor(photographs::multi_floor::Arguments),
+    Calibration(calibration::Arguments),
     NoCorridor(photographs::no_corridor::Arguments),
     Reliability(photographs::reliability::Arguments),
     FloorMasks(photographs::floor_masks::Arguments),
@@ -89,6 +91,7 @@ impl Command {
             Self::YorkUrban(arguments) => arguments.run(out),
             Self::CorridorDrive(arguments) => arguments.run(out),
             Self::MultiFloor(arguments) => arguments.run(out),
+            Self::Calibration(arguments) => arguments.run(out),
             Self::NoCorridor(arguments) => arguments.run(out),
             Self::Reliability(arguments) => arguments.run(out),
             Self::FloorMasks(arguments) => arguments.run(),

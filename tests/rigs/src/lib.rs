@@ -1,5 +1,6 @@
 //! Simulated robots and worlds that tests, benches and evaluations of behaviors share.
 //!
+//! - [`board`]: pictures of a printed checkerboard.
 //! - [`camera`]: the forward camera of the indoor robots, its frames and its worlds.
 //! - [`camera_drive`]: a robot driven by one behavior with camera and odometry, in closed loop.
 //! - [`approach`]: corridors that end in a crossing, a T-junction or a wall.
@@ -13,6 +14,7 @@
 #![allow(clippy::expect_used, reason = "a rig stops a test at the first surprise")]
 
 pub mod approach;
+pub mod board;
 pub mod camera;
 pub mod camera_drive;
 pub mod field;

@@ -1,5 +1,6 @@
 //! The commands: one variant and one file each.
 
+mod calibrate;
 mod check;
 mod describe;
 mod estop;
@@ -55,6 +56,9 @@ pub enum Command {
     /// Learn thresholds, a map or floor colors.
     #[command(subcommand)]
     Learn(learn::Learn),
+    /// Calibrate a camera: its lens, its mount and its latency; or write the checkerboard for it.
+    #[command(subcommand)]
+    Calibrate(calibrate::Calibrate),
     /// Write a report on a recording: one HTML file with path, control, halts and latencies.
     Report(report::Arguments),
     /// Explain what a running robot does, or did in a recording, and why.
@@ -115,6 +119,7 @@ impl Command {
             Command::Schema(arguments) => schema::schema(&arguments),
             Command::New(new) => new::new(&new, print),
             Command::Learn(learn) => learn::learn(&learn, print),
+            Command::Calibrate(calibrate) => calibrate::calibrate(&calibrate, print),
             Command::Report(arguments) => report::report(&arguments, print),
             Command::Why(arguments) => why::why(&arguments, print),
             #[cfg(feature = "view")]
