@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector2;
 use serde::Serialize;
 use yamabico_core::camera::{Calibration, Distortion, Intrinsics, Mount, Pinhole};
-use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_vision::calibration::corridor_height::{HEIGHTS_M, WIDTHS_M, height_of, width_in_heights};
 use yamabico_vision::calibration::float_image::FloatImage;
@@ -220,7 +220,7 @@ fn learn(
     });
     let motion_m = by_motion.map(|motion| Measured::new(motion.height_m, motion.height_sigma_m));
     if let (Some(a), Some(b)) = (by_width, motion_m) {
-        let sigma = a.sigma.unwrap_or(0.0).hypot(b.sigma.unwrap_or(0.0)).max(0.01);
+        let sigma = a.sigma.unwrap_or(0.0).hypotenuse(b.sigma.unwrap_or(0.0)).max(0.01);
         if (a.value - b.value).abs() > CONTRADICTION * sigma {
             notes.push(format!(
                 "the heights by width ({:.3} m) and by motion ({:.3} m) contradict each other: check the width, and the scale of the odometry",

@@ -3,6 +3,7 @@
 //! The turn rate by pictures is correlated with that of odometry at all offsets; the peak is refined by least squares.
 
 use thiserror::Error;
+use yamabico_geometry::Hypotenuse;
 
 use super::floor_motion::parabola;
 use super::spread::block_jackknife;
@@ -184,7 +185,7 @@ pub fn fit_clock_offset(turns: &[TimedTurn], odometry: &HeadingTrack) -> Result<
         block_jackknife(&turns, |turns| refine(turns).map(|offset| [offset])).unwrap_or([f64::INFINITY]);
     Ok(ClockOffset {
         offset_s,
-        sigma_s: sigma_s.hypot(MIN_SIGMA_S),
+        sigma_s: sigma_s.hypotenuse(MIN_SIGMA_S),
         correlation: fit.correlation,
         scale: fit.scale,
         rate_sigma,

@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 use thiserror::Error;
+use yamabico_geometry::Hypotenuse;
 use yamabico_geometry::camera::{Calibration, Intrinsics, Mount};
 
 use super::spread::{block_jackknife, median, robust_sigma};
@@ -174,16 +175,16 @@ pub fn fit_horizon(
     let numbers =
         |sights: &[CorridorSight]| fit_lines(sights, intrinsics).map(|lines| [lines.a, lines.b, lines.row]);
     let [a_sigma, b_sigma, row_sigma] = block_jackknife(sights, numbers).unwrap_or([0.05, 0.05, 20.0]);
-    let (a_sigma, b_sigma) = (a_sigma.hypot(SHARED_RAD), b_sigma.hypot(SHARED_RAD));
-    let row_sigma = row_sigma.hypot(SHARED_PX);
+    let (a_sigma, b_sigma) = (a_sigma.hypotenuse(SHARED_RAD), b_sigma.hypotenuse(SHARED_RAD));
+    let row_sigma = row_sigma.hypotenuse(SHARED_PX);
 
     let estimated = lines.row + intrinsics.fy * lines.b;
-    let estimated_sigma = row_sigma.hypot(intrinsics.fy * b_sigma);
+    let estimated_sigma = row_sigma.hypotenuse(intrinsics.fy * b_sigma);
     let given_sigma = match calibration {
         Calibration::Measured => MEASURED_ROW_PX,
         Calibration::Guessed => GUESSED_ROW_SHARE * f64::from(intrinsics.height),
     };
-    let is_off = (estimated - intrinsics.cy).abs() > CROPPED_SIGMAS * estimated_sigma.hypot(given_sigma);
+    let is_off = (estimated - intrinsics.cy).abs() > CROPPED_SIGMAS * estimated_sigma.hypotenuse(given_sigma);
     let is_cropped = match treatment {
         PrincipalRow::Judged => is_off,
         PrincipalRow::Given => false,
@@ -194,7 +195,7 @@ pub fn fit_horizon(
     } else {
         (
             (intrinsics.cy - lines.row) / intrinsics.fy,
-            row_sigma.hypot(given_sigma) / intrinsics.fy,
+            row_sigma.hypotenuse(given_sigma) / intrinsics.fy,
             intrinsics.cy,
         )
     };
