@@ -106,7 +106,7 @@ class Base:
         odometry.pose.pose.orientation.w = 1.0
         self.odometry.publish(odometry)
 
-    def wait_for(self, speed, timeout=8.0):
+    def wait_for(self, speed, timeout=30.0):
         """Seconds until a command of this speed."""
         begin = time.monotonic()
         while time.monotonic() - begin < timeout:
@@ -146,7 +146,7 @@ class Program:
         with open(self.log) as file:
             return file.read()
 
-    def wait_for_text(self, *words, timeout=12.0):
+    def wait_for_text(self, *words, timeout=30.0):
         begin = time.monotonic()
         while time.monotonic() - begin < timeout:
             lines = [line for line in self.text().splitlines() if all(word in line for word in words)]

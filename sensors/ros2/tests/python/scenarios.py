@@ -98,7 +98,7 @@ def mux(program, folder):
     steps, state = [], {"lock": "false"}
     time.sleep(1.0)
 
-    def step(what, timeout=8.0):
+    def step(what, timeout=30.0):
         velocities = {name: speeds[name] for name in speeds if name in players}
         expected = documented(velocities, state["lock"])
         begin = time.monotonic()
@@ -118,7 +118,7 @@ def mux(program, folder):
             kill("lock")
         players["lock"], state["lock"] = play("/pause", value), str(value).lower()
 
-    step("all publish", 20.0)
+    step("all publish")
     begin = time.monotonic()
     kill("joy")
     step("joystick killed")
