@@ -1,7 +1,7 @@
 //! Inputs of behaviors.
 
 use super::read_robot::RobotDraft;
-use super::substitutes::{has_sensor_for, is_replaced, substitute};
+use super::substitutes::{is_replaced, no_source, substitute};
 use super::task::{ARBITER, Input, InputSource, OPERATOR};
 use std::sync::Arc;
 use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
@@ -174,7 +174,7 @@ fn missing(header: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) 
     let candidates = candidates(&entry.key, slot, sources);
     let candidates: Vec<&str> = candidates.iter().map(String::as_str).collect();
     let help = match candidates.as_slice() {
-        [] => has_sensor_for(slot, sources),
+        [] => no_source(slot, sources),
         [only] => format!("inputs = {{ {} = \"{only}\" }}", slot.name),
         [first, ..] => {
             format!("choose one of {}: inputs = {{ {} = \"{first}\" }}", quoted(&candidates), slot.name)
@@ -244,7 +244,7 @@ fn find_source(
             problem = problem.also(place, format!("`{text}` is defined here"));
         }
         return Err(Box::new(match right.as_slice() {
-            [] => problem.help(has_sensor_for(slot, sources)),
+            [] => problem.help(no_source(slot, sources)),
             names => problem.help(format!("available: {}", quoted(names))),
         }));
     }

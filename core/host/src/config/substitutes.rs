@@ -52,7 +52,7 @@ pub(super) fn substitute(
         [] => Err(Box::new(
             Problem::new(span, format!("input `{}` of `{behavior}` is not connected", slot.name))
                 .label(format!("{file} has no {kind}, which `{behavior}` requires"))
-                .help(has_sensor_for(slot, sources)),
+                .help(no_source(slot, sources)),
         )),
         [first, ..] => {
             let help = format!(
@@ -69,8 +69,8 @@ pub(super) fn substitute(
     }
 }
 
-/// Says that nothing gives the messages of `slot`, which sensors the robot has, and what to do.
-pub(super) fn has_sensor_for(slot: &SlotInfo, sources: &Sources<'_>) -> String {
+/// Returns the remedy where nothing gives the messages of `slot`, with the sensors that the robot has.
+pub(super) fn no_source(slot: &SlotInfo, sources: &Sources<'_>) -> String {
     let message = slot.message.name;
     let Some(robot) = sources.robot else { return format!("no behavior publishes {message}") };
     let has: Vec<String> = robot
