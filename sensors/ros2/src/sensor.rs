@@ -78,7 +78,7 @@ pub(crate) struct Converter {
     pub inbox: Arc<Mutex<Inbox>>,
     pub clock: Arc<Mutex<RosClock>>,
     pub mount: ScannerMount,
-    /// What was logged of this topic.
+    /// Lines that were logged about this topic.
     pub logged: Logged,
 }
 

@@ -16,7 +16,7 @@ const DISTANCE_M: f64 = 2.0;
 /// Longest drive; a busy machine halts the robot now and then.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// What reached a base.
+/// Commands that reached a base.
 #[derive(Debug)]
 struct Reached {
     /// Number of commands, or of periods in which the base was looked at.

@@ -21,7 +21,7 @@ const PERIOD: Duration = Duration::from_millis(20);
 const CAMERA: &str = "camera";
 const LIDAR: &str = "lidar";
 
-/// What devices sense, and what is true.
+/// Measurements for devices, and the truth.
 #[derive(Clone, Debug)]
 pub struct Sensed {
     /// Ranges by azimuth, rad, positive to the left, and range, m.
@@ -81,7 +81,7 @@ impl World {
         World { picture, sensed, driven, is_over, thread: Some(std::thread::spawn(run)) }
     }
 
-    /// What is sensed now.
+    /// The present measurements.
     pub fn sensed(&self) -> MutexGuard<'_, Sensed> {
         self.sensed.lock().unwrap()
     }

@@ -25,7 +25,7 @@ pub(crate) struct Inputs {
     pub connected: Vec<Input>,
     /// Number of inputs in the task file that this robot has no sensor for, and that the behavior works without.
     pub left_out: usize,
-    /// What people should know about them.
+    /// Notes for people.
     pub notes: Vec<String>,
 }
 

@@ -85,7 +85,7 @@ pub struct BehaviorFile {
     pub setup: Setup,
     /// Connected inputs, in the order of the plugin's slots.
     pub inputs: Vec<Input>,
-    /// What people should know about its inputs.
+    /// Notes for people on its inputs.
     pub notes: Vec<String>,
     /// Settings that the framework applies.
     pub settings: BehaviorSettings,
