@@ -15,6 +15,7 @@ mod learn_map;
 mod learn_thresholds;
 mod live_control;
 mod lost_messages;
+mod one_task;
 mod parameter_tables;
 mod program;
 mod python;

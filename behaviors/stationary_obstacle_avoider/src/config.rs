@@ -7,7 +7,7 @@ use yamabico_core::behavior::{ParameterError, Setup};
 use yamabico_vision::map::WireFrame;
 
 use crate::threshold_table::ThresholdTable;
-use crate::{CORRIDOR, PATH, POSE};
+use crate::{CAMERA, CORRIDOR, PATH, POSE};
 
 /// Way of avoiding obstacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -36,7 +36,7 @@ pub struct Config {
     #[schemars(extend("format" = "file"))]
     pub map: Option<String>,
     /// Method `passages`: path of the table of learned thresholds, relative to the task file. Where none were learned within
-    /// 1 m, only edges on the floor show obstacles.
+    /// 1 m, or with images of another size, only edges on the floor show obstacles.
     #[serde(default)]
     #[schemars(extend("format" = "file"))]
     pub thresholds: Option<String>,
@@ -141,6 +141,26 @@ impl Config {
         }
     }
 
+    /// Reads the thresholds; `None` without any, and for those of images of another size than `size`, pixels, as of another robot.
+    ///
+    /// # Errors
+    /// The file cannot be used, or the behavior requires thresholds that it does not hold.
+    pub(crate) fn read_thresholds(
+        &self,
+        setup: &Setup,
+        size: [u32; 2],
+    ) -> Result<Option<ThresholdTable>, ParameterError> {
+        let Some(file) = &self.thresholds else { return Ok(None) };
+        let table = ThresholdTable::read(&setup.folder.join(file))
+            .map_err(|error| ParameterError::new("thresholds", error))?;
+        match unlike(&table, size) {
+            Some(problem) if self.requires_thresholds => {
+                Err(ParameterError::new("thresholds", format!("{problem}: learn them again")))
+            }
+            unlike => Ok(unlike.is_none().then_some(table)),
+        }
+    }
+
     /// Returns what people should know about the thresholds.
     pub(crate) fn notes(&self, setup: &Setup) -> Vec<String> {
         if self.method == Method::Lanes {
@@ -164,11 +184,26 @@ impl Config {
         match (&self.map, &self.thresholds) {
             (Some(_), None) => vec![format!("no thresholds: {effect}; {learn}")],
             (Some(_), Some(file)) => {
-                let table = ThresholdTable::read(&setup.folder.join(file));
-                let is_empty = table.is_ok_and(|table| table.places.is_empty());
-                is_empty.then(|| format!("{file} holds no place: {effect}; {learn}")).into_iter().collect()
+                let Ok(table) = ThresholdTable::read(&setup.folder.join(file)) else { return Vec::new() };
+                let camera = setup.pinhole(&CAMERA).ok().map(|camera| *camera.pinhole.intrinsics());
+                let unlike = camera.and_then(|camera| unlike(&table, [camera.width, camera.height]));
+                let unlike = unlike.map(|problem| format!("the thresholds in {file} {problem}"));
+                let is_empty = table.places.is_empty().then(|| format!("{file} holds no place"));
+                let problem = unlike.or(is_empty);
+                problem.map(|problem| format!("{problem}: {effect}; {learn}")).into_iter().collect()
             }
             (None, _) => Vec::new(),
         }
     }
+}
+
+/// Says that thresholds were learned with images of another size than `[width, height]`, pixels; `None` if they were not.
+fn unlike(table: &ThresholdTable, [width, height]: [u32; 2]) -> Option<String> {
+    let is_like = (table.width, table.height) == (width, height);
+    (!is_like).then(|| {
+        format!(
+            "were learned with images of {} x {} pixels, but the camera has {width} x {height}",
+            table.width, table.height
+        )
+    })
 }

@@ -82,22 +82,10 @@ impl PassageAvoider {
         let mut rules = DetectorRules::for_size(intrinsics.width, intrinsics.height);
         rules.edges.epsilon = config.epsilon;
         let map = config.read_map(setup)?;
-        let table = match &config.thresholds {
-            Some(file) => {
-                let table = ThresholdTable::read(&setup.folder.join(file))
-                    .map_err(|error| ParameterError::new("thresholds", error))?;
-                if (table.width, table.height) != (intrinsics.width, intrinsics.height) {
-                    let problem = format!(
-                        "were learned with images of {} x {} pixels, but the camera has {} x {}: learn them again",
-                        table.width, table.height, intrinsics.width, intrinsics.height
-                    );
-                    return Err(ParameterError::new("thresholds", problem));
-                }
-                rules.regions = table.regions as usize;
-                Some(table)
-            }
-            None => None,
-        };
+        let table = config.read_thresholds(setup, [intrinsics.width, intrinsics.height])?;
+        if let Some(table) = &table {
+            rules.regions = table.regions as usize;
+        }
         let wait_frames = (WAIT_S / period_s).clamp(0.0, 1000.0);
         let machine_rules = Rules {
             passing_m: config.passing_m,

@@ -16,6 +16,10 @@ use crate::ros_clock::{RosClock, StampSource, calendar_now_ns};
 
 /// Time between two looks for new measurements.
 const POLL_PERIOD: Duration = Duration::from_millis(2);
+/// Maximum number of lines on the log about the stamps of a topic.
+const MAX_STAMP_LINES: u32 = 4;
+/// Difference between the clock of the run and that of the machine above which the run is no live one.
+const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
 /// Measurements that wait to be published. While the sensor is not polled, the oldest are dropped.
 pub(crate) struct Inbox {
@@ -71,7 +75,7 @@ pub(crate) struct Converter {
     pub inbox: Arc<Mutex<Inbox>>,
     pub clock: Arc<Mutex<RosClock>>,
     pub mount: ScannerMount,
-    /// Problems that were logged: each is logged once.
+    /// Lines that were logged about this topic.
     pub logged: Logged,
 }
 
@@ -79,7 +83,9 @@ pub(crate) struct Converter {
 #[derive(Default)]
 pub(crate) struct Logged {
     refusal: bool,
-    stamp: bool,
+    /// Origin of the stamps in the last line about them: a simulated time may be heard only after the first measurements.
+    stamp: Option<std::mem::Discriminant<StampSource>>,
+    stamp_lines: u32,
     frame: bool,
 }
 
@@ -128,7 +134,9 @@ impl Converter {
                 format!("the stamps on `{topic}` are of an unknown clock: the arrival counts")
             }
         };
-        if !std::mem::replace(&mut self.logged.stamp, true) {
+        let kind = Some(std::mem::discriminant(&source));
+        if self.logged.stamp != kind && self.logged.stamp_lines < MAX_STAMP_LINES {
+            (self.logged.stamp, self.logged.stamp_lines) = (kind, self.logged.stamp_lines + 1);
             tracing::warn!("{text}");
         }
     }

@@ -81,3 +81,24 @@ fn either_side_may_be_killed_and_come_back() {
         assert!(result["base"]["max_s"].as_f64() < Some(15.0), "{result}");
     }
 }
+
+#[test]
+fn every_kind_of_measurement_arrives_with_its_values() {
+    if let Some(result) = scenario("sensors", 0) {
+        assert!(result["arrived_hz"]["color"].as_f64() > Some(5.0), "{result}");
+    }
+}
+
+#[test]
+fn simulated_time_gives_the_age_of_measurements() {
+    if let Some(result) = scenario("clock", 42) {
+        assert!(result["age_s"].as_f64() > Some(0.28), "{result}");
+    }
+}
+
+#[test]
+fn observers_get_odometry_pose_path_and_decisions() {
+    if let Some(result) = scenario("observer", 42) {
+        assert!(result["corners_of_the_path"].as_u64() > Some(1), "{result}");
+    }
+}

@@ -1,12 +1,11 @@
 //! Ten million random and damaged bytes through each parser.
 
+use yamabico_played_devices::plug::Random;
 use yamabico_serial::create2::Readings;
 use yamabico_serial::framing::{Frame, Framer};
 use yamabico_serial::lidar;
 use yamabico_serial::microcontroller::{Measurement, ProtocolLine, Sonar};
 use yamabico_serial::turtlebot3::{self, BLOCK_LEN};
-
-use crate::plug::Random;
 
 const BYTES: usize = 10_000_000;
 

@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use yamabico_core::geometry::Twist;
 use yamabico_core::message::{Odometry, RangeScanHeader};
+use yamabico_played_devices::plug::{Device, Plug};
 use yamabico_serial::microcontroller::driver;
 
 use crate::bench::{Bench, MAX_STOP_S};
-use crate::plug::{Device, Plug};
 
 const KEYS: &str = "counts_per_m = 5000.0\ntrack_m = 0.2";
 const SENSORS: [(&str, &str); 3] = [("encoders", ""), ("bumpers", ""), ("sonars", "azimuths_deg = [0.0]")];

@@ -1,45 +1,12 @@
 //! A lidar that is played by a thread.
 
-use std::time::Instant;
-
 use yamabico_core::message::{Beam, RangeScanHeader};
 use yamabico_core::time::Time;
-use yamabico_serial::lidar::{POINTS, Packet, driver};
+use yamabico_played_devices::lidar::Ld19;
+use yamabico_played_devices::plug::Plug;
+use yamabico_serial::lidar::driver;
 
 use crate::bench::Bench;
-use crate::plug::{Device, Plug};
-
-/// An LD19 in the middle of a round room, with a box at its left.
-struct Ld19 {
-    begun: Instant,
-    sent: u64,
-}
-
-impl Device for Ld19 {
-    fn receive(&mut self, _: &[u8]) {}
-
-    fn turn(&mut self, out: &mut Vec<u8>) {
-        while self.begun.elapsed().as_secs_f64() >= 12.0 / 4500.0 * self.sent as f64 {
-            let angle = |point: u64| ((self.sent * 12 + point) * 80 % 36_000) as u16;
-            let mut packet = Packet {
-                speed: 3600,
-                angles: [angle(0), angle(11)],
-                distances: [0; POINTS],
-                intensities: [180; POINTS],
-                stamp_ms: (self.sent * 12_000 / 4500 % 30_000) as u16,
-            };
-            // Clockwise: 270 degrees are at the left.
-            packet.distances =
-                std::array::from_fn(
-                    |point| {
-                        if (packet.angle_deg(point) - 270.0).abs() < 10.0 { 700 } else { 2500 }
-                    },
-                );
-            out.extend(packet.encode());
-            self.sent += 1;
-        }
-    }
-}
 
 fn scans(bench: &mut Bench) -> Vec<(RangeScanHeader, Vec<Beam>)> {
     bench.take::<RangeScanHeader>("lidar")
@@ -47,7 +14,8 @@ fn scans(bench: &mut Bench) -> Vec<(RangeScanHeader, Vec<Beam>)> {
 
 #[test]
 fn scans_come_ten_times_a_second_through_noise_and_pulled_cables() {
-    let plug = Plug::new(Ld19 { begun: Instant::now(), sent: 0 });
+    // In the middle of a round room, with a box at the left.
+    let plug = Plug::new(Ld19::new(|azimuth_deg| if (azimuth_deg - 90.0).abs() < 10.0 { 0.7 } else { 2.5 }));
     let mut bench = Bench::open(&driver(), &plug.port(), "", &[("lidar", "x_m = 0.1")], None);
     bench.run(1.5);
     let clean = scans(&mut bench);

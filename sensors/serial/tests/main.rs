@@ -7,5 +7,4 @@ mod create2;
 mod damage;
 mod firmware;
 mod lidar;
-mod plug;
 mod turtlebot3;

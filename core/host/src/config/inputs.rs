@@ -1,6 +1,7 @@
 //! Inputs of behaviors.
 
 use super::read_robot::RobotDraft;
+use super::substitutes::{is_replaced, no_source, substitute};
 use super::task::{ARBITER, Input, InputSource, OPERATOR};
 use std::sync::Arc;
 use yamabico_core::behavior::{BehaviorFactory, BehaviorInfo, SlotInfo};
@@ -13,14 +14,25 @@ pub(crate) struct Sources<'a> {
     pub robot: Option<&'a RobotDraft>,
     /// Behaviors of the task by name, with their plugins if known.
     pub behaviors: &'a [(String, Option<Arc<dyn BehaviorFactory>>)],
+    /// Source number of the task file if the robot is not the one that it names: names of sensors in it are then of another robot.
+    pub task_of_another_robot: Option<usize>,
+}
+
+/// Inputs of a behavior.
+#[derive(Default)]
+pub(crate) struct Inputs {
+    /// Connected inputs, in the order of the slots.
+    pub connected: Vec<Input>,
+    /// Number of inputs in the task file that this robot has no sensor for, and that the behavior works without.
+    pub left_out: usize,
+    /// Notes for people.
+    pub notes: Vec<String>,
 }
 
 impl Sources<'_> {
     /// Returns all sources of messages of this type.
     fn giving(&self, message: &MessageType) -> Vec<String> {
-        let sensors = self.robot.iter().flat_map(|robot| &robot.sensors);
-        let sensors = sensors.filter(|sensor| sensor.message.as_ref() == Some(message));
-        let mut names: Vec<String> = sensors.map(|sensor| sensor.name.clone()).collect();
+        let mut names: Vec<String> = self.sensors_giving(message).into_iter().map(str::to_owned).collect();
         for (name, plugin) in self.behaviors {
             let outputs = plugin.iter().flat_map(|plugin| &plugin.info().outputs);
             let right = outputs.filter(|output| output.message == *message);
@@ -35,6 +47,13 @@ impl Sources<'_> {
         names
     }
 
+    /// Returns the sensors that publish messages of this type.
+    pub fn sensors_giving(&self, message: &MessageType) -> Vec<&str> {
+        let sensors = self.robot.iter().flat_map(|robot| &robot.sensors);
+        let giving = sensors.filter(|sensor| sensor.message.as_ref() == Some(message));
+        giving.map(|sensor| sensor.name.as_str()).collect()
+    }
+
     /// Returns true if the messages of all sensors and behaviors are known; otherwise an error is already reported.
     fn are_known(&self) -> bool {
         self.robot.is_some_and(|robot| robot.sensors.iter().all(|sensor| sensor.message.is_some()))
@@ -47,13 +66,13 @@ impl Sources<'_> {
 }
 
 /// Checks the `inputs` of the behavior described by `entry`, and reads the valid ones in the order of its slots. A required
-/// or preferred slot without an entry is connected to the only source of its type.
+/// or preferred slot without an entry is connected to the only source of its type; so is an entry that names a sensor of another robot.
 pub(crate) fn read_inputs(
     entry: &Entry,
     behavior: &BehaviorInfo,
     sources: &Sources<'_>,
     problems: &mut Vec<Problem>,
-) -> Vec<Input> {
+) -> Inputs {
     let none = Table::default();
     let table = entry.node.as_table().unwrap_or(&none);
     let inputs = table.table("inputs").unwrap_or(&none);
@@ -71,27 +90,39 @@ pub(crate) fn read_inputs(
         }
     }
     let header = table.entry("inputs").map_or(entry.node.span, |inputs| inputs.node.span);
-    let mut read = Vec::new();
+    let mut read = Inputs::default();
     for slot in &behavior.inputs {
+        let connection = |source| Input { slot: slot.name.to_string(), source };
         match inputs.entry(&slot.name) {
             Some(input) => {
                 let Some(text) = input.node.as_text() else { continue };
+                if is_replaced(text, input.node.span, slot, sources) {
+                    match substitute(text, input.node.span, &entry.key, slot, sources) {
+                        Ok((source, note)) => {
+                            read.left_out += usize::from(source.is_none());
+                            read.connected.extend(source.map(connection));
+                            read.notes.push(note);
+                        }
+                        Err(problem) => problems.push(*problem),
+                    }
+                    continue;
+                }
                 match find_source(text, input.node.span, entry, slot, sources) {
-                    Ok(Some(source)) => read.push(Input { slot: slot.name.to_string(), source }),
+                    Ok(Some(source)) => read.connected.push(connection(source)),
                     Ok(None) => {}
                     Err(problem) => problems.push(*problem),
                 }
             }
             None if slot.required && !suggested.contains(&&*slot.name) => {
                 match only_source(&entry.key, slot, sources) {
-                    Some(source) => read.push(Input { slot: slot.name.to_string(), source }),
+                    Some(source) => read.connected.push(connection(source)),
                     None if !sources.are_known() => {}
                     None => problems.push(missing(header, entry, slot, sources)),
                 }
             }
             None if slot.preferred => {
-                let source = only_source(&entry.key, slot, sources);
-                read.extend(source.map(|source| Input { slot: slot.name.to_string(), source }));
+                read.connected.extend(only_source(&entry.key, slot, sources).map(connection));
+                read.notes.extend(undecided(&entry.key, slot, sources));
             }
             None => {}
         }
@@ -129,11 +160,21 @@ fn candidates(name: &str, slot: &SlotInfo, sources: &Sources<'_>) -> Vec<String>
     candidates
 }
 
+/// Returns a note if several sources fit a preferred slot without an entry, so that it is not connected.
+fn undecided(name: &str, slot: &SlotInfo, sources: &Sources<'_>) -> Option<String> {
+    let candidates = candidates(name, slot, sources);
+    let several: Vec<&str> = candidates.iter().map(String::as_str).collect();
+    (several.len() > 1).then(|| {
+        let (input, fitting, first) = (&slot.name, quoted(&several), several[0]);
+        format!("input `{input}` is not connected, since {fitting} fit: name one, inputs = {{ {input} = \"{first}\" }}")
+    })
+}
+
 fn missing(header: Span, entry: &Entry, slot: &SlotInfo, sources: &Sources<'_>) -> Problem {
     let candidates = candidates(&entry.key, slot, sources);
     let candidates: Vec<&str> = candidates.iter().map(String::as_str).collect();
     let help = match candidates.as_slice() {
-        [] => format!("no sensor or behavior publishes {}", slot.message.name),
+        [] => no_source(slot, sources),
         [only] => format!("inputs = {{ {} = \"{only}\" }}", slot.name),
         [first, ..] => {
             format!("choose one of {}: inputs = {{ {} = \"{first}\" }}", quoted(&candidates), slot.name)
@@ -203,7 +244,7 @@ fn find_source(
             problem = problem.also(place, format!("`{text}` is defined here"));
         }
         return Err(Box::new(match right.as_slice() {
-            [] => problem.help(format!("no sensor or behavior publishes {}", slot.message.name)),
+            [] => problem.help(no_source(slot, sources)),
             names => problem.help(format!("available: {}", quoted(names))),
         }));
     }

@@ -119,7 +119,9 @@ impl Loader {
             too_fast = find_too_fast(&self.task_tree, &self.robot_tree, robot);
             refused.extend(too_fast.iter().map(|speed| speed.behavior.clone()));
         }
-        let files = NamedFiles { refused, extent_m: self.extent_m };
+        let named_at = self.task_tree.entry("robot").map(|entry| entry.node.span.source);
+        let has_another_robot = overrides.robot.is_some() || named_at.is_some_and(|at| at != task_source);
+        let files = NamedFiles { refused, extent_m: self.extent_m, has_another_robot };
         let task = read_task(home, &self.task_tree, robot, &files, plugins, &mut self.problems);
         report_too_fast(too_fast, &mut self.problems);
         check_goal(&self.task_tree, self.extent_m, &mut self.problems);

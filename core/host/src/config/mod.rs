@@ -22,6 +22,7 @@ mod retune;
 mod robot;
 mod schema;
 mod source_map;
+mod substitutes;
 mod tables;
 mod task;
 mod wires;

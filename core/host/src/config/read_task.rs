@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::checks::{check_positions, max_goal_m};
 use super::exec::{ask, program_of};
-use super::inputs::{Sources, read_inputs};
+use super::inputs::{Inputs, Sources, read_inputs};
 use super::keys::{check_name, own_keys, read_keys, right_keys};
 use super::paths::{Home, resolve_paths};
 use super::read_robot::RobotDraft;
@@ -26,6 +26,8 @@ pub(crate) struct NamedFiles {
     pub refused: Vec<String>,
     /// Maximum absolute coordinate or length in the files, m; 0 without files.
     pub extent_m: f64,
+    /// True if the robot is not the one that the task names.
+    pub has_another_robot: bool,
 }
 
 /// Reads the tree of the file `home`. `robot` is `None` if its file could not be read.
@@ -49,13 +51,18 @@ pub(crate) fn read_task(
     }
     let known: Vec<(String, Option<Arc<dyn BehaviorFactory>>)> =
         drafts.iter().map(|draft| (draft.entry.key.clone(), draft.plugin.clone())).collect();
-    let sources = Sources { robot: robot.as_ref(), behaviors: &known };
+    let sources = Sources {
+        robot: robot.as_ref(),
+        behaviors: &known,
+        task_of_another_robot: files.has_another_robot.then_some(home.source),
+    };
     let mut behaviors = Vec::new();
     let mut input_spans = Vec::new();
     for draft in &drafts {
         let Some(plugin) = &draft.plugin else { continue };
         let before = problems.len();
-        let inputs = read_inputs(draft.entry, plugin.info(), &sources, problems);
+        let Inputs { connected: inputs, left_out, notes } =
+            read_inputs(draft.entry, plugin.info(), &sources, problems);
         for input in &inputs {
             let span =
                 draft.table.span_of(&format!("inputs.{}", input.slot)).unwrap_or(draft.entry.node.span);
@@ -63,6 +70,7 @@ pub(crate) fn read_task(
         }
         let inputs_are_right = problems.len() == before;
         let behavior = draft.behavior(plugin, inputs, robot.as_ref(), &keys.arbiter, home);
+        let behavior = BehaviorFile { notes, ..behavior };
         draft.check_switches(problems);
         draft.check_rank(&keys.arbiter, problems);
         draft.check_axes(plugin.info(), robot.as_ref(), problems);
@@ -76,7 +84,7 @@ pub(crate) fn read_task(
         let is_read = |slot: &SlotInfo| behavior.inputs.iter().any(|input| input.slot == slot.name);
         let is_connected = inputs_are_right
             && behavior.inputs.iter().all(is_described)
-            && behavior.inputs.len() >= named
+            && behavior.inputs.len() + left_out >= named
             && plugin.info().inputs.iter().all(|slot| !slot.required || is_read(slot))
             && !files.refused.contains(&draft.entry.key);
         let is_right = draft.is_right && is_connected && problems.len() == before;
@@ -254,6 +262,7 @@ impl Draft<'_> {
                 connected: Some(inputs.iter().map(|input| input.slot.clone()).collect()),
             },
             inputs,
+            notes: Vec::new(),
             settings: BehaviorSettings {
                 priority: keys.priority.unwrap_or(0),
                 critical: keys.critical,

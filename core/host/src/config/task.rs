@@ -85,6 +85,8 @@ pub struct BehaviorFile {
     pub setup: Setup,
     /// Connected inputs, in the order of the plugin's slots.
     pub inputs: Vec<Input>,
+    /// Notes for people on its inputs.
+    pub notes: Vec<String>,
     /// Settings that the framework applies.
     pub settings: BehaviorSettings,
 }
@@ -171,7 +173,8 @@ impl Task {
     pub fn notes(&self) -> Vec<String> {
         let enabled = self.behaviors.iter().filter(|behavior| behavior.settings.enabled);
         let notes = enabled.flat_map(|behavior| {
-            let notes = behavior.factory.notes(&behavior.table, &behavior.setup).into_iter();
+            let of_plugin = behavior.factory.notes(&behavior.table, &behavior.setup);
+            let notes = behavior.notes.iter().cloned().chain(of_plugin);
             notes.map(|note| format!("{}: {note}", behavior.name))
         });
         notes.collect()

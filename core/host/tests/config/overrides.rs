@@ -49,6 +49,43 @@ fn another_robot_replaces_the_one_of_the_task() {
     assert_eq!(task.unwrap().robot.path, Path::new("tests/valid/robots/sim.toml"));
 }
 
+/// The task of another laboratory on the robot file `robot`.
+fn on_another_robot(robot: &str, set: &[&str]) -> Result<Task, Problems> {
+    let set = set.iter().map(|&text| text.to_owned()).collect();
+    let overrides = Overrides { robot: Some(PathBuf::from(robot)), set };
+    load(Path::new("tests/valid/for-another-robot.toml"), &overrides, &plugins())
+}
+
+#[test]
+fn on_another_robot_inputs_take_the_only_sensor_of_their_kind() {
+    let task =
+        on_another_robot("tests/valid/robots/sim.toml", &[]).unwrap_or_else(|problems| panic!("{problems}"));
+    let source =
+        |behavior: &str, input: usize| task.behavior(behavior).unwrap().inputs[input].source.to_string();
+    assert_eq!((source("sonar-halt", 0), source("wall-follower", 0)), ("front-sonar".into(), "front".into()));
+    // No sensor of the robot publishes poses, and the behavior works without.
+    assert_eq!(task.behavior("wall-follower").unwrap().inputs.len(), 1);
+    insta::assert_snapshot!(task.notes().join("\n"));
+    // The same names in the robot of the task are mistakes.
+    let own = with(&["behaviors.sonar-halt.inputs.sonar=laser"]).unwrap_err().to_string();
+    assert!(own.contains("no sensor `laser`"), "{own}");
+    // A name on the command line is meant for this robot.
+    let set = on_another_robot("tests/valid/robots/sim.toml", &["behaviors.sonar-halt.inputs.sonar=lazer"]);
+    assert!(set.unwrap_err().to_string().contains("no sensor `lazer`"));
+}
+
+#[test]
+fn another_robot_without_or_with_several_sensors_of_a_kind_is_refused_with_its_sensors() {
+    for robot in ["several", "blind"] {
+        let path = match robot {
+            "several" => "tests/broken/robots/two_of_each.toml",
+            _ => "tests/valid/robots/blind.toml",
+        };
+        let problems = on_another_robot(path, &[]).unwrap_err();
+        insta::assert_snapshot!(robot, problems.to_string());
+    }
+}
+
 #[test]
 fn invalid_overrides_are_reported_like_invalid_files() {
     let problems = with(&[

@@ -42,8 +42,8 @@ impl Default for Manners {
 /// A device behind a port.
 pub struct Plug<D: Device> {
     folder: PathBuf,
-    pub device: Arc<Mutex<D>>,
-    pub manners: Arc<Mutex<Manners>>,
+    device: Arc<Mutex<D>>,
+    manners: Arc<Mutex<Manners>>,
     is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -51,6 +51,7 @@ pub struct Plug<D: Device> {
 static COUNT: AtomicU64 = AtomicU64::new(0);
 
 impl<D: Device> Plug<D> {
+    /// Plugs a device into a port of its own.
     pub fn new(device: D) -> Plug<D> {
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
         let folder = std::env::temp_dir().join(format!("yamabico-plug-{}-{number}", std::process::id()));
@@ -75,10 +76,12 @@ impl<D: Device> Plug<D> {
         self.folder.join("port")
     }
 
+    /// The device, while its thread waits.
     pub fn device(&self) -> MutexGuard<'_, D> {
         self.device.lock().unwrap()
     }
 
+    /// Changes the manners of the line.
     pub fn set(&self, change: impl FnOnce(&mut Manners)) {
         change(&mut self.manners.lock().unwrap());
     }
@@ -171,6 +174,7 @@ impl DeviceLine {
 pub struct Random(pub u64);
 
 impl Random {
+    /// Draws an integer.
     pub fn next(&mut self) -> u64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
@@ -178,7 +182,7 @@ impl Random {
         self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 8
     }
 
-    /// A number in [0, 1).
+    /// Draws a number in [0, 1).
     pub fn share(&mut self) -> f64 {
         (self.next() & 0xf_ffff) as f64 / f64::from(0x10_0000)
     }
