@@ -18,8 +18,6 @@ use crate::ros_clock::{RosClock, StampSource, calendar_now_ns};
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 /// Maximum number of lines on the log about the stamps of a topic.
 const MAX_STAMP_LINES: u32 = 4;
-/// Difference between the clock of the run and that of the machine above which the run is no live one.
-const MAX_CLOCK_DIFFERENCE_S: f64 = 5.0;
 
 /// Measurements that wait to be published. While the sensor is not polled, the oldest are dropped.
 pub(crate) struct Inbox {

@@ -17,7 +17,7 @@ fn torture<F: Frame>(name: &str, frame: &dyn Fn(u64) -> Vec<u8>) {
     let mut piece = Vec::new();
     for _ in 0..BYTES / 2 / 500 {
         piece.clear();
-        piece.extend((0..500).map(|_| random.next() as u8));
+        piece.extend((0..500).map(|_| random.draw() as u8));
         noise.push(&piece, |_| {});
     }
     assert!(noise.frames() <= 3, "{name}: {} frames in noise", noise.frames());
@@ -28,11 +28,11 @@ fn torture<F: Frame>(name: &str, frame: &dyn Fn(u64) -> Vec<u8>) {
     while pushed < BYTES / 2 {
         piece.clear();
         for byte in frame(sent) {
-            match random.next() % 400 {
+            match random.draw() % 400 {
                 0 => {}
                 1 => piece.extend([byte, byte]),
-                2 => piece.push(random.next() as u8),
-                3 => piece.extend((0..random.next() % 300).map(|_| random.next() as u8)),
+                2 => piece.push(random.draw() as u8),
+                3 => piece.extend((0..random.draw() % 300).map(|_| random.draw() as u8)),
                 _ => piece.push(byte),
             }
         }
@@ -48,9 +48,9 @@ fn torture<F: Frame>(name: &str, frame: &dyn Fn(u64) -> Vec<u8>) {
         let mut framer = Framer::<F>::default();
         let cut = frame(round);
         let mut stream = match round % 3 {
-            0 => (0..random.next() % 300).map(|_| random.next() as u8).collect(),
-            1 => cut[..random.next() as usize % cut.len()].to_vec(),
-            _ => cut.iter().map(|byte| byte ^ u8::from(random.next().is_multiple_of(8))).collect::<Vec<u8>>(),
+            0 => (0..random.draw() % 300).map(|_| random.draw() as u8).collect(),
+            1 => cut[..random.draw() as usize % cut.len()].to_vec(),
+            _ => cut.iter().map(|byte| byte ^ u8::from(random.draw().is_multiple_of(8))).collect::<Vec<u8>>(),
         };
         let good = frame(round + 1);
         stream.extend(&good);

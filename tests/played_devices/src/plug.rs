@@ -160,11 +160,11 @@ impl DeviceLine {
             self.held.push(byte);
             return;
         }
-        match self.random.next() % 4 {
+        match self.random.draw() % 4 {
             0 => {}
             1 => self.held.extend([byte, byte]),
-            2 => self.held.push(self.random.next() as u8),
-            _ => (0..self.random.next() % 40).for_each(|_| self.held.push(self.random.next() as u8)),
+            2 => self.held.push(self.random.draw() as u8),
+            _ => (0..self.random.draw() % 40).for_each(|_| self.held.push(self.random.draw() as u8)),
         }
     }
 }
@@ -175,7 +175,7 @@ pub struct Random(pub u64);
 
 impl Random {
     /// Draws an integer.
-    pub fn next(&mut self) -> u64 {
+    pub fn draw(&mut self) -> u64 {
         self.0 ^= self.0 >> 12;
         self.0 ^= self.0 << 25;
         self.0 ^= self.0 >> 27;
@@ -184,6 +184,6 @@ impl Random {
 
     /// Draws a number in [0, 1).
     pub fn share(&mut self) -> f64 {
-        (self.next() & 0xf_ffff) as f64 / f64::from(0x10_0000)
+        (self.draw() & 0xf_ffff) as f64 / f64::from(0x10_0000)
     }
 }

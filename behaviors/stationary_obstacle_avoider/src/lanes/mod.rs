@@ -16,7 +16,7 @@ mod motion;
 mod overlay;
 mod upright_edges;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::geometry::{Hypotenuse, Pose2, Twist, angle_difference};
 use yamabico_core::image::GrayImage;
@@ -48,8 +48,8 @@ const FLOOR_END: f32 = 1.3;
 /// echo, which a smooth surface at an angle does not give.
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
-/// Cells behind the foot of an obstacle that count as its own.
-const HIDDEN_CELLS: u8 = 2;
+/// Cells behind the foot of an obstacle that count as its own until floor is seen there: 0.25 m.
+const HIDDEN_CELLS: u8 = 5;
 /// Log odds of the foot of what moves as a thing, and of an upright edge.
 const MOVES_AS_THING: f32 = 1.0;
 const UPRIGHT_EDGE: f32 = 1.3;
@@ -306,11 +306,7 @@ impl LaneAvoider {
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);
             let ends = ends.filter(|&place| end(place) == weight);
-            // An obstacle is deeper than its foot, and how deep is not seen.
-            let deep = ends.flat_map(|place| {
-                let behind = place.coords.normalize() * occupancy::CELL_M;
-                (0..=HIDDEN_CELLS).map(move |step| place + behind * f64::from(step))
-            });
+            let deep = ends.flat_map(|place| behind(place, place.coords));
             self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
         }
         if let Some(edges) = &self.edges
@@ -472,6 +468,13 @@ impl LaneAvoider {
         // A missing subscriber or a full queue does not affect the proposal.
         let _ = outputs.publish(OBSTACLES.name, &header, self.clusters.group(&self.occupied));
     }
+}
+
+/// Places from the foot of an obstacle on, in the direction `away` from the robot: it is deeper than its foot, and how deep is not
+/// seen.
+fn behind(foot: Point2<f64>, away: Vector2<f64>) -> impl Iterator<Item = Point2<f64>> {
+    let step = away.normalize() * occupancy::CELL_M;
+    (0..=HIDDEN_CELLS).map(move |cells| foot + step * f64::from(cells))
 }
 
 /// Absolute difference of two angles, rad.

@@ -8,7 +8,6 @@ use yamabico_core::geometry::angle_difference;
 use yamabico_core::image::ImageView;
 
 use super::hidden_fan::HiddenFan;
-use super::occupancy::CELL_M;
 use crate::plumb_lines::{HALF_WIDTH_PX, PlumbLines};
 
 /// Distance from the camera up to which feet are searched, m.
@@ -139,7 +138,7 @@ impl UprightEdges {
             let off = off(edge);
             angle_difference(off.y.atan2(off.x), along).abs() > ALONG_RAD && counted(edge.foot)
         });
-        counted.flat_map(move |edge| [edge.foot, edge.foot + off(edge).normalize() * CELL_M])
+        counted.flat_map(move |edge| super::behind(edge.foot, off(edge)))
     }
 
     fn camera(&self) -> Point2<f64> {
