@@ -33,7 +33,7 @@ const KNOWN_LOOK: f32 = 16.0;
 /// Log odds that a block loses which a plumb edge across the horizon crosses.
 const PLUMB_LOG_ODDS: f32 = 2.0;
 /// Share of the ends of the floor in the log odds; the random walk has the rest.
-const ENDS_SHARE: f32 = 0.2;
+const ENDS_SHARE: f32 = 0.1;
 /// Maximum rise of the log odds above the lowest of the blocks below.
 const MAX_RISE: f32 = 1.0;
 /// Minimum number of blocks along either side of an image.
