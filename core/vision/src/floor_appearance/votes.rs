@@ -109,9 +109,8 @@ mod tests {
             [(0, 0), (99, 0), (0, 99), (99, 99)].map(|(u, v)| votes.log_odds_at_pixel(u, v)),
             [-2.0, -0.5, 1.0, 2.0]
         );
-        // The middle between all four centers, and between the left two.
-        let between = [votes.log_odds_at_pixel(4, 6), votes.log_odds_at_pixel(5, 7)];
-        assert!((between[0] + between[1]) / 2.0 == 0.125, "{between:?}");
+        // 3/8 and 5/8 of the way from the first center to the last, in both directions.
+        assert_eq!([(4, 6), (5, 7)].map(|(u, v)| votes.log_odds_at_pixel(u, v)), [-0.382_812_5, 0.617_187_5]);
         assert_eq!(FloorVotes::default().at_pixel(3, 3), Vote::None);
     }
 }
