@@ -52,10 +52,17 @@ impl FloorVotes {
         vote(if is_inside { self.log_odds[row * self.grid.columns + column] } else { OUTSIDE })
     }
 
-    /// Returns the vote at a pixel; beyond the centers of the outermost blocks, that of the nearest one.
+    /// Returns the vote of the block at a pixel; beyond the outermost blocks, that of the nearest one. Blocks are not interpolated here,
+    /// so that a thing as small as a block remains.
     #[must_use]
     pub fn at_pixel(&self, u: usize, v: usize) -> Vote {
-        vote(self.log_odds_at_pixel(u, v))
+        let BlockGrid { columns, rows, side_px, left_px, top_px } = self.grid;
+        if self.log_odds.is_empty() {
+            return vote(OUTSIDE);
+        }
+        let column = (u.saturating_sub(left_px) / side_px).min(columns - 1);
+        let row = (v.saturating_sub(top_px) / side_px).min(rows - 1);
+        self.vote(column, row)
     }
 
     /// Returns the log odds at a pixel, interpolated between the centers of blocks; beyond the outermost ones, those of the nearest
@@ -109,6 +116,7 @@ mod tests {
             [(0, 0), (99, 0), (0, 99), (99, 99)].map(|(u, v)| votes.log_odds_at_pixel(u, v)),
             [-2.0, -0.5, 1.0, 2.0]
         );
+        assert_eq!([(4, 6), (5, 7)].map(|(u, v)| votes.at_pixel(u, v)), [Vote::Other, Vote::Floor]);
         // 3/8 and 5/8 of the way from the first center to the last, in both directions.
         assert_eq!([(4, 6), (5, 7)].map(|(u, v)| votes.log_odds_at_pixel(u, v)), [-0.382_812_5, 0.617_187_5]);
         assert_eq!(FloorVotes::default().at_pixel(3, 3), Vote::None);

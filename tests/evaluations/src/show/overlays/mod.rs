@@ -74,7 +74,7 @@ const CASES: [Case; 6] = [
 /// Fifteen pictures of the robot's camera with what every behavior drew, in buildings drawn from seeds: `DIR/CASE-SEED.png`.
 ///
 /// The task is the one without a map of `yamabico new building SEED`. What the behaviors drew in the robot frame is projected to the
-/// floor; what stands there in the world is outlined white. The line of text below says seed, properties, time and what is occupied.
+/// floor; what stands there in the world is outlined white. The text below says seed, properties, time and what is occupied.
 #[derive(Args)]
 pub struct Arguments {
     /// Only these cases, such as `tile`.
@@ -98,7 +98,8 @@ impl Arguments {
                     .ok_or_else(|| format!("{} {seed}: the moment did not come", case.name))?;
                 let text = [
                     format!("seed {seed}, {}, {:.1} s", case.properties.join(", "), snapshot.time_s),
-                    format!("occupied: {}; {}", snapshot.occupied(), snapshot.note),
+                    format!("occupied: {}", snapshot.occupied()),
+                    format!("avoider: {}", snapshot.note),
                 ];
                 let image = picture::draw(&building, &snapshot, &text)?;
                 let name = format!("{}-{seed}", case.name);

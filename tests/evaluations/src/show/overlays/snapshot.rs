@@ -188,7 +188,7 @@ impl Tap for SnapshotTap<'_> {
                     let reason = proposal.header.reason().map_or("", |reason| reason.as_str());
                     let parts = [kind, reason, proposal.header.note.as_str()];
                     let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-                    self.note = format!("avoider: {}", parts.join(", "));
+                    self.note = parts.join(", ");
                 }
             }
             _ => {}
