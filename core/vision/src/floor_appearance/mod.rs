@@ -5,7 +5,8 @@
 //! robot; the look of everything else is learned from above the horizon. The likelihood ratio of both, where the floor may be
 //! ([`FloorPlace`]), and the boundaries between neighboring blocks give the log odds of floor by a random walk with
 //! restarts: a block belongs to what it is connected with, and edges that are stronger than the floor's own texture
-//! disconnect.
+//! disconnect. What crosses the horizon as a plumb edge is taller than the camera, and no floor ([`PlumbEdges`]). The result is
+//! blended with that of a second model, in which each column of blocks is floor from the bottom up to one end ([`FloorEnds`]).
 //!
 //! Blocks whose pixels saturate (lamps, windows, and their mirror images in a polished floor) have no likelihood; their
 //! place and their neighbors decide. Where walls look like the floor, the ratio is uninformative, and only the near floor up to
@@ -39,19 +40,23 @@
 pub mod boundaries;
 pub mod features;
 pub mod file;
+pub mod floor_ends;
 pub mod floor_samples;
 pub mod learned;
 pub mod modes;
 pub mod observer;
 pub mod place;
+pub mod plumb_edges;
 pub mod random_walk;
 pub mod votes;
 
 pub use features::{Blocks, Feature, Picture};
 pub use file::{AppearanceFile, FLOOR_APPEARANCE_FILE};
+pub use floor_ends::FloorEnds;
 pub use floor_samples::FloorSamples;
 pub use learned::LearnedLook;
 pub use modes::{Mode, Modes};
 pub use observer::{AppearanceError, FloorAppearance};
 pub use place::FloorPlace;
+pub use plumb_edges::PlumbEdges;
 pub use votes::{FloorVotes, Vote};

@@ -4,9 +4,11 @@ use thiserror::Error;
 
 use super::boundaries::Boundaries;
 use super::features::{Blocks, Feature, Picture};
+use super::floor_ends::FloorEnds;
 use super::learned::LearnedLook;
 use super::modes::{Modes, Surfaces};
 use super::place::{FloorPlace, Part};
+use super::plumb_edges::PlumbEdges;
 use super::random_walk::RandomWalk;
 use super::votes::FloorVotes;
 
@@ -28,6 +30,10 @@ const SURE_FLOOR: f32 = 0.8;
 const SURE_OTHER: f32 = 0.2;
 /// Squared Mahalanobis distance up to which a block looks like what was learned.
 const KNOWN_LOOK: f32 = 16.0;
+/// Log odds that a block loses which a plumb edge across the horizon crosses.
+const PLUMB_LOG_ODDS: f32 = 2.0;
+/// Share of the ends of the floor in the log odds; the random walk has the rest.
+const ENDS_SHARE: f32 = 0.1;
 /// Maximum rise of the log odds above the lowest of the blocks below.
 const MAX_RISE: f32 = 1.0;
 /// Minimum number of blocks along either side of an image.
@@ -55,6 +61,8 @@ pub struct FloorAppearance {
     floor: Modes,
     other: Modes,
     walk: RandomWalk,
+    plumb: PlumbEdges,
+    ends: FloorEnds,
     parts: Vec<Part>,
     presumed: Vec<f32>,
     /// True if the foreground is taken for floor: nothing was learned yet, or it looks like what was learned.
@@ -103,6 +111,7 @@ impl FloorAppearance {
             self.probabilities.extend_from_slice(solved);
         }
         self.votes.log_odds.extend(self.probabilities.iter().map(|&probability| log_odds(probability)));
+        self.end_columns();
         self.hide_behind_obstacles();
         Ok(&self.votes)
     }
@@ -128,6 +137,15 @@ impl FloorAppearance {
     /// Returns the learned look, to add samples to it.
     pub fn look_mut(&mut self) -> &mut LearnedLook {
         &mut self.look
+    }
+
+    /// Blends the log odds of the random walk with those of the ends of the floor that follow from them.
+    fn end_columns(&mut self) {
+        let columns = self.votes.grid.columns;
+        let ended = self.ends.solve(columns, &self.boundaries, &self.votes.log_odds);
+        for (walked, &ended) in self.votes.log_odds.iter_mut().zip(ended) {
+            *walked += ENDS_SHARE * (log_odds(ended) - *walked);
+        }
     }
 
     /// Limits the log odds of each block by the lowest below it: what stands on the floor hides the floor behind it.
@@ -162,6 +180,19 @@ impl FloorAppearance {
                 self.parts.push(part);
                 self.presumed.push(log_odds);
                 self.is_foreground.push(part == Part::Foreground);
+            }
+        }
+        for (block, _) in self
+            .plumb
+            .find(&self.blocks, place.horizon())
+            .iter()
+            .enumerate()
+            .filter(|(_, is_crossed)| **is_crossed)
+        {
+            self.presumed[block] -= PLUMB_LOG_ODDS;
+            self.is_foreground[block] = false;
+            if self.parts[block] == Part::Foreground {
+                self.parts[block] = Part::Open;
             }
         }
     }

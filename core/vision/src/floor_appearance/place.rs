@@ -7,8 +7,12 @@ use super::features::BlockGrid;
 
 /// Height of the foreground as a share of twice the height of the horizon.
 const FOREGROUND_HEIGHT: f32 = 0.12;
-/// Half the width of the foreground as a share of half the image.
-const FOREGROUND_WIDTH: f32 = 0.2;
+/// Half the width of the foreground at the bottom as a share of half the image; it narrows toward the horizon.
+const FOREGROUND_WIDTH: f32 = 0.25;
+/// Distance from the middle, as a share of half the image, from which on the log odds decrease.
+const MIDDLE_WIDTH: f32 = 0.2;
+/// Height of the horizon as a share of twice its height.
+const HORIZON_HEIGHT: f32 = 0.5;
 /// Height, as a share of twice the height of the horizon, above which there is no floor: a margin above the horizon, which may be
 /// tilted.
 const NO_FLOOR_HEIGHT: f32 = 0.62;
@@ -16,13 +20,13 @@ const NO_FLOOR_HEIGHT: f32 = 0.62;
 const BOTTOM_LOG_ODDS: f32 = 1.6;
 /// Decrease of the log odds over twice the height of the horizon.
 const LOG_ODDS_BY_HEIGHT: f32 = 6.5;
-/// Decrease of the log odds from the foreground's side to the side of the image.
+/// Decrease of the log odds from there to the side of the image.
 const LOG_ODDS_BY_SIDE: f32 = 2.0;
 
 /// Part of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Directly in front of the robot; presumed to be floor while nothing else is known.
+    /// Directly in front of the robot, a trapezium; presumed to be floor while nothing else is known.
     Foreground,
     /// May be floor.
     Open,
@@ -67,6 +71,12 @@ impl FloorPlace {
         Self::below_horizon(share as f32)
     }
 
+    /// Height of the horizon above the image's bottom as a share of the image's height.
+    #[must_use]
+    pub fn horizon(&self) -> f32 {
+        self.horizon
+    }
+
     /// Returns the part in which a block lies, and the log odds that it is floor before its look is known.
     #[must_use]
     pub fn presumption(&self, grid: &BlockGrid, column: usize, row: usize) -> (Part, f32) {
@@ -74,12 +84,12 @@ impl FloorPlace {
         let side = ((column as f32 + 0.5) / grid.columns.max(1) as f32 - 0.5).abs() * 2.0;
         let part = if height > NO_FLOOR_HEIGHT {
             Part::NoFloor
-        } else if height < FOREGROUND_HEIGHT && side < FOREGROUND_WIDTH {
+        } else if height < FOREGROUND_HEIGHT && side < FOREGROUND_WIDTH * (1.0 - height / HORIZON_HEIGHT) {
             Part::Foreground
         } else {
             Part::Open
         };
-        let beside = (side - FOREGROUND_WIDTH).max(0.0);
+        let beside = (side - MIDDLE_WIDTH).max(0.0);
         (part, BOTTOM_LOG_ODDS - LOG_ODDS_BY_HEIGHT * height - LOG_ODDS_BY_SIDE * beside)
     }
 }

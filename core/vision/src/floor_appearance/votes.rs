@@ -52,22 +52,40 @@ impl FloorVotes {
         vote(if is_inside { self.log_odds[row * self.grid.columns + column] } else { OUTSIDE })
     }
 
-    /// Returns the vote at a pixel; beyond the outermost blocks, that of the nearest one.
+    /// Returns the vote of the block at a pixel; beyond the outermost blocks, that of the nearest one. Blocks are not interpolated here,
+    /// so that a thing as small as a block remains.
     #[must_use]
     pub fn at_pixel(&self, u: usize, v: usize) -> Vote {
-        vote(self.log_odds_at_pixel(u, v))
+        let BlockGrid { columns, rows, side_px, left_px, top_px } = self.grid;
+        if self.log_odds.is_empty() {
+            return vote(OUTSIDE);
+        }
+        let column = (u.saturating_sub(left_px) / side_px).min(columns - 1);
+        let row = (v.saturating_sub(top_px) / side_px).min(rows - 1);
+        self.vote(column, row)
     }
 
-    /// Returns the log odds at a pixel; beyond the outermost blocks, those of the nearest one. Without blocks, undecided.
+    /// Returns the log odds at a pixel, interpolated between the centers of blocks; beyond the outermost ones, those of the nearest
+    /// one. Without blocks, undecided.
     #[must_use]
     pub fn log_odds_at_pixel(&self, u: usize, v: usize) -> f32 {
         let BlockGrid { columns, rows, side_px, left_px, top_px } = self.grid;
         if self.log_odds.is_empty() {
             return OUTSIDE;
         }
-        let column = (u.saturating_sub(left_px) / side_px).min(columns - 1);
-        let row = (v.saturating_sub(top_px) / side_px).min(rows - 1);
-        self.log_odds[row * columns + column]
+        let place = |pixel: usize, first_px: usize, count: usize| {
+            let blocks = (pixel as f32 - first_px as f32 + 0.5) / side_px as f32 - 0.5;
+            let blocks = blocks.clamp(0.0, (count - 1) as f32);
+            let before = (blocks as usize).min(count.saturating_sub(2));
+            (before, (before + 1).min(count - 1), blocks - before as f32)
+        };
+        let ((left, right, across), (above, below, down)) =
+            (place(u, left_px, columns), place(v, top_px, rows));
+        let row = |row: usize| {
+            let row = &self.log_odds[row * columns..][..columns];
+            row[left] + across * (row[right] - row[left])
+        };
+        row(above) + down * (row(below) - row(above))
     }
 }
 
@@ -86,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pixels_beyond_the_blocks_count_to_the_nearest() {
+    fn pixels_lie_between_blocks_or_count_to_the_nearest() {
         let grid = BlockGrid { columns: 2, rows: 2, side_px: 4, left_px: 1, top_px: 3 };
         let votes = FloorVotes { grid, is_color: true, log_odds: vec![-2.0, -0.5, 1.0, 2.0] };
         assert_eq!(
@@ -95,9 +113,12 @@ mod tests {
         );
         assert_eq!(votes.vote(2, 0), Vote::None);
         assert_eq!(
-            [(0, 0), (99, 0), (0, 99), (5, 7)].map(|(u, v)| votes.log_odds_at_pixel(u, v)),
+            [(0, 0), (99, 0), (0, 99), (99, 99)].map(|(u, v)| votes.log_odds_at_pixel(u, v)),
             [-2.0, -0.5, 1.0, 2.0]
         );
+        assert_eq!([(4, 6), (5, 7)].map(|(u, v)| votes.at_pixel(u, v)), [Vote::Other, Vote::Floor]);
+        // 3/8 and 5/8 of the way from the first center to the last, in both directions.
+        assert_eq!([(4, 6), (5, 7)].map(|(u, v)| votes.log_odds_at_pixel(u, v)), [-0.382_812_5, 0.617_187_5]);
         assert_eq!(FloorVotes::default().at_pixel(3, 3), Vote::None);
     }
 }

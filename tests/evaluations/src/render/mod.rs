@@ -64,6 +64,6 @@ fn read_world(path: &Path) -> Result<World, String> {
     World::from_toml(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-fn require_output(out: &Output) -> Result<(), String> {
+pub fn require_output(out: &Output) -> Result<(), String> {
     if out.is_on() { Ok(()) } else { Err("needs a folder for the images: `--out DIR`".to_owned()) }
 }

@@ -4,6 +4,7 @@ mod intersection;
 mod mirror_pose;
 mod navel_grid;
 mod obstacles;
+mod overlays;
 mod polar_cells;
 mod wire_frame;
 
@@ -24,6 +25,7 @@ pub enum Command {
     Intersection(intersection::Arguments),
     WireFrame(wire_frame::Arguments),
     MirrorPose(mirror_pose::Arguments),
+    Overlays(overlays::Arguments),
 }
 
 impl Command {
@@ -36,6 +38,7 @@ impl Command {
             Self::Intersection(arguments) => arguments.run(out),
             Self::WireFrame(arguments) => arguments.run(out),
             Self::MirrorPose(arguments) => arguments.run(out),
+            Self::Overlays(arguments) => arguments.run(out),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Precision and recall of free floor on photographs with floor masks: the navel grid's brightness, and the floor's look.
 
 mod ranking;
+mod rendered;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use yamabico_free_space_avoider::navel_grid::{CellDetector, Polarity};
 use yamabico_vision::floor_appearance::{FloorAppearance, FloorPlace, Picture};
 
 use self::ranking::Ranking;
-use crate::arguments::{Data, Parameters};
+use crate::arguments::{Data, Parameters, Seeds};
 use crate::images::{Output, load_gray, load_rgb};
 use crate::report::{Report, Table, number, optional};
 
@@ -30,13 +31,16 @@ const RED: [u8; 3] = [255, 0, 0];
 /// there. Photographs are evaluated independently. Brightness: scaled to the navel grid, with the polarity that leaves the foreground
 /// free (bright if both do; no free cell if neither does); counted are the pixels of the cells below the lowest obstacle of each column.
 /// Look: blocks with log odds above 0, for a level camera and without a learned look, in color and in gray; the precision at recall 0.7
-/// ranks the pixels of all images of a row together. Baseline: the lower half of every image is floor.
+/// ranks the pixels of all images of a row together. Baseline: the lower half of every image is floor. With `--seeds`, instead of
+/// photographs: the pictures of the robot's camera in buildings drawn from these seeds, by kind of floor, with the camera's mount known.
 #[derive(Args)]
 pub struct Arguments {
     #[command(flatten)]
     data: Data,
     #[command(flatten)]
     parameters: Parameters,
+    #[command(flatten)]
+    seeds: Seeds,
     /// Only scenes whose name begins with this; may be repeated.
     #[arg(long, value_name = "NAME")]
     scene: Vec<String>,
@@ -52,6 +56,7 @@ struct Frame {
     gray: GrayImage,
     mask: GrayImage,
     ignore: Option<GrayImage>,
+    place: FloorPlace,
 }
 
 impl Frame {
@@ -64,6 +69,7 @@ impl Frame {
             gray: load_gray(&image)?,
             mask: load_gray(&path("masks", "png"))?,
             ignore: if ignore.exists() { Some(load_gray(&ignore)?) } else { None },
+            place: FloorPlace::UNKNOWN_CAMERA,
         })
     }
 
@@ -138,7 +144,7 @@ impl Finder {
                     Method::Look => Picture::Color(view.map_err(|error| error.to_string())?),
                     _ => Picture::Gray(frame.gray.view().map_err(|error| error.to_string())?),
                 };
-                let Ok(votes) = self.appearance.observe(picture, &FloorPlace::UNKNOWN_CAMERA) else {
+                let Ok(votes) = self.appearance.observe(picture, &frame.place) else {
                     return Ok(false);
                 };
                 log_odds.extend(pixels.map(|(u, v)| votes.log_odds_at_pixel(u, v)));
@@ -222,12 +228,20 @@ impl Arguments {
         };
         let output = Output::new(self.overlays.clone())?;
         let mut tables = Vec::new();
+        let seeds = self.seeds.or(0..0);
+        if !seeds.is_empty() {
+            let frames = seeds.map(rendered::frame);
+            tables.push(self.table("Buildings drawn from seeds", frames, &mut finder, &output)?);
+            return Ok(Report::new(tables));
+        }
         for (set, title) in [
             ("floor_masks", "Floor masks"),
             ("corridor_drive", "Corridor drive (the mask is a lane: recall counts)"),
         ] {
             if let Some(folder) = self.data.set(set) {
-                tables.push(self.table(&folder, title, &mut finder, &output)?);
+                let names = image_names(&folder)?;
+                let frames = names.iter().map(|name| Frame::load(&folder, name));
+                tables.push(self.table(title, frames, &mut finder, &output)?);
             }
         }
         Ok(Report::new(tables))
@@ -235,15 +249,15 @@ impl Arguments {
 
     fn table(
         &self,
-        folder: &Path,
         title: &str,
+        frames: impl Iterator<Item = Result<Frame, String>>,
         finder: &mut Finder,
         output: &Output,
     ) -> Result<Table, String> {
         let mut scores = BTreeMap::<(Method, String), Score>::new();
         let mut log_odds = Vec::new();
-        for name in &image_names(folder)? {
-            let frame = Frame::load(folder, name)?;
+        for frame in frames {
+            let frame = frame?;
             let is_chosen = |scene: &String| frame.scene().starts_with(scene.as_str());
             if !self.scene.is_empty() && !self.scene.iter().any(is_chosen) {
                 continue;
