@@ -7,13 +7,15 @@ use nalgebra::Point2;
 use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_vision::floor_appearance::{
-    AppearanceError, FloorAppearance, FloorPlace, FloorSamples, LearnedLook, Picture, Vote,
+    AppearanceError, FloorAppearance, FloorPlace, FloorSamples, LearnedLook, Picture,
 };
 
 use super::cells::{Cells, GridSize};
 
 /// Number of points examined along either side of a cell.
 const POINTS: usize = 5;
+/// Log odds above which a point of a cell counts as floor: a probability of 0.57.
+const FLOOR_LOG_ODDS: f32 = 0.3;
 
 /// Detector of obstacle cells by the floor's look. Allocates for the first image only.
 #[derive(Clone, Debug)]
@@ -36,7 +38,7 @@ impl LookCells {
         }
     }
 
-    /// Marks the cells of an image: a cell in which more than a quarter of the points are not voted floor is an obstacle.
+    /// Marks the cells of an image: a cell in which more than a quarter of the points are not likely floor is an obstacle.
     ///
     /// # Errors
     /// The image is too small, or its foreground is dark or overexposed; the cells are then unchanged.
@@ -52,7 +54,8 @@ impl LookCells {
             };
             let points = (0..POINTS * POINTS)
                 .map(|i| (at(column, i % POINTS, columns, width), at(row, i / POINTS, rows, height)));
-            let other = points.filter(|&(u, v)| votes.at_pixel(u, v) != Vote::Floor).count();
+            let other =
+                points.filter(|&(u, v)| votes.block_log_odds_at_pixel(u, v) <= FLOOR_LOG_ODDS).count();
             (other as f64 * pixels_per_point).round() as u32
         }));
         Ok(&self.cells)

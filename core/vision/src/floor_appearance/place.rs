@@ -7,12 +7,8 @@ use super::features::BlockGrid;
 
 /// Height of the foreground as a share of twice the height of the horizon.
 const FOREGROUND_HEIGHT: f32 = 0.12;
-/// Half the width of the foreground at the bottom as a share of half the image; it narrows toward the horizon.
-const FOREGROUND_WIDTH: f32 = 0.25;
-/// Distance from the middle, as a share of half the image, from which on the log odds decrease.
-const MIDDLE_WIDTH: f32 = 0.2;
-/// Height of the horizon as a share of twice its height.
-const HORIZON_HEIGHT: f32 = 0.5;
+/// Half the width of the foreground as a share of half the image.
+const FOREGROUND_WIDTH: f32 = 0.2;
 /// Height, as a share of twice the height of the horizon, above which there is no floor: a margin above the horizon, which may be
 /// tilted.
 const NO_FLOOR_HEIGHT: f32 = 0.62;
@@ -20,13 +16,13 @@ const NO_FLOOR_HEIGHT: f32 = 0.62;
 const BOTTOM_LOG_ODDS: f32 = 1.6;
 /// Decrease of the log odds over twice the height of the horizon.
 const LOG_ODDS_BY_HEIGHT: f32 = 6.5;
-/// Decrease of the log odds from there to the side of the image.
+/// Decrease of the log odds from the foreground's side to the side of the image.
 const LOG_ODDS_BY_SIDE: f32 = 2.0;
 
 /// Part of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// Directly in front of the robot, a trapezium; presumed to be floor while nothing else is known.
+    /// Directly in front of the robot; presumed to be floor while nothing else is known.
     Foreground,
     /// May be floor.
     Open,
@@ -84,12 +80,12 @@ impl FloorPlace {
         let side = ((column as f32 + 0.5) / grid.columns.max(1) as f32 - 0.5).abs() * 2.0;
         let part = if height > NO_FLOOR_HEIGHT {
             Part::NoFloor
-        } else if height < FOREGROUND_HEIGHT && side < FOREGROUND_WIDTH * (1.0 - height / HORIZON_HEIGHT) {
+        } else if height < FOREGROUND_HEIGHT && side < FOREGROUND_WIDTH {
             Part::Foreground
         } else {
             Part::Open
         };
-        let beside = (side - MIDDLE_WIDTH).max(0.0);
+        let beside = (side - FOREGROUND_WIDTH).max(0.0);
         (part, BOTTOM_LOG_ODDS - LOG_ODDS_BY_HEIGHT * height - LOG_ODDS_BY_SIDE * beside)
     }
 }

@@ -52,17 +52,22 @@ impl FloorVotes {
         vote(if is_inside { self.log_odds[row * self.grid.columns + column] } else { OUTSIDE })
     }
 
-    /// Returns the vote of the block at a pixel; beyond the outermost blocks, that of the nearest one. Blocks are not interpolated here,
-    /// so that a thing as small as a block remains.
+    /// Returns the vote of the block at a pixel; beyond the outermost blocks, that of the nearest one.
     #[must_use]
     pub fn at_pixel(&self, u: usize, v: usize) -> Vote {
+        vote(self.block_log_odds_at_pixel(u, v))
+    }
+
+    /// Returns the log odds of the block at a pixel; beyond the outermost blocks, those of the nearest one. Without blocks, undecided.
+    #[must_use]
+    pub fn block_log_odds_at_pixel(&self, u: usize, v: usize) -> f32 {
         let BlockGrid { columns, rows, side_px, left_px, top_px } = self.grid;
         if self.log_odds.is_empty() {
-            return vote(OUTSIDE);
+            return OUTSIDE;
         }
         let column = (u.saturating_sub(left_px) / side_px).min(columns - 1);
         let row = (v.saturating_sub(top_px) / side_px).min(rows - 1);
-        self.vote(column, row)
+        self.log_odds[row * columns + column]
     }
 
     /// Returns the log odds at a pixel, interpolated between the centers of blocks; beyond the outermost ones, those of the nearest

@@ -16,8 +16,8 @@ use super::Frame;
 const AHEAD_M: (f64, f64) = (1.2, 2.6);
 /// Maximum heading of the robot to either side of the hallway, rad.
 const HEADING_RAD: f64 = 0.5;
-/// Gray level above which a pixel is floor: the floor is white, everything else black.
-const WHITE: u8 = 20;
+/// Difference in gray level between the pictures with a white and with a black floor above which a pixel is floor.
+const MIN_DIFFERENCE: u8 = 20;
 
 /// Renders what the robot's camera shows in the building of a seed, before its first box, in color, with noise and blur.
 pub fn frame(seed: u64) -> Result<Frame, String> {
@@ -56,7 +56,7 @@ pub fn frame(seed: u64) -> Result<Frame, String> {
     for (pixel, (black, white)) in
         mask.pixels_mut().iter_mut().zip(black.chunks_exact(3).zip(white.chunks_exact(3)))
     {
-        *pixel = if white[1].saturating_sub(black[1]) > WHITE { 255 } else { 0 };
+        *pixel = if white[1].saturating_sub(black[1]) > MIN_DIFFERENCE { 255 } else { 0 };
     }
     let mut gray = GrayImage::default();
     gray.copy_from_rgb8(&rgb, width, height, 3 * width).map_err(|error| error.to_string())?;
