@@ -49,9 +49,15 @@ fn thresholds_of_another_camera_or_missing_ones_are_learned_again() {
     let folder = TestFolder::new("thresholds-again");
     let larger = ["--set", "robot.sensors.front.intrinsics={ width = 320, height = 240, fov_deg = 60 }"];
     let missing = ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"no-such-table.toml\""];
-    for (set, width) in [(larger, 320), (missing, 256)] {
+    let required = ["--set", "behaviors.stationary-obstacle-avoider.requires_thresholds=true"];
+    let check = |set: &[&str], status: i32, text: &str| {
         let checked = yamabico().arg("check").arg(config("hallway.toml")).args(set).output().unwrap();
-        assert_exit(&checked, 2, &["thresholds"]);
+        assert_exit(&checked, status, &["thresholds", text]);
+    };
+    check(&larger, 0, "were learned with images of 256 x 240 pixels");
+    check(&[&larger[..], &required[..]].concat(), 2, "learn them again");
+    check(&missing, 2, "no-such-table.toml");
+    for (set, width) in [(larger, 320), (missing, 256)] {
         let output = learn(&config("hallway.toml"), &folder, &[&set[..], &SHORT[..]].concat());
         assert_exit(&output, 0, &["places learned"]);
         assert_eq!(ThresholdTable::read(&folder.file("learned.toml")).unwrap().width, width);

@@ -35,8 +35,10 @@ pub use pictures::{Picture, PictureView, Pictures};
 pub use plugins::{BehaviorView, CallFigures, Motion, SensorView};
 pub(crate) use read::header;
 pub use scene::{ObstacleView, PoseView, ScanView, SceneView};
+pub(crate) use setup::map_files;
+#[cfg(feature = "page")]
+pub(crate) use setup::read_maps;
 pub use setup::{BehaviorParameters, Setup};
-pub(crate) use setup::{map_files, read_maps};
 pub use strips::{STRIP_S, Sample, Strips};
 
 use latency::Latency;

@@ -244,8 +244,8 @@ mod tests {
             assert_eq!(text.parse(), Ok(Button(button)), "{text}");
         }
         assert_eq!(
-            (Axis(3).to_string(), Axis(60).to_string(), Button(310).to_string()),
-            ("rx".into(), "60".into(), "tl".into())
+            (Axis(3).to_string(), Axis(62).to_string(), Button(310).to_string()),
+            ("rx".into(), "62".into(), "tl".into())
         );
         assert_eq!("y, -x,3".parse(), Ok(AxisMap([(1.0, Axis(1)), (-1.0, Axis(0)), (1.0, Axis(3))])));
         assert!("x,y".parse::<AxisMap>().unwrap_err().contains("three axes"));
