@@ -102,9 +102,10 @@ fn a_passage_stays_one_while_the_robot_turns() {
 }
 
 #[test]
-fn thresholds_of_another_camera_are_refused() {
+fn required_thresholds_of_another_camera_are_refused() {
     let other = Intrinsics::from_horizontal_fov(640, 480, 1.0);
-    let refused = Avoider::new(TABLE, setup(other)).err();
+    assert!(Avoider::new(TABLE, setup(other)).is_ok(), "left out where they are not required");
+    let refused = Avoider::new(&format!("{TABLE}\nrequires_thresholds = true"), setup(other)).err();
     let Some(ParameterError { key, problem, .. }) = refused else { panic!("not refused") };
     assert_eq!(key, "thresholds");
     assert!(problem.contains("256 x 240") && problem.contains("640 x 480"), "{problem}");

@@ -48,8 +48,8 @@ const FLOOR_END: f32 = 1.3;
 /// echo, which a smooth surface at an angle does not give.
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
-/// Cells behind the foot of an obstacle that count as its own until floor is seen there: 0.25 m.
-const HIDDEN_CELLS: u8 = 5;
+/// Cells behind the foot of an obstacle that count as its own until floor is seen there.
+const HIDDEN_CELLS: u8 = 3;
 /// Log odds of the foot of what moves as a thing, and of an upright edge.
 const MOVES_AS_THING: f32 = 1.0;
 const UPRIGHT_EDGE: f32 = 1.3;
@@ -303,10 +303,17 @@ impl LaneAvoider {
         for kind in [Evidence::Look, Evidence::Geometry] {
             self.grid.add(kind, floor().map(to_odometry), FLOOR);
         }
+        // Behind the foot of a wall nothing is known, and nothing needs to be.
+        let on_map = self.map_from_odometry();
+        let cells_behind = |foot: Point2<f64>| {
+            let is_wall = on_map
+                .is_some_and(|on_map| self.map.clearance(on_map.transform_point(to_odometry(foot))) < WALL_M);
+            if is_wall { 0 } else { HIDDEN_CELLS }
+        };
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);
             let ends = ends.filter(|&place| end(place) == weight);
-            let deep = ends.flat_map(|place| behind(place, place.coords));
+            let deep = ends.flat_map(|place| behind(place, place.coords, cells_behind(place)));
             self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
         }
         if let Some(edges) = &self.edges
@@ -314,7 +321,7 @@ impl LaneAvoider {
             && self.edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)
         {
             self.edges_from = Some(robot);
-            let feet = edges.feet(self.path.heading(), is_raised);
+            let feet = edges.feet(self.path.heading(), is_raised, cells_behind);
             self.grid.add(Evidence::Geometry, feet.map(to_odometry), UPRIGHT_EDGE);
         }
         if let Some(motion) = motion {
@@ -470,11 +477,11 @@ impl LaneAvoider {
     }
 }
 
-/// Places from the foot of an obstacle on, in the direction `away` from the robot: it is deeper than its foot, and how deep is not
-/// seen.
-fn behind(foot: Point2<f64>, away: Vector2<f64>) -> impl Iterator<Item = Point2<f64>> {
+/// Places from the foot of an obstacle on, that many cells in the direction `away` from the robot: it is deeper than its foot, and
+/// how deep is not seen.
+fn behind(foot: Point2<f64>, away: Vector2<f64>, cells: u8) -> impl Iterator<Item = Point2<f64>> {
     let step = away.normalize() * occupancy::CELL_M;
-    (0..=HIDDEN_CELLS).map(move |cells| foot + step * f64::from(cells))
+    (0..=cells).map(move |cells| foot + step * f64::from(cells))
 }
 
 /// Absolute difference of two angles, rad.

@@ -126,19 +126,20 @@ impl UprightEdges {
         &self.found
     }
 
-    /// Places on the floor at the feet of the edges in the last picture, and behind them as seen from the camera, robot frame, m;
-    /// without edges that may be a line on the floor in the direction `along` (rad), and those whose foot is not `counted`.
+    /// Places on the floor at the feet of the edges in the last picture, and `cells_behind` cells behind each as seen from the
+    /// camera, robot frame, m; without edges that may be a line on the floor in the direction `along` (rad), and those whose foot is not `counted`.
     pub fn feet(
         &self,
         along: f64,
         counted: impl Fn(Point2<f64>) -> bool,
+        cells_behind: impl Fn(Point2<f64>) -> u8,
     ) -> impl Iterator<Item = Point2<f64>> {
         let off = |edge: &UprightEdge| edge.foot - self.camera();
         let counted = self.found.iter().filter(move |edge| {
             let off = off(edge);
             angle_difference(off.y.atan2(off.x), along).abs() > ALONG_RAD && counted(edge.foot)
         });
-        counted.flat_map(move |edge| super::behind(edge.foot, off(edge)))
+        counted.flat_map(move |edge| super::behind(edge.foot, off(edge), cells_behind(edge.foot)))
     }
 
     fn camera(&self) -> Point2<f64> {

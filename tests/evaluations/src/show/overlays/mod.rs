@@ -1,4 +1,4 @@
-//! What the behaviors of a task drew on the picture of the robot's camera, in buildings drawn from seeds.
+//! Pictures of what the behaviors of a task drew on the image of the robot's camera, in buildings drawn from seeds.
 
 mod picture;
 mod snapshot;
@@ -19,7 +19,7 @@ use crate::tasks::load_task;
 
 /// Pictures of buildings with the same properties.
 struct Case {
-    /// What is to be seen.
+    /// Property that a picture shows.
     name: &'static str,
     /// Seeds of the buildings, one for each picture.
     seeds: &'static [u64],

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use yamabico_core::geometry::Pose2;
+use yamabico_core::geometry::{Hypotenuse, Pose2};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{
     FrameHeader, Message, MessageType, Obstacle, ObstaclesHeader, OverlayHeader, OverlayMark, Proposal,
@@ -51,7 +51,7 @@ impl Snapshot {
     /// Returns the places of the obstacles from near to far, as text.
     pub fn occupied(&self) -> String {
         let mut places: Vec<[f64; 2]> = self.obstacles.iter().map(|o| [o.x, o.y]).collect();
-        places.sort_by(|a, b| a[0].hypot(a[1]).total_cmp(&b[0].hypot(b[1])));
+        places.sort_by(|a, b| a[0].hypotenuse(a[1]).total_cmp(&b[0].hypotenuse(b[1])));
         let texts: Vec<String> = places.iter().take(6).map(|[x, y]| format!("({x:.1}, {y:.1})")).collect();
         match (places.len(), texts.join(" ")) {
             (0, _) => "nothing".to_owned(),
