@@ -48,8 +48,8 @@ const FLOOR_END: f32 = 1.3;
 /// echo, which a smooth surface at an angle does not give.
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
-/// Cells behind the foot of an obstacle that count as its own until floor is seen there.
-const HIDDEN_CELLS: u8 = 3;
+/// Cells behind the foot of an obstacle wider than a speck that count as its own until floor is seen there.
+const HIDDEN_CELLS: u8 = 5;
 /// Log odds of the foot of what moves as a thing, and of an upright edge.
 const MOVES_AS_THING: f32 = 1.0;
 const UPRIGHT_EDGE: f32 = 1.3;
@@ -311,9 +311,10 @@ impl LaneAvoider {
             if is_wall { 0 } else { HIDDEN_CELLS }
         };
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
-            let ends = columns.ends().filter(|end| is_thing(end)).map(|end| end.place);
-            let ends = ends.filter(|&place| end(place) == weight);
-            let deep = ends.flat_map(|place| behind(place, place.coords, cells_behind(place)));
+            let ends = columns.ends().filter(|foot| is_thing(foot) && end(foot.place) == weight);
+            let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
+                behind(place, place.coords, if is_lone { 0 } else { cells_behind(place) })
+            });
             self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
         }
         if let Some(edges) = &self.edges

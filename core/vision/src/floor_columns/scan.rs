@@ -54,7 +54,12 @@ pub struct FloorEnd {
     pub u: f64,
     /// Rows from the first that looks like the floor again, or the highest scanned, to the last of the floor, pixels.
     pub rows: [f64; 2],
+    /// True if the floor goes on in the columns to both sides: a speck rather than a thing.
+    pub is_lone: bool,
 }
+
+/// Distance between the ends of neighboring columns up to which one thing ends the floor in both, m.
+const SAME_FOOT_M: f64 = 0.3;
 
 /// Finds the end of the floor in each column. Allocates when it is created and no more.
 #[derive(Clone, Debug)]
@@ -242,8 +247,16 @@ impl FloorColumns {
         let columns = self.ends.iter().zip(&self.tops).enumerate();
         columns.filter(move |&(_, (&row, _))| row > self.top && row < last).map(|(column, (&row, &top))| {
             let [[u, from], [_, to]] = [top, row].map(|row| self.cells.middle(column, row));
-            FloorEnd { place: self.place(column, row), u, rows: [from, to] }
+            FloorEnd { place: self.place(column, row), u, rows: [from, to], is_lone: self.is_lone(column) }
         })
+    }
+
+    /// True if the floor reaches farther in both columns beside `column`, or beyond the border of the picture.
+    fn is_lone(&self, column: usize) -> bool {
+        let end_m = |column: usize| (self.place(column, self.ends[column]) - self.camera).norm();
+        let max_m = end_m(column) + SAME_FOOT_M;
+        let beside = [column.checked_sub(1), (column + 1 < self.ends.len()).then_some(column + 1)];
+        beside.into_iter().flatten().all(|beside| end_m(beside) > max_m)
     }
 
     /// Places of floor before its end, robot frame, m.
@@ -311,6 +324,20 @@ mod tests {
         let beyond = columns.free().filter(|place| place.x > foot_m + 0.1 && place.y.abs() < 0.02).count();
         assert_eq!(beyond, 0, "nothing behind the box is free");
         assert!(columns.free().count() > 1500);
+    }
+
+    #[test]
+    fn a_speck_is_lone_and_a_box_is_not() {
+        let mut columns = columns();
+        assert!(look(&mut columns, &picture(100, 180)));
+        assert!(columns.ends().all(|end| !end.is_lone));
+        let mut pixels = picture(0, 0);
+        for row in 100..180 {
+            pixels[row * SIZE.0 + 120..][..4].fill(60);
+        }
+        assert!(look(&mut columns, &pixels));
+        let ends: Vec<_> = columns.ends().map(|end| end.is_lone).collect();
+        assert_eq!(ends, [true], "one column of four pixels");
     }
 
     #[test]
