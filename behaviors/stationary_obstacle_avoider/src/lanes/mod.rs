@@ -14,18 +14,18 @@ mod drive;
 mod hidden_fan;
 mod motion;
 mod overlay;
+mod picture_evidence;
 mod upright_edges;
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
-use yamabico_core::geometry::{Hypotenuse, Pose2, Twist, angle_difference};
+use yamabico_core::geometry::{Hypotenuse, Pose2, Twist};
 use yamabico_core::image::GrayImage;
-use yamabico_core::message::{Axes, FrameHeader, Kind, ObstaclesHeader, Proposal, Reason, View};
+use yamabico_core::message::{Axes, Kind, ObstaclesHeader, Proposal, Reason};
 use yamabico_core::odometry_track::OdometryTrack;
 use yamabico_core::sensor::MountedPinhole;
 use yamabico_core::time::Time;
-use yamabico_vision::floor_appearance::Picture;
-use yamabico_vision::floor_columns::{ColumnRules, FloorColumns, FloorEnd};
+use yamabico_vision::floor_columns::{ColumnRules, FloorColumns};
 use yamabico_vision::map::WireFrame;
 
 use crate::config::Config;
@@ -36,29 +36,12 @@ use clusters::Clusters;
 use drive::{Drive, Situation};
 use hidden_fan::HiddenFan;
 use motion::FloorMotion;
-use occupancy::{Evidence, OccupancyGrid};
+use occupancy::OccupancyGrid;
+use picture_evidence::FLOOR_END_M;
 use planner::{Plan, Scene};
 use stations::PathAhead;
 use upright_edges::UprightEdges;
 
-/// Log odds of floor, and of the place where it ends, in one picture.
-const FLOOR: f32 = -0.7;
-const FLOOR_END: f32 = 1.3;
-/// Log odds of an end of the floor before an echo: a mirror image, or something below the beam; and in a beam without an
-/// echo, which a smooth surface at an angle does not give.
-const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
-const FLOOR_END_IN_SILENCE: f32 = 0.7;
-/// Cells behind the foot of an obstacle wider than a speck that count as its own until floor is seen there.
-const HIDDEN_CELLS: u8 = 5;
-/// Log odds of the foot of what moves as a thing, and of an upright edge.
-const MOVES_AS_THING: f32 = 1.0;
-const UPRIGHT_EDGE: f32 = 1.3;
-/// Motion between pictures whose upright edges count, m: the foot of a mirror image moves along by most of it, and from one place
-/// the same chance edge would count again and again.
-const EDGE_MOTION_M: f64 = 0.07;
-/// Distances up to which floor and its end count, m.
-const FLOOR_M: f64 = 2.6;
-const FLOOR_END_M: f64 = 2.4;
 /// Distance from walls within which evidence is assigned to the wall, m.
 const WALL_M: f64 = 0.16;
 /// Clearance beyond the robot and its margin that covers errors of the grid, m.
@@ -80,10 +63,6 @@ const LEARN_AREA_M: (f64, f64) = (1.2, 0.4);
 /// Azimuths that part the beams that look ahead from those that look aside, and from those behind, rad.
 const AHEAD_RAD: f64 = 0.26;
 const ASIDE_RAD: f64 = 1.6;
-/// Range of an echo below which a picture without floor shows a wall, m.
-const WALL_ECHO_M: f64 = 1.2;
-/// Time after which a picture without floor, echo or wall shows another light although something is known to stand near, s.
-const NO_FLOOR_S: f64 = 4.0;
 /// Distance from the end of the path at which the robot has arrived, m.
 const ARRIVED_M: f64 = 0.35;
 /// Age of the newest picture above which the speed is limited, s.
@@ -243,96 +222,6 @@ impl LaneAvoider {
         self.grid.advance(robot.position(), elapsed_s, is_in_view);
     }
 
-    /// Takes in a picture.
-    fn look(&mut self, frame: &View<'_, FrameHeader>, now: Time) -> Result<(), Reason> {
-        let stamp = Time(frame.header.stamp_ns);
-        if !stamp.is_next(self.last_picture, now) {
-            return Err(Reason::MalformedInput);
-        }
-        let robot = self.odometry.pose_at(stamp).ok_or(Reason::NoInput)?;
-        let learns = !self.is_occupied_near();
-        let color = frame.rgb(self.size).map(Picture::Color);
-        let picture = color.or_else(|| frame.gray(self.size, &mut self.gray).map(Picture::Gray));
-        if !self.columns.look(picture.ok_or(Reason::MalformedInput)?, learns) {
-            return Err(Reason::MalformedInput);
-        }
-        // A wall so near gives an echo; without one it is the floor that looks different, as in sunlight. What stands near
-        // and is known from before may fill the view, and give no echo at an angle.
-        let is_other_light =
-            self.columns.shows_no_floor() && self.sonar.nearest_m(-ASIDE_RAD..ASIDE_RAD) > WALL_ECHO_M;
-        if !is_other_light {
-            self.no_floor_since = None;
-        } else if learns || stamp.seconds_after(*self.no_floor_since.get_or_insert(stamp)) > NO_FLOOR_S {
-            self.columns.relearn();
-        }
-        self.last_picture = Some(stamp);
-        self.advance(stamp, &robot);
-        let to_odometry = |place: Point2<f64>| robot.transform_point(place);
-        self.hidden.clear();
-        if let Some(image) = frame.gray(self.size, &mut self.gray) {
-            if let Some(motion) = &mut self.motion {
-                motion.look(image, robot, stamp.as_secs_f64(), self.columns.ends(), &mut self.hidden);
-            }
-            // A mirror shows the edges of what stands elsewhere.
-            let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
-            match &mut self.edges {
-                Some(edges) if is_matt => edges.look(image, &mut self.hidden),
-                Some(edges) => edges.clear(),
-                None => {}
-            }
-        }
-        let (columns, beams, motion) = (&self.columns, self.sonar.beams(), &self.motion);
-        let is_raised =
-            |place: Point2<f64>| motion.as_ref().is_none_or(|motion| !motion.is_flat(to_odometry(place)));
-        let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && is_raised(end.place);
-        // Log odds of an end of the floor by the beams that it lies in.
-        let end = |place: Point2<f64>| {
-            let inside = beams.iter().filter(|beam| {
-                let off = place - Point2::new(beam.x_m, beam.y_m);
-                let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
-                is_inside && beam.echo_m().is_none_or(|echo_m| off.norm() + 0.15 < echo_m)
-            });
-            let has_echo = inside.map(|beam| beam.echo_m().is_some()).max();
-            match has_echo {
-                None => FLOOR_END,
-                Some(false) => FLOOR_END_IN_SILENCE,
-                Some(true) => FLOOR_END_BEFORE_ECHO,
-            }
-        };
-        let floor = || columns.free().filter(|&place| place.x < FLOOR_M && !self.hidden.is_hidden(place));
-        for kind in [Evidence::Look, Evidence::Geometry] {
-            self.grid.add(kind, floor().map(to_odometry), FLOOR);
-        }
-        // Behind the foot of a wall nothing is known, and nothing needs to be.
-        let on_map = self.map_from_odometry();
-        let cells_behind = |foot: Point2<f64>| {
-            let is_wall = on_map
-                .is_some_and(|on_map| self.map.clearance(on_map.transform_point(to_odometry(foot))) < WALL_M);
-            if is_wall { 0 } else { HIDDEN_CELLS }
-        };
-        for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
-            let ends = columns.ends().filter(|foot| is_thing(foot) && end(foot.place) == weight);
-            let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
-                behind(place, place.coords, if is_lone { 0 } else { cells_behind(place) })
-            });
-            self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
-        }
-        if let Some(edges) = &self.edges
-            && !edges.found().is_empty()
-            && self.edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)
-        {
-            self.edges_from = Some(robot);
-            let feet = edges.feet(self.path.heading(), is_raised, cells_behind);
-            self.grid.add(Evidence::Geometry, feet.map(to_odometry), UPRIGHT_EDGE);
-        }
-        if let Some(motion) = motion {
-            // In a mirror, motion is as doubtful as looks.
-            let kind = if motion.is_matt() { Evidence::Geometry } else { Evidence::Look };
-            self.grid.add(kind, motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
-        }
-        Ok(())
-    }
-
     /// Takes in the newest scan once.
     fn add_scan(&mut self) {
         let Some(stamp) = self.sonar.newest().filter(|_| self.sonar.newest() != self.last_scan) else {
@@ -476,16 +365,4 @@ impl LaneAvoider {
         // A missing subscriber or a full queue does not affect the proposal.
         let _ = outputs.publish(OBSTACLES.name, &header, self.clusters.group(&self.occupied));
     }
-}
-
-/// Places from the foot of an obstacle on, that many cells in the direction `away` from the robot: it is deeper than its foot, and
-/// how deep is not seen.
-fn behind(foot: Point2<f64>, away: Vector2<f64>, cells: u8) -> impl Iterator<Item = Point2<f64>> {
-    let step = away.normalize() * occupancy::CELL_M;
-    (0..=cells).map(move |cells| foot + step * f64::from(cells))
-}
-
-/// Absolute difference of two angles, rad.
-fn angle_between(a: f64, b: f64) -> f64 {
-    angle_difference(a, b).abs()
 }

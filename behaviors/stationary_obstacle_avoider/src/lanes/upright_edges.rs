@@ -8,6 +8,7 @@ use yamabico_core::geometry::angle_difference;
 use yamabico_core::image::ImageView;
 
 use super::hidden_fan::HiddenFan;
+use super::picture_evidence::behind;
 use crate::plumb_lines::{HALF_WIDTH_PX, PlumbLines};
 
 /// Distance from the camera up to which feet are searched, m.
@@ -139,7 +140,7 @@ impl UprightEdges {
             let off = off(edge);
             angle_difference(off.y.atan2(off.x), along).abs() > ALONG_RAD && counted(edge.foot)
         });
-        counted.flat_map(move |edge| super::behind(edge.foot, off(edge), cells_behind(edge.foot)))
+        counted.flat_map(move |edge| behind(edge.foot, off(edge), cells_behind(edge.foot)))
     }
 
     fn camera(&self) -> Point2<f64> {

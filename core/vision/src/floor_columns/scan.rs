@@ -331,13 +331,16 @@ mod tests {
         let mut columns = columns();
         assert!(look(&mut columns, &picture(100, 180)));
         assert!(columns.ends().all(|end| !end.is_lone));
-        let mut pixels = picture(0, 0);
-        for row in 100..180 {
-            pixels[row * SIZE.0 + 120..][..4].fill(60);
+        assert!(look(&mut columns, &picture(0, 0)));
+        assert_eq!(columns.ends().count(), 0, "an empty floor");
+        let row = columns.cells.size()[1] - 40;
+        for column in [0, 30, 63] {
+            columns.ends[column] = row;
+            assert!(columns.ends().all(|end| end.is_lone), "the floor goes on on both sides of {column}");
         }
-        assert!(look(&mut columns, &pixels));
-        let ends: Vec<_> = columns.ends().map(|end| end.is_lone).collect();
-        assert_eq!(ends, [true], "one column of four pixels");
+        columns.ends[31] = row + 1;
+        let lone: Vec<_> = columns.ends().map(|end| end.is_lone).collect();
+        assert_eq!(lone, [true, false, false, true], "two columns side by side are one thing");
     }
 
     #[test]
