@@ -1,4 +1,4 @@
-//! What one picture of a corridor says about the horizon: where the corridor vanishes, and edges that may be vertical.
+//! Signs of the horizon in one picture of a corridor: its vanishing point, and edges that may be vertical.
 
 use nalgebra::Vector2;
 

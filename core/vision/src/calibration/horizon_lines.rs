@@ -1,4 +1,4 @@
-//! The horizon by vanishing points, and the direction of gravity by plumb lines.
+//! Horizon by vanishing points, and direction of gravity by plumb lines.
 
 use nalgebra::{Matrix2, Vector2};
 use yamabico_geometry::camera::Intrinsics;
