@@ -78,6 +78,7 @@ pub mod overlay;
 pub mod plugins;
 pub mod range_scan;
 pub mod sensor;
+pub mod sonar_ring;
 pub mod testing;
 pub mod time;
 

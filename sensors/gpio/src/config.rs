@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
 use yamabico_core::behavior::ParameterError;
-use yamabico_core::message::Beam;
+use yamabico_core::sonar_ring::RingGeometry;
 
 use crate::ring::RingConfig;
 
@@ -85,12 +85,7 @@ impl SonarConfig {
                 return refused(key, format!("needs one line for each of the {count} `azimuths_deg`"));
             }
         }
-        if self.azimuths_deg.iter().any(|azimuth| !(-180.0..=180.0).contains(azimuth)) {
-            return refused("azimuths_deg", "each must be -180 to 180 degrees".into());
-        }
-        if self.max_m <= self.min_m {
-            return refused("max_m", "must be above min_m".into());
-        }
+        self.geometry().check()?;
         let lines = self.triggers.iter().chain(&self.echoes);
         let twice = lines
             .enumerate()
@@ -123,17 +118,20 @@ impl SonarConfig {
         1e-3 * self.turn_ms * self.azimuths_deg.len() as f64
     }
 
+    fn geometry(&self) -> RingGeometry<'_> {
+        RingGeometry {
+            azimuths_deg: &self.azimuths_deg,
+            cone_deg: self.cone_deg,
+            from_center_m: self.from_center_m,
+            range_m: [self.min_m, self.max_m],
+        }
+    }
+
     /// Geometry and times of the ring.
     #[must_use]
     pub fn ring(&self) -> RingConfig {
-        let beam = |azimuth_deg: &f64| {
-            let azimuth_rad = azimuth_deg.to_radians();
-            let (sin, cos) = azimuth_rad.sin_cos();
-            let (x_m, y_m) = (self.from_center_m * cos, self.from_center_m * sin);
-            Beam { azimuth_rad, cone_rad: self.cone_deg.to_radians(), x_m, y_m, ..Beam::default() }
-        };
         RingConfig {
-            beams: self.azimuths_deg.iter().map(beam).collect(),
+            beams: self.geometry().beams(),
             range_m: [self.min_m, self.max_m],
             sound_mps: self.sound_mps,
             turn: Duration::from_secs_f64(1e-3 * self.turn_ms),

@@ -18,7 +18,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let network = Network::join(None)?;
     match words.as_slice() {
         ["receive", topic, message_type, seconds] => {
-            receive(&network, topic, (*message_type).to_owned().leak(), seconds.parse()?)
+            receive(&network, topic, (*message_type).to_owned().leak(), seconds.parse()?);
         }
         ["send", topic, seconds, rate_hz] => send(&network, topic, seconds.parse()?, rate_hz.parse()?)?,
         _ => return Err("latency receive TOPIC TYPE SECONDS, or latency send TOPIC SECONDS RATE".into()),

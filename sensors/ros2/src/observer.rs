@@ -34,7 +34,7 @@ enum Observed {
     Odometry(Odometry),
     Pose(Pose),
     Path(PathHeader, Vec<PathPoint>),
-    Decision(DecisionHeader, Vec<Verdict>),
+    Decision(Box<DecisionHeader>, Vec<Verdict>),
 }
 
 /// The behavior.
@@ -94,7 +94,7 @@ impl Behavior for Observer {
             });
             if is_due {
                 self.last = Some((now, header.mode, header.source));
-                send(Observed::Decision(*header, decision.items.to_vec()));
+                send(Observed::Decision(Box::new(*header), decision.items.to_vec()));
             }
         }
         Proposal::abstain(Reason::Nominal)

@@ -2,6 +2,8 @@
 //!
 //! Needs a Python with `ros-jazzy-rclpy`, named by `YAMABICO_RCLPY`, and the program `yamabico` beside `yamabico-ros2`; skips without.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

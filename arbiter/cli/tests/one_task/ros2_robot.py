@@ -4,14 +4,12 @@ a program beside it until the input ends.
     python ros2_robot.py PROGRAM ARGUMENT...
 """
 
-import ctypes
 import json
 import math
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import rclpy
@@ -22,6 +20,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Imu, LaserScan
 
 sys.path.append(os.path.join(os.path.dirname(__file__), "../../../../sensors/ros2/tests/python"))
 from foreign_types import Cdr, foreign_type  # noqa: E402
+from live_run import spin, with_me  # noqa: E402
 
 
 def main():
@@ -37,9 +36,7 @@ def main():
     frames = node.create_publisher(foreign_type("tf2_msgs", "TFMessage"), "/tf_static", latched)
     frames.publish(lidar_frame())
     node.create_subscription(TwistStamped, "/cmd_vel", command, 10)
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    threading.Thread(target=executor.spin, daemon=True).start()
+    spin(node)
     run = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL, stdout=sys.stderr, preexec_fn=with_me)
     for line in sys.stdin.buffer:
         sensed = json.loads(line)
@@ -68,11 +65,6 @@ def main():
     sys.stdout.flush()
     # Threads of rclpy may hang at the end.
     os._exit(0)
-
-
-def with_me():
-    """Lets a process die with this one."""
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
 
 
 def command(message):

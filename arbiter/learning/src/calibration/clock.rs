@@ -4,8 +4,9 @@ use std::path::Path;
 
 use serde::Serialize;
 use yamabico_core::camera::Mount;
-use yamabico_vision::calibration::clock_offset::{HeadingTrack, TimedTurn, fit_clock_offset};
+use yamabico_vision::calibration::clock_offset::fit_clock_offset;
 use yamabico_vision::calibration::float_image::FloatImage;
+use yamabico_vision::calibration::heading_track::{HeadingTrack, TimedTurn};
 use yamabico_vision::calibration::turn_rate::HorizonBand;
 
 use super::Measured;

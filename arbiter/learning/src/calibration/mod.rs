@@ -11,6 +11,8 @@
 //! [`robot_camera`] reads the camera from a robot file and writes results into it, without touching its comments.
 
 pub mod board_page;
+mod camera_height;
+mod camera_keys;
 pub mod clock;
 pub mod floor_board;
 pub mod lens;

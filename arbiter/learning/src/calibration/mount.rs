@@ -5,41 +5,26 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector2;
 use serde::Serialize;
 use yamabico_core::camera::{Calibration, Distortion, Intrinsics, Mount, Pinhole};
-use yamabico_core::geometry::{Hypotenuse, Pose2, angle_difference};
-use yamabico_core::image::GrayImage;
-use yamabico_vision::calibration::corridor_height::{HEIGHTS_M, WIDTHS_M, height_of, width_in_heights};
-use yamabico_vision::calibration::float_image::FloatImage;
-use yamabico_vision::calibration::floor_motion::{FloorPair, fit_floor_motion};
-use yamabico_vision::calibration::horizon_fit::{CorridorSight, HorizonFit, PrincipalRow, fit_horizon};
+use yamabico_core::geometry::{Hypotenuse, Pose2};
+use yamabico_vision::calibration::corridor_height::{HEIGHTS_M, WIDTHS_M};
+use yamabico_vision::calibration::corridor_sight::CorridorSight;
+use yamabico_vision::calibration::horizon_fit::{HorizonFit, PrincipalRow, fit_horizon};
 use yamabico_vision::corridor::evidence::EvidenceObserver;
 use yamabico_vision::corridor::floor_lines::FloorLineRule;
 use yamabico_vision::corridor::observer::{CorridorCamera, CorridorObserver};
 use yamabico_vision::segments::SegmentConfig;
 
-use super::Measured;
 use super::overlay::{self, GroundOverlay};
 use super::pictures::Picture;
-use super::recorded_drive::RecordedDrive;
+use super::recorded_drive::thinned_frames;
 use super::robot_camera::{Findings, RobotCamera};
+use super::{Measured, camera_height};
 use crate::LearningError;
 
-/// Time between the frames of a recording that are used, s; it doubles where a recording has too many.
-const FRAME_EVERY_S: f64 = 0.15;
-/// Maximum number of frames.
-const MAX_FRAMES: usize = 240;
 /// Probability of a corridor from which on a picture counts.
 const CORRIDOR: f64 = 0.5;
-/// Distance between two frames whose floor is compared, m, and largest turn between them, rad.
-const PAIR_M: std::ops::RangeInclusive<f64> = 0.08..=0.5;
-const PAIR_RAD: f64 = 0.08;
-/// Maximum number of pairs.
-const MAX_PAIRS: usize = 32;
-/// Smoothing of frames whose floor is compared, px.
-const SMOOTHING_PX: f64 = 1.0;
 /// Number of times that pictures are straightened again about an estimated principal point.
 const CENTERINGS: usize = 3;
-/// Height assumed where nothing is known, m.
-const ASSUMED_M: f64 = 0.4;
 /// Difference of two heights from which on they contradict each other, standard deviations.
 const CONTRADICTION: f64 = 4.0;
 
@@ -96,12 +81,6 @@ pub struct Learned {
     pub findings: Findings,
 }
 
-/// Frame with its stamp, s.
-struct Frame {
-    seconds: f64,
-    picture: Picture,
-}
-
 /// Measures the mount of `camera` from pictures.
 ///
 /// # Errors
@@ -142,25 +121,7 @@ pub fn from_recording(
     camera: &RobotCamera,
     options: &Options,
 ) -> Result<Learned, LearningError> {
-    let size = camera.intrinsics.intrinsics().size();
-    let (mut frames, mut every_s): (Vec<Frame>, f64) = (Vec::new(), FRAME_EVERY_S);
-    let drive = RecordedDrive::read(recording, &camera.sensor, size, &mut |seconds, image| {
-        if frames.last().is_some_and(|last| seconds - last.seconds < every_s) {
-            return;
-        }
-        let mut gray = GrayImage::default();
-        gray.copy_from(image);
-        let name = format!("{}, {seconds:.2} s", recording.display());
-        frames.push(Frame { seconds, picture: Picture { name, gray } });
-        if frames.len() > MAX_FRAMES {
-            let mut index = 0;
-            frames.retain(|_| {
-                index += 1;
-                index % 2 == 1
-            });
-            every_s *= 2.0;
-        }
-    })?;
+    let (frames, drive) = thinned_frames(recording, camera)?;
     let poses: Vec<Option<Pose2>> = frames.iter().map(|frame| drive.pose_at(frame.seconds)).collect();
     let pictures: Vec<Picture> = frames.into_iter().map(|frame| frame.picture).collect();
     let mut learned = learn(&pictures, Some(&poses), camera, options)?;
@@ -206,7 +167,7 @@ fn learn(
     let mut notes = Vec::new();
 
     let by_width = options.corridor_width_m.and_then(|width_m| {
-        let found = height_by_width(pictures, &sights, &pinhole, &mount, width_m);
+        let found = camera_height::by_width(pictures, &sights, &pinhole, &mount, width_m);
         if found.is_none() {
             notes.push(
                 "too few pictures show the foot of both walls: the width of the corridor gives no height"
@@ -216,7 +177,9 @@ fn learn(
         found
     });
     let by_motion = poses.filter(|poses| poses.iter().flatten().count() > 1).and_then(|poses| {
-        by_floor_motion(pictures, poses, &pinhole, &mount).map_err(|problem| notes.push(problem)).ok()
+        camera_height::by_floor_motion(pictures, poses, &pinhole, &mount)
+            .map_err(|problem| notes.push(problem))
+            .ok()
     });
     let motion_m = by_motion.map(|motion| Measured::new(motion.height_m, motion.height_sigma_m));
     if let (Some(a), Some(b)) = (by_width, motion_m) {
@@ -300,71 +263,6 @@ fn sight(picture: &Picture, pinhole: &Pinhole) -> CorridorSight {
     let point = seen.observation.ok().filter(|_| seen.probability >= CORRIDOR && !seen.is_far);
     let width = f64::from(pinhole.intrinsics().width);
     CorridorSight::new(point.map(|point| point.vanishing_point), observer.observer().segments(), width)
-}
-
-/// Height by the width of the corridor, m. Which lines are walls depends on the height, so it is computed again with its first result.
-fn height_by_width(
-    pictures: &[Picture],
-    sights: &[CorridorSight],
-    pinhole: &Pinhole,
-    mount: &Mount,
-    width_m: f64,
-) -> Option<Measured> {
-    let mut assumed_m = if mount.z > 0.0 { mount.z } else { ASSUMED_M };
-    let mut found = None;
-    for _ in 0..3 {
-        let of = |(picture, _): (&Picture, &CorridorSight)| {
-            width_in_heights(picture.gray.view().ok()?, pinhole, &Mount { z: assumed_m, ..*mount })
-        };
-        let seen = pictures.iter().zip(sights).filter(|(_, sight)| sight.point.is_some());
-        let widths: Vec<f64> = seen.filter_map(of).collect();
-        found = height_of(&widths, width_m);
-        let next = found.as_ref()?.height_m;
-        let is_settled = (next / assumed_m - 1.0).abs() < 0.02;
-        assumed_m = next;
-        if is_settled {
-            break;
-        }
-    }
-    found.map(|height| Measured::new(height.height_m, height.sigma_m))
-}
-
-/// Height and pan by the motion of the floor.
-fn by_floor_motion(
-    pictures: &[Picture],
-    poses: &[Option<Pose2>],
-    pinhole: &Pinhole,
-    mount: &Mount,
-) -> Result<yamabico_vision::calibration::floor_motion::FloorMotion, String> {
-    let mut chosen: Vec<(usize, usize)> = Vec::new();
-    for (first, pose) in poses.iter().enumerate() {
-        let Some(pose) = pose else { continue };
-        // Pairs at several distances, so that a regular floor cannot fit all of them wrongly.
-        let wanted_m = [0.12, 0.2, 0.3][first % 3];
-        let distance = |other: &Pose2| pose.distance(other);
-        let later = poses.iter().enumerate().skip(first + 1).take(12);
-        let later = later.filter_map(|(index, other)| Some((index, (*other)?)));
-        let straight = later.filter(|(_, other)| {
-            PAIR_M.contains(&distance(other)) && angle_difference(other.theta, pose.theta).abs() < PAIR_RAD
-        });
-        let off = |other: &Pose2| (distance(other) - wanted_m).abs();
-        let best = straight.min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)));
-        chosen.extend(best.map(|(second, _)| (first, second)));
-    }
-    let step = chosen.len().div_ceil(MAX_PAIRS).max(1);
-    let chosen: Vec<(usize, usize)> = chosen.into_iter().step_by(step).collect();
-    let smooth = |index: usize| -> Option<FloatImage> {
-        Some(FloatImage::of(pictures[index].gray.view().ok()?).smoothed(SMOOTHING_PX))
-    };
-    let images: Vec<([FloatImage; 2], [Pose2; 2])> = chosen
-        .iter()
-        .filter_map(|(a, b)| Some(([smooth(*a)?, smooth(*b)?], [poses[*a]?, poses[*b]?])))
-        .collect();
-    let pairs: Vec<FloorPair<'_>> = images
-        .iter()
-        .map(|(images, poses)| FloorPair { pictures: [&images[0], &images[1]], poses: *poses })
-        .collect();
-    fit_floor_motion(pinhole, mount, &pairs).map_err(|error| error.to_string())
 }
 
 /// Draws into the picture whose vanishing point is nearest to the horizon and the middle.

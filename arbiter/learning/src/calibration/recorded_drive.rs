@@ -10,7 +10,14 @@ use yamabico_core::time::Time;
 use yamabico_runtime::execution::topics;
 use yamabico_runtime::record::{Tap, play_topics};
 
+use super::pictures::Picture;
+use super::robot_camera::RobotCamera;
 use crate::LearningError;
+
+/// Time between the frames of a recording that are used, s; it doubles where a recording has too many.
+const FRAME_EVERY_S: f64 = 0.15;
+/// Maximum number of frames.
+const MAX_FRAMES: usize = 240;
 
 /// Odometry of a drive, and what was wrong with its recording.
 #[derive(Debug, Default)]
@@ -21,6 +28,14 @@ pub(super) struct RecordedDrive {
     pub frames: usize,
     /// Parts of the recording that were not used, for people.
     pub warnings: Vec<String>,
+}
+
+/// Frame of a recording.
+pub(super) struct Frame {
+    /// Stamp, s from the first measurement.
+    pub seconds: f64,
+    /// Picture, named by the recording and its stamp.
+    pub picture: Picture,
 }
 
 impl RecordedDrive {
@@ -81,6 +96,36 @@ impl RecordedDrive {
         let motion = earlier.relative(later);
         Some(earlier.compose(&Pose2::new(share * motion.x, share * motion.y, share * motion.theta)))
     }
+}
+
+/// Reads a recording with the frames of `camera`, at most [`MAX_FRAMES`] at equal distances in time.
+///
+/// # Errors
+/// As [`RecordedDrive::read`].
+pub(super) fn thinned_frames(
+    recording: &Path,
+    camera: &RobotCamera,
+) -> Result<(Vec<Frame>, RecordedDrive), LearningError> {
+    let size = camera.intrinsics.intrinsics().size();
+    let (mut frames, mut every_s): (Vec<Frame>, f64) = (Vec::new(), FRAME_EVERY_S);
+    let drive = RecordedDrive::read(recording, &camera.sensor, size, &mut |seconds, image| {
+        if frames.last().is_some_and(|last| seconds - last.seconds < every_s) {
+            return;
+        }
+        let mut gray = GrayImage::default();
+        gray.copy_from(image);
+        let name = format!("{}, {seconds:.2} s", recording.display());
+        frames.push(Frame { seconds, picture: Picture { name, gray } });
+        if frames.len() > MAX_FRAMES {
+            let mut index = 0;
+            frames.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            every_s *= 2.0;
+        }
+    })?;
+    Ok((frames, drive))
 }
 
 struct DriveTap<'a> {

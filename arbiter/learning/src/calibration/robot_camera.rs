@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use toml_edit::{DocumentMut, InlineTable, Item, Table, TableLike, Value, value};
+use toml_edit::{DocumentMut, Item, Table};
 use yamabico_core::camera::{Calibration, Distortion, IntrinsicsConfig, MountConfig, Pinhole};
 use yamabico_core::plugins::Plugins;
 use yamabico_parameters::quoted;
 use yamabico_runtime::record::Contents;
 
+use super::camera_keys::write_findings;
 use crate::LearningError;
 
 /// Name of a camera for which no robot file is given.
@@ -29,7 +30,7 @@ pub struct RobotCamera {
     /// Latency, ms, if the file or the driver says one.
     pub latency_ms: Option<f64>,
     /// True if the sensor has the parameter `calibration`.
-    has_class: bool,
+    pub(super) has_class: bool,
 }
 
 /// Values that were measured.
@@ -125,7 +126,7 @@ impl RobotCamera {
     #[must_use]
     pub fn toml(&self, findings: &Findings) -> String {
         let mut sensor = Table::new();
-        self.apply(&mut sensor, findings);
+        write_findings(self, &mut sensor, findings);
         let mut sensors = Table::new();
         sensors.set_implicit(true);
         sensors.insert(&self.sensor, Item::Table(sensor));
@@ -148,48 +149,11 @@ impl RobotCamera {
         let sensor = document.get_mut("sensors").and_then(|sensors| sensors.get_mut(&self.sensor));
         let sensor = sensor.and_then(Item::as_table_like_mut);
         let sensor = sensor.ok_or_else(|| unsuitable(format!("has no sensor `{}`", self.sensor)))?;
-        self.apply(sensor, findings);
+        write_findings(self, sensor, findings);
         // A file that is cut off by a full disk would cost the robot: the new one replaces the old one at once.
         let new = file.with_extension("toml.new");
         let written = std::fs::write(&new, document.to_string()).and_then(|()| std::fs::rename(&new, file));
         written.map_err(|error| LearningError::write(file, error))
-    }
-
-    fn apply(&self, sensor: &mut dyn TableLike, findings: &Findings) {
-        if let Some(lens) = &findings.lens
-            && let Some(table) = group(sensor, "intrinsics")
-        {
-            set_lens(table, lens);
-        }
-        if let Some(row) = findings.principal_row
-            && let Some(table) = group(sensor, "intrinsics")
-        {
-            if table.is_empty() {
-                set(table, "width", Value::from(i64::from(self.intrinsics.width)));
-                set(table, "height", Value::from(i64::from(self.intrinsics.height)));
-                set(table, "fov_deg", rounded(self.intrinsics.fov_deg, 2));
-            }
-            set(table, "cy", rounded(row, 1));
-        }
-        let Findings { height_m, tilt_deg, roll_deg, pan_deg, .. } = *findings;
-        for (key, number, decimals) in [
-            ("z_m", height_m, 3),
-            ("tilt_deg", tilt_deg, 2),
-            ("roll_deg", roll_deg, 2),
-            ("pan_deg", pan_deg, 2),
-        ] {
-            if let Some(number) = number
-                && let Some(table) = group(sensor, "mount")
-            {
-                set(table, key, rounded(number, decimals));
-            }
-        }
-        if let Some(latency_ms) = findings.latency_ms {
-            set(sensor, "latency_ms", rounded(latency_ms, 1));
-        }
-        if findings.is_complete && self.has_class {
-            set(sensor, "calibration", Value::from("measured"));
-        }
     }
 
     fn of_text(text: &str, name: &str, sensor: Option<&str>, plugins: &Plugins) -> Result<Self, String> {
@@ -276,65 +240,6 @@ fn listed(names: &[&str]) -> String {
 
 fn number(value: &toml::Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|value| value as f64))
-}
-
-fn set_lens(table: &mut dyn TableLike, lens: &Pinhole) {
-    let (at, distortion) = (lens.intrinsics(), lens.distortion());
-    table.remove("fov_deg");
-    for (key, pixels) in [("width", at.width), ("height", at.height)] {
-        set(table, key, Value::from(i64::from(pixels)));
-    }
-    for (key, pixels) in [("fx", at.fx), ("fy", at.fy), ("cx", at.cx), ("cy", at.cy)] {
-        set(table, key, rounded(pixels, 2));
-    }
-    let Some(table) = group(table, "distortion") else { return };
-    let Distortion { k1, k2, p1, p2, k3 } = *distortion;
-    for (key, coefficient) in [("k1", k1), ("k2", k2), ("p1", p1), ("p2", p2), ("k3", k3)] {
-        if coefficient != 0.0 {
-            set(table, key, rounded(coefficient, 5));
-        } else {
-            table.remove(key);
-        }
-    }
-}
-
-/// Returns the table `key`, an inline one if it is new.
-fn group<'a>(table: &'a mut dyn TableLike, key: &str) -> Option<&'a mut dyn TableLike> {
-    if !table.get(key).is_some_and(Item::is_table_like) {
-        table.insert(key, value(InlineTable::new()));
-    }
-    table.get_mut(key)?.as_table_like_mut()
-}
-
-/// Sets a key, and keeps the spaces and the comment around its value.
-fn set(table: &mut dyn TableLike, key: &str, new: Value) {
-    match table.get_mut(key).and_then(Item::as_value_mut) {
-        Some(old) => {
-            let decor = old.decor().clone();
-            *old = new;
-            *old.decor_mut() = decor;
-        }
-        None => {
-            // The space before the closing brace of an inline table belongs to its last value.
-            let last =
-                table.iter_mut().last().and_then(|(_, item)| item.as_value_mut().map(Value::decor_mut));
-            if let Some(decor) = last
-                && decor
-                    .suffix()
-                    .and_then(|suffix| suffix.as_str())
-                    .is_some_and(|suffix| suffix.trim().is_empty())
-            {
-                decor.set_suffix("");
-            }
-            table.insert(key, value(new));
-        }
-    }
-}
-
-fn rounded(number: f64, decimals: i32) -> Value {
-    let scale = 10_f64.powi(decimals);
-    // Adding zero turns a negative zero into a positive one.
-    Value::from((number * scale).round() / scale + 0.0)
 }
 
 #[cfg(test)]

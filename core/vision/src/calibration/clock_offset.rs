@@ -6,6 +6,7 @@ use thiserror::Error;
 use yamabico_geometry::Hypotenuse;
 
 use super::floor_motion::parabola;
+use super::heading_track::{HeadingTrack, TimedTurn};
 use super::spread::block_jackknife;
 
 /// Largest offset that is looked for, s, and step of the search, s.
@@ -22,24 +23,6 @@ const AMBIGUOUS: f64 = 0.97;
 const APART_S: f64 = 0.15;
 /// Lower bound of the standard deviation, s.
 const MIN_SIGMA_S: f64 = 1e-3;
-
-/// Turn between two pictures, by their stamps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TimedTurn {
-    /// Stamp of the earlier picture, s.
-    pub from_s: f64,
-    /// Stamp of the later picture, s.
-    pub to_s: f64,
-    /// Turn between them, rad, positive to the left.
-    pub turn: f64,
-}
-
-/// Heading by odometry, which grows beyond a whole turn.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct HeadingTrack {
-    stamps_s: Vec<f64>,
-    headings: Vec<f64>,
-}
 
 /// Offset between two clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,49 +76,6 @@ pub enum ClockError {
         /// Another offset, ms.
         second_ms: f64,
     },
-}
-
-impl HeadingTrack {
-    /// Appends a heading, rad; one that is not newer than the last, or not finite, is left out.
-    pub fn push(&mut self, stamp_s: f64, heading: f64) {
-        let is_newer = self.stamps_s.last().is_none_or(|last| stamp_s > *last);
-        if !is_newer || !stamp_s.is_finite() || !heading.is_finite() {
-            return;
-        }
-        let last = self.headings.last().copied().unwrap_or(heading);
-        self.stamps_s.push(stamp_s);
-        self.headings.push(last + yamabico_geometry::wrap_angle(heading - last));
-    }
-
-    /// Heading at a time, interpolated; `None` outside of the track.
-    #[must_use]
-    pub fn at(&self, seconds: f64) -> Option<f64> {
-        let after = self.stamps_s.partition_point(|stamp| *stamp < seconds);
-        if after < self.stamps_s.len() && self.stamps_s[after] == seconds {
-            return Some(self.headings[after]);
-        }
-        let before = after.checked_sub(1).filter(|_| after < self.stamps_s.len())?;
-        let share = (seconds - self.stamps_s[before]) / (self.stamps_s[after] - self.stamps_s[before]);
-        Some(self.headings[before] + share * (self.headings[after] - self.headings[before]))
-    }
-
-    /// Number of headings.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.headings.len()
-    }
-
-    /// Returns true without headings.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.headings.is_empty()
-    }
-
-    /// Turn rate that a pair of pictures sees if their stamps are late by `offset`, rad/s.
-    fn rate(&self, seen: &TimedTurn, offset_s: f64) -> Option<f64> {
-        let turn = self.at(seen.to_s - offset_s)? - self.at(seen.from_s - offset_s)?;
-        Some(turn / (seen.to_s - seen.from_s))
-    }
 }
 
 /// Estimates the offset.
@@ -203,7 +143,7 @@ struct Fit {
 impl Fit {
     fn of(turns: &[TimedTurn], odometry: &HeadingTrack, offset_s: f64) -> Option<Self> {
         let pairs: Vec<(f64, f64)> =
-            turns.iter().filter_map(|turn| Some((odometry.rate(turn, offset_s)?, rate(turn)))).collect();
+            turns.iter().filter_map(|turn| Some((odometry.rate(turn, offset_s)?, turn.rate()))).collect();
         if 2 * pairs.len() < turns.len() || pairs.len() < 3 {
             return None;
         }
@@ -230,7 +170,7 @@ fn refined(turns: &[TimedTurn], odometry: &HeadingTrack, start_s: f64) -> Option
             .filter_map(|turn| {
                 let at = |offset_s: f64| odometry.rate(turn, offset_s);
                 let slope = fit.scale * (at(offset_s + half_s)? - at(offset_s - half_s)?) / (2.0 * half_s);
-                Some((slope, rate(turn) - fit.bias - fit.scale * at(offset_s)?))
+                Some((slope, turn.rate() - fit.bias - fit.scale * at(offset_s)?))
             })
             .collect();
         let residuals: Vec<f64> = rows.iter().map(|row| row.1).collect();
@@ -249,10 +189,6 @@ fn refined(turns: &[TimedTurn], odometry: &HeadingTrack, start_s: f64) -> Option
         offset_s += step;
     }
     Some(offset_s)
-}
-
-fn rate(turn: &TimedTurn) -> f64 {
-    turn.turn / (turn.to_s - turn.from_s)
 }
 
 fn deviation(values: &[f64]) -> f64 {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector2;
 
+use super::grid_nodes::Nodes;
 use super::saddle_points::SaddlePoint;
 
 /// Maximum distance of a corner from its prediction, as a share of the distance to its neighbor.
@@ -12,9 +13,6 @@ const MAX_OFF: f64 = 0.3;
 const MIN_COSINE: f64 = 0.85;
 /// Smallest ratio of the contrasts of neighbors.
 const MIN_CONTRAST_RATIO: f64 = 0.3;
-
-/// Grid of corners: position on the grid to index among the saddle points.
-pub type Nodes = BTreeMap<[i32; 2], usize>;
 
 /// Grows grids among saddle points.
 #[derive(Clone, Debug)]

@@ -4,30 +4,15 @@
 //! the horizon is in the picture; the second by how much the camera is tilted. Where the two contradict the principal point, the
 //! picture was cropped.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::Vector3;
 use thiserror::Error;
 use yamabico_geometry::Hypotenuse;
 use yamabico_geometry::camera::{Calibration, Intrinsics, Mount};
 
-use super::spread::{block_jackknife, median, robust_sigma};
-use crate::segments::Segment;
+use super::corridor_sight::CorridorSight;
+use super::horizon_lines::HorizonLines;
+use super::spread::block_jackknife;
 
-/// Maximum angle of a plumb line from the column direction, rad.
-const PLUMB_RAD: f64 = 25.0 * std::f64::consts::PI / 180.0;
-/// Scales of the robust weights of plumb lines in turn, rad.
-const KERNELS_RAD: [f64; 4] = [0.15, 0.08, 0.04, 0.025];
-/// Rounds with each scale.
-const ROUNDS: usize = 6;
-/// Length at which a plumb line has its full weight, as a share of the picture's width.
-const FULL_LENGTH_SHARE: f64 = 0.3;
-/// Minimum length of a plumb line, likewise.
-const MIN_LENGTH_SHARE: f64 = 0.04;
-/// Distance of a line from the vanishing point below which it may run along the corridor instead, likewise.
-const ALONG_SHARE: f64 = 0.012;
-/// Standard deviations of tilt and roll before any plumb line is seen, rad.
-const PRIOR_RAD: f64 = 0.4;
-/// Standard deviation of a plumb line, rad.
-const LINE_RAD: f64 = 1.0 * std::f64::consts::PI / 180.0;
 /// Minimum number of plumb lines, and of vanishing points.
 pub const MIN_PLUMB_LINES: usize = 12;
 /// Minimum number of vanishing points.
@@ -35,33 +20,11 @@ pub const MIN_POINTS: usize = 3;
 /// Errors that all pictures of a building share: of the tilt and the roll by plumb lines, rad, and of the horizon's row, px.
 const SHARED_RAD: f64 = 0.3 * std::f64::consts::PI / 180.0;
 const SHARED_PX: f64 = 1.0;
-/// Standard deviation of the horizon's slope by plumb lines when vanishing points refine it, rad.
-const SLOPE_RAD: f64 = 0.5 * std::f64::consts::PI / 180.0;
 /// Standard deviation of the principal row: measured, px; guessed, as a share of the height.
 const MEASURED_ROW_PX: f64 = 3.0;
 const GUESSED_ROW_SHARE: f64 = 0.03;
 /// Standard deviations by which the principal row must be off before the picture counts as cropped.
 const CROPPED_SIGMAS: f64 = 3.0;
-
-/// Plumb line in a picture, undistorted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PlumbLine {
-    /// Middle, px.
-    pub middle: Vector2<f64>,
-    /// Columns per row.
-    pub slope: f64,
-    /// Length, px.
-    pub length: f64,
-}
-
-/// Lines of one picture of a corridor, undistorted.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct CorridorSight {
-    /// Vanishing point of the corridor, px.
-    pub point: Option<Vector2<f64>>,
-    /// Edges that may be vertical.
-    pub plumb: Vec<PlumbLine>,
-}
 
 /// Treatment of the principal point's row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -126,23 +89,6 @@ pub enum HorizonError {
     },
 }
 
-impl CorridorSight {
-    /// Takes from the undistorted segments of a picture, `width` px wide, those that may be plumb lines. Lines towards the corridor's
-    /// vanishing point are none, even where they are steep.
-    #[must_use]
-    pub fn new(point: Option<Vector2<f64>>, segments: &[Segment], width: f64) -> Self {
-        let plumb = segments.iter().filter_map(|segment| {
-            let direction = segment.direction();
-            let slope = direction.x / direction.y;
-            let is_steep = slope.is_finite() && slope.atan().abs() < PLUMB_RAD;
-            let is_along = point.is_some_and(|point| segment.distance(point).abs() < ALONG_SHARE * width);
-            let is_plumb = is_steep && !is_along && segment.length > MIN_LENGTH_SHARE * width;
-            is_plumb.then(|| PlumbLine { middle: segment.midpoint(), slope, length: segment.length })
-        });
-        Self { point, plumb: plumb.collect() }
-    }
-}
-
 impl HorizonFit {
     /// Mount with this attitude, and everything else of `mount`.
     #[must_use]
@@ -171,9 +117,10 @@ pub fn fit_horizon(
     if candidates < MIN_PLUMB_LINES {
         return Err(too_few);
     }
-    let lines = fit_lines(sights, intrinsics).ok_or(too_few)?;
-    let numbers =
-        |sights: &[CorridorSight]| fit_lines(sights, intrinsics).map(|lines| [lines.a, lines.b, lines.row]);
+    let lines = HorizonLines::fit(sights, intrinsics).ok_or(too_few)?;
+    let numbers = |sights: &[CorridorSight]| {
+        HorizonLines::fit(sights, intrinsics).map(|lines| [lines.a, lines.b, lines.row])
+    };
     let [a_sigma, b_sigma, row_sigma] = block_jackknife(sights, numbers).unwrap_or([0.05, 0.05, 20.0]);
     let (a_sigma, b_sigma) = (a_sigma.hypotenuse(SHARED_RAD), b_sigma.hypotenuse(SHARED_RAD));
     let row_sigma = row_sigma.hypotenuse(SHARED_PX);
@@ -216,103 +163,11 @@ pub fn fit_horizon(
     })
 }
 
-/// Direction of gravity over its downward component: (a, 1, b); and the row of the horizon at the principal column.
-struct Lines {
-    a: f64,
-    b: f64,
-    row: f64,
-    point_rms_px: f64,
-    points: usize,
-    plumb_lines: usize,
-}
-
-fn fit_lines(sights: &[CorridorSight], intrinsics: &Intrinsics) -> Option<Lines> {
-    let width = f64::from(intrinsics.width);
-    let points: Vec<Vector2<f64>> = sights.iter().filter_map(|sight| sight.point).collect();
-    let plumb: Vec<PlumbLine> = sights.iter().flat_map(|sight| sight.plumb.iter().copied()).collect();
-    if points.len() < 2 || plumb.is_empty() {
-        return None;
-    }
-    let start_row = median(&points.iter().map(|point| point.y).collect::<Vec<_>>())?;
-    let (mut gravity, mut row, mut slope) = (Vector2::zeros(), start_row, 0.0);
-    let mut agreeing = 0;
-    // The height of a plumb line above the principal point, which depends on the result, matters little.
-    for _ in 0..3 {
-        let center = Vector2::new(intrinsics.cx, row + intrinsics.fy * gravity.y);
-        (gravity, agreeing) = fit_gravity(&plumb, intrinsics, center, width)?;
-        (row, slope) = fit_row(&points, intrinsics.cx, -gravity.x)?;
-    }
-    let off: Vec<f64> =
-        points.iter().map(|point| point.y - row - slope * (point.x - intrinsics.cx)).collect();
-    let gate = 3.0 * robust_sigma(&off)?.max(0.5);
-    let near: Vec<f64> = off.into_iter().filter(|off| off.abs() <= gate).collect();
-    let rms = (near.iter().map(|off| off * off).sum::<f64>() / near.len().max(1) as f64).sqrt();
-    Some(Lines { a: -slope, b: gravity.y, row, point_rms_px: rms, points: near.len(), plumb_lines: agreeing })
-}
-
-/// Fits (a, b) to plumb lines, with weights that fall with the distance; returns also the number of lines that agree.
-fn fit_gravity(
-    plumb: &[PlumbLine],
-    intrinsics: &Intrinsics,
-    center: Vector2<f64>,
-    width: f64,
-) -> Option<(Vector2<f64>, usize)> {
-    let focal = Vector2::new(intrinsics.fx, intrinsics.fy);
-    let aspect = intrinsics.fy / intrinsics.fx;
-    let rows: Vec<(Vector2<f64>, f64, f64)> = plumb
-        .iter()
-        .map(|line| {
-            let at = (line.middle - center).component_div(&focal);
-            let slope = line.slope * aspect;
-            let weight = (line.length / (FULL_LENGTH_SHARE * width)).min(1.0).powi(2);
-            (Vector2::new(1.0, slope * at.y - at.x), slope, weight)
-        })
-        .collect();
-    let mut state =
-        Vector2::new(median(&plumb.iter().map(|line| line.slope * aspect).collect::<Vec<_>>())?, 0.0);
-    for kernel in KERNELS_RAD {
-        for _ in 0..ROUNDS {
-            let mut normal = Matrix2::identity() * PRIOR_RAD.powi(-2);
-            let mut right = Vector2::zeros();
-            for (row, slope, weight) in &rows {
-                let off = (slope - row.dot(&state)) / kernel;
-                let weight = weight / (1.0 + off * off).powi(2) / (LINE_RAD * LINE_RAD);
-                normal += row * row.transpose() * weight;
-                right += row * (weight * slope);
-            }
-            state = normal.try_inverse()? * right;
-        }
-    }
-    let last = KERNELS_RAD[KERNELS_RAD.len() - 1];
-    let agreeing = rows.iter().filter(|(row, slope, _)| (slope - row.dot(&state)).abs() <= last).count();
-    state.iter().all(|value| value.is_finite()).then_some((state, agreeing))
-}
-
-/// Fits a line to the vanishing points, whose slope is that of the plumb lines but for [`SLOPE_RAD`]: row at the column `at`, and slope.
-fn fit_row(points: &[Vector2<f64>], at: f64, plumb_slope: f64) -> Option<(f64, f64)> {
-    let offs = |row: f64, slope: f64| points.iter().map(move |point| point.y - row - slope * (point.x - at));
-    let mut row = median(&offs(0.0, plumb_slope).collect::<Vec<_>>())?;
-    let mut slope = plumb_slope;
-    for _ in 0..10 {
-        let all: Vec<f64> = offs(row, slope).collect();
-        let scale = robust_sigma(&all)?.max(0.5);
-        let mut normal = Matrix2::new(1e-9, 0.0, 0.0, SLOPE_RAD.powi(-2));
-        let mut right = Vector2::new(0.0, SLOPE_RAD.powi(-2) * plumb_slope);
-        for (point, off) in points.iter().zip(&all) {
-            let off = off / (3.0 * scale);
-            let weight = (1.0 + off * off).powi(-2) / (scale * scale);
-            let row = Vector2::new(1.0, point.x - at);
-            normal += row * row.transpose() * weight;
-            right += row * (weight * point.y);
-        }
-        let state: Vector2<f64> = normal.try_inverse()? * right;
-        (row, slope) = (state.x, state.y);
-    }
-    (row.is_finite() && slope.is_finite()).then_some((row, slope))
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector2;
+
+    use super::super::corridor_sight::PlumbLine;
     use super::*;
 
     /// Sights of a camera with this mount and a true principal row of `row`.

@@ -83,9 +83,7 @@ class Base:
         self.scans = self.node.create_publisher(LaserScan, "/scan", best_effort)
         self.odometry = self.node.create_publisher(Odometry, "/odom", 10)
         self.node.create_timer(0.05, self.measure)
-        executor = rclpy.executors.SingleThreadedExecutor()
-        executor.add_node(self.node)
-        threading.Thread(target=executor.spin, daemon=True).start()
+        spin(self.node)
 
     def drive(self, message):
         twist = message.twist if isinstance(message, TwistStamped) else message
@@ -177,6 +175,13 @@ class Program:
 
 
 Program.count = 0
+
+
+def spin(node):
+    """Calls the timers and subscriptions of a node from now on, beside this thread."""
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
 
 
 def with_me():

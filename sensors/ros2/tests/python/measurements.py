@@ -15,7 +15,7 @@ from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, Range
 from std_msgs.msg import Bool, String
 
 from foreign_types import Cdr, foreign_type
-from live_run import Program
+from live_run import Program, spin
 
 ROBOT = """
 name = "robot"
@@ -113,9 +113,7 @@ class Measuring:
         self.published = 0
         self.is_paused = False
         self.node.create_timer(1.0 / 15.0, self.measure)
-        executor = rclpy.executors.SingleThreadedExecutor()
-        executor.add_node(self.node)
-        threading.Thread(target=executor.spin, daemon=True).start()
+        spin(self.node)
 
     def stamp(self):
         return rclpy.time.Time(nanoseconds=self.now() - self.delay_ns).to_msg()
@@ -234,9 +232,7 @@ def observer(program, folder):
     for message_type, topic in [(Odometry, "odometry"), (PoseWithCovarianceStamped, "pose"), (Path, "path"), (String, "decision")]:
         node.create_subscription(message_type, f"/yamabico/{topic}", lambda message, topic=topic: heard.update({topic: message}), 5)
     node.create_subscription(DiagnosticArray, "/diagnostics", lambda message: heard.update(diagnostics=message), 5)
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    threading.Thread(target=executor.spin, daemon=True).start()
+    spin(node)
     with open(f"{CONFIGS}/hallway.toml") as file:
         task = file.read().replace('"robots/', f'"{CONFIGS}/robots/').replace('"maps/', f'"{CONFIGS}/maps/')
     task += '\n[behaviors.report]\nros2_publish = "/yamabico"\npriority = 1\n'

@@ -19,9 +19,10 @@ use yamabico_core::behavior::ParameterError;
 use yamabico_core::driver::{
     Device, DeviceSpec, DriveOffer, Driver, PartSpec, SensorDescription, SensorOffer,
 };
-use yamabico_core::message::{Axes, Beam, Bumper, Odometry, RangeScanHeader};
+use yamabico_core::message::{Axes, Bumper, Odometry, RangeScanHeader};
 use yamabico_core::parameters::read;
 use yamabico_core::sensor::SensorKind;
+use yamabico_core::sonar_ring::RingGeometry;
 
 use crate::commanded::Commanded;
 use crate::dead_reckoning::WheelGeometry;
@@ -138,12 +139,7 @@ fn describe(sensor: &PartSpec) -> Result<SensorDescription, ParameterError> {
         "bumpers" => description::<Bumper>(name, period_s()?, LATENCY_S, SensorKind::Other, 0),
         "sonars" => {
             let config: SonarConfig = read(&sensor.table)?;
-            if config.max_m <= config.min_m {
-                return Err(ParameterError::new("max_m", "must be above min_m"));
-            }
-            if config.azimuths_deg.iter().any(|azimuth| !(-180.0..=180.0).contains(azimuth)) {
-                return Err(ParameterError::new("azimuths_deg", "each must be -180 to 180 degrees"));
-            }
+            config.geometry().check()?;
             let range = SensorKind::Range { min_m: config.min_m, max_m: config.max_m };
             let period_s = 1e-3 * config.period_ms;
             description::<RangeScanHeader>(
@@ -159,15 +155,18 @@ fn describe(sensor: &PartSpec) -> Result<SensorDescription, ParameterError> {
 }
 
 impl SonarConfig {
+    fn geometry(&self) -> RingGeometry<'_> {
+        RingGeometry {
+            azimuths_deg: &self.azimuths_deg,
+            cone_deg: self.cone_deg,
+            from_center_m: self.from_center_m,
+            range_m: [self.min_m, self.max_m],
+        }
+    }
+
     fn ring(&self) -> SonarRing {
-        let beam = |azimuth_deg: &f64| {
-            let azimuth_rad = azimuth_deg.to_radians();
-            let (sin, cos) = azimuth_rad.sin_cos();
-            let (x_m, y_m) = (self.from_center_m * cos, self.from_center_m * sin);
-            Beam { azimuth_rad, cone_rad: self.cone_deg.to_radians(), x_m, y_m, ..Beam::default() }
-        };
         SonarRing {
-            beams: self.azimuths_deg.iter().map(beam).collect(),
+            beams: self.geometry().beams(),
             range_m: [self.min_m, self.max_m],
             read: vec![None; self.azimuths_deg.len()],
         }

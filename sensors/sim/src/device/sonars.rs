@@ -6,6 +6,7 @@ use rand_pcg::Pcg64;
 use yamabico_core::behavior::{Outputs, ParameterError};
 use yamabico_core::message::{Beam, NO_ECHO, RangeScanHeader};
 use yamabico_core::sensor::{DeviceError, Due, Sensor, SensorInfo, SensorKind};
+use yamabico_core::sonar_ring::RingGeometry;
 use yamabico_core::time::Time;
 
 use super::{Schedule, locked};
@@ -18,15 +19,13 @@ use crate::sonar::{SonarConfig, measure_range};
 /// # Errors
 /// A maximum range that is not above the minimum range, or invalid azimuths.
 pub fn info(config: &SonarConfig, name: &str) -> Result<SensorInfo, ParameterError> {
-    if config.max_m <= config.min_m {
-        return Err(ParameterError::new("max_m", "must be above min_m"));
-    }
-    if config.azimuths_deg.is_empty() || config.azimuths_deg.iter().any(|a| !(-180.0..=180.0).contains(a)) {
-        return Err(ParameterError::new(
-            "azimuths_deg",
-            "needs at least one azimuth; each must be -180 to 180 degrees",
-        ));
-    }
+    let ring = RingGeometry {
+        azimuths_deg: &config.azimuths_deg,
+        cone_deg: config.cone_deg,
+        from_center_m: 0.0,
+        range_m: [config.min_m, config.max_m],
+    };
+    ring.check()?;
     let kind = SensorKind::Range { min_m: config.min_m, max_m: config.max_m };
     Ok(super::info::<RangeScanHeader>(name, config.period_ms, config.latency_ms, kind))
 }

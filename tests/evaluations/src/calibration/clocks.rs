@@ -9,8 +9,9 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::image::GrayImage;
 use yamabico_sim::random::stream;
 use yamabico_sim::{CameraView, Photometry, Renderer, Scene, World};
-use yamabico_vision::calibration::clock_offset::{HeadingTrack, TimedTurn, fit_clock_offset};
+use yamabico_vision::calibration::clock_offset::fit_clock_offset;
 use yamabico_vision::calibration::float_image::FloatImage;
+use yamabico_vision::calibration::heading_track::{HeadingTrack, TimedTurn};
 use yamabico_vision::calibration::turn_rate::HorizonBand;
 
 use super::{COLUMNS, errors_row};
