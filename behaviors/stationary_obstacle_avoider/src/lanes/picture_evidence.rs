@@ -9,6 +9,7 @@ use yamabico_vision::floor_columns::FloorEnd;
 
 use super::motion::FloorMotion;
 use super::occupancy::{self, Evidence};
+use super::upright_edges::UprightEdges;
 use super::{ASIDE_RAD, LaneAvoider, WALL_M};
 
 /// Log odds of floor, and of the place where it ends, in one picture.
@@ -109,6 +110,14 @@ impl LaneAvoider {
             });
             self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
         }
+        // The side of a thing whose foot is below the picture.
+        let cut = self
+            .edges
+            .iter()
+            .flat_map(UprightEdges::cut)
+            .flat_map(|edge| columns.covered_beside(edge.pixel.x));
+        let cut = cut.flat_map(|foot| behind(foot, foot.coords, cells_behind(foot)));
+        self.grid.add(Evidence::Look, cut.map(to_odometry), FLOOR_END);
         if let Some(edges) = &self.edges
             && !edges.found().is_empty()
             && self.edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)

@@ -35,6 +35,8 @@ const DEPTH_M: f64 = 0.03;
 const ALONG_RAD: f64 = 0.03;
 /// Columns to each side in which only the strongest step counts.
 const BESIDE: usize = 4;
+/// Rows from the lower border up to which an edge is cut by it.
+const CUT_ROWS: f64 = 3.0;
 /// Columns between the upper and the lower end of an edge up to which it follows its plumb line: a line on the floor that passes
 /// beside the camera is oblique.
 const MAX_SLANT: usize = 1;
@@ -125,6 +127,12 @@ impl UprightEdges {
     /// Edges in the last picture, from left to right.
     pub fn found(&self) -> &[UprightEdge] {
         &self.found
+    }
+
+    /// Edges in the last picture that its lower border cuts.
+    pub fn cut(&self) -> impl Iterator<Item = &UprightEdge> {
+        let last = self.tops.len() as f64 - 1.0;
+        self.found.iter().filter(move |edge| edge.pixel.y > last - CUT_ROWS)
     }
 
     /// Places on the floor at the feet of the edges in the last picture, and `cells_behind` cells behind each as seen from the
@@ -227,6 +235,10 @@ mod tests {
 
     /// Edges in a picture of floor that is brighter by `step` at each pixel.
     fn edges(mount: Mount, step: impl Fn(f64, f64) -> u8) -> Vec<UprightEdge> {
+        look(mount, step).found().to_vec()
+    }
+
+    fn look(mount: Mount, step: impl Fn(f64, f64) -> u8) -> UprightEdges {
         let mut edges = UprightEdges::new(&camera().0, &mount).expect("sees the floor");
         let pixel = |i: u32| FLOOR + (i * 7 % 5) as u8 + step(f64::from(i % SIZE.0), f64::from(i / SIZE.0));
         let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(pixel).collect();
@@ -234,7 +246,7 @@ mod tests {
         let mut hidden = HiddenFan::new(edges.camera());
         edges.look(ImageView::new(&pixels, width, height, width).expect("an image"), &mut hidden);
         assert!(edges.found().iter().all(|edge| hidden.is_hidden(edge.foot)));
-        edges.found().to_vec()
+        edges
     }
 
     fn project(x: f64, y: f64, z: f64) -> Vector2<f64> {
@@ -295,9 +307,15 @@ mod tests {
     #[test]
     fn an_edge_that_the_picture_cuts_has_its_foot_at_the_border() {
         let level = Mount { tilt: 0.0, ..camera().1 };
-        let found = edges(level, |u, v| if (110.0..150.0).contains(&u) && v > 60.0 { 40 } else { 0 });
-        assert_eq!(found.len(), 2, "{found:?}");
-        assert!(found.iter().all(|edge| edge.pixel.y > 237.0), "{found:?}");
+        let panel_to = |row: f64| {
+            look(level, |u, v| if (110.0..150.0).contains(&u) && (60.0..row).contains(&v) { 40 } else { 0 })
+        };
+        let edges = panel_to(240.0);
+        assert_eq!(edges.cut().count(), 2, "{:?}", edges.found());
+        assert_eq!(edges.found().len(), 2);
+        let edges = panel_to(230.0);
+        assert_eq!(edges.cut().count(), 0, "{:?}", edges.found());
+        assert_eq!(edges.found().len(), 2);
     }
 
     #[test]

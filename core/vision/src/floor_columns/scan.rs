@@ -266,6 +266,20 @@ impl FloorColumns {
         columns.flat_map(move |(column, &end)| (end + 2..rows - 1).map(move |row| self.place(column, row)))
     }
 
+    /// Nearest places in view in the columns without floor that adjoin `u` (pixels) on one side, if the floor reaches the lower border
+    /// on the other, robot frame, m: what stands there has its foot there or nearer.
+    pub fn covered_beside(&self, u: f64) -> impl Iterator<Item = Point2<f64>> {
+        let last = self.cells.size()[1] - BORDER_ROWS - 1;
+        let is_covered = move |&column: &usize| self.ends[column] >= last;
+        let width = self.cells.middle(1, 0)[0] - self.cells.middle(0, 0)[0];
+        let at = ((u / width) as usize).min(self.ends.len() - 1);
+        let left = || (0..at).rev().take_while(is_covered);
+        let right = || (at + 1..self.ends.len()).take_while(is_covered);
+        let is_one_sided = (left().next().is_none()) != (right().next().is_none());
+        let beside = is_one_sided.then(|| left().chain(right())).into_iter().flatten();
+        beside.map(move |column| self.place(column, self.cells.size()[1] - 1))
+    }
+
     fn place(&self, column: usize, row: usize) -> Point2<f64> {
         self.floor[row * self.cells.size()[0] + column]
     }
@@ -300,8 +314,12 @@ mod tests {
     }
 
     fn look(columns: &mut FloorColumns, pixels: &[u8]) -> bool {
+        look_at(columns, pixels, true)
+    }
+
+    fn look_at(columns: &mut FloorColumns, pixels: &[u8], learns: bool) -> bool {
         let (width, height) = SIZE;
-        columns.look(Picture::Gray(ImageView::new(pixels, width, height, width).expect("an image")), true)
+        columns.look(Picture::Gray(ImageView::new(pixels, width, height, width).expect("an image")), learns)
     }
 
     #[test]
@@ -324,6 +342,20 @@ mod tests {
         let beyond = columns.free().filter(|place| place.x > foot_m + 0.1 && place.y.abs() < 0.02).count();
         assert_eq!(beyond, 0, "nothing behind the box is free");
         assert!(columns.free().count() > 1500);
+    }
+
+    #[test]
+    fn a_box_that_the_picture_cuts_covers_the_columns_beside_its_edge() {
+        let mut columns = columns();
+        assert!(look(&mut columns, &picture(0, 0)) && look_at(&mut columns, &picture(100, 240), false));
+        let [left, right] = [101.0, 141.0].map(|u| columns.covered_beside(u).collect::<Vec<_>>());
+        assert!((8..=11).contains(&left.len()) && (8..=11).contains(&right.len()), "{left:?} {right:?}");
+        let is_before_camera = |place: &Point2<f64>| (0.6..0.7).contains(&place.x) && place.y.abs() < 0.1;
+        assert!(left.iter().chain(&right).all(is_before_camera), "{left:?} {right:?}");
+        assert_eq!(columns.covered_beside(120.0).count(), 0, "covered on both sides");
+        assert_eq!(columns.covered_beside(60.0).count(), 0, "floor on both sides");
+        assert!(look(&mut columns, &picture(100, 180)));
+        assert_eq!(columns.covered_beside(101.0).count(), 0, "its foot is in the picture");
     }
 
     #[test]
