@@ -8,27 +8,38 @@ use yamabico_core::time::Time;
 const KEPT_M: f64 = 1.5;
 /// Angle between directions from which one leads back, rad.
 const BACK_RAD: f64 = 1.9;
-/// Angle between directions from which one leads aside, rad, and time for which no such direction is believed, s: lines on a
-/// wall across the way meet beside the corridor; a bend is still there after the search.
-const ASIDE_RAD: f64 = 0.6;
+/// Angle between directions from which one leads aside, rad.
+const ASIDE_RAD: f64 = 0.4;
+/// Times for which no such direction is believed, s: before a wall across the way, and where none was seen. Lines on a wall meet
+/// beside the corridor, and a robot that has turned before an obstacle sees a room or a corridor that crosses; a bend is still
+/// there after the search.
 const ASIDE_S: f64 = 8.0;
+const ASIDE_WITHOUT_WALL_S: f64 = 30.0;
 
 /// The direction in which the corridor was followed last, by odometry.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Direction {
     /// Position of the robot, the heading along the corridor, and the time.
     followed: Option<(Pose2, Time)>,
+    /// True if a wall across that direction has been seen since.
+    ends: bool,
 }
 
 impl Direction {
     /// Keeps the direction of a corridor that the robot at `pose` follows with the heading `heading` relative to its axis.
     pub fn follow(&mut self, pose: &Pose2, heading: f64, at: Time) {
-        self.followed = Some((Pose2 { theta: pose.theta - heading, ..*pose }, at));
+        *self = Self { followed: Some((Pose2 { theta: pose.theta - heading, ..*pose }, at)), ends: false };
+    }
+
+    /// Notes a wall ahead of the robot at `pose`: in the direction that it keeps, the corridor ends.
+    pub fn see_wall(&mut self, pose: &Pose2) {
+        self.ends |=
+            self.heading(pose).is_some_and(|kept| angle_difference(pose.theta, kept).abs() < ASIDE_RAD);
     }
 
     /// Forgets the direction: the robot turns back on purpose.
     pub fn forget(&mut self) {
-        self.followed = None;
+        *self = Self::default();
     }
 
     /// Heading along the corridor for a robot at `pose`, odometry frame, rad; `None` if it is unknown here.
@@ -38,13 +49,14 @@ impl Direction {
         Some(followed.theta)
     }
 
-    /// True if a corridor seen from `pose` with the heading `heading` relative to its axis leads back, or, soon after the last
-    /// one was followed, aside.
+    /// True if a corridor seen from `pose` with the heading `heading` relative to its axis leads back, or, until some time after
+    /// the last one was followed, aside.
     #[must_use]
     pub fn leads_away(&self, pose: &Pose2, heading: f64, now: Time) -> bool {
         let (Some(kept), Some((_, at))) = (self.heading(pose), self.followed) else { return false };
         let off = angle_difference(pose.theta - heading, kept).abs();
-        off > BACK_RAD || (off > ASIDE_RAD && now.seconds_after(at) < ASIDE_S)
+        let aside_s = if self.ends { ASIDE_S } else { ASIDE_WITHOUT_WALL_S };
+        off > BACK_RAD || (off > ASIDE_RAD && now.seconds_after(at) < aside_s)
     }
 }
 
@@ -66,9 +78,13 @@ mod tests {
         assert!(direction.leads_away(&turned, 0.0, later));
         assert!(!direction.leads_away(&turned, PI, later), "the same axis the right way");
         let bend = Pose2::new(1.2, 0.5, 1.6);
+        assert!(direction.leads_away(&bend, 0.0, later), "the corridor goes on");
+        direction.see_wall(&Pose2::new(1.2, 0.5, 1.0));
+        assert!(direction.leads_away(&bend, 0.0, later), "a wall beside it");
+        direction.see_wall(&Pose2::new(1.2, 0.5, 0.2));
         assert!(!direction.leads_away(&bend, 0.0, later), "a bend of a right angle");
         assert!(direction.leads_away(&bend, 0.0, Time::from_secs_f64(2.0)), "not at once");
-        assert!(!direction.leads_away(&Pose2::new(1.2, 0.5, 0.5), 0.0, Time(0)), "a correction");
+        assert!(!direction.leads_away(&Pose2::new(1.2, 0.5, 0.4), 0.0, Time(0)), "a correction");
         assert!(!direction.leads_away(&Pose2::new(2.8, 0.5, 3.0), 0.0, later), "elsewhere");
         direction.forget();
         assert!(!direction.leads_away(&turned, 0.0, later));

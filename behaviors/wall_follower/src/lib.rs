@@ -257,6 +257,9 @@ impl WallFollower {
         let seen = self.sight.look(image, self.track.prediction());
         self.seen = Some(seen);
         self.ahead.update(seen.wall, self.sight.nearest_floor_m(), elapsed_s);
+        if let Some(pose) = pose.filter(|_| self.ahead.range_m().is_some()) {
+            self.direction.see_wall(&pose);
+        }
         self.is_mount_wrong = seen.is_mount_wrong;
         let before = self.evidence.map_or(Action::default(), |(_, action)| action);
         self.evidence = seen.probability.map(|p| (p, before.next(p)));
