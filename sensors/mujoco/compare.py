@@ -58,6 +58,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--styles", type=numbers, default=numbers("1-4"), help="seeds of the textures")
     parser.add_argument("--out", type=Path, default=Path("out/mujoco"), help="folder of results, and of recordings of failed runs")
     parser.add_argument("--bin", default="target/release/yamabico", help="the program `yamabico`")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of Yamabico's tasks; results go to a folder of their own (--out)"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time; a run of Yamabico takes two cores")
     parser.add_argument("--until", type=float, default=float("inf"), metavar="MINUTES", help="time after which no run begins")
     return parser.parse_args()
@@ -66,7 +69,7 @@ def arguments() -> argparse.Namespace:
 def run(job: Job, options: argparse.Namespace) -> dict:
     """Runs a job and returns its result."""
     if job.controller in yamabico_run.TASK_FILES:
-        return yamabico_run.run(job, options.bin, options.out / "runs" / str(job))
+        return yamabico_run.run(job, options.bin, options.out / "runs" / str(job), options.set)
     command = [sys.executable, "-m", "hall.script_run", json.dumps(asdict(job)), str(SCRIPTS[job.controller])]
     ran = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
     return json.loads(ran.stdout.splitlines()[-1]) if ran.returncode == 0 else job.result("error", ran.stderr[-400:])

@@ -48,6 +48,12 @@ pub struct Config {
     /// proven floor are ignored, and things are found without thresholds. Has no effect with a lens that distorts.
     #[serde(default)]
     pub plane_motion: bool,
+    /// Method `lanes`: if set, the floor's color shows where it ends.
+    #[serde_inline_default(true)]
+    pub uses_look: bool,
+    /// Method `lanes`: if set, upright edges and motion between frames show things.
+    #[serde_inline_default(true)]
+    pub uses_geometry: bool,
     /// Speed while avoiding an obstacle.
     #[serde_inline_default(0.25)]
     #[schemars(range(min = 0.02, max = 1.0))]

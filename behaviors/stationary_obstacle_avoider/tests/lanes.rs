@@ -9,7 +9,12 @@ use yamabico_stationary_obstacle_avoider::{LaneAvoider, StationaryObstacleAvoide
 type Avoider = Bench<StationaryObstacleAvoider>;
 
 fn avoider() -> Avoider {
-    Bench::new("map = \"maps/hallway.toml\"\ngate_m = 0.3", setup(camera().0)).expect("a valid configuration")
+    avoider_with("")
+}
+
+fn avoider_with(keys: &str) -> Avoider {
+    let toml = format!("map = \"maps/hallway.toml\"\ngate_m = 0.3\n{keys}");
+    Bench::new(&toml, setup(camera().0)).expect("a valid configuration")
 }
 
 fn lanes(bench: &Avoider) -> &LaneAvoider {
@@ -58,6 +63,22 @@ fn a_box_ahead_is_driven_around_on_its_wider_side() {
             .filter(|place| (place.x - 1.5).abs() < 0.35 && (f64::from(place.y) - y).abs() < 0.35);
         assert!(near.count() >= 3, "the box must be on the grid: {places:?}");
     }
+}
+
+#[test]
+fn the_look_of_the_floor_and_geometry_each_find_a_box() {
+    let find = |keys: &str| {
+        let mut bench = avoider_with(keys);
+        // Whether the floor mirrors is known after some pictures, and upright edges count from place to place.
+        for i in 0..28 {
+            let robot = Pose2::new(2.15 + 0.05 * f64::from(i), 0.0, 0.0);
+            stand(&mut bench, robot, 0.1 * f64::from(i), 0.1, Some([4.6, 0.25]));
+        }
+        lanes(&bench).occupied().iter().filter(|place| (0.7..1.3).contains(&place.x)).count()
+    };
+    let keys = ["uses_look = false\nuses_geometry = false", "uses_look = false", "uses_geometry = false"];
+    let [neither, geometry, look] = keys.map(find);
+    assert!(neither == 0 && geometry >= 2 && look >= 2, "{neither} {geometry} {look}");
 }
 
 #[test]

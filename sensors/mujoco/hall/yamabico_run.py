@@ -44,14 +44,15 @@ def settings(job: Job, result: Path) -> list[str]:
     return changes
 
 
-def run(job: Job, program: str, folder: Path) -> dict:
-    """Runs a job with the program `yamabico` and returns its result. The recording in `folder` stays if it did not arrive."""
+def run(job: Job, program: str, folder: Path, changes: list[str]) -> dict:
+    """Runs a job with the program `yamabico` and `changes` of the task, such as `behaviors.stuck-recovery.enabled=false`. Returns its result;
+    the recording in `folder` stays if it did not arrive."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     result = folder.resolve() / "result.json"
     task = REPOSITORY / "configs" / TASK_FILES[job.controller]
     command = [program, "run", str(task), "--live", "--json", "--no-report", "--no-overlays", "--seed", str(job.seed), "--out", str(folder)]
-    command += [word for change in settings(job, result) for word in ("--set", change)]
+    command += [word for change in settings(job, result) + changes for word in ("--set", change)]
     with (folder / "out.json").open("w") as out, (folder / "errors.txt").open("w") as errors:
         process = subprocess.Popen(command, stdout=out, stderr=errors, stdin=subprocess.DEVNULL)
         begun = time.monotonic()

@@ -120,8 +120,8 @@ impl LaneAvoider {
             wall_clearance_m: half_width_m
                 + if config.map.is_some() { MAP_WALL_ERROR_M } else { SEEN_WALL_ERROR_M },
             size: pinhole.intrinsics().size(),
-            motion: FloorMotion::new(&pinhole, mount),
-            edges: UprightEdges::new(&pinhole, &mount),
+            motion: config.uses_geometry.then(|| FloorMotion::new(&pinhole, mount)).flatten(),
+            edges: config.uses_geometry.then(|| UprightEdges::new(&pinhole, &mount)).flatten(),
             hidden: HiddenFan::new(Point2::new(mount.x, mount.y)),
             edges_from: None,
             map,

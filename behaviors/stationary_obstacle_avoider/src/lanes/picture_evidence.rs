@@ -1,11 +1,12 @@
 //! Evidence of a picture: floor and its ends, upright edges, and motion.
 
 use nalgebra::{Point2, Vector2};
-use yamabico_core::geometry::angle_difference;
-use yamabico_core::message::{FrameHeader, Reason, View};
+use yamabico_core::geometry::{Pose2, angle_difference};
+use yamabico_core::message::{Beam, FrameHeader, Reason, View};
 use yamabico_core::time::Time;
 use yamabico_vision::floor_appearance::Picture;
 use yamabico_vision::floor_columns::FloorEnd;
+use yamabico_vision::map::WireFrame;
 
 use super::motion::FloorMotion;
 use super::occupancy::{self, Evidence};
@@ -60,7 +61,6 @@ impl LaneAvoider {
         }
         self.last_picture = Some(stamp);
         self.advance(stamp, &robot);
-        let to_odometry = |place: Point2<f64>| robot.transform_point(place);
         self.hidden.clear();
         if let Some(image) = frame.gray(self.size, &mut self.gray) {
             if let Some(motion) = &mut self.motion {
@@ -74,64 +74,99 @@ impl LaneAvoider {
                 None => {}
             }
         }
-        let (columns, beams, motion) = (&self.columns, self.sonar.beams(), &self.motion);
-        let is_raised =
-            |place: Point2<f64>| motion.as_ref().is_none_or(|motion| !motion.is_flat(to_odometry(place)));
-        let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && is_raised(end.place);
-        // Log odds of an end of the floor by the beams that it lies in.
-        let end = |place: Point2<f64>| {
-            let inside = beams.iter().filter(|beam| {
-                let off = place - Point2::new(beam.x_m, beam.y_m);
-                let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
-                is_inside && beam.echo_m().is_none_or(|echo_m| off.norm() + 0.15 < echo_m)
-            });
-            let has_echo = inside.map(|beam| beam.echo_m().is_some()).max();
-            match has_echo {
-                None => FLOOR_END,
-                Some(false) => FLOOR_END_IN_SILENCE,
-                Some(true) => FLOOR_END_BEFORE_ECHO,
-            }
-        };
-        let floor = || columns.free().filter(|&place| place.x < FLOOR_M && !self.hidden.is_hidden(place));
-        for kind in [Evidence::Look, Evidence::Geometry] {
-            self.grid.add(kind, floor().map(to_odometry), FLOOR);
+        if self.config.uses_look {
+            self.add_look(robot);
         }
-        // Behind the foot of a wall nothing is known, and nothing needs to be.
+        self.add_geometry(robot);
+        Ok(())
+    }
+
+    /// Adds the floor that the picture shows, and where it ends.
+    fn add_look(&mut self, robot: Pose2) {
         let on_map = self.map_from_odometry();
-        let cells_behind = |foot: Point2<f64>| {
-            let is_wall = on_map
-                .is_some_and(|on_map| self.map.clearance(on_map.transform_point(to_odometry(foot))) < WALL_M);
-            if is_wall { 0 } else { HIDDEN_CELLS }
-        };
+        let Self { grid, columns, hidden, edges, map, motion, sonar, .. } = self;
+        let ground = Ground { robot, on_map, map, motion: motion.as_ref() };
+        let floor = || columns.free().filter(|&place| place.x < FLOOR_M && !hidden.is_hidden(place));
+        for kind in [Evidence::Look, Evidence::Geometry] {
+            grid.add(kind, floor().map(|place| ground.odometry(place)), FLOOR);
+        }
+        let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
+        let beams = sonar.beams();
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
-            let ends = columns.ends().filter(|foot| is_thing(foot) && end(foot.place) == weight);
+            let ends = columns.ends().filter(|end| is_thing(end) && end_weight(end.place, beams) == weight);
             let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
-                behind(place, place.coords, if is_lone { 0 } else { cells_behind(place) })
+                behind(place, place.coords, if is_lone { 0 } else { ground.cells_behind(place) })
             });
-            self.grid.add(Evidence::Look, deep.map(to_odometry), weight);
+            grid.add(Evidence::Look, deep.map(|place| ground.odometry(place)), weight);
         }
         // The side of a thing whose foot is below the picture.
-        let cut = self
-            .edges
-            .iter()
-            .flat_map(UprightEdges::cut)
-            .flat_map(|edge| columns.covered_beside(edge.pixel.x));
-        let cut = cut.flat_map(|foot| behind(foot, foot.coords, cells_behind(foot)));
-        self.grid.add(Evidence::Look, cut.map(to_odometry), FLOOR_END);
-        if let Some(edges) = &self.edges
+        let cut =
+            edges.iter().flat_map(UprightEdges::cut).flat_map(|edge| columns.covered_beside(edge.pixel.x));
+        let cut = cut.flat_map(|foot| behind(foot, foot.coords, ground.cells_behind(foot)));
+        grid.add(Evidence::Look, cut.map(|place| ground.odometry(place)), FLOOR_END);
+    }
+
+    /// Adds upright edges, and what moves as a thing.
+    fn add_geometry(&mut self, robot: Pose2) {
+        let on_map = self.map_from_odometry();
+        let Self { grid, edges, edges_from, map, motion, path, .. } = self;
+        let ground = Ground { robot, on_map, map, motion: motion.as_ref() };
+        if let Some(edges) = edges
             && !edges.found().is_empty()
-            && self.edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)
+            && edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)
         {
-            self.edges_from = Some(robot);
-            let feet = edges.feet(self.path.heading(), is_raised, cells_behind);
-            self.grid.add(Evidence::Geometry, feet.map(to_odometry), UPRIGHT_EDGE);
+            *edges_from = Some(robot);
+            let feet =
+                edges.feet(path.heading(), |place| ground.is_raised(place), |foot| ground.cells_behind(foot));
+            grid.add(Evidence::Geometry, feet.map(|place| ground.odometry(place)), UPRIGHT_EDGE);
         }
-        if let Some(motion) = motion {
+        if let Some(motion) = &*motion {
             // In a mirror, motion is as doubtful as looks.
             let kind = if motion.is_matt() { Evidence::Geometry } else { Evidence::Look };
-            self.grid.add(kind, motion.things(FLOOR_END_M).map(to_odometry), MOVES_AS_THING);
+            grid.add(kind, motion.things(FLOOR_END_M).map(|place| ground.odometry(place)), MOVES_AS_THING);
         }
-        Ok(())
+    }
+}
+
+/// What is known of the floor around a robot at `robot`, odometry frame. Places are in the robot frame, m.
+struct Ground<'a> {
+    robot: Pose2,
+    /// Transform from the odometry frame to the map frame.
+    on_map: Option<Pose2>,
+    map: &'a WireFrame,
+    motion: Option<&'a FloorMotion>,
+}
+
+impl Ground<'_> {
+    fn odometry(&self, place: Point2<f64>) -> Point2<f64> {
+        self.robot.transform_point(place)
+    }
+
+    /// True unless the place is known to be floor that looks different.
+    fn is_raised(&self, place: Point2<f64>) -> bool {
+        self.motion.is_none_or(|motion| !motion.is_flat(self.odometry(place)))
+    }
+
+    /// Cells behind the foot of an obstacle that count as its own; none of a wall, behind which nothing needs to be known.
+    fn cells_behind(&self, foot: Point2<f64>) -> u8 {
+        let is_wall = self
+            .on_map
+            .is_some_and(|on_map| self.map.clearance(on_map.transform_point(self.odometry(foot))) < WALL_M);
+        if is_wall { 0 } else { HIDDEN_CELLS }
+    }
+}
+
+/// Log odds of an end of the floor at `place` by the beams that it lies in.
+fn end_weight(place: Point2<f64>, beams: &[Beam]) -> f32 {
+    let inside = beams.iter().filter(|beam| {
+        let off = place - Point2::new(beam.x_m, beam.y_m);
+        let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
+        is_inside && beam.echo_m().is_none_or(|echo_m| off.norm() + 0.15 < echo_m)
+    });
+    match inside.map(|beam| beam.echo_m().is_some()).max() {
+        None => FLOOR_END,
+        Some(false) => FLOOR_END_IN_SILENCE,
+        Some(true) => FLOOR_END_BEFORE_ECHO,
     }
 }
 
