@@ -27,6 +27,8 @@ const FOOT_PX: f64 = 4.0;
 const FLAT: f32 = 1.0;
 const THING: f32 = -4.0;
 const MAX_VOTES: f32 = 3.0;
+/// Distance of the foot of a thing behind the end of the floor up to which it votes there, m.
+const SAME_FOOT_M: f64 = 0.3;
 /// Sum of votes from which a place is flat, its limits, and its change toward zero per second.
 const IS_FLAT: f32 = 3.0;
 const LIMITS: (f32, f32) = (-8.0, 8.0);
@@ -149,9 +151,17 @@ fn vote(point: &MotionPoint, end: &FloorEnd, scale: f64) -> f32 {
     match point.class {
         _ if !is_inside => 0.0,
         PointClass::Floor | PointClass::Below => FLAT,
+        // A thing that stands farther away, on the patch or behind it, does not raise its border.
+        PointClass::Above if is_farther(point, end) => 0.0,
         PointClass::Above => THING,
         PointClass::Moving | PointClass::Undecided => 0.0,
     }
+}
+
+/// True if the foot of a thing certainly lies farther away than the end of the floor.
+fn is_farther(point: &MotionPoint, end: &FloorEnd) -> bool {
+    let from_m = point.foot.coords.norm() - 2.0 * point.range_sigma_m;
+    from_m > end.place.coords.norm() + SAME_FOOT_M
 }
 
 #[cfg(test)]
@@ -181,6 +191,8 @@ mod tests {
         assert_eq!(vote(PointClass::Floor, 104.0, 140.0), FLAT);
         assert_eq!(vote(PointClass::Below, 96.0, 118.0), FLAT, "its upper edge belongs to it");
         assert_eq!(vote(PointClass::Above, 100.0, 125.0), THING);
+        let farther = MotionPoint { foot: Point2::new(1.9, 0.0), ..point(PointClass::Above, 100.0, 125.0) };
+        assert_eq!(super::vote(&farther, &end, 1.0), 0.0, "a thing that stands on the patch");
         assert_eq!(vote(PointClass::Floor, 100.0, 159.0), 0.0, "the foot of a thing moves as the floor, too");
         assert_eq!(vote(PointClass::Floor, 115.0, 140.0), 0.0, "another column");
         assert_eq!(vote(PointClass::Moving, 100.0, 140.0), 0.0);
