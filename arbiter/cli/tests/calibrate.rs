@@ -73,10 +73,15 @@ fn unsuitable_pictures_are_refused_by_name() {
     std::fs::remove_file(folder.file("text.png")).unwrap();
 
     pictures(&folder, 3);
-    refused(&["intrinsics", "."], &["3 different views", "5 are needed"]);
+    refused(&["intrinsics", "."], &["different views of the board: 3, in pictures: 3", "5 are needed"]);
     refused(
         &["intrinsics", ".", "--corners", "8x5"],
-        &["no picture shows the board of 8x5", "--corners 9x6"],
+        &[
+            "no picture shows the board of 8x5",
+            "3 of 3 pictures",
+            "--corners 9x6",
+            "(3 pictures): the board in view",
+        ],
     );
     refused(&["intrinsics", ".", "--corners", "9"], &["such as 9x6"]);
     save(folder.file("small.png"), 320, 240, &[90; 320 * 240]);
@@ -94,6 +99,18 @@ fn unsuitable_pictures_are_refused_by_name() {
         &["no sensor `rear`", "`front`"],
     );
     refused(&["clock", "small.png"], &["is not an MCAP recording"]);
+    refused(&["board", "--square-mm", "-3"], &["2 to 1000 mm, not -3 mm"]);
+    refused(&["mount", ".", "--corridor-width-m", "-2"], &["small.png has 320 x 240"]);
+    std::fs::remove_file(folder.file("small.png")).unwrap();
+    refused(
+        &["mount", ".", "--board", "--robot", &cart, "--corners", "8x5"],
+        &["no picture shows the board of 8x5", "--corners 9x6"],
+    );
+    refused(
+        &["mount", "board00.png", "--board", "--robot", &cart],
+        &["board00.png: the board does not lie on the floor"],
+    );
+    refused(&["mount", ".", "--corridor-width-m", "-2"], &["0.5 to 10 m wide, not -2 m"]);
     refused(&["board", "--square-mm", "40"], &["does not fit A4", "--square-mm 26"]);
 }
 
@@ -121,4 +138,6 @@ fn a_recorded_drive_gives_the_mount_of_the_simulated_camera() {
     assert!(value("roll_deg").abs() < 0.7, "{found}");
     assert_eq!(found["is_cropped"], false, "{found}");
     assert!(folder.file("mount.png").metadata().unwrap().len() > 1000);
+    let output = calibrate(&folder, &["mount", "run.mcap", "--height-m", "2"]);
+    assert_exit(&output, 0, &["--height-m 2.000 contradicts", "by the motion of the floor"]);
 }

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use yamabico_core::camera::{Calibration, Mount};
-use yamabico_vision::calibration::board_mount::board_mount;
+use yamabico_vision::calibration::board_mount::{BoardMountError, board_mount};
 use yamabico_vision::calibration::{Board, FoundBoard, NotFound, find_board};
 
 use super::Measured;
 use super::lens::PictureReport;
 use super::overlay::{self, GroundOverlay};
 use super::pictures::Picture;
+use super::refusal::refusal;
 use super::robot_camera::{Findings, RobotCamera};
 use crate::LearningError;
 
@@ -55,13 +56,14 @@ pub fn learn(
     overlay: &Path,
 ) -> Result<Learned, LearningError> {
     let pinhole = camera.intrinsics.pinhole();
-    let (mut found, mut reports, mut shown): (Vec<FoundBoard>, Vec<PictureReport>, Vec<usize>) =
-        Default::default();
+    let (mut found, mut shown): (Vec<FoundBoard>, Vec<usize>) = Default::default();
+    let (mut reports, mut missing): (Vec<PictureReport>, Vec<NotFound>) = Default::default();
     for (index, picture) in pictures.iter().enumerate() {
         camera.check_size(&picture.name, picture.size())?;
         let corners =
             picture.gray.view().map_err(|_| NotFound::NoBoard).and_then(|view| find_board(view, board));
         let refused = corners.as_ref().err().map(ToString::to_string);
+        missing.extend(corners.as_ref().err());
         reports.push(PictureReport { name: picture.name.clone(), rms_px: None, refused });
         if let Ok(corners) = corners {
             found.push(corners);
@@ -69,15 +71,16 @@ pub fn learn(
         }
     }
     let Some(&first) = shown.first() else {
-        let refused: Vec<String> = reports
-            .iter()
-            .map(|report| format!("\n  {}: {}", report.name, report.refused.as_deref().unwrap_or_default()))
-            .collect();
-        let title = format!("no picture shows the board of {}x{} inner corners", board.columns, board.rows);
-        return Err(LearningError::Unsuitable(title + &refused.concat()));
+        return Err(LearningError::Unsuitable(refusal("", board, &reports, &missing)));
     };
-    let mount =
-        board_mount(&pinhole, board, &found).map_err(|error| LearningError::Unsuitable(error.to_string()))?;
+    let mount = board_mount(&pinhole, board, &found).map_err(|error| {
+        LearningError::Unsuitable(match error {
+            BoardMountError::NotOnFloor { picture, .. } => {
+                format!("{}: {error}; lay it down, or remove the picture", pictures[shown[picture]].name)
+            }
+            BoardMountError::NoFit => error.to_string(),
+        })
+    })?;
     for (index, rms_px) in shown.iter().zip(&mount.rms_px) {
         reports[*index].rms_px = *rms_px;
         if rms_px.is_none() {

@@ -1,13 +1,13 @@
 //! Lens of a camera, from pictures of a printed checkerboard.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use yamabico_core::camera::Pinhole;
-use yamabico_vision::calibration::{Board, FoundBoard, LensError, NotFound, calibrate_lens, find_board};
+use yamabico_vision::calibration::{Board, FoundBoard, NotFound, calibrate_lens, find_board};
 
 use super::pictures::Picture;
+use super::refusal::refusal;
 use super::{Measured, overlay};
 use crate::LearningError;
 
@@ -52,22 +52,22 @@ pub fn learn(pictures: &[Picture], board: &Board, overlays: Option<&Path>) -> Re
     let size = pictures.first().map(Picture::size).unwrap_or_default();
     let mut found: Vec<(usize, FoundBoard)> = Vec::new();
     let mut reports = Vec::new();
-    let mut others: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+    let mut missing: Vec<NotFound> = Vec::new();
     for (index, picture) in pictures.iter().enumerate() {
         let mut report = PictureReport { name: picture.name.clone(), rms_px: None, refused: None };
         match picture.gray.view().map_err(|_| NotFound::NoBoard).and_then(|view| find_board(view, board)) {
             Ok(corners) => found.push((index, corners)),
             Err(reason) => {
-                reason.other_board().into_iter().for_each(|other| *others.entry(other).or_default() += 1);
                 report.refused = Some(reason.to_string());
+                missing.push(reason);
             }
         }
         reports.push(report);
     }
     let boards: Vec<FoundBoard> = found.iter().map(|(_, board)| board.clone()).collect();
     let calibrated = calibrate_lens(board, &boards, size);
-    let calibrated =
-        calibrated.map_err(|error| LearningError::Unsuitable(refusal(&error, board, &reports, &others)))?;
+    let refused = |cause: &str| LearningError::Unsuitable(refusal(cause, board, &reports, &missing));
+    let calibrated = calibrated.map_err(|error| refused(&error.to_string()))?;
     for (at, rms_px) in calibrated.used.iter().zip(&calibrated.lens.rms_px) {
         reports[found[*at].0].rms_px = Some(*rms_px);
     }
@@ -110,30 +110,4 @@ pub fn learn(pictures: &[Picture], board: &Board, overlays: Option<&Path>) -> Re
         advice: calibrated.variety.advice().iter().map(|advice| format!("add {advice}")).collect(),
         overlays: overlays.map(Path::to_owned),
     })
-}
-
-/// Text of a refusal: the cause, and what was wrong with each picture.
-fn refusal(
-    error: &LensError,
-    board: &Board,
-    reports: &[PictureReport],
-    others: &BTreeMap<[usize; 2], usize>,
-) -> String {
-    let refused: Vec<&PictureReport> = reports.iter().filter(|report| report.refused.is_some()).collect();
-    let mut text = if refused.len() == reports.len() {
-        format!("no picture shows the board of {}x{} inner corners", board.columns, board.rows)
-    } else {
-        error.to_string()
-    };
-    let more_than_half = others.iter().find(|(_, count)| 2 * **count > reports.len());
-    if let Some(([columns, rows], count)) = more_than_half {
-        text += &format!(
-            "\n{count} of {} pictures show a grid of {columns}x{rows}: if that is your board, use --corners {columns}x{rows}",
-            reports.len()
-        );
-    }
-    for report in refused {
-        text += &format!("\n  {}: {}", report.name, report.refused.as_deref().unwrap_or_default());
-    }
-    text
 }

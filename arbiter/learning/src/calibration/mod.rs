@@ -20,6 +20,7 @@ pub mod mount;
 mod overlay;
 pub mod pictures;
 mod recorded_drive;
+mod refusal;
 pub mod robot_camera;
 
 /// Number with its standard deviation.

@@ -27,6 +27,8 @@ const CORRIDOR: f64 = 0.5;
 const CENTERINGS: usize = 3;
 /// Difference of two heights from which on they contradict each other, standard deviations.
 const CONTRADICTION: f64 = 4.0;
+/// Standard deviation of a height that was measured by hand, m.
+const BY_HAND_SIGMA_M: f64 = 0.01;
 
 /// Settings of the calibration.
 #[derive(Clone, Debug)]
@@ -186,10 +188,16 @@ fn learn(
         let sigma = a.sigma.unwrap_or(0.0).hypotenuse(b.sigma.unwrap_or(0.0)).max(0.01);
         if (a.value - b.value).abs() > CONTRADICTION * sigma {
             notes.push(format!(
-                "the heights by width ({:.3} m) and by motion ({:.3} m) contradict each other: check the width, and the scale of the odometry",
+                "the heights by width ({:.3} m) and by motion ({:.3} m) contradict each other: check the width, and the scale of the odometry; \
+                 that with the smaller standard deviation is taken",
                 a.value, b.value
             ));
         }
+    }
+    if let Some(given_m) = options.height_m {
+        notes
+            .extend(by_width.and_then(|height| contradiction(given_m, &height, "the width of the corridor")));
+        notes.extend(motion_m.and_then(|height| contradiction(given_m, &height, "the motion of the floor")));
     }
     let sigma_of = |height: &Measured| height.sigma.unwrap_or(f64::INFINITY);
     let best = [by_width, motion_m].into_iter().flatten().min_by(|a, b| sigma_of(a).total_cmp(&sigma_of(b)));
@@ -227,6 +235,17 @@ fn learn(
         overlay: options.overlay.clone(),
         notes,
         findings,
+    })
+}
+
+/// Note for people if a height measured by hand, m, is not the measured one.
+fn contradiction(given_m: f64, measured: &Measured, from: &str) -> Option<String> {
+    let sigma_m = measured.sigma.unwrap_or(0.0).max(BY_HAND_SIGMA_M);
+    ((given_m - measured.value).abs() > CONTRADICTION * sigma_m).then(|| {
+        format!(
+            "--height-m {given_m:.3} contradicts {:.3} m by {from}: check it, and what {from} relies on",
+            measured.value
+        )
     })
 }
 

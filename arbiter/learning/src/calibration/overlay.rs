@@ -21,6 +21,9 @@ const AHEAD: i32 = 12;
 const ASIDE: i32 = 3;
 /// Side of a square of the grid where the height is known, m; where it is not, it is the height.
 const SQUARE_M: f64 = 0.5;
+/// Left and upper margin of the text, and distance between its lines, px. Its lines fit pictures of 256 px.
+const TEXT_PX: f64 = 6.0;
+const LINE_PX: f64 = 14.0;
 /// Number of pieces that a line is drawn in, since a lens bends it.
 const PIECES: usize = 60;
 
@@ -87,13 +90,13 @@ pub(super) fn ground(
             || "height unknown, squares of 1 height".to_owned(),
             |height| format!("height {height:.3} m, squares of {SQUARE_M} m"),
         );
-        let text = format!(
-            "tilt {:.2}°, roll {:.2}°, {height}",
-            degrees(overlay.mount.tilt),
-            degrees(overlay.mount.roll)
-        );
-        for (shift, color) in [(1.0, [0, 0, 0]), (0.0, [255, 255, 255])] {
-            canvas.text(Vector2::new(6.0 + shift, 6.0 + shift), &text, color);
+        let attitude =
+            format!("tilt {:.2}°, roll {:.2}°", degrees(overlay.mount.tilt), degrees(overlay.mount.roll));
+        for (top, text) in [(TEXT_PX, attitude), (TEXT_PX + LINE_PX, height)] {
+            for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (1.0, 1.0)] {
+                canvas.text(Vector2::new(TEXT_PX + dx, top + dy), &text, [0, 0, 0]);
+            }
+            canvas.text(Vector2::new(TEXT_PX, top), &text, [255, 255, 255]);
         }
     })
 }

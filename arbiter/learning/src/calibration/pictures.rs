@@ -83,7 +83,7 @@ fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, String> {
     found.sort();
     if found.is_empty() {
         return Err(format!(
-            "the folder {} has no .png, .jpg or .jpeg file: add pictures or name another folder",
+            "the folder {} has no .png, .jpg or .jpeg file (folders in it are not searched): add pictures or name another folder",
             folder.display()
         ));
     }

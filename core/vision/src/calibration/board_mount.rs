@@ -44,6 +44,8 @@ pub enum BoardMountError {
         "the board does not lie on the floor: it is seen at an angle of {angle_deg:.0}° to the axis of the camera's picture"
     )]
     NotOnFloor {
+        /// Index of the picture.
+        picture: usize,
         /// Angle between the board's normal and the vertical of the picture, degrees.
         angle_deg: f64,
     },
@@ -61,11 +63,12 @@ pub fn board_mount(
     let width = f64::from(pinhole.intrinsics().width);
     let mut rms_px = Vec::new();
     let mut numbers: [Vec<f64>; 4] = Default::default();
-    for found in found {
+    for (picture, found) in found.iter().enumerate() {
         let placed = place(pinhole, board, found).filter(|(_, rms)| *rms < MAX_RMS_SHARE * width);
         rms_px.push(placed.map(|(_, rms)| rms));
         let Some((pose, _)) = placed else { continue };
-        for (all, number) in numbers.iter_mut().zip(mount_of(&pose)?) {
+        let not_on_floor = |angle_deg| BoardMountError::NotOnFloor { picture, angle_deg };
+        for (all, number) in numbers.iter_mut().zip(mount_of(&pose).map_err(not_on_floor)?) {
             all.push(number);
         }
     }
@@ -95,13 +98,16 @@ fn place(pinhole: &Pinhole, board: &Board, found: &FoundBoard) -> Option<(Isomet
 }
 
 /// Height (m), tilt, roll and direction of the board (rad) for a board at this pose.
-fn mount_of(pose: &Isometry3<f64>) -> Result<[f64; 4], BoardMountError> {
+///
+/// # Errors
+/// Angle between its normal and the vertical of the picture, degrees, if it is not below the camera.
+fn mount_of(pose: &Isometry3<f64>) -> Result<[f64; 4], f64> {
     let normal = pose.rotation * Vector3::z();
     // Towards the floor, away from the camera.
     let distance = normal.dot(&pose.translation.vector);
     let down = normal * distance.signum();
     if down.y < 0.2 {
-        return Err(BoardMountError::NotOnFloor { angle_deg: down.y.acos().to_degrees() });
+        return Err(down.y.acos().to_degrees());
     }
     let (tilt, roll) = (down.z.clamp(-1.0, 1.0).asin(), down.x.atan2(down.y));
     let level_from_camera = Mount { tilt, roll, ..Mount::default() }.rotation_body_from_camera();

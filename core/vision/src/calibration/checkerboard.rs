@@ -38,7 +38,7 @@ pub struct FoundBoard {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum NotFound {
     /// Nothing in the image looks like a checkerboard.
-    #[error("no checkerboard is in view")]
+    #[error("no checkerboard is in view: show the whole board, without glare, sharp")]
     NoBoard,
     /// The grid in view has fewer corners than the board.
     #[error(
@@ -79,6 +79,14 @@ impl NotFound {
         }
     }
 
+    /// Returns true if what was seen is neither a whole grid nor a considerable part of the board.
+    fn is_resemblance(&self) -> bool {
+        match *self {
+            Self::Partial { found, wanted, .. } => 4 * found < wanted && self.other_board().is_none(),
+            Self::NoBoard | Self::Larger { .. } => false,
+        }
+    }
+
     /// Number of corners that were seen.
     fn rank(&self) -> usize {
         match *self {
@@ -89,7 +97,7 @@ impl NotFound {
     }
 }
 
-/// Finds the board in an image. All of its corners must be in view.
+/// Finds the board in an image. All of its corners must be in view; tiles and shelves that resemble a small part of it are no board.
 ///
 /// # Errors
 /// [`NotFound`], with the largest grid that was seen instead.
@@ -129,7 +137,7 @@ pub fn find_board(image: ImageView<'_>, board: &Board) -> Result<FoundBoard, Not
             Err(_) => {}
         }
     }
-    Err(failure)
+    Err(if failure.is_resemblance() { NotFound::NoBoard } else { failure })
 }
 
 /// Finds the corners in an image, coarsely.

@@ -21,6 +21,8 @@ const MIN_CORRELATION: f64 = 0.7;
 /// Correlation of another peak, relative to the highest, from which on the offset is ambiguous; and the distance between two peaks, s.
 const AMBIGUOUS: f64 = 0.97;
 const APART_S: f64 = 0.15;
+/// Standard deviation above which the offset is not known, s.
+const MAX_SIGMA_S: f64 = 0.02;
 /// Lower bound of the standard deviation, s.
 const MIN_SIGMA_S: f64 = 1e-3;
 
@@ -76,6 +78,19 @@ pub enum ClockError {
         /// Another offset, ms.
         second_ms: f64,
     },
+    /// The turns do not determine the offset.
+    #[error(
+        "the offset is uncertain: {offset_ms:.0} ± {sigma_ms:.0} ms (correlation {correlation:.2}). Record for longer, where there are edges \
+         to see on all sides, and turn at changing speed"
+    )]
+    Uncertain {
+        /// Offset, ms.
+        offset_ms: f64,
+        /// Its standard deviation, ms.
+        sigma_ms: f64,
+        /// Correlation of the turn rates.
+        correlation: f64,
+    },
 }
 
 /// Estimates the offset.
@@ -123,6 +138,10 @@ pub fn fit_clock_offset(turns: &[TimedTurn], odometry: &HeadingTrack) -> Result<
     let fit = Fit::of(&turns, odometry, offset_s).ok_or(ClockError::TooFew { found: 0 })?;
     let [sigma_s] =
         block_jackknife(&turns, |turns| refine(turns).map(|offset| [offset])).unwrap_or([f64::INFINITY]);
+    if sigma_s > MAX_SIGMA_S {
+        let (offset_ms, sigma_ms) = (1e3 * offset_s, 1e3 * sigma_s);
+        return Err(ClockError::Uncertain { offset_ms, sigma_ms, correlation: fit.correlation });
+    }
     Ok(ClockOffset {
         offset_s,
         sigma_s: sigma_s.hypotenuse(MIN_SIGMA_S),
@@ -241,6 +260,14 @@ mod tests {
         });
         assert!(matches!(still, Err(ClockError::Still { .. })), "{still:?}");
         assert!(matches!(fit_clock_offset(&[], &odometry()), Err(ClockError::TooFew { found: 0 })));
+        // A third of the turns is not seen, as before plain walls.
+        let blind: Vec<_> = turns(0.0, 1.0)
+            .into_iter()
+            .enumerate()
+            .map(|(i, turn)| if i / 20 % 3 == 0 { TimedTurn { turn: 0.0, ..turn } } else { turn })
+            .collect();
+        let blind = fit_clock_offset(&blind, &odometry());
+        assert!(matches!(blind, Err(ClockError::Uncertain { .. })), "{blind:?}");
         let wrong: Vec<_> = turns(0.0, 1.0)
             .into_iter()
             .enumerate()

@@ -47,8 +47,13 @@ pub struct LensCalibration {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum LensError {
     /// Too few views.
-    #[error("{distinct} different views of the board are too few: {MIN_VIEWS} are needed, 15 are good")]
+    #[error(
+        "different views of the board: {distinct}, in pictures: {found}. {MIN_VIEWS} are needed, 15 are good: hold it near and far, \
+         in the middle and at the edges, and turn it"
+    )]
     TooFew {
+        /// Number of pictures with the board.
+        found: usize,
         /// Number of different views.
         distinct: usize,
     },
@@ -87,7 +92,7 @@ pub fn calibrate_lens(
     let corners: Vec<&[Vector2<f64>]> = found.iter().map(|found| found.corners.as_slice()).collect();
     let flat = ViewVariety::of(&corners, &[], size);
     if flat.distinct < MIN_VIEWS {
-        return Err(LensError::TooFew { distinct: flat.distinct });
+        return Err(LensError::TooFew { found: found.len(), distinct: flat.distinct });
     }
     let undetermined = |cause: &str, variety: &ViewVariety| {
         let advice = variety.advice();

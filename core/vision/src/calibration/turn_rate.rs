@@ -11,14 +11,17 @@ use super::floor_motion::parabola;
 /// Number of rows of the band, and its half height, rad.
 const ROWS: usize = 12;
 const HALF_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
+/// Width of the window whose mean is subtracted from each sample, as a share of the row. What changes slowly over a row stays in place
+/// when the camera turns, such as the light that a lens takes from the edges of a picture: before a plain wall it would be a turn of zero.
+const TREND_SHARE: f64 = 0.125;
 /// Largest turn between two pictures, as a share of the field of view.
 const MAX_SHARE: f64 = 0.4;
 /// Correlation below which a turn is not known.
 const MIN_CORRELATION: f64 = 0.5;
-/// Standard deviation of the gray levels of a row, without its mean, below which it says nothing.
+/// Standard deviation of the gray levels of a row, without its trend, below which it says nothing.
 const MIN_CONTRAST: f64 = 1.0;
 
-/// Band of gray levels around the horizon over azimuth.
+/// Band of gray levels around the horizon over azimuth, without what changes slowly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HorizonBand {
     rows: Vec<Vec<f64>>,
@@ -58,7 +61,7 @@ impl HorizonBand {
                 let azimuth = -half + step * k as f64;
                 pixel(azimuth, elevation).and_then(|at| image.sample(at)).unwrap_or(f64::NAN)
             };
-            (0..count).map(level).collect()
+            without_trend(&(0..count).map(level).collect::<Vec<_>>())
         };
         Self { rows: (0..ROWS).map(row).collect(), step }
     }
@@ -98,6 +101,16 @@ impl HorizonBand {
         }
         if count > 0.0 { sum / count } else { -1.0 }
     }
+}
+
+/// Subtracts from each sample the mean of a window around it; a sample without a whole window is not known.
+fn without_trend(row: &[f64]) -> Vec<f64> {
+    let half = (0.5 * TREND_SHARE * row.len() as f64) as usize;
+    let mut out = vec![f64::NAN; row.len()];
+    for (window, middle) in row.windows(2 * half + 1).zip(half..) {
+        out[middle] = row[middle] - window.iter().sum::<f64>() / window.len() as f64;
+    }
+    out
 }
 
 /// Correlation of two rows where both are known; `None` with little contrast or few samples.
@@ -147,6 +160,24 @@ mod tests {
             let seen = band(0.3).turn_to(&band(0.3 + turn)).unwrap();
             assert!((seen.turn - turn).abs() < 4e-4, "{turn}: {seen:?}");
         }
+    }
+
+    #[test]
+    fn a_plain_wall_is_no_turn_of_zero() {
+        let intrinsics = Intrinsics::from_horizontal_fov(320, 240, 1.05);
+        // A wall without edges, darker towards the edges of the picture, with noise that differs from picture to picture.
+        let wall = |number: u32| {
+            let level = |i: u32| {
+                let off = (f64::from(i % 320) - intrinsics.cx) / intrinsics.cx;
+                let mixed = (i ^ number << 20).wrapping_mul(2_654_435_761);
+                let noise = f64::from((mixed ^ mixed >> 15).wrapping_mul(2_246_822_519) >> 13 & 15);
+                (190.0 - 50.0 * off * off + noise) as u8
+            };
+            let pixels: Vec<u8> = (0..320 * 240).map(level).collect();
+            let picture = FloatImage::of(ImageView::new(&pixels, 320, 240, 320).unwrap()).smoothed(1.0);
+            HorizonBand::of(&picture, &Pinhole::ideal(intrinsics), &Mount::level(0.5))
+        };
+        assert_eq!(wall(1).turn_to(&wall(2)), None);
         let blank = HorizonBand { rows: vec![vec![7.0; 300]; ROWS], step: 0.003 };
         assert!(blank.turn_to(&blank).is_none());
     }

@@ -21,9 +21,28 @@ use crate::report::Table;
 const SECONDS: f64 = 20.0;
 const FRAME_S: f64 = 0.1;
 const ODOMETRY_S: f64 = 0.02;
+/// Amplitudes of the turns, rad: along the corridor, and until the camera faces its walls.
+const ALONG_RAD: f64 = 0.6;
+const TO_WALLS_RAD: f64 = 1.4;
 
 /// Errors of the offset, ms and standard deviations.
 pub fn table(seeds: Range<u64>) -> Result<Table, String> {
+    let title = format!(
+        "{} recordings of {SECONDS} s of turns, frames of 320 x 240 at {} Hz",
+        seeds.end - seeds.start,
+        1.0 / FRAME_S
+    );
+    let mut table = Table::new(title, &COLUMNS);
+    for (name, amplitude) in [("offset", ALONG_RAD), ("offset where walls are faced", TO_WALLS_RAD)] {
+        let (errors_ms, sigmas, recordings) = errors(seeds.clone(), amplitude)?;
+        errors_row(&mut table, &format!("{name}, ms"), &errors_ms, recordings);
+        errors_row(&mut table, &format!("{name}, standard deviations"), &sigmas, recordings);
+    }
+    Ok(table)
+}
+
+/// Errors of the offset, ms and standard deviations, by turns of this amplitude, and the number of recordings.
+fn errors(seeds: Range<u64>, amplitude: f64) -> Result<(Vec<f64>, Vec<f64>, usize), String> {
     let [mut errors_ms, mut sigmas] = [const { Vec::new() }; 2];
     let mut recordings = 0;
     for seed in seeds {
@@ -31,7 +50,8 @@ pub fn table(seeds: Range<u64>) -> Result<Table, String> {
         let mut near = |middle: f64, range: f64| rng.random_range(middle - range..middle + range);
         let offset_s = near(0.05, 0.2);
         let (slow, fast, phase) = (near(0.7, 0.2), near(1.9, 0.4), near(0.0, 3.0));
-        let heading = |seconds: f64| 0.6 * (slow * seconds).sin() + 0.2 * (fast * seconds + phase).sin();
+        let heading =
+            |seconds: f64| amplitude * (slow * seconds).sin() + 0.2 * (fast * seconds + phase).sin();
         let intrinsics = Intrinsics::from_horizontal_fov(320, 240, 1.1);
         let (pinhole, mount) = (Pinhole::ideal(intrinsics), Mount::tilted(0.5, near(0.05, 0.1)));
         let scene = Scene::new(&World::random_corridor(seed, 2.0), 0).map_err(|error| error.to_string())?;
@@ -70,12 +90,5 @@ pub fn table(seeds: Range<u64>) -> Result<Table, String> {
             sigmas.push((found.offset_s - offset_s) / found.sigma_s);
         }
     }
-    let title = format!(
-        "{recordings} recordings of {SECONDS} s of turns, frames of 320 x 240 at {} Hz",
-        1.0 / FRAME_S
-    );
-    let mut table = Table::new(title, &COLUMNS);
-    errors_row(&mut table, "offset, ms", &errors_ms, recordings);
-    errors_row(&mut table, "offset, standard deviations", &sigmas, recordings);
-    Ok(table)
+    Ok((errors_ms, sigmas, recordings))
 }

@@ -34,7 +34,7 @@ const LENS: Distortion = Distortion { k1: -0.12, k2: 0.02, p1: 0.0, p2: 0.0, k3:
 
 /// Errors of tilt, roll, principal row, height and pan by drives, and by a board.
 pub fn tables(seeds: Range<u64>, out: &Output) -> Result<[Table; 2], String> {
-    Ok([drives(seeds.clone(), out)?, boards(seeds)?])
+    Ok([drives(seeds.clone(), out)?, boards(seeds, out)?])
 }
 
 fn drives(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
@@ -116,7 +116,7 @@ fn drives(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
     Ok(table)
 }
 
-fn boards(seeds: Range<u64>) -> Result<Table, String> {
+fn boards(seeds: Range<u64>, out: &Output) -> Result<Table, String> {
     let board = Board::new("9x6", 0.025).map_err(|error| error.to_string())?;
     let [mut tilt, mut roll, mut height, mut pan] = [const { Vec::new() }; 4];
     let mut mounts = 0;
@@ -134,7 +134,7 @@ fn boards(seeds: Range<u64>) -> Result<Table, String> {
         let ahead_m = mount.z / (mount.tilt + 0.2).tan();
         let shifts = [0.0, 0.05, -0.05].map(|shift| Vector2::new(ahead_m - 0.07, 0.1 + shift));
         let mut found = Vec::new();
-        for shift in shifts {
+        for (number, shift) in shifts.into_iter().enumerate() {
             // The board's x to the right, and its y towards the robot, face up.
             let turn =
                 nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -std::f64::consts::FRAC_PI_2);
@@ -144,6 +144,9 @@ fn boards(seeds: Range<u64>) -> Result<Table, String> {
             );
             let pose = mount.body_from_camera().inverse() * body_from_board;
             let picture = render_board(&board, &pinhole, &pose, INDOORS, &mut rng);
+            if out.is_on() {
+                out.gray(&format!("floor_{seed}_{number}"), picture.pixels(), SIZE.0, SIZE.1)?;
+            }
             found.extend(find_board(picture.view().map_err(|error| error.to_string())?, &board));
         }
         mounts += 1;

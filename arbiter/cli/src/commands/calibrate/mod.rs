@@ -45,7 +45,7 @@ struct BoardArguments {
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6")]
     corners: String,
     /// Side of a square, mm, measured on the printed page.
-    #[arg(long, value_name = "MM", default_value_t = 25.0)]
+    #[arg(long, value_name = "MM", default_value_t = 25.0, allow_negative_numbers = true)]
     square_mm: f64,
 }
 

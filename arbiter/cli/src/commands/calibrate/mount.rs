@@ -23,13 +23,13 @@ pub struct Arguments {
     #[command(flatten)]
     camera: CameraArguments,
     /// Horizontal field of view of a camera without a robot file, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 60.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 60.0, allow_negative_numbers = true)]
     fov_deg: f64,
     /// Width of the corridor at the floor, between the skirtings, m: gives the height.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     corridor_width_m: Option<f64>,
     /// Height of the camera above the floor, m, if it was measured by hand.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
     height_m: Option<f64>,
     /// Row of the principal point, where horizon and plumb lines contradict the robot file, as in cropped pictures.
     #[arg(long, value_enum, default_value_t = Row::Judge)]
@@ -178,12 +178,12 @@ fn board_text(shown: &Shown<floor_board::Learned>) -> String {
     }
     let mut text = format!(
         "{rows}\nheight {} m, tilt {}° down, roll {}°\n",
-        with_sigma(&learned.height_m, 3),
-        with_sigma(&learned.tilt_deg, 2),
-        with_sigma(&learned.roll_deg, 2)
+        with_sigma(&learned.height_m, 4),
+        with_sigma(&learned.tilt_deg, 3),
+        with_sigma(&learned.roll_deg, 3)
     );
     if let Some(pan) = &learned.pan_deg {
-        text += &format!("pan {}° left, if the board lies square\n", with_sigma(pan, 2));
+        text += &format!("pan {}° left, if the board lies square\n", with_sigma(pan, 3));
     }
     text += &format!("overlay {}: look whether the grid lies on the floor\n", learned.overlay.display());
     text + &robot.text()
