@@ -128,7 +128,7 @@ impl LaneAvoider {
     }
 }
 
-/// What is known of the floor around a robot at `robot`, odometry frame. Places are in the robot frame, m.
+/// Floor around a robot at `robot`, odometry frame, and what is known of it. Places are in the robot frame, m.
 struct Ground<'a> {
     robot: Pose2,
     /// Transform from the odometry frame to the map frame.
