@@ -74,6 +74,17 @@ impl RollingWindow {
         remainder(0, column) + remainder(1, row) * self.cells
     }
 
+    /// Returns the slots of the cells up to `reach` columns and rows away from the one that is stored in `slot`, those beyond the
+    /// window's border left out.
+    pub fn neighbors(&self, slot: usize, reach: i64) -> impl Iterator<Item = usize> {
+        let size = self.cells as i64;
+        let at = |axis: usize, slot: usize| (slot as i64 - self.corner[axis]).rem_euclid(size);
+        let around =
+            move |at: i64| ((at - reach).max(0)..(at + reach + 1).min(size)).map(|index| index as usize);
+        let (column, row) = (at(0, slot % self.cells), at(1, slot / self.cells));
+        around(row).flat_map(move |row| around(column).map(move |column| self.slot_of(column, row)))
+    }
+
     /// Returns the middle of the cell that is stored in `slot`, m.
     #[must_use]
     pub fn place(&self, slot: usize) -> Point2<f64> {

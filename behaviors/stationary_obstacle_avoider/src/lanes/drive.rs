@@ -30,6 +30,8 @@ const TURN_GAIN: f64 = 2.0;
 const MIN_WAIT_S: f64 = 0.3;
 const BACK_OFF_S: f64 = 2.0;
 const WAIT_S: f64 = 4.0;
+/// Time after which what crosses the way is passed, however it moves, s.
+const YIELD_S: f64 = 12.0;
 /// Distance by which an echo must be beyond the gate before the robot goes on, m, and the free length it needs.
 const RELEASE_M: f64 = 0.12;
 const RELEASE_FREE_M: f64 = 0.8;
@@ -62,6 +64,8 @@ enum Mode {
     Free,
     /// Drives the best lane.
     Lane,
+    /// Stands: something that moves crosses the way.
+    Yield { since_s: f64 },
     /// Stands: no lane is free, or a sonar sees something within its gate.
     Wait { since_s: f64 },
     /// Backs off the way it came.
@@ -79,6 +83,8 @@ pub(super) struct Drive {
     lane_m: f64,
     /// Side of the last turn in place since the path was free, 1 left, -1 right; 0 without one.
     tried: f64,
+    /// True if what crosses the way is passed: it has been waited for.
+    has_yielded: bool,
     /// Pose by odometry at the last step, and distance driven forward to it, m: at most as much as it can back off.
     last: Option<Pose2>,
     advanced_m: f64,
@@ -111,6 +117,8 @@ pub(super) struct Situation {
     /// Maximum speed, m/s, and turn rate, rad/s.
     pub speed_mps: f64,
     pub max_turn_radps: f64,
+    /// True if something that moves is near the path ahead.
+    pub is_crossed: bool,
     /// True if the robot is at the end of its path: an obstacle ahead does not matter.
     pub is_arrived: bool,
     /// Share of the places to the left and to the right of the path where the robot could stand.
@@ -168,13 +176,19 @@ impl Drive {
     pub fn step(&mut self, at: &Situation) -> Option<Proposal> {
         self.lane_m = at.plan.best.offset_m;
         self.measure_advance(&at.odometry);
-        self.mode = self.next(at);
+        let mode = self.next(at);
+        self.has_yielded = at.is_crossed
+            && (self.has_yielded || (matches!(self.mode, Mode::Yield { .. }) && mode != self.mode));
+        self.mode = mode;
         Some(match self.mode {
             Mode::Free => {
                 (self.lane_m, self.tried) = (0.0, 0.0);
                 return None;
             }
             Mode::Lane => self.drive_lane(at),
+            Mode::Yield { .. } => Proposal::drive(Axes::PLANAR, Twist::ZERO)
+                .with_reason(Reason::PassageBlocked)
+                .with_note(format_args!("waits for what crosses the way")),
             // The beam of a sonar is wider than the robot.
             Mode::Wait { .. } if at.is_beside_lane() => Proposal::drive(Axes::PLANAR, at.turn_to_aim())
                 .uncoupled()
@@ -219,10 +233,14 @@ impl Drive {
         let wait = Mode::Wait { since_s: at.now_s };
         match self.mode {
             _ if at.is_arrived => Mode::Free,
-            Mode::Free | Mode::Lane if at.must_stand() => wait,
-            Mode::Free | Mode::Lane if at.is_path_open() => Mode::Free,
-            Mode::Free | Mode::Lane if at.share() < MIN_SHARE => wait,
-            Mode::Free | Mode::Lane => Mode::Lane,
+            Mode::Yield { since_s } if at.is_crossed && at.now_s - since_s < YIELD_S => self.mode,
+            Mode::Free | Mode::Lane | Mode::Wait { .. } if at.is_crossed && !self.has_yielded => {
+                Mode::Yield { since_s: at.now_s }
+            }
+            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.must_stand() => wait,
+            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.is_path_open() => Mode::Free,
+            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.share() < MIN_SHARE => wait,
+            Mode::Free | Mode::Lane | Mode::Yield { .. } => Mode::Lane,
             Mode::Wait { since_s } => {
                 let waited_s = at.now_s - since_s;
                 if at.is_released() && waited_s > MIN_WAIT_S {
@@ -330,6 +348,7 @@ mod tests {
             straight_m: f64::INFINITY,
             speed_mps: 0.25,
             max_turn_radps: 0.7,
+            is_crossed: false,
             is_arrived: false,
             room: [1.0, 0.0],
         }

@@ -9,6 +9,7 @@ pub mod occupancy;
 pub mod planner;
 pub mod stations;
 
+mod arrivals;
 mod clusters;
 mod drive;
 mod hidden_fan;
@@ -56,6 +57,10 @@ const SEEN_WALL_ERROR_M: f64 = 0.05;
 const MAP_WALL_ERROR_M: f64 = 0.03;
 /// Area around the robot whose obstacles matter for planning, m: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-0.5, 2.7, 2.0);
+/// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; smallest number of its cells.
+const WAY_AHEAD_M: f64 = 1.9;
+const WAY_ASIDE_M: f64 = 0.75;
+const MIN_MOVING: usize = 6;
 /// Maximum number of occupied cells that are planned with; nearer ones first come first.
 const MAX_CELLS: usize = 2000;
 /// Area ahead in which nothing may stand where the color of the floor is learned, m: along, and to each side.
@@ -264,6 +269,11 @@ impl LaneAvoider {
         self.gather_occupied(&newest.pose, on_map.as_ref());
         let robot = on_map.map(|on_map| on_map * newest.pose);
         self.path = PathAhead::of(&self.guidance, robot.as_ref());
+        let moving = self.occupied.iter().filter(|place| {
+            self.grid.moves(newest.pose.transform_point(place.cast()))
+                && self.path.is_beside(place.cast(), WAY_AHEAD_M, WAY_ASIDE_M)
+        });
+        let is_crossed = moving.count() >= MIN_MOVING;
         let map = &self.map;
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| map.clearance(robot.transform_point(place)))
@@ -305,6 +315,7 @@ impl LaneAvoider {
                 .min(if blind.is_some() { self.config.blind_speed_mps } else { f64::INFINITY })
                 .min(if is_narrow { NARROW_MPS } else { f64::INFINITY }),
             max_turn_radps: self.config.max_turn_radps,
+            is_crossed,
             is_arrived: self.is_arrived(),
             room: [1.0, -1.0].map(|side| scene.room(side)),
         };

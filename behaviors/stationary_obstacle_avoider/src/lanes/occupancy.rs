@@ -8,6 +8,8 @@ use yamabico_core::geometry::Pose2;
 use yamabico_core::message::Beam;
 use yamabico_vision::rolling_window::RollingWindow;
 
+use super::arrivals::Arrivals;
+
 /// Side of a cell, m.
 pub const CELL_M: f64 = 0.05;
 /// Cells on each side of the window: the robot sees 3.2 m in each direction.
@@ -22,6 +24,8 @@ const SONAR_LIMITS: (f32, f32) = (-6.0, 6.0);
 const GEOMETRY_IN_DOUBT: f32 = 2.0;
 /// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
 const ESTABLISHED: f32 = 3.0;
+/// Log odds by the look at which a cell is surely floor.
+const FLOOR_SEEN: f32 = -1.3;
 /// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view:
 /// what stands there can be seen again only from elsewhere.
 const FADE_PER_S: f32 = 0.7;
@@ -57,6 +61,7 @@ pub struct OccupancyGrid {
     look: Layer,
     geometry: Layer,
     sonar: Layer,
+    arrivals: Arrivals,
 }
 
 impl Default for OccupancyGrid {
@@ -66,6 +71,7 @@ impl Default for OccupancyGrid {
             look: Layer::new(LOOK_LIMITS),
             geometry: Layer::new(GEOMETRY_LIMITS),
             sonar: Layer::new(SONAR_LIMITS),
+            arrivals: Arrivals::new(CELLS * CELLS),
         }
     }
 }
@@ -74,13 +80,15 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, geometry, sonar } = self;
+        let Self { window, look, geometry, sonar, arrivals } = self;
         window.advance(position, |slot| {
             for layer in [&mut *look, geometry, sonar] {
                 layer.odds[slot] = 0.0;
             }
+            arrivals.clear(slot);
         });
         let elapsed_s = dt_s.clamp(0.0, 60.0) as f32;
+        arrivals.advance(elapsed_s);
         let rate = |slot: usize, odds: f32| match odds > ESTABLISHED {
             false => FADE_PER_S,
             true if is_in_view(window.place(slot)) => FADE_ESTABLISHED_PER_S,
@@ -136,11 +144,20 @@ impl OccupancyGrid {
         }
     }
 
-    /// Sum of all evidence of a cell: the sonars cannot outvote what geometry established.
+    /// Takes note of what has come since the last picture.
+    pub fn update_arrivals(&mut self) {
+        let Self { window, look, geometry, sonar, arrivals } = self;
+        let is_occupied = |slot: usize| total([look, geometry, sonar], slot) >= OCCUPIED;
+        arrivals.update(window, is_occupied, |slot| look.odds[slot] <= FLOOR_SEEN);
+    }
+
+    /// True if what occupies a place (odometry frame, m) came there some seconds ago at most.
+    pub fn moves(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.arrivals.moves(slot))
+    }
+
     fn sum(&self, slot: usize) -> f32 {
-        let [look, geometry, sonar] = [&self.look, &self.geometry, &self.sonar].map(|layer| layer.odds[slot]);
-        let certain = (geometry - GEOMETRY_IN_DOUBT).max(0.0);
-        (look + geometry + sonar).max(certain)
+        total([&self.look, &self.geometry, &self.sonar], slot)
     }
 
     /// True if geometry alone makes a place occupied, odometry frame, m.
@@ -157,6 +174,13 @@ impl OccupancyGrid {
         let cells = (0..CELLS * CELLS).filter(|&slot| self.sum(slot) >= OCCUPIED);
         cells.map(|slot| self.window.place(slot))
     }
+}
+
+/// Sum of all evidence of a cell by look, geometry and sonars: the sonars cannot outvote what geometry established.
+fn total(layers: [&Layer; 3], slot: usize) -> f32 {
+    let [look, geometry, sonar] = layers.map(|layer| layer.odds[slot]);
+    let certain = (geometry - GEOMETRY_IN_DOUBT).max(0.0);
+    (look + geometry + sonar).max(certain)
 }
 
 /// Log odds of the cells by one kind of evidence.

@@ -78,6 +78,7 @@ impl LaneAvoider {
             self.add_look(robot);
         }
         self.add_geometry(robot);
+        self.grid.update_arrivals();
         Ok(())
     }
 

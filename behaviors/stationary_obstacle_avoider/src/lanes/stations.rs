@@ -72,6 +72,13 @@ impl PathAhead {
         ahead
     }
 
+    /// True if a place (robot frame) is within `aside_m` of the path, `ahead_m` or nearer along it.
+    #[must_use]
+    pub fn is_beside(&self, place: Point2<f64>, ahead_m: f64, aside_m: f64) -> bool {
+        let near = self.stations.iter().enumerate().take_while(|&(i, _)| station_m(i) < ahead_m);
+        near.map(|(_, station)| (place - station.place).norm()).any(|distance_m| distance_m < aside_m)
+    }
+
     /// Direction of the path at the robot, robot frame, rad.
     #[must_use]
     pub fn heading(&self) -> f64 {
