@@ -5,7 +5,7 @@ use yamabico_vision::rolling_window::RollingWindow;
 /// Time since a place last showed floor up to which what stands there now has come, s.
 const RECENT_S: f32 = 1.5;
 /// Time for which what has come may move on, s.
-const STAYS_S: f32 = 5.0;
+pub(super) const STAYS_S: f32 = 5.0;
 /// Cells around what stands that its own errors reach.
 const NEAR_CELLS: i64 = 2;
 /// Time long ago, s.
@@ -65,11 +65,16 @@ impl Arrivals {
             }
         }
         for &slot in &self.new {
-            let stands = |slot: usize| self.is_occupied[slot] && !self.moves(slot);
+            let stands = |slot: usize| self.is_occupied[slot] && !self.has_come(slot);
             if window.neighbors(slot, NEAR_CELLS).any(stands) {
                 self.came_s[slot] = NEVER_S;
             }
         }
+    }
+
+    /// True if what occupies a cell was seen to come.
+    pub fn has_come(&self, slot: usize) -> bool {
+        self.came_s[slot] > NEVER_S
     }
 
     /// True if what occupies a cell came there some seconds ago at most.

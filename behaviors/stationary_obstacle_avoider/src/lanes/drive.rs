@@ -24,6 +24,8 @@ const VEER_MPS: f64 = 0.15;
 /// Bearing of the aim above which the robot turns in place, rad: driving, and waiting before a free lane.
 const TURN_IN_PLACE_RAD: f64 = 0.9;
 const TURN_WAITING_RAD: f64 = 0.15;
+/// Length of the arc to the aim below which the robot turns in place instead, or stands if it looks there, m.
+const SHORT_ARC_M: f64 = 0.12;
 /// Turn rate per radian, 1/s.
 const TURN_GAIN: f64 = 2.0;
 /// Time that the robot stands at least, s; time after which it backs off the way it came, and tries another way, s.
@@ -114,6 +116,8 @@ pub(super) struct Situation {
     pub clearance_m: f64,
     /// Distance that is free straight ahead, m.
     pub straight_m: f64,
+    /// Distance that is free along the arc to the aim, m.
+    pub arc_m: f64,
     /// Maximum speed, m/s, and turn rate, rad/s.
     pub speed_mps: f64,
     pub max_turn_radps: f64,
@@ -135,6 +139,12 @@ impl Situation {
         !self.is_sonar_silent
             && self.echo_ahead_m > self.gate_m + RELEASE_M
             && self.plan.best.free_m > RELEASE_FREE_M
+            && !self.is_aim_blocked()
+    }
+
+    /// True if the robot looks at its aim, but would touch something on the way.
+    fn is_aim_blocked(&self) -> bool {
+        self.arc_m < SHORT_ARC_M && self.bearing().abs() < TURN_WAITING_RAD
     }
 
     fn bearing(&self) -> f64 {
@@ -155,7 +165,9 @@ impl Situation {
     }
 
     fn is_path_open(&self) -> bool {
-        self.plan.nominal.is_open(self.clearance_m) && self.plan.best.offset_m.abs() <= HAND_OVER_M
+        self.arc_m >= SHORT_ARC_M
+            && self.plan.nominal.is_open(self.clearance_m)
+            && self.plan.best.offset_m.abs() <= HAND_OVER_M
     }
 
     /// Share of the speed that the best lane allows.
@@ -239,7 +251,9 @@ impl Drive {
             }
             Mode::Free | Mode::Lane | Mode::Yield { .. } if at.must_stand() => wait,
             Mode::Free | Mode::Lane | Mode::Yield { .. } if at.is_path_open() => Mode::Free,
-            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.share() < MIN_SHARE => wait,
+            Mode::Free | Mode::Lane | Mode::Yield { .. } if at.share() < MIN_SHARE || at.is_aim_blocked() => {
+                wait
+            }
             Mode::Free | Mode::Lane | Mode::Yield { .. } => Mode::Lane,
             Mode::Wait { since_s } => {
                 let waited_s = at.now_s - since_s;
@@ -291,11 +305,11 @@ impl Drive {
     fn drive_lane(&self, at: &Situation) -> Proposal {
         let note =
             format_args!("lane {:+.2} m beside the path, {:.1} m free", self.lane_m, at.plan.best.free_m);
-        if at.bearing().abs() > TURN_IN_PLACE_RAD {
+        if at.bearing().abs() > TURN_IN_PLACE_RAD || at.arc_m < SHORT_ARC_M {
             return Proposal::drive(Axes::PLANAR, at.turn_to_aim()).uncoupled().with_note(note);
         }
         let mut speed = at.speed_mps * at.share();
-        let mut curvature = 2.0 * at.aim.y / at.aim.coords.norm_squared();
+        let mut curvature = curvature_to(at.aim);
         if at.echo_left_m.min(at.echo_right_m) < NEAR_ASIDE_M {
             curvature += if at.echo_right_m < at.echo_left_m { VEER_PER_M } else { -VEER_PER_M };
             speed = speed.min(VEER_MPS);
@@ -305,9 +319,14 @@ impl Drive {
     }
 }
 
+/// Curvature of the arc from straight ahead through a point (robot frame, m), 1/m.
+pub(super) fn curvature_to(aim: Point2<f64>) -> f64 {
+    2.0 * aim.y / aim.coords.norm_squared()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::planner::Lane;
+    use super::super::planner::{ARC_M, Lane};
     use super::*;
 
     fn drive(poses: impl IntoIterator<Item = (f64, f64)>) -> f64 {
@@ -346,6 +365,7 @@ mod tests {
             gate_m: 0.5,
             clearance_m: 0.3,
             straight_m: f64::INFINITY,
+            arc_m: ARC_M,
             speed_mps: 0.25,
             max_turn_radps: 0.7,
             is_crossed: false,
@@ -361,6 +381,36 @@ mod tests {
         assert!(proposal.twist.linear == 0.0 && proposal.twist.angular > 0.3, "{:?}", proposal.twist);
         let proposal = drive.step(&blocked(0.1, 0.3, 0.4, 0.0)).expect("a proposal");
         assert_eq!(proposal.twist, Twist::ZERO, "the lane is not free");
+    }
+
+    #[test]
+    fn what_crosses_the_way_is_waited_for_but_not_forever() {
+        let open = |now_s: f64, is_crossed: bool| Situation {
+            echo_ahead_m: f64::INFINITY,
+            is_crossed,
+            ..blocked(now_s, 2.4, 0.4, 0.0)
+        };
+        let mut drive = Drive::default();
+        let speed = |drive: &mut Drive, at: &Situation| drive.step(at).expect("a proposal").twist.linear;
+        assert!(speed(&mut drive, &open(0.0, false)) > 0.1);
+        assert_eq!(speed(&mut drive, &open(0.1, true)), 0.0);
+        assert!(speed(&mut drive, &open(0.2, false)) > 0.1, "it has gone");
+        let stood = (3..400).filter(|&i| speed(&mut drive, &open(0.1 * f64::from(i), true)) == 0.0);
+        assert!((119..=121).contains(&stood.count()), "it is passed after 12 s");
+        assert!(speed(&mut drive, &open(40.0, false)) > 0.1);
+        assert_eq!(speed(&mut drive, &open(40.1, true)), 0.0, "another one");
+    }
+
+    #[test]
+    fn an_arc_that_would_touch_something_is_a_turn_in_place() {
+        let short = Situation { echo_ahead_m: f64::INFINITY, arc_m: 0.05, ..blocked(0.0, 2.4, 0.4, 0.0) };
+        let twist = Drive::default().step(&short).expect("a proposal").twist;
+        assert!(twist.linear == 0.0 && twist.angular > 0.3, "{twist:?}");
+        let twist = Drive::default()
+            .step(&Situation { aim: Point2::new(0.6, 0.0), ..short })
+            .expect("a proposal")
+            .twist;
+        assert_eq!(twist, Twist::ZERO, "the aim is straight ahead");
     }
 
     #[test]

@@ -8,6 +8,7 @@
 pub mod occupancy;
 pub mod planner;
 pub mod stations;
+mod sudden_echo;
 
 mod arrivals;
 mod clusters;
@@ -41,12 +42,15 @@ use occupancy::OccupancyGrid;
 use picture_evidence::FLOOR_END_M;
 use planner::{Plan, Scene};
 use stations::PathAhead;
+use sudden_echo::SuddenEcho;
 use upright_edges::UprightEdges;
 
 /// Distance from walls within which evidence is assigned to the wall, m.
 const WALL_M: f64 = 0.16;
 /// Clearance beyond the robot and its margin that covers errors of the grid, m.
 const GRID_ERROR_M: f64 = 0.06;
+/// Error beyond the robot's circle that is always kept, m.
+const TOUCH_ERROR_M: f64 = 0.015;
 /// Part of that error that is risked in a narrow gap, m; the speed there, m/s; and the free length below which narrow gaps are
 /// tried, and that one must add, m.
 const NARROW_M: f64 = 0.04;
@@ -79,6 +83,8 @@ pub struct LaneAvoider {
     config: Config,
     clearance_m: f64,
     wall_clearance_m: f64,
+    /// Distance at which the robot nearly touches, m.
+    touch_m: f64,
     size: [u32; 2],
     map: WireFrame,
     columns: FloorColumns,
@@ -97,6 +103,7 @@ pub struct LaneAvoider {
     /// Occupied places that are not walls, robot frame, m.
     occupied: Vec<Point2<f32>>,
     path: PathAhead,
+    sudden_echo: SuddenEcho,
     last_picture: Option<Time>,
     /// Stamp of the first of the newest pictures that show no floor, although nothing is near.
     no_floor_since: Option<Time>,
@@ -124,6 +131,7 @@ impl LaneAvoider {
             clearance_m: half_width_m + GRID_ERROR_M,
             wall_clearance_m: half_width_m
                 + if config.map.is_some() { MAP_WALL_ERROR_M } else { SEEN_WALL_ERROR_M },
+            touch_m: setup.robot.radius_m + TOUCH_ERROR_M,
             size: pinhole.intrinsics().size(),
             motion: config.uses_geometry.then(|| FloorMotion::new(&pinhole, mount)).flatten(),
             edges: config.uses_geometry.then(|| UprightEdges::new(&pinhole, &mount)).flatten(),
@@ -140,6 +148,7 @@ impl LaneAvoider {
             plan: Plan::default(),
             occupied: Vec::with_capacity(MAX_CELLS),
             path: PathAhead::default(),
+            sudden_echo: SuddenEcho::default(),
             last_picture: None,
             no_floor_since: None,
             last_scan: None,
@@ -235,6 +244,7 @@ impl LaneAvoider {
         let Some(robot) = self.odometry.pose_at(stamp) else { return };
         self.last_scan = Some(stamp);
         self.advance(stamp, &robot);
+        self.sudden_echo.update(stamp.as_secs_f64(), self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD), robot);
         let on_map = self.map_from_odometry();
         let map = &self.map;
         for beam in self.sonar.beams() {
@@ -273,7 +283,7 @@ impl LaneAvoider {
             self.grid.moves(newest.pose.transform_point(place.cast()))
                 && self.path.is_beside(place.cast(), WAY_AHEAD_M, WAY_ASIDE_M)
         });
-        let is_crossed = moving.count() >= MIN_MOVING;
+        let is_crossed = moving.count() >= MIN_MOVING || self.sudden_echo.moves(now.as_secs_f64());
         let map = &self.map;
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| map.clearance(robot.transform_point(place)))
@@ -284,6 +294,7 @@ impl LaneAvoider {
             wall_m: &wall_m,
             clearance_m: self.clearance_m,
             wall_clearance_m: self.wall_clearance_m,
+            touch_m: self.touch_m,
         };
         self.plan = scene.plan(self.drive.lane_m());
         let is_narrow = self.plan.best.free_m < NARROW_FREE_M.0 && {
@@ -296,16 +307,18 @@ impl LaneAvoider {
             is_longer
         };
         let blind = self.blindness(now);
+        let aim = self.path.stations[drive::AIM_STATION].beside(self.plan.best.offset_m);
         let situation = Situation {
             now_s: now.as_secs_f64(),
             plan: self.plan,
-            aim: self.path.stations[drive::AIM_STATION].beside(self.plan.best.offset_m),
+            aim,
             odometry: newest.pose,
             path_heading: self.path.heading(),
             echo_ahead_m: self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD),
             echo_left_m: self.sonar.nearest_m(AHEAD_RAD..ASIDE_RAD),
             echo_right_m: self.sonar.nearest_m(-ASIDE_RAD..-AHEAD_RAD),
             straight_m: scene.straight_m(),
+            arc_m: scene.arc_m(drive::curvature_to(aim)),
             is_sonar_silent: self.sonar.beams().is_empty(),
             gate_m: self.config.gate_m,
             clearance_m: self.clearance_m,

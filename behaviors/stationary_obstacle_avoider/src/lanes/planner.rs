@@ -27,6 +27,11 @@ const SIDE_M: f64 = 0.15;
 const APPROACH_M: f64 = 0.01;
 const VEER_M: f64 = 0.05;
 
+/// Length of the arc ahead that is looked at, m, the number of its places, and the room beside it beyond a touch, m.
+pub const ARC_M: f64 = 0.4;
+const ARC_STEPS: usize = 10;
+const ARC_ROOM_M: f64 = 0.02;
+
 /// A lane and what is known of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lane {
@@ -67,6 +72,8 @@ pub struct Scene<'a> {
     pub clearance_m: f64,
     /// Distance that the robot's center must keep from walls, m.
     pub wall_clearance_m: f64,
+    /// Distance of the robot's center at which it nearly touches, m: it comes no nearer, wherever it is.
+    pub touch_m: f64,
 }
 
 impl Scene<'_> {
@@ -118,15 +125,44 @@ impl Scene<'_> {
         };
         let to_obstacle_m = self.obstacles.iter().filter_map(reach).fold(f64::INFINITY, f64::min);
         let walls_m = (0..STATIONS).map(|i| (station_m(i), (self.wall_m)(Point2::new(station_m(i), 0.0))));
-        let min_wall_m = self.wall_clearance_m.min((self.wall_m)(Point2::origin()) - APPROACH_M);
+        let min_wall_m = self.min_wall_m();
         let to_wall_m = walls_m.into_iter().find(|&(_, wall_m)| wall_m < min_wall_m);
-        to_wall_m.map_or(to_obstacle_m, |(ahead_m, _)| to_obstacle_m.min(ahead_m))
+        to_wall_m.map_or(to_obstacle_m, |(ahead_m, _)| to_obstacle_m.min(ahead_m - station_m(0)))
+    }
+
+    /// Distance that the robot can drive along an arc of this curvature (1/m, positive left) before it nearly touches something, m; at
+    /// most [`ARC_M`].
+    #[must_use]
+    pub fn arc_m(&self, curvature: f64) -> f64 {
+        let clearance_m = self.touch_m + ARC_ROOM_M;
+        let min_wall_m = clearance_m.min(self.nearer((self.wall_m)(Point2::origin()), APPROACH_M));
+        let is_blocked = |place: Point2<f64>| {
+            let near = |obstacle: &&Point2<f32>| (obstacle.cast::<f64>() - place).norm() < clearance_m;
+            (self.wall_m)(place) < min_wall_m
+                || self.obstacles.iter().filter(near).any(|obstacle| {
+                    let obstacle = obstacle.cast::<f64>();
+                    (obstacle - place).norm() < self.nearer(obstacle.coords.norm(), APPROACH_M)
+                })
+        };
+        let step_m = ARC_M / ARC_STEPS as f64;
+        let mut along = (0..ARC_STEPS).map(|i| i as f64 * step_m);
+        along.find(|&along_m| is_blocked(on_arc(curvature, along_m + step_m))).unwrap_or(ARC_M)
+    }
+
+    /// Smallest distance to a wall on the way, m.
+    fn min_wall_m(&self) -> f64 {
+        let here_m = (self.wall_m)(Point2::origin());
+        self.wall_clearance_m.min(self.nearer(here_m, APPROACH_M))
+    }
+
+    /// Distance to which the robot may come nearer from `distance_m` to what it is too near to, m.
+    fn nearer(&self, distance_m: f64, approach_m: f64) -> f64 {
+        (distance_m - approach_m).max(self.touch_m.min(distance_m))
     }
 
     /// Rates the lane with an offset: how far it is free, and how near obstacles are.
     fn rate(&self, offset_m: f64) -> Lane {
-        let here_wall_m = (self.wall_m)(Point2::origin());
-        let min_wall_m = self.wall_clearance_m.min(here_wall_m - APPROACH_M);
+        let min_wall_m = self.min_wall_m();
         let clearance = self.clearance_m as f32;
         let mut gap = f32::INFINITY;
         let mut free_m = None;
@@ -143,7 +179,8 @@ impl Scene<'_> {
                     let distance = (obstacle - at).norm();
                     let may_approach_m =
                         if distance < clearance - VEER_M as f32 { APPROACH_M } else { VEER_M };
-                    distance < clearance && distance < obstacle.coords.norm() - may_approach_m as f32
+                    let from_m = f64::from(obstacle.coords.norm());
+                    distance < clearance && f64::from(distance) < self.nearer(from_m, may_approach_m)
                 });
             if free_m.is_none() && (is_hit || (self.wall_m)(place) < min_wall_m) {
                 free_m = Some(ahead_m);
@@ -151,6 +188,13 @@ impl Scene<'_> {
         }
         Lane { offset_m, free_m: free_m.unwrap_or(station_m(STATIONS)), gap_m: f64::from(gap) }
     }
+}
+
+/// Place at `along_m` (m) on an arc from the origin straight ahead.
+fn on_arc(curvature: f64, along_m: f64) -> Point2<f64> {
+    let half = 0.5 * curvature * along_m;
+    let chord_m = if half.abs() < 1e-6 { along_m } else { along_m * half.sin() / half };
+    Point2::new(chord_m * half.cos(), chord_m * half.sin())
 }
 
 /// Distance from `place` to the nearest obstacle, m; infinite without any.
@@ -201,6 +245,7 @@ mod tests {
             wall_m: &wall_m,
             clearance_m: 0.29,
             wall_clearance_m: 0.23,
+            touch_m: 0.21,
         };
         scene.plan(last_m)
     }
@@ -239,6 +284,28 @@ mod tests {
     fn a_blocked_corridor_has_no_free_lane() {
         let plan = plan(0.0, &[[1.5, 0.6], [1.5, 0.3], [1.5, 0.0], [1.5, -0.3], [1.5, -0.6]], 0.0);
         assert!(plan.best.free_m < 1.4, "{plan:?}");
+    }
+
+    #[test]
+    fn an_arc_ends_before_what_it_would_touch() {
+        let path = PathAhead::default();
+        let arc_m = |obstacles: &[Point2<f32>], wall_m: &dyn Fn(Point2<f64>) -> f64, curvature: f64| {
+            let scene = Scene {
+                path: &path,
+                obstacles,
+                wall_m,
+                clearance_m: 0.29,
+                wall_clearance_m: 0.26,
+                touch_m: 0.215,
+            };
+            scene.arc_m(curvature)
+        };
+        let open = |_: Point2<f64>| f64::INFINITY;
+        let beside = [Point2::new(0.35, 0.2)];
+        assert!(arc_m(&[], &open, 0.0) == ARC_M && arc_m(&beside, &open, -3.0) == ARC_M);
+        assert!((0.1..0.3).contains(&arc_m(&beside, &open, 0.0)) && arc_m(&beside, &open, 3.0) < 0.2);
+        let wall = |place: Point2<f64>| 0.22 - place.y;
+        assert!(arc_m(&[], &wall, 2.0) < 0.1 && arc_m(&[], &wall, -2.0) == ARC_M, "away from the wall");
     }
 
     #[test]
