@@ -54,10 +54,16 @@ pub(super) fn open(router: Option<&str>) -> Result<Opened, String> {
     let (endpoints, mode) = (text("connect/endpoints"), text("mode").trim_matches('"').to_owned());
     let opened = ::zenoh::open(config.clone()).wait();
     let session = opened.map_err(|error| match mode.as_str() {
-        "client" => format!("no Zenoh router at {endpoints} ({error}): {}", remedy()),
-        _ => format!("no session of Zenoh ({error}): look at {FILE_VARIABLE} and {KEYS_VARIABLE}"),
+        "client" => format!("no Zenoh router at {endpoints}: {}", remedy()),
+        _ => format!("no session of Zenoh ({}): look at {FILE_VARIABLE} and {KEYS_VARIABLE}", words(&error)),
     })?;
     Ok(Opened { session, endpoints, mode })
+}
+
+/// Text of an error of Zenoh without its place in the sources.
+fn words(error: &dyn std::fmt::Display) -> String {
+    let text = error.to_string();
+    text.split(" at /").next().unwrap_or_default().trim().to_owned()
 }
 
 fn remedy() -> &'static str {
@@ -67,16 +73,17 @@ fn remedy() -> &'static str {
 /// Configuration of a session: of the file `file` or the default, with the keys `keys`, and as a client of `router`.
 fn configuration(router: Option<&str>, file: Option<&str>, keys: Option<&str>) -> Result<Config, String> {
     let mut config = match file {
-        Some(file) => Config::from_file(file.trim())
-            .map_err(|error| format!("{FILE_VARIABLE}={file} is no configuration of Zenoh: {error}"))?,
-        None => Config::from_json5(DEFAULT).map_err(|error| error.to_string())?,
+        Some(file) => Config::from_file(file.trim()).map_err(|error| {
+            format!("{FILE_VARIABLE}={file} is no configuration of Zenoh: {}", words(&error))
+        })?,
+        None => Config::from_json5(DEFAULT).map_err(|error| words(&error))?,
     };
     for entry in keys.unwrap_or_default().split(';').map(str::trim).filter(|entry| !entry.is_empty()) {
         let wrong = |what: &str| format!("{KEYS_VARIABLE}: `{entry}` {what}");
         let (key, value) = entry.split_once('=').ok_or_else(|| wrong("is not KEY=VALUE"))?;
         config
             .insert_json5(key.trim(), value.trim())
-            .map_err(|error| wrong(&format!("is refused: {error}")))?;
+            .map_err(|error| wrong(&format!("is refused: {}", words(&error))))?;
     }
     if let Some(router) = router {
         let endpoint = serde_json::json!([router]).to_string();
@@ -85,13 +92,13 @@ fn configuration(router: Option<&str>, file: Option<&str>, keys: Option<&str>) -
                 "the router `{router}` is no endpoint of Zenoh ({error}): write it as tcp/192.168.1.5:7447"
             )
         };
-        config.insert_json5("connect/endpoints", &endpoint).map_err(|error| wrong(error.to_string()))?;
+        config.insert_json5("connect/endpoints", &endpoint).map_err(|error| wrong(words(&error)))?;
         if !router.starts_with("tcp/") {
             return Err(wrong("this program speaks TCP only".to_owned()));
         }
         for (key, value) in [("mode", "\"client\""), ("listen/endpoints", "[]"), ("connect/timeout_ms", "0")]
         {
-            config.insert_json5(key, value).map_err(|error| error.to_string())?;
+            config.insert_json5(key, value).map_err(|error| words(&error))?;
         }
     }
     Ok(config)
