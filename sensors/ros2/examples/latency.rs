@@ -10,12 +10,13 @@ use yamabico_core::geometry::Twist;
 use yamabico_ros2::config::Reliability;
 use yamabico_ros2::message::{Header, TwistStamped};
 use yamabico_ros2::network::{Network, Subscription};
+use yamabico_ros2::network_config::NetworkConfig;
 use yamabico_ros2::ros_clock::calendar_now_ns;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    let network = Network::join(None)?;
+    let network = Network::join(&NetworkConfig::default())?;
     match words.as_slice() {
         ["receive", topic, message_type, seconds] => {
             receive(&network, topic, (*message_type).to_owned().leak(), seconds.parse()?);

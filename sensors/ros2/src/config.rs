@@ -3,13 +3,9 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_inline_default::serde_inline_default;
-use yamabico_core::behavior::ParameterError;
 use yamabico_core::camera::{Calibration, IntrinsicsConfig, MountConfig};
 
-/// Variable of the environment with the domain.
-pub const DOMAIN_VARIABLE: &str = "ROS_DOMAIN_ID";
-/// Highest domain whose ports exist.
-pub const MAX_DOMAIN: u16 = 232;
+use crate::network_config::{MAX_DOMAIN, Middleware, NetworkConfig};
 
 /// Reliability that a subscriber asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -42,6 +38,10 @@ pub struct DeviceConfig {
     /// Domain. Without it, that of the variable ROS_DOMAIN_ID, or 0.
     #[schemars(range(min = 0, max = MAX_DOMAIN))]
     pub domain: Option<u16>,
+    /// Middleware. Without it, that of the variable RMW_IMPLEMENTATION, or DDS; Zenoh if `router` is set.
+    pub middleware: Option<Middleware>,
+    /// Endpoint of a Zenoh router, such as `tcp/192.168.1.5:7447`. Without it, that of rmw_zenoh on this machine.
+    pub router: Option<String>,
 }
 
 /// Parameters of a sensor without further properties.
@@ -174,6 +174,10 @@ pub struct VelocityConfig {
     /// Domain. Without it, that of the variable ROS_DOMAIN_ID, or 0.
     #[schemars(range(min = 0, max = MAX_DOMAIN))]
     pub domain: Option<u16>,
+    /// Middleware. Without it, that of the variable RMW_IMPLEMENTATION, or DDS; Zenoh if `router` is set.
+    pub middleware: Option<Middleware>,
+    /// Endpoint of a Zenoh router, such as `tcp/192.168.1.5:7447`. Without it, that of rmw_zenoh on this machine.
+    pub router: Option<String>,
 }
 
 /// Parameters of a lock: a topic that stops all behaviors of lower priority.
@@ -193,6 +197,10 @@ pub struct LockConfig {
     /// Domain. Without it, that of the variable ROS_DOMAIN_ID, or 0.
     #[schemars(range(min = 0, max = MAX_DOMAIN))]
     pub domain: Option<u16>,
+    /// Middleware. Without it, that of the variable RMW_IMPLEMENTATION, or DDS; Zenoh if `router` is set.
+    pub middleware: Option<Middleware>,
+    /// Endpoint of a Zenoh router, such as `tcp/192.168.1.5:7447`. Without it, that of rmw_zenoh on this machine.
+    pub router: Option<String>,
 }
 
 /// Parameters of an observer, which publishes what the robot does.
@@ -218,35 +226,23 @@ pub struct ObserverConfig {
     /// Domain. Without it, that of the variable ROS_DOMAIN_ID, or 0.
     #[schemars(range(min = 0, max = MAX_DOMAIN))]
     pub domain: Option<u16>,
+    /// Middleware. Without it, that of the variable RMW_IMPLEMENTATION, or DDS; Zenoh if `router` is set.
+    pub middleware: Option<Middleware>,
+    /// Endpoint of a Zenoh router, such as `tcp/192.168.1.5:7447`. Without it, that of rmw_zenoh on this machine.
+    pub router: Option<String>,
 }
 
-/// Returns the domain: `configured`, or that of the variable whose value is `environment`, or 0.
-///
-/// # Errors
-/// The variable is no domain.
-pub fn domain(configured: Option<u16>, environment: Option<&str>) -> Result<u16, ParameterError> {
-    match (configured, environment.map(str::trim).filter(|text| !text.is_empty())) {
-        (Some(domain), _) => Ok(domain),
-        (None, None) => Ok(0),
-        (None, Some(text)) => text.parse().ok().filter(|domain| *domain <= MAX_DOMAIN).ok_or_else(|| {
-            let problem = format!("{DOMAIN_VARIABLE} is `{text}`, and not a number from 0 to {MAX_DOMAIN}");
-            ParameterError::new("domain", problem)
-        }),
-    }
+/// Gives each of the configurations its network.
+macro_rules! network_of {
+    ($($config:ident),*) => {
+        $(impl $config {
+            /// Returns the keys of the network.
+            #[must_use]
+            pub fn network(&self) -> NetworkConfig {
+                NetworkConfig { domain: self.domain, middleware: self.middleware, router: self.router.clone() }
+            }
+        })*
+    };
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_environment_sets_the_domain() {
-        assert_eq!(domain(None, None).ok(), Some(0));
-        assert_eq!(domain(None, Some("")).ok(), Some(0));
-        assert_eq!(domain(None, Some("42")).ok(), Some(42));
-        assert_eq!(domain(Some(7), Some("42")).ok(), Some(7));
-        for wrong in ["-1", "233", "robot"] {
-            assert!(domain(None, Some(wrong)).unwrap_err().problem.contains("ROS_DOMAIN_ID"));
-        }
-    }
-}
+network_of!(DeviceConfig, VelocityConfig, LockConfig, ObserverConfig);

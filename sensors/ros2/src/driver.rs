@@ -83,7 +83,7 @@ impl Driver for Ros2Driver {
 
     fn open(&self, spec: DeviceSpec) -> Result<Device, ParameterError> {
         let config: DeviceConfig = read(&spec.table)?;
-        let network = Network::join(config.domain)?;
+        let network = Network::join(&config.network())?;
         let clock = Arc::new(Mutex::new(RosClock::default()));
         let frames = Arc::new(Mutex::new(Frames::default()));
         network.subscribe(clock_subscription(&clock));

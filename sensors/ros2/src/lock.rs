@@ -30,7 +30,7 @@ impl Plugin for Lock {
 
     fn new(config: LockConfig, setup: &Setup) -> Result<Self, ParameterError> {
         let topic = checked_topic("ros2_lock", &config.ros2_lock)?;
-        let network = Network::join(config.domain)?;
+        let network = Network::join(&config.network())?;
         let reception = Arc::new(Reception::new(&topic));
         let (for_messages, for_link) = (Arc::clone(&reception), Arc::clone(&reception));
         network.subscribe(Subscription {

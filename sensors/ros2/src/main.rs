@@ -9,6 +9,7 @@ use yamabico_host::process::{main as main_of, main_of_driver};
 use yamabico_ros2::driver::driver;
 use yamabico_ros2::lock::Lock;
 use yamabico_ros2::network::Network;
+use yamabico_ros2::network_config::NetworkConfig;
 use yamabico_ros2::observer::Observer;
 use yamabico_ros2::velocity::VelocityTopic;
 
@@ -24,15 +25,20 @@ By hand:
   yamabico-ros2 topics    topics of the domain ROS_DOMAIN_ID with their types, publishers and subscribers
 
 Environment:
-  ROS_DOMAIN_ID  domain, 0 without it
-  YAMABICO_LOG   log level: error, warn, info (default), debug or trace
+  ROS_DOMAIN_ID             domain, 0 without it
+  RMW_IMPLEMENTATION        rmw_zenoh_cpp for Zenoh, rmw_fastrtps_cpp or rmw_cyclonedds_cpp for DDS (default)
+  ZENOH_SESSION_CONFIG_URI  configuration file of Zenoh; without it, the router is at tcp/localhost:7447
+  ZENOH_CONFIG_OVERRIDE     single keys of it, such as mode=\"client\";connect/endpoints=[\"tcp/192.168.1.5:7447\"]
+  YAMABICO_LOG              log level: error, warn, info (default), debug or trace
 ";
 
 /// Time for which `topics` looks.
 const LOOK: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
-    let filter = EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    // What Zenoh says about itself is told in other words, with a remedy.
+    let filter =
+        EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("info,zenoh=error"));
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(false);
     log.with_writer(std::io::stderr).without_time().log_internal_errors(false).init();
     match std::env::args().nth(1).as_deref() {
@@ -50,7 +56,7 @@ fn main() -> ExitCode {
 
 /// Prints the topics of the domain.
 fn topics() -> ExitCode {
-    let network = match Network::join(None) {
+    let network = match Network::join(&NetworkConfig::default()) {
         Ok(network) => network,
         Err(error) => {
             tracing::error!("{error}");

@@ -55,7 +55,7 @@ impl Plugin for Observer {
 
     fn new(config: ObserverConfig, setup: &Setup) -> Result<Self, ParameterError> {
         let prefix = checked_topic("ros2_publish", &config.ros2_publish)?;
-        let network = Network::join(config.domain)?;
+        let network = Network::join(&config.network())?;
         let (sender, receiver) = sync_channel(MAX_WAITING);
         let period = Duration::from_secs_f64(1.0 / config.rate_hz);
         let bridge = Bridge {

@@ -34,7 +34,7 @@ impl Plugin for VelocityTopic {
 
     fn new(config: VelocityConfig, setup: &Setup) -> Result<Self, ParameterError> {
         let topic = checked_topic("ros2_twist", &config.ros2_twist)?;
-        let network = Network::join(config.domain)?;
+        let network = Network::join(&config.network())?;
         let reception = Arc::new(Reception::new(&topic));
         let (for_messages, for_link) = (Arc::clone(&reception), Arc::clone(&reception));
         let clock = Mutex::new(RosClock::default());

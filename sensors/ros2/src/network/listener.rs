@@ -6,19 +6,11 @@ use std::task::{Wake, Waker};
 use std::thread::Thread;
 use std::time::Duration;
 
-use rustdds::no_key::SimpleDataReader;
-use rustdds::policy::{Durability, Reliability as DdsReliability};
-use rustdds::{
-    DomainParticipant, DomainParticipantStatusEvent as Event, DomainParticipantStatusListener,
-    EndpointDescription, GUID, QosPolicies, RTPSEntity, StatusEvented, Subscriber as DdsSubscriber,
-};
 use yamabico_core::time::Time;
 
-use super::raw::{Raw, RawAdapter};
-use super::{Shared, Subscription, create_topic, locked, receiving};
-use crate::config::Reliability;
-use crate::graph::{Endpoint, Qos, mismatch};
-use crate::names::{ros_topic, ros_type};
+use super::participant::{Event, Events, Participant, Reader, Reading};
+use super::{Shared, Subscription, locked};
+use crate::graph::{EndpointId, mismatch};
 use crate::reception::Link;
 
 /// Longest time between two looks at who is on the network.
@@ -30,9 +22,8 @@ const MAX_LOGGED: usize = 200;
 
 /// State of the thread.
 pub(super) struct Listener {
-    participant: DomainParticipant,
-    subscriber: DdsSubscriber,
-    events: DomainParticipantStatusListener,
+    participant: Arc<dyn Participant>,
+    events: Box<dyn Events>,
     domain: u16,
     shared: Arc<Shared>,
     subscribed: Vec<Subscribed>,
@@ -42,18 +33,19 @@ pub(super) struct Listener {
 /// A subscription with its reader, if the topic is published.
 struct Subscribed {
     wanted: Subscription,
-    reader: Option<Reader>,
+    reader: Option<TypedReader>,
     link: Link,
     since: Time,
     has_told: bool,
 }
 
-struct Reader {
+/// A reader of one type of messages, with its publishers.
+struct TypedReader {
     message_type: &'static str,
-    reader: SimpleDataReader<Raw, RawAdapter>,
+    reader: Box<dyn Reader>,
     /// Publishers whose quality of service does not match.
-    mismatched: BTreeSet<[u8; 16]>,
-    matched: BTreeSet<[u8; 16]>,
+    mismatched: BTreeSet<EndpointId>,
+    matched: BTreeSet<EndpointId>,
 }
 
 /// Wakes the thread when a message has arrived.
@@ -67,26 +59,19 @@ impl Wake for Unpark {
 
 impl Listener {
     pub fn new(
-        participant: &DomainParticipant,
+        participant: Arc<dyn Participant>,
+        events: Box<dyn Events>,
         domain: u16,
         shared: Arc<Shared>,
-    ) -> rustdds::dds::CreateResult<Listener> {
-        Ok(Listener {
-            subscriber: participant.create_subscriber(&receiving(Reliability::BestEffort, false))?,
-            events: participant.status_listener(),
-            participant: participant.clone(),
-            domain,
-            shared,
-            subscribed: Vec::new(),
-            logged: BTreeSet::new(),
-        })
+    ) -> Listener {
+        Listener { participant, events, domain, shared, subscribed: Vec::new(), logged: BTreeSet::new() }
     }
 
     /// Receives until the process ends.
     pub fn run(mut self) {
         let waker = Waker::from(Arc::new(Unpark(std::thread::current())));
         loop {
-            while let Some(event) = self.events.try_recv_status() {
+            while let Some(event) = self.events.next() {
                 self.follow(event);
             }
             let now = Time::monotonic_now();
@@ -105,70 +90,47 @@ impl Listener {
 
     fn follow(&mut self, event: Event) {
         match event {
-            Event::WriterDetected { writer } => self.add(writer, true),
-            Event::ReaderDetected { reader } => self.add(reader, false),
-            Event::WriterLost { guid, .. } | Event::ReaderLost { guid, .. } => {
-                locked(&self.shared.graph).remove(&guid.to_bytes());
+            Event::Found(id, endpoint) => locked(&self.shared.graph).add(id, endpoint),
+            Event::Lost(id) => {
+                locked(&self.shared.graph).remove(&id);
                 let readers = self.subscribed.iter_mut().filter_map(|topic| topic.reader.as_mut());
-                readers.for_each(|reader| reader.forget(&guid.to_bytes()));
+                readers.for_each(|reader| reader.forget(&id));
             }
-            Event::ParticipantLost { id, .. } => {
-                let mut any = GUID::from_bytes([0; 16]);
-                any.prefix = id;
-                let prefix = any.to_bytes();
-                locked(&self.shared.graph).remove_participant(&prefix[..12]);
-            }
-            Event::RemoteWriterMatched { local_reader, remote_writer } => {
-                if let Some(topic) = self.subscribed_as(local_reader)
-                    && let Some(reader) = &mut topic.reader
-                {
-                    reader.forget(&remote_writer.to_bytes());
-                    reader.matched.insert(remote_writer.to_bytes());
+            Event::ParticipantLost(prefix) => locked(&self.shared.graph).remove_participant(&prefix),
+            Event::Matched { reader, publisher } => {
+                if let Some(TypedReader { mismatched, matched, .. }) = self.typed_reader(&reader) {
+                    mismatched.remove(&publisher);
+                    matched.insert(publisher);
                 }
             }
-            Event::RemoteWriterQosIncompatible {
-                local_reader,
-                remote_writer,
-                requested_qos,
-                offered_qos,
-            } => {
-                let text = self.subscribed_as(local_reader).map(|topic| {
+            Event::ReaderMismatched { reader, publisher, requested, offered } => {
+                let text = self.subscribed_as(&reader).map(|topic| {
                     if let Some(reader) = &mut topic.reader {
-                        reader.mismatched.insert(remote_writer.to_bytes());
+                        reader.mismatched.insert(publisher);
                     }
-                    mismatch(&topic.wanted.topic, qos(&requested_qos), qos(&offered_qos), true)
+                    mismatch(&topic.wanted.topic, requested, offered, true)
                 });
                 self.log_once(text);
             }
-            Event::RemoteReaderQosIncompatible { local_writer, requested_qos, offered_qos, .. } => {
+            Event::WriterMismatched { writer, requested, offered } => {
                 let own = locked(&self.shared.own);
-                let topic = own.iter().find(|(id, _)| *id == local_writer.to_bytes());
-                let text =
-                    topic.map(|(_, topic)| mismatch(topic, qos(&requested_qos), qos(&offered_qos), false));
+                let topic = own.iter().find(|(id, _)| *id == writer);
+                let text = topic.map(|(_, topic)| mismatch(topic, requested, offered, false));
                 drop(own);
                 self.log_once(text);
             }
-            _ => {}
+            Event::Notice(text) => tracing::warn!("{text}"),
         }
     }
 
-    fn add(&self, description: EndpointDescription, publishes: bool) {
-        let EndpointDescription { guid, topic_name, type_name, qos: policies, .. } = description;
-        if guid.prefix == self.participant.guid().prefix {
-            return;
-        }
-        if let Some(topic) = ros_topic(&topic_name) {
-            let endpoint =
-                Endpoint { topic, message_type: ros_type(&type_name), publishes, qos: qos(&policies) };
-            locked(&self.shared.graph).add(guid.to_bytes(), endpoint);
-        }
-    }
-
-    fn subscribed_as(&mut self, local_reader: GUID) -> Option<&mut Subscribed> {
-        let is_it = |topic: &&mut Subscribed| {
-            topic.reader.as_ref().is_some_and(|reader| RTPSEntity::guid(&reader.reader) == local_reader)
-        };
+    fn subscribed_as(&mut self, reader: &EndpointId) -> Option<&mut Subscribed> {
+        let is_it =
+            |topic: &&mut Subscribed| topic.reader.as_ref().is_some_and(|typed| typed.reader.id() == *reader);
         self.subscribed.iter_mut().find(is_it)
+    }
+
+    fn typed_reader(&mut self, reader: &EndpointId) -> Option<&mut TypedReader> {
+        self.subscribed_as(reader)?.reader.as_mut()
     }
 
     /// Subscribes with the first type that is published, unless the topic is subscribed with one that is.
@@ -201,16 +163,18 @@ impl Listener {
         topic.set_link(link);
         if let Some(right) = right.filter(|_| !is_right) {
             let wanted = &topic.wanted;
-            let policies = receiving(wanted.reliability, wanted.transient_local);
-            let reader =
-                create_topic(&self.participant, &wanted.topic, right, &policies).and_then(|dds_topic| {
-                    self.subscriber.create_simple_datareader_no_key(&dds_topic, Some(policies))
-                });
+            let reading = Reading {
+                topic: &wanted.topic,
+                message_type: right,
+                reliability: wanted.reliability,
+                transient_local: wanted.transient_local,
+            };
+            let reader = self.participant.reader(&reading);
             match reader {
                 Ok(reader) => {
                     tracing::info!("`{}` is subscribed as {right}", wanted.topic);
                     let (mismatched, matched) = (BTreeSet::new(), BTreeSet::new());
-                    topic.reader = Some(Reader { message_type: right, reader, mismatched, matched });
+                    topic.reader = Some(TypedReader { message_type: right, reader, mismatched, matched });
                 }
                 Err(error) => self.log_once(Some(format!("cannot subscribe `{}`: {error}", wanted.topic))),
             }
@@ -253,26 +217,17 @@ impl Subscribed {
 
     /// Hands over everything that has arrived.
     fn receive(&mut self, waker: &Waker) {
-        let Some(Reader { message_type, reader, .. }) = &self.reader else { return };
-        // Set before the look, so that none that arrives in between is missed.
-        reader.set_waker(Some(waker.clone()));
-        reader.drain_read_notifications();
-        while let Ok(Some(sample)) = reader.try_take_one() {
-            (self.wanted.receive)(message_type, &sample.into_value().0, Time::monotonic_now());
-        }
+        let Some(TypedReader { message_type, reader, .. }) = &mut self.reader else { return };
+        let wanted = &mut self.wanted;
+        reader.read(waker, &mut |message| {
+            (wanted.receive)(message_type, message, Time::monotonic_now());
+        });
     }
 }
 
-impl Reader {
-    fn forget(&mut self, publisher: &[u8; 16]) {
+impl TypedReader {
+    fn forget(&mut self, publisher: &EndpointId) {
         self.mismatched.remove(publisher);
         self.matched.remove(publisher);
-    }
-}
-
-fn qos(policies: &QosPolicies) -> Qos {
-    Qos {
-        reliable: matches!(policies.reliability(), Some(DdsReliability::Reliable { .. })),
-        transient_local: !matches!(policies.durability(), None | Some(Durability::Volatile)),
     }
 }

@@ -6,15 +6,15 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
-import rclpy
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
+
+from middleware import ENVIRONMENT, create_node, init, spin
 
 ROBOT = """
 name = "robot"
@@ -72,7 +72,7 @@ class Base:
     """A base: publishes a scan and odometry at 20 Hz, and keeps the commands that it gets."""
 
     def __init__(self, stamped=False, durability=DurabilityPolicy.VOLATILE):
-        self.node = rclpy.create_node("base")
+        self.node = create_node("base")
         self.commands = []
         self.decisions = []
         command = TwistStamped if stamped else Twist
@@ -138,7 +138,7 @@ class Program:
         self.log = f"{folder}/log"
         arguments = [program, "run", f"{folder}/task.toml", "--set", f'robot.name="{self.name}"', "--live", "--no-overlays", "--overwrite", "--out", f"{folder}/out"]
         self.process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=open(self.log, "w"),
-                                        preexec_fn=with_me)
+                                        env={**ENVIRONMENT, "ROS_DOMAIN_ID": os.environ["ROS_DOMAIN_ID"]}, preexec_fn=with_me)
 
     def text(self):
         with open(self.log) as file:
@@ -177,13 +177,6 @@ class Program:
 Program.count = 0
 
 
-def spin(node):
-    """Calls the timers and subscriptions of a node from now on, beside this thread."""
-    executor = rclpy.executors.SingleThreadedExecutor()
-    executor.add_node(node)
-    threading.Thread(target=executor.spin, daemon=True).start()
-
-
 def with_me():
     """Lets a process die with this one."""
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)
@@ -195,8 +188,8 @@ def play(topic, value):
 
 
 def played(topic, value):
-    rclpy.init()
-    node = rclpy.create_node("player")
+    init()
+    node = create_node("player")
     if value in ("True", "False"):
         publisher, message = node.create_publisher(Bool, topic, 10), Bool(data=value == "True")
     else:

@@ -5,7 +5,7 @@ import os
 import threading
 import time
 
-import rclpy
+import rclpy.time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry, Path
@@ -14,8 +14,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, Imu, LaserScan, Range
 from std_msgs.msg import Bool, String
 
-from foreign_types import Cdr, foreign_type
-from live_run import Program, spin
+from foreign_types import Cdr
+from live_run import Program
+from middleware import create_node, foreign_type, spin
 
 ROBOT = """
 name = "robot"
@@ -92,7 +93,7 @@ class Measuring:
     """A robot that publishes every kind of measurement at 15 Hz. `now` gives its time, ns."""
 
     def __init__(self, now=None):
-        self.node = rclpy.create_node("robot")
+        self.node = create_node("robot")
         self.now = now or (lambda: self.node.get_clock().now().nanoseconds)
         self.delay_ns = 0
         publisher = self.node.create_publisher
@@ -227,7 +228,7 @@ def clock(program, folder):
 
 def observer(program, folder):
     """Odometry, pose, path, decisions and diagnostics of a simulated robot on a map reach others."""
-    node = rclpy.create_node("observer")
+    node = create_node("observer")
     heard = {}
     for message_type, topic in [(Odometry, "odometry"), (PoseWithCovarianceStamped, "pose"), (Path, "path"), (String, "decision")]:
         node.create_subscription(message_type, f"/yamabico/{topic}", lambda message, topic=topic: heard.update({topic: message}), 5)

@@ -11,11 +11,13 @@ import sys
 import time
 import traceback
 
-import rclpy
 from rclpy.qos import DurabilityPolicy
 
 import measurements
+import zenoh_scenarios
+from delays import delays
 from live_run import Base, Program, play, with_me
+from middleware import IS_ZENOH, init
 
 
 def robot(program, folder):
@@ -184,7 +186,7 @@ def restarts(program, folder, count=10):
 
 def restarted_base():
     """A base that says when it gets a command to drive."""
-    rclpy.init()
+    init()
     base = Base()
     base.wait_for(0.2, 20.0)
     print("command", flush=True)
@@ -196,9 +198,11 @@ def main():
         case ["base"]:
             restarted_base()
         case [name, program, folder]:
-            rclpy.init()
+            init()
             try:
-                scenario = globals().get(name) or getattr(measurements, name)
+                router = zenoh_scenarios.start_router() if IS_ZENOH else None
+                places = [globals(), vars(measurements), vars(zenoh_scenarios)]
+                scenario = next(place[name] for place in places if name in place)
                 print(json.dumps(scenario(program, folder)), flush=True)
             except BaseException:
                 traceback.print_exc()
