@@ -283,7 +283,10 @@ impl LaneAvoider {
             self.grid.moves(newest.pose.transform_point(place.cast()))
                 && self.path.is_beside(place.cast(), WAY_AHEAD_M, WAY_ASIDE_M)
         });
-        let is_crossed = moving.count() >= MIN_MOVING || self.sudden_echo.moves(now.as_secs_f64());
+        // In a mirror, what stands elsewhere seems to come and go as the robot moves.
+        let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
+        let sees_crossing = is_matt && moving.count() >= MIN_MOVING;
+        let is_crossed = sees_crossing || self.sudden_echo.moves(now.as_secs_f64());
         let map = &self.map;
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| map.clearance(robot.transform_point(place)))

@@ -26,8 +26,8 @@ const GEOMETRY_IN_DOUBT: f32 = 2.0;
 const ESTABLISHED: f32 = 3.0;
 /// Log odds by the look at which a cell is surely floor.
 const FLOOR_SEEN: f32 = -1.3;
-/// Change of the log odds toward zero, per second, also where something came; that of an established cell; and that of one out of the camera's view:
-/// what stands there can be seen again only from elsewhere.
+/// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view,
+/// unless what is there has come and may leave: what stands there can be seen again only from elsewhere.
 const FADE_PER_S: f32 = 0.7;
 const FADE_ESTABLISHED_PER_S: f32 = 0.15;
 const FADE_UNSEEN_PER_S: f32 = 0.05;
@@ -89,11 +89,14 @@ impl OccupancyGrid {
         });
         let elapsed_s = dt_s.clamp(0.0, 60.0) as f32;
         arrivals.advance(elapsed_s);
-        let arrivals = &*arrivals;
-        let rate = |slot: usize, odds: f32| match odds > ESTABLISHED && !arrivals.has_come(slot) {
-            false => FADE_PER_S,
-            true if is_in_view(window.place(slot)) => FADE_ESTABLISHED_PER_S,
-            true => FADE_UNSEEN_PER_S,
+        let rate = |slot: usize, odds: f32| {
+            if odds <= ESTABLISHED {
+                FADE_PER_S
+            } else if arrivals.has_come(slot) || is_in_view(window.place(slot)) {
+                FADE_ESTABLISHED_PER_S
+            } else {
+                FADE_UNSEEN_PER_S
+            }
         };
         look.fade(|slot, odds| elapsed_s * rate(slot, odds));
         geometry.fade(|slot, odds| elapsed_s * rate(slot, odds));

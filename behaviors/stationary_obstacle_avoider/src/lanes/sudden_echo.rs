@@ -1,4 +1,4 @@
-//! Echoes ahead that come nearer than the robot moves: what crosses its way.
+//! Echoes ahead that are suddenly nearer, although the robot hardly moved: what crosses its way.
 
 use std::collections::VecDeque;
 
@@ -78,8 +78,8 @@ mod tests {
         let then_silent = |scans: usize| steps(42).chain([(f64::INFINITY, 0.0, 0.0)].repeat(scans));
         assert!(moves(then_silent(5)), "single echoes are lost");
         assert!(!moves(then_silent(12)), "it has gone");
-        let walks = (0..60).map(|i| (2.0 - 0.025 * f64::from(i), 0.0, 0.0));
-        assert!(moves(walks), "it comes nearer");
+        let runs = (0..60).map(|i| (f64::max(2.0 - 0.1 * f64::from(i - 40).max(0.0), 0.6), 0.0, 0.0));
+        assert!(moves(runs), "it comes nearer");
     }
 
     #[test]

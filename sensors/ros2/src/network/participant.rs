@@ -1,4 +1,4 @@
-//! What the network needs of a middleware.
+//! Needs of the network: participants, writers and readers of a middleware.
 
 use std::task::Waker;
 use std::time::Duration;
@@ -81,11 +81,11 @@ pub(super) trait Participant: Send + Sync {
 pub(super) struct Joined {
     /// The participant.
     pub participant: std::sync::Arc<dyn Participant>,
-    /// What it hears.
+    /// News of others.
     pub events: Box<dyn Events>,
 }
 
-/// What a participant hears of others.
+/// News that a participant hears of others.
 pub(super) trait Events: Send {
     /// Takes the next event; `None` if there is none yet.
     fn next(&mut self) -> Option<Event>;

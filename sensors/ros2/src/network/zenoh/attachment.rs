@@ -1,4 +1,4 @@
-//! What rmw_zenoh attaches to each message.
+//! Attachment of rmw_zenoh to each message.
 
 use crate::graph::EndpointId;
 

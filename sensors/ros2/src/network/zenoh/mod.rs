@@ -2,6 +2,9 @@
 //!
 //! A message is put on the key `DOMAIN/TOPIC/TYPE/HASH`. What is published and subscribed is announced by liveliness tokens. Types match by
 //! their names, as over DDS: readers take all hashes, writers send to the hash that is known here and to all that are subscribed.
+//!
+//! The crate `zenoh` is used itself: the wire of rmw_zenoh is little on top of it. `ros2-client` with its feature `zenoh` gives no messages as
+//! bytes, has the hashes of few of the types here, asks for nothing that was published before (`/tf_static`), and brings TLS and QUIC.
 
 mod attachment;
 mod publication;
@@ -41,7 +44,7 @@ pub(super) struct ZenohParticipant {
     _token: LivelinessToken,
 }
 
-/// What changes as endpoints come.
+/// State that changes as endpoints come.
 #[derive(Default)]
 struct State {
     /// Endpoints of others, with the hash of their definition, as far as they differ in more than quality of service.
@@ -60,7 +63,7 @@ struct Definition {
     hash: String,
 }
 
-/// What a participant hears of others.
+/// News that a participant hears of others.
 struct ZenohEvents {
     participant: Arc<ZenohParticipant>,
     tokens: Receiver<(String, SampleKind)>,

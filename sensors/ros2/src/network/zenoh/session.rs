@@ -8,7 +8,7 @@ use ::zenoh::{Config, Session, Wait};
 const FILE_VARIABLE: &str = "ZENOH_SESSION_CONFIG_URI";
 /// Variable of the environment with single keys, as for rmw_zenoh: `KEY=VALUE;KEY=VALUE`.
 const KEYS_VARIABLE: &str = "ZENOH_CONFIG_OVERRIDE";
-/// What rmw_zenoh has as its default: a peer that finds others through the router on this machine, and is reached by those on this
+/// Default of rmw_zenoh: a peer that finds others through the router on this machine, and is reached by those on this
 /// machine only.
 const DEFAULT: &str = r#"{
     mode: "peer",
@@ -110,7 +110,7 @@ pub(super) struct RouterWatch {
     endpoints: String,
     since: Instant,
     looked: Instant,
-    /// What was told last.
+    /// State that was logged last.
     is_there: Option<bool>,
 }
 

@@ -120,7 +120,7 @@ impl TopicReader {
         Ok(TopicReader { id, inbox, past, _subscriber: subscriber, _token: token })
     }
 
-    /// What it asks transient-local publishers, if it wants to know.
+    /// Questions to transient-local publishers, if it wants past messages.
     pub fn past(&self) -> Option<&Arc<Past>> {
         self.past.as_ref()
     }
