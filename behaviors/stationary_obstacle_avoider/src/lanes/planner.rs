@@ -27,10 +27,10 @@ const SIDE_M: f64 = 0.15;
 const APPROACH_M: f64 = 0.01;
 const VEER_M: f64 = 0.05;
 
-/// Length of the arc ahead that is looked at, m, the number of its places, and the room beside it beyond a touch, m.
+/// Length of the arc ahead that is looked at, m, the number of its places, and the room that it leaves to walls, m.
 pub const ARC_M: f64 = 0.4;
 const ARC_STEPS: usize = 10;
-const ARC_ROOM_M: f64 = 0.02;
+const ARC_WALL_ROOM_M: f64 = 0.02;
 
 /// A lane and what is known of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -134,8 +134,9 @@ impl Scene<'_> {
     /// most [`ARC_M`].
     #[must_use]
     pub fn arc_m(&self, curvature: f64) -> f64 {
-        let clearance_m = self.touch_m + ARC_ROOM_M;
-        let min_wall_m = clearance_m.min(self.nearer((self.wall_m)(Point2::origin()), APPROACH_M));
+        let clearance_m = self.touch_m;
+        let min_wall_m =
+            self.nearer((self.wall_m)(Point2::origin()), APPROACH_M).min(clearance_m + ARC_WALL_ROOM_M);
         let is_blocked = |place: Point2<f64>| {
             let near = |obstacle: &&Point2<f32>| (obstacle.cast::<f64>() - place).norm() < clearance_m;
             (self.wall_m)(place) < min_wall_m
@@ -179,8 +180,7 @@ impl Scene<'_> {
                     let distance = (obstacle - at).norm();
                     let may_approach_m =
                         if distance < clearance - VEER_M as f32 { APPROACH_M } else { VEER_M };
-                    let from_m = f64::from(obstacle.coords.norm());
-                    distance < clearance && f64::from(distance) < self.nearer(from_m, may_approach_m)
+                    distance < clearance && distance < obstacle.coords.norm() - may_approach_m as f32
                 });
             if free_m.is_none() && (is_hit || (self.wall_m)(place) < min_wall_m) {
                 free_m = Some(ahead_m);
