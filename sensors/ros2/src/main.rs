@@ -36,7 +36,7 @@ Environment:
 const LOOK: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
-    // What Zenoh says about itself is told in other words, with a remedy.
+    // What Zenoh logs about itself is logged here in other words, with a remedy.
     let filter =
         EnvFilter::try_from_env("YAMABICO_LOG").unwrap_or_else(|_| EnvFilter::new("info,zenoh=error"));
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_ansi(false);

@@ -3,21 +3,21 @@
 use yamabico_vision::rolling_window::RollingWindow;
 
 /// Time since a place last showed floor up to which what stands there now has come, s.
-const RECENT_S: f32 = 1.5;
+const RECENT_S: f64 = 1.5;
 /// Time for which what has come may move on, s.
-pub(super) const STAYS_S: f32 = 5.0;
+pub(super) const STAYS_S: f64 = 5.0;
 /// Cells around what stands that its own errors reach.
 const NEAR_CELLS: i64 = 2;
 /// Time long ago, s.
-const NEVER_S: f32 = -1e6;
+const NEVER_S: f64 = f64::NEG_INFINITY;
 
 /// Times at which the cells of a window showed floor, and became occupied, on the window's own clock.
 #[derive(Clone, Debug)]
 pub(super) struct Arrivals {
-    now_s: f32,
-    floor_s: Vec<f32>,
+    now_s: f64,
+    floor_s: Vec<f64>,
     /// Time at which something came; `NEVER_S` where it was not seen to come.
-    came_s: Vec<f32>,
+    came_s: Vec<f64>,
     is_occupied: Vec<bool>,
     new: Vec<usize>,
 }
@@ -35,7 +35,7 @@ impl Arrivals {
     }
 
     /// Lets the clock advance, s.
-    pub fn advance(&mut self, elapsed_s: f32) {
+    pub fn advance(&mut self, elapsed_s: f64) {
         self.now_s += elapsed_s;
     }
 

@@ -87,8 +87,9 @@ impl OccupancyGrid {
             }
             arrivals.clear(slot);
         });
-        let elapsed_s = dt_s.clamp(0.0, 60.0) as f32;
-        arrivals.advance(elapsed_s);
+        let dt_s = dt_s.clamp(0.0, 60.0);
+        arrivals.advance(dt_s);
+        let elapsed_s = dt_s as f32;
         let rate = |slot: usize, odds: f32| {
             if odds <= ESTABLISHED {
                 FADE_PER_S

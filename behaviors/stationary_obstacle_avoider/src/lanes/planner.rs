@@ -72,7 +72,7 @@ pub struct Scene<'a> {
     pub clearance_m: f64,
     /// Distance that the robot's center must keep from walls, m.
     pub wall_clearance_m: f64,
-    /// Distance of the robot's center at which it nearly touches, m: it comes no nearer, wherever it is.
+    /// Distance of the robot's center at which it nearly touches, m: it comes no nearer to walls, and along its arc to anything.
     pub touch_m: f64,
 }
 
@@ -135,14 +135,13 @@ impl Scene<'_> {
     #[must_use]
     pub fn arc_m(&self, curvature: f64) -> f64 {
         let clearance_m = self.touch_m;
-        let min_wall_m =
-            self.nearer((self.wall_m)(Point2::origin()), APPROACH_M).min(clearance_m + ARC_WALL_ROOM_M);
+        let min_wall_m = self.nearer((self.wall_m)(Point2::origin())).min(clearance_m + ARC_WALL_ROOM_M);
         let is_blocked = |place: Point2<f64>| {
             let near = |obstacle: &&Point2<f32>| (obstacle.cast::<f64>() - place).norm() < clearance_m;
             (self.wall_m)(place) < min_wall_m
                 || self.obstacles.iter().filter(near).any(|obstacle| {
                     let obstacle = obstacle.cast::<f64>();
-                    (obstacle - place).norm() < self.nearer(obstacle.coords.norm(), APPROACH_M)
+                    (obstacle - place).norm() < self.nearer(obstacle.coords.norm())
                 })
         };
         let step_m = ARC_M / ARC_STEPS as f64;
@@ -153,12 +152,12 @@ impl Scene<'_> {
     /// Smallest distance to a wall on the way, m.
     fn min_wall_m(&self) -> f64 {
         let here_m = (self.wall_m)(Point2::origin());
-        self.wall_clearance_m.min(self.nearer(here_m, APPROACH_M))
+        self.wall_clearance_m.min(self.nearer(here_m))
     }
 
     /// Distance to which the robot may come nearer from `distance_m` to what it is too near to, m.
-    fn nearer(&self, distance_m: f64, approach_m: f64) -> f64 {
-        (distance_m - approach_m).max(self.touch_m.min(distance_m))
+    fn nearer(&self, distance_m: f64) -> f64 {
+        (distance_m - APPROACH_M).max(self.touch_m.min(distance_m))
     }
 
     /// Rates the lane with an offset: how far it is free, and how near obstacles are.

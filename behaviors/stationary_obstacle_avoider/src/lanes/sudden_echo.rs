@@ -51,7 +51,7 @@ impl SuddenEcho {
 
     /// True if what is near ahead came there some seconds ago at most.
     pub fn moves(&self, now_s: f64) -> bool {
-        let has_come = self.came_s.is_some_and(|came_s| now_s - came_s < f64::from(STAYS_S));
+        let has_come = self.came_s.is_some_and(|came_s| now_s - came_s < STAYS_S);
         has_come && now_s - self.near_s < GONE_S
     }
 }

@@ -86,7 +86,7 @@ def client(program, folder):
 
 
 def types(program, folder):
-    """Other types are told by name, in both directions; other definitions of the right type are told, and Humble's lack of them is not."""
+    """Other types are logged by name, in both directions, and other definitions of the right type, but not Humble's lack of one."""
     node = create_node("other")
     scan = node.create_publisher(Imu, "/scan", 5)
     node.create_timer(0.05, lambda: scan.publish(Imu()))

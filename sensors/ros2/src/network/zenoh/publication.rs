@@ -84,8 +84,12 @@ impl TopicWriter {
         TopicWriter { endpoint, publications: Mutex::default() }
     }
 
+    /// Adds a publisher; a second one for a definition would send each message twice.
     pub fn add(&self, publication: Publication) {
-        locked(&self.publications).push(publication);
+        let mut publications = locked(&self.publications);
+        if publications.iter().all(|known| known.hash != publication.hash) {
+            publications.push(publication);
+        }
     }
 
     /// True if `other` is of this topic and type, but its definition `hash` has no publisher yet.
@@ -113,7 +117,7 @@ impl Writer for Arc<TopicWriter> {
     }
 
     fn flush(&self, timeout: Duration) {
-        // Nothing tells what has arrived.
+        // Zenoh acknowledges nothing.
         std::thread::sleep(SENDING.min(timeout));
     }
 }

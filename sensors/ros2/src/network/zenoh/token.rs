@@ -27,7 +27,7 @@ pub(super) struct Node {
     pub name: String,
 }
 
-/// An endpoint as its token tells it.
+/// An endpoint as its token announces it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Announced {
     /// Identity of the session that it is in.
