@@ -303,6 +303,7 @@ impl IntersectionTracker {
                 heading,
                 heading_sigma: AXIS_SIGMA_RAD,
                 walls: [None; 2],
+                floor_m: [0.0; 2],
             })
         });
         let sighting = self.observer.observe(image, expectation).map_err(heading_failure)?;

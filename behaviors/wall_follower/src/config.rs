@@ -55,6 +55,9 @@ pub struct Config {
     #[default(0.8)]
     #[schemars(range(min = 0.0, max = 3.0))]
     pub min_width_m: f64,
+    /// Whether floor that moves as floor between pictures refutes the walls before it: joints of planks, edges of carpets and sunlight.
+    #[default(true)]
+    pub uses_motion: bool,
     /// Distance from the camera to a wall ahead at which the robot stops; of a camera whose height is unknown, for a height of 0.3 m.
     #[default(0.6)]
     #[schemars(range(min = 0.2, max = 3.0))]

@@ -66,6 +66,8 @@ pub struct CorridorTrack {
     rival_walls: [Option<Rival>; 2],
     widths: WidthMemory,
     rejected: Option<(f64, u32)>,
+    /// Distances up to which no wall stands on the left and right at the last frame, m.
+    floor_m: [f64; 2],
     min_width_m: f64,
 }
 
@@ -160,7 +162,20 @@ impl CorridorTrack {
                     sigma_m: wall.variance.sqrt().max(0.02),
                 })
             }),
+            floor_m: self.floor_m,
         })
+    }
+
+    /// Takes in how far the floor reaches to the left and right of the predicted pose, m, and drops walls that are nearer: with
+    /// them, the width that they were seen at.
+    pub fn take_floor(&mut self, floor_m: [f64; 2]) {
+        self.floor_m = floor_m;
+        for side in 0..2 {
+            if self.walls[side].is_some_and(|wall| wall.distance_m.abs() < floor_m[side]) {
+                (self.walls[side], self.rival_walls[side]) = (None, None);
+                self.widths = WidthMemory::default();
+            }
+        }
     }
 
     /// Updates the state by an observation at the predicted pose.

@@ -21,6 +21,7 @@ pub mod centering;
 pub mod config;
 pub mod corridor_track;
 pub mod direction;
+mod floor_reach;
 pub mod overlay;
 pub mod recovery;
 pub mod sight;
@@ -30,6 +31,7 @@ mod width_memory;
 pub use config::Config;
 
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::{Pose2, angle_difference};
 use yamabico_core::image::GrayImage;
 use yamabico_core::message::{Axes, Corridor, FrameHeader, Imu, Kind, Odometry, Proposal, Reason, View};
@@ -44,6 +46,7 @@ use crate::ahead::AheadTrack;
 use crate::centering::Centering;
 use crate::corridor_track::{CorridorTrack, Estimate, Motion, Verdict};
 use crate::direction::Direction;
+use crate::floor_reach::FloorReach;
 use crate::recovery::{Loss, Recoverer, Recovery};
 use crate::sight::{Seen, Sight};
 use crate::steering::{presumed_confidence, turn_in_place};
@@ -72,6 +75,7 @@ pub struct WallFollower {
     law: Centering,
     radius_m: f64,
     sight: Sight,
+    floor: Option<FloorReach>,
     odometry: OdometryTrack,
     track: CorridorTrack,
     ahead: AheadTrack,
@@ -143,6 +147,9 @@ impl Plugin for WallFollower {
                 largest_turn_radps: config.max_turn_radps,
             },
             radius_m: setup.robot.radius_m,
+            floor: (config.uses_motion && calibration == Calibration::Measured)
+                .then(|| FloorReach::new(&pinhole, mount))
+                .flatten(),
             sight: Sight::new(config.method, camera, stated_sigma_rad, rule),
             config,
             odometry: OdometryTrack::default(),
@@ -254,6 +261,12 @@ impl WallFollower {
             self.failure = Some(Reason::MalformedInput);
             return FrameResult::NotFound;
         };
+        if let (Some(floor), Some(pose)) = (&mut self.floor, pose) {
+            floor.look(image, pose, stamp.as_secs_f64());
+            if let Some(expected) = self.track.prediction() {
+                self.track.take_floor(floor.reach_m(&pose, expected.heading));
+            }
+        }
         let seen = self.sight.look(image, self.track.prediction());
         self.seen = Some(seen);
         self.ahead.update(seen.wall, self.sight.nearest_floor_m(), elapsed_s);

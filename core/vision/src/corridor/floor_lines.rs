@@ -138,18 +138,20 @@ pub struct DetectedWalls {
 
 impl FloorLineFinder {
     /// Finds the left and right wall among `lines`, which must pass through the vanishing point of `view`. Lines within
-    /// three standard deviations of an expected wall score higher; other lines are still admitted.
+    /// three standard deviations of an expected wall score higher; other lines are still admitted, unless they are nearer than
+    /// `floor_m` (m, left and right), where the floor is known to go on.
     pub fn find(
         &mut self,
         lines: impl Iterator<Item = CorridorLine>,
         view: &CorridorView,
         rule: &FloorLineRule,
         expected: [Option<WallEstimate>; 2],
+        floor_m: [f64; 2],
     ) -> DetectedWalls {
         self.candidates.clear();
         self.candidates.extend(lines.filter_map(|line| candidate(&line, view, rule)));
-        let left = |from_m: f64| self.best(1.0, from_m, expected[0], rule);
-        let right = |from_m: f64| self.best(-1.0, from_m, expected[1], rule);
+        let left = |from_m: f64| self.best(1.0, floor_m[0].max(from_m), expected[0], rule);
+        let right = |from_m: f64| self.best(-1.0, floor_m[1].max(from_m), expected[1], rule);
         let nearest = (left(0.0), right(0.0));
         let (Some((left_score, left_wall)), Some((right_score, right_wall))) = nearest else {
             return DetectedWalls { left: nearest.0.map(wall), right: nearest.1.map(wall) };
@@ -330,8 +332,16 @@ mod tests {
     }
 
     fn find(lines: &[CorridorLine], expected: [Option<WallEstimate>; 2]) -> DetectedWalls {
+        find_beyond(lines, expected, [0.0; 2])
+    }
+
+    fn find_beyond(
+        lines: &[CorridorLine],
+        expected: [Option<WallEstimate>; 2],
+        floor_m: [f64; 2],
+    ) -> DetectedWalls {
         let mut finder = FloorLineFinder::default();
-        finder.find(lines.iter().copied(), &view(), &FloorLineRule::default(), expected)
+        finder.find(lines.iter().copied(), &view(), &FloorLineRule::default(), expected, floor_m)
     }
 
     #[test]
@@ -364,6 +374,20 @@ mod tests {
         assert!(find(&lines, [None, None]).left.unwrap().distance_m < 1.1);
         let only_outer = [line(1.0, 0.0, 2.6, 120.0, 40.0), line(1.6, 0.0, 6.0, 120.0, 40.0)];
         assert!(find(&only_outer, [Some(expected), None]).left.unwrap().distance_m > 1.5);
+    }
+
+    #[test]
+    fn a_joint_is_no_wall_where_the_floor_goes_on() {
+        let lines = [
+            line(0.5, 0.0, 9.0, 120.0, 40.0),
+            line(1.0, 0.0, 6.0, 120.0, 80.0),
+            line(-0.7, 0.0, 8.0, 120.0, 40.0),
+        ];
+        let expected = WallEstimate { distance_m: 0.5, sigma_m: 0.02 };
+        let walls = find_beyond(&lines, [Some(expected), None], [0.4, 0.8]);
+        assert!((walls.left.unwrap().distance_m - 0.5).abs() < 1e-9 && walls.right.is_none(), "{walls:?}");
+        let walls = find_beyond(&lines, [Some(expected), None], [0.6, 0.0]);
+        assert!((walls.left.unwrap().distance_m - 1.0).abs() < 1e-9 && walls.right.is_some(), "{walls:?}");
     }
 
     #[test]

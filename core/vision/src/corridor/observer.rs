@@ -69,6 +69,8 @@ pub struct CorridorPrediction {
     pub heading_sigma: f64,
     /// Left and right wall, relative to the robot's center.
     pub walls: [Option<WallEstimate>; 2],
+    /// Distances from the robot's center up to which no wall stands on the left and right, m; zero where nothing is known.
+    pub floor_m: [f64; 2],
 }
 
 /// Heading and walls measured in one frame. Distances are relative to the robot's center, positive to the left.
@@ -257,7 +259,9 @@ impl CorridorObserver {
                 sides: side_levels(image, source.p0, source.p1, side_px),
             }
         });
-        let detected = self.floor_lines.find(lines, &view, &self.rule, walls);
+        let [left_m, right_m] = expected.map_or([0.0; 2], |expected| expected.floor_m);
+        let floor_m = [left_m - offset_m, right_m + offset_m];
+        let detected = self.floor_lines.find(lines, &view, &self.rule, walls, floor_m);
         let pinhole = &self.camera.pinhole;
         let rule = &self.rule;
         let from_robot = |wall: DetectedWall| {

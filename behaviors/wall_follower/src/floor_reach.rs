@@ -1,0 +1,112 @@
+//! How far the floor reaches to both sides, by the motion between pictures: no wall stands before that.
+//!
+//! Joints between planks, edges of carpets and of sunlight run along a corridor as the foot of a wall does, and may be
+//! longer and of more contrast. But beyond a joint the floor goes on, and its points move as floor does.
+
+use nalgebra::Point2;
+use yamabico_core::camera::{Distortion, Mount, Pinhole};
+use yamabico_core::geometry::Pose2;
+use yamabico_core::image::ImageView;
+use yamabico_vision::plane_motion::PictureJudge;
+use yamabico_vision::plane_motion::motion_point::MotionPoint;
+use yamabico_vision::plane_motion::sequential_test::PointClass;
+use yamabico_vision::rolling_window::RollingWindow;
+
+/// Side of a cell, m, and cells on each side of the window.
+const CELL_M: f64 = 0.1;
+const CELLS: usize = 64;
+/// Votes of a point that moves as floor, as a thing, and as neither; their limits; and the sum from which a cell is floor, or a
+/// thing.
+const FLOOR: f32 = 1.0;
+const THING: f32 = -2.0;
+const NEITHER: f32 = -1.0;
+const LIMITS: (f32, f32) = (-6.0, 6.0);
+const IS_FLOOR: f32 = 3.0;
+const IS_THING: f32 = -2.0;
+/// Distance of the points that count, m: farther ones say little about their height.
+const RANGE_M: f64 = 2.8;
+/// Length of floor beside the robot that shows that there is no wall, m: more than a door is wide. Cells in it that nothing is known of.
+const STRETCH_M: f64 = 1.3;
+const MAX_UNKNOWN: usize = 2;
+/// Stretch of the corridor that is looked at, m, behind and ahead of the robot, and to each side.
+const ALONG_M: (f64, f64) = (-1.5, 2.6);
+const ASIDE_M: f64 = 2.0;
+/// Distance from the middle of the outermost floor at which a wall may stand, m: the wall's own cell may be half floor.
+const TOLERANCE_M: f64 = 0.12;
+
+/// Floor around the robot, odometry frame. Allocates when it is created and for its first picture.
+#[derive(Clone, Debug)]
+pub(crate) struct FloorReach {
+    judge: PictureJudge,
+    window: RollingWindow,
+    votes: Vec<f32>,
+}
+
+impl FloorReach {
+    /// Creates it for a camera; `None` if its lens distorts or its height is unknown.
+    pub fn new(pinhole: &Pinhole, mount: Mount) -> Option<Self> {
+        let is_usable = *pinhole.distortion() == Distortion::NONE && mount.z > 0.0;
+        is_usable.then(|| Self {
+            judge: PictureJudge::new(*pinhole.intrinsics(), mount),
+            window: RollingWindow::new(CELLS, CELL_M),
+            votes: vec![0.0; CELLS * CELLS],
+        })
+    }
+
+    /// Takes in a picture captured at `odometry` and the time `at_s` (s).
+    pub fn look(&mut self, image: ImageView<'_>, odometry: Pose2, at_s: f64) {
+        self.window.advance(odometry.position(), |slot| self.votes[slot] = 0.0);
+        if self.judge.judge(image, odometry, at_s).is_ok() && self.judge.shows_things() {
+            add(&mut self.votes, &self.window, self.judge.points(), &odometry);
+        }
+    }
+
+    /// Distances from a robot at `odometry`, whose heading in the corridor is `heading` (rad, positive left), up to which no wall
+    /// stands on its left and right, m; zero where nothing is known.
+    pub fn reach_m(&self, odometry: &Pose2, heading: f64) -> [f64; 2] {
+        let along = Pose2::new(odometry.x, odometry.y, odometry.theta - heading);
+        [1.0, -1.0].map(|side| {
+            let strips = (1..=(ASIDE_M / CELL_M) as usize).rev().map(|strip| strip as f64 * CELL_M);
+            let outermost = strips.into_iter().find(|&aside_m| self.is_floor_along(&along, side * aside_m));
+            outermost.map_or(0.0, |aside_m| (aside_m - TOLERANCE_M).max(0.0))
+        })
+    }
+
+    /// True if a long stretch `aside_m` to the left of a line is floor.
+    fn is_floor_along(&self, line: &Pose2, aside_m: f64) -> bool {
+        let (mut floor, mut unknown) = (0, 0);
+        let steps = ((ALONG_M.1 - ALONG_M.0) / CELL_M) as usize;
+        for step in 0..steps {
+            let place = Point2::new(ALONG_M.0 + step as f64 * CELL_M, aside_m);
+            let slot = self.window.slot(line.transform_point(place));
+            let votes = slot.map_or(0.0, |slot| self.votes[slot]);
+            if votes >= IS_FLOOR {
+                (floor, unknown) = (floor + 1, 0);
+                if floor as f64 * CELL_M >= STRETCH_M {
+                    return true;
+                }
+            } else if votes > IS_THING && unknown < MAX_UNKNOWN {
+                unknown += 1;
+            } else {
+                (floor, unknown) = (0, 0);
+            }
+        }
+        false
+    }
+}
+
+/// Adds the points of a picture taken at `odometry` to the votes of their places on the floor.
+fn add(votes: &mut [f32], window: &RollingWindow, points: &[MotionPoint], odometry: &Pose2) {
+    for point in points {
+        let vote = match point.class {
+            PointClass::Floor => FLOOR,
+            PointClass::Above => THING,
+            PointClass::Moving => NEITHER,
+            PointClass::Below | PointClass::Undecided => continue,
+        };
+        let is_near = point.floor.coords.norm() < RANGE_M;
+        if let Some(slot) = window.slot(odometry.transform_point(point.floor)).filter(|_| is_near) {
+            votes[slot] = (votes[slot] + vote).clamp(LIMITS.0, LIMITS.1);
+        }
+    }
+}
