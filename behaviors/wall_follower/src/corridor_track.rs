@@ -333,6 +333,25 @@ mod tests {
     }
 
     #[test]
+    fn walls_nearer_than_the_floor_reaches_are_dropped_with_their_width() {
+        let mut track = CorridorTrack::new(0.8);
+        let at = |x: f64| Pose2::new(x, 0.0, 0.0);
+        for step in 0..20 {
+            see(&mut track, at(0.05 * f64::from(step)), Some(0.6), Some(-0.3));
+        }
+        let here = at(0.95);
+        track.take_floor([0.5, 0.2]);
+        let estimate = track.estimate_at(&here).expect("a heading");
+        assert!(
+            estimate.walls.left_m.is_some() && estimate.walls.right_m.is_some() && estimate.width_m.is_some()
+        );
+        track.take_floor([0.5, 0.5]);
+        let estimate = track.estimate_at(&here).expect("a heading");
+        assert!(estimate.walls.left_m.is_some() && estimate.walls.right_m.is_none(), "{estimate:?}");
+        assert!(estimate.width_m.is_none() && track.prediction().expect("known").floor_m == [0.5, 0.5]);
+    }
+
+    #[test]
     fn two_walls_that_nothing_could_pass_between_are_not_both_kept() {
         let mut track = CorridorTrack::new(0.8);
         let at = |x: f64| Pose2::new(x, 0.0, 0.0);

@@ -6,6 +6,9 @@ use yamabico_core::time::Time;
 /// Distance from the place where the corridor was followed last up to which its direction is kept, m: farther away,
 /// another behavior has led the robot elsewhere.
 const KEPT_M: f64 = 1.5;
+/// Distance over which the direction that is kept follows that of the corridor, m: a bend is longer, and a pattern of the floor that
+/// leads aside is taken for the corridor in one frame or another.
+const FOLLOWS_OVER_M: f64 = 1.0;
 /// Angle between directions from which one leads back, rad.
 const BACK_RAD: f64 = 1.9;
 /// Angle between directions from which one leads aside, rad.
@@ -28,7 +31,13 @@ pub struct Direction {
 impl Direction {
     /// Keeps the direction of a corridor that the robot at `pose` follows with the heading `heading` relative to its axis.
     pub fn follow(&mut self, pose: &Pose2, heading: f64, at: Time) {
-        *self = Self { followed: Some((Pose2 { theta: pose.theta - heading, ..*pose }, at)), ends: false };
+        let seen = pose.theta - heading;
+        let theta =
+            self.followed.filter(|(last, _)| last.distance(pose) < KEPT_M).map_or(seen, |(last, _)| {
+                let share = (last.distance(pose) / FOLLOWS_OVER_M).min(1.0);
+                last.theta + share * angle_difference(seen, last.theta)
+            });
+        *self = Self { followed: Some((Pose2 { theta, ..*pose }, at)), ends: false };
     }
 
     /// Notes a wall ahead of the robot at `pose`: in the direction that it keeps, the corridor ends.
@@ -65,6 +74,21 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
+
+    #[test]
+    fn a_wavering_heading_does_not_lead_the_direction_aside() {
+        let mut direction = Direction::default();
+        let off = |direction: &Direction, pose: &Pose2| direction.heading(pose).expect("known").abs();
+        for step in 0..20 {
+            let pose = Pose2::new(0.02 * f64::from(step), 0.0, 0.1);
+            direction.follow(&pose, if step % 5 == 4 { -0.3 } else { 0.1 }, Time(0));
+            assert!(off(&direction, &pose) < 0.1);
+        }
+        for step in 0..100 {
+            direction.follow(&Pose2::new(0.4 + 0.05 * f64::from(step), 0.0, 0.0), 0.5, Time(0));
+        }
+        assert!(off(&direction, &Pose2::new(5.4, 0.0, 0.0)) > 0.45, "a bend");
+    }
 
     #[test]
     fn the_other_way_is_told_from_a_bend_and_forgotten_elsewhere() {

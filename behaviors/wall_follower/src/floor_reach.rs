@@ -110,3 +110,68 @@ fn add(votes: &mut [f32], window: &RollingWindow, points: &[MotionPoint], odomet
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use yamabico_core::camera::Intrinsics;
+    use yamabico_vision::plane_motion::sequential_test::ClassCosts;
+
+    use super::*;
+
+    /// Floor reach of a robot at `at` after some pictures with points of a class, from `along.0` to `along.1` (m) and at `aside_m`,
+    /// in the frame of a corridor that is turned by 0.3 rad in the odometry frame.
+    fn reach(shown: &[(PointClass, (f64, f64), f64)], at: Pose2) -> [f64; 2] {
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.0));
+        let mut floor = FloorReach::new(&pinhole, Mount::tilted(0.6, 0.1)).expect("usable");
+        let corridor = Pose2::new(0.0, 0.0, 0.3);
+        for _ in 0..4 {
+            for &(class, along_m, aside_m) in shown {
+                let steps = ((along_m.1 - along_m.0) / 0.05) as usize;
+                let points: Vec<MotionPoint> = (0..=steps)
+                    .map(|step| point(class, Point2::new(along_m.0 + 0.05 * step as f64, aside_m)))
+                    .collect();
+                add(&mut floor.votes, &floor.window, &points, &corridor);
+            }
+        }
+        floor.reach_m(&(corridor * at), at.theta)
+    }
+
+    fn point(class: PointClass, floor: Point2<f64>) -> MotionPoint {
+        MotionPoint {
+            pixel: [0.0, 0.0].into(),
+            class,
+            costs: ClassCosts { floor: 0.0, above: 0.0, below: 0.0, expected: 1.0 },
+            floor,
+            foot: floor,
+            range_sigma_m: 0.03,
+            height_m: 0.0,
+            height_sigma_m: 0.02,
+        }
+    }
+
+    #[test]
+    fn floor_beyond_a_joint_shows_that_it_is_no_wall() {
+        let floor = |aside_m: f64| (PointClass::Floor, (0.9, 2.5), aside_m);
+        let shown: Vec<_> = (-4..=12).map(|cell| floor(0.05 * f64::from(cell))).collect();
+        let [left_m, right_m] = reach(&shown, Pose2::default());
+        assert!((0.4..0.6).contains(&left_m) && (0.0..0.2).contains(&right_m), "{left_m} {right_m}");
+        let [left_m, right_m] = reach(&shown, Pose2::new(0.4, 0.2, -0.4));
+        assert!((0.2..0.4).contains(&left_m) && (0.2..0.4).contains(&right_m), "{left_m} {right_m}");
+        assert_eq!(reach(&[], Pose2::default()), [0.0; 2], "nothing is known");
+    }
+
+    #[test]
+    fn floor_behind_an_open_door_does_not_move_the_wall() {
+        let strips = |class, along_m, from: i32| {
+            (from..from + 6).map(move |cell| (class, along_m, 0.05 * f64::from(cell)))
+        };
+        let corridor = strips(PointClass::Floor, (0.5, 2.5), 2);
+        let room = strips(PointClass::Floor, (1.2, 2.1), 10);
+        let alone: Vec<_> = corridor.clone().chain(room).collect();
+        assert!(reach(&alone, Pose2::default())[0] < 0.4);
+        let beyond = strips(PointClass::Floor, (0.5, 2.5), 10);
+        let wall = strips(PointClass::Above, (0.5, 2.5), 10);
+        let behind_wall: Vec<_> = corridor.chain(beyond).chain(wall).collect();
+        assert!(reach(&behind_wall, Pose2::default())[0] < 0.4, "what stands there outweighs it");
+    }
+}
