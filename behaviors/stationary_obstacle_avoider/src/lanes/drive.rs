@@ -2,10 +2,11 @@
 
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
-use yamabico_core::geometry::{Pose2, Twist, angle_difference};
+use yamabico_core::geometry::{Pose2, Twist, angle_difference, wrap_angle};
 use yamabico_core::message::{Axes, Proposal, Reason};
 
 use super::planner::Plan;
+use super::way_out::Leg;
 
 /// Station that the robot steers for: 0.61 m ahead.
 pub(super) const AIM_STATION: usize = 7;
@@ -28,8 +29,10 @@ const TURN_WAITING_RAD: f64 = 0.15;
 const SHORT_ARC_M: f64 = 0.12;
 /// Turn rate per radian, 1/s.
 const TURN_GAIN: f64 = 2.0;
-/// Time that the robot stands at least, s; time after which it backs off the way it came, and tries another way, s.
+/// Time that the robot stands at least, s; times after which it takes a route around, backs off the way it came, and tries another
+/// way, s.
 const MIN_WAIT_S: f64 = 0.3;
+const ROUTE_S: f64 = 1.5;
 const BACK_OFF_S: f64 = 2.0;
 const WAIT_S: f64 = 4.0;
 /// Time after which what crosses the way is passed, however it moves, s.
@@ -40,6 +43,11 @@ const RELEASE_FREE_M: f64 = 0.8;
 /// Angles to the path at which the turn ends, rad: with a free view, and at last. Range of a free view, m.
 const TURN_RAD: (f64, f64) = (0.44, 1.05);
 const VIEW_M: f64 = 0.9;
+/// Difference to its heading at which a leg of a route is faced, rad; distance and angle within which two legs are the same, m and
+/// rad.
+const FACED_RAD: f64 = 0.08;
+const SAME_LEG_M: f64 = 0.1;
+const SAME_LEG_RAD: f64 = 0.3;
 /// Turn rate of a way out, rad/s; speed, m/s; length, m.
 const OUT_RADPS: f64 = 0.6;
 const OUT_MPS: f64 = 0.15;
@@ -74,8 +82,10 @@ enum Mode {
     Back { since_s: f64 },
     /// Turns in place to the side with more room.
     Turn { since_s: f64, side: f64 },
+    /// Turns in place to the first leg of a route: its heading by odometry, rad, and its length, m.
+    Face { since_s: f64, heading: f64, length_m: f64 },
     /// Drives a short way straight ahead.
-    Out { since_s: f64, from: Pose2 },
+    Out { since_s: f64, from: Pose2, length_m: f64 },
 }
 
 /// State of the drive.
@@ -85,6 +95,8 @@ pub(super) struct Drive {
     lane_m: f64,
     /// Side of the last turn in place since the path was free, 1 left, -1 right; 0 without one.
     tried: f64,
+    /// Pose at the beginning of the last leg of a route, with its heading: it is not tried again from there.
+    left: Option<Pose2>,
     /// True if what crosses the way is passed: it has been waited for.
     has_yielded: bool,
     /// Pose by odometry at the last step, and distance driven forward to it, m: at most as much as it can back off.
@@ -127,6 +139,8 @@ pub(super) struct Situation {
     pub is_arrived: bool,
     /// Share of the places to the left and to the right of the path where the robot could stand.
     pub room: [f64; 2],
+    /// First leg of a route around what blocks all lanes, if the robot looks for one and there is one.
+    pub way_out: Option<Leg>,
 }
 
 impl Situation {
@@ -184,6 +198,11 @@ impl Drive {
         self.lane_m
     }
 
+    /// True if the robot has waited long enough to look for a way out.
+    pub fn looks_for_way_out(&self, now_s: f64) -> bool {
+        matches!(self.mode, Mode::Wait { since_s } if now_s - since_s > ROUTE_S)
+    }
+
     /// Takes a step, and returns the proposal; `None` where the path is free.
     pub fn step(&mut self, at: &Situation) -> Option<Proposal> {
         self.lane_m = at.plan.best.offset_m;
@@ -191,10 +210,13 @@ impl Drive {
         let mode = self.next(at);
         self.has_yielded = at.is_crossed
             && (self.has_yielded || (matches!(self.mode, Mode::Yield { .. }) && mode != self.mode));
+        if let (Mode::Wait { .. }, Mode::Face { heading, .. }) = (self.mode, mode) {
+            self.left = Some(Pose2 { theta: heading, ..at.odometry });
+        }
         self.mode = mode;
         Some(match self.mode {
             Mode::Free => {
-                (self.lane_m, self.tried) = (0.0, 0.0);
+                (self.lane_m, self.tried, self.left) = (0.0, 0.0, None);
                 return None;
             }
             Mode::Lane => self.drive_lane(at),
@@ -223,6 +245,13 @@ impl Drive {
                     .uncoupled()
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("turns to the side with more room"))
+            }
+            Mode::Face { heading, .. } => {
+                let rate = TURN_GAIN * angle_difference(heading, at.odometry.theta);
+                Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate.clamp(-OUT_RADPS, OUT_RADPS)))
+                    .uncoupled()
+                    .with_reason(Reason::Searching)
+                    .with_note(format_args!("turns to the way around"))
             }
             Mode::Out { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS.min(at.speed_mps), 0.0))
                 .with_reason(Reason::Searching)
@@ -261,6 +290,9 @@ impl Drive {
                     Mode::Lane
                 } else if at.is_sonar_silent {
                     self.mode
+                } else if let Some(leg) = at.way_out.filter(|leg| self.is_new(leg, &at.odometry)) {
+                    let heading = wrap_angle(at.odometry.theta + leg.bearing);
+                    Mode::Face { since_s: at.now_s, heading, length_m: leg.length_m }
                 } else if waited_s > BACK_OFF_S && self.advanced_m >= BACK_M.0 {
                     Mode::Back { since_s: at.now_s }
                 } else if waited_s > WAIT_S {
@@ -289,17 +321,33 @@ impl Drive {
                     turned > TURN_RAD.0 && at.echo_ahead_m > VIEW_M && at.straight_m > OUT_M + OUT_STOP_M;
                 let is_over = turned > TURN_RAD.1 || at.now_s - since_s > MANEUVER_S;
                 if sees_way || is_over {
-                    Mode::Out { since_s: at.now_s, from: at.odometry }
+                    Mode::Out { since_s: at.now_s, from: at.odometry, length_m: OUT_M }
+                } else {
+                    self.mode
+                }
+            }
+            Mode::Face { since_s, heading, length_m } => {
+                let is_faced = angle_difference(heading, at.odometry.theta).abs() < FACED_RAD;
+                if is_faced || at.now_s - since_s > MANEUVER_S {
+                    Mode::Out { since_s: at.now_s, from: at.odometry, length_m }
                 } else {
                     self.mode
                 }
             }
             Mode::Out { .. } if at.must_stand() || at.straight_m < OUT_STOP_M => wait,
-            Mode::Out { since_s, from } => {
-                let is_over = from.distance(&at.odometry) > OUT_M || at.now_s - since_s > MANEUVER_S;
+            Mode::Out { since_s, from, length_m } => {
+                let is_over = from.distance(&at.odometry) > length_m || at.now_s - since_s > MANEUVER_S;
                 if is_over { Mode::Lane } else { self.mode }
             }
         }
+    }
+
+    /// True if the robot has not taken this leg from here already.
+    fn is_new(&self, leg: &Leg, odometry: &Pose2) -> bool {
+        self.left.is_none_or(|left| {
+            left.distance(odometry) > SAME_LEG_M
+                || angle_difference(odometry.theta + leg.bearing, left.theta).abs() > SAME_LEG_RAD
+        })
     }
 
     fn drive_lane(&self, at: &Situation) -> Proposal {
@@ -371,6 +419,7 @@ mod tests {
             is_crossed: false,
             is_arrived: false,
             room: [1.0, 0.0],
+            way_out: None,
         }
     }
 
@@ -430,8 +479,38 @@ mod tests {
     }
 
     #[test]
+    fn a_way_around_is_faced_driven_and_not_tried_twice_from_one_place() {
+        let leg = Leg { bearing: 0.8, length_m: 0.6 };
+        let mut drive = Drive::default();
+        let mut odometry = Pose2::IDENTITY;
+        let mut notes = Vec::new();
+        for step in 0..120 {
+            let at = Situation {
+                odometry,
+                way_out: Some(Leg { bearing: leg.bearing - odometry.theta, ..leg }),
+                echo_ahead_m: if odometry.theta > 0.7 { f64::INFINITY } else { 0.3 },
+                ..blocked(0.1 * f64::from(step), 0.2, 0.0, -odometry.theta)
+            };
+            let twist = drive.step(&at).expect("a proposal").twist;
+            notes.push((twist.linear != 0.0, twist.angular != 0.0));
+            // The wheels do not turn.
+            odometry = odometry * Pose2::new(0.0, 0.0, 0.1 * twist.angular);
+        }
+        assert!(notes[..15].iter().all(|&moves| moves == (false, false)), "it waits first");
+        assert!((odometry.theta - 0.8).abs() < 0.1 || notes.contains(&(true, false)), "{}", odometry.theta);
+        let faced = notes.iter().position(|&(drives, _)| drives).expect("it drives");
+        assert!((25..40).contains(&faced), "{faced}");
+        assert!(!drive.is_new(&Leg { bearing: 0.0, ..leg }, &Pose2::new(0.05, 0.0, 0.8)));
+        assert!(drive.is_new(&Leg { bearing: 0.0, ..leg }, &Pose2::new(0.05, 0.0, 0.3)));
+        assert!(drive.is_new(&Leg { bearing: 0.0, ..leg }, &Pose2::new(0.3, 0.0, 0.8)));
+    }
+
+    #[test]
     fn a_way_out_ends_before_a_known_obstacle() {
-        let way = || Drive { mode: Mode::Out { since_s: 0.0, from: Pose2::IDENTITY }, ..Drive::default() };
+        let way = || Drive {
+            mode: Mode::Out { since_s: 0.0, from: Pose2::IDENTITY, length_m: OUT_M },
+            ..Drive::default()
+        };
         let open = Situation { echo_ahead_m: f64::INFINITY, ..blocked(0.1, 0.2, 0.0, 0.0) };
         assert!(way().step(&open).expect("a proposal").twist.linear > 0.0);
         let near = Situation { straight_m: 0.02, ..open };

@@ -9,6 +9,7 @@ pub mod occupancy;
 pub mod planner;
 pub mod stations;
 mod sudden_echo;
+mod way_out;
 
 mod arrivals;
 mod clusters;
@@ -19,7 +20,7 @@ mod overlay;
 mod picture_evidence;
 mod upright_edges;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Rotation2};
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
 use yamabico_core::geometry::{Hypotenuse, Pose2, Twist};
 use yamabico_core::image::GrayImage;
@@ -44,6 +45,7 @@ use planner::{Plan, Scene};
 use stations::PathAhead;
 use sudden_echo::SuddenEcho;
 use upright_edges::UprightEdges;
+use way_out::WayFinder;
 
 /// Distance from walls within which evidence is assigned to the wall, m.
 const WALL_M: f64 = 0.16;
@@ -59,8 +61,8 @@ const NARROW_FREE_M: (f64, f64) = (1.0, 0.4);
 /// Error of the walls of a corridor that is seen, m, and of those of a map.
 const SEEN_WALL_ERROR_M: f64 = 0.05;
 const MAP_WALL_ERROR_M: f64 = 0.03;
-/// Area around the robot whose obstacles matter for planning, m: behind, ahead, and to each side.
-const AROUND_M: (f64, f64, f64) = (-0.5, 2.7, 2.0);
+/// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
+const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);
 /// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; smallest number of its cells.
 const WAY_AHEAD_M: f64 = 1.9;
 const WAY_ASIDE_M: f64 = 0.75;
@@ -104,6 +106,7 @@ pub struct LaneAvoider {
     occupied: Vec<Point2<f32>>,
     path: PathAhead,
     sudden_echo: SuddenEcho,
+    way_finder: WayFinder,
     last_picture: Option<Time>,
     /// Stamp of the first of the newest pictures that show no floor, although nothing is near.
     no_floor_since: Option<Time>,
@@ -149,6 +152,7 @@ impl LaneAvoider {
             occupied: Vec::with_capacity(MAX_CELLS),
             path: PathAhead::default(),
             sudden_echo: SuddenEcho::default(),
+            way_finder: WayFinder::default(),
             last_picture: None,
             no_floor_since: None,
             last_scan: None,
@@ -300,9 +304,9 @@ impl LaneAvoider {
             touch_m: self.touch_m,
         };
         self.plan = scene.plan(self.drive.lane_m());
+        let narrow = Scene { clearance_m: self.clearance_m - NARROW_M, ..scene };
         let is_narrow = self.plan.best.free_m < NARROW_FREE_M.0 && {
-            let scene = Scene { clearance_m: self.clearance_m - NARROW_M, ..scene };
-            let best = scene.plan(self.drive.lane_m()).best;
+            let best = narrow.plan(self.drive.lane_m()).best;
             let is_longer = best.free_m > self.plan.best.free_m + NARROW_FREE_M.1;
             if is_longer {
                 self.plan.best = best;
@@ -334,6 +338,11 @@ impl LaneAvoider {
             is_crossed,
             is_arrived: self.is_arrived(),
             room: [1.0, -1.0].map(|side| scene.room(side)),
+            way_out: if self.drive.looks_for_way_out(now.as_secs_f64()) {
+                self.way_finder.find(&narrow)
+            } else {
+                None
+            },
         };
         let proposal = match (self.drive.step(&situation), blind) {
             (Some(proposal), _) => proposal,
@@ -372,10 +381,12 @@ impl LaneAvoider {
     fn gather_occupied(&mut self, robot: &Pose2, on_map: Option<&Pose2>) {
         let to_robot = robot.inverse();
         let (map, (behind_m, ahead_m, aside_m)) = (&self.map, AROUND_M);
+        let to_path = Rotation2::new(-self.path.heading());
         self.occupied.clear();
         for cell in self.grid.occupied() {
             let place = to_robot.transform_point(cell);
-            let is_around = (behind_m..ahead_m).contains(&place.x) && place.y.abs() < aside_m;
+            let on_path = to_path * place;
+            let is_around = (behind_m..ahead_m).contains(&on_path.x) && on_path.y.abs() < aside_m;
             let is_open = || on_map.is_none_or(|on_map| map.clearance(on_map.transform_point(cell)) > WALL_M);
             if is_around && self.occupied.len() < MAX_CELLS && is_open() {
                 self.occupied.push(place.cast());

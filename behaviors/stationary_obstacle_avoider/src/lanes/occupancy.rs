@@ -62,6 +62,8 @@ pub struct OccupancyGrid {
     geometry: Layer,
     sonar: Layer,
     arrivals: Arrivals,
+    /// True if the floor is known not to mirror what stands on it.
+    is_matt: bool,
 }
 
 impl Default for OccupancyGrid {
@@ -72,6 +74,7 @@ impl Default for OccupancyGrid {
             geometry: Layer::new(GEOMETRY_LIMITS),
             sonar: Layer::new(SONAR_LIMITS),
             arrivals: Arrivals::new(CELLS * CELLS),
+            is_matt: false,
         }
     }
 }
@@ -80,7 +83,7 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, geometry, sonar, arrivals } = self;
+        let Self { window, look, geometry, sonar, arrivals, .. } = self;
         window.advance(position, |slot| {
             for layer in [&mut *look, geometry, sonar] {
                 layer.odds[slot] = 0.0;
@@ -149,10 +152,15 @@ impl OccupancyGrid {
         }
     }
 
+    /// Takes note of whether the floor is known not to mirror: then, what pictures established is outvoted by pictures alone.
+    pub fn set_matt(&mut self, is_matt: bool) {
+        self.is_matt = is_matt;
+    }
+
     /// Takes note of what has come since the last picture.
     pub fn update_arrivals(&mut self) {
-        let Self { window, look, geometry, sonar, arrivals } = self;
-        let is_occupied = |slot: usize| total([look, geometry, sonar], slot) >= OCCUPIED;
+        let Self { window, look, geometry, sonar, arrivals, is_matt } = self;
+        let is_occupied = |slot: usize| total([look, geometry, sonar], slot, *is_matt) >= OCCUPIED;
         arrivals.update(window, is_occupied, |slot| look.odds[slot] <= FLOOR_SEEN);
     }
 
@@ -162,7 +170,7 @@ impl OccupancyGrid {
     }
 
     fn sum(&self, slot: usize) -> f32 {
-        total([&self.look, &self.geometry, &self.sonar], slot)
+        total([&self.look, &self.geometry, &self.sonar], slot, self.is_matt)
     }
 
     /// True if geometry alone makes a place occupied, odometry frame, m.
@@ -181,11 +189,13 @@ impl OccupancyGrid {
     }
 }
 
-/// Sum of all evidence of a cell by look, geometry and sonars: the sonars cannot outvote what geometry established.
-fn total(layers: [&Layer; 3], slot: usize) -> f32 {
+/// Sum of all evidence of a cell by look, geometry and sonars: the sonars cannot outvote what geometry established, nor, on a
+/// floor that does not mirror, what the look did.
+fn total(layers: [&Layer; 3], slot: usize, is_matt: bool) -> f32 {
     let [look, geometry, sonar] = layers.map(|layer| layer.odds[slot]);
     let certain = (geometry - GEOMETRY_IN_DOUBT).max(0.0);
-    (look + geometry + sonar).max(certain)
+    let established = if is_matt && look >= ESTABLISHED { look } else { 0.0 };
+    (look + geometry + sonar).max(certain).max(established)
 }
 
 /// Log odds of the cells by one kind of evidence.

@@ -68,6 +68,7 @@ impl LaneAvoider {
             }
             // A mirror shows the edges of what stands elsewhere.
             let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
+            self.grid.set_matt(is_matt);
             match &mut self.edges {
                 Some(edges) if is_matt => edges.look(image, &mut self.hidden),
                 Some(edges) => edges.clear(),

@@ -197,7 +197,7 @@ fn on_arc(curvature: f64, along_m: f64) -> Point2<f64> {
 }
 
 /// Distance from `place` to the nearest obstacle, m; infinite without any.
-fn distance_to_nearest(obstacles: &[Point2<f32>], place: Point2<f32>) -> f32 {
+pub(super) fn distance_to_nearest(obstacles: &[Point2<f32>], place: Point2<f32>) -> f32 {
     // Several minima side by side: the processor takes them at once.
     const SIDE_BY_SIDE: usize = 8;
     let smaller = |a: f32, b: f32| if b < a { b } else { a };
