@@ -43,6 +43,8 @@ const RELEASE_FREE_M: f64 = 0.8;
 /// Angles to the path at which the turn ends, rad: with a free view, and at last. Range of a free view, m.
 const TURN_RAD: (f64, f64) = (0.44, 1.05);
 const VIEW_M: f64 = 0.9;
+/// Angle to the path from which a leg of a route leads away from what is in view, rad.
+const MAX_LEG_RAD: f64 = 1.4;
 /// Difference to its heading at which a leg of a route is faced, rad; distance and angle within which two legs are the same, m and
 /// rad.
 const FACED_RAD: f64 = 0.08;
@@ -290,7 +292,7 @@ impl Drive {
                     Mode::Lane
                 } else if at.is_sonar_silent {
                     self.mode
-                } else if let Some(leg) = at.way_out.filter(|leg| self.is_new(leg, &at.odometry)) {
+                } else if let Some(leg) = at.way_out.filter(|leg| self.is_worth(leg, at)) {
                     let heading = wrap_angle(at.odometry.theta + leg.bearing);
                     Mode::Face { since_s: at.now_s, heading, length_m: leg.length_m }
                 } else if waited_s > BACK_OFF_S && self.advanced_m >= BACK_M.0 {
@@ -342,7 +344,12 @@ impl Drive {
         }
     }
 
-    /// True if the robot has not taken this leg from here already.
+    /// True if the robot keeps the path in view on this leg, and has not taken it from here already.
+    fn is_worth(&self, leg: &Leg, at: &Situation) -> bool {
+        let off = angle_difference(leg.bearing, at.path_heading).abs();
+        off < MAX_LEG_RAD && self.is_new(leg, &at.odometry)
+    }
+
     fn is_new(&self, leg: &Leg, odometry: &Pose2) -> bool {
         self.left.is_none_or(|left| {
             left.distance(odometry) > SAME_LEG_M

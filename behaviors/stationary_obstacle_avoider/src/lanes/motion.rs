@@ -125,6 +125,15 @@ impl FloorMotion {
         })
     }
 
+    /// Places of points that move as floor in the last picture within `range_m` of the camera, robot frame at the capture, m; none if
+    /// the picture does not tell floor from things.
+    pub fn floor(&self, range_m: f64) -> impl Iterator<Item = Point2<f64>> {
+        let camera = self.camera();
+        let points = self.judge.points().iter().filter(|_| self.judge.shows_things());
+        let on_floor = points.filter(|point| point.class == PointClass::Floor).map(|point| point.floor);
+        on_floor.filter(move |floor| (floor - camera).norm() < range_m)
+    }
+
     /// Feet of the things in the last picture, robot frame at the capture, m.
     fn feet(&self) -> impl Iterator<Item = Point2<f64>> {
         let is_known = |point: &&MotionPoint| {

@@ -50,8 +50,10 @@ const AHEAD_RAD: f64 = 0.26;
 pub enum Evidence {
     /// The floor's look: where it ends.
     Look,
-    /// Upright edges, and motion between pictures.
-    Geometry,
+    /// Upright edges.
+    Edges,
+    /// Motion between pictures.
+    Motion,
 }
 
 /// Log odds of the cells in a window around the robot.
@@ -59,11 +61,10 @@ pub enum Evidence {
 pub struct OccupancyGrid {
     window: RollingWindow,
     look: Layer,
-    geometry: Layer,
+    edges: Layer,
+    motion: Layer,
     sonar: Layer,
     arrivals: Arrivals,
-    /// True if the floor is known not to mirror what stands on it.
-    is_matt: bool,
 }
 
 impl Default for OccupancyGrid {
@@ -71,10 +72,10 @@ impl Default for OccupancyGrid {
         Self {
             window: RollingWindow::new(CELLS, CELL_M),
             look: Layer::new(LOOK_LIMITS),
-            geometry: Layer::new(GEOMETRY_LIMITS),
+            edges: Layer::new(GEOMETRY_LIMITS),
+            motion: Layer::new(GEOMETRY_LIMITS),
             sonar: Layer::new(SONAR_LIMITS),
             arrivals: Arrivals::new(CELLS * CELLS),
-            is_matt: false,
         }
     }
 }
@@ -83,9 +84,9 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, geometry, sonar, arrivals, .. } = self;
+        let Self { window, look, edges, motion, sonar, arrivals } = self;
         window.advance(position, |slot| {
-            for layer in [&mut *look, geometry, sonar] {
+            for layer in [&mut *look, edges, motion, sonar] {
                 layer.odds[slot] = 0.0;
             }
             arrivals.clear(slot);
@@ -102,8 +103,9 @@ impl OccupancyGrid {
                 FADE_UNSEEN_PER_S
             }
         };
-        look.fade(|slot, odds| elapsed_s * rate(slot, odds));
-        geometry.fade(|slot, odds| elapsed_s * rate(slot, odds));
+        for layer in [look, edges, motion] {
+            layer.fade(|slot, odds| elapsed_s * rate(slot, odds));
+        }
         sonar.fade(|_, _| elapsed_s * FADE_PER_S);
     }
 
@@ -111,7 +113,8 @@ impl OccupancyGrid {
     pub fn add(&mut self, kind: Evidence, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
         let layer = match kind {
             Evidence::Look => &mut self.look,
-            Evidence::Geometry => &mut self.geometry,
+            Evidence::Edges => &mut self.edges,
+            Evidence::Motion => &mut self.motion,
         };
         layer.add(&self.window, places, evidence);
     }
@@ -152,15 +155,10 @@ impl OccupancyGrid {
         }
     }
 
-    /// Takes note of whether the floor is known not to mirror: then, what pictures established is outvoted by pictures alone.
-    pub fn set_matt(&mut self, is_matt: bool) {
-        self.is_matt = is_matt;
-    }
-
     /// Takes note of what has come since the last picture.
     pub fn update_arrivals(&mut self) {
-        let Self { window, look, geometry, sonar, arrivals, is_matt } = self;
-        let is_occupied = |slot: usize| total([look, geometry, sonar], slot, *is_matt) >= OCCUPIED;
+        let Self { window, look, edges, motion, sonar, arrivals } = self;
+        let is_occupied = |slot: usize| total([look, edges, motion, sonar], slot) >= OCCUPIED;
         arrivals.update(window, is_occupied, |slot| look.odds[slot] <= FLOOR_SEEN);
     }
 
@@ -170,12 +168,14 @@ impl OccupancyGrid {
     }
 
     fn sum(&self, slot: usize) -> f32 {
-        total([&self.look, &self.geometry, &self.sonar], slot, self.is_matt)
+        total([&self.look, &self.edges, &self.motion, &self.sonar], slot)
     }
 
     /// True if geometry alone makes a place occupied, odometry frame, m.
     pub fn is_upright(&self, place: Point2<f64>) -> bool {
-        self.window.slot(place).is_some_and(|slot| self.geometry.odds[slot] - GEOMETRY_IN_DOUBT >= OCCUPIED)
+        let is_certain =
+            |slot: usize| self.edges.odds[slot].max(self.motion.odds[slot]) - GEOMETRY_IN_DOUBT >= OCCUPIED;
+        self.window.slot(place).is_some_and(is_certain)
     }
 
     fn is_occupied(&self, place: Point2<f64>) -> bool {
@@ -189,13 +189,12 @@ impl OccupancyGrid {
     }
 }
 
-/// Sum of all evidence of a cell by look, geometry and sonars: the sonars cannot outvote what geometry established, nor, on a
-/// floor that does not mirror, what the look did.
-fn total(layers: [&Layer; 3], slot: usize, is_matt: bool) -> f32 {
-    let [look, geometry, sonar] = layers.map(|layer| layer.odds[slot]);
-    let certain = (geometry - GEOMETRY_IN_DOUBT).max(0.0);
-    let established = if is_matt && look >= ESTABLISHED { look } else { 0.0 };
-    (look + geometry + sonar).max(certain).max(established)
+/// Sum of all evidence of a cell by look, edges, motion and sonars: the sonars cannot outvote what geometry established.
+fn total(layers: [&Layer; 4], slot: usize) -> f32 {
+    let [look, edges, motion, sonar] = layers.map(|layer| layer.odds[slot]);
+    let certain = (edges.max(motion) - GEOMETRY_IN_DOUBT).max(0.0);
+    let geometry = (edges + motion).clamp(GEOMETRY_LIMITS.0, GEOMETRY_LIMITS.1);
+    (look + geometry + sonar).max(certain)
 }
 
 /// Log odds of the cells by one kind of evidence.
@@ -233,7 +232,7 @@ impl Layer {
 }
 
 /// Places in the cell of `place` and in the eight around it.
-fn neighbors(place: Point2<f64>) -> impl Iterator<Item = Point2<f64>> {
+pub(super) fn neighbors(place: Point2<f64>) -> impl Iterator<Item = Point2<f64>> {
     const STEPS: [f64; 3] = [-CELL_M, 0.0, CELL_M];
     STEPS.into_iter().flat_map(move |x| STEPS.map(|y| place + Vector2::new(x, y)))
 }
@@ -345,11 +344,8 @@ mod tests {
             occupied(&grid).len() == 1
         };
         assert!(!is_kept(Evidence::Look, 9), "paint and mirror images end the floor, too");
-        assert!(is_kept(Evidence::Geometry, 4), "smooth surfaces at an angle give no echo");
-        assert!(
-            !is_kept(Evidence::Geometry, 3),
-            "a mirror image that moves passes a place in three pictures"
-        );
+        assert!(is_kept(Evidence::Edges, 4), "smooth surfaces at an angle give no echo");
+        assert!(!is_kept(Evidence::Edges, 3), "a mirror image that moves passes a place in three pictures");
     }
 
     #[test]

@@ -9,12 +9,14 @@ use yamabico_vision::floor_columns::FloorEnd;
 use yamabico_vision::map::WireFrame;
 
 use super::motion::FloorMotion;
-use super::occupancy::{self, Evidence};
+use super::occupancy::{self, Evidence, neighbors};
 use super::upright_edges::UprightEdges;
 use super::{ASIDE_RAD, LaneAvoider, WALL_M};
 
-/// Log odds of floor, and of the place where it ends, in one picture.
+/// Log odds of floor, and of the place where it ends, in one picture; and of what looks like floor where motion shows a thing,
+/// whose color may be that of the floor.
 const FLOOR: f32 = -0.7;
+const LOOKS_LIKE_FLOOR: f32 = -0.1;
 const FLOOR_END: f32 = 1.3;
 /// Log odds of an end of the floor before an echo: a mirror image, or something below the beam; and in a beam without an
 /// echo, which a smooth surface at an angle does not give.
@@ -68,7 +70,6 @@ impl LaneAvoider {
             }
             // A mirror shows the edges of what stands elsewhere.
             let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
-            self.grid.set_matt(is_matt);
             match &mut self.edges {
                 Some(edges) if is_matt => edges.look(image, &mut self.hidden),
                 Some(edges) => edges.clear(),
@@ -89,8 +90,9 @@ impl LaneAvoider {
         let Self { grid, columns, hidden, edges, map, motion, sonar, .. } = self;
         let ground = Ground { robot, on_map, map, motion: motion.as_ref() };
         let floor = || columns.free().filter(|&place| place.x < FLOOR_M && !hidden.is_hidden(place));
-        for kind in [Evidence::Look, Evidence::Geometry] {
-            grid.add(kind, floor().map(|place| ground.odometry(place)), FLOOR);
+        let odds = [(Evidence::Look, FLOOR), (Evidence::Edges, FLOOR), (Evidence::Motion, LOOKS_LIKE_FLOOR)];
+        for (kind, odds) in odds {
+            grid.add(kind, floor().map(|place| ground.odometry(place)), odds);
         }
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
         let beams = sonar.beams();
@@ -120,11 +122,13 @@ impl LaneAvoider {
             *edges_from = Some(robot);
             let feet =
                 edges.feet(path.heading(), |place| ground.is_raised(place), |foot| ground.cells_behind(foot));
-            grid.add(Evidence::Geometry, feet.map(|place| ground.odometry(place)), UPRIGHT_EDGE);
+            grid.add(Evidence::Edges, feet.map(|place| ground.odometry(place)), UPRIGHT_EDGE);
         }
         if let Some(motion) = &*motion {
             // In a mirror, motion is as doubtful as looks.
-            let kind = if motion.is_matt() { Evidence::Geometry } else { Evidence::Look };
+            let kind = if motion.is_matt() { Evidence::Motion } else { Evidence::Look };
+            let floor = motion.floor(FLOOR_END_M).flat_map(|place| neighbors(ground.odometry(place)));
+            grid.add(Evidence::Motion, floor, FLOOR);
             grid.add(kind, motion.things(FLOOR_END_M).map(|place| ground.odometry(place)), MOVES_AS_THING);
         }
     }
