@@ -170,8 +170,8 @@ impl CorridorTrack {
     /// them, the width that they were seen at.
     pub fn take_floor(&mut self, floor_m: [f64; 2]) {
         self.floor_m = floor_m;
-        for side in 0..2 {
-            if self.walls[side].is_some_and(|wall| wall.distance_m.abs() < floor_m[side]) {
+        for (side, reach_m) in floor_m.into_iter().enumerate() {
+            if self.walls[side].is_some_and(|wall| wall.distance_m.abs() < reach_m) {
                 (self.walls[side], self.rival_walls[side]) = (None, None);
                 self.widths = WidthMemory::default();
             }

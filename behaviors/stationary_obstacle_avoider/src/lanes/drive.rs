@@ -292,7 +292,9 @@ impl Drive {
                     Mode::Lane
                 } else if at.is_sonar_silent {
                     self.mode
-                } else if let Some(leg) = at.way_out.filter(|leg| self.is_worth(leg, at)) {
+                } else if let Some(leg) =
+                    at.way_out.filter(|leg| waited_s > ROUTE_S && self.is_worth(leg, at))
+                {
                     let heading = wrap_angle(at.odometry.theta + leg.bearing);
                     Mode::Face { since_s: at.now_s, heading, length_m: leg.length_m }
                 } else if waited_s > BACK_OFF_S && self.advanced_m >= BACK_M.0 {
@@ -330,8 +332,10 @@ impl Drive {
             }
             Mode::Face { since_s, heading, length_m } => {
                 let is_faced = angle_difference(heading, at.odometry.theta).abs() < FACED_RAD;
-                if is_faced || at.now_s - since_s > MANEUVER_S {
+                if is_faced {
                     Mode::Out { since_s: at.now_s, from: at.odometry, length_m }
+                } else if at.now_s - since_s > MANEUVER_S {
+                    wait
                 } else {
                     self.mode
                 }
@@ -487,29 +491,28 @@ mod tests {
 
     #[test]
     fn a_way_around_is_faced_driven_and_not_tried_twice_from_one_place() {
-        let leg = Leg { bearing: 0.8, length_m: 0.6 };
         let mut drive = Drive::default();
         let mut odometry = Pose2::IDENTITY;
-        let mut notes = Vec::new();
-        for step in 0..120 {
-            let at = Situation {
-                odometry,
-                way_out: Some(Leg { bearing: leg.bearing - odometry.theta, ..leg }),
-                echo_ahead_m: if odometry.theta > 0.7 { f64::INFINITY } else { 0.3 },
-                ..blocked(0.1 * f64::from(step), 0.2, 0.0, -odometry.theta)
-            };
+        let mut step = |drive: &mut Drive, now_s: f64, echo_ahead_m: f64| {
+            let way_out = Some(Leg { bearing: 0.8 - odometry.theta, length_m: 0.6 });
+            let at =
+                Situation { odometry, way_out, echo_ahead_m, ..blocked(now_s, 0.2, 0.0, -odometry.theta) };
             let twist = drive.step(&at).expect("a proposal").twist;
-            notes.push((twist.linear != 0.0, twist.angular != 0.0));
-            // The wheels do not turn.
-            odometry = odometry * Pose2::new(0.0, 0.0, 0.1 * twist.angular);
-        }
-        assert!(notes[..15].iter().all(|&moves| moves == (false, false)), "it waits first");
-        assert!((odometry.theta - 0.8).abs() < 0.1 || notes.contains(&(true, false)), "{}", odometry.theta);
-        let faced = notes.iter().position(|&(drives, _)| drives).expect("it drives");
-        assert!((25..40).contains(&faced), "{faced}");
-        assert!(!drive.is_new(&Leg { bearing: 0.0, ..leg }, &Pose2::new(0.05, 0.0, 0.8)));
-        assert!(drive.is_new(&Leg { bearing: 0.0, ..leg }, &Pose2::new(0.05, 0.0, 0.3)));
-        assert!(drive.is_new(&Leg { bearing: 0.0, ..leg }, &Pose2::new(0.3, 0.0, 0.8)));
+            odometry.theta += 0.1 * twist.angular;
+            (twist.linear, odometry.theta)
+        };
+        let times = || (0..100).map(|i| 0.1 * f64::from(i));
+        let starts = |drive: &mut Drive, step: &mut dyn FnMut(&mut Drive, f64, f64) -> (f64, f64)| {
+            times().find(|&now_s| step(drive, now_s, f64::INFINITY).0 > 0.0)
+        };
+        let drives_s = starts(&mut drive, &mut step).expect("it drives");
+        assert!((2.5..4.5).contains(&drives_s), "it waits, and turns: {drives_s} s");
+        let (_, heading) = step(&mut drive, drives_s + 0.1, 0.3);
+        assert!((heading - 0.8).abs() < 0.1, "{heading}");
+        let last = times().take(35).map(|later_s| step(&mut drive, drives_s + 0.1 + later_s, 0.3)).last();
+        assert_eq!(last.expect("steps").1, heading, "what stopped it there would again");
+        let leg = Leg { bearing: 0.0, length_m: 0.6 };
+        assert!(drive.is_new(&leg, &Pose2::new(0.3, 0.0, 0.8)) && drive.is_new(&leg, &Pose2::IDENTITY));
     }
 
     #[test]

@@ -64,6 +64,8 @@ pub struct OccupancyGrid {
     edges: Layer,
     motion: Layer,
     sonar: Layer,
+    /// Cells in which the look has shown a thing since they entered the window.
+    looked_raised: Vec<bool>,
     arrivals: Arrivals,
 }
 
@@ -75,6 +77,7 @@ impl Default for OccupancyGrid {
             edges: Layer::new(GEOMETRY_LIMITS),
             motion: Layer::new(GEOMETRY_LIMITS),
             sonar: Layer::new(SONAR_LIMITS),
+            looked_raised: vec![false; CELLS * CELLS],
             arrivals: Arrivals::new(CELLS * CELLS),
         }
     }
@@ -84,11 +87,12 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, edges, motion, sonar, arrivals } = self;
+        let Self { window, look, edges, motion, sonar, looked_raised, arrivals } = self;
         window.advance(position, |slot| {
             for layer in [&mut *look, edges, motion, sonar] {
                 layer.odds[slot] = 0.0;
             }
+            looked_raised[slot] = false;
             arrivals.clear(slot);
         });
         let dt_s = dt_s.clamp(0.0, 60.0);
@@ -117,6 +121,35 @@ impl OccupancyGrid {
             Evidence::Motion => &mut self.motion,
         };
         layer.add(&self.window, places, evidence);
+    }
+
+    /// Adds what looks like floor at `places` (odometry frame, m), as `evidence` (log odds). A thing of the floor's color looks like
+    /// floor, too: where motion alone has shown one, it stays.
+    pub fn add_floor(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        let Self { window, look, edges, motion, looked_raised, .. } = self;
+        for layer in [&mut *look, edges, motion] {
+            layer.begin();
+        }
+        for slot in places.filter_map(|place| window.slot(place)) {
+            look.add_to(slot, evidence);
+            edges.add_to(slot, evidence);
+            if looked_raised[slot] {
+                motion.add_to(slot, evidence);
+            }
+        }
+    }
+
+    /// Adds what looks like a thing at `places` (odometry frame, m), as `evidence` (log odds).
+    pub fn add_thing(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        self.look.begin();
+        for place in places {
+            for slot in neighbors(place).filter_map(|place| self.window.slot(place)) {
+                self.looked_raised[slot] = true;
+            }
+            if let Some(slot) = self.window.slot(place) {
+                self.look.add_to(slot, evidence);
+            }
+        }
     }
 
     /// Adds a beam of a scan taken at `robot` (odometry frame): the cone before the echo is free, its arc is occupied at
@@ -157,7 +190,7 @@ impl OccupancyGrid {
 
     /// Takes note of what has come since the last picture.
     pub fn update_arrivals(&mut self) {
-        let Self { window, look, edges, motion, sonar, arrivals } = self;
+        let Self { window, look, edges, motion, sonar, arrivals, .. } = self;
         let is_occupied = |slot: usize| total([look, edges, motion, sonar], slot) >= OCCUPIED;
         arrivals.update(window, is_occupied, |slot| look.odds[slot] <= FLOOR_SEEN);
     }
@@ -222,11 +255,19 @@ impl Layer {
 
     /// Adds `evidence` to the cells at `places`, once to each cell.
     fn add(&mut self, window: &RollingWindow, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
+        self.begin();
+        places.filter_map(|place| window.slot(place)).for_each(|slot| self.add_to(slot, evidence));
+    }
+
+    /// Begins an update.
+    fn begin(&mut self) {
         self.update = self.update.wrapping_add(1);
-        for slot in places.filter_map(|place| window.slot(place)) {
-            if std::mem::replace(&mut self.updated[slot], self.update) != self.update {
-                self.odds[slot] = (self.odds[slot] + evidence).clamp(self.limits.0, self.limits.1);
-            }
+    }
+
+    /// Adds `evidence` to a cell, unless this update has already.
+    fn add_to(&mut self, slot: usize, evidence: f32) {
+        if std::mem::replace(&mut self.updated[slot], self.update) != self.update {
+            self.odds[slot] = (self.odds[slot] + evidence).clamp(self.limits.0, self.limits.1);
         }
     }
 }
@@ -346,6 +387,31 @@ mod tests {
         assert!(!is_kept(Evidence::Look, 9), "paint and mirror images end the floor, too");
         assert!(is_kept(Evidence::Edges, 4), "smooth surfaces at an angle give no echo");
         assert!(!is_kept(Evidence::Edges, 3), "a mirror image that moves passes a place in three pictures");
+    }
+
+    #[test]
+    fn a_thing_of_the_floors_color_stays_where_motion_shows_it() {
+        let place = Point2::new(0.52, 0.03);
+        let is_kept = |looks_raised: bool, moves_as_floor: bool| {
+            let mut grid = OccupancyGrid::default();
+            for _ in 0..6 {
+                grid.add(Evidence::Motion, [place].into_iter(), 1.0);
+                if looks_raised {
+                    grid.add_thing([place + Vector2::new(CELL_M, 0.0)].into_iter(), 1.3);
+                }
+            }
+            assert!(!occupied(&grid).is_empty());
+            for _ in 0..20 {
+                grid.add_floor([place].into_iter(), -0.7);
+                if moves_as_floor {
+                    grid.add(Evidence::Motion, [place].into_iter(), -0.7);
+                }
+            }
+            occupied(&grid).iter().any(|found| (found - place).norm() < CELL_M / 2.0)
+        };
+        assert!(is_kept(false, false), "its color says nothing");
+        assert!(!is_kept(true, false), "what looked different has gone when floor is seen");
+        assert!(!is_kept(false, true), "what moves as floor is floor");
     }
 
     #[test]

@@ -13,10 +13,8 @@ use super::occupancy::{self, Evidence, neighbors};
 use super::upright_edges::UprightEdges;
 use super::{ASIDE_RAD, LaneAvoider, WALL_M};
 
-/// Log odds of floor, and of the place where it ends, in one picture; and of what looks like floor where motion shows a thing,
-/// whose color may be that of the floor.
+/// Log odds of floor, and of the place where it ends, in one picture.
 const FLOOR: f32 = -0.7;
-const LOOKS_LIKE_FLOOR: f32 = -0.1;
 const FLOOR_END: f32 = 1.3;
 /// Log odds of an end of the floor before an echo: a mirror image, or something below the beam; and in a beam without an
 /// echo, which a smooth surface at an angle does not give.
@@ -89,11 +87,8 @@ impl LaneAvoider {
         let on_map = self.map_from_odometry();
         let Self { grid, columns, hidden, edges, map, motion, sonar, .. } = self;
         let ground = Ground { robot, on_map, map, motion: motion.as_ref() };
-        let floor = || columns.free().filter(|&place| place.x < FLOOR_M && !hidden.is_hidden(place));
-        let odds = [(Evidence::Look, FLOOR), (Evidence::Edges, FLOOR), (Evidence::Motion, LOOKS_LIKE_FLOOR)];
-        for (kind, odds) in odds {
-            grid.add(kind, floor().map(|place| ground.odometry(place)), odds);
-        }
+        let floor = columns.free().filter(|&place| place.x < FLOOR_M && !hidden.is_hidden(place));
+        grid.add_floor(floor.map(|place| ground.odometry(place)), FLOOR);
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
         let beams = sonar.beams();
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
@@ -101,13 +96,13 @@ impl LaneAvoider {
             let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
                 behind(place, place.coords, if is_lone { 0 } else { ground.cells_behind(place) })
             });
-            grid.add(Evidence::Look, deep.map(|place| ground.odometry(place)), weight);
+            grid.add_thing(deep.map(|place| ground.odometry(place)), weight);
         }
         // The side of a thing whose foot is below the picture.
         let cut =
             edges.iter().flat_map(UprightEdges::cut).flat_map(|edge| columns.covered_beside(edge.pixel.x));
         let cut = cut.flat_map(|foot| behind(foot, foot.coords, ground.cells_behind(foot)));
-        grid.add(Evidence::Look, cut.map(|place| ground.odometry(place)), FLOOR_END);
+        grid.add_thing(cut.map(|place| ground.odometry(place)), FLOOR_END);
     }
 
     /// Adds upright edges, and what moves as a thing.
