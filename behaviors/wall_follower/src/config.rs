@@ -55,7 +55,8 @@ pub struct Config {
     #[default(0.8)]
     #[schemars(range(min = 0.0, max = 3.0))]
     pub min_width_m: f64,
-    /// Whether floor that moves as floor between pictures refutes the walls before it: joints of planks, edges of carpets and sunlight.
+    /// Use of the motion between pictures: if set, a line is no wall where what is beyond it moves as floor, such as a joint of planks
+    /// or an edge of sunlight. Needs odometry.
     #[default(true)]
     pub uses_motion: bool,
     /// Distance from the camera to a wall ahead at which the robot stops; of a camera whose height is unknown, for a height of 0.3 m.

@@ -1,4 +1,4 @@
-//! How far the floor reaches to both sides, by the motion between pictures: no wall stands before that.
+//! Reach of the floor to both sides, by the motion between pictures: no wall stands before its end.
 //!
 //! Joints between planks, edges of carpets and of sunlight run along a corridor as the foot of a wall does, and may be
 //! longer and of more contrast. But beyond a joint the floor goes on, and its points move as floor does.
