@@ -348,12 +348,13 @@ impl Drive {
         }
     }
 
-    /// True if the robot keeps the path in view on this leg, and has not taken it from here already.
+    /// True if the robot keeps the path in view on this leg, and it is new.
     fn is_worth(&self, leg: &Leg, at: &Situation) -> bool {
         let off = angle_difference(leg.bearing, at.path_heading).abs();
         off < MAX_LEG_RAD && self.is_new(leg, &at.odometry)
     }
 
+    /// True if the robot has not taken this leg from here already.
     fn is_new(&self, leg: &Leg, odometry: &Pose2) -> bool {
         self.left.is_none_or(|left| {
             left.distance(odometry) > SAME_LEG_M
