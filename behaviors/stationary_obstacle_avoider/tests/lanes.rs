@@ -107,12 +107,15 @@ fn a_robot_before_an_obstacle_waits_and_then_backs_off_the_way_it_came() {
     let waits = stand(&mut bench, robot, 1.6, 0.5, Some([4.3, 0.0]));
     assert_eq!((waits.kind(), waits.twist.linear), (Some(Kind::Drive), 0.0), "{}", waits.note.as_str());
     let mut fastest_back: f64 = 0.0;
+    let mut faces_way_around = false;
     // The sonar heard it suddenly, so that it may go on for 5 s; a turn to the way around that never ends is given up after 5 s.
     for i in 0..36 {
         let proposal = stand(&mut bench, robot, 2.1 + 0.5 * f64::from(i), 0.5, Some([4.3, 0.0]));
         assert!(proposal.twist.linear <= 0.0, "never toward the obstacle: {}", proposal.note.as_str());
         fastest_back = fastest_back.min(proposal.twist.linear);
+        faces_way_around |= proposal.twist.angular != 0.0 && proposal.note.as_str().contains("way around");
     }
+    assert!(faces_way_around, "the corridor is free beside the obstacle");
     assert!(fastest_back < -0.05, "{fastest_back}");
     // A robot that did not come this way does not know that it is free behind.
     let mut fresh = avoider();

@@ -6,7 +6,8 @@ use nalgebra::Vector2;
 use yamabico_core::geometry::{Pose2, wrap_angle};
 
 use crate::centering::Walls;
-use crate::width_memory::{Rival, WidthMemory};
+use crate::wall_track::WallTrack;
+use crate::width_memory::WidthMemory;
 use yamabico_core::odometry_track::travel;
 use yamabico_vision::corridor::floor_lines::WallEstimate;
 use yamabico_vision::corridor::observer::{CorridorObservation, CorridorPrediction};
@@ -24,14 +25,6 @@ const HEADING_JUMP_RAD: f64 = 0.045;
 const CONSISTENT_FRAMES: u32 = 3;
 /// Standard deviation (rad) above which the heading is lost.
 const HEADING_LOST_RAD: f64 = 0.175;
-/// Jump of a wall distance (m) above which it may be a recess, until it lasts for [`WALL_CONFIRM_M`].
-const WALL_JUMP_M: f64 = 0.15;
-/// Driven distance that confirms a changed wall distance or width, m.
-pub(crate) const WALL_CONFIRM_M: f64 = 0.5;
-/// Driven distance without an observation after which a wall is dropped, m.
-const WALL_FORGET_M: f64 = 1.0;
-/// Growth of a wall distance's standard deviation per meter driven without an observation, m.
-const WALL_DRIFT_PER_METER: f64 = 0.04;
 
 /// State of the robot in the corridor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +55,7 @@ pub enum Verdict {
 pub struct CorridorTrack {
     axis: Option<Axis>,
     anchor: Pose2,
-    walls: [Option<Wall>; 2],
-    rival_walls: [Option<Rival>; 2],
+    walls: [WallTrack; 2],
     widths: WidthMemory,
     rejected: Option<(f64, u32)>,
     /// Distances up to which no wall stands on the left and right at the last frame, m.
@@ -76,13 +68,6 @@ pub struct CorridorTrack {
 struct Axis {
     angle: f64,
     variance: f64,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Wall {
-    distance_m: f64,
-    variance: f64,
-    unobserved_m: f64,
 }
 
 /// Motion of the robot between two frames.
@@ -132,18 +117,7 @@ impl CorridorTrack {
             axis.variance += VARIANCE_PER_TURN * turned + VARIANCE_PER_METER * meters;
         }
         for wall in &mut self.walls {
-            if let Some(known) = wall {
-                known.distance_m -= across_m;
-                known.variance += (WALL_DRIFT_PER_METER * meters).powi(2) + 1e-6;
-                known.unobserved_m += meters;
-                if known.unobserved_m > WALL_FORGET_M {
-                    *wall = None;
-                }
-            }
-        }
-        for rival in self.rival_walls.iter_mut().flatten() {
-            rival.distance_m -= across_m;
-            rival.for_m += meters;
+            wall.drive(meters, across_m);
         }
         self.widths.drive(meters);
         self.anchor = pose;
@@ -157,10 +131,7 @@ impl CorridorTrack {
             heading: wrap_angle(self.anchor.theta - axis.angle),
             heading_sigma: axis.variance.sqrt(),
             walls: self.walls.map(|wall| {
-                wall.map(|wall| WallEstimate {
-                    distance_m: wall.distance_m,
-                    sigma_m: wall.variance.sqrt().max(0.02),
-                })
+                wall.estimate().map(|wall| WallEstimate { sigma_m: wall.sigma_m.max(0.02), ..wall })
             }),
             floor_m: self.floor_m,
         })
@@ -170,9 +141,9 @@ impl CorridorTrack {
     /// them, the width that they were seen at.
     pub fn take_floor(&mut self, floor_m: [f64; 2]) {
         self.floor_m = floor_m;
-        for (side, reach_m) in floor_m.into_iter().enumerate() {
-            if self.walls[side].is_some_and(|wall| wall.distance_m.abs() < reach_m) {
-                (self.walls[side], self.rival_walls[side]) = (None, None);
+        for (wall, reach_m) in self.walls.iter_mut().zip(floor_m) {
+            if wall.estimate().is_some_and(|known| known.distance_m.abs() < reach_m) {
+                *wall = WallTrack::default();
                 self.widths = WidthMemory::default();
             }
         }
@@ -187,7 +158,7 @@ impl CorridorTrack {
         let pair = self.known_pair(seen);
         for (side, wall) in pair.into_iter().enumerate() {
             if let Some(wall) = wall {
-                self.update_wall(side, wall);
+                self.walls[side].update(wall);
             }
         }
         if let [Some(left), Some(right)] = pair {
@@ -199,11 +170,11 @@ impl CorridorTrack {
 
     /// Drops the wall that was not seen now of two that are too near to each other.
     fn drop_impossible_wall(&mut self, seen: [Option<WallEstimate>; 2]) {
-        let [Some(left), Some(right)] = self.walls else { return };
+        let [Some(left), Some(right)] = self.walls.map(|wall| wall.estimate()) else { return };
         if left.distance_m - right.distance_m < self.min_width_m {
             match seen {
-                [None, Some(_)] => self.walls[0] = None,
-                [Some(_), None] => self.walls[1] = None,
+                [None, Some(_)] => self.walls[0].drop_known(),
+                [Some(_), None] => self.walls[1].drop_known(),
                 _ => {}
             }
         }
@@ -214,12 +185,13 @@ impl CorridorTrack {
     pub fn estimate_at(&self, pose: &Pose2) -> Option<Estimate> {
         let axis = self.axis.filter(|_| self.has_heading())?;
         let across_m = across(axis.angle, &self.anchor, pose);
-        let [left, right] = self.walls.map(|wall| wall.map(|wall| wall.distance_m - across_m));
+        let walls = self.walls.map(|wall| wall.estimate());
+        let [left, right] = walls.map(|wall| wall.map(|wall| wall.distance_m - across_m));
         Some(Estimate {
             heading: wrap_angle(pose.theta - axis.angle),
             heading_sigma: axis.variance.sqrt(),
             walls: Walls { left_m: left, right_m: right },
-            wall_sigmas_m: self.walls.map(|wall| wall.map_or(f64::NAN, |wall| wall.variance.sqrt())),
+            wall_sigmas_m: walls.map(|wall| wall.map_or(f64::NAN, |wall| wall.sigma_m)),
             width_m: self.widths.median_m(),
         })
     }
@@ -243,7 +215,7 @@ impl CorridorTrack {
                 return false;
             }
             *axis = Axis { angle: seen, variance: noise };
-            self.walls = [None; 2];
+            self.walls.iter_mut().for_each(WallTrack::drop_known);
         } else {
             let gain = axis.variance / (axis.variance + noise);
             axis.angle = wrap_angle(axis.angle + gain * innovation);
@@ -261,11 +233,12 @@ impl CorridorTrack {
             return seen;
         }
         if self.widths.contradict(width_m) {
-            self.walls = [None; 2];
+            self.walls.iter_mut().for_each(WallTrack::drop_known);
             return seen;
         }
         let innovation = |side: usize, wall: WallEstimate| {
-            self.walls[side].map_or(f64::INFINITY, |known| (wall.distance_m - known.distance_m).abs())
+            let known = self.walls[side].estimate();
+            known.map_or(f64::INFINITY, |known| (wall.distance_m - known.distance_m).abs())
         };
         let (by_left, by_right) = (innovation(0, left), innovation(1, right));
         if by_left.is_infinite() && by_right.is_infinite() {
@@ -274,33 +247,6 @@ impl CorridorTrack {
             [seen[0], None]
         } else {
             [None, seen[1]]
-        }
-    }
-
-    fn update_wall(&mut self, side: usize, seen: WallEstimate) {
-        let noise = seen.sigma_m.powi(2);
-        let fresh = Wall { distance_m: seen.distance_m, variance: noise, unobserved_m: 0.0 };
-        let Some(wall) = &mut self.walls[side] else {
-            self.walls[side] = Some(fresh);
-            return;
-        };
-        let innovation = seen.distance_m - wall.distance_m;
-        if innovation.abs() < WALL_JUMP_M {
-            let gain = wall.variance / (wall.variance + noise);
-            wall.distance_m += gain * innovation;
-            wall.variance *= 1.0 - gain;
-            wall.unobserved_m = 0.0;
-            self.rival_walls[side] = None;
-            return;
-        }
-        let known = self.rival_walls[side]
-            .filter(|rival| (rival.distance_m - seen.distance_m).abs() < WALL_JUMP_M)
-            .unwrap_or(Rival { distance_m: seen.distance_m, for_m: 0.0 });
-        if known.for_m >= WALL_CONFIRM_M {
-            self.walls[side] = Some(fresh);
-            self.rival_walls[side] = None;
-        } else {
-            self.rival_walls[side] = Some(Rival { distance_m: seen.distance_m, for_m: known.for_m });
         }
     }
 }

@@ -4,7 +4,7 @@
 //! longer and of more contrast. But beyond a joint the floor goes on, and its points move as floor does.
 
 use nalgebra::Point2;
-use yamabico_core::camera::{Distortion, Mount, Pinhole};
+use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_vision::plane_motion::PictureJudge;
@@ -31,6 +31,8 @@ const MAX_UNKNOWN: usize = 2;
 /// Stretch of the corridor that is looked at, m, behind and ahead of the robot, and to each side.
 const ALONG_M: (f64, f64) = (-1.5, 2.6);
 const ASIDE_M: f64 = 2.0;
+/// Way between two pictures above which the odometry has begun anew, and what is known of places no longer holds, m.
+const JUMP_M: f64 = 1.0;
 /// Distance from the middle of the outermost floor at which a wall may stand, m: the wall's own cell may be half floor.
 const TOLERANCE_M: f64 = 0.12;
 
@@ -40,21 +42,26 @@ pub(crate) struct FloorReach {
     judge: PictureJudge,
     window: RollingWindow,
     votes: Vec<f32>,
+    /// Odometry at the last picture.
+    last: Option<Pose2>,
 }
 
 impl FloorReach {
     /// Creates it for a camera; `None` if its lens distorts or its height is unknown.
     pub fn new(pinhole: &Pinhole, mount: Mount) -> Option<Self> {
-        let is_usable = *pinhole.distortion() == Distortion::NONE && mount.z > 0.0;
-        is_usable.then(|| Self {
-            judge: PictureJudge::new(*pinhole.intrinsics(), mount),
+        Some(Self {
+            judge: PictureJudge::of_camera(pinhole, mount)?,
             window: RollingWindow::new(CELLS, CELL_M),
             votes: vec![0.0; CELLS * CELLS],
+            last: None,
         })
     }
 
     /// Takes in a picture captured at `odometry` and the time `at_s` (s).
     pub fn look(&mut self, image: ImageView<'_>, odometry: Pose2, at_s: f64) {
+        if self.last.replace(odometry).is_some_and(|last| last.distance(&odometry) > JUMP_M) {
+            self.votes.fill(0.0);
+        }
         self.window.advance(odometry.position(), |slot| self.votes[slot] = 0.0);
         if self.judge.judge(image, odometry, at_s).is_ok() && self.judge.shows_things() {
             add(&mut self.votes, &self.window, self.judge.points(), &odometry);
@@ -158,6 +165,22 @@ mod tests {
         let [left_m, right_m] = reach(&shown, Pose2::new(0.4, 0.2, -0.4));
         assert!((0.2..0.4).contains(&left_m) && (0.2..0.4).contains(&right_m), "{left_m} {right_m}");
         assert_eq!(reach(&[], Pose2::default()), [0.0; 2], "nothing is known");
+    }
+
+    #[test]
+    fn odometry_that_begins_anew_forgets_what_was_floor() {
+        let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 1.0));
+        let mut floor = FloorReach::new(&pinhole, Mount::tilted(0.6, 0.1)).expect("usable");
+        let pixels = vec![90_u8; 256 * 240];
+        let image = ImageView::new(&pixels, 256, 240, 256).expect("an image");
+        let look =
+            |floor: &mut FloorReach, x: f64, at_s: f64| floor.look(image, Pose2::new(x, 0.0, 0.0), at_s);
+        look(&mut floor, 0.0, 0.0);
+        floor.votes.fill(LIMITS.1);
+        look(&mut floor, 0.3, 0.1);
+        assert!(floor.reach_m(&Pose2::new(0.3, 0.0, 0.0), 0.0)[0] > 1.0);
+        look(&mut floor, 1.5, 0.2);
+        assert_eq!(floor.reach_m(&Pose2::new(1.5, 0.0, 0.0), 0.0), [0.0; 2]);
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub mod overlay;
 pub mod recovery;
 pub mod sight;
 mod steering;
+mod wall_track;
 mod width_memory;
 
 pub use config::Config;

@@ -1,6 +1,6 @@
 //! Width of the corridor.
 
-use crate::corridor_track::WALL_CONFIRM_M;
+use crate::wall_track::CONFIRM_M;
 
 /// Number of width measurements of which the median is taken.
 const WIDTHS: usize = 15;
@@ -37,7 +37,7 @@ impl WidthMemory {
             .rival
             .filter(|rival| (rival.distance_m - width_m).abs() < WIDTH_TOLERANCE_M)
             .unwrap_or(Rival { distance_m: width_m, for_m: 0.0 });
-        if rival.for_m >= WALL_CONFIRM_M {
+        if rival.for_m >= CONFIRM_M {
             *self = Self::default();
             return true;
         }

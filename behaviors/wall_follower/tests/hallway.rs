@@ -1,10 +1,15 @@
 //! Drives through rendered corridors.
 
-use crate::rig::drive;
+use crate::rig::{drive, setup};
+use yamabico_core::camera::Calibration;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{Kind, Reason};
-use yamabico_rigs::camera_drive::{Light, TICK_S};
-use yamabico_sim::World;
+use yamabico_core::testing::Bench;
+use yamabico_rigs::camera_drive::{CameraDrive, Light, Sensors, TICK_S};
+use yamabico_sim::building::Building;
+use yamabico_sim::random::stream;
+use yamabico_sim::{CameraView, Renderer, Scene, World};
+use yamabico_wall_follower::WallFollower;
 
 /// Drives 12.5 m and returns the RMS offset from the center line and the largest one, m.
 fn offsets_m(world: &World, start: Pose2, size: (u32, u32)) -> (f64, f64) {
@@ -44,6 +49,42 @@ fn comes_to_the_middle_from_the_side() {
         }
         assert!(drive.robot.y.abs() < 0.08, "from {y}: {} m off after 6.5 m", drive.robot.y);
     }
+}
+
+#[test]
+fn a_joint_of_the_floor_is_no_wall_where_floor_goes_on() {
+    // Planks whose joints are longer and of more contrast than the feet of the walls.
+    let overrides = ["boxes = 0", "person = \"none\""].map(str::to_owned);
+    let building = Building::new(2142, &overrides).expect("a building");
+    let false_walls = |keys: &str| {
+        let (intrinsics, mount) = building.camera();
+        let mut drive = CameraDrive::new(
+            Bench::<WallFollower>::new(keys, setup(intrinsics, mount, Calibration::Measured)).expect("valid"),
+            CameraView { intrinsics, mount, robot: Pose2::IDENTITY },
+            Scene::new(&building.world, 0).expect("a valid world"),
+            Renderer::new(building.photometry(), stream(7, "drive")),
+            Sensors { latency_ticks: 3, drift_rad_per_m: 0.0 },
+        );
+        let half_m = 0.5 * building.properties.width_m;
+        let (mut seen, mut inside) = (0, 0);
+        while drive.robot.x < 4.0 && drive.now_s() < 40.0 {
+            drive.step();
+            let Some(estimate) = drive.bench.behavior.estimate().filter(|_| drive.robot.x > 1.5) else {
+                continue;
+            };
+            let walls = [estimate.walls.left_m, estimate.walls.right_m.map(|right_m| -right_m)];
+            for (wall_m, true_m) in walls.into_iter().zip([half_m - drive.robot.y, half_m + drive.robot.y]) {
+                seen += i32::from(wall_m.is_some());
+                inside += i32::from(wall_m.is_some_and(|wall_m| wall_m < true_m - 0.15));
+            }
+        }
+        println!("{keys}: {inside} of {seen} walls are joints");
+        assert!(seen > 100, "{seen}");
+        f64::from(inside) / f64::from(seen)
+    };
+    let [with, without] = ["uses_motion = true", "uses_motion = false"].map(false_walls);
+    assert!(without > 0.3, "the test needs joints that pass for walls: {without}");
+    assert!(with < 0.5 * without, "{with} instead of {without}");
 }
 
 #[test]

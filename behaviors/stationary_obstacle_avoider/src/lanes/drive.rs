@@ -5,30 +5,19 @@ use serde::{Deserialize, Serialize};
 use yamabico_core::geometry::{Pose2, Twist, angle_difference, wrap_angle};
 use yamabico_core::message::{Axes, Proposal, Reason};
 
-use super::planner::Plan;
+use super::situation::{Situation, turn_by};
 use super::way_out::Leg;
 
 /// Station that the robot steers for: 0.61 m ahead.
 pub(super) const AIM_STATION: usize = 7;
-/// Free length at which the robot stands, and over which it slows down, m.
-const STAND_M: f64 = 0.35;
-const SLOW_M: f64 = 0.7;
 /// Smallest share of the speed that is worth driving.
 const MIN_SHARE: f64 = 0.08;
-/// Range of an echo ahead from which the speed is reduced, m, and the smallest share.
-const SLOW_ECHO_M: f64 = 1.0;
-const MIN_ECHO_SHARE: f64 = 0.35;
 /// Range of an echo aside from which the robot veers away, m; the curvature, 1/m; and the speed then, m/s.
 const NEAR_ASIDE_M: f64 = 0.25;
 const VEER_PER_M: f64 = 1.5;
 const VEER_MPS: f64 = 0.15;
-/// Bearing of the aim above which the robot turns in place, rad: driving, and waiting before a free lane.
+/// Bearing of the aim above which a driving robot turns in place, rad.
 const TURN_IN_PLACE_RAD: f64 = 0.9;
-const TURN_WAITING_RAD: f64 = 0.15;
-/// Length of the arc to the aim below which the robot turns in place instead, or stands if it looks there, m.
-const SHORT_ARC_M: f64 = 0.12;
-/// Turn rate per radian, 1/s.
-const TURN_GAIN: f64 = 2.0;
 /// Time that the robot stands at least, s; times after which it takes a route around, backs off the way it came, and tries another
 /// way, s.
 const MIN_WAIT_S: f64 = 0.3;
@@ -37,9 +26,6 @@ const BACK_OFF_S: f64 = 2.0;
 const WAIT_S: f64 = 4.0;
 /// Time after which what crosses the way is passed, however it moves, s.
 const YIELD_S: f64 = 12.0;
-/// Distance by which an echo must be beyond the gate before the robot goes on, m, and the free length it needs.
-const RELEASE_M: f64 = 0.12;
-const RELEASE_FREE_M: f64 = 0.8;
 /// Angles to the path at which the turn ends, rad: with a free view, and at last. Range of a free view, m.
 const TURN_RAD: (f64, f64) = (0.44, 1.05);
 const VIEW_M: f64 = 0.9;
@@ -65,8 +51,6 @@ const TURN_LOSS_M: f64 = 0.5;
 const JUMP_M: f64 = 0.2;
 /// Time after which a turn or a way out is given up, s.
 const MANEUVER_S: f64 = 5.0;
-/// Offset from the path up to which the drive is handed over, m.
-const HAND_OVER_M: f64 = 0.06;
 
 /// Step of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -104,94 +88,6 @@ pub(super) struct Drive {
     /// Pose by odometry at the last step, and distance driven forward to it, m: at most as much as it can back off.
     last: Option<Pose2>,
     advanced_m: f64,
-}
-
-/// Input of a step. Positions are in the robot frame.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Situation {
-    /// Current time, s.
-    pub now_s: f64,
-    pub plan: Plan,
-    /// Point of the lane to steer for, m.
-    pub aim: Point2<f64>,
-    /// Pose by odometry.
-    pub odometry: Pose2,
-    /// Direction of the path, robot frame, rad.
-    pub path_heading: f64,
-    /// Ranges of the nearest echoes, m; infinite without one.
-    pub echo_ahead_m: f64,
-    pub echo_left_m: f64,
-    pub echo_right_m: f64,
-    /// True if no scan arrives.
-    pub is_sonar_silent: bool,
-    /// Range of an echo ahead that makes the robot stand, m.
-    pub gate_m: f64,
-    /// Distance kept from obstacles, m.
-    pub clearance_m: f64,
-    /// Distance that is free straight ahead, m.
-    pub straight_m: f64,
-    /// Distance that is free along the arc to the aim, m.
-    pub arc_m: f64,
-    /// Maximum speed, m/s, and turn rate, rad/s.
-    pub speed_mps: f64,
-    pub max_turn_radps: f64,
-    /// True if something that moves is near the path ahead.
-    pub is_crossed: bool,
-    /// True if the robot is at the end of its path: an obstacle ahead does not matter.
-    pub is_arrived: bool,
-    /// Share of the places to the left and to the right of the path where the robot could stand.
-    pub room: [f64; 2],
-    /// First leg of a route around what blocks all lanes, if the robot looks for one and there is one.
-    pub way_out: Option<Leg>,
-}
-
-impl Situation {
-    fn must_stand(&self) -> bool {
-        self.is_sonar_silent || self.echo_ahead_m < self.gate_m
-    }
-
-    /// True if the robot may leave the place where it waits.
-    fn is_released(&self) -> bool {
-        !self.is_sonar_silent
-            && self.echo_ahead_m > self.gate_m + RELEASE_M
-            && self.plan.best.free_m > RELEASE_FREE_M
-            && !self.is_aim_blocked()
-    }
-
-    /// True if the robot looks at its aim, but would touch something on the way.
-    fn is_aim_blocked(&self) -> bool {
-        self.arc_m < SHORT_ARC_M && self.bearing().abs() < TURN_WAITING_RAD
-    }
-
-    fn bearing(&self) -> f64 {
-        self.aim.y.atan2(self.aim.x)
-    }
-
-    /// True if something ahead makes the robot stand, but its lane is free and leads past it.
-    fn is_beside_lane(&self) -> bool {
-        !self.is_sonar_silent
-            && self.must_stand()
-            && self.plan.best.free_m > RELEASE_FREE_M
-            && self.bearing().abs() > TURN_WAITING_RAD
-    }
-
-    fn turn_to_aim(&self) -> Twist {
-        let rate = TURN_GAIN * angle_difference(self.bearing(), 0.0);
-        Twist::planar(0.0, rate.clamp(-self.max_turn_radps, self.max_turn_radps))
-    }
-
-    fn is_path_open(&self) -> bool {
-        self.arc_m >= SHORT_ARC_M
-            && self.plan.nominal.is_open(self.clearance_m)
-            && self.plan.best.offset_m.abs() <= HAND_OVER_M
-    }
-
-    /// Share of the speed that the best lane allows.
-    fn share(&self) -> f64 {
-        let free = ((self.plan.best.free_m - STAND_M) / SLOW_M).clamp(0.0, 1.0);
-        let echo = if self.echo_ahead_m > SLOW_ECHO_M { 1.0 } else { self.echo_ahead_m.max(MIN_ECHO_SHARE) };
-        free * echo
-    }
 }
 
 impl Drive {
@@ -249,8 +145,8 @@ impl Drive {
                     .with_note(format_args!("turns to the side with more room"))
             }
             Mode::Face { heading, .. } => {
-                let rate = TURN_GAIN * angle_difference(heading, at.odometry.theta);
-                Proposal::drive(Axes::PLANAR, Twist::planar(0.0, rate.clamp(-OUT_RADPS, OUT_RADPS)))
+                let off = angle_difference(heading, at.odometry.theta);
+                Proposal::drive(Axes::PLANAR, turn_by(off, OUT_RADPS))
                     .uncoupled()
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("turns to the way around"))
@@ -365,7 +261,7 @@ impl Drive {
     fn drive_lane(&self, at: &Situation) -> Proposal {
         let note =
             format_args!("lane {:+.2} m beside the path, {:.1} m free", self.lane_m, at.plan.best.free_m);
-        if at.bearing().abs() > TURN_IN_PLACE_RAD || at.arc_m < SHORT_ARC_M {
+        if at.bearing().abs() > TURN_IN_PLACE_RAD || at.is_arc_short() {
             return Proposal::drive(Axes::PLANAR, at.turn_to_aim()).uncoupled().with_note(note);
         }
         let mut speed = at.speed_mps * at.share();
@@ -386,7 +282,7 @@ pub(super) fn curvature_to(aim: Point2<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::planner::{ARC_M, Lane};
+    use super::super::planner::{ARC_M, Lane, Plan};
     use super::*;
 
     fn drive(poses: impl IntoIterator<Item = (f64, f64)>) -> f64 {

@@ -9,8 +9,6 @@
 pub mod occupancy;
 pub mod planner;
 pub mod stations;
-mod sudden_echo;
-mod way_out;
 
 mod arrivals;
 mod clusters;
@@ -19,7 +17,10 @@ mod hidden_fan;
 mod motion;
 mod overlay;
 mod picture_evidence;
+mod situation;
+mod sudden_echo;
 mod upright_edges;
+mod way_out;
 
 use nalgebra::{Point2, Rotation2};
 use yamabico_core::behavior::{Inputs, Outputs, ParameterError, Setup};
@@ -37,12 +38,13 @@ use crate::guidance::Guidance;
 use crate::sonar_watch::SonarWatch;
 use crate::{CAMERA, OBSTACLES, ODOMETRY, SONAR};
 use clusters::Clusters;
-use drive::{Drive, Situation};
+use drive::Drive;
 use hidden_fan::HiddenFan;
 use motion::FloorMotion;
 use occupancy::OccupancyGrid;
 use picture_evidence::FLOOR_END_M;
 use planner::{Plan, Scene};
+use situation::Situation;
 use stations::PathAhead;
 use sudden_echo::SuddenEcho;
 use upright_edges::UprightEdges;

@@ -5,7 +5,7 @@
 //! floor, or as if they lay below it.
 
 use nalgebra::Point2;
-use yamabico_core::camera::{Distortion, Mount, Pinhole};
+use yamabico_core::camera::{Mount, Pinhole};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::image::ImageView;
 use yamabico_vision::floor_columns::FloorEnd;
@@ -61,9 +61,8 @@ pub(super) struct FloorMotion {
 impl FloorMotion {
     /// Creates the judge of a camera; `None` if its lens distorts or it stands on the floor.
     pub fn new(pinhole: &Pinhole, mount: Mount) -> Option<Self> {
-        let is_usable = *pinhole.distortion() == Distortion::NONE && mount.z > 0.0;
-        is_usable.then(|| Self {
-            judge: PictureJudge::new(*pinhole.intrinsics(), mount),
+        Some(Self {
+            judge: PictureJudge::of_camera(pinhole, mount)?,
             scale: f64::from(pinhole.intrinsics().width) / 256.0,
             window: RollingWindow::new(CELLS, CELL_M),
             votes: vec![0.0; CELLS * CELLS],

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Vector2, Vector3};
 use thiserror::Error;
-use yamabico_geometry::camera::{Intrinsics, Mount};
+use yamabico_geometry::camera::{Distortion, Intrinsics, Mount, Pinhole};
 use yamabico_geometry::image::ImageView;
 use yamabico_geometry::{Hypotenuse, Pose2};
 
@@ -100,6 +100,13 @@ impl PictureJudge {
             alignment: None,
             baselines: 0,
         }
+    }
+
+    /// Creates a judge for a camera; `None` if its lens distorts, or its height above the floor is unknown.
+    #[must_use]
+    pub fn of_camera(pinhole: &Pinhole, mount: Mount) -> Option<Self> {
+        let is_usable = *pinhole.distortion() == Distortion::NONE && mount.z > 0.0;
+        is_usable.then(|| Self::new(*pinhole.intrinsics(), mount))
     }
 
     /// Judges the points of a picture taken at `odometry` and the time `at_s` (s), in any order; at most
