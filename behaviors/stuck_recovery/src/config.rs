@@ -16,7 +16,7 @@ pub enum Rung {
     Turn,
     /// Drive back along the way on which the robot came.
     BackOff,
-    /// Turn to the other side, and drive ahead there if the sonar shows room.
+    /// Turn to the other side, and drive ahead there if there is room.
     OtherSide,
     /// Stand and ask for help.
     Ask,
@@ -93,7 +93,7 @@ pub struct Config {
     #[default(0.5)]
     #[schemars(range(min = 0.05, max = 0.6))]
     pub back_m: f64,
-    /// Distance that `other-side` drives ahead if the sonar shows that much free range.
+    /// Distance that `other-side` drives ahead if there is that much room.
     #[default(0.4)]
     #[schemars(range(min = 0.0, max = 2.0))]
     pub side_m: f64,

@@ -28,7 +28,7 @@ pub mod trail;
 use yamabico_core::behavior::{Behavior, Inputs, Outputs, ParameterError, Plugin, Setup, Slot, SlotInfo};
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
-    Axes, DecisionHeader, Name, Odometry, Proposal, RangeScanHeader, Reason, Twist,
+    Axes, DecisionHeader, Name, ObstaclesHeader, Odometry, Proposal, RangeScanHeader, Reason, Twist,
 };
 use yamabico_core::odometry_track::travel;
 use yamabico_core::time::Time;
@@ -49,6 +49,10 @@ pub const DECISION: Slot<DecisionHeader> =
 /// Input: range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::preferred("sonar", "room at the sides, ahead and behind");
 
+/// Input: obstacles around the robot.
+pub const OBSTACLES: Slot<ObstaclesHeader> =
+    Slot::preferred("obstacles", "what a camera saw in the way ahead and behind");
+
 /// Distance below which the robot stands still, m.
 const STILL_M: f64 = 0.01;
 /// Angle below which the robot stands still, rad.
@@ -61,6 +65,7 @@ pub struct StuckRecovery {
     name: Name,
     ladder: Ladder,
     trail: Trail,
+    radius_m: f64,
     room: Room,
     /// 1 if the next turn goes to the left, -1 if to the right.
     side: f64,
@@ -75,7 +80,7 @@ impl Plugin for StuckRecovery {
     type Config = Config;
     const NAME: &'static str = "stuck-recovery";
     const SUMMARY: &'static str = "Recovers a robot that is commanded to drive but makes no progress.";
-    const INPUTS: &'static [SlotInfo] = &[ODOMETRY.info(), DECISION.info(), SONAR.info()];
+    const INPUTS: &'static [SlotInfo] = &[ODOMETRY.info(), DECISION.info(), SONAR.info(), OBSTACLES.info()];
     const CLAIMS: Axes = Axes::PLANAR;
 
     fn new(config: Config, setup: &Setup) -> Result<Self, ParameterError> {
@@ -90,6 +95,7 @@ impl Plugin for StuckRecovery {
             name: Name::new(&setup.name),
             ladder: Ladder::new(&config),
             trail: Trail::default(),
+            radius_m: setup.robot.radius_m,
             room: Room::UNKNOWN,
             side: 1.0,
             odometry: None,
@@ -104,7 +110,7 @@ impl Behavior for StuckRecovery {
     fn propose(&mut self, inputs: &Inputs<'_>, _: &mut Outputs<'_>) -> Proposal {
         let now = inputs.now();
         self.take_odometry(inputs);
-        self.take_sonar(inputs);
+        self.take_room(inputs);
         let Some((stamp, pose)) = self.odometry else { return Proposal::abstain(Reason::NoInput) };
         let Some(decision) = inputs.latest(&DECISION) else { return Proposal::abstain(Reason::NoInput) };
         if !self.is_fresh(stamp, now) || !self.is_fresh(Time(decision.header.stamp_ns), now) {
@@ -137,10 +143,15 @@ impl StuckRecovery {
         }
     }
 
-    fn take_sonar(&mut self, inputs: &Inputs<'_>) {
+    fn take_room(&mut self, inputs: &Inputs<'_>) {
         let scan = inputs.latest(&SONAR);
         let fresh = scan.filter(|scan| self.is_fresh(Time(scan.header.stamp_ns), inputs.now()));
         self.room = fresh.map_or(Room::UNKNOWN, |scan| Room::of(scan.items));
+        let obstacles = inputs.latest(&OBSTACLES);
+        if let Some(fresh) = obstacles.filter(|seen| self.is_fresh(Time(seen.header.stamp_ns), inputs.now()))
+        {
+            self.room = self.room.before(fresh.items, self.radius_m);
+        }
     }
 
     fn is_fresh(&self, stamp: Time, now: Time) -> bool {

@@ -18,7 +18,7 @@ const SLACK_S: f64 = 1.5;
 const LOOK_BACK_M: f64 = 0.15;
 /// Angle of that point from straight behind above which the robot turns in place first, rad.
 const ASKEW_RAD: f64 = 0.6;
-/// Clearance to keep between the footprint and an echo, m.
+/// Clearance to keep between the footprint and an echo or obstacle, m.
 const CLEAR_M: f64 = 0.15;
 
 /// State of the robot that a maneuver needs.
@@ -84,7 +84,7 @@ fn back_off(attempt: &Attempt, around: &mut Surroundings<'_>, config: &Config) -
     Some(Twist::planar(-config.speed_mps, turn_radps))
 }
 
-/// Drives straight ahead while the sonar shows room, the heading is that of the turn, and nothing halts.
+/// Drives straight ahead while there is room, the heading is that of the turn, and nothing halts.
 fn drive_ahead(attempt: &Attempt, around: &Surroundings<'_>, config: &Config) -> Option<Twist> {
     let heading_rad = attempt.start.theta - around.side * config.side_deg.to_radians();
     if around.is_held || angle_difference(around.pose.theta, heading_rad).abs() > 2.0 * ALIGNED_RAD {

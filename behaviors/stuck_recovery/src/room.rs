@@ -1,7 +1,10 @@
-//! Room around the robot, from the sonar.
+//! Room around the robot, from the sonar and from known obstacles.
 
 use yamabico_core::geometry::angle_difference;
-use yamabico_core::message::Beam;
+use yamabico_core::message::{Beam, Obstacle};
+
+/// Distance to keep from an obstacle in passing, m.
+const PASSING_M: f64 = 0.05;
 
 /// Nearest echo in each direction, m; infinite for a direction that is in view and free, NaN for one that no beam covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +44,23 @@ impl Room {
         }
     }
 
+    /// Lessens the room straight ahead and behind by obstacles (robot frame) in the way of a robot of `radius_m`: sonars miss what
+    /// they meet at an angle. Where no beam looks ahead, the room there stays unknown.
+    #[must_use]
+    pub fn before(mut self, obstacles: &[Obstacle], radius_m: f64) -> Self {
+        for obstacle in
+            obstacles.iter().filter(|obstacle| obstacle.y.abs() < obstacle.radius_m + radius_m + PASSING_M)
+        {
+            let room_m = obstacle.x.abs() - obstacle.radius_m - radius_m;
+            if obstacle.x < 0.0 {
+                self.behind_m = self.behind_m.min(room_m);
+            } else if !self.ahead_m.is_nan() {
+                self.ahead_m = self.ahead_m.min(room_m);
+            }
+        }
+        self
+    }
+
     /// Returns the side with more room: 1 for the left, -1 for the right, `otherwise` if they are equal or not in view.
     #[must_use]
     pub fn wider_side(&self, otherwise: f64) -> f64 {
@@ -70,5 +90,16 @@ mod tests {
         assert_eq!(room.wider_side(-1.0), 1.0);
         assert_eq!(Room::of(&[]).wider_side(-1.0), -1.0);
         assert_eq!(Room::of(&[beam(-170.0, 0.3)]).behind_m, 0.3);
+    }
+
+    #[test]
+    fn obstacles_in_the_way_lessen_the_room() {
+        let obstacle = |x, y| Obstacle { x, y, radius_m: 0.1, ..Obstacle::default() };
+        let silent = Room { ahead_m: f64::INFINITY, ..Room::UNKNOWN };
+        let room = silent.before(&[obstacle(0.8, 0.3), obstacle(1.2, 0.0), obstacle(-0.7, -0.1)], 0.2);
+        assert!((room.ahead_m - 0.5).abs() < 1e-9 && (room.behind_m - 0.4).abs() < 1e-9, "{room:?}");
+        let passed = silent.before(&[obstacle(0.8, 0.4), obstacle(f64::NAN, 0.0)], 0.2);
+        assert!(passed.ahead_m.is_infinite() && passed.behind_m.is_nan(), "{passed:?}");
+        assert!(Room::UNKNOWN.before(&[obstacle(0.8, 0.0)], 0.2).ahead_m.is_nan());
     }
 }

@@ -3,12 +3,12 @@
 use yamabico_core::behavior::Setup;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
-    Axes, Axis, Beam, DecisionHeader, Kind, Mode, Odometry, Outcome, Proposal, RangeScanHeader, Reason,
-    Twist, Verdict,
+    Axes, Axis, Beam, DecisionHeader, Kind, Mode, Obstacle, ObstaclesHeader, Odometry, Outcome, Proposal,
+    RangeScanHeader, Reason, Twist, Verdict,
 };
 use yamabico_core::testing::{Bench, allocations};
 use yamabico_core::time::Time;
-use yamabico_stuck_recovery::{DECISION, ODOMETRY, SONAR, StuckRecovery};
+use yamabico_stuck_recovery::{DECISION, OBSTACLES, ODOMETRY, SONAR, StuckRecovery};
 
 const STEP_S: f64 = 0.05;
 
@@ -170,6 +170,24 @@ fn it_drives_ahead_on_the_other_side_where_the_sonar_shows_room() {
     }
     let distance_m = scene.pose.distance(&Pose2::default());
     assert!((distance_m - 0.4).abs() < 0.05, "{distance_m}");
+}
+
+#[test]
+fn it_does_not_drive_ahead_where_an_obstacle_gives_no_echo() {
+    let mut scene = Scene::new("ladder = ['other-side']\nstale_ms = 2000.0");
+    for sequence in 1..=145 {
+        scene.scan(&[(0.0, 3.0)]);
+        let header = ObstaclesHeader {
+            stamp_ns: Time::from_secs_f64(scene.now).0,
+            sequence,
+            ..ObstaclesHeader::default()
+        };
+        let flank = Obstacle { x: 0.6, y: 0.1, radius_m: 0.1, ..Obstacle::default() };
+        scene.bench.feed(&OBSTACLES, &header, &[flank]);
+        scene.step();
+    }
+    assert!(scene.pose.theta.to_degrees() < -40.0, "it turns");
+    assert_eq!(scene.pose.position(), Pose2::default().position());
 }
 
 #[test]

@@ -9,6 +9,7 @@
 
 mod cells;
 mod lab;
+mod near_color;
 mod scan;
 
 pub use cells::CellImage;

@@ -5,6 +5,7 @@ use yamabico_geometry::camera::{Mount, Pinhole};
 
 use super::cells::CellImage;
 use super::lab::Lab;
+use super::near_color::NearColor;
 use crate::floor_appearance::Picture;
 
 /// Parameters of the scan.
@@ -39,11 +40,6 @@ const NEAR_TOP: f64 = 0.86;
 const NEAR_SIDES: [f64; 2] = [0.36, 0.64];
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
-/// Shares by which the floor color follows that of the area, for a change of lightness alone and for another color.
-const LEARN: f32 = 0.3;
-const LEARN_OTHER: f32 = 0.02;
-/// Change of color up to which the area is still the same floor.
-const SAME_COLOR: f32 = 8.0;
 
 /// Stretch of a column that does not look like the floor before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,8 +72,7 @@ pub struct FloorColumns {
     forward: Vector2<f64>,
     /// Nearest floor that is seen in each column, camera frame: slope to the left, rising, and distance ahead, m.
     border: Vec<[f64; 2]>,
-    /// Color of the floor in front of the robot.
-    color: Option<Lab>,
+    near: NearColor,
     /// Cells that differ from the floor, column by column from above.
     differs: Vec<bool>,
     /// Row of the last floor cell before the end of the floor, if it ends within the range; else the first row scanned.
@@ -133,7 +128,7 @@ impl FloorColumns {
             floor,
             top,
             height_rows,
-            color: None,
+            near: NearColor::default(),
             differs: vec![false; rows],
             ends: vec![rows - 1; columns],
             tops: vec![0; columns],
@@ -160,16 +155,8 @@ impl FloorColumns {
         if !self.cells.fill(picture) {
             return false;
         }
-        let near = self.near_color();
-        let color = match self.color {
-            None => near,
-            Some(color) if !learns => color,
-            Some(color) => {
-                let is_same = (1..3).all(|channel| (near[channel] - color[channel]).abs() < SAME_COLOR);
-                let share = if is_same { LEARN } else { LEARN_OTHER };
-                std::array::from_fn(|channel| color[channel] + share * (near[channel] - color[channel]))
-            }
-        };
+        let seen = self.near_color();
+        let color = if learns { self.near.learn(seen) } else { self.near.keep(seen) };
         self.scan_all(color);
         true
     }
@@ -185,12 +172,12 @@ impl FloorColumns {
     /// Takes the area in front of the robot in the last picture as floor, whatever was known before, and evaluates the picture again.
     pub fn relearn(&mut self) {
         let color = self.near_color();
+        self.near = NearColor::from(color);
         self.scan_all(color);
     }
 
     /// Scans the columns with this color of the floor.
     fn scan_all(&mut self, color: Lab) {
-        self.color = Some(color);
         for column in 0..self.cells.size()[0] {
             self.ends[column] = self.scan(column, color);
             // Two rows in a row: one may be noise, or a joint.
@@ -418,6 +405,19 @@ mod tests {
             assert!(columns.look(Picture::Gray(view), true));
         }
         assert!(columns.free().count() > 1000, "a floor of another brightness is learned");
+    }
+
+    #[test]
+    fn what_steps_before_the_robot_is_not_learned() {
+        let mut columns = columns();
+        let legs: Vec<u8> = picture(0, 0)
+            .iter()
+            .enumerate()
+            .map(|(i, &shade)| if (90..170).contains(&(i % SIZE.0)) { 60 } else { shade })
+            .collect();
+        assert!(look(&mut columns, &picture(0, 0)));
+        assert!((0..3).all(|_| look(&mut columns, &legs)), "before they are told from the floor");
+        assert!(look_at(&mut columns, &picture(0, 0), false) && columns.ends().count() == 0);
     }
 
     #[test]
