@@ -9,8 +9,9 @@ use crate::support::run_seed;
 #[test]
 fn the_hallway_is_driven_with_a_laser_scanner_in_place_of_sonars() {
     let robot = yamabico_testkit::config("robots/sim-hallway-lidar.toml");
-    let lanes = "behaviors.stationary-obstacle-avoider.method=\"lanes\"";
-    for (seed, set) in [(1, vec![]), (2, vec![lanes.to_owned()])] {
+    let passages = ["method=\"passages\"", "thresholds=\"maps/hallway-thresholds.toml\""]
+        .map(|set| format!("behaviors.stationary-obstacle-avoider.{set}"));
+    for (seed, set) in [(1, passages.to_vec()), (2, vec![])] {
         let overrides = Overrides { robot: Some(robot.clone()), set };
         let path = yamabico_testkit::config("hallway.toml");
         let task = load(&path, &overrides, &plugins()).unwrap_or_else(|problems| panic!("{problems}"));

@@ -19,6 +19,11 @@ const SHORT: [&str; 6] = [
     "run.duration_s=20",
 ];
 
+/// The method of the paper, and the thresholds of the hallway.
+const PASSAGES: [&str; 2] = ["--set", "behaviors.stationary-obstacle-avoider.method=\"passages\""];
+const TABLE: [&str; 2] =
+    ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"maps/hallway-thresholds.toml\""];
+
 fn learn(task: &Path, folder: &TestFolder, arguments: &[&str]) -> Output {
     let mut command = yamabico();
     command.args(["learn", "thresholds"]).arg(task).arg("--out").arg(folder.file("learned.toml"));
@@ -51,14 +56,16 @@ fn thresholds_of_another_camera_or_missing_ones_are_learned_again() {
     let missing = ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"no-such-table.toml\""];
     let required = ["--set", "behaviors.stationary-obstacle-avoider.requires_thresholds=true"];
     let check = |set: &[&str], status: i32, text: &str| {
-        let checked = yamabico().arg("check").arg(config("hallway.toml")).args(set).output().unwrap();
+        let mut command = yamabico();
+        let checked =
+            command.arg("check").arg(config("hallway.toml")).args(PASSAGES).args(set).output().unwrap();
         assert_exit(&checked, status, &["thresholds", text]);
     };
-    check(&larger, 0, "were learned with images of 256 x 240 pixels");
-    check(&[&larger[..], &required[..]].concat(), 2, "learn them again");
+    check(&[&larger[..], &TABLE[..]].concat(), 0, "were learned with images of 256 x 240 pixels");
+    check(&[&larger[..], &TABLE[..], &required[..]].concat(), 2, "learn them again");
     check(&missing, 2, "no-such-table.toml");
-    for (set, width) in [(larger, 320), (missing, 256)] {
-        let output = learn(&config("hallway.toml"), &folder, &[&set[..], &SHORT[..]].concat());
+    for (set, width) in [([larger, TABLE].concat(), 320), (missing.to_vec(), 256)] {
+        let output = learn(&config("hallway.toml"), &folder, &[&PASSAGES[..], &set[..], &SHORT[..]].concat());
         assert_exit(&output, 0, &["places learned"]);
         assert_eq!(ThresholdTable::read(&folder.file("learned.toml")).unwrap().width, width);
     }
@@ -108,7 +115,14 @@ fn a_table_without_places_is_accepted_and_noted() {
     let key = "behaviors.stationary-obstacle-avoider.thresholds";
     let check = |table: &Path| {
         let set = format!("{key}={:?}", table.display().to_string());
-        yamabico().arg("check").arg(config("hallway.toml")).args(["--set", &set]).output().unwrap()
+        let mut command = yamabico();
+        command
+            .arg("check")
+            .arg(config("hallway.toml"))
+            .args(PASSAGES)
+            .args(["--set", &set])
+            .output()
+            .unwrap()
     };
     assert_exit(&check(&folder.file("empty.toml")), 0, &["note: ", "holds no place", "learn thresholds"]);
     let full = check(&config("maps/hallway-thresholds.toml"));

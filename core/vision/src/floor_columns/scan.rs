@@ -35,9 +35,8 @@ const OVEREXPOSED: f32 = 248.0;
 const MAX_DARK_FLOOR: f32 = 220.0;
 /// Rows at the lower border of the picture where no end of the floor is found, cells.
 const BORDER_ROWS: usize = 2;
-/// The area whose floor color starts each column: shares of the picture's height and width.
-const NEAR_TOP: f64 = 0.86;
-const NEAR_SIDES: [f64; 2] = [0.36, 0.64];
+/// Rows at the lower border of the picture whose color the next column starts with, cells.
+const SIDE_ROWS: usize = 4;
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
 
@@ -79,7 +78,6 @@ pub struct FloorColumns {
     ends: Vec<usize>,
     /// Row above the end from which on the column looks like the floor again; else the first row scanned.
     tops: Vec<usize>,
-    sorted: Vec<f32>,
 }
 
 impl FloorColumns {
@@ -128,11 +126,10 @@ impl FloorColumns {
             floor,
             top,
             height_rows,
-            near: NearColor::default(),
+            near: NearColor::new(&cells),
             differs: vec![false; rows],
             ends: vec![rows - 1; columns],
             tops: vec![0; columns],
-            sorted: Vec::with_capacity(columns * rows),
             cells,
         })
     }
@@ -155,8 +152,7 @@ impl FloorColumns {
         if !self.cells.fill(picture) {
             return false;
         }
-        let seen = self.near_color();
-        let color = if learns { self.near.learn(seen) } else { self.near.keep(seen) };
+        let color = self.near.update(&self.cells, learns);
         self.scan_all(color);
         true
     }
@@ -171,41 +167,24 @@ impl FloorColumns {
 
     /// Takes the area in front of the robot in the last picture as floor, whatever was known before, and evaluates the picture again.
     pub fn relearn(&mut self) {
-        let color = self.near_color();
-        self.near = NearColor::from(color);
+        let color = self.near.relearn(&self.cells);
         self.scan_all(color);
     }
 
     /// Scans the columns with this color of the floor.
     fn scan_all(&mut self, color: Lab) {
-        for column in 0..self.cells.size()[0] {
-            self.ends[column] = self.scan(column, color);
-            // Two rows in a row: one may be noise, or a joint.
-            let mut above = self.differs[self.top..self.ends[column]].windows(2);
-            self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
-        }
+        let columns = self.cells.size()[0];
+        // From the middle to both sides: the color follows there, too.
+        (columns / 2..columns).fold(color, |color, column| self.scan(column, color));
+        (0..columns / 2).rev().fold(color, |color, column| self.scan(column, color));
     }
 
-    /// Median color of the area in front of the robot.
-    fn near_color(&mut self) -> Lab {
-        let [columns, rows] = self.cells.size();
-        let from_row = (rows as f64 * NEAR_TOP) as usize;
-        let [left, right] = NEAR_SIDES.map(|share| (columns as f64 * share) as usize);
-        std::array::from_fn(|channel| {
-            self.sorted.clear();
-            for row in from_row..rows - 1 {
-                self.sorted.extend(self.cells.row(row)[left..right].iter().map(|color| color[channel]));
-            }
-            let middle = self.sorted.len() / 2;
-            *self.sorted.select_nth_unstable_by(middle, f32::total_cmp).1
-        })
-    }
-
-    /// Scans a column. Returns the row where the floor ends: its lowest row that differs from the floor over the height
-    /// of an obstacle, or the first row scanned.
-    fn scan(&mut self, column: usize, mut color: Lab) -> usize {
+    /// Scans a column that starts with this color of the floor, and finds where the floor ends: at its lowest row that differs from the
+    /// floor over the height of an obstacle, or at the first row scanned. Returns the color that the next column starts with.
+    fn scan(&mut self, column: usize, start: Lab) -> Lab {
         let rows = self.cells.size()[1];
         let follow = 1.0 - (1.0 - self.rules.follow).powf(240.0 / rows as f32);
+        let (mut color, mut next) = (start, start);
         for row in (self.top..rows - 1).rev() {
             let seen = self.cells.row(row)[column];
             let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
@@ -218,6 +197,9 @@ impl FloorColumns {
                     *color += follow * off;
                 }
             }
+            if row + 1 + SIDE_ROWS == rows && !self.differs[row..rows - 1].contains(&true) {
+                next = color;
+            }
         }
         let is_end = |row: usize| {
             let from = (row + 1).saturating_sub(self.height_rows[row]).max(self.top);
@@ -225,7 +207,12 @@ impl FloorColumns {
             let count = covered.iter().filter(|differs| **differs).count();
             self.differs[row] && count as f32 > self.rules.min_share * covered.len() as f32
         };
-        (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top)
+        let end = (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top);
+        self.ends[column] = end;
+        // Two rows in a row: one may be noise, or a joint.
+        let mut above = self.differs[self.top..end].windows(2);
+        self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
+        next
     }
 
     /// Places on the floor where it ends, robot frame, m: the feet of obstacles and walls.
@@ -381,6 +368,17 @@ mod tests {
                 && !is_in_view(1.0, -0.8)
                 && !is_in_view(-1.0, 0.0)
         );
+    }
+
+    #[test]
+    fn a_floor_that_darkens_to_the_sides_is_floor() {
+        let shade = |i: usize| (150.0 - 0.5 * (i % SIZE.0) as f64).max(60.0) as u8;
+        let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(shade).collect();
+        let mut columns = columns();
+        assert!(look(&mut columns, &pixels));
+        assert_eq!((columns.ends().count(), columns.shows_no_floor()), (0, false));
+        let free = |left: bool| columns.free().filter(|place| (place.y > 0.0) == left).count();
+        assert!(free(true).abs_diff(free(false)) < 100, "{} and {}", free(true), free(false));
     }
 
     #[test]
