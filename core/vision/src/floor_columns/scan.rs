@@ -35,8 +35,6 @@ const OVEREXPOSED: f32 = 248.0;
 const MAX_DARK_FLOOR: f32 = 220.0;
 /// Rows at the lower border of the picture where no end of the floor is found, cells.
 const BORDER_ROWS: usize = 2;
-/// Rows at the lower border of the picture whose color the next column starts with, cells.
-const SIDE_ROWS: usize = 4;
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
 
@@ -173,18 +171,19 @@ impl FloorColumns {
 
     /// Scans the columns with this color of the floor.
     fn scan_all(&mut self, color: Lab) {
-        let columns = self.cells.size()[0];
-        // From the middle to both sides: the color follows there, too.
-        (columns / 2..columns).fold(color, |color, column| self.scan(column, color));
-        (0..columns / 2).rev().fold(color, |color, column| self.scan(column, color));
+        for column in 0..self.cells.size()[0] {
+            self.ends[column] = self.scan(column, color);
+            // Two rows in a row: one may be noise, or a joint.
+            let mut above = self.differs[self.top..self.ends[column]].windows(2);
+            self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
+        }
     }
 
-    /// Scans a column that starts with this color of the floor, and finds where the floor ends: at its lowest row that differs from the
-    /// floor over the height of an obstacle, or at the first row scanned. Returns the color that the next column starts with.
-    fn scan(&mut self, column: usize, start: Lab) -> Lab {
+    /// Scans a column. Returns the row where the floor ends: its lowest row that differs from the floor over the height
+    /// of an obstacle, or the first row scanned.
+    fn scan(&mut self, column: usize, mut color: Lab) -> usize {
         let rows = self.cells.size()[1];
         let follow = 1.0 - (1.0 - self.rules.follow).powf(240.0 / rows as f32);
-        let (mut color, mut next) = (start, start);
         for row in (self.top..rows - 1).rev() {
             let seen = self.cells.row(row)[column];
             let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
@@ -197,9 +196,6 @@ impl FloorColumns {
                     *color += follow * off;
                 }
             }
-            if row + 1 + SIDE_ROWS == rows && !self.differs[row..rows - 1].contains(&true) {
-                next = color;
-            }
         }
         let is_end = |row: usize| {
             let from = (row + 1).saturating_sub(self.height_rows[row]).max(self.top);
@@ -207,12 +203,7 @@ impl FloorColumns {
             let count = covered.iter().filter(|differs| **differs).count();
             self.differs[row] && count as f32 > self.rules.min_share * covered.len() as f32
         };
-        let end = (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top);
-        self.ends[column] = end;
-        // Two rows in a row: one may be noise, or a joint.
-        let mut above = self.differs[self.top..end].windows(2);
-        self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
-        next
+        (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top)
     }
 
     /// Places on the floor where it ends, robot frame, m: the feet of obstacles and walls.
@@ -368,17 +359,6 @@ mod tests {
                 && !is_in_view(1.0, -0.8)
                 && !is_in_view(-1.0, 0.0)
         );
-    }
-
-    #[test]
-    fn a_floor_that_darkens_to_the_sides_is_floor() {
-        let shade = |i: usize| (150.0 - 0.5 * (i % SIZE.0) as f64).max(60.0) as u8;
-        let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1).map(shade).collect();
-        let mut columns = columns();
-        assert!(look(&mut columns, &pixels));
-        assert_eq!((columns.ends().count(), columns.shows_no_floor()), (0, false));
-        let free = |left: bool| columns.free().filter(|place| (place.y > 0.0) == left).count();
-        assert!(free(true).abs_diff(free(false)) < 100, "{} and {}", free(true), free(false));
     }
 
     #[test]
