@@ -9,7 +9,8 @@ use crate::support::run_seed;
 #[test]
 fn the_hallway_is_driven_with_a_laser_scanner_in_place_of_sonars() {
     let robot = yamabico_testkit::config("robots/sim-hallway-lidar.toml");
-    let passages = ["method=\"passages\"", "thresholds=\"maps/hallway-thresholds.toml\""]
+    let thresholds = yamabico_testkit::config("maps/hallway-thresholds.toml");
+    let passages = [r#"method="passages""#.to_owned(), format!("thresholds={thresholds:?}")]
         .map(|set| format!("behaviors.stationary-obstacle-avoider.{set}"));
     for (seed, set) in [(1, passages.to_vec()), (2, vec![])] {
         let overrides = Overrides { robot: Some(robot.clone()), set };

@@ -50,7 +50,7 @@ fn sensors_of_other_names_are_connected_by_their_kind_and_noted() {
         text.replace(&format!("[sensors.{from}]"), &format!("[sensors.{to}]"))
     };
     std::fs::write(&robot, names.into_iter().fold(config_text("robots/create2.toml"), renamed)).unwrap();
-    let notes = ["input `camera` takes `eye`", "input `odometry` takes `odometer`", "256 x 240"];
+    let notes = ["input `camera` takes `eye`", "input `odometry` takes `odometer`"];
     assert_exit(&check("hallway", &robot), 0, &notes);
     let listed = text(&check("corridor", &robot));
     assert!(!listed.contains("scanner`"), "an input without a name needs no note: {listed}");

@@ -19,10 +19,8 @@ const SHORT: [&str; 6] = [
     "run.duration_s=20",
 ];
 
-/// The method of the paper, and the thresholds of the hallway.
+/// The method of the paper.
 const PASSAGES: [&str; 2] = ["--set", "behaviors.stationary-obstacle-avoider.method=\"passages\""];
-const TABLE: [&str; 2] =
-    ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"maps/hallway-thresholds.toml\""];
 
 fn learn(task: &Path, folder: &TestFolder, arguments: &[&str]) -> Output {
     let mut command = yamabico();
@@ -55,16 +53,19 @@ fn thresholds_of_another_camera_or_missing_ones_are_learned_again() {
     let larger = ["--set", "robot.sensors.front.intrinsics={ width = 320, height = 240, fov_deg = 60 }"];
     let missing = ["--set", "behaviors.stationary-obstacle-avoider.thresholds=\"no-such-table.toml\""];
     let required = ["--set", "behaviors.stationary-obstacle-avoider.requires_thresholds=true"];
+    let table = config("maps/hallway-thresholds.toml");
+    let table = format!("behaviors.stationary-obstacle-avoider.thresholds={table:?}");
+    let table = ["--set", &table];
     let check = |set: &[&str], status: i32, text: &str| {
         let mut command = yamabico();
         let checked =
             command.arg("check").arg(config("hallway.toml")).args(PASSAGES).args(set).output().unwrap();
         assert_exit(&checked, status, &["thresholds", text]);
     };
-    check(&[&larger[..], &TABLE[..]].concat(), 0, "were learned with images of 256 x 240 pixels");
-    check(&[&larger[..], &TABLE[..], &required[..]].concat(), 2, "learn them again");
+    check(&[&larger[..], &table[..]].concat(), 0, "were learned with images of 256 x 240 pixels");
+    check(&[&larger[..], &table[..], &required[..]].concat(), 2, "learn them again");
     check(&missing, 2, "no-such-table.toml");
-    for (set, width) in [([larger, TABLE].concat(), 320), (missing.to_vec(), 256)] {
+    for (set, width) in [([larger, table].concat(), 320), (missing.to_vec(), 256)] {
         let output = learn(&config("hallway.toml"), &folder, &[&PASSAGES[..], &set[..], &SHORT[..]].concat());
         assert_exit(&output, 0, &["places learned"]);
         assert_eq!(ThresholdTable::read(&folder.file("learned.toml")).unwrap().width, width);
