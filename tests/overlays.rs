@@ -69,12 +69,18 @@ fn check(name: &str, set: &[&str], expected: &[(&str, &[&str])]) {
 #[test]
 fn of_the_hallway() {
     let localizer = ["expected, matched", "matched segments"];
-    let avoider = ["edges explained by the map", "free regions"];
+    let lanes = ["floor ends", "occupied cells", "best lane"];
+    let passages = ["edges explained by the map", "free regions"];
     let sonar = ["beams", "gate", "echoes"];
     check(
         "hallway",
         &["run.duration_s=6"],
-        &[("map-localizer", &localizer), ("sonar-halt", &sonar), ("stationary-obstacle-avoider", &avoider)],
+        &[("map-localizer", &localizer), ("sonar-halt", &sonar), ("stationary-obstacle-avoider", &lanes)],
+    );
+    check(
+        "hallway",
+        &["run.duration_s=6", "behaviors.stationary-obstacle-avoider.method=\"passages\""],
+        &[("stationary-obstacle-avoider", &passages)],
     );
 }
 
