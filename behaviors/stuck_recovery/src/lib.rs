@@ -48,7 +48,6 @@ pub const DECISION: Slot<DecisionHeader> =
     Slot::required("decision", "wishes and halts of the other behaviors");
 /// Input: range scans.
 pub const SONAR: Slot<RangeScanHeader> = Slot::preferred("sonar", "room at the sides, ahead and behind");
-
 /// Input: obstacles around the robot.
 pub const OBSTACLES: Slot<ObstaclesHeader> =
     Slot::preferred("obstacles", "what a camera saw in the way ahead and behind");
@@ -150,7 +149,7 @@ impl StuckRecovery {
         let obstacles = inputs.latest(&OBSTACLES);
         if let Some(fresh) = obstacles.filter(|seen| self.is_fresh(Time(seen.header.stamp_ns), inputs.now()))
         {
-            self.room = self.room.before(fresh.items, self.radius_m);
+            self.room = self.room.limited_by(fresh.items, self.radius_m);
         }
     }
 

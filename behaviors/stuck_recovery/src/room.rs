@@ -6,7 +6,8 @@ use yamabico_core::message::{Beam, Obstacle};
 /// Distance to keep from an obstacle in passing, m.
 const PASSING_M: f64 = 0.05;
 
-/// Nearest echo in each direction, m; infinite for a direction that is in view and free, NaN for one that no beam covers.
+/// Range of the nearest echo in each direction, or distance from the footprint to an obstacle, m; infinite for a direction that is in
+/// view and free, NaN for one that nothing covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
     /// Straight ahead.
@@ -47,7 +48,7 @@ impl Room {
     /// Lessens the room straight ahead and behind by obstacles (robot frame) in the way of a robot of `radius_m`: sonars miss what
     /// they meet at an angle. Where no beam looks ahead, the room there stays unknown.
     #[must_use]
-    pub fn before(mut self, obstacles: &[Obstacle], radius_m: f64) -> Self {
+    pub fn limited_by(mut self, obstacles: &[Obstacle], radius_m: f64) -> Self {
         for obstacle in
             obstacles.iter().filter(|obstacle| obstacle.y.abs() < obstacle.radius_m + radius_m + PASSING_M)
         {
@@ -96,10 +97,10 @@ mod tests {
     fn obstacles_in_the_way_lessen_the_room() {
         let obstacle = |x, y| Obstacle { x, y, radius_m: 0.1, ..Obstacle::default() };
         let silent = Room { ahead_m: f64::INFINITY, ..Room::UNKNOWN };
-        let room = silent.before(&[obstacle(0.8, 0.3), obstacle(1.2, 0.0), obstacle(-0.7, -0.1)], 0.2);
+        let room = silent.limited_by(&[obstacle(0.8, 0.3), obstacle(1.2, 0.0), obstacle(-0.7, -0.1)], 0.2);
         assert!((room.ahead_m - 0.5).abs() < 1e-9 && (room.behind_m - 0.4).abs() < 1e-9, "{room:?}");
-        let passed = silent.before(&[obstacle(0.8, 0.4), obstacle(f64::NAN, 0.0)], 0.2);
+        let passed = silent.limited_by(&[obstacle(0.8, 0.4), obstacle(f64::NAN, 0.0)], 0.2);
         assert!(passed.ahead_m.is_infinite() && passed.behind_m.is_nan(), "{passed:?}");
-        assert!(Room::UNKNOWN.before(&[obstacle(0.8, 0.0)], 0.2).ahead_m.is_nan());
+        assert!(Room::UNKNOWN.limited_by(&[obstacle(0.8, 0.0)], 0.2).ahead_m.is_nan());
     }
 }

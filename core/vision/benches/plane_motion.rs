@@ -113,7 +113,9 @@ fn judge(criterion: &mut Criterion<ThreadTime>) {
         if let Some(folder) = std::env::var_os("YAMABICO_FRAMES").map(PathBuf::from)
             && let Err(error) = peer_pairs::write(&folder, &drives)
         {
-            println!("could not write the pictures: {error}");
+            // The peer must not measure files of another run.
+            eprintln!("{}: {error}: name a folder that can be written in YAMABICO_FRAMES", folder.display());
+            std::process::exit(1);
         }
         let pictures = &drives[0].pictures;
         let (intrinsics, mount) = camera(width, height);

@@ -12,7 +12,7 @@ const LEARN_OTHER: f32 = 0.02;
 /// Change of color up to which it is still the same floor.
 const SAME_COLOR: f32 = 8.0;
 /// Change of lightness up to which it is surely the same floor, and pictures in a row after which a larger one is another
-/// light: the legs of a person who steps before the robot are in the picture before any sensor tells them from the floor.
+/// light: the legs of a person who steps before the robot are in the picture before a sensor detects them.
 const SAME_LIGHTNESS: f32 = 24.0;
 const OTHER_LIGHT_PICTURES: u32 = 5;
 

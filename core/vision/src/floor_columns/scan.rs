@@ -394,7 +394,7 @@ mod tests {
             .map(|(i, &shade)| if (90..170).contains(&(i % SIZE.0)) { 60 } else { shade })
             .collect();
         assert!(look(&mut columns, &picture(0, 0)));
-        assert!((0..3).all(|_| look(&mut columns, &legs)), "before they are told from the floor");
+        assert!((0..3).all(|_| look(&mut columns, &legs)), "before a sensor detects them");
         assert!(look_at(&mut columns, &picture(0, 0), false) && columns.ends().count() == 0);
     }
 
