@@ -141,13 +141,18 @@ impl Viewer {
         begun.elapsed()
     }
 
-    /// Calls a service; returns the answer, or the cause of its failure.
-    fn call(&mut self, service: &str, request: &str) -> Result<String, String> {
+    /// Requests a service; returns the number of the call.
+    fn request(&mut self, service: &str, request: &str) -> u32 {
         self.calls += 1;
-        let call = self.calls;
-        let numbers = [self.services[service] as u32, call, 4].map(u32::to_le_bytes).concat();
+        let numbers = [self.services[service] as u32, self.calls, 4].map(u32::to_le_bytes).concat();
         let bytes = [&[2], &*numbers, b"json", request.as_bytes()].concat();
         self.socket.send(Message::binary(bytes)).unwrap();
+        self.calls
+    }
+
+    /// Calls a service; returns the answer, or the cause of its failure.
+    fn call(&mut self, service: &str, request: &str) -> Result<String, String> {
+        let call = self.request(service, request);
         self.find("answer of a service", |message| match message {
             Message::Binary(bytes) if bytes[0] == 3 && bytes[5..9] == call.to_le_bytes() => {
                 let json: Value = serde_json::from_slice(&bytes[17..]).unwrap();
@@ -280,8 +285,12 @@ fn foxglove_sees_and_commands_a_running_robot() {
     assert_eq!(of("publishedTopics", "/sensors/front/image")["publisherIds"][0], "sim");
     let readers = of("subscribedTopics", "sensors/front");
     assert!(readers["subscriberIds"].as_array().unwrap().contains(&"map-localizer".into()), "{readers}");
-    let line: Log = viewer.message("/log", "foxglove.Log", |_| true);
-    assert!(!line.message.is_empty());
+    // The log has a line for each change, and a robot that only drives changes nothing.
+    assert_eq!(viewer.channels["/log"].1, "foxglove.Log");
+    let log = viewer.subscribe("/log");
+    viewer.request("/disable", &name);
+    let is_it = |line: &Log| line.name == "wall-follower" && line.message.starts_with("disable");
+    viewer.record(log, |bytes| Log::decode(bytes).ok().filter(is_it));
 
     for (origin, protocols) in [(Some("http://evil.example"), "foxglove.sdk.v1"), (None, "other")] {
         assert!(open(&view.foxglove, origin, protocols).is_err(), "{origin:?} {protocols}");
