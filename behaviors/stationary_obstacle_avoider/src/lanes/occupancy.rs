@@ -31,6 +31,9 @@ const FLOOR_SEEN: f32 = -1.3;
 const FADE_PER_S: f32 = 0.7;
 const FADE_ESTABLISHED_PER_S: f32 = 0.15;
 const FADE_UNSEEN_PER_S: f32 = 0.05;
+/// Distance from the robot's center up to which a cell that the sonars alone have established, out of the camera's view, fades like
+/// any established one, m: a turn takes the beams off who stands beside the robot.
+const BESIDE_M: f64 = 1.0;
 /// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
 const ECHO: f32 = 1.0;
 const BEFORE_ECHO: f32 = -0.3;
@@ -110,7 +113,11 @@ impl OccupancyGrid {
         for layer in [look, edges, motion] {
             layer.fade(|slot, odds| elapsed_s * rate(slot, odds));
         }
-        sonar.fade(|_, _| elapsed_s * FADE_PER_S);
+        let is_beside = |place: Point2<f64>| (place - position).norm() < BESIDE_M && !is_in_view(place);
+        sonar.fade(|slot, odds| {
+            let is_kept = odds > ESTABLISHED && is_beside(window.place(slot));
+            elapsed_s * if is_kept { FADE_ESTABLISHED_PER_S } else { FADE_PER_S }
+        });
     }
 
     /// Adds `evidence` (log odds) of the camera to the cells at `places` (odometry frame, m), once to each cell.
@@ -372,6 +379,30 @@ mod tests {
         };
         assert!(remembers(30, false), "a camera does not see below its view");
         assert!(!remembers(30, true) && !remembers(120, false), "at last it is forgotten");
+    }
+
+    #[test]
+    fn what_stands_beside_the_robot_stays_while_no_beam_looks_there() {
+        // Seconds for which what the sonar alone has established at a range is kept, by a robot that has turned away from it.
+        let kept_s = |range_m: f64, is_in_view: bool| {
+            let mut grid = OccupancyGrid::default();
+            let beam = Beam { cone_rad: 0.4, range_m, ..Beam::default() };
+            (0..6).for_each(|_| grid.add_beam(&beam, &Pose2::IDENTITY, |_| true));
+            let is_kept = |_: &u32| {
+                grid.advance(Point2::origin(), 0.1, |_| is_in_view);
+                !occupied(&grid).is_empty()
+            };
+            0.1 * (0..1000).take_while(is_kept).count() as f64
+        };
+        assert!((20.0..30.0).contains(&kept_s(0.6, false)), "{}", kept_s(0.6, false));
+        assert!(kept_s(1.3, false) < 7.0 && kept_s(0.6, true) < 7.0);
+
+        let mut grid = OccupancyGrid::default();
+        let beam = Beam { cone_rad: 0.4, range_m: 0.6, ..Beam::default() };
+        (0..6).for_each(|_| grid.add_beam(&beam, &Pose2::IDENTITY, |_| true));
+        let beyond = Beam { range_m: 2.5, ..beam };
+        (0..40).for_each(|_| grid.add_beam(&beyond, &Pose2::IDENTITY, |_| true));
+        assert!(occupied(&grid).is_empty(), "a beam that passes its place clears it");
     }
 
     #[test]
