@@ -47,7 +47,8 @@ impl BandImage {
     /// border.
     #[inline(always)]
     pub(crate) fn level_and_gradient(&self, u: f32, v: f32) -> (f32, f32, f32) {
-        let (column, row) = (u as usize, (v as usize).wrapping_sub(self.top));
+        // Processors convert to 32 bits faster than to 64.
+        let (column, row) = (u as u32 as usize, (v as u32 as usize).wrapping_sub(self.top));
         let rows = self.levels.len() / self.width.max(1);
         if column == 0 || column + 1 >= self.width || row == 0 || row.saturating_add(1) >= rows {
             return (0.0, 0.0, 0.0);
@@ -82,6 +83,8 @@ pub struct BandPass {
     smoothed: Vec<f32>,
     row: Vec<f32>,
     sum: Vec<f32>,
+    /// Row of the wide Gauss at the size of the image.
+    enlarged: Vec<f32>,
 }
 
 impl BandPass {
@@ -97,6 +100,7 @@ impl BandPass {
             smoothed: Vec::new(),
             row: Vec::new(),
             sum: Vec::new(),
+            enlarged: Vec::new(),
         }
     }
 
@@ -114,6 +118,7 @@ impl BandPass {
         self.row.resize(width + 2 * self.narrow.len().max(self.wide.len()), 0.0);
         self.sum.resize(width, 0.0);
         let small_width = self.blur_reduced(image, top);
+        self.enlarged.resize(REDUCTION * small_width, 0.0);
         let first = top / REDUCTION;
         // Horizontal pass, with the rows above that the vertical pass needs.
         let radius = self.narrow.len() - 1;
@@ -135,14 +140,7 @@ impl BandPass {
                 &self.across[begin..begin + width]
             };
             let sum = &mut self.sum[..width];
-            for (sum, &value) in sum.iter_mut().zip(row(0, false)) {
-                *sum = self.narrow[0] * value;
-            }
-            for (offset, &weight) in self.narrow.iter().enumerate().skip(1) {
-                for ((sum, &a), &b) in sum.iter_mut().zip(row(offset, true)).zip(row(offset, false)) {
-                    *sum += weight * (a + b);
-                }
-            }
+            weigh(&self.narrow, sum, |offset| (row(offset, true), row(offset, false)));
             // Wide Gauss of this row, enlarged from the reduced image.
             let small_rows = self.smoothed.len() / small_width;
             let position = (v + top) as f32 / REDUCTION as f32 - 0.375 - first as f32;
@@ -157,8 +155,11 @@ impl BandPass {
             }
             wide[0] = wide[1];
             wide[small_width + 1] = wide[small_width];
-            let out = &mut out.levels[v * width..(v + 1) * width];
-            subtract_enlarged(sum, wide, out);
+            enlarge(wide, &mut self.enlarged);
+            let levels = &mut out.levels[v * width..(v + 1) * width];
+            for ((level, &narrow), &wide) in levels.iter_mut().zip(&*sum).zip(&self.enlarged) {
+                *level = (BAND_UNIT * (narrow - wide)) as i32 as i16;
+            }
         }
     }
 
@@ -174,9 +175,13 @@ impl BandPass {
             reduced.fill(0.0);
             for dv in 0..REDUCTION {
                 let row = image.row(((first + y) * REDUCTION + dv).min(image.height() - 1));
-                for (sum, block) in reduced.iter_mut().zip(row.chunks(REDUCTION)) {
-                    let total: u32 = block.iter().map(|&level| u32::from(level)).sum();
-                    *sum += total as f32 / (REDUCTION * block.len()) as f32;
+                let (blocks, rest) = row.as_chunks::<REDUCTION>();
+                let total = |block: &[u8]| block.iter().map(|&level| u32::from(level)).sum::<u32>() as f32;
+                for (sum, block) in reduced.iter_mut().zip(blocks) {
+                    *sum += total(block) / (REDUCTION * REDUCTION) as f32;
+                }
+                if let ([.., sum], false) = (&mut *reduced, rest.is_empty()) {
+                    *sum += total(rest) / (REDUCTION * rest.len()) as f32;
                 }
             }
         }
@@ -191,16 +196,10 @@ impl BandPass {
             reduced.copy_from_slice(smoothed);
         }
         for (y, smoothed) in self.smoothed.chunks_exact_mut(width).enumerate() {
-            for value in &mut *smoothed {
-                *value *= self.wide[0];
-            }
-            for (offset, &weight) in self.wide.iter().enumerate().skip(1) {
-                let row = |y: usize| &self.reduced[y * width..(y + 1) * width];
-                let (above, below) = (row(y.saturating_sub(offset)), row((y + offset).min(rows - 1)));
-                for ((sum, &a), &b) in smoothed.iter_mut().zip(above).zip(below) {
-                    *sum += weight * (a + b);
-                }
-            }
+            let row = |y: usize| &self.reduced[y * width..(y + 1) * width];
+            let rows_around =
+                |offset: usize| (row(y.saturating_sub(offset)), row((y + offset).min(rows - 1)));
+            weigh(&self.wide, smoothed, rows_around);
         }
         width
     }
@@ -242,28 +241,55 @@ fn repeat_ends(row: &mut [f32], radius: usize) {
 #[inline(always)]
 fn convolve(row: &[f32], half: &[f32], out: &mut [f32]) {
     let (width, radius) = (out.len(), half.len() - 1);
-    for (out, &value) in out.iter_mut().zip(&row[radius..]) {
-        *out = half[0] * value;
-    }
-    for (offset, &weight) in half.iter().enumerate().skip(1) {
-        let left = &row[radius - offset..radius - offset + width];
-        let right = &row[radius + offset..radius + offset + width];
-        for ((out, &a), &b) in out.iter_mut().zip(left).zip(right) {
-            *out += weight * (a + b);
+    weigh(half, out, |offset| (&row[radius - offset..][..width], &row[radius + offset..][..width]));
+}
+
+/// Sums of the values at each distance before and behind a place, as `at` gives them, by the weights `half`: the sums of many
+/// places at a time stay in registers.
+#[inline(always)]
+fn weigh<'a>(half: &[f32], out: &mut [f32], at: impl Fn(usize) -> (&'a [f32], &'a [f32])) {
+    const LANES: usize = 64;
+    let Some(last) = out.len().checked_sub(LANES) else {
+        return weigh_places::<1>(half, out, at, 0..out.len());
+    };
+    weigh_places::<LANES>(half, out, &at, (0..last).step_by(LANES).chain([last]));
+}
+
+/// Sums of the places from each of `begins`, `LANES` at a time; see [`weigh`].
+#[inline(always)]
+fn weigh_places<'a, const LANES: usize>(
+    half: &[f32],
+    out: &mut [f32],
+    at: impl Fn(usize) -> (&'a [f32], &'a [f32]),
+    begins: impl Iterator<Item = usize>,
+) {
+    for begin in begins {
+        let places = begin..begin + LANES;
+        let mut sums = [0.0_f32; LANES];
+        for (sum, &value) in sums.iter_mut().zip(&at(0).0[places.clone()]) {
+            *sum = half[0] * value;
         }
+        for (offset, &weight) in half.iter().enumerate().skip(1) {
+            let (before, behind) = at(offset);
+            for ((sum, &a), &b) in sums.iter_mut().zip(&before[places.clone()]).zip(&behind[places.clone()]) {
+                *sum += weight * (a + b);
+            }
+        }
+        out[places].copy_from_slice(&sums);
     }
 }
 
-/// Subtracts the enlarged row `wide`, which has one repeated value on either side.
+/// Enlarges the row `small`, which has one repeated value on either side.
 #[inline(always)]
-fn subtract_enlarged(narrow: &[f32], wide: &[f32], out: &mut [i16]) {
-    const SHARES: [f32; REDUCTION] = [0.625, 0.875, 0.125, 0.375];
-    let blocks = narrow.chunks(REDUCTION).zip(out.chunks_mut(REDUCTION)).zip(wide.windows(3));
-    for ((narrow, out), wide) in blocks {
-        for (i, (value, out)) in narrow.iter().zip(out).enumerate() {
-            let (a, b) = if i < 2 { (wide[0], wide[1]) } else { (wide[1], wide[2]) };
-            *out = (BAND_UNIT * (value - (a + SHARES[i] * (b - a)))) as i16;
-        }
+fn enlarge(small: &[f32], out: &mut [f32]) {
+    for (out, window) in out.as_chunks_mut::<REDUCTION>().0.iter_mut().zip(small.windows(3)) {
+        let (left, right) = (window[1] - window[0], window[2] - window[1]);
+        *out = [
+            window[0] + 0.625 * left,
+            window[0] + 0.875 * left,
+            window[1] + 0.125 * right,
+            window[1] + 0.375 * right,
+        ];
     }
 }
 

@@ -248,30 +248,38 @@ impl Kernel for Prepare<'_> {
     #[inline(always)]
     fn run(self) {
         let Self { pixels, current, previous, homography: Homography { matrix: h, slopes } } = self;
-        for begin in (0..pixels.u.len()).step_by(CHUNK) {
-            let (mut gx, mut gy) = ([0_f32; CHUNK], [0_f32; CHUNK]);
+        let row = |m: &Matrix3<f32>, k: usize, u: f32, v: f32| m[(k, 0)] * u + m[(k, 1)] * v + m[(k, 2)];
+        let places = pixels.u.as_chunks::<CHUNK>().0.iter().zip(pixels.v.as_chunks::<CHUNK>().0);
+        let levels = pixels.level.as_chunks_mut::<CHUNK>().0;
+        for (chunk, ((u, v), level)) in places.zip(levels).enumerate() {
+            // Gradient: half the sum of that in the previous picture, and that of the current one through the inverse of the warp.
+            let (mut px, mut py) = ([0_f32; CHUNK], [0_f32; CHUNK]);
             for i in 0..CHUNK {
-                let (u, v) = (pixels.u[begin + i], pixels.v[begin + i]);
-                (pixels.level[begin + i], gx[i], gy[i]) = current.level_and_gradient(u, v);
+                (level[i], px[i], py[i]) = current.level_and_gradient(u[i], v[i]);
+            }
+            let (mut x, mut y, mut half) = ([0_f32; CHUNK], [0_f32; CHUNK], [0_f32; CHUNK]);
+            for i in 0..CHUNK {
+                let inverse = 1.0 / row(h, 2, u[i], v[i]);
+                (x[i], y[i]) = (row(h, 0, u[i], v[i]) * inverse, row(h, 1, u[i], v[i]) * inverse);
+                let of_x = |k: usize| (h[(0, k)] - x[i] * h[(2, k)]) * inverse;
+                let of_y = |k: usize| (h[(1, k)] - y[i] * h[(2, k)]) * inverse;
+                let (xu, xv, yu, yv) = (of_x(0), of_x(1), of_y(0), of_y(1));
+                let determinant = xu * yv - xv * yu;
+                (px[i], py[i]) =
+                    ((px[i] * yv - py[i] * yu) / determinant, (py[i] * xu - px[i] * xv) / determinant);
+                half[i] = 0.5 * inverse;
             }
             for i in 0..CHUNK {
-                let (u, v) = (pixels.u[begin + i], pixels.v[begin + i]);
-                let row = |m: &Matrix3<f32>, k: usize| m[(k, 0)] * u + m[(k, 1)] * v + m[(k, 2)];
-                let inverse = 1.0 / row(h, 2);
-                let (x, y) = (row(h, 0) * inverse, row(h, 1) * inverse);
-                // The gradient in the previous picture, and that of the current one through the inverse of the warp.
-                let (xu, xv) = ((h[(0, 0)] - x * h[(2, 0)]) * inverse, (h[(0, 1)] - x * h[(2, 1)]) * inverse);
-                let (yu, yv) = ((h[(1, 0)] - y * h[(2, 0)]) * inverse, (h[(1, 1)] - y * h[(2, 1)]) * inverse);
-                let determinant = xu * yv - xv * yu;
-                let carried =
-                    ((gx[i] * yv - gy[i] * yu) / determinant, (gy[i] * xu - gx[i] * xv) / determinant);
-                let (_, there_x, there_y) = previous.level_and_gradient(x + 0.5, y + 0.5);
-                let half = 0.5 * inverse;
-                let (px, py) = (half * (carried.0 + there_x), half * (carried.1 + there_y));
-                for (slope, m) in pixels.slopes.iter_mut().zip(slopes) {
-                    let lost = row(m, 2);
-                    let value = px * (row(m, 0) - x * lost) + py * (row(m, 1) - y * lost);
-                    slope[begin + i] = if value.is_finite() { value } else { 0.0 };
+                let (_, there_x, there_y) = previous.level_and_gradient(x[i] + 0.5, y[i] + 0.5);
+                (px[i], py[i]) = (half[i] * (px[i] + there_x), half[i] * (py[i] + there_y));
+            }
+            for (slope, m) in pixels.slopes.iter_mut().zip(slopes) {
+                let Some(slope) = slope.as_chunks_mut::<CHUNK>().0.get_mut(chunk) else { continue };
+                for i in 0..CHUNK {
+                    let lost = row(m, 2, u[i], v[i]);
+                    let value = px[i] * (row(m, 0, u[i], v[i]) - x[i] * lost)
+                        + py[i] * (row(m, 1, u[i], v[i]) - y[i] * lost);
+                    slope[i] = if value.is_finite() { value } else { 0.0 };
                 }
             }
         }
@@ -312,7 +320,7 @@ impl Kernel for Compare<'_> {
                     residual[i] = NONE;
                     continue;
                 }
-                let (left, above) = (x[i] as usize, y[i] as usize);
+                let (left, above) = (x[i] as u32 as usize, y[i] as u32 as usize);
                 let (dx, dy) = (x[i] - left as f32, y[i] - above as f32);
                 let at = above * width + left;
                 let pair =
@@ -342,17 +350,20 @@ impl Kernel for Sums<'_> {
         let bound = 1.0 / (9.0 * sigma * sigma);
         let (mut products, mut gradient) = ([[0_f32; LANES]; 15], [[0_f32; LANES]; 5]);
         let mut inliers = [0_u32; LANES];
-        for begin in (0..pixels.u.len()).step_by(LANES) {
-            let residual = &pixels.residual[begin..begin + LANES];
-            let slopes: [&[f32]; 5] = std::array::from_fn(|k| &pixels.slopes[k][begin..begin + LANES]);
-            let mut weighted = [[0_f32; LANES]; 5];
+        let [a, b, c, d, e] = pixels.slopes.each_ref().map(|slopes| slopes.as_chunks::<LANES>().0);
+        for (chunk, residual) in pixels.residual.as_chunks::<LANES>().0.iter().enumerate() {
+            let slopes = [&a[chunk], &b[chunk], &c[chunk], &d[chunk], &e[chunk]];
+            let mut weight = [0_f32; LANES];
             for i in 0..LANES {
                 let share = (1.0 - residual[i] * residual[i] * bound).max(0.0);
                 inliers[i] += u32::from(share > 0.0);
-                let weight = share * share;
-                for k in 0..5 {
-                    weighted[k][i] = weight * slopes[k][i];
-                    gradient[k][i] += weighted[k][i] * if share > 0.0 { residual[i] } else { 0.0 };
+                weight[i] = share * share;
+            }
+            let mut weighted = [[0_f32; LANES]; 5];
+            for ((weighted, gradient), slope) in weighted.iter_mut().zip(&mut gradient).zip(slopes) {
+                for i in 0..LANES {
+                    weighted[i] = weight[i] * slope[i];
+                    gradient[i] += weighted[i] * residual[i];
                 }
             }
             let mut entry = 0;

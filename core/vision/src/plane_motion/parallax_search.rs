@@ -290,19 +290,18 @@ impl<'a> Sweep<'a> {
     #[inline(always)]
     fn run(&mut self) -> SearchResult {
         let half = self.points.search.half;
+        let mut lowest = [NONE; 3];
         for candidate in -half..=half {
-            if candidate % 2 == 0 || candidate.abs() == 1 {
-                self.compare(candidate);
+            let is_first = candidate % 2 == 0 || candidate.abs() == 1;
+            if let (true, Some(class)) = (is_first, self.class(candidate)) {
+                // Only the best one and its neighbors matter, which are compared below.
+                self.compare(candidate, lowest[class]);
+                lowest[class] = lowest[class].min(self.cost(candidate));
             }
         }
-        for best in self.best() {
-            for candidate in [best - 1, best + 1] {
-                if candidate.abs() <= half && self.cost(candidate) >= NONE {
-                    self.compare(candidate);
-                }
-            }
-        }
+        self.best().into_iter().for_each(|best| self.compare_around(best));
         let [floor, above, below] = self.best();
+        self.compare_around(above);
         let (ratio, ratio_sigma) = self.refine(above);
         SearchResult {
             costs: [self.cost(floor), self.cost(above), self.cost(below)],
@@ -310,6 +309,32 @@ impl<'a> Sweep<'a> {
             ratio_sigma,
             is_at_end: above >= half - 1,
             is_agreed: self.is_agreed(above, floor),
+        }
+    }
+
+    /// Compares the neighbors of a candidate that were not yet compared in full.
+    #[inline(always)]
+    fn compare_around(&mut self, candidate: i32) {
+        for neighbor in [candidate - 1, candidate + 1] {
+            if neighbor.abs() <= self.points.search.half && self.cost(neighbor) >= NONE {
+                self.compare(neighbor, NONE);
+            }
+        }
+    }
+
+    /// Class of a candidate: 0 on the floor, 1 above it, 2 below it; `None` between them.
+    #[inline(always)]
+    fn class(&self, candidate: i32) -> Option<usize> {
+        let offset_px = candidate as f32 * self.points.search.step_px;
+        let height_m = self.height_m(self.ratio(candidate));
+        if offset_px.abs() <= self.tolerance_px {
+            Some(0)
+        } else if offset_px > 0.0 && height_m > FLOOR_M {
+            Some(1)
+        } else if offset_px < 0.0 && height_m < -FLOOR_M {
+            Some(2)
+        } else {
+            None
         }
     }
 
@@ -324,18 +349,7 @@ impl<'a> Sweep<'a> {
             if cost >= NONE {
                 continue;
             }
-            let offset_px = candidate as f32 * self.points.search.step_px;
-            let height_m = self.height_m(self.ratio(candidate));
-            let class = if offset_px.abs() <= self.tolerance_px {
-                0
-            } else if offset_px > 0.0 && height_m > FLOOR_M {
-                1
-            } else if offset_px < 0.0 && height_m < -FLOOR_M {
-                2
-            } else {
-                continue;
-            };
-            if cost < costs[class] {
+            if let Some(class) = self.class(candidate).filter(|&class| cost < costs[class]) {
                 (best[class], costs[class]) = (candidate, cost);
             }
         }
@@ -378,9 +392,9 @@ impl<'a> Sweep<'a> {
         )
     }
 
-    /// Compares the patch with all baselines under a candidate.
+    /// Compares the patch with all baselines under a candidate, unless those of the longest show that its cost exceeds `limit`.
     #[inline(always)]
-    fn compare(&mut self, candidate: i32) {
+    fn compare(&mut self, candidate: i32, limit: f32) {
         let ratio = self.ratio(candidate);
         if !RATIOS.contains(&ratio) {
             return;
@@ -391,9 +405,11 @@ impl<'a> Sweep<'a> {
         let (plane, across) =
             if is_level { (&planes.level, self.level) } else { (&planes.upright, self.upright) };
         let across = if across.abs() < 1e-4 { 1e-4 } else { across };
+        let limit = limit * self.points.projections.len() as f32;
         let (mut sum, mut count) = (0.0, 0);
         let mut of_baselines = [NONE; MAX_BASELINES];
-        let baselines = self.points.projections.iter().zip(self.points.baselines).zip(&mut of_baselines);
+        let baselines =
+            self.points.projections.iter().zip(self.points.baselines).zip(&mut of_baselines).rev();
         for ((projection, baseline), of_baseline) in baselines {
             let Projection { turn, shift, gain } = projection;
             let p = turn * self.pixel + shift * inverse_depth;
@@ -411,19 +427,26 @@ impl<'a> Sweep<'a> {
             let (a, b) = (column(0, plane.x), column(1, plane.y));
             let Some(patch) = patch(baseline.image, center, &[a.x, b.x, a.y, b.y]) else { continue };
             let (mut total, mut squares) = ([0_f32; 8], [0_f32; 8]);
-            for (lane, (theirs, ours)) in patch.iter().zip(&self.patch).enumerate() {
-                let difference = gain * theirs - ours;
-                total[lane % 8] += difference;
-                squares[lane % 8] += difference * difference;
+            let rows = patch.as_chunks::<8>().0.iter().zip(self.patch.as_chunks::<8>().0);
+            for (theirs, ours) in rows {
+                for lane in 0..8 {
+                    let difference = gain * theirs[lane] - ours[lane];
+                    total[lane] += difference;
+                    squares[lane] += difference * difference;
+                }
             }
             let (total, squares) = (total.iter().sum::<f32>(), squares.iter().sum::<f32>());
             *of_baseline = (squares - total * total / SAMPLES as f32) * self.weight;
             sum += *of_baseline;
             count += 1;
+            if sum > limit {
+                return;
+            }
         }
         if count >= self.points.projections.len().saturating_sub(1).max(1) {
             let index = self.index(candidate);
-            self.costs[index] = sum / count as f32;
+            let costs = of_baselines.iter().filter(|&&cost| cost < NONE);
+            self.costs[index] = costs.sum::<f32>() / count as f32;
             self.of_baselines[index] = of_baselines;
         }
     }

@@ -60,7 +60,7 @@ impl QuadImage {
         self.mean
     }
 
-    /// Gray levels at positions, which must lie at least one pixel inside the border; 0 elsewhere.
+    /// Gray levels at positions, which must lie at least one pixel inside the border; arbitrary elsewhere.
     #[inline(always)]
     pub(crate) fn sample<const N: usize>(&self, x: &[f32; N], y: &[f32; N]) -> [f32; N] {
         let (mut index, mut right, mut down) = ([0_u32; N], [0_f32; N], [0_f32; N]);
@@ -72,9 +72,12 @@ impl QuadImage {
             let (u, v) = (u.to_bits().wrapping_sub(FLOOR_BITS), v.to_bits().wrapping_sub(FLOOR_BITS));
             index[i] = v.wrapping_mul(width).wrapping_add(u);
         }
+        // Without a branch for each sample: the last entry stands for positions beyond the image.
+        let Some(last) = self.quads.len().checked_sub(1) else { return [0.0; N] };
+        let all = &self.quads[..=last];
         let mut quads = [0_u32; N];
         for i in 0..N {
-            quads[i] = self.quads.get(index[i] as usize).copied().unwrap_or(0);
+            quads[i] = all[(index[i] as usize).min(last)];
         }
         let mut levels = [0_f32; N];
         for i in 0..N {
