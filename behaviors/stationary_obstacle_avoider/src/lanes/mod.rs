@@ -13,6 +13,7 @@ pub mod stations;
 mod arrivals;
 mod clusters;
 mod drive;
+mod evidence_layer;
 mod hidden_fan;
 mod motion;
 mod overlay;

@@ -9,6 +9,7 @@ use yamabico_core::message::Beam;
 use yamabico_vision::rolling_window::RollingWindow;
 
 use super::arrivals::Arrivals;
+use super::evidence_layer::Layer;
 
 /// Side of a cell, m.
 pub const CELL_M: f64 = 0.05;
@@ -76,10 +77,10 @@ impl Default for OccupancyGrid {
     fn default() -> Self {
         Self {
             window: RollingWindow::new(CELLS, CELL_M),
-            look: Layer::new(LOOK_LIMITS),
-            edges: Layer::new(GEOMETRY_LIMITS),
-            motion: Layer::new(GEOMETRY_LIMITS),
-            sonar: Layer::new(SONAR_LIMITS),
+            look: Layer::new(CELLS * CELLS, LOOK_LIMITS),
+            edges: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
+            motion: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
+            sonar: Layer::new(CELLS * CELLS, SONAR_LIMITS),
             looked_raised: vec![false; CELLS * CELLS],
             arrivals: Arrivals::new(CELLS * CELLS),
         }
@@ -235,48 +236,6 @@ fn total(layers: [&Layer; 4], slot: usize) -> f32 {
     let certain = (edges.max(motion) - GEOMETRY_IN_DOUBT).max(0.0);
     let geometry = (edges + motion).clamp(GEOMETRY_LIMITS.0, GEOMETRY_LIMITS.1);
     (look + geometry + sonar).max(certain)
-}
-
-/// Log odds of the cells by one kind of evidence.
-#[derive(Clone, Debug)]
-struct Layer {
-    odds: Vec<f32>,
-    limits: (f32, f32),
-    /// Number of the update that changed a cell last: each update counts once.
-    updated: Vec<u32>,
-    update: u32,
-}
-
-impl Layer {
-    fn new(limits: (f32, f32)) -> Self {
-        Self { odds: vec![0.0; CELLS * CELLS], limits, updated: vec![0; CELLS * CELLS], update: 0 }
-    }
-
-    /// Moves the log odds of each cell toward zero by `step`, which depends on the cell and its log odds.
-    fn fade(&mut self, step: impl Fn(usize, f32) -> f32) {
-        for (slot, odds) in self.odds.iter_mut().enumerate() {
-            let step = step(slot, *odds);
-            *odds -= odds.clamp(-step, step);
-        }
-    }
-
-    /// Adds `evidence` to the cells at `places`, once to each cell.
-    fn add(&mut self, window: &RollingWindow, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
-        self.begin();
-        places.filter_map(|place| window.slot(place)).for_each(|slot| self.add_to(slot, evidence));
-    }
-
-    /// Begins an update.
-    fn begin(&mut self) {
-        self.update = self.update.wrapping_add(1);
-    }
-
-    /// Adds `evidence` to a cell, unless this update has already.
-    fn add_to(&mut self, slot: usize, evidence: f32) {
-        if std::mem::replace(&mut self.updated[slot], self.update) != self.update {
-            self.odds[slot] = (self.odds[slot] + evidence).clamp(self.limits.0, self.limits.1);
-        }
-    }
 }
 
 /// Places in the cell of `place` and in the eight around it.

@@ -39,6 +39,7 @@ pub mod movers;
 pub mod parallax;
 pub mod parallax_search;
 mod patch;
+mod patch_projection;
 pub mod picture_judge;
 pub mod point_height;
 pub mod quad_image;

@@ -4,12 +4,13 @@
 //! and the patches around it are compared. The differences of all baselines are summed on one axis, so that the period
 //! of tiles and the aliasing of grain agree on none but the right w: Okutomi & Kanade (1993).
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 use yamabico_geometry::{Hypotenuse, Pose2};
 
 use super::floor_view::FloorView;
 use super::motion_prior::CommonCovariance;
 use super::patch::{SAMPLES, patch};
+use super::patch_projection::{Planes, Projection};
 use super::quad_image::QuadImage;
 use crate::vectorize::{self, Kernel};
 
@@ -131,54 +132,6 @@ impl ParallaxSearch {
             points,
             results,
         });
-    }
-}
-
-/// Projection of a point at a depth on the ray of a pixel: `turn * pixel + shift / depth`, homogeneous.
-#[derive(Clone, Copy, Debug, Default)]
-struct Projection {
-    turn: Matrix3<f32>,
-    shift: Vector3<f32>,
-    /// Factor on the gray levels.
-    gain: f32,
-}
-
-impl Projection {
-    fn new(view: &FloorView, baseline: &Baseline, mean: f32) -> Self {
-        let motion = view.camera_motion(&baseline.motion);
-        let matrix = view.intrinsics().matrix();
-        Self {
-            turn: (matrix * motion.rotation * inverse_intrinsics(view)).cast(),
-            shift: (matrix * motion.translation).cast(),
-            gain: mean / baseline.image.mean().max(1.0),
-        }
-    }
-
-    fn pixel(&self, pixel: &Vector3<f32>, inverse_depth: f32) -> Vector2<f32> {
-        let p = self.turn * pixel + self.shift * inverse_depth;
-        p.xy() / p.z
-    }
-}
-
-fn inverse_intrinsics(view: &FloorView) -> Matrix3<f64> {
-    let camera = view.intrinsics();
-    let (fx, fy) = (camera.fx, camera.fy);
-    Matrix3::new(1.0 / fx, 0.0, -camera.cx / fx, 0.0, 1.0 / fy, -camera.cy / fy, 0.0, 0.0, 1.0)
-}
-
-/// Planes of the patches, as row vectors on homogeneous pixels: distance along the normal for depth 1.
-struct Planes {
-    level: Vector3<f32>,
-    /// Faces along the robot's x axis.
-    upright: Vector3<f32>,
-}
-
-impl Planes {
-    fn new(view: &FloorView) -> Self {
-        let plane = |normal: Vector3<f64>| {
-            inverse_intrinsics(view).tr_mul(&view.robot_from_camera().tr_mul(&normal)).cast()
-        };
-        Self { level: plane(-Vector3::z()), upright: plane(Vector3::x()) }
     }
 }
 
@@ -449,5 +402,80 @@ impl<'a> Sweep<'a> {
             self.costs[index] = costs.sum::<f32>() / count as f32;
             self.of_baselines[index] = of_baselines;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use yamabico_geometry::camera::{Intrinsics, Mount};
+    use yamabico_geometry::image::ImageView;
+
+    use super::*;
+
+    const SIZE: (u32, u32) = (128, 96);
+
+    /// Random blots of 4 px, shifted.
+    fn picture(shift: usize) -> QuadImage {
+        let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
+        let blot = |u: usize, v: usize| ((u / 4) * 7919 + (v / 4) * 104_729) % 251;
+        let data: Vec<u8> = (0..width * height).map(|i| blot(i % width, i / width + shift) as u8).collect();
+        let mut image = QuadImage::new(width, height);
+        image.copy(ImageView::new(&data, width, height, width).unwrap());
+        image
+    }
+
+    /// The search without limits on the costs.
+    fn run_in_full(sweep: &mut Sweep) -> SearchResult {
+        let half = sweep.points.search.half;
+        let first = (-half..=half).filter(|candidate| candidate % 2 == 0 || candidate.abs() == 1);
+        first.for_each(|candidate| sweep.compare(candidate, NONE));
+        sweep.best().into_iter().for_each(|best| sweep.compare_around(best));
+        let [floor, above, below] = sweep.best();
+        let (ratio, ratio_sigma) = sweep.refine(above);
+        SearchResult {
+            costs: [sweep.cost(floor), sweep.cost(above), sweep.cost(below)],
+            ratio,
+            ratio_sigma,
+            is_at_end: above >= half - 1,
+            is_agreed: sweep.is_agreed(above, floor),
+        }
+    }
+
+    #[test]
+    fn candidates_that_are_given_up_change_no_result() {
+        let mount = Mount::tilted(0.55, 12_f64.to_radians());
+        let view = FloorView::new(Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 1.0), mount);
+        let (current, older) = (picture(0), [picture(2), picture(5), picture(7)]);
+        let motions = [0.16, 0.32, 0.48].map(|x| Pose2::new(x, 0.0, 0.0));
+        let baselines: Vec<_> =
+            older.iter().zip(motions).map(|(image, motion)| Baseline { image, motion }).collect();
+        let projections: Vec<_> =
+            baselines.iter().map(|baseline| Projection::new(&view, baseline, current.mean())).collect();
+        let search = ParallaxSearch::new(SIZE.0);
+        let points = Points {
+            search: &search,
+            view: &view,
+            motion: motions[2],
+            covariance: &(CommonCovariance::identity() * 1e-6),
+            current: &current,
+            baselines: &baselines,
+            projections: &projections,
+            planes: Planes::new(&view),
+            points: &[],
+            results: &mut Vec::new(),
+        };
+        let (mut compared, mut given_up) = (0, 0);
+        for (u, v) in (30..90).step_by(6).flat_map(|v| (10..120).step_by(5).map(move |u| (u, v))) {
+            let point = SearchPoint { pixel: Vector2::new(u as f32, v as f32), skew: 0.2 };
+            let (Some(mut pruned), Some(mut full)) = (Sweep::new(&points, point), Sweep::new(&points, point))
+            else {
+                continue;
+            };
+            assert_eq!(pruned.run(), run_in_full(&mut full), "at {u} {v}");
+            let costs = |sweep: &Sweep| sweep.costs.iter().filter(|&&cost| cost < NONE).count();
+            compared += costs(&full);
+            given_up += costs(&full) - costs(&pruned);
+        }
+        assert!(compared > 1000 && given_up > compared / 5, "{given_up} of {compared}");
     }
 }
