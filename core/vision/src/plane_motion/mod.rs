@@ -25,6 +25,7 @@
 //! follow features from picture to picture instead.
 
 pub mod band_pass;
+mod candidate_sweep;
 pub mod detector;
 pub mod direct_alignment;
 pub mod evidence_grid;

@@ -27,6 +27,7 @@ impl Projection {
     }
 
     /// Pixel of the older picture.
+    #[inline(always)]
     pub fn pixel(&self, pixel: &Vector3<f32>, inverse_depth: f32) -> Vector2<f32> {
         let p = self.turn * pixel + self.shift * inverse_depth;
         p.xy() / p.z
