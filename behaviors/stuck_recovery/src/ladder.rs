@@ -17,7 +17,8 @@ pub struct Attempt {
     pub rung: Rung,
     /// Pose at its beginning, odometry frame.
     pub start: Pose2,
-    /// Time for which it has been tried, s, without the time in which everything was halted.
+    /// Time for which it has been tried, s; without the time in which everything was halted, but for backing off, which a halt may
+    /// permit.
     pub elapsed_s: f64,
 }
 
@@ -36,8 +37,9 @@ pub struct Ladder {
     next: usize,
     attempt: Option<Attempt>,
     last: Option<Time>,
-    /// Time for which everything has been halted, s.
+    /// Time for which everything has been halted, s, and that at which the robot last tried to leave.
     halted_s: f64,
+    left_s: f64,
     /// Time since progress was last seen in which not everything was halted, s.
     free_s: f64,
 }
@@ -58,6 +60,7 @@ impl Ladder {
             attempt: None,
             last: None,
             halted_s: 0.0,
+            left_s: 0.0,
             free_s: 0.0,
         }
     }
@@ -98,7 +101,7 @@ impl Ladder {
         if situation.halter.is_some() {
             self.halted_s += step_s;
         } else {
-            self.halted_s = 0.0;
+            (self.halted_s, self.left_s) = (0.0, 0.0);
             self.free_s += step_s;
         }
         if situation.is_overruled {
@@ -107,7 +110,7 @@ impl Ladder {
             return None;
         }
         if let Some(attempt) = &mut self.attempt {
-            if situation.halter.is_none() {
+            if situation.halter.is_none() || attempt.rung == Rung::BackOff {
                 attempt.elapsed_s += step_s;
             }
             return self.attempt;
@@ -121,10 +124,15 @@ impl Ladder {
         if self.place.is_some_and(|place| place.distance(pose) >= self.away_m) {
             self.begin_anew(pose, now);
         }
-        if self.is_stuck(now) && situation.halter.is_none() {
+        let index = if situation.halter.is_none() {
+            self.is_stuck(now).then(|| self.next % self.rungs.len().max(1))
+        } else {
+            // A robot that stands may leave what it touches, if the halting behavior lets it.
+            let leaves = situation.wants_to_drive && self.halted_s - self.left_s >= self.progress_timeout_s;
+            leaves.then(|| self.rungs.iter().position(|rung| *rung == Rung::BackOff)).flatten()
+        };
+        if let Some((index, &rung)) = index.and_then(|index| Some((index, self.rungs.get(index)?))) {
             self.place.get_or_insert(*pose);
-            let index = self.next % self.rungs.len().max(1);
-            let rung = *self.rungs.get(index)?;
             self.attempt = Some(Attempt { index, rung, start: *pose, elapsed_s: 0.0 });
         }
         self.attempt
@@ -133,6 +141,7 @@ impl Ladder {
     /// Ends the attempt: the other behaviors drive again, and the next attempt is the next rung.
     pub fn finish(&mut self, pose: &Pose2, now: Time) {
         self.next = self.attempt.take().map_or(self.next, |attempt| attempt.index + 1);
+        self.left_s = self.halted_s;
         self.watch_from(pose, now);
     }
 
@@ -157,8 +166,13 @@ impl Ladder {
 mod tests {
     use super::*;
 
-    const DRIVING: Situation =
-        Situation { wants_to_drive: true, is_overruled: false, is_held: false, halter: None };
+    const DRIVING: Situation = Situation {
+        wants_to_drive: true,
+        is_overruled: false,
+        is_held: false,
+        is_turn_held: false,
+        halter: None,
+    };
 
     fn ladder() -> Ladder {
         Ladder::new(&Config {
@@ -234,5 +248,28 @@ mod tests {
         assert_eq!(ladder.advance(&at(0.0), &DRIVING, seconds(51.0)).unwrap().elapsed_s, 1.0);
         let overruled = Situation { is_overruled: true, ..DRIVING };
         assert_eq!(ladder.advance(&at(0.0), &overruled, seconds(52.0)), None);
+    }
+
+    #[test]
+    fn a_robot_that_stays_halted_backs_off_now_and_then_if_it_is_to_drive() {
+        let config = Config { progress_timeout_s: 10.0, ..Config::default() };
+        let halted = Situation { halter: Some("sonar-halt".into()), ..DRIVING };
+        let tried_at = |situation: &Situation| {
+            let (mut ladder, mut tried) = (Ladder::new(&config), Vec::new());
+            for s in 0..=40 {
+                let now = seconds(f64::from(s));
+                if let Some(attempt) = ladder.advance(&at(0.0), situation, now) {
+                    assert_eq!(attempt.rung, Rung::BackOff);
+                    if attempt.elapsed_s == 0.0 {
+                        tried.push(s);
+                    } else if attempt.elapsed_s > 3.0 {
+                        ladder.finish(&at(0.0), now);
+                    }
+                }
+            }
+            tried
+        };
+        assert_eq!(tried_at(&halted), [10, 24, 38]);
+        assert!(tried_at(&Situation { wants_to_drive: false, ..halted }).is_empty(), "nobody wants to");
     }
 }

@@ -171,7 +171,8 @@ impl StuckRecovery {
     /// Executes a rung; one without motion or waiting time is skipped.
     fn attempt(&mut self, attempt: Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
         let mut attempt = attempt;
-        if let Some(halter) = situation.halter {
+        // Back is the only way that a halt may permit: it knows of the wish.
+        if let Some(halter) = situation.halter.filter(|_| attempt.rung != Rung::BackOff) {
             return Proposal::abstain(Reason::PassageBlocked).with_note(format_args!(
                 "{} of {}, {}: waits, {halter} halts",
                 attempt.index + 1,
@@ -184,9 +185,10 @@ impl StuckRecovery {
                 self.begin(attempt.rung);
             }
             if let Some(twist) = self.twist(&attempt, pose, situation.is_held, now) {
-                return self.drive(&attempt, twist, now);
+                return self.drive(&attempt, twist, situation, now);
             }
-            let next = (attempt.elapsed_s == 0.0).then(|| self.ladder.skip(pose)).flatten();
+            let skips = attempt.elapsed_s == 0.0 && situation.halter.is_none();
+            let next = skips.then(|| self.ladder.skip(pose)).flatten();
             let Some(next) = next else { break };
             attempt = next;
         }
@@ -210,10 +212,12 @@ impl StuckRecovery {
         }
     }
 
-    fn drive(&self, attempt: &Attempt, twist: Twist, now: Time) -> Proposal {
+    fn drive(&self, attempt: &Attempt, twist: Twist, situation: &Situation, now: Time) -> Proposal {
         let (number, count, rung) = (attempt.index + 1, self.ladder.len(), attempt.rung.as_str());
+        // Who touches something and must not turn leaves it straight back, before the way on which it came matters.
+        let leaves = attempt.rung == Rung::BackOff && situation.is_turn_held;
         let drive = Proposal::drive(Axes::PLANAR, twist);
-        let proposal = if twist.linear == 0.0 { drive.uncoupled() } else { drive };
+        let proposal = if twist.linear == 0.0 || leaves { drive.uncoupled() } else { drive };
         if attempt.rung == Rung::Ask {
             let stuck_s = self.ladder.stuck_s(now);
             return proposal.with_reason(Reason::PassageBlocked).with_note(format_args!(

@@ -16,6 +16,8 @@ pub struct Situation {
     pub is_overruled: bool,
     /// True if a halt stops the translation.
     pub is_held: bool,
+    /// True if a halt stops turning alone.
+    pub is_turn_held: bool,
     /// Author of a halt of every axis that the drive has; none if an axis is free.
     pub halter: Option<Name>,
 }
@@ -43,6 +45,7 @@ impl Situation {
             wants_to_drive: moves || is_blocked || searches || has_doubts,
             is_overruled,
             is_held: !halted.without(Axes::ANGULAR).is_empty(),
+            is_turn_held: !halted.is_empty() && halted.without(Axes::ANGULAR).is_empty(),
             halter: halters.copied().filter(|_| stops_all),
         }
     }

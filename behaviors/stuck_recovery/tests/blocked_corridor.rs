@@ -1,4 +1,5 @@
-//! Closed loop with the arbiter and sonar-halt: a robot that wrongly believes the way ahead to be free gets past the end of a wall.
+//! Closed loop with the arbiter and sonar-halt: a robot that wrongly believes the way ahead to be free gets past the end of a wall, and
+//! one that touches it gets away.
 
 use yamabico_arbiter::decide::{ArbiterState, Decision, DecisionMessage, decide};
 use yamabico_arbiter::kinematics::Kinematics;
@@ -6,7 +7,7 @@ use yamabico_arbiter::policy::{BehaviorPolicy, Policy};
 use yamabico_core::behavior::Setup;
 use yamabico_core::geometry::Pose2;
 use yamabico_core::message::{
-    Axes, Beam, Kind, NO_ECHO, Name, Odometry, Outcome, Proposal, RangeScanHeader, Twist,
+    Axes, Beam, Kind, NO_ECHO, Name, Odometry, Outcome, Proposal, RangeScanHeader, Reason, Twist,
 };
 use yamabico_core::sensor::{MotionLimits, Robot};
 use yamabico_core::testing::Bench;
@@ -52,13 +53,19 @@ fn driver(pose: &Pose2) -> Proposal {
     Proposal::drive(Axes::PLANAR, Twist::planar(0.4, turn))
 }
 
+/// Waits for a way to become free.
+fn waits(_: &Pose2) -> Proposal {
+    Proposal::drive(Axes::PLANAR, Twist::ZERO).with_reason(Reason::PassageBlocked)
+}
+
 struct Outcomes {
     pose: Pose2,
     halted_s: f64,
     tried: Vec<String>,
 }
 
-fn drive(seconds: f64, recovers: bool) -> Outcomes {
+/// Runs for this time after the robot was pushed ahead by `pushed_m` along the axis, within a second.
+fn run(seconds: f64, recovers: bool, driver: fn(&Pose2) -> Proposal, pushed_m: f64) -> Outcomes {
     let limits = MotionLimits::default();
     let names = ["sonar-halt", "stuck-recovery", "driver"];
     let behaviors =
@@ -115,7 +122,11 @@ fn drive(seconds: f64, recovers: bool) -> Outcomes {
         }
         outcomes.halted_s += f64::from(u8::from(!message.header.halted.is_empty())) * 0.02;
         twist = decision.commanded;
-        pose = pose.integrate(&twist, 0.02);
+        if tick < 50 && pushed_m > 0.0 {
+            pose.x = pushed_m * tick as f64 / 49.0;
+        } else {
+            pose = pose.integrate(&twist, 0.02);
+        }
         assert!(!is_touching(&pose), "touches something at {pose:?}, {} s", now.as_secs_f64());
     }
     Outcomes { pose, ..outcomes }
@@ -123,13 +134,23 @@ fn drive(seconds: f64, recovers: bool) -> Outcomes {
 
 #[test]
 fn without_recovery_it_stands_before_the_wall() {
-    let ended = drive(120.0, false);
+    let ended = run(120.0, false, driver, 0.0);
     assert!(ended.pose.x < 1.9 && ended.halted_s > 90.0, "{:?} {}", ended.pose, ended.halted_s);
 }
 
 #[test]
 fn with_recovery_it_gets_past_the_wall() {
-    let ended = drive(240.0, true);
+    let ended = run(240.0, true, driver, 0.0);
     assert!(ended.pose.x > 2.5, "{:?} after {:?}", ended.pose, ended.tried);
     assert!(ended.tried.len() > 2, "{:?}", ended.tried);
+}
+
+#[test]
+fn who_touches_the_wall_and_waits_leaves_it_although_everything_is_halted() {
+    let pushed_m = 1.78;
+    let stays = run(60.0, false, waits, pushed_m);
+    assert!((stays.pose.x - pushed_m).abs() < 0.01 && stays.halted_s > 58.0, "{}", stays.halted_s);
+    let leaves = run(8.0, true, waits, pushed_m);
+    assert_eq!(leaves.tried, ["back-off"]);
+    assert!((1.2..1.5).contains(&leaves.pose.x), "{:?}", leaves.pose);
 }

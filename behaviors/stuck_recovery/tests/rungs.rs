@@ -232,6 +232,30 @@ fn it_backs_off_only_along_the_way_on_which_it_came() {
 }
 
 #[test]
+fn it_wishes_to_back_off_from_what_halts_it_and_gives_up() {
+    let mut scene = Scene::new("ladder = ['wait', 'back-off']\nback_m = 0.3");
+    for _ in 0..40 {
+        scene.pose.x += 0.4 * STEP_S;
+        scene.step();
+    }
+    let touching = scene.pose;
+    scene.halted = Axes::ALL;
+    let mut step = || {
+        let proposal = scene.step();
+        // The robot stays: the halt is not lifted.
+        scene.pose = touching;
+        proposal
+    };
+    let waits = (0..100).take_while(|_| step().kind() == Some(Kind::Abstain)).count();
+    assert!((35..=40).contains(&waits), "{waits}");
+    let back = step();
+    assert!(back.twist.linear < 0.0 && back.note.as_str().starts_with("2 of 2, back-off"), "{back:?}");
+    let wishes = (0..200).take_while(|_| step().kind() == Some(Kind::Drive)).count();
+    assert!((80..=120).contains(&wishes), "{wishes}");
+    assert_eq!(step().reason(), Some(Reason::PassageBlocked), "it waits again");
+}
+
+#[test]
 fn it_does_not_back_off_into_what_a_sonar_behind_sees() {
     let mut scene = Scene::new("ladder = ['back-off']\nstale_ms = 2000.0");
     for _ in 0..40 {
