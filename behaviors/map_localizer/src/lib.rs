@@ -17,6 +17,7 @@
 //! # Ok::<(), yamabico_core::behavior::ParameterError>(())
 //! ```
 
+mod agreement;
 pub mod azimuth;
 pub mod belief;
 pub mod config;

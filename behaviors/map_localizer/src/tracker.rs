@@ -7,6 +7,7 @@ use yamabico_core::message::{FrameHeader, Odometry, PoseStatus, Reason, View};
 use yamabico_core::sensor::Robot;
 use yamabico_core::time::Time;
 
+use crate::agreement::{Agreement, agree};
 use crate::belief::{Belief, difference};
 use crate::config::Config;
 use crate::finder::Finder;
@@ -20,8 +21,6 @@ use crate::motion::Increment;
 const MIN_VARIANCES: [f64; 3] = [25e-6, 25e-6, 3.046e-6];
 /// Distance (m) and squared Mahalanobis distance above which a correction must be confirmed by the next image.
 const LARGE_CORRECTION: (f64, f64) = (0.5, 14.16);
-/// Maximum difference between a large correction and its confirmation, m and rad.
-const CONFIRMATION_TOLERANCE: (f64, f64) = (0.15, 0.05);
 /// Distance driven that decorrelates two images as much as a turn by 1 rad, m.
 const TURN_M: f64 = 0.5;
 /// Maximum factor on the variance of images that are correlated with the previous fix.
@@ -78,8 +77,8 @@ pub struct Tracker {
     last_fix: Option<Fix>,
     /// Large correction that awaits confirmation.
     unconfirmed: Option<Vector3<f64>>,
-    /// Correction of the last image by a search around the pose, which awaits confirmation.
-    recovered: Option<Vector3<f64>>,
+    /// Agreement of the last images on the pose found by a search around the prior.
+    recovered: Agreement,
     search: Option<LookAround>,
 }
 
@@ -103,7 +102,7 @@ impl Tracker {
             last_fix_at: None,
             last_fix: None,
             unconfirmed: None,
-            recovered: None,
+            recovered: Agreement::default(),
             search: None,
             config: config.clone(),
         }
@@ -258,7 +257,7 @@ impl Tracker {
                 return;
             }
         } else {
-            self.recovered = None;
+            self.recovered = Agreement::default();
         }
         let is_usable = fix.lines > 0 && fix.verdict != Err(Reason::Ambiguous);
         if !is_usable || self.requires_confirmation(prior, &fix) {
@@ -275,8 +274,8 @@ impl Tracker {
         }
     }
 
-    /// Searches for the pose around a prior at which several images gave no fix, or a weak one. Two images in succession
-    /// must agree; until then the prior grows more uncertain. Returns false if the weak fix is to be applied, because no
+    /// Searches for the pose around a prior at which several images gave no fix, or a weak one. Images in succession must agree
+    /// on it; until then the prior grows more uncertain. Returns false if the weak fix is to be applied, because no
     /// other pose matches better.
     fn recover(&mut self, stamp: Time, prior: &Belief, weak: &Fix) -> bool {
         let noise = NoiseFactors { scale: self.health.noise_scale(), correlation: 1.0 };
@@ -284,18 +283,16 @@ impl Tracker {
         let found =
             found.filter(|found| weak.verdict.is_err() || found.lines as f64 > SUPERIOR * weak.lines as f64);
         let correction = found.map(|fix| difference(&fix.posterior.pose, &prior.pose));
-        let is_confirmed =
-            matches!((correction, self.recovered), (Some(now), Some(before)) if is_near(now, before));
-        self.recovered = correction;
-        if weak.verdict.is_ok() && self.recovered.is_none() {
+        let is_agreed = self.recovered.take(correction);
+        if weak.verdict.is_ok() && found.is_none() {
             if (weak.lines as f64) < DOUBTFUL * weak.expected as f64 {
                 self.health.doubt(Reason::Ambiguous);
             }
             return false;
         }
-        if let Some(fix) = found.filter(|_| is_confirmed) {
+        if let Some(fix) = found.filter(|_| is_agreed) {
             if self.apply(stamp, prior, fix.posterior) {
-                (self.recovered, self.unconfirmed) = (None, None);
+                (self.recovered, self.unconfirmed) = (Agreement::default(), None);
                 self.moved_at_fix_m = self.moved_m;
                 self.last_fix = Some(fix);
                 self.last_fix_at = Some(stamp);
@@ -322,7 +319,7 @@ impl Tracker {
         let correction = difference(&fix.posterior.pose, &prior.pose);
         let is_large = correction.xy().norm() > LARGE_CORRECTION.0
             || prior.distance_squared(&fix.posterior.pose) > LARGE_CORRECTION.1;
-        let is_confirmed = self.unconfirmed.is_some_and(|previous| is_near(correction, previous));
+        let is_confirmed = self.unconfirmed.is_some_and(|previous| agree(correction, previous));
         self.unconfirmed = (is_large && !is_confirmed).then_some(correction);
         if self.unconfirmed.is_some() {
             self.health.doubt(Reason::Gated);
@@ -392,12 +389,6 @@ impl Tracker {
         }
         self.history.start(stamp, belief);
     }
-}
-
-/// Returns true if a correction of (x, y, theta) confirms another one.
-fn is_near(correction: Vector3<f64>, other: Vector3<f64>) -> bool {
-    let off = correction - other;
-    off.xy().norm() < CONFIRMATION_TOLERANCE.0 && off.z.abs() < CONFIRMATION_TOLERANCE.1
 }
 
 fn reason(error: HistoryError) -> Reason {
