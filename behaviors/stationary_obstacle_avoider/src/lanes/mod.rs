@@ -356,6 +356,9 @@ impl LaneAvoider {
             }
             (None, None) => Proposal::abstain(Reason::Clear),
         };
+        if self.drive.doubts() {
+            self.grid.doubt(newest.pose.position());
+        }
         // A drive without pictures rests on the scans; standing and limits rest on the present.
         let evidence = match blind {
             _ if proposal.twist == Twist::ZERO || proposal.kind() != Some(Kind::Drive) => Some(now),

@@ -49,6 +49,11 @@ const MAX_FREE_M: f64 = 2.6;
 const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
 const AHEAD_RAD: f64 = 0.26;
 
+/// Distance from the robot's center up to which what is remembered is not doubted, m: the camera sees what is farther away before the
+/// robot is there. Log odds that remain of each kind of evidence by the camera: one or two pictures confirm it.
+const UNDOUBTED_M: f64 = 0.6;
+const IN_DOUBT: f32 = 0.5;
+
 /// Kind of evidence by the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
@@ -119,6 +124,16 @@ impl OccupancyGrid {
             let is_kept = odds > ESTABLISHED && is_beside(window.place(slot));
             elapsed_s * if is_kept { FADE_ESTABLISHED_PER_S } else { FADE_PER_S }
         });
+    }
+
+    /// Doubts what the camera has seen, but for what is near to a robot at `position` (odometry frame, m).
+    pub fn doubt(&mut self, position: Point2<f64>) {
+        let Self { window, look, edges, motion, .. } = self;
+        for slot in (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() > UNDOUBTED_M) {
+            for layer in [&mut *look, edges, motion] {
+                layer.odds[slot] = layer.odds[slot].min(IN_DOUBT);
+            }
+        }
     }
 
     /// Adds `evidence` (log odds) of the camera to the cells at `places` (odometry frame, m), once to each cell.
@@ -267,6 +282,22 @@ mod tests {
         assert!((found[0] - place).norm() < CELL_M);
         grid.advance(Point2::origin(), 1.0, |_| true);
         assert!(occupied(&grid).is_empty(), "one second later it is forgotten");
+    }
+
+    #[test]
+    fn what_is_doubted_must_be_seen_again_unless_it_is_near() {
+        let mut grid = OccupancyGrid::default();
+        let (near, far) = (Point2::new(0.4, 0.1), Point2::new(1.3, -0.2));
+        for kind in [Evidence::Look, Evidence::Edges, Evidence::Motion] {
+            for _ in 0..6 {
+                grid.add(kind, [near, far].into_iter(), 1.3);
+            }
+        }
+        grid.doubt(Point2::origin());
+        let found = occupied(&grid);
+        assert!(found.len() == 1 && (found[0] - near).norm() < CELL_M, "{found:?}");
+        grid.add(Evidence::Look, [far].into_iter(), 1.3);
+        assert_eq!(occupied(&grid).len(), 2, "a picture confirms it");
     }
 
     #[test]
