@@ -109,7 +109,14 @@ impl Ladder {
             self.begin_anew(pose, now);
             return None;
         }
-        if let Some(attempt) = &mut self.attempt {
+        let back_off = self.rungs.iter().position(|rung| *rung == Rung::BackOff);
+        // A robot that stands may leave what it touches, if the halting behavior lets it; also from another rung, whose time stands still.
+        let leaves = situation.halter.is_some()
+            && situation.wants_to_drive
+            && self.halted_s - self.left_s >= self.progress_timeout_s
+            && back_off.is_some()
+            && self.attempt.is_none_or(|attempt| attempt.rung != Rung::BackOff);
+        if let Some(attempt) = self.attempt.as_mut().filter(|_| !leaves) {
             if situation.halter.is_none() || attempt.rung == Rung::BackOff {
                 attempt.elapsed_s += step_s;
             }
@@ -124,13 +131,9 @@ impl Ladder {
         if self.place.is_some_and(|place| place.distance(pose) >= self.away_m) {
             self.begin_anew(pose, now);
         }
-        let index = if situation.halter.is_none() {
-            self.is_stuck(now).then(|| self.next % self.rungs.len().max(1))
-        } else {
-            // A robot that stands may leave what it touches, if the halting behavior lets it.
-            let leaves = situation.wants_to_drive && self.halted_s - self.left_s >= self.progress_timeout_s;
-            leaves.then(|| self.rungs.iter().position(|rung| *rung == Rung::BackOff)).flatten()
-        };
+        let is_stuck = self.is_stuck(now) && situation.halter.is_none();
+        let next = is_stuck.then(|| self.next % self.rungs.len().max(1));
+        let index = if leaves { back_off } else { next };
         if let Some((index, &rung)) = index.and_then(|index| Some((index, self.rungs.get(index)?))) {
             self.place.get_or_insert(*pose);
             self.attempt = Some(Attempt { index, rung, start: *pose, elapsed_s: 0.0 });
@@ -270,6 +273,14 @@ mod tests {
             tried
         };
         assert_eq!(tried_at(&halted), [10, 24, 38]);
-        assert!(tried_at(&Situation { wants_to_drive: false, ..halted }).is_empty(), "nobody wants to");
+        assert!(tried_at(&Situation { wants_to_drive: false, ..halted }).is_empty(), "none wants to drive");
+        let mut ladder = Ladder::new(&config);
+        let rung = |ladder: &mut Ladder, situation: &Situation, s: f64| {
+            ladder.advance(&at(0.0), situation, seconds(s)).map(|attempt| attempt.rung)
+        };
+        assert_eq!(rung(&mut ladder, &DRIVING, 0.0), None);
+        assert_eq!(rung(&mut ladder, &DRIVING, 10.0), Some(Rung::Wait));
+        assert_eq!(rung(&mut ladder, &halted, 19.0), Some(Rung::Wait), "its time stands still");
+        assert_eq!(rung(&mut ladder, &halted, 20.0), Some(Rung::BackOff));
     }
 }

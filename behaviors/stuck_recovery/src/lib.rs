@@ -171,7 +171,7 @@ impl StuckRecovery {
     /// Executes a rung; one without motion or waiting time is skipped.
     fn attempt(&mut self, attempt: Attempt, pose: &Pose2, situation: &Situation, now: Time) -> Proposal {
         let mut attempt = attempt;
-        // Back is the only way that a halt may permit: it knows of the wish.
+        // Backing off is the only motion that a halt of every axis may permit once it is wished.
         if let Some(halter) = situation.halter.filter(|_| attempt.rung != Rung::BackOff) {
             return Proposal::abstain(Reason::PassageBlocked).with_note(format_args!(
                 "{} of {}, {}: waits, {halter} halts",
@@ -214,7 +214,7 @@ impl StuckRecovery {
 
     fn drive(&self, attempt: &Attempt, twist: Twist, situation: &Situation, now: Time) -> Proposal {
         let (number, count, rung) = (attempt.index + 1, self.ladder.len(), attempt.rung.as_str());
-        // Who touches something and must not turn leaves it straight back, before the way on which it came matters.
+        // A robot that touches something and must not turn backs off straight at first.
         let leaves = attempt.rung == Rung::BackOff && situation.is_turn_held;
         let drive = Proposal::drive(Axes::PLANAR, twist);
         let proposal = if twist.linear == 0.0 || leaves { drive.uncoupled() } else { drive };

@@ -146,7 +146,7 @@ fn with_recovery_it_gets_past_the_wall() {
 }
 
 #[test]
-fn who_touches_the_wall_and_waits_leaves_it_although_everything_is_halted() {
+fn a_robot_that_touches_the_wall_backs_off_although_every_axis_is_halted() {
     let pushed_m = 1.78;
     let stays = run(60.0, false, waits, pushed_m);
     assert!((stays.pose.x - pushed_m).abs() < 0.01 && stays.halted_s > 58.0, "{}", stays.halted_s);
