@@ -6,6 +6,7 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference, wrap_angle};
 use yamabico_core::message::{Axes, Proposal, Reason};
 
 use super::situation::{Situation, turn_by};
+use super::turns_here::TurnsHere;
 use super::way_out::Leg;
 
 /// Station that the robot steers for: 0.61 m ahead.
@@ -49,11 +50,6 @@ const BACK_M: (f64, f64) = (0.15, 0.5);
 const TURN_LOSS_M: f64 = 0.5;
 /// Step of the odometry between two calls above which it has jumped, m.
 const JUMP_M: f64 = 0.2;
-/// Distance within which turns in place are tries to leave the same place, m; the number of turns in which what is remembered of its
-/// surroundings comes into doubt, one to each side, and that after which it does again: what has been seen since is used first.
-const SAME_PLACE_M: f64 = 0.7;
-const DOUBTFUL_TURNS: u32 = 2;
-const DOUBTFUL_AGAIN: u32 = 4;
 /// Time after which a turn or a way out is given up, s.
 const MANEUVER_S: f64 = 5.0;
 
@@ -86,8 +82,7 @@ pub(super) struct Drive {
     lane_m: f64,
     /// Side of the last turn in place since the path was free, 1 left, -1 right; 0 without one.
     tried: f64,
-    /// Pose at the first of the turns in place that have not led away from it, and their number.
-    turns: Option<(Pose2, u32)>,
+    turns_here: TurnsHere,
     /// True in the step of the turn with which what is remembered comes into doubt.
     #[serde(skip)]
     doubts: bool,
@@ -126,16 +121,13 @@ impl Drive {
         if let (Mode::Wait { .. }, Mode::Face { heading, .. }) = (self.mode, mode) {
             self.left = Some(Pose2 { theta: heading, ..at.odometry });
         }
-        self.doubts = matches!(mode, Mode::Turn { .. }) && !matches!(self.mode, Mode::Turn { .. }) && {
-            let here = self.turns.filter(|(place, _)| place.distance(&at.odometry) < SAME_PLACE_M);
-            let (place, turns) = here.map_or((at.odometry, 1), |(place, turns)| (place, turns + 1));
-            self.turns = Some((place, turns));
-            turns % DOUBTFUL_AGAIN == DOUBTFUL_TURNS
-        };
+        let begins_turn = matches!(mode, Mode::Turn { .. }) && !matches!(self.mode, Mode::Turn { .. });
+        self.doubts = begins_turn && self.turns_here.count(&at.odometry);
         self.mode = mode;
         Some(match self.mode {
             Mode::Free => {
-                (self.lane_m, self.tried, self.left, self.turns) = (0.0, 0.0, None, None);
+                (self.lane_m, self.tried, self.left) = (0.0, 0.0, None);
+                self.turns_here = TurnsHere::default();
                 return None;
             }
             Mode::Lane => self.drive_lane(at),
@@ -408,26 +400,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_remembered_is_doubted_after_turns_to_both_sides_that_led_nowhere() {
-        let doubts = |leaves: bool| {
-            let (mut drive, mut odometry, mut turns) = (Drive::default(), Pose2::IDENTITY, Vec::new());
-            for step in 0..1000 {
-                let at = Situation { odometry, ..blocked(0.1 * f64::from(step), 0.2, 0.0, -odometry.theta) };
-                let was_turning = matches!(drive.mode, Mode::Turn { .. });
-                odometry.theta += 0.1 * drive.step(&at).expect("a proposal").twist.angular;
-                if matches!(drive.mode, Mode::Turn { .. }) && !was_turning {
-                    turns.push(drive.doubts());
-                    odometry.x += if leaves { 2.0 * SAME_PLACE_M } else { 0.0 };
-                } else {
-                    assert!(!drive.doubts(), "once for each turn");
-                }
-            }
-            turns
-        };
-        let stays = doubts(false);
-        assert!(stays.len() > 5, "{stays:?}");
-        assert_eq!(stays[..6], [false, true, false, false, false, true]);
-        assert!(doubts(true).iter().all(|&doubts| !doubts));
+    fn each_turn_in_place_counts_once() {
+        let (mut drive, mut heading, mut doubts) = (Drive::default(), 0.0, 0);
+        for step in 0..400 {
+            let at = blocked(0.1 * f64::from(step), 0.2, 0.0, -heading);
+            heading += 0.1 * drive.step(&at).expect("a proposal").twist.angular;
+            doubts += u32::from(drive.doubts());
+        }
+        assert_eq!(doubts, 1, "three turns and more");
     }
 
     #[test]

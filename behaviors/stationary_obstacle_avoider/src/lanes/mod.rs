@@ -20,6 +20,7 @@ mod overlay;
 mod picture_evidence;
 mod situation;
 mod sudden_echo;
+mod turns_here;
 mod upright_edges;
 mod way_out;
 
