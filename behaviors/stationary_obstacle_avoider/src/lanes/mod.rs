@@ -11,6 +11,7 @@ pub mod planner;
 pub mod stations;
 
 mod arrivals;
+mod beam_cone;
 mod clusters;
 mod drive;
 mod evidence_layer;

@@ -9,6 +9,7 @@ use yamabico_core::message::Beam;
 use yamabico_vision::rolling_window::RollingWindow;
 
 use super::arrivals::Arrivals;
+use super::beam_cone::BeamCone;
 use super::evidence_layer::Layer;
 
 /// Side of a cell, m.
@@ -41,8 +42,6 @@ const BEFORE_ECHO: f32 = -0.3;
 const SILENCE: f32 = -0.1;
 /// Distance before an echo that is not free, m.
 const ECHO_DEPTH_M: f64 = 0.1;
-/// Share of a beam's opening angle that is marked: most of the energy is there.
-const CORE_SHARE: f64 = 0.6;
 /// Range up to which a cone is free, m.
 const MAX_FREE_M: f64 = 2.6;
 /// Range up to which an echo of a beam that looks ahead or aside marks its arc, m, and the azimuth that parts them, rad.
@@ -179,28 +178,17 @@ impl OccupancyGrid {
     /// places that are `counted`.
     pub fn add_beam(&mut self, beam: &Beam, robot: &Pose2, counted: impl Fn(Point2<f64>) -> bool) {
         let echo_m = beam.echo_m().unwrap_or(f64::INFINITY);
-        if !(echo_m > 0.0 && beam.cone_rad.is_finite()) {
+        let Some(cone) = BeamCone::new(beam, robot).filter(|_| echo_m > 0.0) else {
             return;
-        }
-        let sensor = *robot * Pose2::new(beam.x_m, beam.y_m, beam.azimuth_rad);
-        let half_rad = 0.5 * CORE_SHARE * beam.cone_rad;
-        let at = |range_m: f64, azimuth: f64| {
-            sensor.transform_point(Point2::new(range_m * azimuth.cos(), range_m * azimuth.sin()))
         };
-        const FAN: usize = 9;
-        let azimuths = move || (0..FAN).map(move |i| half_rad * (2.0 * i as f64 / (FAN - 1) as f64 - 1.0));
-        let free_m = (echo_m - ECHO_DEPTH_M).min(MAX_FREE_M);
-        let steps = (free_m / CELL_M) as usize;
         let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
-        let free = (1..=steps).flat_map(|step| azimuths().map(move |azimuth| (step, azimuth)));
-        let free = free.map(|(step, azimuth)| at(step as f64 * CELL_M, azimuth));
-        self.sonar.add(&self.window, free, free_odds);
+        self.sonar.add(&self.window, cone.up_to((echo_m - ECHO_DEPTH_M).min(MAX_FREE_M), CELL_M), free_odds);
         let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
         if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
-            let arc = || azimuths().map(|azimuth| at(echo_m, azimuth)).filter(|&place| counted(place));
+            let arc = || cone.arc(echo_m).filter(|&place| counted(place));
             // An echo says that something is on its arc, not that all of it is occupied: what is known to stand there
             // explains it.
-            let mut known = [None; 9 * FAN];
+            let mut known = [None; 9 * BeamCone::ARC];
             let near = arc().flat_map(neighbors).filter(|&place| self.is_occupied(place));
             known.iter_mut().zip(near).for_each(|(known, place)| *known = Some(place));
             if known[0].is_some() {

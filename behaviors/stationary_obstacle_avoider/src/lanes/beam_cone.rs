@@ -1,0 +1,64 @@
+//! The core of a sonar's beam, in which most of its energy is.
+
+use nalgebra::Point2;
+use yamabico_core::geometry::Pose2;
+use yamabico_core::message::Beam;
+
+/// Share of a beam's opening angle that its core has.
+const CORE_SHARE: f64 = 0.6;
+/// Directions in which the core is sampled.
+const FAN: usize = 9;
+
+/// Core of a beam in the odometry frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BeamCone {
+    sensor: Pose2,
+    half_rad: f64,
+}
+
+impl BeamCone {
+    /// Most places that an arc has.
+    pub(super) const ARC: usize = FAN;
+
+    /// Core of a beam of a scan taken at `robot` (odometry frame); none if its opening angle is not finite.
+    pub(super) fn new(beam: &Beam, robot: &Pose2) -> Option<Self> {
+        let sensor = *robot * Pose2::new(beam.x_m, beam.y_m, beam.azimuth_rad);
+        beam.cone_rad.is_finite().then_some(Self { sensor, half_rad: 0.5 * CORE_SHARE * beam.cone_rad })
+    }
+
+    /// Places `range_m` away from the sensor, odometry frame, m.
+    pub(super) fn arc(self, range_m: f64) -> impl Iterator<Item = Point2<f64>> {
+        (0..FAN).map(move |i| {
+            let azimuth = self.half_rad * (2.0 * i as f64 / (FAN - 1) as f64 - 1.0);
+            self.sensor.transform_point(Point2::new(range_m * azimuth.cos(), range_m * azimuth.sin()))
+        })
+    }
+
+    /// Places up to `range_m` away from the sensor, in steps of `step_m`, odometry frame, m.
+    pub(super) fn up_to(self, range_m: f64, step_m: f64) -> impl Iterator<Item = Point2<f64>> {
+        (1..=(range_m / step_m) as usize).flat_map(move |step| self.arc(step as f64 * step_m))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_lie_in_the_core_of_the_beam_up_to_their_range() {
+        let beam = Beam { x_m: 0.2, azimuth_rad: 0.5, cone_rad: 0.6, ..Beam::default() };
+        let robot = Pose2::new(1.0, 2.0, -0.5);
+        let cone = BeamCone::new(&beam, &robot).unwrap();
+        let sensor = robot.transform_point(Point2::new(0.2, 0.0));
+        let off =
+            |place: Point2<f64>| ((place - sensor).norm(), (place - sensor).y.atan2((place - sensor).x));
+        for (range_m, azimuth) in cone.arc(1.5).map(off) {
+            assert!((range_m - 1.5).abs() < 1e-9 && azimuth.abs() < 0.18 + 1e-9);
+        }
+        let ranges: Vec<f64> = cone.up_to(0.26, 0.1).map(|place| off(place).0).collect();
+        assert_eq!(ranges.len(), 2 * BeamCone::ARC);
+        assert!(ranges.iter().all(|range_m| *range_m < 0.21), "{ranges:?}");
+        assert!(cone.up_to(-1.0, 0.1).next().is_none());
+        assert!(BeamCone::new(&Beam { cone_rad: f64::NAN, ..beam }, &robot).is_none());
+    }
+}
