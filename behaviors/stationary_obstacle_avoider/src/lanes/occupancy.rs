@@ -58,8 +58,8 @@ const IN_DOUBT: f32 = 0.5;
 pub enum Evidence {
     /// The floor's look: where it ends.
     Look,
-    /// Upright edges.
-    Edges,
+    /// Upright edges, and where the floor ends at an echo.
+    Upright,
     /// Motion between pictures.
     Motion,
 }
@@ -69,7 +69,7 @@ pub enum Evidence {
 pub struct OccupancyGrid {
     window: RollingWindow,
     look: Layer,
-    edges: Layer,
+    upright: Layer,
     motion: Layer,
     sonar: Layer,
     /// Cells in which the look has shown a thing since they entered the window.
@@ -82,7 +82,7 @@ impl Default for OccupancyGrid {
         Self {
             window: RollingWindow::new(CELLS, CELL_M),
             look: Layer::new(CELLS * CELLS, LOOK_LIMITS),
-            edges: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
+            upright: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
             motion: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
             sonar: Layer::new(CELLS * CELLS, SONAR_LIMITS),
             looked_raised: vec![false; CELLS * CELLS],
@@ -95,9 +95,9 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, edges, motion, sonar, looked_raised, arrivals } = self;
+        let Self { window, look, upright, motion, sonar, looked_raised, arrivals } = self;
         window.advance(position, |slot| {
-            for layer in [&mut *look, edges, motion, sonar] {
+            for layer in [&mut *look, upright, motion, sonar] {
                 layer.odds[slot] = 0.0;
             }
             looked_raised[slot] = false;
@@ -115,7 +115,7 @@ impl OccupancyGrid {
                 FADE_UNSEEN_PER_S
             }
         };
-        for layer in [look, edges, motion] {
+        for layer in [look, upright, motion] {
             layer.fade(|slot, odds| elapsed_s * rate(slot, odds));
         }
         let is_beside = |place: Point2<f64>| (place - position).norm() < BESIDE_M && !is_in_view(place);
@@ -127,9 +127,9 @@ impl OccupancyGrid {
 
     /// Doubts what the camera has seen, but for what is near to a robot at `position` (odometry frame, m).
     pub fn doubt(&mut self, position: Point2<f64>) {
-        let Self { window, look, edges, motion, .. } = self;
+        let Self { window, look, upright, motion, .. } = self;
         for slot in (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() > UNDOUBTED_M) {
-            for layer in [&mut *look, edges, motion] {
+            for layer in [&mut *look, upright, motion] {
                 layer.odds[slot] = layer.odds[slot].min(IN_DOUBT);
             }
         }
@@ -139,7 +139,7 @@ impl OccupancyGrid {
     pub fn add(&mut self, kind: Evidence, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
         let layer = match kind {
             Evidence::Look => &mut self.look,
-            Evidence::Edges => &mut self.edges,
+            Evidence::Upright => &mut self.upright,
             Evidence::Motion => &mut self.motion,
         };
         layer.add(&self.window, places, evidence);
@@ -148,13 +148,13 @@ impl OccupancyGrid {
     /// Adds what looks like floor at `places` (odometry frame, m), as `evidence` (log odds). A thing of the floor's color looks like
     /// floor, too: where motion alone has shown one, it stays.
     pub fn add_floor(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
-        let Self { window, look, edges, motion, looked_raised, .. } = self;
-        for layer in [&mut *look, edges, motion] {
+        let Self { window, look, upright, motion, looked_raised, .. } = self;
+        for layer in [&mut *look, upright, motion] {
             layer.begin();
         }
         for slot in places.filter_map(|place| window.slot(place)) {
             look.add_to(slot, evidence);
-            edges.add_to(slot, evidence);
+            upright.add_to(slot, evidence);
             if looked_raised[slot] {
                 motion.add_to(slot, evidence);
             }
@@ -201,8 +201,8 @@ impl OccupancyGrid {
 
     /// Takes note of what has come since the last picture.
     pub fn update_arrivals(&mut self) {
-        let Self { window, look, edges, motion, sonar, arrivals, .. } = self;
-        let is_occupied = |slot: usize| total([look, edges, motion, sonar], slot) >= OCCUPIED;
+        let Self { window, look, upright, motion, sonar, arrivals, .. } = self;
+        let is_occupied = |slot: usize| total([look, upright, motion, sonar], slot) >= OCCUPIED;
         arrivals.update(window, is_occupied, |slot| look.odds[slot] <= FLOOR_SEEN);
     }
 
@@ -212,13 +212,13 @@ impl OccupancyGrid {
     }
 
     fn sum(&self, slot: usize) -> f32 {
-        total([&self.look, &self.edges, &self.motion, &self.sonar], slot)
+        total([&self.look, &self.upright, &self.motion, &self.sonar], slot)
     }
 
     /// True if geometry alone makes a place occupied, odometry frame, m.
     pub fn is_upright(&self, place: Point2<f64>) -> bool {
         let is_certain =
-            |slot: usize| self.edges.odds[slot].max(self.motion.odds[slot]) - GEOMETRY_IN_DOUBT >= OCCUPIED;
+            |slot: usize| self.upright.odds[slot].max(self.motion.odds[slot]) - GEOMETRY_IN_DOUBT >= OCCUPIED;
         self.window.slot(place).is_some_and(is_certain)
     }
 
@@ -233,11 +233,11 @@ impl OccupancyGrid {
     }
 }
 
-/// Sum of all evidence of a cell by look, edges, motion and sonars: the sonars cannot outvote what geometry established.
+/// Sum of all evidence of a cell by look, upright edges, motion and sonars: the sonars cannot outvote what geometry established.
 fn total(layers: [&Layer; 4], slot: usize) -> f32 {
-    let [look, edges, motion, sonar] = layers.map(|layer| layer.odds[slot]);
-    let certain = (edges.max(motion) - GEOMETRY_IN_DOUBT).max(0.0);
-    let geometry = (edges + motion).clamp(GEOMETRY_LIMITS.0, GEOMETRY_LIMITS.1);
+    let [look, upright, motion, sonar] = layers.map(|layer| layer.odds[slot]);
+    let certain = (upright.max(motion) - GEOMETRY_IN_DOUBT).max(0.0);
+    let geometry = (upright + motion).clamp(GEOMETRY_LIMITS.0, GEOMETRY_LIMITS.1);
     (look + geometry + sonar).max(certain)
 }
 
@@ -276,7 +276,7 @@ mod tests {
     fn what_is_doubted_must_be_seen_again_unless_it_is_near() {
         let mut grid = OccupancyGrid::default();
         let (near, far) = (Point2::new(0.4, 0.1), Point2::new(1.3, -0.2));
-        for kind in [Evidence::Look, Evidence::Edges, Evidence::Motion] {
+        for kind in [Evidence::Look, Evidence::Upright, Evidence::Motion] {
             for _ in 0..6 {
                 grid.add(kind, [near, far].into_iter(), 1.3);
             }
@@ -394,8 +394,8 @@ mod tests {
             occupied(&grid).len() == 1
         };
         assert!(!is_kept(Evidence::Look, 9), "paint and mirror images end the floor, too");
-        assert!(is_kept(Evidence::Edges, 4), "smooth surfaces at an angle give no echo");
-        assert!(!is_kept(Evidence::Edges, 3), "a mirror image that moves passes a place in three pictures");
+        assert!(is_kept(Evidence::Upright, 4), "smooth surfaces at an angle give no echo");
+        assert!(!is_kept(Evidence::Upright, 3), "a mirror image that moves passes a place in three pictures");
     }
 
     #[test]

@@ -20,11 +20,15 @@ const FLOOR_END: f32 = 1.3;
 /// echo, which a smooth surface at an angle does not give.
 const FLOOR_END_BEFORE_ECHO: f32 = 0.2;
 const FLOOR_END_IN_SILENCE: f32 = 0.7;
+/// Distance before an echo from which an end of the floor lies before it, and distance from an echo up to which it lies at it, m.
+const BEFORE_ECHO_M: f64 = 0.15;
+const AT_ECHO_M: f64 = 0.12;
 /// Cells behind the foot of an obstacle wider than a speck that count as its own until floor is seen there.
 const HIDDEN_CELLS: u8 = 5;
-/// Log odds of the foot of what moves as a thing, and of an upright edge.
+/// Log odds of the foot of what moves as a thing, of an upright edge, and of an end of the floor at an echo.
 const MOVES_AS_THING: f32 = 1.0;
 const UPRIGHT_EDGE: f32 = 1.3;
+const FLOOR_END_AT_ECHO: f32 = 1.0;
 /// Motion between pictures whose upright edges count, m: the foot of a mirror image moves along by most of it, and from one place
 /// the same chance edge would count again and again.
 const EDGE_MOTION_M: f64 = 0.07;
@@ -93,11 +97,11 @@ impl LaneAvoider {
         let beams = sonar.beams();
         for weight in [FLOOR_END, FLOOR_END_IN_SILENCE, FLOOR_END_BEFORE_ECHO] {
             let ends = columns.ends().filter(|end| is_thing(end) && end_weight(end.place, beams) == weight);
-            let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
-                behind(place, place.coords, if is_lone { 0 } else { ground.cells_behind(place) })
-            });
-            grid.add_thing(deep.map(|place| ground.odometry(place)), weight);
+            grid.add_thing(ground.deep(ends), weight);
         }
+        // Light and paint give no echo, and things give none at most angles: two senses that once agreed outlast silence.
+        let heard = columns.ends().filter(|end| is_thing(end) && is_at_echo(end.place, beams));
+        grid.add(Evidence::Upright, ground.deep(heard), FLOOR_END_AT_ECHO);
         // The side of a thing whose foot is below the picture.
         let cut =
             edges.iter().flat_map(UprightEdges::cut).flat_map(|edge| columns.covered_beside(edge.pixel.x));
@@ -117,7 +121,7 @@ impl LaneAvoider {
             *edges_from = Some(robot);
             let feet =
                 edges.feet(path.heading(), |place| ground.is_raised(place), |foot| ground.cells_behind(foot));
-            grid.add(Evidence::Edges, feet.map(|place| ground.odometry(place)), UPRIGHT_EDGE);
+            grid.add(Evidence::Upright, feet.map(|place| ground.odometry(place)), UPRIGHT_EDGE);
         }
         if let Some(motion) = &*motion {
             // In a mirror, motion is as doubtful as looks.
@@ -143,6 +147,14 @@ impl Ground<'_> {
         self.robot.transform_point(place)
     }
 
+    /// Places of the things that the floor ends at, odometry frame, m.
+    fn deep(&self, ends: impl Iterator<Item = FloorEnd>) -> impl Iterator<Item = Point2<f64>> {
+        let deep = ends.flat_map(|FloorEnd { place, is_lone, .. }| {
+            behind(place, place.coords, if is_lone { 0 } else { self.cells_behind(place) })
+        });
+        deep.map(|place| self.odometry(place))
+    }
+
     /// True unless the place is known to be floor that looks different.
     fn is_raised(&self, place: Point2<f64>) -> bool {
         self.motion.is_none_or(|motion| !motion.is_flat(self.odometry(place)))
@@ -157,18 +169,30 @@ impl Ground<'_> {
     }
 }
 
-/// Log odds of an end of the floor at `place` by the beams that it lies in.
-fn end_weight(place: Point2<f64>, beams: &[Beam]) -> f32 {
-    let inside = beams.iter().filter(|beam| {
+/// Beams that `place` lies in, and its distance from each sensor, m.
+fn beams_to(place: Point2<f64>, beams: &[Beam]) -> impl Iterator<Item = (&Beam, f64)> {
+    beams.iter().filter_map(move |beam| {
         let off = place - Point2::new(beam.x_m, beam.y_m);
         let is_inside = angle_between(off.y.atan2(off.x), beam.azimuth_rad) < 0.35 * beam.cone_rad;
-        is_inside && beam.echo_m().is_none_or(|echo_m| off.norm() + 0.15 < echo_m)
-    });
-    match inside.map(|beam| beam.echo_m().is_some()).max() {
+        is_inside.then(|| (beam, off.norm()))
+    })
+}
+
+/// Log odds of an end of the floor at `place` by the beams that it lies in.
+fn end_weight(place: Point2<f64>, beams: &[Beam]) -> f32 {
+    let passed = beams_to(place, beams)
+        .filter(|(beam, range_m)| beam.echo_m().is_none_or(|echo_m| range_m + BEFORE_ECHO_M < echo_m));
+    match passed.map(|(beam, _)| beam.echo_m().is_some()).max() {
         None => FLOOR_END,
         Some(false) => FLOOR_END_IN_SILENCE,
         Some(true) => FLOOR_END_BEFORE_ECHO,
     }
+}
+
+/// True if a beam has an echo at `place`.
+fn is_at_echo(place: Point2<f64>, beams: &[Beam]) -> bool {
+    beams_to(place, beams)
+        .any(|(beam, range_m)| beam.echo_m().is_some_and(|echo_m| (range_m - echo_m).abs() < AT_ECHO_M))
 }
 
 /// Places from the foot of an obstacle on, that many cells in the direction `away` from the robot: it is deeper than its foot, and
@@ -181,4 +205,26 @@ pub(super) fn behind(foot: Point2<f64>, away: Vector2<f64>, cells: u8) -> impl I
 /// Absolute difference of two angles, rad.
 fn angle_between(a: f64, b: f64) -> f64 {
     angle_difference(a, b).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use yamabico_core::message::NO_ECHO;
+
+    use super::*;
+
+    #[test]
+    fn an_end_of_the_floor_is_weighed_by_the_beams_that_it_lies_in() {
+        let beam =
+            |range_m: f64, flags: u32| Beam { cone_rad: 0.6, range_m, x_m: 0.2, flags, ..Beam::default() };
+        let judged = |x: f64, y: f64, beam: Beam| {
+            let place = Point2::new(x, y);
+            (end_weight(place, &[beam]), is_at_echo(place, &[beam]))
+        };
+        assert_eq!(judged(1.25, 0.1, beam(1.0, 0)), (FLOOR_END, true));
+        assert_eq!(judged(1.0, 0.1, beam(1.0, 0)), (FLOOR_END_BEFORE_ECHO, false));
+        assert_eq!(judged(1.4, 0.1, beam(1.0, 0)), (FLOOR_END, false), "behind the echo");
+        assert_eq!(judged(1.2, 0.0, beam(2.0, NO_ECHO)), (FLOOR_END_IN_SILENCE, false));
+        assert_eq!(judged(1.1, 0.5, beam(1.0, 0)), (FLOOR_END, false), "beside the beam");
+    }
 }
