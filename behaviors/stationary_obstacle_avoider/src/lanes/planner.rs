@@ -80,10 +80,11 @@ impl Scene<'_> {
     /// Chooses a lane; `last_m` is the offset of the last one, m.
     #[must_use]
     pub fn plan(&self, last_m: f64) -> Plan {
-        let nominal = self.rate(0.0);
+        let min_wall_m = self.min_wall_m();
+        let nominal = self.rate(0.0, min_wall_m);
         let mut best = (f64::INFINITY, nominal);
         for i in 0..=2 * LANES_ASIDE {
-            let lane = self.rate((i as f64 - LANES_ASIDE as f64) * LANE_M);
+            let lane = self.rate((i as f64 - LANES_ASIDE as f64) * LANE_M, min_wall_m);
             let missing_room_m = (self.clearance_m + ROOM_M - lane.gap_m).max(0.0);
             let missing_length_m = (FREE_M - lane.free_m).max(0.0);
             let cost = OFFSET_COST * lane.offset_m.abs()
@@ -160,9 +161,8 @@ impl Scene<'_> {
         (distance_m - APPROACH_M).max(self.touch_m.min(distance_m))
     }
 
-    /// Rates the lane with an offset: how far it is free, and how near obstacles are.
-    fn rate(&self, offset_m: f64) -> Lane {
-        let min_wall_m = self.min_wall_m();
+    /// Rates the lane with an offset: how far it is free, and how near obstacles are. Walls are at least `min_wall_m` away on it.
+    fn rate(&self, offset_m: f64, min_wall_m: f64) -> Lane {
         let clearance = self.clearance_m as f32;
         let mut gap = f32::INFINITY;
         let mut free_m = None;

@@ -2,9 +2,12 @@
 
 use super::lab::{Lab, LabTables};
 use crate::floor_appearance::Picture;
+use crate::vectorize::{self, Kernel};
 
 /// Columns of cells in a picture.
 const COLUMNS: usize = 64;
+/// Numbers that are compared side by side.
+const LANES: usize = 8;
 
 /// Colors of the cells of a picture: means over their pixels, then medians over 3 x 3 cells.
 #[derive(Clone, Debug)]
@@ -18,7 +21,10 @@ pub struct CellImage {
     size: [usize; 2],
     /// Sums of the channels of one row of cells.
     sums: Vec<[u32; 3]>,
-    means: Vec<Lab>,
+    /// Means of each channel; the rows end in [`LANES`] numbers without meaning.
+    means: [Vec<f32>; 3],
+    /// Medians of one row of a channel.
+    medians: Vec<f32>,
     colors: Vec<Lab>,
 }
 
@@ -30,15 +36,16 @@ impl CellImage {
         let across = (width / COLUMNS).max(1);
         let down = (across / 2).max(1);
         let size = [width / across, height / down];
-        let blank = vec![Lab::default(); size[0] * size[1]];
+        let stride = size[0] + LANES;
         Self {
             tables: LabTables::default(),
             picture: (width, height),
             cell: [across, down],
             size,
             sums: vec![[0; 3]; size[0]],
-            means: blank.clone(),
-            colors: blank,
+            means: std::array::from_fn(|_| vec![0.0; stride * size[1]]),
+            medians: vec![0.0; stride],
+            colors: vec![Lab::default(); size[0] * size[1]],
         }
     }
 
@@ -93,50 +100,73 @@ impl CellImage {
                     }
                 }
             }
-            let means = &mut self.means[row * columns..][..columns];
-            for (mean, sum) in means.iter_mut().zip(&self.sums) {
-                *mean = match picture {
+            let colors = &mut self.colors[row * columns..][..columns];
+            for (color, sum) in colors.iter_mut().zip(&self.sums) {
+                *color = match picture {
                     Picture::Gray(_) => self.tables.lab_of_gray(sum[0] as f32 * share),
                     Picture::Color(_) => self.tables.lab_of_rgb(sum.map(|sum| sum as f32 * share)),
                 };
             }
         }
-        self.take_medians();
+        // The other channels of gray pictures are zero.
+        let channels = if matches!(picture, Picture::Gray(_)) { 1 } else { 3 };
+        (0..channels).for_each(|channel| self.take_medians(channel));
         true
     }
 
-    /// Medians of the means over 3 x 3 cells; the border keeps the means.
-    fn take_medians(&mut self) {
+    /// Medians of a channel over 3 x 3 cells; the border keeps the means.
+    fn take_medians(&mut self, channel: usize) {
         let [columns, rows] = self.size;
-        self.colors.copy_from_slice(&self.means);
+        let stride = columns + LANES;
+        let means = &mut self.means[channel];
+        for (means, colors) in means.chunks_exact_mut(stride).zip(self.colors.chunks_exact(columns)) {
+            means.iter_mut().zip(colors).for_each(|(mean, color)| *mean = color[channel]);
+        }
+        let inside = 1..columns.saturating_sub(1);
         for row in 1..rows.saturating_sub(1) {
-            for column in 1..columns.saturating_sub(1) {
-                let at = row * columns + column;
-                for channel in 0..3 {
-                    let near =
-                        |dy: usize, dx: usize| self.means[at + dy * columns + dx - columns - 1][channel];
-                    self.colors[at][channel] = median_of_nine([
-                        near(0, 0),
-                        near(0, 1),
-                        near(0, 2),
-                        near(1, 0),
-                        near(1, 1),
-                        near(1, 2),
-                        near(2, 0),
-                        near(2, 1),
-                        near(2, 2),
-                    ]);
-                }
+            let rows = [row - 1, row, row + 1].map(|row| &means[row * stride..][..stride]);
+            vectorize::run(RowMedians { rows, medians: &mut self.medians });
+            let colors = &mut self.colors[row * columns..][..columns];
+            for column in inside.clone() {
+                colors[column][channel] = self.medians[column];
             }
         }
     }
 }
 
-/// Median of nine numbers by minima and maxima alone (Paeth 1990).
-fn median_of_nine(mut x: [f32; 9]) -> f32 {
+/// Medians of the numbers of three rows around each of the middle one but the first and the last.
+struct RowMedians<'a> {
+    rows: [&'a [f32]; 3],
+    medians: &'a mut [f32],
+}
+
+impl Kernel for RowMedians<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let last = self.medians.len() - 1;
+        for (block, medians) in self.medians[1..last].chunks_exact_mut(LANES).enumerate() {
+            let near = |row: &[f32], dx: usize| {
+                std::array::from_fn::<f32, LANES, _>(|lane| row[block * LANES + dx..][..LANES][lane])
+            };
+            let [above, here, below] = self.rows.map(|row| [0, 1, 2].map(|dx| near(row, dx)));
+            let [[a, b, c], [d, e, f], [g, h, i]] = [above, here, below];
+            medians.copy_from_slice(&median_of_nine([a, b, c, d, e, f, g, h, i]));
+        }
+    }
+}
+
+/// Medians of nine numbers, side by side, by minima and maxima alone (Paeth 1990).
+#[inline(always)]
+fn median_of_nine(mut x: [[f32; LANES]; 9]) -> [f32; LANES] {
     let mut order = |a: usize, b: usize| {
-        let (low, high) = (x[a].min(x[b]), x[a].max(x[b]));
-        (x[a], x[b]) = (low, high);
+        let (first, second) = (x[a], x[b]);
+        for lane in 0..LANES {
+            let is_ordered = first[lane] < second[lane];
+            x[a][lane] = if is_ordered { first[lane] } else { second[lane] };
+            x[b][lane] = if is_ordered { second[lane] } else { first[lane] };
+        }
     };
     for (a, b) in [
         (1, 2),
@@ -170,17 +200,40 @@ mod tests {
     use yamabico_geometry::image::{ImageView, RgbView};
 
     #[test]
-    fn the_median_is_that_of_a_sorted_list() {
+    fn each_color_is_the_median_of_nine_means() {
+        [1, 2, 3, 9, 10, 65, 76].into_iter().for_each(colors_are_medians);
+    }
+
+    /// Compares the colors of a picture of noise, a pixel in each cell, with medians of sorted lists.
+    fn colors_are_medians(width: usize) {
+        let height = 12;
         let mut seed = 1_u32;
-        for _ in 0..500 {
-            let mut values = [0.0_f32; 9];
-            for value in &mut values {
-                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                *value = (seed >> 24) as f32;
+        let mut noise = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 24) as u8
+        };
+        let pixels: Vec<u8> = (0..3 * width * height).map(|_| noise()).collect();
+        let mut image = CellImage::new(width, height);
+        assert!(
+            image.fill(Picture::Color(RgbView::new(&pixels, width, height, 3 * width).expect("an image")))
+        );
+        assert_eq!(image.size(), [width, height], "a cell for each pixel");
+        let mean = |column: usize, row: usize, channel: usize| {
+            let at = 3 * (row * width + column);
+            image.tables.lab_of_rgb([0, 1, 2].map(|channel| f32::from(pixels[at + channel])))[channel]
+        };
+        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+            let is_border = row == 0 || column == 0 || row == height - 1 || column == width - 1;
+            for channel in 0..3 {
+                let mut near: Vec<f32> = if is_border {
+                    vec![mean(column, row, channel)]
+                } else {
+                    (0..9).map(|i| mean(column + i % 3 - 1, row + i / 3 - 1, channel)).collect()
+                };
+                near.sort_by(f32::total_cmp);
+                let color = image.row(row)[column][channel];
+                assert_eq!(color, near[near.len() / 2], "column {column}, row {row}");
             }
-            let mut sorted = values;
-            sorted.sort_by(f32::total_cmp);
-            assert_eq!(median_of_nine(values), sorted[4], "{values:?}");
         }
     }
 

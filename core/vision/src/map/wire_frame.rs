@@ -127,6 +127,13 @@ impl Wall {
         let along = ((point - self.from).dot(&wall) / wall.norm_squared()).clamp(0.0, 1.0);
         (point - self.from - wall * along).norm()
     }
+
+    /// True if each point of the wall is at least `distance_m` from a point along one of the axes.
+    fn is_farther(&self, point: Point2<f64>, distance_m: f64) -> bool {
+        let is_beside =
+            |at: f64, from: f64, to: f64| at - from.max(to) >= distance_m || from.min(to) - at >= distance_m;
+        is_beside(point.x, self.from.x, self.to.x) || is_beside(point.y, self.from.y, self.to.y)
+    }
 }
 
 impl WireFrame {
@@ -204,7 +211,10 @@ impl WireFrame {
     /// Distance from a point to the nearest wall, m; infinite without walls.
     #[must_use]
     pub fn clearance(&self, point: Point2<f64>) -> f64 {
-        self.walls.iter().map(|wall| wall.distance(point)).fold(f64::INFINITY, f64::min)
+        self.walls.iter().fold(f64::INFINITY, |nearest_m, wall| {
+            // Most walls are farther away by their extent alone.
+            if wall.is_farther(point, nearest_m) { nearest_m } else { nearest_m.min(wall.distance(point)) }
+        })
     }
 }
 
