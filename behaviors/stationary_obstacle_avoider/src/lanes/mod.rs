@@ -67,6 +67,8 @@ const NARROW_FREE_M: (f64, f64) = (1.0, 0.4);
 /// Error of the walls of a corridor that is seen, m, and of those of a map.
 const SEEN_WALL_ERROR_M: f64 = 0.05;
 const MAP_WALL_ERROR_M: f64 = 0.03;
+/// Distance from the robot up to which walls matter, m: evidence and lanes reach less far.
+const NEAR_WALLS_M: f64 = 5.0;
 /// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);
 /// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; smallest number of its cells.
@@ -94,7 +96,9 @@ pub struct LaneAvoider {
     /// Distance at which the robot nearly touches, m.
     touch_m: f64,
     size: [u32; 2],
+    /// Walls of the building or of the corridor, and those of them around the robot.
     map: WireFrame,
+    near_walls: WireFrame,
     columns: FloorColumns,
     motion: Option<FloorMotion>,
     edges: Option<UprightEdges>,
@@ -146,6 +150,7 @@ impl LaneAvoider {
             edges: config.uses_geometry.then(|| UprightEdges::new(&pinhole, &mount)).flatten(),
             hidden: HiddenFan::new(Point2::new(mount.x, mount.y)),
             edges_from: None,
+            near_walls: map.clone(),
             map,
             columns,
             grid: OccupancyGrid::default(),
@@ -180,6 +185,10 @@ impl LaneAvoider {
             Err(Reason::MalformedInput) => self.failure = Some(Reason::MalformedInput),
             // A corridor that is out of view for a while is passed by odometry.
             Ok(_) | Err(_) => self.guidance.draw(&mut self.map),
+        }
+        if let (Some(on_map), Some(newest)) = (self.map_from_odometry(), self.odometry.newest()) {
+            let robot = on_map.transform_point(newest.pose.position());
+            self.near_walls.take_walls_near(&self.map, robot, NEAR_WALLS_M);
         }
         let picture = inputs.latest(&CAMERA).filter(|_| inputs.is_fresh(&CAMERA));
         if let Some(frame) = &picture {
@@ -256,10 +265,10 @@ impl LaneAvoider {
         self.advance(stamp, &robot);
         self.sudden_echo.update(stamp.as_secs_f64(), self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD), robot);
         let on_map = self.map_from_odometry();
-        let map = &self.map;
+        let walls = &self.near_walls;
         for beam in self.sonar.beams() {
             let is_open = |place: Point2<f64>| {
-                on_map.is_none_or(|on_map| map.clearance(on_map.transform_point(place)) > WALL_M)
+                on_map.is_none_or(|on_map| walls.clearance(on_map.transform_point(place)) > WALL_M)
             };
             self.grid.add_beam(beam, &robot, is_open);
         }
@@ -297,9 +306,9 @@ impl LaneAvoider {
         let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
         let sees_crossing = is_matt && moving.count() >= MIN_MOVING;
         let is_crossed = sees_crossing || self.sudden_echo.moves(now.as_secs_f64());
-        let map = &self.map;
+        let walls = &self.near_walls;
         let wall_m = |place: Point2<f64>| {
-            robot.map_or(f64::INFINITY, |robot| map.clearance(robot.transform_point(place)))
+            robot.map_or(f64::INFINITY, |robot| walls.clearance(robot.transform_point(place)))
         };
         let scene = Scene {
             path: &self.path,
@@ -389,14 +398,15 @@ impl LaneAvoider {
     /// Gathers the occupied cells around the robot that are not walls.
     fn gather_occupied(&mut self, robot: &Pose2, on_map: Option<&Pose2>) {
         let to_robot = robot.inverse();
-        let (map, (behind_m, ahead_m, aside_m)) = (&self.map, AROUND_M);
+        let (walls, (behind_m, ahead_m, aside_m)) = (&self.near_walls, AROUND_M);
         let to_path = Rotation2::new(-self.path.heading());
         self.occupied.clear();
         for cell in self.grid.occupied() {
             let place = to_robot.transform_point(cell);
             let on_path = to_path * place;
             let is_around = (behind_m..ahead_m).contains(&on_path.x) && on_path.y.abs() < aside_m;
-            let is_open = || on_map.is_none_or(|on_map| map.clearance(on_map.transform_point(cell)) > WALL_M);
+            let is_open =
+                || on_map.is_none_or(|on_map| walls.clearance(on_map.transform_point(cell)) > WALL_M);
             if is_around && self.occupied.len() < MAX_CELLS && is_open() {
                 self.occupied.push(place.cast());
             }

@@ -89,8 +89,8 @@ impl LaneAvoider {
     /// Adds the floor that the picture shows, and where it ends.
     fn add_look(&mut self, robot: Pose2) {
         let on_map = self.map_from_odometry();
-        let Self { grid, columns, hidden, edges, map, motion, sonar, .. } = self;
-        let ground = Ground { robot, on_map, map, motion: motion.as_ref() };
+        let Self { grid, columns, hidden, edges, near_walls, motion, sonar, .. } = self;
+        let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         let floor = columns.free().filter(|&place| place.x < FLOOR_M && !hidden.is_hidden(place));
         grid.add_floor(floor.map(|place| ground.odometry(place)), FLOOR);
         let is_thing = |end: &FloorEnd| end.place.x < FLOOR_END_M && ground.is_raised(end.place);
@@ -112,8 +112,8 @@ impl LaneAvoider {
     /// Adds upright edges, and what moves as a thing.
     fn add_geometry(&mut self, robot: Pose2) {
         let on_map = self.map_from_odometry();
-        let Self { grid, edges, edges_from, map, motion, path, .. } = self;
-        let ground = Ground { robot, on_map, map, motion: motion.as_ref() };
+        let Self { grid, edges, edges_from, near_walls, motion, path, .. } = self;
+        let ground = Ground { robot, on_map, near_walls, motion: motion.as_ref() };
         if let Some(edges) = edges
             && !edges.found().is_empty()
             && edges_from.is_none_or(|from| from.distance(&robot) > EDGE_MOTION_M)
@@ -138,7 +138,7 @@ struct Ground<'a> {
     robot: Pose2,
     /// Transform from the odometry frame to the map frame.
     on_map: Option<Pose2>,
-    map: &'a WireFrame,
+    near_walls: &'a WireFrame,
     motion: Option<&'a FloorMotion>,
 }
 
@@ -162,9 +162,9 @@ impl Ground<'_> {
 
     /// Cells behind the foot of an obstacle that count as its own; none of a wall, behind which nothing needs to be known.
     fn cells_behind(&self, foot: Point2<f64>) -> u8 {
-        let is_wall = self
-            .on_map
-            .is_some_and(|on_map| self.map.clearance(on_map.transform_point(self.odometry(foot))) < WALL_M);
+        let is_wall = self.on_map.is_some_and(|on_map| {
+            self.near_walls.clearance(on_map.transform_point(self.odometry(foot))) < WALL_M
+        });
         if is_wall { 0 } else { HIDDEN_CELLS }
     }
 }

@@ -151,6 +151,14 @@ impl WireFrame {
         self.walls.extend_from_slice(walls);
     }
 
+    /// Takes over the walls of `map` that come within `reach_m` (m) of a point, some that are farther, and no edges; reuses the
+    /// buffers.
+    pub fn take_walls_near(&mut self, map: &Self, point: Point2<f64>, reach_m: f64) {
+        self.edges.clear();
+        self.walls.clear();
+        self.walls.extend(map.walls.iter().filter(|wall| !wall.is_farther(point, reach_m)));
+    }
+
     /// Reads and validates a map file.
     ///
     /// # Errors
@@ -363,6 +371,23 @@ mod tests {
         let kinds: Vec<EdgeKind> = map.edges().iter().map(|edge| edge.kind).collect();
         assert_eq!(kinds, [EdgeKind::Vertical, EdgeKind::Horizontal, EdgeKind::Other]);
         assert_eq!(map.walls().len(), 1);
+    }
+
+    #[test]
+    fn the_clearance_is_the_smallest_distance_and_near_walls_suffice_for_it() {
+        let place = |i: usize| Point2::new((7 * i % 23) as f64 * 0.5, (11 * i % 17) as f64 * 0.4);
+        let wall = |i: usize| Wall { from: place(i), to: place(i + 1) };
+        let map = WireFrame::new(vec![], (0..40).map(wall).collect());
+        let mut near = WireFrame::default();
+        for at in (0..60).map(|i| Point2::new(i as f64 * 0.31 - 2.0, (i % 13) as f64 * 0.9 - 3.0)) {
+            let distances = map.walls().iter().map(|wall| wall.distance(at));
+            let nearest_m = distances.fold(f64::INFINITY, f64::min);
+            assert_eq!(map.clearance(at), nearest_m, "{at}");
+            near.take_walls_near(&map, at, nearest_m + 0.1);
+            assert!(near.walls().len() < map.walls().len());
+            assert_eq!(near.clearance(at), nearest_m, "{at}");
+        }
+        assert_eq!(WireFrame::default().clearance(Point2::origin()), f64::INFINITY);
     }
 
     #[test]
