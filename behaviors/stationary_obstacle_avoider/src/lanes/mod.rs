@@ -67,7 +67,7 @@ const NARROW_FREE_M: (f64, f64) = (1.0, 0.4);
 /// Error of the walls of a corridor that is seen, m, and of those of a map.
 const SEEN_WALL_ERROR_M: f64 = 0.05;
 const MAP_WALL_ERROR_M: f64 = 0.03;
-/// Distance from the robot up to which walls matter, m: evidence and lanes reach less far.
+/// Distance from the robot up to which walls matter, m: evidence reaches less far, and so do lanes of a path that is not 4 m away.
 const NEAR_WALLS_M: f64 = 5.0;
 /// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);

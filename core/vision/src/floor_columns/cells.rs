@@ -21,9 +21,9 @@ pub struct CellImage {
     size: [usize; 2],
     /// Sums of the channels of one row of cells.
     sums: Vec<[u32; 3]>,
-    /// Means of each channel; the rows end in [`LANES`] numbers without meaning.
-    means: [Vec<f32>; 3],
-    /// Medians of one row of a channel.
+    /// Means of one channel; the rows end in [`LANES`] numbers without meaning.
+    means: Vec<f32>,
+    /// Medians of one row of that channel.
     medians: Vec<f32>,
     colors: Vec<Lab>,
 }
@@ -43,7 +43,7 @@ impl CellImage {
             cell: [across, down],
             size,
             sums: vec![[0; 3]; size[0]],
-            means: std::array::from_fn(|_| vec![0.0; stride * size[1]]),
+            means: vec![0.0; stride * size[1]],
             medians: vec![0.0; stride],
             colors: vec![Lab::default(); size[0] * size[1]],
         }
@@ -118,13 +118,12 @@ impl CellImage {
     fn take_medians(&mut self, channel: usize) {
         let [columns, rows] = self.size;
         let stride = columns + LANES;
-        let means = &mut self.means[channel];
-        for (means, colors) in means.chunks_exact_mut(stride).zip(self.colors.chunks_exact(columns)) {
+        for (means, colors) in self.means.chunks_exact_mut(stride).zip(self.colors.chunks_exact(columns)) {
             means.iter_mut().zip(colors).for_each(|(mean, color)| *mean = color[channel]);
         }
         let inside = 1..columns.saturating_sub(1);
         for row in 1..rows.saturating_sub(1) {
-            let rows = [row - 1, row, row + 1].map(|row| &means[row * stride..][..stride]);
+            let rows = [row - 1, row, row + 1].map(|row| &self.means[row * stride..][..stride]);
             vectorize::run(RowMedians { rows, medians: &mut self.medians });
             let colors = &mut self.colors[row * columns..][..columns];
             for column in inside.clone() {
