@@ -111,6 +111,10 @@ pub struct Lost {
     #[default(10.0)]
     #[schemars(range(min = 2.0, max = 45.0))]
     pub step_deg: f64,
+    /// Maximum distance from where the corridor was followed last up to which the robot creeps on in its direction before it searches.
+    /// Only where other behaviors see what stands in the way.
+    #[schemars(range(min = 0.0, max = 3.0))]
+    pub creep_m: f64,
 }
 
 impl Config {

@@ -228,6 +228,9 @@ impl Behavior for WallFollower {
                     .with_evidence(last_frame)
                     .with_reason(Reason::Searching)
             }
+            (Some(Recovery::CreepAlong(heading)), _) => {
+                self.creep_along(pose.map_or(0.0, |pose| pose.theta), heading).with_evidence(last_frame)
+            }
             _ => Proposal::abstain(self.loss_reason(last_frame, now)).with_evidence(evidence),
         };
         self.stamped(proposal)
@@ -298,9 +301,16 @@ impl WallFollower {
         let leads_away = |heading: f64| {
             poses.is_some_and(|(pose, stamp)| self.direction.leads_away(&pose, heading, stamp))
         };
+        let is_lost = !self.track.has_heading();
         let observation = match seen.observation {
             Ok(_) if seen.is_far && self.found_in_row > 0 => Err(Reason::NoVanishingPoint),
             Ok(seen) if leads_away(seen.heading) => Err(Reason::Gated),
+            Ok(seen)
+                if is_lost
+                    && poses.is_some_and(|(pose, _)| !self.direction.is_confirmed(&pose, seen.heading)) =>
+            {
+                Err(Reason::Gated)
+            }
             observation => observation,
         };
         let verdict = observation.map(|observation| self.track.update(&observation));
@@ -351,8 +361,9 @@ impl WallFollower {
             _ => 0.0,
         };
         let loss = Loss {
-            // A single look does not establish a corridor to coast along.
-            for_s: if self.found_in_row < ESTABLISHED_FRAMES { f64::INFINITY } else { age_s },
+            for_s: age_s,
+            is_established: self.found_in_row >= ESTABLISHED_FRAMES,
+            is_open: self.ahead.range_m().is_none(),
             for_m: driven_m,
             // Turning does not help against a silent camera or malformed frames.
             heading: pose

@@ -1,8 +1,9 @@
-//! Recovery while no vanishing point is found: coast, stop, look to both sides, give up.
+//! Recovery while no vanishing point is found: coast, creep on, stop, look to both sides, give up.
 
 use yamabico_core::geometry::angle_difference;
 
 use crate::config::Lost;
+use crate::steering::CREEP_MPS;
 
 /// Tolerance of the heading at which a search direction is reached, rad.
 const ARRIVED_RAD: f64 = 0.03;
@@ -12,6 +13,8 @@ const ARRIVED_RAD: f64 = 0.03;
 pub enum Recovery {
     /// Drive on at half speed by the last estimate.
     Coast,
+    /// Drive on slowly in the direction of the corridor, heading in the odometry frame, radians.
+    CreepAlong(f64),
     /// Turn in place to this heading in the odometry frame, radians.
     TurnTo(f64),
     /// Stop: the search is complete, or impossible without odometry.
@@ -36,12 +39,16 @@ struct Search {
 pub struct Loss {
     /// Time since the last frame with a vanishing point, s; infinite if there was none.
     pub for_s: f64,
+    /// True if enough frames showed the corridor to coast along: a single look does not establish one.
+    pub is_established: bool,
     /// Distance driven since then, m.
     pub for_m: f64,
     /// Heading in the odometry frame, rad; `None` without odometry.
     pub heading: Option<f64>,
     /// Heading along the corridor that was followed last, odometry frame, rad; `None` if it is unknown.
     pub along: Option<f64>,
+    /// True if no wall across the way is in view.
+    pub is_open: bool,
     /// True if a frame without a vanishing point arrived since the last call.
     pub has_new_frame: bool,
 }
@@ -54,10 +61,18 @@ impl Recoverer {
 
     /// Returns the next action.
     pub fn step(&mut self, loss: &Loss, rules: &Lost) -> Recovery {
-        if self.search.is_none() && loss.for_s <= rules.coast_s && loss.for_m <= rules.coast_m {
+        let may_coast = loss.is_established && loss.for_s <= rules.coast_s && loss.for_m <= rules.coast_m;
+        if self.search.is_none() && may_coast {
             return Recovery::Coast;
         }
         let Some(heading) = loss.heading else { return Recovery::GiveUp };
+        let may_creep = self.search.is_none()
+            && loss.is_open
+            && loss.for_m < rules.creep_m
+            && loss.for_s < rules.coast_s + rules.creep_m / CREEP_MPS;
+        if let Some(along) = loss.along.filter(|_| may_creep) {
+            return Recovery::CreepAlong(along);
+        }
         let start_heading = loss.along.unwrap_or(heading);
         let search = self.search.get_or_insert(Search { start_heading, step: 0, has_arrived: false });
         let Some(offset) = search_offset(search.step, rules) else { return Recovery::GiveUp };
@@ -90,7 +105,7 @@ mod tests {
     use super::*;
 
     fn loss(for_s: f64, for_m: f64, heading: Option<f64>) -> Loss {
-        Loss { for_s, for_m, heading, along: None, has_new_frame: true }
+        Loss { for_s, for_m, is_established: true, heading, along: None, is_open: true, has_new_frame: true }
     }
 
     #[test]
@@ -137,6 +152,23 @@ mod tests {
         }
         let looked = Loss { heading: Some(first), has_new_frame: true, ..blind };
         assert_ne!(recoverer.step(&looked, &rules), Recovery::TurnTo(first));
+    }
+
+    #[test]
+    fn creeps_on_for_a_while_before_it_searches() {
+        let rules = Lost { creep_m: 2.0, ..Lost::default() };
+        let step = |for_s: f64, for_m: f64, along: Option<f64>| {
+            Recoverer::default().step(&Loss { along, ..loss(for_s, for_m, Some(0.4)) }, &rules)
+        };
+        assert_eq!(step(0.9, 0.4, Some(0.1)), Recovery::Coast);
+        assert_eq!(step(5.0, 1.0, Some(0.1)), Recovery::CreepAlong(0.1));
+        assert_eq!(step(5.0, 2.1, Some(0.1)), Recovery::TurnTo(0.1), "too far");
+        assert_eq!(step(22.0, 1.0, Some(0.1)), Recovery::TurnTo(0.1), "too long");
+        assert_eq!(step(5.0, 1.0, None), Recovery::TurnTo(0.4), "no direction is known");
+        let before_wall = Loss { is_open: false, along: Some(0.1), ..loss(5.0, 1.0, Some(0.4)) };
+        assert_eq!(Recoverer::default().step(&before_wall, &rules), Recovery::TurnTo(0.1));
+        let glimpse = Loss { is_established: false, along: Some(0.1), ..loss(0.2, 0.0, Some(0.4)) };
+        assert_eq!(Recoverer::default().step(&glimpse, &rules), Recovery::CreepAlong(0.1));
     }
 
     #[test]

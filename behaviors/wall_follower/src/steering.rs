@@ -13,8 +13,8 @@ use crate::corridor_track::Estimate;
 const TURN_FIRST_RAD: f64 = 1.05;
 /// Heading (rad) away from a wall that is too near.
 const STEER_AWAY_RAD: f64 = 0.262;
-/// Speed while steering away from a near wall, m/s.
-const CREEP_MPS: f64 = 0.1;
+/// Speed while steering away from a near wall, and along a corridor out of view, m/s.
+pub(crate) const CREEP_MPS: f64 = 0.1;
 /// Probability of a corridor below which a wall ahead is no end of it.
 const IN_CORRIDOR: f64 = 0.5;
 /// Share of the cruising speed before a wall whose distance is not measured.
@@ -98,6 +98,21 @@ impl WallFollower {
             .uncoupled()
             .with_reason(Reason::WallNear)
             .with_note(format_args!("wall at {clearance_m:.2} m"))
+    }
+
+    /// Proposes to drive on slowly from the heading `from` toward `to` (rad, odometry frame), along a corridor out of view; if that is far
+    /// off, to turn in place first.
+    pub(crate) fn creep_along(&self, from: f64, to: f64) -> Proposal {
+        let largest_radps = self.config.max_turn_radps;
+        let proposal = if angle_difference(from, to).abs() > STEER_AWAY_RAD {
+            turn_in_place(from, to, largest_radps)
+        } else {
+            let speed = self.config.speed_mps.min(CREEP_MPS);
+            Proposal::drive(Axes::PLANAR, Twist::planar(speed, align_in_place(from, to, largest_radps)))
+        };
+        proposal
+            .with_reason(Reason::Searching)
+            .with_note(format_args!("creeps on in the direction of the corridor"))
     }
 
     /// Proposes to turn back at the end of the corridor, if that is configured and the robot stands before a wall.
