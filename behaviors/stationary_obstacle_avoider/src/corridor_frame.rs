@@ -26,7 +26,7 @@ const UNKNOWN_WALL_M: f64 = 3.0;
 const MAX_WALL_SIGMA_M: f64 = 0.3;
 /// Deviation from the prediction above which a measurement is rejected, standard deviations.
 const MAX_DEVIATION: f64 = 4.0;
-/// Number of rejections in a row after which the estimate starts anew from the measurements.
+/// Number of rejections in a row after which the heading or a wall starts anew from the measurements.
 const MAX_REJECTIONS: u32 = 10;
 /// Length of the walls behind and ahead of the robot, m.
 const WALL_REACH_M: (f64, f64) = (5.0, 25.0);
@@ -44,7 +44,8 @@ pub struct CorridorFrame {
     covariance: Matrix4<f64>,
     /// Odometry at the state.
     odometry: Pose2,
-    rejections: u32,
+    /// Numbers of rejections in a row: of the heading, the left, and the right wall.
+    rejections: [u32; 3],
 }
 
 impl CorridorFrame {
@@ -57,7 +58,7 @@ impl CorridorFrame {
             state: Vector4::new(0.0, 0.0, UNKNOWN_WALL_M, -UNKNOWN_WALL_M),
             covariance: Matrix4::from_diagonal(&Vector4::new(0.0, 1.0, wall, wall)),
             odometry,
-            rejections: 0,
+            rejections: [0; 3],
         }
     }
 
@@ -71,22 +72,18 @@ impl CorridorFrame {
         self.predict(odometry);
         let heading_sigma = corridor.heading_sigma_rad.max(MIN_SIGMA.0);
         let heading = angle_difference(corridor.heading_rad, self.state[1]);
-        let mut is_rejected = !self.correct(Vector4::new(0.0, 1.0, 0.0, 0.0), heading, heading_sigma);
+        let is_rejected = !self.correct(Vector4::new(0.0, 1.0, 0.0, 0.0), heading, heading_sigma);
+        self.count(0, is_rejected, 1.0);
         let sides = [
             (Vector4::new(-1.0, 0.0, 1.0, 0.0), corridor.left_m, corridor.left_sigma_m),
             (Vector4::new(1.0, 0.0, 0.0, -1.0), corridor.right_m, corridor.right_sigma_m),
         ];
-        for (row, distance_m, sigma_m) in sides {
+        for (i, (row, distance_m, sigma_m)) in sides.into_iter().enumerate() {
             let deviation = distance_m - row.dot(&self.state);
             if deviation.is_finite() && !sigma_m.is_nan() {
-                is_rejected |= !self.correct(row, deviation, sigma_m.max(MIN_SIGMA.1));
+                let is_rejected = !self.correct(row, deviation, sigma_m.max(MIN_SIGMA.1));
+                self.count(i + 1, is_rejected, UNKNOWN_WALL_M * UNKNOWN_WALL_M);
             }
-        }
-        self.rejections = if is_rejected { self.rejections + 1 } else { 0 };
-        if self.rejections > MAX_REJECTIONS {
-            let wall = UNKNOWN_WALL_M * UNKNOWN_WALL_M;
-            self.covariance += Matrix4::from_diagonal(&Vector4::new(0.0, 1.0, wall, wall));
-            self.rejections = 0;
         }
         true
     }
@@ -159,6 +156,17 @@ impl CorridorFrame {
         self.state[1] = moved.theta;
     }
 
+    /// Counts whether a measurement of the heading (0), the left (1) or the right wall (2) was rejected; after too many in a row adds
+    /// `variance` to the estimate, so that the next one is believed.
+    fn count(&mut self, measured: usize, is_rejected: bool, variance: f64) {
+        let rejections = &mut self.rejections[measured];
+        *rejections = if is_rejected { *rejections + 1 } else { 0 };
+        if *rejections > MAX_REJECTIONS {
+            *rejections = 0;
+            self.covariance[(measured + 1, measured + 1)] += variance;
+        }
+    }
+
     /// Corrects the state by a measurement that deviates by `deviation` from `row` times the state. Returns false if it
     /// is rejected.
     fn correct(&mut self, row: Vector4<f64>, deviation: f64, sigma: f64) -> bool {
@@ -181,7 +189,7 @@ struct SavedFrame {
     state: [f64; 4],
     covariance: [[f64; 4]; 4],
     odometry: Pose2,
-    rejections: u32,
+    rejections: [u32; 3],
 }
 
 impl From<SavedFrame> for CorridorFrame {
@@ -249,6 +257,20 @@ mod tests {
             frame.update(&seen(0.0, 0.9), Pose2::IDENTITY);
         }
         assert!((frame.pose().theta - 0.9).abs() < 0.01, "{:?}", frame.pose());
+    }
+
+    #[test]
+    fn a_wall_that_steps_aside_does_not_put_the_heading_in_doubt() {
+        let mut frame = CorridorFrame::new(Pose2::IDENTITY);
+        for i in 0..20 + MAX_REJECTIONS {
+            let left_m = if i < 20 { 1.0 } else { 2.5 };
+            frame.update(&Corridor { left_m, ..seen(0.0, 0.1) }, Pose2::IDENTITY);
+        }
+        frame.update(&Corridor { left_m: 2.5, ..seen(0.0, 0.9) }, Pose2::IDENTITY);
+        assert!((frame.pose().theta - 0.1).abs() < 0.01, "{:?}", frame.pose());
+        frame.update(&Corridor { left_m: 2.5, ..seen(0.0, 0.1) }, Pose2::IDENTITY);
+        let left_m = frame.walls_m()[0].expect("the wall") - frame.pose().y;
+        assert!((left_m - 2.5).abs() < 0.1, "{left_m}");
     }
 
     #[test]
