@@ -11,10 +11,12 @@ const KEPT_M: f64 = 3.0;
 const FOLLOWS_OVER_M: f64 = 4.0;
 /// Angle to the direction that is kept up to which a wall ahead is across it, rad.
 const AHEAD_RAD: f64 = 0.4;
+/// Distance over which the corridor was followed from which its direction is settled, m: the first looks may be wrong.
+const SETTLED_M: f64 = 1.0;
 /// Angle between directions from which one leads back, rad.
 const BACK_RAD: f64 = 1.9;
-/// Angle between directions from which one leads aside, rad: wheels that slip turn the odometry by less.
-const ASIDE_RAD: f64 = 0.26;
+/// Angle from which a direction leads aside of one that is settled, or not yet, rad: wheels that slip turn the odometry by less.
+const ASIDE_RAD: (f64, f64) = (0.26, 0.4);
 /// Times for which no such direction is believed, s: before a wall across the way, and where none was seen. Lines on a wall meet
 /// beside the corridor, and a robot that has turned before an obstacle sees a room or a corridor that crosses; a bend is still
 /// there after the search.
@@ -45,7 +47,7 @@ impl Direction {
             return;
         }
         let seen = pose.theta - heading;
-        let kept = self.heading(pose).filter(|kept| angle_difference(seen, *kept).abs() < ASIDE_RAD);
+        let kept = self.heading(pose).filter(|kept| angle_difference(seen, *kept).abs() < self.aside_rad());
         let (theta, over_m) = match (kept, self.followed) {
             (Some(kept), Some((last, _, over_m))) => {
                 // The mean over the first meters.
@@ -62,13 +64,25 @@ impl Direction {
     /// was followed, or if enough looks in a row agree on it.
     pub fn is_confirmed(&mut self, pose: &Pose2, heading: f64) -> bool {
         let seen = pose.theta - heading;
-        if self.heading(pose).is_none_or(|kept| angle_difference(seen, kept).abs() < LIKELY_RAD) {
+        let settled = self.heading(pose).filter(|_| self.is_settled());
+        if settled.is_none_or(|kept| angle_difference(seen, kept).abs() < LIKELY_RAD) {
             self.unlikely = (seen, 0);
             return true;
         }
         let agrees = angle_difference(seen, self.unlikely.0).abs() < AGREE_RAD;
         self.unlikely = (seen, if agrees { self.unlikely.1 + 1 } else { 1 });
         self.unlikely.1 >= LOOKS
+    }
+
+    /// True if the corridor was followed over some distance: before that, the direction may be wrong.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        self.followed.is_some_and(|(.., over_m)| over_m >= SETTLED_M)
+    }
+
+    /// Angle between directions from which one leads aside, rad.
+    fn aside_rad(&self) -> f64 {
+        if self.is_settled() { ASIDE_RAD.0 } else { ASIDE_RAD.1 }
     }
 
     /// Notes a wall ahead of the robot at `pose`: in the direction that it keeps, the corridor ends.
@@ -96,7 +110,7 @@ impl Direction {
         let (Some(kept), Some((_, at, _))) = (self.heading(pose), self.followed) else { return false };
         let off = angle_difference(pose.theta - heading, kept).abs();
         let aside_s = if self.ends { ASIDE_S } else { ASIDE_WITHOUT_WALL_S };
-        off > BACK_RAD || (off > ASIDE_RAD && now.seconds_after(at) < aside_s)
+        off > BACK_RAD || (off > self.aside_rad() && now.seconds_after(at) < aside_s)
     }
 }
 
@@ -112,7 +126,7 @@ mod tests {
         let heading = |direction: &Direction, pose: &Pose2| direction.heading(pose).expect("known");
         for step in 0..50 {
             let pose = Pose2::new(0.02 * f64::from(step), 0.0, 0.1);
-            direction.follow(&pose, if step % 5 == 4 { -0.3 } else { 0.1 }, Time(0));
+            direction.follow(&pose, if step % 5 == 4 { -0.4 } else { 0.1 }, Time(0));
             assert!(heading(&direction, &pose).abs() < 1e-9, "another direction now and then");
         }
         for step in 0..50 {
@@ -132,8 +146,11 @@ mod tests {
     fn after_a_loss_looks_must_agree_on_another_direction() {
         let (mut direction, here) = (Direction::default(), Pose2::new(1.0, 0.5, 0.2));
         assert!(direction.is_confirmed(&here, 0.5), "nothing was followed");
+        direction.follow(&Pose2::new(0.4, 0.5, 0.2), 0.1, Time(0));
+        assert!(direction.is_confirmed(&here, 0.5), "not settled");
+        direction.follow(&Pose2::new(-0.2, 0.5, 0.2), 0.2, Time(0));
         direction.follow(&here, 0.2, Time(0));
-        assert!(direction.is_confirmed(&here, 0.1));
+        assert!(direction.is_settled() && direction.is_confirmed(&here, 0.1));
         let looks = |direction: &mut Direction, headings: [f64; 5]| {
             headings.map(|heading| direction.is_confirmed(&here, heading))
         };

@@ -363,7 +363,7 @@ impl WallFollower {
         let loss = Loss {
             for_s: age_s,
             is_established: self.found_in_row >= ESTABLISHED_FRAMES,
-            is_open: self.ahead.range_m().is_none(),
+            leads_on: self.direction.is_settled() && self.ahead.range_m().is_none(),
             for_m: driven_m,
             // Turning does not help against a silent camera or malformed frames.
             heading: pose

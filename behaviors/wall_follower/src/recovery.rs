@@ -47,8 +47,8 @@ pub struct Loss {
     pub heading: Option<f64>,
     /// Heading along the corridor that was followed last, odometry frame, rad; `None` if it is unknown.
     pub along: Option<f64>,
-    /// True if no wall across the way is in view.
-    pub is_open: bool,
+    /// True if that heading is settled, and no wall across the way is in view.
+    pub leads_on: bool,
     /// True if a frame without a vanishing point arrived since the last call.
     pub has_new_frame: bool,
 }
@@ -67,7 +67,7 @@ impl Recoverer {
         }
         let Some(heading) = loss.heading else { return Recovery::GiveUp };
         let may_creep = self.search.is_none()
-            && loss.is_open
+            && loss.leads_on
             && loss.for_m < rules.creep_m
             && loss.for_s < rules.coast_s + rules.creep_m / CREEP_MPS;
         if let Some(along) = loss.along.filter(|_| may_creep) {
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     fn loss(for_s: f64, for_m: f64, heading: Option<f64>) -> Loss {
-        Loss { for_s, for_m, is_established: true, heading, along: None, is_open: true, has_new_frame: true }
+        Loss { for_s, for_m, is_established: true, heading, along: None, leads_on: true, has_new_frame: true }
     }
 
     #[test]
@@ -165,7 +165,7 @@ mod tests {
         assert_eq!(step(5.0, 2.1, Some(0.1)), Recovery::TurnTo(0.1), "too far");
         assert_eq!(step(22.0, 1.0, Some(0.1)), Recovery::TurnTo(0.1), "too long");
         assert_eq!(step(5.0, 1.0, None), Recovery::TurnTo(0.4), "no direction is known");
-        let before_wall = Loss { is_open: false, along: Some(0.1), ..loss(5.0, 1.0, Some(0.4)) };
+        let before_wall = Loss { leads_on: false, along: Some(0.1), ..loss(5.0, 1.0, Some(0.4)) };
         assert_eq!(Recoverer::default().step(&before_wall, &rules), Recovery::TurnTo(0.1));
         let glimpse = Loss { is_established: false, along: Some(0.1), ..loss(0.2, 0.0, Some(0.4)) };
         assert_eq!(Recoverer::default().step(&glimpse, &rules), Recovery::CreepAlong(0.1));

@@ -8,7 +8,6 @@ use yamabico_vision::floor_appearance::Picture;
 use yamabico_vision::floor_columns::FloorEnd;
 use yamabico_vision::map::WireFrame;
 
-use super::beam_cone::BeamCone;
 use super::motion::FloorMotion;
 use super::occupancy::{self, Evidence, neighbors};
 use super::upright_edges::UprightEdges;
@@ -101,9 +100,7 @@ impl LaneAvoider {
             grid.add_thing(ground.deep(ends), weight);
         }
         // Light and paint give no echo, and things give none at most angles: two senses that once agreed outlast silence.
-        let is_heard =
-            |place| beams_with_echo_at(place, beams).any(|(beam, echo_m)| !ground.is_of_wall(beam, echo_m));
-        let heard = columns.ends().filter(|end| is_thing(end) && is_heard(end.place));
+        let heard = columns.ends().filter(|end| is_thing(end) && is_at_echo(end.place, beams));
         grid.add(Evidence::Upright, ground.deep(heard), FLOOR_END_AT_ECHO);
         // The side of a thing whose foot is below the picture.
         let cut =
@@ -165,18 +162,10 @@ impl Ground<'_> {
 
     /// Cells behind the foot of an obstacle that count as its own; none of a wall, behind which nothing needs to be known.
     fn cells_behind(&self, foot: Point2<f64>) -> u8 {
-        if self.is_wall(self.odometry(foot)) { 0 } else { HIDDEN_CELLS }
-    }
-
-    /// True if a wall explains the echo of a beam at `echo_m`.
-    fn is_of_wall(&self, beam: &Beam, echo_m: f64) -> bool {
-        let cone = BeamCone::new(beam, &self.robot);
-        cone.is_some_and(|cone| cone.arc(echo_m).any(|place| self.is_wall(place)))
-    }
-
-    /// True if a place (odometry frame) belongs to a wall of the map or of the corridor.
-    fn is_wall(&self, place: Point2<f64>) -> bool {
-        self.on_map.is_some_and(|on_map| self.near_walls.clearance(on_map.transform_point(place)) < WALL_M)
+        let is_wall = self.on_map.is_some_and(|on_map| {
+            self.near_walls.clearance(on_map.transform_point(self.odometry(foot))) < WALL_M
+        });
+        if is_wall { 0 } else { HIDDEN_CELLS }
     }
 }
 
@@ -200,11 +189,10 @@ fn end_weight(place: Point2<f64>, beams: &[Beam]) -> f32 {
     }
 }
 
-/// Beams that have an echo at `place`, and its range, m.
-fn beams_with_echo_at(place: Point2<f64>, beams: &[Beam]) -> impl Iterator<Item = (&Beam, f64)> {
-    beams_to(place, beams).filter_map(|(beam, range_m)| {
-        beam.echo_m().filter(|echo_m| (range_m - echo_m).abs() < AT_ECHO_M).map(|echo_m| (beam, echo_m))
-    })
+/// True if a beam has an echo at `place`.
+fn is_at_echo(place: Point2<f64>, beams: &[Beam]) -> bool {
+    beams_to(place, beams)
+        .any(|(beam, range_m)| beam.echo_m().is_some_and(|echo_m| (range_m - echo_m).abs() < AT_ECHO_M))
 }
 
 /// Places from the foot of an obstacle on, that many cells in the direction `away` from the robot: it is deeper than its foot, and
@@ -222,7 +210,6 @@ fn angle_between(a: f64, b: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use yamabico_core::message::NO_ECHO;
-    use yamabico_vision::map::Wall;
 
     use super::*;
 
@@ -232,32 +219,12 @@ mod tests {
             |range_m: f64, flags: u32| Beam { cone_rad: 0.6, range_m, x_m: 0.2, flags, ..Beam::default() };
         let judged = |x: f64, y: f64, beam: Beam| {
             let place = Point2::new(x, y);
-            (end_weight(place, &[beam]), beams_with_echo_at(place, &[beam]).next().is_some())
+            (end_weight(place, &[beam]), is_at_echo(place, &[beam]))
         };
         assert_eq!(judged(1.25, 0.1, beam(1.0, 0)), (FLOOR_END, true));
         assert_eq!(judged(1.0, 0.1, beam(1.0, 0)), (FLOOR_END_BEFORE_ECHO, false));
         assert_eq!(judged(1.4, 0.1, beam(1.0, 0)), (FLOOR_END, false), "behind the echo");
         assert_eq!(judged(1.2, 0.0, beam(2.0, NO_ECHO)), (FLOOR_END_IN_SILENCE, false));
         assert_eq!(judged(1.1, 0.5, beam(1.0, 0)), (FLOOR_END, false), "beside the beam");
-    }
-
-    #[test]
-    fn an_echo_of_a_wall_agrees_with_nothing() {
-        let wall = Wall { from: Point2::new(-5.0, 1.0), to: Point2::new(20.0, 1.0) };
-        let ground = |walls: &WireFrame, azimuth_rad: f64, echo_m: f64| {
-            let ground = Ground {
-                robot: Pose2::new(3.0, 0.0, 0.0),
-                on_map: Some(Pose2::IDENTITY),
-                near_walls: walls,
-                motion: None,
-            };
-            let beam = Beam { cone_rad: 0.5, azimuth_rad, range_m: echo_m, ..Beam::default() };
-            ground.is_of_wall(&beam, echo_m)
-        };
-        let walls = WireFrame::new(Vec::new(), vec![wall]);
-        assert!(ground(&walls, 0.8, 1.3), "a wall");
-        assert!(!ground(&walls, 0.8, 1.0), "a thing before it");
-        assert!(!ground(&walls, 0.0, 1.3), "a thing ahead");
-        assert!(!ground(&WireFrame::default(), 0.8, 1.3), "no wall is known");
     }
 }
