@@ -68,6 +68,8 @@ const SEARCH_RADPS: f64 = 0.5;
 const ESTABLISHED_FRAMES: u32 = 5;
 /// Age above which odometry is stale, s.
 const ODOMETRY_STALE_S: f64 = 0.3;
+/// Minimum time without a frame after which the camera is silent, s.
+const MIN_SILENT_S: f64 = 0.5;
 
 /// The behavior: drives along the centerline of a corridor.
 #[derive(Clone, Debug)]
@@ -231,7 +233,7 @@ impl Behavior for WallFollower {
             (Some(Recovery::CreepAlong(heading)), _) => {
                 self.creep_along(pose.map_or(0.0, |pose| pose.theta), heading).with_evidence(last_frame)
             }
-            _ => Proposal::abstain(self.loss_reason(last_frame, now)).with_evidence(evidence),
+            _ => Proposal::abstain(self.loss_reason(now)).with_evidence(evidence),
         };
         self.stamped(proposal)
     }
@@ -296,21 +298,9 @@ impl WallFollower {
     /// Updates the state by what was seen, and sets the reason of a failure.
     fn accept(&mut self, seen: &Seen) -> FrameResult {
         let abstains = self.evidence.is_some_and(|(_, action)| action == Action::Abstain);
-        // Who has followed a corridor looks for it, and does not turn toward a direction that no point in view confirms.
-        let poses = self.last_pose.zip(self.last_frame);
-        let leads_away = |heading: f64| {
-            poses.is_some_and(|(pose, stamp)| self.direction.leads_away(&pose, heading, stamp))
-        };
-        let is_lost = !self.track.has_heading();
         let observation = match seen.observation {
             Ok(_) if seen.is_far && self.found_in_row > 0 => Err(Reason::NoVanishingPoint),
-            Ok(seen) if leads_away(seen.heading) => Err(Reason::Gated),
-            Ok(seen)
-                if is_lost
-                    && poses.is_some_and(|(pose, _)| !self.direction.is_confirmed(&pose, seen.heading)) =>
-            {
-                Err(Reason::Gated)
-            }
+            Ok(seen) if self.is_doubtful(seen.heading) => Err(Reason::Gated),
             observation => observation,
         };
         let verdict = observation.map(|observation| self.track.update(&observation));
@@ -324,6 +314,15 @@ impl WallFollower {
         };
         self.failure = failure;
         result
+    }
+
+    /// Returns true if a corridor with this heading relative to its axis is not the one that was followed: who has followed one looks for
+    /// it, and does not turn toward a direction that no point in view confirms.
+    fn is_doubtful(&mut self, heading: f64) -> bool {
+        let Some((pose, stamp)) = self.last_pose.zip(self.last_frame) else { return false };
+        let is_lost = !self.track.has_heading();
+        self.direction.leads_away(&pose, heading, stamp)
+            || is_lost && !self.direction.is_confirmed(&pose, heading)
     }
 
     /// Returns why nothing is followed although lines meet.
@@ -352,7 +351,7 @@ impl WallFollower {
         if self.failure.is_none() && age_s <= self.config.lost.coast_s {
             return None;
         }
-        let is_silent = self.last_frame.is_none_or(|last| now.seconds_after(last) > self.config.lost.coast_s);
+        let is_silent = self.is_silent(now);
         if self.approaches_wall() && !is_silent {
             return Some(Recovery::Coast);
         }
@@ -365,10 +364,10 @@ impl WallFollower {
             is_established: self.found_in_row >= ESTABLISHED_FRAMES,
             leads_on: self.direction.is_settled() && self.ahead.range_m().is_none(),
             for_m: driven_m,
-            // Turning does not help against a silent camera or malformed frames.
+            // Neither turning nor creeping on helps against a silent camera or malformed frames.
             heading: pose
                 .map(|pose| pose.theta)
-                .filter(|_| self.failure.is_some_and(|why| why != Reason::MalformedInput)),
+                .filter(|_| !is_silent && self.failure.is_some_and(|why| why != Reason::MalformedInput)),
             along: pose.and_then(|pose| self.direction.heading(&pose)),
             has_new_frame: matches!(result, FrameResult::NotFound | FrameResult::Held),
         };
@@ -396,9 +395,17 @@ impl WallFollower {
     }
 
     /// Returns the reason for which there is no heading.
-    fn loss_reason(&self, last_frame: Time, now: Time) -> Reason {
-        let is_silent = now.seconds_after(last_frame) > self.config.lost.coast_s;
-        self.failure.unwrap_or(if is_silent { Reason::StaleInput } else { Reason::HeadingLost })
+    fn loss_reason(&self, now: Time) -> Reason {
+        let (is_silent, failure) = (self.is_silent(now), self.failure);
+        // What the last frame lacked matters no more once no other comes; frames that are refused do come.
+        let failure = failure.filter(|&why| !is_silent || why == Reason::MalformedInput);
+        failure.unwrap_or(if is_silent { Reason::StaleInput } else { Reason::HeadingLost })
+    }
+
+    /// Returns true if no frame has come for some time.
+    fn is_silent(&self, now: Time) -> bool {
+        let silent_s = self.config.lost.coast_s.max(MIN_SILENT_S);
+        self.last_frame.is_none_or(|last| now.seconds_after(last) > silent_s)
     }
 
     fn publish(&mut self, estimate: &Estimate, evidence: Time, now: Time, outputs: &mut Outputs<'_>) {

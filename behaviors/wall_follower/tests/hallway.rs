@@ -122,3 +122,28 @@ fn coasts_in_the_dark_then_searches_then_reports() {
     }
     assert!(drive.proposal.twist.linear > 0.2, "light again: {:?}", drive.proposal.reason());
 }
+
+#[test]
+fn creeps_on_in_the_dark_for_two_meters_where_others_see_the_way() {
+    let world = World::random_corridor(5, 2.0);
+    let mut drive = drive(&world, Pose2::IDENTITY, (256, 240), "speed_mps = 0.4\nlost = { creep_m = 2.0 }");
+    for _ in 0..250 {
+        drive.step();
+    }
+    drive.light = Light::Uniform(0);
+    let (dark_from_s, mut creeping_s) = (drive.now_s(), 0.0);
+    while drive.now_s() < dark_from_s + 40.0 {
+        drive.step();
+        let is_driving = drive.proposal.kind() == Some(Kind::Drive) && drive.proposal.twist.linear > 0.0;
+        if is_driving && drive.now_s() - dark_from_s > 1.3 + TICK_S {
+            assert_eq!(
+                (drive.proposal.twist.linear, drive.proposal.reason()),
+                (0.1, Some(Reason::Searching))
+            );
+            creeping_s += TICK_S;
+        }
+    }
+    // Two meters less what it coasted.
+    assert!((15.0..20.0).contains(&creeping_s), "crept for {creeping_s} s");
+    assert_eq!(drive.proposal.reason(), Some(Reason::TooFewSegments), "then searched in vain");
+}

@@ -124,6 +124,30 @@ fn a_camera_that_falls_silent_stops_the_robot() {
 }
 
 #[test]
+fn a_robot_that_creeps_on_stops_when_the_camera_falls_silent() {
+    let (intrinsics, mount) = camera(256, 240);
+    let (lit, dark) = (render(intrinsics, mount, Pose2::IDENTITY), vec![0; 256 * 240]);
+    let toml = "speed_mps = 0.4\nlost = { creep_m = 2.0 }";
+    let mut bench =
+        Bench::<WallFollower>::new(toml, setup(intrinsics, mount, Calibration::Measured)).expect("valid");
+    let mut step = |tick: u32, pixels: Option<&[u8]>| {
+        let seconds = 0.1 * f64::from(tick);
+        bench.at(seconds);
+        bench.feed(&ODOMETRY, &Odometry { x: 0.4 * seconds, ..odometry(seconds) }, &[]);
+        if let Some(pixels) = pixels {
+            bench.feed(&CAMERA, &frame_header(&intrinsics, seconds), pixels);
+        }
+        let proposal = bench.propose();
+        (proposal.kind() == Some(Kind::Drive) && proposal.twist.linear > 0.0, proposal.reason())
+    };
+    assert!((1..50).all(|tick| step(tick, Some(&lit)).0));
+    let in_dark = (50..70).map(|tick| step(tick, Some(&dark))).last();
+    assert_eq!(in_dark, Some((true, Some(Reason::Searching))), "creeps on");
+    let in_silence = (70..85).map(|tick| step(tick, None)).last();
+    assert_eq!(in_silence, Some((false, Some(Reason::StaleInput))));
+}
+
+#[test]
 fn broken_pictures_are_named() {
     let (intrinsics, mount) = camera(256, 240);
     let pixels = render(intrinsics, mount, Pose2::IDENTITY);
