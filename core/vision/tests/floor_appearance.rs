@@ -70,6 +70,42 @@ fn the_mirror_image_of_a_lamp_stays_floor() {
 }
 
 #[test]
+fn a_foreground_of_two_surfaces_is_doubted() {
+    // A stool whose foot fills the left half of the foreground.
+    let stool = |u: usize, v: usize| (60..128).contains(&u) && v > 150;
+    let scene = |has_stool: bool| {
+        picture(move |u, v| match v {
+            _ if has_stool && stool(u, v) => [240, 200, 120],
+            0..FOOT => [60, 70, 90],
+            _ => [120, 122, 125],
+        })
+    };
+    let (empty, occupied) = (scene(false), scene(true));
+    let log_odds = |appearance: &mut FloorAppearance, data: &[u8]| {
+        let votes = appearance.observe(view(data), &FloorPlace::UNKNOWN_CAMERA).unwrap();
+        [(94, 232), (94, 160), (180, 232)].map(|(u, v)| votes.block_log_odds_at_pixel(u, v))
+    };
+    let (sure, doubted) = (
+        log_odds(&mut FloorAppearance::default(), &empty),
+        log_odds(&mut FloorAppearance::default(), &occupied),
+    );
+    assert!(sure.iter().all(|&log_odds| log_odds > 3.0), "{sure:?}");
+    assert!(doubted.iter().all(|&log_odds| log_odds < 1.0) && doubted[1] < 0.0, "{doubted:?}");
+    // Where the floor's look was learned, the foreground is not needed.
+    let mut learned = FloorAppearance::default();
+    let features = {
+        let mut observer = FloorAppearance::default();
+        let _ = observer.observe(view(&empty), &FloorPlace::UNKNOWN_CAMERA).unwrap();
+        observer.blocks().features().to_vec()
+    };
+    let floor = features.iter().rev().take(features.len() / 4);
+    floor.for_each(|feature| learned.look_mut().learn(feature, true));
+    assert!(learned.look().is_trusted());
+    let known = log_odds(&mut learned, &occupied);
+    assert!(known[0] < 0.0 && known[2] > 2.0, "{known:?}");
+}
+
+#[test]
 fn before_a_wall_that_looks_like_the_floor_the_near_floor_remains() {
     let data = picture(|_, v| match v {
         FOOT..148 => [90, 85, 80],

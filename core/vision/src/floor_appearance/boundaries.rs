@@ -4,6 +4,8 @@ use super::features::{Blocks, Feature};
 
 /// Quantile of the differences within the foreground that is texture, not an edge.
 const TEXTURE_QUANTILE: f32 = 0.75;
+/// Quantile of the differences within the foreground that shows whether it is one surface.
+const EDGE_QUANTILE: f32 = 0.95;
 /// Range of the texture's difference of log intensity.
 const INTENSITY_RANGE: (f32, f32) = (0.01, 0.2);
 /// Added to the texture's difference of log intensity: noise.
@@ -24,6 +26,7 @@ pub struct Boundaries {
     right: Vec<f32>,
     /// To the block below, row by row; the last row is 0.
     below: Vec<f32>,
+    foreground_step: f32,
     steps: Vec<[f32; 2]>,
     sorted: Vec<f32>,
 }
@@ -65,7 +68,10 @@ impl Boundaries {
                 [step(0).max(step(1)).max(step(2)), chroma_step(&blocks.features()[i], below)]
             }));
         }
-        let texture = [0, 1].map(|cue| self.texture(cue, columns, foreground));
+        let is_in = |i: usize| foreground.get(i).copied().unwrap_or(false);
+        let texture = [0, 1].map(|cue| self.quantile(TEXTURE_QUANTILE, cue, columns, count, is_in));
+        let is_seen = |i: usize| is_in(i) && !blocks.is_saturated()[i];
+        self.foreground_step = self.quantile(EDGE_QUANTILE, 0, columns, count, is_seen);
         let intensity = texture[0].clamp(INTENSITY_RANGE.0, INTENSITY_RANGE.1) + INTENSITY_NOISE;
         let chroma = texture[1].clamp(CHROMA_RANGE.0, CHROMA_RANGE.1) + CHROMA_NOISE;
         let conductance = |step: &[f32; 2]| {
@@ -92,10 +98,22 @@ impl Boundaries {
         &self.below
     }
 
-    /// Returns the quantile of a cue's differences within the foreground; 0 without any.
-    fn texture(&mut self, cue: usize, columns: usize, foreground: &[bool]) -> f32 {
-        let count = foreground.len();
-        let is_in = |i: usize| foreground.get(i).copied().unwrap_or(false);
+    /// The largest differences of log intensity between neighboring parts of blocks in the foreground, but for the uppermost 5 %;
+    /// 0 without a foreground.
+    #[must_use]
+    pub fn foreground_step(&self) -> f32 {
+        self.foreground_step
+    }
+
+    /// Returns a quantile of a cue's differences between blocks that are in an area; 0 without any.
+    fn quantile(
+        &mut self,
+        quantile: f32,
+        cue: usize,
+        columns: usize,
+        count: usize,
+        is_in: impl Fn(usize) -> bool,
+    ) -> f32 {
         let is_inside = |i: usize| {
             if i < count {
                 is_in(i) && !(i + 1).is_multiple_of(columns) && is_in(i + 1)
@@ -109,7 +127,7 @@ impl Boundaries {
         if self.sorted.is_empty() {
             return 0.0;
         }
-        let at = ((self.sorted.len() - 1) as f32 * TEXTURE_QUANTILE) as usize;
+        let at = ((self.sorted.len() - 1) as f32 * quantile) as usize;
         *self.sorted.select_nth_unstable_by(at, f32::total_cmp).1
     }
 }

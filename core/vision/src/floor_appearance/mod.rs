@@ -5,8 +5,9 @@
 //! robot; the look of everything else is learned from above the horizon. The likelihood ratio of both, where the floor may be
 //! ([`FloorPlace`]), and the boundaries between neighboring blocks give the log odds of floor by a random walk with
 //! restarts: a block belongs to what it is connected with, and edges that are stronger than the floor's own texture
-//! disconnect. What crosses the horizon as a plumb edge is taller than the camera, and no floor ([`PlumbEdges`]). The result is
-//! blended with that of a second model, in which each column of blocks is floor from the bottom up to one end ([`FloorEnds`]).
+//! disconnect. While nothing was learned, the foreground is doubted if it shows two surfaces. What crosses the horizon as a plumb
+//! edge is taller than the camera, and no floor ([`PlumbEdges`]). The result is blended with that of a second model, in which each
+//! column of blocks is floor from the bottom up to one end ([`FloorEnds`]).
 //!
 //! Blocks whose pixels saturate (lamps, windows, and their mirror images in a polished floor) have no likelihood; their
 //! place and their neighbors decide. Where walls look like the floor, the ratio is uninformative, and only the near floor up to
@@ -45,6 +46,7 @@ pub mod floor_samples;
 pub mod learned;
 pub mod modes;
 pub mod observer;
+mod one_surface;
 pub mod place;
 pub mod plumb_edges;
 pub mod random_walk;

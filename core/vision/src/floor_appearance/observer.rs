@@ -7,6 +7,7 @@ use super::features::{Blocks, Feature, Picture};
 use super::floor_ends::FloorEnds;
 use super::learned::LearnedLook;
 use super::modes::{Modes, Surfaces};
+use super::one_surface::one_surface;
 use super::place::{FloorPlace, Part};
 use super::plumb_edges::PlumbEdges;
 use super::random_walk::RandomWalk;
@@ -34,6 +35,8 @@ const KNOWN_LOOK: f32 = 16.0;
 const PLUMB_LOG_ODDS: f32 = 2.0;
 /// Share of the ends of the floor in the log odds; the random walk has the rest.
 const ENDS_SHARE: f32 = 0.1;
+/// Log odds that a block which is floor by a wrong foreground loses against those of its place.
+const WRONG_LOOK_LOG_ODDS: f32 = 1.0;
 /// Maximum rise of the log odds above the lowest of the blocks below.
 const MAX_RISE: f32 = 1.0;
 /// Minimum number of blocks along either side of an image.
@@ -113,6 +116,7 @@ impl FloorAppearance {
         self.votes.log_odds.extend(self.probabilities.iter().map(|&probability| log_odds(probability)));
         self.end_columns();
         self.hide_behind_obstacles();
+        self.doubt_foreground();
         Ok(&self.votes)
     }
 
@@ -157,6 +161,20 @@ impl FloorAppearance {
                 lowest = lowest.min(*log_odds);
                 *log_odds = log_odds.min(lowest + MAX_RISE);
             }
+        }
+    }
+
+    /// Lowers the log odds where the foreground, which is presumed to be floor while nothing was learned, shows more than one surface:
+    /// if the presumption is wrong, what looks like the foreground is floor with less than the probability of its place.
+    fn doubt_foreground(&mut self) {
+        if self.look.is_trusted() {
+            return;
+        }
+        let right = one_surface(&self.blocks, &self.boundaries, &self.is_foreground);
+        for (log_odds_of_block, presumed) in self.votes.log_odds.iter_mut().zip(&self.presumed) {
+            let otherwise = probability(presumed - WRONG_LOOK_LOG_ODDS);
+            let share = right + (1.0 - right) * otherwise;
+            *log_odds_of_block = log_odds(probability(*log_odds_of_block) * share);
         }
     }
 
@@ -208,17 +226,32 @@ impl FloorAppearance {
         2 * usable >= count.max(1)
     }
 
-    /// Returns true if at least half of the foreground that does not saturate looks like what was learned.
-    fn knows_foreground(&self) -> bool {
+    /// Returns true if at least half of the foreground that does not saturate looks like what was learned; the other blocks then no
+    /// longer belong to it.
+    fn knows_foreground(&mut self) -> bool {
         let is_color = self.blocks.is_color();
-        let looks = self.blocks.features().iter().zip(self.blocks.is_saturated()).zip(&self.is_foreground);
-        let (mut count, mut known) = (0, 0);
-        for ((feature, _), _) in looks.filter(|((_, is_saturated), is_in)| **is_in && !**is_saturated) {
+        let is_known = |feature: &Feature| {
             let distances = self.look.modes().iter().map(|mode| mode.distance_squared(feature, is_color));
-            count += 1;
-            known += usize::from(distances.fold(f32::INFINITY, f32::min) < KNOWN_LOOK);
+            distances.fold(f32::INFINITY, f32::min) < KNOWN_LOOK
+        };
+        let looks = self.blocks.features().iter().zip(self.blocks.is_saturated());
+        let (mut count, mut known) = (0, 0);
+        for ((feature, is_saturated), is_in) in looks.clone().zip(&self.is_foreground) {
+            let counts = *is_in && !is_saturated;
+            count += usize::from(counts);
+            known += usize::from(counts && is_known(feature));
         }
-        2 * known >= count
+        if 2 * known < count {
+            return false;
+        }
+        for (((feature, is_saturated), is_in), part) in
+            looks.zip(&mut self.is_foreground).zip(&mut self.parts).filter(|((_, is_in), _)| **is_in)
+        {
+            if !is_saturated && !is_known(feature) {
+                (*is_in, *part) = (false, Part::Open);
+            }
+        }
+        true
     }
 
     /// Fits the modes of the floor and of everything else.
