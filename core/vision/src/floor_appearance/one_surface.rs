@@ -1,4 +1,4 @@
-//! Whether the foreground, which is presumed to be floor while nothing was learned, is one surface.
+//! Test of whether the foreground, which is presumed to be floor while nothing was learned, is one surface.
 
 use super::boundaries::Boundaries;
 use super::features::Blocks;
