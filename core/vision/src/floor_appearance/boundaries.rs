@@ -98,8 +98,8 @@ impl Boundaries {
         &self.below
     }
 
-    /// The largest differences of log intensity between neighboring parts of blocks in the foreground, but for the uppermost 5 %;
-    /// 0 without a foreground.
+    /// Difference of log intensity that 5 % of the steps between blocks within the foreground exceed, saturated blocks left out; 0
+    /// without a foreground.
     #[must_use]
     pub fn foreground_step(&self) -> f32 {
         self.foreground_step

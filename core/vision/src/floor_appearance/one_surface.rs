@@ -14,11 +14,10 @@ const PATTERN_STRETCHES: f32 = 6.0;
 /// unless both tones alternate along the picture's bottom.
 #[must_use]
 pub fn one_surface(blocks: &Blocks, boundaries: &Boundaries, foreground: &[bool]) -> f32 {
-    let odds_of_two = (boundaries.foreground_step() / STEP).powi(POWER);
-    if odds_of_two > 0.01 && mean_stretches(blocks, foreground) >= PATTERN_STRETCHES {
+    if mean_stretches(blocks, foreground) >= PATTERN_STRETCHES {
         return 1.0;
     }
-    1.0 / (1.0 + odds_of_two)
+    1.0 / (1.0 + (boundaries.foreground_step() / STEP).powi(POWER))
 }
 
 /// Returns the mean number of stretches that are brighter or darker than the middle between the foreground's darkest and
