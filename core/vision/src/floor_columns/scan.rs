@@ -35,6 +35,8 @@ const OVEREXPOSED: f32 = 248.0;
 const MAX_DARK_FLOOR: f32 = 220.0;
 /// Rows at the lower border of the picture where no end of the floor is found, cells.
 const BORDER_ROWS: usize = 2;
+/// Share of the rows around the horizon up to which those that differ from the floor are noise: nothing ends the floor there.
+const MAX_BOUNDLESS_SHARE: f32 = 0.2;
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
 
@@ -64,6 +66,8 @@ pub struct FloorColumns {
     /// First row from above that is scanned, and rows that an obstacle covers at least whose foot is in a row.
     top: usize,
     height_rows: Vec<usize>,
+    /// Row as far above the horizon as that one is below it; `None` beyond the picture.
+    sky: Option<usize>,
     /// Camera on the floor, and direction of its view, robot frame.
     camera: Point2<f64>,
     forward: Vector2<f64>,
@@ -74,6 +78,8 @@ pub struct FloorColumns {
     differs: Vec<bool>,
     /// Row of the last floor cell before the end of the floor, if it ends within the range; else the first row scanned.
     ends: Vec<usize>,
+    /// Columns that look like floor up to above the horizon.
+    boundless: Vec<bool>,
     /// Row above the end from which on the column looks like the floor again; else the first row scanned.
     tops: Vec<usize>,
 }
@@ -112,6 +118,12 @@ impl FloorColumns {
                 break;
             }
         }
+        let middle = columns / 2;
+        let rises = |row: usize| {
+            let [u, v] = cells.middle(middle, row);
+            pinhole.ray_from_pixel(Vector2::new(u, v)).is_some_and(|ray| (rotation * ray).z >= 0.0)
+        };
+        let horizon = (0..top).rev().find(|&row| rises(row));
         let camera = Point2::new(mount.x, mount.y);
         let left = Vector2::new(-forward.y, forward.x);
         let nearest = (0..columns).rev().map(|column| floor[(rows - 1) * columns + column] - camera);
@@ -124,6 +136,8 @@ impl FloorColumns {
             floor,
             top,
             height_rows,
+            sky: horizon.and_then(|row| (2 * row).checked_sub(top)),
+            boundless: vec![false; columns],
             near: NearColor::new(&cells),
             differs: vec![false; rows],
             ends: vec![rows - 1; columns],
@@ -172,7 +186,7 @@ impl FloorColumns {
     /// Scans the columns with this color of the floor.
     fn scan_all(&mut self, color: Lab) {
         for column in 0..self.cells.size()[0] {
-            self.ends[column] = self.scan(column, color);
+            (self.ends[column], self.boundless[column]) = self.scan(column, color);
             // Two rows in a row: one may be noise, or a joint.
             let mut above = self.differs[self.top..self.ends[column]].windows(2);
             self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
@@ -180,11 +194,11 @@ impl FloorColumns {
     }
 
     /// Scans a column. Returns the row where the floor ends: its lowest row that differs from the floor over the height
-    /// of an obstacle, or the first row scanned.
-    fn scan(&mut self, column: usize, mut color: Lab) -> usize {
+    /// of an obstacle, or the first row scanned; and true if the column looks like floor up to above the horizon.
+    fn scan(&mut self, column: usize, mut color: Lab) -> (usize, bool) {
         let rows = self.cells.size()[1];
         let follow = 1.0 - (1.0 - self.rules.follow).powf(240.0 / rows as f32);
-        for row in (self.top..rows - 1).rev() {
+        for row in (self.sky.unwrap_or(self.top)..rows - 1).rev() {
             let seen = self.cells.row(row)[column];
             let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
             let is_overexposed = seen[0] > OVEREXPOSED && color[0] < MAX_DARK_FLOOR;
@@ -203,7 +217,14 @@ impl FloorColumns {
             let count = covered.iter().filter(|differs| **differs).count();
             self.differs[row] && count as f32 > self.rules.min_share * covered.len() as f32
         };
-        (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top)
+        let end = (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top);
+        let is_boundless = end == self.top
+            && self.sky.is_some_and(|sky| {
+                let beyond = &self.differs[sky..self.top];
+                let count = beyond.iter().filter(|differs| **differs).count();
+                (count as f32) < MAX_BOUNDLESS_SHARE * beyond.len() as f32
+            });
+        (end, is_boundless)
     }
 
     /// Places on the floor where it ends, robot frame, m: the feet of obstacles and walls.
@@ -224,11 +245,20 @@ impl FloorColumns {
         beside.into_iter().flatten().all(|beside| end_m(beside) > max_m)
     }
 
-    /// Places of floor before its end, robot frame, m.
+    /// Places of floor before its end, robot frame, m. A wall beside the robot that looks like the floor has no foot to be seen: columns
+    /// from a side of the picture on that look like floor up to above the horizon show none. Nor does what is overexposed.
     pub fn free(&self) -> impl Iterator<Item = Point2<f64>> {
         let rows = self.cells.size()[1];
-        let columns = self.ends.iter().enumerate();
-        columns.flat_map(move |(column, &end)| (end + 2..rows - 1).map(move |row| self.place(column, row)))
+        let last = rows - BORDER_ROWS - 1;
+        let shows_nothing = |&column: &usize| self.boundless[column] || self.ends[column] >= last;
+        let width = self.ends.len();
+        let left = (0..width).take_while(shows_nothing).count();
+        let right = (left..width).rev().take_while(shows_nothing).count();
+        let columns = self.ends.iter().enumerate().take(width - right).skip(left);
+        columns.flat_map(move |(column, &end)| {
+            let is_told = move |&row: &usize| self.cells.row(row)[column][0] <= OVEREXPOSED;
+            (end + 2..rows - 1).filter(is_told).map(move |row| self.place(column, row))
+        })
     }
 
     /// Nearest places in view in the columns without floor that adjoin `u` (pixels) on one side, if the floor reaches the lower border
@@ -268,11 +298,15 @@ mod tests {
         FloorColumns::new(&pinhole, &Mount::tilted(0.5, 0.15), ColumnRules::default()).expect("floor in view")
     }
 
-    /// A floor with a shade that grows slowly to the right and up, and a box in columns 100 to 139 from row `top` to row
-    /// `bottom`.
+    /// Row of the horizon.
+    const HORIZON: usize = 88;
+
+    /// A floor with a shade that grows slowly to the right and up, a bright wall above the horizon, and a box in columns 100 to 139
+    /// from row `top` to row `bottom`.
     fn picture(top: usize, bottom: usize) -> Vec<u8> {
         let shade = |u: usize, v: usize| match (u, v) {
             (100..140, v) if (top..bottom).contains(&v) => 60,
+            (_, ..HORIZON) => 230,
             (u, v) => (110 + (240 - v) / 6 + u / 40) as u8,
         };
         (0..SIZE.0 * SIZE.1).map(|i| shade(i % SIZE.0, i / SIZE.0)).collect()
@@ -321,6 +355,32 @@ mod tests {
         assert_eq!(columns.covered_beside(60.0).count(), 0, "floor on both sides");
         assert!(look(&mut columns, &picture(100, 180)));
         assert_eq!(columns.covered_beside(101.0).count(), 0, "its foot is in the picture");
+    }
+
+    #[test]
+    fn a_wall_that_looks_like_the_floor_shows_no_floor() {
+        let mut columns = columns();
+        let wall = |columns: std::ops::Range<usize>| {
+            let mut pixels = picture(0, 0);
+            for (i, shade) in pixels.iter_mut().enumerate().take(HORIZON * SIZE.0) {
+                if columns.contains(&(i % SIZE.0)) {
+                    *shade = 137;
+                }
+            }
+            pixels
+        };
+        let count = |columns: &FloorColumns, sides: std::ops::Range<f64>| {
+            columns.free().filter(|place| sides.contains(&(place.y / place.x))).count()
+        };
+        assert!(look(&mut columns, &wall(0..0)));
+        let [left, right] = [0.1..9.0, -9.0..0.1].map(|sides| count(&columns, sides));
+        assert!(look(&mut columns, &wall(0..100)));
+        assert!(count(&columns, 0.2..9.0) == 0, "to the left");
+        assert!(count(&columns, -9.0..0.1) == right && left > 500, "{right}");
+        assert!(look(&mut columns, &wall(100..140)));
+        assert_eq!(count(&columns, -9.0..9.0), left + right, "the end of a corridor may look so, too");
+        assert!(look(&mut columns, &wall(0..SIZE.0)));
+        assert_eq!(columns.free().count(), 0);
     }
 
     #[test]
@@ -373,7 +433,8 @@ mod tests {
     fn the_color_is_learned_only_where_nothing_stands() {
         let mut columns = columns();
         assert!(look(&mut columns, &picture(0, 0)));
-        let covered = vec![60_u8; SIZE.0 * SIZE.1];
+        let covered: Vec<u8> =
+            (0..SIZE.0 * SIZE.1).map(|i| if i / SIZE.0 < HORIZON { 230 } else { 60 }).collect();
         let view = ImageView::new(&covered, SIZE.0, SIZE.1, SIZE.0).expect("an image");
         for _ in 0..20 {
             assert!(columns.look(Picture::Gray(view), false));
@@ -402,7 +463,7 @@ mod tests {
     fn another_floor_is_learned_anew() {
         let (mut columns, floor) = (columns(), picture(0, 0));
         assert!(look(&mut columns, &floor) && !columns.shows_no_floor());
-        let sunny: Vec<u8> = floor.iter().map(|shade| shade + 60).collect();
+        let sunny: Vec<u8> = floor.iter().map(|shade| shade.saturating_add(60)).collect();
         let image = ImageView::new(&sunny, SIZE.0, SIZE.1, SIZE.0).expect("an image");
         assert!(columns.look(Picture::Gray(image), false) && columns.shows_no_floor());
         columns.relearn();
