@@ -9,6 +9,7 @@
 pub mod occupancy;
 pub mod planner;
 pub mod stations;
+pub mod unseen;
 
 mod arrivals;
 mod beam_cone;
@@ -50,6 +51,7 @@ use planner::{Plan, Scene};
 use situation::Situation;
 use stations::PathAhead;
 use sudden_echo::SuddenEcho;
+use unseen::UnseenGround;
 use upright_edges::UprightEdges;
 use way_out::WayFinder;
 
@@ -310,9 +312,14 @@ impl LaneAvoider {
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| walls.clearance(robot.transform_point(place)))
         };
+        let is_floor = |place: Point2<f64>| {
+            !self.config.uses_look || self.grid.shows_floor(newest.pose.transform_point(place))
+        };
+        let unseen = UnseenGround::of(&self.path, is_floor);
         let scene = Scene {
             path: &self.path,
             obstacles: &self.occupied,
+            unseen: &unseen,
             wall_m: &wall_m,
             clearance_m: self.clearance_m,
             wall_clearance_m: self.wall_clearance_m,

@@ -22,12 +22,16 @@ const OCCUPIED: f32 = 2.0;
 const LOOK_LIMITS: (f32, f32) = (-2.0, 6.0);
 const GEOMETRY_LIMITS: (f32, f32) = (-1.0, 6.0);
 const SONAR_LIMITS: (f32, f32) = (-6.0, 6.0);
+/// Limits of the log odds that a cell is no floor, by all that the camera has shown of it: two pictures change them.
+const GROUND_LIMITS: (f32, f32) = (-2.0, 2.0);
 /// Part of the geometry that sonars can outvote: smooth surfaces at an angle give no echo.
 const GEOMETRY_IN_DOUBT: f32 = 2.0;
 /// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
 const ESTABLISHED: f32 = 3.0;
 /// Log odds by the look at which a cell is surely floor.
 const FLOOR_SEEN: f32 = -1.3;
+/// Distance around the place where the robot begins that counts as seen, m: the picture does not show it.
+const START_M: f64 = 1.2;
 /// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view,
 /// unless what is there has come and may leave: what stands there can be seen again only from elsewhere.
 const FADE_PER_S: f32 = 0.7;
@@ -72,9 +76,12 @@ pub struct OccupancyGrid {
     upright: Layer,
     motion: Layer,
     sonar: Layer,
+    /// What the camera has shown, which does not fade.
+    ground: Layer,
     /// Cells in which the look has shown a thing since they entered the window.
     looked_raised: Vec<bool>,
     arrivals: Arrivals,
+    has_begun: bool,
 }
 
 impl Default for OccupancyGrid {
@@ -85,8 +92,10 @@ impl Default for OccupancyGrid {
             upright: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
             motion: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
             sonar: Layer::new(CELLS * CELLS, SONAR_LIMITS),
+            ground: Layer::new(CELLS * CELLS, GROUND_LIMITS),
             looked_raised: vec![false; CELLS * CELLS],
             arrivals: Arrivals::new(CELLS * CELLS),
+            has_begun: false,
         }
     }
 }
@@ -95,14 +104,19 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, upright, motion, sonar, looked_raised, arrivals } = self;
+        let Self { window, look, upright, motion, sonar, ground, looked_raised, arrivals, has_begun } = self;
         window.advance(position, |slot| {
-            for layer in [&mut *look, upright, motion, sonar] {
+            for layer in [&mut *look, upright, motion, sonar, ground] {
                 layer.odds[slot] = 0.0;
             }
             looked_raised[slot] = false;
             arrivals.clear(slot);
         });
+        if !std::mem::replace(has_begun, true) {
+            for slot in (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() < START_M) {
+                ground.odds[slot] = FLOOR_SEEN;
+            }
+        }
         let dt_s = dt_s.clamp(0.0, 60.0);
         arrivals.advance(dt_s);
         let elapsed_s = dt_s as f32;
@@ -125,13 +139,14 @@ impl OccupancyGrid {
         });
     }
 
-    /// Doubts what the camera has seen, but for what is near to a robot at `position` (odometry frame, m).
+    /// Doubts what the camera has seen, and not seen, but for what is near to a robot at `position` (odometry frame, m).
     pub fn doubt(&mut self, position: Point2<f64>) {
-        let Self { window, look, upright, motion, .. } = self;
+        let Self { window, look, upright, motion, ground, .. } = self;
         for slot in (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() > UNDOUBTED_M) {
             for layer in [&mut *look, upright, motion] {
                 layer.odds[slot] = layer.odds[slot].min(IN_DOUBT);
             }
+            ground.odds[slot] = ground.odds[slot].min(FLOOR_SEEN);
         }
     }
 
@@ -142,19 +157,25 @@ impl OccupancyGrid {
             Evidence::Upright => &mut self.upright,
             Evidence::Motion => &mut self.motion,
         };
-        layer.add(&self.window, places, evidence);
+        layer.begin();
+        self.ground.begin();
+        for slot in places.filter_map(|place| self.window.slot(place)) {
+            layer.add_to(slot, evidence);
+            self.ground.add_to(slot, evidence);
+        }
     }
 
     /// Adds what looks like floor at `places` (odometry frame, m), as `evidence` (log odds). A thing of the floor's color looks like
     /// floor, too: where motion alone has shown one, it stays.
     pub fn add_floor(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
-        let Self { window, look, upright, motion, looked_raised, .. } = self;
-        for layer in [&mut *look, upright, motion] {
+        let Self { window, look, upright, motion, ground, looked_raised, .. } = self;
+        for layer in [&mut *look, upright, motion, ground] {
             layer.begin();
         }
         for slot in places.filter_map(|place| window.slot(place)) {
             look.add_to(slot, evidence);
             upright.add_to(slot, evidence);
+            ground.add_to(slot, evidence);
             if looked_raised[slot] {
                 motion.add_to(slot, evidence);
             }
@@ -164,12 +185,14 @@ impl OccupancyGrid {
     /// Adds what looks like a thing at `places` (odometry frame, m), as `evidence` (log odds).
     pub fn add_thing(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
         self.look.begin();
+        self.ground.begin();
         for place in places {
             for slot in neighbors(place).filter_map(|place| self.window.slot(place)) {
                 self.looked_raised[slot] = true;
             }
             if let Some(slot) = self.window.slot(place) {
                 self.look.add_to(slot, evidence);
+                self.ground.add_to(slot, evidence);
             }
         }
     }
@@ -220,6 +243,11 @@ impl OccupancyGrid {
         let is_certain =
             |slot: usize| self.upright.odds[slot].max(self.motion.odds[slot]) - GEOMETRY_IN_DOUBT >= OCCUPIED;
         self.window.slot(place).is_some_and(is_certain)
+    }
+
+    /// True if the camera has seen floor at a place (odometry frame, m), however long ago, and nothing else since.
+    pub fn shows_floor(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.ground.odds[slot] <= FLOOR_SEEN)
     }
 
     fn is_occupied(&self, place: Point2<f64>) -> bool {
@@ -286,6 +314,28 @@ mod tests {
         assert!(found.len() == 1 && (found[0] - near).norm() < CELL_M, "{found:?}");
         grid.add(Evidence::Look, [far].into_iter(), 1.3);
         assert_eq!(occupied(&grid).len(), 2, "a picture confirms it");
+    }
+
+    #[test]
+    fn floor_that_was_seen_is_remembered_until_something_else_is_seen_there() {
+        let mut grid = OccupancyGrid::default();
+        let (start, place, other) = (Point2::new(0.5, 0.5), Point2::new(1.52, 0.03), Point2::new(1.52, 0.33));
+        grid.advance(Point2::origin(), 0.0, |_| true);
+        assert!(grid.shows_floor(start) && !grid.shows_floor(place), "the robot begins on floor");
+        grid.add_floor([place].into_iter(), -0.7);
+        assert!(!grid.shows_floor(place), "one picture may be wrong");
+        grid.add_floor([place].into_iter(), -0.7);
+        for _ in 0..60 {
+            grid.advance(Point2::origin(), 1.0, |_| false);
+        }
+        assert!(grid.shows_floor(place) && !grid.shows_floor(other));
+        grid.add_thing([place].into_iter(), 1.3);
+        assert!(!grid.shows_floor(place), "something stands there, or has");
+        grid.doubt(Point2::origin());
+        assert!(grid.shows_floor(place) && grid.shows_floor(other));
+        grid.advance(Point2::new(9.0, 0.0), 0.0, |_| true);
+        grid.advance(Point2::origin(), 0.0, |_| true);
+        assert!(!grid.shows_floor(place), "what left the window is forgotten");
     }
 
     #[test]

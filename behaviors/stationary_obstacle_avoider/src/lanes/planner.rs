@@ -3,6 +3,7 @@
 use nalgebra::Point2;
 
 use super::stations::{PathAhead, STATIONS, station_m};
+use super::unseen::UnseenGround;
 
 /// Distance along the path in which the robot changes to another lane, m.
 const CHANGE_M: f64 = 0.8;
@@ -18,6 +19,10 @@ const OFFSET_COST: f64 = 0.5;
 const CHANGE_COST: f64 = 0.35;
 const ROOM_COST: f64 = 2.5;
 const LENGTH_COST: f64 = 3.0;
+/// Cost per meter of a lane over ground that was not seen as floor, which outweighs the room that is missing beside it, and the length that
+/// costs nothing, m: single places.
+const UNSEEN_COST: f64 = 8.0;
+const UNSEEN_FREE_M: f64 = 0.03;
 /// Cost of a lane on the other side of the path than the last one, and the offset from which a lane is on a side, m. An
 /// obstacle in the middle leaves both sides nearly as good, so that a robot without it wavers until it is too near.
 const SIDE_COST: f64 = 1.5;
@@ -66,6 +71,8 @@ pub struct Scene<'a> {
     pub path: &'a PathAhead,
     /// Places that are occupied.
     pub obstacles: &'a [Point2<f32>],
+    /// Ground beside the path that was not seen as floor.
+    pub unseen: &'a UnseenGround,
     /// Distance from a place to the nearest wall, m.
     pub wall_m: &'a dyn Fn(Point2<f64>) -> f64,
     /// Distance that the robot's center must keep from obstacles, m.
@@ -87,11 +94,13 @@ impl Scene<'_> {
             let lane = self.rate((i as f64 - LANES_ASIDE as f64) * LANE_M, min_wall_m);
             let missing_room_m = (self.clearance_m + ROOM_M - lane.gap_m).max(0.0);
             let missing_length_m = (FREE_M - lane.free_m).max(0.0);
+            let unseen_m = self.unseen.length_m(|ahead_m| self.lateral_m(lane.offset_m, ahead_m));
             let cost = OFFSET_COST * lane.offset_m.abs()
                 + CHANGE_COST * (lane.offset_m - last_m).abs()
                 + if is_other_side(lane.offset_m, last_m) { SIDE_COST } else { 0.0 }
                 + ROOM_COST * missing_room_m
-                + LENGTH_COST * missing_length_m;
+                + LENGTH_COST * missing_length_m
+                + UNSEEN_COST * (unseen_m - UNSEEN_FREE_M).max(0.0);
             if cost < best.0 {
                 best = (cost, lane);
             }
@@ -161,6 +170,13 @@ impl Scene<'_> {
         (distance_m - APPROACH_M).max(self.touch_m.min(distance_m))
     }
 
+    /// Distance to the left of the path at which a robot that changes to the lane with an offset is `ahead_m` farther on, m.
+    fn lateral_m(&self, offset_m: f64, ahead_m: f64) -> f64 {
+        let share = (ahead_m / CHANGE_M).clamp(0.0, 1.0);
+        let share = share * share * (3.0 - 2.0 * share);
+        self.path.lateral_m + share * (offset_m - self.path.lateral_m)
+    }
+
     /// Rates the lane with an offset: how far it is free, and how near obstacles are. Walls are at least `min_wall_m` away on it.
     fn rate(&self, offset_m: f64, min_wall_m: f64) -> Lane {
         let clearance = self.clearance_m as f32;
@@ -168,9 +184,7 @@ impl Scene<'_> {
         let mut free_m = None;
         for (i, station) in self.path.stations.iter().enumerate() {
             let ahead_m = station_m(i);
-            let share = (ahead_m / CHANGE_M).clamp(0.0, 1.0);
-            let share = share * share * (3.0 - 2.0 * share);
-            let place = station.beside(self.path.lateral_m + share * (offset_m - self.path.lateral_m));
+            let place = station.beside(self.lateral_m(offset_m, ahead_m));
             let at = place.cast::<f32>();
             let nearest = distance_to_nearest(self.obstacles, at);
             gap = gap.min(nearest);
@@ -226,6 +240,16 @@ mod tests {
 
     /// Plan of a robot at `lateral_m` in a straight corridor, 1.8 m wide, with obstacles of a few cells.
     fn plan(lateral_m: f64, boxes: &[[f32; 2]], last_m: f64) -> Plan {
+        plan_over(lateral_m, boxes, last_m, |_| true)
+    }
+
+    /// The same plan where `is_floor` tells which places were seen as floor.
+    fn plan_over(
+        lateral_m: f64,
+        boxes: &[[f32; 2]],
+        last_m: f64,
+        is_floor: impl Fn(Point2<f64>) -> bool,
+    ) -> Plan {
         let stations = std::array::from_fn(|i| Station {
             place: Point2::new(station_m(i), -lateral_m),
             left: Vector2::new(0.0, 1.0),
@@ -241,6 +265,7 @@ mod tests {
         let scene = Scene {
             path: &path,
             obstacles: &obstacles,
+            unseen: &UnseenGround::of(&path, is_floor),
             wall_m: &wall_m,
             clearance_m: 0.29,
             wall_clearance_m: 0.23,
@@ -280,6 +305,19 @@ mod tests {
     }
 
     #[test]
+    fn floor_that_was_seen_is_better_and_other_ground_is_driven_over_where_there_is_no_other() {
+        // The flank of a box whose foot is below the picture, and of which its far side alone is known.
+        let is_floor =
+            |place: Point2<f64>| !((0.4..0.7).contains(&place.x) && (-0.05..0.3).contains(&place.y));
+        let known = [[0.55, 0.45]];
+        let [without, with] = [plan(0.0, &known, 0.0), plan_over(0.0, &known, 0.0, is_floor)];
+        assert!((-0.25..0.0).contains(&without.best.offset_m), "{without:?}");
+        assert!((-0.6..-0.3).contains(&with.best.offset_m) && with.best.free_m >= FREE_M, "{with:?}");
+        let dark = plan_over(0.0, &[], 0.0, |_| false);
+        assert!(dark.best.offset_m.abs() < 1e-9 && dark.nominal.is_open(0.29), "{dark:?}");
+    }
+
+    #[test]
     fn a_blocked_corridor_has_no_free_lane() {
         let plan = plan(0.0, &[[1.5, 0.6], [1.5, 0.3], [1.5, 0.0], [1.5, -0.3], [1.5, -0.6]], 0.0);
         assert!(plan.best.free_m < 1.4, "{plan:?}");
@@ -292,6 +330,7 @@ mod tests {
             let scene = Scene {
                 path: &path,
                 obstacles,
+                unseen: &UnseenGround::default(),
                 wall_m,
                 clearance_m: 0.29,
                 wall_clearance_m: 0.26,

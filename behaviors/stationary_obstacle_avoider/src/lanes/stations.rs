@@ -6,9 +6,9 @@ use yamabico_core::geometry::Pose2;
 use crate::guidance::Guidance;
 use crate::passage_finder::point_on_path;
 
-/// Distance of two stations along the path, and their number: lanes are rated over 2.3 m.
-const STATION_M: f64 = 0.08;
-/// Number of stations.
+/// Distance of two stations along the path, m.
+pub const STATION_M: f64 = 0.08;
+/// Number of stations: lanes are rated over 2.3 m.
 pub const STATIONS: usize = 29;
 
 /// A place on the path, robot frame.

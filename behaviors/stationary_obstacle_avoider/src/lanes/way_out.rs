@@ -202,6 +202,7 @@ fn neighbors(cell: usize) -> impl Iterator<Item = (usize, f64)> {
 mod tests {
     use super::super::stations::{PathAhead, Station, station_m};
     use super::*;
+    use crate::lanes::unseen::UnseenGround;
 
     /// First leg of a robot at `lateral_m` in a straight corridor, 2.4 m wide, whose heading to it is `heading`, with obstacles
     /// along lines from one place to another, in the frame of the corridor.
@@ -222,6 +223,7 @@ mod tests {
         let wall_m = |place: Point2<f64>| 1.2 - ((Rotation2::new(heading) * place).y + lateral_m).abs();
         let scene = Scene {
             path: &path,
+            unseen: &UnseenGround::default(),
             obstacles: &obstacles,
             wall_m: &wall_m,
             clearance_m: 0.27,
