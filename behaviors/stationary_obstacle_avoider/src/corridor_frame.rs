@@ -46,6 +46,8 @@ pub struct CorridorFrame {
     odometry: Pose2,
     /// Numbers of rejections in a row: of the heading, the left, and the right wall.
     rejections: [u32; 3],
+    /// True for the left and the right wall if they are left out.
+    refuted: [bool; 2],
 }
 
 impl CorridorFrame {
@@ -59,6 +61,7 @@ impl CorridorFrame {
             covariance: Matrix4::from_diagonal(&Vector4::new(0.0, 1.0, wall, wall)),
             odometry,
             rejections: [0; 3],
+            refuted: [false; 2],
         }
     }
 
@@ -100,9 +103,22 @@ impl CorridorFrame {
         self.covariance[(1, 1)].max(0.0).sqrt()
     }
 
-    /// Returns the lateral position of the left and of the right wall, m, positive left; `None` if it is unknown.
+    /// Returns the lateral position of the left and of the right wall, m, positive left; `None` if it is unknown or
+    /// left out.
     #[must_use]
     pub fn walls_m(&self) -> [Option<f64>; 2] {
+        let walls = self.seen_walls_m();
+        [0, 1].map(|side| walls[side].filter(|_| !self.refuted[side]))
+    }
+
+    /// Leaves out the left and the right wall where `walls` is true, until the next call: they are something else.
+    pub fn refute(&mut self, walls: [bool; 2]) {
+        self.refuted = walls;
+    }
+
+    /// Returns the same as [`walls_m`](Self::walls_m), with the walls that are left out.
+    #[must_use]
+    pub fn seen_walls_m(&self) -> [Option<f64>; 2] {
         [2, 3].map(|i| {
             // Relative to the robot: the common lateral drift does not matter.
             let between = self.covariance[(i, i)] + self.covariance[(0, 0)] - 2.0 * self.covariance[(0, i)];
@@ -195,13 +211,20 @@ struct SavedFrame {
 impl From<SavedFrame> for CorridorFrame {
     fn from(saved: SavedFrame) -> Self {
         let SavedFrame { along_m, state, covariance, odometry, rejections } = saved;
-        Self { along_m, state: state.into(), covariance: covariance.into(), odometry, rejections }
+        Self {
+            along_m,
+            state: state.into(),
+            covariance: covariance.into(),
+            odometry,
+            rejections,
+            refuted: [false; 2],
+        }
     }
 }
 
 impl From<CorridorFrame> for SavedFrame {
     fn from(frame: CorridorFrame) -> Self {
-        let CorridorFrame { along_m, state, covariance, odometry, rejections } = frame;
+        let CorridorFrame { along_m, state, covariance, odometry, rejections, .. } = frame;
         Self { along_m, state: state.into(), covariance: covariance.into(), odometry, rejections }
     }
 }
@@ -271,6 +294,23 @@ mod tests {
         frame.update(&Corridor { left_m: 2.5, ..seen(0.0, 0.1) }, Pose2::IDENTITY);
         let left_m = frame.walls_m()[0].expect("the wall") - frame.pose().y;
         assert!((left_m - 2.5).abs() < 0.1, "{left_m}");
+    }
+
+    #[test]
+    fn a_wall_that_is_left_out_bounds_nothing_until_it_is_one_again() {
+        let mut frame = CorridorFrame::new(Pose2::IDENTITY);
+        for _ in 0..20 {
+            frame.update(&seen(0.0, 0.0), Pose2::IDENTITY);
+        }
+        let (both, mut map) = (frame.walls_m(), WireFrame::default());
+        frame.refute([false, true]);
+        assert_eq!((frame.walls_m(), frame.seen_walls_m()), ([both[0], None], both));
+        frame.draw(&mut map);
+        assert_eq!((map.walls().len(), frame.path().0[0].y), (1, 0.0), "the path leads on from the start");
+        frame.update(&seen(0.0, 0.0), Pose2::IDENTITY);
+        assert!(frame.walls_m()[1].is_none());
+        frame.refute([false; 2]);
+        assert!(frame.walls_m()[1].is_some());
     }
 
     #[test]

@@ -65,6 +65,11 @@ impl Guidance {
         self.corridor.as_ref()
     }
 
+    /// Frame of the corridor, without a map, to change.
+    pub fn corridor_mut(&mut self) -> Option<&mut CorridorFrame> {
+        self.corridor.as_mut()
+    }
+
     /// Continues from a saved frame of the corridor.
     pub fn restore(&mut self, corridor: Option<CorridorFrame>) {
         self.corridor = corridor;

@@ -20,6 +20,7 @@ mod hidden_fan;
 mod motion;
 mod overlay;
 mod picture_evidence;
+mod refuted_walls;
 mod situation;
 mod sudden_echo;
 mod turns_here;
@@ -48,6 +49,7 @@ use motion::FloorMotion;
 use occupancy::OccupancyGrid;
 use picture_evidence::FLOOR_END_M;
 use planner::{Plan, Scene};
+use refuted_walls::is_refuted;
 use situation::Situation;
 use stations::PathAhead;
 use sudden_echo::SuddenEcho;
@@ -183,6 +185,7 @@ impl LaneAvoider {
         for odometry in inputs.fresh(&ODOMETRY) {
             self.odometry.push(odometry.header, now);
         }
+        self.refute_walls();
         match self.guidance.update(inputs, &self.odometry) {
             Err(Reason::MalformedInput) => self.failure = Some(Reason::MalformedInput),
             // A corridor that is out of view for a while is passed by odometry.
@@ -280,6 +283,19 @@ impl LaneAvoider {
     fn map_from_odometry(&self) -> Option<Pose2> {
         let localized = self.guidance.localized().filter(|localized| localized.is_usable)?;
         Some(localized.pose * localized.odometry.inverse())
+    }
+
+    /// Leaves out walls of the corridor beyond which floor was seen.
+    fn refute_walls(&mut self) {
+        let (Some(on_map), Some(newest)) = (self.map_from_odometry(), self.odometry.newest()) else { return };
+        let (to_odometry, robot) = (on_map.inverse(), on_map * newest.pose);
+        let Some(frame) = self.guidance.corridor_mut() else { return };
+        let is_floor = |place: Point2<f64>| self.grid.shows_floor(to_odometry.transform_point(place));
+        let [left, right] = frame.seen_walls_m();
+        let is_none = |wall_m: Option<f64>, outward: f64| {
+            wall_m.is_some_and(|wall_m| is_refuted(wall_m, outward, robot.x, is_floor))
+        };
+        frame.refute([is_none(left, 1.0), is_none(right, -1.0)]);
     }
 
     /// True if something stands where the color of the floor is learned, or a sonar sees something near.
