@@ -3,8 +3,8 @@
 //!
 //! Each picture says where the floor ends in each column, where upright edges stand on it, and by its motion what is flat and
 //! what stands; sonars say what is free and what is not. The evidence is added up over pictures and scans, in the frame of the
-//! odometry, and fades. Walls of the map, or of the corridor, are left out. Where the path is free, other behaviors drive. Where no
-//! lane is free, a route around is looked for.
+//! odometry, and fades; that a place was seen as floor is remembered. Walls of the map, or of the corridor, are left out.
+//! Where the path is free, other behaviors drive. Where no lane is free, a route around is looked for.
 
 pub mod occupancy;
 pub mod planner;
