@@ -76,7 +76,7 @@ pub struct OccupancyGrid {
     upright: Layer,
     motion: Layer,
     sonar: Layer,
-    /// What the camera has shown, which does not fade.
+    /// Evidence by the camera of what is no floor, which does not fade.
     ground: Layer,
     /// Cells in which the look has shown a thing since they entered the window.
     looked_raised: Vec<bool>,
