@@ -9,6 +9,17 @@ const CORE_SHARE: f64 = 0.6;
 /// Directions in which the core is sampled.
 const FAN: usize = 9;
 
+/// Log odds of the cone before an echo, and of a cone without one.
+const BEFORE_ECHO: f32 = -0.3;
+const SILENCE: f32 = -0.1;
+/// Distance before an echo that is not free, m.
+const ECHO_DEPTH_M: f64 = 0.1;
+/// Range up to which a cone is free, m.
+const MAX_FREE_M: f64 = 2.6;
+/// Range up to which an echo of a beam that looks ahead or aside marks its arc, m, and the azimuth that parts them, rad.
+const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
+const AHEAD_RAD: f64 = 0.26;
+
 /// Core of a beam in the odometry frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BeamCone {
@@ -19,6 +30,9 @@ pub(super) struct BeamCone {
 impl BeamCone {
     /// Most places that an arc has.
     pub(super) const ARC: usize = FAN;
+
+    /// Log odds of the arc of an echo.
+    pub(super) const ECHO: f32 = 1.0;
 
     /// Core of a beam of a scan taken at `robot` (odometry frame); none if its opening angle is not finite.
     pub(super) fn new(beam: &Beam, robot: &Pose2) -> Option<Self> {
@@ -34,8 +48,20 @@ impl BeamCone {
         })
     }
 
+    /// Places in steps of `step_m` (m) that are free before an echo at `echo_m` (m, infinite without one), odometry frame, m, and their log
+    /// odds.
+    pub(super) fn free(self, echo_m: f64, step_m: f64) -> (impl Iterator<Item = Point2<f64>>, f32) {
+        let odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
+        (self.up_to((echo_m - ECHO_DEPTH_M).min(MAX_FREE_M), step_m), odds)
+    }
+
+    /// True if an echo of this beam at `echo_m` (m) is near enough to mark its arc.
+    pub(super) fn marks(beam: &Beam, echo_m: f64) -> bool {
+        echo_m < if beam.azimuth_rad.abs() <= AHEAD_RAD { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 }
+    }
+
     /// Places up to `range_m` away from the sensor, in steps of `step_m`, odometry frame, m.
-    pub(super) fn up_to(self, range_m: f64, step_m: f64) -> impl Iterator<Item = Point2<f64>> {
+    fn up_to(self, range_m: f64, step_m: f64) -> impl Iterator<Item = Point2<f64>> {
         (1..=(range_m / step_m) as usize).flat_map(move |step| self.arc(step as f64 * step_m))
     }
 }

@@ -3,6 +3,17 @@
 use nalgebra::Point2;
 use yamabico_vision::rolling_window::RollingWindow;
 
+/// Kind of evidence by the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Evidence {
+    /// The floor's look: where it ends.
+    Look,
+    /// Upright edges, and where the floor ends at an echo.
+    Upright,
+    /// Motion between pictures.
+    Motion,
+}
+
 /// Log odds of the cells by one kind of evidence.
 #[derive(Clone, Debug)]
 pub(super) struct Layer {

@@ -16,11 +16,13 @@ mod beam_cone;
 mod clusters;
 mod drive;
 mod evidence_layer;
+mod fading;
 mod hidden_fan;
 mod motion;
 mod overlay;
 mod picture_evidence;
 mod refuted_walls;
+mod seen_floor;
 mod situation;
 mod sudden_echo;
 mod turns_here;
@@ -49,7 +51,6 @@ use motion::FloorMotion;
 use occupancy::OccupancyGrid;
 use picture_evidence::FLOOR_END_M;
 use planner::{Plan, Scene};
-use refuted_walls::is_refuted;
 use situation::Situation;
 use stations::PathAhead;
 use sudden_echo::SuddenEcho;
@@ -73,6 +74,8 @@ const SEEN_WALL_ERROR_M: f64 = 0.05;
 const MAP_WALL_ERROR_M: f64 = 0.03;
 /// Distance from the robot up to which walls matter, m: evidence reaches less far, and so do lanes of a path that is not 4 m away.
 const NEAR_WALLS_M: f64 = 5.0;
+/// Distance around the place where the robot begins that is taken for floor, m: the picture does not show it.
+const START_M: f64 = 1.2;
 /// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);
 /// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; smallest number of its cells.
@@ -185,7 +188,6 @@ impl LaneAvoider {
         for odometry in inputs.fresh(&ODOMETRY) {
             self.odometry.push(odometry.header, now);
         }
-        self.refute_walls();
         match self.guidance.update(inputs, &self.odometry) {
             Err(Reason::MalformedInput) => self.failure = Some(Reason::MalformedInput),
             // A corridor that is out of view for a while is passed by odometry.
@@ -248,6 +250,7 @@ impl LaneAvoider {
 
     /// Moves the grid to the robot; evidence fades with the time since the last update.
     fn advance(&mut self, at: Time, robot: &Pose2) {
+        let is_first = self.last_update.is_none();
         let elapsed_s = self.last_update.map_or(0.0, |last| at.seconds_after(last).max(0.0));
         if self.last_update.is_none_or(|last| at > last) {
             self.last_update = Some(at);
@@ -258,6 +261,9 @@ impl LaneAvoider {
             seen.x < FLOOR_END_M && columns.is_in_view(seen)
         };
         self.grid.advance(robot.position(), elapsed_s, is_in_view);
+        if is_first {
+            self.grid.presume_floor(robot.position(), START_M);
+        }
     }
 
     /// Takes in the newest scan once.
@@ -283,19 +289,6 @@ impl LaneAvoider {
     fn map_from_odometry(&self) -> Option<Pose2> {
         let localized = self.guidance.localized().filter(|localized| localized.is_usable)?;
         Some(localized.pose * localized.odometry.inverse())
-    }
-
-    /// Leaves out walls of the corridor beyond which floor was seen.
-    fn refute_walls(&mut self) {
-        let (Some(on_map), Some(newest)) = (self.map_from_odometry(), self.odometry.newest()) else { return };
-        let (to_odometry, robot) = (on_map.inverse(), on_map * newest.pose);
-        let Some(frame) = self.guidance.corridor_mut() else { return };
-        let is_floor = |place: Point2<f64>| self.grid.shows_floor(to_odometry.transform_point(place));
-        let [left, right] = frame.seen_walls_m();
-        let is_none = |wall_m: Option<f64>, outward: f64| {
-            wall_m.is_some_and(|wall_m| is_refuted(wall_m, outward, robot.x, is_floor))
-        };
-        frame.refute([is_none(left, 1.0), is_none(right, -1.0)]);
     }
 
     /// True if something stands where the color of the floor is learned, or a sonar sees something near.
@@ -329,7 +322,7 @@ impl LaneAvoider {
             robot.map_or(f64::INFINITY, |robot| walls.clearance(robot.transform_point(place)))
         };
         let is_floor = |place: Point2<f64>| {
-            !self.config.uses_look || self.grid.shows_floor(newest.pose.transform_point(place))
+            !self.config.uses_look || self.grid.is_taken_for_floor(newest.pose.transform_point(place))
         };
         let unseen = UnseenGround::of(&self.path, is_floor);
         let scene = Scene {

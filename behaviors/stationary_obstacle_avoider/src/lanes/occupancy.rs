@@ -10,7 +10,10 @@ use yamabico_vision::rolling_window::RollingWindow;
 
 use super::arrivals::Arrivals;
 use super::beam_cone::BeamCone;
+pub use super::evidence_layer::Evidence;
 use super::evidence_layer::Layer;
+use super::fading;
+use super::seen_floor::SeenFloor;
 
 /// Side of a cell, m.
 pub const CELL_M: f64 = 0.05;
@@ -22,51 +25,14 @@ const OCCUPIED: f32 = 2.0;
 const LOOK_LIMITS: (f32, f32) = (-2.0, 6.0);
 const GEOMETRY_LIMITS: (f32, f32) = (-1.0, 6.0);
 const SONAR_LIMITS: (f32, f32) = (-6.0, 6.0);
-/// Limits of the log odds that a cell is no floor, by all that the camera has shown of it: two pictures change them.
-const GROUND_LIMITS: (f32, f32) = (-2.0, 2.0);
 /// Part of the geometry that sonars can outvote: smooth surfaces at an angle give no echo.
 const GEOMETRY_IN_DOUBT: f32 = 2.0;
-/// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
-const ESTABLISHED: f32 = 3.0;
 /// Log odds by the look at which a cell is surely floor.
 const FLOOR_SEEN: f32 = -1.3;
-/// Distance around the place where the robot begins that counts as seen, m: the picture does not show it.
-const START_M: f64 = 1.2;
-/// Change of the log odds toward zero, per second; that of an established cell; and that of one out of the camera's view,
-/// unless what is there has come and may leave: what stands there can be seen again only from elsewhere.
-const FADE_PER_S: f32 = 0.7;
-const FADE_ESTABLISHED_PER_S: f32 = 0.15;
-const FADE_UNSEEN_PER_S: f32 = 0.05;
-/// Distance from the robot's center up to which a cell that the sonars alone have established, out of the camera's view, fades like
-/// any established one, m: a turn takes the beams off who stands beside the robot.
-const BESIDE_M: f64 = 1.0;
-/// Log odds of the arc of an echo, of the cone before it, and of a cone without an echo.
-const ECHO: f32 = 1.0;
-const BEFORE_ECHO: f32 = -0.3;
-const SILENCE: f32 = -0.1;
-/// Distance before an echo that is not free, m.
-const ECHO_DEPTH_M: f64 = 0.1;
-/// Range up to which a cone is free, m.
-const MAX_FREE_M: f64 = 2.6;
-/// Range up to which an echo of a beam that looks ahead or aside marks its arc, m, and the azimuth that parts them, rad.
-const MAX_ECHO_M: (f64, f64) = (1.6, 0.6);
-const AHEAD_RAD: f64 = 0.26;
-
 /// Distance from the robot's center up to which what is remembered is not doubted, m: the camera sees what is farther away before the
 /// robot is there. Log odds that remain of each kind of evidence by the camera: one or two pictures confirm it.
 const UNDOUBTED_M: f64 = 0.6;
 const IN_DOUBT: f32 = 0.5;
-
-/// Kind of evidence by the camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Evidence {
-    /// The floor's look: where it ends.
-    Look,
-    /// Upright edges, and where the floor ends at an echo.
-    Upright,
-    /// Motion between pictures.
-    Motion,
-}
 
 /// Log odds of the cells in a window around the robot.
 #[derive(Clone, Debug)]
@@ -76,12 +42,10 @@ pub struct OccupancyGrid {
     upright: Layer,
     motion: Layer,
     sonar: Layer,
-    /// Evidence by the camera of what is no floor, which does not fade.
-    ground: Layer,
+    ground: SeenFloor,
     /// Cells in which the look has shown a thing since they entered the window.
     looked_raised: Vec<bool>,
     arrivals: Arrivals,
-    has_begun: bool,
 }
 
 impl Default for OccupancyGrid {
@@ -92,10 +56,9 @@ impl Default for OccupancyGrid {
             upright: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
             motion: Layer::new(CELLS * CELLS, GEOMETRY_LIMITS),
             sonar: Layer::new(CELLS * CELLS, SONAR_LIMITS),
-            ground: Layer::new(CELLS * CELLS, GROUND_LIMITS),
+            ground: SeenFloor::new(CELLS * CELLS),
             looked_raised: vec![false; CELLS * CELLS],
             arrivals: Arrivals::new(CELLS * CELLS),
-            has_begun: false,
         }
     }
 }
@@ -104,49 +67,45 @@ impl OccupancyGrid {
     /// Moves the window to a robot at `position` (odometry frame, m), and fades all evidence by `dt_s` seconds; `is_in_view`
     /// is true for places that the camera sees.
     pub fn advance(&mut self, position: Point2<f64>, dt_s: f64, is_in_view: impl Fn(Point2<f64>) -> bool) {
-        let Self { window, look, upright, motion, sonar, ground, looked_raised, arrivals, has_begun } = self;
+        let Self { window, look, upright, motion, sonar, ground, looked_raised, arrivals } = self;
         window.advance(position, |slot| {
-            for layer in [&mut *look, upright, motion, sonar, ground] {
+            for layer in [&mut *look, upright, motion, sonar] {
                 layer.odds[slot] = 0.0;
             }
+            ground.clear(slot);
             looked_raised[slot] = false;
             arrivals.clear(slot);
         });
-        if !std::mem::replace(has_begun, true) {
-            for slot in (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() < START_M) {
-                ground.odds[slot] = FLOOR_SEEN;
-            }
-        }
         let dt_s = dt_s.clamp(0.0, 60.0);
         arrivals.advance(dt_s);
         let elapsed_s = dt_s as f32;
-        let rate = |slot: usize, odds: f32| {
-            if odds <= ESTABLISHED {
-                FADE_PER_S
-            } else if arrivals.has_come(slot) || is_in_view(window.place(slot)) {
-                FADE_ESTABLISHED_PER_S
-            } else {
-                FADE_UNSEEN_PER_S
-            }
-        };
+        let is_unseen = |slot: usize| !is_in_view(window.place(slot));
         for layer in [look, upright, motion] {
-            layer.fade(|slot, odds| elapsed_s * rate(slot, odds));
+            let stays = |slot: usize| !arrivals.has_come(slot) && is_unseen(slot);
+            layer.fade(|slot, odds| elapsed_s * fading::camera_per_s(odds, || stays(slot)));
         }
-        let is_beside = |place: Point2<f64>| (place - position).norm() < BESIDE_M && !is_in_view(place);
+        let distance_m = |slot: usize| (window.place(slot) - position).norm();
         sonar.fade(|slot, odds| {
-            let is_kept = odds > ESTABLISHED && is_beside(window.place(slot));
-            elapsed_s * if is_kept { FADE_ESTABLISHED_PER_S } else { FADE_PER_S }
+            elapsed_s * fading::sonar_per_s(odds, || distance_m(slot) < fading::BESIDE_M && is_unseen(slot))
         });
     }
 
-    /// Doubts what the camera has seen, and not seen, but for what is near to a robot at `position` (odometry frame, m).
+    /// Takes what is within `radius_m` (m) of `position` (odometry frame, m) for floor until something else is seen there.
+    pub fn presume_floor(&mut self, position: Point2<f64>, radius_m: f64) {
+        let Self { window, ground, .. } = self;
+        let near = (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() < radius_m);
+        near.for_each(|slot| ground.presume(slot));
+    }
+
+    /// Doubts what the camera has seen, and takes what it has not for floor, but for what is near to a robot at `position` (odometry
+    /// frame, m).
     pub fn doubt(&mut self, position: Point2<f64>) {
         let Self { window, look, upright, motion, ground, .. } = self;
         for slot in (0..CELLS * CELLS).filter(|&slot| (window.place(slot) - position).norm() > UNDOUBTED_M) {
             for layer in [&mut *look, upright, motion] {
                 layer.odds[slot] = layer.odds[slot].min(IN_DOUBT);
             }
-            ground.odds[slot] = ground.odds[slot].min(FLOOR_SEEN);
+            ground.presume(slot);
         }
     }
 
@@ -169,9 +128,10 @@ impl OccupancyGrid {
     /// floor, too: where motion alone has shown one, it stays.
     pub fn add_floor(&mut self, places: impl Iterator<Item = Point2<f64>>, evidence: f32) {
         let Self { window, look, upright, motion, ground, looked_raised, .. } = self;
-        for layer in [&mut *look, upright, motion, ground] {
+        for layer in [&mut *look, upright, motion] {
             layer.begin();
         }
+        ground.begin();
         for slot in places.filter_map(|place| window.slot(place)) {
             look.add_to(slot, evidence);
             upright.add_to(slot, evidence);
@@ -204,10 +164,9 @@ impl OccupancyGrid {
         let Some(cone) = BeamCone::new(beam, robot).filter(|_| echo_m > 0.0) else {
             return;
         };
-        let free_odds = if echo_m.is_finite() { BEFORE_ECHO } else { SILENCE };
-        self.sonar.add(&self.window, cone.up_to((echo_m - ECHO_DEPTH_M).min(MAX_FREE_M), CELL_M), free_odds);
-        let looks_ahead = beam.azimuth_rad.abs() <= AHEAD_RAD;
-        if echo_m < if looks_ahead { MAX_ECHO_M.0 } else { MAX_ECHO_M.1 } {
+        let (free, free_odds) = cone.free(echo_m, CELL_M);
+        self.sonar.add(&self.window, free, free_odds);
+        if BeamCone::marks(beam, echo_m) {
             let arc = || cone.arc(echo_m).filter(|&place| counted(place));
             // An echo says that something is on its arc, not that all of it is occupied: what is known to stand there
             // explains it.
@@ -215,9 +174,9 @@ impl OccupancyGrid {
             let near = arc().flat_map(neighbors).filter(|&place| self.is_occupied(place));
             known.iter_mut().zip(near).for_each(|(known, place)| *known = Some(place));
             if known[0].is_some() {
-                self.sonar.add(&self.window, known.into_iter().flatten(), ECHO);
+                self.sonar.add(&self.window, known.into_iter().flatten(), BeamCone::ECHO);
             } else {
-                self.sonar.add(&self.window, arc(), ECHO);
+                self.sonar.add(&self.window, arc(), BeamCone::ECHO);
             }
         }
     }
@@ -247,7 +206,12 @@ impl OccupancyGrid {
 
     /// True if the camera has seen floor at a place (odometry frame, m), however long ago, and nothing else since.
     pub fn shows_floor(&self, place: Point2<f64>) -> bool {
-        self.window.slot(place).is_some_and(|slot| self.ground.odds[slot] <= FLOOR_SEEN)
+        self.window.slot(place).is_some_and(|slot| self.ground.is_seen(slot))
+    }
+
+    /// True if a place (odometry frame, m) was seen as floor, or is taken for it.
+    pub fn is_taken_for_floor(&self, place: Point2<f64>) -> bool {
+        self.window.slot(place).is_some_and(|slot| self.ground.is_taken(slot))
     }
 
     fn is_occupied(&self, place: Point2<f64>) -> bool {
@@ -317,25 +281,19 @@ mod tests {
     }
 
     #[test]
-    fn floor_that_was_seen_is_remembered_until_something_else_is_seen_there() {
+    fn floor_that_was_seen_does_not_fade_and_doubt_shows_none() {
         let mut grid = OccupancyGrid::default();
         let (start, place, other) = (Point2::new(0.5, 0.5), Point2::new(1.52, 0.03), Point2::new(1.52, 0.33));
-        grid.advance(Point2::origin(), 0.0, |_| true);
-        assert!(grid.shows_floor(start) && !grid.shows_floor(place), "the robot begins on floor");
-        grid.add_floor([place].into_iter(), -0.7);
-        assert!(!grid.shows_floor(place), "one picture may be wrong");
-        grid.add_floor([place].into_iter(), -0.7);
-        for _ in 0..60 {
-            grid.advance(Point2::origin(), 1.0, |_| false);
-        }
-        assert!(grid.shows_floor(place) && !grid.shows_floor(other));
+        grid.presume_floor(Point2::origin(), 1.2);
+        assert!(grid.is_taken_for_floor(start) && !grid.is_taken_for_floor(place));
+        (0..2).for_each(|_| grid.add_floor([place].into_iter(), -0.7));
+        (0..60).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| false));
+        assert!(grid.shows_floor(place) && !grid.is_taken_for_floor(other));
         grid.add_thing([place].into_iter(), 1.3);
-        assert!(!grid.shows_floor(place), "something stands there, or has");
+        assert!(!grid.is_taken_for_floor(place), "something stands there, or has");
         grid.doubt(Point2::origin());
-        assert!(grid.shows_floor(place) && grid.shows_floor(other));
-        grid.advance(Point2::new(9.0, 0.0), 0.0, |_| true);
-        grid.advance(Point2::origin(), 0.0, |_| true);
-        assert!(!grid.shows_floor(place), "what left the window is forgotten");
+        assert!(grid.is_taken_for_floor(place) && grid.is_taken_for_floor(other));
+        assert!(!grid.shows_floor(place), "it must be seen again");
     }
 
     #[test]
@@ -393,44 +351,6 @@ mod tests {
         }
         grid.add(Evidence::Look, [Point2::new(f64::NAN, 0.0)].into_iter(), 5.0);
         assert!(occupied(&grid).is_empty());
-    }
-
-    #[test]
-    fn what_was_seen_often_outlasts_time_out_of_view() {
-        let remembers = |seconds: u32, is_in_view: bool| {
-            let mut grid = OccupancyGrid::default();
-            for _ in 0..4 {
-                grid.add(Evidence::Look, [Point2::new(0.42, 0.03)].into_iter(), 1.3);
-            }
-            (0..seconds).for_each(|_| grid.advance(Point2::origin(), 1.0, |_| is_in_view));
-            !occupied(&grid).is_empty()
-        };
-        assert!(remembers(30, false), "a camera does not see below its view");
-        assert!(!remembers(30, true) && !remembers(120, false), "at last it is forgotten");
-    }
-
-    #[test]
-    fn what_stands_beside_the_robot_stays_while_no_beam_looks_there() {
-        // Seconds for which what the sonar alone has established at a range is kept, by a robot that has turned away from it.
-        let kept_s = |range_m: f64, is_in_view: bool| {
-            let mut grid = OccupancyGrid::default();
-            let beam = Beam { cone_rad: 0.4, range_m, ..Beam::default() };
-            (0..6).for_each(|_| grid.add_beam(&beam, &Pose2::IDENTITY, |_| true));
-            let is_kept = |_: &u32| {
-                grid.advance(Point2::origin(), 0.1, |_| is_in_view);
-                !occupied(&grid).is_empty()
-            };
-            0.1 * (0..1000).take_while(is_kept).count() as f64
-        };
-        assert!((20.0..30.0).contains(&kept_s(0.6, false)), "{}", kept_s(0.6, false));
-        assert!(kept_s(1.3, false) < 7.0 && kept_s(0.6, true) < 7.0);
-
-        let mut grid = OccupancyGrid::default();
-        let beam = Beam { cone_rad: 0.4, range_m: 0.6, ..Beam::default() };
-        (0..6).for_each(|_| grid.add_beam(&beam, &Pose2::IDENTITY, |_| true));
-        let beyond = Beam { range_m: 2.5, ..beam };
-        (0..40).for_each(|_| grid.add_beam(&beyond, &Pose2::IDENTITY, |_| true));
-        assert!(occupied(&grid).is_empty(), "a beam that passes its place clears it");
     }
 
     #[test]

@@ -10,6 +10,7 @@ use yamabico_vision::map::WireFrame;
 
 use super::motion::FloorMotion;
 use super::occupancy::{self, Evidence, neighbors};
+use super::refuted_walls::is_refuted;
 use super::upright_edges::UprightEdges;
 use super::{ASIDE_RAD, LaneAvoider, WALL_M};
 
@@ -83,6 +84,7 @@ impl LaneAvoider {
         }
         self.add_geometry(robot);
         self.grid.update_arrivals();
+        self.refute_walls();
         Ok(())
     }
 
@@ -130,6 +132,19 @@ impl LaneAvoider {
             grid.add(Evidence::Motion, floor, FLOOR);
             grid.add(kind, motion.things(FLOOR_END_M).map(|place| ground.odometry(place)), MOVES_AS_THING);
         }
+    }
+
+    /// Leaves out walls of the corridor beyond which floor was seen.
+    fn refute_walls(&mut self) {
+        let (Some(on_map), Some(newest)) = (self.map_from_odometry(), self.odometry.newest()) else { return };
+        let (to_odometry, robot) = (on_map.inverse(), on_map * newest.pose);
+        let Some(frame) = self.guidance.corridor_mut() else { return };
+        let is_floor = |place: Point2<f64>| self.grid.shows_floor(to_odometry.transform_point(place));
+        let [left, right] = frame.seen_walls_m();
+        let is_none = |wall_m: Option<f64>, outward: f64| {
+            wall_m.is_some_and(|wall_m| is_refuted(wall_m, outward, robot.x, is_floor))
+        };
+        frame.refute([is_none(left, 1.0), is_none(right, -1.0)]);
     }
 }
 
