@@ -11,6 +11,7 @@ mod cells;
 mod lab;
 mod near_color;
 mod scan;
+mod view;
 
 pub use cells::CellImage;
 pub use lab::Lab;

@@ -1,11 +1,12 @@
 //! The scan up the columns, and the color of the floor in front of the robot.
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use yamabico_geometry::camera::{Mount, Pinhole};
 
 use super::cells::CellImage;
 use super::lab::Lab;
 use super::near_color::NearColor;
+use super::view::FloorView;
 use crate::floor_appearance::Picture;
 
 /// Parameters of the scan.
@@ -61,21 +62,12 @@ const SAME_FOOT_M: f64 = 0.3;
 pub struct FloorColumns {
     rules: ColumnRules,
     cells: CellImage,
-    /// Floor points of the cells, robot frame, m; NaN above the range of the scan.
-    floor: Vec<Point2<f64>>,
-    /// First row from above that is scanned, and rows that an obstacle covers at least whose foot is in a row.
-    top: usize,
-    height_rows: Vec<usize>,
-    /// Row as far above the horizon as that one is below it; `None` beyond the picture.
-    sky: Option<usize>,
-    /// Camera on the floor, and direction of its view, robot frame.
-    camera: Point2<f64>,
-    forward: Vector2<f64>,
-    /// Nearest floor that is seen in each column, camera frame: slope to the left, rising, and distance ahead, m.
-    border: Vec<[f64; 2]>,
+    view: FloorView,
     near: NearColor,
     /// Cells that differ from the floor, column by column from above.
     differs: Vec<bool>,
+    /// Cells that are overexposed on a darker floor.
+    glare: Vec<bool>,
     /// Row of the last floor cell before the end of the floor, if it ends within the range; else the first row scanned.
     ends: Vec<usize>,
     /// Columns that look like floor up to above the horizon.
@@ -91,57 +83,16 @@ impl FloorColumns {
         let [width, height] = pinhole.intrinsics().size();
         let cells = CellImage::new(width as usize, height as usize);
         let [columns, rows] = cells.size();
-        let rotation = mount.rotation_body_from_camera();
-        let forward = Vector2::new(mount.pan.cos(), mount.pan.sin());
-        let mut floor = vec![Point2::new(f64::NAN, f64::NAN); columns * rows];
-        let mut height_rows = vec![usize::MAX; rows];
-        let mut top = rows;
-        for row in (0..rows).rev() {
-            let mut nearest_m = f64::INFINITY;
-            for column in 0..columns {
-                let [u, v] = cells.middle(column, row);
-                let Some(ray) = pinhole.ray_from_pixel(Vector2::new(u, v)) else { continue };
-                let in_body = rotation * ray;
-                let reach = mount.z / -in_body.z;
-                let point = Point2::new(mount.x + reach * in_body.x, mount.y + reach * in_body.y);
-                let ahead_m = forward.dot(&(point - Point2::new(mount.x, mount.y)));
-                if in_body.z < -1e-6 && ahead_m > 0.0 && ahead_m <= rules.max_range_m {
-                    floor[row * columns + column] = point;
-                    nearest_m = nearest_m.min(ahead_m);
-                }
-            }
-            if nearest_m.is_finite() {
-                top = row;
-                let focal_rows = pinhole.intrinsics().fy / (height as f64 / rows as f64);
-                height_rows[row] = ((rules.min_height_m * focal_rows / nearest_m) as usize).max(2);
-            } else {
-                break;
-            }
-        }
-        let middle = columns / 2;
-        let rises = |row: usize| {
-            let [u, v] = cells.middle(middle, row);
-            pinhole.ray_from_pixel(Vector2::new(u, v)).is_some_and(|ray| (rotation * ray).z >= 0.0)
-        };
-        let horizon = (0..top).rev().find(|&row| rises(row));
-        let camera = Point2::new(mount.x, mount.y);
-        let left = Vector2::new(-forward.y, forward.x);
-        let nearest = (0..columns).rev().map(|column| floor[(rows - 1) * columns + column] - camera);
-        let border = nearest.map(|off| [left.dot(&off) / forward.dot(&off), forward.dot(&off)]).collect();
-        (top + BORDER_ROWS + 2 < rows && mount.z > 0.0).then(|| Self {
+        let view = FloorView::new(&cells, pinhole, mount, rules.max_range_m, rules.min_height_m);
+        (view.top + BORDER_ROWS + 2 < rows && mount.z > 0.0).then(|| Self {
             rules,
-            camera,
-            forward,
-            border,
-            floor,
-            top,
-            height_rows,
-            sky: horizon.and_then(|row| (2 * row).checked_sub(top)),
-            boundless: vec![false; columns],
+            view,
             near: NearColor::new(&cells),
             differs: vec![false; rows],
+            glare: vec![false; columns * rows],
             ends: vec![rows - 1; columns],
             tops: vec![0; columns],
+            boundless: vec![false; columns],
             cells,
         })
     }
@@ -150,12 +101,7 @@ impl FloorColumns {
     /// and not below it.
     #[must_use]
     pub fn is_in_view(&self, place: Point2<f64>) -> bool {
-        let off = place - self.camera;
-        let ahead_m = self.forward.dot(&off);
-        let slope = self.forward.perp(&off) / ahead_m;
-        let column = self.border.partition_point(|[border, _]| *border < slope);
-        let is_beside = column == 0 || column == self.border.len();
-        ahead_m > 0.0 && !is_beside && ahead_m > self.border[column][1]
+        self.view.shows(place)
     }
 
     /// Takes in a picture. The color of the area in front of the robot is learned if `learns` is set: nothing stands
@@ -188,23 +134,24 @@ impl FloorColumns {
         for column in 0..self.cells.size()[0] {
             (self.ends[column], self.boundless[column]) = self.scan(column, color);
             // Two rows in a row: one may be noise, or a joint.
-            let mut above = self.differs[self.top..self.ends[column]].windows(2);
-            self.tops[column] = self.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
+            let mut above = self.differs[self.view.top..self.ends[column]].windows(2);
+            self.tops[column] = self.view.top + above.rposition(|rows| !rows[0] && !rows[1]).unwrap_or(0);
         }
     }
 
     /// Scans a column. Returns the row where the floor ends: its lowest row that differs from the floor over the height
     /// of an obstacle, or the first row scanned; and true if the column looks like floor up to above the horizon.
     fn scan(&mut self, column: usize, mut color: Lab) -> (usize, bool) {
-        let rows = self.cells.size()[1];
+        let [columns, rows] = self.cells.size();
         let follow = 1.0 - (1.0 - self.rules.follow).powf(240.0 / rows as f32);
-        for row in (self.sky.unwrap_or(self.top)..rows - 1).rev() {
+        for row in (self.view.sky.unwrap_or(self.view.top)..rows - 1).rev() {
             let seen = self.cells.row(row)[column];
             let off: Lab = std::array::from_fn(|channel| seen[channel] - color[channel]);
             let is_overexposed = seen[0] > OVEREXPOSED && color[0] < MAX_DARK_FLOOR;
             let is_other =
                 off.iter().zip(&self.rules.tolerance).any(|(off, tolerance)| off.abs() > *tolerance);
             self.differs[row] = is_other && !is_overexposed;
+            self.glare[row * columns + column] = is_overexposed;
             if !is_other {
                 for (color, off) in color.iter_mut().zip(off) {
                     *color += follow * off;
@@ -212,15 +159,16 @@ impl FloorColumns {
             }
         }
         let is_end = |row: usize| {
-            let from = (row + 1).saturating_sub(self.height_rows[row]).max(self.top);
+            let from = (row + 1).saturating_sub(self.view.height_rows[row]).max(self.view.top);
             let covered = &self.differs[from..=row];
             let count = covered.iter().filter(|differs| **differs).count();
             self.differs[row] && count as f32 > self.rules.min_share * covered.len() as f32
         };
-        let end = (self.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.top);
-        let is_boundless = end == self.top
-            && self.sky.is_some_and(|sky| {
-                let beyond = &self.differs[sky..self.top];
+        let end =
+            (self.view.top + 1..rows - BORDER_ROWS).rev().find(|&row| is_end(row)).unwrap_or(self.view.top);
+        let is_boundless = end == self.view.top
+            && self.view.sky.is_some_and(|sky| {
+                let beyond = &self.differs[sky..self.view.top];
                 let count = beyond.iter().filter(|differs| **differs).count();
                 (count as f32) < MAX_BOUNDLESS_SHARE * beyond.len() as f32
             });
@@ -231,22 +179,29 @@ impl FloorColumns {
     pub fn ends(&self) -> impl Iterator<Item = FloorEnd> {
         let last = self.cells.size()[1] - BORDER_ROWS - 1;
         let columns = self.ends.iter().zip(&self.tops).enumerate();
-        columns.filter(move |&(_, (&row, _))| row > self.top && row < last).map(|(column, (&row, &top))| {
-            let [[u, from], [_, to]] = [top, row].map(|row| self.cells.middle(column, row));
-            FloorEnd { place: self.place(column, row), u, rows: [from, to], is_lone: self.is_lone(column) }
-        })
+        columns.filter(move |&(_, (&row, _))| row > self.view.top && row < last).map(
+            |(column, (&row, &top))| {
+                let [[u, from], [_, to]] = [top, row].map(|row| self.cells.middle(column, row));
+                FloorEnd {
+                    place: self.view.place(column, row),
+                    u,
+                    rows: [from, to],
+                    is_lone: self.is_lone(column),
+                }
+            },
+        )
     }
 
     /// True if the floor reaches farther in both columns beside `column`, or beyond the border of the picture.
     fn is_lone(&self, column: usize) -> bool {
-        let end_m = |column: usize| (self.place(column, self.ends[column]) - self.camera).norm();
+        let end_m = |column: usize| (self.view.place(column, self.ends[column]) - self.view.camera).norm();
         let max_m = end_m(column) + SAME_FOOT_M;
         let beside = [column.checked_sub(1), (column + 1 < self.ends.len()).then_some(column + 1)];
         beside.into_iter().flatten().all(|beside| end_m(beside) > max_m)
     }
 
     /// Places of floor before its end, robot frame, m. A wall beside the robot that looks like the floor has no foot to be seen: columns
-    /// from a side of the picture on that look like floor up to above the horizon show none. Nor does what is overexposed.
+    /// from a side of the picture on that look like floor up to above the horizon show none. Nor does what is overexposed on a darker floor.
     pub fn free(&self) -> impl Iterator<Item = Point2<f64>> {
         let rows = self.cells.size()[1];
         let last = rows - BORDER_ROWS - 1;
@@ -256,8 +211,8 @@ impl FloorColumns {
         let right = (left..width).rev().take_while(shows_nothing).count();
         let columns = self.ends.iter().enumerate().take(width - right).skip(left);
         columns.flat_map(move |(column, &end)| {
-            let is_told = move |&row: &usize| self.cells.row(row)[column][0] <= OVEREXPOSED;
-            (end + 2..rows - 1).filter(is_told).map(move |row| self.place(column, row))
+            let is_told = move |&row: &usize| !self.glare[row * width + column];
+            (end + 2..rows - 1).filter(is_told).map(move |row| self.view.place(column, row))
         })
     }
 
@@ -272,11 +227,7 @@ impl FloorColumns {
         let right = || (at + 1..self.ends.len()).take_while(is_covered);
         let is_one_sided = (left().next().is_none()) != (right().next().is_none());
         let beside = is_one_sided.then(|| left().chain(right())).into_iter().flatten();
-        beside.map(move |column| self.place(column, self.cells.size()[1] - 1))
-    }
-
-    fn place(&self, column: usize, row: usize) -> Point2<f64> {
-        self.floor[row * self.cells.size()[0] + column]
+        beside.map(move |column| self.view.place(column, self.cells.size()[1] - 1))
     }
 
     /// Ends of the floor as pixels, for pictures of what was seen.
@@ -288,6 +239,7 @@ impl FloorColumns {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector2;
     use yamabico_geometry::camera::Intrinsics;
     use yamabico_geometry::image::ImageView;
 
@@ -408,20 +360,6 @@ mod tests {
     }
 
     #[test]
-    fn the_view_begins_below_the_picture_and_ends_at_its_sides() {
-        let columns = columns();
-        let is_in_view = |x, y| columns.is_in_view(Point2::new(x, y));
-        assert!(is_in_view(0.7, 0.0) && is_in_view(2.0, 0.8) && is_in_view(2.0, -0.8));
-        // The lower border of the picture is at 0.63 m.
-        assert!(
-            !is_in_view(0.6, 0.0)
-                && !is_in_view(1.0, 0.8)
-                && !is_in_view(1.0, -0.8)
-                && !is_in_view(-1.0, 0.0)
-        );
-    }
-
-    #[test]
     fn a_camera_that_sees_no_floor_is_refused() {
         let pinhole = Pinhole::ideal(Intrinsics::from_horizontal_fov(256, 240, 0.8));
         let rules = ColumnRules::default();
@@ -472,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lamp_in_the_floor_is_floor_and_a_bright_box_is_not() {
+    fn a_lamp_in_the_floor_is_no_thing_and_a_bright_box_is() {
         let patch = |shade: u8| {
             let mut pixels = picture(0, 0);
             for v in 100..180 {
@@ -480,9 +418,15 @@ mod tests {
             }
             let mut columns = columns();
             assert!(look(&mut columns, &pixels));
-            columns.ends().count()
+            let behind =
+                columns.free().filter(|place| (1.2..1.6).contains(&place.x) && (0.0..0.1).contains(&place.y));
+            (columns.ends().count(), behind.count())
         };
-        assert_eq!(patch(255), 0);
-        assert!(patch(200) > 5);
+        assert_eq!(patch(255), (0, 0), "neither a thing nor floor");
+        assert!(patch(200).0 > 5);
+        let bright: Vec<u8> =
+            picture(0, 0).iter().map(|&shade| if shade == 230 { 60 } else { 252 }).collect();
+        let mut columns = columns();
+        assert!(look(&mut columns, &bright) && columns.free().count() > 1000, "a floor may be white");
     }
 }
