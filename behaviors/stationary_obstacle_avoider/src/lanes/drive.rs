@@ -6,15 +6,15 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference, wrap_angle};
 use yamabico_core::message::{Axes, Proposal, Reason};
 
 use super::situation::{Situation, turn_by};
-use super::turns_here::TurnsHere;
+use super::tries_here::TriesHere;
+use super::way_back::WayBack;
 use super::way_out::Leg;
 
 /// Station that the robot steers for: 0.61 m ahead.
 pub(super) const AIM_STATION: usize = 7;
 /// Smallest share of the speed that is worth driving.
 const MIN_SHARE: f64 = 0.08;
-/// Range of an echo aside from which the robot veers away, m; the curvature, 1/m; and the speed then, m/s.
-const NEAR_ASIDE_M: f64 = 0.25;
+/// Curvature at which the robot veers away from an echo aside, 1/m, and the speed then, m/s.
 const VEER_PER_M: f64 = 1.5;
 const VEER_MPS: f64 = 0.15;
 /// Bearing of the aim above which a driving robot turns in place, rad.
@@ -43,13 +43,15 @@ const OUT_MPS: f64 = 0.15;
 const OUT_M: f64 = 0.35;
 /// Free distance ahead at which a way out ends, m.
 const OUT_STOP_M: f64 = 0.05;
-/// Speed of backing off, m/s; smallest and largest length, m. Only a way that the robot has just come is known to be free,
-/// and a turn leaves it: the length that is lost per radian, m.
+/// Speed of backing off, m/s, and the length from which it is worth it, m.
 const BACK_MPS: f64 = 0.12;
-const BACK_M: (f64, f64) = (0.15, 0.5);
-const TURN_LOSS_M: f64 = 0.5;
-/// Step of the odometry between two calls above which it has jumped, m.
-const JUMP_M: f64 = 0.2;
+const MIN_BACK_M: f64 = 0.15;
+/// Number of legs of a route, and ways back, after which the robot turns instead: from where one ends, another often leads back.
+const MAX_TRIES: u32 = 3;
+/// Number of turns in which what is remembered comes into doubt, one to each side, and that after which it does again: what has been
+/// seen since is used first.
+const DOUBTFUL: u32 = 2;
+const DOUBTFUL_AGAIN: u32 = 4;
 /// Time after which a turn or a way out is given up, s.
 const MANEUVER_S: f64 = 5.0;
 
@@ -82,7 +84,9 @@ pub(super) struct Drive {
     lane_m: f64,
     /// Side of the last turn in place since the path was free, 1 left, -1 right; 0 without one.
     tried: f64,
-    turns_here: TurnsHere,
+    turns: TriesHere,
+    /// Legs of a route, and ways back, since the last turn.
+    tries: TriesHere,
     /// True in the step of the turn with which what is remembered comes into doubt.
     #[serde(skip)]
     doubts: bool,
@@ -90,9 +94,7 @@ pub(super) struct Drive {
     left: Option<Pose2>,
     /// True if what crosses the way is passed: it has been waited for.
     has_yielded: bool,
-    /// Pose by odometry at the last step, and distance driven forward to it, m: at most as much as it can back off.
-    last: Option<Pose2>,
-    advanced_m: f64,
+    way_back: WayBack,
 }
 
 impl Drive {
@@ -114,20 +116,29 @@ impl Drive {
     /// Takes a step, and returns the proposal; `None` where the path is free.
     pub fn step(&mut self, at: &Situation) -> Option<Proposal> {
         self.lane_m = at.plan.best.offset_m;
-        self.measure_advance(&at.odometry);
+        self.way_back.update(&at.odometry);
         let mode = self.next(at);
         self.has_yielded = at.is_crossed
             && (self.has_yielded || (matches!(self.mode, Mode::Yield { .. }) && mode != self.mode));
-        if let (Mode::Wait { .. }, Mode::Face { heading, .. }) = (self.mode, mode) {
-            self.left = Some(Pose2 { theta: heading, ..at.odometry });
+        self.doubts = false;
+        match (self.mode, mode) {
+            (Mode::Wait { .. }, Mode::Face { heading, .. }) => {
+                self.left = Some(Pose2 { theta: heading, ..at.odometry });
+                self.tries.count(&at.odometry);
+            }
+            (Mode::Wait { .. }, Mode::Back { .. }) => self.tries.count(&at.odometry),
+            (Mode::Wait { .. }, Mode::Turn { .. }) => {
+                self.tries = TriesHere::default();
+                self.turns.count(&at.odometry);
+                self.doubts = self.turns.number(&at.odometry) % DOUBTFUL_AGAIN == DOUBTFUL;
+            }
+            _ => {}
         }
-        let begins_turn = matches!(mode, Mode::Turn { .. }) && !matches!(self.mode, Mode::Turn { .. });
-        self.doubts = begins_turn && self.turns_here.count(&at.odometry);
         self.mode = mode;
         Some(match self.mode {
             Mode::Free => {
                 (self.lane_m, self.tried, self.left) = (0.0, 0.0, None);
-                self.turns_here = TurnsHere::default();
+                (self.turns, self.tries) = Default::default();
                 return None;
             }
             Mode::Lane => self.drive_lane(at),
@@ -164,21 +175,17 @@ impl Drive {
                     .with_reason(Reason::Searching)
                     .with_note(format_args!("turns to the way around"))
             }
-            Mode::Out { .. } => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS.min(at.speed_mps), 0.0))
-                .with_reason(Reason::Searching)
-                .with_note(format_args!("leaves a place without a free lane")),
+            Mode::Out { .. } => match at.near_side() {
+                // What is so near aside halts a robot that drives on, and may be below the view of the camera.
+                Some(side) => Proposal::drive(Axes::PLANAR, Twist::planar(0.0, -side * OUT_RADPS))
+                    .uncoupled()
+                    .with_reason(Reason::Searching)
+                    .with_note(format_args!("turns away from what is near aside")),
+                None => Proposal::drive(Axes::PLANAR, Twist::planar(OUT_MPS.min(at.speed_mps), 0.0))
+                    .with_reason(Reason::Searching)
+                    .with_note(format_args!("leaves a place without a free lane")),
+            },
         })
-    }
-
-    /// Measures how far the robot has driven forward, as far as it may back off.
-    fn measure_advance(&mut self, odometry: &Pose2) {
-        let Some(last) = self.last.replace(*odometry) else { return };
-        let step = last.relative(odometry);
-        self.advanced_m = if step.position().coords.norm() > JUMP_M {
-            0.0
-        } else {
-            (self.advanced_m + step.x - TURN_LOSS_M * step.theta.abs()).clamp(0.0, BACK_M.1)
-        };
     }
 
     fn next(&self, at: &Situation) -> Mode {
@@ -197,16 +204,17 @@ impl Drive {
             Mode::Free | Mode::Lane | Mode::Yield { .. } => Mode::Lane,
             Mode::Wait { since_s } => {
                 let waited_s = at.now_s - since_s;
+                let may_try = self.tries.number(&at.odometry) < MAX_TRIES;
                 if at.is_released() && waited_s > MIN_WAIT_S {
                     Mode::Lane
                 } else if at.is_sonar_silent {
                     self.mode
                 } else if let Some(leg) =
-                    at.way_out.filter(|leg| waited_s > ROUTE_S && self.is_worth(leg, at))
+                    at.way_out.filter(|leg| may_try && waited_s > ROUTE_S && self.is_worth(leg, at))
                 {
                     let heading = wrap_angle(at.odometry.theta + leg.bearing);
                     Mode::Face { since_s: at.now_s, heading, length_m: leg.length_m }
-                } else if waited_s > BACK_OFF_S && self.advanced_m >= BACK_M.0 {
+                } else if may_try && waited_s > BACK_OFF_S && self.way_back.length_m() >= MIN_BACK_M {
                     Mode::Back { since_s: at.now_s }
                 } else if waited_s > WAIT_S {
                     let [left, right] = at.room;
@@ -219,7 +227,7 @@ impl Drive {
                 }
             }
             Mode::Back { since_s } => {
-                let is_over = self.advanced_m <= 0.0 || at.now_s - since_s > MANEUVER_S;
+                let is_over = self.way_back.length_m() <= 0.0 || at.now_s - since_s > MANEUVER_S;
                 if !is_over {
                     self.mode
                 } else if at.is_released() {
@@ -277,10 +285,10 @@ impl Drive {
         if at.bearing().abs() > TURN_IN_PLACE_RAD || at.is_arc_short() {
             return Proposal::drive(Axes::PLANAR, at.turn_to_aim()).uncoupled().with_note(note);
         }
-        let mut speed = at.speed_mps * at.share();
+        let mut speed = at.lane_mps();
         let mut curvature = curvature_to(at.aim);
-        if at.echo_left_m.min(at.echo_right_m) < NEAR_ASIDE_M {
-            curvature += if at.echo_right_m < at.echo_left_m { VEER_PER_M } else { -VEER_PER_M };
+        if let Some(side) = at.near_side() {
+            curvature -= side * VEER_PER_M;
             speed = speed.min(VEER_MPS);
         }
         let rate = (speed * curvature).clamp(-at.max_turn_radps, at.max_turn_radps);
@@ -297,26 +305,6 @@ pub(super) fn curvature_to(aim: Point2<f64>) -> f64 {
 mod tests {
     use super::super::planner::{ARC_M, Lane, Plan};
     use super::*;
-
-    fn drive(poses: impl IntoIterator<Item = (f64, f64)>) -> f64 {
-        let mut drive = Drive::default();
-        for (x, theta) in poses {
-            drive.measure_advance(&Pose2::new(x, 0.0, theta));
-        }
-        drive.advanced_m
-    }
-
-    #[test]
-    fn only_the_way_that_it_came_is_known_to_be_free_behind() {
-        let ahead = || (0..=30).map(|i| (0.02 * f64::from(i), 0.0));
-        assert_eq!(drive(ahead()), BACK_M.1);
-        let then = |poses: &[(f64, f64)]| drive(ahead().chain(poses.iter().copied()));
-        assert!(then(&[(0.6, 0.4), (0.6, 0.8), (0.6, 1.2)]) < 1e-9, "a turn in place leaves the way");
-        assert!((then(&[(0.5, 0.0)]) - 0.4).abs() < 1e-9, "backing off uses it up");
-        assert_eq!(then(&[(1.6, 0.0)]), 0.0, "odometry that jumps tells nothing");
-        let curve = drive((0..=20).map(|i| (0.02 * f64::from(i), 0.02 * f64::from(i))));
-        assert!(curve > BACK_M.0, "a gentle curve does not: {curve}");
-    }
 
     /// A robot on its path before something that it hears 0.3 m ahead, with a lane that is `free_m` long and `offset_m` aside.
     fn blocked(now_s: f64, free_m: f64, offset_m: f64, path_heading: f64) -> Situation {
@@ -434,6 +422,49 @@ mod tests {
         assert_eq!(last.expect("steps").1, heading, "what stopped it there would again");
         let leg = Leg { bearing: 0.0, length_m: 0.6 };
         assert!(drive.is_new(&leg, &Pose2::new(0.3, 0.0, 0.8)) && drive.is_new(&leg, &Pose2::IDENTITY));
+    }
+
+    #[test]
+    fn a_way_out_turns_away_from_what_is_near_aside() {
+        let mut drive = Drive {
+            mode: Mode::Out { since_s: 0.0, from: Pose2::IDENTITY, length_m: OUT_M },
+            ..Drive::default()
+        };
+        let open = Situation { echo_ahead_m: f64::INFINITY, ..blocked(0.1, 0.2, 0.0, 0.0) };
+        let mut twist = |echo_left_m: f64, echo_right_m: f64| {
+            drive.step(&Situation { echo_left_m, echo_right_m, ..open }).expect("a proposal").twist
+        };
+        assert_eq!(twist(0.2, f64::INFINITY), Twist::planar(0.0, -OUT_RADPS));
+        assert_eq!(twist(0.4, 0.2), Twist::planar(0.0, OUT_RADPS));
+        assert!(twist(0.4, 0.3).linear > 0.0, "what is near no longer is");
+    }
+
+    #[test]
+    fn a_robot_that_only_goes_to_and_fro_turns() {
+        let (mut drive, mut odometry) = (Drive::default(), Pose2::IDENTITY);
+        let (mut legs, mut turns_after) = (0, None);
+        for step in 0..600 {
+            let way_out = Some(Leg { bearing: 0.4 - odometry.theta, length_m: 0.6 });
+            let echo_ahead_m = if odometry.x > 0.3 { 0.3 } else { f64::INFINITY };
+            let at = Situation {
+                odometry,
+                way_out,
+                echo_ahead_m,
+                ..blocked(0.1 * f64::from(step), 0.2, 0.0, -odometry.theta)
+            };
+            let before = drive.mode;
+            let twist = drive.step(&at).expect("a proposal").twist;
+            legs += u32::from(matches!(
+                (before, drive.mode),
+                (Mode::Wait { .. }, Mode::Face { .. } | Mode::Back { .. })
+            ));
+            if matches!(drive.mode, Mode::Turn { .. }) {
+                turns_after = turns_after.or(Some(legs));
+            }
+            odometry.x += 0.1 * twist.linear;
+            odometry.theta += 0.1 * twist.angular;
+        }
+        assert!(turns_after == Some(MAX_TRIES), "{turns_after:?} of {legs}");
     }
 
     #[test]

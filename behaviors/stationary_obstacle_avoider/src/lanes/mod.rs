@@ -25,8 +25,9 @@ mod refuted_walls;
 mod seen_floor;
 mod situation;
 mod sudden_echo;
-mod turns_here;
+mod tries_here;
 mod upright_edges;
+mod way_back;
 mod way_out;
 
 use nalgebra::{Point2, Rotation2};

@@ -5,6 +5,7 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 
 use super::planner::Plan;
 use super::way_out::Leg;
+use crate::config::NO_ROOM_SHARE;
 
 /// Free length at which the robot stands, and over which it slows down, m.
 const STAND_M: f64 = 0.35;
@@ -12,6 +13,8 @@ const SLOW_M: f64 = 0.7;
 /// Range of an echo ahead from which the speed is reduced, m, and the smallest share.
 const SLOW_ECHO_M: f64 = 1.0;
 const MIN_ECHO_SHARE: f64 = 0.35;
+/// Range of an echo aside that is too near, m.
+const NEAR_ASIDE_M: f64 = 0.25;
 /// Bearing of the aim above which a robot that waits before a free lane turns in place, rad.
 const TURN_WAITING_RAD: f64 = 0.15;
 /// Length of the arc to the aim below which the robot turns in place instead, or stands if it looks there, m.
@@ -69,6 +72,12 @@ impl Situation {
         self.is_sonar_silent || self.echo_ahead_m < self.gate_m
     }
 
+    /// Side of what is too near aside, 1 left, -1 right; `None` if nothing is.
+    pub fn near_side(&self) -> Option<f64> {
+        let side = if self.echo_right_m < self.echo_left_m { -1.0 } else { 1.0 };
+        (self.echo_left_m.min(self.echo_right_m) < NEAR_ASIDE_M).then_some(side)
+    }
+
     /// True if the robot may leave the place where it waits.
     pub fn is_released(&self) -> bool {
         !self.is_sonar_silent
@@ -112,11 +121,17 @@ impl Situation {
             && self.plan.best.offset_m.abs() <= HAND_OVER_M
     }
 
-    /// Share of the speed that the best lane allows.
+    /// Share of the speed that the free length of the best lane, and an echo ahead, allow.
     pub fn share(&self) -> f64 {
         let free = ((self.plan.best.free_m - STAND_M) / SLOW_M).clamp(0.0, 1.0);
         let echo = if self.echo_ahead_m > SLOW_ECHO_M { 1.0 } else { self.echo_ahead_m.max(MIN_ECHO_SHARE) };
         free * echo
+    }
+
+    /// Speed in the best lane, m/s.
+    pub fn lane_mps(&self) -> f64 {
+        let room = self.plan.best.room(self.clearance_m);
+        self.speed_mps * self.share() * (NO_ROOM_SHARE + (1.0 - NO_ROOM_SHARE) * room)
     }
 }
 
