@@ -49,12 +49,6 @@ pub struct Lane {
 }
 
 impl Lane {
-    /// Room between the lane and the nearest obstacle, as a share of that which is kept where there is room.
-    #[must_use]
-    pub fn room(&self, clearance_m: f64) -> f64 {
-        ((self.gap_m - clearance_m) / ROOM_M).clamp(0.0, 1.0)
-    }
-
     /// True if the lane is free over the whole length with some room beside it.
     #[must_use]
     pub fn is_open(&self, clearance_m: f64) -> bool {
