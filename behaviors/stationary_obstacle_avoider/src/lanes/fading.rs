@@ -1,4 +1,4 @@
-//! How fast evidence fades: what one look showed is forgotten in seconds, what is established and out of view in minutes.
+//! Fading of evidence: what one look showed is forgotten in seconds, what is established and out of view in minutes.
 
 /// Log odds by one kind of evidence from which a cell is established: it has been seen occupied in several pictures.
 const ESTABLISHED: f32 = 3.0;
