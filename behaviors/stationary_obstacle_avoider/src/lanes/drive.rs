@@ -2,10 +2,12 @@
 
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
-use yamabico_core::geometry::{Pose2, Twist, angle_difference, wrap_angle};
+use yamabico_core::geometry::{Twist, angle_difference, wrap_angle};
 use yamabico_core::message::{Axes, Proposal, Reason};
 
+use super::mode::Mode;
 use super::situation::{Situation, turn_by};
+use super::taken_leg::TakenLeg;
 use super::tries_here::TriesHere;
 use super::way_back::WayBack;
 use super::way_out::Leg;
@@ -32,11 +34,8 @@ const TURN_RAD: (f64, f64) = (0.44, 1.05);
 const VIEW_M: f64 = 0.9;
 /// Angle to the path from which a leg of a route leads away from what is in view, rad.
 const MAX_LEG_RAD: f64 = 1.4;
-/// Difference to its heading at which a leg of a route is faced, rad; distance and angle within which two legs are the same, m and
-/// rad.
+/// Difference to its heading at which a leg of a route is faced, rad.
 const FACED_RAD: f64 = 0.08;
-const SAME_LEG_M: f64 = 0.1;
-const SAME_LEG_RAD: f64 = 0.3;
 /// Turn rate of a way out, rad/s; speed, m/s; length, m.
 const OUT_RADPS: f64 = 0.6;
 const OUT_MPS: f64 = 0.15;
@@ -55,28 +54,6 @@ const DOUBTFUL_AGAIN: u32 = 4;
 /// Time after which a turn or a way out is given up, s.
 const MANEUVER_S: f64 = 5.0;
 
-/// Step of the drive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-enum Mode {
-    /// Other behaviors drive: the path is free.
-    #[default]
-    Free,
-    /// Drives the best lane.
-    Lane,
-    /// Stands: something that moves crosses the way.
-    Yield { since_s: f64 },
-    /// Stands: no lane is free, or a sonar sees something within its gate.
-    Wait { since_s: f64 },
-    /// Backs off the way it came.
-    Back { since_s: f64 },
-    /// Turns in place to the side with more room.
-    Turn { since_s: f64, side: f64 },
-    /// Turns in place to the first leg of a route: its heading by odometry, rad, and its length, m.
-    Face { since_s: f64, heading: f64, length_m: f64 },
-    /// Drives a short way straight ahead.
-    Out { since_s: f64, from: Pose2, length_m: f64 },
-}
-
 /// State of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Drive {
@@ -90,8 +67,7 @@ pub(super) struct Drive {
     /// True in the step of the turn with which what is remembered comes into doubt.
     #[serde(skip)]
     doubts: bool,
-    /// Pose at the beginning of the last leg of a route, with its heading: it is not tried again from there.
-    left: Option<Pose2>,
+    taken: TakenLeg,
     /// True if what crosses the way is passed: it has been waited for.
     has_yielded: bool,
     way_back: WayBack,
@@ -123,7 +99,7 @@ impl Drive {
         self.doubts = false;
         match (self.mode, mode) {
             (Mode::Wait { .. }, Mode::Face { heading, .. }) => {
-                self.left = Some(Pose2 { theta: heading, ..at.odometry });
+                self.taken = TakenLeg::new(&at.odometry, heading);
                 self.tries.count(&at.odometry);
             }
             (Mode::Wait { .. }, Mode::Back { .. }) => self.tries.count(&at.odometry),
@@ -137,8 +113,8 @@ impl Drive {
         self.mode = mode;
         Some(match self.mode {
             Mode::Free => {
-                (self.lane_m, self.tried, self.left) = (0.0, 0.0, None);
-                (self.turns, self.tries) = Default::default();
+                (self.lane_m, self.tried) = (0.0, 0.0);
+                (self.taken, self.turns, self.tries) = Default::default();
                 return None;
             }
             Mode::Lane => self.drive_lane(at),
@@ -268,15 +244,7 @@ impl Drive {
     /// True if the robot keeps the path in view on this leg, and it is new.
     fn is_worth(&self, leg: &Leg, at: &Situation) -> bool {
         let off = angle_difference(leg.bearing, at.path_heading).abs();
-        off < MAX_LEG_RAD && self.is_new(leg, &at.odometry)
-    }
-
-    /// True if the robot has not taken this leg from here already.
-    fn is_new(&self, leg: &Leg, odometry: &Pose2) -> bool {
-        self.left.is_none_or(|left| {
-            left.distance(odometry) > SAME_LEG_M
-                || angle_difference(odometry.theta + leg.bearing, left.theta).abs() > SAME_LEG_RAD
-        })
+        off < MAX_LEG_RAD && self.taken.is_new(leg, &at.odometry)
     }
 
     fn drive_lane(&self, at: &Situation) -> Proposal {
@@ -303,6 +271,8 @@ pub(super) fn curvature_to(aim: Point2<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use yamabico_core::geometry::Pose2;
+
     use super::super::planner::{ARC_M, Lane, Plan};
     use super::*;
 
@@ -420,8 +390,6 @@ mod tests {
         assert!((heading - 0.8).abs() < 0.1, "{heading}");
         let last = times().take(35).map(|later_s| step(&mut drive, drives_s + 0.1 + later_s, 0.3)).last();
         assert_eq!(last.expect("steps").1, heading, "what stopped it there would again");
-        let leg = Leg { bearing: 0.0, length_m: 0.6 };
-        assert!(drive.is_new(&leg, &Pose2::new(0.3, 0.0, 0.8)) && drive.is_new(&leg, &Pose2::IDENTITY));
     }
 
     #[test]
