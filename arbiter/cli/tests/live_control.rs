@@ -189,8 +189,9 @@ fn parameters_are_changed_all_or_none_and_survive_a_crash() {
 
     let restarts = robot.kill("wall-follower");
     robot.await_start("wall-follower", restarts + 1);
-    let why = robot.await_text(&["why"], "by map-localizer (20): asks for 0.1");
-    assert!(why.contains("map-localizer asks for 0.20"), "{why}");
+    robot.await_text(&["why"], "by map-localizer (20): asks for 0.1");
+    // It asks for half as long as it coasts, which it may on a busy machine.
+    robot.await_text(&["why"], "map-localizer asks for 0.20");
 
     // The requests are in the recording.
     let recording = robot.folder.file("run.mcap");

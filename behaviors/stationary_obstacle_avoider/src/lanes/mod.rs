@@ -14,6 +14,7 @@ pub mod unseen;
 mod arrivals;
 mod beam_cone;
 mod clusters;
+mod crossing;
 mod drive;
 mod evidence_layer;
 mod fading;
@@ -48,6 +49,7 @@ use crate::guidance::Guidance;
 use crate::sonar_watch::SonarWatch;
 use crate::{CAMERA, OBSTACLES, ODOMETRY, SONAR};
 use clusters::Clusters;
+use crossing::Crossing;
 use drive::Drive;
 use hidden_fan::HiddenFan;
 use motion::FloorMotion;
@@ -56,7 +58,6 @@ use picture_evidence::FLOOR_END_M;
 use planner::{Plan, Scene};
 use situation::Situation;
 use stations::PathAhead;
-use sudden_echo::SuddenEcho;
 use unseen::UnseenGround;
 use upright_edges::UprightEdges;
 use way_out::WayFinder;
@@ -81,10 +82,9 @@ const NEAR_WALLS_M: f64 = 5.0;
 const START_M: f64 = 1.2;
 /// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);
-/// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; smallest number of its cells.
+/// Area around the path ahead in which the robot waits for what moves, m: along, and to each side.
 const WAY_AHEAD_M: f64 = 1.9;
 const WAY_ASIDE_M: f64 = 0.75;
-const MIN_MOVING: usize = 6;
 /// Maximum number of occupied cells that are planned with; nearer ones first come first.
 const MAX_CELLS: usize = 2000;
 /// Area ahead in which nothing may stand where the color of the floor is learned, m: along, and to each side.
@@ -125,7 +125,7 @@ pub struct LaneAvoider {
     /// Occupied places that are not walls, robot frame, m.
     occupied: Vec<Point2<f32>>,
     path: PathAhead,
-    sudden_echo: SuddenEcho,
+    crossing: Crossing,
     way_finder: WayFinder,
     last_picture: Option<Time>,
     /// Stamp of the first of the newest pictures that show no floor, although nothing is near.
@@ -172,7 +172,7 @@ impl LaneAvoider {
             plan: Plan::default(),
             occupied: Vec::with_capacity(MAX_CELLS),
             path: PathAhead::default(),
-            sudden_echo: SuddenEcho::default(),
+            crossing: Crossing::default(),
             way_finder: WayFinder::default(),
             last_picture: None,
             no_floor_since: None,
@@ -277,7 +277,7 @@ impl LaneAvoider {
         let Some(robot) = self.odometry.pose_at(stamp) else { return };
         self.last_scan = Some(stamp);
         self.advance(stamp, &robot);
-        self.sudden_echo.update(stamp.as_secs_f64(), self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD), robot);
+        self.crossing.hear(stamp.as_secs_f64(), self.sonar.nearest_m(-AHEAD_RAD..AHEAD_RAD), robot);
         let on_map = self.map_from_odometry();
         let walls = &self.near_walls;
         for beam in self.sonar.beams() {
@@ -318,8 +318,7 @@ impl LaneAvoider {
         });
         // In a mirror, what stands elsewhere seems to come and go as the robot moves.
         let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
-        let sees_crossing = is_matt && moving.count() >= MIN_MOVING;
-        let is_crossed = sees_crossing || self.sudden_echo.moves(now.as_secs_f64());
+        self.crossing.see(if is_matt { moving.count() } else { 0 });
         let walls = &self.near_walls;
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| walls.clearance(robot.transform_point(place)))
@@ -369,7 +368,7 @@ impl LaneAvoider {
                 .min(if blind.is_some() { self.config.blind_speed_mps } else { f64::INFINITY })
                 .min(if is_narrow { NARROW_MPS } else { f64::INFINITY }),
             max_turn_radps: self.config.max_turn_radps,
-            is_crossed,
+            is_crossed: self.crossing.is_there(now.as_secs_f64()),
             is_arrived: self.is_arrived(),
             room: [1.0, -1.0].map(|side| scene.room(side)),
             way_out: if self.drive.looks_for_way_out(now.as_secs_f64()) {
