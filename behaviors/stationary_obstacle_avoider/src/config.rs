@@ -9,6 +9,9 @@ use yamabico_vision::map::WireFrame;
 use crate::threshold_table::ThresholdTable;
 use crate::{CAMERA, CORRIDOR, PATH, POSE};
 
+/// Share of the speed where there is little room beside the robot.
+pub(crate) const NO_ROOM_SHARE: f64 = 0.7;
+
 /// Way of avoiding obstacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -54,8 +57,8 @@ pub struct Config {
     /// Method `lanes`: if set, upright edges and motion between frames show things.
     #[serde_inline_default(true)]
     pub uses_geometry: bool,
-    /// Speed while avoiding an obstacle.
-    #[serde_inline_default(0.25)]
+    /// Speed while avoiding an obstacle; 0.7 of it where there is little room beside the robot, which method `passages` always assumes.
+    #[serde_inline_default(0.35)]
     #[schemars(range(min = 0.02, max = 1.0))]
     pub speed_mps: f64,
     /// Speed limit while vision gives no result.

@@ -4,6 +4,7 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 use yamabico_core::message::{Axes, Proposal, Reason};
 use yamabico_core::time::Time;
 
+use crate::config::{Config, NO_ROOM_SHARE};
 use crate::halt_state_machine::State;
 use crate::passage_avoider::PassageAvoider;
 use crate::safe_passage::PLANE_M;
@@ -81,8 +82,8 @@ impl PassageAvoider {
                 .with_note(format_args!("no way on at {:+.0} deg", off.to_degrees()));
         };
         let bearing = aim.bearing();
-        let fastest =
-            if self.failure.is_some() { self.config.blind_speed_mps } else { self.config.speed_mps };
+        let Config { blind_speed_mps, speed_mps, .. } = self.config;
+        let fastest = if self.failure.is_some() { blind_speed_mps } else { NO_ROOM_SHARE * speed_mps };
         let speed = fastest * (1.0 - 2.0 * bearing.abs()).clamp(0.2, 1.0);
         let rate = (TURN_GAIN * bearing).clamp(-self.config.max_turn_radps, self.config.max_turn_radps);
         Proposal::drive(Axes::PLANAR, Twist::planar(speed, rate)).with_note(format_args!(

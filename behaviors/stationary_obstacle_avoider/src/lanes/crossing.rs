@@ -1,19 +1,59 @@
-//! What crosses the way, by what the camera saw come and by echoes that came suddenly near.
+//! What crosses the way, by what the camera saw come and by echoes that came suddenly near, and where it walks.
 
+use nalgebra::Point2;
 use yamabico_core::geometry::Pose2;
 
+use super::stations::PathAhead;
 use super::sudden_echo::SuddenEcho;
 
-/// Number of cells around the path that were seen to become occupied from which something crosses, and below which it no longer
-/// does: legs that pass, and turns of the robot, leave few of them.
+/// Area around the path ahead in which the robot waits for what moves, m: along, and to each side; and that in which it is followed.
+const WAY_M: (f64, f64) = (1.9, 0.75);
+const VIEW_M: (f64, f64) = (2.4, 1.5);
+/// Number of cells in the way that were seen to become occupied from which something crosses, and below which it no longer
+/// does: legs that pass, and turns of the robot, leave few of them. Number that tells where it is.
 const COMES_CELLS: usize = 6;
 const STAYS_CELLS: usize = 3;
+const PLACE_CELLS: usize = 2;
+/// Time for which what crosses is taken to be there after it was seen last, and to be the same, s: legs hide each other.
+const HOLD_S: f64 = 1.0;
+const SAME_S: f64 = 3.0;
+/// Distance beside the path over which something has moved to one side, m.
+const WALKED_M: f64 = 0.15;
 
-/// Whether something crosses the way.
+/// What crosses the way.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossing {
     echo: SuddenEcho,
     is_seen: bool,
+    seen_s: Option<f64>,
+    walk: Option<Walk>,
+}
+
+/// Walk of what crosses. Places are measured to the left of the path, m.
+#[derive(Clone, Copy, Debug)]
+struct Walk {
+    began_m: f64,
+    at_m: f64,
+    at_s: f64,
+    /// Side to which it walks, 1 left, -1 right; 0 if that is not known.
+    side: f64,
+}
+
+/// Side of the path on which something walks on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Walkway {
+    /// Place of what walks, m to the left of the path.
+    pub from_m: f64,
+    /// Side to which it walks, 1 left, -1 right.
+    pub side: f64,
+}
+
+impl Walkway {
+    /// True if a lane (m to the left of the path) passes before what walks.
+    #[must_use]
+    pub fn is_before(&self, offset_m: f64) -> bool {
+        self.side * (offset_m - self.from_m) > 0.0
+    }
 }
 
 impl Crossing {
@@ -22,27 +62,101 @@ impl Crossing {
         self.echo.update(now_s, range_m, pose);
     }
 
-    /// Takes in the number of cells around the path that something came to; none if pictures do not tell.
-    pub fn see(&mut self, cells: usize) {
-        self.is_seen = cells >= if self.is_seen { STAYS_CELLS } else { COMES_CELLS };
+    /// Takes in the places that something came to (robot frame, m); none if pictures do not tell.
+    pub fn see(&mut self, now_s: f64, path: &PathAhead, places: impl Iterator<Item = Point2<f64>>) {
+        let (mut in_way, mut in_view, mut sum_m) = (0, 0, 0.0);
+        for place in places.filter(|&place| path.is_beside(place, VIEW_M.0, VIEW_M.1)) {
+            in_view += 1;
+            sum_m += path.lateral_m_of(place);
+            in_way += usize::from(path.is_beside(place, WAY_M.0, WAY_M.1));
+        }
+        self.is_seen = in_way >= if self.is_seen { STAYS_CELLS } else { COMES_CELLS };
+        if self.is_seen {
+            self.seen_s = Some(now_s);
+        }
+        if in_view >= PLACE_CELLS {
+            self.follow(now_s, sum_m / in_view as f64);
+        }
+    }
+
+    fn follow(&mut self, now_s: f64, at_m: f64) {
+        let new = Walk { began_m: at_m, at_m, at_s: now_s, side: 0.0 };
+        let last = self.walk.filter(|walk| is_since(walk.at_s, SAME_S, now_s)).unwrap_or(new);
+        let walked_m = at_m - last.began_m;
+        let side = if walked_m.abs() > WALKED_M { walked_m.signum() } else { last.side };
+        self.walk = Some(Walk { at_m, at_s: now_s, side, ..last });
     }
 
     /// True if something crosses the way.
     pub fn is_there(&self, now_s: f64) -> bool {
-        self.is_seen || self.echo.moves(now_s)
+        self.seen_s.is_some_and(|at_s| is_since(at_s, HOLD_S, now_s)) || self.echo.moves(now_s)
     }
+
+    /// Where it walks on, if that is known.
+    pub fn walkway(&self, now_s: f64) -> Option<Walkway> {
+        let walk = self.walk.filter(|walk| walk.side != 0.0 && is_since(walk.at_s, SAME_S, now_s))?;
+        Some(Walkway { from_m: walk.at_m, side: walk.side })
+    }
+}
+
+/// True within `length_s` seconds after `begin_s`.
+fn is_since(begin_s: f64, length_s: f64, now_s: f64) -> bool {
+    (0.0..length_s).contains(&(now_s - begin_s))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Sees cells around a place 1 m ahead, `at_m` to the left of the path.
+    fn see(crossing: &mut Crossing, now_s: f64, cells: usize, at_m: f64) {
+        let places = (0..cells).map(|i| Point2::new(1.0 + 0.05 * i as f64, at_m));
+        crossing.see(now_s, &PathAhead::default(), places);
+    }
+
     #[test]
     fn what_has_come_crosses_until_hardly_anything_of_it_is_left() {
         let mut crossing = Crossing::default();
-        for (cells, crosses) in [(5, false), (6, true), (4, true), (3, true), (2, false), (4, false), (7, true)] {
-            crossing.see(cells);
-            assert_eq!(crossing.is_there(1.0), crosses, "{cells} cells");
+        for (now_s, cells, crosses) in [(0.0, 5, false), (0.1, 6, true), (2.0, 3, true), (4.0, 3, true)] {
+            see(&mut crossing, now_s, cells, 0.0);
+            assert_eq!(crossing.is_there(now_s), crosses, "{cells} cells at {now_s} s");
+        }
+        for (now_s, crosses) in [(4.9, true), (5.1, false), (3.9, false)] {
+            see(&mut crossing, now_s, 2, 0.0);
+            assert_eq!(crossing.is_there(now_s), crosses, "2 cells at {now_s} s");
+        }
+    }
+
+    #[test]
+    fn what_moves_beside_the_way_is_not_waited_for() {
+        let mut crossing = Crossing::default();
+        see(&mut crossing, 0.0, 8, 1.2);
+        assert!(!crossing.is_there(0.0));
+    }
+
+    #[test]
+    fn what_walks_to_a_side_is_passed_on_the_other() {
+        let mut crossing = Crossing::default();
+        for i in 0..8 {
+            let (now_s, at_m) = (0.1 * f64::from(i), 1.3 - 0.15 * f64::from(i));
+            see(&mut crossing, now_s, 4, at_m);
+            let walkway = crossing.walkway(now_s);
+            assert_eq!(walkway.is_some(), i > 1, "{walkway:?} after {i} pictures");
+        }
+        // A pause, and a step back of the legs, do not change where it walks.
+        see(&mut crossing, 2.0, 4, 0.3);
+        let walkway = crossing.walkway(2.0).unwrap();
+        assert_eq!(walkway, Walkway { from_m: 0.3, side: -1.0 });
+        assert!(walkway.is_before(-0.3) && !walkway.is_before(0.6));
+        assert_eq!(crossing.walkway(2.0 + SAME_S), None);
+    }
+
+    #[test]
+    fn what_stands_walks_nowhere() {
+        let mut crossing = Crossing::default();
+        for i in 0..20 {
+            see(&mut crossing, 0.1 * f64::from(i), 4, if i % 2 == 0 { 0.4 } else { 0.48 });
+            assert_eq!(crossing.walkway(0.1 * f64::from(i)), None);
         }
     }
 }

@@ -253,7 +253,7 @@ impl Drive {
         if at.bearing().abs() > TURN_IN_PLACE_RAD || at.is_arc_short() {
             return Proposal::drive(Axes::PLANAR, at.turn_to_aim()).uncoupled().with_note(note);
         }
-        let mut speed = at.speed_mps * at.share();
+        let mut speed = at.lane_mps();
         let mut curvature = curvature_to(at.aim);
         if let Some(side) = at.near_side() {
             curvature -= side * VEER_PER_M;

@@ -82,9 +82,6 @@ const NEAR_WALLS_M: f64 = 5.0;
 const START_M: f64 = 1.2;
 /// Area around the robot whose obstacles matter for planning, m, along the path: behind, ahead, and to each side.
 const AROUND_M: (f64, f64, f64) = (-1.2, 2.7, 2.0);
-/// Area around the path ahead in which the robot waits for what moves, m: along, and to each side.
-const WAY_AHEAD_M: f64 = 1.9;
-const WAY_ASIDE_M: f64 = 0.75;
 /// Maximum number of occupied cells that are planned with; nearer ones first come first.
 const MAX_CELLS: usize = 2000;
 /// Area ahead in which nothing may stand where the color of the floor is learned, m: along, and to each side.
@@ -312,13 +309,12 @@ impl LaneAvoider {
         self.gather_occupied(&newest.pose, on_map.as_ref());
         let robot = on_map.map(|on_map| on_map * newest.pose);
         self.path = PathAhead::of(&self.guidance, robot.as_ref());
-        let moving = self.occupied.iter().filter(|place| {
-            self.grid.moves(newest.pose.transform_point(place.cast()))
-                && self.path.is_beside(place.cast(), WAY_AHEAD_M, WAY_ASIDE_M)
-        });
+        let now_s = now.as_secs_f64();
         // In a mirror, what stands elsewhere seems to come and go as the robot moves.
         let is_matt = self.motion.as_ref().is_none_or(FloorMotion::is_matt);
-        self.crossing.see(if is_matt { moving.count() } else { 0 });
+        let moves = |place: &Point2<f64>| is_matt && self.grid.moves(newest.pose.transform_point(*place));
+        let moving = self.occupied.iter().map(|place| place.cast()).filter(moves);
+        self.crossing.see(now_s, &self.path, moving);
         let walls = &self.near_walls;
         let wall_m = |place: Point2<f64>| {
             robot.map_or(f64::INFINITY, |robot| walls.clearance(robot.transform_point(place)))
@@ -331,6 +327,7 @@ impl LaneAvoider {
             path: &self.path,
             obstacles: &self.occupied,
             unseen: &unseen,
+            walkway: self.crossing.walkway(now_s),
             wall_m: &wall_m,
             clearance_m: self.clearance_m,
             wall_clearance_m: self.wall_clearance_m,
@@ -349,7 +346,7 @@ impl LaneAvoider {
         let blind = self.blindness(now);
         let aim = self.path.stations[drive::AIM_STATION].beside(self.plan.best.offset_m);
         let situation = Situation {
-            now_s: now.as_secs_f64(),
+            now_s,
             plan: self.plan,
             aim,
             odometry: newest.pose,
@@ -368,10 +365,10 @@ impl LaneAvoider {
                 .min(if blind.is_some() { self.config.blind_speed_mps } else { f64::INFINITY })
                 .min(if is_narrow { NARROW_MPS } else { f64::INFINITY }),
             max_turn_radps: self.config.max_turn_radps,
-            is_crossed: self.crossing.is_there(now.as_secs_f64()),
+            is_crossed: self.crossing.is_there(now_s),
             is_arrived: self.is_arrived(),
             room: [1.0, -1.0].map(|side| scene.room(side)),
-            way_out: if self.drive.looks_for_way_out(now.as_secs_f64()) {
+            way_out: if self.drive.looks_for_way_out(now_s) {
                 self.way_finder.find(&narrow)
             } else {
                 None

@@ -2,6 +2,7 @@
 
 use nalgebra::Point2;
 
+use super::crossing::Walkway;
 use super::stations::{PathAhead, STATIONS, station_m};
 use super::unseen::UnseenGround;
 
@@ -23,6 +24,8 @@ const LENGTH_COST: f64 = 3.0;
 /// costs nothing, m: single places.
 const UNSEEN_COST: f64 = 8.0;
 const UNSEEN_FREE_M: f64 = 0.03;
+/// Cost of a lane before what walks across the path: also if it pauses, it is passed behind.
+const BEFORE_COST: f64 = 2.0;
 /// Cost of a lane on the other side of the path than the last one, and the offset from which a lane is on a side, m. An
 /// obstacle in the middle leaves both sides nearly as good, so that a robot without it wavers until it is too near.
 const SIDE_COST: f64 = 1.5;
@@ -49,6 +52,12 @@ pub struct Lane {
 }
 
 impl Lane {
+    /// Room between the lane and the nearest obstacle, as a share of that which is kept where there is room.
+    #[must_use]
+    pub fn room(&self, clearance_m: f64) -> f64 {
+        ((self.gap_m - clearance_m) / ROOM_M).clamp(0.0, 1.0)
+    }
+
     /// True if the lane is free over the whole length with some room beside it.
     #[must_use]
     pub fn is_open(&self, clearance_m: f64) -> bool {
@@ -73,6 +82,8 @@ pub struct Scene<'a> {
     pub obstacles: &'a [Point2<f32>],
     /// Ground beside the path that was not seen as floor.
     pub unseen: &'a UnseenGround,
+    /// Where something walks on across the path.
+    pub walkway: Option<Walkway>,
     /// Distance from a place to the nearest wall, m.
     pub wall_m: &'a dyn Fn(Point2<f64>) -> f64,
     /// Distance that the robot's center must keep from obstacles, m.
@@ -98,6 +109,7 @@ impl Scene<'_> {
             let cost = OFFSET_COST * lane.offset_m.abs()
                 + CHANGE_COST * (lane.offset_m - last_m).abs()
                 + if is_other_side(lane.offset_m, last_m) { SIDE_COST } else { 0.0 }
+                + if self.is_before(lane.offset_m) { BEFORE_COST } else { 0.0 }
                 + ROOM_COST * missing_room_m
                 + LENGTH_COST * missing_length_m
                 + UNSEEN_COST * (unseen_m - UNSEEN_FREE_M).max(0.0);
@@ -157,6 +169,11 @@ impl Scene<'_> {
         let step_m = ARC_M / ARC_STEPS as f64;
         let mut along = (0..ARC_STEPS).map(|i| i as f64 * step_m);
         along.find(|&along_m| is_blocked(on_arc(curvature, along_m + step_m))).unwrap_or(ARC_M)
+    }
+
+    /// True if a lane leads past what walks across the path on the side to which that walks.
+    fn is_before(&self, offset_m: f64) -> bool {
+        self.walkway.is_some_and(|walkway| walkway.is_before(offset_m))
     }
 
     /// Smallest distance to a wall on the way, m.
@@ -240,14 +257,15 @@ mod tests {
 
     /// Plan of a robot at `lateral_m` in a straight corridor, 1.8 m wide, with obstacles of a few cells.
     fn plan(lateral_m: f64, boxes: &[[f32; 2]], last_m: f64) -> Plan {
-        plan_over(lateral_m, boxes, last_m, |_| true)
+        plan_over(lateral_m, boxes, last_m, None, |_| true)
     }
 
-    /// The same plan where `is_floor` tells which places were seen as floor.
+    /// The same plan beside what walks, where `is_floor` tells which places were seen as floor.
     fn plan_over(
         lateral_m: f64,
         boxes: &[[f32; 2]],
         last_m: f64,
+        walkway: Option<Walkway>,
         is_floor: impl Fn(Point2<f64>) -> bool,
     ) -> Plan {
         let stations = std::array::from_fn(|i| Station {
@@ -266,6 +284,7 @@ mod tests {
             path: &path,
             obstacles: &obstacles,
             unseen: &UnseenGround::of(&path, is_floor),
+            walkway,
             wall_m: &wall_m,
             clearance_m: 0.29,
             wall_clearance_m: 0.23,
@@ -305,15 +324,27 @@ mod tests {
     }
 
     #[test]
+    fn what_walks_across_is_passed_behind_if_there_is_room() {
+        for side in [1.0, -1.0] {
+            let walkway = Some(Walkway { from_m: 0.0, side });
+            let beside = |boxes: &[[f32; 2]]| plan_over(0.0, boxes, 0.4 * side, walkway, |_| true).best;
+            let lane = beside(&[[1.5, 0.0]]);
+            assert!(lane.offset_m * side < -0.3 && lane.free_m >= FREE_M, "{lane:?}");
+            let lane = beside(&[[1.5, 0.0], [1.5, -0.35 * side as f32], [1.5, -0.7 * side as f32]]);
+            assert!(lane.offset_m * side > 0.3 && lane.free_m >= FREE_M, "{lane:?}");
+        }
+    }
+
+    #[test]
     fn floor_that_was_seen_is_better_and_other_ground_is_driven_over_where_there_is_no_other() {
         // The flank of a box whose foot is below the picture, and of which its far side alone is known.
         let is_floor =
             |place: Point2<f64>| !((0.4..0.7).contains(&place.x) && (-0.05..0.3).contains(&place.y));
         let known = [[0.55, 0.45]];
-        let [without, with] = [plan(0.0, &known, 0.0), plan_over(0.0, &known, 0.0, is_floor)];
+        let [without, with] = [plan(0.0, &known, 0.0), plan_over(0.0, &known, 0.0, None, is_floor)];
         assert!((-0.25..0.0).contains(&without.best.offset_m), "{without:?}");
         assert!((-0.6..-0.3).contains(&with.best.offset_m) && with.best.free_m >= FREE_M, "{with:?}");
-        let dark = plan_over(0.0, &[], 0.0, |_| false);
+        let dark = plan_over(0.0, &[], 0.0, None, |_| false);
         assert!(dark.best.offset_m.abs() < 1e-9 && dark.nominal.is_open(0.29), "{dark:?}");
     }
 
@@ -331,6 +362,7 @@ mod tests {
                 path: &path,
                 obstacles,
                 unseen: &UnseenGround::default(),
+                walkway: None,
                 wall_m,
                 clearance_m: 0.29,
                 wall_clearance_m: 0.26,

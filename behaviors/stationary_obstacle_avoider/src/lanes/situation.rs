@@ -5,6 +5,7 @@ use yamabico_core::geometry::{Pose2, Twist, angle_difference};
 
 use super::planner::Plan;
 use super::way_out::Leg;
+use crate::config::NO_ROOM_SHARE;
 
 /// Free length at which the robot stands, and over which it slows down, m.
 const STAND_M: f64 = 0.35;
@@ -120,11 +121,17 @@ impl Situation {
             && self.plan.best.offset_m.abs() <= HAND_OVER_M
     }
 
-    /// Share of the speed that the best lane allows.
+    /// Share of the speed that the free length of the best lane, and an echo ahead, allow.
     pub fn share(&self) -> f64 {
         let free = ((self.plan.best.free_m - STAND_M) / SLOW_M).clamp(0.0, 1.0);
         let echo = if self.echo_ahead_m > SLOW_ECHO_M { 1.0 } else { self.echo_ahead_m.max(MIN_ECHO_SHARE) };
         free * echo
+    }
+
+    /// Speed in the best lane, m/s.
+    pub fn lane_mps(&self) -> f64 {
+        let room = self.plan.best.room(self.clearance_m);
+        self.speed_mps * self.share() * (NO_ROOM_SHARE + (1.0 - NO_ROOM_SHARE) * room)
     }
 }
 

@@ -79,6 +79,14 @@ impl PathAhead {
         near.map(|(_, station)| (place - station.place).norm()).any(|distance_m| distance_m < aside_m)
     }
 
+    /// Distance of a place (robot frame) to the left of the path, m.
+    #[must_use]
+    pub fn lateral_m_of(&self, place: Point2<f64>) -> f64 {
+        let away = |station: &&Station| (place - station.place).norm_squared();
+        let nearest = self.stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        nearest.map_or(0.0, |station| station.left.dot(&(place - station.place)))
+    }
+
     /// Direction of the path at the robot, robot frame, rad.
     #[must_use]
     pub fn heading(&self) -> f64 {

@@ -224,6 +224,7 @@ mod tests {
         let scene = Scene {
             path: &path,
             unseen: &UnseenGround::default(),
+            walkway: None,
             obstacles: &obstacles,
             wall_m: &wall_m,
             clearance_m: 0.27,
