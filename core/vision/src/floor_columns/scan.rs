@@ -38,6 +38,8 @@ const MAX_DARK_FLOOR: f32 = 220.0;
 const BORDER_ROWS: usize = 2;
 /// Share of the rows around the horizon up to which those that differ from the floor are noise: nothing ends the floor there.
 const MAX_BOUNDLESS_SHARE: f32 = 0.2;
+/// Number of columns next to each other that end elsewhere in a wall that looks like the floor: a stain, or a bit of its foot.
+const MAX_BETWEEN: usize = 2;
 /// Share of the columns without floor from which the picture shows none.
 const MIN_LOST_SHARE: f64 = 0.7;
 
@@ -201,15 +203,17 @@ impl FloorColumns {
     }
 
     /// Places of floor before its end, robot frame, m. A wall beside the robot that looks like the floor has no foot to be seen: columns
-    /// from a side of the picture on that look like floor up to above the horizon show none. Nor does what is overexposed on a darker floor.
+    /// from a side of the picture on that look like floor up to above the horizon show none, with a few others between them. Nor does what is overexposed on a darker floor.
     pub fn free(&self) -> impl Iterator<Item = Point2<f64>> {
         let rows = self.cells.size()[1];
         let last = rows - BORDER_ROWS - 1;
-        let shows_nothing = |&column: &usize| self.boundless[column] || self.ends[column] >= last;
+        let shows_nothing = move |column: usize| self.boundless[column] || self.ends[column] >= last;
         let width = self.ends.len();
-        let left = (0..width).take_while(shows_nothing).count();
-        let right = (left..width).rev().take_while(shows_nothing).count();
-        let columns = self.ends.iter().enumerate().take(width - right).skip(left);
+        let left = length_from_side(0..width, shows_nothing);
+        let right = length_from_side((left..width).rev(), shows_nothing);
+        let is_beside = move |column: usize| column < left || column >= width - right;
+        let columns = self.ends.iter().enumerate();
+        let columns = columns.filter(move |&(column, _)| !(is_beside(column) && shows_nothing(column)));
         columns.flat_map(move |(column, &end)| {
             let is_told = move |&row: &usize| !self.glare[row * width + column];
             (end + 2..rows - 1).filter(is_told).map(move |row| self.view.place(column, row))
@@ -234,6 +238,19 @@ impl FloorColumns {
     pub fn end_pixels(&self) -> impl Iterator<Item = [f64; 2]> {
         self.ends.iter().enumerate().map(|(column, &row)| self.cells.middle(column, row))
     }
+}
+
+/// Number of columns from a side of the picture on that show no floor, where a few between them may.
+fn length_from_side(columns: impl Iterator<Item = usize>, shows_nothing: impl Fn(usize) -> bool) -> usize {
+    let mut length = 0;
+    for (i, column) in columns.enumerate() {
+        if shows_nothing(column) {
+            length = i + 1;
+        } else if i - length >= MAX_BETWEEN {
+            break;
+        }
+    }
+    length
 }
 
 #[cfg(test)]
@@ -329,6 +346,11 @@ mod tests {
         assert!(look(&mut columns, &wall(0..100)));
         assert!(count(&columns, 0.2..9.0) == 0, "to the left");
         assert!(count(&columns, -9.0..0.1) == right && left > 500, "{right}");
+        let mut stained = wall(0..100);
+        let stain = (HORIZON..HORIZON + 60).flat_map(|row| (40..48).map(move |column| row * SIZE.0 + column));
+        stain.for_each(|at| stained[at] = 20);
+        assert!(look(&mut columns, &stained));
+        assert!(count(&columns, 0.1..9.0) < 100, "beside two columns that end");
         assert!(look(&mut columns, &wall(100..140)));
         assert_eq!(count(&columns, -9.0..9.0), left + right, "the end of a corridor may look so, too");
         assert!(look(&mut columns, &wall(0..SIZE.0)));
